@@ -1,0 +1,2 @@
+//! The unsphere command.
+fn main() {}
