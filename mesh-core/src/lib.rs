@@ -1,1 +1,10 @@
-//! mesh-core
+//! Triangle meshes without gradients: topology, primitives, cameras, images and mesh files.
+
+mod camera;
+mod image;
+mod mesh;
+
+pub use camera::{Camera, Lens};
+pub use image::{ByteImage, Image};
+pub use mesh::{Texture, TriMesh};
+pub use nalgebra;
