@@ -1,0 +1,120 @@
+//! What every reader returns: images of one object, its masks, its cameras.
+
+use std::path::PathBuf;
+
+use mesh_core::{ByteImage, Camera};
+
+/// One picture of the object, where it was taken from, and which pixels are the object.
+///
+/// `color`, `mask`, `depth` and `camera` always have the same size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// What the view is called in its source: the index or the file's stem.
+    pub name: String,
+    /// Colours, `[H, W, 3]`, sRGB.
+    pub color: ByteImage,
+    /// The object, `[H, W, 1]`: 255 where it is seen, 0 elsewhere, nothing in between.
+    pub mask: ByteImage,
+    /// Where the picture was taken from.
+    pub camera: Camera,
+    /// Planar depth, where the source has it and was asked for it.
+    pub depth: Option<DepthMap>,
+}
+
+/// Planar depth per pixel, in world units; `+inf` where nothing is seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DepthMap {
+    /// Number of rows.
+    pub height: usize,
+    /// Number of columns.
+    pub width: usize,
+    /// `height * width` depths, row-major, row 0 at the top.
+    pub data: Vec<f32>,
+}
+
+/// The views of one object, in the order of their source.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Views {
+    /// At least one view.
+    pub views: Vec<View>,
+    /// The file or folder that was read.
+    pub source: PathBuf,
+    /// How it was laid out.
+    pub layout: Layout,
+    /// What a user should know although it stopped nothing, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// A way of laying views out on disk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// kaolin's synthetic views in a folder.
+    KaolinFolder,
+    /// kaolin's synthetic views in a zip archive.
+    KaolinZip,
+    /// NeRF's or nerfstudio's `transforms.json`.
+    Transforms,
+    /// Made in memory, never on disk.
+    Memory,
+}
+
+impl std::fmt::Display for Layout {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::KaolinFolder => "kaolin synthetic views (folder)",
+            Self::KaolinZip => "kaolin synthetic views (zip)",
+            Self::Transforms => "transforms.json",
+            Self::Memory => "made in memory",
+        })
+    }
+}
+
+impl View {
+    /// How many pixels show the object.
+    pub fn mask_pixels(&self) -> usize {
+        self.mask.data.iter().filter(|&&m| m != 0).count()
+    }
+
+    /// The smallest rectangle that holds the object: first row, first column, height, width.
+    ///
+    /// `None` where the mask is empty.
+    pub fn mask_bounds(&self) -> Option<[usize; 4]> {
+        let (height, width) = (self.mask.height, self.mask.width);
+        let row_has = |i: usize| self.mask.data[i * width..(i + 1) * width].iter().any(|&m| m != 0);
+        let top = (0..height).find(|&i| row_has(i))?;
+        let bottom = (top..height).rev().find(|&i| row_has(i))?;
+        let (mut left, mut right) = (width, 0);
+        for row in self.mask.data[top * width..(bottom + 1) * width].chunks_exact(width) {
+            if let Some(first) = row.iter().position(|&m| m != 0) {
+                left = left.min(first);
+            }
+            if let Some(last) = row.iter().rposition(|&m| m != 0) {
+                right = right.max(last);
+            }
+        }
+        Some([top, left, bottom + 1 - top, right + 1 - left])
+    }
+
+    /// Bytes of pixels that this view holds.
+    pub fn bytes(&self) -> usize {
+        let depth = self.depth.as_ref().map_or(0, |d| d.data.len() * 4);
+        self.color.data.len() + self.mask.data.len() + depth
+    }
+}
+
+impl Views {
+    /// How many views there are.
+    pub fn len(&self) -> usize {
+        self.views.len()
+    }
+
+    /// Whether there is no view at all, which no reader returns.
+    pub fn is_empty(&self) -> bool {
+        self.views.is_empty()
+    }
+
+    /// Bytes of pixels that all views hold.
+    pub fn bytes(&self) -> usize {
+        self.views.iter().map(View::bytes).sum()
+    }
+}
