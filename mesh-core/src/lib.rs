@@ -4,7 +4,10 @@ mod camera;
 mod image;
 mod mesh;
 
-pub use camera::{Camera, Lens};
+pub use camera::{
+    Camera, CameraError, ColmapCamera, KaolinCamera, Lens, OpenCvCamera, Projected,
+    Pytorch3dCamera, R2n2View, Ray, WeakPerspective,
+};
 pub use image::{ByteImage, Image};
 pub use mesh::{Texture, TriMesh};
 pub use nalgebra;

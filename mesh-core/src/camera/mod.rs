@@ -1,4 +1,38 @@
-//! Cameras: where the world lands in an image.
+//! Cameras: where the world lands in an image, and how other tools write the same thing down.
+//!
+//! One file per convention; every constructor has an inverse, and the tests hold both against
+//! projections worked out by hand, at a width unlike the height and with the principal point off
+//! the centre.
+//!
+//! | tool | camera axes: x, y, view | pose | file |
+//! |---|---|---|---|
+//! | this crate | right, up, -z | world to camera, `R p + t` | |
+//! | OpenGL, Blender, NeRF, nerfstudio | right, up, -z | camera to world | `opengl` |
+//! | OpenCV, BOP | right, down, +z | world to camera, `R p + t` | `opencv` |
+//! | COLMAP | right, down, +z | world to camera, quaternion (w, x, y, z) | `colmap` |
+//! | PyTorch3D, CO3D | left, up, +z | world to camera, rows: `p R + T` | `pytorch3d` |
+//! | kaolin | right, up, -z | world to camera, rows: `[p 1] M` | `kaolin` |
+//! | 3D-R2N2 renderings | right, up, -z | azimuth, elevation, distance | `r2n2` |
+//! | CMR, MCMR | right, down, +z | weak perspective and quaternion | `weak_perspective` |
+
+mod colmap;
+mod error;
+mod kaolin;
+mod opencv;
+mod opengl;
+mod project;
+mod pytorch3d;
+mod r2n2;
+mod weak_perspective;
+
+pub use colmap::ColmapCamera;
+pub use error::CameraError;
+pub use kaolin::KaolinCamera;
+pub use opencv::OpenCvCamera;
+pub use project::{Projected, Ray};
+pub use pytorch3d::Pytorch3dCamera;
+pub use r2n2::R2n2View;
+pub use weak_perspective::WeakPerspective;
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -89,6 +123,35 @@ impl Camera {
                 row(y, 2.0 * sy / h, 1.0 - 2.0 * cy / h, false),
                 depth,
             ],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    /// A camera with nothing special about it: W != H, fx != fy, principal point off the centre.
+    pub(super) fn off_centre() -> Camera {
+        let mut c =
+            Camera::look_at([2.0, -1.0, 3.5], [0.2, 0.4, -0.1], [0.1, 1.0, 0.3], 0.9, 64, 48);
+        c.lens = Lens::Perspective { fx: 71.0, fy: 66.5, cx: 29.25, cy: 26.0 };
+        c
+    }
+
+    pub(super) fn assert_same(a: &Camera, b: &Camera) {
+        assert_eq!((a.width, a.height), (b.width, b.height));
+        assert_relative_eq!(a.rotation, b.rotation, epsilon = 1e-12);
+        assert_relative_eq!(a.translation, b.translation, epsilon = 1e-10);
+        let values = |lens: Lens| match lens {
+            Lens::Perspective { fx, fy, cx, cy } => (true, [fx, fy, cx, cy]),
+            Lens::Orthographic { sx, sy, cx, cy } => (false, [sx, sy, cx, cy]),
+        };
+        let ((p, a), (q, b)) = (values(a.lens), values(b.lens));
+        assert_eq!(p, q);
+        for (a, b) in a.into_iter().zip(b) {
+            assert_relative_eq!(a, b, epsilon = 1e-10);
         }
     }
 }
