@@ -1,0 +1,26 @@
+//! Planar depth per pixel.
+
+/// Planar depth per pixel, in world units; `+inf` where nothing is seen.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DepthMap {
+    /// Number of rows.
+    pub height: usize,
+    /// Number of columns.
+    pub width: usize,
+    /// `height * width` depths, row-major, row 0 at the top.
+    pub data: Vec<f32>,
+}
+
+/// Files write "nothing here" as 1e10 (Blender), 65504 (half floats) or infinity; depths of real
+/// scenes end well below this.
+const FAR: f32 = 1e9;
+
+/// The depth of a pixel as a file holds it: `+inf` for each of the markers of a hole.
+pub(super) fn from_file(value: f32) -> f32 {
+    if value.is_finite() && value < FAR { value } else { f32::INFINITY }
+}
+
+/// The depth of a pixel as files hold it: 1e10, Blender's marker, where nothing is seen.
+pub(super) fn to_file(value: f32) -> f32 {
+    if value.is_finite() { value } else { 1e10 }
+}

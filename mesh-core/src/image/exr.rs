@@ -1,0 +1,276 @@
+//! Depth in OpenEXR files.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use exr::prelude::{
+    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Layer, LayerAttributes,
+    ReadChannels, ReadLayers, Text, Vec2, WritableImage, read,
+};
+
+use super::file::read_bytes;
+use super::{DepthMap, ImageError, depth};
+use crate::io::{WriteError, write_atomic};
+
+/// The most that the channels of one file may take in memory.
+const LARGEST: u64 = 2 << 30;
+/// No compression of OpenEXR's unpacks to more than this many times its size.
+const RATIO: u64 = 2000;
+
+/// Reads planar depth from an EXR file.
+///
+/// The channel is the first of `Z`, `V`, one of those under a name with "depth" in it
+/// (`depth.V`, `View Layer.Depth.Z`), or `R`. Values of 1e9 and more, or not finite, are holes.
+///
+/// # Errors
+/// The file cannot be read, is no EXR, is damaged, claims what cannot be, or holds no depth.
+pub fn read_depth(path: impl AsRef<Path>) -> Result<DepthMap, ImageError> {
+    let path = path.as_ref();
+    decode_depth(&read_bytes(path)?, path)
+}
+
+/// The same for bytes that are already in memory; `name` stands for them in errors.
+///
+/// # Errors
+/// As [`read_depth`].
+pub fn decode_depth(bytes: &[u8], name: impl AsRef<Path>) -> Result<DepthMap, ImageError> {
+    let path = name.as_ref();
+    let failed =
+        |e: exr::error::Error| ImageError::Decode { path: path.to_owned(), what: e.to_string() };
+    check_claims(bytes, path)?;
+    let image = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(failed)?;
+
+    let channels: Vec<(String, &Layer<AnyChannels<FlatSamples>>, &FlatSamples)> = image
+        .layer_data
+        .iter()
+        .flat_map(|layer| {
+            layer.channel_data.list.iter().map(move |channel| {
+                let name = match &layer.attributes.layer_name {
+                    Some(layer) if !layer.as_slice().is_empty() => {
+                        format!("{layer}.{}", channel.name)
+                    }
+                    _ => channel.name.to_string(),
+                };
+                (name, layer, &channel.sample_data)
+            })
+        })
+        .collect();
+    let names: Vec<&str> = channels.iter().map(|(name, ..)| name.as_str()).collect();
+    let chosen = choose(&names).ok_or_else(|| ImageError::NoDepth {
+        path: path.to_owned(),
+        found: if names.is_empty() { "none".to_owned() } else { names.join(", ") },
+    })?;
+    let (_, layer, samples) = &channels[chosen];
+
+    // A layer may cover a part of the picture, or more than it.
+    let window = image.attributes.display_window;
+    let (width, height) = (window.size.width(), window.size.height());
+    too_large(path, width, height, (width as u64).saturating_mul(height as u64), bytes.len())?;
+    let mut data = vec![f32::INFINITY; width * height];
+    let offset = layer.attributes.layer_position - window.position;
+    for (k, value) in samples.values_as_f32().enumerate() {
+        let column = (k % layer.size.width()) as i64 + offset.x() as i64;
+        let row = (k / layer.size.width()) as i64 + offset.y() as i64;
+        if (0..width as i64).contains(&column) && (0..height as i64).contains(&row) {
+            data[row as usize * width + column as usize] = depth::from_file(value);
+        }
+    }
+    Ok(DepthMap { height, width, data })
+}
+
+/// Writes planar depth to an EXR file: one channel `Z` of 32-bit floats, 1e10 for holes.
+///
+/// # Errors
+/// The file cannot be written.
+///
+/// # Panics
+/// As [`encode_depth`].
+pub fn write_depth(path: impl AsRef<Path>, map: &DepthMap) -> Result<(), WriteError> {
+    let bytes = encode_depth(map);
+    write_atomic(path, |w| w.write_all(&bytes))
+}
+
+/// An EXR file in memory: one channel `Z` of 32-bit floats, 1e10 for holes.
+///
+/// # Panics
+/// If the map is empty or its data is of another length.
+pub fn encode_depth(map: &DepthMap) -> Vec<u8> {
+    let DepthMap { height, width, ref data } = *map;
+    assert!(
+        height * width > 0 && data.len() == height * width,
+        "encode_depth: {width} x {height} pixels in {} floats",
+        data.len()
+    );
+    let samples = data.iter().map(|&v| depth::to_file(v)).collect();
+    let channel = AnyChannel::new(Text::from("Z"), FlatSamples::F32(samples));
+    let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::default() };
+    let layer = Layer::new(
+        (width, height),
+        LayerAttributes::default(),
+        encoding,
+        AnyChannels::sort(std::iter::once(channel).collect()),
+    );
+    let mut bytes = Cursor::new(Vec::new());
+    exr::prelude::Image::from_layer(layer)
+        .write()
+        .non_parallel()
+        .to_buffered(&mut bytes)
+        .expect("a checked map into memory");
+    bytes.into_inner()
+}
+
+/// Which of the channels is depth.
+fn choose(names: &[&str]) -> Option<usize> {
+    let last = |name: &str| name.rsplit('.').next().unwrap_or(name).to_owned();
+    let rank = |name: &str| {
+        let depth = name.to_lowercase().contains("depth");
+        match (name, last(name).as_str()) {
+            ("Z" | "V", _) => Some(0),
+            (_, "Z" | "V" | "R" | "Y") if depth => Some(1),
+            ("R", _) => Some(3),
+            // A layer's Z without X is its depth; with X it is a vector.
+            (_, "Z") => {
+                let x = format!("{}X", &name[..name.len() - 1]);
+                (!names.contains(&x.as_str())).then_some(2)
+            }
+            _ => None,
+        }
+    };
+    (0..names.len()).filter_map(|i| Some((rank(names[i])?, i))).min().map(|(_, i)| i)
+}
+
+/// Refuses headers that claim more than the file can hold, before anything is allocated.
+fn check_claims(bytes: &[u8], path: &Path) -> Result<(), ImageError> {
+    let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false)
+        .map_err(|e| ImageError::Decode { path: path.to_owned(), what: e.to_string() })?;
+    let mut total = 0_u64;
+    for header in &meta.headers {
+        let Vec2(width, height) = header.layer_size;
+        let pixels = (width as u64).saturating_mul(height as u64);
+        total = total.saturating_add(pixels.saturating_mul(header.channels.bytes_per_pixel as u64));
+        too_large(path, width, height, total, bytes.len())?;
+    }
+    Ok(())
+}
+
+fn too_large(
+    path: &Path,
+    width: usize,
+    height: usize,
+    claimed: u64,
+    length: usize,
+) -> Result<(), ImageError> {
+    let limit = LARGEST.min((length as u64).saturating_mul(RATIO));
+    if claimed <= limit {
+        return Ok(());
+    }
+    Err(ImageError::TooLarge {
+        path: path.to_owned(),
+        width: width as u64,
+        height: height as u64,
+        bytes: claimed,
+        limit,
+        length: length as u64,
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn map() -> DepthMap {
+        let data = vec![1.0, 2.5, f32::INFINITY, 4.25, 1e-3, 208.125];
+        DepthMap { height: 2, width: 3, data }
+    }
+
+    /// A file as other tools write it: a display window, a layer inside it, channels by name.
+    fn foreign(layer: Option<&str>, channels: &[(&str, f32)]) -> Vec<u8> {
+        let list = channels
+            .iter()
+            .map(|&(name, v)| AnyChannel::new(Text::from(name), FlatSamples::F32(vec![v; 2])))
+            .collect();
+        let mut attributes = LayerAttributes::default();
+        attributes.layer_name = layer.map(Text::from);
+        attributes.layer_position = Vec2(1, 1);
+        let layer = Layer::new((2, 1), attributes, Encoding::default(), AnyChannels::sort(list));
+        let mut image = exr::prelude::Image::from_layer(layer);
+        image.attributes.display_window = exr::prelude::IntegerBounds::from_dimensions((3, 2));
+        let mut bytes = Cursor::new(Vec::new());
+        image.write().non_parallel().to_buffered(&mut bytes).unwrap();
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn a_map_comes_back_with_its_holes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("d.exr");
+        write_depth(&path, &map()).unwrap();
+        assert_eq!(read_depth(&path).unwrap(), map());
+        let raw = read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .first_valid_layer()
+            .all_attributes()
+            .from_file(&path)
+            .unwrap();
+        let channel = &raw.layer_data.channel_data.list[0];
+        assert_eq!(channel.name.to_string(), "Z");
+        assert_eq!(channel.sample_data.value_by_flat_index(2).to_f32(), 1e10);
+    }
+
+    #[test]
+    fn channels_are_found_as_people_name_them() {
+        let depth = |layer, channels: &[(&str, f32)]| {
+            decode_depth(&foreign(layer, channels), "a.exr").map(|m| m.data[4])
+        };
+        assert_eq!(depth(None, &[("B", 1.0), ("G", 2.0), ("R", 3.0), ("Z", 4.0)]).unwrap(), 4.0);
+        assert_eq!(depth(None, &[("B", 1.0), ("G", 2.0), ("R", 3.0)]).unwrap(), 3.0);
+        assert_eq!(depth(Some("depth"), &[("V", 5.0)]).unwrap(), 5.0);
+        let blender = [("View Layer.Combined.R", 1.0), ("View Layer.Depth.Z", 6.0)];
+        assert_eq!(depth(None, &blender).unwrap(), 6.0);
+        let normals = [("N.X", 1.0), ("N.Y", 1.0), ("N.Z", 1.0)];
+        let error = depth(None, &normals).unwrap_err().to_string();
+        assert!(error.contains("N.X") && error.contains("a.exr"), "{error}");
+    }
+
+    #[test]
+    fn a_layer_lies_where_it_says() {
+        let map = decode_depth(&foreign(None, &[("Z", 2.0)]), "a.exr").unwrap();
+        let inf = f32::INFINITY;
+        assert_eq!(map, DepthMap { height: 2, width: 3, data: vec![inf, inf, inf, inf, 2.0, 2.0] });
+        for hole in [1e9, 65504e6, f32::NAN, f32::INFINITY] {
+            let map = decode_depth(&foreign(None, &[("Z", hole)]), "a.exr").unwrap();
+            assert_eq!(map.data[4], inf);
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(512))]
+        #[test]
+        fn damaged_files_are_errors_or_maps(
+            changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+            cut in prop::option::of(any::<prop::sample::Index>()),
+        ) {
+            let mut bytes = encode_depth(&map());
+            for (at, value) in changes {
+                let at = at.index(bytes.len());
+                bytes[at] = value;
+            }
+            if let Some(cut) = cut {
+                bytes.truncate(cut.index(bytes.len()));
+            }
+            let _ = decode_depth(&bytes, "fuzz.exr");
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! Images: `f32` for arithmetic, bytes for what files hold, planar depth; PNG, JPEG and EXR.
+
+mod color;
+mod depth;
+mod error;
+mod exr;
+mod file;
+mod resize;
+
+pub use color::{linear_to_srgb, srgb_to_linear};
+pub use depth::DepthMap;
+pub use error::ImageError;
+pub use exr::{decode_depth, encode_depth, read_depth, write_depth};
+pub use file::{decode_image, encode_png, read_depth_png, read_image, write_png};
+
+/// An image of floats, `[H, W, C]`, row-major, row 0 at the top; sRGB in `[0, 1]`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Image {
+    /// Number of rows.
+    pub height: usize,
+    /// Number of columns.
+    pub width: usize,
+    /// Number of channels, the fastest index.
+    pub channels: usize,
+    /// `height * width * channels` values.
+    pub data: Vec<f32>,
+}
+
+/// An image of bytes, `[H, W, C]`: how views are kept, at a quarter of the memory.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ByteImage {
+    /// Number of rows.
+    pub height: usize,
+    /// Number of columns.
+    pub width: usize,
+    /// Number of channels, the fastest index.
+    pub channels: usize,
+    /// `height * width * channels` values.
+    pub data: Vec<u8>,
+}
+
+impl Image {
+    /// An image filled with zeros.
+    pub fn new(height: usize, width: usize, channels: usize) -> Self {
+        Self { height, width, channels, data: vec![0.0; height * width * channels] }
+    }
+
+    /// The channels of the pixel at row `i`, column `j`.
+    pub fn pixel(&self, i: usize, j: usize) -> &[f32] {
+        let start = (i * self.width + j) * self.channels;
+        &self.data[start..start + self.channels]
+    }
+
+    /// The nearest bytes: values outside `[0, 1]` are clamped, NaN becomes 0.
+    pub fn to_bytes(&self) -> ByteImage {
+        let byte = |v: &f32| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+        ByteImage {
+            height: self.height,
+            width: self.width,
+            channels: self.channels,
+            data: self.data.iter().map(byte).collect(),
+        }
+    }
+
+    /// The part that starts at column `x`, row `y`.
+    ///
+    /// # Panics
+    /// If the part leaves the image.
+    #[must_use]
+    pub fn cropped(&self, x: usize, y: usize, width: usize, height: usize) -> Self {
+        let data = crop(&self.data, self.shape(), [x, y, width, height]);
+        Self { height, width, channels: self.channels, data }
+    }
+
+    fn shape(&self) -> [usize; 3] {
+        [self.height, self.width, self.channels]
+    }
+}
+
+impl ByteImage {
+    /// An image filled with zeros.
+    pub fn new(height: usize, width: usize, channels: usize) -> Self {
+        Self { height, width, channels, data: vec![0; height * width * channels] }
+    }
+
+    /// The channels of the pixel at row `i`, column `j`.
+    pub fn pixel(&self, i: usize, j: usize) -> &[u8] {
+        let start = (i * self.width + j) * self.channels;
+        &self.data[start..start + self.channels]
+    }
+
+    /// The part that starts at column `x`, row `y`.
+    ///
+    /// # Panics
+    /// If the part leaves the image.
+    #[must_use]
+    pub fn cropped(&self, x: usize, y: usize, width: usize, height: usize) -> Self {
+        let data = crop(&self.data, self.shape(), [x, y, width, height]);
+        Self { height, width, channels: self.channels, data }
+    }
+
+    /// One channel as an image of its own.
+    ///
+    /// # Panics
+    /// If there is no such channel.
+    #[must_use]
+    pub fn channel(&self, index: usize) -> Self {
+        assert!(index < self.channels, "channel: index {index} of {} channels", self.channels);
+        let data = self.data.iter().skip(index).step_by(self.channels).copied().collect();
+        Self { height: self.height, width: self.width, channels: 1, data }
+    }
+
+    /// The alpha channel of a grey or colour image; `None` where there is none.
+    pub fn alpha(&self) -> Option<Self> {
+        matches!(self.channels, 2 | 4).then(|| self.channel(self.channels - 1))
+    }
+
+    /// Three channels: grey is repeated, alpha is dropped with the colours under it kept.
+    #[must_use]
+    pub fn to_rgb(&self) -> Self {
+        let data = match self.channels {
+            3 => self.data.clone(),
+            1 | 2 => self.data.chunks_exact(self.channels).flat_map(|p| [p[0]; 3]).collect(),
+            n => self.data.chunks_exact(n).flat_map(|p| [p[0], p[1], p[2]]).collect(),
+        };
+        Self { height: self.height, width: self.width, channels: 3, data }
+    }
+
+    /// Three channels: the image over a background, where alpha says how much of each.
+    ///
+    /// Blending is done on the sRGB bytes, as browsers do; alpha is straight.
+    #[must_use]
+    pub fn over(&self, background: [u8; 3]) -> Self {
+        let Some(alpha) = self.alpha() else { return self.to_rgb() };
+        let mut rgb = self.to_rgb();
+        for (pixel, a) in rgb.data.chunks_exact_mut(3).zip(alpha.data) {
+            let a = u32::from(a);
+            for (v, b) in pixel.iter_mut().zip(background) {
+                *v = ((u32::from(*v) * a + u32::from(b) * (255 - a) + 127) / 255) as u8;
+            }
+        }
+        rgb
+    }
+
+    fn shape(&self) -> [usize; 3] {
+        [self.height, self.width, self.channels]
+    }
+}
+
+impl From<&ByteImage> for Image {
+    fn from(bytes: &ByteImage) -> Self {
+        Self {
+            height: bytes.height,
+            width: bytes.width,
+            channels: bytes.channels,
+            data: bytes.data.iter().map(|&b| f32::from(b) / 255.0).collect(),
+        }
+    }
+}
+
+fn crop<T: Copy>(data: &[T], shape: [usize; 3], part: [usize; 4]) -> Vec<T> {
+    let ([rows, columns, channels], [x, y, width, height]) = (shape, part);
+    assert!(
+        x + width <= columns && y + height <= rows,
+        "cropped: {width} x {height} at column {x}, row {y} of an image {columns} x {rows}"
+    );
+    let row = |i: usize| &data[(i * columns + x) * channels..][..width * channels];
+    (y..y + height).flat_map(row).copied().collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_survive_the_way_through_floats() {
+        let data: Vec<u8> = (0..=255).collect();
+        let bytes = ByteImage { height: 16, width: 16, channels: 1, data };
+        assert_eq!(Image::from(&bytes).to_bytes(), bytes);
+        let odd = Image { height: 1, width: 3, channels: 1, data: vec![-1.0, 7.0, f32::NAN] };
+        assert_eq!(odd.to_bytes().data, [0, 255, 0]);
+    }
+
+    #[test]
+    fn crops_and_channels_take_the_right_pixels() {
+        let data = (0..2 * 3 * 4).collect();
+        let image = ByteImage { height: 2, width: 3, channels: 4, data };
+        assert_eq!(image.cropped(1, 1, 2, 1).data, image.data[16..24]);
+        assert_eq!(image.pixel(1, 1), &image.data[16..20]);
+        assert_eq!(image.alpha().unwrap().data, [3, 7, 11, 15, 19, 23]);
+        assert_eq!(image.to_rgb().data[3..6], [4, 5, 6]);
+        let grey = ByteImage { height: 1, width: 1, channels: 2, data: vec![100, 51] };
+        assert_eq!(grey.over([0, 200, 255]).data, [20, 180, 224]);
+    }
+}
