@@ -1,0 +1,207 @@
+//! The reverse walk, and what a rule may see and do in it.
+
+use ndarray::{ArrayD, ArrayViewMutD};
+
+use crate::tape::Node;
+use crate::{CONTIGUOUS, Gradients, IntoTensor, Pool, PoolVec, Real, ShapeError, Tape, Tensor};
+
+/// What a rule may see and do: read values, and accumulate gradients in place.
+///
+/// All arrays are row-major and contiguous.
+pub struct Backward<'a, F: Real> {
+    nodes: &'a [Node<F>],
+    inputs: &'a [u32],
+    node: usize,
+    grad_out: Option<Tensor<F>>,
+    slots: &'a mut [Option<ArrayD<F>>],
+    pool: &'a Pool,
+}
+
+impl<F: Real> std::fmt::Debug for Backward<'_, F> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Backward").field("op", &self.nodes[self.node].name).finish_non_exhaustive()
+    }
+}
+
+impl<F: Real> Backward<'_, F> {
+    /// The number of inputs.
+    pub fn input_count(&self) -> usize {
+        self.inputs.len()
+    }
+
+    /// Whether input `i` wants a gradient. Skip the work where it does not.
+    pub fn needs(&self, i: usize) -> bool {
+        self.nodes[self.inputs[i] as usize].needs_grad
+    }
+
+    /// The value of input `i`.
+    pub fn input(&self, i: usize) -> Tensor<F> {
+        self.nodes[self.inputs[i] as usize].value().clone()
+    }
+
+    /// The value that the operation gave.
+    pub fn output(&self) -> Tensor<F> {
+        self.nodes[self.node].value().clone()
+    }
+
+    /// The gradient of the output. Drop it before [`take_grad_out`](Self::take_grad_out), which
+    /// must else copy.
+    ///
+    /// # Panics
+    /// If it was taken.
+    pub fn grad_out(&self) -> Tensor<F> {
+        self.grad_out.clone().expect("the gradient of the output was taken")
+    }
+
+    /// The gradient of the output, to be changed in place and [given](Self::give) on. If it is
+    /// not given on, [`recycle`](Self::recycle) it, or its memory is lost to the pool.
+    ///
+    /// # Panics
+    /// If it was taken before.
+    pub fn take_grad_out(&mut self) -> ArrayD<F> {
+        let shared = self.grad_out.take().expect("the gradient of the output was taken");
+        match shared.try_into_owned_nocopy() {
+            Ok(own) => own,
+            Err(shared) => {
+                let mut own = self.pool.array(shared.shape());
+                own.assign(&shared);
+                own
+            }
+        }
+    }
+
+    /// The gradient of input `i`, to be added to. Zero when it is touched first.
+    pub fn grad_mut(&mut self, i: usize) -> ArrayViewMutD<'_, F> {
+        let id = self.inputs[i] as usize;
+        let (nodes, pool) = (self.nodes, self.pool);
+        self.slots[id]
+            .get_or_insert_with(|| {
+                let mut zeros = pool.array(nodes[id].value().shape());
+                zeros.fill(F::zero());
+                zeros
+            })
+            .view_mut()
+    }
+
+    /// [`grad_mut`](Self::grad_mut) as a slice.
+    pub fn grad_slice_mut(&mut self, i: usize) -> &mut [F] {
+        self.grad_mut(i).into_slice().expect(CONTIGUOUS)
+    }
+
+    /// Whether input `i` has no gradient yet, so that one that is [given](Self::give) is moved
+    /// rather than added.
+    pub fn is_first(&self, i: usize) -> bool {
+        self.slots[self.inputs[i] as usize].is_none()
+    }
+
+    /// Adds `gradient` to that of input `i`; moves it in when there is none yet. It goes back to
+    /// the pool when input `i` wants none.
+    ///
+    /// # Panics
+    /// If its shape is not that of the input.
+    pub fn give(&mut self, i: usize, gradient: impl IntoTensor<F>) {
+        let gradient = gradient.into_tensor();
+        let id = self.inputs[i] as usize;
+        let expected = self.nodes[id].value().shape();
+        if gradient.shape() != expected {
+            ShapeError::new(
+                self.nodes[self.node].name,
+                format!("the rule gave input {i} a gradient of another shape"),
+            )
+            .operand("gradient", gradient.shape(), "")
+            .operand("input", expected, "")
+            .panic();
+        }
+        if !self.nodes[id].needs_grad {
+            self.recycle(gradient);
+            return;
+        }
+        let own = match gradient.try_into_owned_nocopy() {
+            Ok(own) if own.is_standard_layout() => own,
+            Ok(strided) => {
+                let mut own = self.pool.array(strided.shape());
+                own.assign(&strided);
+                self.pool.give_array(strided);
+                own
+            }
+            Err(shared) => {
+                let mut own = self.pool.array(shared.shape());
+                own.assign(&shared);
+                own
+            }
+        };
+        match &mut self.slots[id] {
+            Some(sum) => {
+                let target = sum.as_slice_mut().expect(CONTIGUOUS);
+                crate::kernels::elementwise::add_to(own.as_slice().expect(CONTIGUOUS), target);
+                self.pool.give_array(own);
+            }
+            empty => *empty = Some(own),
+        }
+    }
+
+    /// Gives an array's memory to the pool.
+    pub fn recycle(&self, array: impl IntoTensor<F>) {
+        if let Ok(own) = array.into_tensor().try_into_owned_nocopy() {
+            self.pool.give_array(own);
+        }
+    }
+
+    /// Working memory, stale but initialised.
+    pub fn scratch(&self, len: usize) -> PoolVec<F> {
+        self.pool.vec(len)
+    }
+
+    /// An array from the pool, stale but initialised: to be written whole and [given](Self::give).
+    pub fn array(&self, shape: &[usize]) -> ArrayD<F> {
+        self.pool.array(shape)
+    }
+
+    /// The pool that all buffers of the tape come from.
+    pub fn pool(&self) -> &Pool {
+        self.pool
+    }
+}
+
+impl<F: Real> Tape<F> {
+    /// Walks from node `root` to the leaves. Gradients in between go back to the pool as soon as
+    /// their rule has run.
+    #[track_caller]
+    pub(crate) fn backward_from(&self, root: u32, seed: ArrayD<F>) -> Gradients<F> {
+        assert!(self.is_training(), "backward on an eval tape: nothing was recorded");
+        let nodes = self.nodes.borrow();
+        let edges = self.edges.borrow();
+        let mut slots = self.slots.take();
+        slots.resize_with(nodes.len().max(slots.len()), || None);
+        let mut gradients = Gradients::empty(self);
+        slots[root as usize] = Some(seed);
+        for id in (0..=root as usize).rev() {
+            let Some(gradient) = slots[id].take() else { continue };
+            let node = &nodes[id];
+            let Some(op) = &node.op else {
+                if node.needs_grad {
+                    gradients.push(id as u32, node.param, gradient);
+                } else {
+                    self.pool.give_array(gradient);
+                }
+                continue;
+            };
+            let first = node.first_edge as usize;
+            let mut cx = Backward {
+                nodes: &nodes,
+                inputs: &edges[first..first + node.edge_count as usize],
+                node: id,
+                grad_out: Some(gradient.into_shared()),
+                slots: &mut slots[..id],
+                pool: &self.pool,
+            };
+            op.pullback(&mut cx);
+            if let Some(rest) = cx.grad_out.take() {
+                cx.recycle(rest);
+            }
+        }
+        *self.slots.borrow_mut() = slots;
+        gradients.sort();
+        gradients
+    }
+}

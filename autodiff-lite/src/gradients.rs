@@ -1,0 +1,133 @@
+//! What a backward pass leaves.
+
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use ndarray::{ArrayD, ArrayViewD, ArrayViewMutD};
+
+use crate::{CONTIGUOUS, Param, ParamId, Pool, Real, Tape, Var};
+
+/// Gradients of one scalar with respect to leaves and trainable parameters.
+///
+/// It does not borrow the tape: reset the tape first, so that parameters are unique, then let the
+/// optimiser read from here. Its memory goes back to the tape's pool when it is dropped.
+pub struct Gradients<F: Real = f32> {
+    /// Sorted by parameter, leaves first.
+    entries: Vec<Entry<F>>,
+    spare: Arc<Mutex<Vec<Vec<Entry<F>>>>>,
+    pool: Pool,
+    epoch: u64,
+}
+
+pub(crate) struct Entry<F> {
+    param: Option<ParamId>,
+    node: u32,
+    gradient: ArrayD<F>,
+}
+
+impl<F: Real> fmt::Debug for Gradients<F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.entries.iter().map(|e| (e.node, e.gradient.shape()))).finish()
+    }
+}
+
+impl<F: Real> Gradients<F> {
+    pub(crate) fn empty(tape: &Tape<F>) -> Self {
+        let spare = Arc::clone(&tape.spare);
+        let entries = spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let (pool, epoch) = (tape.pool.clone(), tape.epoch.get());
+        Self { entries: entries.unwrap_or_default(), spare, pool, epoch }
+    }
+
+    pub(crate) fn push(&mut self, node: u32, param: Option<ParamId>, gradient: ArrayD<F>) {
+        self.entries.push(Entry { param, node, gradient });
+    }
+
+    pub(crate) fn sort(&mut self) {
+        self.entries.sort_unstable_by_key(|entry| (entry.param, entry.node));
+    }
+
+    fn find(&self, param: ParamId) -> Option<usize> {
+        self.entries.binary_search_by_key(&Some(param), |entry| entry.param).ok()
+    }
+
+    /// The gradient of a parameter, if the scalar depends on it.
+    pub fn of(&self, param: &Param<F>) -> Option<ArrayViewD<'_, F>> {
+        self.find(param.id()).map(|i| self.entries[i].gradient.view())
+    }
+
+    /// The gradient of a parameter as a slice.
+    pub fn slice_of(&self, param: &Param<F>) -> Option<&[F]> {
+        self.find(param.id()).map(|i| self.entries[i].gradient.as_slice().expect(CONTIGUOUS))
+    }
+
+    /// The gradient of a parameter, to be changed: clipped, preconditioned.
+    pub fn of_mut(&mut self, param: &Param<F>) -> Option<ArrayViewMutD<'_, F>> {
+        self.find(param.id()).map(|i| self.entries[i].gradient.view_mut())
+    }
+
+    /// The gradient of a [leaf](Tape::leaf) or of a parameter's node, if the scalar depends on it.
+    /// Values in between have none: their gradients were recycled.
+    ///
+    /// # Panics
+    /// If the tape was reset since.
+    #[track_caller]
+    pub fn wrt(&self, var: Var<'_, F>) -> Option<ArrayViewD<'_, F>> {
+        assert_eq!(var.tape.epoch.get(), self.epoch, "these gradients are of an earlier step");
+        self.entries.iter().find(|e| e.node == var.id).map(|entry| entry.gradient.view())
+    }
+
+    /// Adds the gradients of another backward pass, parameter by parameter: shards of one batch,
+    /// in the order of the calls.
+    ///
+    /// Leaves of the other pass are dropped.
+    pub fn accumulate(&mut self, other: &Self) {
+        for entry in &other.entries {
+            let Some(param) = entry.param else { continue };
+            let source = entry.gradient.as_slice().expect(CONTIGUOUS);
+            if let Some(i) = self.find(param) {
+                let target = self.entries[i].gradient.as_slice_mut().expect(CONTIGUOUS);
+                crate::kernels::elementwise::add_to(source, target);
+            } else {
+                let mut gradient = self.pool.array(entry.gradient.shape());
+                gradient.assign(&entry.gradient);
+                self.push(u32::MAX, Some(param), gradient);
+                self.sort();
+            }
+        }
+    }
+
+    /// Multiplies all of them by `factor`.
+    pub fn scale(&mut self, factor: F) {
+        for entry in &mut self.entries {
+            entry.gradient.map_inplace(|g| *g *= factor);
+        }
+    }
+
+    /// The Euclidean norm over all entries of all parameters and leaves, summed in double
+    /// precision in the order of the parameters.
+    pub fn norm(&self) -> f64 {
+        let squares =
+            |entry: &Entry<F>| entry.gradient.iter().map(|&g| g.to_f64() * g.to_f64()).sum::<f64>();
+        self.entries.iter().map(squares).sum::<f64>().sqrt()
+    }
+
+    /// Whether every entry is finite.
+    pub fn is_finite(&self) -> bool {
+        self.entries.iter().all(|entry| entry.gradient.iter().all(|g| g.is_finite()))
+    }
+
+    pub(crate) fn slices_mut(&mut self) -> impl Iterator<Item = &mut [F]> {
+        self.entries.iter_mut().map(|e| e.gradient.as_slice_mut().expect(CONTIGUOUS))
+    }
+}
+
+impl<F: Real> Drop for Gradients<F> {
+    fn drop(&mut self) {
+        let mut entries = std::mem::take(&mut self.entries);
+        for entry in entries.drain(..) {
+            self.pool.give_array(entry.gradient);
+        }
+        self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(entries);
+    }
+}

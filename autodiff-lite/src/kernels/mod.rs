@@ -1,0 +1,6 @@
+//! Plain slices in, plain slices out: no tape, no shapes beyond numbers.
+#![allow(unsafe_code, reason = "instruction sets are chosen at run time; only kernels may")]
+
+pub mod broadcast;
+pub mod elementwise;
+mod simd;

@@ -1,0 +1,84 @@
+//! Parameters: the arrays that a module owns.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::{IntoTensor, Real, Tensor};
+
+/// Identifies a parameter for as long as the program runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ParamId(u64);
+
+impl ParamId {
+    fn fresh() -> Self {
+        // The number only tells parameters apart; nothing is computed from it.
+        static NEXT: AtomicU64 = AtomicU64::new(0);
+        Self(NEXT.fetch_add(1, Ordering::Relaxed))
+    }
+}
+
+/// An array that a module owns and, if it is trainable, an optimiser changes.
+///
+/// Buffers such as the running statistics of a batch norm are parameters that are not trainable:
+/// they are saved and loaded with the others, and no optimiser touches them.
+///
+/// Cloning shares the memory and keeps the identity, so that an operation may hold a clone of the
+/// field it was called with.
+#[derive(Clone, Debug)]
+pub struct Param<F: Real = f32> {
+    id: ParamId,
+    /// The present value, row-major.
+    pub value: Tensor<F>,
+    /// Whether gradients are wanted and optimisers may write.
+    pub trainable: bool,
+}
+
+impl<F: Real> Param<F> {
+    /// A trainable parameter with a new identity.
+    pub fn new(value: impl IntoTensor<F>) -> Self {
+        let value = value.into_tensor();
+        let value = if value.is_standard_layout() {
+            value
+        } else {
+            value.as_standard_layout().into_owned().into_shared()
+        };
+        Self { id: ParamId::fresh(), value, trainable: true }
+    }
+
+    /// A parameter that is saved but not trained.
+    pub fn buffer(value: impl IntoTensor<F>) -> Self {
+        Self { trainable: false, ..Self::new(value) }
+    }
+
+    /// Its identity.
+    pub fn id(&self) -> ParamId {
+        self.id
+    }
+
+    /// Its dimensions.
+    pub fn shape(&self) -> &[usize] {
+        self.value.shape()
+    }
+
+    /// Its number of elements.
+    pub fn len(&self) -> usize {
+        self.value.len()
+    }
+
+    /// Whether it has no element.
+    pub fn is_empty(&self) -> bool {
+        self.value.is_empty()
+    }
+
+    /// Its elements.
+    pub fn as_slice(&self) -> &[F] {
+        self.value.as_slice().expect(crate::CONTIGUOUS)
+    }
+
+    /// Its elements, to be written.
+    ///
+    /// In place when nobody else holds the value, that is, after the tape was reset; else the
+    /// parameter gets a copy of its own first.
+    pub fn as_slice_mut(&mut self) -> &mut [F] {
+        self.value.as_slice_mut().expect(crate::CONTIGUOUS)
+    }
+}

@@ -1,0 +1,522 @@
+//! The tape: everything computed in one evaluation of a model.
+
+use std::cell::{Cell, Ref, RefCell};
+use std::collections::HashMap;
+use std::fmt;
+
+use ndarray::ArrayD;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use crate::gradients::Entry;
+use crate::op::FnOp;
+use crate::{
+    Backward, BufferUpdate, IntoTensor, Op, Param, ParamId, Pool, PoolVec, Real, Tensor, Updates,
+    Var,
+};
+
+/// Everything computed in one evaluation of a model, in the order of computation.
+///
+/// A *training* tape keeps every value and records every operation, so that
+/// [`Var::backward`] can walk them in reverse. An *eval* tape runs the same code, drops the
+/// operations at once and frees values as [scopes](Tape::scope) end.
+///
+/// One tape serves a whole training: [`reset`](Tape::reset) empties it after each step and keeps
+/// its memory, so that the next step takes none from the system.
+///
+/// A tape may move to another thread (so a whole step can run inside a thread pool), but is never
+/// shared by two.
+pub struct Tape<F: Real = f32> {
+    pub(crate) nodes: RefCell<Vec<Node<F>>>,
+    /// Inputs of all nodes, one after the other.
+    pub(crate) edges: RefCell<Vec<u32>>,
+    /// Gradient slots, kept for the next backward pass: the vector itself is several pages.
+    pub(crate) slots: RefCell<Vec<Option<ArrayD<F>>>>,
+    /// A spent vector of a [`Gradients`](crate::Gradients), for the same reason.
+    pub(crate) spare: std::sync::Arc<std::sync::Mutex<Vec<Vec<Entry<F>>>>>,
+    params: RefCell<HashMap<ParamId, u32>>,
+    pub(crate) pool: Pool,
+    mode: Mode,
+    seed: Cell<u64>,
+    draws: Cell<u64>,
+    path: RefCell<String>,
+    updates: RefCell<Vec<BufferUpdate<F>>>,
+    pub(crate) epoch: Cell<u64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mode {
+    Train,
+    Eval,
+}
+
+pub(crate) struct Node<F: Real> {
+    /// `None` once it was freed.
+    value: Option<Tensor<F>>,
+    pub(crate) op: Option<Box<dyn Op<F>>>,
+    pub(crate) first_edge: u32,
+    pub(crate) edge_count: u32,
+    pub(crate) needs_grad: bool,
+    pub(crate) param: Option<ParamId>,
+    pub(crate) name: &'static str,
+}
+
+impl<F: Real> Node<F> {
+    #[track_caller]
+    pub(crate) fn value(&self) -> &Tensor<F> {
+        match &self.value {
+            Some(value) => value,
+            None => panic!(
+                "the result of `{}` was freed when its scope ended: hand it out of the scope",
+                self.name
+            ),
+        }
+    }
+}
+
+impl<F: Real> fmt::Debug for Tape<F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Tape")
+            .field("mode", &self.mode)
+            .field("nodes", &self.len())
+            .field("pool", &self.pool)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<F: Real> Tape<F> {
+    fn new(mode: Mode, seed: u64) -> Self {
+        Self {
+            nodes: RefCell::default(),
+            edges: RefCell::default(),
+            slots: RefCell::default(),
+            spare: std::sync::Arc::default(),
+            params: RefCell::default(),
+            pool: Pool::new(),
+            mode,
+            seed: Cell::new(seed),
+            draws: Cell::new(0),
+            path: RefCell::default(),
+            updates: RefCell::default(),
+            epoch: Cell::new(0),
+        }
+    }
+
+    /// A tape that records. `seed` decides all randomness on it (dropout); see
+    /// [`reseed`](Self::reseed).
+    pub fn train(seed: u64) -> Self {
+        Self::new(Mode::Train, seed)
+    }
+
+    /// A tape that only computes.
+    pub fn eval() -> Self {
+        Self::new(Mode::Eval, 0)
+    }
+
+    /// Whether it records: layers that act otherwise in training (dropout, batch norm) ask this.
+    pub fn is_training(&self) -> bool {
+        self.mode == Mode::Train
+    }
+
+    /// The number of values put on it since the last reset.
+    pub fn len(&self) -> usize {
+        self.nodes.borrow().len()
+    }
+
+    /// Whether nothing was put on it since the last reset.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// A value without gradient.
+    #[track_caller]
+    pub fn constant(&self, x: impl IntoTensor<F>) -> Var<'_, F> {
+        self.push("constant", x.into_tensor(), &[], None, false, None)
+    }
+
+    /// A differentiable input; its gradient is [`Gradients::wrt`](crate::Gradients::wrt).
+    #[track_caller]
+    pub fn leaf(&self, x: impl IntoTensor<F>) -> Var<'_, F> {
+        self.push("leaf", x.into_tensor(), &[], None, self.is_training(), None)
+    }
+
+    /// A parameter, by reference count; the same parameter twice is the same node.
+    #[track_caller]
+    pub fn param(&self, param: &Param<F>) -> Var<'_, F> {
+        if let Some(&id) = self.params.borrow().get(&param.id()) {
+            debug_assert_eq!(
+                self.nodes.borrow()[id as usize].value().as_ptr(),
+                param.value.as_ptr(),
+                "a parameter changed while a tape held it: reset the tape before an optimiser step"
+            );
+            return Var { tape: self, id };
+        }
+        let wanted = param.trainable && self.is_training();
+        let id = Some(param.id());
+        let var = self.push("param", param.value.clone(), &[], None, wanted, id);
+        self.params.borrow_mut().insert(param.id(), var.id);
+        var
+    }
+
+    /// Puts the result of an operation on the tape: the only door for all crates.
+    ///
+    /// The operation is kept only if a gradient can flow through it. A value that is not row-major
+    /// is copied once.
+    #[track_caller]
+    pub fn record(
+        &self,
+        inputs: &[Var<'_, F>],
+        value: impl IntoTensor<F>,
+        op: impl Op<F>,
+    ) -> Var<'_, F> {
+        let name = op.name();
+        let wanted = self.wants_grad(inputs);
+        let op: Option<Box<dyn Op<F>>> = if wanted { Some(Box::new(op)) } else { None };
+        self.push(name, value.into_tensor(), inputs, op, wanted, None)
+    }
+
+    /// [`record`](Self::record) with a closure as the rule, for rules of three lines.
+    #[track_caller]
+    pub fn record_fn(
+        &self,
+        name: &'static str,
+        inputs: &[Var<'_, F>],
+        value: impl IntoTensor<F>,
+        pullback: impl Fn(&mut Backward<'_, F>) + Send + 'static,
+    ) -> Var<'_, F> {
+        self.record(inputs, value, FnOp { name, pullback })
+    }
+
+    /// Whether any of the inputs needs a gradient: if not, an operation need not save anything.
+    pub fn wants_grad(&self, inputs: &[Var<'_, F>]) -> bool {
+        let nodes = self.nodes.borrow();
+        inputs.iter().any(|input| nodes[input.id as usize].needs_grad)
+    }
+
+    #[track_caller]
+    fn push(
+        &self,
+        name: &'static str,
+        value: Tensor<F>,
+        inputs: &[Var<'_, F>],
+        op: Option<Box<dyn Op<F>>>,
+        needs_grad: bool,
+        param: Option<ParamId>,
+    ) -> Var<'_, F> {
+        for input in inputs {
+            assert!(std::ptr::eq(input.tape, self), "`{name}` was given values of another tape");
+        }
+        let value = if value.is_standard_layout() {
+            value
+        } else {
+            let mut own = self.array(value.shape());
+            own.assign(&value);
+            self.recycle(value);
+            own.into_shared()
+        };
+        let mut nodes = self.nodes.borrow_mut();
+        let mut edges = self.edges.borrow_mut();
+        let first_edge = edges.len() as u32;
+        if op.is_some() {
+            edges.extend(inputs.iter().map(|input| input.id));
+        }
+        let edge_count = edges.len() as u32 - first_edge;
+        let id = nodes.len() as u32;
+        let value = Some(value);
+        nodes.push(Node { value, op, first_edge, edge_count, needs_grad, param, name });
+        Var { tape: self, id }
+    }
+
+    /// Empties the tape and keeps its memory.
+    ///
+    /// Values that nobody else holds go to the pool; parameters are unique again, so that an
+    /// optimiser writes them in place. Randomness starts again from the seed, and statistics
+    /// updates that were not [taken](Self::take_updates) are dropped.
+    pub fn reset(&mut self) {
+        let mut nodes = std::mem::take(self.nodes.get_mut());
+        for node in nodes.drain(..) {
+            // Operations go first: they may hold clones of values.
+            drop(node.op);
+            if let Some(value) = node.value {
+                self.recycle(value);
+            }
+        }
+        *self.nodes.get_mut() = nodes;
+        self.edges.get_mut().clear();
+        self.params.get_mut().clear();
+        self.updates.get_mut().clear();
+        self.draws.set(0);
+        self.epoch.set(self.epoch.get() + 1);
+        self.pool.tick();
+    }
+
+    /// Sets the seed from which the randomness of the next step follows.
+    ///
+    /// Derive it from the run's seed and the step number, so that a resumed run draws the same.
+    pub fn reseed(&mut self, seed: u64) {
+        self.seed.set(seed);
+        self.draws.set(0);
+    }
+
+    /// A generator that is a function of the tape's seed and of how many were asked for before.
+    pub fn rng(&self) -> ChaCha8Rng {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed.get());
+        rng.set_stream(self.draws.get());
+        self.draws.set(self.draws.get() + 1);
+        rng
+    }
+
+    /// The pool that all buffers of this tape come from.
+    pub fn pool(&self) -> &Pool {
+        &self.pool
+    }
+
+    /// `len` elements, stale but initialised (NaN in debug builds), returned to the pool on drop.
+    pub fn buffer(&self, len: usize) -> PoolVec<F> {
+        self.pool.vec(len)
+    }
+
+    /// `len` indices, stale but initialised, returned to the pool on drop.
+    pub fn indices(&self, len: usize) -> PoolVec<u32> {
+        self.pool.vec(len)
+    }
+
+    /// An array from the pool, stale but initialised: to be written whole and recorded.
+    pub fn array(&self, shape: &[usize]) -> ArrayD<F> {
+        self.pool.array(shape)
+    }
+
+    /// Gives the memory of a value to the pool, if nobody else holds it.
+    pub fn recycle(&self, value: impl IntoTensor<F>) {
+        if let Ok(array) = value.into_tensor().try_into_owned_nocopy() {
+            self.pool.give_array(array);
+        }
+    }
+
+    /// Runs a part of a model under a name.
+    ///
+    /// The names of the open scopes, joined by dots, are the module path in panics. On an eval
+    /// tape everything computed inside is freed at the end, but for what the closure returns;
+    /// touching a freed value panics with the name of its operation.
+    ///
+    /// ```
+    /// use autodiff_lite::Tape;
+    ///
+    /// let tape = Tape::<f32>::eval();
+    /// let x = tape.constant(ndarray::arr1(&[1.0, 2.0]));
+    /// let y = tape.scope("block", || x.square().sum());
+    /// assert_eq!(y.item(), 5.0);
+    /// ```
+    pub fn scope<'t, R: Handles<'t, F>>(&'t self, name: &str, f: impl FnOnce() -> R) -> R {
+        let _path = self.enter(name);
+        let start = self.len();
+        let result = f();
+        if self.mode == Mode::Eval {
+            let mut kept = Vec::new();
+            result.for_each(&mut |var| kept.push(var.id as usize));
+            let mut nodes = self.nodes.borrow_mut();
+            for (id, node) in nodes.iter_mut().enumerate().skip(start) {
+                // A parameter is only a reference count, and may be asked for again.
+                if node.param.is_none()
+                    && !kept.contains(&id)
+                    && let Some(value) = node.value.take()
+                {
+                    self.recycle(value);
+                }
+            }
+        }
+        result
+    }
+
+    /// Opens a name without freeing anything; dropping the guard closes it.
+    pub(crate) fn enter(&self, name: &str) -> PathGuard<'_> {
+        let mut path = self.path.borrow_mut();
+        let len = path.len();
+        if len > 0 {
+            path.push('.');
+        }
+        path.push_str(name);
+        PathGuard { path: &self.path, len }
+    }
+
+    /// The names of the open scopes, joined by dots.
+    pub fn path(&self) -> String {
+        self.path.borrow().clone()
+    }
+
+    /// Notes a change of a buffer (a running statistic), to be applied by the owner of the module.
+    ///
+    /// Ignored on an eval tape.
+    pub fn push_update(&self, update: BufferUpdate<F>) {
+        if self.is_training() {
+            self.updates.borrow_mut().push(update);
+        }
+    }
+
+    /// All buffer changes noted since the last reset, in order.
+    pub fn take_updates(&self) -> Updates<F> {
+        Updates(self.updates.take())
+    }
+
+    pub(crate) fn node(&self, id: u32) -> Ref<'_, Node<F>> {
+        Ref::map(self.nodes.borrow(), |nodes| &nodes[id as usize])
+    }
+
+    #[track_caller]
+    pub(crate) fn value_of(&self, id: u32) -> Tensor<F> {
+        self.nodes.borrow()[id as usize].value().clone()
+    }
+
+    #[track_caller]
+    pub(crate) fn with_value<R>(&self, id: u32, f: impl FnOnce(&Tensor<F>) -> R) -> R {
+        f(self.nodes.borrow()[id as usize].value())
+    }
+
+    pub(crate) fn needs_grad(&self, id: u32) -> bool {
+        self.node(id).needs_grad
+    }
+
+    pub(crate) fn describe(&self, id: u32) -> String {
+        let node = self.node(id);
+        match &node.value {
+            Some(value) => format!("{} {:?}", node.name, value.shape()),
+            None => format!("{} (freed)", node.name),
+        }
+    }
+}
+
+pub(crate) struct PathGuard<'t> {
+    path: &'t RefCell<String>,
+    len: usize,
+}
+
+impl Drop for PathGuard<'_> {
+    fn drop(&mut self) {
+        self.path.borrow_mut().truncate(self.len);
+    }
+}
+
+/// What a [scope](Tape::scope) may return: handles, and arrays, vectors, options, pairs of them.
+pub trait Handles<'t, F: Real> {
+    /// Calls `f` with each handle.
+    fn for_each(&self, f: &mut dyn FnMut(Var<'t, F>));
+}
+
+impl<'t, F: Real> Handles<'t, F> for Var<'t, F> {
+    fn for_each(&self, f: &mut dyn FnMut(Var<'t, F>)) {
+        f(*self);
+    }
+}
+
+impl<'t, F: Real, H: Handles<'t, F>> Handles<'t, F> for Vec<H> {
+    fn for_each(&self, f: &mut dyn FnMut(Var<'t, F>)) {
+        self.iter().for_each(|h| h.for_each(f));
+    }
+}
+
+impl<'t, F: Real, H: Handles<'t, F>, const N: usize> Handles<'t, F> for [H; N] {
+    fn for_each(&self, f: &mut dyn FnMut(Var<'t, F>)) {
+        self.iter().for_each(|h| h.for_each(f));
+    }
+}
+
+impl<'t, F: Real, H: Handles<'t, F>> Handles<'t, F> for Option<H> {
+    fn for_each(&self, f: &mut dyn FnMut(Var<'t, F>)) {
+        self.iter().for_each(|h| h.for_each(f));
+    }
+}
+
+impl<'t, F: Real, A: Handles<'t, F>, B: Handles<'t, F>> Handles<'t, F> for (A, B) {
+    fn for_each(&self, f: &mut dyn FnMut(Var<'t, F>)) {
+        self.0.for_each(f);
+        self.1.for_each(f);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::{arr1, arr2};
+
+    use super::*;
+
+    #[test]
+    fn a_parameter_enters_by_reference_and_once() {
+        let mut tape = Tape::<f32>::train(0);
+        let mut param = Param::new(arr1(&[1.0, 2.0]));
+        let address = param.value.as_ptr();
+        let (a, b) = (tape.param(&param), tape.param(&param));
+        assert_eq!(a.id, b.id);
+        assert_eq!(a.value().as_ptr(), address);
+        tape.reset();
+        param.as_slice_mut()[0] = 5.0;
+        assert_eq!(param.value.as_ptr(), address, "written in place after the reset");
+    }
+
+    #[test]
+    fn values_are_made_row_major() {
+        let tape = Tape::<f32>::eval();
+        let x = arr2(&[[1.0, 2.0], [3.0, 4.0]]).reversed_axes();
+        let x = tape.constant(x).value();
+        assert_eq!(x.as_slice(), Some(&[1.0, 3.0, 2.0, 4.0][..]));
+    }
+
+    #[test]
+    #[should_panic(expected = "the result of `square` was freed when its scope ended")]
+    fn an_eval_scope_frees_what_it_does_not_return() {
+        let tape = Tape::<f32>::eval();
+        let x = tape.constant(arr1(&[1.0, 2.0]));
+        let mut inner = None;
+        let y = tape.scope("block", || {
+            let square = x.square();
+            inner = Some(square);
+            square.sum()
+        });
+        assert_eq!(y.item(), 5.0);
+        assert_eq!(x.value().len(), 2, "what came from outside stays");
+        let _ = inner.expect("set in the scope").value();
+    }
+
+    #[test]
+    fn a_training_scope_frees_nothing() {
+        let tape = Tape::<f32>::train(0);
+        let x = tape.leaf(arr1(&[1.0, 2.0]));
+        let mut inner = None;
+        tape.scope("block", || {
+            inner = Some(x.square());
+            x.sum()
+        });
+        assert_eq!(inner.expect("set in the scope").value().len(), 2);
+    }
+
+    #[test]
+    fn paths_nest() {
+        let tape = Tape::<f32>::eval();
+        let x = tape.constant(arr1(&[1.0]));
+        tape.scope("encoder", || {
+            tape.scope("layer1.0", || {
+                assert_eq!(tape.path(), "encoder.layer1.0");
+                x
+            })
+        });
+        assert_eq!(tape.path(), "");
+    }
+
+    #[test]
+    fn randomness_follows_from_the_seed_and_the_count() {
+        use rand::RngExt;
+        let mut tape = Tape::<f32>::train(7);
+        let first: [u64; 2] = [tape.rng().random(), tape.rng().random()];
+        assert_ne!(first[0], first[1]);
+        tape.reset();
+        assert_eq!(first, [tape.rng().random(), tape.rng().random()]);
+        tape.reseed(8);
+        assert_ne!(first[0], tape.rng().random::<u64>());
+    }
+
+    #[test]
+    fn a_tape_can_move_to_another_thread() {
+        fn moves<T: Send>() {}
+        moves::<Tape<f32>>();
+        moves::<crate::Gradients<f32>>();
+    }
+}

@@ -1,0 +1,240 @@
+//! Gradient checks in `f64` against central differences (feature `testkit`).
+//!
+//! A check draws inputs, computes `L = Σ w ⊙ f(inputs)` with random weights `w` (so that every
+//! output element counts), and compares the gradient of the tape with
+//! `(L(x + ε) - L(x - ε)) / 2ε` for each element of each input.
+//!
+//! ```
+//! use autodiff_lite::testkit::gradcheck;
+//!
+//! // Expands to a `#[test]`; each entry of `shapes` lists the shapes of all inputs.
+//! gradcheck!(scaled_square: |x, s| x.square().mul(s), shapes [[[3, 5], [5]], [[1], []]]);
+//! ```
+
+use std::fmt;
+
+use ndarray::{ArrayD, IxDyn};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::{Tape, Var};
+
+pub use crate::gradcheck;
+
+/// How a check is made.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Step of the central differences.
+    pub epsilon: f64,
+    /// Largest allowed `|tape - differences| / max(1, |tape|, |differences|)`.
+    pub tolerance: f64,
+    /// Where inputs are drawn from.
+    pub range: (f64, f64),
+    /// Input values at which the function has a kink or a jump: no input is drawn within
+    /// `100 ε` of them.
+    pub kinks: Vec<f64>,
+    /// Elements may be left out where the one-sided differences disagree, as at the ties of a
+    /// maximum, up to this fraction of all.
+    pub kinked_fraction: f64,
+    /// At most this many elements of each input are probed, evenly spread.
+    pub probes: usize,
+    /// Seed of inputs and weights.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            epsilon: 1e-5,
+            tolerance: 1e-7,
+            range: (-1.5, 1.5),
+            kinks: Vec::new(),
+            kinked_fraction: 0.0,
+            probes: 400,
+            seed: 0,
+        }
+    }
+}
+
+impl Options {
+    /// These options with inputs from another range.
+    #[must_use]
+    pub fn range(mut self, low: f64, high: f64) -> Self {
+        self.range = (low, high);
+        self
+    }
+
+    /// These options with kinks at these input values.
+    #[must_use]
+    pub fn kinks(mut self, kinks: &[f64]) -> Self {
+        self.kinks = kinks.to_vec();
+        self
+    }
+
+    /// These options with another tolerance.
+    #[must_use]
+    pub fn tolerance(mut self, tolerance: f64) -> Self {
+        self.tolerance = tolerance;
+        self
+    }
+
+    /// Random inputs of these shapes.
+    pub fn draw(&self, shapes: &[Vec<usize>]) -> Vec<ArrayD<f64>> {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        let mut number = || loop {
+            let x = rng.random_range(self.range.0..self.range.1);
+            if self.kinks.iter().all(|kink| (x - kink).abs() > 100.0 * self.epsilon) {
+                return x;
+            }
+        };
+        shapes.iter().map(|s| ArrayD::from_shape_simple_fn(IxDyn(s), &mut number)).collect()
+    }
+}
+
+/// A gradient that disagrees with the differences.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Mismatch {
+    /// One element is off.
+    Element {
+        /// Which input.
+        input: usize,
+        /// Which element of it, in row-major order.
+        element: usize,
+        /// What the rule says.
+        rule: f64,
+        /// What the differences say.
+        differences: f64,
+    },
+    /// More elements lie at kinks than [`Options::kinked_fraction`] allows.
+    Kinks {
+        /// Elements at kinks.
+        found: usize,
+        /// Elements probed.
+        probed: usize,
+    },
+}
+
+impl fmt::Display for Mismatch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Element { input, element, rule, differences } => write!(
+                f,
+                "input {input}, element {element}: the rule gives {rule:e}, differences {differences:e}"
+            ),
+            Self::Kinks { found, probed } => {
+                write!(f, "{found} of {probed} elements lie at kinks that were not declared")
+            }
+        }
+    }
+}
+
+impl std::error::Error for Mismatch {}
+
+/// Checks the gradient of `f` at the given inputs.
+///
+/// # Errors
+/// The first mismatch.
+pub fn check<C>(f: &C, inputs: &[ArrayD<f64>], options: &Options) -> Result<(), Mismatch>
+where
+    C: for<'t> Fn(&[Var<'t, f64>]) -> Var<'t, f64>,
+{
+    let tape = Tape::<f64>::train(options.seed);
+    let vars: Vec<_> = inputs.iter().map(|x| tape.leaf(x.clone())).collect();
+    let output = f(&vars);
+    let mut rng = ChaCha8Rng::seed_from_u64(options.seed ^ 0x5EED);
+    let weights =
+        ArrayD::from_shape_simple_fn(IxDyn(&output.shape()), || rng.random_range(-1.0..1.0));
+    let gradients = output.backward_with(weights.clone());
+
+    let value = |inputs: &[ArrayD<f64>]| {
+        let tape = Tape::<f64>::train(options.seed);
+        let vars: Vec<_> = inputs.iter().map(|x| tape.constant(x.clone())).collect();
+        (&f(&vars).value() * &weights).sum()
+    };
+    let mut moved = inputs.to_vec();
+    let centre = value(&moved);
+    let (mut kinked, mut probed) = (0, 0);
+    for input in 0..inputs.len() {
+        let gradient = gradients.wrt(vars[input]);
+        let count = inputs[input].len();
+        let stride = count.div_ceil(options.probes).max(1);
+        for element in (0..count).step_by(stride) {
+            let mut at = |step: f64| {
+                let slot = &mut moved[input].as_slice_mut().expect("drawn row-major")[element];
+                let before = *slot;
+                *slot = before + step;
+                let result = value(&moved);
+                moved[input].as_slice_mut().expect("drawn row-major")[element] = before;
+                result
+            };
+            let (above, below) = (at(options.epsilon), at(-options.epsilon));
+            let differences = (above - below) / (2.0 * options.epsilon);
+            let rule =
+                gradient.as_ref().map_or(0.0, |g| *g.iter().nth(element).expect("same shape"));
+            let scale = rule.abs().max(differences.abs()).max(1.0);
+            probed += 1;
+            if (rule - differences).abs() <= options.tolerance * scale {
+                continue;
+            }
+            let one_sided =
+                [(above - centre) / options.epsilon, (centre - below) / options.epsilon];
+            if options.kinked_fraction > 0.0
+                && (one_sided[0] - one_sided[1]).abs() > 1e3 * options.epsilon * scale
+            {
+                kinked += 1;
+                continue;
+            }
+            // A NaN anywhere ends here too.
+            return Err(Mismatch::Element { input, element, rule, differences });
+        }
+    }
+    if kinked as f64 > options.kinked_fraction * probed as f64 {
+        return Err(Mismatch::Kinks { found: kinked, probed });
+    }
+    Ok(())
+}
+
+/// Checks the gradient of `f` at random inputs of these shapes.
+///
+/// # Panics
+/// With the first mismatch.
+#[track_caller]
+pub fn assert_gradients<C>(f: &C, shapes: &[Vec<usize>], options: &Options)
+where
+    C: for<'t> Fn(&[Var<'t, f64>]) -> Var<'t, f64>,
+{
+    for seed in 0..3 {
+        let options = Options { seed: options.seed + seed, ..options.clone() };
+        if let Err(mismatch) = check(f, &options.draw(shapes), &options) {
+            panic!("gradient at shapes {shapes:?}, seed {}: {mismatch}", options.seed);
+        }
+    }
+}
+
+/// A `#[test]` that checks the gradient of an operation at each list of shapes.
+///
+/// `gradcheck!(name: |a, b| a.mul(b), shapes [[[3], [3]], [[2, 3], [3]]])`, optionally followed by
+/// `, options EXPR`, an [`Options`](crate::testkit::Options).
+#[macro_export]
+macro_rules! gradcheck {
+    ($name:ident: |$($x:ident),+| $body:expr, shapes [$([$([$($n:expr),*]),+]),+ $(,)?] $(, options $options:expr)? $(,)?) => {
+        #[test]
+        fn $name() {
+            #[allow(unused_mut, unused_assignments, reason = "options may be given")]
+            let mut options = $crate::testkit::Options::default();
+            $(options = $options;)?
+            let cases: &[&[&[usize]]] = &[$(&[$(&[$($n),*]),+]),+];
+            for shapes in cases {
+                let shapes: Vec<Vec<usize>> = shapes.iter().map(|s| s.to_vec()).collect();
+                $crate::testkit::assert_gradients(
+                    &|inputs: &[$crate::Var<'_, f64>]| {
+                        let [$($x),+] = *inputs else { panic!("each case needs all inputs") };
+                        $body
+                    },
+                    &shapes,
+                    &options,
+                );
+            }
+        }
+    };
+}

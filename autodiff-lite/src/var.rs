@@ -1,0 +1,140 @@
+//! Handles to values on a tape.
+
+use std::fmt;
+
+use crate::{Gradients, Real, ShapeError, Tape, Tensor};
+
+/// A value on a tape: a pointer and an index, copied freely.
+pub struct Var<'t, F: Real = f32> {
+    pub(crate) tape: &'t Tape<F>,
+    pub(crate) id: u32,
+}
+
+impl<F: Real> Clone for Var<'_, F> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<F: Real> Copy for Var<'_, F> {}
+
+impl<F: Real> fmt::Debug for Var<'_, F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Var({}: {})", self.id, self.tape.describe(self.id))
+    }
+}
+
+impl<'t, F: Real> Var<'t, F> {
+    /// The tape it lives on.
+    pub fn tape(self) -> &'t Tape<F> {
+        self.tape
+    }
+
+    /// The value, shared by reference count, row-major.
+    ///
+    /// # Panics
+    /// If the value was freed at the end of a scope of an eval tape.
+    #[track_caller]
+    pub fn value(self) -> Tensor<F> {
+        self.tape.value_of(self.id)
+    }
+
+    /// The sizes of its axes.
+    #[track_caller]
+    pub fn shape(self) -> Vec<usize> {
+        self.tape.with_value(self.id, |value| value.shape().to_vec())
+    }
+
+    /// The number of its axes.
+    #[track_caller]
+    pub fn rank(self) -> usize {
+        self.tape.with_value(self.id, |value| value.ndim())
+    }
+
+    /// The number of its elements.
+    #[track_caller]
+    pub fn len(self) -> usize {
+        self.tape.with_value(self.id, |value| value.len())
+    }
+
+    /// Whether it has no element.
+    #[track_caller]
+    pub fn is_empty(self) -> bool {
+        self.len() == 0
+    }
+
+    /// The sizes of exactly `N` axes.
+    #[track_caller]
+    pub fn dims<const N: usize>(self) -> [usize; N] {
+        let shape = self.shape();
+        match <[usize; N]>::try_from(shape.as_slice()) {
+            Ok(dims) => dims,
+            Err(_) => ShapeError::new("dims", format!("{N} axes expected"))
+                .operand("value", &shape, "")
+                .at(self.tape.path())
+                .panic(),
+        }
+    }
+
+    /// The only element.
+    #[track_caller]
+    pub fn item(self) -> F {
+        let value = self.value();
+        match value.as_slice() {
+            Some(&[only]) => only,
+            _ => ShapeError::new("item", "exactly one element expected")
+                .operand("value", value.shape(), "")
+                .at(self.tape.path())
+                .panic(),
+        }
+    }
+
+    /// Whether a gradient would flow into it.
+    pub fn needs_grad(self) -> bool {
+        self.tape.needs_grad(self.id)
+    }
+
+    /// The same value, cut off from what it was computed from.
+    #[track_caller]
+    pub fn detach(self) -> Self {
+        self.tape.constant(self.value())
+    }
+
+    /// Gradients of this scalar with respect to every leaf and trainable parameter it depends on.
+    ///
+    /// # Panics
+    /// If it has more than one element, or lives on an eval tape.
+    #[track_caller]
+    pub fn backward(self) -> Gradients<F> {
+        let shape = self.shape();
+        if shape.iter().product::<usize>() != 1 {
+            ShapeError::new("backward", "a scalar expected; see backward_with")
+                .operand("value", &shape, "")
+                .at(self.tape.path())
+                .panic();
+        }
+        let mut seed = self.tape.array(&shape);
+        seed.fill(F::one());
+        self.tape.backward_from(self.id, seed)
+    }
+
+    /// Gradients of `Σ seed ⊙ self`: a product of a vector with the Jacobian.
+    ///
+    /// # Panics
+    /// If the shape of `seed` is another, or the tape is an eval tape.
+    #[track_caller]
+    pub fn backward_with(self, seed: impl crate::IntoTensor<F>) -> Gradients<F> {
+        let seed = seed.into_tensor();
+        let shape = self.shape();
+        if seed.shape() != shape {
+            ShapeError::new("backward_with", "the seed needs the shape of the value")
+                .operand("seed", seed.shape(), "")
+                .operand("value", &shape, "")
+                .at(self.tape.path())
+                .panic();
+        }
+        let mut own = self.tape.array(&shape);
+        own.assign(&seed);
+        self.tape.backward_from(self.id, own)
+    }
+}
