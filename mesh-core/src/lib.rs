@@ -1,18 +1,30 @@
 //! Triangle meshes without gradients: topology, primitives, cameras, images and mesh files.
 
 mod camera;
+mod csr;
 mod image;
 pub mod io;
+pub mod kernels;
 mod mesh;
+mod normals;
+pub mod primitives;
+mod subdivide;
+mod topology;
+mod vector;
 
 pub use camera::{
     Camera, CameraError, ColmapCamera, KaolinCamera, Lens, OpenCvCamera, Projected,
     Pytorch3dCamera, R2n2View, Ray, WeakPerspective,
 };
+pub use csr::Csr;
 pub use image::{
     ByteImage, DepthMap, Image, ImageError, decode_depth, decode_image, encode_depth, encode_png,
     linear_to_srgb, read_depth, read_depth_png, read_image, srgb_to_linear, write_depth, write_png,
 };
 pub use io::WriteError;
-pub use mesh::{Texture, TriMesh};
+pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_into};
+pub use mesh::{MeshError, Texture, TriMesh};
 pub use nalgebra;
+pub use normals::{face_areas, face_normals, vertex_normals};
+pub use subdivide::{Subdivision, subdivide};
+pub use topology::{FacePair, Topology};

@@ -1,0 +1,9 @@
+//! Loops over plain slices that are worth writing for the machine.
+//!
+//! Each takes the instruction set as an argument (`Arch`), so that tests can force every path; the
+//! functions at the crate root choose it themselves.
+#![allow(unsafe_code, reason = "SIMD kernels are the one place for it")]
+
+pub mod nearest;
+
+pub use pulp::Arch;

@@ -1,0 +1,272 @@
+//! Which vertices, edges and faces of a triangle mesh touch each other.
+
+use crate::Csr;
+
+/// The edges of a triangle mesh and its neighbourhoods, in a deterministic order.
+///
+/// Any triangle list is accepted: edges with one face (borders) or with three and more
+/// (non-manifold), isolated vertices, and faces that name a vertex twice (the corner pair that is
+/// no edge gets [`Topology::NONE`]).
+///
+/// ```
+/// use mesh_core::{Topology, primitives};
+/// let cube = primitives::cuboid([1.0, 1.0, 1.0]);
+/// let topology = Topology::new(cube.positions.len(), &cube.faces);
+/// assert_eq!(topology.edges.len(), 18);
+/// assert!(topology.is_closed());
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Topology {
+    /// Unique edges `[E]` as `[v0, v1]` with `v0 < v1`, sorted.
+    pub edges: Vec<[u32; 2]>,
+    /// For each edge the one or two faces on it, ascending; [`Topology::NONE`] where there is
+    /// none, and twice `NONE` on an edge of three or more faces (see [`Topology::edge_rings`]).
+    pub edge_faces: Vec<[u32; 2]>,
+    /// For each face `[a, b, c]` its edges `[ab, bc, ca]`.
+    pub face_edges: Vec<[u32; 3]>,
+    /// For each edge all of its faces, ascending.
+    pub edge_rings: Csr,
+    /// For each vertex the faces around it, ascending.
+    pub vertex_faces: Csr,
+    /// For each vertex the vertices joined to it by an edge, ascending.
+    pub vertex_vertices: Csr,
+}
+
+/// Two faces on one edge, and the corner of each that is not on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FacePair {
+    /// The edge, as an index into [`Topology::edges`].
+    pub edge: u32,
+    /// The faces, ascending.
+    pub faces: [u32; 2],
+    /// The vertex of each face that is opposite to the edge.
+    pub opposite: [u32; 2],
+}
+
+impl Topology {
+    /// Stands for "no face" and "no edge".
+    pub const NONE: u32 = u32::MAX;
+
+    /// Finds the edges of `faces` and who is next to whom.
+    ///
+    /// # Cost
+    /// Linear in vertices and faces, except for sorting the edges of each single vertex.
+    /// # Panics
+    /// If a face names a vertex that is not below `vertex_count`, or if there are more than
+    /// `u32::MAX / 3` faces.
+    pub fn new(vertex_count: usize, faces: &[[u32; 3]]) -> Self {
+        let corners = faces.len() * 3;
+        assert!(u32::try_from(corners).is_ok(), "Topology: {} faces exceed u32", faces.len());
+        for (face, corners) in faces.iter().enumerate() {
+            for &v in corners {
+                assert!(
+                    (v as usize) < vertex_count,
+                    "Topology: face {face} names vertex {v} of {vertex_count}"
+                );
+            }
+        }
+
+        // Corner slots grouped by the smaller end of their edge, then sorted by the larger end.
+        let other = |slot: u32| {
+            let corners = faces[slot as usize / 3];
+            let (a, b) = (corners[slot as usize % 3], corners[(slot as usize + 1) % 3]);
+            (a.min(b), a.max(b))
+        };
+        let by_low: Vec<[u32; 2]> = (0..corners as u32)
+            .filter_map(|slot| {
+                let (low, high) = other(slot);
+                (low != high).then_some([low, slot])
+            })
+            .collect();
+        let mut slots = Csr::from_pairs(vertex_count, &by_low);
+
+        let mut edges = Vec::with_capacity(corners / 2);
+        let mut face_edges = vec![[Self::NONE; 3]; faces.len()];
+        let mut rings = Csr { offsets: vec![0], indices: Vec::with_capacity(by_low.len()) };
+        for vertex in 0..vertex_count {
+            let range = slots.range(vertex);
+            let row = &mut slots.indices[range];
+            row.sort_unstable_by_key(|&slot| (other(slot).1, slot));
+            let mut rest = &*row;
+            while let Some(&first) = rest.first() {
+                let (low, high) = other(first);
+                let count = rest.iter().take_while(|&&slot| other(slot).1 == high).count();
+                let edge = edges.len() as u32;
+                let mut last = Self::NONE;
+                for &slot in &rest[..count] {
+                    let face = slot / 3;
+                    face_edges[face as usize][slot as usize % 3] = edge;
+                    // A face that names a vertex twice runs along the same edge twice.
+                    if face != last {
+                        rings.indices.push(face);
+                        last = face;
+                    }
+                }
+                edges.push([low, high]);
+                rings.offsets.push(rings.indices.len() as u32);
+                rest = &rest[count..];
+            }
+        }
+
+        let edge_faces = rings
+            .rows()
+            .map(|ring| match *ring {
+                [a] => [a, Self::NONE],
+                [a, b] => [a, b],
+                _ => [Self::NONE; 2],
+            })
+            .collect();
+        let around: Vec<[u32; 2]> = faces
+            .iter()
+            .enumerate()
+            .flat_map(|(face, &[a, b, c])| {
+                let face = face as u32;
+                let second = (b != a).then_some([b, face]);
+                let third = (c != a && c != b).then_some([c, face]);
+                [Some([a, face]), second, third].into_iter().flatten()
+            })
+            .collect();
+        // Edges are sorted, so listing first the smaller neighbours and then the larger ones
+        // leaves every row sorted.
+        let both: Vec<[u32; 2]> =
+            edges.iter().map(|&[a, b]| [b, a]).chain(edges.iter().copied()).collect();
+        Self {
+            edge_faces,
+            face_edges,
+            edge_rings: rings,
+            vertex_faces: Csr::from_pairs(vertex_count, &around),
+            vertex_vertices: Csr::from_pairs(vertex_count, &both),
+            edges,
+        }
+    }
+
+    /// The number of vertices, isolated ones included.
+    pub fn vertex_count(&self) -> usize {
+        self.vertex_vertices.len()
+    }
+
+    /// The number of faces.
+    pub fn face_count(&self) -> usize {
+        self.face_edges.len()
+    }
+
+    /// Whether every edge has exactly two faces.
+    pub fn is_closed(&self) -> bool {
+        self.edge_faces.iter().all(|&[a, b]| a != Self::NONE && b != Self::NONE)
+    }
+
+    /// The index of the edge between two vertices, if there is one. `O(log E)`.
+    pub fn edge_between(&self, a: u32, b: u32) -> Option<u32> {
+        self.edges.binary_search(&[a.min(b), a.max(b)]).ok().map(|edge| edge as u32)
+    }
+
+    /// The Euler number `V - E + F`, isolated vertices not counted.
+    ///
+    /// Two for each closed surface without handles; each handle takes two away.
+    pub fn euler_number(&self) -> i64 {
+        let used = self.vertex_faces.rows().filter(|ring| !ring.is_empty()).count();
+        used as i64 - self.edges.len() as i64 + self.face_count() as i64
+    }
+
+    /// Every pair of faces that share an edge, ordered by edge.
+    ///
+    /// On an edge of more than two faces these are all pairs of them, the definition of
+    /// PyTorch3D's normal consistency. Faces that name a vertex twice are left out.
+    ///
+    /// # Panics
+    /// If `faces` are not those that the topology was made of.
+    pub fn face_pairs(&self, faces: &[[u32; 3]]) -> Vec<FacePair> {
+        assert_eq!(faces.len(), self.face_count(), "face_pairs: another mesh");
+        let opposite = |face: u32, [a, b]: [u32; 2]| {
+            let [p, q, r] = faces[face as usize];
+            (p != q && q != r && r != p)
+                .then(|| [p, q, r].into_iter().find(|&v| v != a && v != b))
+                .flatten()
+        };
+        let mut pairs = Vec::with_capacity(self.edges.len());
+        for (edge, &ends) in self.edges.iter().enumerate() {
+            let ring = self.edge_rings.row(edge);
+            for (i, &first) in ring.iter().enumerate() {
+                for &second in &ring[i + 1..] {
+                    if let (Some(a), Some(b)) = (opposite(first, ends), opposite(second, ends)) {
+                        pairs.push(FacePair {
+                            edge: edge as u32,
+                            faces: [first, second],
+                            opposite: [a, b],
+                        });
+                    }
+                }
+            }
+        }
+        pairs
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use crate::primitives;
+
+    #[test]
+    fn tetrahedron_by_hand() {
+        let faces = [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]];
+        let t = Topology::new(4, &faces);
+        assert_eq!(t.edges, [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]);
+        assert_eq!(t.edge_faces, [[0, 1], [0, 2], [1, 2], [0, 3], [1, 3], [2, 3]]);
+        assert_eq!(t.face_edges, [[0, 3, 1], [2, 4, 0], [1, 5, 2], [4, 5, 3]]);
+        assert_eq!(t.vertex_vertices.row(2), [0, 1, 3]);
+        assert_eq!(t.vertex_faces.row(3), [1, 2, 3]);
+        assert_eq!(t.euler_number(), 2);
+        assert!(t.is_closed());
+        let pairs = t.face_pairs(&faces);
+        assert_eq!(pairs.len(), 6);
+        assert_eq!(pairs[0], FacePair { edge: 0, faces: [0, 1], opposite: [2, 3] });
+        assert_eq!(t.edge_between(3, 1), Some(4));
+        assert_eq!(t.edge_between(3, 3), None);
+    }
+
+    #[test]
+    fn borders_and_three_faces_on_an_edge() {
+        let faces = [[0, 1, 2], [1, 0, 3], [0, 1, 4]];
+        let t = Topology::new(6, &faces);
+        let shared = t.edge_between(0, 1).unwrap() as usize;
+        assert_eq!(t.edge_faces[shared], [Topology::NONE; 2]);
+        assert_eq!(t.edge_rings.row(shared), [0, 1, 2]);
+        let border = t.edge_between(1, 2).unwrap() as usize;
+        assert_eq!(t.edge_faces[border], [0, Topology::NONE]);
+        assert!(!t.is_closed());
+        assert_eq!(t.face_pairs(&faces).len(), 3);
+        assert!(t.vertex_vertices.row(5).is_empty());
+        assert_eq!(t.euler_number(), 5 - 7 + 3);
+    }
+
+    #[test]
+    fn a_face_that_names_a_vertex_twice() {
+        let faces = [[0, 0, 1], [0, 1, 2], [1, 1, 1]];
+        let t = Topology::new(3, &faces);
+        assert_eq!(t.edges, [[0, 1], [0, 2], [1, 2]]);
+        assert_eq!(t.face_edges[0], [Topology::NONE, 0, 0]);
+        assert_eq!(t.edge_rings.row(0), [0, 1]);
+        assert_eq!(t.vertex_faces.row(1), [0, 1, 2]);
+        assert!(t.face_pairs(&faces).is_empty());
+    }
+
+    #[test]
+    fn neighbours_are_sorted_and_mutual() {
+        let mesh = primitives::torus(1.0, 0.3, 9, 7);
+        let t = Topology::new(mesh.positions.len(), &mesh.faces);
+        for (v, row) in t.vertex_vertices.rows().enumerate() {
+            assert!(row.is_sorted());
+            for &n in row {
+                assert!(t.vertex_vertices.row(n as usize).contains(&(v as u32)));
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "face 1 names vertex 4 of 4")]
+    fn vertex_out_of_range() {
+        Topology::new(4, &[[0, 1, 2], [0, 1, 4]]);
+    }
+}
