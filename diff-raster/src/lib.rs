@@ -1,1 +1,11 @@
-//! diff-raster
+//! DIB-R, a differentiable rasteriser, on the CPU.
+
+pub mod kernels;
+
+mod faces;
+mod fragments;
+mod settings;
+
+pub use faces::{Faces, FacesError, NONE};
+pub use fragments::{Fragments, rasterize, rasterize_into};
+pub use settings::{Instructions, Rule, Settings};

@@ -1,0 +1,226 @@
+//! What is seen at each pixel.
+
+use std::sync::{Arc, Mutex};
+
+use autodiff_lite::Real;
+use ndarray::ArrayView3;
+use rayon::prelude::*;
+
+use crate::faces::{Faces, NONE};
+use crate::kernels::setup::{BAND_ROWS, Centres, PixelBox, Setup};
+use crate::kernels::visibility::{BandOutput, Planes, draw_band};
+use crate::{Rule, Settings};
+
+/// What is seen at each pixel of a batch of images: plain values, shared by the operations.
+///
+/// Visibility has no derivative; the operations that take fragments hold it fixed.
+#[derive(Debug)]
+pub struct Fragments<F: Real = f32> {
+    /// The nearest face, [`NONE`] at background. `[N, H, W]`
+    pub face: Vec<u32>,
+    /// Its barycentric coordinates (perspective-correct if the settings say so), zero at
+    /// background. `[N, H, W, 3]`
+    pub barycentric: Vec<F>,
+    /// Its planar depth, `+∞` at background. `[N, H, W]`
+    pub depth: Vec<F>,
+    batch: usize,
+    faces: Arc<Faces>,
+    settings: Settings,
+    centres: Centres<F>,
+    setups: Vec<Setup<F>>,
+    planes: Spares<Planes<F>>,
+}
+
+impl<F: Real> Default for Fragments<F> {
+    fn default() -> Self {
+        Self {
+            face: Vec::new(),
+            barycentric: Vec::new(),
+            depth: Vec::new(),
+            batch: 0,
+            faces: Arc::default(),
+            settings: Settings { rule: Rule::Closed, ..Settings::new(0, 0) },
+            centres: Centres::default(),
+            setups: Vec::new(),
+            planes: Spares::default(),
+        }
+    }
+}
+
+impl<F: Real> Fragments<F> {
+    /// `[N, H, W]`
+    pub fn shape(&self) -> [usize; 3] {
+        [self.batch, self.settings.height, self.settings.width]
+    }
+
+    /// The faces that were drawn.
+    pub fn faces(&self) -> &Arc<Faces> {
+        &self.faces
+    }
+
+    /// How they were drawn.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Hard coverage: 1 where a face is seen, else 0. `[N, H, W]`
+    pub fn mask(&self) -> Vec<F> {
+        let one = |&face: &u32| if face == NONE { F::zero() } else { F::one() };
+        self.face.iter().map(one).collect()
+    }
+
+    /// Pixel centres of these images.
+    pub fn centres(&self) -> &Centres<F> {
+        &self.centres
+    }
+
+    /// Of one image: for each face, a box around all pixels where it may be seen.
+    pub fn boxes(&self, image: usize) -> &[PixelBox] {
+        &self.setups[image].boxes
+    }
+}
+
+/// Finds what is seen at each pixel of a batch of images.
+///
+/// `projected` is `[N, V, 3]`: NDC `x` (right), NDC `y` (up) and planar depth (positive in front
+/// of the camera). The centre of pixel (row `i`, column `j`) is at
+/// `((2j+1-W)/W, (H-2i-1)/H)`. Faces with a corner that is not finite, or not beyond
+/// [`Settings::near`], are dropped whole, never clipped and never wrapped; so are faces of zero
+/// area. There is no other limit.
+///
+/// Images of a batch are drawn in parallel, and so are bands of rows of one image; results do not
+/// depend on the number of threads. The nearest face wins, and the first of equally near ones.
+///
+/// # Panics
+/// If the last axis is not 3, or `V` is not the vertex count of `faces`.
+///
+/// # Examples
+/// ```
+/// use std::sync::Arc;
+/// use diff_raster::{Faces, NONE, Settings, rasterize};
+///
+/// // One triangle over the lower left half of a 4x4 image.
+/// let corners = ndarray::arr3(&[[[-1.0_f32, -1.0, 2.0], [1.0, -1.0, 2.0], [-1.0, 1.0, 2.0]]]);
+/// let faces = Arc::new(Faces::new(3, &[[0, 1, 2]])?);
+/// let fragments = rasterize(corners.view(), &faces, &Settings::new(4, 4));
+/// assert_eq!(fragments.face[..4], [0, NONE, NONE, NONE]); // the top row
+/// assert_eq!(fragments.depth[0], 2.0);
+/// # Ok::<(), diff_raster::FacesError>(())
+/// ```
+pub fn rasterize<F: Real>(
+    projected: ArrayView3<'_, F>,
+    faces: &Arc<Faces>,
+    settings: &Settings,
+) -> Arc<Fragments<F>> {
+    let mut fragments = Arc::default();
+    rasterize_into(projected, faces, settings, &mut fragments);
+    fragments
+}
+
+/// [`rasterize`] into the memory of earlier fragments.
+///
+/// Nothing is allocated if `fragments` is not shared any more (the tape was reset) and was as large
+/// before. If it is still shared, new fragments take its place. Start from
+/// `Arc::<Fragments>::default()`.
+///
+/// # Panics
+/// As [`rasterize`].
+pub fn rasterize_into<F: Real>(
+    projected: ArrayView3<'_, F>,
+    faces: &Arc<Faces>,
+    settings: &Settings,
+    fragments: &mut Arc<Fragments<F>>,
+) {
+    let (batch, vertices, axes) = projected.dim();
+    assert!(
+        axes == 3 && vertices == faces.vertex_count(),
+        "rasterize: projected positions need the shape [N, V, 3]\n  projected  {:?}\n  faces      \
+         of V = {} vertices",
+        projected.shape(),
+        faces.vertex_count()
+    );
+    if Arc::get_mut(fragments).is_none() {
+        *fragments = Arc::default();
+    }
+    let own = Arc::get_mut(fragments).expect("just made, or not shared");
+    let pixels = settings.pixels();
+    own.batch = batch;
+    own.faces.clone_from(faces);
+    own.settings.clone_from(settings);
+    own.centres.prepare(settings.height, settings.width);
+    own.face.resize(batch * pixels, NONE);
+    own.barycentric.resize(3 * batch * pixels, F::zero());
+    own.depth.resize(batch * pixels, F::zero());
+    own.setups.resize_with(batch, Setup::default);
+    if pixels == 0 || batch == 0 {
+        return;
+    }
+
+    let positions = projected.as_standard_layout();
+    let positions = positions.as_slice().expect("standard layout");
+    let (centres, planes) = (&own.centres, &own.planes);
+    let image = |(n, setup, face, barycentric, depth): (
+        usize,
+        &mut Setup<F>,
+        &mut [u32],
+        &mut [F],
+        &mut [F],
+    )| {
+        let positions = &positions[3 * vertices * n..3 * vertices * (n + 1)];
+        setup.prepare(positions, faces.corners(), centres, settings);
+        let setup = &*setup;
+        let rows = BAND_ROWS * settings.width;
+        face.par_chunks_mut(rows)
+            .zip(barycentric.par_chunks_mut(3 * rows))
+            .zip(depth.par_chunks_mut(rows))
+            .enumerate()
+            .for_each(|(band, ((face, barycentric), depth))| {
+                let output = BandOutput { face, barycentric, depth };
+                planes.with(|planes| draw_band(setup, centres, settings, band, planes, output));
+            });
+    };
+    own.setups
+        .par_iter_mut()
+        .zip(own.face.par_chunks_mut(pixels))
+        .zip(own.barycentric.par_chunks_mut(3 * pixels))
+        .zip(own.depth.par_chunks_mut(pixels))
+        .enumerate()
+        .for_each(|(n, (((setup, face), barycentric), depth))| {
+            image((n, setup, face, barycentric, depth));
+        });
+}
+
+/// Scratch memory that tasks lend from each other, so that it is allocated once and stays hot.
+#[derive(Debug)]
+pub(crate) struct Spares<T>(Mutex<Vec<T>>);
+
+impl<T> Default for Spares<T> {
+    fn default() -> Self {
+        Self(Mutex::new(Vec::new()))
+    }
+}
+
+impl<T: Default> Spares<T> {
+    /// Calls `f` with scratch of unknown content.
+    pub(crate) fn with<R>(&self, f: impl FnOnce(&mut T) -> R) -> R {
+        let mut own = self.take();
+        let result = f(&mut own);
+        self.give(own);
+        result
+    }
+
+    /// Scratch of unknown content.
+    pub(crate) fn take(&self) -> T {
+        self.lock().pop().unwrap_or_default()
+    }
+
+    /// Keeps scratch for the next task.
+    pub(crate) fn give(&self, spare: T) {
+        self.lock().push(spare);
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<T>> {
+        // A panic elsewhere does not make scratch memory any worse.
+        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+}

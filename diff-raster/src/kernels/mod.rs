@@ -1,0 +1,7 @@
+//! Plain slices in, plain slices out: no tape here.
+//!
+//! The kernels are usable on their own; the operations of this crate are thin glue over them.
+
+pub mod lanes;
+pub mod setup;
+pub mod visibility;
