@@ -11,8 +11,8 @@ pub struct Split {
 
 /// Holds back every view whose index leaves the remainder `offset` when divided by `every`.
 ///
-/// `split(100, 5, 4)` holds back 4, 9, 14, .., 99. With `every` 0 nothing is held back, and the
-/// last view that would leave nothing to fit stays in the fit.
+/// `split(100, 5, 4)` holds back 4, 9, 14, .., 99. With `every` 0, and where nothing would remain
+/// to fit, nothing is held back.
 ///
 /// ```
 /// let split = datasets::split(10, 5, 4);

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use mesh_core::{ByteImage, Camera};
+use mesh_core::{ByteImage, Camera, DepthMap};
 
 /// One picture of the object, where it was taken from, and which pixels are the object.
 ///
@@ -19,17 +19,6 @@ pub struct View {
     pub camera: Camera,
     /// Planar depth, where the source has it and was asked for it.
     pub depth: Option<DepthMap>,
-}
-
-/// Planar depth per pixel, in world units; `+inf` where nothing is seen.
-#[derive(Clone, Debug, PartialEq)]
-pub struct DepthMap {
-    /// Number of rows.
-    pub height: usize,
-    /// Number of columns.
-    pub width: usize,
-    /// `height * width` depths, row-major, row 0 at the top.
-    pub data: Vec<f32>,
 }
 
 /// The views of one object, in the order of their source.
@@ -93,6 +82,32 @@ impl View {
             }
         }
         Some([top, left, bottom + 1 - top, right + 1 - left])
+    }
+
+    /// The view averaged down so that its longer side has at most this many pixels.
+    ///
+    /// A pixel of the smaller mask is object where at least half of it was; depth is taken from
+    /// the nearest pixel, because averages across an edge lie in the air.
+    #[must_use]
+    pub fn at_most(self, longest: usize) -> Self {
+        let (height, width) = (self.color.height, self.color.width);
+        let side = height.max(width);
+        if side <= longest || longest == 0 {
+            return self;
+        }
+        let scaled = |n: usize| ((n * longest + side / 2) / side).max(1);
+        let (h, w) = (scaled(height), scaled(width));
+        let mut mask = self.mask.resized(h, w);
+        mask.data.iter_mut().for_each(|m| *m = if *m >= 128 { 255 } else { 0 });
+        let depth = self.depth.map(|depth| {
+            let nearest = |k: usize| {
+                let (i, j) = (k / w, k % w);
+                depth.data[(2 * i + 1) * height / (2 * h) * width + (2 * j + 1) * width / (2 * w)]
+            };
+            DepthMap { height: h, width: w, data: (0..h * w).map(nearest).collect() }
+        });
+        let (color, camera) = (self.color.resized(h, w), self.camera.resized(w, h));
+        Self { name: self.name, color, mask, camera, depth }
     }
 
     /// Bytes of pixels that this view holds.

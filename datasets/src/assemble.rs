@@ -1,0 +1,100 @@
+//! From the files of one view to a [`View`]: shared by all layouts.
+
+use std::path::{Path, PathBuf};
+
+use mesh_core::{ByteImage, Camera, DepthMap, decode_image};
+
+use crate::error::{ReadViewsError, ViewsProblem};
+use crate::mask::{invert, mask_from_alpha, mask_from_backdrop};
+use crate::options::{MaskSource, ReadOptions};
+use crate::source::Opened;
+use crate::view::View;
+
+/// No picture of a view may be a larger file than this.
+pub(crate) const PICTURE_BYTES: u64 = 1 << 28;
+
+/// A decoded picture and where it came from.
+pub(crate) struct Picture {
+    pub(crate) path: PathBuf,
+    pub(crate) image: ByteImage,
+}
+
+/// Reads and decodes a picture.
+pub(crate) fn read_picture(
+    opened: &mut Opened<'_>,
+    path: PathBuf,
+    name: &str,
+    field: &str,
+) -> Result<Picture, ReadViewsError> {
+    let bytes = opened.read(name, field, PICTURE_BYTES)?;
+    let image = decode_image(&bytes, &path)
+        .map_err(|error| ReadViewsError::new(&path, ViewsProblem::Image(error)))?;
+    Ok(Picture { path, image })
+}
+
+/// A mask from a picture file: the alpha where it says something, else the grey value.
+pub(crate) fn mask_from_picture(picture: &ByteImage) -> ByteImage {
+    mask_from_alpha(picture).unwrap_or_else(|| {
+        let c = picture.channels;
+        let grey = |p: &[u8]| {
+            if c >= 3 { (p[0] as u16 + p[1] as u16 + p[2] as u16) / 3 } else { p[0] as u16 }
+        };
+        let data =
+            picture.data.chunks_exact(c).map(|p| if grey(p) >= 128 { 255 } else { 0 }).collect();
+        ByteImage { height: picture.height, width: picture.width, channels: 1, data }
+    })
+}
+
+/// Puts a view together: chooses the mask, composites the colour, brings all to one size.
+///
+/// `file_mask` is what the layout's mask file says, with its path, where there is one and it was
+/// asked for. `camera` is for the picture's size.
+pub(crate) fn assemble(
+    name: String,
+    picture: Picture,
+    file_mask: Option<(PathBuf, ByteImage)>,
+    camera: Camera,
+    depth: Option<(PathBuf, DepthMap)>,
+    options: &ReadOptions,
+) -> Result<View, ReadViewsError> {
+    let Picture { path, image } = picture;
+    let size = |h: usize, w: usize| format!("{w}x{h}");
+    let same_size = |at: &Path, field: &str, h: usize, w: usize| {
+        if (h, w) == (image.height, image.width) {
+            return Ok(());
+        }
+        let expected =
+            format!("{}, the size of {}", size(image.height, image.width), path.display());
+        Err(ReadViewsError::field(at, field, size(h, w), expected))
+    };
+    if let Some((at, mask)) = &file_mask {
+        same_size(at, "mask size", mask.height, mask.width)?;
+    }
+    if let Some((at, depth)) = &depth {
+        same_size(at, "depth size", depth.height, depth.width)?;
+    }
+    let color = image.over(options.background);
+    let no_mask = |expected: &str| {
+        Err(ReadViewsError::field(&path, "mask", "no alpha that says anything", expected))
+    };
+    let alpha = || mask_from_alpha(&image);
+    let mut mask = match (options.mask, file_mask) {
+        (MaskSource::Auto | MaskSource::Files, Some((_, mask))) => mask,
+        (MaskSource::Auto | MaskSource::Alpha, _) => match alpha() {
+            Some(mask) => mask,
+            None => return no_mask("a mask file, an alpha channel, or the mask source `backdrop`"),
+        },
+        (MaskSource::Files, None) => return no_mask("a mask file beside it"),
+        (MaskSource::Backdrop { color: backdrop, tolerance }, _) => {
+            mask_from_backdrop(&color, backdrop, tolerance)
+        }
+    };
+    if options.invert && !matches!(options.mask, MaskSource::Backdrop { .. }) {
+        invert(&mut mask);
+    }
+    let view = View { name, color, mask, camera, depth: depth.map(|(_, depth)| depth) };
+    Ok(match options.max_size {
+        Some(longest) => view.at_most(longest),
+        None => view,
+    })
+}

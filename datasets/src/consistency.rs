@@ -1,0 +1,98 @@
+//! What only all views together show: whether there is an object, and whether cameras see it.
+
+use std::path::Path;
+
+use mesh_core::nalgebra::{Matrix3, Vector3};
+
+use crate::error::{ReadViewsError, ViewsProblem};
+use crate::view::View;
+
+/// Refuses views in which nothing is to be seen, and says what looks wrong in some.
+pub(crate) fn check(
+    path: &Path,
+    views: &[View],
+    poses: &str,
+    warnings: &mut Vec<String>,
+) -> Result<(), ReadViewsError> {
+    let shares: Vec<f64> =
+        views.iter().map(|v| v.mask_pixels() as f64 / v.mask.data.len() as f64).collect();
+    let empty = names(views, |i| shares[i] == 0.0);
+    if empty.len() == views.len() {
+        let remedy = "choose another mask source, or invert the masks".to_owned();
+        let problem = ViewsProblem::EmptyMasks { views: views.len(), remedy };
+        return Err(ReadViewsError::new(path, problem));
+    }
+    if !empty.is_empty() {
+        warnings.push(format!("the masks of views {} are empty", empty.join(", ")));
+    }
+    if shares.iter().all(|&share| share > 0.6) {
+        warnings.push(
+            "the masks cover most of every image: if they mark the background, invert them"
+                .to_owned(),
+        );
+    }
+    let strays = strays(views);
+    if 2 * strays.len() > views.len() - empty.len() {
+        let problem = ViewsProblem::SeesNothing {
+            field: poses.to_owned(),
+            wrong: strays.len(),
+            views: views.len(),
+            first: views[strays[0]].name.clone(),
+        };
+        return Err(ReadViewsError::new(path, problem));
+    }
+    if !strays.is_empty() {
+        let names: Vec<_> = strays.iter().map(|&i| views[i].name.as_str()).collect();
+        warnings.push(format!(
+            "the cameras of views {} do not see the point where the other masks meet",
+            names.join(", ")
+        ));
+    }
+    Ok(())
+}
+
+fn names(views: &[View], wanted: impl Fn(usize) -> bool) -> Vec<&str> {
+    (0..views.len()).filter(|&i| wanted(i)).map(|i| views[i].name.as_str()).collect()
+}
+
+/// Views whose camera does not see the point nearest to all rays through the masks' centres.
+///
+/// Empty where the rays do not fix a point: a single view, or parallel ones.
+fn strays(views: &[View]) -> Vec<usize> {
+    let rays: Vec<(usize, Vector3<f64>, Vector3<f64>)> = views
+        .iter()
+        .enumerate()
+        .filter_map(|(i, view)| {
+            let [top, left, height, width] = view.mask_bounds()?;
+            let (column, row) =
+                (left as f64 + width as f64 / 2.0, top as f64 + height as f64 / 2.0);
+            let ray = view.camera.ray(column, row);
+            Some((i, Vector3::from(ray.origin), Vector3::from(ray.direction)))
+        })
+        .collect();
+    let mut normal = Matrix3::zeros();
+    let mut right = Vector3::zeros();
+    for (_, origin, direction) in &rays {
+        let across = Matrix3::identity() - direction * direction.transpose();
+        normal += across;
+        right += across * origin;
+    }
+    let spread = normal.symmetric_eigenvalues();
+    // One direction in which all rays agree leaves the point free along it.
+    if !(spread.min() > 1e-4 * spread.max()) {
+        return Vec::new();
+    }
+    let Some(point) = normal.try_inverse().map(|inverse| inverse * right) else {
+        return Vec::new();
+    };
+    rays.iter()
+        .filter(|&&(i, ..)| {
+            let p = views[i].camera.project([point.x, point.y, point.z]);
+            let (w, h) = (views[i].camera.width as f64, views[i].camera.height as f64);
+            let near = |x: f64, size: f64| (-size..=2.0 * size).contains(&x);
+            let behind = views[i].camera.is_perspective() && p.depth <= 0.0;
+            behind || !(near(p.column, w) && near(p.row, h))
+        })
+        .map(|&(i, ..)| i)
+        .collect()
+}

@@ -1,0 +1,65 @@
+//! Depth and label arrays of views.
+
+use std::path::PathBuf;
+
+use mesh_core::{ByteImage, DepthMap, decode_depth};
+
+use crate::error::{ReadViewsError, ViewsProblem};
+use crate::npy;
+use crate::source::{Opened, Source};
+
+/// Reads planar depth from the first of `names` that exists, EXR or npy.
+///
+/// What is not finite, not positive or at least 1e9 is background: `+inf`.
+pub(crate) fn read(
+    source: &Source,
+    opened: &mut Opened<'_>,
+    names: &[String],
+    picture: &ByteImage,
+) -> Result<Option<(PathBuf, DepthMap)>, ReadViewsError> {
+    let Some(name) = names.iter().find(|name| source.has(name)) else { return Ok(None) };
+    let path = source.locate(name);
+    let exr = std::path::Path::new(name)
+        .extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
+    let mut depth = if exr {
+        let bytes = opened.read(name, "depth", most_bytes(picture))?;
+        decode_depth(&bytes, &path)
+            .map_err(|error| ReadViewsError::new(&path, ViewsProblem::Image(error)))?
+    } else {
+        let data = read_npy(source, opened, name, "depth", picture)?;
+        DepthMap { height: picture.height, width: picture.width, data }
+    };
+    for d in &mut depth.data {
+        if !(*d > 0.0 && *d < 1e9) {
+            *d = f32::INFINITY;
+        }
+    }
+    Ok(Some((path, depth)))
+}
+
+/// Reads one number per pixel of the picture: `[H, W]` or `[H, W, 1]`.
+pub(crate) fn read_npy(
+    source: &Source,
+    opened: &mut Opened<'_>,
+    name: &str,
+    field: &str,
+    picture: &ByteImage,
+) -> Result<Vec<f32>, ReadViewsError> {
+    let (height, width) = (picture.height, picture.width);
+    let bytes = opened.read(name, field, most_bytes(picture))?;
+    let array = npy::read(&bytes, &[&[height, width], &[height, width, 1]]).map_err(|e| {
+        ReadViewsError::field(
+            source.locate(name),
+            format!("{field} {}", e.field),
+            e.found,
+            e.expected,
+        )
+    })?;
+    Ok(array.data)
+}
+
+/// What one array over the picture may take: eight bytes a pixel, and a header.
+fn most_bytes(picture: &ByteImage) -> u64 {
+    8 * (picture.height * picture.width) as u64 + (1 << 20)
+}

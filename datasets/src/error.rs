@@ -1,0 +1,154 @@
+//! What can be wrong with views on disk: always the file, the field, what was found.
+
+use std::path::{Path, PathBuf};
+
+/// Why views could not be read. The message names the file, the field and the remedy.
+#[derive(Debug, thiserror::Error)]
+#[error("{}", self.message())]
+pub struct ReadViewsError {
+    /// The file or folder at fault; inside an archive, `archive.zip/entry`.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    #[source]
+    pub problem: ViewsProblem,
+}
+
+/// What is wrong with a file of a set of views.
+#[derive(Debug, thiserror::Error)]
+pub enum ViewsProblem {
+    /// The file or folder cannot be opened or read.
+    #[error("cannot be read: {0}")]
+    Io(#[from] std::io::Error),
+    /// The file is not there.
+    #[error("is missing, {wanted_by}")]
+    Missing {
+        /// Which other file or rule wants it, and what can be done.
+        wanted_by: String,
+    },
+    /// No known layout fits what is there.
+    #[error(
+        "no known layout of views: {found}; expected files named 0_rgb.png, 0_semantic.npy, \
+         0_metadata.json (a folder or a zip of them), or a transforms.json"
+    )]
+    UnknownLayout {
+        /// What was there.
+        found: String,
+    },
+    /// The archive is damaged or uses something that is not supported.
+    #[error("is not a zip archive that can be read: {0}")]
+    Archive(#[from] zip::result::ZipError),
+    /// The file claims or has more bytes than it may.
+    #[error("holds or claims {found} bytes, more than the {limit} that {field} may take")]
+    TooLarge {
+        /// What the bytes are for.
+        field: String,
+        /// How many there are, or are claimed to be.
+        found: u64,
+        /// How many there may be.
+        limit: u64,
+    },
+    /// The JSON cannot be parsed.
+    #[error("is not valid JSON: {0}")]
+    Json(#[from] serde_json::Error),
+    /// A field has a value that cannot be meant.
+    #[error("field `{field}`: found {found}, expected {expected}")]
+    Field {
+        /// The field's name, with its place where there are several.
+        field: String,
+        /// What is there.
+        found: String,
+        /// What would have been right.
+        expected: String,
+    },
+    /// The picture cannot be decoded.
+    #[error("{0}")]
+    Image(#[source] mesh_core::ImageError),
+    /// The camera is not one.
+    #[error("field `{field}`: {source}")]
+    Camera {
+        /// The fields that describe the camera.
+        field: String,
+        /// What is wrong with it.
+        source: mesh_core::CameraError,
+    },
+    /// No view shows the object.
+    #[error("the masks of all {views} views are empty: {remedy}")]
+    EmptyMasks {
+        /// How many views there are.
+        views: usize,
+        /// What can be done.
+        remedy: String,
+    },
+    /// The cameras do not look at what the masks show.
+    #[error(
+        "field `{field}`: {wrong} of {views} cameras do not see the point where their masks meet, \
+         the first is view {first}; expected camera axes x right, y up, looking along -z"
+    )]
+    SeesNothing {
+        /// The field that holds the poses.
+        field: String,
+        /// How many cameras look elsewhere.
+        wrong: usize,
+        /// How many there are.
+        views: usize,
+        /// The name of the first of them.
+        first: String,
+    },
+}
+
+impl ReadViewsError {
+    /// An error of the file at `path`.
+    pub(crate) fn new(path: impl Into<PathBuf>, problem: impl Into<ViewsProblem>) -> Self {
+        Self { path: path.into(), problem: problem.into() }
+    }
+
+    /// A field of the file at `path` that cannot be meant.
+    pub(crate) fn field(
+        path: impl Into<PathBuf>,
+        field: impl Into<String>,
+        found: impl ToString,
+        expected: impl ToString,
+    ) -> Self {
+        let (found, expected) = (found.to_string(), expected.to_string());
+        Self::new(path, ViewsProblem::Field { field: field.into(), found, expected })
+    }
+
+    /// A picture's own message begins with its file.
+    fn message(&self) -> String {
+        match &self.problem {
+            ViewsProblem::Image(error) => error.to_string(),
+            problem => format!("{}: {problem}", self.path.display()),
+        }
+    }
+
+    /// The field at fault, where one is.
+    pub fn field_name(&self) -> Option<&str> {
+        match &self.problem {
+            ViewsProblem::TooLarge { field, .. }
+            | ViewsProblem::Field { field, .. }
+            | ViewsProblem::Camera { field, .. }
+            | ViewsProblem::SeesNothing { field, .. } => Some(field),
+            _ => None,
+        }
+    }
+}
+
+/// Why views could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: cannot be written: {source}", path.display())]
+pub struct WriteViewsError {
+    /// The file or folder at fault.
+    pub path: PathBuf,
+    /// What went wrong.
+    #[source]
+    pub source: Box<dyn std::error::Error + Send + Sync>,
+}
+
+impl WriteViewsError {
+    pub(crate) fn new(
+        path: &Path,
+        source: impl Into<Box<dyn std::error::Error + Send + Sync>>,
+    ) -> Self {
+        Self { path: path.to_owned(), source: source.into() }
+    }
+}

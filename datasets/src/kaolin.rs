@@ -1,0 +1,243 @@
+//! kaolin's synthetic views: `{i}_rgb.png`, `{i}_semantic.npy`, `{i}_metadata.json`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use mesh_core::io::write_atomic;
+use mesh_core::{ByteImage, Camera, encode_png};
+use rayon::prelude::*;
+use serde_json::json;
+
+use crate::assemble::{Picture, assemble, read_picture};
+use crate::depth;
+use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
+use crate::json::{Node, parse};
+use crate::npy;
+use crate::options::{MaskSource, ReadOptions};
+use crate::read::{Pending, Reading};
+use crate::source::{Opened, Source};
+use crate::view::{Layout, View, Views};
+
+const COLOR: &str = "_rgb.png";
+const MASK: &str = "_semantic.npy";
+const CAMERA: &str = "_metadata.json";
+/// Width of the sensor that is written, millimetres: the one of kaolin's own samples.
+const APERTURE: f64 = 20.955;
+/// No metadata is longer than this.
+const METADATA_BYTES: u64 = 1 << 24;
+
+/// Whether any of these names belongs to a kaolin view.
+pub(crate) fn recognises(names: &[String]) -> bool {
+    names.iter().any(|name| index_of(name).is_some())
+}
+
+/// The views of a folder or archive, in the order of their numbers.
+pub(crate) fn list<'a>(
+    source: &'a Source,
+    names: &[String],
+    options: &'a ReadOptions,
+) -> Result<Reading<'a>, ReadViewsError> {
+    // Keyed by the number; the text keeps leading zeros.
+    let mut indices: BTreeMap<u64, &str> = BTreeMap::new();
+    for name in names {
+        if let Some((number, text)) = index_of(name) {
+            indices.entry(number).or_insert(text);
+        }
+    }
+    let mut warnings = Vec::new();
+    let mut previous: Option<u64> = None;
+    for &number in indices.keys() {
+        if let Some(gap) = previous.map(|p| p + 1).filter(|&gap| gap != number) {
+            if !options.allow_missing {
+                let last = indices.keys().next_back().copied().unwrap_or(number);
+                return Err(ReadViewsError::new(
+                    source.locate(&format!("{gap}{COLOR}")),
+                    ViewsProblem::Missing {
+                        wanted_by: format!(
+                            "the views go up to {last} without a gap; put it back, or allow \
+                             missing views"
+                        ),
+                    },
+                ));
+            }
+            warnings.push(format!("views {gap} to {} are missing", number - 1));
+        }
+        previous = Some(number);
+    }
+    let mut pending: Vec<Pending<'a>> = Vec::new();
+    for text in indices.into_values() {
+        let stem = text.to_owned();
+        let wanted = [COLOR, CAMERA, MASK];
+        let optional_mask = !matches!(options.mask, MaskSource::Files);
+        let absent = wanted
+            .iter()
+            .find(|&&end| !(end == MASK && optional_mask) && !source.has(&format!("{stem}{end}")));
+        match absent {
+            Some(end) if options.allow_missing => {
+                warnings.push(format!("view {stem} is left out: {stem}{end} is missing"));
+            }
+            Some(end) => {
+                return Err(ReadViewsError::new(
+                    source.locate(&format!("{stem}{end}")),
+                    ViewsProblem::Missing {
+                        wanted_by: format!(
+                            "view {stem} has other files; put it back, or allow missing views"
+                        ),
+                    },
+                ));
+            }
+            None => pending.push(Box::new(move |opened| read_view(source, opened, &stem, options))),
+        }
+    }
+    let layout = if source.is_zip() { Layout::KaolinZip } else { Layout::KaolinFolder };
+    Ok(Reading { layout, pending, warnings, poses: "tf_mat" })
+}
+
+/// The number in front of a known ending, and its text.
+fn index_of(name: &str) -> Option<(u64, &str)> {
+    let text = [COLOR, MASK, CAMERA].into_iter().find_map(|end| name.strip_suffix(end))?;
+    let digits = !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    // Up to 18 digits, so that the number after it exists too.
+    (digits && text.len() <= 18).then(|| text.parse().ok().map(|n| (n, text)))?
+}
+
+fn read_view(
+    source: &Source,
+    opened: &mut Opened<'_>,
+    stem: &str,
+    options: &ReadOptions,
+) -> Result<View, ReadViewsError> {
+    let name = format!("{stem}{COLOR}");
+    let picture = read_picture(opened, source.locate(&name), &name, "picture")?;
+    let camera = read_camera(source, opened, stem, &picture)?;
+    let mask = format!("{stem}{MASK}");
+    let wanted = matches!(options.mask, MaskSource::Auto | MaskSource::Files);
+    let mask = if wanted && source.has(&mask) {
+        Some((source.locate(&mask), read_mask(source, opened, &mask, &picture.image)?))
+    } else {
+        None
+    };
+    let depth = if options.depth {
+        depth::read(
+            source,
+            opened,
+            &[format!("{stem}_depth.exr"), format!("{stem}_depth_linear.npy")],
+            &picture.image,
+        )?
+    } else {
+        None
+    };
+    assemble(stem.to_owned(), picture, mask, camera, depth, options)
+}
+
+fn read_camera(
+    source: &Source,
+    opened: &mut Opened<'_>,
+    stem: &str,
+    picture: &Picture,
+) -> Result<Camera, ReadViewsError> {
+    let name = format!("{stem}{CAMERA}");
+    let path = source.locate(&name);
+    let value = parse(&opened.read(&name, "camera", METADATA_BYTES)?, &path)?;
+    let camera = Node::root(&value, &path).need("camera_properties")?;
+    let (width, height) = (picture.image.width, picture.image.height);
+    if let Some(resolution) = camera.get("resolution") {
+        let (w, h) = (resolution.need("width")?.pixels()?, resolution.need("height")?.pixels()?);
+        // Resampled pictures keep their metadata; the lens fits as long as the shape does.
+        if (w * height).abs_diff(h * width) > w.max(h) {
+            let expected = format!("the shape of {}, {width}x{height}", picture.path.display());
+            return Err(ReadViewsError::field(
+                &path,
+                resolution.field,
+                format!("{w}x{h}"),
+                expected,
+            ));
+        }
+    }
+    let tf_mat = camera.need("tf_mat")?;
+    let result = Camera::from_kaolin(
+        tf_mat.matrix()?,
+        camera.need("horizontal_aperture")?.positive()?,
+        camera.need("focal_length")?.positive()?,
+        width,
+        height,
+    );
+    result.validate().map_err(|error| {
+        ReadViewsError::new(&path, ViewsProblem::Camera { field: tf_mat.field, source: error })
+    })?;
+    Ok(result)
+}
+
+/// Any label above zero is the object.
+fn read_mask(
+    source: &Source,
+    opened: &mut Opened<'_>,
+    name: &str,
+    picture: &ByteImage,
+) -> Result<ByteImage, ReadViewsError> {
+    let (height, width) = (picture.height, picture.width);
+    let array = depth::read_npy(source, opened, name, "mask", picture)?;
+    let data = array.iter().map(|&label| if label > 0.0 { 255 } else { 0 }).collect();
+    Ok(ByteImage { height, width, channels: 1, data })
+}
+
+/// Writes views in kaolin's layout into a folder, which is made where it does not exist.
+///
+/// Files of the same name are replaced, each atomically. Views are numbered from 0 in their
+/// order; depth, where there is one, becomes `{i}_depth.exr`.
+///
+/// # Errors
+/// If a file cannot be written, or a camera cannot be said in this layout: parallel rays, pixels
+/// that are not square, a lens off the image's centre.
+pub fn write_kaolin(views: &[View], folder: &Path) -> Result<(), WriteViewsError> {
+    std::fs::create_dir_all(folder).map_err(|e| WriteViewsError::new(folder, e))?;
+    let results: Vec<Result<(), WriteViewsError>> = views
+        .par_iter()
+        .enumerate()
+        .map(|(i, view)| write_view(view, &folder.join(i.to_string())))
+        .collect();
+    results.into_iter().collect()
+}
+
+fn write_view(view: &View, stem: &Path) -> Result<(), WriteViewsError> {
+    let file = |end: &str| {
+        let mut path = stem.as_os_str().to_owned();
+        path.push(end);
+        std::path::PathBuf::from(path)
+    };
+    let metadata_path = file(CAMERA);
+    let camera =
+        view.camera.to_kaolin(APERTURE).map_err(|e| WriteViewsError::new(&metadata_path, e))?;
+    let metadata = json!({
+        "camera_properties": {
+            "resolution": { "width": view.camera.width, "height": view.camera.height },
+            "clipping_range": [0.01, 1_000_000.0],
+            "horizontal_aperture": camera.horizontal_aperture,
+            "focal_length": camera.focal_length,
+            "tf_mat": camera.tf_mat,
+        },
+        "asset_transforms": [],
+    });
+    let put = |path: &Path, bytes: &[u8]| {
+        write_atomic(path, |out| out.write_all(bytes)).map_err(|e| WriteViewsError::new(path, e))
+    };
+    put(&file(COLOR), &encode_png(&view.color))?;
+    let mut labels = Vec::new();
+    let shape = [view.mask.height, view.mask.width, 1];
+    let mask_path = file(MASK);
+    npy::write_i32(&mut labels, &shape, view.mask.data.iter().map(|&m| (m != 0) as i32))
+        .map_err(|e| WriteViewsError::new(&mask_path, e))?;
+    put(&mask_path, &labels)?;
+    if let Some(depth) = &view.depth {
+        let path = file("_depth.exr");
+        mesh_core::write_depth(&path, depth).map_err(|e| WriteViewsError::new(&path, e))?;
+    }
+    put(&metadata_path, metadata.to_string().as_bytes())
+}
+
+impl Views {
+    /// Whether the views came from kaolin's layout.
+    pub fn is_kaolin(&self) -> bool {
+        matches!(self.layout, Layout::KaolinFolder | Layout::KaolinZip)
+    }
+}

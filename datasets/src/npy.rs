@@ -1,0 +1,267 @@
+//! NumPy's `.npy` files of numbers: headers that are checked before anything is allocated.
+
+use std::io::Write;
+
+/// An array read from a `.npy` file, converted to `f32`, row-major.
+///
+/// Labels, masks and depths all fit: integers above 2^24 lose their last digits, which none of
+/// them needs.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct NpyArray {
+    /// Lengths of the axes.
+    pub(crate) shape: Vec<usize>,
+    /// As many values as the product of the axes.
+    pub(crate) data: Vec<f32>,
+}
+
+/// Why an array could not be read: the field of the header, what it says, what it may say.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct NpyError {
+    pub(crate) field: &'static str,
+    pub(crate) found: String,
+    pub(crate) expected: String,
+}
+
+const MAGIC: &[u8; 6] = b"\x93NUMPY";
+const DTYPES: &str =
+    "one of |b1, |i1, |u1, <i2, <u2, <i4, <u4, <i8, <u8, <f4, <f8 (or > for big-endian)";
+
+fn error(field: &'static str, found: impl ToString, expected: impl ToString) -> NpyError {
+    NpyError { field, found: found.to_string(), expected: expected.to_string() }
+}
+
+/// Reads an array whose axes are exactly one of `shapes`.
+///
+/// The shape is compared before the data is touched, and the data is a slice of `bytes`, so a
+/// header that claims terabytes costs nothing.
+pub(crate) fn read(bytes: &[u8], shapes: &[&[usize]]) -> Result<NpyArray, NpyError> {
+    let magic = "\\x93NUMPY and a version";
+    if bytes.len() < 10 || &bytes[..6] != MAGIC {
+        return Err(error("magic", "other bytes", magic));
+    }
+    let (length, start): (usize, usize) = match bytes[6] {
+        1 => (usize::from(u16::from_le_bytes([bytes[8], bytes[9]])), 10),
+        2 | 3 if bytes.len() >= 12 => {
+            (u32::from_le_bytes([bytes[8], bytes[9], bytes[10], bytes[11]]) as usize, 12)
+        }
+        other => return Err(error("version", other, "1, 2 or 3")),
+    };
+    let header =
+        start.checked_add(length).and_then(|end| bytes.get(start..end)).ok_or_else(|| {
+            error("header length", length, format!("at most {}", bytes.len() - start))
+        })?;
+    let header = String::from_utf8_lossy(header);
+    let descr = value_of(&header, "descr")
+        .ok_or_else(|| error("descr", "nothing", DTYPES))?
+        .trim_matches(['\'', '"'])
+        .to_owned();
+    let fortran = match value_of(&header, "fortran_order") {
+        Some("True") => true,
+        Some("False") => false,
+        other => return Err(error("fortran_order", other.unwrap_or("nothing"), "True or False")),
+    };
+    let shape_text = value_of(&header, "shape").unwrap_or("nothing");
+    let expected = || shapes.iter().map(|s| format!("{s:?}")).collect::<Vec<_>>().join(" or ");
+    let shape = parse_shape(shape_text)
+        .filter(|shape| shapes.contains(&shape.as_slice()))
+        .ok_or_else(|| error("shape", shape_text, expected()))?;
+    let kind = Kind::parse(&descr).ok_or_else(|| error("descr", &descr, DTYPES))?;
+    let count: usize = shape.iter().product();
+    let data = &bytes[start + length..];
+    if data.len() != count * kind.size {
+        let wanted = format!("{} ({count} of {descr})", count * kind.size);
+        return Err(error("data, in bytes", data.len(), wanted));
+    }
+    let values: Vec<f32> = data.chunks_exact(kind.size).map(|b| kind.value(b)).collect();
+    let data = if fortran { transposed(&values, &shape) } else { values };
+    Ok(NpyArray { shape, data })
+}
+
+/// The text after `'key':` in a Python dict of literals, up to the comma that ends it.
+fn value_of<'a>(header: &'a str, key: &str) -> Option<&'a str> {
+    let at = header.find(&format!("'{key}'")).or_else(|| header.find(&format!("\"{key}\"")))?;
+    let rest = header[at + key.len() + 2..].trim_start().strip_prefix(':')?.trim_start();
+    let end = if rest.starts_with('(') {
+        rest.find(')')? + 1
+    } else {
+        rest.find([',', '}']).unwrap_or(rest.len())
+    };
+    Some(rest[..end].trim())
+}
+
+fn parse_shape(text: &str) -> Option<Vec<usize>> {
+    let inner = text.strip_prefix('(')?.strip_suffix(')')?;
+    inner
+        .split(',')
+        .map(str::trim)
+        .filter(|part| !part.is_empty())
+        .map(|part| part.parse().ok())
+        .collect()
+}
+
+/// How one number is stored.
+#[derive(Clone, Copy)]
+struct Kind {
+    big_endian: bool,
+    letter: u8,
+    size: usize,
+}
+
+impl Kind {
+    fn parse(descr: &str) -> Option<Self> {
+        let bytes = descr.as_bytes();
+        let (order, letter, size) = match bytes {
+            [order, letter, size] => (*order, *letter, size.checked_sub(b'0')? as usize),
+            _ => return None,
+        };
+        let known = match letter {
+            b'b' => size == 1,
+            b'i' | b'u' => matches!(size, 1 | 2 | 4 | 8),
+            b'f' => matches!(size, 4 | 8),
+            _ => false,
+        };
+        let ordered = matches!(order, b'<' | b'>' | b'=') || (order == b'|' && size == 1);
+        (known && ordered).then_some(Self { big_endian: order == b'>', letter, size })
+    }
+
+    fn value(self, bytes: &[u8]) -> f32 {
+        let mut raw = [0u8; 8];
+        for (k, &b) in bytes.iter().enumerate() {
+            raw[if self.big_endian { self.size - 1 - k } else { k }] = b;
+        }
+        let bits = u64::from_le_bytes(raw);
+        match (self.letter, self.size) {
+            (b'f', 4) => f32::from_bits(bits as u32),
+            (b'f', _) => f64::from_bits(bits) as f32,
+            (b'i', 1) => bits as i8 as f32,
+            (b'i', 2) => bits as i16 as f32,
+            (b'i', 4) => bits as i32 as f32,
+            (b'i', _) => bits as i64 as f32,
+            _ => bits as f32,
+        }
+    }
+}
+
+/// Fortran order to row-major.
+fn transposed(values: &[f32], shape: &[usize]) -> Vec<f32> {
+    let mut out = Vec::with_capacity(values.len());
+    let mut index = vec![0usize; shape.len()];
+    for _ in 0..values.len() {
+        let offset = index.iter().zip(shape).rev().fold(0, |at, (&i, &n)| at * n + i);
+        out.push(values[offset]);
+        for axis in (0..shape.len()).rev() {
+            index[axis] += 1;
+            if index[axis] < shape[axis] {
+                break;
+            }
+            index[axis] = 0;
+        }
+    }
+    out
+}
+
+/// Writes 32-bit integers, version 1.0, row-major, as kaolin's writer does.
+pub(crate) fn write_i32(
+    out: &mut impl Write,
+    shape: &[usize],
+    values: impl Iterator<Item = i32>,
+) -> std::io::Result<()> {
+    let axes = shape.iter().map(|n| format!("{n}, ")).collect::<String>();
+    let mut header =
+        format!("{{'descr': '<i4', 'fortran_order': False, 'shape': ({}), }}", axes.trim_end());
+    // The data starts at a multiple of 64 bytes, behind a newline.
+    let padding = (64 - (MAGIC.len() + 4 + header.len() + 1) % 64) % 64;
+    header.push_str(&" ".repeat(padding));
+    header.push('\n');
+    out.write_all(MAGIC)?;
+    out.write_all(&[1, 0])?;
+    out.write_all(&(header.len() as u16).to_le_bytes())?;
+    out.write_all(header.as_bytes())?;
+    let mut bytes = Vec::with_capacity(4 * shape.iter().product::<usize>());
+    values.for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+    out.write_all(&bytes)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn file(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+        let header =
+            format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}\n");
+        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+        bytes.extend_from_slice(&(header.len() as u16).to_le_bytes());
+        bytes.extend_from_slice(header.as_bytes());
+        bytes.extend_from_slice(data);
+        bytes
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let mut bytes = Vec::new();
+        write_i32(&mut bytes, &[2, 3, 1], 0..6).unwrap();
+        assert_eq!(bytes.len() % 64, 24);
+        let array = read(&bytes, &[&[2, 3], &[2, 3, 1]]).unwrap();
+        assert_eq!(array.shape, [2, 3, 1]);
+        assert_eq!(array.data, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+    }
+
+    #[test]
+    fn every_number_type_is_read() {
+        let one =
+            |descr: &str, data: &[u8]| read(&file(descr, "(1,)", data), &[&[1]]).unwrap().data[0];
+        assert_eq!(one("|b1", &[1]), 1.0);
+        assert_eq!(one("|i1", &[255]), -1.0);
+        assert_eq!(one("<i2", &(-300i16).to_le_bytes()), -300.0);
+        assert_eq!(one(">u2", &300u16.to_be_bytes()), 300.0);
+        assert_eq!(one("<i8", &(-5i64).to_le_bytes()), -5.0);
+        assert_eq!(one("<f4", &1.5f32.to_le_bytes()), 1.5);
+        assert_eq!(one(">f8", &(-2.5f64).to_be_bytes()), -2.5);
+    }
+
+    #[test]
+    fn fortran_order_is_turned_round() {
+        let bytes = file("|u1", "(2, 3)", &[0, 3, 1, 4, 2, 5]);
+        let text = String::from_utf8_lossy(&bytes)
+            .replace("'fortran_order': False", "'fortran_order': True ");
+        assert!(text.contains("True"));
+        let at = bytes.windows(5).position(|w| w == b"False").unwrap();
+        let mut bytes = bytes;
+        bytes[at..at + 5].copy_from_slice(b"True ");
+        assert_eq!(read(&bytes, &[&[2, 3]]).unwrap().data, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+    }
+
+    #[test]
+    fn each_mistake_names_its_field() {
+        let field = |bytes: &[u8]| read(bytes, &[&[2, 2]]).unwrap_err().field;
+        assert_eq!(field(b"PK"), "magic");
+        assert_eq!(field(&file("|u1", "(99999999999, 99999)", &[0; 4])), "shape");
+        assert_eq!(field(&file("<c8", "(2, 2)", &[0; 32])), "descr");
+        assert_eq!(field(&file("|O", "(2, 2)", &[0; 32])), "descr");
+        assert_eq!(field(&file("<i4", "(2, 2)", &[0; 15])), "data, in bytes");
+        let mut long = file("<i4", "(2, 2)", &[0; 16]);
+        long[8..10].copy_from_slice(&[255, 255]);
+        assert_eq!(field(&long), "header length");
+    }
+
+    proptest! {
+        #[test]
+        fn no_bytes_make_it_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+            let _ = read(&bytes, &[&[2, 2]]);
+            let mut dressed = b"\x93NUMPY\x01\x00".to_vec();
+            dressed.extend_from_slice(&bytes);
+            let _ = read(&dressed, &[&[2, 2]]);
+        }
+
+        #[test]
+        fn no_header_makes_it_panic(header in "[{}':,()a-z0-9<>|_ ]{0,80}", tail in 0usize..40) {
+            let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+            bytes.extend_from_slice(&(header.len() as u16).to_le_bytes());
+            bytes.extend_from_slice(header.as_bytes());
+            bytes.extend(std::iter::repeat_n(0, tail));
+            let _ = read(&bytes, &[&[2, 2]]);
+        }
+    }
+}

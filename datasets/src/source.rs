@@ -1,0 +1,204 @@
+//! A folder or a zip archive, read alike: names in, bytes out.
+
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use zip::ZipArchive;
+use zip::result::ZipError;
+
+use crate::error::{ReadViewsError, ViewsProblem};
+
+/// Where the files of a set of views come from. Names use `/` and are relative to the root.
+///
+/// Shared between threads; an archive is opened anew by every thread (see [`Source::open`]), so
+/// that entries decompress in parallel without a lock.
+#[derive(Debug)]
+pub(crate) struct Source {
+    /// The folder or the archive.
+    pub(crate) path: PathBuf,
+    /// Put before every name: the one folder at the root of an archive, with its slash, or nothing.
+    prefix: String,
+    /// The archive's entries; `None` for a folder.
+    entries: Option<BTreeSet<String>>,
+}
+
+/// A source opened by one thread.
+pub(crate) struct Opened<'a> {
+    source: &'a Source,
+    archive: Option<ZipArchive<BufReader<File>>>,
+}
+
+impl Source {
+    /// A folder.
+    pub(crate) fn folder(path: &Path) -> Self {
+        Self { path: path.to_owned(), prefix: String::new(), entries: None }
+    }
+
+    /// A zip archive; its table of contents is read once, here.
+    pub(crate) fn zip(path: &Path) -> Result<Self, ReadViewsError> {
+        let archive = open_archive(path)?;
+        let names: BTreeSet<String> = archive
+            .file_names()
+            .filter_map(Result::ok)
+            .filter(|name| !name.ends_with('/') && !is_clutter(name))
+            .map(String::from)
+            .collect();
+        Ok(Self { path: path.to_owned(), prefix: common_folder(&names), entries: Some(names) })
+    }
+
+    /// Whether the source is a zip archive.
+    pub(crate) fn is_zip(&self) -> bool {
+        self.entries.is_some()
+    }
+
+    /// Where a file is, for messages.
+    pub(crate) fn locate(&self, name: &str) -> PathBuf {
+        self.path.join(format!("{}{name}", self.prefix))
+    }
+
+    /// Names of the files at the root, sorted.
+    pub(crate) fn root_names(&self) -> Result<Vec<String>, ReadViewsError> {
+        let fail = |e: std::io::Error| ReadViewsError::new(&self.path, e);
+        match &self.entries {
+            Some(entries) => Ok(entries
+                .iter()
+                .filter_map(|name| name.strip_prefix(self.prefix.as_str()))
+                .filter(|name| !name.contains('/'))
+                .map(String::from)
+                .collect()),
+            None => {
+                let mut names = BTreeSet::new();
+                for entry in std::fs::read_dir(&self.path).map_err(fail)? {
+                    let entry = entry.map_err(fail)?;
+                    // Names that are not text belong to no layout.
+                    if let Ok(name) = entry.file_name().into_string() {
+                        names.insert(name);
+                    }
+                }
+                Ok(names.into_iter().collect())
+            }
+        }
+    }
+
+    /// Whether the file exists.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        match &self.entries {
+            Some(entries) => entries.contains(&format!("{}{}", self.prefix, tidy(name))),
+            None => self.path.join(name).is_file(),
+        }
+    }
+
+    /// Opens the source for one thread.
+    pub(crate) fn open(&self) -> Result<Opened<'_>, ReadViewsError> {
+        let archive = if self.is_zip() { Some(open_archive(&self.path)?) } else { None };
+        Ok(Opened { source: self, archive })
+    }
+}
+
+impl Opened<'_> {
+    /// The bytes of a file, of which there may be at most `limit`.
+    ///
+    /// What an entry claims about its size is believed only when it refuses; the limit also holds
+    /// for what really comes out, so that neither a forged header nor a bomb takes the memory.
+    pub(crate) fn read(
+        &mut self,
+        name: &str,
+        field: &str,
+        limit: u64,
+    ) -> Result<Vec<u8>, ReadViewsError> {
+        let path = self.source.locate(&tidy(name));
+        let too_large = |found| ViewsProblem::TooLarge { field: field.to_owned(), found, limit };
+        let mut bytes = Vec::new();
+        let claimed = match &mut self.archive {
+            Some(archive) => {
+                let entry = format!("{}{}", self.source.prefix, tidy(name));
+                let mut file = match archive.by_name(&entry) {
+                    Ok(file) => file,
+                    Err(ZipError::FileNotFound) => {
+                        return Err(ReadViewsError::new(path, missing(field)));
+                    }
+                    Err(error) => return Err(ReadViewsError::new(path, error)),
+                };
+                let claimed = file.size();
+                if claimed <= limit {
+                    file.by_ref()
+                        .take(limit + 1)
+                        .read_to_end(&mut bytes)
+                        .map_err(|e| ReadViewsError::new(&path, e))?;
+                }
+                claimed
+            }
+            None => {
+                let file = File::open(self.source.path.join(name)).map_err(|e| {
+                    if e.kind() == std::io::ErrorKind::NotFound {
+                        ReadViewsError::new(&path, missing(field))
+                    } else {
+                        ReadViewsError::new(&path, e)
+                    }
+                })?;
+                let claimed = file.metadata().map_err(|e| ReadViewsError::new(&path, e))?.len();
+                if claimed <= limit {
+                    file.take(limit + 1)
+                        .read_to_end(&mut bytes)
+                        .map_err(|e| ReadViewsError::new(&path, e))?;
+                }
+                claimed
+            }
+        };
+        let found = claimed.max(bytes.len() as u64);
+        if found > limit {
+            return Err(ReadViewsError::new(path, too_large(found)));
+        }
+        Ok(bytes)
+    }
+}
+
+fn missing(field: &str) -> ViewsProblem {
+    ViewsProblem::Missing { wanted_by: format!("the {field} is read from it") }
+}
+
+fn open_archive(path: &Path) -> Result<ZipArchive<BufReader<File>>, ReadViewsError> {
+    let file = File::open(path).map_err(|e| ReadViewsError::new(path, e))?;
+    ZipArchive::new(BufReader::new(file)).map_err(|e| ReadViewsError::new(path, e))
+}
+
+/// What archivers add of their own.
+fn is_clutter(name: &str) -> bool {
+    name.starts_with("__MACOSX/") || name.ends_with(".DS_Store")
+}
+
+/// A name without `./`, for archives, whose names are compared as text.
+fn tidy(name: &str) -> String {
+    name.replace('\\', "/").trim_start_matches("./").to_owned()
+}
+
+/// The folder that every name is in, with its slash; empty where there is none.
+fn common_folder(names: &BTreeSet<String>) -> String {
+    let mut prefix = String::new();
+    loop {
+        let rest = |name: &str| name.strip_prefix(prefix.as_str()).map(str::to_owned);
+        let Some(first) = names.iter().next().and_then(|n| rest(n)) else { return prefix };
+        let Some(slash) = first.find('/') else { return prefix };
+        let longer = format!("{prefix}{}", &first[..=slash]);
+        if !names.iter().all(|name| name.starts_with(&longer)) {
+            return prefix;
+        }
+        prefix = longer;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_folder_that_all_entries_share_is_found() {
+        let set = |names: &[&str]| names.iter().map(|&n| n.to_owned()).collect();
+        assert_eq!(common_folder(&set(&["a/b/1", "a/b/2"])), "a/b/");
+        assert_eq!(common_folder(&set(&["a/1", "b/2"])), "");
+        assert_eq!(common_folder(&set(&["1", "a/2"])), "");
+        assert_eq!(common_folder(&set(&[])), "");
+    }
+}

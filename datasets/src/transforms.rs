@@ -1,0 +1,296 @@
+//! NeRF's and nerfstudio's `transforms.json`.
+
+use std::path::Path;
+
+use mesh_core::io::write_atomic;
+use mesh_core::{Camera, Lens, encode_png};
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use crate::assemble::{assemble, mask_from_picture, read_picture};
+use crate::depth;
+use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
+use crate::json::{Node, parse};
+use crate::options::{MaskSource, ReadOptions};
+use crate::read::{Pending, Reading};
+use crate::source::{Opened, Source};
+use crate::view::{Layout, View};
+
+/// The one file of instant-ngp and nerfstudio, or the three of NeRF-synthetic.
+const WHOLE: &str = "transforms.json";
+const SPLITS: [&str; 3] = ["transforms_train.json", "transforms_val.json", "transforms_test.json"];
+/// Longer than any file of poses, shorter than what would fill the memory.
+const JSON_BYTES: u64 = 1 << 28;
+/// What `file_path` may leave away.
+const EXTENSIONS: [&str; 6] = ["", ".png", ".jpg", ".jpeg", ".PNG", ".JPG"];
+/// Every coefficient of lens distortion that nerfstudio writes.
+const DISTORTION: [&str; 6] = ["k1", "k2", "k3", "k4", "p1", "p2"];
+
+/// The files of poses among names: the whole one, or those of the split that are there.
+pub(crate) fn files_among(names: &[String]) -> Vec<String> {
+    let has = |wanted: &&str| names.iter().any(|name| name == wanted);
+    let whole: Vec<&str> = [WHOLE].into_iter().filter(has).collect();
+    let found = if whole.is_empty() { SPLITS.into_iter().filter(has).collect() } else { whole };
+    found.into_iter().map(String::from).collect()
+}
+
+/// The frames of all files, in their order.
+pub(crate) fn list<'a>(
+    source: &'a Source,
+    files: &[String],
+    options: &'a ReadOptions,
+) -> Result<Reading<'a>, ReadViewsError> {
+    let mut opened = source.open()?;
+    let mut pending: Vec<Pending<'a>> = Vec::new();
+    let mut warnings = Vec::new();
+    for file in files {
+        let path = source.locate(file);
+        let value = parse(&opened.read(file, "poses", JSON_BYTES)?, &path)?;
+        let root = Node::root(&value, &path);
+        for node in root.need("frames")?.elements()? {
+            let frame = Frame::new(&root, &node)?;
+            match frame.image_in(source) {
+                Ok(image) => pending
+                    .push(Box::new(move |opened| frame.read(source, opened, &image, options))),
+                Err(error) if options.allow_missing => {
+                    warnings.push(format!("view {} is left out: {error}", frame.name));
+                }
+                Err(error) => return Err(error),
+            }
+        }
+    }
+    Ok(Reading { layout: Layout::Transforms, pending, warnings, poses: "transform_matrix" })
+}
+
+/// What the JSON says about one frame, checked, before its picture is read.
+struct Frame {
+    /// The JSON file.
+    file: std::path::PathBuf,
+    /// The frame's place in it.
+    field: String,
+    name: String,
+    image: String,
+    mask: Option<String>,
+    depth: Option<String>,
+    pose: [[f64; 4]; 4],
+    focal: Focal,
+    principal: [Option<f64>; 2],
+    /// The size that the intrinsics are for.
+    size: [Option<usize>; 2],
+}
+
+/// How the focal length is given.
+#[derive(Clone, Copy)]
+enum Focal {
+    /// Pixels along x, and along y where it differs.
+    Pixels(f64, Option<f64>),
+    /// Full angles of view: along x, and along y where it is given.
+    Angle(f64, Option<f64>),
+}
+
+impl Frame {
+    fn new(root: &Node<'_>, frame: &Node<'_>) -> Result<Self, ReadViewsError> {
+        // A frame's own value wins over that of the whole file.
+        let field = |key: &str| frame.get(key).or_else(|| root.get(key));
+        for key in DISTORTION {
+            if let Some(node) = field(key)
+                && node.number()? != 0.0
+            {
+                return Err(node
+                    .wrong("0: undistort the images first (COLMAP: `colmap image_undistorter`)"));
+            }
+        }
+        if let Some(model) = field("camera_model") {
+            let known = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"];
+            if !known.contains(&model.text()?.to_uppercase().as_str()) {
+                return Err(model.wrong("OPENCV or PINHOLE without distortion"));
+            }
+        }
+        let positive = |key: &str| field(key).map(|node| node.positive()).transpose();
+        let angle = |key: &str| -> Result<Option<f64>, ReadViewsError> {
+            let Some(node) = field(key) else { return Ok(None) };
+            let angle = node.positive()?;
+            if angle < std::f64::consts::PI {
+                Ok(Some(angle))
+            } else {
+                Err(node.wrong("an angle in radians, below pi"))
+            }
+        };
+        let focal = match (positive("fl_x")?, angle("camera_angle_x")?) {
+            (Some(fx), _) => Focal::Pixels(fx, positive("fl_y")?),
+            (None, Some(x)) => Focal::Angle(x, angle("camera_angle_y")?),
+            (None, None) => {
+                let expected = "fl_x in pixels or camera_angle_x in radians";
+                let field = format!("{}.fl_x", frame.field);
+                return Err(ReadViewsError::field(
+                    root.file(),
+                    field,
+                    "nothing, also not at the top level",
+                    expected,
+                ));
+            }
+        };
+        let number = |key: &str| field(key).map(|node| node.number()).transpose();
+        let pixels = |key: &str| field(key).map(|node| node.pixels()).transpose();
+        let text = |key: &str| -> Result<Option<String>, ReadViewsError> {
+            Ok(frame.get(key).map(|node| node.text().map(String::from)).transpose()?)
+        };
+        let image = frame.need("file_path")?.text()?.to_owned();
+        let clean = image.trim_start_matches("./");
+        let name = match clean.rsplit_once('.') {
+            Some((stem, extension)) if !stem.is_empty() && !extension.contains('/') => stem,
+            _ => clean,
+        };
+        Ok(Self {
+            file: root.file().to_owned(),
+            field: frame.field.clone(),
+            name: name.to_owned(),
+            mask: text("mask_path")?,
+            depth: text("depth_file_path")?,
+            pose: frame.need("transform_matrix")?.matrix()?,
+            focal,
+            principal: [number("cx")?, number("cy")?],
+            size: [pixels("w")?, pixels("h")?],
+            image,
+        })
+    }
+
+    /// The picture's name with the extension that `file_path` may have left away.
+    fn image_in(&self, source: &Source) -> Result<String, ReadViewsError> {
+        EXTENSIONS
+            .iter()
+            .map(|extension| format!("{}{extension}", self.image))
+            .find(|name| source.has(name))
+            .ok_or_else(|| {
+                let wanted_by = format!(
+                    "field `{}.file_path` of {} names it; put it back, or allow missing views",
+                    self.field,
+                    self.file.display()
+                );
+                let problem = ViewsProblem::Missing { wanted_by };
+                ReadViewsError::new(source.locate(&self.image), problem)
+            })
+    }
+
+    /// The mask file: the one that the frame names, or one of the same stem in `masks/`.
+    fn mask_in(&self, source: &Source) -> Result<Option<String>, ReadViewsError> {
+        if let Some(mask) = &self.mask {
+            if source.has(mask) {
+                return Ok(Some(mask.clone()));
+            }
+            let wanted_by =
+                format!("field `{}.mask_path` of {} names it", self.field, self.file.display());
+            let problem = ViewsProblem::Missing { wanted_by };
+            return Err(ReadViewsError::new(source.locate(mask), problem));
+        }
+        let stem = self.name.rsplit('/').next().unwrap_or(&self.name);
+        Ok(EXTENSIONS[1..]
+            .iter()
+            .map(|extension| format!("masks/{stem}{extension}"))
+            .find(|name| source.has(name)))
+    }
+
+    fn read(
+        &self,
+        source: &Source,
+        opened: &mut Opened<'_>,
+        image: &str,
+        options: &ReadOptions,
+    ) -> Result<View, ReadViewsError> {
+        let picture = read_picture(opened, source.locate(image), image, "picture")?;
+        let camera = self.camera(picture.image.width, picture.image.height)?;
+        let mask = match options.mask {
+            MaskSource::Auto | MaskSource::Files => match self.mask_in(source)? {
+                Some(name) => {
+                    let mask = read_picture(opened, source.locate(&name), &name, "mask")?;
+                    Some((mask.path, mask_from_picture(&mask.image)))
+                }
+                None => None,
+            },
+            MaskSource::Alpha | MaskSource::Backdrop { .. } => None,
+        };
+        let depth = match &self.depth {
+            Some(name) if options.depth => {
+                depth::read(source, opened, std::slice::from_ref(name), &picture.image)?
+            }
+            _ => None,
+        };
+        assemble(self.name.clone(), picture, mask, camera, depth, options)
+    }
+
+    /// The camera for a picture of this size.
+    fn camera(&self, width: usize, height: usize) -> Result<Camera, ReadViewsError> {
+        let [w, h] = [self.size[0].unwrap_or(width), self.size[1].unwrap_or(height)];
+        if (w * height).abs_diff(h * width) > w.max(h) {
+            return Err(ReadViewsError::field(
+                &self.file,
+                format!("{}.w, h", self.field),
+                format!("{w}x{h}"),
+                format!("the shape of the picture, {width}x{height}"),
+            ));
+        }
+        let (fx, fy) = match self.focal {
+            Focal::Pixels(fx, fy) => (fx, fy.unwrap_or(fx)),
+            Focal::Angle(x, y) => {
+                let focal = |size: usize, angle: f64| size as f64 / (2.0 * (angle / 2.0).tan());
+                (focal(w, x), y.map_or(focal(w, x), |y| focal(h, y)))
+            }
+        };
+        let cx = self.principal[0].unwrap_or(w as f64 / 2.0);
+        let cy = self.principal[1].unwrap_or(h as f64 / 2.0);
+        let camera = Camera::from_opengl(self.pose, fx, fy, cx, cy, w, h);
+        camera.validate().map_err(|error| {
+            let field = format!("{}.transform_matrix", self.field);
+            ReadViewsError::new(&self.file, ViewsProblem::Camera { field, source: error })
+        })?;
+        // Pictures are often smaller than what the poses were found with.
+        Ok(if (w, h) == (width, height) { camera } else { camera.resized(width, height) })
+    }
+}
+
+/// Writes views as a `transforms.json` with `images/` and `masks/` beside it.
+///
+/// The folder is made where it does not exist; files of the same name are replaced, each
+/// atomically, the JSON last. Every frame carries its own intrinsics.
+///
+/// # Errors
+/// If a file cannot be written, or a camera has parallel rays, which the layout cannot say.
+pub fn write_transforms(views: &[View], folder: &Path) -> Result<(), WriteViewsError> {
+    let frames: Vec<Result<Value, WriteViewsError>> = views
+        .par_iter()
+        .enumerate()
+        .map(|(i, view)| {
+            let Lens::Perspective { fx, fy, cx, cy } = view.camera.lens else {
+                let problem = format!("view {}: parallel rays have no transforms.json", view.name);
+                return Err(WriteViewsError::new(&folder.join(WHOLE), problem));
+            };
+            let image = format!("images/{i:04}.png");
+            let mask = format!("masks/{i:04}.png");
+            put(&folder.join(&image), &encode_png(&view.color))?;
+            put(&folder.join(&mask), &encode_png(&view.mask))?;
+            let mut frame = json!({
+                "file_path": image,
+                "mask_path": mask,
+                "transform_matrix": view.camera.to_opengl(),
+                "fl_x": fx, "fl_y": fy, "cx": cx, "cy": cy,
+                "w": view.camera.width, "h": view.camera.height,
+            });
+            if let Some(depth) = &view.depth {
+                let name = format!("depth/{i:04}.exr");
+                put(&folder.join(&name), &mesh_core::encode_depth(depth))?;
+                frame["depth_file_path"] = Value::from(name);
+            }
+            Ok(frame)
+        })
+        .collect();
+    let frames = frames.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let text = json!({ "camera_model": "PINHOLE", "frames": frames }).to_string();
+    put(&folder.join(WHOLE), text.as_bytes())
+}
+
+fn put(path: &Path, bytes: &[u8]) -> Result<(), WriteViewsError> {
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(|e| WriteViewsError::new(folder, e))?;
+    }
+    write_atomic(path, |out| out.write_all(bytes)).map_err(|e| WriteViewsError::new(path, e))
+}
