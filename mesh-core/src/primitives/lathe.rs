@@ -1,6 +1,6 @@
 //! Surfaces of revolution around the Y axis, and the shapes that are special cases of them.
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 use crate::TriMesh;
 use crate::vector::narrow;
@@ -128,6 +128,8 @@ fn assert_positive(shape: &str, sizes: &[f32]) {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::super::tests::assert_sound;
     use super::*;
 
