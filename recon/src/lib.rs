@@ -1,1 +1,5 @@
-//! recon
+//! Reconstruction of meshes from images: the systems, their training and their reports.
+
+pub mod output;
+pub mod report;
+pub mod turntable;

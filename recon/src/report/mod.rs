@@ -1,0 +1,227 @@
+//! The report of a reconstruction: one HTML page that carries everything it shows.
+//!
+//! The page holds the mesh in a small WebGL viewer, the model above the truth for chosen views,
+//! charts, figures and the command that made it. It loads nothing, so it can be mailed or archived.
+
+mod chart;
+mod scene;
+
+pub use chart::{Chart, Series};
+
+use std::fmt::Write as _;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD as BASE64;
+use mesh_core::{ByteImage, TriMesh, encode_png};
+
+const STYLE: &str = include_str!("page.css");
+const VIEWER: &str = include_str!("viewer.js");
+
+/// What a report shows, top to bottom.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// The heading.
+    pub title: String,
+    /// One or two sentences under the heading.
+    pub summary: String,
+    /// The command that made all this, as it was typed.
+    pub command: String,
+    /// The mesh of the viewer, in the user's coordinates.
+    pub mesh: TriMesh,
+    /// The numbers that matter most.
+    pub figures: Vec<Figure>,
+    /// Things that the reader should know before trusting the figures.
+    pub warnings: Vec<String>,
+    /// The model above the truth, view by view.
+    pub views: Vec<ViewPair>,
+    /// Curves over the course of the run.
+    pub charts: Vec<Chart>,
+    /// Everything else.
+    pub tables: Vec<Table>,
+    /// An animated GIF, shown where WebGL is missing.
+    pub turntable: Option<Vec<u8>>,
+}
+
+/// A number worth a card of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// The value as it is to be read, with its unit.
+    pub value: String,
+    /// What it measures.
+    pub label: String,
+}
+
+/// One view: what the model looks like from there and what the photograph shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewPair {
+    /// The caption, for example the view's name and its scores.
+    pub caption: String,
+    /// The render.
+    pub model: ByteImage,
+    /// The photograph, of the same size.
+    pub truth: ByteImage,
+}
+
+/// A table of two columns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// The heading.
+    pub title: String,
+    /// Names and values.
+    pub rows: Vec<(String, String)>,
+}
+
+impl Report {
+    /// The page.
+    ///
+    /// Its size is that of the mesh (about 60 bytes a vertex in all) and the PNGs; pictures should be
+    /// at most a few hundred pixels wide. All texts are escaped.
+    pub fn to_html(&self) -> String {
+        let mut page = String::with_capacity(1 << 20);
+        let _ = write!(
+            page,
+            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
+             <link rel=\"icon\" href=\"data:,\"><title>{title}</title>\n<style>\n{STYLE}</style></head>\n<body><main>\
+             <h1>{title}</h1><p class=\"lead\">{summary}</p>",
+            title = escape(&self.title),
+            summary = escape(&self.summary)
+        );
+        for warning in &self.warnings {
+            let _ = write!(page, "<p class=\"warn\">{}</p>", escape(warning));
+        }
+        page.push_str("<div class=\"top\"><div>");
+        self.write_viewer(&mut page);
+        page.push_str("</div><div>");
+        self.write_figures(&mut page);
+        let _ = write!(page, "<pre>{}</pre>", escape(&self.command));
+        page.push_str("</div></div>");
+        self.write_views(&mut page);
+        self.write_charts(&mut page);
+        for table in &self.tables {
+            write_table(table, &mut page);
+        }
+        let _ = write!(
+            page,
+            "</main>\n<script type=\"application/json\" id=\"scene\">{}</script>\n<script>\n{VIEWER}</script></body></html>\n",
+            scene::encode(&self.mesh)
+        );
+        page
+    }
+
+    fn write_viewer(&self, page: &mut String) {
+        page.push_str(
+            "<canvas id=\"viewer\" tabindex=\"0\" aria-label=\"The mesh; drag or use the arrow keys to turn it\"></canvas>",
+        );
+        if let Some(gif) = &self.turntable {
+            let _ = write!(
+                page,
+                "<img id=\"still\" hidden alt=\"The mesh turning\" src=\"data:image/gif;base64,{}\">",
+                BASE64.encode(gif)
+            );
+        }
+        page.push_str(
+            "<div class=\"controls\"><label>show <select id=\"shading\">\
+             <option value=\"0\">colours as fitted</option><option value=\"1\">colours, lit</option>\
+             <option value=\"2\">shape</option><option value=\"3\">normals</option></select></label>\
+             <label><input type=\"checkbox\" id=\"wires\"> edges</label>\
+             <label><input type=\"checkbox\" id=\"spin\"> turn</label>\
+             <span id=\"viewer-note\">Drag to turn, scroll to zoom.</span></div>",
+        );
+    }
+
+    fn write_figures(&self, page: &mut String) {
+        page.push_str("<div class=\"cards\">");
+        for figure in &self.figures {
+            let _ = write!(
+                page,
+                "<div class=\"card\"><b>{}</b><span>{}</span></div>",
+                escape(&figure.value),
+                escape(&figure.label)
+            );
+        }
+        page.push_str("</div>");
+    }
+
+    fn write_views(&self, page: &mut String) {
+        if self.views.is_empty() {
+            return;
+        }
+        page.push_str("<h2>Model above truth</h2><div class=\"views\">");
+        for view in &self.views {
+            let _ = write!(
+                page,
+                "<figure><img alt=\"model, {caption}\" src=\"{}\"><img alt=\"truth, {caption}\" src=\"{}\">\
+                 <figcaption>{caption}</figcaption></figure>",
+                png_uri(&view.model),
+                png_uri(&view.truth),
+                caption = escape(&view.caption)
+            );
+        }
+        page.push_str("</div>");
+    }
+
+    fn write_charts(&self, page: &mut String) {
+        if self.charts.is_empty() {
+            return;
+        }
+        page.push_str("<h2>The course of the run</h2><div class=\"charts\">");
+        for chart in &self.charts {
+            page.push_str(&chart.to_svg());
+        }
+        page.push_str("</div>");
+    }
+}
+
+fn write_table(table: &Table, page: &mut String) {
+    let _ = write!(page, "<h2>{}</h2><table>", escape(&table.title));
+    for (name, value) in &table.rows {
+        let _ = write!(page, "<tr><th>{}</th><td>{}</td></tr>", escape(name), escape(value));
+    }
+    page.push_str("</table>");
+}
+
+fn png_uri(image: &ByteImage) -> String {
+    format!("data:image/png;base64,{}", BASE64.encode(encode_png(image)))
+}
+
+/// A text as it may stand in HTML, between tags or in a quoted attribute.
+pub(crate) fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_cannot_leave_their_place() {
+        let report = Report {
+            title: "</title><script>alert(1)</script>".into(),
+            command: "unsphere fit \"<a b>\"".into(),
+            mesh: mesh_core::primitives::icosphere(1),
+            ..Report::default()
+        };
+        let page = report.to_html();
+        assert!(!page.contains("<script>alert"));
+        assert!(page.contains("unsphere fit &quot;&lt;a b&gt;&quot;"));
+    }
+
+    #[test]
+    fn the_page_asks_for_nothing_from_outside() {
+        let report = Report { mesh: mesh_core::primitives::icosphere(2), ..Report::default() };
+        let page = report.to_html();
+        assert!(!page.contains("http://") && !page.contains("https://"));
+    }
+}
