@@ -1,1 +1,70 @@
-//! losses
+//! Losses and metrics for meshes, masks, images and point sets.
+//!
+//! A loss is a function of [`Var`](autodiff_lite::Var)s that returns a scalar with a gradient; mesh topology is passed beside it as
+//! plain slices. A metric is a function of plain meshes, images and point sets, summed in `f64`.
+//!
+//! ```
+//! use autodiff_lite::Tape;
+//! use mesh_core::{Topology, primitives::icosphere};
+//!
+//! let ball = icosphere(2);
+//! let topology = Topology::new(ball.positions.len(), &ball.faces);
+//!
+//! let tape = Tape::<f32>::train(0);
+//! let flat: Vec<f32> = ball.positions.as_flattened().to_vec();
+//! let positions = tape.leaf(ndarray::Array2::from_shape_vec((ball.positions.len(), 3), flat)?);
+//! let smooth = losses::laplacian_norm(positions, &topology.vertex_vertices);
+//! let short = losses::edge_length(positions, &topology.edges, 0.0);
+//! let loss = smooth.scale(0.1).add(short);
+//! let gradient = loss.backward();
+//! assert_eq!(gradient.wrt(positions).unwrap().shape(), [162, 3]);
+//! # Ok::<(), ndarray::ShapeError>(())
+//! ```
+//!
+//! # Losses
+//! | for | use |
+//! |---|---|
+//! | images | [`l1`], [`l2`] (with a mask if wanted), [`ssim_loss`] |
+//! | silhouettes | [`mask_iou`], [`mask_bce`] (and [`l2`]) |
+//! | flat, unfolded surfaces | [`face_angle`], [`normal_consistency`] |
+//! | even, smooth surfaces | [`edge_length`], [`edge_length_sum`], [`laplacian_squared`], [`laplacian_norm`] |
+//! | small deformations | [`deformation_norm`] |
+//! | point sets | [`chamfer`], [`chamfer_distance`] and [`chamfer_normals`] over [`Matches`] |
+//! | geometry that carries gradients | [`vertex_normals`], [`face_normals`], [`surface_points`] |
+//!
+//! # Metrics
+//! [`metrics`] compares images, masks, point sets and meshes; two meshes are compared under a named
+//! protocol that is part of the report.
+//!
+//! # Conventions
+//! Batches come first and features last: vertices `[V, 3]` or `[N, V, 3]`, images `[N, H, W, C]`. A batch
+//! is averaged. Wrong shapes panic at the caller. All results are the same for any number of threads. No
+//! second derivatives.
+//!
+//! # What this crate does not do
+//! It weighs no losses against each other, draws no samples (mesh-core does) and renders nothing
+//! (diff-raster does).
+
+pub mod kernels;
+pub mod metrics;
+
+mod chamfer;
+mod deformation;
+mod edge;
+mod face_angle;
+mod geometry;
+mod image;
+mod laplacian;
+mod mask;
+mod scalar;
+mod ssim;
+
+pub use chamfer::{Directions, Matches, chamfer, chamfer_distance, chamfer_normals};
+pub use deformation::deformation_norm;
+pub use edge::{edge_length, edge_length_sum};
+pub use face_angle::{face_angle, normal_consistency};
+pub use geometry::{face_normals, surface_points, vertex_normals};
+pub use image::{l1, l2};
+pub use laplacian::{laplacian_norm, laplacian_squared};
+pub use mask::{mask_bce, mask_iou};
+pub use ssim::ssim_loss;

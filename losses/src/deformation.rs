@@ -1,0 +1,37 @@
+//! Deformation size: vertices should not move further than they must.
+
+use autodiff_lite::{CONTIGUOUS, Real, Var};
+
+use crate::kernels::vec3::{dot, points, points_mut, scale};
+use crate::scalar::{record, vertices, wanted};
+
+/// The mean length of the offsets, `(1/(N V)) Σ ‖Δv‖`.
+///
+/// # Shapes
+/// `offsets [V, 3]` or `[N, V, 3]` → a scalar, in the units of the offsets.
+/// # Gradient
+/// Zero at an offset of zero.
+/// # Panics
+/// If the shape is another.
+/// # References
+/// Simoni et al. 2021, *Multi-Category Mesh Reconstruction From Image Collections* (deformation loss).
+#[track_caller]
+pub fn deformation_norm<'t, F: Real>(offsets: Var<'t, F>) -> Var<'t, F> {
+    let [n, v] = vertices("deformation_norm", "offsets", offsets);
+    let count = (n * v).max(1) as f64;
+    let weight = F::from_f64(1.0 / count);
+    let value = offsets.value();
+    let value = value.as_slice().expect(CONTIGUOUS);
+    let mut gradient = wanted(offsets);
+    let mut total = 0.0;
+    for (i, &d) in points(value).iter().enumerate() {
+        let length = dot(d, d).sqrt();
+        total += Real::to_f64(length);
+        if let Some(gradient) = &mut gradient
+            && length > F::zero()
+        {
+            points_mut(gradient)[i] = scale(d, weight / length);
+        }
+    }
+    record("deformation_norm", [offsets], total / count, [gradient])
+}

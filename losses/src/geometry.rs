@@ -1,0 +1,220 @@
+//! Differentiable geometry: normals of faces and vertices, and points on the surface.
+//!
+//! The plain twins, over meshes without a tape, are in mesh-core. A surface point is drawn there as a face
+//! and three weights; [`surface_points`] makes it follow the vertices.
+
+use autodiff_lite::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Tape, Var};
+use mesh_core::SurfacePoint;
+
+use crate::kernels::vec3::{
+    accumulate, add, area_vector, area_vector_grad, points, points_mut, scale, unit, unit_grad,
+};
+use crate::scalar::vertices;
+
+/// The unit normals of the faces, along `(b - a) × (c - a)`.
+///
+/// # Shapes
+/// `positions [V, 3]` or `[N, V, 3]`, `faces [F]` → `[F, 3]` or `[N, F, 3]`.
+/// # Gradient
+/// A face of (nearly) no area has a normal shorter than one, and a finite slope.
+/// # Cost
+/// `O(N F)`; backward computes the normals again.
+/// # Panics
+/// If the shape is another, or a face names a vertex that does not exist.
+#[track_caller]
+pub fn face_normals<'t, F: Real>(positions: Var<'t, F>, faces: &[[u32; 3]]) -> Var<'t, F> {
+    normals("face_normals", positions, faces, Site::Face)
+}
+
+/// The unit normals of the vertices: the mean of the faces around, weighted by their area.
+///
+/// # Shapes
+/// `positions [V, 3]` or `[N, V, 3]`, `faces [F]` → the shape of `positions`. A vertex without faces gets
+/// zero.
+/// # Gradient
+/// Finite also where the faces around cancel.
+/// # Cost
+/// `O(N (V + F))`; backward computes the sums again.
+/// # Panics
+/// If the shape is another, or a face names a vertex that does not exist.
+#[track_caller]
+pub fn vertex_normals<'t, F: Real>(positions: Var<'t, F>, faces: &[[u32; 3]]) -> Var<'t, F> {
+    normals("vertex_normals", positions, faces, Site::Vertex)
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Site {
+    Face,
+    Vertex,
+}
+
+#[track_caller]
+fn normals<'t, F: Real>(
+    name: &'static str,
+    positions: Var<'t, F>,
+    faces: &[[u32; 3]],
+    site: Site,
+) -> Var<'t, F> {
+    let [_, v] = vertices(name, "positions", positions);
+    let tape = positions.tape();
+    let mut shape = positions.shape();
+    if site == Site::Face {
+        let axis = shape.len() - 2;
+        shape[axis] = faces.len();
+    }
+    let count = shape[shape.len() - 2];
+    let value = positions.value();
+    let mut normals = tape.array(&shape);
+    let out = points_mut(normals.as_slice_mut().expect(CONTIGUOUS));
+    if count > 0 {
+        let meshes = points(value.as_slice().expect(CONTIGUOUS)).chunks(v.max(1));
+        for (mesh, out) in meshes.zip(out.chunks_mut(count)) {
+            sums(mesh, faces, site, out);
+            for normal in out {
+                (*normal, _) = unit(*normal);
+            }
+        }
+    }
+    tape.record(&[positions], normals, Normals { faces: flat(tape, faces), v, site })
+}
+
+/// The area vectors of the faces, or their sums around the vertices.
+fn sums<F: Real>(mesh: &[[F; 3]], faces: &[[u32; 3]], site: Site, out: &mut [[F; 3]]) {
+    match site {
+        Site::Face => {
+            for (out, &face) in out.iter_mut().zip(faces) {
+                *out = area_vector(mesh, face);
+            }
+        }
+        Site::Vertex => {
+            out.fill([F::zero(); 3]);
+            for &face in faces {
+                let area = area_vector(mesh, face);
+                for corner in face {
+                    accumulate(&mut out[corner as usize], area);
+                }
+            }
+        }
+    }
+}
+
+/// A copy of the faces in memory of the tape, for backward.
+fn flat<F: Real>(tape: &Tape<F>, faces: &[[u32; 3]]) -> PoolVec<u32> {
+    let mut copy = tape.indices(3 * faces.len());
+    copy.copy_from_slice(faces.as_flattened());
+    copy
+}
+
+struct Normals {
+    faces: PoolVec<u32>,
+    v: usize,
+    site: Site,
+}
+
+impl<F: Real> Op<F> for Normals {
+    fn name(&self) -> &'static str {
+        match self.site {
+            Site::Face => "face_normals",
+            Site::Vertex => "vertex_normals",
+        }
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let faces = self.faces.as_chunks::<3>().0;
+        let count = if self.site == Site::Face { faces.len() } else { self.v };
+        if count == 0 || self.v == 0 {
+            return;
+        }
+        let (positions, grad) = (cx.input(0), cx.grad_out());
+        let meshes = points(positions.as_slice().expect(CONTIGUOUS)).chunks(self.v);
+        let grads = points(grad.as_slice().expect(CONTIGUOUS)).chunks(count);
+        let mut pulls = cx.scratch(3 * count);
+        let pulls = points_mut(&mut pulls);
+        for (k, (mesh, grads)) in meshes.zip(grads).enumerate() {
+            sums(mesh, faces, self.site, pulls);
+            for (pull, &g) in pulls.iter_mut().zip(grads) {
+                let (normal, inverse) = unit(*pull);
+                *pull = unit_grad(normal, inverse, g);
+            }
+            let out = &mut points_mut(cx.grad_slice_mut(0))[k * self.v..(k + 1) * self.v];
+            for (f, &face) in faces.iter().enumerate() {
+                let pull = match self.site {
+                    Site::Face => pulls[f],
+                    Site::Vertex => {
+                        let [a, b, c] = face.map(|v| pulls[v as usize]);
+                        add(a, add(b, c))
+                    }
+                };
+                area_vector_grad(mesh, face, pull, out);
+            }
+        }
+    }
+}
+
+/// The positions of points on the surface, following the vertices.
+///
+/// ```text
+/// p = w_0 v_a + w_1 v_b + w_2 v_c
+/// ```
+///
+/// # Shapes
+/// `positions [V, 3]`, `faces [F]`, `samples [P]` (from `mesh_core::sample_surface`) → `[P, 3]`.
+/// # Gradient
+/// To the vertices; the choice of faces and weights counts as fixed.
+/// # Cost
+/// `O(P)`.
+/// # Panics
+/// If the shape is another, or an index is out of range.
+#[track_caller]
+pub fn surface_points<'t, F: Real>(
+    positions: Var<'t, F>,
+    faces: &[[u32; 3]],
+    samples: &[SurfacePoint],
+) -> Var<'t, F> {
+    let name = "surface_points";
+    let tape = positions.tape();
+    let shape = positions.shape();
+    if shape.len() != 2 || shape[1] != 3 {
+        ShapeError::new(name, "one set of vertices expected")
+            .operand("positions", &shape, "V, 3")
+            .at(tape.path())
+            .panic();
+    }
+    let value = positions.value();
+    let mesh = points(value.as_slice().expect(CONTIGUOUS));
+    let mut out = tape.array(&[samples.len(), 3]);
+    let found = points_mut(out.as_slice_mut().expect(CONTIGUOUS));
+    let mut corners = tape.indices(3 * samples.len());
+    let mut weights = tape.buffer(3 * samples.len());
+    let kept = corners.as_chunks_mut::<3>().0.iter_mut().zip(points_mut(&mut weights));
+    for ((found, sample), (corners, weights)) in found.iter_mut().zip(samples).zip(kept) {
+        *corners = faces[sample.face as usize];
+        *weights = sample.barycentric.map(|w| F::from_f64(f64::from(w)));
+        let [a, b, c] = corners.map(|v| mesh[v as usize]);
+        *found = add(scale(a, weights[0]), add(scale(b, weights[1]), scale(c, weights[2])));
+    }
+    tape.record(&[positions], out, SurfacePoints { corners, weights })
+}
+
+struct SurfacePoints<F: Real> {
+    corners: PoolVec<u32>,
+    weights: PoolVec<F>,
+}
+
+impl<F: Real> Op<F> for SurfacePoints<F> {
+    fn name(&self) -> &'static str {
+        "surface_points"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let grad = cx.grad_out();
+        let out = points_mut(cx.grad_slice_mut(0));
+        let corners = self.corners.as_chunks::<3>().0;
+        let grads = points(grad.as_slice().expect(CONTIGUOUS));
+        for ((corners, weights), &g) in corners.iter().zip(points(&self.weights)).zip(grads) {
+            for (&v, &w) in corners.iter().zip(weights) {
+                accumulate(&mut out[v as usize], scale(g, w));
+            }
+        }
+    }
+}

@@ -1,0 +1,7 @@
+//! Plain slices in, plain slices out; no tape.
+
+pub mod chunks;
+pub mod compare;
+pub mod matching;
+pub mod ssim;
+pub mod vec3;

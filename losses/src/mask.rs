@@ -1,0 +1,156 @@
+//! Losses between a soft silhouette and a mask.
+
+use autodiff_lite::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Var};
+
+use crate::kernels::compare;
+use crate::scalar::{same_shape, scalar, seed};
+
+/// Keeps the quotient finite when both masks are empty.
+const EPSILON: f64 = 1e-10;
+
+/// One minus the soft intersection over union, averaged over the batch.
+///
+/// ```text
+/// 1 - (1/N) Σ_n  Σ a b / (Σ (a + b - a b) + 1e-10)
+/// ```
+///
+/// # Shapes
+/// `prediction` and `target` of one shape, `[N, ..]` with values in `[0, 1]` → a scalar.
+/// # Gradient
+/// To both inputs.
+/// # Cost
+/// One read forward, one read and one write backward.
+/// # Panics
+/// If the shapes differ or have no axis.
+/// # References
+/// `kaolin.metrics.render.mask_iou`, the mask loss of DIB-R and img2mesh.
+///
+/// ```
+/// use autodiff_lite::Tape;
+/// let tape = Tape::<f64>::eval();
+/// let half = tape.constant(ndarray::arr2(&[[1.0, 1.0, 0.0, 0.0]]));
+/// let quarter = tape.constant(ndarray::arr2(&[[1.0, 0.0, 0.0, 0.0]]));
+/// assert!((losses::mask_iou(half, quarter).item() - 0.5).abs() < 1e-9);
+/// ```
+#[track_caller]
+pub fn mask_iou<'t, F: Real>(prediction: Var<'t, F>, target: Var<'t, F>) -> Var<'t, F> {
+    let name = "mask_iou";
+    let tape = prediction.tape();
+    same_shape(name, ["prediction", "target"], prediction, target);
+    let shape = prediction.shape();
+    let Some(&images) = shape.first() else {
+        ShapeError::new(name, "a batch axis expected").operand("prediction", &shape, "N, ..").panic();
+    };
+    let (a, b) = (prediction.value(), target.value());
+    let (a, b) = (a.as_slice().expect(CONTIGUOUS), b.as_slice().expect(CONTIGUOUS));
+    let len = (a.len() / images.max(1)).max(1);
+    let mut sums = tape.buffer(2 * images);
+    let mut total = 0.0;
+    for (n, (a, b)) in a.chunks(len).zip(b.chunks(len)).enumerate() {
+        let both = compare::sum(a, b, |a, b| a * b);
+        let either = compare::sum(a, b, |a, b| a + b - a * b) + EPSILON;
+        total += both / either;
+        sums[2 * n] = F::from_f64(both);
+        sums[2 * n + 1] = F::from_f64(either);
+    }
+    let value = scalar(tape, 1.0 - total / images.max(1) as f64);
+    tape.record(&[prediction, target], value, MaskIou { sums, len })
+}
+
+struct MaskIou<F: Real> {
+    /// Intersection and union of each image.
+    sums: PoolVec<F>,
+    /// Pixels of each image.
+    len: usize,
+}
+
+impl<F: Real> Op<F> for MaskIou<F> {
+    fn name(&self) -> &'static str {
+        "mask_iou"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let inputs = [cx.input(0), cx.input(1)];
+        let scale = -seed(cx) / F::from_f64((self.sums.len() / 2).max(1) as f64);
+        for i in 0..2 {
+            if !cx.needs(i) {
+                continue;
+            }
+            let mut gradient = cx.array(inputs[i].shape());
+            let out = gradient.as_slice_mut().expect(CONTIGUOUS);
+            let other = inputs[1 - i].as_slice().expect(CONTIGUOUS);
+            // d(I/U) = (b U - I (1 - b)) / U² = b (1/U + I/U²) - I/U²
+            for (n, (out, other)) in out.chunks_mut(self.len).zip(other.chunks(self.len)).enumerate() {
+                let (both, either) = (self.sums[2 * n], self.sums[2 * n + 1]);
+                let constant = scale * both / (either * either);
+                let slope = scale / either + constant;
+                compare::slopes(other, other, F::one(), out, |b, _| b * slope - constant);
+            }
+            cx.give(i, gradient);
+        }
+    }
+}
+
+/// Binary cross-entropy of probabilities, averaged over all values.
+///
+/// ```text
+/// -mean(t ln p + (1 - t) ln(1 - p))
+/// ```
+///
+/// Logarithms are cut off at -100, and the slope where `p (1 - p) < 1e-12`, so that `p` of exactly 0 or 1
+/// gives finite figures.
+///
+/// # Shapes
+/// `prediction` with values in `[0, 1]` and `target` of one shape → a scalar.
+/// # Gradient
+/// To `prediction` only; the target is data.
+/// # Panics
+/// If the shapes differ.
+/// # References
+/// The definition and both limits are those of PyTorch's `binary_cross_entropy`.
+#[track_caller]
+pub fn mask_bce<'t, F: Real>(prediction: Var<'t, F>, target: Var<'t, F>) -> Var<'t, F> {
+    let name = "mask_bce";
+    let tape = prediction.tape();
+    same_shape(name, ["prediction", "target"], prediction, target);
+    let (p, t) = (prediction.value(), target.value());
+    let (p, t) = (p.as_slice().expect(CONTIGUOUS), t.as_slice().expect(CONTIGUOUS));
+    let floor = F::from_f64(-100.0);
+    let total = compare::sum(p, t, |p, t| {
+        let (yes, no) = (p.ln(), (F::one() - p).ln());
+        let yes = if yes > floor { yes } else { floor };
+        let no = if no > floor { no } else { floor };
+        -(t * yes + (F::one() - t) * no)
+    });
+    let value = scalar(tape, total / p.len().max(1) as f64);
+    tape.record(&[prediction, target], value, MaskBce)
+}
+
+struct MaskBce;
+
+impl<F: Real> Op<F> for MaskBce {
+    fn name(&self) -> &'static str {
+        "mask_bce"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        if !cx.needs(0) {
+            return;
+        }
+        let (p, t) = (cx.input(0), cx.input(1));
+        let scale = seed(cx) / F::from_f64(p.len().max(1) as f64);
+        let least = F::from_f64(1e-12);
+        let mut gradient = cx.array(p.shape());
+        compare::slopes(
+            p.as_slice().expect(CONTIGUOUS),
+            t.as_slice().expect(CONTIGUOUS),
+            scale,
+            gradient.as_slice_mut().expect(CONTIGUOUS),
+            |p, t| {
+                let variance = p * (F::one() - p);
+                (p - t) / if variance > least { variance } else { least }
+            },
+        );
+        cx.give(0, gradient);
+    }
+}

@@ -1,0 +1,24 @@
+//! How good a result is: figures over plain images, masks, meshes and point sets; no gradients.
+//!
+//! - images: [`l1`], [`mse`], [`psnr`], [`psnr_inside`], [`ssim`]
+//! - masks: [`mask_iou`], [`overlap`]
+//! - point sets: [`point_distances`] and what follows from them ([`PointDistances`])
+//! - meshes: [`evaluate`] under a published [`Protocol`]; [`voxel_iou`], [`mcmr_iou`]
+//!
+//! Distances between the same two meshes differ between papers by factors of a thousand, because scale,
+//! squaring, and the number of points differ. So a figure is only ever given together with the
+//! [`Protocol`] that made it, and that protocol is part of the serialised [`Report`].
+
+mod image;
+mod mcmr;
+mod points;
+mod protocol;
+mod report;
+mod voxel;
+
+pub use image::{l1, mask_iou, mse, overlap, psnr, psnr_inside, ssim};
+pub use mcmr::{McmrAlignment, mcmr_iou};
+pub use points::{FScore, PointDistances, point_distances};
+pub use protocol::{Combination, IouProtocol, Normalisation, Points, Preset, Protocol, UnknownPreset};
+pub use report::{CompareError, Report, Role, evaluate};
+pub use voxel::voxel_iou;

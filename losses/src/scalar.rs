@@ -1,0 +1,92 @@
+//! Scalars on the tape, and scalars whose gradients were made together with their value.
+//!
+//! A loss of a mesh is one number from a few thousand vertices: computing its gradient in the same pass
+//! costs little more than the value, and the rule is then a single multiplication, which holds neither
+//! faces nor edges.
+
+use autodiff_lite::{Backward, Op, PoolVec, Real, ShapeError, Shapes, Tape, Tensor, Var};
+
+/// A tensor of no axes from the tape's pool.
+pub(crate) fn scalar<F: Real>(tape: &Tape<F>, value: f64) -> Tensor<F> {
+    let mut out = tape.array(&[]);
+    out.fill(F::from_f64(value));
+    out.into_shared()
+}
+
+/// A buffer of zeros for the gradient of `var`; `None` when nobody wants it.
+pub(crate) fn wanted<F: Real>(var: Var<'_, F>) -> Option<PoolVec<F>> {
+    var.tape().wants_grad(&[var]).then(|| {
+        let mut buffer = var.tape().buffer(var.len());
+        buffer.fill(F::zero());
+        buffer
+    })
+}
+
+/// Records a scalar with the gradients of its inputs.
+#[track_caller]
+pub(crate) fn record<'t, F: Real, const N: usize>(
+    name: &'static str,
+    inputs: [Var<'t, F>; N],
+    value: f64,
+    gradients: [Option<PoolVec<F>>; N],
+) -> Var<'t, F> {
+    let tape = inputs[0].tape();
+    tape.record(&inputs, scalar(tape, value), WithGradients { name, gradients })
+}
+
+struct WithGradients<F: Real, const N: usize> {
+    name: &'static str,
+    gradients: [Option<PoolVec<F>>; N],
+}
+
+impl<F: Real, const N: usize> Op<F> for WithGradients<F, N> {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let g = seed(cx);
+        for (i, gradient) in self.gradients.iter().enumerate() {
+            if let Some(gradient) = gradient {
+                for (out, &d) in cx.grad_slice_mut(i).iter_mut().zip(gradient.iter()) {
+                    *out += g * d;
+                }
+            }
+        }
+    }
+}
+
+/// The gradient that arrives at a scalar.
+pub(crate) fn seed<F: Real>(cx: &Backward<'_, F>) -> F {
+    cx.grad_out().first().copied().unwrap_or_else(F::zero)
+}
+
+/// How many meshes of how many vertices a `[V, 3]` or `[N, V, 3]` value holds.
+#[track_caller]
+pub(crate) fn vertices<F: Real>(op: &'static str, name: &str, var: Var<'_, F>) -> [usize; 2] {
+    let shape = var.shape();
+    let mut shapes = Shapes::of(op).at(var.tape().path());
+    let axes = if shape.len() == 2 {
+        shapes.axes(name, &shape, ["V", "3"]).map(|[v, d]| [1, v, d])
+    } else {
+        shapes.axes(name, &shape, ["N", "V", "3"])
+    };
+    match axes {
+        Ok([n, v, 3]) => [n, v],
+        Ok(_) => shapes.error("a vertex has three coordinates").panic(),
+        Err(error) => error.panic(),
+    }
+}
+
+/// Panics unless the two values have one shape.
+#[track_caller]
+pub(crate) fn same_shape<F: Real>(op: &'static str, names: [&str; 2], a: Var<'_, F>, b: Var<'_, F>) {
+    let (x, y) = (a.shape(), b.shape());
+    if x != y {
+        ShapeError::new(op, format!("{} and {} differ in shape", names[0], names[1]))
+            .operand(names[0], &x, "")
+            .operand(names[1], &y, "")
+            .at(a.tape().path())
+            .panic();
+    }
+}
