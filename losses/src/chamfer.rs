@@ -197,7 +197,8 @@ fn both_ways<'t, F: Real>(
         let mut at_x = at_x.as_mut().map(|g| &mut points_mut(g)[of_x.clone()]);
         let mut at_y = at_y.as_mut().map(|g| &mut points_mut(g)[of_y.clone()]);
         let (near_x, near_y) = (&matches.x_to_y[of_x], &matches.y_to_x[of_y]);
-        total += weight_x * one_way(a, b, near_x, weight_x, at_x.as_deref_mut(), at_y.as_deref_mut(), f);
+        total +=
+            weight_x * one_way(a, b, near_x, weight_x, at_x.as_deref_mut(), at_y.as_deref_mut(), f);
         total += weight_y * one_way(b, a, near_y, weight_y, at_y, at_x, f);
     }
     record(name, [x, y], total, [at_x, at_y])
@@ -234,11 +235,14 @@ fn one_way<F: Real>(
 fn sets<F: Real>(name: &'static str, x: Var<'_, F>, y: Var<'_, F>) -> [usize; 3] {
     let ([n, p], [m, q]) = (vertices(name, "x", x), vertices(name, "y", y));
     if n != m || (p == 0) != (q == 0) {
-        ShapeError::new(name, "two sets of points, or as many of the one as of the other, expected")
-            .operand("x", &x.shape(), "N, P, 3")
-            .operand("y", &y.shape(), "N, Q, 3")
-            .at(x.tape().path())
-            .panic();
+        ShapeError::new(
+            name,
+            "two sets of points, or as many of the one as of the other, expected",
+        )
+        .operand("x", &x.shape(), "N, P, 3")
+        .operand("y", &y.shape(), "N, Q, 3")
+        .at(x.tape().path())
+        .panic();
     }
     [n, p, q]
 }

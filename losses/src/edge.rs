@@ -48,7 +48,11 @@ pub fn edge_length_sum<'t, F: Real>(positions: Var<'t, F>, edges: &[[u32; 2]]) -
 /// # References
 /// `mesh_edge_loss` of PyTorch3D.
 #[track_caller]
-pub fn edge_length<'t, F: Real>(positions: Var<'t, F>, edges: &[[u32; 2]], target: f64) -> Var<'t, F> {
+pub fn edge_length<'t, F: Real>(
+    positions: Var<'t, F>,
+    edges: &[[u32; 2]],
+    target: f64,
+) -> Var<'t, F> {
     let [n, _] = vertices("edge_length", "positions", positions);
     let weight = 1.0 / (n.max(1) * edges.len().max(1)) as f64;
     let (goal, two) = (F::from_f64(target), F::one() + F::one());

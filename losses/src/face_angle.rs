@@ -4,8 +4,8 @@ use autodiff_lite::{CONTIGUOUS, PoolVec, Real, Var};
 use mesh_core::{FacePair, Topology};
 
 use crate::kernels::vec3::{
-    accumulate, add, area_vector, area_vector_grad, cross, dot, points, points_mut, scale, sub, unit,
-    unit_grad,
+    accumulate, add, area_vector, area_vector_grad, cross, dot, points, points_mut, scale, sub,
+    unit, unit_grad,
 };
 use crate::scalar::{record, vertices, wanted};
 

@@ -30,7 +30,11 @@ use crate::scalar::{same_shape, scalar, seed};
 /// assert_eq!(loss.backward().wrt(image).unwrap().as_slice(), Some(&[-0.5, 0.5][..]));
 /// ```
 #[track_caller]
-pub fn l1<'t, F: Real>(image: Var<'t, F>, target: Var<'t, F>, mask: Option<Var<'t, F>>) -> Var<'t, F> {
+pub fn l1<'t, F: Real>(
+    image: Var<'t, F>,
+    target: Var<'t, F>,
+    mask: Option<Var<'t, F>>,
+) -> Var<'t, F> {
     compare(Distance::Absolute, image, target, mask)
 }
 
@@ -41,7 +45,11 @@ pub fn l1<'t, F: Real>(image: Var<'t, F>, target: Var<'t, F>, mask: Option<Var<'
 /// # Panics
 /// If the shapes do not fit.
 #[track_caller]
-pub fn l2<'t, F: Real>(image: Var<'t, F>, target: Var<'t, F>, mask: Option<Var<'t, F>>) -> Var<'t, F> {
+pub fn l2<'t, F: Real>(
+    image: Var<'t, F>,
+    target: Var<'t, F>,
+    mask: Option<Var<'t, F>>,
+) -> Var<'t, F> {
     compare(Distance::Squared, image, target, mask)
 }
 
@@ -81,7 +89,8 @@ fn compare<'t, F: Real>(
     target: Var<'t, F>,
     mask: Option<Var<'t, F>>,
 ) -> Var<'t, F> {
-    let op = ImageLoss { distance, channels: mask.map_or(1, |m| channels(distance.name(), image, m)) };
+    let op =
+        ImageLoss { distance, channels: mask.map_or(1, |m| channels(distance.name(), image, m)) };
     same_shape(distance.name(), ["image", "target"], image, target);
     let (a, b) = (image.value(), target.value());
     let (a, b) = (a.as_slice().expect(CONTIGUOUS), b.as_slice().expect(CONTIGUOUS));

@@ -35,7 +35,9 @@ pub fn laplacian_squared<'t, F: Real>(offsets: Var<'t, F>, neighbours: &Csr) -> 
     let [n, _] = vertices("laplacian_squared", "offsets", offsets);
     let weight = 1.0 / n.max(1) as f64;
     let slope = F::from_f64(2.0 * weight);
-    over_rows("laplacian_squared", offsets, neighbours, weight, |square| (Real::to_f64(square), slope))
+    over_rows("laplacian_squared", offsets, neighbours, weight, |square| {
+        (Real::to_f64(square), slope)
+    })
 }
 
 /// The length of the Laplacian, averaged over the vertices: not squared, so it forgives sharp features.

@@ -52,10 +52,10 @@ mod chamfer;
 mod deformation;
 mod edge;
 mod face_angle;
-mod geometry;
 mod image;
 mod laplacian;
 mod mask;
+mod normals;
 mod scalar;
 mod ssim;
 
@@ -63,8 +63,8 @@ pub use chamfer::{Directions, Matches, chamfer, chamfer_distance, chamfer_normal
 pub use deformation::deformation_norm;
 pub use edge::{edge_length, edge_length_sum};
 pub use face_angle::{face_angle, normal_consistency};
-pub use geometry::{face_normals, surface_points, vertex_normals};
 pub use image::{l1, l2};
 pub use laplacian::{laplacian_norm, laplacian_squared};
 pub use mask::{mask_bce, mask_iou};
+pub use normals::{face_normals, vertex_normals};
 pub use ssim::ssim_loss;

@@ -39,7 +39,9 @@ pub fn mask_iou<'t, F: Real>(prediction: Var<'t, F>, target: Var<'t, F>) -> Var<
     same_shape(name, ["prediction", "target"], prediction, target);
     let shape = prediction.shape();
     let Some(&images) = shape.first() else {
-        ShapeError::new(name, "a batch axis expected").operand("prediction", &shape, "N, ..").panic();
+        ShapeError::new(name, "a batch axis expected")
+            .operand("prediction", &shape, "N, ..")
+            .panic();
     };
     let (a, b) = (prediction.value(), target.value());
     let (a, b) = (a.as_slice().expect(CONTIGUOUS), b.as_slice().expect(CONTIGUOUS));
@@ -80,7 +82,9 @@ impl<F: Real> Op<F> for MaskIou<F> {
             let out = gradient.as_slice_mut().expect(CONTIGUOUS);
             let other = inputs[1 - i].as_slice().expect(CONTIGUOUS);
             // d(I/U) = (b U - I (1 - b)) / U² = b (1/U + I/U²) - I/U²
-            for (n, (out, other)) in out.chunks_mut(self.len).zip(other.chunks(self.len)).enumerate() {
+            for (n, (out, other)) in
+                out.chunks_mut(self.len).zip(other.chunks(self.len)).enumerate()
+            {
                 let (both, either) = (self.sums[2 * n], self.sums[2 * n + 1]);
                 let constant = scale * both / (either * either);
                 let slope = scale / either + constant;

@@ -80,7 +80,12 @@ pub(crate) fn vertices<F: Real>(op: &'static str, name: &str, var: Var<'_, F>) -
 
 /// Panics unless the two values have one shape.
 #[track_caller]
-pub(crate) fn same_shape<F: Real>(op: &'static str, names: [&str; 2], a: Var<'_, F>, b: Var<'_, F>) {
+pub(crate) fn same_shape<F: Real>(
+    op: &'static str,
+    names: [&str; 2],
+    a: Var<'_, F>,
+    b: Var<'_, F>,
+) {
     let (x, y) = (a.shape(), b.shape());
     if x != y {
         ShapeError::new(op, format!("{} and {} differ in shape", names[0], names[1]))

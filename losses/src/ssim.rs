@@ -56,7 +56,9 @@ impl<F: Real> Op<F> for SsimLoss<F> {
     }
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let Some(slopes) = self.slopes.as_deref().filter(|_| !self.plane.is_empty()) else { return };
+        let Some(slopes) = self.slopes.as_deref().filter(|_| !self.plane.is_empty()) else {
+            return;
+        };
         let inputs = [cx.input(0), cx.input(1)];
         let scale = -seed(cx) / F::from_f64(self.plane.len() as f64);
         let mut scratch = cx.scratch(self.plane.scratch_len());

@@ -19,7 +19,12 @@ pub fn chunk_len(len: usize, least: usize) -> usize {
 ///
 /// `cost` is the work per item in units of about one nanosecond's arithmetic; it decides only
 /// whether the pool is woken, never how the range is cut.
-pub fn sum(len: usize, least: usize, cost: usize, part: impl Fn(Range<usize>) -> f64 + Sync) -> f64 {
+pub fn sum(
+    len: usize,
+    least: usize,
+    cost: usize,
+    part: impl Fn(Range<usize>) -> f64 + Sync,
+) -> f64 {
     let chunk = chunk_len(len, least);
     let count = len.div_ceil(chunk);
     let mut partial = [0.0f64; MAX_CHUNKS];
@@ -36,7 +41,12 @@ pub fn sum(len: usize, least: usize, cost: usize, part: impl Fn(Range<usize>) ->
 }
 
 /// Calls `fill(first, chunk)` for chunks of `out`, `first` being the index of the chunk's first item.
-pub fn fill<T: Send>(out: &mut [T], least: usize, cost: usize, fill: impl Fn(usize, &mut [T]) + Sync) {
+pub fn fill<T: Send>(
+    out: &mut [T],
+    least: usize,
+    cost: usize,
+    fill: impl Fn(usize, &mut [T]) + Sync,
+) {
     let chunk = chunk_len(out.len(), least);
     if out.len().saturating_mul(cost) < SERIAL {
         fill(0, out);

@@ -68,7 +68,13 @@ fn pixel<F: Real>(a: &[F], b: &[F], channels: usize, p: usize, f: &impl Fn(F, F)
 }
 
 /// `out = scale slope(a, b)`.
-pub fn slopes<F: Real>(a: &[F], b: &[F], scale: F, out: &mut [F], slope: impl Fn(F, F) -> F + Sync) {
+pub fn slopes<F: Real>(
+    a: &[F],
+    b: &[F],
+    scale: F,
+    out: &mut [F],
+    slope: impl Fn(F, F) -> F + Sync,
+) {
     chunks::fill(out, CHUNK, 1, |first, out| {
         let (a, b) = (&a[first..first + out.len()], &b[first..first + out.len()]);
         for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {

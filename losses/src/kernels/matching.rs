@@ -16,7 +16,12 @@ pub struct Scratch {
 ///
 /// The lowest index wins ties. `f32` runs on the vector kernel of mesh-core, `f64` (for gradient checks) in
 /// a plain loop. Nothing is appended when there are no targets.
-pub fn nearest_indices<F: Real>(queries: &[F], targets: &[F], scratch: &mut Scratch, indices: &mut Vec<u32>) {
+pub fn nearest_indices<F: Real>(
+    queries: &[F],
+    targets: &[F],
+    scratch: &mut Scratch,
+    indices: &mut Vec<u32>,
+) {
     if targets.is_empty() {
         return;
     }

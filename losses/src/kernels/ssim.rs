@@ -75,7 +75,13 @@ pub const SLOPES: usize = 4;
 /// The mean of S over all values of two batches of images; writes the slopes of S when asked.
 ///
 /// `scratch` has [`Plane::scratch_len`] values, `slopes` has [`SLOPES`] maps.
-pub fn ssim<F: Real>(x: &[F], y: &[F], plane: Plane, scratch: &mut [F], slopes: Option<&mut [F]>) -> f64 {
+pub fn ssim<F: Real>(
+    x: &[F],
+    y: &[F],
+    plane: Plane,
+    scratch: &mut [F],
+    slopes: Option<&mut [F]>,
+) -> f64 {
     let row = plane.row();
     let band_rows = chunks::chunk_len(plane.rows(), BAND);
     let taps = taps::<F>();
@@ -99,9 +105,11 @@ pub fn ssim<F: Real>(x: &[F], y: &[F], plane: Plane, scratch: &mut [F], slopes: 
     let scratch = scratch[..plane.scratch_len()].par_chunks_mut(2 * SUMS * row);
     let partial = &mut partial[..count];
     match slopes {
-        None => partial.par_iter_mut().zip(scratch).enumerate().for_each(|(band, (total, scratch))| {
-            *total = work(band, scratch, [&mut [], &mut [], &mut [], &mut []]);
-        }),
+        None => {
+            partial.par_iter_mut().zip(scratch).enumerate().for_each(|(band, (total, scratch))| {
+                *total = work(band, scratch, [&mut [], &mut [], &mut [], &mut []]);
+            })
+        }
         Some(slopes) => {
             let (a, rest) = slopes.split_at_mut(plane.len());
             let (b, rest) = rest.split_at_mut(plane.len());

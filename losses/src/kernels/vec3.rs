@@ -77,7 +77,12 @@ pub fn area_vector<F: Real>(positions: &[[F; 3]], face: [u32; 3]) -> [F; 3] {
 
 /// Adds the gradient `g` of a face's [`area_vector`] to its corners.
 #[inline]
-pub fn area_vector_grad<F: Real>(positions: &[[F; 3]], face: [u32; 3], g: [F; 3], out: &mut [[F; 3]]) {
+pub fn area_vector_grad<F: Real>(
+    positions: &[[F; 3]],
+    face: [u32; 3],
+    g: [F; 3],
+    out: &mut [[F; 3]],
+) {
     let [a, b, c] = face.map(|v| positions[v as usize]);
     let at_b = cross(sub(c, a), g);
     let at_c = cross(g, sub(b, a));

@@ -74,7 +74,12 @@ pub fn ssim(image: &Image, target: &Image) -> f64 {
     if image.data.is_empty() {
         return 1.0;
     }
-    let plane = ssim::Plane { images: 1, height: image.height, width: image.width, channels: image.channels };
+    let plane = ssim::Plane {
+        images: 1,
+        height: image.height,
+        width: image.width,
+        channels: image.channels,
+    };
     let mut scratch = vec![0.0f32; plane.scratch_len()];
     ssim::ssim(&image.data, &target.data, plane, &mut scratch, None)
 }
@@ -85,7 +90,11 @@ pub fn ssim(image: &Image, target: &Image) -> f64 {
 /// figures count every non-zero alpha as object and are therefore higher.)
 pub fn mask_iou(prediction: &Image, target: &Image) -> f64 {
     same_size("mask_iou", prediction, target);
-    assert!(prediction.channels == 1, "mask_iou: a mask has one channel, found {}", prediction.channels);
+    assert!(
+        prediction.channels == 1,
+        "mask_iou: a mask has one channel, found {}",
+        prediction.channels
+    );
     overlap(prediction.data.iter().zip(&target.data).map(|(&a, &b)| (a > 0.5, b > 0.5)))
 }
 

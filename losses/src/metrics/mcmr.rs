@@ -2,7 +2,7 @@
 
 use mesh_core::TriMesh;
 
-use super::report::bounds;
+use super::bounds::bounds;
 use super::overlap;
 
 /// Cells along each edge of the grid, which covers the unit cube centred at the origin.
@@ -96,7 +96,8 @@ fn split_or_mark(triangle: [[f64; 3]; 3], cells: &mut [bool], pending: &mut Vec<
     if !inside {
         return;
     }
-    let square = |p: [f64; 3], q: [f64; 3]| (0..3).map(|k| (p[k] - q[k]) * (p[k] - q[k])).sum::<f64>();
+    let square =
+        |p: [f64; 3], q: [f64; 3]| (0..3).map(|k| (p[k] - q[k]) * (p[k] - q[k])).sum::<f64>();
     let middle = |p: [f64; 3], q: [f64; 3]| std::array::from_fn(|k| 0.5 * (p[k] + q[k]));
     let (ab, bc, ca) = (square(a, b), square(b, c), square(c, a));
     let longest = ab.max(bc).max(ca);

@@ -9,16 +9,15 @@
 //! squaring, and the number of points differ. So a figure is only ever given together with the
 //! [`Protocol`] that made it, and that protocol is part of the serialised [`Report`].
 
+mod bounds;
 mod image;
 mod mcmr;
 mod points;
 mod protocol;
-mod report;
-mod voxel;
 
 pub use image::{l1, mask_iou, mse, overlap, psnr, psnr_inside, ssim};
 pub use mcmr::{McmrAlignment, mcmr_iou};
 pub use points::{FScore, PointDistances, point_distances};
-pub use protocol::{Combination, IouProtocol, Normalisation, Points, Preset, Protocol, UnknownPreset};
-pub use report::{CompareError, Report, Role, evaluate};
-pub use voxel::voxel_iou;
+pub use protocol::{
+    Combination, IouProtocol, Normalisation, Points, Preset, Protocol, UnknownPreset,
+};

@@ -56,7 +56,8 @@ pub fn point_distances(prediction: &[[f32; 3]], truth: &[[f32; 3]]) -> PointDist
 fn sided(queries: &[[f32; 3]], points: &[[f32; 3]]) -> (Vec<u32>, Vec<f64>) {
     let found = nearest(queries, points);
     let index: Vec<u32> = found.iter().map(|n| n.index).collect();
-    let distance = queries.iter().zip(&index).map(|(q, &i)| distance(q, &points[i as usize])).collect();
+    let distance =
+        queries.iter().zip(&index).map(|(q, &i)| distance(q, &points[i as usize])).collect();
     (index, distance)
 }
 
@@ -77,7 +78,8 @@ impl PointDistances {
 
     /// Precision, recall and F-score at a distance (not squared); a distance equal to it does not count.
     pub fn f_score(&self, threshold: f64) -> FScore {
-        let share = |d: &[f64]| d.iter().filter(|&&d| d < threshold).count() as f64 / d.len() as f64;
+        let share =
+            |d: &[f64]| d.iter().filter(|&&d| d < threshold).count() as f64 / d.len() as f64;
         let (precision, recall) = (share(&self.accuracy), share(&self.completeness));
         let sum = precision + recall;
         let f_score = if sum > 0.0 { 2.0 * precision * recall / sum } else { 0.0 };

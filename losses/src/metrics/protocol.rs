@@ -207,9 +207,10 @@ impl Protocol {
         Self {
             name: "occnet".into(),
             source: "Mescheder et al. 2019, Occupancy Networks".into(),
-            formula: "chamfer = (mean d(prediction→truth) + mean d(truth→prediction)) / 2, unsquared; \
+            formula:
+                "chamfer = (mean d(prediction→truth) + mean d(truth→prediction)) / 2, unsquared; \
                       F at d < 0.01; normals: mean |cos| of both ways; iou of solid voxels"
-                .into(),
+                    .into(),
             normalisation: Normalisation::Centred { length: 1.0 },
             points: Some(Points::Surface { samples: 100_000 }),
             squared: false,

@@ -3,6 +3,7 @@
 use mesh_core::{MeshError, SurfacePoint, TriMesh, sample_surface};
 use serde::Serialize;
 
+use super::bounds::bounds;
 use super::{
     Combination, FScore, IouProtocol, McmrAlignment, Normalisation, Points, Protocol, mcmr_iou,
     point_distances, voxel_iou,
@@ -183,15 +184,6 @@ fn placed(mesh: &TriMesh, factor: f64, offset: [f64; 3]) -> TriMesh {
 fn flat(prediction: &TriMesh) -> Role {
     let volume = bounds(prediction).map_or(0.0, |(lo, hi)| (0..3).map(|k| hi[k] - lo[k]).product::<f64>());
     if volume > 0.0 { Role::Truth } else { Role::Prediction }
-}
-
-/// The bounding box of the vertices that faces use (a stray vertex is no part of the surface).
-pub(super) fn bounds(mesh: &TriMesh) -> Option<([f64; 3], [f64; 3])> {
-    let mut used = mesh.faces.iter().flatten().map(|&v| mesh.positions[v as usize].map(f64::from));
-    let first = used.next()?;
-    Some(used.fold((first, first), |(lo, hi), p| {
-        (std::array::from_fn(|k| lo[k].min(p[k])), std::array::from_fn(|k| hi[k].max(p[k])))
-    }))
 }
 
 fn area(mesh: &TriMesh) -> f64 {

@@ -2,8 +2,8 @@
 
 use mesh_core::{TriMesh, voxelize_solid};
 
+use super::bounds::bounds;
 use super::overlap;
-use super::report::bounds;
 
 /// Intersection over union of two solids on one grid over their common bounding box.
 ///

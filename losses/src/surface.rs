@@ -1,0 +1,76 @@
+//! Points on a surface that follow its vertices.
+//!
+//! mesh-core draws a surface point as a face and three weights; [`surface_points`] makes positions of them.
+
+use autodiff_lite::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Var};
+use mesh_core::SurfacePoint;
+
+use crate::kernels::vec3::{accumulate, add, points, points_mut, scale};
+
+/// The positions of points on the surface, following the vertices.
+///
+/// ```text
+/// p = w_0 v_a + w_1 v_b + w_2 v_c
+/// ```
+///
+/// # Shapes
+/// `positions [V, 3]`, `faces [F]`, `samples [P]` (from `mesh_core::sample_surface`) → `[P, 3]`.
+/// # Gradient
+/// To the vertices; the choice of faces and weights counts as fixed.
+/// # Cost
+/// `O(P)`.
+/// # Panics
+/// If the shape is another, or an index is out of range.
+#[track_caller]
+pub fn surface_points<'t, F: Real>(
+    positions: Var<'t, F>,
+    faces: &[[u32; 3]],
+    samples: &[SurfacePoint],
+) -> Var<'t, F> {
+    let name = "surface_points";
+    let tape = positions.tape();
+    let shape = positions.shape();
+    if shape.len() != 2 || shape[1] != 3 {
+        ShapeError::new(name, "one set of vertices expected")
+            .operand("positions", &shape, "V, 3")
+            .at(tape.path())
+            .panic();
+    }
+    let value = positions.value();
+    let mesh = points(value.as_slice().expect(CONTIGUOUS));
+    let mut out = tape.array(&[samples.len(), 3]);
+    let found = points_mut(out.as_slice_mut().expect(CONTIGUOUS));
+    let mut corners = tape.indices(3 * samples.len());
+    let mut weights = tape.buffer(3 * samples.len());
+    let kept = corners.as_chunks_mut::<3>().0.iter_mut().zip(points_mut(&mut weights));
+    for ((found, sample), (corners, weights)) in found.iter_mut().zip(samples).zip(kept) {
+        *corners = faces[sample.face as usize];
+        *weights = sample.barycentric.map(|w| F::from_f64(f64::from(w)));
+        let [a, b, c] = corners.map(|v| mesh[v as usize]);
+        *found = add(scale(a, weights[0]), add(scale(b, weights[1]), scale(c, weights[2])));
+    }
+    tape.record(&[positions], out, SurfacePoints { corners, weights })
+}
+
+struct SurfacePoints<F: Real> {
+    corners: PoolVec<u32>,
+    weights: PoolVec<F>,
+}
+
+impl<F: Real> Op<F> for SurfacePoints<F> {
+    fn name(&self) -> &'static str {
+        "surface_points"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let grad = cx.grad_out();
+        let out = points_mut(cx.grad_slice_mut(0));
+        let corners = self.corners.as_chunks::<3>().0;
+        let grads = points(grad.as_slice().expect(CONTIGUOUS));
+        for ((corners, weights), &g) in corners.iter().zip(points(&self.weights)).zip(grads) {
+            for (&v, &w) in corners.iter().zip(weights) {
+                accumulate(&mut out[v as usize], scale(g, w));
+            }
+        }
+    }
+}
