@@ -1,5 +1,9 @@
 //! The report in a real browser: it draws the mesh and writes no error to the console.
-#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "a test, which says when it is skipped"
+)]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
