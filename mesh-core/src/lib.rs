@@ -23,7 +23,7 @@ pub use image::{
     ByteImage, DepthMap, Image, ImageError, decode_depth, decode_image, encode_depth, encode_png,
     linear_to_srgb, read_depth, read_depth_png, read_image, srgb_to_linear, write_depth, write_png,
 };
-pub use io::WriteError;
+pub use io::{ReadMeshError, WriteError, read_mesh, write_mesh};
 pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_into};
 pub use mesh::{MeshError, Texture, TriMesh};
 pub use nalgebra;

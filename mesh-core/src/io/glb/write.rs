@@ -1,0 +1,241 @@
+//! Writing GLB.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use super::{BIN, JSON, MAGIC, component};
+use crate::io::{WriteError, check, write_atomic};
+use crate::{TriMesh, encode_png, srgb_to_linear};
+
+/// Writes a GLB file: one mesh, one unlit material, the texture inside as PNG.
+///
+/// Vertex colours become linear floats, as the standard wants them. A vertex of a textured mesh
+/// that has several texture coordinates becomes several vertices; reading joins them again. Where
+/// the mesh is not closed the material is double-sided.
+///
+/// # Errors
+/// The file cannot be written, or the mesh has an index out of range or a number that is not
+/// finite.
+pub fn write(path: impl AsRef<Path>, mesh: &TriMesh) -> Result<(), WriteError> {
+    let path = path.as_ref();
+    check::writable(path, mesh)?;
+    let bytes = body(mesh);
+    if u32::try_from(bytes.len()).is_err() {
+        let what = format!("{} bytes are more than GLB can count", bytes.len());
+        return Err(WriteError::Mesh { path: path.to_owned(), what });
+    }
+    write_atomic(path, |w| w.write_all(&bytes))
+}
+
+/// A GLB file in memory; the same mesh always gives the same bytes.
+///
+/// # Panics
+/// If the mesh has an index out of range or a number that is not finite.
+pub fn encode(mesh: &TriMesh) -> Vec<u8> {
+    if let Some(what) = check::fault(mesh) {
+        panic!("glb::encode: {what}");
+    }
+    body(mesh)
+}
+
+/// The binary chunk and the JSON that describes it, as they grow.
+#[derive(Default)]
+struct Parts {
+    bin: Vec<u8>,
+    views: String,
+    view_count: usize,
+    accessors: String,
+    accessor_count: usize,
+}
+
+/// `bufferView.target` for vertex attributes and for indices.
+const ARRAY: u32 = 34962;
+const ELEMENT_ARRAY: u32 = 34963;
+
+impl Parts {
+    fn view(&mut self, bytes: impl IntoIterator<Item = u8>, target: Option<u32>) -> usize {
+        while !self.bin.len().is_multiple_of(4) {
+            self.bin.push(0);
+        }
+        let offset = self.bin.len();
+        self.bin.extend(bytes);
+        let length = self.bin.len() - offset;
+        let comma = if self.view_count > 0 { "," } else { "" };
+        let target = target.map_or_else(String::new, |t| format!(",\"target\":{t}"));
+        write!(
+            self.views,
+            "{comma}{{\"buffer\":0,\"byteOffset\":{offset},\"byteLength\":{length}{target}}}"
+        )
+        .expect("writing to memory");
+        self.view_count += 1;
+        self.view_count - 1
+    }
+
+    fn accessor(
+        &mut self,
+        view: usize,
+        kind: &str,
+        component: u32,
+        count: usize,
+        more: &str,
+    ) -> usize {
+        let comma = if self.accessor_count > 0 { "," } else { "" };
+        write!(
+            self.accessors,
+            "{comma}{{\"bufferView\":{view},\"componentType\":{component},\"count\":{count},\
+             \"type\":\"{kind}\"{more}}}"
+        )
+        .expect("writing to memory");
+        self.accessor_count += 1;
+        self.accessor_count - 1
+    }
+
+    fn floats<const N: usize>(&mut self, rows: &[[f32; N]], more: &str) -> usize {
+        let bytes = rows.iter().flatten().flat_map(|v| v.to_le_bytes());
+        let view = self.view(bytes, Some(ARRAY));
+        let kind = ["", "SCALAR", "VEC2", "VEC3", "VEC4"][N];
+        self.accessor(view, kind, component::F32, rows.len(), more)
+    }
+}
+
+fn body(mesh: &TriMesh) -> Vec<u8> {
+    let mut parts = Parts::default();
+    let asset = format!(
+        "\"asset\":{{\"version\":\"2.0\",\"generator\":\"mesh-core {}\"}}",
+        env!("CARGO_PKG_VERSION")
+    );
+    if mesh.positions.is_empty() {
+        return file(&format!("{{{asset},\"scene\":0,\"scenes\":[{{}}]}}"), &[]);
+    }
+
+    let corners = Corners::of(mesh);
+    let positions: Vec<[f32; 3]> =
+        corners.vertices.iter().map(|&(v, _)| mesh.positions[v as usize]).collect();
+    let (low, high) = bounds(&positions);
+    let range = format!(",\"min\":{low:?},\"max\":{high:?}");
+    let mut attributes = format!("\"POSITION\":{}", parts.floats(&positions, &range));
+    if let Some(texture) = &mesh.texture {
+        // A vertex that no face uses has no place on the image; any will do.
+        let uv = |t: u32| texture.uvs.get(t as usize).copied().unwrap_or_default();
+        let uvs: Vec<[f32; 2]> = corners
+            .vertices
+            .iter()
+            .map(|&(_, t)| uv(t))
+            .map(|[u, v]| [u, 1.0 - v]) // the origin of glTF is the top-left corner
+            .collect();
+        write!(attributes, ",\"TEXCOORD_0\":{}", parts.floats(&uvs, "")).expect("memory");
+    } else if let Some(colors) = &mesh.colors {
+        let linear: Vec<[f32; 3]> =
+            colors.iter().map(|c| c.map(|v| srgb_to_linear(v.clamp(0.0, 1.0)))).collect();
+        write!(attributes, ",\"COLOR_0\":{}", parts.floats(&linear, "")).expect("memory");
+    }
+    let mut primitive = format!("\"attributes\":{{{attributes}}}");
+    if corners.faces.is_empty() {
+        primitive.push_str(",\"mode\":0"); // points
+    } else {
+        let bytes = corners.faces.iter().flatten().flat_map(|i| i.to_le_bytes());
+        let view = parts.view(bytes, Some(ELEMENT_ARRAY));
+        let count = corners.faces.len() * 3;
+        let indices = parts.accessor(view, "SCALAR", component::U32, count, "");
+        write!(primitive, ",\"indices\":{indices},\"mode\":4").expect("memory");
+    }
+    let (mut color, mut images) = ("", String::new());
+    if let Some(texture) = &mesh.texture {
+        let png = encode_png(&texture.image.to_bytes());
+        let view = parts.view(png, None);
+        color = "\"baseColorTexture\":{\"index\":0},";
+        images = format!(
+            ",\"textures\":[{{\"source\":0,\"sampler\":0}}],\
+             \"samplers\":[{{\"magFilter\":9729,\"minFilter\":9729,\"wrapS\":33071,\"wrapT\":33071}}],\
+             \"images\":[{{\"bufferView\":{view},\"mimeType\":\"image/png\"}}]"
+        );
+    }
+    let json = format!(
+        "{{{asset},\"extensionsUsed\":[\"KHR_materials_unlit\"],\"scene\":0,\
+         \"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{{\"mesh\":0}}],\
+         \"meshes\":[{{\"primitives\":[{{{primitive},\"material\":0}}]}}],\
+         \"materials\":[{{\"pbrMetallicRoughness\":{{{color}\"metallicFactor\":0,\
+         \"roughnessFactor\":1}},\"doubleSided\":{},\"extensions\":{{\"KHR_materials_unlit\":{{}}}}}}]\
+         {images},\"accessors\":[{}],\"bufferViews\":[{}],\"buffers\":[{{\"byteLength\":{}}}]}}",
+        !is_closed(&mesh.faces),
+        parts.accessors,
+        parts.views,
+        parts.bin.len()
+    );
+    file(&json, &parts.bin)
+}
+
+/// The vertices of the file: pairs of a position and a texture coordinate.
+struct Corners {
+    vertices: Vec<(u32, u32)>,
+    faces: Vec<[u32; 3]>,
+}
+
+impl Corners {
+    fn of(mesh: &TriMesh) -> Self {
+        let Some(texture) = &mesh.texture else {
+            let vertices = (0..mesh.positions.len() as u32).map(|v| (v, 0)).collect();
+            return Self { vertices, faces: mesh.faces.clone() };
+        };
+        let used = mesh.faces.iter().flatten().zip(texture.faces.iter().flatten());
+        let mut vertices: Vec<(u32, u32)> = used.map(|(&v, &t)| (v, t)).collect();
+        // Vertices that no face uses stay too, so that reading gives the same list.
+        let mut seen = vec![false; mesh.positions.len()];
+        vertices.iter().for_each(|&(v, _)| seen[v as usize] = true);
+        vertices
+            .extend((0_u32..).zip(&seen).filter(|(_, seen)| !**seen).map(|(v, _)| (v, u32::MAX)));
+        vertices.sort_unstable();
+        vertices.dedup();
+        let index = |v: u32, t: u32| {
+            vertices.binary_search(&(v, t)).expect("each corner is in the list") as u32
+        };
+        let faces = mesh
+            .faces
+            .iter()
+            .zip(&texture.faces)
+            .map(|(f, t)| [index(f[0], t[0]), index(f[1], t[1]), index(f[2], t[2])])
+            .collect();
+        Self { vertices, faces }
+    }
+}
+
+fn bounds(positions: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
+    let start = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    positions.iter().fold(start, |(mut low, mut high), p| {
+        for k in 0..3 {
+            low[k] = low[k].min(p[k]);
+            high[k] = high[k].max(p[k]);
+        }
+        (low, high)
+    })
+}
+
+/// Whether every directed edge occurs once, and its reverse too.
+fn is_closed(faces: &[[u32; 3]]) -> bool {
+    let mut edges: Vec<(u32, u32)> =
+        faces.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
+    edges.sort_unstable();
+    edges.windows(2).all(|w| w[0] != w[1])
+        && edges.iter().all(|&(a, b)| edges.binary_search(&(b, a)).is_ok())
+}
+
+/// The two chunks, padded, behind the header.
+fn file(json: &str, bin: &[u8]) -> Vec<u8> {
+    let padded = |length: usize| length.next_multiple_of(4);
+    let bin_chunk = if bin.is_empty() { 0 } else { 8 + padded(bin.len()) };
+    let total = 12 + 8 + padded(json.len()) + bin_chunk;
+    let mut bytes = Vec::with_capacity(total);
+    let word = |bytes: &mut Vec<u8>, v: u32| bytes.extend(v.to_le_bytes());
+    for v in [MAGIC, 2, total as u32, padded(json.len()) as u32, JSON] {
+        word(&mut bytes, v);
+    }
+    bytes.extend(json.as_bytes());
+    bytes.resize(20 + padded(json.len()), b' ');
+    if !bin.is_empty() {
+        word(&mut bytes, padded(bin.len()) as u32);
+        word(&mut bytes, BIN);
+        bytes.extend(bin);
+        bytes.resize(total, 0);
+    }
+    bytes
+}

@@ -1,0 +1,161 @@
+//! The header of a PLY file: what the rest consists of.
+
+use std::path::Path;
+
+use crate::io::ReadMeshError;
+
+/// How the numbers after the header are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Format {
+    Ascii,
+    Little,
+    Big,
+}
+
+/// A type of number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Property {
+    pub(super) name: String,
+    /// The type of the length, for a list.
+    pub(super) length: Option<Scalar>,
+    pub(super) scalar: Scalar,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Element {
+    pub(super) name: String,
+    pub(super) count: u64,
+    pub(super) properties: Vec<Property>,
+}
+
+#[derive(Debug)]
+pub(super) struct Header {
+    pub(super) format: Format,
+    pub(super) elements: Vec<Element>,
+    pub(super) texture: Option<String>,
+    /// Where the numbers begin.
+    pub(super) end: usize,
+    /// How many lines the header has.
+    pub(super) lines: usize,
+}
+
+impl Scalar {
+    pub(super) fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    /// What 1.0 is where the type holds a colour.
+    pub(super) fn white(self) -> f64 {
+        match self {
+            Self::I8 => 127.0,
+            Self::U8 => 255.0,
+            Self::I16 => 32767.0,
+            Self::U16 => 65535.0,
+            Self::I32 => 2_147_483_647.0,
+            Self::U32 => 4_294_967_295.0,
+            Self::F32 | Self::F64 => 1.0,
+        }
+    }
+
+    fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Self::I8,
+            "uchar" | "uint8" => Self::U8,
+            "short" | "int16" => Self::I16,
+            "ushort" | "uint16" => Self::U16,
+            "int" | "int32" => Self::I32,
+            "uint" | "uint32" => Self::U32,
+            "float" | "float32" => Self::F32,
+            "double" | "float64" => Self::F64,
+            _ => return None,
+        })
+    }
+}
+
+/// Reads the header of the file `path`.
+pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Header, ReadMeshError> {
+    let mut position = 0;
+    let mut number = 0;
+    let mut format = None;
+    let mut elements: Vec<Element> = Vec::new();
+    let mut texture = None;
+    loop {
+        let rest = &bytes[position..];
+        let Some(length) = rest.iter().position(|&b| b == b'\n') else {
+            let what = if number == 0 { "ply" } else { "end_header" };
+            return Err(ReadMeshError::malformed(path, "header", "no such line", what));
+        };
+        number += 1;
+        position += length + 1;
+        let line = String::from_utf8_lossy(&rest[..length]);
+        let line = line.trim();
+        let bad = |field: &str, expected: &str| {
+            ReadMeshError::at_line(path, Some(number), field, format!("{line:?}"), expected)
+        };
+        if number == 1 {
+            if line != "ply" {
+                return Err(bad("first line", "ply"));
+            }
+            continue;
+        }
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words.as_slice() {
+            [] | ["obj_info", ..] => {}
+            ["comment", "TextureFile", ..] => {
+                texture = line.split_once("TextureFile").map(|(_, name)| name.trim().to_owned());
+            }
+            ["comment", ..] => {}
+            ["format", kind, _version] => {
+                format = Some(match *kind {
+                    "ascii" => Format::Ascii,
+                    "binary_little_endian" => Format::Little,
+                    "binary_big_endian" => Format::Big,
+                    _ => return Err(bad("format", "ascii, binary_little_endian or .._big_endian")),
+                });
+            }
+            ["element", name, count] => {
+                let count = count.parse().map_err(|_| bad("element", "a name and a count"))?;
+                if elements.iter().any(|e| e.name == *name) {
+                    return Err(bad("element", "each name once"));
+                }
+                elements.push(Element { name: (*name).to_owned(), count, properties: Vec::new() });
+            }
+            ["property", kind @ .., name] => {
+                let scalar =
+                    |name: &str| Scalar::named(name).ok_or_else(|| bad("property", "a type"));
+                let (length, scalar) = match kind {
+                    [one] => (None, scalar(one)?),
+                    ["list", length, one] => (Some(scalar(length)?), scalar(one)?),
+                    _ => return Err(bad("property", "TYPE NAME or list TYPE TYPE NAME")),
+                };
+                let Some(element) = elements.last_mut() else {
+                    return Err(bad("property", "an element before it"));
+                };
+                element.properties.push(Property { name: (*name).to_owned(), length, scalar });
+            }
+            ["end_header"] => break,
+            _ => return Err(bad("header", "format, element, property, comment or end_header")),
+        }
+    }
+    let format = format.ok_or_else(|| {
+        ReadMeshError::malformed(path, "format", "no such line", "format ascii 1.0 or a binary one")
+    })?;
+    Ok(Header { format, elements, texture, end: position, lines: number })
+}

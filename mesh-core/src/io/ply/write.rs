@@ -1,0 +1,124 @@
+//! Writing PLY.
+
+use std::borrow::Cow;
+use std::io::Write;
+use std::path::Path;
+
+use crate::io::{WriteError, check, write_atomic};
+use crate::{Texture, TriMesh};
+
+/// How the numbers of a PLY file are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Encoding {
+    /// Little-endian bytes.
+    #[default]
+    Binary,
+    /// Text: the shortest that reads back as the same `f32`.
+    Ascii,
+}
+
+/// Writes a PLY file: positions as floats, colours as sRGB bytes, triangles.
+///
+/// A mesh with a texture and no colours gets the texture's colour at each vertex.
+///
+/// # Errors
+/// The file cannot be written, or the mesh has an index out of range or a number that is not
+/// finite.
+pub fn write(path: impl AsRef<Path>, mesh: &TriMesh, encoding: Encoding) -> Result<(), WriteError> {
+    let path = path.as_ref();
+    check::writable(path, mesh)?;
+    write_atomic(path, |w| body(w, mesh, encoding))
+}
+
+/// A PLY file in memory; the same mesh always gives the same bytes.
+///
+/// # Panics
+/// If the mesh has an index out of range or a number that is not finite.
+pub fn encode(mesh: &TriMesh, encoding: Encoding) -> Vec<u8> {
+    if let Some(what) = check::fault(mesh) {
+        panic!("ply::encode: {what}");
+    }
+    let mut bytes = Vec::new();
+    body(&mut bytes, mesh, encoding).expect("writing to memory");
+    bytes
+}
+
+fn body(w: &mut dyn Write, mesh: &TriMesh, encoding: Encoding) -> std::io::Result<()> {
+    let colors = match (&mesh.colors, &mesh.texture) {
+        (Some(colors), _) => Some(Cow::Borrowed(colors)),
+        (None, Some(texture)) => Some(Cow::Owned(sampled(mesh, texture))),
+        (None, None) => None,
+    };
+    let format = match encoding {
+        Encoding::Binary => "binary_little_endian",
+        Encoding::Ascii => "ascii",
+    };
+    writeln!(w, "ply\nformat {format} 1.0")?;
+    writeln!(w, "comment mesh-core {}: units of the input, +Y up", env!("CARGO_PKG_VERSION"))?;
+    writeln!(w, "element vertex {}", mesh.positions.len())?;
+    writeln!(w, "property float x\nproperty float y\nproperty float z")?;
+    if colors.is_some() {
+        writeln!(w, "property uchar red\nproperty uchar green\nproperty uchar blue")?;
+    }
+    writeln!(w, "element face {}", mesh.faces.len())?;
+    writeln!(w, "property list uchar int vertex_indices\nend_header")?;
+    for (v, position) in mesh.positions.iter().enumerate() {
+        let color = colors.as_ref().map(|c| c[v].map(|x| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
+        match encoding {
+            Encoding::Binary => {
+                for x in position {
+                    w.write_all(&x.to_le_bytes())?;
+                }
+                w.write_all(color.as_ref().map_or(&[], |c| &c[..]))?;
+            }
+            Encoding::Ascii => {
+                let [x, y, z] = position;
+                write!(w, "{x} {y} {z}")?;
+                if let Some([r, g, b]) = color {
+                    write!(w, " {r} {g} {b}")?;
+                }
+                writeln!(w)?;
+            }
+        }
+    }
+    for face in &mesh.faces {
+        match encoding {
+            Encoding::Binary => {
+                w.write_all(&[3])?;
+                for i in face {
+                    w.write_all(&i.to_le_bytes())?;
+                }
+            }
+            Encoding::Ascii => writeln!(w, "3 {} {} {}", face[0], face[1], face[2])?,
+        }
+    }
+    Ok(())
+}
+
+/// The texture's colour at each vertex, bilinear, at the first place that a face gives it; white
+/// where no face does.
+fn sampled(mesh: &TriMesh, texture: &Texture) -> Vec<[f32; 3]> {
+    let mut colors = vec![None; mesh.positions.len()];
+    for (face, uv) in mesh.faces.iter().zip(&texture.faces) {
+        for (&v, &t) in face.iter().zip(uv) {
+            colors[v as usize].get_or_insert_with(|| sample(texture, texture.uvs[t as usize]));
+        }
+    }
+    colors.into_iter().map(|c| c.unwrap_or([1.0; 3])).collect()
+}
+
+fn sample(texture: &Texture, [u, v]: [f32; 2]) -> [f32; 3] {
+    let image = &texture.image;
+    let place = |t: f32, size: usize| {
+        let x = (t * size as f32 - 0.5).clamp(0.0, (size - 1) as f32);
+        let low = x as usize;
+        (low, (low + 1).min(size - 1), x - low as f32)
+    };
+    let (left, right, s) = place(u, image.width);
+    let (top, bottom, t) = place(1.0 - v, image.height);
+    std::array::from_fn(|c| {
+        let at = |i, j| image.pixel(i, j)[c.min(image.channels - 1)];
+        let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
+        mix(mix(at(top, left), at(top, right), s), mix(at(bottom, left), at(bottom, right), s), t)
+    })
+}
