@@ -5,6 +5,7 @@ use std::iter::Sum;
 use bytemuck::Pod;
 use ndarray::NdFloat;
 
+use crate::kernels::transcendental::Transcendental;
 use crate::pool::Pooled;
 
 mod sealed {
@@ -18,7 +19,15 @@ mod sealed {
 /// `f32` is what networks and meshes are computed in; `f64` exists for gradient checks and for
 /// reference twins. The trait is sealed, so that kernels may treat the two cases one by one.
 pub trait Real:
-    sealed::Sealed + NdFloat + Default + Sum + for<'a> Sum<&'a Self> + Pooled + Pod + 'static
+    sealed::Sealed
+    + NdFloat
+    + Default
+    + Sum
+    + for<'a> Sum<&'a Self>
+    + Transcendental
+    + Pooled
+    + Pod
+    + 'static
 {
     /// `"f32"` or `"f64"`.
     const NAME: &'static str;

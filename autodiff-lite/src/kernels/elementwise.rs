@@ -88,3 +88,95 @@ pub fn update<F: Real>(g: &mut [F], x: &[F], y: &[F], f: impl Fn(F, F, F) -> F +
 pub fn add_to<F: Real>(source: &[F], target: &mut [F]) {
     update(target, source, source, |t, s, _| t + s);
 }
+
+#[inline(always)]
+fn pull_body<F: Real, C: Fn(F, F, F, F) -> F>(operands: [&[F]; 4], out: &mut [F], f: &C) {
+    let [g, a, b, y] = operands.map(|x| &x[..out.len()]);
+    for (k, out) in out.iter_mut().enumerate() {
+        *out = f(g[k], a[k], b[k], y[k]);
+    }
+}
+
+clones!(fn pull_chunk[F: Real, C: Fn(F, F, F, F) -> F](operands: [&[F]; 4], out: &mut [F], f: &C) = pull_body);
+
+/// `out[i] = f(g[i], a[i], b[i], y[i])`: the gradient of one operand of a pairwise operation.
+///
+/// # Panics
+/// If the lengths differ.
+pub fn pull<F: Real>(operands: [&[F]; 4], out: &mut [F], f: impl Fn(F, F, F, F) -> F + Sync) {
+    assert!(operands.iter().all(|x| x.len() == out.len()));
+    if out.len() < PARALLEL_FROM {
+        pull_chunk(operands, out, &f);
+    } else {
+        out.par_chunks_mut(CHUNK).enumerate().for_each(|(k, out)| {
+            let part = operands.map(|x| &x[k * CHUNK..k * CHUNK + out.len()]);
+            pull_chunk(part, out, &f);
+        });
+    }
+}
+
+#[inline(always)]
+fn lincomb_body<F: Real>(terms: &[(F, &[F])], start: usize, y: &mut [F]) {
+    // Blocks that stay in L1 while all terms pass over them.
+    for (k, y) in y.chunks_mut(2048).enumerate() {
+        let at = start + k * 2048;
+        let (c, x) = terms[0];
+        for (y, &x) in y.iter_mut().zip(&x[at..]) {
+            *y = c * x;
+        }
+        for &(c, x) in &terms[1..] {
+            for (y, &x) in y.iter_mut().zip(&x[at..]) {
+                *y += c * x;
+            }
+        }
+    }
+}
+
+clones!(fn lincomb_chunk[F: Real](terms: &[(F, &[F])], start: usize, y: &mut [F]) = lincomb_body);
+
+/// `y = Σ c x` over all terms, in one pass over the output.
+///
+/// # Panics
+/// If there is no term, or the lengths differ.
+pub fn lincomb<F: Real>(terms: &[(F, &[F])], y: &mut [F]) {
+    assert!(!terms.is_empty(), "a linear combination of nothing");
+    assert!(terms.iter().all(|(_, x)| x.len() == y.len()));
+    if y.len() < PARALLEL_FROM {
+        lincomb_chunk(terms, 0, y);
+    } else {
+        y.par_chunks_mut(CHUNK).enumerate().for_each(|(k, y)| lincomb_chunk(terms, k * CHUNK, y));
+    }
+}
+
+/// `y[i] = c x[i]`, in place.
+pub fn scale_in_place<F: Real>(x: &mut [F], c: F) {
+    if x.len() < PARALLEL_FROM {
+        x.iter_mut().for_each(|x| *x *= c);
+    } else {
+        x.par_chunks_mut(CHUNK).for_each(|x| x.iter_mut().for_each(|x| *x *= c));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_slices_give_the_same_as_short_ones() {
+        let n = PARALLEL_FROM + 77;
+        let x: Vec<f32> = (0..n).map(|k| (k as f32 * 0.37).sin()).collect();
+        let b: Vec<f32> = (0..n).map(|k| (k as f32 * 0.11).cos()).collect();
+        let (mut long, mut short) = (vec![0.0; n], vec![0.0; n]);
+        map(&x, &mut long, |x| x.exp() + 1.0);
+        for (x, y) in x.chunks(1000).zip(short.chunks_mut(1000)) {
+            map(x, y, |x| x.exp() + 1.0);
+        }
+        assert_eq!(long, short);
+        lincomb(&[(2.0, &x), (-0.5, &b), (0.25, &x)], &mut long);
+        for k in 0..n {
+            assert_eq!(long[k], 2.0 * x[k] + -0.5 * b[k] + 0.25 * x[k]);
+        }
+        pull([&x, &b, &b, &x], &mut long, |g, a, b, y| g + a * b - y);
+        assert!(long.iter().zip(&b).all(|(y, b)| (y - b * b).abs() < 1e-6));
+    }
+}

@@ -3,4 +3,7 @@
 
 pub mod broadcast;
 pub mod elementwise;
+pub mod reduce;
+pub mod rows;
 mod simd;
+pub mod transcendental;

@@ -1,13 +1,106 @@
-//! Operations on each element, and on pairs of elements of two arrays that broadcast.
+//! Operations on each element of one array.
+//!
+//! A rule is given the input and the output, whichever is cheaper to differentiate from.
 
-use crate::kernels::broadcast::Broadcast;
 use crate::kernels::elementwise;
-use crate::{Backward, CONTIGUOUS, Op, Real, ShapeError, Var, broadcast_shape};
+use crate::{Backward, CONTIGUOUS, Op, Real, Var};
 
-impl<'t, F: Real> Var<'t, F> {
+macro_rules! unary {
+    ($($(#[$doc:meta])* $name:ident($($p:ident),*): |$x:ident| $f:expr, |$dx:pat_param, $dy:pat_param| $df:expr;)*) => {
+        impl<F: Real> Var<'_, F> {
+            $(
+                $(#[$doc])*
+                #[track_caller]
+                pub fn $name(self $(, $p: F)*) -> Self {
+                    self.map_named(stringify!($name), move |$x: F| $f, move |$dx: F, $dy: F| $df)
+                }
+            )*
+        }
+    };
+}
+
+/// A constant of the type.
+#[inline(always)]
+fn c<F: Real>(x: f64) -> F {
+    F::from_f64(x)
+}
+
+unary! {
+    /// `c x`.
+    scale(factor): |x| factor * x, |_, _| factor;
+    /// `x + c`.
+    add_scalar(summand): |x| x + summand, |_, _| F::one();
+    /// `eˣ`; in `f32` by a polynomial with a relative error below 2e-7.
+    exp(): |x| x.fast_exp(), |_, y| y;
+    /// The natural logarithm. Its gradient at 0 is infinite.
+    ln(): |x| x.ln(), |x, _| x.recip();
+    /// The square root. Its gradient at 0 is infinite: add a small number first, or clamp.
+    sqrt(): |x| x.sqrt(), |_, y| c::<F>(0.5) / y;
+    /// `x²`.
+    square(): |x| x * x, |x, _| x + x;
+    /// `1 / x`.
+    recip(): |x| x.recip(), |_, y| -y * y;
+    /// The sine.
+    sin(): |x| x.sin(), |x, _| x.cos();
+    /// The cosine.
+    cos(): |x| x.cos(), |x, _| -x.sin();
+    /// The absolute value; its gradient at 0 is 0.
+    abs(): |x| x.abs(), |x, _| {
+        if x > F::zero() { F::one() } else if x < F::zero() { -F::one() } else { F::zero() }
+    };
+    /// `max(x, 0)`; its gradient at 0 is 0.
+    relu(): |x| if x <= F::zero() { F::zero() } else { x },
+        |x, _| if x > F::zero() { F::one() } else { F::zero() };
+    /// `x` where positive, else `slope x`.
+    leaky_relu(slope): |x| if x > F::zero() { x } else { slope * x },
+        |x, _| if x > F::zero() { F::one() } else { slope };
+    /// `x` where positive, else `eˣ - 1`.
+    elu(): |x| if x > F::zero() { x } else { x.fast_exp() - F::one() },
+        |x, y| if x > F::zero() { F::one() } else { y + F::one() };
+    /// `ln(1 + eˣ)`, without overflow.
+    softplus(): |x| x.max(F::zero()) + (-x.abs()).fast_exp().ln_1p(), |x, _| x.fast_sigmoid();
+    /// `1 / (1 + e⁻ˣ)`.
+    sigmoid(): |x| x.fast_sigmoid(), |_, y| y * (F::one() - y);
+    /// The hyperbolic tangent.
+    tanh(): |x| x.fast_tanh(), |_, y| F::one() - y * y;
+    /// `clamp(x / 6 + 1/2, 0, 1)`, as in PyTorch.
+    hardsigmoid(): |x| (x / c(6.0) + c(0.5)).max(F::zero()).min(F::one()),
+        |x, _| if x > c(-3.0) && x < c(3.0) { c(1.0 / 6.0) } else { F::zero() };
+    /// `x` kept within `[low, high]`; the gradient is 1 there, ends included, and 0 outside.
+    clamp(low, high): |x| x.max(low).min(high),
+        |x, _| if x >= low && x <= high { F::one() } else { F::zero() };
+    /// `xᵖ` for `x > 0`.
+    powf(exponent): |x| x.powf(exponent), |x, _| exponent * x.powf(exponent - F::one());
+}
+
+impl<F: Real> Var<'_, F> {
+    /// `-x`.
+    #[track_caller]
+    #[allow(clippy::should_implement_trait, reason = "the trait is implemented too")]
+    pub fn neg(self) -> Self {
+        self.map_named("neg", |x| -x, |_, _| -F::one())
+    }
+
+    /// `xⁿ` for a whole number `n`.
+    #[track_caller]
+    pub fn powi(self, n: i32) -> Self {
+        let factor = F::from_f64(n as f64);
+        self.map_named("powi", move |x| x.powi(n), move |x, _| factor * x.powi(n - 1))
+    }
+
     /// `y = f(x)` for each element, with `dy/dx = df(x, y)`.
     ///
     /// The way to a fused operation that this crate does not have: one pass forward, one back.
+    ///
+    /// ```
+    /// use autodiff_lite::Tape;
+    ///
+    /// let tape = Tape::<f64>::train(0);
+    /// let x = tape.leaf(ndarray::arr1(&[0.5, -2.0]));
+    /// let y = x.map(|x| x / (1.0 + x.abs()), |x, _| (1.0 + x.abs()).powi(-2)).sum();
+    /// let gradients = y.backward();
+    /// assert_eq!(gradients.wrt(x).unwrap().as_slice(), Some(&[1.0 / 2.25, 1.0 / 9.0][..]));
+    /// ```
     #[track_caller]
     pub fn map(
         self,
@@ -28,63 +121,6 @@ impl<'t, F: Real> Var<'t, F> {
         let mut y = self.tape.array(x.shape());
         elementwise::map(x.as_slice().expect(CONTIGUOUS), y.as_slice_mut().expect(CONTIGUOUS), f);
         self.tape.record(&[self], y, Map { name, df })
-    }
-
-    /// `y = f(a, b)` for each pair of elements of `self` and `other`, which broadcast by NumPy's
-    /// rules, with `(dy/da, dy/db) = df(a, b, y)`.
-    #[track_caller]
-    pub fn zip(
-        self,
-        other: Self,
-        f: impl Fn(F, F) -> F + Sync,
-        df: impl Fn(F, F, F) -> (F, F) + Sync + Send + 'static,
-    ) -> Self {
-        self.zip_named("zip", other, f, df)
-    }
-
-    #[track_caller]
-    pub(crate) fn zip_named(
-        self,
-        name: &'static str,
-        other: Self,
-        f: impl Fn(F, F) -> F + Sync,
-        df: impl Fn(F, F, F) -> (F, F) + Sync + Send + 'static,
-    ) -> Self {
-        let (a, b) = (self.value(), other.value());
-        let Some(shape) = broadcast_shape(a.shape(), b.shape()) else {
-            ShapeError::new(name, "the shapes do not broadcast")
-                .operand("left", a.shape(), "")
-                .operand("right", b.shape(), "")
-                .at(self.tape.path())
-                .panic();
-        };
-        let plan = Broadcast::new(a.shape(), b.shape());
-        let mut y = self.tape.array(&shape);
-        plan.zip(
-            a.as_slice().expect(CONTIGUOUS),
-            b.as_slice().expect(CONTIGUOUS),
-            y.as_slice_mut().expect(CONTIGUOUS),
-            f,
-        );
-        self.tape.record(&[self, other], y, Zip { name, plan, df })
-    }
-
-    /// `x²`.
-    #[track_caller]
-    pub fn square(self) -> Self {
-        self.map_named("square", |x| x * x, |x, _| x + x)
-    }
-
-    /// `a + b`, broadcasting.
-    #[track_caller]
-    pub fn add(self, other: Self) -> Self {
-        self.zip_named("add", other, |a, b| a + b, |_, _, _| (F::one(), F::one()))
-    }
-
-    /// `a * b`, broadcasting.
-    #[track_caller]
-    pub fn mul(self, other: Self) -> Self {
-        self.zip_named("mul", other, |a, b| a * b, |a, b, _| (b, a))
     }
 }
 
@@ -110,37 +146,86 @@ impl<F: Real, D: Fn(F, F) -> F + Sync + Send + 'static> Op<F> for Map<D> {
     }
 }
 
-struct Zip<D> {
-    name: &'static str,
-    plan: Broadcast,
-    df: D,
-}
-
-impl<F: Real, D: Fn(F, F, F) -> (F, F) + Sync + Send + 'static> Op<F> for Zip<D> {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let (a, b, y, g) = (cx.input(0), cx.input(1), cx.output(), cx.grad_out());
-        let [a, b, y, g] = [&a, &b, &y, &g].map(|x| x.as_slice().expect(CONTIGUOUS));
-        if cx.needs(0) {
-            let target = cx.grad_slice_mut(0);
-            self.plan.accumulate(0, [g, a, b, y], target, |g, a, b, y| g * (self.df)(a, b, y).0);
-        }
-        if cx.needs(1) {
-            let target = cx.grad_slice_mut(1);
-            self.plan.accumulate(1, [g, a, b, y], target, |g, a, b, y| g * (self.df)(a, b, y).1);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use crate::testkit::gradcheck;
+    use super::*;
+    use crate::Tape;
+    use crate::testkit::{Options, gradcheck};
 
+    fn positive() -> Options {
+        Options::default().range(0.2, 2.0)
+    }
+
+    fn kinks(at: &[f64]) -> Options {
+        Options::default().kinks(at)
+    }
+
+    gradcheck!(scale: |x| x.scale(-2.5), shapes [[[3, 5]], [[]], [[1, 0]]]);
+    gradcheck!(add_scalar: |x| x.add_scalar(2.0).square(), shapes [[[3, 5]]]);
+    gradcheck!(exp: |x| x.exp(), shapes [[[3, 5]], [[]]]);
+    gradcheck!(ln: |x| x.ln(), shapes [[[3, 5]]], options positive());
+    gradcheck!(sqrt: |x| x.sqrt(), shapes [[[3, 5]]], options positive());
     gradcheck!(square: |x| x.square(), shapes [[[3, 5]], [[]], [[1, 0]]]);
-    gradcheck!(add: |a, b| a.add(b), shapes [[[3, 5], [5]], [[2, 1, 4], [3, 1]], [[], [2, 2]], [[4], [4]]]);
-    gradcheck!(mul: |a, b| a.mul(b), shapes [[[3, 5], [5]], [[2, 1, 4], [3, 1]], [[], [2, 2]], [[4], [4]]]);
-    gradcheck!(the_same_input_twice: |a| a.mul(a).mul(a), shapes [[[3, 2]]]);
+    gradcheck!(recip: |x| x.recip(), shapes [[[3, 5]]], options positive());
+    gradcheck!(sin: |x| x.sin(), shapes [[[3, 5]]]);
+    gradcheck!(cos: |x| x.cos(), shapes [[[3, 5]]]);
+    gradcheck!(abs: |x| x.abs(), shapes [[[3, 5]]], options kinks(&[0.0]));
+    gradcheck!(relu: |x| x.relu(), shapes [[[3, 5]]], options kinks(&[0.0]));
+    gradcheck!(leaky_relu: |x| x.leaky_relu(0.2), shapes [[[3, 5]]], options kinks(&[0.0]));
+    gradcheck!(elu: |x| x.elu(), shapes [[[3, 5]]], options kinks(&[0.0]));
+    gradcheck!(softplus: |x| x.softplus(), shapes [[[3, 5]]]);
+    gradcheck!(sigmoid: |x| x.sigmoid(), shapes [[[3, 5]]]);
+    gradcheck!(tanh: |x| x.tanh(), shapes [[[3, 5]]]);
+    gradcheck!(hardsigmoid: |x| x.hardsigmoid(), shapes [[[30]]], options kinks(&[-3.0, 3.0]).range(-5.0, 5.0));
+    gradcheck!(clamp: |x| x.clamp(-0.5, 0.7), shapes [[[30]]], options kinks(&[-0.5, 0.7]));
+    gradcheck!(powi: |x| x.powi(3), shapes [[[3, 5]]]);
+    gradcheck!(powi_negative: |x| x.powi(-2), shapes [[[3, 5]]], options positive());
+    gradcheck!(powf: |x| x.powf(1.7), shapes [[[3, 5]]], options positive());
+    gradcheck!(neg: |x| x.neg(), shapes [[[3, 5]]]);
+    gradcheck!(map: |x| x.map(|x| x * x * x, |x, _| 3.0 * x * x), shapes [[[3, 5]]]);
+
+    #[test]
+    fn values_are_those_of_the_formulas() {
+        let tape = Tape::<f64>::eval();
+        let x = tape.constant(ndarray::arr1(&[-4.0, -0.5, 0.0, 2.0]));
+        let check = |y: Var<'_, f64>, expected: [f64; 4]| {
+            let y = y.value();
+            for (y, e) in y.iter().zip(expected) {
+                assert!((y - e).abs() < 1e-15, "{y} instead of {e}");
+            }
+        };
+        check(x.relu(), [0.0, 0.0, 0.0, 2.0]);
+        check(x.leaky_relu(0.1), [-0.4, -0.05, 0.0, 2.0]);
+        check(x.hardsigmoid(), [0.0, 0.5 - 0.5 / 6.0, 0.5, 0.5 + 2.0 / 6.0]);
+        check(x.clamp(-1.0, 1.0), [-1.0, -0.5, 0.0, 1.0]);
+        check(x.abs(), [4.0, 0.5, 0.0, 2.0]);
+        check(x.powi(3), [-64.0, -0.125, 0.0, 8.0]);
+        // ln(1 + e⁻⁴) = 0.018149927917809...
+        check(
+            x.softplus(),
+            [0.01814992791780974, 0.47407698418010663, 2.0_f64.ln(), 2.1269280110429727],
+        );
+        check(
+            tape.constant(ndarray::arr1(&[800.0, -800.0, 0.0, 1.0])).sigmoid(),
+            [1.0, 0.0, 0.5, 0.7310585786300049],
+        );
+    }
+
+    #[test]
+    fn gradients_at_kinks_are_those_of_pytorch() {
+        let tape = Tape::<f32>::train(0);
+        let x = tape.leaf(ndarray::arr1(&[0.0]));
+        for (y, expected) in [(x.relu(), 0.0), (x.abs(), 0.0), (x.clamp(0.0, 1.0), 1.0)] {
+            assert_eq!(y.sum().backward().wrt(x).unwrap()[0], expected);
+        }
+    }
+
+    #[test]
+    fn not_a_number_stays_visible() {
+        let tape = Tape::<f32>::eval();
+        let x = tape.constant(ndarray::arr1(&[f32::NAN]));
+        for y in [x.relu(), x.exp(), x.sigmoid(), x.tanh(), x.square(), x.leaky_relu(0.1)] {
+            assert!(y.value()[0].is_nan(), "{y:?}");
+        }
+    }
 }

@@ -1,27 +1,227 @@
-//! Sums and means.
+//! Sums, means and maxima, over everything or along one axis.
 
-use ndarray::arr0;
-
-use crate::{Backward, CONTIGUOUS, Real, Var};
+use crate::kernels::{elementwise, reduce};
+use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Var};
 
 impl<F: Real> Var<'_, F> {
     /// The sum of all elements, a scalar `[]`.
     #[track_caller]
     pub fn sum(self) -> Self {
+        self.total("sum", F::one())
+    }
+
+    /// The mean of all elements, a scalar `[]`.
+    ///
+    /// # Panics
+    /// If there is none.
+    #[track_caller]
+    pub fn mean(self) -> Self {
+        let count = self.len();
+        if count == 0 {
+            ShapeError::new("mean", "the mean of nothing")
+                .operand("input", &self.shape(), "")
+                .at(self.tape.path())
+                .panic();
+        }
+        self.total("mean", F::from_f64(1.0 / count as f64))
+    }
+
+    #[track_caller]
+    fn total(self, name: &'static str, factor: F) -> Self {
         let x = self.value();
-        let total: F = x.as_slice().expect(CONTIGUOUS).iter().sum();
         let mut y = self.tape.array(&[]);
-        y.assign(&arr0(total));
-        self.tape.record_fn("sum", &[self], y, |cx: &mut Backward<'_, F>| {
-            let g = *cx.grad_out().first().expect("a scalar has one element");
-            cx.grad_slice_mut(0).iter_mut().for_each(|x| *x += g);
+        y.fill(factor * reduce::sum(x.as_slice().expect(CONTIGUOUS)));
+        self.tape.record_fn(name, &[self], y, move |cx: &mut Backward<'_, F>| {
+            let g = factor * *cx.grad_out().first().expect("a scalar has one element");
+            spread(cx, |target| target.fill(g), |target| target.iter_mut().for_each(|t| *t += g));
         })
+    }
+
+    /// The sum along `axis`, which disappears: `[.., n, ..] -> [.., ..]`.
+    #[track_caller]
+    pub fn sum_axis(self, axis: usize) -> Self {
+        self.along("sum_axis", axis, F::one())
+    }
+
+    /// The mean along `axis`, which disappears: `[.., n, ..] -> [.., ..]`.
+    ///
+    /// # Panics
+    /// If the axis is empty or there is no such axis.
+    #[track_caller]
+    pub fn mean_axis(self, axis: usize) -> Self {
+        let (_, [_, n, _]) = self.split_at_axis("mean_axis", axis, true);
+        self.along("mean_axis", axis, F::from_f64(1.0 / n as f64))
+    }
+
+    #[track_caller]
+    fn along(self, name: &'static str, axis: usize, factor: F) -> Self {
+        let (shape, dims) = self.split_at_axis(name, axis, false);
+        let x = self.value();
+        let mut y = self.tape.array(&shape);
+        let out = y.as_slice_mut().expect(CONTIGUOUS);
+        reduce::sum_axis(dims, x.as_slice().expect(CONTIGUOUS), out);
+        if factor != F::one() {
+            elementwise::scale_in_place(out, factor);
+        }
+        self.tape.record_fn(name, &[self], y, move |cx: &mut Backward<'_, F>| {
+            let [_, n, inner] = dims;
+            if n * inner == 0 {
+                return;
+            }
+            let g = cx.grad_out();
+            let g = g.as_slice().expect(CONTIGUOUS);
+            let rows = |target: &mut [F], write: fn(&mut F, F)| {
+                for (target, g) in target.chunks_exact_mut(n * inner).zip(g.chunks_exact(inner)) {
+                    for row in target.chunks_exact_mut(inner) {
+                        row.iter_mut().zip(g).for_each(|(t, &g)| write(t, factor * g));
+                    }
+                }
+            };
+            spread(cx, |target| rows(target, |t, g| *t = g), |target| rows(target, |t, g| *t += g));
+        })
+    }
+
+    /// The largest element along `axis`, which disappears: `[.., n, ..] -> [.., ..]`. The gradient
+    /// goes to the first of equal ones.
+    ///
+    /// # Panics
+    /// If the axis is empty or there is no such axis.
+    #[track_caller]
+    pub fn max_axis(self, axis: usize) -> Self {
+        let (shape, dims) = self.split_at_axis("max_axis", axis, true);
+        let x = self.value();
+        let mut y = self.tape.array(&shape);
+        let mut argument = self.tape.indices(y.len());
+        reduce::max_axis(
+            dims,
+            x.as_slice().expect(CONTIGUOUS),
+            y.as_slice_mut().expect(CONTIGUOUS),
+            &mut argument,
+        );
+        self.tape.record(&[self], y, MaxAxis { dims, argument })
+    }
+
+    /// The largest of all elements, a scalar `[]`; the gradient goes to the first of equal ones.
+    ///
+    /// # Panics
+    /// If there is none.
+    #[track_caller]
+    pub fn max(self) -> Self {
+        self.reshape(&[self.len()]).max_axis(0)
+    }
+
+    /// The shape without `axis`, and the sizes before, along and after it.
+    #[track_caller]
+    fn split_at_axis(
+        self,
+        op: &'static str,
+        axis: usize,
+        not_empty: bool,
+    ) -> (Vec<usize>, [usize; 3]) {
+        let mut shape = self.shape();
+        let refuse = |shape: &[usize], message: String| {
+            ShapeError::new(op, message).operand("input", shape, "").at(self.tape.path()).panic()
+        };
+        if axis >= shape.len() {
+            refuse(&shape, format!("there is no axis {axis}"));
+        }
+        if not_empty && shape[axis] == 0 {
+            refuse(&shape, format!("axis {axis} is empty"));
+        }
+        let dims =
+            [shape[..axis].iter().product(), shape[axis], shape[axis + 1..].iter().product()];
+        shape.remove(axis);
+        (shape, dims)
+    }
+}
+
+/// Writes the gradient of input 0 when it is the first, else adds to it: no pass of zeros.
+pub(crate) fn spread<F: Real>(
+    cx: &mut Backward<'_, F>,
+    write: impl FnOnce(&mut [F]),
+    add: impl FnOnce(&mut [F]),
+) {
+    if cx.is_first(0) {
+        let mut gradient = cx.array(cx.input(0).shape());
+        write(gradient.as_slice_mut().expect(CONTIGUOUS));
+        cx.give(0, gradient);
+    } else {
+        add(cx.grad_slice_mut(0));
+    }
+}
+
+struct MaxAxis {
+    dims: [usize; 3],
+    argument: PoolVec<u32>,
+}
+
+impl<F: Real> Op<F> for MaxAxis {
+    fn name(&self) -> &'static str {
+        "max_axis"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let [_, n, inner] = self.dims;
+        let g = cx.grad_out();
+        let target = cx.grad_slice_mut(0);
+        for (k, (&g, &best)) in g.iter().zip(self.argument.iter()).enumerate() {
+            target[((k / inner) * n + best as usize) * inner + k % inner] += g;
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::testkit::gradcheck;
+    use ndarray::{Axis, arr2};
+    use proptest::prelude::*;
+
+    use crate::testkit::{Options, check, gradcheck};
+    use crate::{Tape, Var};
 
     gradcheck!(sum: |x| x.sum(), shapes [[[3, 5]], [[]], [[2, 0]]]);
+    gradcheck!(sum_twice: |x| x.sum() * x.mean(), shapes [[[3, 5]]]);
+    gradcheck!(mean: |x| x.mean(), shapes [[[3, 5]], [[]]]);
+    gradcheck!(sum_axis: |x| x.sum_axis(1), shapes [[[3, 5]], [[2, 3, 4]], [[2, 0]], [[2, 1, 3]]]);
+    gradcheck!(sum_axis_added: |x| x.sum_axis(0) + x.mean_axis(0), shapes [[[3, 5]]]);
+    gradcheck!(mean_axis: |x| x.mean_axis(0), shapes [[[3, 5]], [[2, 3, 4]], [[7]]]);
+    gradcheck!(max_axis: |x| x.max_axis(1), shapes [[[3, 5]], [[2, 3, 4]], [[1, 1]]]);
+    gradcheck!(max: |x| x.max(), shapes [[[3, 5]]]);
+
+    proptest! {
+        #[test]
+        fn any_axis_of_any_shape(
+            shape in proptest::collection::vec(1_usize..5, 1..5),
+            pick in any::<proptest::sample::Index>(),
+        ) {
+            let axis = pick.index(shape.len());
+            let options = Options::default();
+            let inputs = options.draw(&[shape]);
+            let tape = Tape::<f64>::eval();
+            let x = tape.constant(inputs[0].clone());
+            let expected = inputs[0].sum_axis(Axis(axis));
+            let close = |a: &crate::Tensor<f64>| {
+                a.shape() == expected.shape() && a.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-12)
+            };
+            prop_assert!(close(&x.sum_axis(axis).value()));
+            let expected = inputs[0].map_axis(Axis(axis), |x| x.fold(f64::MIN, |a, &b| a.max(b)));
+            prop_assert_eq!(x.max_axis(axis).value(), expected.into_shared());
+            check(&|x: &[Var<'_, f64>]| x[0].mean_axis(axis).square(), &inputs, &options).unwrap();
+            check(&|x: &[Var<'_, f64>]| x[0].max_axis(axis), &inputs, &options).unwrap();
+        }
+    }
+
+    #[test]
+    fn of_equal_elements_the_first_gets_the_gradient() {
+        let tape = Tape::<f32>::train(0);
+        let x = tape.leaf(arr2(&[[1.0, 3.0, 3.0]]));
+        let gradients = x.max_axis(1).sum().backward();
+        assert_eq!(gradients.wrt(x).unwrap().as_slice(), Some(&[0.0, 1.0, 0.0][..]));
+    }
+
+    #[test]
+    #[should_panic(expected = "sum_axis: there is no axis 2")]
+    fn a_missing_axis() {
+        let tape = Tape::<f32>::eval();
+        let _ = tape.constant(arr2(&[[1.0]])).sum_axis(2);
+    }
 }

@@ -1,0 +1,132 @@
+//! Sums and maxima, over fixed chunks: the result does not depend on the number of threads.
+
+use rayon::prelude::*;
+
+use crate::Real;
+use crate::kernels::elementwise::{CHUNK, PARALLEL_FROM};
+use crate::kernels::simd::clones;
+
+/// Partial sums side by side: they vectorise, and they lose less than one running sum.
+const LANES: usize = 64;
+
+#[inline(always)]
+fn sum_body<F: Real>(x: &[F]) -> F {
+    let (blocks, rest) = x.as_chunks::<LANES>();
+    let mut lanes = [F::zero(); LANES];
+    for block in blocks {
+        for k in 0..LANES {
+            lanes[k] += block[k];
+        }
+    }
+    let mut width = LANES / 2;
+    while width > 0 {
+        for k in 0..width {
+            let other = lanes[k + width];
+            lanes[k] += other;
+        }
+        width /= 2;
+    }
+    rest.iter().fold(lanes[0], |sum, &x| sum + x)
+}
+
+clones!(fn sum_chunk[F: Real](x: &[F]) -> F = sum_body);
+
+/// `Σ x`: chunks of fixed length are summed in the type, their sums in double precision.
+pub fn sum<F: Real>(x: &[F]) -> F {
+    if x.len() <= CHUNK {
+        return sum_chunk(x);
+    }
+    let total: f64 = if x.len() < PARALLEL_FROM {
+        x.chunks(CHUNK).map(|x| sum_chunk(x).to_f64()).sum()
+    } else {
+        // Collected in order, then added in order.
+        let parts: Vec<f64> = x.par_chunks(CHUNK).map(|x| sum_chunk(x).to_f64()).collect();
+        parts.iter().sum()
+    };
+    F::from_f64(total)
+}
+
+/// `y[o, i] = Σ_k x[o, k, i]` for `x [outer, n, inner]`.
+///
+/// # Panics
+/// If a length does not fit.
+pub fn sum_axis<F: Real>([outer, n, inner]: [usize; 3], x: &[F], y: &mut [F]) {
+    assert_eq!(x.len(), outer * n * inner);
+    assert_eq!(y.len(), outer * inner);
+    if n == 0 || inner == 0 {
+        y.fill(F::zero());
+        return;
+    }
+    let block = |x: &[F], y: &mut [F]| {
+        if inner == 1 {
+            y[0] = sum_chunk(x);
+        } else {
+            y.copy_from_slice(&x[..inner]);
+            for row in x[inner..].chunks_exact(inner) {
+                super::elementwise::add_to(row, y);
+            }
+        }
+    };
+    if x.len() < PARALLEL_FROM || outer == 1 {
+        for (x, y) in x.chunks_exact(n * inner).zip(y.chunks_exact_mut(inner)) {
+            block(x, y);
+        }
+    } else {
+        let blocks = x.par_chunks_exact(n * inner).zip(y.par_chunks_exact_mut(inner));
+        blocks.for_each(|(x, y)| block(x, y));
+    }
+}
+
+/// `y[o, i] = max_k x[o, k, i]`, and the first `k` that reaches it.
+///
+/// # Panics
+/// If a length does not fit, or `n` is 0.
+pub fn max_axis<F: Real>(
+    [outer, n, inner]: [usize; 3],
+    x: &[F],
+    y: &mut [F],
+    argument: &mut [u32],
+) {
+    assert!(n > 0, "the maximum of nothing");
+    assert_eq!(x.len(), outer * n * inner);
+    assert_eq!(y.len(), outer * inner);
+    assert_eq!(argument.len(), y.len());
+    for o in 0..outer {
+        let (y, argument) =
+            (&mut y[o * inner..(o + 1) * inner], &mut argument[o * inner..(o + 1) * inner]);
+        y.copy_from_slice(&x[o * n * inner..][..inner]);
+        argument.fill(0);
+        for k in 1..n {
+            let row = &x[(o * n + k) * inner..][..inner];
+            for ((y, best), &x) in y.iter_mut().zip(argument.iter_mut()).zip(row) {
+                if x > *y {
+                    *y = x;
+                    *best = k as u32;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_are_accurate_and_do_not_depend_on_threads() {
+        let x: Vec<f32> =
+            (0..PARALLEL_FROM + 12345).map(|k| (k as f32 * 0.7).sin() + 0.1).collect();
+        let exact: f64 = x.iter().map(|&x| x as f64).sum();
+        let sums: Vec<f32> = [1, 2, 3]
+            .iter()
+            .map(|&n| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+                pool.install(|| sum(&x))
+            })
+            .collect();
+        assert!((sums[0] as f64 - exact).abs() < 1e-3);
+        assert_eq!(sums[0].to_bits(), sums[1].to_bits());
+        assert_eq!(sums[0].to_bits(), sums[2].to_bits());
+        assert_eq!(sum::<f32>(&[]), 0.0);
+    }
+}

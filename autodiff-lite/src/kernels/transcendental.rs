@@ -1,0 +1,121 @@
+//! Transcendental functions that vectorise: straight-line code without calls, so that a loop over
+//! a slice becomes SIMD in each of the [clones](super::simd).
+//!
+//! `f32` uses polynomials, with a relative error below 2e-7; `f64`, which is only for gradient
+//! checks, calls the standard library.
+
+/// Functions of one number, fit for the inside of a vectorised loop.
+pub trait Transcendental: Copy {
+    /// `eˣ`: 0 below -87.3 (no subnormals), infinite above 88.7 in `f32`; NaN stays NaN.
+    fn fast_exp(self) -> Self;
+
+    /// `1 / (1 + e⁻ˣ)`.
+    fn fast_sigmoid(self) -> Self;
+
+    /// The hyperbolic tangent.
+    fn fast_tanh(self) -> Self;
+}
+
+impl Transcendental for f32 {
+    #[inline(always)]
+    fn fast_exp(self) -> Self {
+        // 1.5 * 2²³: adding it leaves the nearest integer in the low bits of the sum.
+        const ROUND: f32 = 12582912.0;
+        let x = if self < -88.0 { -88.0 } else { self };
+        let x = if x > 88.8 { 88.8 } else { x };
+        let z = x * std::f32::consts::LOG2_E + ROUND;
+        let n = z - ROUND;
+        // ln 2 in two parts; the first has few bits, so that n times it is exact.
+        let r = x - n * 0.693359375 + n * 2.12194440e-4;
+        let mut p = 1.9875691500e-4_f32;
+        p = p * r + 1.3981999507e-3;
+        p = p * r + 8.3334519073e-3;
+        p = p * r + 4.1665795894e-2;
+        p = p * r + 1.6666665459e-1;
+        p = p * r + 5.0000001201e-1;
+        let y = p * (r * r) + r + 1.0;
+        // 2ⁿ in two factors: n = 128 has no single one.
+        let half = (z.to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32) >> 1;
+        let rest = (z.to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32) - half;
+        let power = |n: i32| f32::from_bits((n.wrapping_add(127) as u32) << 23);
+        let y = y * power(half) * power(rest);
+        let y = if self > 88.72283 { f32::INFINITY } else { y };
+        if self < -87.33654 { 0.0 } else { y }
+    }
+
+    #[inline(always)]
+    fn fast_sigmoid(self) -> Self {
+        1.0 / (1.0 + (-self).fast_exp())
+    }
+
+    #[inline(always)]
+    fn fast_tanh(self) -> Self {
+        // Near zero the quotient of exponentials cancels: Cephes' odd polynomial instead.
+        let s = self * self;
+        let mut p = -5.70498872745e-3_f32;
+        p = p * s + 2.06390887954e-2;
+        p = p * s - 5.37397155531e-2;
+        p = p * s + 1.33314422036e-1;
+        p = p * s - 3.33332819422e-1;
+        let near = p * s * self + self;
+        let far = 1.0 - 2.0 / ((self.abs() * 2.0).fast_exp() + 1.0);
+        let far = far.copysign(self);
+        if self.abs() < 0.625 { near } else { far }
+    }
+}
+
+impl Transcendental for f64 {
+    #[inline(always)]
+    fn fast_exp(self) -> Self {
+        self.exp()
+    }
+
+    #[inline(always)]
+    fn fast_sigmoid(self) -> Self {
+        1.0 / (1.0 + (-self).exp())
+    }
+
+    #[inline(always)]
+    fn fast_tanh(self) -> Self {
+        self.tanh()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn largest_error(range: f32, fast: fn(f32) -> f32, exact: fn(f64) -> f64) -> f64 {
+        let steps = 200_000;
+        (0..=steps)
+            .map(|k| {
+                let x = range * (2.0 * k as f32 / steps as f32 - 1.0);
+                let exact = exact(x as f64);
+                ((fast(x) as f64 - exact) / exact.abs().max(1e-30)).abs()
+            })
+            .fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn relative_errors() {
+        assert!(largest_error(87.0, f32::fast_exp, f64::exp) < 2e-7);
+        assert!(largest_error(20.0, f32::fast_sigmoid, |x| 1.0 / (1.0 + (-x).exp())) < 4e-7);
+        assert!(largest_error(20.0, f32::fast_tanh, f64::tanh) < 4e-7);
+    }
+
+    #[test]
+    fn extremes() {
+        assert_eq!(f32::fast_exp(0.0), 1.0);
+        assert_eq!(f32::fast_exp(f32::NEG_INFINITY), 0.0);
+        assert_eq!(f32::fast_exp(-1e30), 0.0);
+        assert_eq!(f32::fast_exp(89.0), f32::INFINITY);
+        assert!((f32::fast_exp(88.7) / 88.7_f32.exp() - 1.0).abs() < 1e-5);
+        assert!(f32::fast_exp(f32::NAN).is_nan());
+        assert!(f32::fast_tanh(f32::NAN).is_nan());
+        assert_eq!(f32::fast_tanh(f32::INFINITY), 1.0);
+        assert_eq!(f32::fast_tanh(-1e30), -1.0);
+        assert_eq!(f32::fast_tanh(1e-20), 1e-20);
+        assert_eq!(f32::fast_sigmoid(-1e30), 0.0);
+        assert_eq!(f32::fast_sigmoid(1e30), 1.0);
+    }
+}

@@ -1,0 +1,99 @@
+//! Dropout: a random part of the elements is set to zero while training.
+
+use rand::Rng;
+
+use crate::kernels::elementwise;
+use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Var};
+
+impl<F: Real> Var<'_, F> {
+    /// Sets each element to zero with probability `p` and divides the others by `1 - p`, so that
+    /// the mean stays. On an eval tape nothing happens.
+    ///
+    /// What is dropped follows from the tape's seed and from how many random operations came
+    /// before; see [`Tape::reseed`](crate::Tape::reseed).
+    ///
+    /// # Panics
+    /// If `p` is not within `[0, 1)`.
+    #[track_caller]
+    pub fn dropout(self, p: f64) -> Self {
+        if !(0.0..1.0).contains(&p) {
+            ShapeError::new("dropout", format!("the probability {p} is not within [0, 1)"))
+                .at(self.tape.path())
+                .panic();
+        }
+        if !self.tape.is_training() || p == 0.0 {
+            return self;
+        }
+        let x = self.value();
+        let mut rng = self.tape.rng();
+        let mut mask = self.tape.indices(x.len().div_ceil(32));
+        // An element lives when its random 32 bits are not below p.
+        let threshold = (p * 2.0_f64.powi(32)) as u64;
+        for word in mask.iter_mut() {
+            *word = (0..32)
+                .fold(0, |bits, k| bits | (u32::from(u64::from(rng.next_u32()) >= threshold) << k));
+        }
+        let scale = F::from_f64(1.0 / (1.0 - p));
+        let mut y = self.tape.array(x.shape());
+        let out = y.as_slice_mut().expect(CONTIGUOUS);
+        elementwise::map(x.as_slice().expect(CONTIGUOUS), out, |x| scale * x);
+        keep(&mask, out);
+        self.tape.record(&[self], y, Dropout { mask, scale })
+    }
+}
+
+/// Zeroes the elements whose bit is not set.
+fn keep<F: Real>(mask: &[u32], x: &mut [F]) {
+    for (x, &bits) in x.chunks_mut(32).zip(mask) {
+        for (k, x) in x.iter_mut().enumerate() {
+            if bits >> k & 1 == 0 {
+                *x = F::zero();
+            }
+        }
+    }
+}
+
+struct Dropout<F> {
+    mask: PoolVec<u32>,
+    scale: F,
+}
+
+impl<F: Real> Op<F> for Dropout<F> {
+    fn name(&self) -> &'static str {
+        "dropout"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let mut g = cx.take_grad_out();
+        let slice = g.as_slice_mut().expect(CONTIGUOUS);
+        elementwise::scale_in_place(slice, self.scale);
+        keep(&self.mask, slice);
+        cx.give(0, g);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array1;
+
+    use crate::Tape;
+    use crate::testkit::gradcheck;
+
+    gradcheck!(dropout: |x| x.dropout(0.4), shapes [[[3, 5]], [[100]], [[]], [[0]]]);
+
+    #[test]
+    fn the_mean_stays_and_the_seed_decides() {
+        let mut tape = Tape::<f32>::train(3);
+        let ones = Array1::<f32>::ones(100_000).into_shared();
+        let first = tape.constant(ones.clone()).dropout(0.3).value();
+        assert!((first.mean().unwrap() - 1.0).abs() < 0.01);
+        let zeros = first.iter().filter(|&&x| x == 0.0).count();
+        assert!((zeros as f64 / 100_000.0 - 0.3).abs() < 0.01, "{zeros} zeros");
+        let second = tape.constant(ones.clone()).dropout(0.3).value();
+        assert_ne!(first, second);
+        tape.reset();
+        assert_eq!(first, tape.constant(ones.clone()).dropout(0.3).value());
+        let tape = Tape::<f32>::eval();
+        assert_eq!(tape.constant(ones.clone()).dropout(0.3).value(), ones.into_dyn());
+    }
+}

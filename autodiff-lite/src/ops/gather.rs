@@ -1,0 +1,180 @@
+//! Rows by index: taking them, and adding to them.
+
+use crate::kernels::rows;
+use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Var};
+
+impl<F: Real> Var<'_, F> {
+    /// Row `indices[k]` as row `k`: `[.., V, D] -> [.., K, D]`, the same indices for each batch.
+    ///
+    /// The gradient is a scatter in the order of `k`, one thread per batch element.
+    ///
+    /// # Panics
+    /// If there are fewer than two axes, or an index is not below `V`.
+    #[track_caller]
+    pub fn gather_rows(self, indices: &[u32]) -> Self {
+        let (mut shape, rows) = self.rows_for("gather_rows", indices, None);
+        let [n, width] = [rows, shape[shape.len() - 1]];
+        let axis = shape.len() - 2;
+        shape[axis] = indices.len();
+        let x = self.value();
+        let mut y = self.tape.array(&shape);
+        rows::gather(
+            [n, width],
+            x.as_slice().expect(CONTIGUOUS),
+            indices,
+            y.as_slice_mut().expect(CONTIGUOUS),
+        );
+        let indices = self.saved(indices);
+        self.tape.record(&[self], y, Gather { rows: n, width, indices })
+    }
+
+    /// A table of `rows` rows, to row `indices[k]` of which row `k` is added:
+    /// `[.., K, D] -> [.., rows, D]`. Rows that no index names are zero.
+    ///
+    /// # Panics
+    /// If there are fewer than two axes, the number of indices is not `K`, or one is not below
+    /// `rows`.
+    #[track_caller]
+    pub fn scatter_add_rows(self, indices: &[u32], rows: usize) -> Self {
+        let (mut shape, _) = self.rows_for("scatter_add_rows", indices, Some(rows));
+        let width = shape[shape.len() - 1];
+        let axis = shape.len() - 2;
+        shape[axis] = rows;
+        let x = self.value();
+        let mut y = self.tape.array(&shape);
+        y.fill(F::zero());
+        rows::scatter_add(
+            [rows, width],
+            x.as_slice().expect(CONTIGUOUS),
+            indices,
+            y.as_slice_mut().expect(CONTIGUOUS),
+        );
+        let indices = self.saved(indices);
+        self.tape.record(&[self], y, ScatterAdd { rows, width, indices })
+    }
+
+    /// A copy of the indices, from the pool, when a gradient will want them.
+    fn saved(self, indices: &[u32]) -> PoolVec<u32> {
+        let wanted = self.tape.wants_grad(&[self]);
+        let mut saved = self.tape.indices(if wanted { indices.len() } else { 0 });
+        if wanted {
+            saved.copy_from_slice(indices);
+        }
+        saved
+    }
+
+    /// Checks the indices against the table they point into: `table` rows, or those of `self`.
+    #[track_caller]
+    fn rows_for(
+        self,
+        op: &'static str,
+        indices: &[u32],
+        table: Option<usize>,
+    ) -> (Vec<usize>, usize) {
+        let shape = self.shape();
+        let refuse = |message: String| {
+            ShapeError::new(op, message)
+                .operand("input", &shape, ".., V, D")
+                .operand("indices", &[indices.len()], "K")
+                .at(self.tape.path())
+                .panic()
+        };
+        let [.., own, _] = shape[..] else { refuse("at least two axes expected".to_owned()) };
+        if table.is_some() && indices.len() != own {
+            refuse("one index per row expected".to_owned());
+        }
+        let rows = table.unwrap_or(own);
+        if let Some(index) = indices.iter().find(|&&index| index as usize >= rows) {
+            refuse(format!("index {index} is not below {rows}"));
+        }
+        (shape, rows)
+    }
+}
+
+struct Gather {
+    rows: usize,
+    width: usize,
+    indices: PoolVec<u32>,
+}
+
+impl<F: Real> Op<F> for Gather {
+    fn name(&self) -> &'static str {
+        "gather_rows"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let g = cx.grad_out();
+        let g = g.as_slice().expect(CONTIGUOUS);
+        rows::scatter_add([self.rows, self.width], g, &self.indices, cx.grad_slice_mut(0));
+    }
+}
+
+struct ScatterAdd {
+    rows: usize,
+    width: usize,
+    indices: PoolVec<u32>,
+}
+
+impl<F: Real> Op<F> for ScatterAdd {
+    fn name(&self) -> &'static str {
+        "scatter_add_rows"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let g = cx.grad_out();
+        let mut gx = cx.array(cx.input(0).shape());
+        rows::gather(
+            [self.rows, self.width],
+            g.as_slice().expect(CONTIGUOUS),
+            &self.indices,
+            gx.as_slice_mut().expect(CONTIGUOUS),
+        );
+        cx.give(0, gx);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::arr2;
+    use proptest::prelude::*;
+
+    use crate::Tape;
+    use crate::testkit::{Options, check, function, gradcheck};
+
+    gradcheck!(gather: |x| x.gather_rows(&[2, 0, 2, 1]), shapes [[[3, 5]], [[2, 4, 3]], [[3, 1]]]);
+    gradcheck!(gather_nothing: |x| x.gather_rows(&[]), shapes [[[3, 5]]]);
+    gradcheck!(scatter: |x| x.scatter_add_rows(&[2, 0, 2], 4), shapes [[[3, 5]], [[2, 3, 3]], [[3, 2]]]);
+
+    proptest! {
+        #[test]
+        fn random_rows(
+            batch in 1_usize..3, rows in 1_usize..6, width in 1_usize..7,
+            picks in proptest::collection::vec(any::<proptest::sample::Index>(), 0..8),
+        ) {
+            let indices: Vec<u32> = picks.iter().map(|p| p.index(rows) as u32).collect();
+            let options = Options::default();
+            let gather = function(|x| x[0].gather_rows(&indices));
+            check(&gather, &options.draw(&[vec![batch, rows, width]]), &options).unwrap();
+            let scatter = function(|x| x[0].scatter_add_rows(&indices, rows));
+            check(&scatter, &options.draw(&[vec![batch, indices.len(), width]]), &options).unwrap();
+        }
+    }
+
+    #[test]
+    fn values() {
+        let tape = Tape::<f32>::eval();
+        let x = tape.constant(arr2(&[[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]));
+        let y = x.gather_rows(&[2, 0]).value();
+        assert_eq!(y.as_slice(), Some(&[5.0, 6.0, 1.0, 2.0][..]));
+        let y = x.scatter_add_rows(&[1, 0, 1], 3).value();
+        assert_eq!(y.as_slice(), Some(&[3.0, 4.0, 6.0, 8.0, 0.0, 0.0][..]));
+    }
+
+    #[test]
+    #[should_panic(expected = "gather_rows: index 3 is not below 3")]
+    fn an_index_out_of_range() {
+        let tape = Tape::<f32>::eval();
+        let x = tape.constant(arr2(&[[1.0], [3.0], [5.0]]));
+        let _ = x.gather_rows(&[0, 3]);
+    }
+}

@@ -1,0 +1,298 @@
+//! The same elements in another arrangement: reshape, permute, concat, stack, slice.
+
+use std::ops::Range;
+
+use ndarray::IxDyn;
+
+use crate::kernels::rows;
+use crate::{Backward, CONTIGUOUS, Op, Real, ShapeError, Tape, Var};
+
+/// Why a reshape of a checked, contiguous array cannot fail.
+const SAME_LENGTH: &str = "the lengths were compared, and the array is row-major";
+
+impl<F: Real> Var<'_, F> {
+    /// The same elements in row-major order under another shape. Nothing is copied.
+    ///
+    /// # Panics
+    /// If the number of elements differs.
+    #[track_caller]
+    pub fn reshape(self, shape: &[usize]) -> Self {
+        let x = self.value();
+        if x.len() != shape.iter().product::<usize>() {
+            ShapeError::new("reshape", "the number of elements differs")
+                .operand("input", x.shape(), "")
+                .operand("wanted", shape, "")
+                .at(self.tape.path())
+                .panic();
+        }
+        let y = x.into_shape_with_order(IxDyn(shape)).expect(SAME_LENGTH);
+        self.tape.record_fn("reshape", &[self], y, |cx: &mut Backward<'_, F>| {
+            let shape = cx.input(0).raw_dim();
+            let g = cx.take_grad_out().into_shape_with_order(shape).expect(SAME_LENGTH);
+            cx.give(0, g);
+        })
+    }
+
+    /// An axis of size one before axis `axis`.
+    #[track_caller]
+    pub fn insert_axis(self, axis: usize) -> Self {
+        let mut shape = self.shape();
+        if axis > shape.len() {
+            ShapeError::new("insert_axis", format!("there is no place {axis}"))
+                .operand("input", &shape, "")
+                .at(self.tape.path())
+                .panic();
+        }
+        shape.insert(axis, 1);
+        self.reshape(&shape)
+    }
+
+    /// The axes in another order: axis `k` of the result is axis `order[k]`.
+    ///
+    /// # Panics
+    /// If `order` does not name each axis once.
+    #[track_caller]
+    pub fn permute(self, order: &[usize]) -> Self {
+        let x = self.value();
+        let mut named = order.to_vec();
+        named.sort_unstable();
+        if !named.iter().copied().eq(0..x.ndim()) {
+            ShapeError::new("permute", format!("{order:?} does not name each axis once"))
+                .operand("input", x.shape(), "")
+                .at(self.tape.path())
+                .panic();
+        }
+        let shape: Vec<usize> = order.iter().map(|&axis| x.shape()[axis]).collect();
+        let mut y = self.tape.array(&shape);
+        rows::permute(
+            x.shape(),
+            order,
+            x.as_slice().expect(CONTIGUOUS),
+            y.as_slice_mut().expect(CONTIGUOUS),
+        );
+        let mut back = vec![0; order.len()];
+        for (k, &axis) in order.iter().enumerate() {
+            back[axis] = k;
+        }
+        self.tape.record_fn("permute", &[self], y, move |cx: &mut Backward<'_, F>| {
+            let g = cx.grad_out();
+            let mut gx = cx.array(cx.input(0).shape());
+            let target = gx.as_slice_mut().expect(CONTIGUOUS);
+            rows::permute(g.shape(), &back, g.as_slice().expect(CONTIGUOUS), target);
+            cx.give(0, gx);
+        })
+    }
+
+    /// Elements `range` along `axis`: `[.., n, ..] -> [.., range.len(), ..]`.
+    ///
+    /// # Panics
+    /// If the range is not within the axis.
+    #[track_caller]
+    pub fn slice_axis(self, axis: usize, range: Range<usize>) -> Self {
+        let x = self.value();
+        let shape = x.shape();
+        if axis >= shape.len() || range.start > range.end || range.end > shape[axis] {
+            ShapeError::new("slice_axis", format!("{range:?} is not within axis {axis}"))
+                .operand("input", shape, "")
+                .at(self.tape.path())
+                .panic();
+        }
+        let inner: usize = shape[axis + 1..].iter().product();
+        let (full, offset, part) = (shape[axis] * inner, range.start * inner, range.len() * inner);
+        let mut wanted = shape.to_vec();
+        wanted[axis] = range.len();
+        let mut y = self.tape.array(&wanted);
+        if part > 0 {
+            let source = x.as_slice().expect(CONTIGUOUS).chunks_exact(full);
+            let target = y.as_slice_mut().expect(CONTIGUOUS).chunks_exact_mut(part);
+            for (x, y) in source.zip(target) {
+                y.copy_from_slice(&x[offset..offset + part]);
+            }
+        }
+        self.tape.record(&[self], y, SliceAxis { full, offset, part })
+    }
+
+    /// Element `index` along `axis`, which disappears.
+    ///
+    /// # Panics
+    /// If there is no such element.
+    #[track_caller]
+    pub fn index_axis(self, axis: usize, index: usize) -> Self {
+        let part = self.slice_axis(axis, index..index + 1);
+        let mut shape = part.shape();
+        shape.remove(axis);
+        part.reshape(&shape)
+    }
+}
+
+struct SliceAxis {
+    full: usize,
+    offset: usize,
+    part: usize,
+}
+
+impl<F: Real> Op<F> for SliceAxis {
+    fn name(&self) -> &'static str {
+        "slice_axis"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        if self.part == 0 {
+            return;
+        }
+        let g = cx.grad_out();
+        let parts = g.as_slice().expect(CONTIGUOUS).chunks_exact(self.part);
+        let target = cx.grad_slice_mut(0).chunks_exact_mut(self.full);
+        for (g, target) in parts.zip(target) {
+            let target = &mut target[self.offset..self.offset + self.part];
+            target.iter_mut().zip(g).for_each(|(t, &g)| *t += g);
+        }
+    }
+}
+
+impl<F: Real> Tape<F> {
+    /// Values one after the other along `axis`: `[.., n, ..], [.., m, ..] -> [.., n + m, ..]`.
+    ///
+    /// # Panics
+    /// If there is no value, or they differ in another axis than `axis`.
+    #[track_caller]
+    pub fn concat<'t>(&'t self, parts: &[Var<'t, F>], axis: usize) -> Var<'t, F> {
+        let values: Vec<_> = parts.iter().map(|part| part.value()).collect();
+        let refuse = |message: &str, other: Option<&[usize]>| {
+            let mut error = ShapeError::new("concat", message);
+            if let Some(first) = values.first() {
+                error = error.operand("first", first.shape(), "");
+            }
+            if let Some(other) = other {
+                error = error.operand("other", other, "");
+            }
+            error.at(self.path()).panic()
+        };
+        let Some(first) = values.first() else { refuse("at least one value expected", None) };
+        if axis >= first.ndim() {
+            refuse(&format!("there is no axis {axis}"), None);
+        }
+        let mut shape = first.shape().to_vec();
+        shape[axis] = 0;
+        for value in &values {
+            let alike = |(k, (a, b)): (usize, (&usize, &usize))| k == axis || a == b;
+            if value.ndim() != shape.len()
+                || !first.shape().iter().zip(value.shape()).enumerate().all(alike)
+            {
+                refuse(&format!("only axis {axis} may differ"), Some(value.shape()));
+            }
+            shape[axis] += value.shape()[axis];
+        }
+        let inner: usize = shape[axis + 1..].iter().product();
+        let full = shape[axis] * inner;
+        let widths: Vec<usize> = values.iter().map(|v| v.shape()[axis] * inner).collect();
+        let mut y = self.array(&shape);
+        let out = y.as_slice_mut().expect(CONTIGUOUS);
+        let mut offset = 0;
+        for (value, &width) in values.iter().zip(&widths) {
+            if width > 0 {
+                let source = value.as_slice().expect(CONTIGUOUS).chunks_exact(width);
+                for (x, y) in source.zip(out.chunks_exact_mut(full)) {
+                    y[offset..offset + width].copy_from_slice(x);
+                }
+            }
+            offset += width;
+        }
+        self.record(parts, y, Concat { full, widths })
+    }
+
+    /// Values of one shape along a new axis: `k × [.., ..] -> [.., k, ..]`.
+    ///
+    /// # Panics
+    /// If there is no value, or the shapes differ.
+    #[track_caller]
+    pub fn stack<'t>(&'t self, parts: &[Var<'t, F>], axis: usize) -> Var<'t, F> {
+        let parts: Vec<_> = parts.iter().map(|part| part.insert_axis(axis)).collect();
+        self.concat(&parts, axis)
+    }
+}
+
+struct Concat {
+    full: usize,
+    widths: Vec<usize>,
+}
+
+impl<F: Real> Op<F> for Concat {
+    fn name(&self) -> &'static str {
+        "concat"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let g = cx.grad_out();
+        let g = g.as_slice().expect(CONTIGUOUS);
+        let mut offset = 0;
+        for (i, &width) in self.widths.iter().enumerate() {
+            if width > 0 && cx.needs(i) {
+                let mut part = cx.array(cx.input(i).shape());
+                let target = part.as_slice_mut().expect(CONTIGUOUS).chunks_exact_mut(width);
+                for (t, g) in target.zip(g.chunks_exact(self.full)) {
+                    t.copy_from_slice(&g[offset..offset + width]);
+                }
+                cx.give(i, part);
+            }
+            offset += width;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::arr2;
+    use proptest::prelude::*;
+
+    use crate::Tape;
+    use crate::testkit::{Options, check, function, gradcheck};
+
+    gradcheck!(reshape: |x| x.reshape(&[5, 3]).square(), shapes [[[3, 5]], [[15]], [[1, 3, 5]]]);
+    gradcheck!(permute: |x| x.permute(&[2, 0, 1]), shapes [[[2, 3, 4]], [[1, 3, 1]], [[0, 2, 3]]]);
+    gradcheck!(slice_axis: |x| x.slice_axis(1, 1..3) * x.slice_axis(1, 0..2), shapes [[[3, 5]], [[2, 3, 4]]]);
+    gradcheck!(slice_of_nothing: |x| x.slice_axis(0, 1..1), shapes [[[3, 5]]]);
+    gradcheck!(index_axis: |x| x.index_axis(1, 2), shapes [[[3, 5]], [[2, 3, 4]]]);
+    gradcheck!(concat: |a, b| a.tape().concat(&[a, b, a], 1), shapes [[[3, 5], [3, 2]], [[2, 3, 4], [2, 0, 4]]]);
+    gradcheck!(stack: |a, b| a.tape().stack(&[a, b], 1), shapes [[[3, 5], [3, 5]], [[2], [2]]]);
+    gradcheck!(stack_scalars: |a, b| a.tape().stack(&[a, b, a], 0), shapes [[[], []]]);
+
+    proptest! {
+        #[test]
+        fn what_is_cut_can_be_joined(
+            shape in proptest::collection::vec(1_usize..5, 1..5),
+            pick in any::<proptest::sample::Index>(),
+            cut in any::<proptest::sample::Index>(),
+        ) {
+            let axis = pick.index(shape.len());
+            let n = shape[axis];
+            let cut = cut.index(n + 1);
+            let options = Options::default();
+            let inputs = options.draw(&[shape]);
+            let f = function(|x| {
+                let x = x[0];
+                x.tape().concat(&[x.slice_axis(axis, 0..cut), x.slice_axis(axis, cut..n)], axis)
+            });
+            let tape = Tape::<f64>::eval();
+            let joined = f(&[tape.constant(inputs[0].clone())]).value();
+            prop_assert_eq!(joined.view(), inputs[0].view());
+            check(&f, &inputs, &options).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_reshape_shares_memory() {
+        let mut tape = Tape::<f32>::train(0);
+        let x = tape.leaf(arr2(&[[1.0, 2.0], [3.0, 4.0]]));
+        assert_eq!(x.value().as_ptr(), x.reshape(&[4]).value().as_ptr());
+        tape.reset();
+    }
+
+    #[test]
+    #[should_panic(expected = "concat: only axis 1 may differ")]
+    fn parts_that_do_not_fit() {
+        let tape = Tape::<f32>::eval();
+        let a = tape.constant(arr2(&[[1.0, 2.0]]));
+        let _ = tape.concat(&[a, a.reshape(&[2, 1])], 1);
+    }
+}
