@@ -79,7 +79,7 @@ fn strays(views: &[View]) -> Vec<usize> {
     }
     let spread = normal.symmetric_eigenvalues();
     // One direction in which all rays agree leaves the point free along it.
-    if !(spread.min() > 1e-4 * spread.max()) {
+    if spread.min() <= 1e-4 * spread.max() {
         return Vec::new();
     }
     let Some(point) = normal.try_inverse().map(|inverse| inverse * right) else {

@@ -106,10 +106,10 @@ impl ReadViewsError {
     pub(crate) fn field(
         path: impl Into<PathBuf>,
         field: impl Into<String>,
-        found: impl ToString,
-        expected: impl ToString,
+        found: impl Into<String>,
+        expected: impl Into<String>,
     ) -> Self {
-        let (found, expected) = (found.to_string(), expected.to_string());
+        let (found, expected) = (found.into(), expected.into());
         Self::new(path, ViewsProblem::Field { field: field.into(), found, expected })
     }
 

@@ -146,7 +146,7 @@ impl<'a> Node<'a> {
     }
 
     /// An error about this value.
-    pub(crate) fn wrong(&self, expected: impl ToString) -> ReadViewsError {
+    pub(crate) fn wrong(&self, expected: impl Into<String>) -> ReadViewsError {
         let mut found = self.value.to_string();
         if found.chars().count() > 60 {
             found = found.chars().take(57).chain("...".chars()).collect();

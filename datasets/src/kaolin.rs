@@ -67,11 +67,11 @@ pub(crate) fn list<'a>(
     let mut pending: Vec<Pending<'a>> = Vec::new();
     for text in indices.into_values() {
         let stem = text.to_owned();
-        let wanted = [COLOR, CAMERA, MASK];
-        let optional_mask = !matches!(options.mask, MaskSource::Files);
-        let absent = wanted
-            .iter()
-            .find(|&&end| !(end == MASK && optional_mask) && !source.has(&format!("{stem}{end}")));
+        let mut wanted = vec![COLOR, CAMERA];
+        if matches!(options.mask, MaskSource::Files) {
+            wanted.push(MASK);
+        }
+        let absent = wanted.into_iter().find(|end| !source.has(&format!("{stem}{end}")));
         match absent {
             Some(end) if options.allow_missing => {
                 warnings.push(format!("view {stem} is left out: {stem}{end} is missing"));

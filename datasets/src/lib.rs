@@ -10,6 +10,7 @@ mod mask;
 mod npy;
 mod options;
 mod read;
+pub mod shapes;
 mod source;
 mod split;
 mod transforms;

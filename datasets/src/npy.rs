@@ -26,8 +26,8 @@ const MAGIC: &[u8; 6] = b"\x93NUMPY";
 const DTYPES: &str =
     "one of |b1, |i1, |u1, <i2, <u2, <i4, <u4, <i8, <u8, <f4, <f8 (or > for big-endian)";
 
-fn error(field: &'static str, found: impl ToString, expected: impl ToString) -> NpyError {
-    NpyError { field, found: found.to_string(), expected: expected.to_string() }
+fn error(field: &'static str, found: impl Into<String>, expected: impl Into<String>) -> NpyError {
+    NpyError { field, found: found.into(), expected: expected.into() }
 }
 
 /// Reads an array whose axes are exactly one of `shapes`.
@@ -44,11 +44,11 @@ pub(crate) fn read(bytes: &[u8], shapes: &[&[usize]]) -> Result<NpyArray, NpyErr
         2 | 3 if bytes.len() >= 12 => {
             (u32::from_le_bytes([bytes[8], bytes[9], bytes[10], bytes[11]]) as usize, 12)
         }
-        other => return Err(error("version", other, "1, 2 or 3")),
+        other => return Err(error("version", other.to_string(), "1, 2 or 3")),
     };
     let header =
         start.checked_add(length).and_then(|end| bytes.get(start..end)).ok_or_else(|| {
-            error("header length", length, format!("at most {}", bytes.len() - start))
+            error("header length", length.to_string(), format!("at most {}", bytes.len() - start))
         })?;
     let header = String::from_utf8_lossy(header);
     let descr = value_of(&header, "descr")
@@ -65,12 +65,12 @@ pub(crate) fn read(bytes: &[u8], shapes: &[&[usize]]) -> Result<NpyArray, NpyErr
     let shape = parse_shape(shape_text)
         .filter(|shape| shapes.contains(&shape.as_slice()))
         .ok_or_else(|| error("shape", shape_text, expected()))?;
-    let kind = Kind::parse(&descr).ok_or_else(|| error("descr", &descr, DTYPES))?;
+    let kind = Kind::parse(&descr).ok_or_else(|| error("descr", descr.as_str(), DTYPES))?;
     let count: usize = shape.iter().product();
     let data = &bytes[start + length..];
     if data.len() != count * kind.size {
         let wanted = format!("{} ({count} of {descr})", count * kind.size);
-        return Err(error("data, in bytes", data.len(), wanted));
+        return Err(error("data, in bytes", data.len().to_string(), wanted));
     }
     let values: Vec<f32> = data.chunks_exact(kind.size).map(|b| kind.value(b)).collect();
     let data = if fortran { transposed(&values, &shape) } else { values };
@@ -166,7 +166,7 @@ pub(crate) fn write_i32(
     shape: &[usize],
     values: impl Iterator<Item = i32>,
 ) -> std::io::Result<()> {
-    let axes = shape.iter().map(|n| format!("{n}, ")).collect::<String>();
+    let axes = shape.iter().fold(String::new(), |text, n| text + &n.to_string() + ", ");
     let mut header =
         format!("{{'descr': '<i4', 'fortran_order': False, 'shape': ({}), }}", axes.trim_end());
     // The data starts at a multiple of 64 bytes, behind a newline.

@@ -61,25 +61,22 @@ impl Source {
     /// Names of the files at the root, sorted.
     pub(crate) fn root_names(&self) -> Result<Vec<String>, ReadViewsError> {
         let fail = |e: std::io::Error| ReadViewsError::new(&self.path, e);
-        match &self.entries {
-            Some(entries) => Ok(entries
+        if let Some(entries) = &self.entries {
+            return Ok(entries
                 .iter()
                 .filter_map(|name| name.strip_prefix(self.prefix.as_str()))
                 .filter(|name| !name.contains('/'))
                 .map(String::from)
-                .collect()),
-            None => {
-                let mut names = BTreeSet::new();
-                for entry in std::fs::read_dir(&self.path).map_err(fail)? {
-                    let entry = entry.map_err(fail)?;
-                    // Names that are not text belong to no layout.
-                    if let Ok(name) = entry.file_name().into_string() {
-                        names.insert(name);
-                    }
-                }
-                Ok(names.into_iter().collect())
+                .collect());
+        }
+        let mut names = BTreeSet::new();
+        for entry in std::fs::read_dir(&self.path).map_err(fail)? {
+            // Names that are not text belong to no layout.
+            if let Ok(name) = entry.map_err(fail)?.file_name().into_string() {
+                names.insert(name);
             }
         }
+        Ok(names.into_iter().collect())
     }
 
     /// Whether the file exists.
@@ -109,54 +106,42 @@ impl Opened<'_> {
         limit: u64,
     ) -> Result<Vec<u8>, ReadViewsError> {
         let path = self.source.locate(&tidy(name));
-        let too_large = |found| ViewsProblem::TooLarge { field: field.to_owned(), found, limit };
-        let mut bytes = Vec::new();
-        let claimed = match &mut self.archive {
+        let result = match &mut self.archive {
             Some(archive) => {
                 let entry = format!("{}{}", self.source.prefix, tidy(name));
-                let mut file = match archive.by_name(&entry) {
-                    Ok(file) => file,
-                    Err(ZipError::FileNotFound) => {
-                        return Err(ReadViewsError::new(path, missing(field)));
-                    }
+                match archive.by_name(&entry) {
+                    Ok(file) => read_at_most(file.size(), file, limit),
+                    Err(ZipError::FileNotFound) => Err(std::io::ErrorKind::NotFound.into()),
                     Err(error) => return Err(ReadViewsError::new(path, error)),
-                };
-                let claimed = file.size();
-                if claimed <= limit {
-                    file.by_ref()
-                        .take(limit + 1)
-                        .read_to_end(&mut bytes)
-                        .map_err(|e| ReadViewsError::new(&path, e))?;
                 }
-                claimed
             }
-            None => {
-                let file = File::open(self.source.path.join(name)).map_err(|e| {
-                    if e.kind() == std::io::ErrorKind::NotFound {
-                        ReadViewsError::new(&path, missing(field))
-                    } else {
-                        ReadViewsError::new(&path, e)
-                    }
-                })?;
-                let claimed = file.metadata().map_err(|e| ReadViewsError::new(&path, e))?.len();
-                if claimed <= limit {
-                    file.take(limit + 1)
-                        .read_to_end(&mut bytes)
-                        .map_err(|e| ReadViewsError::new(&path, e))?;
-                }
-                claimed
-            }
+            None => File::open(self.source.path.join(name))
+                .and_then(|file| read_at_most(file.metadata()?.len(), file, limit)),
         };
-        let found = claimed.max(bytes.len() as u64);
-        if found > limit {
-            return Err(ReadViewsError::new(path, too_large(found)));
-        }
-        Ok(bytes)
+        let problem = match result {
+            Ok(Ok(bytes)) => return Ok(bytes),
+            Ok(Err(found)) => ViewsProblem::TooLarge { field: field.to_owned(), found, limit },
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                ViewsProblem::Missing { wanted_by: format!("the {field} is read from it") }
+            }
+            Err(error) => ViewsProblem::Io(error),
+        };
+        Err(ReadViewsError::new(path, problem))
     }
 }
 
-fn missing(field: &str) -> ViewsProblem {
-    ViewsProblem::Missing { wanted_by: format!("the {field} is read from it") }
+/// The bytes, or how many there are or are claimed to be where that is more than `limit`.
+fn read_at_most(
+    claimed: u64,
+    file: impl Read,
+    limit: u64,
+) -> std::io::Result<Result<Vec<u8>, u64>> {
+    if claimed > limit {
+        return Ok(Err(claimed));
+    }
+    let mut bytes = Vec::with_capacity(claimed as usize);
+    let found = file.take(limit + 1).read_to_end(&mut bytes)? as u64;
+    Ok(if found > limit { Err(found) } else { Ok(bytes) })
 }
 
 fn open_archive(path: &Path) -> Result<ZipArchive<BufReader<File>>, ReadViewsError> {

@@ -133,7 +133,7 @@ impl Frame {
         let number = |key: &str| field(key).map(|node| node.number()).transpose();
         let pixels = |key: &str| field(key).map(|node| node.pixels()).transpose();
         let text = |key: &str| -> Result<Option<String>, ReadViewsError> {
-            Ok(frame.get(key).map(|node| node.text().map(String::from)).transpose()?)
+            frame.get(key).map(|node| node.text().map(String::from)).transpose()
         };
         let image = frame.need("file_path")?.text()?.to_owned();
         let clean = image.trim_start_matches("./");
@@ -233,7 +233,7 @@ impl Frame {
             Focal::Pixels(fx, fy) => (fx, fy.unwrap_or(fx)),
             Focal::Angle(x, y) => {
                 let focal = |size: usize, angle: f64| size as f64 / (2.0 * (angle / 2.0).tan());
-                (focal(w, x), y.map_or(focal(w, x), |y| focal(h, y)))
+                (focal(w, x), y.map_or_else(|| focal(w, x), |y| focal(h, y)))
             }
         };
         let cx = self.principal[0].unwrap_or(w as f64 / 2.0);

@@ -216,9 +216,7 @@ fn the_real_clock_is_read_from_folder_and_zip() {
     for (path, size, layout) in
         [(folder, 256, Layout::KaolinFolder), (zip, 1024, Layout::KaolinZip)]
     {
-        let start = std::time::Instant::now();
         let views = read(&path).unwrap();
-        println!("{}: {:?}", path.display(), start.elapsed());
         assert_eq!((views.len(), views.layout), (100, layout));
         assert!(views.warnings.is_empty(), "{:?}", views.warnings);
         for view in &views.views {
