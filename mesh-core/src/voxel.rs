@@ -1,0 +1,418 @@
+//! Occupancy grids, and meshes turned into them.
+
+use crate::TriMesh;
+use crate::vector::{Vec3, area_vector, cross, dot, sub};
+
+/// Which cells of a regular grid are occupied.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VoxelGrid {
+    /// The number of cells along x, y and z.
+    pub dims: [usize; 3],
+    /// The corner of the first cell.
+    pub origin: [f32; 3],
+    /// The sides of a cell.
+    pub cell: [f32; 3],
+    /// One value per cell, x fastest and z slowest: index `(z · ny + y) · nx + x`.
+    pub bits: Vec<bool>,
+}
+
+impl VoxelGrid {
+    /// An empty grid of `dims` cells over the box `(low, high)`.
+    ///
+    /// # Panics
+    /// If a dimension is zero, the box is not finite and of positive size, or there are more than
+    /// 2^32 cells.
+    pub fn new(dims: [usize; 3], (low, high): ([f32; 3], [f32; 3])) -> Self {
+        let cells = dims.iter().try_fold(1_usize, |n, &d| n.checked_mul(d));
+        let cells = cells.filter(|&n| n > 0 && n <= 1 << 32);
+        let cells = cells.unwrap_or_else(|| panic!("VoxelGrid: {dims:?} cells"));
+        let cell: [f32; 3] = std::array::from_fn(|k| (high[k] - low[k]) / dims[k] as f32);
+        assert!(
+            low.iter().chain(&cell).all(|x| x.is_finite()) && cell.iter().all(|&x| x > 0.0),
+            "VoxelGrid: box {low:?} to {high:?}, expected a positive size"
+        );
+        Self { dims, origin: low, cell, bits: vec![false; cells] }
+    }
+
+    /// Where cell `(x, y, z)` stands in `bits`.
+    pub fn index(&self, [x, y, z]: [usize; 3]) -> usize {
+        debug_assert!(x < self.dims[0] && y < self.dims[1] && z < self.dims[2]);
+        (z * self.dims[1] + y) * self.dims[0] + x
+    }
+
+    /// Whether cell `(x, y, z)` is occupied.
+    pub fn get(&self, cell: [usize; 3]) -> bool {
+        self.bits[self.index(cell)]
+    }
+
+    /// The middle of cell `(x, y, z)`.
+    pub fn center(&self, cell: [usize; 3]) -> [f32; 3] {
+        std::array::from_fn(|k| self.origin[k] + self.cell[k] * (cell[k] as f32 + 0.5))
+    }
+
+    /// The number of occupied cells.
+    pub fn count(&self) -> usize {
+        self.bits.iter().filter(|&&bit| bit).count()
+    }
+
+    /// The volume of the occupied cells.
+    pub fn volume(&self) -> f64 {
+        self.count() as f64 * self.cell.iter().map(|&side| f64::from(side)).product::<f64>()
+    }
+
+    /// Intersection over union with a grid of the same dimensions; 1 where both are empty.
+    ///
+    /// # Panics
+    /// If the dimensions differ.
+    pub fn iou(&self, other: &Self) -> f64 {
+        assert_eq!(self.dims, other.dims, "VoxelGrid::iou: dimensions");
+        let pairs = || self.bits.iter().zip(&other.bits);
+        let both = pairs().filter(|(a, b)| **a && **b).count();
+        let either = pairs().filter(|(a, b)| **a || **b).count();
+        if either == 0 { 1.0 } else { both as f64 / either as f64 }
+    }
+
+    /// Occupies every empty cell that is cut off from the border of the grid.
+    ///
+    /// Cells are neighbours through their sides (6-connected), as in MATLAB's
+    /// `imfill(V, "holes")`.
+    pub fn fill_enclosed(&mut self) {
+        let [nx, ny, nz] = self.dims;
+        let mut outside = self.bits.clone();
+        let mut open = Vec::new();
+        let reach = |outside: &mut Vec<bool>, open: &mut Vec<[usize; 3]>, cell: [usize; 3]| {
+            let index = (cell[2] * ny + cell[1]) * nx + cell[0];
+            if !std::mem::replace(&mut outside[index], true) {
+                open.push(cell);
+            }
+        };
+        // `outside` begins as the walls; what is not reached from the border stays false.
+        for z in 0..nz {
+            for y in 0..ny {
+                let inner_row = z > 0 && z + 1 < nz && y > 0 && y + 1 < ny;
+                let step = if inner_row { (nx - 1).max(1) } else { 1 };
+                for x in (0..nx).step_by(step) {
+                    reach(&mut outside, &mut open, [x, y, z]);
+                }
+            }
+        }
+        while let Some(cell) = open.pop() {
+            for axis in 0..3 {
+                if cell[axis] > 0 {
+                    let mut next = cell;
+                    next[axis] -= 1;
+                    reach(&mut outside, &mut open, next);
+                }
+                if cell[axis] + 1 < self.dims[axis] {
+                    let mut next = cell;
+                    next[axis] += 1;
+                    reach(&mut outside, &mut open, next);
+                }
+            }
+        }
+        for (bit, outside) in self.bits.iter_mut().zip(outside) {
+            *bit |= !outside;
+        }
+    }
+
+    /// A point in units of cells.
+    fn local(&self, p: [f32; 3]) -> Vec3 {
+        std::array::from_fn(|k| {
+            (f64::from(p[k]) - f64::from(self.origin[k])) / f64::from(self.cell[k])
+        })
+    }
+
+    /// The cells along `axis` that an interval reaches, both ends included.
+    fn span(&self, axis: usize, low: f64, high: f64) -> std::ops::Range<usize> {
+        let last = self.dims[axis] as f64;
+        let (low, high) = (low.floor().clamp(0.0, last), (high.floor() + 1.0).clamp(0.0, last));
+        low as usize..high as usize
+    }
+}
+
+/// The cells that the surface of a mesh touches, borders of cells included.
+///
+/// # Cost
+/// One separating-axis test for each cell in the box of each face.
+/// # Panics
+/// As [`VoxelGrid::new`], or if a face names a vertex that does not exist.
+pub fn voxelize_surface(
+    mesh: &TriMesh,
+    dims: [usize; 3],
+    bounds: ([f32; 3], [f32; 3]),
+) -> VoxelGrid {
+    let mut grid = VoxelGrid::new(dims, bounds);
+    for face in &mesh.faces {
+        let corners = face.map(|v| grid.local(mesh.positions[v as usize]));
+        if corners.iter().flatten().any(|x| !x.is_finite()) {
+            continue;
+        }
+        let [xs, ys, zs] = std::array::from_fn(|k| {
+            let low = corners.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min);
+            let high = corners.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max);
+            // A side that lies exactly between two cells touches both.
+            let low = if low.fract() == 0.0 { low - 1.0 } else { low };
+            grid.span(k, low, high)
+        });
+        let test = TriangleInBox::new(corners);
+        for z in zs {
+            for y in ys.clone() {
+                for x in xs.clone() {
+                    let index = grid.index([x, y, z]);
+                    if !grid.bits[index] {
+                        let center = [x as f64 + 0.5, y as f64 + 0.5, z as f64 + 0.5];
+                        grid.bits[index] = test.touches(center);
+                    }
+                }
+            }
+        }
+    }
+    grid
+}
+
+/// The cells whose middle is inside a closed mesh: where the winding number is not zero.
+///
+/// Right for nested and overlapping pieces that are oriented alike. [`voxelize_parity`] does not
+/// look at orientation, [`voxelize_enclosed`] needs no closed mesh.
+///
+/// # Cost
+/// One test for each column of cells under each face, then one pass over the grid.
+/// # Panics
+/// As [`VoxelGrid::new`], or if a face names a vertex that does not exist.
+pub fn voxelize_solid(mesh: &TriMesh, dims: [usize; 3], bounds: ([f32; 3], [f32; 3])) -> VoxelGrid {
+    scan(mesh, dims, bounds, |winding, _| winding != 0)
+}
+
+/// The cells whose middle sees the surface an odd number of times in any one direction.
+///
+/// For closed meshes of unknown orientation; a piece inside another is a hole.
+///
+/// # Panics
+/// As [`voxelize_solid`].
+pub fn voxelize_parity(
+    mesh: &TriMesh,
+    dims: [usize; 3],
+    bounds: ([f32; 3], [f32; 3]),
+) -> VoxelGrid {
+    scan(mesh, dims, bounds, |_, crossings| crossings % 2 == 1)
+}
+
+/// The surface, and everything that it cuts off from the border of the grid.
+///
+/// For meshes with holes smaller than a cell, as real models have. About half a cell thicker on all
+/// sides than [`voxelize_solid`].
+///
+/// # Panics
+/// As [`voxelize_surface`].
+pub fn voxelize_enclosed(
+    mesh: &TriMesh,
+    dims: [usize; 3],
+    bounds: ([f32; 3], [f32; 3]),
+) -> VoxelGrid {
+    let mut grid = voxelize_surface(mesh, dims, bounds);
+    grid.fill_enclosed();
+    grid
+}
+
+/// Walks along x through each row of cell middles and counts the faces that are passed.
+///
+/// Vertices are snapped to 1/65536 of a cell in y and z. In integers a middle is on exactly one
+/// side of every edge, so a row that meets an edge or a vertex passes exactly one face there.
+fn scan(
+    mesh: &TriMesh,
+    dims: [usize; 3],
+    bounds: ([f32; 3], [f32; 3]),
+    inside: impl Fn(i32, i32) -> bool,
+) -> VoxelGrid {
+    const ONE: f64 = 65536.0;
+    let mut grid = VoxelGrid::new(dims, bounds);
+    let [nx, ny, _] = dims;
+    // What changes on the way from each middle to the one before it: (winding, crossings).
+    let mut steps = vec![(0_i32, 0_i32); grid.bits.len()];
+    for face in &mesh.faces {
+        let corners = face.map(|v| grid.local(mesh.positions[v as usize]));
+        let limit = f64::from(1_u32 << 30);
+        if corners.iter().flatten().any(|x| x.is_nan() || x.abs() > limit) {
+            continue;
+        }
+        let flat = corners.map(|p| [(p[1] * ONE).round() as i64, (p[2] * ONE).round() as i64]);
+        let side = |[ay, az]: [i64; 2], [by, bz]: [i64; 2], [cy, cz]: [i64; 2]| {
+            i128::from(by - ay) * i128::from(cz - az) - i128::from(bz - az) * i128::from(cy - ay)
+        };
+        let area = side(flat[0], flat[1], flat[2]);
+        if area == 0 {
+            continue;
+        }
+        let turn: i32 = if area > 0 { 1 } else { -1 };
+        let normal = area_vector(corners);
+        let reach = |k: usize| {
+            let values = flat.map(|p| p[k] as f64 / ONE);
+            let low = values.into_iter().fold(f64::INFINITY, f64::min);
+            let high = values.into_iter().fold(f64::NEG_INFINITY, f64::max);
+            grid.span(k + 1, low, high)
+        };
+        let (ys, zs) = (reach(0), reach(1));
+        for z in zs {
+            for y in ys.clone() {
+                let middle = [y as i64 * 65536 + 32768, z as i64 * 65536 + 32768];
+                let covers = (0..3).all(|k| {
+                    let (a, b) = (flat[k], flat[(k + 1) % 3]);
+                    let s = side(a, b, middle) * i128::from(turn);
+                    // On the edge itself: it belongs to the face on one side of it only.
+                    let (dy, dz) =
+                        ((b[0] - a[0]) * i64::from(turn), (b[1] - a[1]) * i64::from(turn));
+                    s > 0 || (s == 0 && (dz > 0 || (dz == 0 && dy < 0)))
+                });
+                if !covers {
+                    continue;
+                }
+                let away = [0.0, y as f64 + 0.5 - corners[0][1], z as f64 + 0.5 - corners[0][2]];
+                let x = corners[0][0] - (normal[1] * away[1] + normal[2] * away[2]) / normal[0];
+                // The first middle at or beyond the crossing.
+                let first = (x - 0.5).ceil().max(0.0);
+                if first < nx as f64 {
+                    let step = &mut steps[(z * ny + y) * nx + first as usize];
+                    // A face whose normal points towards smaller x is where the row enters.
+                    step.0 -= turn;
+                    step.1 += 1;
+                }
+            }
+        }
+    }
+    for (bits, steps) in grid.bits.chunks_mut(nx).zip(steps.chunks(nx)) {
+        let (mut winding, mut crossings) = (0, 0);
+        for (bit, step) in bits.iter_mut().zip(steps) {
+            winding += step.0;
+            crossings += step.1;
+            *bit = inside(winding, crossings);
+        }
+    }
+    grid
+}
+
+/// The separating-axis test between a triangle and cubes of side 1.
+struct TriangleInBox {
+    corners: [Vec3; 3],
+    normal: Vec3,
+    /// Products of the triangle's sides and the cube's.
+    axes: [Vec3; 9],
+}
+
+impl TriangleInBox {
+    fn new(corners: [Vec3; 3]) -> Self {
+        let [a, b, c] = corners;
+        let sides = [sub(b, a), sub(c, b), sub(a, c)];
+        let axes = std::array::from_fn(|i| {
+            let mut unit = [0.0; 3];
+            unit[i % 3] = 1.0;
+            cross(unit, sides[i / 3])
+        });
+        Self { corners, normal: area_vector(corners), axes }
+    }
+
+    /// Whether the triangle meets the closed cube around `center`.
+    fn touches(&self, center: Vec3) -> bool {
+        let corners = self.corners.map(|p| sub(p, center));
+        let apart = |axis: Vec3| {
+            let radius = 0.5 * (axis[0].abs() + axis[1].abs() + axis[2].abs());
+            let on = corners.map(|p| dot(axis, p));
+            let low = on.into_iter().fold(f64::INFINITY, f64::min);
+            let high = on.into_iter().fold(f64::NEG_INFINITY, f64::max);
+            // A little slack against rounding: rather a cell too many than one too few.
+            let slack = 1e-9 * radius;
+            low > radius + slack || high < -radius - slack
+        };
+        let cube = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        !cube.into_iter().chain(self.axes).chain([self.normal]).any(apart)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use crate::primitives;
+    use crate::vector::{norm, widen};
+
+    const BOX: ([f32; 3], [f32; 3]) = ([-1.5; 3], [1.5; 3]);
+
+    #[test]
+    fn a_cuboid_on_the_grid_is_exact() {
+        // Sides exactly through middles of cells: each counted once, whatever the direction.
+        let cube = primitives::cuboid([1.0, 2.0, 1.5]);
+        let grid = voxelize_solid(&cube, [12, 12, 12], BOX);
+        assert_eq!(grid.volume(), cube.volume());
+        assert_eq!(grid, voxelize_parity(&cube, [12, 12, 12], BOX));
+        assert_eq!(grid, voxelize_solid(&cube.clone().flipped(), [12, 12, 12], BOX));
+        let odd = voxelize_solid(&primitives::cuboid([1.0; 3]), [3, 3, 3], BOX);
+        assert_eq!(odd.count(), 1);
+        assert!(odd.get([1, 1, 1]));
+    }
+
+    #[test]
+    fn volumes_approach_the_analytic_ones() {
+        let ball = primitives::icosphere(4);
+        let grid = voxelize_solid(&ball, [64; 3], BOX);
+        approx::assert_relative_eq!(grid.volume(), ball.volume(), max_relative = 0.01);
+        for (i, &bit) in grid.bits.iter().enumerate() {
+            let center = grid.center([i % 64, i / 64 % 64, i / 4096]);
+            let radius = norm(widen(center));
+            if (radius - 1.0).abs() > 0.01 {
+                assert_eq!(bit, radius < 1.0, "{center:?}");
+            }
+        }
+        let ring = primitives::torus(1.0, 0.4, 64, 32);
+        let grid = voxelize_solid(&ring, [50, 40, 60], BOX);
+        approx::assert_relative_eq!(grid.volume(), ring.volume(), max_relative = 0.02);
+    }
+
+    #[test]
+    fn the_surface_encloses_the_solid() {
+        let ball = primitives::icosphere(3);
+        let solid = voxelize_solid(&ball, [40; 3], BOX);
+        let surface = voxelize_surface(&ball, [40; 3], BOX);
+        let enclosed = voxelize_enclosed(&ball, [40; 3], BOX);
+        assert!(!surface.get([20, 20, 20]) && enclosed.get([20, 20, 20]));
+        for i in 0..solid.bits.len() {
+            assert!(enclosed.bits[i] || !solid.bits[i]);
+            assert_eq!(enclosed.bits[i], surface.bits[i] || solid.bits[i]);
+        }
+        assert!(surface.iou(&enclosed) < solid.iou(&enclosed));
+        // Without one face nothing is enclosed in exact terms, but the hole is below a cell.
+        let mut open = primitives::icosphere(4);
+        open.faces.pop();
+        assert!(voxelize_enclosed(&open, [16; 3], BOX).get([8, 8, 8]));
+    }
+
+    #[test]
+    fn nested_pieces() {
+        let mut shell = primitives::cuboid([2.0; 3]);
+        shell.append(&primitives::cuboid([1.0; 3])).unwrap();
+        let dims = [6; 3];
+        assert_eq!(voxelize_solid(&shell, dims, BOX).volume(), 8.0);
+        assert_eq!(voxelize_parity(&shell, dims, BOX).volume(), 7.0);
+        let mut hollow = primitives::cuboid([2.0; 3]);
+        hollow.append(&primitives::cuboid([1.0; 3]).flipped()).unwrap();
+        assert_eq!(voxelize_solid(&hollow, dims, BOX).volume(), 7.0);
+    }
+
+    #[test]
+    fn overlap_by_hand() {
+        let mut a = VoxelGrid::new([2, 1, 2], ([0.0; 3], [2.0, 1.0, 2.0]));
+        let mut b = a.clone();
+        assert_eq!(a.iou(&b), 1.0);
+        a.bits = vec![true, true, false, false];
+        b.bits = vec![false, true, true, true];
+        assert_eq!(a.iou(&b), 0.25);
+        assert_eq!(a.center([1, 0, 1]), [1.5, 0.5, 1.5]);
+    }
+
+    #[test]
+    fn meshes_beyond_the_grid_are_cut() {
+        let cube = primitives::cuboid([10.0; 3]);
+        assert_eq!(voxelize_solid(&cube, [4; 3], BOX).count(), 64);
+        assert_eq!(voxelize_surface(&cube, [4; 3], BOX).count(), 0);
+        let far = cube.translated([100.0, 0.0, 0.0]);
+        assert_eq!(voxelize_solid(&far, [4; 3], BOX).count(), 0);
+    }
+}
