@@ -7,6 +7,7 @@ use ndarray::ArrayView3;
 use rayon::prelude::*;
 
 use crate::faces::{Faces, NONE};
+use crate::kernels::silhouette::State;
 use crate::kernels::setup::{BAND_ROWS, Centres, PixelBox, Setup};
 use crate::kernels::visibility::{BandOutput, Planes, draw_band};
 use crate::{Rule, Settings};
@@ -29,6 +30,8 @@ pub struct Fragments<F: Real = f32> {
     centres: Centres<F>,
     setups: Vec<Setup<F>>,
     planes: Spares<Planes<F>>,
+    /// Memory that the soft silhouette needs between its passes.
+    pub(crate) silhouettes: Spares<State<F>>,
 }
 
 impl<F: Real> Default for Fragments<F> {
@@ -43,6 +46,7 @@ impl<F: Real> Default for Fragments<F> {
             centres: Centres::default(),
             setups: Vec::new(),
             planes: Spares::default(),
+            silhouettes: Spares::default(),
         }
     }
 }

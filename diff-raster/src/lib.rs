@@ -1,6 +1,7 @@
 //! DIB-R, a differentiable rasteriser, on the CPU.
 
 pub mod kernels;
+pub mod ops;
 
 mod faces;
 mod fragments;
@@ -8,4 +9,5 @@ mod settings;
 
 pub use faces::{Faces, FacesError, NONE};
 pub use fragments::{Fragments, rasterize, rasterize_into};
+pub use ops::{interpolate, interpolate_corners, soft_silhouette};
 pub use settings::{Instructions, Rule, Settings};

@@ -28,10 +28,22 @@ pub trait Lanes: Copy {
 
     /// All lanes the same.
     fn splat(self, x: Self::F) -> Self::V;
+    /// All lanes 0.
+    #[inline(always)]
+    fn zero(self) -> Self::V {
+        self.splat(Self::F::from_f64(0.0))
+    }
+    /// All lanes 1.
+    #[inline(always)]
+    fn one(self) -> Self::V {
+        self.splat(Self::F::from_f64(1.0))
+    }
     /// All lanes the same index.
     fn splat_u(self, x: u32) -> Self::U;
     /// Lanes from the start of a slice of at least `N`.
     fn load(self, from: &[Self::F]) -> Self::V;
+    /// Lanes from a slice that may be shorter, the rest 0.
+    fn load_part(self, from: &[Self::F]) -> Self::V;
     /// Indices from the start of a slice of at least `N`.
     fn load_u(self, from: &[u32]) -> Self::U;
     /// Lanes to the start of a slice of at least `N`.
@@ -135,6 +147,10 @@ impl<F: Real> Lanes for One<F> {
     #[inline(always)]
     fn load(self, from: &[F]) -> F {
         from[0]
+    }
+    #[inline(always)]
+    fn load_part(self, from: &[F]) -> F {
+        from.first().copied().unwrap_or_default()
     }
     #[inline(always)]
     fn load_u(self, from: &[u32]) -> u32 {
@@ -263,6 +279,10 @@ impl<S: Simd, F: Real> Lanes for Wide<S, F> {
     #[inline(always)]
     fn load(self, from: &[F]) -> S::f32s {
         S::as_simd_f32s(&F::as_f32(from).expect(F32)[..Self::N]).0[0]
+    }
+    #[inline(always)]
+    fn load_part(self, from: &[F]) -> S::f32s {
+        self.simd.partial_load_f32s(F::as_f32(from).expect(F32))
     }
     #[inline(always)]
     fn load_u(self, from: &[u32]) -> S::u32s {

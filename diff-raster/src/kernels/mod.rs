@@ -2,6 +2,10 @@
 //!
 //! The kernels are usable on their own; the operations of this crate are thin glue over them.
 
+pub mod bits;
+pub mod gather;
+pub mod interpolate;
 pub mod lanes;
 pub mod setup;
+pub mod silhouette;
 pub mod visibility;

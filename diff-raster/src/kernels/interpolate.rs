@@ -1,0 +1,357 @@
+//! Attributes of faces at pixels, and the gradient of that.
+//!
+//! With barycentrics `w_k` on the screen, `f = Σ w_k f_k`; with perspective
+//!
+//! ```text
+//! b_k = w_k / z_k / D,   D = Σ w_k / z_k = 1 / z,   f = Σ b_k f_k
+//! ```
+//!
+//! The pixel stays where it is while a corner moves, so `∂w_k/∂v_j = -w_j ∇w_k`, and with the sums
+//! over the pixels of a face `A_j = Σ b_j g` and `Q_j = Σ b_j g·f`
+//!
+//! ```text
+//! ∂L/∂f_j = A_j
+//! ∂L/∂v_j = -Σ_k (z_j / z_k) (f_k·A_j - Q_j) ∇w_k          screen position
+//! ∂L/∂z_j = -(f_j·A_j - Q_j) / z_j                         depth
+//! ```
+//!
+//! Without perspective the ratios of depths are 1, `Q` drops out since `Σ ∇w_k = 0`, and depth has
+//! no gradient: this is DIB-R's rule. The sums are taken face by face, over the box of each face:
+//! no two tasks write the same number, so nothing depends on the number of threads.
+
+use autodiff_lite::Real;
+use rayon::prelude::*;
+
+use crate::faces::NONE;
+use crate::fragments::Fragments;
+use crate::kernels::lanes::{Job, Lanes, dispatch};
+use crate::kernels::setup::{BAND_ROWS, corner_positions};
+
+/// Faces per parallel task of the gradient.
+const CHUNK: usize = 128;
+
+/// How attributes are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// `[V, C]`, the same for all images.
+    Shared,
+    /// `[N, V, C]`
+    Batched,
+    /// `[F, 3, C]`: per face corner, the same for all images.
+    Corners,
+}
+
+/// Attributes of vertices or corners.
+#[derive(Clone, Copy, Debug)]
+pub struct Attributes<'a, F> {
+    /// The numbers.
+    pub data: &'a [F],
+    /// `C`
+    pub channels: usize,
+    /// How they are stored.
+    pub layout: Layout,
+}
+
+impl<'a, F: Real> Attributes<'a, F> {
+    #[inline(always)]
+    fn of_face(&self, image: usize, vertices: usize, face: u32, corners: [u32; 3]) -> [&'a [F]; 3] {
+        let row = |row: usize| &self.data[row * self.channels..(row + 1) * self.channels];
+        match self.layout {
+            Layout::Shared => corners.map(|v| row(v as usize)),
+            Layout::Batched => corners.map(|v| row(image * vertices + v as usize)),
+            Layout::Corners => [0, 1, 2].map(|k| row(3 * face as usize + k)),
+        }
+    }
+}
+
+/// Interpolates attributes: `out` is `[N, H, W, C]`, all of it written, zero at background.
+pub fn interpolate<F: Real>(
+    fragments: &Fragments<F>,
+    attributes: Attributes<'_, F>,
+    out: &mut [F],
+) {
+    let [_, height, width] = fragments.shape();
+    let (pixels, channels) = (height * width, attributes.channels);
+    if pixels * channels == 0 {
+        return;
+    }
+    let arch = fragments.settings().instructions.arch();
+    out.par_chunks_mut(pixels * channels).enumerate().for_each(|(image, out)| {
+        let block = BAND_ROWS * width;
+        out.par_chunks_mut(block * channels).enumerate().for_each(|(k, out)| {
+            let first = image * pixels + k * block;
+            let job = Forward { fragments, attributes, image, first, out };
+            match channels {
+                1 => dispatch(arch, Channels::<_, 1>(job)),
+                2 => dispatch(arch, Channels::<_, 2>(job)),
+                3 => dispatch(arch, Channels::<_, 3>(job)),
+                4 => dispatch(arch, Channels::<_, 4>(job)),
+                _ => dispatch(arch, Channels::<_, 0>(job)),
+            }
+        });
+    });
+}
+
+/// A job for a number of channels that the compiler knows, or for any if that is 0.
+struct Channels<J, const C: usize>(J);
+
+struct Forward<'a, F: Real> {
+    fragments: &'a Fragments<F>,
+    attributes: Attributes<'a, F>,
+    image: usize,
+    first: usize,
+    out: &'a mut [F],
+}
+
+impl<F: Real, const C: usize> Job<F> for Channels<Forward<'_, F>, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<F = F>>(self, _: L) {
+        let Forward { fragments, attributes, image, first, out } = self.0;
+        let faces = fragments.faces();
+        let of_face = |id: u32| {
+            let corners = faces.corners()[id as usize];
+            attributes.of_face(image, faces.vertex_count(), id, corners)
+        };
+        let channels = attributes.channels;
+        let count = out.len() / channels;
+        let ids = &fragments.face[first..first + count];
+        let weights = &fragments.barycentric[3 * first..3 * (first + count)];
+        let weights = weights.as_chunks::<3>().0;
+        if C == 0 {
+            for ((&id, w), out) in ids.iter().zip(weights).zip(out.chunks_exact_mut(channels)) {
+                if id == NONE {
+                    out.fill(F::zero());
+                    continue;
+                }
+                let [a, b, c] = of_face(id).map(|row| &row[..channels]);
+                for (k, out) in out.iter_mut().enumerate() {
+                    *out = w[0] * a[k] + w[1] * b[k] + w[2] * c[k];
+                }
+            }
+            return;
+        }
+        // Neighbouring pixels mostly show the same face.
+        let (mut seen, mut corners) = (NONE, [[F::zero(); C]; 3]);
+        for ((&id, w), out) in ids.iter().zip(weights).zip(out.chunks_exact_mut(C.max(1))) {
+            if id == NONE {
+                out.fill(F::zero());
+                continue;
+            }
+            if id != seen {
+                seen = id;
+                corners = of_face(id).map(|row| {
+                    let mut own = [F::zero(); C];
+                    own.copy_from_slice(&row[..C]);
+                    own
+                });
+            }
+            for k in 0..C {
+                out[k] = w[0] * corners[0][k] + w[1] * corners[1][k] + w[2] * corners[2][k];
+            }
+        }
+    }
+}
+
+/// What the gradient of [`interpolate`] reads.
+#[derive(Clone, Copy, Debug)]
+pub struct Incoming<'a, F: Real> {
+    /// What was drawn.
+    pub fragments: &'a Fragments<F>,
+    /// The positions that were drawn, `[N, V, 3]`.
+    pub projected: &'a [F],
+    /// The attributes.
+    pub attributes: Attributes<'a, F>,
+    /// The result of the forward pass, `[N, H, W, C]`.
+    pub output: &'a [F],
+    /// Its gradient, `[N, H, W, C]`.
+    pub grad: &'a [F],
+}
+
+/// The gradient of [`interpolate`] per face corner.
+///
+/// `of_attributes` is `[N, F, 3, C]` and `of_positions`, if wanted, `[N, F, 3, 3]`; all of them
+/// written.
+pub fn interpolate_grad<F: Real>(
+    incoming: Incoming<'_, F>,
+    of_attributes: &mut [F],
+    of_positions: Option<&mut [F]>,
+) {
+    let fragments = incoming.fragments;
+    let (faces, channels) = (fragments.faces().len(), incoming.attributes.channels);
+    if faces * channels == 0 {
+        if let Some(positions) = of_positions {
+            positions.fill(F::zero());
+        }
+        return;
+    }
+    let arch = fragments.settings().instructions.arch();
+    let run = |image: usize, chunk: usize, attributes: &mut [F], positions: Option<&mut [F]>| {
+        let first = chunk * CHUNK;
+        let job = Chunk { incoming, image, first, attributes, positions };
+        match channels {
+            1 => dispatch(arch, Channels::<_, 1>(job)),
+            2 => dispatch(arch, Channels::<_, 2>(job)),
+            3 => dispatch(arch, Channels::<_, 3>(job)),
+            4 => dispatch(arch, Channels::<_, 4>(job)),
+            _ => dispatch(arch, Channels::<_, 0>(job)),
+        }
+    };
+    let of_attributes = of_attributes.par_chunks_mut(3 * channels * faces);
+    match of_positions {
+        Some(of_positions) => {
+            of_attributes.zip(of_positions.par_chunks_mut(9 * faces)).enumerate().for_each(
+                |(image, (attributes, positions))| {
+                    attributes
+                        .par_chunks_mut(3 * channels * CHUNK)
+                        .zip(positions.par_chunks_mut(9 * CHUNK))
+                        .enumerate()
+                        .for_each(|(chunk, (a, p))| run(image, chunk, a, Some(p)));
+                },
+            );
+        }
+        None => of_attributes.enumerate().for_each(|(image, attributes)| {
+            attributes
+                .par_chunks_mut(3 * channels * CHUNK)
+                .enumerate()
+                .for_each(|(chunk, a)| run(image, chunk, a, None));
+        }),
+    }
+}
+
+struct Chunk<'a, F: Real> {
+    incoming: Incoming<'a, F>,
+    image: usize,
+    first: usize,
+    attributes: &'a mut [F],
+    positions: Option<&'a mut [F]>,
+}
+
+impl<F: Real, const C: usize> Job<F> for Channels<Chunk<'_, F>, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<F = F>>(self, l: L) {
+        let Chunk { incoming, image, first, attributes, mut positions } = self.0;
+        let Incoming { fragments, projected, .. } = incoming;
+        let [_, height, width] = fragments.shape();
+        let faces = fragments.faces();
+        let vertices = faces.vertex_count();
+        let channels = incoming.attributes.channels;
+        let perspective = fragments.settings().perspective;
+        let boxes = fragments.boxes(image);
+        let pixels = image * height * width..(image + 1) * height * width;
+        let ids = &fragments.face[pixels.clone()];
+        let weights = fragments.barycentric[3 * pixels.start..3 * pixels.end].as_chunks::<3>().0;
+        let output = &incoming.output[pixels.start * channels..pixels.end * channels];
+        let grad = &incoming.grad[pixels.start * channels..pixels.end * channels];
+        let projected = &projected[3 * vertices * image..3 * vertices * (image + 1)];
+
+        for (k, sums) in attributes.chunks_exact_mut(3 * channels).enumerate() {
+            let face = (first + k) as u32;
+            let b = boxes[face as usize];
+            let (mut known, mut q) = ([[F::zero(); C]; 3], [F::zero(); 3]);
+            if C == 0 {
+                sums.fill(F::zero());
+            }
+            let mut seen = false;
+            let id = l.splat_u(face);
+            let columns = b.columns.map(|c| c as usize);
+            for row in b.rows[0] as usize..b.rows[1] as usize {
+                for column in (columns[0]..columns[1]).step_by(L::N) {
+                    let at = row * width + column;
+                    let count = (columns[1] - column).min(L::N);
+                    let mut hits = if at + L::N <= ids.len() {
+                        l.bits(l.eq_u(l.load_u(&ids[at..]), id)) & ((1 << count) - 1)
+                    } else {
+                        let bit = |(j, &i): (usize, &u32)| ((i == face) as u32) << j;
+                        ids[at..at + count].iter().enumerate().map(bit).sum()
+                    };
+                    seen |= hits != 0;
+                    while hits != 0 {
+                        let pixel = at + hits.trailing_zeros() as usize;
+                        hits &= hits - 1;
+                        let w = weights[pixel];
+                        let mut gf = F::zero();
+                        if C == 0 {
+                            let range = pixel * channels..(pixel + 1) * channels;
+                            let (g, f) = (&grad[range.clone()], &output[range]);
+                            for (k, sums) in sums.chunks_exact_mut(channels).enumerate() {
+                                sums.iter_mut().zip(g).for_each(|(s, &g)| *s += w[k] * g);
+                            }
+                            g.iter().zip(f).for_each(|(&g, &f)| gf += g * f);
+                        } else {
+                            let (g, f) = (&grad[pixel * C..][..C], &output[pixel * C..][..C]);
+                            for k in 0..3 {
+                                for c in 0..C {
+                                    known[k][c] += w[k] * g[c];
+                                }
+                            }
+                            for c in 0..C {
+                                gf += g[c] * f[c];
+                            }
+                        }
+                        for k in 0..3 {
+                            q[k] += w[k] * gf;
+                        }
+                    }
+                }
+            }
+            if C > 0 {
+                sums.copy_from_slice(known.as_flattened());
+            }
+            if let Some(positions) = positions.as_deref_mut() {
+                let out = &mut positions[9 * k..9 * k + 9];
+                if !seen {
+                    out.fill(F::zero());
+                    continue;
+                }
+                let corners = faces.corners()[face as usize];
+                let f = incoming.attributes.of_face(image, vertices, face, corners);
+                let p = corner_positions(projected, corners);
+                let q = perspective.then_some(q);
+                of_positions(p, f, sums, q, out.as_chunks_mut::<3>().0);
+            }
+        }
+    }
+}
+
+/// The gradient of a face's corner positions from the sums over its pixels: `sums` is `A`, and
+/// `q` is there if the interpolation is perspective.
+#[inline(always)]
+fn of_positions<F: Real>(
+    p: [[F; 3]; 3],
+    f: [&[F]; 3],
+    sums: &[F],
+    q: Option<[F; 3]>,
+    out: &mut [[F; 3]],
+) {
+    let gradient = barycentric_gradients(p);
+    for (j, a) in sums.chunks_exact(f[0].len()).enumerate() {
+        let mut moved = [F::zero(); 3];
+        for k in 0..3 {
+            let mut dot = F::zero();
+            f[k].iter().zip(a).for_each(|(&f, &a)| dot += f * a);
+            if let Some(q) = q {
+                dot -= q[j];
+                if j == k {
+                    moved[2] = -dot / p[j][2];
+                }
+                dot *= p[j][2] / p[k][2];
+            }
+            moved[0] -= dot * gradient[k][0];
+            moved[1] -= dot * gradient[k][1];
+        }
+        out[j] = moved;
+    }
+}
+
+/// `∇w_k` on the screen of the three barycentric coordinates of a triangle.
+#[inline(always)]
+pub fn barycentric_gradients<F: Real>([a, b, c]: [[F; 3]; 3]) -> [[F; 2]; 3] {
+    let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let inverse = F::one() / area;
+    let edge = |p: [F; 3], q: [F; 3]| [(p[1] - q[1]) * inverse, (q[0] - p[0]) * inverse];
+    [edge(b, c), edge(c, a), edge(a, b)]
+}

@@ -1,0 +1,25 @@
+//! The differentiable operations: thin glue between the tape and the kernels.
+
+mod interpolate;
+mod silhouette;
+
+pub use interpolate::{interpolate, interpolate_corners};
+pub use silhouette::soft_silhouette;
+
+use autodiff_lite::{Real, ShapeError, Var};
+
+use crate::Fragments;
+
+/// Checks that `projected` has the shape of what was drawn.
+#[track_caller]
+fn check_projected<F: Real>(op: &'static str, projected: Var<'_, F>, fragments: &Fragments<F>) {
+    let expected = [fragments.shape()[0], fragments.faces().vertex_count(), 3];
+    let shape = projected.shape();
+    if shape != expected {
+        ShapeError::new(op, "the positions are not those that were rasterised")
+            .operand("projected", &shape, "N, V, 3")
+            .operand("rasterised", &expected, "N, V, 3")
+            .at(projected.tape().path())
+            .panic();
+    }
+}

@@ -1,0 +1,123 @@
+//! kaolin's own expected outputs for two tiny scenes.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use autodiff_lite::{Real, Tape};
+use diff_raster::{Faces, Fragments, NONE, Settings, rasterize, soft_silhouette};
+use ndarray::{Array3, ArrayD, IxDyn};
+use ndarray_npy::read_npy;
+
+const HEIGHT: usize = 35;
+const WIDTH: usize = 31;
+const PARAMETERS: [(f64, f64); 4] = [(7000.0, 0.02), (7000.0, 0.2), (70.0, 0.02), (70.0, 0.2)];
+
+fn golden<T: ndarray_npy::ReadableElement>(name: &str) -> ArrayD<T> {
+    let root = std::env::var_os("UNSPHERE_DATA").expect("UNSPHERE_DATA");
+    let path = PathBuf::from(root).join("dibr_golden").join(format!("{name}.npy"));
+    read_npy(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+fn named(what: &str, (sigma_inv, box_length): (f64, f64)) -> String {
+    format!("{what}_{HEIGHT}_{WIDTH}_{sigma_inv}_{box_length}")
+}
+
+/// Two images of three faces that share nothing, so 9 vertices; depth is minus kaolin's `z`.
+fn scene() -> (Array3<f64>, Arc<Faces>) {
+    let xy: [[[[f64; 2]; 3]; 3]; 2] = [
+        [
+            [[-0.7, 0.0], [0.0, -0.7], [0.0, 0.7]],
+            [[-0.7, 0.0], [0.0, 0.7], [0.0, -0.7]],
+            [[0.0, -0.7], [0.0, 0.7], [0.7, 0.0]],
+        ],
+        [[[-0.7, -0.7], [0.7, -0.7], [-0.7, 0.7]]; 3],
+    ];
+    let z: [[[f64; 3]; 3]; 2] = [
+        [[-2.0, -1.0, -1.0], [-2.5, -3.0, -3.0], [-2.0, -2.0, -2.0]],
+        [[-2.0, -1.0, -3.0], [-2.0, -2.0, -2.0], [-2.0, -3.0, -1.0]],
+    ];
+    let positions = Array3::from_shape_fn((2, 9, 3), |(n, v, k)| match k {
+        2 => -z[n][v / 3][v % 3],
+        _ => xy[n][v / 3][v % 3][k],
+    });
+    let faces = Faces::new(9, &[[0, 1, 2], [3, 4, 5], [6, 7, 8]]).unwrap();
+    (positions, Arc::new(faces))
+}
+
+fn settings((sigma_inv, box_length): (f64, f64)) -> Settings {
+    Settings { sigma_inv, box_length, ..Settings::published(HEIGHT, WIDTH) }
+}
+
+/// Hard coverage moved left by five pixels.
+fn target(face: &[u32]) -> Vec<f64> {
+    let covered = |at: usize| {
+        at % WIDTH + 5 < WIDTH && face[at + 5] != NONE
+    };
+    (0..face.len()).map(|at| f64::from(covered(at))).collect()
+}
+
+/// The gradient of `1 - mean_n (Σ ab / (Σ (a + b - ab) + 1e-10))` with respect to `a`.
+fn iou_gradient(a: &[f64], b: &[f64]) -> Vec<f64> {
+    let pixels = HEIGHT * WIDTH;
+    let mut grad = Vec::new();
+    for (a, b) in a.chunks(pixels).zip(b.chunks(pixels)) {
+        let up: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+        let down: f64 = a.iter().zip(b).map(|(a, b)| a + b - a * b).sum::<f64>() + 1e-10;
+        grad.extend(b.iter().map(|b| -(b * down - up * (1.0 - b)) / (down * down) / 2.0));
+    }
+    grad
+}
+
+fn same_faces<F: Real>(fragments: &Fragments<F>) {
+    let expected: ArrayD<i64> = golden(&format!("new_face_idx_{HEIGHT}_{WIDTH}"));
+    for (at, (&face, &expected)) in fragments.face.iter().zip(&expected).enumerate() {
+        let face = if face == NONE { -1 } else { i64::from(face) };
+        assert_eq!(face, expected, "pixel {at}");
+    }
+}
+
+fn check<F: Real>(tolerance: f64, of_gradient: f64) {
+    for parameters in PARAMETERS {
+        let (positions, faces) = scene();
+        let positions = positions.mapv(F::from_f64);
+        let fragments = rasterize(positions.view(), &faces, &settings(parameters));
+        same_faces(&fragments);
+
+        let tape = Tape::<F>::train(0);
+        let projected = tape.leaf(positions);
+        let soft = soft_silhouette(projected, &fragments);
+        let value: Vec<f64> = soft.value().iter().map(|x| F::to_f64(*x)).collect();
+        let expected: ArrayD<f64> = golden(&named("soft_mask", parameters));
+        for (at, (value, expected)) in value.iter().zip(&expected).enumerate() {
+            assert!((value - expected).abs() <= tolerance, "pixel {at}: {value} {expected}");
+        }
+
+        let seed = iou_gradient(&value, &target(&fragments.face));
+        let seed = ArrayD::from_shape_vec(IxDyn(&[2, HEIGHT, WIDTH]), seed).unwrap();
+        let gradients = soft.backward_with(seed.mapv(F::from_f64));
+        let gradient = gradients.wrt(projected).unwrap();
+        let expected: ArrayD<f64> = golden(&named("grad_face_vertices_image", parameters));
+        let expected = expected.into_shape_with_order((2, 9, 2)).unwrap();
+        for ((n, v, k), &expected) in expected.indexed_iter() {
+            let value = F::to_f64(gradient[[n, v, k]]);
+            let scale = expected.abs().max(1.0);
+            assert!(
+                (value - expected).abs() <= of_gradient * scale,
+                "{parameters:?} {n} {v} {k}: {value} {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs UNSPHERE_DATA"]
+fn production_in_double_precision() {
+    check::<f64>(1e-12, 1e-6);
+}
+
+#[test]
+#[ignore = "needs UNSPHERE_DATA"]
+fn production_in_single_precision() {
+    check::<f32>(1e-4, 1e-3);
+}
