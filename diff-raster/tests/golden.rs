@@ -87,7 +87,7 @@ fn check<F: Real>(tolerance: f64, of_gradient: f64) {
         let tape = Tape::<F>::train(0);
         let projected = tape.leaf(positions);
         let soft = soft_silhouette(projected, &fragments);
-        let value: Vec<f64> = soft.value().iter().map(|x| F::to_f64(*x)).collect();
+        let value: Vec<f64> = soft.value().iter().map(|x| Real::to_f64(*x)).collect();
         let expected: ArrayD<f64> = golden(&named("soft_mask", parameters));
         for (at, (value, expected)) in value.iter().zip(&expected).enumerate() {
             assert!((value - expected).abs() <= tolerance, "pixel {at}: {value} {expected}");
@@ -100,7 +100,7 @@ fn check<F: Real>(tolerance: f64, of_gradient: f64) {
         let expected: ArrayD<f64> = golden(&named("grad_face_vertices_image", parameters));
         let expected = expected.into_shape_with_order((2, 9, 2)).unwrap();
         for ((n, v, k), &expected) in expected.indexed_iter() {
-            let value = F::to_f64(gradient[[n, v, k]]);
+            let value = Real::to_f64(gradient[[n, v, k]]);
             let scale = expected.abs().max(1.0);
             assert!(
                 (value - expected).abs() <= of_gradient * scale,
