@@ -246,3 +246,129 @@ fn sets<F: Real>(name: &'static str, x: Var<'_, F>, y: Var<'_, F>) -> [usize; 3]
     }
     [n, p, q]
 }
+
+#[cfg(test)]
+mod tests {
+    use approx::assert_relative_eq;
+    use autodiff_lite::Tape;
+    use mesh_core::primitives;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing;
+
+    /// Matching inside the function, so that differences see what the matches do.
+    fn distance<'t>(x: Var<'t, f64>, y: Var<'t, f64>, directions: Directions) -> Var<'t, f64> {
+        let mut matches = Matches::default();
+        matches.find(x, y);
+        chamfer_distance(x, y, &matches, directions)
+    }
+
+    fn points_of(set: &[[f32; 3]]) -> f64 {
+        let tape = Tape::<f32>::eval();
+        let x = tape.constant(testing::array::<f32>(set));
+        f64::from(chamfer(x, x).item())
+    }
+
+    proptest! {
+        #[test]
+        fn gradients(batch in proptest::option::of(1usize..3), p in 1usize..9, q in 1usize..9,
+                     xy in 0.0f64..2.0, yx in 0.0f64..2.0, seed: u64) {
+            let shapes = [testing::shape(batch, p), testing::shape(batch, q)];
+            let directions = Directions { x_to_y: xy, y_to_x: yx };
+            testing::checked(&|x: &[Var<'_, f64>]| distance(x[0], x[1], directions), &shapes, &testing::options(seed))?;
+
+            let fixed = testing::options(seed ^ 3).draw(&shapes);
+            let options = testing::options(seed).range(0.1, 1.5);
+            testing::checked(&|n: &[Var<'_, f64>]| {
+                let tape = n[0].tape();
+                let mut matches = Matches::default();
+                matches.find(tape.constant(fixed[0].clone()), tape.constant(fixed[1].clone()));
+                chamfer_normals(n[0], n[1], &matches, directions)
+            }, &shapes, &options)?;
+        }
+
+        #[test]
+        fn single_and_double_precision_match_alike(p in 1usize..40, q in 1usize..40, seed: u64) {
+            let drawn = testing::options(seed).draw(&[vec![p, 3], vec![q, 3]]);
+            // The same numbers in both precisions.
+            let single = drawn.iter().map(|a| a.mapv(|v| v as f32)).collect::<Vec<_>>();
+            let (coarse, fine) = (Tape::<f32>::eval(), Tape::<f64>::eval());
+            let (mut a, mut b) = (Matches::default(), Matches::default());
+            a.find(coarse.constant(single[0].clone()), coarse.constant(single[1].clone()));
+            let double = single.iter().map(|a| a.mapv(f64::from)).collect::<Vec<_>>();
+            b.find(fine.constant(double[0].clone()), fine.constant(double[1].clone()));
+            prop_assert_eq!(a.x_to_y(), b.x_to_y());
+            prop_assert_eq!(a.y_to_x(), b.y_to_x());
+        }
+
+        #[test]
+        fn order_and_rigid_motion_do_not_matter(a in -3.0f32..3.0, b in -3.0f32..3.0, turn in 1usize..40) {
+            let (ball, torus) = (primitives::icosphere(1), primitives::torus(1.0, 0.3, 9, 7));
+            let of = |x: &[[f32; 3]], y: &[[f32; 3]]| {
+                let tape = Tape::<f64>::eval();
+                chamfer(tape.constant(testing::array(x)), tape.constant(testing::array(y))).item()
+            };
+            let plain = of(&ball.positions, &torus.positions);
+            let mut shuffled = ball.positions.clone();
+            shuffled.rotate_left(turn % 42);
+            prop_assert!((of(&shuffled, &torus.positions) - plain).abs() < 1e-12);
+            let place = |mesh| testing::moved(mesh, [a, b], 1.0, [1.0, 2.0, -0.5]).positions;
+            prop_assert!((of(&place(&ball), &place(&torus)) - plain).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_set_is_at_no_distance_from_itself() {
+        assert_eq!(points_of(&primitives::icosphere(2).positions), 0.0);
+    }
+
+    #[test]
+    fn concentric_spheres() {
+        // The nearest point of the larger sphere lies on the same ray: each way the square of the gap.
+        let ball = primitives::icosphere(3).positions;
+        let tape = Tape::<f64>::train(0);
+        let x = tape.leaf(testing::array(&ball));
+        let y = tape.constant(testing::array::<f64>(&ball).mapv(|v| 1.05 * v));
+        let mut matches = Matches::default();
+        matches.find(x, y);
+        let loss = chamfer_distance(x, y, &matches, Directions { x_to_y: 1.0, y_to_x: 0.55 });
+        assert_relative_eq!(loss.item(), 1.55 * 0.05 * 0.05, epsilon = 1e-8);
+        // Normals of a sphere about the origin are its points.
+        assert_relative_eq!(
+            chamfer_normals(x, y, &matches, Directions::default()).item(),
+            0.0,
+            epsilon = 1e-12
+        );
+        // Every point is pulled outward along its own ray, by 2 · 1.55 · 0.05 / P.
+        let gradients = loss.backward();
+        let pull = gradients
+            .wrt(x)
+            .map(|g| g.iter().zip(x.value().iter()).map(|(g, x)| g * x).sum::<f64>());
+        assert_relative_eq!(pull.unwrap_or_default(), -2.0 * 1.55 * 0.05, epsilon = 1e-6);
+    }
+
+    #[test]
+    fn perpendicular_normals_by_hand() {
+        let tape = Tape::<f64>::train(0);
+        let x = tape.constant(ndarray::arr2(&[[0.0, 0.0, 0.0]]));
+        let mut matches = Matches::default();
+        matches.find(x, x);
+        let up = tape.leaf(ndarray::arr2(&[[0.0, 0.0, 2.0]]));
+        let down = tape.leaf(ndarray::arr2(&[[0.0, 0.0, -1.0]]));
+        let side = tape.leaf(ndarray::arr2(&[[3.0, 0.0, 0.0]]));
+        assert_eq!(chamfer_normals(up, side, &matches, Directions::default()).item(), 2.0);
+        assert_eq!(chamfer_normals(up, down, &matches, Directions::default()).item(), 0.0);
+    }
+
+    #[test]
+    #[should_panic(expected = "chamfer_distance: the matches are of 1 and 1 points")]
+    fn matches_of_other_sets() {
+        let tape = Tape::<f32>::eval();
+        let one = tape.constant(ndarray::Array2::zeros((1, 3)));
+        let two = tape.constant(ndarray::Array2::zeros((2, 3)));
+        let mut matches = Matches::default();
+        matches.find(one, one);
+        chamfer_distance(one, two, &matches, Directions::default());
+    }
+}

@@ -35,3 +35,26 @@ pub fn deformation_norm<'t, F: Real>(offsets: Var<'t, F>) -> Var<'t, F> {
     }
     record("deformation_norm", [offsets], total / count, [gradient])
 }
+
+#[cfg(test)]
+mod tests {
+    use approx::assert_relative_eq;
+    use autodiff_lite::testkit::gradcheck;
+
+    use super::*;
+
+    gradcheck!(gradients: |x| deformation_norm(x), shapes [[[5, 3]], [[2, 4, 3]], [[1, 3]]]);
+
+    #[test]
+    fn by_hand() {
+        let tape = autodiff_lite::Tape::<f64>::train(0);
+        let x = tape.leaf(ndarray::arr2(&[[3.0, 4.0, 0.0], [0.0, 0.0, 0.0]]));
+        let loss = deformation_norm(x);
+        assert_relative_eq!(loss.item(), 2.5);
+        let gradients = loss.backward();
+        let gradient = gradients.wrt(x).expect("a leaf");
+        for (&g, expected) in gradient.iter().zip([0.3, 0.4, 0.0, 0.0, 0.0, 0.0]) {
+            assert_relative_eq!(g, expected, epsilon = 1e-15);
+        }
+    }
+}

@@ -95,3 +95,59 @@ fn over_edges<'t, F: Real>(
     }
     record(name, [positions], weight * total, [gradient])
 }
+
+#[cfg(test)]
+mod tests {
+    use approx::assert_relative_eq;
+    use mesh_core::{Topology, TriMesh, primitives};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing;
+
+    proptest! {
+        #[test]
+        fn gradients((v, faces) in testing::soup(), batch in proptest::option::of(1usize..4), seed: u64) {
+            let edges = Topology::new(v, &faces).edges;
+            let shapes = [testing::shape(batch, v)];
+            testing::checked(&|x: &[Var<'_, f64>]| edge_length_sum(x[0], &edges), &shapes, &testing::options(seed))?;
+            testing::checked(&|x: &[Var<'_, f64>]| edge_length(x[0], &edges, 0.7), &shapes, &testing::options(seed))?;
+        }
+
+        #[test]
+        fn only_scale_matters(a in -3.0f32..3.0, b in -3.0f32..3.0, s in 0.5f32..2.0) {
+            let ball = primitives::icosphere(1);
+            let edges = Topology::new(42, &ball.faces).edges;
+            let other = testing::moved(&ball, [a, b], s, [0.3, -0.2, 0.9]);
+            let of = |mesh: &TriMesh| testing::value(mesh, |x| edge_length_sum(x, &edges));
+            let expected = of(&ball) * f64::from(s * s);
+            prop_assert!((of(&other) - expected).abs() < 1e-5 * expected);
+        }
+    }
+
+    #[test]
+    fn a_unit_square_by_hand() {
+        let mesh = TriMesh::new(
+            vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
+            vec![[0, 1, 2], [0, 2, 3]],
+        );
+        let edges = Topology::new(4, &mesh.faces).edges;
+        // Four sides of 1 and a diagonal of √2.
+        assert_relative_eq!(testing::value(&mesh, |x| edge_length_sum(x, &edges)), 6.0);
+        assert_relative_eq!(testing::value(&mesh, |x| edge_length(x, &edges, 0.0)), 6.0 / 5.0);
+        let off = (2.0f64.sqrt() - 1.0).powi(2) / 5.0;
+        assert_relative_eq!(
+            testing::value(&mesh, |x| edge_length(x, &edges, 1.0)),
+            off,
+            epsilon = 1e-12
+        );
+    }
+
+    #[test]
+    fn a_vanished_edge_has_no_slope() {
+        let tape = autodiff_lite::Tape::<f64>::train(0);
+        let x = tape.leaf(ndarray::Array2::zeros((2, 3)));
+        let gradients = edge_length(x, &[[0, 1]], 0.5).backward();
+        assert!(gradients.wrt(x).is_some_and(|g| g.iter().all(|&g| g == 0.0)));
+    }
+}

@@ -142,3 +142,95 @@ pub fn normal_consistency<'t, F: Real>(
     }
     record(name, [positions], total / count, [gradient])
 }
+
+#[cfg(test)]
+mod tests {
+    use approx::assert_relative_eq;
+    use mesh_core::{TriMesh, primitives};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing;
+
+    /// Two triangles on one edge, with an angle between them: 0 is flat, π folded shut.
+    fn hinge(angle: f32) -> (TriMesh, Topology) {
+        let (s, c) = angle.sin_cos();
+        let positions = vec![[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.3, 0.0], [c, 0.6, s]];
+        let mesh = TriMesh::new(positions, vec![[0, 1, 2], [1, 0, 3]]);
+        let topology = Topology::new(4, &mesh.faces);
+        (mesh, topology)
+    }
+
+    fn both(mesh: &TriMesh, topology: &Topology) -> [f64; 2] {
+        let pairs = topology.face_pairs(&mesh.faces);
+        [
+            testing::value(mesh, |x| face_angle(x, &mesh.faces, &topology.edge_faces)),
+            testing::value(mesh, |x| normal_consistency(x, &topology.edges, &pairs)),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn gradients((v, faces) in testing::soup(), batch in proptest::option::of(1usize..3), seed: u64) {
+            let topology = Topology::new(v, &faces);
+            let pairs = topology.face_pairs(&faces);
+            let shapes = [testing::shape(batch, v)];
+            // A sliver among random triangles makes differences inexact, not the rule.
+            let options = testing::options(seed).tolerance(1e-4);
+            testing::checked(&|x: &[Var<'_, f64>]| face_angle(x[0], &faces, &topology.edge_faces), &shapes, &options)?;
+            testing::checked(&|x: &[Var<'_, f64>]| normal_consistency(x[0], &topology.edges, &pairs), &shapes, &options)?;
+        }
+
+        #[test]
+        fn a_hinge_by_hand(angle in 0.0f32..3.1) {
+            let (mesh, topology) = hinge(angle);
+            let cosine = f64::from(angle).cos();
+            let [flat, consistent] = both(&mesh, &topology);
+            prop_assert!((flat - (cosine - 1.0).powi(2)).abs() < 1e-6);
+            prop_assert!((consistent - (1.0 - cosine)).abs() < 1e-6);
+        }
+
+        #[test]
+        fn place_and_size_do_not_matter(a in -3.0f32..3.0, b in -3.0f32..3.0, s in 0.1f32..10.0) {
+            let torus = primitives::torus(1.0, 0.4, 8, 6);
+            let topology = Topology::new(torus.positions.len(), &torus.faces);
+            let other = testing::moved(&torus, [a, b], s, [0.3, -0.2, 0.9]);
+            for (x, y) in both(&torus, &topology).into_iter().zip(both(&other, &topology)) {
+                prop_assert!((x - y).abs() < 1e-3 * x, "{} {}", x, y);
+            }
+        }
+    }
+
+    #[test]
+    fn a_cube_by_hand() {
+        // Twelve edges of a right angle, six diagonals across flat sides.
+        let cube = primitives::cuboid([1.0, 2.0, 3.0]);
+        let topology = Topology::new(cube.positions.len(), &cube.faces);
+        let [flat, consistent] = both(&cube, &topology);
+        assert_relative_eq!(flat, 12.0, epsilon = 1e-9);
+        assert_relative_eq!(consistent, 12.0 / 18.0, epsilon = 1e-9);
+    }
+
+    #[test]
+    fn consistency_does_not_see_the_winding() {
+        let (mut mesh, _) = hinge(0.7);
+        mesh.faces[1].swap(0, 1);
+        let topology = Topology::new(4, &mesh.faces);
+        assert_relative_eq!(both(&mesh, &topology)[1], 1.0 - 0.7f64.cos(), epsilon = 1e-6);
+    }
+
+    #[test]
+    fn vanished_faces_keep_gradients_finite() {
+        let (mesh, topology) = hinge(0.0);
+        let pairs = topology.face_pairs(&mesh.faces);
+        let tape = autodiff_lite::Tape::<f32>::train(0);
+        let x = tape.leaf(ndarray::Array2::zeros((4, 3)));
+        let loss = face_angle(x, &mesh.faces, &topology.edge_faces).add(normal_consistency(
+            x,
+            &topology.edges,
+            &pairs,
+        ));
+        assert!(loss.item().is_finite());
+        assert!(loss.backward().is_finite());
+    }
+}

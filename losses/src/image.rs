@@ -1,5 +1,7 @@
 //! Image losses value by value: L1 and L2, on the whole image or weighted by a mask.
 
+use std::marker::PhantomData;
+
 use autodiff_lite::{Backward, CONTIGUOUS, Op, Real, ShapeError, Var};
 
 use crate::kernels::compare;
@@ -35,7 +37,7 @@ pub fn l1<'t, F: Real>(
     target: Var<'t, F>,
     mask: Option<Var<'t, F>>,
 ) -> Var<'t, F> {
-    compare(Distance::Absolute, image, target, mask)
+    compare::<F, Absolute>(image, target, mask)
 }
 
 /// Mean squared difference, `mean(w (a - b)²)`.
@@ -50,57 +52,68 @@ pub fn l2<'t, F: Real>(
     target: Var<'t, F>,
     mask: Option<Var<'t, F>>,
 ) -> Var<'t, F> {
-    compare(Distance::Squared, image, target, mask)
+    compare::<F, Squared>(image, target, mask)
 }
 
-#[derive(Clone, Copy, Debug)]
-enum Distance {
-    Absolute,
-    Squared,
+/// How two values differ.
+trait Distance: Send + 'static {
+    const NAME: &'static str;
+    fn value<F: Real>(a: F, b: F) -> F;
+    /// The derivative of the value by `a`; that by `b` is its negative.
+    fn slope<F: Real>(a: F, b: F) -> F;
 }
 
-/// Binds `$f(a, b)` to the distance and `$slope(a, b)` to its derivative by `a`, both inlined.
-macro_rules! with_distance {
-    ($distance:expr, |$f:ident, $slope:ident| $body:expr) => {
-        match $distance {
-            Distance::Absolute => {
-                let $f = |a: F, b: F| (a - b).abs();
-                let $slope = |a: F, b: F| {
-                    let one = |yes: bool| if yes { F::one() } else { F::zero() };
-                    one(a > b) - one(a < b)
-                };
-                let _ = (&$f, &$slope);
-                $body
-            }
-            Distance::Squared => {
-                let $f = |a: F, b: F| (a - b) * (a - b);
-                let $slope = |a: F, b: F| (a - b) + (a - b);
-                let _ = (&$f, &$slope);
-                $body
-            }
-        }
-    };
+struct Absolute;
+
+impl Distance for Absolute {
+    const NAME: &'static str = "l1";
+
+    #[inline]
+    fn value<F: Real>(a: F, b: F) -> F {
+        (a - b).abs()
+    }
+
+    #[inline]
+    fn slope<F: Real>(a: F, b: F) -> F {
+        let one = |yes: bool| if yes { F::one() } else { F::zero() };
+        one(a > b) - one(a < b)
+    }
+}
+
+struct Squared;
+
+impl Distance for Squared {
+    const NAME: &'static str = "l2";
+
+    #[inline]
+    fn value<F: Real>(a: F, b: F) -> F {
+        (a - b) * (a - b)
+    }
+
+    #[inline]
+    fn slope<F: Real>(a: F, b: F) -> F {
+        (a - b) + (a - b)
+    }
 }
 
 #[track_caller]
-fn compare<'t, F: Real>(
-    distance: Distance,
+fn compare<'t, F: Real, D: Distance>(
     image: Var<'t, F>,
     target: Var<'t, F>,
     mask: Option<Var<'t, F>>,
 ) -> Var<'t, F> {
-    let op =
-        ImageLoss { distance, channels: mask.map_or(1, |m| channels(distance.name(), image, m)) };
-    same_shape(distance.name(), ["image", "target"], image, target);
+    same_shape(D::NAME, ["image", "target"], image, target);
+    let channels = mask.map_or(1, |mask| channels(D::NAME, image, mask));
+    let op = ImageLoss::<D> { channels, distance: PhantomData };
     let (a, b) = (image.value(), target.value());
     let (a, b) = (a.as_slice().expect(CONTIGUOUS), b.as_slice().expect(CONTIGUOUS));
-    let total = with_distance!(distance, |f, slope| match mask {
-        None => compare::sum(a, b, f),
+    let total = match mask {
+        None => compare::sum(a, b, D::value),
         Some(mask) => {
             let mask = mask.value();
-            compare::weighted_sum(a, b, mask.as_slice().expect(CONTIGUOUS), op.channels, f)
+            compare::weighted_sum(a, b, mask.as_slice().expect(CONTIGUOUS), channels, D::value)
         }
-    });
+    };
     let tape = image.tape();
     let value = scalar(tape, total / a.len().max(1) as f64);
     match mask {
@@ -128,23 +141,14 @@ fn channels<F: Real>(op: &'static str, image: Var<'_, F>, mask: Var<'_, F>) -> u
     }
 }
 
-impl Distance {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Absolute => "l1",
-            Self::Squared => "l2",
-        }
-    }
-}
-
-struct ImageLoss {
-    distance: Distance,
+struct ImageLoss<D> {
     channels: usize,
+    distance: PhantomData<D>,
 }
 
-impl<F: Real> Op<F> for ImageLoss {
+impl<F: Real, D: Distance> Op<F> for ImageLoss<D> {
     fn name(&self) -> &'static str {
-        self.distance.name()
+        D::NAME
     }
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
@@ -159,13 +163,13 @@ impl<F: Real> Op<F> for ImageLoss {
             let mut gradient = cx.array(a.shape());
             let out = gradient.as_slice_mut().expect(CONTIGUOUS);
             let scale = if i == 0 { scale } else { -scale };
-            with_distance!(self.distance, |f, slope| match &mask {
-                None => compare::slopes(x, y, scale, out, slope),
+            match &mask {
+                None => compare::slopes(x, y, scale, out, D::slope),
                 Some(mask) => {
                     let mask = mask.as_slice().expect(CONTIGUOUS);
-                    compare::weighted_slopes(x, y, mask, self.channels, scale, out, slope);
+                    compare::weighted_slopes(x, y, mask, self.channels, scale, out, D::slope);
                 }
-            });
+            }
             cx.give(i, gradient);
         }
         if let Some(mask) = mask
@@ -173,10 +177,90 @@ impl<F: Real> Op<F> for ImageLoss {
         {
             let mut gradient = cx.array(mask.shape());
             let out = gradient.as_slice_mut().expect(CONTIGUOUS);
-            with_distance!(self.distance, |f, slope| {
-                compare::pixel_sums(x, y, self.channels, scale, out, f);
-            });
+            compare::pixel_sums(x, y, self.channels, scale, out, D::value);
             cx.give(2, gradient);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use approx::assert_relative_eq;
+    use autodiff_lite::Tape;
+    use ndarray::{Array4, IxDyn};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing;
+
+    proptest! {
+        #[test]
+        fn gradients(n in 1usize..3, h in 1usize..5, w in 1usize..5, c in 1usize..4, kind in 0usize..4, seed: u64) {
+            let image = vec![n, h, w, c];
+            let mask = [vec![n, h, w], vec![n, h, w, 1], vec![n, h, w, c]];
+            let options = testing::options(seed);
+            if let Some(mask) = mask.get(kind) {
+                let shapes = [image.clone(), image, mask.clone()];
+                testing::checked(&|x: &[Var<'_, f64>]| l1(x[0], x[1], Some(x[2])), &shapes, &options)?;
+                testing::checked(&|x: &[Var<'_, f64>]| l2(x[0], x[1], Some(x[2])), &shapes, &options)?;
+            } else {
+                let shapes = [image.clone(), image];
+                testing::checked(&|x: &[Var<'_, f64>]| l1(x[0], x[1], None), &shapes, &options)?;
+                testing::checked(&|x: &[Var<'_, f64>]| l2(x[0], x[1], None), &shapes, &options)?;
+            }
+        }
+    }
+
+    #[test]
+    fn a_weight_of_one_is_no_weight() {
+        // Large enough for the parallel path, and of a length that no chunk divides.
+        let (h, w) = (211, 307);
+        let image = |seed: usize| {
+            Array4::from_shape_fn((1, h, w, 3), |(_, i, j, k)| {
+                ((i * 7 + j * 13 + k * 5 + seed) % 101) as f32 / 100.0
+            })
+        };
+        let (a, b) = (image(0), image(31));
+        let expected = |f: fn(f64) -> f64| {
+            let sum: f64 = a.iter().zip(&b).map(|(&a, &b)| f(f64::from(a) - f64::from(b))).sum();
+            sum / a.len() as f64
+        };
+        let (absolute, squared) = (expected(f64::abs), expected(|d| d * d));
+        let tape = Tape::<f32>::train(0);
+        let (x, y) = (tape.leaf(a.clone()), tape.constant(b.clone()));
+        let ones = tape.constant(ndarray::ArrayD::from_elem(IxDyn(&[1, h, w]), 1.0f32));
+        for (loss, expected) in [
+            (l1(x, y, None), absolute),
+            (l1(x, y, Some(ones)), absolute),
+            (l2(x, y, None), squared),
+            (l2(x, y, Some(ones)), squared),
+        ] {
+            assert_relative_eq!(f64::from(loss.item()), expected, epsilon = 1e-6);
+        }
+        let plain = l2(x, y, None).backward();
+        let weighted = l2(x, y, Some(ones)).backward();
+        assert_eq!(plain.wrt(x), weighted.wrt(x));
+        let expected = 2.0 * (a[[0, 200, 300, 2]] - b[[0, 200, 300, 2]]) / a.len() as f32;
+        assert_relative_eq!(
+            plain.wrt(x).expect("a leaf")[[0, 200, 300, 2]],
+            expected,
+            epsilon = 1e-9
+        );
+    }
+
+    #[test]
+    fn equal_values_have_no_slope() {
+        let tape = Tape::<f32>::train(0);
+        let x = tape.leaf(ndarray::arr1(&[0.5, 0.25]));
+        let gradients = l1(x, x.detach(), None).backward();
+        assert_eq!(gradients.wrt(x).expect("a leaf").as_slice(), Some(&[0.0, 0.0][..]));
+    }
+
+    #[test]
+    #[should_panic(expected = "l1: the mask does not fit the image")]
+    fn a_mask_of_another_size() {
+        let tape = Tape::<f32>::eval();
+        let image = tape.constant(Array4::zeros((1, 4, 5, 3)));
+        l1(image, image, Some(tape.constant(ndarray::Array3::zeros((1, 5, 4)))));
     }
 }

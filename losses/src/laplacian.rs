@@ -124,3 +124,69 @@ fn over_rows<'t, F: Real>(
     }
     record(name, [x], weight * total, [gradient])
 }
+
+#[cfg(test)]
+mod tests {
+    use approx::assert_relative_eq;
+    use mesh_core::{Topology, TriMesh, primitives};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing;
+
+    proptest! {
+        #[test]
+        fn gradients((v, faces) in testing::soup(), batch in proptest::option::of(1usize..4), seed: u64) {
+            let rows = Topology::new(v, &faces).vertex_vertices;
+            let shapes = [testing::shape(batch, v)];
+            testing::checked(&|x: &[Var<'_, f64>]| laplacian_squared(x[0], &rows), &shapes, &testing::options(seed))?;
+            testing::checked(&|x: &[Var<'_, f64>]| laplacian_norm(x[0], &rows), &shapes, &testing::options(seed))?;
+        }
+
+        #[test]
+        fn turning_and_moving_change_nothing(a in -3.0f32..3.0, b in -3.0f32..3.0) {
+            let ball = primitives::icosphere(1);
+            let rows = Topology::new(42, &ball.faces).vertex_vertices;
+            let other = testing::moved(&ball, [a, b], 1.0, [3.0, -2.0, 0.5]);
+            let of = |mesh: &TriMesh| testing::value(mesh, |x| laplacian_norm(x, &rows));
+            prop_assert!((of(&ball) - of(&other)).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_regular_tetrahedron_by_hand() {
+        // About its centre the three others of a vertex v have the mean -v/3, so L v = -4/3 v.
+        let s = 1.0 / 3.0f32.sqrt();
+        let positions = vec![[s, s, s], [s, -s, -s], [-s, s, -s], [-s, -s, s]];
+        let mesh = TriMesh::new(positions, vec![[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]);
+        let rows = Topology::new(4, &mesh.faces).vertex_vertices;
+        assert_relative_eq!(
+            testing::value(&mesh, |x| laplacian_norm(x, &rows)),
+            4.0 / 3.0,
+            epsilon = 1e-6
+        );
+        // mean((L x)²) · 3 V = Σ ‖L x‖²
+        assert_relative_eq!(
+            testing::value(&mesh, |x| laplacian_squared(x, &rows)),
+            64.0 / 9.0,
+            epsilon = 1e-5
+        );
+    }
+
+    #[test]
+    fn a_stray_vertex_does_not_count() {
+        let mesh = TriMesh::new(
+            vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [9.0; 3]],
+            vec![[0, 1, 2]],
+        );
+        let rows = Topology::new(4, &mesh.faces).vertex_vertices;
+        // Each corner of a triangle lies 3/2 of its way to the centroid from the middle of the other two.
+        let lengths = [0.5f64.hypot(0.5), 1.0f64.hypot(0.5), 0.5f64.hypot(1.0)];
+        let expected = lengths.iter().sum::<f64>() / 4.0;
+        assert_relative_eq!(
+            testing::value(&mesh, |x| laplacian_norm(x, &rows)),
+            expected,
+            epsilon = 1e-6
+        );
+    }
+}

@@ -58,6 +58,8 @@ mod mask;
 mod normals;
 mod scalar;
 mod ssim;
+#[cfg(test)]
+mod testing;
 
 pub use chamfer::{Directions, Matches, chamfer, chamfer_distance, chamfer_normals};
 pub use deformation::deformation_norm;

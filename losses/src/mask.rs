@@ -158,3 +158,66 @@ impl<F: Real> Op<F> for MaskBce {
         cx.give(0, gradient);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use approx::assert_relative_eq;
+    use autodiff_lite::Tape;
+    use ndarray::arr2;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing;
+
+    proptest! {
+        #[test]
+        fn gradients(n in 1usize..4, h in 1usize..6, w in 1usize..6, seed: u64) {
+            let options = testing::options(seed).range(0.02, 0.98);
+            let shapes = [vec![n, h, w], vec![n, h, w]];
+            testing::checked(&|x: &[Var<'_, f64>]| mask_iou(x[0], x[1]), &shapes, &options)?;
+            let target = testing::random(&[n, h, w], 0.0, 1.0, seed ^ 7);
+            testing::checked(&|x: &[Var<'_, f64>]| mask_bce(x[0], x[0].tape().constant(target.clone())), &shapes[..1], &options)?;
+        }
+    }
+
+    #[test]
+    fn the_value_of_kaolins_own_test() {
+        // Two 4 x 4 masks from the test of kaolin.metrics.render.mask_iou, which expects 0.3105.
+        let lhs = arr2(&[
+            [0.0, 0.2, 0.1, 1.0, 0.5, 0.5, 0.9, 0.9, 0.0, 1.0, 1.0, 0.9, 0.8, 0.7, 0.2, 0.1],
+            [1.0; 16],
+        ]);
+        let rhs = arr2(&[
+            [0.1, 0.3, 0.3, 0.9, 0.5, 0.5, 1.0, 0.3, 0.0, 0.9, 0.9, 0.8, 1.0, 1.0, 0.0, 0.0],
+            [0.3, 0.6, 0.7, 0.7, 0.8, 0.9, 0.9, 1.0, 1.0, 0.9, 0.9, 0.5, 0.8, 0.7, 0.8, 0.5],
+        ]);
+        let tape = Tape::<f64>::eval();
+        let loss = mask_iou(tape.constant(lhs.clone()), tape.constant(rhs.clone())).item();
+        assert_relative_eq!(loss, 0.3105, epsilon = 1e-5);
+        // The second pair by hand: all ones against a mask of mean 0.75.
+        let one = |a: &ndarray::Array2<f64>| a.slice(ndarray::s![1..2, ..]).to_owned();
+        let loss = mask_iou(tape.constant(one(&lhs)), tape.constant(one(&rhs))).item();
+        assert_relative_eq!(loss, 0.25, epsilon = 1e-9);
+    }
+
+    #[test]
+    fn empty_masks_are_finite() {
+        let tape = Tape::<f32>::train(0);
+        let x = tape.leaf(ndarray::Array3::zeros((2, 3, 3)));
+        let loss = mask_iou(x, x.detach());
+        assert_eq!(loss.item(), 1.0);
+        assert!(loss.backward().is_finite());
+    }
+
+    #[test]
+    fn cross_entropy_by_hand() {
+        let tape = Tape::<f64>::train(0);
+        let p = tape.leaf(arr2(&[[0.25, 0.5, 0.0, 1.0]]));
+        let t = tape.constant(arr2(&[[1.0, 0.0, 1.0, 1.0]]));
+        let loss = mask_bce(p, t);
+        // A probability of zero for what is there costs 100, the limit; of one, nothing.
+        let expected = (4.0f64.ln() + 2.0f64.ln() + 100.0) / 4.0;
+        assert_relative_eq!(loss.item(), expected, epsilon = 1e-12);
+        assert!(loss.backward().is_finite());
+    }
+}

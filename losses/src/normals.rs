@@ -148,3 +148,45 @@ impl<F: Real> Op<F> for Normals {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use mesh_core::primitives;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing;
+
+    proptest! {
+        #[test]
+        fn gradients((v, faces) in testing::soup(), batch in proptest::option::of(1usize..3), seed: u64) {
+            let shapes = [testing::shape(batch, v)];
+            // Slivers and cancelling faces make differences inexact, not the rule.
+            let options = testing::options(seed).tolerance(1e-4);
+            testing::checked(&|x: &[Var<'_, f64>]| face_normals(x[0], &faces), &shapes, &options)?;
+            testing::checked(&|x: &[Var<'_, f64>]| vertex_normals(x[0], &faces), &shapes, &options)?;
+        }
+    }
+
+    #[test]
+    fn the_plain_twins() {
+        let torus = primitives::torus(1.0, 0.3, 12, 8);
+        let tape = Tape::<f64>::eval();
+        let x = tape.constant(testing::array(&torus.positions));
+        let near = |ours: Var<'_, f64>, plain: &[[f32; 3]]| {
+            let ours = ours.value();
+            assert_eq!(ours.shape(), [plain.len(), 3]);
+            ours.iter().zip(plain.as_flattened()).for_each(|(&a, &b)| {
+                assert!((a - f64::from(b)).abs() < 1e-6, "{a} {b}");
+            });
+        };
+        near(
+            face_normals(x, &torus.faces),
+            &mesh_core::face_normals(&torus.positions, &torus.faces),
+        );
+        near(
+            vertex_normals(x, &torus.faces),
+            &mesh_core::vertex_normals(&torus.positions, &torus.faces),
+        );
+    }
+}

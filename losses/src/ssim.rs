@@ -80,3 +80,75 @@ impl<F: Real> Op<F> for SsimLoss<F> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use approx::assert_relative_eq;
+    use autodiff_lite::Tape;
+    use ndarray::{Array4, ArrayView4};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing;
+
+    /// The definition, window by window.
+    fn plain(x: ArrayView4<'_, f64>, y: ArrayView4<'_, f64>) -> f64 {
+        let (n, h, w, c) = x.dim();
+        let gauss = |d: isize| (-(d * d) as f64 / 4.5).exp();
+        let norm: f64 = (-5..=5).map(gauss).sum();
+        let mut total = 0.0;
+        for (b, i, j, k) in ndarray::indices((n, h, w, c)) {
+            let [mut m, mut u, mut p, mut r, mut q] = [0.0; 5];
+            for di in -5isize..=5 {
+                for dj in -5isize..=5 {
+                    let (s, t) = (i as isize + di, j as isize + dj);
+                    if s < 0 || t < 0 || s >= h as isize || t >= w as isize {
+                        continue;
+                    }
+                    let g = gauss(di) * gauss(dj) / (norm * norm);
+                    let (x, y) =
+                        (x[[b, s as usize, t as usize, k]], y[[b, s as usize, t as usize, k]]);
+                    m += g * x;
+                    u += g * y;
+                    p += g * x * x;
+                    r += g * y * y;
+                    q += g * x * y;
+                }
+            }
+            total += (2.0 * m * u + 1e-4) * (2.0 * (q - m * u) + 9e-4)
+                / ((m * m + u * u + 1e-4) * (p - m * m + r - u * u + 9e-4));
+        }
+        total / (n * h * w * c) as f64
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        #[test]
+        fn gradients(n in 1usize..3, h in 1usize..9, w in 1usize..14, c in 1usize..4, seed: u64) {
+            let shapes = [vec![n, h, w, c], vec![n, h, w, c]];
+            let options = testing::options(seed).range(0.0, 1.0);
+            testing::checked(&|x: &[Var<'_, f64>]| ssim_loss(x[0], x[1]), &shapes, &options)?;
+        }
+
+        #[test]
+        fn the_definition(n in 1usize..3, h in 1usize..26, w in 1usize..26, c in 1usize..4, seed: u64) {
+            let x = testing::random(&[n, h, w, c], 0.0, 1.0, seed);
+            let y = testing::random(&[n, h, w, c], 0.0, 1.0, seed ^ 1);
+            let tape = Tape::<f64>::eval();
+            let loss = ssim_loss(tape.constant(x.clone()), tape.constant(y.clone())).item();
+            let four = |a: &ndarray::ArrayD<f64>| a.clone().into_shape_with_order((n, h, w, c)).expect("four axes");
+            prop_assert!((1.0 - loss - plain(four(&x).view(), four(&y).view())).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn equal_images_lose_nothing() {
+        let tape = Tape::<f32>::train(0);
+        let x = tape.leaf(Array4::from_shape_fn((2, 40, 30, 3), |(n, i, j, k)| {
+            ((n + 3 * i + 7 * j + k) % 17) as f32 / 17.0
+        }));
+        let loss = ssim_loss(x, x.detach());
+        assert_relative_eq!(loss.item(), 0.0, epsilon = 1e-5);
+        assert!(loss.backward().norm() < 1e-5);
+    }
+}

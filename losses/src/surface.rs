@@ -74,3 +74,41 @@ impl<F: Real> Op<F> for SurfacePoints<F> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use autodiff_lite::Tape;
+    use mesh_core::primitives;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing;
+
+    proptest! {
+        #[test]
+        fn gradients((v, faces) in testing::soup(), at in proptest::collection::vec((0usize..10, 0.0f32..1.0, 0.0f32..1.0), 0..6), seed: u64) {
+            let samples: Vec<SurfacePoint> = at
+                .into_iter()
+                .map(|(f, a, b)| SurfacePoint {
+                    face: (f % faces.len()) as u32,
+                    barycentric: [1.0 - a, a * (1.0 - b), a * b],
+                })
+                .collect();
+            testing::checked(&|x: &[Var<'_, f64>]| surface_points(x[0], &faces, &samples), &[vec![v, 3]], &testing::options(seed))?;
+        }
+    }
+
+    #[test]
+    fn the_plain_twin() {
+        let torus = primitives::torus(1.0, 0.3, 12, 8);
+        let samples = mesh_core::sample_surface(&torus, 50, 3);
+        let tape = Tape::<f32>::eval();
+        let x = tape.constant(testing::array::<f32>(&torus.positions));
+        let found = surface_points(x, &torus.faces, &samples).value();
+        for (row, sample) in found.outer_iter().zip(&samples) {
+            for (a, b) in row.iter().zip(sample.position(&torus)) {
+                assert!((a - b).abs() < 1e-6);
+            }
+        }
+    }
+}

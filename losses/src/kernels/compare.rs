@@ -8,8 +8,9 @@ use super::chunks;
 
 /// Values per chunk at least.
 const CHUNK: usize = 16 * 1024;
-/// Values that are added up in `F` before they join a sum in `f64`.
-const BLOCK: usize = 2048;
+/// Values that each lane adds up in `F` before they join a sum in `f64`: in single precision the
+/// rounding of more of them would be seen.
+const BLOCK: usize = 64;
 const LANES: usize = 16;
 
 /// `Σ f(a, b)`.
@@ -19,7 +20,7 @@ pub fn sum<F: Real>(a: &[F], b: &[F], f: impl Fn(F, F) -> F + Sync) -> f64 {
 
 fn blocks<F: Real>(a: &[F], b: &[F], f: &impl Fn(F, F) -> F) -> f64 {
     let mut total = 0.0;
-    for (a, b) in a.chunks(BLOCK).zip(b.chunks(BLOCK)) {
+    for (a, b) in a.chunks(BLOCK * LANES).zip(b.chunks(BLOCK * LANES)) {
         let mut lanes = [F::zero(); LANES];
         let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
         for (a, b) in a.iter().zip(b) {
