@@ -7,7 +7,13 @@ pub fn srgb_to_linear(value: f32) -> f32 {
 
 /// The sRGB value of linear light in `[0, 1]`.
 pub fn linear_to_srgb(value: f32) -> f32 {
-    if value <= 0.003_130_8 { value * 12.92 } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 }
+    if value <= 0.003_130_8 {
+        value * 12.92
+    } else {
+        // 1.055 p - 0.055, in a form that leaves white at exactly 1
+        let p = value.powf(1.0 / 2.4);
+        p + 0.055 * (p - 1.0)
+    }
 }
 
 #[cfg(test)]
@@ -22,6 +28,7 @@ mod tests {
         }
         assert_eq!(srgb_to_linear(0.0), 0.0);
         assert_eq!(srgb_to_linear(1.0), 1.0);
+        assert_eq!(linear_to_srgb(1.0), 1.0);
         // Middle grey: sRGB 0.5 is 21.4 % of the light.
         assert!((srgb_to_linear(0.5) - 0.214_041).abs() < 1e-6);
     }

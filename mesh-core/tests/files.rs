@@ -1,0 +1,449 @@
+//! Mesh files: what is written comes back, other readers see the same, and what people have is
+//! read.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod samples;
+
+use std::fs;
+use std::path::Path;
+
+use mesh_core::io::{glb, obj, ply};
+use mesh_core::{TriMesh, read_mesh, write_mesh};
+use samples::{colored, corner_uvs, textured};
+
+fn close(a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) {
+    assert_eq!(a.len(), b.len());
+    for (x, y) in a.iter().flatten().zip(b.iter().flatten()) {
+        assert!((x - y).abs() <= tolerance, "{x} {y}");
+    }
+}
+
+#[test]
+fn colors_come_back_from_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, tolerance) in [("m.obj", 0.0), ("m.ply", 0.5 / 255.0), ("M.GLB", 1e-6)] {
+        let path = folder.path().join(name);
+        write_mesh(&path, &colored()).unwrap();
+        let back = read_mesh(&path).unwrap();
+        assert_eq!(back.positions, colored().positions, "{name}");
+        assert_eq!(back.faces, colored().faces, "{name}");
+        close(back.colors.as_ref().unwrap(), colored().colors.as_ref().unwrap(), tolerance);
+    }
+}
+
+#[test]
+fn a_texture_comes_back_from_both_formats_that_have_one() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["my mesh.obj", "m.glb"] {
+        let path = folder.path().join(name);
+        write_mesh(&path, &textured()).unwrap();
+        let back = read_mesh(&path).unwrap();
+        assert_eq!(back.positions, textured().positions, "{name}");
+        assert_eq!(back.faces, textured().faces, "{name}");
+        assert_eq!(corner_uvs(&back), corner_uvs(&textured()), "{name}");
+        assert_eq!(back.texture.unwrap().image, textured().texture.unwrap().image, "{name}");
+        assert_eq!(back.colors, None);
+    }
+    assert!(folder.path().join("my_mesh.png").is_file());
+}
+
+#[test]
+fn ply_turns_a_texture_into_vertex_colors() {
+    let mut mesh = textured();
+    // One colour on the left half of the image, another on the right.
+    let image = &mut mesh.texture.as_mut().unwrap().image;
+    for pixel in image.data.chunks_exact_mut(3) {
+        pixel.copy_from_slice(&[0.2, 0.4, 1.0]);
+    }
+    let back = ply::decode(&ply::encode(&mesh, ply::Encoding::Ascii), "a.ply").unwrap();
+    let colors = back.colors.unwrap();
+    close(&colors[..4], &[[0.2, 0.4, 1.0]; 4], 0.5 / 255.0);
+    assert_eq!(colors[4], [1.0; 3]);
+}
+
+#[test]
+fn ply_ascii_and_binary_say_the_same() {
+    let of = |encoding| ply::decode(&ply::encode(&colored(), encoding), "a.ply").unwrap();
+    assert_eq!(of(ply::Encoding::Ascii), of(ply::Encoding::Binary));
+}
+
+#[test]
+fn meshes_without_faces_or_vertices_are_files_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let points = TriMesh::new(vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], vec![]);
+    for mesh in [TriMesh::default(), points] {
+        for name in ["m.obj", "m.ply", "m.glb"] {
+            let path = folder.path().join(name);
+            write_mesh(&path, &mesh).unwrap();
+            assert_eq!(read_mesh(&path).unwrap(), mesh, "{name}");
+        }
+    }
+}
+
+#[test]
+fn the_same_mesh_is_the_same_bytes() {
+    assert_eq!(glb::encode(&textured()), glb::encode(&textured()));
+    assert_eq!(
+        ply::encode(&colored(), ply::Encoding::Binary),
+        ply::encode(&colored(), ply::Encoding::Binary)
+    );
+}
+
+#[test]
+fn a_damaged_mesh_is_not_written() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["m.obj", "m.ply", "m.glb"] {
+        let path = folder.path().join(name);
+        let mut mesh = colored();
+        mesh.faces[1][2] = 4;
+        let error = write_mesh(&path, &mesh).unwrap_err().to_string();
+        assert!(error.contains("face 1") && error.contains(name), "{error}");
+        let mut mesh = colored();
+        mesh.positions[2][1] = f32::NAN;
+        assert!(write_mesh(&path, &mesh).unwrap_err().to_string().contains("vertex 2"));
+        assert!(!path.exists());
+    }
+    assert!(write_mesh(folder.path().join("m.stl"), &colored()).is_err());
+    assert!(read_mesh(folder.path().join("m.stl")).is_err());
+}
+
+// ---------------------------------------------------------------- independent readers
+
+#[test]
+fn tobj_reads_the_same_obj() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.obj");
+    write_mesh(&path, &colored()).unwrap();
+    let (models, _) = tobj::load_obj(&path, &tobj::LoadOptions::default()).unwrap();
+    let mesh = &models[0].mesh;
+    // tobj lists vertices as faces come to them; these faces come to 0, 1, 2, 3.
+    assert_eq!(mesh.positions, colored().positions.concat());
+    assert_eq!(mesh.vertex_color, colored().colors.unwrap().concat());
+    assert_eq!(mesh.indices, colored().faces.concat());
+
+    write_mesh(&path, &textured()).unwrap();
+    let (models, materials) = tobj::load_obj(&path, &tobj::LoadOptions::default()).unwrap();
+    let (mesh, material) = (&models[0].mesh, &materials.unwrap()[0]);
+    assert_eq!(material.diffuse_texture.as_deref(), Some("m.png"));
+    assert_eq!(mesh.material_id, Some(0));
+    let uvs: Vec<f32> = mesh
+        .texcoord_indices
+        .iter()
+        .flat_map(|&i| [mesh.texcoords[2 * i as usize], mesh.texcoords[2 * i as usize + 1]])
+        .collect();
+    assert_eq!(uvs, corner_uvs(&textured()).concat());
+}
+
+#[test]
+fn the_gltf_crate_reads_the_same_glb() {
+    let positions = |mesh: &TriMesh, bytes: &[u8]| {
+        let file = gltf::Gltf::from_slice(bytes).unwrap(); // validates as it reads
+        let blob = file.blob.as_ref().unwrap();
+        let primitive = file.meshes().next().unwrap().primitives().next().unwrap();
+        let reader = primitive.reader(|_| Some(blob));
+        let positions: Vec<[f32; 3]> = reader.read_positions().unwrap().collect();
+        let indices: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
+        let corners: Vec<[f32; 3]> = indices.iter().map(|&i| positions[i as usize]).collect();
+        let expected: Vec<[f32; 3]> =
+            mesh.faces.iter().flatten().map(|&i| mesh.positions[i as usize]).collect();
+        assert_eq!(corners, expected);
+        let bounds = primitive.bounding_box();
+        for k in 0..3 {
+            let of = |p: &&[f32; 3]| p[k];
+            let all = mesh.positions.iter();
+            assert_eq!(bounds.min[k], all.clone().map(|p| of(&p)).fold(f32::INFINITY, f32::min));
+            assert_eq!(bounds.max[k], all.map(|p| of(&p)).fold(f32::NEG_INFINITY, f32::max));
+        }
+        let material = primitive.material();
+        assert!(material.unlit());
+        assert_eq!(material.pbr_metallic_roughness().metallic_factor(), 0.0);
+    };
+    let bytes = glb::encode(&colored());
+    positions(&colored(), &bytes);
+    let file = gltf::Gltf::from_slice(&bytes).unwrap();
+    let blob = file.blob.as_ref().unwrap();
+    let primitive = file.meshes().next().unwrap().primitives().next().unwrap();
+    assert!(!primitive.material().double_sided(), "a tetrahedron is closed");
+    let colors: Vec<[f32; 3]> =
+        primitive.reader(|_| Some(blob)).read_colors(0).unwrap().into_rgb_f32().collect();
+    // Linear: 128/255 of sRGB is 21.6 % of the light.
+    assert!((colors[1][1] - 0.215_861).abs() < 1e-5);
+    assert_eq!(colors[0], [1.0, 0.0, 0.0]);
+
+    let bytes = glb::encode(&textured());
+    positions(&textured(), &bytes);
+    let file = gltf::Gltf::from_slice(&bytes).unwrap();
+    let blob = file.blob.as_ref().unwrap();
+    let primitive = file.meshes().next().unwrap().primitives().next().unwrap();
+    assert!(primitive.material().double_sided());
+    let reader = primitive.reader(|_| Some(blob));
+    let uvs: Vec<[f32; 2]> = reader.read_tex_coords(0).unwrap().into_f32().collect();
+    let corners: Vec<[f32; 2]> = reader
+        .read_indices()
+        .unwrap()
+        .into_u32()
+        .map(|i| [uvs[i as usize][0], 1.0 - uvs[i as usize][1]])
+        .collect();
+    assert_eq!(corners, corner_uvs(&textured()));
+    let info = primitive.material().pbr_metallic_roughness().base_color_texture().unwrap();
+    let gltf::image::Source::View { view, mime_type } = info.texture().source().source() else {
+        panic!("an image in the file")
+    };
+    assert_eq!(mime_type, "image/png");
+    let png = &blob[view.offset()..view.offset() + view.length()];
+    let image = mesh_core::decode_image(png, "inside").unwrap();
+    assert_eq!(image, textured().texture.unwrap().image.to_bytes());
+}
+
+#[test]
+fn ply_rs_reads_the_same_ply() {
+    use ply_rs_bw::ply::{DefaultElement, Property};
+    for encoding in [ply::Encoding::Ascii, ply::Encoding::Binary] {
+        let bytes = ply::encode(&colored(), encoding);
+        let parser = ply_rs_bw::parser::Parser::<DefaultElement>::new();
+        let file = parser.read_ply(&mut bytes.as_slice()).unwrap();
+        let (vertices, faces) = (&file.payload["vertex"], &file.payload["face"]);
+        for (v, vertex) in vertices.iter().enumerate() {
+            for (k, name) in ["x", "y", "z"].iter().enumerate() {
+                assert_eq!(vertex[*name], Property::Float(colored().positions[v][k]));
+            }
+        }
+        let green: Vec<_> = vertices.iter().map(|v| v["green"].clone()).collect();
+        assert_eq!(green, [0, 128, 102, 0].map(Property::UChar));
+        for (f, face) in faces.iter().enumerate() {
+            let expected = colored().faces[f].map(|i| i as i32).to_vec();
+            assert_eq!(face["vertex_indices"], Property::ListInt(expected));
+        }
+    }
+}
+
+// ---------------------------------------------------------------- what people have
+
+fn obj_of(text: &str) -> TriMesh {
+    obj::decode(text.as_bytes(), "people.obj").unwrap()
+}
+
+#[test]
+fn obj_polygons_negative_indices_and_mixed_corners() {
+    let mesh = obj_of(
+        "# a comment\r\no thing\r\nv 0 0 0\r\nv 1 0 0\r\nv 1 1 0\r\nv 0 1 0\r\nvt 0 0\r\n\
+         vn 0 0 1\r\nf 1/1/1 2//1 3 4/1\r\nf -4 -3/-1 \\\r\n -2//-1\r\ns off\r\nl 1 2\r\ng x\r\n",
+    );
+    assert_eq!(mesh.positions.len(), 4);
+    assert_eq!(mesh.faces, [[0, 1, 2], [0, 2, 3], [0, 1, 2]]);
+    assert_eq!(mesh.colors, None);
+}
+
+#[test]
+fn obj_weights_and_partly_colored_vertices() {
+    let mesh = obj_of("v 0 0 0 1\nv 1 0 0 0.5 0.25 0\nv 1 1 0\nf 1 2 3 # end");
+    assert_eq!(mesh.colors, Some(vec![[1.0; 3], [0.5, 0.25, 0.0], [1.0; 3]]));
+    let bytes = obj_of("v 0 0 0 255 0 51\nv 1 0 0 0 0 0\nv 1 1 0 102 0 0\nf 1 2 3");
+    assert_eq!(bytes.colors, Some(vec![[1.0, 0.0, 0.2], [0.0; 3], [0.4, 0.0, 0.0]]));
+}
+
+#[test]
+fn obj_faces_may_name_vertices_that_come_later() {
+    let mesh = obj_of("f 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0");
+    assert_eq!(mesh.faces, [[0, 1, 2]]);
+}
+
+#[test]
+fn obj_errors_name_the_line_and_what_was_found() {
+    let v = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    for (text, line, found) in [
+        ("f 1 2 4".to_owned(), 4, "index 4"),
+        ("f 0 1 2".to_owned(), 4, "\"0\""),
+        ("f 1 2".to_owned(), 4, "\"1 2\""),
+        ("f 1 2 -4".to_owned(), 4, "\"-4\""),
+        ("f 1/2 2 3".to_owned(), 4, "index 2"),
+        ("f 1/x 2 3".to_owned(), 4, "\"1/x\""),
+        ("f 1 2 99999999999999999999".to_owned(), 4, "9999"),
+        ("\nv 0 nan 0".to_owned(), 5, "\"nan\""),
+        ("v 0 1".to_owned(), 4, "\"0 1\""),
+        ("vt a".to_owned(), 4, "\"a\""),
+    ] {
+        let error = obj::decode(format!("{v}{text}").as_bytes(), "bad.obj").unwrap_err();
+        let error = error.to_string();
+        assert!(error.starts_with(&format!("bad.obj:{line}: ")), "{error}");
+        assert!(error.contains(found) && error.contains("expected"), "{error}");
+    }
+}
+
+#[test]
+fn a_texture_that_is_not_there_is_noted_and_one_that_is_damaged_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    file("a.obj", "mtllib my lib.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3\n");
+    file("my lib.mtl", "newmtl m\nmap_Kd -s 1 1 1 none.png\n");
+    let mut notes = Vec::new();
+    let mesh = obj::read_with_notes(folder.path().join("a.obj"), &mut notes).unwrap();
+    assert!(mesh.texture.is_none() && notes[0].contains("none.png"), "{notes:?}");
+    file("none.png", "no png");
+    let error = read_mesh(folder.path().join("a.obj")).unwrap_err().to_string();
+    assert!(error.contains("a.obj") && error.contains("none.png"), "{error}");
+}
+
+#[test]
+fn ply_types_orders_polygons_and_strangers() {
+    let header = "ply\r\nformat ascii 1.0\r\ncomment hello\r\nelement camera 1\r\n\
+        property list uchar float view\r\nelement face 2\r\nproperty uchar flags\r\n\
+        property list int uint vertex_index\r\nelement vertex 4\r\nproperty double z\r\n\
+        property float nx\r\nproperty short y\r\nproperty int8 x\r\nproperty float red\r\n\
+        property float green\r\nproperty float blue\r\nelement nothing 99999999999\r\nend_header\r\n";
+    let body = "2 0.5 0.5\r\n7 4 0 1 2 3\r\n7 3 2 1 0\r\n\
+        0.5 9 0 0 1 0 0\r\n0 9 0 1 0.5 0 0\r\n0 9 1 1 0 2 0\r\n0 9 1 0 0 0 1\r\n";
+    let mesh = ply::decode(format!("{header}{body}").as_bytes(), "a.ply").unwrap();
+    assert_eq!(mesh.positions[0], [0.0, 0.0, 0.5]);
+    assert_eq!(mesh.positions[2], [1.0, 1.0, 0.0]);
+    assert_eq!(mesh.faces, [[0, 1, 2], [0, 2, 3], [2, 1, 0]]);
+    assert_eq!(mesh.colors.unwrap()[1..3], [[0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+}
+
+#[test]
+fn ply_big_endian_is_little_endian_turned_round() {
+    let mut bytes = b"ply\nformat binary_big_endian 1.0\nelement vertex 3\nproperty float x\n\
+        property float y\nproperty double z\nelement face 1\n\
+        property list uchar ushort vertex_indices\nend_header\n"
+        .to_vec();
+    for v in [[0.0_f32, 0.0, 2.0], [1.0, 0.0, 0.0], [0.0, 1.5, 0.0]] {
+        bytes.extend(v[0].to_be_bytes());
+        bytes.extend(v[1].to_be_bytes());
+        bytes.extend(f64::from(v[2]).to_be_bytes());
+    }
+    bytes.extend([3, 0, 0, 0, 1, 0, 2]);
+    let mesh = ply::decode(&bytes, "a.ply").unwrap();
+    assert_eq!(mesh.positions, [[0.0, 0.0, 2.0], [1.0, 0.0, 0.0], [0.0, 1.5, 0.0]]);
+    assert_eq!(mesh.faces, [[0, 1, 2]]);
+}
+
+#[test]
+fn ply_textures_by_vertex_and_by_corner() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = textured().texture.unwrap().image.to_bytes();
+    mesh_core::write_png(folder.path().join("t.png"), &image).unwrap();
+    let path = folder.path().join("m.ply");
+    let vertices = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+    let start = "ply\nformat ascii 1.0\ncomment TextureFile t.png\n";
+    let uv = "property float texture_u\nproperty float texture_v\n";
+    let list = "element face 1\nproperty list uchar int vertex_indices\n";
+    let corners = "property list uchar float texcoord\n";
+    for text in [
+        format!(
+            "{start}{vertices}{uv}{list}end_header\n0 0 0 0 0.5\n1 0 0 1 0.5\n0 1 0 0 1\n3 0 1 2\n"
+        ),
+        format!(
+            "{start}{vertices}{list}{corners}end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 6 0 0.5 1 0.5 0 1\n"
+        ),
+    ] {
+        fs::write(&path, text).unwrap();
+        let mesh = read_mesh(&path).unwrap();
+        assert_eq!(corner_uvs(&mesh), [[0.0, 0.5], [1.0, 0.5], [0.0, 1.0]]);
+        assert_eq!(mesh.texture.unwrap().image.to_bytes(), image);
+    }
+}
+
+#[test]
+fn headers_that_claim_terabytes_are_refused_at_once() {
+    let header = |count: &str, kind: &str| {
+        format!(
+            "ply\nformat {kind} 1.0\nelement vertex {count}\nproperty float x\nproperty float y\n\
+             property float z\nproperty list uint float w\nend_header\n"
+        )
+    };
+    for kind in ["ascii", "binary_little_endian", "binary_big_endian"] {
+        let text = header("1000000000000", kind);
+        let error = ply::decode(text.as_bytes(), "huge.ply").unwrap_err().to_string();
+        assert!(error.contains("huge.ply") && error.contains("end of the file"), "{error}");
+    }
+    let mut bytes = header("1", "binary_little_endian").into_bytes();
+    bytes.extend([0; 12]);
+    bytes.extend(u32::MAX.to_le_bytes());
+    let error = ply::decode(&bytes, "huge.ply").unwrap_err().to_string();
+    assert!(error.contains("length of a list"), "{error}");
+    assert!(ply::decode(header("-1", "ascii").as_bytes(), "a.ply").is_err());
+    assert!(ply::decode(header("1e30", "ascii").as_bytes(), "a.ply").is_err());
+
+    let mut bytes = glb::encode(&colored());
+    let text = String::from_utf8_lossy(&bytes).into_owned();
+    let at = text.find("\"count\":4").unwrap();
+    bytes[at..at + 9].copy_from_slice(b"\"count\":9");
+    let error = glb::decode(&bytes, "huge.glb").unwrap_err().to_string();
+    assert!(error.contains("huge.glb") && error.contains("9 items"), "{error}");
+    let mut bytes = glb::encode(&colored());
+    bytes[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
+    assert!(glb::decode(&bytes, "huge.glb").unwrap_err().to_string().contains("4294967295"));
+}
+
+/// A GLB of the given JSON and binary chunk.
+fn glb_of(json: &str, bin: &[u8]) -> Vec<u8> {
+    let json = format!("{json:<width$}", width = json.len().next_multiple_of(4));
+    let mut bytes = Vec::new();
+    for word in
+        [0x4654_6c67, 2, (28 + json.len() + bin.len()) as u32, json.len() as u32, 0x4e4f_534a]
+    {
+        bytes.extend(u32::to_le_bytes(word));
+    }
+    bytes.extend(json.as_bytes());
+    bytes.extend((bin.len() as u32).to_le_bytes());
+    bytes.extend(0x004e_4942_u32.to_le_bytes());
+    bytes.extend(bin);
+    bytes
+}
+
+#[test]
+fn glb_transforms_small_indices_strides_and_normalised_colors() {
+    // Three vertices of 12 bytes position and 4 bytes of colour, then indices of one byte.
+    let mut bin = Vec::new();
+    for (p, c) in [([0.0_f32, 0.0, 0.0], 0_u8), ([1.0, 0.0, 0.0], 255), ([0.0, 1.0, 0.0], 0)] {
+        p.iter().for_each(|v| bin.extend(v.to_le_bytes()));
+        bin.extend([c, 0, 255, 255]);
+    }
+    bin.extend([0, 1, 2, 0]);
+    let json = r#"{"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}],
+        "nodes":[{"children":[1],"translation":[10,0,0]},
+                 {"mesh":0,"scale":[2,2,-2],"rotation":[0,0,0.7071067811865476,0.7071067811865476]}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0,"COLOR_0":1},"indices":2}]}],
+        "accessors":[
+          {"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},
+          {"bufferView":0,"byteOffset":12,"componentType":5121,"normalized":true,"count":3,"type":"VEC4"},
+          {"bufferView":1,"componentType":5121,"count":3,"type":"SCALAR"}],
+        "bufferViews":[{"buffer":0,"byteLength":48,"byteStride":16},
+                       {"buffer":0,"byteOffset":48,"byteLength":3}],
+        "buffers":[{"byteLength":52}]}"#;
+    let mesh = glb::decode(&glb_of(json, &bin), "a.glb").unwrap();
+    let expected = [[10.0, 0.0, 0.0], [10.0, 2.0, 0.0], [8.0, 0.0, 0.0]];
+    close(&mesh.positions, &expected, 1e-6);
+    assert_eq!(mesh.faces, [[0, 2, 1]], "a mirror turns the winding round");
+    assert_eq!(mesh.colors.unwrap()[1], [1.0, 0.0, 1.0]);
+
+    let cycle = json.replace(r#""scale""#, r#""children":[0],"scale""#);
+    assert!(glb::decode(&glb_of(&cycle, &bin), "a.glb").unwrap_err().to_string().contains("twice"));
+    let compressed =
+        json.replace("{\"asset\"", "{\"extensionsRequired\":[\"KHR_draco\"],\"asset\"");
+    let error = glb::decode(&glb_of(&compressed, &bin), "a.glb").unwrap_err().to_string();
+    assert!(error.contains("KHR_draco"), "{error}");
+    let outside = json.replace("\"byteOffset\":48", "\"byteOffset\":17");
+    assert!(glb::decode(&glb_of(&outside, &bin), "a.glb").is_err());
+}
+
+#[test]
+fn seams_are_joined_so_that_a_closed_mesh_stays_closed() {
+    let mut mesh = colored();
+    let uvs: Vec<[f32; 2]> = (0..12).map(|i| [i as f32 / 16.0, 0.5]).collect();
+    let faces = (0..4).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]).collect();
+    let image = textured().texture.unwrap().image;
+    mesh.texture = Some(mesh_core::Texture { uvs, faces, image });
+    let back = glb::decode(&glb::encode(&mesh), "a.glb").unwrap();
+    assert_eq!(back.positions, mesh.positions);
+    assert_eq!(back.faces, mesh.faces);
+    assert_eq!(back.health().boundary_edges, 0);
+}
+
+#[test]
+fn missing_files_name_themselves() {
+    for name in ["none.obj", "none.ply", "none.glb"] {
+        let error = read_mesh(Path::new("no/such").join(name)).unwrap_err().to_string();
+        assert!(error.contains(name), "{error}");
+    }
+}
