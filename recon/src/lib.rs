@@ -2,4 +2,5 @@
 
 pub mod output;
 pub mod report;
+pub mod synthetic;
 pub mod turntable;

@@ -1,0 +1,23 @@
+//! Views of a mesh that we render ourselves: known shape, known cameras, perfect masks.
+//!
+//! ```no_run
+//! use datasets::shapes::AlarmClock;
+//! use recon::synthetic::{Lighting, Orbit, RenderOptions, render_views, write_dataset};
+//!
+//! let clock = AlarmClock::default().build();
+//! let cameras = Orbit { count: 100, ..Orbit::default() }.cameras();
+//! let options = RenderOptions { lighting: Lighting::studio(), ..RenderOptions::default() };
+//! let views = render_views(&clock, &cameras, &options, &|_, _| {})?;
+//! write_dataset(&views, &clock, "clock".as_ref())?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod cameras;
+mod dataset;
+mod render;
+mod shade;
+
+pub use cameras::{Orbit, Placement};
+pub use dataset::write_dataset;
+pub use render::{RenderOptions, render_views};
+pub use shade::Lighting;
