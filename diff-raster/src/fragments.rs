@@ -7,9 +7,9 @@ use ndarray::ArrayView3;
 use rayon::prelude::*;
 
 use crate::faces::{Faces, NONE};
-use crate::kernels::silhouette::State;
 use crate::kernels::setup::{BAND_ROWS, Centres, PixelBox, Setup};
 use crate::kernels::visibility::{BandOutput, Planes, draw_band};
+use crate::kernels::{antialias, silhouette};
 use crate::{Rule, Settings};
 
 /// What is seen at each pixel of a batch of images: plain values, shared by the operations.
@@ -31,7 +31,9 @@ pub struct Fragments<F: Real = f32> {
     setups: Vec<Setup<F>>,
     planes: Spares<Planes<F>>,
     /// Memory that the soft silhouette needs between its passes.
-    pub(crate) silhouettes: Spares<State<F>>,
+    pub(crate) silhouettes: Spares<silhouette::State<F>>,
+    /// The same for the antialiased one.
+    pub(crate) borders: Spares<antialias::State<F>>,
 }
 
 impl<F: Real> Default for Fragments<F> {
@@ -47,6 +49,7 @@ impl<F: Real> Default for Fragments<F> {
             setups: Vec::new(),
             planes: Spares::default(),
             silhouettes: Spares::default(),
+            borders: Spares::default(),
         }
     }
 }

@@ -9,5 +9,5 @@ mod settings;
 
 pub use faces::{Faces, FacesError, NONE};
 pub use fragments::{Fragments, rasterize, rasterize_into};
-pub use ops::{interpolate, interpolate_corners, soft_silhouette};
+pub use ops::{antialiased_silhouette, interpolate, interpolate_corners, soft_silhouette};
 pub use settings::{Instructions, Rule, Settings};

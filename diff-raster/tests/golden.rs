@@ -51,9 +51,7 @@ fn settings((sigma_inv, box_length): (f64, f64)) -> Settings {
 
 /// Hard coverage moved left by five pixels.
 fn target(face: &[u32]) -> Vec<f64> {
-    let covered = |at: usize| {
-        at % WIDTH + 5 < WIDTH && face[at + 5] != NONE
-    };
+    let covered = |at: usize| at % WIDTH + 5 < WIDTH && face[at + 5] != NONE;
     (0..face.len()).map(|at| f64::from(covered(at))).collect()
 }
 

@@ -457,10 +457,9 @@ mod tests {
 
     #[test]
     fn every_instruction_set_computes_the_same() {
-        let lanes: Vec<usize> =
-            [Instructions::Best, Instructions::Avx2, Instructions::Scalar]
-                .map(|i| dispatch(i.arch(), Check))
-                .to_vec();
+        let lanes: Vec<usize> = [Instructions::Best, Instructions::Avx2, Instructions::Scalar]
+            .map(|i| dispatch(i.arch(), Check))
+            .to_vec();
         assert!(lanes[0] >= lanes[1]);
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! The kernels are usable on their own; the operations of this crate are thin glue over them.
 
+pub mod antialias;
 pub mod bits;
 pub mod gather;
 pub mod interpolate;

@@ -63,8 +63,11 @@ fn fill<F: Real>(table: &mut Vec<F>, n: usize, len: usize) {
 #[inline(always)]
 fn range<F: Real>(table: &[F], low: F, high: F, half_open: bool) -> [u32; 2] {
     let start = first(table, low, |x| x >= low);
-    let end =
-        if half_open { first(table, high, |x| x >= high) } else { first(table, high, |x| x > high) };
+    let end = if half_open {
+        first(table, high, |x| x >= high)
+    } else {
+        first(table, high, |x| x > high)
+    };
     [start as u32, end.max(start) as u32]
 }
 
@@ -186,10 +189,7 @@ fn prepare_face<F: Real>(
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     let sign = area.signum();
     let inverse = sign / area;
-    if !area.is_finite()
-        || !inverse.is_finite()
-        || (settings.cull_back_faces && area < F::zero())
-    {
+    if !area.is_finite() || !inverse.is_finite() || (settings.cull_back_faces && area < F::zero()) {
         return None;
     }
     let half_open = settings.rule == Rule::Published;

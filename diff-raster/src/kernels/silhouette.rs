@@ -260,8 +260,7 @@ fn squared<L: Lanes>(l: L, [x, y]: [L::V; 2]) -> L::V {
 fn nearest<L: Lanes>(l: L, edges: &[EdgeRow<L>; 3], x: L::V) -> Nearest<L> {
     let (zero, one) = (l.zero(), l.one());
     let (t, away) = edges[0].nearest(l, x);
-    let mut best =
-        Nearest { squared: squared(l, away), away, weights: [l.sub(one, t), t, zero] };
+    let mut best = Nearest { squared: squared(l, away), away, weights: [l.sub(one, t), t, zero] };
     for k in 1..3 {
         let (t, away) = edges[k].nearest(l, x);
         let d = squared(l, away);

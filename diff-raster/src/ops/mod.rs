@@ -4,7 +4,7 @@ mod interpolate;
 mod silhouette;
 
 pub use interpolate::{interpolate, interpolate_corners};
-pub use silhouette::soft_silhouette;
+pub use silhouette::{antialiased_silhouette, soft_silhouette};
 
 use autodiff_lite::{Real, ShapeError, Var};
 
