@@ -2,6 +2,8 @@
 
 pub mod kernels;
 pub mod ops;
+pub mod optim;
+pub mod state;
 #[cfg(feature = "testkit")]
 pub mod testkit;
 

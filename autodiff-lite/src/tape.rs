@@ -508,7 +508,8 @@ mod tests {
         let first: [u64; 2] = [tape.rng().random(), tape.rng().random()];
         assert_ne!(first[0], first[1]);
         tape.reset();
-        assert_eq!(first, [tape.rng().random(), tape.rng().random()]);
+        let again: [u64; 2] = [tape.rng().random(), tape.rng().random()];
+        assert_eq!(first, again);
         tape.reseed(8);
         assert_ne!(first[0], tape.rng().random::<u64>());
     }

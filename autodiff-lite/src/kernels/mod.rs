@@ -7,3 +7,4 @@ pub mod reduce;
 pub mod rows;
 mod simd;
 pub mod transcendental;
+pub mod update;

@@ -1,0 +1,237 @@
+//! Saving and loading: one safetensors file for parameters, buffers and optimiser moments.
+//!
+//! Names are module paths, which are PyTorch's when fields are named alike; layouts are PyTorch's
+//! too (linear weights `[out, in]`, convolution weights `[O, I, KH, KW]`), because parameters are
+//! kept in that master layout and kernels pack them. Moments stand under `optim.m.<path>` and
+//! `optim.v.<path>`, the number of updates of a parameter under `optim.t.<path>`.
+//!
+//! ```
+//! use autodiff_lite::Param;
+//! use autodiff_lite::state::{load, save};
+//!
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("model.safetensors");
+//! let model = (Param::<f32>::new(ndarray::arr1(&[1.0, 2.0])), Param::<f32>::new(ndarray::arr0(3.0)));
+//! save(&path, &model)?;
+//! let mut other = (Param::new(ndarray::arr1(&[0.0, 0.0])), Param::new(ndarray::arr0(0.0)));
+//! load(&path, &mut other)?;
+//! assert_eq!(other.0.value, model.0.value);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod error;
+mod read;
+mod write;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use crate::optim::{self, Method, Optimizer};
+use crate::{Module, Param, Real};
+
+pub use error::{LoadError, Mismatch, SaveError};
+
+/// Names that begin so belong to optimisers.
+const OPTIMIZER: &str = "optim.";
+
+/// Named arrays and a few words about them: the content of one file.
+///
+/// Collect with [`add_module`](Self::add_module) and [`add_optimizer`](Self::add_optimizer), then
+/// [`write`](Self::write); or [`read`](Self::read), then [`load_module`](Self::load_module) and
+/// [`load_optimizer`](Self::load_optimizer).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct State {
+    arrays: BTreeMap<String, Stored>,
+    /// Free text about the file: step number, configuration, commit.
+    pub metadata: BTreeMap<String, String>,
+}
+
+/// One array as it stands in the file.
+#[derive(Clone, Debug, PartialEq)]
+struct Stored {
+    shape: Vec<usize>,
+    numbers: Numbers,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Numbers {
+    Singles(Vec<f32>),
+    Doubles(Vec<f64>),
+    Counts(Vec<u64>),
+    /// A type that nothing here is made of; kept by name so that it can be reported.
+    Other(String),
+}
+
+impl Numbers {
+    fn of<F: Real>(x: &[F]) -> Self {
+        match F::as_f32(x) {
+            Some(x) => Self::Singles(x.to_vec()),
+            None => Self::Doubles(x.iter().map(|&x| x.to_f64()).collect()),
+        }
+    }
+
+    fn type_name(&self) -> &str {
+        match self {
+            Self::Singles(_) => "F32",
+            Self::Doubles(_) => "F64",
+            Self::Counts(_) => "U64",
+            Self::Other(name) => name,
+        }
+    }
+
+    /// Copies into `target`, converting between single and double precision. The caller compared
+    /// lengths and types.
+    fn copy_to<F: Real>(&self, target: &mut [F]) {
+        match self {
+            Self::Singles(x) => {
+                target.iter_mut().zip(x).for_each(|(t, &x)| *t = F::from_f64(x as f64));
+            }
+            Self::Doubles(x) => target.iter_mut().zip(x).for_each(|(t, &x)| *t = F::from_f64(x)),
+            Self::Counts(_) | Self::Other(_) => {}
+        }
+    }
+
+    fn is_real(&self) -> bool {
+        matches!(self, Self::Singles(_) | Self::Doubles(_))
+    }
+}
+
+impl State {
+    /// Nothing.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The names of all arrays, sorted.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.arrays.keys().map(String::as_str)
+    }
+
+    /// Adds all parameters and buffers of `module`, their names beginning with `prefix`.
+    pub fn add_module<F: Real>(&mut self, prefix: &str, module: &(impl Module<F> + ?Sized)) {
+        module.visit(prefix, &mut |path: &str, param: &Param<F>| {
+            let shape = param.shape().to_vec();
+            let numbers = Numbers::of(param.as_slice());
+            self.arrays.insert(path.to_owned(), Stored { shape, numbers });
+        });
+    }
+
+    /// Adds the moments of an optimiser.
+    pub fn add_optimizer<M: Method, F: Real>(&mut self, optimizer: &Optimizer<M, F>) {
+        for (path, state) in &optimizer.states {
+            for (name, moment) in M::MOMENTS.iter().zip(&state.moments) {
+                let stored = Stored { shape: vec![moment.len()], numbers: Numbers::of(moment) };
+                self.arrays.insert(format!("{OPTIMIZER}{name}.{path}"), stored);
+            }
+            let numbers = Numbers::Counts(vec![state.steps]);
+            self.arrays.insert(format!("{OPTIMIZER}t.{path}"), Stored { shape: vec![], numbers });
+        }
+    }
+
+    /// Copies the arrays below `prefix` into the parameters of `module`. Numbers are converted
+    /// between single and double precision.
+    ///
+    /// # Errors
+    /// All names that are missing, unexpected (optimiser moments and PyTorch's
+    /// `num_batches_tracked` aside) or of another shape or type, at once; the module is then
+    /// unchanged.
+    pub fn load_module<F: Real>(
+        &self,
+        prefix: &str,
+        module: &mut (impl Module<F> + ?Sized),
+    ) -> Result<(), Mismatch> {
+        let mut mismatch = Mismatch::default();
+        let mut wanted = std::collections::BTreeSet::new();
+        module.visit(prefix, &mut |path: &str, param: &Param<F>| {
+            wanted.insert(path.to_owned());
+            mismatch.compare(path, param.shape(), self.arrays.get(path));
+        });
+        let below = if prefix.is_empty() { String::new() } else { format!("{prefix}.") };
+        let ignored =
+            |name: &str| name.starts_with(OPTIMIZER) || name.ends_with("num_batches_tracked");
+        mismatch.unexpected.extend(
+            self.names()
+                .filter(|name| {
+                    name.starts_with(&below) && !ignored(name) && !wanted.contains(*name)
+                })
+                .map(str::to_owned),
+        );
+        mismatch.into_result()?;
+        module.visit_mut(prefix, &mut |path: &str, param: &mut Param<F>| {
+            if let Some(stored) = self.arrays.get(path) {
+                stored.numbers.copy_to(param.as_slice_mut());
+            }
+        });
+        Ok(())
+    }
+
+    /// Replaces the moments of an optimiser.
+    ///
+    /// # Errors
+    /// If a moment of a parameter is missing, or of a wrong length or type; the optimiser is then
+    /// unchanged.
+    pub fn load_optimizer<M: Method, F: Real>(
+        &self,
+        optimizer: &mut Optimizer<M, F>,
+    ) -> Result<(), Mismatch> {
+        let mut mismatch = Mismatch::default();
+        let mut states = BTreeMap::new();
+        let counts = format!("{OPTIMIZER}t.");
+        for (name, stored) in &self.arrays {
+            let Some(path) = name.strip_prefix(&counts) else { continue };
+            let Numbers::Counts(count) = &stored.numbers else {
+                mismatch.wrong_type(name, "U64", stored.numbers.type_name());
+                continue;
+            };
+            let &[steps] = count.as_slice() else {
+                mismatch.wrong_shape(name, &[], &stored.shape);
+                continue;
+            };
+            let mut moments: Vec<Vec<F>> = Vec::new();
+            for moment in M::MOMENTS {
+                let name = format!("{OPTIMIZER}{moment}.{path}");
+                let stored = self.arrays.get(&name);
+                // All moments of a parameter have its length: that of the first.
+                let length = moments.first().map(Vec::len);
+                let found: usize = stored.map_or(0, |stored| stored.shape.iter().product());
+                mismatch.compare(&name, &[length.unwrap_or(found)], stored);
+                let mut values = vec![F::zero(); found];
+                if let Some(stored) = stored {
+                    stored.numbers.copy_to(&mut values);
+                }
+                moments.push(values);
+            }
+            states.insert(path.to_owned(), optim::State { steps, moments });
+        }
+        mismatch.into_result()?;
+        optimizer.states = states;
+        Ok(())
+    }
+}
+
+/// Saves the parameters and buffers of a module.
+///
+/// # Errors
+/// If the file cannot be written; an earlier file of that name is then untouched.
+pub fn save<F: Real>(
+    path: impl AsRef<Path>,
+    module: &(impl Module<F> + ?Sized),
+) -> Result<(), SaveError> {
+    let mut state = State::new();
+    state.add_module("", module);
+    state.write(path)
+}
+
+/// Loads the parameters and buffers of a module.
+///
+/// # Errors
+/// If the file cannot be read or does not fit the module; the module is then unchanged.
+pub fn load<F: Real>(
+    path: impl AsRef<Path>,
+    module: &mut (impl Module<F> + ?Sized),
+) -> Result<(), LoadError> {
+    let path = path.as_ref();
+    State::read(path)?
+        .load_module("", module)
+        .map_err(|mismatch| LoadError::Mismatch { path: path.to_owned(), mismatch })
+}

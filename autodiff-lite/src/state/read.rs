@@ -1,0 +1,85 @@
+//! Reading a safetensors file. Any bytes may arrive.
+
+use std::path::Path;
+
+use safetensors::{Dtype, SafeTensors};
+
+use super::{LoadError, Numbers, State, Stored};
+
+impl State {
+    /// Reads a safetensors file.
+    ///
+    /// # Errors
+    /// If it cannot be read, or is not a safetensors file.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, LoadError> {
+        let path = path.as_ref();
+        let bytes = std::fs::read(path)
+            .map_err(|source| LoadError::Io { path: path.to_owned(), source })?;
+        Self::from_bytes(&bytes)
+            .map_err(|reason| LoadError::Format { path: path.to_owned(), reason })
+    }
+
+    /// Reads the bytes of a safetensors file. Memory is taken only for numbers that are there.
+    ///
+    /// Half-precision numbers become single ones; other types than these, `F32`, `F64` and `U64`
+    /// are listed without their content.
+    ///
+    /// # Errors
+    /// What is wrong with the bytes.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| error.to_string())?;
+        let tensors = SafeTensors::deserialize(bytes).map_err(|error| error.to_string())?;
+        let mut state = Self::new();
+        if let Some(metadata) = header.metadata() {
+            // Into a sorted map: the order of the hash map is not seen.
+            state.metadata = metadata.clone().into_iter().collect();
+        }
+        for name in tensors.names() {
+            let view = tensors.tensor(name).map_err(|error| error.to_string())?;
+            let numbers = match view.dtype() {
+                Dtype::F32 => Numbers::Singles(numbers(view.data(), f32::from_le_bytes)),
+                Dtype::F64 => Numbers::Doubles(numbers(view.data(), f64::from_le_bytes)),
+                Dtype::U64 => Numbers::Counts(numbers(view.data(), u64::from_le_bytes)),
+                Dtype::F16 => Numbers::Singles(numbers(view.data(), from_half)),
+                Dtype::BF16 => Numbers::Singles(numbers(view.data(), |b: [u8; 2]| {
+                    f32::from_bits(u32::from(u16::from_le_bytes(b)) << 16)
+                })),
+                other => Numbers::Other(format!("{other:?}")),
+            };
+            state.arrays.insert(name.to_owned(), Stored { shape: view.shape().to_vec(), numbers });
+        }
+        Ok(state)
+    }
+}
+
+fn numbers<T, const N: usize>(bytes: &[u8], convert: impl Fn([u8; N]) -> T) -> Vec<T> {
+    bytes.as_chunks::<N>().0.iter().map(|&chunk| convert(chunk)).collect()
+}
+
+/// IEEE half precision: 1 sign, 5 exponent and 10 fraction bits.
+fn from_half(bytes: [u8; 2]) -> f32 {
+    let bits = u16::from_le_bytes(bytes);
+    let (exponent, fraction) = ((bits >> 10) & 31, f32::from(bits & 1023));
+    let magnitude = match exponent {
+        0 => fraction * 2.0_f32.powi(-24),
+        31 if fraction == 0.0 => f32::INFINITY,
+        31 => f32::NAN,
+        e => (1.0 + fraction / 1024.0) * 2.0_f32.powi(i32::from(e) - 15),
+    };
+    if bits >> 15 == 1 { -magnitude } else { magnitude }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_precision() {
+        // 0x3C00 = 1, 0xC000 = -2, 0x3555 ≈ 1/3, 0x0001 = 2⁻²⁴, 0x7BFF = 65504, 0x7C00 = ∞
+        let read = |bits: u16| from_half(bits.to_le_bytes());
+        assert_eq!([read(0x3C00), read(0xC000), read(0x7BFF)], [1.0, -2.0, 65504.0]);
+        assert_eq!([read(0x0001), read(0x7C00)], [2.0_f32.powi(-24), f32::INFINITY]);
+        assert!((read(0x3555) - 1.0 / 3.0).abs() < 1e-4);
+        assert!(read(0x7E00).is_nan());
+    }
+}

@@ -1,0 +1,139 @@
+//! The steady state of a training loop takes no fresh block of 4 KiB or more.
+#![allow(unsafe_code, reason = "a counting allocator")]
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use autodiff_lite::optim::{AdamW, clip_grad_norm};
+use autodiff_lite::{Backward, BufferUpdate, Param, Tape, Var, impl_module};
+use ndarray::{Array1, Array2};
+
+struct Counting;
+
+static LARGE: AtomicUsize = AtomicUsize::new(0);
+static BYTES: AtomicUsize = AtomicUsize::new(0);
+
+fn count(size: usize) {
+    if size >= 4096 {
+        LARGE.fetch_add(1, Ordering::Relaxed);
+        BYTES.fetch_add(size, Ordering::Relaxed);
+    }
+}
+
+// SAFETY: every call is handed to the system's allocator as it is.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size());
+        // SAFETY: the caller keeps the contract.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(layout.size());
+        // SAFETY: the caller keeps the contract.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count(size);
+        // SAFETY: the caller keeps the contract.
+        unsafe { System.realloc(block, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps the contract.
+        unsafe { System.dealloc(block, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+const ROWS: usize = 600;
+const WIDTH: usize = 16;
+
+struct Model {
+    weights: Vec<Param>,
+    mean: Param,
+}
+impl_module!(Model: f32 { weights, mean });
+
+impl Model {
+    fn loss<'t>(&self, tape: &'t Tape, x: Var<'t>, faces: &[u32]) -> Var<'t> {
+        let mut y = x;
+        for (k, weight) in self.weights.iter().enumerate() {
+            let w = tape.param(weight);
+            y = match k % 3 {
+                0 => (y * w).tanh(),
+                1 => (y + w).sigmoid() - y,
+                _ => (w.exp() * y).maximum(x),
+            };
+        }
+        let mut seen = tape.buffer(self.mean.len());
+        seen.copy_from_slice(y.value().as_slice().unwrap());
+        tape.push_update(BufferUpdate::new(&self.mean, seen, 0.1));
+        let y = y.dropout(0.1);
+        let picked = y.gather_rows(faces).scatter_add_rows(faces, ROWS);
+        let joined = tape.concat(&[picked, y.slice_axis(1, 0..WIDTH)], 1);
+        let turned = joined.permute(&[1, 0]).reshape(&[2 * WIDTH * ROWS]);
+        let far = tape.lincomb(&[(0.5, turned), (0.25, turned)]).square();
+        let own = tape.record_fn(
+            "twice",
+            &[far],
+            {
+                let mut out = tape.array(&far.shape());
+                out.assign(&far.value());
+                out.map_inplace(|x| *x *= 2.0);
+                out
+            },
+            |cx: &mut Backward<'_, f32>| {
+                let scratch = cx.scratch(cx.output().len());
+                drop(scratch);
+                let mut g = cx.take_grad_out();
+                g.map_inplace(|g| *g *= 2.0);
+                cx.give(0, g);
+            },
+        );
+        let tables = y.reshape(&[ROWS / 2, 2, WIDTH]);
+        let part = tables.max_axis(1).sum() + tables.mean_axis(0).sum() + tables.sum_axis(2).mean();
+        own.mean() + part
+    }
+}
+
+#[test]
+fn the_steady_state_allocates_no_large_block() {
+    // Many parameters: vectors of nodes, slots and gradients are pages themselves.
+    let weights: Vec<_> = (0..120)
+        .map(|k| Param::new(Array2::from_elem((ROWS, WIDTH), (k as f32).sin() * 0.1)))
+        .collect();
+    let addresses: Vec<_> = weights.iter().map(|w| w.value.as_ptr()).collect();
+    let mean = Param::buffer(Array1::zeros(ROWS * WIDTH));
+    let mut model = Model { weights, mean };
+    let mut adam = AdamW::new(1e-3);
+    let mut tape = Tape::train(0);
+    let input = Array2::<f32>::from_elem((ROWS, WIDTH), 0.5).into_shared();
+    let faces: Vec<u32> = (0..2000).map(|k| (k * 7 % ROWS) as u32).collect();
+    let mut after_warm_up = 0;
+    for step in 0..30 {
+        if step == 5 {
+            after_warm_up = LARGE.load(Ordering::Relaxed);
+            BYTES.store(0, Ordering::Relaxed);
+        }
+        tape.reseed(step);
+        let loss = model.loss(&tape, tape.constant(input.clone()), &faces);
+        assert!(loss.item().is_finite());
+        let mut gradients = loss.backward();
+        let updates = tape.take_updates();
+        tape.reset();
+        updates.apply(&mut model);
+        clip_grad_norm(&mut gradients, 10.0);
+        adam.step(&mut model, &gradients);
+    }
+    let taken = LARGE.load(Ordering::Relaxed) - after_warm_up;
+    let bytes = BYTES.load(Ordering::Relaxed);
+    assert_eq!(taken, 0, "{taken} large blocks, {bytes} bytes, in 25 steps");
+    for (weight, address) in model.weights.iter().zip(addresses) {
+        assert_eq!(weight.value.as_ptr(), address, "parameters are written in place");
+    }
+}

@@ -1,0 +1,222 @@
+//! Saving, loading, resuming.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use autodiff_lite::optim::{Adam, Sgd};
+use autodiff_lite::state::{LoadError, Mismatch, State, load, save};
+use autodiff_lite::{BufferUpdate, Param, Tape, Var, impl_module};
+use ndarray::{Array1, Array2};
+use proptest::prelude::*;
+
+struct Layer {
+    weight: Param,
+    bias: Option<Param>,
+    running_mean: Param,
+}
+impl_module!(Layer: f32 { weight, bias, running_mean });
+
+struct Model {
+    layers: Vec<Layer>,
+    scale: Param,
+}
+impl_module!(Model: f32 { layers, scale });
+
+impl Model {
+    fn new() -> Self {
+        let layer = |n: usize, bias: bool| Layer {
+            weight: Param::new(Array2::from_shape_fn((n, 3), |(i, j)| ((i * 3 + j) as f32).sin())),
+            bias: bias.then(|| Param::new(Array1::zeros(3))),
+            running_mean: Param::buffer(Array1::zeros(3)),
+        };
+        Self { layers: vec![layer(3, true), layer(3, false)], scale: Param::new(Array1::ones(1)) }
+    }
+
+    fn loss<'t>(&self, tape: &'t Tape, step: u64) -> Var<'t> {
+        let mut x = tape.constant(Array1::from_shape_fn(3, |k| (step as f32 + k as f32).cos()));
+        for layer in &self.layers {
+            let w = tape.param(&layer.weight);
+            x = (w * x).sum_axis(0);
+            if let Some(bias) = &layer.bias {
+                x = x + tape.param(bias);
+            }
+            let mut seen = tape.buffer(3);
+            seen.copy_from_slice(x.value().as_slice().unwrap());
+            tape.push_update(BufferUpdate::new(&layer.running_mean, seen, 0.1));
+            x = x.tanh().dropout(0.2);
+        }
+        (x * tape.param(&self.scale) - 0.3).square().mean()
+    }
+
+    fn train(&mut self, adam: &mut Adam, steps: std::ops::Range<u64>) {
+        let mut tape = Tape::train(0);
+        for step in steps {
+            tape.reseed(step);
+            let gradients = self.loss(&tape, step).backward();
+            let updates = tape.take_updates();
+            tape.reset();
+            updates.apply(self);
+            adam.step(self, &gradients);
+        }
+    }
+
+    fn bytes(&self, adam: &Adam) -> Vec<u8> {
+        let mut state = State::new();
+        state.add_module("", self);
+        state.add_optimizer(adam);
+        state.to_bytes()
+    }
+}
+
+#[test]
+fn a_resumed_run_is_the_same_bit_for_bit() {
+    let (mut model, mut adam) = (Model::new(), Adam::new(0.01));
+    model.train(&mut adam, 0..20);
+    let whole = model.bytes(&adam);
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("step-000007.safetensors");
+    let (mut model, mut adam) = (Model::new(), Adam::new(0.01));
+    model.train(&mut adam, 0..7);
+    let mut state = State::new();
+    state.add_module("", &model);
+    state.add_optimizer(&adam);
+    state.metadata.insert("step".to_owned(), "7".to_owned());
+    state.write(&path).unwrap();
+
+    let state = State::read(&path).unwrap();
+    let (mut model, mut adam) = (Model::new(), Adam::new(0.01));
+    state.load_module("", &mut model).unwrap();
+    state.load_optimizer(&mut adam).unwrap();
+    model.train(&mut adam, state.metadata["step"].parse().unwrap()..20);
+    assert!(model.bytes(&adam) == whole, "the resumed run differs");
+    assert!(model.layers[0].running_mean.value.iter().any(|&x| x != 0.0));
+}
+
+#[test]
+fn names_are_paths() {
+    let mut state = State::new();
+    let (mut model, mut adam) = (Model::new(), Adam::new(0.01));
+    model.train(&mut adam, 0..1);
+    state.add_module("encoder", &model);
+    state.add_optimizer(&adam);
+    let names: Vec<_> = state.names().collect();
+    for name in [
+        "encoder.layers.0.bias",
+        "encoder.layers.1.running_mean",
+        "encoder.scale",
+        "optim.m.layers.0.weight",
+        "optim.v.scale",
+        "optim.t.scale",
+    ] {
+        assert!(names.contains(&name), "{name} is not in {names:?}");
+    }
+    assert!(!names.contains(&"optim.m.layers.1.running_mean"), "a buffer is not optimised");
+}
+
+#[test]
+fn all_differences_are_reported_at_once() {
+    let mut other = Model::new();
+    other.layers[1].bias = Some(Param::new(Array1::zeros(3)));
+    other.layers[0].bias = None;
+    other.scale = Param::new(Array1::zeros(2));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    save(&path, &other).unwrap();
+    let mut model = Model::new();
+    let before = model.bytes(&Adam::new(0.1));
+    let error = load(&path, &mut model).unwrap_err();
+    let LoadError::Mismatch { mismatch, .. } = &error else { panic!("{error}") };
+    assert_eq!(
+        *mismatch,
+        Mismatch {
+            missing: vec!["layers.0.bias".to_owned()],
+            unexpected: vec!["layers.1.bias".to_owned()],
+            different: vec![("scale".to_owned(), "[1]".to_owned(), "[2]".to_owned())],
+        }
+    );
+    let text = error.to_string();
+    assert!(
+        text.ends_with(
+            "does not fit the model: missing layers.0.bias; unexpected layers.1.bias; scale is [2] instead of [1]"
+        ),
+        "{text}"
+    );
+    assert!(model.bytes(&Adam::new(0.1)) == before, "the module was changed");
+}
+
+#[test]
+fn an_optimizer_of_another_kind_is_refused() {
+    let mut model = Model::new();
+    let mut state = State::new();
+    let mut sgd = Sgd::<f32>::new(0.1);
+    let gradients = model.loss(&Tape::train(0), 0).backward();
+    sgd.step(&mut model, &gradients);
+    state.add_optimizer(&sgd);
+    let mut adam = Adam::<f32>::new(0.1);
+    let mismatch = state.load_optimizer(&mut adam).unwrap_err();
+    assert!(mismatch.missing.contains(&"optim.v.scale".to_owned()), "{mismatch}");
+}
+
+#[test]
+fn a_refused_write_leaves_the_old_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = save(folder.path().join("missing/model.safetensors"), &Model::new()).unwrap_err();
+    assert!(error.to_string().contains("missing/model.safetensors"), "{error}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn other_tools_can_read_the_file() {
+    let mut state = State::new();
+    state.add_module("", &Model::new());
+    state.metadata.insert("note".to_owned(), "a \"quoted\" line\nand \\ another".to_owned());
+    let bytes = state.to_bytes();
+    // The reference implementation validates header, offsets and lengths.
+    let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    let weight = tensors.tensor("layers.0.weight").unwrap();
+    assert_eq!(weight.shape(), [3, 3]);
+    assert_eq!(weight.data()[4..8], 1.0_f32.sin().to_le_bytes());
+    assert_eq!(State::from_bytes(&bytes).unwrap(), state);
+}
+
+#[test]
+fn doubles_load_into_singles() {
+    let mut state = State::new();
+    state.add_module("", &Param::<f64>::new(Array1::from(vec![0.1, 0.2])));
+    let mut param = Param::<f32>::new(Array1::zeros(2));
+    state.load_module("", &mut param).unwrap();
+    assert_eq!(param.as_slice(), [0.1, 0.2]);
+}
+
+#[test]
+fn claims_of_terabytes_are_refused() {
+    let header =
+        r#"{"a":{"dtype":"F32","shape":[1000000000000],"data_offsets":[0,4000000000000]}}"#;
+    let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
+    bytes.extend(header.as_bytes());
+    State::from_bytes(&bytes).unwrap_err();
+    State::from_bytes(&u64::MAX.to_le_bytes()).unwrap_err();
+    State::from_bytes(&[]).unwrap_err();
+}
+
+proptest! {
+    #[test]
+    fn any_bytes_are_an_error_or_a_state(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+        let _ = State::from_bytes(&bytes);
+    }
+
+    #[test]
+    fn a_damaged_file_never_panics(at in any::<proptest::sample::Index>(), value in any::<u8>(), cut in any::<proptest::sample::Index>()) {
+        let mut state = State::new();
+        state.add_module("", &Model::new());
+        state.metadata.insert("step".to_owned(), "1".to_owned());
+        let mut bytes = state.to_bytes();
+        let place = at.index(bytes.len());
+        bytes[place] = value;
+        if let Ok(state) = State::from_bytes(&bytes) {
+            let _ = state.load_module("", &mut Model::new());
+            let _ = state.load_optimizer(&mut Adam::<f32>::new(0.1));
+        }
+        bytes.truncate(cut.index(bytes.len()));
+        prop_assert!(State::from_bytes(&bytes).is_err());
+    }
+}
