@@ -163,8 +163,8 @@ mod tests {
             let over = if perspective { w } else { 1.0 };
             let q = c.project(p);
             prop_assert!((w - q.depth).abs() < 1e-12);
-            prop_assert!(((x / over + 1.0) / 2.0 * 64.0 - q.column).abs() < 1e-10);
-            prop_assert!(((1.0 - y / over) / 2.0 * 48.0 - q.row).abs() < 1e-10);
+            prop_assert!(((1.0 + x / over) * 32.0 - q.column).abs() < 1e-10);
+            prop_assert!(((1.0 - y / over) * 24.0 - q.row).abs() < 1e-10);
         }
 
         #[test]

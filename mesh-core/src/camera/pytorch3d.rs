@@ -151,7 +151,7 @@ mod tests {
         let (w, h) = (40, 20);
         let c = Camera::from_pytorch3d_ndc(r, [0.5, 0.0, 2.0], [1.5, 1.2], [0.1, -0.2], w, h);
         c.validate().unwrap();
-        let ndc = [1.5 * 2.5 / 5.0 + 0.1, 1.2 * -1.0 / 5.0 - 0.2];
+        let ndc = [1.5 * 2.5 / 5.0 + 0.1, -1.2 / 5.0 - 0.2];
         // NDC to screen: x = W/2 - s x_ndc with s = min(W, H) / 2.
         let p = c.project([1.0, 2.0, 3.0]);
         assert_relative_eq!(p.column, 20.0 - 10.0 * ndc[0], epsilon = 1e-12);

@@ -199,9 +199,11 @@ mod tests {
             .iter()
             .map(|&(name, v)| AnyChannel::new(Text::from(name), FlatSamples::F32(vec![v; 2])))
             .collect();
-        let mut attributes = LayerAttributes::default();
-        attributes.layer_name = layer.map(Text::from);
-        attributes.layer_position = Vec2(1, 1);
+        let attributes = LayerAttributes {
+            layer_name: layer.map(Text::from),
+            layer_position: Vec2(1, 1),
+            ..LayerAttributes::default()
+        };
         let layer = Layer::new((2, 1), attributes, Encoding::default(), AnyChannels::sort(list));
         let mut image = exr::prelude::Image::from_layer(layer);
         image.attributes.display_window = exr::prelude::IntegerBounds::from_dimensions((3, 2));

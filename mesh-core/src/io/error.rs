@@ -64,6 +64,7 @@ impl ReadMeshError {
     }
 
     /// `Malformed`, for a line of a text file.
+    #[allow(clippy::needless_pass_by_value, reason = "numbers and texts read alike at the calls")]
     pub(super) fn at_line(
         path: &Path,
         line: Option<usize>,

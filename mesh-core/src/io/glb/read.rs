@@ -150,17 +150,16 @@ impl<'a> Glb<'a> {
     /// The nodes of the scene and where each stands in the world.
     fn placed(&self) -> Result<Vec<(usize, Matrix4<f64>)>, ReadMeshError> {
         let document = &self.document;
-        let roots: Vec<usize> = match document.scenes.get(document.scene.unwrap_or(0)) {
-            Some(scene) => scene.nodes.clone(),
-            None => {
-                let mut is_child = vec![false; document.nodes.len()];
-                for &child in document.nodes.iter().flat_map(|n| &n.children) {
-                    if let Some(flag) = is_child.get_mut(child) {
-                        *flag = true;
-                    }
+        let roots = if let Some(scene) = document.scenes.get(document.scene.unwrap_or(0)) {
+            scene.nodes.clone()
+        } else {
+            let mut is_child = vec![false; document.nodes.len()];
+            for &child in document.nodes.iter().flat_map(|n| &n.children) {
+                if let Some(flag) = is_child.get_mut(child) {
+                    *flag = true;
                 }
-                (0..document.nodes.len()).filter(|&i| !is_child[i]).collect()
             }
+            (0..document.nodes.len()).filter(|&i| !is_child[i]).collect()
         };
         let mut seen = vec![false; document.nodes.len()];
         let mut placed = Vec::new();
@@ -244,9 +243,11 @@ impl<'a> Glb<'a> {
                 "as many of each",
             ));
         }
-        soup.colors.extend(colors.iter().map(|c| {
-            std::array::from_fn(|k| linear_to_srgb((c[k] * factor[k]).max(0.0).min(1.0)))
-        }));
+        soup.colors.extend(
+            colors.iter().map(|c| {
+                std::array::from_fn(|k| linear_to_srgb((c[k] * factor[k]).clamp(0.0, 1.0)))
+            }),
+        );
 
         let indices = match primitive.indices {
             Some(accessor) => self.indices(accessor, count)?,

@@ -181,7 +181,9 @@ impl Corners {
         let mut vertices: Vec<(u32, u32)> = used.map(|(&v, &t)| (v, t)).collect();
         // Vertices that no face uses stay too, so that reading gives the same list.
         let mut seen = vec![false; mesh.positions.len()];
-        vertices.iter().for_each(|&(v, _)| seen[v as usize] = true);
+        for &(v, _) in &vertices {
+            seen[v as usize] = true;
+        }
         vertices
             .extend((0_u32..).zip(&seen).filter(|(_, seen)| !**seen).map(|(v, _)| (v, u32::MAX)));
         vertices.sort_unstable();

@@ -236,7 +236,7 @@ fn texture_of(parsed: &Parsed, image: Image, notes: &mut Vec<String>) -> Texture
 
 /// The materials of all libraries that are there.
 fn library(parsed: &Parsed, path: &Path, notes: &mut Vec<String>) -> Vec<Material> {
-    let folder = path.parent().unwrap_or(Path::new(""));
+    let folder = path.parent().unwrap_or_else(|| Path::new(""));
     let mut list = Vec::new();
     for names in &parsed.libraries {
         // One name that may hold spaces, or several names.

@@ -117,11 +117,10 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Header, ReadMeshError> 
         }
         let words: Vec<&str> = line.split_whitespace().collect();
         match words.as_slice() {
-            [] | ["obj_info", ..] => {}
             ["comment", "TextureFile", ..] => {
                 texture = line.split_once("TextureFile").map(|(_, name)| name.trim().to_owned());
             }
-            ["comment", ..] => {}
+            [] | ["obj_info" | "comment", ..] => {}
             ["format", kind, _version] => {
                 format = Some(match *kind {
                     "ascii" => Format::Ascii,

@@ -168,8 +168,10 @@ fn vertices(
         parts.positions.push(position);
         if let Some(rgb) = rgb {
             let color = rgb.map(|k| (row[k] / element.properties[k].scalar.white()) as f32);
-            // max and min, unlike clamp, turn NaN into a number
-            colors.push(color.map(|v| v.max(0.0).min(1.0)));
+            if let Some(bad) = color.iter().find(|v| !v.is_finite()) {
+                return Err(numbers.wrong("red, green, blue", bad, "finite numbers"));
+            }
+            colors.push(color.map(|v| v.clamp(0.0, 1.0)));
         }
         if let Some(uv) = uv {
             let uv = uv.map(|k| row[k] as f32);
