@@ -58,6 +58,7 @@ mod mask;
 mod normals;
 mod scalar;
 mod ssim;
+mod surface;
 #[cfg(test)]
 mod testing;
 
@@ -70,3 +71,4 @@ pub use laplacian::{laplacian_norm, laplacian_squared};
 pub use mask::{mask_bce, mask_iou};
 pub use normals::{face_normals, vertex_normals};
 pub use ssim::ssim_loss;
+pub use surface::surface_points;

@@ -1,9 +1,8 @@
 //! The 3D IoU of the MCMR tables: align bounding boxes, voxelise the surfaces at 32³, fill, compare.
 
-use mesh_core::TriMesh;
+use mesh_core::{TriMesh, VoxelGrid};
 
 use super::bounds::bounds;
-use super::overlap;
 
 /// Cells along each edge of the grid, which covers the unit cube centred at the origin.
 const GRID: usize = 32;
@@ -62,18 +61,16 @@ impl McmrAlignment {
 /// # References
 /// The evaluation of U-CMR (branch `pascal`, `eval_mean_iou.m`), used by Simoni et al. 2021.
 pub fn mcmr_iou(prediction: &TriMesh, truth: &TriMesh, alignment: McmrAlignment) -> f64 {
-    let a = solid(prediction, alignment);
-    let b = solid(truth, McmrAlignment::IDENTITY);
-    overlap(a.into_iter().zip(b))
+    solid(prediction, alignment).iou(&solid(truth, McmrAlignment::IDENTITY))
 }
 
-fn solid(mesh: &TriMesh, alignment: McmrAlignment) -> Vec<bool> {
+fn solid(mesh: &TriMesh, alignment: McmrAlignment) -> VoxelGrid {
     // The evaluation turns its models by (x, y, z) → (-y, x, z) before it voxelises.
     let place = |p: [f32; 3]| {
         let [x, y, z] = alignment.apply(p);
         [-y, x, z].map(|v| GRID as f64 * (v + 0.5))
     };
-    let mut cells = vec![false; GRID * GRID * GRID];
+    let mut cells = VoxelGrid::new([GRID; 3], ([0.0; 3], [GRID as f32; 3]));
     let mut pending = Vec::new();
     for face in &mesh.faces {
         pending.push(face.map(|v| place(mesh.positions[v as usize])));
@@ -81,12 +78,12 @@ fn solid(mesh: &TriMesh, alignment: McmrAlignment) -> Vec<bool> {
             split_or_mark(triangle, &mut cells, &mut pending);
         }
     }
-    fill(&mut cells);
+    cells.fill_enclosed();
     cells
 }
 
 /// Marks the corners' cells of a small triangle; cuts a larger one across its longest edge.
-fn split_or_mark(triangle: [[f64; 3]; 3], cells: &mut [bool], pending: &mut Vec<[[f64; 3]; 3]>) {
+fn split_or_mark(triangle: [[f64; 3]; 3], cells: &mut VoxelGrid, pending: &mut Vec<[[f64; 3]; 3]>) {
     let [a, b, c] = triangle;
     // What lies outside on one side, or is not a number, can mark nothing.
     let inside = (0..3).all(|k| {
@@ -104,8 +101,8 @@ fn split_or_mark(triangle: [[f64; 3]; 3], cells: &mut [bool], pending: &mut Vec<
     if longest < STEP * STEP {
         for corner in triangle {
             if corner.iter().all(|&v| v >= 0.0 && v < GRID as f64) {
-                let [x, y, z] = corner.map(|v| v as usize);
-                cells[(x * GRID + y) * GRID + z] = true;
+                let cell = cells.index(corner.map(|v| v as usize));
+                cells.bits[cell] = true;
             }
         }
         return;
@@ -120,36 +117,6 @@ fn split_or_mark(triangle: [[f64; 3]; 3], cells: &mut [bool], pending: &mut Vec<
     let m = middle(p, q);
     pending.push([p, m, r]);
     pending.push([m, q, r]);
-}
-
-/// Fills every empty cell that no path of empty cells joins to the border of the grid.
-fn fill(cells: &mut [bool]) {
-    let mut outside = vec![false; cells.len()];
-    let mut pending = Vec::new();
-    let index = |x: usize, y: usize, z: usize| (x * GRID + y) * GRID + z;
-    for u in 0..GRID {
-        for v in 0..GRID {
-            for w in [0, GRID - 1] {
-                pending.extend([(w, u, v), (u, w, v), (u, v, w)]);
-            }
-        }
-    }
-    while let Some((x, y, z)) = pending.pop() {
-        let i = index(x, y, z);
-        if cells[i] || outside[i] {
-            continue;
-        }
-        outside[i] = true;
-        for (dx, dy, dz) in [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)] {
-            let step = |v: usize, d: isize| v.checked_add_signed(d).filter(|&v| v < GRID);
-            if let (Some(x), Some(y), Some(z)) = (step(x, dx), step(y, dy), step(z, dz)) {
-                pending.push((x, y, z));
-            }
-        }
-    }
-    for (cell, outside) in cells.iter_mut().zip(outside) {
-        *cell = !outside;
-    }
 }
 
 #[cfg(test)]
@@ -173,7 +140,7 @@ mod tests {
         // From -0.25 to 0.25 is from cell 8 to the border of cell 24: 17 cells along x and z, and along
         // -y too, all inclusive of the cell that the upper face touches.
         let cells = solid(&cuboid([-0.25; 3], [0.25; 3]), McmrAlignment::IDENTITY);
-        assert_eq!(cells.iter().filter(|&&c| c).count(), 17 * 17 * 17);
+        assert_eq!(cells.count(), 17 * 17 * 17);
     }
 
     #[test]
@@ -208,8 +175,8 @@ mod tests {
     #[test]
     fn huge_and_infinite_coordinates_are_dropped() {
         let mut mesh = cuboid([-1e30; 3], [1e30; 3]);
-        assert_eq!(solid(&mesh, McmrAlignment::IDENTITY).iter().filter(|&&c| c).count(), 0);
+        assert_eq!(solid(&mesh, McmrAlignment::IDENTITY).count(), 0);
         mesh.positions[0] = [f32::NAN; 3];
-        assert_eq!(solid(&mesh, McmrAlignment::IDENTITY).iter().filter(|&&c| c).count(), 0);
+        assert_eq!(solid(&mesh, McmrAlignment::IDENTITY).count(), 0);
     }
 }

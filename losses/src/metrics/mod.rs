@@ -14,6 +14,8 @@ mod image;
 mod mcmr;
 mod points;
 mod protocol;
+mod report;
+mod voxel;
 
 pub use image::{l1, mask_iou, mse, overlap, psnr, psnr_inside, ssim};
 pub use mcmr::{McmrAlignment, mcmr_iou};
@@ -21,3 +23,5 @@ pub use points::{FScore, PointDistances, point_distances};
 pub use protocol::{
     Combination, IouProtocol, Normalisation, Points, Preset, Protocol, UnknownPreset,
 };
+pub use report::{CompareError, Report, Role, evaluate};
+pub use voxel::voxel_iou;
