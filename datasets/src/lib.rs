@@ -1,4 +1,66 @@
 //! Views of objects from the layouts that people have, and procedural shapes.
+//!
+//! A view is a picture, a mask of the object, and the camera; all layouts become the same
+//! [`Views`]:
+//!
+//! ```
+//! use datasets::{ReadOptions, View, read_views, split, write_transforms};
+//! use mesh_core::{ByteImage, Camera};
+//!
+//! // Four pictures of a grey disc, from four sides.
+//! let views: Vec<View> = (0..4)
+//!     .map(|i| {
+//!         let (sin, cos) = (f64::from(i) * 1.6).sin_cos();
+//!         let eye = [4.0 * sin, 1.0, 4.0 * cos];
+//!         let camera = Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 0.7, 32, 32);
+//!         let disc = (0..32 * 32).map(|k: i32| (k / 32 - 16).pow(2) + (k % 32 - 16).pow(2) < 90);
+//!         let mask: Vec<u8> = disc.map(|inside| if inside { 255 } else { 0 }).collect();
+//!         let color = mask.iter().flat_map(|&m| [m / 2; 3]).collect();
+//!         let image = |channels, data| ByteImage { height: 32, width: 32, channels, data };
+//!         let (color, mask) = (image(3, color), image(1, mask));
+//!         View { name: i.to_string(), color, mask, camera, depth: None }
+//!     })
+//!     .collect();
+//!
+//! let folder = tempfile::tempdir()?;
+//! write_transforms(&views, folder.path())?;
+//! let read = read_views(folder.path(), &ReadOptions::default(), &|done, total| {
+//!     assert!(done <= total); // for a progress bar
+//! })?;
+//! assert_eq!(read.views[2].mask, views[2].mask);
+//! assert_eq!(split(read.len(), 4, 3).held_out, [3]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | to | use |
+//! |---|---|
+//! | read whatever is there | [`read_views`] with [`ReadOptions`] |
+//! | choose where masks come from | [`MaskSource`] |
+//! | write for other tools | [`write_kaolin`], [`write_transforms`] |
+//! | keep views back for judging | [`split()`] |
+//! | make an object | [`shapes`] |
+//!
+//! # Layouts
+//!
+//! - **kaolin's synthetic views**: `{i}_rgb.png`, `{i}_metadata.json` and, for masks,
+//!   `{i}_semantic.npy` (any number type; above 0 is object); depth as `{i}_depth.exr` or
+//!   `{i}_depth_linear.npy`. A folder, or the zip as it is shipped.
+//! - **`transforms.json`** of NeRF, instant-ngp and nerfstudio: one file, or those of
+//!   `transforms_{train,val,test}.json` that are there; in a folder or a zip. What a frame says
+//!   wins over the top level; extensions may be missing; masks are alpha, `mask_path` or
+//!   `masks/<stem>.png`. Lenses with distortion are refused: undistort the images first.
+//!
+//! # Conventions
+//!
+//! Masks hold 255 where the object is and 0 elsewhere, nothing between, and belong to pixel
+//! centres. Colours are sRGB bytes. Cameras are [`mesh_core::Camera`] in the world of the files,
+//! which is never moved or scaled, so that a mesh fits back onto its source.
+//!
+//! # What this crate promises
+//!
+//! Any bytes may arrive: sizes are checked before memory is taken, and every [`ReadViewsError`]
+//! names the file, the field, what was found and what was expected. The error is that of the
+//! first view in order, whatever the number of threads. Nothing here knows of tapes or training.
 
 mod assemble;
 mod consistency;

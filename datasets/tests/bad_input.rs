@@ -235,7 +235,7 @@ fn distortion_and_other_lenses_are_refused() {
     let error = spoil(&|v| v["frames"][1]["transform_matrix"][2][1] = json!("x"));
     assert_names(&error, &["frames[1].transform_matrix[2][1]"]);
     let error = spoil(&|v| {
-        v["frames"][1]["transform_matrix"] = json!([[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]])
+        v["frames"][1]["transform_matrix"] = json!([[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]);
     });
     assert_names(&error, &["frames[1].transform_matrix", "singular"]);
     let error = spoil(&|v| v["frames"][1]["file_path"] = json!("images/nowhere.png"));

@@ -81,7 +81,7 @@ impl Default for ClockColors {
             hands: [0.09, 0.11, 0.24],
             bells: [0.90, 0.68, 0.24],
             knob: [0.55, 0.57, 0.60],
-            feet: [0.22, 0.23, 0.27],
+            feet: [0.40, 0.41, 0.46],
         }
     }
 }
@@ -205,7 +205,7 @@ impl AlarmClock {
         let r = self.bell_radius;
         let rim = SUNK + 0.3 * r;
         let mut profile =
-            vec![[0.22 * r, 0.0], [0.22 * r, SUNK + 0.12 * r], [0.88 * r, rim - 0.07 * r]];
+            vec![[0.4 * r, 0.0], [0.4 * r, SUNK + 0.1 * r], [0.88 * r, rim - 0.07 * r]];
         profile.extend((0..12).map(|k| {
             let (sin, cos) = (FRAC_PI_2 * k as f64 / 12.0).sin_cos();
             [r * cos, rim + 0.85 * r * sin]
