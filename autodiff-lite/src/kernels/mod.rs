@@ -1,10 +1,18 @@
 //! Plain slices in, plain slices out: no tape, no shapes beyond numbers.
 #![allow(unsafe_code, reason = "instruction sets are chosen at run time; only kernels may")]
 
+pub mod activation;
+pub(crate) mod blocks;
 pub mod broadcast;
+pub mod conv;
 pub mod elementwise;
+pub mod gemm;
+pub mod isa;
+pub mod lane;
 pub mod reduce;
 pub mod rows;
 mod simd;
+mod tile;
 pub mod transcendental;
 pub mod update;
+pub(crate) mod workspace;

@@ -1,0 +1,83 @@
+//! Activations that are fused into the store of a product.
+
+use crate::kernels::lane::Lane;
+
+/// What is applied to the output of a linear layer, a convolution or a norm, in the same pass.
+///
+/// Each one's slope can be told from its output, so backward keeps no second array.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Activation {
+    /// `y = x`.
+    #[default]
+    None,
+    /// `y = max(x, 0)`; slope 0 at 0.
+    Relu,
+    /// `y = x` above 0, `slope x` below; the slope lies in (0, 1].
+    LeakyRelu(f64),
+    /// `y = 1 / (1 + exp(-x))`.
+    Sigmoid,
+    /// `y = tanh(x)`.
+    Tanh,
+}
+
+impl Activation {
+    /// Whether the vector kernels apply it while they store.
+    pub(crate) fn in_store(self) -> bool {
+        matches!(self, Self::None | Self::Relu | Self::LeakyRelu(_))
+    }
+
+    /// `y = f(x)` of one number.
+    #[inline(always)]
+    pub fn apply<F: Lane>(self, x: F) -> F {
+        let zero = F::zero();
+        match self {
+            Self::None => x,
+            Self::Relu => {
+                if x < zero {
+                    zero
+                } else {
+                    x
+                }
+            }
+            Self::LeakyRelu(slope) => {
+                if x < zero {
+                    x * from_f64(slope)
+                } else {
+                    x
+                }
+            }
+            Self::Sigmoid => F::one() / (F::one() + (-x).exp()),
+            Self::Tanh => x.tanh(),
+        }
+    }
+
+    /// `dy/dx` where the output is `y`.
+    #[inline(always)]
+    pub fn slope<F: Lane>(self, y: F) -> F {
+        let (zero, one) = (F::zero(), F::one());
+        match self {
+            Self::None => one,
+            Self::Relu => {
+                if y > zero {
+                    one
+                } else {
+                    zero
+                }
+            }
+            Self::LeakyRelu(slope) => {
+                if y > zero {
+                    one
+                } else {
+                    from_f64(slope)
+                }
+            }
+            Self::Sigmoid => y * (one - y),
+            Self::Tanh => one - y * y,
+        }
+    }
+}
+
+#[inline(always)]
+pub(crate) fn from_f64<F: Lane>(x: f64) -> F {
+    F::from(x).expect("f32 and f64 hold any finite number, if rounded")
+}

@@ -1,0 +1,55 @@
+//! Work in fixed blocks, so that no result depends on the number of threads.
+
+use rayon::prelude::*;
+
+/// A pointer that fixed blocks write disjoint parts through.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shared<F>(*mut F);
+
+// SAFETY: the blocks that share it write disjoint elements; each use says which.
+unsafe impl<F: Send> Send for Shared<F> {}
+// SAFETY: as above.
+unsafe impl<F: Send> Sync for Shared<F> {}
+
+impl<F> Shared<F> {
+    pub(crate) fn new(slice: &mut [F]) -> Self {
+        Self(slice.as_mut_ptr())
+    }
+
+    /// The address of element `at`.
+    ///
+    /// # Safety
+    /// `at` lies within the slice that this was made of, or one past its end.
+    #[inline(always)]
+    pub(crate) unsafe fn at(self, at: usize) -> *mut F {
+        // SAFETY: the caller's promise.
+        unsafe { self.0.add(at) }
+    }
+
+    /// Elements `start .. start + len`.
+    ///
+    /// # Safety
+    /// They lie within the slice, and no other block touches them while this lives.
+    #[inline(always)]
+    pub(crate) unsafe fn slice<'a>(self, start: usize, len: usize) -> &'a mut [F] {
+        // SAFETY: the caller's promise.
+        unsafe { std::slice::from_raw_parts_mut(self.0.add(start), len) }
+    }
+}
+
+/// Floating-point operations under which a second thread does not pay.
+pub(crate) const SERIAL_BELOW: usize = 2_000_000;
+
+/// Elements moved under which a second thread does not pay.
+pub(crate) const SERIAL_ELEMENTS: usize = 128 * 1024;
+
+/// Calls `f` for each of `count` blocks; on several threads if `parallel`. The blocks are the
+/// same either way.
+#[inline]
+pub(crate) fn for_each_block(count: usize, parallel: bool, f: impl Fn(usize) + Sync + Send) {
+    if parallel && count > 1 {
+        (0..count).into_par_iter().with_max_len(1).for_each(f);
+    } else {
+        (0..count).for_each(f);
+    }
+}

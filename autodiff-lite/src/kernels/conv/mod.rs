@@ -1,0 +1,165 @@
+//! Two-dimensional convolution on features-last arrays, and its gradients.
+//!
+//! In `[N, H, W, C]` the operands of one output pixel are a few contiguous runs of the (zero
+//! padded) input, and the next pixel's lie `stride · C` further. So a convolution is a matrix
+//! product whose left operand is read in place: only weights are packed, per call, for the
+//! vector width that is found at run time. The gradient of the input is the same sweep over the
+//! output's gradient, and the gradient of the weight the same tile with other steps.
+
+mod direct;
+mod geometry;
+mod grad_weight;
+mod pack;
+mod transform;
+pub mod winograd;
+
+pub use geometry::{ConvAlgorithm, ConvGeometry, ConvSizes};
+
+use crate::kernels::activation::Activation;
+use crate::kernels::isa::Isa;
+use crate::kernels::lane::Lane;
+
+/// What a convolution needs beside its operands.
+#[derive(Clone, Copy, Debug)]
+pub struct Conv {
+    /// The sizes of all operands.
+    pub sizes: ConvSizes,
+    /// Which algorithm may run.
+    pub algorithm: ConvAlgorithm,
+    /// Which instructions to run on; [`Isa::best`] outside tests.
+    pub isa: Isa,
+}
+
+impl Conv {
+    /// On the fastest instructions of this machine.
+    pub fn new(sizes: ConvSizes, algorithm: ConvAlgorithm) -> Self {
+        Self { sizes, algorithm, isa: Isa::best() }
+    }
+
+    fn winograd<F: 'static>(&self) -> bool {
+        let f32_only = std::any::TypeId::of::<F>() == std::any::TypeId::of::<f32>();
+        self.algorithm == ConvAlgorithm::Auto && f32_only && winograd::pays(&self.sizes)
+    }
+
+    /// Numbers of scratch that [`forward`](Self::forward) needs.
+    pub fn forward_scratch<F: Lane>(&self) -> usize {
+        if self.winograd::<F>() {
+            winograd::scratch(&self.sizes)
+        } else {
+            direct::forward_scratch::<F>(&self.sizes, self.isa)
+        }
+    }
+
+    /// `y = activation(x * w + bias)`: `x [N, H, W, I]`, `w [O, I, KH, KW]`, `bias [O]`,
+    /// `y [N, OH, OW, O]`, all of which is written.
+    ///
+    /// # Panics
+    /// If a slice has another length than its shape, or the scratch is too short.
+    pub fn forward<F: Lane>(
+        &self,
+        x: &[F],
+        w: &[F],
+        bias: Option<&[F]>,
+        activation: Activation,
+        y: &mut [F],
+        scratch: &mut [F],
+    ) {
+        let s = &self.sizes;
+        assert_eq!(x.len(), s.input_len());
+        assert_eq!(w.len(), s.weight_len());
+        assert_eq!(y.len(), s.output_len());
+        assert!(bias.is_none_or(|b| b.len() == s.out_channels));
+        if y.is_empty() {
+            return;
+        }
+        if self.winograd::<F>() {
+            winograd::forward(s, self.isa, x, w, bias, activation, y, scratch);
+        } else {
+            direct::forward(s, self.isa, x, w, bias, activation, y, scratch);
+        }
+    }
+
+    /// Numbers of scratch that [`grad_input`](Self::grad_input) needs.
+    pub fn grad_input_scratch<F: Lane>(&self) -> usize {
+        if self.winograd::<F>() {
+            winograd::scratch(&self.sizes.transposed())
+        } else {
+            direct::grad_input_scratch::<F>(&self.sizes, self.isa)
+        }
+    }
+
+    /// The gradient of `x`, all of which is written, from that of `y`. With a bias `[I]` and an
+    /// activation it is also the transposed convolution of `gy`.
+    ///
+    /// # Panics
+    /// If a slice has another length than its shape, or the scratch is too short.
+    pub fn grad_input<F: Lane>(
+        &self,
+        gy: &[F],
+        w: &[F],
+        bias: Option<&[F]>,
+        activation: Activation,
+        gx: &mut [F],
+        scratch: &mut [F],
+    ) {
+        let s = &self.sizes;
+        assert_eq!(gx.len(), s.input_len());
+        assert_eq!(w.len(), s.weight_len());
+        assert_eq!(gy.len(), s.output_len());
+        assert!(bias.is_none_or(|b| b.len() == s.in_channels));
+        if gx.is_empty() {
+            return;
+        }
+        if self.winograd::<F>() {
+            winograd::grad_input(s, self.isa, gy, w, bias, activation, gx, scratch);
+        } else {
+            direct::grad_input(s, self.isa, gy, w, bias, activation, gx, scratch);
+        }
+    }
+
+    /// Numbers of scratch that [`grad_weight`](Self::grad_weight) needs.
+    pub fn grad_weight_scratch<F: Lane>(&self) -> usize {
+        if self.winograd::<F>() && winograd::grad_weight_pays(&self.sizes) {
+            winograd::grad_weight_scratch(&self.sizes)
+        } else {
+            grad_weight::scratch::<F>(&self.sizes, self.isa)
+        }
+    }
+
+    /// The gradient of `w`, all of which is written, from `x` and the gradient of `y`.
+    ///
+    /// # Panics
+    /// If a slice has another length than its shape, or the scratch is too short.
+    pub fn grad_weight<F: Lane>(&self, x: &[F], gy: &[F], gw: &mut [F], scratch: &mut [F]) {
+        let s = &self.sizes;
+        assert_eq!(x.len(), s.input_len());
+        assert_eq!(gw.len(), s.weight_len());
+        assert_eq!(gy.len(), s.output_len());
+        if self.winograd::<F>() && winograd::grad_weight_pays(s) {
+            winograd::grad_weight(s, self.isa, x, gy, gw, scratch);
+        } else {
+            grad_weight::run(s, self.isa, x, gy, gw, scratch);
+        }
+    }
+}
+
+/// `activation(x)` in place, for those that the tiles do not apply.
+pub(crate) fn finish<F: Lane>(activation: Activation, y: &mut [F]) {
+    use crate::kernels::blocks::{SERIAL_ELEMENTS, Shared, for_each_block};
+    if activation.in_store() {
+        return;
+    }
+    const CHUNK: usize = 16 * 1024;
+    let (len, out) = (y.len(), Shared::new(y));
+    for_each_block(len.div_ceil(CHUNK), len >= SERIAL_ELEMENTS, |block| {
+        let start = block * CHUNK;
+        // SAFETY: the blocks are disjoint and end at the slice's end.
+        let part = unsafe { out.slice(start, CHUNK.min(len - start)) };
+        for y in part {
+            *y = activation.apply(*y);
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests;
