@@ -5,6 +5,7 @@ use std::iter::Sum;
 use bytemuck::Pod;
 use ndarray::NdFloat;
 
+use crate::kernels::lane::Lane;
 use crate::kernels::transcendental::Transcendental;
 use crate::pool::Pooled;
 
@@ -25,6 +26,7 @@ pub trait Real:
     + Sum
     + for<'a> Sum<&'a Self>
     + Transcendental
+    + Lane
     + Pooled
     + Pod
     + 'static
