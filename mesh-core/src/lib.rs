@@ -6,6 +6,7 @@ mod differential;
 mod diffusion;
 mod health;
 mod image;
+mod intersect;
 pub mod io;
 pub mod kernels;
 mod mesh;

@@ -163,17 +163,23 @@ fn tile<S: Simd, const N: usize>(
             block[i] = simd.select_u32s(nearer, here, block[i]);
         }
     }
+    // Written out whole before any lane is looked at: a reference into the accumulators would keep
+    // them in memory, and store them all in every turn of the loop above.
+    let (mut distances, mut blocks) = ([[0.0_f32; PAD]; N], [[0_u32; PAD]; N]);
     for i in 0..N {
-        let squared: &[f32] = bytemuck::cast_slice(std::slice::from_ref(&squared[i]));
-        let block: &[u32] = bytemuck::cast_slice(std::slice::from_ref(&block[i]));
+        S::as_mut_simd_f32s(&mut distances[i]).0[0] = squared[i];
+        S::as_mut_simd_u32s(&mut blocks[i]).0[0] = block[i];
+    }
+    for (found, (distances, blocks)) in found.iter_mut().zip(distances.iter().zip(&blocks)) {
         let mut best = Nearest { index: u32::MAX, squared: f32::INFINITY };
-        for (lane, (&squared, &block)) in squared.iter().zip(block).enumerate() {
+        let lanes = distances.iter().zip(blocks).take(S::F32_LANES);
+        for (lane, (&squared, &block)) in lanes.enumerate() {
             let index = block * S::F32_LANES as u32 + lane as u32;
             if squared < best.squared || (squared == best.squared && index < best.index) {
                 best = Nearest { index, squared };
             }
         }
-        found[i] = best;
+        *found = best;
     }
 }
 
