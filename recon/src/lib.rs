@@ -1,5 +1,6 @@
 //! Reconstruction of meshes from images: the systems, their training and their reports.
 
+pub mod evaluate;
 pub mod output;
 pub mod report;
 pub mod synthetic;
