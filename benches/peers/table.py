@@ -1,0 +1,95 @@
+"""Joins what criterion measured with what peers.py printed, as a Markdown table on stdout.
+
+Usage: table.py CRITERION_FOLDER PEERS.jsonl... [--title TEXT]
+Several files are several rounds; a row's figure is the median over them. Standard library only.
+"""
+
+import argparse
+import json
+import pathlib
+import statistics
+import subprocess
+
+# The arithmetic of the direct algorithm for ids that have one, in flops.
+def flops(name):
+    parts = name.split("/")
+    if parts[0] == "gemm":
+        m, k, n = map(int, parts[1].split("x"))
+        return 2 * m * k * n
+    if parts[0] == "conv2d":
+        batch, height, width, channels = parts[1].split("x")
+        cin, cout = map(int, channels.split("-"))
+        passes = {"forward": 1, "backward": 2, "forward-backward": 3}[parts[2]]
+        return passes * 2 * 9 * int(batch) * int(height) * int(width) * cin * cout
+    return None
+
+
+def ours(folder):
+    """Median milliseconds of each bench, by id."""
+    found = {}
+    for path in sorted(pathlib.Path(folder).glob("**/new/benchmark.json")):
+        name = json.loads(path.read_text())["full_id"]
+        estimates = json.loads((path.parent / "estimates.json").read_text())
+        found[name] = estimates["median"]["point_estimate"] / 1e6
+    return found
+
+
+def theirs(files):
+    """Median milliseconds by id and peer over the rounds, and the peers' versions."""
+    rounds, versions = {}, {}
+    for file in files:
+        for line in pathlib.Path(file).read_text().splitlines():
+            row = json.loads(line)
+            if "versions" in row:
+                versions = row["versions"]
+            else:
+                rounds.setdefault((row["id"], row["peer"]), []).append(row["median_ms"])
+    return {key: statistics.median(values) for key, values in rounds.items()}, versions
+
+
+def cell(milliseconds, work):
+    if milliseconds is None:
+        return "-"
+    text = f"{milliseconds:.3g} ms"
+    return f"{text} ({work / milliseconds / 1e6:.0f} GFLOP/s)" if work else text
+
+
+def command(*words):
+    try:
+        return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("criterion")
+    parser.add_argument("peers", nargs="*")
+    parser.add_argument("--title", default="Speed beside the peers")
+    options = parser.parse_args()
+    mine, (peers, versions) = ours(options.criterion), theirs(options.peers)
+
+    cpu = next(
+        (l.split(":", 1)[1].strip() for l in open("/proc/cpuinfo") if l.startswith("model name")),
+        "unknown",
+    )
+    print(f"# {options.title}\n")
+    print(f"- date: {command('date', '-u', '+%Y-%m-%d %H:%M')} UTC")
+    print(f"- machine: {cpu}, {command('nproc')} cores")
+    print(f"- commit: {command('git', 'describe', '--always', '--dirty')}")
+    print(f"- {command('rustc', '--version')}")
+    print("- peers: " + ", ".join(f"{k} {v}" for k, v in versions.items()) + "\n")
+    print("Medians. `1t`, `2t`: threads. A ratio above 1 means that this workspace is faster.\n")
+    print("| work | here | peer | | ratio |\n|---|---|---|---|---|")
+    by_id = {}
+    for (name, peer), value in peers.items():
+        by_id.setdefault(name, []).append((peer, value))
+    for name in sorted(set(mine) | set(by_id)):
+        work, here = flops(name), mine.get(name)
+        for peer, value in by_id.get(name, [("", None)]):
+            ratio = f"{value / here:.2f}" if here and value else "-"
+            print(f"| {name} | {cell(here, work)} | {peer} | {cell(value, work)} | {ratio} |")
+
+
+if __name__ == "__main__":
+    main()
