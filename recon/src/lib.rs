@@ -1,6 +1,7 @@
 //! Reconstruction of meshes from images: the systems, their training and their reports.
 
 pub mod evaluate;
+pub mod fit;
 pub mod output;
 pub mod report;
 pub mod synthetic;

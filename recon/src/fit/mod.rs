@@ -1,0 +1,351 @@
+//! `fit`: one object from its pictures, by optimising one mesh until its pictures agree.
+//!
+//! A sphere is placed where the masks allow an object ([`Placement`]), and moved by small steps
+//! until its outline in every view lies on the edge of that view's mask: coarse first, then with
+//! each face in four. Colours are then the ones that best explain all pictures at once.
+//!
+//! What keeps the surface whole: steps are preconditioned by `(I + lambda L)^-1`, so that a pull
+//! on one vertex moves its neighbourhood; a weak bending energy; and vertices that slide along the
+//! surface to keep the triangles even.
+
+mod config;
+mod distance;
+mod error;
+mod event;
+mod outline;
+mod placement;
+mod shape;
+mod target;
+
+use std::time::Instant;
+
+use datasets::{View, Views};
+use mesh_core::{Health, TriMesh};
+use rand::{SeedableRng, seq::SliceRandom};
+use rand_chacha::ChaCha8Rng;
+
+pub use config::{ColorKind, FitConfig};
+pub use error::FitError;
+pub use event::{Event, Flow, Step};
+pub use placement::Placement;
+
+use shape::Shape;
+use target::Target;
+
+/// Share of the object's size that is kept around it in each view.
+const MARGIN: f32 = 0.3;
+/// Steps between two scores of the held-out views.
+const EVALUATE_EVERY: usize = 50;
+/// Steps over which a level's progress is judged.
+const WINDOW: usize = 20;
+
+/// What a fit found.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// The mesh in the world coordinates of the input: closed, oriented outwards.
+    pub mesh: TriMesh,
+    /// The examination of the mesh.
+    pub health: Health,
+    /// Where it started.
+    pub placement: Placement,
+    /// The losses of every step.
+    pub history: Vec<Step>,
+    /// Mean mask IoU on the held-out views (all views where none is held out) after so many steps.
+    pub evaluations: Vec<(usize, f64)>,
+    /// Indices of the views that the mesh was fitted to.
+    pub train_views: Vec<usize>,
+    /// Indices of the views that were held out.
+    pub held_out_views: Vec<usize>,
+    /// Seconds that each stage took, by name.
+    pub seconds: Vec<(String, f64)>,
+    /// What [`Event::Warned`] said.
+    pub warnings: Vec<String>,
+    /// Whether [`Flow::Stop`] ended it early.
+    pub interrupted: bool,
+}
+
+/// Fits a mesh to views of one object.
+///
+/// `on_event` hears of every step and can stop the fit; what there is then is finished and
+/// returned, marked as interrupted. The result depends on the views and the configuration alone,
+/// not on the number of threads.
+///
+/// # Errors
+/// See [`FitError`]. Views with an empty mask are left out with a warning.
+pub fn fit(
+    views: &Views,
+    config: &FitConfig,
+    on_event: &mut dyn FnMut(Event) -> Flow,
+) -> Result<Fitted, FitError> {
+    let problems = config.check();
+    if !problems.is_empty() {
+        return Err(FitError::Config(problems));
+    }
+    let mut run = Run::prepare(&views.views, config, on_event)?;
+    let shape = run.shape(config)?;
+    run.finish(shape, config)
+}
+
+/// A fit under way.
+struct Run<'a> {
+    on_event: &'a mut dyn FnMut(Event) -> Flow,
+    train: Vec<Target>,
+    held_out: Vec<Target>,
+    fitted: Fitted,
+    clock: Instant,
+}
+
+impl<'a> Run<'a> {
+    /// Checks and measures the views, and places the sphere.
+    fn prepare(
+        views: &[View],
+        config: &FitConfig,
+        on_event: &'a mut dyn FnMut(Event) -> Flow,
+    ) -> Result<Self, FitError> {
+        let clock = Instant::now();
+        if views.is_empty() {
+            return Err(FitError::NoViews);
+        }
+        views.iter().try_for_each(check)?;
+        let mut warnings = Vec::new();
+        let (mut train_views, mut held_out_views) = (Vec::new(), Vec::new());
+        let mut empty = Vec::new();
+        for (index, view) in views.iter().enumerate() {
+            if view.mask.data.iter().all(|&m| m == 0) {
+                empty.push(view.name.as_str());
+            } else if config.hold_out > 0 && index % config.hold_out == config.hold_out - 1 {
+                held_out_views.push(index);
+            } else {
+                train_views.push(index);
+            }
+        }
+        if empty.len() == views.len() {
+            return Err(FitError::EmptyMasks { views: views.len() });
+        }
+        if train_views.len() < 2 {
+            return Err(FitError::TooFewViews {
+                remaining: train_views.len(),
+                views: views.len(),
+                hold_out: config.hold_out,
+            });
+        }
+        if !empty.is_empty() {
+            warnings.push(format!("left out, since their mask is empty: views {}", empty.join(", ")));
+        }
+        let measure = |indices: &[usize]| -> Vec<Target> {
+            use rayon::prelude::*;
+            indices
+                .par_iter()
+                .filter_map(|&i| Target::new(&views[i], config.mask_blur, config.reach, MARGIN))
+                .collect()
+        };
+        let (mut train, mut held_out) = (measure(&train_views), measure(&held_out_views));
+        let seen: Vec<&View> = train_views.iter().map(|&i| &views[i]).collect();
+        let placement = placement::place(&seen, &mut train)?;
+        for target in train.iter_mut().chain(&mut held_out) {
+            target.place(placement.center, placement.radius);
+        }
+        let fitted = Fitted {
+            mesh: TriMesh::default(),
+            health: TriMesh::default().health(),
+            placement,
+            history: Vec::new(),
+            evaluations: Vec::new(),
+            train_views,
+            held_out_views,
+            seconds: vec![("placement".into(), clock.elapsed().as_secs_f64())],
+            warnings: Vec::new(),
+            interrupted: false,
+        };
+        let mut run = Self { on_event, train, held_out, fitted, clock };
+        run.tell(Event::Started {
+            train: run.train.len(),
+            held_out: run.held_out.len(),
+            total: config.total_steps(),
+            placement,
+        });
+        for warning in warnings {
+            run.warn(warning);
+        }
+        Ok(run)
+    }
+
+    /// Tells of an event and remembers the answer.
+    fn tell(&mut self, event: Event) {
+        if (self.on_event)(event) == Flow::Stop {
+            self.fitted.interrupted = true;
+        }
+    }
+
+    fn warn(&mut self, warning: String) {
+        self.fitted.warnings.push(warning.clone());
+        self.tell(Event::Warned(warning));
+    }
+
+    /// Ends a stage's time and begins the next.
+    fn lap(&mut self, name: &str) {
+        self.fitted.seconds.push((name.into(), self.clock.elapsed().as_secs_f64()));
+        self.clock = Instant::now();
+    }
+
+    /// Fits the shape, level by level.
+    fn shape(&mut self, config: &FitConfig) -> Result<Shape, FitError> {
+        self.clock = Instant::now();
+        let mut shape = Shape::sphere(config.start_level, config);
+        let mut order = Order::new(self.train.len(), config);
+        let total = config.total_steps();
+        for level in config.start_level..=config.level {
+            if level > config.start_level {
+                shape = shape.subdivided(config);
+            }
+            let name = format!("level {level}");
+            self.tell(Event::Stage {
+                name: name.clone(),
+                vertices: shape.positions.len(),
+                faces: shape.faces.len(),
+            });
+            self.level(&mut shape, &mut order, total, config)?;
+            self.lap(&name);
+            if self.fitted.interrupted {
+                break;
+            }
+        }
+        Ok(shape)
+    }
+
+    /// The steps of one level.
+    fn level(
+        &mut self,
+        shape: &mut Shape,
+        order: &mut Order,
+        total: usize,
+        config: &FitConfig,
+    ) -> Result<(), FitError> {
+        let mut distances = Vec::with_capacity(config.steps);
+        for k in 0..config.steps {
+            if self.fitted.interrupted {
+                break;
+            }
+            let step = self.fitted.history.len() + 1;
+            let rate = config.learning_rate * 0.1f32.powf(k as f32 / config.steps as f32);
+            let edge = shape.mean_edge();
+            let views = order.next();
+            let terms = shape.step(
+                &self.train,
+                views,
+                |target| target.lines_between_samples(edge),
+                config,
+                rate,
+                step,
+            )?;
+            if config.relax_every > 0 && (k + 1) % config.relax_every == 0 {
+                shape.relax(config.relax);
+            }
+            let rms = terms.outline.rms();
+            if terms.blind == views.len() {
+                return Err(FitError::Placement {
+                    reason: "the mesh reached the cameras: no view sees all of it in front".into(),
+                });
+            }
+            let report = Step {
+                step,
+                total,
+                terms: vec![("silhouette", rms), ("bending", terms.bending)],
+            };
+            self.fitted.history.push(report.clone());
+            self.tell(Event::Step(report));
+            distances.push(rms);
+            let last = k + 1 == config.steps || self.fitted.interrupted;
+            let converged = order.is_whole()
+                && k >= WINDOW
+                && distances[k] > (1.0 - config.tolerance) * distances[k - WINDOW];
+            if step % EVALUATE_EVERY == 0 || last || converged {
+                self.evaluate(shape, step);
+            }
+            if converged {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn evaluate(&mut self, shape: &Shape, step: usize) {
+        let targets = if self.held_out.is_empty() { &self.train } else { &self.held_out };
+        let mask_iou = shape.mask_iou(targets);
+        self.fitted.evaluations.push((step, mask_iou));
+        self.tell(Event::Evaluated { step, mask_iou });
+    }
+
+    /// Brings the mesh back to the world.
+    fn finish(mut self, shape: Shape, _config: &FitConfig) -> Result<Fitted, FitError> {
+        let Placement { center, radius, .. } = self.fitted.placement;
+        let positions = shape
+            .positions
+            .iter()
+            .map(|p| std::array::from_fn(|k| (center[k] + radius * f64::from(p[k])) as f32))
+            .collect();
+        self.fitted.mesh = TriMesh::new(positions, shape.faces);
+        self.fitted.health = self.fitted.mesh.health();
+        Ok(self.fitted)
+    }
+}
+
+/// The views of each step: all, or the next of a shuffled pass.
+struct Order {
+    views: Vec<usize>,
+    next: usize,
+    per_step: usize,
+    seed: u64,
+    pass: u64,
+}
+
+impl Order {
+    fn new(count: usize, config: &FitConfig) -> Self {
+        let per_step = match config.views_per_step {
+            0 => count,
+            n => n.min(count),
+        };
+        let mut order =
+            Self { views: (0..count).collect(), next: 0, per_step, seed: config.seed, pass: 0 };
+        order.shuffle();
+        order
+    }
+
+    fn is_whole(&self) -> bool {
+        self.per_step == self.views.len()
+    }
+
+    fn shuffle(&mut self) {
+        if !self.is_whole() {
+            let mut random = ChaCha8Rng::seed_from_u64(self.seed);
+            random.set_stream(self.pass);
+            self.views.sort_unstable();
+            self.views.shuffle(&mut random);
+        }
+    }
+
+    fn next(&mut self) -> &[usize] {
+        if self.next + self.per_step > self.views.len() {
+            self.next = 0;
+            self.pass += 1;
+            self.shuffle();
+        }
+        let from = self.next;
+        self.next += self.per_step;
+        &self.views[from..from + self.per_step]
+    }
+}
+
+/// Whether a view can be used at all.
+fn check(view: &View) -> Result<(), FitError> {
+    let expected = [view.camera.height, view.camera.width];
+    for (field, image) in [("color", &view.color), ("mask", &view.mask)] {
+        let found = [image.height, image.width];
+        if found != expected || image.data.len() != image.channels * found[0] * found[1] {
+            return Err(FitError::Size { view: view.name.clone(), field, found, expected });
+        }
+    }
+    view.camera
+        .validate()
+        .map_err(|e| FitError::Camera { view: view.name.clone(), problem: e.to_string() })
+}

@@ -1,0 +1,280 @@
+//! The outline of a closed mesh in a view: where it is, and how to move it onto the mask's edge.
+//!
+//! The outline of a closed, oriented mesh needs no rasteriser. It consists of edges between a face
+//! that looks at the camera and one that does not. Along a line of pixel centres each such edge
+//! that is crossed changes the number of layers in front by one, so the places where that number
+//! leaves or reaches zero are the exact borders of the silhouette on that line.
+
+use mesh_core::Topology;
+
+use super::target::Target;
+
+/// Which way each edge runs in the first of its faces; fixed per topology.
+#[derive(Clone, Debug)]
+pub(super) struct Edges {
+    /// End points (the smaller index first) and the two faces.
+    edges: Vec<([u32; 2], [u32; 2])>,
+    /// Whether the edge runs from its smaller to its larger index in its first face.
+    forward: Vec<bool>,
+}
+
+impl Edges {
+    /// The edges of a closed mesh.
+    pub(super) fn new(topology: &Topology, faces: &[[u32; 3]]) -> Self {
+        let edges: Vec<_> =
+            topology.edges.iter().zip(&topology.edge_faces).map(|(&e, &f)| (e, f)).collect();
+        let forward = edges
+            .iter()
+            .map(|&([a, b], [first, _])| {
+                let f = faces[first as usize];
+                (0..3).any(|k| f[k] == a && f[(k + 1) % 3] == b)
+            })
+            .collect();
+        Self { edges, forward }
+    }
+}
+
+/// One place where the outline crosses a line of pixel centres.
+#[derive(Clone, Copy, Debug)]
+struct Crossing {
+    line: u32,
+    edge: u32,
+    /// Where along the line, in pixels.
+    at: f32,
+    /// `+1` or `-1`: the change in the number of layers (rows count up, columns down).
+    layers: i8,
+}
+
+/// Buffers of [`outline`], kept from step to step.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    projected: Vec<[f32; 3]>,
+    front: Vec<bool>,
+    contour: Vec<u32>,
+    crossings: Vec<Crossing>,
+    sorted: Vec<Crossing>,
+    starts: Vec<u32>,
+}
+
+/// What [`outline`] measured in one view.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Measure {
+    /// Half the squared distance of the outline to the mask's edge, integrated along it: pixels^3.
+    pub(super) energy: f64,
+    /// Length of the outline in pixels.
+    pub(super) length: f64,
+}
+
+impl Measure {
+    /// Sums two measures.
+    pub(super) fn plus(self, other: Self) -> Self {
+        Self { energy: self.energy + other.energy, length: self.length + other.length }
+    }
+
+    /// Root mean square distance of the outline to the mask's edge, in pixels.
+    pub(super) fn rms(self) -> f64 {
+        if self.length > 0.0 { (2.0 * self.energy / self.length).sqrt() } else { 0.0 }
+    }
+}
+
+/// Measures the outline in one view and adds to `gradient` the way uphill.
+///
+/// With `S` the signed distance to the mask's edge, the gradient is the shape derivative of the
+/// integral of `S` over the silhouette: moving the outline by `d` along its outward normal `n`
+/// changes that integral by `S (n . d)` per unit length. It vanishes exactly where the outline
+/// lies on the mask's edge, points outwards wherever the mask goes on and inwards where it does not,
+/// whatever the distance, and grows with the distance up to the target's reach. The integral along the
+/// outline is taken at its crossings with every `stride`-th row, weighted by `|n_x|`, and column,
+/// weighted by `|n_y|`: together one sample per pixel of arc length, whatever the slope.
+///
+/// `None`, and nothing added, when a vertex is not in front of the camera.
+///
+/// # Shapes
+/// `positions [V, 3]`, `faces [F, 3]` of a closed mesh, oriented outwards; `gradient [V, 3]`.
+/// # Cost
+/// Linear in faces and in the outline's length in pixels; independent of the image.
+pub(super) fn outline(
+    target: &Target,
+    positions: &[[f32; 3]],
+    faces: &[[u32; 3]],
+    edges: &Edges,
+    stride: usize,
+    scratch: &mut Scratch,
+    gradient: &mut [[f32; 3]],
+) -> Option<Measure> {
+    project(target, positions, faces, edges, scratch)?;
+    let mut measure = Measure::default();
+    for axis in 0..2 {
+        let (lines, limit) =
+            if axis == 0 { (target.height, target.width) } else { (target.width, target.height) };
+        cross(edges, axis, lines, stride, scratch);
+        walk(&scratch.sorted, |crossing, outward| {
+            let ends = edges.edges[crossing.edge as usize].0;
+            let (a, b) =
+                (scratch.projected[ends[0] as usize], scratch.projected[ends[1] as usize]);
+            let across = 1 - axis;
+            let line = crossing.line as f32 + 0.5;
+            let t = (line - a[across]) / (b[across] - a[across]);
+            let slope = (b[axis] - a[axis]) / (b[across] - a[across]);
+            // Outward unit normal: along the line, and across it.
+            let along = outward / (1.0 + slope * slope).sqrt();
+            let mut normal = [0.0; 2];
+            normal[axis] = along;
+            normal[across] = -slope * along;
+            let point =
+                if axis == 0 { [crossing.at, line] } else { [line, crossing.at] };
+            let distance = target.distance(point[0], point[1]);
+            if distance < 0.0 && !(0.0..=limit as f32).contains(&crossing.at) {
+                return; // the picture cuts the object off: nothing is known beyond its border
+            }
+            let weight = along.abs() * stride as f32;
+            measure.energy += f64::from(0.5 * distance * distance * weight);
+            measure.length += f64::from(weight);
+            let force = distance * weight;
+            for (vertex, share) in [(ends[0], 1.0 - t), (ends[1], t)] {
+                let g = [force * share * normal[0], force * share * normal[1]];
+                let pulled = target.pull(scratch.projected[vertex as usize], g);
+                for (into, g) in gradient[vertex as usize].iter_mut().zip(pulled) {
+                    *into += g;
+                }
+            }
+        });
+    }
+    Some(measure)
+}
+
+/// Projects the vertices and finds the edges of the outline.
+fn project(
+    target: &Target,
+    positions: &[[f32; 3]],
+    faces: &[[u32; 3]],
+    edges: &Edges,
+    scratch: &mut Scratch,
+) -> Option<()> {
+    let Scratch { projected, front, contour, .. } = scratch;
+    projected.clear();
+    projected.extend(positions.iter().map(|&p| target.project(p)));
+    // Not in front of the camera, or not a number: such a view says nothing.
+    if !projected.iter().all(|p| p[2] > 0.0 && p[0].is_finite() && p[1].is_finite()) {
+        return None;
+    }
+    front.clear();
+    front.extend(faces.iter().map(|f| {
+        let [a, b, c] = f.map(|v| projected[v as usize]);
+        // Rows run down, so a face that looks at the camera turns clockwise.
+        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) < 0.0
+    }));
+    contour.clear();
+    contour.extend(
+        edges
+            .edges
+            .iter()
+            .enumerate()
+            .filter(|(_, (_, [f, g]))| front[*f as usize] != front[*g as usize])
+            .map(|(e, _)| e as u32),
+    );
+    Some(())
+}
+
+/// Finds the crossings with every `stride`-th line and sorts them by line, then along it.
+fn cross(edges: &Edges, axis: usize, lines: usize, stride: usize, scratch: &mut Scratch) {
+    let Scratch { projected, front, contour, crossings, sorted, starts } = scratch;
+    let across = 1 - axis;
+    crossings.clear();
+    starts.clear();
+    starts.resize(lines + 1, 0);
+    // The lines in the middle of each run of `stride`.
+    let phase = stride / 2;
+    for &e in contour.iter() {
+        let (ends, [first, _]) = edges.edges[e as usize];
+        let (a, b) = (projected[ends[0] as usize], projected[ends[1] as usize]);
+        let upwards = b[across] > a[across];
+        let (low, high) =
+            if upwards { (a[across], b[across]) } else { (b[across], a[across]) };
+        // Lines with low <= line + 0.5 < high: the half-open rule closes every loop.
+        let begin = (low - 0.5).ceil().clamp(0.0, lines as f32) as usize;
+        let end = (high - 0.5).ceil().clamp(0.0, lines as f32) as usize;
+        if begin >= end {
+            continue;
+        }
+        let slope = (b[axis] - a[axis]) / (b[across] - a[across]);
+        let along_front = front[first as usize] == edges.forward[e as usize];
+        let layers = if upwards == along_front { 1 } else { -1 };
+        let mut line = begin + (phase + stride - begin % stride) % stride;
+        while line < end {
+            let at = a[axis] + (line as f32 + 0.5 - a[across]) * slope;
+            crossings.push(Crossing { line: line as u32, edge: e, at, layers });
+            starts[line] += 1;
+            line += stride;
+        }
+    }
+    let mut total = 0;
+    for s in starts.iter_mut() {
+        total += std::mem::replace(s, total);
+    }
+    sorted.clear();
+    sorted.extend_from_slice(crossings); // any filling: every slot is written below
+    for &c in crossings.iter() {
+        let slot = &mut starts[c.line as usize];
+        sorted[*slot as usize] = c;
+        *slot += 1;
+    }
+    let mut begin = 0;
+    while begin < sorted.len() {
+        let line = sorted[begin].line;
+        let mut end = begin + 1;
+        while end < sorted.len() && sorted[end].line == line {
+            end += 1;
+        }
+        sorted[begin..end]
+            .sort_unstable_by(|p, q| p.at.total_cmp(&q.at).then(p.edge.cmp(&q.edge)));
+        begin = end;
+    }
+}
+
+/// Calls `visit` for each crossing that borders the silhouette, with `+1` where outwards is along
+/// the line and `-1` where it is against it.
+fn walk(sorted: &[Crossing], mut visit: impl FnMut(&Crossing, f32)) {
+    let mut layers = 0i32;
+    let mut line = u32::MAX;
+    for crossing in sorted {
+        if crossing.line != line {
+            line = crossing.line;
+            layers = 0;
+        }
+        let before = layers;
+        layers += i32::from(crossing.layers);
+        match (before, layers) {
+            (0, _) => visit(crossing, -1.0),
+            (_, 0) => visit(crossing, 1.0),
+            _ => {}
+        }
+    }
+}
+
+/// Which pixel centres of the target's box the mesh covers, row by row; `None` when a vertex is
+/// not in front of the camera.
+///
+/// Exactly what a hard rasteriser finds, from the outline alone.
+pub(super) fn coverage(
+    target: &Target,
+    positions: &[[f32; 3]],
+    faces: &[[u32; 3]],
+    edges: &Edges,
+    scratch: &mut Scratch,
+) -> Option<Vec<bool>> {
+    project(target, positions, faces, edges, scratch)?;
+    cross(edges, 0, target.height, 1, scratch);
+    let mut covered = vec![false; target.height * target.width];
+    let mut from = 0.0;
+    walk(&scratch.sorted, |crossing, outward| {
+        if outward < 0.0 {
+            from = crossing.at;
+        } else {
+            let pixel = |at: f32| (at - 0.5).ceil().clamp(0.0, target.width as f32) as usize;
+            let row = crossing.line as usize * target.width;
+            covered[row + pixel(from)..row + pixel(crossing.at)].fill(true);
+        }
+    });
+    Some(covered)
+}

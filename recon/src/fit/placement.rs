@@ -1,0 +1,170 @@
+//! Where the object is and how large, from cameras and masks alone.
+
+use datasets::View;
+use mesh_core::nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+use super::{error::FitError, target::Target};
+
+/// Cells along each side of the grid that is carved.
+const GRID: usize = 48;
+/// Share of views that may disagree with every cell before the cameras are declared wrong.
+const DISAGREE: f64 = 0.25;
+
+/// The sphere that a fit starts from, and the box of what the masks allow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// Centre of mass of the carved hull, in world coordinates.
+    pub center: [f64; 3],
+    /// Radius of the sphere of the hull's volume.
+    pub radius: f64,
+    /// Largest distance along an axis from the centre to the hull's border.
+    pub half_extent: f64,
+}
+
+/// Places the sphere: carves a coarse visual hull and takes its centre and volume.
+///
+/// The first cube is around the point nearest to the axes through the mask's boxes, as large as
+/// the widest of these cones there; a second pass carves the box that the first one left.
+/// `views` and `targets` correspond; the targets' frames are changed.
+///
+/// # Errors
+/// [`FitError::Placement`] if the cameras look along one line, or no cell of the grid is seen inside
+/// the masks of three quarters of the views.
+pub(super) fn place(views: &[&View], targets: &mut [Target]) -> Result<Placement, FitError> {
+    let (mut center, mut half) = cones(views)?;
+    let mut placement = Placement { center, radius: half, half_extent: half };
+    for pass in 0..2 {
+        for target in targets.iter_mut() {
+            target.place(center, half);
+        }
+        let cells = carve(targets, views)?;
+        let n = cells.len() as f64;
+        let mean: [f64; 3] =
+            std::array::from_fn(|k| cells.iter().map(|c| f64::from(c[k])).sum::<f64>() / n);
+        let cell = 2.0 / GRID as f64;
+        let extent = cells
+            .iter()
+            .flat_map(|c| (0..3).map(|k| (f64::from(c[k]) - mean[k]).abs()))
+            .fold(0.0, f64::max)
+            + cell / 2.0;
+        for k in 0..3 {
+            center[k] += half * mean[k];
+        }
+        let volume = n * (cell * half).powi(3);
+        placement = Placement {
+            center,
+            radius: (0.75 * volume / std::f64::consts::PI).cbrt(),
+            half_extent: extent * half,
+        };
+        if pass == 0 {
+            half *= extent + cell;
+        }
+    }
+    Ok(placement)
+}
+
+/// The point nearest to all axes through the masks' boxes, and the largest radius of the cones.
+fn cones(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
+    let mut normal = Matrix3::<f64>::zeros();
+    let mut right = Vector3::<f64>::zeros();
+    for view in views {
+        let Some([top, left, rows, columns]) = view.mask_bounds() else { continue };
+        let ray = view
+            .camera
+            .ray(left as f64 + columns as f64 / 2.0, top as f64 + rows as f64 / 2.0);
+        let (origin, direction) = (Vector3::from(ray.origin), Vector3::from(ray.direction));
+        let across = Matrix3::identity() - direction * direction.transpose();
+        normal += across;
+        right += across * origin;
+    }
+    let values = normal.symmetric_eigenvalues();
+    let (least, most) = (values.min(), values.max());
+    let center = normal.try_inverse().map(|inverse| inverse * right);
+    let center = match center {
+        Some(c) if least > 1e-4 * most && c.iter().all(|v| v.is_finite()) => c,
+        _ => {
+            return Err(FitError::Placement {
+                reason: "all look along one line, so the distance to the object is open".into(),
+            });
+        }
+    };
+    let mut radius = 0.0f64;
+    let mut behind = 0;
+    for view in views {
+        let Some([top, left, rows, columns]) = view.mask_bounds() else { continue };
+        if view.camera.is_perspective() && view.camera.project(center.into()).depth <= 0.0 {
+            behind += 1;
+            continue;
+        }
+        for (row, column) in
+            [(0, 0), (0, columns), (rows, 0), (rows, columns)].map(|(r, c)| (top + r, left + c))
+        {
+            let ray = view.camera.ray(column as f64, row as f64);
+            let to = center - Vector3::from(ray.origin);
+            let along = Vector3::from(ray.direction);
+            radius = radius.max((to - along * to.dot(&along)).norm());
+        }
+    }
+    if behind as f64 > DISAGREE * views.len() as f64 {
+        return Err(FitError::Placement {
+            reason: format!("their axes meet behind {behind} of {} of them", views.len()),
+        });
+    }
+    if !(radius.is_finite() && radius > 0.0) {
+        return Err(FitError::Placement { reason: format!("the object's radius is {radius}") });
+    }
+    Ok((center.into(), radius))
+}
+
+/// Centres, in the targets' frame, of the cells that the most views see inside their masks.
+fn carve(targets: &[Target], views: &[&View]) -> Result<Vec<[f32; 3]>, FitError> {
+    let center = |k: usize| (2 * k + 1) as f32 / GRID as f32 - 1.0;
+    let half_cell = 1.0 / GRID as f32;
+    // How many views see each cell outside of their mask.
+    let outside: Vec<u16> = (0..GRID * GRID * GRID)
+        .into_par_iter()
+        .with_min_len(GRID * GRID)
+        .map(|cell| {
+            let p = [cell % GRID, cell / GRID % GRID, cell / GRID / GRID].map(center);
+            targets.iter().filter(|t| !sees_inside(t, p, half_cell)).count() as u16
+        })
+        .collect();
+    let least = outside.iter().copied().min().unwrap_or(0);
+    if f64::from(least) > DISAGREE * targets.len() as f64 {
+        let worst = targets
+            .iter()
+            .zip(views)
+            .min_by_key(|(t, _)| {
+                (0..outside.len())
+                    .filter(|&cell| outside[cell] == least)
+                    .filter(|&cell| {
+                        let p = [cell % GRID, cell / GRID % GRID, cell / GRID / GRID].map(center);
+                        sees_inside(t, p, half_cell)
+                    })
+                    .count()
+            })
+            .map_or("", |(t, _)| t.name.as_str());
+        return Err(FitError::Placement {
+            reason: format!(
+                "no point lies inside the masks of more than {} of {} views (view {worst} disagrees most); \
+                 are the cameras in another convention?",
+                targets.len() - usize::from(least),
+                targets.len(),
+            ),
+        });
+    }
+    Ok((0..outside.len())
+        .filter(|&cell| outside[cell] == least)
+        .map(|cell| [cell % GRID, cell / GRID % GRID, cell / GRID / GRID].map(center))
+        .collect())
+}
+
+/// Whether a cell of half side `half_cell` reaches into the mask.
+fn sees_inside(target: &Target, point: [f32; 3], half_cell: f32) -> bool {
+    let [column, row, depth] = target.project(point);
+    depth > 0.0
+        && column.is_finite()
+        && row.is_finite()
+        && target.distance(column, row) < half_cell * target.pixels_per_unit(depth)
+}

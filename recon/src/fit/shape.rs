@@ -1,0 +1,340 @@
+//! The mesh that is fitted, and the step that moves it.
+
+use mesh_core::{DiffusionSolver, Subdivision, Topology, primitives};
+use rayon::prelude::*;
+
+use super::{
+    config::FitConfig,
+    error::FitError,
+    outline::{self, Edges, Measure, Scratch},
+    target::Target,
+};
+
+/// Views whose gradients are summed one after the other; the sums are added in order.
+const CHUNK: usize = 4;
+/// Momentum and second-moment decay of the optimiser.
+const BETAS: (f32, f32) = (0.9, 0.99);
+
+/// The mesh of one level, in the normalised frame in which it starts as the unit sphere.
+#[derive(Debug)]
+pub(super) struct Shape {
+    /// Vertices `[V, 3]`.
+    pub(super) positions: Vec<[f32; 3]>,
+    /// Faces `[F, 3]`, turning counter-clockwise seen from outside.
+    pub(super) faces: Vec<[u32; 3]>,
+    /// Which vertices, edges and faces touch.
+    pub(super) topology: Topology,
+    edges: Edges,
+    optimizer: Optimizer,
+    gradient: Vec<[f32; 3]>,
+    laplacian: Vec<[f32; 3]>,
+    smoothed: Vec<[f32; 3]>,
+    chunks: Vec<Chunk>,
+}
+
+/// Sums over a few views.
+#[derive(Debug, Default)]
+struct Chunk {
+    scratch: Scratch,
+    gradient: Vec<[f32; 3]>,
+    measure: Measure,
+    /// The first view whose measure was not finite, or which is not in front of its camera.
+    failed: Option<usize>,
+    blind: usize,
+}
+
+/// Adam with one step length for all coordinates, on the variables `u = (I + lambda L) x`.
+///
+/// A gradient step on `u` moves the vertices by the gradient smoothed twice, which is what lets
+/// steps be large without tearing the surface; one step length for all coordinates keeps the
+/// direction that the smoothing made.
+#[derive(Debug)]
+struct Optimizer {
+    diffusion: DiffusionSolver,
+    latent: Vec<[f32; 3]>,
+    smooth_gradient: Vec<[f32; 3]>,
+    first: Vec<[f32; 3]>,
+    second: Vec<[f32; 3]>,
+    steps: i32,
+}
+
+/// The losses of a step, each already weighted.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Terms {
+    /// Of the outline against the masks, over all views of the step.
+    pub(super) outline: Measure,
+    /// Bending energy.
+    pub(super) bending: f64,
+    /// Views of which a vertex was not in front of the camera.
+    pub(super) blind: usize,
+}
+
+impl Shape {
+    /// The unit icosphere of a level.
+    pub(super) fn sphere(level: u32, config: &FitConfig) -> Self {
+        let sphere = primitives::icosphere(level);
+        Self::of(sphere.positions, sphere.faces, config)
+    }
+
+    /// Any closed mesh.
+    pub(super) fn of(positions: Vec<[f32; 3]>, faces: Vec<[u32; 3]>, config: &FitConfig) -> Self {
+        let topology = Topology::new(positions.len(), &faces);
+        let edges = Edges::new(&topology, &faces);
+        let zeros = || vec![[0.0; 3]; positions.len()];
+        let mut optimizer = Optimizer {
+            diffusion: DiffusionSolver::new(&topology, config.smoothness),
+            latent: zeros(),
+            smooth_gradient: zeros(),
+            first: zeros(),
+            second: zeros(),
+            steps: 0,
+        };
+        optimizer.read(&positions);
+        Self {
+            gradient: zeros(),
+            laplacian: zeros(),
+            smoothed: zeros(),
+            chunks: Vec::new(),
+            positions,
+            faces,
+            topology,
+            edges,
+            optimizer,
+        }
+    }
+
+    /// The same surface with each face in four.
+    pub(super) fn subdivided(self, config: &FitConfig) -> Self {
+        let subdivision = Subdivision::along(&self.topology, &self.faces);
+        let positions = subdivision.apply(&self.positions);
+        Self::of(positions, subdivision.faces, config)
+    }
+
+    /// Moves the vertices once, against the losses over `views` of `targets`.
+    ///
+    /// # Errors
+    /// [`FitError::NotFinite`] with the loss, the tensor and the first view in which it was so.
+    pub(super) fn step(
+        &mut self,
+        targets: &[Target],
+        views: &[usize],
+        stride: impl Fn(&Target) -> usize + Sync,
+        config: &FitConfig,
+        rate: f32,
+        step: usize,
+    ) -> Result<Terms, FitError> {
+        let mut terms = self.pull(targets, views, stride, step)?;
+        if config.bending > 0.0 {
+            terms.bending = self.bend(config.bending, terms.outline.length);
+        }
+        let not_finite = |tensor| FitError::NotFinite {
+            step,
+            loss: "shape",
+            tensor,
+            view: "all".into(),
+        };
+        if !self.gradient.iter().flatten().all(|g| g.is_finite()) {
+            return Err(not_finite("gradient [V, 3]"));
+        }
+        self.optimizer.step(&self.gradient, &mut self.positions, rate);
+        if !self.positions.iter().flatten().all(|g| g.is_finite()) {
+            return Err(not_finite("positions [V, 3]"));
+        }
+        Ok(terms)
+    }
+
+    /// The gradient of the outline's distance to the masks, summed over views in a fixed order.
+    fn pull(
+        &mut self,
+        targets: &[Target],
+        views: &[usize],
+        stride: impl Fn(&Target) -> usize + Sync,
+        step: usize,
+    ) -> Result<Terms, FitError> {
+        let Self { positions, faces, edges, gradient, chunks, .. } = self;
+        let count = views.len().div_ceil(CHUNK);
+        chunks.resize_with(count.max(chunks.len()), Chunk::default);
+        chunks[..count].par_iter_mut().zip(views.par_chunks(CHUNK)).for_each(|(chunk, views)| {
+            chunk.gradient.clear();
+            chunk.gradient.resize(positions.len(), [0.0; 3]);
+            chunk.measure = Measure::default();
+            (chunk.failed, chunk.blind) = (None, 0);
+            for &view in views {
+                let target = &targets[view];
+                let measured = outline::outline(
+                    target,
+                    positions,
+                    faces,
+                    edges,
+                    stride(target),
+                    &mut chunk.scratch,
+                    &mut chunk.gradient,
+                );
+                match measured {
+                    Some(measure) if measure.energy.is_finite() => {
+                        chunk.measure = chunk.measure.plus(measure);
+                    }
+                    Some(_) => chunk.failed = chunk.failed.or(Some(view)),
+                    None => chunk.blind += 1,
+                }
+            }
+        });
+        let mut terms = Terms::default();
+        for chunk in &chunks[..count] {
+            if let Some(view) = chunk.failed {
+                return Err(FitError::NotFinite {
+                    step,
+                    loss: "silhouette",
+                    tensor: "outline distance",
+                    view: targets[view].name.clone(),
+                });
+            }
+            terms.outline = terms.outline.plus(chunk.measure);
+            terms.blind += chunk.blind;
+        }
+        let chunks = &chunks[..count];
+        gradient.par_chunks_mut(1024).enumerate().for_each(|(block, out)| {
+            let from = block * 1024;
+            out.fill([0.0; 3]);
+            for chunk in chunks {
+                for (o, g) in out.iter_mut().zip(&chunk.gradient[from..]) {
+                    for k in 0..3 {
+                        o[k] += g[k];
+                    }
+                }
+            }
+        });
+        Ok(terms)
+    }
+
+    /// Adds the gradient of `scale * weight / 2 * sum |laplacian|^2`, the Laplacian being the
+    /// vertex less the mean of its ring.
+    fn bend(&mut self, weight: f32, scale: f64) -> f64 {
+        let rings = &self.topology.vertex_vertices;
+        ring_offset(rings, &self.positions, &mut self.laplacian);
+        ring_offset(rings, &self.laplacian, &mut self.smoothed);
+        let weight = weight * scale as f32;
+        for (g, s) in self.gradient.iter_mut().zip(&self.smoothed) {
+            for k in 0..3 {
+                g[k] += weight * s[k];
+            }
+        }
+        let square: f64 = self.laplacian.iter().flatten().map(|&l| f64::from(l * l)).sum();
+        0.5 * f64::from(weight) * square
+    }
+
+    /// Slides the vertices along the surface, `rate` of the way to the centre of their ring.
+    pub(super) fn relax(&mut self, rate: f32) {
+        let rings = &self.topology.vertex_vertices;
+        ring_offset(rings, &self.positions, &mut self.laplacian);
+        for i in 0..self.positions.len() {
+            let mut normal = [0.0f32; 3];
+            for &face in self.topology.vertex_faces.row(i) {
+                let [a, b, c] = self.faces[face as usize].map(|v| self.positions[v as usize]);
+                let n = cross(minus(b, a), minus(c, a));
+                for k in 0..3 {
+                    normal[k] += n[k];
+                }
+            }
+            let square = normal.iter().map(|n| n * n).sum::<f32>().max(1e-30);
+            let offset = self.laplacian[i];
+            let along = (0..3).map(|k| offset[k] * normal[k]).sum::<f32>() / square;
+            self.smoothed[i] = std::array::from_fn(|k| {
+                self.positions[i][k] - rate * (offset[k] - along * normal[k])
+            });
+        }
+        self.positions.copy_from_slice(&self.smoothed);
+        self.optimizer.read(&self.positions);
+    }
+
+    /// Mean mask IoU of the targets given: exact hard coverage at pixel centres, in the targets' boxes.
+    pub(super) fn mask_iou(&self, targets: &[Target]) -> f64 {
+        let scores: Vec<f64> = targets
+            .par_iter()
+            .map(|target| {
+                let covered = outline::coverage(
+                    target,
+                    &self.positions,
+                    &self.faces,
+                    &self.edges,
+                    &mut Scratch::default(),
+                );
+                let Some(covered) = covered else { return 0.0 };
+                let (mut both, mut either) = (0u64, 0u64);
+                for (k, &c) in covered.iter().enumerate() {
+                    let m = target.in_mask(k);
+                    both += u64::from(c && m);
+                    either += u64::from(c || m);
+                }
+                both as f64 / either.max(1) as f64
+            })
+            .collect();
+        scores.iter().sum::<f64>() / scores.len().max(1) as f64
+    }
+
+    /// Mean length of the edges.
+    pub(super) fn mean_edge(&self) -> f32 {
+        let total: f64 = self
+            .topology
+            .edges
+            .iter()
+            .map(|e| {
+                let d = minus(self.positions[e[0] as usize], self.positions[e[1] as usize]);
+                f64::from(d.iter().map(|v| v * v).sum::<f32>().sqrt())
+            })
+            .sum();
+        (total / self.topology.edges.len().max(1) as f64) as f32
+    }
+}
+
+impl Optimizer {
+    /// Takes over positions that something else moved.
+    fn read(&mut self, positions: &[[f32; 3]]) {
+        self.diffusion.apply(positions, &mut self.latent);
+    }
+
+    fn step(&mut self, gradient: &[[f32; 3]], positions: &mut [[f32; 3]], rate: f32) {
+        self.diffusion.solve(gradient, &mut self.smooth_gradient, 1e-3, 200);
+        self.steps += 1;
+        let (b1, b2) = BETAS;
+        let mut largest = 0.0f32;
+        for (i, g) in self.smooth_gradient.iter().enumerate() {
+            for k in 0..3 {
+                self.first[i][k] = b1 * self.first[i][k] + (1.0 - b1) * g[k];
+                self.second[i][k] = b2 * self.second[i][k] + (1.0 - b2) * g[k] * g[k];
+                largest = largest.max(self.second[i][k]);
+            }
+        }
+        let (c1, c2) = (1.0 - b1.powi(self.steps), 1.0 - b2.powi(self.steps));
+        let length = rate / c1 / ((largest / c2).sqrt() + 1e-20);
+        for (u, m) in self.latent.iter_mut().zip(&self.first) {
+            for k in 0..3 {
+                u[k] -= length * m[k];
+            }
+        }
+        self.diffusion.solve(&self.latent, positions, 1e-5, 400);
+    }
+}
+
+/// Each vertex less the mean of its ring.
+fn ring_offset(rings: &mesh_core::Csr, x: &[[f32; 3]], out: &mut [[f32; 3]]) {
+    for (i, out) in out.iter_mut().enumerate() {
+        let ring = rings.row(i);
+        let mut sum = [0.0; 3];
+        for &j in ring {
+            for k in 0..3 {
+                sum[k] += x[j as usize][k];
+            }
+        }
+        let share = 1.0 / ring.len().max(1) as f32;
+        *out = std::array::from_fn(|k| x[i][k] - share * sum[k]);
+    }
+}
+
+fn minus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+
+fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}

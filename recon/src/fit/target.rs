@@ -1,0 +1,171 @@
+//! What the outline of the mesh is pulled towards in one view.
+
+use datasets::View;
+
+use super::distance::signed_distance;
+
+/// One view as the shape sees it: the mask's signed distance around the object, and the camera.
+///
+/// Only the box around the object is kept, so that memory and time follow the object's size in
+/// the picture rather than the picture's.
+#[derive(Clone, Debug)]
+pub(super) struct Target {
+    /// What the view is called in its source.
+    pub(super) name: String,
+    /// First column of the box in the view.
+    pub(super) left: usize,
+    /// First row of the box in the view.
+    pub(super) top: usize,
+    /// Columns of the box.
+    pub(super) width: usize,
+    /// Rows of the box.
+    pub(super) height: usize,
+    /// Whether the lens divides by depth.
+    pub(super) perspective: bool,
+    /// Rows x, y, depth of the camera over world points, to pixels of the box.
+    world: [[f64; 4]; 3],
+    /// The same over the normalised coordinates in which the shape is fitted.
+    rows: [[f32; 4]; 3],
+    /// Signed distances at pixel centres in units of `unit` pixels; two bytes each, since this is
+    /// what a hundred large views cost.
+    distance: Vec<i16>,
+    unit: f32,
+    /// The mask itself, a bit per pixel.
+    mask: Vec<u8>,
+}
+
+impl Target {
+    /// Measures the mask of a view; `None` where the mask is empty.
+    ///
+    /// Distances are blurred by `sigma` pixels and cut at `reach` times the longer side of the
+    /// mask's box; `margin`, in the same unit, is kept around it.
+    pub(super) fn new(view: &View, sigma: f32, reach: f32, margin: f32) -> Option<Self> {
+        let [top, left, rows, columns] = view.mask_bounds()?;
+        let size = rows.max(columns) as f32;
+        let pad = (margin * size).ceil().max(4.0) as usize;
+        let (bottom, right) =
+            ((top + rows + pad).min(view.mask.height), (left + columns + pad).min(view.mask.width));
+        let (top, left) = (top.saturating_sub(pad), left.saturating_sub(pad));
+        let (height, width) = (bottom - top, right - left);
+        let mask: Vec<bool> = (top..bottom)
+            .flat_map(|r| &view.mask.data[r * view.mask.width + left..][..width])
+            .map(|&m| m != 0)
+            .collect();
+        let reach = (reach * size).max(2.0);
+        let unit = reach / f32::from(i16::MAX);
+        let distance = signed_distance(&mask, height, width, sigma)
+            .into_iter()
+            .map(|d| (d.clamp(-reach, reach) / unit).round() as i16)
+            .collect();
+        let mut bits = vec![0u8; mask.len().div_ceil(8)];
+        for (pixel, _) in mask.iter().enumerate().filter(|(_, m)| **m) {
+            bits[pixel / 8] |= 1 << (pixel % 8);
+        }
+        let camera = view.camera.cropped(left, top, width, height);
+        let [x, y, depth] = camera.projection();
+        let perspective = camera.is_perspective();
+        // NDC to pixels of the box: column = (x + 1) W / 2, row = (1 - y) H / 2.
+        let (w, h) = (width as f64 / 2.0, height as f64 / 2.0);
+        let one = if perspective { depth } else { [0.0, 0.0, 0.0, 1.0] };
+        let world = [
+            std::array::from_fn(|k| (x[k] + one[k]) * w),
+            std::array::from_fn(|k| (one[k] - y[k]) * h),
+            depth,
+        ];
+        let mut target = Self {
+            name: view.name.clone(),
+            left,
+            top,
+            width,
+            height,
+            perspective,
+            world,
+            rows: [[0.0; 4]; 3],
+            distance,
+            unit,
+            mask: bits,
+        };
+        target.place([0.0; 3], 1.0);
+        Some(target)
+    }
+
+    /// Sets the frame of [`project`](Self::project): world point = `center + radius * point`.
+    pub(super) fn place(&mut self, center: [f64; 3], radius: f64) {
+        for (row, world) in self.rows.iter_mut().zip(&self.world) {
+            let offset: f64 = (0..3).map(|k| world[k] * center[k]).sum::<f64>() + world[3];
+            for k in 0..3 {
+                row[k] = (world[k] * radius) as f32;
+            }
+            row[3] = offset as f32;
+        }
+    }
+
+    /// Column and row in pixels of the box, and depth (in world units, positive in front).
+    #[inline]
+    pub(super) fn project(&self, p: [f32; 3]) -> [f32; 3] {
+        let [x, y, depth]: [f32; 3] = std::array::from_fn(|i| {
+            let r = &self.rows[i];
+            r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3]
+        });
+        if self.perspective { [x / depth, y / depth, depth] } else { [x, y, depth] }
+    }
+
+    /// Gradient at a point from the gradient at its projection.
+    #[inline]
+    pub(super) fn pull(&self, projected: [f32; 3], g: [f32; 2]) -> [f32; 3] {
+        let [rx, ry, rw] = &self.rows;
+        if self.perspective {
+            let [x, y, depth] = projected;
+            let along = x * g[0] + y * g[1];
+            std::array::from_fn(|k| (g[0] * rx[k] + g[1] * ry[k] - along * rw[k]) / depth)
+        } else {
+            std::array::from_fn(|k| g[0] * rx[k] + g[1] * ry[k])
+        }
+    }
+
+    /// Pixels per unit length of the fitted frame, at a depth.
+    pub(super) fn pixels_per_unit(&self, depth: f32) -> f32 {
+        let r = &self.rows[0];
+        let along = self.rows[2];
+        // The part of the x row that is across the optical axis.
+        let dot = r[0] * along[0] + r[1] * along[1] + r[2] * along[2];
+        let axis = along[0] * along[0] + along[1] * along[1] + along[2] * along[2];
+        let across: f32 = (0..3).map(|k| (r[k] - dot / axis * along[k]).powi(2)).sum();
+        if self.perspective { across.sqrt() / depth } else { across.sqrt() }
+    }
+
+    /// Signed distance in pixels at a point of the box, bilinear between pixel centres; the
+    /// border's value beyond it.
+    #[inline]
+    pub(super) fn distance(&self, column: f32, row: f32) -> f32 {
+        let x = (column - 0.5).clamp(0.0, (self.width - 1) as f32);
+        let y = (row - 0.5).clamp(0.0, (self.height - 1) as f32);
+        let (i, j) = ((x as usize).min(self.width - 2), (y as usize).min(self.height - 2));
+        let (fx, fy) = (x - i as f32, y - j as f32);
+        let at = |k: usize| f32::from(self.distance[k]);
+        let k = j * self.width + i;
+        let (upper, lower) = (
+            at(k) + fx * (at(k + 1) - at(k)),
+            at(k + self.width) + fx * (at(k + self.width + 1) - at(k + self.width)),
+        );
+        self.unit * (upper + fy * (lower - upper))
+    }
+
+    /// Whether a pixel of the box, counted row by row, is in the mask.
+    pub(super) fn in_mask(&self, pixel: usize) -> bool {
+        self.mask[pixel / 8] >> (pixel % 8) & 1 == 1
+    }
+
+    /// How many lines apart the outline is sampled so that an edge of this length is met about four
+    /// times: large pictures cost a coarse mesh no more than small ones.
+    pub(super) fn lines_between_samples(&self, edge: f32) -> usize {
+        let depth = self.project([0.0; 3])[2];
+        let pixels = edge * self.pixels_per_unit(depth);
+        ((0.25 * pixels) as usize).clamp(1, 64)
+    }
+
+    /// Bytes that this target keeps.
+    pub(super) fn bytes(&self) -> usize {
+        2 * self.distance.len() + self.mask.len() + size_of::<Self>()
+    }
+}
