@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::faces::{Faces, NONE};
 use crate::kernels::setup::{BAND_ROWS, Centres, PixelBox, Setup};
+use crate::kernels::texture::Sorted;
 use crate::kernels::visibility::{BandOutput, Planes, draw_band};
 use crate::kernels::{antialias, silhouette};
 use crate::{Rule, Settings};
@@ -34,6 +35,8 @@ pub struct Fragments<F: Real = f32> {
     pub(crate) silhouettes: Spares<silhouette::State<F>>,
     /// The same for the antialiased one.
     pub(crate) borders: Spares<antialias::State<F>>,
+    /// The same for textures.
+    pub(crate) sorted: Spares<Sorted>,
 }
 
 impl<F: Real> Default for Fragments<F> {
@@ -50,6 +53,7 @@ impl<F: Real> Default for Fragments<F> {
             planes: Spares::default(),
             silhouettes: Spares::default(),
             borders: Spares::default(),
+            sorted: Spares::default(),
         }
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod kernels;
 pub mod ops;
+pub mod reference;
 
 mod faces;
 mod fragments;
@@ -9,5 +10,7 @@ mod settings;
 
 pub use faces::{Faces, FacesError, NONE};
 pub use fragments::{Fragments, rasterize, rasterize_into};
-pub use ops::{antialiased_silhouette, interpolate, interpolate_corners, soft_silhouette};
+pub use ops::{
+    antialiased_silhouette, depth, interpolate, interpolate_corners, soft_silhouette, texture,
+};
 pub use settings::{Instructions, Rule, Settings};

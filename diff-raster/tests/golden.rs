@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use autodiff_lite::{Real, Tape};
-use diff_raster::{Faces, Fragments, NONE, Settings, rasterize, soft_silhouette};
+use diff_raster::{Faces, Fragments, NONE, Settings, rasterize, reference, soft_silhouette};
 use ndarray::{Array3, ArrayD, IxDyn};
 use ndarray_npy::read_npy;
 
@@ -118,4 +118,62 @@ fn production_in_double_precision() {
 #[ignore = "needs UNSPHERE_DATA"]
 fn production_in_single_precision() {
     check::<f32>(1e-4, 1e-3);
+}
+
+/// The lists per pixel that only the twin keeps: face index, kind of the nearest part, probability.
+#[test]
+#[ignore = "needs UNSPHERE_DATA"]
+fn the_slow_twin_keeps_the_same_lists() {
+    let (positions, faces) = scene();
+    for parameters in PARAMETERS {
+        let settings = settings(parameters);
+        let indices: ArrayD<i32> = golden(&named("close_face_idx", parameters));
+        let kinds: ArrayD<u8> = golden(&named("close_face_dist_type", parameters));
+        let probabilities: ArrayD<f64> = golden(&named("close_face_prob", parameters));
+        let masks: ArrayD<f64> = golden(&named("soft_mask", parameters));
+        let gradients: ArrayD<f64> = golden(&named("grad_face_vertices_image", parameters));
+        let gradients = gradients.into_shape_with_order((2, 9, 2)).unwrap();
+        let all: ArrayD<i64> = golden(&format!("new_face_idx_{HEIGHT}_{WIDTH}"));
+        let mut soft = Vec::new();
+        let mut face = Vec::new();
+        let points: Vec<Vec<[f64; 3]>> = positions
+            .outer_iter()
+            .map(|p| p.rows().into_iter().map(|p| [p[0], p[1], p[2]]).collect())
+            .collect();
+        for points in &points {
+            let image = reference::rasterize(points, faces.corners(), &settings);
+            soft.push(reference::soft_silhouette(points, faces.corners(), &settings, &image));
+            face.extend(image.face);
+        }
+        let values: Vec<f64> = soft.iter().flat_map(|soft| soft.value.clone()).collect();
+        let lists: Vec<_> = soft.iter().flat_map(|soft| soft.lists.clone()).collect();
+        for (pixel, list) in lists.iter().enumerate() {
+            let shown = if face[pixel] == NONE { -1 } else { i64::from(face[pixel]) };
+            assert_eq!(shown, all.as_slice().unwrap()[pixel]);
+            assert!((values[pixel] - masks.as_slice().unwrap()[pixel]).abs() < 1e-12);
+            for k in 0..3 {
+                let at = 3 * pixel + k;
+                let near = list.get(k);
+                let index = near.map_or(-1, |near| near.face as i32);
+                assert_eq!(index, indices.as_slice().unwrap()[at], "pixel {pixel}");
+                let kind = near.map_or(0, |near| near.kind);
+                assert_eq!(kind, kinds.as_slice().unwrap()[at], "pixel {pixel}");
+                let probability = near.map_or(0.0, |near| near.probability);
+                assert!((probability - probabilities.as_slice().unwrap()[at]).abs() < 1e-12);
+            }
+        }
+        let seed = iou_gradient(&values, &target(&face));
+        for (n, points) in points.iter().enumerate() {
+            let seed = &seed[n * HEIGHT * WIDTH..(n + 1) * HEIGHT * WIDTH];
+            let corners = faces.corners();
+            let gradient =
+                reference::soft_silhouette_grad(points, corners, &settings, &soft[n], seed);
+            for (v, gradient) in gradient.iter().enumerate() {
+                for k in 0..2 {
+                    let expected = gradients[[n, v, k]];
+                    assert!((gradient[k] - expected).abs() < 1e-6 * expected.abs().max(1.0));
+                }
+            }
+        }
+    }
 }

@@ -9,4 +9,5 @@ pub mod interpolate;
 pub mod lanes;
 pub mod setup;
 pub mod silhouette;
+pub mod texture;
 pub mod visibility;

@@ -1,10 +1,14 @@
 //! The differentiable operations: thin glue between the tape and the kernels.
 
+mod depth;
 mod interpolate;
 mod silhouette;
+mod texture;
 
+pub use depth::depth;
 pub use interpolate::{interpolate, interpolate_corners};
 pub use silhouette::{antialiased_silhouette, soft_silhouette};
+pub use texture::texture;
 
 use autodiff_lite::{Real, ShapeError, Var};
 

@@ -1,0 +1,77 @@
+//! Depth as a differentiable image: the positions' own depth, interpolated.
+
+use std::sync::Arc;
+
+use autodiff_lite::{Backward, CONTIGUOUS, Op, Real, Var};
+
+use crate::faces::NONE;
+use crate::fragments::Fragments;
+use crate::kernels::gather::gather;
+use crate::kernels::interpolate::{Attributes, Incoming, Layout, interpolate_grad};
+use crate::ops::check_projected;
+
+/// Planar depth at each pixel, and `background` where nothing is seen.
+///
+/// In [`Fragments::depth`] the background is `+∞`, which no loss survives: choose a number that
+/// suits the loss, and mask it there.
+///
+/// # Shapes
+/// `projected [N, V, 3]`, the positions that were rasterised. Result `[N, H, W]`.
+/// # Gradient
+/// To screen positions and depths, with visibility held fixed; perspective if the settings are.
+/// # Cost
+/// `O(N H W)`.
+/// # Panics
+/// If the shape does not fit what was rasterised.
+#[track_caller]
+pub fn depth<'t, F: Real>(
+    projected: Var<'t, F>,
+    fragments: &Arc<Fragments<F>>,
+    background: F,
+) -> Var<'t, F> {
+    check_projected("depth", projected, fragments);
+    let mut out = projected.tape().array(&fragments.shape());
+    let pixels = fragments.depth.iter().zip(&fragments.face);
+    for (out, (&z, &face)) in out.as_slice_mut().expect(CONTIGUOUS).iter_mut().zip(pixels) {
+        *out = if face == NONE { background } else { z };
+    }
+    projected.tape().record(&[projected], out, Depth { fragments: Arc::clone(fragments) })
+}
+
+struct Depth<F: Real> {
+    fragments: Arc<Fragments<F>>,
+}
+
+impl<F: Real> Op<F> for Depth<F> {
+    fn name(&self) -> &'static str {
+        "depth"
+    }
+
+    /// Depth is an attribute that happens to be the third coordinate: its own gradient joins that
+    /// of positions.
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let fragments = &self.fragments;
+        let (projected, output, grad) = (cx.input(0), cx.output(), cx.grad_out());
+        let [projected, output, grad] =
+            [&projected, &output, &grad].map(|x| x.as_slice().expect(CONTIGUOUS));
+        let mut depths = cx.scratch(projected.len() / 3);
+        depths.iter_mut().zip(projected.as_chunks().0).for_each(|(z, &[_, _, p])| *z = p);
+        let attributes = Attributes { data: &depths, channels: 1, layout: Layout::Batched };
+        let incoming = Incoming { fragments, projected, attributes, output, grad };
+        let faces = fragments.faces();
+        let corners = 3 * faces.len();
+        let mut of_depths = cx.scratch(fragments.shape()[0] * corners);
+        let mut of_positions = cx.scratch(3 * of_depths.len());
+        interpolate_grad(incoming, &mut of_depths, Some(&mut of_positions));
+        for (position, &own) in of_positions.chunks_exact_mut(3).zip(&*of_depths) {
+            position[2] += own;
+        }
+        if corners == 0 {
+            return;
+        }
+        let out = cx.grad_slice_mut(0).chunks_exact_mut(3 * faces.vertex_count());
+        for (out, image) in out.zip(of_positions.chunks_exact(3 * corners)) {
+            gather(faces, 3, out, |corner| Some(&image[3 * corner as usize..][..3]));
+        }
+    }
+}

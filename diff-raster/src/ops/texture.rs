@@ -1,0 +1,75 @@
+//! UV textures. The rule stands in [`kernels::texture`](crate::kernels::texture).
+
+use std::sync::Arc;
+
+use autodiff_lite::{Backward, CONTIGUOUS, Op, Real, ShapeError, Var};
+
+use crate::Fragments;
+use crate::kernels::texture::{Texture, texture as forward, texture_grad_texels, texture_grad_uv};
+
+/// Colours of a texture at each pixel, bilinear; zero at background.
+///
+/// # Shapes
+/// `uv [N, H, W, 2]`, interpolated texture coordinates, `v` up, clamped to `[0, 1]`;
+/// `image [Ht, Wt, C]`, the same for all images of the batch. Result `[N, H, W, C]`.
+/// # Gradient
+/// To coordinates (with kinks between texels) and texels.
+/// # Cost
+/// `O(N H W C)`; the gradient of texels sorts the pixels by row of texels.
+/// # Panics
+/// If `uv` does not have the size of what was rasterised.
+#[track_caller]
+pub fn texture<'t, F: Real>(
+    uv: Var<'t, F>,
+    image: Var<'t, F>,
+    fragments: &Arc<Fragments<F>>,
+) -> Var<'t, F> {
+    let [n, h, w] = fragments.shape();
+    let (coordinates, texels) = (uv.value(), image.value());
+    if coordinates.shape() != [n, h, w, 2] || texels.ndim() != 3 {
+        ShapeError::new("texture", "texture coordinates for each pixel and an image expected")
+            .operand("uv", coordinates.shape(), "N, H, W, 2")
+            .operand("image", texels.shape(), "Ht, Wt, C")
+            .operand("rasterised", &[n, h, w], "N, H, W")
+            .at(uv.tape().path())
+            .panic();
+    }
+    let source = source(texels.shape(), texels.as_slice().expect(CONTIGUOUS));
+    let mut out = uv.tape().array(&[n, h, w, source.channels]);
+    forward(
+        source,
+        coordinates.as_slice().expect(CONTIGUOUS),
+        &fragments.face,
+        out.as_slice_mut().expect(CONTIGUOUS),
+    );
+    uv.tape().record(&[uv, image], out, Lookup { fragments: Arc::clone(fragments) })
+}
+
+fn source<'a, F: Real>(shape: &[usize], data: &'a [F]) -> Texture<'a, F> {
+    Texture { data, height: shape[0], width: shape[1], channels: shape[2] }
+}
+
+struct Lookup<F: Real> {
+    fragments: Arc<Fragments<F>>,
+}
+
+impl<F: Real> Op<F> for Lookup<F> {
+    fn name(&self) -> &'static str {
+        "texture"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let (coordinates, texels, grad) = (cx.input(0), cx.input(1), cx.grad_out());
+        let source = source(texels.shape(), texels.as_slice().expect(CONTIGUOUS));
+        let [uv, grad] = [&coordinates, &grad].map(|x| x.as_slice().expect(CONTIGUOUS));
+        let face = &self.fragments.face;
+        if cx.needs(0) {
+            texture_grad_uv(source, uv, face, grad, cx.grad_slice_mut(0));
+        }
+        if cx.needs(1) {
+            self.fragments.sorted.with(|sorted| {
+                texture_grad_texels(source, uv, face, grad, sorted, cx.grad_slice_mut(1));
+            });
+        }
+    }
+}
