@@ -179,8 +179,7 @@ pub fn soft_silhouette(
                     (kind, nearest) = (k as u8 + 1, distance);
                 }
             }
-            let probability =
-                (-settings.sigma_inv * nearest / (MULTIPLIER * MULTIPLIER)).exp();
+            let probability = (-settings.sigma_inv * nearest / (MULTIPLIER * MULTIPLIER)).exp();
             list.push(Near { face: face as u32, kind, probability });
         }
         let clear: f64 = list.iter().map(|near| 1.0 - near.probability).product();
@@ -226,8 +225,14 @@ pub fn soft_silhouette_grad(
     let mut out = vec![[0.0; 2]; points.len()];
     for (pixel, list) in soft.lists.iter().enumerate() {
         let p = centre(settings, pixel).map(|x| MULTIPLIER * x);
-        for near in list {
-            let others = (1.0 - soft.value[pixel]) / (1.0 - near.probability + GUARD);
+        for (place, near) in list.iter().enumerate() {
+            let others = match settings.rule {
+                Rule::Published => (1.0 - soft.value[pixel]) / (1.0 - near.probability + GUARD),
+                Rule::Closed => {
+                    let others = list.iter().enumerate().filter(|(k, _)| *k != place);
+                    others.map(|(_, other)| 1.0 - other.probability).product()
+                }
+            };
             let pull = -settings.sigma_inv * grad[pixel] * others * near.probability;
             let corners = faces[near.face as usize];
             let mut add = |corner: usize, by: [f64; 2]| {

@@ -9,8 +9,8 @@ use std::sync::Arc;
 use autodiff_lite::{Real, Tape};
 use common::{Scene, scenes, weights};
 use diff_raster::{
-    Fragments, Instructions, NONE, Settings, antialiased_silhouette, depth, interpolate,
-    rasterize, reference, soft_silhouette, texture,
+    Fragments, Instructions, NONE, Settings, antialiased_silhouette, depth, interpolate, rasterize,
+    reference, soft_silhouette, texture,
 };
 use ndarray::{Array2, ArrayD, IxDyn};
 use proptest::prelude::*;
@@ -148,7 +148,7 @@ fn close_call(scene: &Scene) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
+    #![proptest_config(common::cases(200))]
 
     #[test]
     fn production_equals_the_twin(scene in scenes()) {

@@ -1,0 +1,102 @@
+//! The rasteriser: visibility, three interpolated channels and the soft silhouette, forward and
+//! backward, on two threads inside one pool.
+
+use std::hint::black_box;
+use std::sync::Arc;
+
+use autodiff_lite::{Tape, Tensor};
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use diff_raster::{
+    Faces, Fragments, Settings, antialiased_silhouette, interpolate, rasterize_into,
+    soft_silhouette,
+};
+use mesh_core::primitives::icosphere;
+use ndarray::Array3;
+
+/// A sphere that covers about 60 % of the image, seen by a perspective camera, with its normals as
+/// colours.
+struct Scene {
+    positions: Tensor<f32>,
+    colours: Tensor<f32>,
+    faces: Arc<Faces>,
+    settings: Settings,
+    grads: [Tensor<f32>; 2],
+}
+
+impl Scene {
+    fn new(level: u32, size: usize, images: usize) -> Self {
+        let mesh = icosphere(level);
+        let count = mesh.positions.len();
+        let (distance, focal) = (4.0, 3.4);
+        let positions = Array3::from_shape_fn((images, count, 3), |(n, v, k)| {
+            // Each image from another side, so that no two are the same work.
+            let [x, y, z] = mesh.positions[v];
+            let (sin, cos) = (0.3 + n as f32).sin_cos();
+            let depth = distance - (z * cos - x * sin);
+            [(x * cos + z * sin) * focal / depth, y * focal / depth, depth][k]
+        });
+        let colours = ndarray::Array2::from_shape_fn((count, 3), |(v, k)| mesh.positions[v][k]);
+        let colour_grad = ndarray::Array4::from_elem((images, size, size, 3), 0.01_f32);
+        let mask_grad = Array3::from_elem((images, size, size), 0.02_f32);
+        Self {
+            positions: positions.into_dyn().into_shared(),
+            colours: colours.into_dyn().into_shared(),
+            faces: Arc::new(Faces::of(&mesh).expect("an icosphere is sound")),
+            settings: Settings::new(size, size),
+            grads: [colour_grad.into_dyn().into_shared(), mask_grad.into_dyn().into_shared()],
+        }
+    }
+
+    fn step(&self, tape: &mut Tape<f32>, fragments: &mut Arc<Fragments>, backward: bool) {
+        let view = self.positions.view().into_dimensionality().expect("three axes");
+        rasterize_into(view, &self.faces, &self.settings, fragments);
+        let projected = tape.leaf(self.positions.clone());
+        let colours = tape.leaf(self.colours.clone());
+        let image = interpolate(projected, colours, fragments);
+        let mask = soft_silhouette(projected, fragments);
+        if backward {
+            black_box(image.backward_with(self.grads[0].clone()));
+            black_box(mask.backward_with(self.grads[1].clone()));
+        }
+        tape.reset();
+    }
+
+    fn border(&self, tape: &mut Tape<f32>, fragments: &Arc<Fragments>) {
+        let projected = tape.leaf(self.positions.clone());
+        let mask = antialiased_silhouette(projected, fragments);
+        black_box(mask.backward_with(self.grads[1].clone()));
+        tape.reset();
+    }
+}
+
+fn raster(criterion: &mut Criterion) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("two threads");
+    let mut group = criterion.benchmark_group("raster");
+    for (level, size, images) in [(4, 256, 1), (5, 512, 1), (4, 256, 4)] {
+        let scene = Scene::new(level, size, images);
+        let name = format!("icosphere-{level}-{size}-batch-{images}");
+        for (what, backward) in [("forward", false), ("forward-backward", true)] {
+            group.bench_function(BenchmarkId::new(what, &name), |bencher| {
+                pool.install(|| {
+                    let (mut tape, mut fragments) = (Tape::train(0), Arc::default());
+                    bencher.iter(|| scene.step(&mut tape, &mut fragments, backward));
+                });
+            });
+        }
+        group.bench_function(BenchmarkId::new("antialiased-silhouette", &name), |bencher| {
+            pool.install(|| {
+                let (mut tape, mut fragments) = (Tape::train(0), Arc::default());
+                scene.step(&mut tape, &mut fragments, false);
+                bencher.iter(|| scene.border(&mut tape, &fragments));
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default().sample_size(50);
+    targets = raster
+}
+criterion_main!(benches);
