@@ -2,7 +2,7 @@
 # Times this workspace and its peers in turns, so that each ratio comes from one run on one machine in
 # one state, and writes a dated table to benches/results/.
 #
-#   benches/peers/run.sh [ROUNDS] [BENCH..]     default: 3 rounds of gemm, conv, losses
+#   benches/peers/run.sh [ROUNDS] [BENCH..]     default: 3 rounds of gemm, conv, losses, raster
 #
 # PYTHON   an interpreter with torch and scipy (default: a virtual environment in target/peers, made here)
 # PRIORITY a command to run the measurements under, e.g. "chrt -f 10", where other work shares the machine
@@ -10,7 +10,7 @@ set -eu
 cd "$(dirname "$0")/../.."
 rounds=${1:-3}
 [ $# -gt 0 ] && shift
-[ $# -gt 0 ] || set -- gemm conv losses
+[ $# -gt 0 ] || set -- gemm conv losses raster
 target=${CARGO_TARGET_DIR:-target}
 out=$target/peers
 mkdir -p "$out" benches/results
