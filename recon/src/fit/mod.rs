@@ -8,6 +8,7 @@
 //! on one vertex moves its neighbourhood; a weak bending energy; and vertices that slide along the
 //! surface to keep the triangles even.
 
+mod color;
 mod config;
 mod distance;
 mod error;
@@ -15,7 +16,9 @@ mod event;
 mod outline;
 mod placement;
 mod shape;
+mod sight;
 mod target;
+mod texture;
 
 use std::time::Instant;
 
@@ -83,7 +86,7 @@ pub fn fit(
     }
     let mut run = Run::prepare(&views.views, config, on_event)?;
     let shape = run.shape(config)?;
-    run.finish(shape, config)
+    run.finish(shape, config, &views.views)
 }
 
 /// A fit under way.
@@ -277,14 +280,39 @@ impl<'a> Run<'a> {
     }
 
     /// Brings the mesh back to the world.
-    fn finish(mut self, shape: Shape, _config: &FitConfig) -> Result<Fitted, FitError> {
+    fn finish(mut self, shape: Shape, config: &FitConfig, views: &[View]) -> Result<Fitted, FitError> {
+        let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
+        let Shape { positions, faces, topology, .. } = &shape;
+        let (vertices, count) = (positions.len(), faces.len());
+        self.tell(Event::Stage { name: "color".into(), vertices, faces: count });
+        self.clock = Instant::now();
+        let colors = color::vertex_colors(&seen, &self.train, positions, faces, topology);
+        self.lap("color");
+        let mut texture = None;
+        if config.color == ColorKind::Texture {
+            self.tell(Event::Stage { name: "texture".into(), vertices, faces: count });
+            texture =
+                texture::bake(&seen, &self.train, positions, faces, &colors, config.texture_size);
+            if texture.is_none() {
+                self.warn(format!(
+                    "no texture: {} x {} has no room for {count} faces",
+                    config.texture_size, config.texture_size
+                ));
+            }
+            self.lap("texture");
+        }
         let Placement { center, radius, .. } = self.fitted.placement;
         let positions = shape
             .positions
             .iter()
             .map(|p| std::array::from_fn(|k| (center[k] + radius * f64::from(p[k])) as f32))
             .collect();
-        self.fitted.mesh = TriMesh::new(positions, shape.faces);
+        self.fitted.mesh = TriMesh {
+            positions,
+            faces: shape.faces,
+            colors: Some(colors),
+            texture,
+        };
         self.fitted.health = self.fitted.mesh.health();
         Ok(self.fitted)
     }

@@ -164,8 +164,8 @@ impl Target {
         ((0.25 * pixels) as usize).clamp(1, 64)
     }
 
-    /// Bytes that this target keeps.
-    pub(super) fn bytes(&self) -> usize {
-        2 * self.distance.len() + self.mask.len() + size_of::<Self>()
+    /// Depth, in world units, per unit length of the fitted frame along the optical axis.
+    pub(super) fn depth_per_unit(&self) -> f32 {
+        self.rows[2][..3].iter().map(|v| v * v).sum::<f32>().sqrt()
     }
 }

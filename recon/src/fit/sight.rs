@@ -1,0 +1,102 @@
+//! Which part of the surface each pixel of a view shows.
+
+use std::sync::Arc;
+
+use datasets::View;
+use diff_raster::{Faces, Fragments, NONE, Settings, rasterize_into};
+use ndarray::ArrayView3;
+
+use super::target::Target;
+
+/// A look at the mesh from one view after the other, in memory that is kept.
+#[derive(Default)]
+pub(super) struct Sight {
+    ndc: Vec<f32>,
+    pub(super) projected: Vec<[f32; 3]>,
+    pub(super) fragments: Arc<Fragments>,
+}
+
+/// A pixel that shows the surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sample {
+    pub(super) face: u32,
+    pub(super) barycentric: [f32; 3],
+    /// What the photograph shows there, sRGB.
+    pub(super) color: [f32; 3],
+    /// How much it should count: little where the surface is seen at a slant or the mask ends.
+    pub(super) weight: f32,
+}
+
+impl Sight {
+    /// Draws the mesh into the box of a target.
+    pub(super) fn look(&mut self, target: &Target, positions: &[[f32; 3]], faces: &Arc<Faces>) {
+        let (w, h) = (target.width as f32, target.height as f32);
+        self.projected.clear();
+        self.projected.extend(positions.iter().map(|&p| target.project(p)));
+        self.ndc.clear();
+        self.ndc.extend(
+            self.projected.iter().flat_map(|q| [2.0 * q[0] / w - 1.0, 1.0 - 2.0 * q[1] / h, q[2]]),
+        );
+        let settings = Settings {
+            perspective: target.perspective,
+            cull_back_faces: true,
+            ..Settings::new(target.height, target.width)
+        };
+        let ndc = ArrayView3::from_shape((1, positions.len(), 3), &self.ndc)
+            .expect("three numbers per vertex");
+        rasterize_into(ndc, faces, &settings, &mut self.fragments);
+    }
+
+    /// How squarely a face is seen, 0 to 1.
+    #[inline]
+    pub(super) fn facing(&self, target: &Target, positions: &[[f32; 3]], face: [u32; 3]) -> f32 {
+        let [a, b, c] = face.map(|v| self.projected[v as usize]);
+        let seen = (b[1] - a[1]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[1] - a[1]);
+        let [p, q, r] = face.map(|v| positions[v as usize]);
+        let (u, v): ([f32; 3], [f32; 3]) =
+            (std::array::from_fn(|k| q[k] - p[k]), std::array::from_fn(|k| r[k] - p[k]));
+        let normal =
+            [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        let area = normal.iter().map(|n| n * n).sum::<f32>().sqrt();
+        let scale = target.pixels_per_unit((a[2] + b[2] + c[2]) / 3.0);
+        (seen / (area * scale * scale).max(1e-20)).clamp(0.0, 1.0)
+    }
+
+    /// Calls `visit` with every pixel of the last [`look`](Self::look) that shows the surface.
+    pub(super) fn samples(
+        &self,
+        target: &Target,
+        view: &View,
+        positions: &[[f32; 3]],
+        faces: &[[u32; 3]],
+        mut visit: impl FnMut(Sample),
+    ) {
+        let channels = view.color.channels;
+        for row in 0..target.height {
+            let source = ((target.top + row) * view.color.width + target.left) * channels;
+            for column in 0..target.width {
+                let pixel = row * target.width + column;
+                let face = self.fragments.face[pixel];
+                if face == NONE {
+                    continue;
+                }
+                let distance = target.distance(column as f32 + 0.5, row as f32 + 0.5);
+                if distance > 0.0 {
+                    continue;
+                }
+                // Pixels on the mask's edge are mixed with what is behind.
+                let border = (-distance - 0.4).clamp(0.01, 1.0);
+                let facing = self.facing(target, positions, faces[face as usize]);
+                let bytes = &view.color.data[source + column * channels..];
+                visit(Sample {
+                    face,
+                    barycentric: std::array::from_fn(|k| self.fragments.barycentric[3 * pixel + k]),
+                    color: std::array::from_fn(|k| {
+                        f32::from(bytes[k.min(channels - 1)]) / 255.0
+                    }),
+                    weight: border * (0.02 + facing * facing),
+                });
+            }
+        }
+    }
+}
