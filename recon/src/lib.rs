@@ -1,5 +1,6 @@
 //! Reconstruction of meshes from images: the systems, their training and their reports.
 
+pub mod delivery;
 pub mod evaluate;
 pub mod fit;
 pub mod output;

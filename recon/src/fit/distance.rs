@@ -23,7 +23,9 @@ pub(super) fn signed_distance(mask: &[bool], height: usize, width: usize, sigma:
     let mut signed: Vec<f32> = outside
         .iter()
         .zip(&inside)
-        .map(|(&o, &i)| if o > 0.0 { (o.sqrt() - 0.5).min(far) } else { (0.5 - i.sqrt()).max(-far) })
+        .map(
+            |(&o, &i)| if o > 0.0 { (o.sqrt() - 0.5).min(far) } else { (0.5 - i.sqrt()).max(-far) },
+        )
         .collect();
     blur(&mut signed, height, width, sigma);
     signed

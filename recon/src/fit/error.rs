@@ -17,7 +17,9 @@ pub enum FitError {
         views: usize,
     },
     /// A view's picture, mask and camera disagree in size.
-    #[error("view {view}: {field} is {found:?} (height, width), but the camera's image is {expected:?}")]
+    #[error(
+        "view {view}: {field} is {found:?} (height, width), but the camera's image is {expected:?}"
+    )]
     Size {
         /// Name of the view.
         view: String,

@@ -133,7 +133,8 @@ impl<'a> Run<'a> {
             });
         }
         if !empty.is_empty() {
-            warnings.push(format!("left out, since their mask is empty: views {}", empty.join(", ")));
+            warnings
+                .push(format!("left out, since their mask is empty: views {}", empty.join(", ")));
         }
         let measure = |indices: &[usize]| -> Vec<Target> {
             use rayon::prelude::*;
@@ -250,11 +251,8 @@ impl<'a> Run<'a> {
                     reason: "the mesh reached the cameras: no view sees all of it in front".into(),
                 });
             }
-            let report = Step {
-                step,
-                total,
-                terms: vec![("silhouette", rms), ("bending", terms.bending)],
-            };
+            let report =
+                Step { step, total, terms: vec![("silhouette", rms), ("bending", terms.bending)] };
             self.fitted.history.push(report.clone());
             self.tell(Event::Step(report));
             distances.push(rms);

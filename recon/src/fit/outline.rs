@@ -110,8 +110,7 @@ pub(super) fn outline(
         cross(edges, axis, lines, stride, scratch);
         walk(&scratch.sorted, |crossing, outward| {
             let ends = edges.edges[crossing.edge as usize].0;
-            let (a, b) =
-                (scratch.projected[ends[0] as usize], scratch.projected[ends[1] as usize]);
+            let (a, b) = (scratch.projected[ends[0] as usize], scratch.projected[ends[1] as usize]);
             let across = 1 - axis;
             let line = crossing.line as f32 + 0.5;
             let t = (line - a[across]) / (b[across] - a[across]);
@@ -121,8 +120,7 @@ pub(super) fn outline(
             let mut normal = [0.0; 2];
             normal[axis] = along;
             normal[across] = -slope * along;
-            let point =
-                if axis == 0 { [crossing.at, line] } else { [line, crossing.at] };
+            let point = if axis == 0 { [crossing.at, line] } else { [line, crossing.at] };
             let distance = target.distance(point[0], point[1]);
             if distance < 0.0 && !(0.0..=limit as f32).contains(&crossing.at) {
                 return; // the picture cuts the object off: nothing is known beyond its border
@@ -189,8 +187,7 @@ fn cross(edges: &Edges, axis: usize, lines: usize, stride: usize, scratch: &mut 
         let (ends, [first, _]) = edges.edges[e as usize];
         let (a, b) = (projected[ends[0] as usize], projected[ends[1] as usize]);
         let upwards = b[across] > a[across];
-        let (low, high) =
-            if upwards { (a[across], b[across]) } else { (b[across], a[across]) };
+        let (low, high) = if upwards { (a[across], b[across]) } else { (b[across], a[across]) };
         // Lines with low <= line + 0.5 < high: the half-open rule closes every loop.
         let begin = (low - 0.5).ceil().clamp(0.0, lines as f32) as usize;
         let end = (high - 0.5).ceil().clamp(0.0, lines as f32) as usize;
@@ -226,8 +223,7 @@ fn cross(edges: &Edges, axis: usize, lines: usize, stride: usize, scratch: &mut 
         while end < sorted.len() && sorted[end].line == line {
             end += 1;
         }
-        sorted[begin..end]
-            .sort_unstable_by(|p, q| p.at.total_cmp(&q.at).then(p.edge.cmp(&q.edge)));
+        sorted[begin..end].sort_unstable_by(|p, q| p.at.total_cmp(&q.at).then(p.edge.cmp(&q.edge)));
         begin = end;
     }
 }

@@ -70,9 +70,8 @@ fn cones(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
     let mut right = Vector3::<f64>::zeros();
     for view in views {
         let Some([top, left, rows, columns]) = view.mask_bounds() else { continue };
-        let ray = view
-            .camera
-            .ray(left as f64 + columns as f64 / 2.0, top as f64 + rows as f64 / 2.0);
+        let ray =
+            view.camera.ray(left as f64 + columns as f64 / 2.0, top as f64 + rows as f64 / 2.0);
         let (origin, direction) = (Vector3::from(ray.origin), Vector3::from(ray.direction));
         let across = Matrix3::identity() - direction * direction.transpose();
         normal += across;

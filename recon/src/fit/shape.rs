@@ -127,12 +127,8 @@ impl Shape {
         if config.bending > 0.0 {
             terms.bending = self.bend(config.bending, terms.outline.length);
         }
-        let not_finite = |tensor| FitError::NotFinite {
-            step,
-            loss: "shape",
-            tensor,
-            view: "all".into(),
-        };
+        let not_finite =
+            |tensor| FitError::NotFinite { step, loss: "shape", tensor, view: "all".into() };
         if !self.gradient.iter().flatten().all(|g| g.is_finite()) {
             return Err(not_finite("gradient [V, 3]"));
         }

@@ -1,0 +1,320 @@
+//! From a fit to the folder that a user keeps: meshes, turntable, report and figures.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Mutex;
+
+use datasets::{View, Views};
+use diff_raster::FacesError;
+use losses::metrics::{CompareError, Preset, Report as Comparison};
+use mesh_core::io::write_mesh;
+use mesh_core::{ByteImage, Health, TriMesh, WriteError};
+use serde::Serialize;
+
+use crate::evaluate::{ViewScores, masked, score_views};
+use crate::fit::{FitConfig, Fitted};
+use crate::output::{OutputError, OutputFolder};
+use crate::report::{Chart, Figure, Report, Series, Table, ViewPair};
+use crate::synthetic::{RenderOptions, render_views};
+use crate::turntable::{encode_gif, orbit};
+
+/// Views shown in the report; more make it long, not clearer.
+const MOST_VIEWS: usize = 15;
+/// Side of the report's pictures and of the turntable, pixels.
+const PICTURE: usize = 256;
+/// Frames of the turntable, a full turn.
+const FRAMES: usize = 36;
+/// Behind the turning mesh: light, so that dark objects stand out.
+const BACKDROP: [f32; 3] = [0.93, 0.94, 0.96];
+
+/// A finished fit and what it came from.
+#[derive(Debug)]
+pub struct Delivery<'a> {
+    /// Heading of the report.
+    pub title: &'a str,
+    /// The command as it was typed.
+    pub command: &'a str,
+    /// The views that the mesh was fitted to and scored on.
+    pub views: &'a Views,
+    /// The options of the fit.
+    pub config: &'a FitConfig,
+    /// The fit.
+    pub fitted: &'a Fitted,
+    /// The object's true mesh, where it is known.
+    pub truth: Option<&'a TriMesh>,
+    /// More rows for the report's table: machine, threads, dates.
+    pub provenance: Vec<(String, String)>,
+}
+
+/// What `metrics.json` holds: figures that depend on the input and the options alone.
+///
+/// Times are in the report, so that this file is the same byte for byte on every machine and for
+/// every number of threads.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Metrics {
+    /// Version of this layout.
+    pub schema_version: u32,
+    /// Steps that were taken.
+    pub steps: usize,
+    /// Whether the fit was stopped before its end.
+    pub interrupted: bool,
+    /// Which views the scores are of: `held-out`, or `fitted` where none was held out.
+    pub scored_on: &'static str,
+    /// The scores on those views.
+    pub views: ViewScores,
+    /// Whether the mesh is whole.
+    pub health: Health,
+    /// Pairs of faces that cut through each other.
+    pub self_intersections: usize,
+    /// Against the true mesh, one entry for each protocol; empty where it is not known.
+    pub truth: Vec<Comparison>,
+}
+
+/// Why a fit could not be delivered.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DeliverError {
+    /// The folder could not be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// A mesh could not be written.
+    #[error(transparent)]
+    Mesh(#[from] WriteError),
+    /// The mesh is not one.
+    #[error(transparent)]
+    Faces(#[from] FacesError),
+    /// The mesh cannot be compared with the true one.
+    #[error(transparent)]
+    Compare(#[from] CompareError),
+}
+
+/// Scores a fit and writes everything that a user keeps of it into the folder.
+///
+/// The files are `mesh.glb`, `mesh.obj` (with `mesh.mtl` and its picture where there is a texture),
+/// `mesh.ply`, `turntable.gif`, `report.html`, `metrics.json` and `config.toml`.
+///
+/// # Errors
+/// If the folder cannot be written or the mesh cannot be scored.
+pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics, DeliverError> {
+    let mesh = &delivery.fitted.mesh;
+    let (metrics, pairs) = score(delivery)?;
+    for name in ["mesh.glb", "mesh.obj", "mesh.ply"] {
+        write_mesh(folder.path().join(name), mesh)?;
+    }
+    let turntable = turntable(mesh)?;
+    folder.write("turntable.gif", &turntable)?;
+    let json = serde_json::to_string_pretty(&metrics).expect("plain figures serialise");
+    folder.write("metrics.json", (json + "\n").as_bytes())?;
+    let options = toml::to_string_pretty(delivery.config).expect("flat options serialise");
+    folder.write("config.toml", options.as_bytes())?;
+    let page = report(delivery, &metrics, pairs, turntable).to_html();
+    folder.write("report.html", page.as_bytes())?;
+    Ok(metrics)
+}
+
+/// The mesh turning once, as a GIF.
+///
+/// # Errors
+/// If a face names a vertex that is not there.
+pub fn turntable(mesh: &TriMesh) -> Result<Vec<u8>, FacesError> {
+    let Some(bounds) = mesh.bounds() else { return Ok(Vec::new()) };
+    let options = RenderOptions { background: BACKDROP, ..RenderOptions::default() };
+    let cameras = orbit(bounds, FRAMES, 0.35, PICTURE);
+    let frames: Vec<ByteImage> = render_views(mesh, &cameras, &options, &|_, _| ())?
+        .into_iter()
+        .map(|view| view.color)
+        .collect();
+    Ok(encode_gif(&frames, 8))
+}
+
+fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverError> {
+    let fitted = delivery.fitted;
+    let (scored_on, indices) = if fitted.held_out_views.is_empty() {
+        ("fitted", &fitted.train_views)
+    } else {
+        ("held-out", &fitted.held_out_views)
+    };
+    let views: Vec<&View> = indices.iter().map(|&i| &delivery.views.views[i]).collect();
+    let stride = views.len().div_ceil(MOST_VIEWS);
+    // Renders arrive from any thread; a map keeps their order that of the views.
+    let renders = Mutex::new(BTreeMap::new());
+    let scores = score_views(&fitted.mesh, &views, &|index, render| {
+        if index % stride == 0 {
+            let picture = close_up(views[index], &render);
+            renders.lock().expect("no thread panicked").insert(index, picture);
+        }
+    })?;
+    let pairs = renders.into_inner().expect("no thread panicked");
+    let pairs = pairs.into_iter().map(|(index, (model, truth))| {
+        let s = &scores.views[index];
+        let psnr = s.psnr.map_or_else(String::new, |p| format!(", {p:.1} dB"));
+        ViewPair { caption: format!("view {}: IoU {:.3}{psnr}", s.name, s.mask_iou), model, truth }
+    });
+    let pairs = pairs.collect();
+    let truth = match delivery.truth {
+        None => Vec::new(),
+        Some(truth) => Preset::ALL
+            .into_iter()
+            .map(|p| {
+                let protocol = p.protocol(delivery.config.seed);
+                losses::metrics::evaluate(&fitted.mesh, truth, &protocol)
+            })
+            .collect::<Result<_, _>>()?,
+    };
+    let metrics = Metrics {
+        schema_version: 1,
+        steps: fitted.history.len(),
+        interrupted: fitted.interrupted,
+        scored_on,
+        views: scores,
+        health: fitted.mesh.health(),
+        self_intersections: fitted.mesh.self_intersections().len(),
+        truth,
+    };
+    Ok((metrics, pairs))
+}
+
+/// Render and photograph around the object: a square with a margin, at most [`PICTURE`] wide.
+fn close_up(view: &View, render: &ByteImage) -> (ByteImage, ByteImage) {
+    let truth = masked(view);
+    let Some([top, left, height, width]) = view.mask_bounds() else {
+        return (render.clone(), truth);
+    };
+    let side = (height.max(width) * 5 / 4 + 4).min(view.color.width).min(view.color.height);
+    let start = |low: usize, length: usize, limit: usize| {
+        (low + length / 2).saturating_sub(side / 2).min(limit - side)
+    };
+    let x = start(left, width, view.color.width);
+    let y = start(top, height, view.color.height);
+    let picture = |image: &ByteImage| {
+        let part = image.cropped(x, y, side, side);
+        if side <= PICTURE { part } else { part.resized(PICTURE, PICTURE) }
+    };
+    (picture(render), picture(&truth))
+}
+
+fn report(
+    delivery: &Delivery<'_>,
+    metrics: &Metrics,
+    views: Vec<ViewPair>,
+    turntable: Vec<u8>,
+) -> Report {
+    let fitted = delivery.fitted;
+    let source = delivery.views.source.display();
+    let mut warnings: Vec<String> = delivery.views.warnings.clone();
+    warnings.extend(fitted.warnings.iter().cloned());
+    if metrics.interrupted {
+        warnings.push("The fit was interrupted: this is what it had by then.".into());
+    }
+    Report {
+        title: delivery.title.into(),
+        summary: format!(
+            "A sphere deformed to agree with {} views of {source}; the figures are means over the {} {} views.",
+            fitted.train_views.len(),
+            metrics.views.views.len(),
+            metrics.scored_on,
+        ),
+        command: delivery.command.into(),
+        mesh: fitted.mesh.clone(),
+        figures: figures(metrics),
+        warnings,
+        views,
+        charts: charts(delivery),
+        tables: tables(delivery, metrics),
+        turntable: Some(turntable),
+    }
+}
+
+fn figures(metrics: &Metrics) -> Vec<Figure> {
+    let figure = |value: String, label: &str| Figure { value, label: label.into() };
+    let mut figures = vec![
+        figure(format!("{:.4}", metrics.views.mask_iou), "mask IoU"),
+        figure(
+            metrics.views.psnr.map_or_else(|| "n/a".into(), |p| format!("{p:.1} dB")),
+            "PSNR inside the mask",
+        ),
+        figure(format!("{:.4}", metrics.views.image_l1), "image L1"),
+        figure(format!("{:.3}", metrics.views.ssim), "SSIM"),
+    ];
+    for comparison in &metrics.truth {
+        let name = &comparison.protocol.name;
+        if let Some(chamfer) = comparison.chamfer {
+            figures.push(figure(format!("{chamfer:.2e}"), &format!("Chamfer ({name})")));
+        }
+        if let Some(iou) = comparison.iou {
+            figures.push(figure(format!("{iou:.3}"), &format!("3D IoU ({name})")));
+        }
+    }
+    figures
+}
+
+fn charts(delivery: &Delivery<'_>) -> Vec<Chart> {
+    let fitted = delivery.fitted;
+    let mut losses: BTreeMap<&str, Vec<(f64, f64)>> = BTreeMap::new();
+    for step in &fitted.history {
+        for (name, value) in &step.terms {
+            losses.entry(name).or_default().push((step.step as f64, *value));
+        }
+    }
+    let losses = losses.into_iter().map(|(name, points)| Series { name: name.into(), points });
+    let scores = fitted.evaluations.iter().map(|&(step, iou)| (step as f64, iou)).collect();
+    vec![
+        Chart {
+            title: "Losses, each as weighted".into(),
+            x_label: "step".into(),
+            logarithmic: true,
+            series: losses.collect(),
+        },
+        Chart {
+            title: "Mask IoU on the scored views".into(),
+            x_label: "step".into(),
+            logarithmic: false,
+            series: vec![Series { name: "mask IoU".into(), points: scores }],
+        },
+    ]
+}
+
+fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
+    let row = |name: &str, value: String| (name.to_string(), value);
+    let yes = |b: bool| if b { "yes" } else { "no" }.to_string();
+    let health = &metrics.health;
+    let mut tables = vec![Table {
+        title: "The mesh".into(),
+        rows: vec![
+            row("vertices, faces", format!("{}, {}", health.vertices, health.faces)),
+            row("closed, oriented outwards", yes(health.is_watertight() && health.outward)),
+            row("Euler number", health.euler.to_string()),
+            row("faces that cut each other", metrics.self_intersections.to_string()),
+            row("sharpest fold between faces", format!("{:.1}°", health.largest_dihedral_degrees)),
+            row("smallest angle", format!("{:.2}°", health.smallest_angle_degrees)),
+            row(
+                "angles of at least 5°",
+                format!("{:.3} %", 100.0 * (1.0 - health.angles_below_5_fraction)),
+            ),
+        ],
+    }];
+    for comparison in &metrics.truth {
+        let mut rows = vec![row("formula", comparison.protocol.formula.clone())];
+        rows.extend(comparison.chamfer.map(|v| row("Chamfer", format!("{v:.4e}"))));
+        for f in &comparison.f_scores {
+            rows.push(row(&format!("F-score at {:.4}", f.threshold), format!("{:.4}", f.f_score)));
+        }
+        rows.extend(comparison.normal_consistency.map(|v| row("normals", format!("{v:.4}"))));
+        rows.extend(comparison.iou.map(|v| row("3D IoU", format!("{v:.4}"))));
+        let title = format!("Against the true mesh: {}", comparison.protocol.name);
+        tables.push(Table { title, rows });
+    }
+    let fitted = delivery.fitted;
+    let mut rows = vec![
+        row("input", format!("{} ({})", shown(&delivery.views.source), delivery.views.layout)),
+        row("steps", fitted.history.len().to_string()),
+    ];
+    rows.extend(fitted.seconds.iter().map(|(name, s)| row(name, format!("{s:.2} s"))));
+    rows.extend(delivery.provenance.iter().cloned());
+    tables.push(Table { title: "The run".into(), rows });
+    tables
+}
+
+fn shown(path: &Path) -> String {
+    path.display().to_string()
+}
