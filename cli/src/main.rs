@@ -1,2 +1,26 @@
-//! The unsphere command.
-fn main() {}
+//! `unsphere`: images of an object in, a triangle mesh out.
+//!
+//! This crate knows arguments, progress bars, printing and exit codes, and nothing else; the work
+//! is done by the crate `recon` and those below it.
+
+mod args;
+mod command;
+mod console;
+mod failure;
+mod interrupt;
+mod progress;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+fn main() -> ExitCode {
+    let arguments = args::Arguments::parse();
+    match command::run(arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            failure.print();
+            failure.exit_code()
+        }
+    }
+}

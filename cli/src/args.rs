@@ -1,0 +1,350 @@
+//! The command line: what can be said, and the help that teaches it.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use datasets::{MaskSource, ReadOptions};
+
+/// Images of an object in, a triangle mesh out.
+///
+/// Every mesh starts as a sphere and is deformed until its pictures agree with yours. No GPU, no
+/// display and no network are needed.
+#[derive(Debug, Parser)]
+#[command(name = "unsphere", version, arg_required_else_help = true, max_term_width = 100)]
+#[command(after_help = "Examples:
+  unsphere demo                                  see it work, in about a minute
+  unsphere fit rendered_clock.zip -o clock       a mesh from views with masks and cameras
+  unsphere render clock/mesh.glb -o turn.gif     look at it from all around
+  unsphere metrics clock/mesh.ply truth.obj      compare two meshes
+  unsphere check clock/mesh.ply                  is it closed, is it printable?
+
+Exit codes: 0 done, 1 failure, 2 wrong usage, 3 bad input data, 130 stopped by Ctrl-C.")]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    pub(crate) global: Global,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// What every command understands.
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct Global {
+    /// Seed of everything that is drawn at random; results are the same for the same seed.
+    #[arg(long, global = true, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+    /// Threads to use, 0 for as many as there are cores; results do not depend on it.
+    #[arg(long, global = true, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub(crate) threads: usize,
+    /// Say nothing on stderr but errors.
+    #[arg(long, short, global = true)]
+    pub(crate) quiet: bool,
+    /// Print results as JSON on stdout.
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Make views of an alarm clock, fit a mesh to them, and compare it with the true clock.
+    Demo(Demo),
+    /// Fit a mesh to views of one object: pictures, masks and cameras.
+    Fit(Fit),
+    /// Draw a mesh: from the cameras of views, or on a turntable.
+    Render(Render),
+    /// Compare two meshes by the published protocols.
+    Metrics(Metrics),
+    /// Examine a mesh, views, or a configuration, before work is spent on them.
+    Check(Check),
+    /// Print a completion script for a shell.
+    Completions(Completions),
+}
+
+/// Where results go.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct Output {
+    /// Folder for the results; made if it does not exist.
+    #[arg(long = "output", short, value_name = "FOLDER")]
+    pub(crate) folder: Option<PathBuf>,
+    /// Write into a folder that exists already, replacing files of the same names.
+    #[arg(long)]
+    pub(crate) force: bool,
+}
+
+/// How a fit is configured.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct Configuration {
+    /// A configuration file; what it leaves out has its default. `config.toml` of an earlier
+    /// result is one.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// One setting, over the configuration file; can be given many times.
+    ///
+    /// For example `--set level=4 --set color=texture`. `unsphere check --config -` lists them all.
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
+    pub(crate) set: Vec<(String, String)>,
+}
+
+/// How views are read.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct Reading {
+    /// Where masks come from: auto, alpha, files, backdrop, or backdrop:RRGGBB:TOLERANCE.
+    ///
+    /// `auto` takes mask files where the layout has them, else alpha. `backdrop` takes all that
+    /// differs from a plain background, whose colour is found at the border unless it is given.
+    #[arg(long, value_name = "SOURCE", default_value = "auto", value_parser = mask_source)]
+    pub(crate) mask: MaskSource,
+    /// Masks mark the background instead of the object.
+    #[arg(long)]
+    pub(crate) invert_masks: bool,
+    /// Average larger pictures down to this many pixels on their longer side.
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(8..))]
+    pub(crate) max_size: Option<u32>,
+    /// Leave out views whose files are missing, instead of refusing them all.
+    #[arg(long)]
+    pub(crate) allow_missing: bool,
+}
+
+impl Reading {
+    pub(crate) fn options(&self) -> ReadOptions {
+        ReadOptions {
+            mask: self.mask,
+            invert: self.invert_masks,
+            max_size: self.max_size.map(|n| n as usize),
+            allow_missing: self.allow_missing,
+            ..ReadOptions::default()
+        }
+    }
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  unsphere demo                        the standard clock, into the folder unsphere-demo
+  unsphere demo --seed 7 -o seven      another clock
+  unsphere demo --views 40 --size 128  fewer and smaller pictures
+  unsphere demo --set color=texture    colours in a texture instead of the vertices")]
+pub(crate) struct Demo {
+    #[command(flatten)]
+    pub(crate) output: Output,
+    #[command(flatten)]
+    pub(crate) configuration: Configuration,
+    /// How many pictures are made of the clock.
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(3..=10_000))]
+    pub(crate) views: u32,
+    /// Their width and height in pixels.
+    #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub(crate) size: u32,
+    /// Keep the pictures too, in kaolin's layout, as `views/` in the output folder.
+    #[arg(long)]
+    pub(crate) keep_views: bool,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "VIEWS is one of
+  a folder or zip of kaolin's synthetic views (0_rgb.png, 0_semantic.npy, 0_metadata.json, ..)
+  a transforms.json of NeRF, instant-ngp or nerfstudio, or a folder that holds one
+
+Every fifth view (4, 9, 14, ..) is kept out of the fit and scores the result; --set hold-out=0
+uses all. The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html, metrics.json
+and config.toml. The mesh is in the coordinates of the cameras. Ctrl-C ends the fit early and
+writes what there is.
+
+Examples:
+  unsphere fit rendered_clock.zip -o clock
+  unsphere fit scan/transforms.json -o scan-mesh --set level=6 --set color=texture
+  unsphere fit photos/ -o mug --mask backdrop --max-size 1024
+  unsphere fit scan/ -o again --config scan-mesh/config.toml --force")]
+pub(crate) struct Fit {
+    /// Views of one object.
+    pub(crate) views: PathBuf,
+    #[command(flatten)]
+    pub(crate) output: Output,
+    #[command(flatten)]
+    pub(crate) configuration: Configuration,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+    /// The true mesh, in the same coordinates: the result is compared with it.
+    #[arg(long, value_name = "MESH")]
+    pub(crate) truth: Option<PathBuf>,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "What is written follows from the name after -o:
+  turn.gif     the turntable, animated
+  front.png    one picture: the first camera, or the one that --view names
+  folder       one PNG per camera; with --depth also NAME_depth.exr (planar depth, channel Z)
+
+Examples:
+  unsphere render mesh.glb -o turn.gif --frames 72 --elevation 30
+  unsphere render mesh.ply -o front.png --size 1024 --light studio
+  unsphere render mesh.ply -o again --cameras rendered_clock.zip --depth")]
+pub(crate) struct Render {
+    /// The mesh: .obj, .ply or .glb.
+    pub(crate) mesh: PathBuf,
+    /// A .gif, a .png, or a folder.
+    #[arg(long, short, value_name = "PATH")]
+    pub(crate) output: PathBuf,
+    /// Replace what is there.
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Views whose cameras are used; without them the mesh stands on a turntable.
+    #[arg(long, value_name = "VIEWS")]
+    pub(crate) cameras: Option<PathBuf>,
+    /// Only the camera of this view; can be given many times.
+    #[arg(long = "view", value_name = "NAME")]
+    pub(crate) view: Vec<String>,
+    /// Pictures on the turntable.
+    #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub(crate) frames: u32,
+    /// How far above the object the turntable's camera stands, degrees.
+    #[arg(long, default_value_t = 20.0, allow_negative_numbers = true, value_name = "DEGREES")]
+    pub(crate) elevation: f64,
+    /// Width and height of the turntable's pictures.
+    #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(8..=8192))]
+    pub(crate) size: u32,
+    /// Also write planar depth, as EXR.
+    #[arg(long)]
+    pub(crate) depth: bool,
+    /// The light.
+    #[arg(long, value_enum, default_value_t = Light::Flat)]
+    pub(crate) light: Light,
+    /// What is behind the object.
+    #[arg(long, value_name = "RRGGBB", default_value = "000000", value_parser = hex_color)]
+    pub(crate) background: [u8; 3],
+}
+
+/// Light for a rendering.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Light {
+    /// Colours as they are.
+    Flat,
+    /// A bright room with a key light: shows the shape.
+    Studio,
+}
+
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Each preset does what a paper or its code does: normalisation, points, squares, thresholds. Its
+formula is in the output. Meshes must be in the same coordinates; nothing is aligned unless the
+protocol says so.
+
+Examples:
+  unsphere metrics mesh.ply truth.obj
+  unsphere metrics mesh.ply truth.obj --preset meshrcnn --preset occnet --json"
+)]
+pub(crate) struct Metrics {
+    /// The mesh to judge: .obj, .ply or .glb.
+    pub(crate) prediction: PathBuf,
+    /// The true mesh.
+    pub(crate) truth: PathBuf,
+    /// Only this protocol: p2m, meshrcnn, occnet or mcmr; can be given many times.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) preset: Vec<String>,
+}
+
+#[derive(Args, Debug)]
+#[command(
+    after_help = "A mesh passes when it bounds a solid: finite, closed, manifold, oriented, outward. Otherwise the
+exit code is 1 and the failures are named.
+
+Examples:
+  unsphere check mesh.ply --self-intersections
+  unsphere check --config fit.toml --set level=6
+  unsphere check --config -                        print every setting with its default
+  unsphere check --views rendered_clock.zip"
+)]
+#[command(arg_required_else_help = true)]
+pub(crate) struct Check {
+    /// A mesh: .obj, .ply or .glb.
+    pub(crate) mesh: Option<PathBuf>,
+    /// Also look for faces that run through each other.
+    #[arg(long, requires = "mesh")]
+    pub(crate) self_intersections: bool,
+    /// Views: layout, sizes, masks, and whether the cameras see the object.
+    #[arg(long, value_name = "VIEWS")]
+    pub(crate) views: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) configuration: Configuration,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  unsphere completions bash > ~/.local/share/bash-completion/completions/unsphere
+  unsphere completions fish > ~/.config/fish/completions/unsphere.fish")]
+pub(crate) struct Completions {
+    /// The shell.
+    pub(crate) shell: clap_complete::Shell,
+}
+
+fn key_value(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((key, value)) if !key.trim().is_empty() => {
+            Ok((key.trim().to_owned(), value.trim().to_owned()))
+        }
+        _ => Err("expected KEY=VALUE, for example level=4".to_owned()),
+    }
+}
+
+fn hex_color(text: &str) -> Result<[u8; 3], String> {
+    let digits = text.trim_start_matches('#');
+    let byte = |k: usize| digits.get(2 * k..2 * k + 2).and_then(|d| u8::from_str_radix(d, 16).ok());
+    match (digits.len(), byte(0), byte(1), byte(2)) {
+        (6, Some(r), Some(g), Some(b)) => Ok([r, g, b]),
+        _ => Err("expected six hexadecimal digits, for example ffffff".to_owned()),
+    }
+}
+
+fn mask_source(text: &str) -> Result<MaskSource, String> {
+    let mut parts = text.split(':');
+    let source = match parts.next() {
+        Some("auto") => MaskSource::Auto,
+        Some("alpha") => MaskSource::Alpha,
+        Some("files") => MaskSource::Files,
+        Some("backdrop") => MaskSource::Backdrop {
+            color: parts.next().filter(|c| !c.is_empty()).map(hex_color).transpose()?,
+            tolerance: match parts.next() {
+                None => 24,
+                Some(number) => number.parse().map_err(|_| "tolerance: 0 to 255".to_owned())?,
+            },
+        },
+        _ => {
+            return Err("expected auto, alpha, files, backdrop or backdrop:RRGGBB:TOLERANCE".into());
+        }
+    };
+    match parts.next() {
+        None => Ok(source),
+        Some(rest) => Err(format!("nothing expected after the source, found {rest:?}")),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn sources_of_masks_are_read() {
+        assert_eq!(mask_source("alpha"), Ok(MaskSource::Alpha));
+        let backdrop = |color, tolerance| Ok(MaskSource::Backdrop { color, tolerance });
+        assert_eq!(mask_source("backdrop"), backdrop(None, 24));
+        assert_eq!(mask_source("backdrop:00ff10:9"), backdrop(Some([0, 255, 16]), 9));
+        assert_eq!(mask_source("backdrop::9"), backdrop(None, 9));
+        for wrong in ["", "green", "alpha:1", "backdrop:red", "backdrop:000000:999"] {
+            assert!(mask_source(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn settings_have_a_key_and_a_value() {
+        assert_eq!(key_value("level = 4").unwrap(), ("level".into(), "4".into()));
+        assert_eq!(key_value("a=b=c").unwrap().1, "b=c");
+        assert!(key_value("level").is_err() && key_value("=4").is_err());
+    }
+}

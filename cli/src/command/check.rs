@@ -1,0 +1,164 @@
+//! `unsphere check`: looks at meshes, views and configurations before work is spent on them.
+
+use std::path::Path;
+
+use mesh_core::{Health, TriMesh, read_mesh};
+use serde::Serialize;
+
+use crate::args::Check;
+use crate::console::{Console, table};
+use crate::failure::Failure;
+use crate::progress::Progress;
+
+/// What is printed with `--json`.
+#[derive(Debug, Default, Serialize)]
+struct Checked<'a> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mesh: Option<MeshReport<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    views: Option<ViewsReport<'a>>,
+}
+
+#[derive(Debug, Serialize)]
+struct MeshReport<'a> {
+    path: &'a Path,
+    watertight: bool,
+    problems: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    self_intersections: Option<usize>,
+    health: Health,
+}
+
+#[derive(Debug, Serialize)]
+struct ViewsReport<'a> {
+    path: &'a Path,
+    layout: String,
+    views: usize,
+    width: [usize; 2],
+    height: [usize; 2],
+    /// Least, mean and greatest share of a picture that the object covers.
+    coverage: [f64; 3],
+    warnings: Vec<String>,
+}
+
+pub(crate) fn run(console: Console, arguments: &Check) -> Result<(), Failure> {
+    let mut checked = Checked::default();
+    if let Some(path) = &arguments.mesh {
+        checked.mesh = Some(check_mesh(path, &read_mesh(path)?, arguments.self_intersections));
+    }
+    if let Some(path) = &arguments.views {
+        checked.views = Some(check_views(console, path, arguments)?);
+    }
+    console.result(&checked, describe)?;
+    match checked.mesh.filter(|mesh| !mesh.problems.is_empty()) {
+        Some(mesh) => {
+            let text = format!("{}: {}", mesh.path.display(), mesh.problems.join("; "));
+            Err(Failure::Other(text))
+        }
+        None => Ok(()),
+    }
+}
+
+fn check_mesh<'a>(path: &'a Path, mesh: &TriMesh, intersections: bool) -> MeshReport<'a> {
+    let health = mesh.health();
+    let crossings = intersections.then(|| mesh.self_intersections().len());
+    let mut problems = Vec::new();
+    let mut note = |wrong: bool, text: String| {
+        if wrong {
+            problems.push(text);
+        }
+    };
+    note(health.faces == 0, "no faces".into());
+    note(!health.finite, "coordinates that are not finite".into());
+    note(!health.indices_in_range, "faces that name vertices that are not there".into());
+    let edges = |n: usize, what: &str| format!("{n} edges {what}");
+    note(health.boundary_edges > 0, edges(health.boundary_edges, "with one face (holes)"));
+    note(
+        health.non_manifold_edges > 0,
+        edges(health.non_manifold_edges, "with more than two faces"),
+    );
+    note(
+        health.non_manifold_vertices > 0,
+        format!("{} vertices where surfaces only touch", health.non_manifold_vertices),
+    );
+    note(!health.oriented, "neighbouring faces of opposite orientation".into());
+    note(health.oriented && !health.outward && health.faces > 0, "faces point inward".into());
+    if let Some(n) = crossings {
+        note(n > 0, format!("{n} pairs of faces run through each other"));
+    }
+    MeshReport {
+        path,
+        watertight: health.is_watertight(),
+        problems,
+        self_intersections: crossings,
+        health,
+    }
+}
+
+fn check_views<'a>(
+    console: Console,
+    path: &'a Path,
+    arguments: &Check,
+) -> Result<ViewsReport<'a>, Failure> {
+    let progress = Progress::new(console, "read");
+    let options = arguments.reading.options();
+    let views = datasets::read_views(path, &options, &|done, all| progress.set(done, all))?;
+    progress.finish();
+    let range = |size: fn(&datasets::View) -> usize| {
+        let sizes = || views.views.iter().map(size);
+        [sizes().min().unwrap_or(0), sizes().max().unwrap_or(0)]
+    };
+    let shares: Vec<f64> =
+        views.views.iter().map(|v| v.mask_pixels() as f64 / v.mask.data.len() as f64).collect();
+    let least = shares.iter().copied().fold(f64::INFINITY, f64::min);
+    let greatest = shares.iter().copied().fold(0.0, f64::max);
+    let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+    Ok(ViewsReport {
+        path,
+        layout: views.layout.to_string(),
+        views: views.len(),
+        width: range(|v| v.color.width),
+        height: range(|v| v.color.height),
+        coverage: [least, mean, greatest],
+        warnings: views.warnings,
+    })
+}
+
+fn describe(checked: &Checked<'_>) -> String {
+    let mut text = String::new();
+    if let Some(mesh) = &checked.mesh {
+        let h = &mesh.health;
+        let verdict = if mesh.problems.is_empty() { "a closed solid" } else { "has problems" };
+        let mut rows = vec![
+            ("  vertices, faces", format!("{}, {}", h.vertices, h.faces)),
+            ("  pieces, Euler number", format!("{}, {}", h.components, h.euler)),
+            ("  volume, area", format!("{:.6}, {:.6}", h.volume, h.area)),
+            ("  smallest angle", format!("{:.2} degrees", h.smallest_angle_degrees)),
+            ("  angles below 5 degrees", format!("{:.3} %", 100.0 * h.angles_below_5_fraction)),
+            ("  sharpest fold", format!("{:.1} degrees", h.largest_dihedral_degrees)),
+        ];
+        if let Some(n) = mesh.self_intersections {
+            rows.push(("  self-intersections", n.to_string()));
+        }
+        text += &format!("{}: {verdict}\n{}", mesh.path.display(), table(rows));
+        for problem in &mesh.problems {
+            text += &format!("  problem: {problem}\n");
+        }
+    }
+    if let Some(views) = &checked.views {
+        let range = |[low, high]: [usize; 2]| {
+            if low == high { low.to_string() } else { format!("{low} to {high}") }
+        };
+        let [least, mean, greatest] = views.coverage.map(|share| 100.0 * share);
+        text += &format!("{}: {} views, {}\n", views.path.display(), views.views, views.layout);
+        text += &table([
+            ("  width", range(views.width)),
+            ("  height", range(views.height)),
+            ("  object", format!("{least:.1} to {greatest:.1} % of a picture, mean {mean:.1} %")),
+        ]);
+        for warning in &views.warnings {
+            text += &format!("  warning: {warning}\n");
+        }
+    }
+    text
+}

@@ -1,0 +1,27 @@
+//! The commands, one file each.
+
+mod check;
+mod completions;
+mod metrics;
+mod render;
+
+use crate::args::{Arguments, Command};
+use crate::console::Console;
+use crate::failure::Failure;
+
+/// Does what the command line asks, with one pool of threads around all of it.
+pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
+    let Arguments { global, command } = arguments;
+    let console = Console { json: global.json, quiet: global.quiet };
+    let pool =
+        rayon::ThreadPoolBuilder::new().num_threads(global.threads).build().map_err(|error| {
+            Failure::Other(format!("cannot start {} threads: {error}", global.threads))
+        })?;
+    pool.install(|| match command {
+        Command::Render(arguments) => render::run(console, &arguments),
+        Command::Metrics(arguments) => metrics::run(console, global, &arguments),
+        Command::Check(arguments) => check::run(console, &arguments),
+        Command::Completions(arguments) => completions::run(&arguments),
+        _ => Err(Failure::Other("not here yet".into())),
+    })
+}

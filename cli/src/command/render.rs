@@ -1,0 +1,158 @@
+//! `unsphere render`: a mesh and cameras in, pictures out.
+
+use std::path::Path;
+
+use datasets::View;
+use mesh_core::{Camera, TriMesh, encode_depth, encode_png, read_mesh};
+use recon::output::OutputFolder;
+use recon::synthetic::{Lighting, RenderOptions, render_views};
+use recon::turntable::{encode_gif, orbit};
+use serde::Serialize;
+
+use crate::args::{Light, Render};
+use crate::console::Console;
+use crate::failure::Failure;
+use crate::progress::Progress;
+
+/// Hundredths of a second for each picture of a GIF.
+const DELAY: u16 = 6;
+
+/// What is printed with `--json`.
+#[derive(Debug, Serialize)]
+struct Rendered<'a> {
+    output: &'a Path,
+    pictures: usize,
+}
+
+/// What the name of the output asks for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Gif,
+    Png,
+    Folder,
+}
+
+pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
+    let output = &arguments.output;
+    let kind = match output.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
+        Some("gif") => Kind::Gif,
+        Some("png") => Kind::Png,
+        Some(other @ ("jpg" | "jpeg" | "exr")) => {
+            let text = format!("-o {}: .{other} is not written, use .png", output.display());
+            return Err(Failure::Usage(text));
+        }
+        _ => Kind::Folder,
+    };
+    if kind == Kind::Gif && (arguments.cameras.is_some() || arguments.depth) {
+        let text = "a .gif shows the turntable: --cameras and --depth need a folder after -o";
+        return Err(Failure::Usage(text.to_owned()));
+    }
+    // Refusals come before the work.
+    let folder = match kind {
+        Kind::Folder => Some(OutputFolder::create(output, arguments.force)?),
+        _ if output.exists() && !arguments.force => {
+            let text =
+                format!("{} exists already; choose another name or --force", output.display());
+            return Err(Failure::Other(text));
+        }
+        _ => None,
+    };
+    let mesh = read_mesh(&arguments.mesh)?;
+    let mut cameras = cameras(console, &mesh, arguments)?;
+    if kind == Kind::Png {
+        cameras.truncate(1);
+    }
+    let views = draw(console, &mesh, &cameras, arguments)?;
+    match folder {
+        Some(folder) => {
+            for ((name, _), view) in cameras.iter().zip(&views) {
+                let stem = name.replace(['/', '\\'], "_");
+                folder.write(&format!("{stem}.png"), &encode_png(&view.color))?;
+                if let Some(depth) = &view.depth {
+                    folder.write(&format!("{stem}_depth.exr"), &encode_depth(depth))?;
+                }
+            }
+            folder.commit()?;
+        }
+        None => {
+            let bytes = if kind == Kind::Gif {
+                let frames: Vec<_> = views.iter().map(|view| view.color.clone()).collect();
+                encode_gif(&frames, DELAY)
+            } else {
+                encode_png(&views[0].color)
+            };
+            mesh_core::io::write_atomic(output, |out| out.write_all(&bytes))?;
+            if let Some(depth) = &views[0].depth {
+                mesh_core::write_depth(output.with_extension("exr"), depth)?;
+            }
+        }
+    }
+    let rendered = Rendered { output, pictures: views.len() };
+    console.result(&rendered, |r| format!("{} pictures in {}", r.pictures, r.output.display()))
+}
+
+/// Cameras and what their pictures are called.
+fn cameras(
+    console: Console,
+    mesh: &TriMesh,
+    arguments: &Render,
+) -> Result<Vec<(String, Camera)>, Failure> {
+    let all: Vec<(String, Camera)> = match &arguments.cameras {
+        Some(path) => {
+            // Masks do not matter here, so any that can be had will do.
+            let options = datasets::ReadOptions {
+                mask: datasets::MaskSource::Backdrop { color: None, tolerance: 0 },
+                ..datasets::ReadOptions::default()
+            };
+            let progress = Progress::new(console, "read");
+            let views = datasets::read_views(path, &options, &|done, all| progress.set(done, all))?;
+            views.views.into_iter().map(|view| (view.name, view.camera)).collect()
+        }
+        None => {
+            let bounds = mesh.bounds().ok_or_else(|| {
+                Failure::Input(format!("{}: has no vertices", arguments.mesh.display()))
+            })?;
+            let elevation = arguments.elevation.to_radians();
+            orbit(bounds, arguments.frames as usize, elevation, arguments.size as usize)
+                .into_iter()
+                .enumerate()
+                .map(|(k, camera)| (k.to_string(), camera))
+                .collect()
+        }
+    };
+    if arguments.view.is_empty() {
+        return Ok(all);
+    }
+    arguments
+        .view
+        .iter()
+        .map(|name| {
+            all.iter().find(|(other, _)| other == name).cloned().ok_or_else(|| {
+                let (first, last) = (&all[0].0, &all[all.len() - 1].0);
+                let text = format!("--view {name}: no such view, they go from {first} to {last}");
+                Failure::Usage(text)
+            })
+        })
+        .collect()
+}
+
+fn draw(
+    console: Console,
+    mesh: &TriMesh,
+    cameras: &[(String, Camera)],
+    arguments: &Render,
+) -> Result<Vec<View>, Failure> {
+    let options = RenderOptions {
+        lighting: match arguments.light {
+            Light::Flat => Lighting::flat(),
+            Light::Studio => Lighting::studio(),
+        },
+        background: arguments.background.map(|b| f32::from(b) / 255.0),
+        depth: arguments.depth,
+        ..RenderOptions::default()
+    };
+    let cameras: Vec<Camera> = cameras.iter().map(|(_, camera)| camera.clone()).collect();
+    let progress = Progress::new(console, "render");
+    render_views(mesh, &cameras, &options, &|done, all| progress.set(done, all))
+        .map_err(|error| Failure::Input(format!("{}: {error}", arguments.mesh.display())))
+}

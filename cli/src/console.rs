@@ -1,0 +1,68 @@
+//! Results on stdout, for people or as JSON; words for people on stderr.
+
+use std::fmt::Display;
+use std::io::Write;
+
+use serde::Serialize;
+
+use crate::failure::Failure;
+
+/// How a command speaks.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Console {
+    /// Results as one JSON value.
+    pub(crate) json: bool,
+    /// Nothing on stderr but errors.
+    pub(crate) quiet: bool,
+}
+
+impl Console {
+    /// Prints a result: the value as JSON, or the text that `text` makes of it.
+    pub(crate) fn result<T: Serialize>(
+        self,
+        value: &T,
+        text: impl FnOnce(&T) -> String,
+    ) -> Result<(), Failure> {
+        let mut out = if self.json {
+            serde_json::to_string_pretty(value).map_err(Failure::other)?
+        } else {
+            text(value)
+        };
+        if !out.ends_with('\n') {
+            out.push('\n');
+        }
+        print(out.as_bytes())
+    }
+
+    /// A remark for people, on stderr.
+    pub(crate) fn remark(self, text: impl Display) {
+        if !self.quiet {
+            // A closed stderr is no reason to stop the work.
+            let _ = writeln!(std::io::stderr(), "{text}");
+        }
+    }
+
+    /// A warning, on stderr.
+    pub(crate) fn warn(self, text: impl Display) {
+        self.remark(format_args!("warning: {text}"));
+    }
+}
+
+/// Bytes on stdout; a reader that has gone away (`| head`) is no failure.
+pub(crate) fn print(bytes: &[u8]) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(bytes).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Failure::Other(format!("stdout: {error}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Lines of a name and a value, the values below each other.
+pub(crate) fn table<'a>(rows: impl IntoIterator<Item = (&'a str, String)>) -> String {
+    let rows: Vec<_> = rows.into_iter().collect();
+    let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
+    rows.iter()
+        .fold(String::new(), |text, (name, value)| text + &format!("{name:width$}  {value}\n"))
+}

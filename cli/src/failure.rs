@@ -1,0 +1,86 @@
+//! Why a command ends without success, and with which exit code.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use datasets::{ReadViewsError, ViewsProblem, WriteViewsError};
+use mesh_core::{ReadMeshError, WriteError};
+use recon::output::OutputError;
+
+/// Why a command ends without success. The exit codes are part of the interface.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// 1: something went wrong that is neither the command line nor the input.
+    Other(String),
+    /// 2: the command line, or an option that it sets, asks for what cannot be.
+    Usage(String),
+    /// 3: a file that was given is missing, damaged or senseless.
+    Input(String),
+    /// 130: stopped by Ctrl-C, after what there was had been written.
+    Interrupted(String),
+}
+
+impl Failure {
+    pub(crate) fn input(error: impl std::fmt::Display) -> Self {
+        Self::Input(error.to_string())
+    }
+
+    pub(crate) fn other(error: impl std::fmt::Display) -> Self {
+        Self::Other(error.to_string())
+    }
+
+    pub(crate) fn exit_code(&self) -> ExitCode {
+        ExitCode::from(match self {
+            Self::Other(_) => 1,
+            Self::Usage(_) => 2,
+            Self::Input(_) => 3,
+            Self::Interrupted(_) => 130,
+        })
+    }
+
+    /// One line on stderr; errors name file, field and remedy themselves.
+    pub(crate) fn print(&self) {
+        let (word, text) = match self {
+            Self::Interrupted(text) => ("stopped", text),
+            Self::Other(text) | Self::Usage(text) | Self::Input(text) => ("error", text),
+        };
+        // Nothing is left to do where even stderr is closed.
+        let _ = writeln!(std::io::stderr(), "{word}: {text}");
+    }
+}
+
+impl From<ReadViewsError> for Failure {
+    fn from(error: ReadViewsError) -> Self {
+        let hint = match &error.problem {
+            ViewsProblem::Missing { .. } => " (--allow-missing leaves such views out)",
+            ViewsProblem::EmptyMasks { .. } => " (--mask, --invert-masks)",
+            ViewsProblem::TooLarge { .. } => " (--max-size reads views smaller)",
+            _ => "",
+        };
+        Self::Input(format!("{error}{hint}"))
+    }
+}
+
+impl From<ReadMeshError> for Failure {
+    fn from(error: ReadMeshError) -> Self {
+        Self::input(error)
+    }
+}
+
+impl From<WriteError> for Failure {
+    fn from(error: WriteError) -> Self {
+        Self::other(error)
+    }
+}
+
+impl From<WriteViewsError> for Failure {
+    fn from(error: WriteViewsError) -> Self {
+        Self::other(error)
+    }
+}
+
+impl From<OutputError> for Failure {
+    fn from(error: OutputError) -> Self {
+        Self::other(error)
+    }
+}
