@@ -47,7 +47,7 @@ pub struct FitConfig {
     /// Where colours are kept: `"vertex"`, or `"texture"`, which has them per vertex as well.
     /// Default `"vertex"`.
     pub color: ColorKind,
-    /// Side of the texture in pixels, 64 to 8192. Default 1024.
+    /// Side of the texture in pixels, 64 to 8192, or 0: as fine as the pictures. Default 0.
     pub texture_size: usize,
 }
 
@@ -79,7 +79,7 @@ impl Default for FitConfig {
             mask_blur: 1.0,
             tolerance: 0.01,
             color: ColorKind::Vertex,
-            texture_size: 1024,
+            texture_size: 0,
         }
     }
 }
@@ -121,10 +121,10 @@ impl FitConfig {
             "0 to less than 1",
         );
         require(
-            (64..=8192).contains(&self.texture_size),
+            self.texture_size == 0 || (64..=8192).contains(&self.texture_size),
             "texture-size",
             &self.texture_size,
-            "64 to 8192",
+            "0 or 64 to 8192",
         );
         problems
     }

@@ -19,6 +19,7 @@ mod shape;
 mod sight;
 mod target;
 mod texture;
+mod untangle;
 
 use std::time::Instant;
 
@@ -280,7 +281,11 @@ impl<'a> Run<'a> {
     /// Brings the mesh back to the world.
     fn finish(mut self, shape: Shape, config: &FitConfig, views: &[View]) -> Result<Fitted, FitError> {
         let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
-        let Shape { positions, faces, topology, .. } = &shape;
+        let Shape { mut positions, faces, topology, .. } = shape;
+        if untangle::untangle(&mut positions, &faces, &topology).is_none() {
+            self.warn("the surface passes through itself where smoothing could not help".into());
+        }
+        let (positions, faces, topology) = (&positions, &faces, &topology);
         let (vertices, count) = (positions.len(), faces.len());
         self.tell(Event::Stage { name: "color".into(), vertices, faces: count });
         self.clock = Instant::now();
@@ -300,14 +305,13 @@ impl<'a> Run<'a> {
             self.lap("texture");
         }
         let Placement { center, radius, .. } = self.fitted.placement;
-        let positions = shape
-            .positions
+        let world = positions
             .iter()
             .map(|p| std::array::from_fn(|k| (center[k] + radius * f64::from(p[k])) as f32))
             .collect();
         self.fitted.mesh = TriMesh {
-            positions,
-            faces: shape.faces,
+            positions: world,
+            faces: faces.clone(),
             colors: Some(colors),
             texture,
         };

@@ -33,6 +33,18 @@ impl Atlas {
         (cell >= 5).then_some(Self { side, cell, columns })
     }
 
+    /// The side at which an edge has as many texels as pixels in the nearest view, at most 4096.
+    fn side_for(targets: &[Target], positions: &[[f32; 3]], faces: &[[u32; 3]]) -> usize {
+        let area: f32 = mesh_core::face_areas(positions, faces).iter().sum();
+        let edge = (area / faces.len().max(1) as f32 * 2.3).sqrt();
+        let nearest =
+            targets.iter().map(|t| t.pixels_per_unit(t.project([0.0; 3])[2])).fold(0.0, f32::max);
+        let columns = (faces.len().div_ceil(2) as f64).sqrt().ceil() as usize;
+        let most = (4096 / columns.max(1)).max(5);
+        let cell = ((edge * nearest).ceil() as usize).saturating_add(3).clamp(5, most);
+        (columns * cell).next_multiple_of(4)
+    }
+
     /// Texels along the legs of a face.
     fn legs(&self) -> usize {
         self.cell - 3
@@ -84,6 +96,7 @@ impl Atlas {
 /// mesh is in front. In a second round views that differ from the mean of the first count less:
 /// highlights are in few views.
 ///
+/// A `side` of 0 gives an edge as many texels as it has pixels in the picture that is nearest.
 /// `None` if `side` has no room for the faces. `views` and `targets` correspond.
 pub(super) fn bake(
     views: &[&View],
@@ -93,6 +106,7 @@ pub(super) fn bake(
     colors: &[[f32; 3]],
     side: usize,
 ) -> Option<Texture> {
+    let side = if side == 0 { Atlas::side_for(targets, positions, faces) } else { side };
     let atlas = Atlas::new(faces.len(), side)?;
     let drawn = Arc::new(
         Faces::new(positions.len(), faces).expect("the faces of a fitted mesh name its vertices"),
