@@ -131,3 +131,63 @@ impl<F: Real> Drop for Gradients<F> {
         self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(entries);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use ndarray::arr1;
+
+    use super::*;
+
+    #[test]
+    fn shards_add_up() {
+        let (p, q) = (Param::<f64>::new(arr1(&[1.0, 2.0])), Param::<f64>::new(arr1(&[5.0])));
+        let (mut a, mut b) = (Tape::train(0), Tape::train(0));
+        let mut sum = a.param(&p).square().sum().backward();
+        let other = (b.param(&p).sum() + b.param(&q).sum()).backward();
+        sum.accumulate(&other);
+        a.reset();
+        b.reset();
+        assert_eq!(sum.slice_of(&p), Some(&[3.0, 5.0][..]));
+        assert_eq!(sum.slice_of(&q), Some(&[1.0][..]));
+        assert!((sum.norm() - 35.0_f64.sqrt()).abs() < 1e-12);
+        assert!(sum.is_finite());
+    }
+
+    #[test]
+    fn a_product_with_the_jacobian() {
+        let tape = Tape::<f64>::train(0);
+        let x = tape.leaf(arr1(&[1.0, 2.0, 3.0]));
+        let gradients = x.square().backward_with(arr1(&[1.0, 0.0, -1.0]));
+        assert_eq!(gradients.wrt(x).unwrap().as_slice(), Some(&[2.0, 0.0, -6.0][..]));
+    }
+
+    #[test]
+    fn a_tape_can_be_walked_twice() {
+        let tape = Tape::<f64>::train(0);
+        let x = tape.leaf(arr1(&[3.0]));
+        let (a, b) = (x.square().sum(), x.sum());
+        let (of_a, of_b, again) = (a.backward(), b.backward(), a.backward());
+        assert_eq!(of_a.wrt(x).unwrap()[0], 6.0);
+        assert_eq!(of_b.wrt(x).unwrap()[0], 1.0);
+        assert_eq!(again.wrt(x).unwrap()[0], 6.0);
+    }
+
+    #[test]
+    #[should_panic(expected = "these gradients are of an earlier step")]
+    fn gradients_of_an_earlier_step_know_no_new_values() {
+        let mut tape = Tape::<f64>::train(0);
+        let x = tape.leaf(arr1(&[3.0]));
+        let gradients = x.sum().backward();
+        tape.reset();
+        let y = tape.leaf(arr1(&[4.0]));
+        let _ = gradients.wrt(y);
+    }
+
+    #[test]
+    #[should_panic(expected = "backward on an eval tape")]
+    fn an_eval_tape_records_nothing() {
+        let tape = Tape::<f64>::eval();
+        let x = tape.leaf(arr1(&[3.0]));
+        let _ = x.sum().backward();
+    }
+}

@@ -219,3 +219,65 @@ macro_rules! impl_module {
         }
     };
 }
+
+#[cfg(test)]
+mod tests {
+    use ndarray::{Array1, arr0};
+
+    use super::*;
+
+    fn param(n: usize) -> Param {
+        Param::new(Array1::zeros(n))
+    }
+
+    struct Block {
+        conv: Param,
+        downsample: Option<(Param, Param)>,
+        kernel: usize,
+    }
+    impl_module!(Block: f32 { conv, downsample } fixed { kernel });
+
+    struct Model<F: Real = f32> {
+        layer1: Vec<Box<Param<F>>>,
+        heads: [Param<F>; 2],
+        alone: (Param<F>,),
+    }
+    impl_module!(Model { layer1, heads, alone });
+
+    #[test]
+    fn paths_are_those_of_pytorch() {
+        let block = Block { conv: param(2), downsample: Some((param(1), param(1))), kernel: 3 };
+        let plain = Block { conv: param(2), downsample: None, kernel: block.kernel };
+        let model = Model::<f64> {
+            layer1: vec![Box::new(Param::new(arr0(1.0)))],
+            heads: [Param::new(arr0(1.0)), Param::buffer(Array1::zeros(7))],
+            alone: (Param::new(arr0(1.0)),),
+        };
+        let mut paths = Vec::new();
+        block.visit("layer1.0", &mut |path: &str, _: &Param| paths.push(path.to_owned()));
+        plain.visit("", &mut |path: &str, _: &Param| paths.push(path.to_owned()));
+        model.visit("", &mut |path: &str, _: &Param<f64>| paths.push(path.to_owned()));
+        let expected = [
+            "layer1.0.conv",
+            "layer1.0.downsample.0",
+            "layer1.0.downsample.1",
+            "conv",
+            "layer1.0",
+            "heads.0",
+            "heads.1",
+            "alone.0",
+        ];
+        assert_eq!(paths, expected);
+        assert_eq!(block.parameter_count(), 4);
+        assert_eq!(model.parameter_count(), 3, "a buffer does not count");
+    }
+
+    #[test]
+    fn prefixes_end_at_dots() {
+        assert!(has_prefix("layer1.0.weight", "layer1"));
+        assert!(has_prefix("layer1.0.weight", "layer1."));
+        assert!(has_prefix("weight", ""));
+        assert!(has_prefix("weight", "weight"));
+        assert!(!has_prefix("layer10.weight", "layer1"));
+    }
+}

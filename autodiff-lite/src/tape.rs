@@ -396,7 +396,7 @@ impl Drop for PathGuard<'_> {
     }
 }
 
-/// What a [scope](Tape::scope) may return: handles, and arrays, vectors, options, pairs of them.
+/// What a [scope](Tape::scope) may return: handles, and arrays, vectors, options, tuples of them.
 pub trait Handles<'t, F: Real> {
     /// Calls `f` with each handle.
     fn for_each(&self, f: &mut dyn FnMut(Var<'t, F>));
@@ -430,6 +430,20 @@ impl<'t, F: Real, A: Handles<'t, F>, B: Handles<'t, F>> Handles<'t, F> for (A, B
     fn for_each(&self, f: &mut dyn FnMut(Var<'t, F>)) {
         self.0.for_each(f);
         self.1.for_each(f);
+    }
+}
+
+impl<'t, F, A, B, C> Handles<'t, F> for (A, B, C)
+where
+    F: Real,
+    A: Handles<'t, F>,
+    B: Handles<'t, F>,
+    C: Handles<'t, F>,
+{
+    fn for_each(&self, f: &mut dyn FnMut(Var<'t, F>)) {
+        self.0.for_each(f);
+        self.1.for_each(f);
+        self.2.for_each(f);
     }
 }
 

@@ -247,3 +247,85 @@ macro_rules! gradcheck {
         }
     };
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Backward;
+
+    /// `x²` with a rule that forgets the factor two.
+    fn wrong_square<'t>(x: &[Var<'t, f64>]) -> Var<'t, f64> {
+        x[0].map(|x| x * x, |x, _| x)
+    }
+
+    #[test]
+    fn a_wrong_rule_is_found() {
+        let options = Options::default();
+        let inputs = options.draw(&[vec![3]]);
+        let mismatch = check(&wrong_square, &inputs, &options).unwrap_err();
+        let Mismatch::Element { input: 0, element: 0, rule, differences } = mismatch else {
+            panic!("{mismatch}")
+        };
+        assert!((differences - 2.0 * rule).abs() < 1e-6, "{mismatch}");
+    }
+
+    #[test]
+    #[should_panic(
+        expected = "gradient at shapes [[3]], seed 0: input 0, element 0: the rule gives"
+    )]
+    fn a_wrong_rule_fails_a_test() {
+        assert_gradients(&wrong_square, &[vec![3]], &Options::default());
+    }
+
+    /// A rule that forgets one of two inputs, and one that adds to the wrong element.
+    #[test]
+    fn forgotten_inputs_and_places_are_found() {
+        let options = Options::default();
+        let forgets = function(|x| {
+            let y = &x[0].value() * &x[1].value();
+            x[0].tape().record_fn("forgets", x, y, |cx: &mut Backward<'_, f64>| {
+                let g = &cx.grad_out() * &cx.input(1);
+                cx.give(0, g);
+            })
+        });
+        let inputs = options.draw(&[vec![2], vec![2]]);
+        let mismatch = check(&forgets, &inputs, &options).unwrap_err();
+        assert!(matches!(mismatch, Mismatch::Element { input: 1, rule: 0.0, .. }), "{mismatch}");
+
+        let shifts = function(|x| {
+            x[0].tape().record_fn("shifts", x, x[0].value(), |cx: &mut Backward<'_, f64>| {
+                let mut g = cx.take_grad_out();
+                g.as_slice_mut().expect(crate::CONTIGUOUS).rotate_left(1);
+                cx.give(0, g);
+            })
+        });
+        check(&shifts, &options.draw(&[vec![3]]), &options).unwrap_err();
+    }
+
+    #[test]
+    fn a_gradient_that_is_not_a_number_is_found() {
+        let options = Options::default();
+        let poisoned = function(|x| x[0].map(|x| x, |_, _| f64::NAN));
+        check(&poisoned, &options.draw(&[vec![1]]), &options).unwrap_err();
+    }
+
+    /// At `|x|` the differences across the kink are neither one slope nor the other.
+    #[test]
+    fn undeclared_kinks_are_found_and_declared_ones_borne() {
+        let at_kink = [ndarray::arr1(&[0.0, 1.0, -1.0, 0.5]).into_dyn()];
+        let kinked = function(|x| x[0].map(|x| x.max(0.0), |x, _| f64::from(x > 0.0)));
+        let mut options = Options::default();
+        check(&kinked, &at_kink, &options).unwrap_err();
+        options.kinked_fraction = 0.1;
+        let mismatch = check(&kinked, &at_kink, &options).unwrap_err();
+        assert_eq!(mismatch, Mismatch::Kinks { found: 1, probed: 4 });
+        options.kinked_fraction = 0.3;
+        check(&kinked, &at_kink, &options).unwrap();
+    }
+
+    #[test]
+    fn inputs_keep_away_from_kinks() {
+        let options = Options { epsilon: 1e-3, ..Options::default().kinks(&[0.0]) };
+        assert!(options.draw(&[vec![500]])[0].iter().all(|x| x.abs() > 0.1));
+    }
+}

@@ -3,8 +3,11 @@
 //! Axes that behave alike for both operands are merged, so that equal shapes become one loop, a
 //! bias one loop per row, and only truly mixed shapes more.
 
+use rayon::prelude::*;
+
 use crate::Real;
-use crate::kernels::elementwise;
+use crate::kernels::elementwise::{self, CHUNK, PARALLEL_FROM};
+use crate::kernels::simd::clones;
 
 /// How the elements of two row-major arrays meet, by NumPy's rules.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -15,12 +18,12 @@ pub struct Broadcast {
     steps: [Vec<usize>; 2],
 }
 
-/// One row of the output, and what each operand gives it.
-struct Row {
-    /// Where the operands begin.
-    start: [usize; 2],
-    /// Where the output begins.
-    out: usize,
+/// How the rows of a block lie in an operand: the step from row to row, and whether the operand
+/// moves along a row (1) or is repeated (0).
+#[derive(Clone, Copy)]
+struct Rows {
+    step: usize,
+    moves: usize,
 }
 
 impl Broadcast {
@@ -72,14 +75,26 @@ impl Broadcast {
         self.dims.len() == 1 && self.steps[0][0] == 1 && self.steps[1][0] == 1
     }
 
-    /// Calls `f` for each row of the output, in order.
-    fn rows(&self, mut f: impl FnMut(Row)) {
-        let (&width, outer) = self.dims.split_last().expect("dims are never empty");
+    /// The sizes of a block: the last two merged axes, or one row.
+    fn block(&self) -> (usize, usize, [Rows; 2]) {
+        let n = self.dims.len();
+        let rows = |k: usize| Rows {
+            step: if n > 1 { self.steps[k][n - 2] } else { 0 },
+            moves: self.steps[k][n - 1].min(1),
+        };
+        (if n > 1 { self.dims[n - 2] } else { 1 }, self.dims[n - 1], [rows(0), rows(1)])
+    }
+
+    /// Calls `f` for each block of the output, in order, with where the operands and the output
+    /// begin.
+    fn blocks(&self, mut f: impl FnMut([usize; 2], usize)) {
+        let outer = &self.dims[..self.dims.len().saturating_sub(2)];
+        let (rows, width, _) = self.block();
         let count: usize = outer.iter().product();
         let mut index = vec![0; outer.len()];
         let mut start = [0; 2];
-        for row in 0..count {
-            f(Row { start, out: row * width });
+        for block in 0..count {
+            f(start, block * rows * width);
             for k in (0..outer.len()).rev() {
                 index[k] += 1;
                 start[0] += self.steps[0][k];
@@ -96,21 +111,28 @@ impl Broadcast {
 
     /// `y = f(a, b)`.
     pub fn zip<F: Real>(&self, a: &[F], b: &[F], y: &mut [F], f: impl Fn(F, F) -> F + Sync) {
-        let width = self.dims[self.dims.len() - 1];
-        let moves = [self.steps[0][self.dims.len() - 1], self.steps[1][self.dims.len() - 1]];
-        self.rows(|Row { start: [i, j], out }| {
-            let y = &mut y[out..out + width];
-            match moves {
-                [0, 0] => y.fill(f(a[i], b[j])),
-                [_, 0] => {
-                    let b = b[j];
-                    elementwise::map(&a[i..i + width], y, |a| f(a, b));
+        if y.is_empty() {
+            return;
+        }
+        let (rows, width, [of_a, of_b]) = self.block();
+        self.blocks(|[i, j], out| {
+            let (a, b, y) = (&a[i..], &b[j..], &mut y[out..out + rows * width]);
+            if rows == 1 {
+                // One long row: the flat loops split it.
+                match [of_a.moves, of_b.moves] {
+                    [0, 0] => y.fill(f(a[0], b[0])),
+                    [_, 0] => elementwise::map(&a[..width], y, |a| f(a, b[0])),
+                    [0, _] => elementwise::map(&b[..width], y, |b| f(a[0], b)),
+                    _ => elementwise::zip(&a[..width], &b[..width], y, &f),
                 }
-                [0, _] => {
-                    let a = a[i];
-                    elementwise::map(&b[j..j + width], y, |b| f(a, b));
-                }
-                _ => elementwise::zip(&a[i..i + width], &b[j..j + width], y, &f),
+            } else if y.len() < PARALLEL_FROM {
+                zip_rows(width, of_a, of_b, a, b, y, &f);
+            } else {
+                let rows = CHUNK.div_ceil(width);
+                y.par_chunks_mut(rows * width).enumerate().for_each(|(k, y)| {
+                    let (a, b) = (&a[k * rows * of_a.step..], &b[k * rows * of_b.step..]);
+                    zip_rows(width, of_a, of_b, a, b, y, &f);
+                });
             }
         });
     }
@@ -124,22 +146,119 @@ impl Broadcast {
         target: &mut [F],
         f: impl Fn(F, F, F, F) -> F + Sync,
     ) {
-        let width = self.dims[self.dims.len() - 1];
-        let [move_a, move_b] = [0, 1].map(|k| self.steps[k][self.dims.len() - 1].min(1));
-        self.rows(|Row { start, out }| {
-            let (g, y) = (&g[out..out + width], &y[out..out + width]);
-            let at = |k: usize| f(g[k], a[start[0] + k * move_a], b[start[1] + k * move_b], y[k]);
-            if [move_a, move_b][which] == 0 {
-                target[start[which]] += (0..width).map(at).sum::<F>();
-            } else {
-                let target = &mut target[start[which]..start[which] + width];
-                for (k, t) in target.iter_mut().enumerate() {
-                    *t += at(k);
-                }
+        if g.is_empty() {
+            return;
+        }
+        let (rows, width, layout) = self.block();
+        let of_target = layout[which];
+        self.blocks(|start, out| {
+            let (g, y) = (&g[out..out + rows * width], &y[out..out + rows * width]);
+            let (a, b) = (&a[start[0]..], &b[start[1]..]);
+            let target = &mut target[start[which]..];
+            if g.len() < PARALLEL_FROM || of_target.step == 0 {
+                pull_rows(width, layout, of_target, [g, a, b, y], target, &f);
+                return;
             }
+            // Each row of the block has a part of the target of its own.
+            let chunk = CHUNK.div_ceil(width);
+            let target = &mut target[..rows * of_target.step];
+            target.par_chunks_mut(chunk * of_target.step).enumerate().for_each(|(k, target)| {
+                let first = k * chunk;
+                let part = first * width..(first + chunk).min(rows) * width;
+                let (a, b) = (&a[first * layout[0].step..], &b[first * layout[1].step..]);
+                let operands = [&g[part.clone()], a, b, &y[part]];
+                pull_rows(width, layout, of_target, operands, target, &f);
+            });
         });
     }
 }
+
+#[inline(always)]
+fn zip_fixed<F: Real, C: Fn(F, F) -> F, const A: usize, const B: usize>(
+    width: usize,
+    steps: [usize; 2],
+    a: &[F],
+    b: &[F],
+    y: &mut [F],
+    f: &C,
+) {
+    for (row, y) in y.chunks_exact_mut(width).enumerate() {
+        // Resliced to what is read, so that the loop needs no bounds checks.
+        let a = &a[row * steps[0]..][..(width - 1) * A + 1];
+        let b = &b[row * steps[1]..][..(width - 1) * B + 1];
+        for (k, y) in y.iter_mut().enumerate() {
+            *y = f(a[k * A], b[k * B]);
+        }
+    }
+}
+
+#[inline(always)]
+fn zip_rows_body<F: Real, C: Fn(F, F) -> F>(
+    width: usize,
+    of_a: Rows,
+    of_b: Rows,
+    a: &[F],
+    b: &[F],
+    y: &mut [F],
+    f: &C,
+) {
+    let steps = [of_a.step, of_b.step];
+    match (of_a.moves, of_b.moves) {
+        (0, 0) => zip_fixed::<F, C, 0, 0>(width, steps, a, b, y, f),
+        (0, _) => zip_fixed::<F, C, 0, 1>(width, steps, a, b, y, f),
+        (_, 0) => zip_fixed::<F, C, 1, 0>(width, steps, a, b, y, f),
+        _ => zip_fixed::<F, C, 1, 1>(width, steps, a, b, y, f),
+    }
+}
+
+clones!(fn zip_rows[F: Real, C: Fn(F, F) -> F](width: usize, of_a: Rows, of_b: Rows, a: &[F], b: &[F], y: &mut [F], f: &C) = zip_rows_body);
+
+#[inline(always)]
+fn pull_fixed<F: Real, C: Fn(F, F, F, F) -> F, const A: usize, const B: usize>(
+    width: usize,
+    steps: [usize; 2],
+    of_target: Rows,
+    [g, a, b, y]: [&[F]; 4],
+    target: &mut [F],
+    f: &C,
+) {
+    for (row, (g, y)) in g.chunks_exact(width).zip(y.chunks_exact(width)).enumerate() {
+        let a = &a[row * steps[0]..][..(width - 1) * A + 1];
+        let b = &b[row * steps[1]..][..(width - 1) * B + 1];
+        let target = &mut target[row * of_target.step..][..(width - 1) * of_target.moves + 1];
+        if of_target.moves == 0 {
+            let mut sum = F::zero();
+            for k in 0..width {
+                sum += f(g[k], a[k * A], b[k * B], y[k]);
+            }
+            target[0] += sum;
+        } else {
+            for (k, t) in target.iter_mut().enumerate() {
+                *t += f(g[k], a[k * A], b[k * B], y[k]);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn pull_rows_body<F: Real, C: Fn(F, F, F, F) -> F>(
+    width: usize,
+    layout: [Rows; 2],
+    of_target: Rows,
+    operands: [&[F]; 4],
+    target: &mut [F],
+    f: &C,
+) {
+    let steps = layout.map(|rows| rows.step);
+    match layout.map(|rows| rows.moves) {
+        [0, 0] => pull_fixed::<F, C, 0, 0>(width, steps, of_target, operands, target, f),
+        [0, _] => pull_fixed::<F, C, 0, 1>(width, steps, of_target, operands, target, f),
+        [_, 0] => pull_fixed::<F, C, 1, 0>(width, steps, of_target, operands, target, f),
+        _ => pull_fixed::<F, C, 1, 1>(width, steps, of_target, operands, target, f),
+    }
+}
+
+clones!(fn pull_rows[F: Real, C: Fn(F, F, F, F) -> F](width: usize, layout: [Rows; 2], of_target: Rows, operands: [&[F]; 4], target: &mut [F], f: &C) = pull_rows_body);
 
 #[cfg(test)]
 mod tests {
@@ -152,5 +271,48 @@ mod tests {
         assert_eq!(Broadcast::new(&[2, 3, 4], &[]).dims, [24]);
         assert_eq!(Broadcast::new(&[2, 1, 4], &[3, 1]).dims, [2, 3, 4]);
         assert!(Broadcast::new(&[], &[1, 1]).is_plain());
+    }
+
+    /// Large arrays take the parallel paths; the same sums by index, one by one.
+    #[test]
+    fn long_arrays_agree_with_plain_loops() {
+        let (n, w) = (PARALLEL_FROM / 3 + 11, 3);
+        let number = |k: usize| ((k * 7919) % 1009) as f64 / 1009.0 - 0.5;
+        let full: Vec<f64> = (0..n * w).map(number).collect();
+        let g: Vec<f64> = (0..n * w).map(|k| number(k + 5)).collect();
+        for (shape, at) in [
+            ([n, 1], (|k| k / 3) as fn(usize) -> usize),
+            ([1, w], |k| k % 3),
+            ([1, 1], |_| 0),
+            ([n, w], |k| k),
+        ] {
+            let part: Vec<f64> = (0..shape[0] * shape[1]).map(|k| number(k + 9)).collect();
+            for swapped in [false, true] {
+                let (plan, which) = if swapped {
+                    (Broadcast::new(&shape, &[n, w]), 0)
+                } else {
+                    (Broadcast::new(&[n, w], &shape), 1)
+                };
+                let (a, b) = if swapped { (&part, &full) } else { (&full, &part) };
+                let mut y = vec![0.0; n * w];
+                plan.zip(a, b, &mut y, |a, b| a - 2.0 * b);
+                let (mut of_part, mut of_full) = (vec![0.0; part.len()], vec![0.0; n * w]);
+                let rule = |g: f64, a: f64, b: f64, y: f64| g * (a + b * b + y);
+                plan.accumulate(which, [&g, a, b, &y], &mut of_part, rule);
+                plan.accumulate(1 - which, [&g, a, b, &y], &mut of_full, rule);
+                let mut expected = vec![0.0; part.len()];
+                for k in 0..n * w {
+                    let (a, b) =
+                        if swapped { (part[at(k)], full[k]) } else { (full[k], part[at(k)]) };
+                    assert_eq!(y[k], a - 2.0 * b);
+                    let pulled = rule(g[k], a, b, y[k]);
+                    assert_eq!(of_full[k], pulled);
+                    expected[at(k)] += pulled;
+                }
+                for (found, expected) in of_part.iter().zip(&expected) {
+                    assert!((found - expected).abs() < 1e-9);
+                }
+            }
+        }
     }
 }

@@ -59,7 +59,7 @@ pub fn sum_axis<F: Real>([outer, n, inner]: [usize; 3], x: &[F], y: &mut [F]) {
     }
     let block = |x: &[F], y: &mut [F]| {
         if inner == 1 {
-            y[0] = sum_chunk(x);
+            y[0] = sum(x);
         } else {
             y.copy_from_slice(&x[..inner]);
             for row in x[inner..].chunks_exact(inner) {

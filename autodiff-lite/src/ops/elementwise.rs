@@ -148,9 +148,11 @@ impl<F: Real, D: Fn(F, F) -> F + Sync + Send + 'static> Op<F> for Map<D> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
     use crate::Tape;
-    use crate::testkit::{Options, gradcheck};
+    use crate::testkit::{Options, check, function, gradcheck};
 
     fn positive() -> Options {
         Options::default().range(0.2, 2.0)
@@ -183,6 +185,32 @@ mod tests {
     gradcheck!(powf: |x| x.powf(1.7), shapes [[[3, 5]]], options positive());
     gradcheck!(neg: |x| x.neg(), shapes [[[3, 5]]]);
     gradcheck!(map: |x| x.map(|x| x * x * x, |x, _| 3.0 * x * x), shapes [[[3, 5]]]);
+
+    proptest! {
+        /// All of them, on a random shape with random values.
+        #[test]
+        fn every_operation_at_random_shapes(
+            shape in proptest::collection::vec(0_usize..5, 0..5),
+            seed in any::<u64>(),
+        ) {
+            let near = Options { seed, ..kinks(&[-0.5, 0.0, 0.7]) };
+            let above = Options { seed, ..positive() };
+            let all = function(|x| {
+                let x = x[0];
+                let (a, b) = (x.scale(0.3).add_scalar(0.1), x.leaky_relu(0.1).neg());
+                let terms = [
+                    x.exp(), x.square(), x.sin(), x.cos(), x.abs(), x.relu(), b, x.elu(), a,
+                    x.softplus(), x.sigmoid(), x.tanh(), x.hardsigmoid(), x.clamp(-0.5, 0.7), x.powi(3),
+                ];
+                let weighted: Vec<_> =
+                    terms.iter().enumerate().map(|(k, &t)| (1.0 + 0.1 * k as f64, t)).collect();
+                x.tape().lincomb(&weighted)
+            });
+            check(&all, &near.draw(std::slice::from_ref(&shape)), &near).unwrap();
+            let all = function(|x| x[0].ln() * x[0].sqrt() + x[0].recip() * x[0].powf(1.3));
+            check(&all, &above.draw(&[shape]), &above).unwrap();
+        }
+    }
 
     #[test]
     fn values_are_those_of_the_formulas() {
