@@ -61,7 +61,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let loss = (y - tape.constant(truth.clone())).square().mean();
         if [0, 50, 200, 1000, steps].contains(&step) {
             println!("step {step:4}   mean squared error {:.2e}", loss.item());
-            lines.push((step, y.value().to_vec()));
+            lines.push((step, y.value().iter().copied().collect()));
         }
         let gradients = loss.backward();
         tape.reset();

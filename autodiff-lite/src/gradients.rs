@@ -133,6 +133,7 @@ impl<F: Real> Drop for Gradients<F> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use ndarray::arr1;
 

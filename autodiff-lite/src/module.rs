@@ -238,18 +238,20 @@ mod tests {
     impl_module!(Block: f32 { conv, downsample } fixed { kernel });
 
     struct Model<F: Real = f32> {
-        layer1: Vec<Box<Param<F>>>,
+        layer1: Vec<Param<F>>,
+        boxed: Box<Param<F>>,
         heads: [Param<F>; 2],
         alone: (Param<F>,),
     }
-    impl_module!(Model { layer1, heads, alone });
+    impl_module!(Model { layer1, boxed, heads, alone });
 
     #[test]
     fn paths_are_those_of_pytorch() {
         let block = Block { conv: param(2), downsample: Some((param(1), param(1))), kernel: 3 };
         let plain = Block { conv: param(2), downsample: None, kernel: block.kernel };
         let model = Model::<f64> {
-            layer1: vec![Box::new(Param::new(arr0(1.0)))],
+            layer1: vec![Param::new(arr0(1.0))],
+            boxed: Box::new(Param::new(arr0(1.0))),
             heads: [Param::new(arr0(1.0)), Param::buffer(Array1::zeros(7))],
             alone: (Param::new(arr0(1.0)),),
         };
@@ -263,13 +265,14 @@ mod tests {
             "layer1.0.downsample.1",
             "conv",
             "layer1.0",
+            "boxed",
             "heads.0",
             "heads.1",
             "alone.0",
         ];
         assert_eq!(paths, expected);
         assert_eq!(block.parameter_count(), 4);
-        assert_eq!(model.parameter_count(), 3, "a buffer does not count");
+        assert_eq!(model.parameter_count(), 4, "a buffer does not count");
     }
 
     #[test]

@@ -410,19 +410,25 @@ impl<'t, F: Real> Handles<'t, F> for Var<'t, F> {
 
 impl<'t, F: Real, H: Handles<'t, F>> Handles<'t, F> for Vec<H> {
     fn for_each(&self, f: &mut dyn FnMut(Var<'t, F>)) {
-        self.iter().for_each(|h| h.for_each(f));
+        for handles in self {
+            handles.for_each(f);
+        }
     }
 }
 
 impl<'t, F: Real, H: Handles<'t, F>, const N: usize> Handles<'t, F> for [H; N] {
     fn for_each(&self, f: &mut dyn FnMut(Var<'t, F>)) {
-        self.iter().for_each(|h| h.for_each(f));
+        for handles in self {
+            handles.for_each(f);
+        }
     }
 }
 
 impl<'t, F: Real, H: Handles<'t, F>> Handles<'t, F> for Option<H> {
     fn for_each(&self, f: &mut dyn FnMut(Var<'t, F>)) {
-        self.iter().for_each(|h| h.for_each(f));
+        if let Some(handles) = self {
+            handles.for_each(f);
+        }
     }
 }
 
@@ -495,7 +501,7 @@ mod tests {
         let tape = Tape::<f32>::train(0);
         let x = tape.leaf(arr1(&[1.0, 2.0]));
         let mut inner = None;
-        tape.scope("block", || {
+        let _ = tape.scope("block", || {
             inner = Some(x.square());
             x.sum()
         });
@@ -506,7 +512,7 @@ mod tests {
     fn paths_nest() {
         let tape = Tape::<f32>::eval();
         let x = tape.constant(arr1(&[1.0]));
-        tape.scope("encoder", || {
+        let _ = tape.scope("encoder", || {
             tape.scope("layer1.0", || {
                 assert_eq!(tape.path(), "encoder.layer1.0");
                 x

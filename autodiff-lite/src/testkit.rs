@@ -249,6 +249,7 @@ macro_rules! gradcheck {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
     use crate::Backward;

@@ -5,18 +5,12 @@ use std::fmt;
 use crate::{Gradients, Real, ShapeError, Tape, Tensor};
 
 /// A value on a tape: a pointer and an index, copied freely.
+#[derive(Clone, Copy)]
+#[must_use = "a value that nobody uses was computed for nothing"]
 pub struct Var<'t, F: Real = f32> {
     pub(crate) tape: &'t Tape<F>,
     pub(crate) id: u32,
 }
-
-impl<F: Real> Clone for Var<'_, F> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<F: Real> Copy for Var<'_, F> {}
 
 impl<F: Real> fmt::Debug for Var<'_, F> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -48,13 +42,13 @@ impl<'t, F: Real> Var<'t, F> {
     /// The number of its axes.
     #[track_caller]
     pub fn rank(self) -> usize {
-        self.tape.with_value(self.id, |value| value.ndim())
+        self.tape.with_value(self.id, Tensor::ndim)
     }
 
     /// The number of its elements.
     #[track_caller]
     pub fn len(self) -> usize {
-        self.tape.with_value(self.id, |value| value.len())
+        self.tape.with_value(self.id, Tensor::len)
     }
 
     /// Whether it has no element.

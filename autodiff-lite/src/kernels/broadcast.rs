@@ -184,8 +184,8 @@ fn zip_fixed<F: Real, C: Fn(F, F) -> F, const A: usize, const B: usize>(
 ) {
     for (row, y) in y.chunks_exact_mut(width).enumerate() {
         // Resliced to what is read, so that the loop needs no bounds checks.
-        let a = &a[row * steps[0]..][..(width - 1) * A + 1];
-        let b = &b[row * steps[1]..][..(width - 1) * B + 1];
+        let a = &a[row * steps[0]..][..=(width - 1) * A];
+        let b = &b[row * steps[1]..][..=(width - 1) * B];
         for (k, y) in y.iter_mut().enumerate() {
             *y = f(a[k * A], b[k * B]);
         }
@@ -223,9 +223,9 @@ fn pull_fixed<F: Real, C: Fn(F, F, F, F) -> F, const A: usize, const B: usize>(
     f: &C,
 ) {
     for (row, (g, y)) in g.chunks_exact(width).zip(y.chunks_exact(width)).enumerate() {
-        let a = &a[row * steps[0]..][..(width - 1) * A + 1];
-        let b = &b[row * steps[1]..][..(width - 1) * B + 1];
-        let target = &mut target[row * of_target.step..][..(width - 1) * of_target.moves + 1];
+        let a = &a[row * steps[0]..][..=(width - 1) * A];
+        let b = &b[row * steps[1]..][..=(width - 1) * B];
+        let target = &mut target[row * of_target.step..][..=(width - 1) * of_target.moves];
         if of_target.moves == 0 {
             let mut sum = F::zero();
             for k in 0..width {

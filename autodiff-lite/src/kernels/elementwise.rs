@@ -148,12 +148,21 @@ pub fn lincomb<F: Real>(terms: &[(F, &[F])], y: &mut [F]) {
     }
 }
 
-/// `y[i] = c x[i]`, in place.
+#[inline(always)]
+fn scale_body<F: Real>(x: &mut [F], c: F) {
+    for x in x {
+        *x *= c;
+    }
+}
+
+clones!(fn scale_chunk[F: Real](x: &mut [F], c: F) = scale_body);
+
+/// `x[i] *= c`.
 pub fn scale_in_place<F: Real>(x: &mut [F], c: F) {
     if x.len() < PARALLEL_FROM {
-        x.iter_mut().for_each(|x| *x *= c);
+        scale_chunk(x, c);
     } else {
-        x.par_chunks_mut(CHUNK).for_each(|x| x.iter_mut().for_each(|x| *x *= c));
+        x.par_chunks_mut(CHUNK).for_each(|x| scale_chunk(x, c));
     }
 }
 

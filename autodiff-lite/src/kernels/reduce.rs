@@ -109,6 +109,7 @@ pub fn max_axis<F: Real>(
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
 

@@ -134,6 +134,7 @@ fn copy_strided<F: Real>(axes: &[(usize, usize)], x: &[F], y: &mut [F]) {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use ndarray::{ArrayD, IxDyn};
     use proptest::prelude::*;

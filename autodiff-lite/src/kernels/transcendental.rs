@@ -1,5 +1,5 @@
 //! Transcendental functions that vectorise: straight-line code without calls, so that a loop over
-//! a slice becomes SIMD in each of the [clones](super::simd).
+//! a slice becomes SIMD in each of its clones.
 //!
 //! `f32` uses polynomials, with a relative error below 2e-7; `f64`, which is only for gradient
 //! checks, calls the standard library.
@@ -7,15 +7,19 @@
 /// Functions of one number, fit for the inside of a vectorised loop.
 pub trait Transcendental: Copy {
     /// `eˣ`: 0 below -87.3 (no subnormals), infinite above 88.7 in `f32`; NaN stays NaN.
+    #[must_use]
     fn fast_exp(self) -> Self;
 
     /// `1 / (1 + e⁻ˣ)`.
+    #[must_use]
     fn fast_sigmoid(self) -> Self;
 
     /// The hyperbolic tangent.
+    #[must_use]
     fn fast_tanh(self) -> Self;
 }
 
+#[allow(clippy::excessive_precision, reason = "digits as they are printed")]
 impl Transcendental for f32 {
     #[inline(always)]
     fn fast_exp(self) -> Self {

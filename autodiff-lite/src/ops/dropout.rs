@@ -73,6 +73,7 @@ impl<F: Real> Op<F> for Dropout<F> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use ndarray::Array1;
 

@@ -147,6 +147,7 @@ impl<F: Real, D: Fn(F, F) -> F + Sync + Send + 'static> Op<F> for Map<D> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use proptest::prelude::*;
 

@@ -134,6 +134,7 @@ impl<F: Real> Op<F> for ScatterAdd {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use ndarray::arr2;
     use proptest::prelude::*;

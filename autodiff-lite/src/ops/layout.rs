@@ -241,6 +241,7 @@ impl<F: Real> Op<F> for Concat {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use ndarray::arr2;
     use proptest::prelude::*;

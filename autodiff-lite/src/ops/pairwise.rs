@@ -241,6 +241,7 @@ impl<F: Real> std::ops::Neg for Var<'_, F> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use ndarray::{ArrayD, IxDyn, arr1, arr2};
     use proptest::prelude::*;

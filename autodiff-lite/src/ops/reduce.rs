@@ -171,6 +171,7 @@ impl<F: Real> Op<F> for MaxAxis {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use ndarray::{Axis, arr2};
     use proptest::prelude::*;

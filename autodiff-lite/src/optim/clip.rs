@@ -30,6 +30,7 @@ pub fn clip_value<F: Real>(gradients: &mut Gradients<F>, limit: f64) {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use ndarray::arr1;
 

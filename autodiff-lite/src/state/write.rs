@@ -49,10 +49,10 @@ impl State {
         for stored in self.stored() {
             match &stored.numbers {
                 Numbers::Singles(x) => {
-                    x.iter().try_for_each(|x| out.write_all(&x.to_le_bytes()))?
+                    x.iter().try_for_each(|x| out.write_all(&x.to_le_bytes()))?;
                 }
                 Numbers::Doubles(x) => {
-                    x.iter().try_for_each(|x| out.write_all(&x.to_le_bytes()))?
+                    x.iter().try_for_each(|x| out.write_all(&x.to_le_bytes()))?;
                 }
                 Numbers::Counts(x) => x.iter().try_for_each(|x| out.write_all(&x.to_le_bytes()))?,
                 Numbers::Other(_) => {}
