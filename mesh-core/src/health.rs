@@ -21,6 +21,7 @@ use crate::{Topology, TriMesh};
 /// assert!(health.smallest_angle_degrees > 50.0);
 /// println!("{health}");
 /// ```
+#[allow(clippy::struct_excessive_bools, reason = "a list of independent findings")]
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Health {
     /// The number of vertices.

@@ -1,4 +1,60 @@
 //! Triangle meshes without gradients: topology, primitives, cameras, images and mesh files.
+//!
+//! ```
+//! use mesh_core::{TriMesh, primitives, sample_surface, subdivide};
+//!
+//! // A vase, turned from its profile; watertight like all primitives.
+//! let vase = primitives::lathe(&[[0.4, 0.0], [0.7, 0.4], [0.3, 0.9], [0.45, 1.1]], 48);
+//! let health = vase.health();
+//! assert!(health.is_watertight() && vase.self_intersections().is_empty());
+//! println!("{health}"); // counts, holes, handles, angles, folds
+//!
+//! // Finer, then a thousand points on it: the same ones for the same seed.
+//! let finer = subdivide(&vase);
+//! let points = sample_surface(&finer, 1000, 7);
+//! assert_eq!(points.len(), 1000);
+//!
+//! // Whatever comes from elsewhere is checked at the door, by name.
+//! let broken = TriMesh::new(vec![[0.0; 3]; 3], vec![[0, 1, 3]]);
+//! let error = broken.validate().unwrap_err();
+//! assert_eq!(error.to_string(), "face 0 names vertex 3, expected less than 3");
+//! ```
+//!
+//! # By task
+//!
+//! - **a mesh**: [`TriMesh`], [`Texture`]; [`TriMesh::validate`], [`TriMesh::health`],
+//!   [`TriMesh::self_intersections`], bounds, area, volume, transforms, [`TriMesh::append`]
+//! - **make one**: [`primitives`]; finer by [`subdivide`], with anything that lives on the vertices by
+//!   [`Subdivision`]; better triangles by [`improve`]
+//! - **who is next to whom**: [`Topology`] (edges, face pairs, rings), [`Csr`]
+//! - **measure**: [`face_normals`], [`vertex_normals`], [`face_areas`], [`vertex_areas`];
+//!   [`uniform_laplacian`], [`combinatorial_laplacian`], [`cotangent_laplacian`] as [`SparseRows`]
+//! - **smooth steps**: [`DiffusionSolver`], `(I + λ L) x = b`
+//! - **points and cells**: [`sample_surface`], [`nearest`]; [`voxelize_solid`], [`voxelize_surface`],
+//!   [`voxelize_parity`], [`voxelize_enclosed`], [`VoxelGrid::iou`]
+//! - **see**: [`Camera`] with every convention that data comes in; [`Image`], [`ByteImage`], [`DepthMap`]
+//! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB), [`read_image`], [`write_png`], EXR depth;
+//!   module [`io`]
+//!
+//! # Conventions
+//!
+//! Right-handed, +Y up, unit-free. Faces are counter-clockwise seen from outside. Arrays are row-major
+//! with features last: positions `[V, 3]`, faces `[F, 3]`, images `[H, W, C]` with row 0 on top.
+//! Positions are `f32`; geometry is computed in `f64`. Cameras look along -z (OpenGL), depth is planar
+//! and positive in front, `+inf` where there is nothing. Colours are sRGB in `[0, 1]` unless a name
+//! says linear.
+//!
+//! # Invariants
+//!
+//! - Any bytes may arrive as a file: the answer is a typed error that names what was found and what was
+//!   expected. Arrays of the wrong length are mistakes of the caller and panic, as in indexing;
+//!   [`TriMesh::validate`] is the door between the two.
+//! - The same input gives the same bits for any number of threads. Randomness is a function of a seed.
+//! - [`kernels`] are the only place for `unsafe`, take slices, and choose instructions at run time.
+//!
+//! # Not here
+//!
+//! Gradients (see `autodiff-lite` and `losses`), rendering (`diff-raster`), booleans, hole filling.
 
 mod camera;
 mod csr;

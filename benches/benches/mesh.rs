@@ -1,0 +1,94 @@
+//! Geometry without gradients: nearest neighbours, diffusion, topology, health.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use mesh_core::{
+    DiffusionSolver, ImproveOptions, NearestScratch, Topology, improve, nearest_into, primitives,
+    sample_points,
+};
+
+/// Both directions of a Chamfer distance, sizes of Pixel2Mesh's last level and its ground truth.
+fn nearest(c: &mut Criterion) {
+    let mesh = primitives::pixel2mesh_ellipsoid(2);
+    let mut group = c.benchmark_group("mesh/nearest");
+    for (n, m) in [(2466, 2466), (2466, 9000), (10_000, 10_000)] {
+        let (a, b) = (sample_points(&mesh, n, 1).0, sample_points(&mesh, m, 2).0);
+        let (mut scratch, mut found) = (NearestScratch::default(), Vec::new());
+        group.bench_function(format!("{n}x{m}"), |bench| {
+            bench.iter(|| {
+                nearest_into(&a, &b, &mut scratch, &mut found);
+                nearest_into(&b, &a, &mut scratch, &mut found);
+                black_box(&found);
+            });
+        });
+    }
+    group.finish();
+}
+
+/// One preconditioned step: a rough right-hand side from nothing, and a small change from a guess.
+fn diffusion(c: &mut Criterion) {
+    let mut group = c.benchmark_group("mesh/diffusion");
+    for level in [4, 5] {
+        let mesh = primitives::icosphere(level);
+        let topology = Topology::new(mesh.positions.len(), &mesh.faces);
+        let mut solver = DiffusionSolver::new(&topology, 20.0);
+        let rough: Vec<[f32; 3]> = (0..mesh.positions.len())
+            .map(|i| {
+                std::array::from_fn(|k| ((i * 7919 + k * 104_729) % 1009) as f32 / 500.0 - 1.0)
+            })
+            .collect();
+        let mut x = rough.clone();
+        group.bench_function(format!("icosphere{level}/cold"), |bench| {
+            bench.iter(|| {
+                x.fill([0.0; 3]);
+                black_box(solver.solve(&rough, &mut x, 1e-4, 500))
+            });
+        });
+        let mut u = mesh.positions.clone();
+        solver.apply(&mesh.positions, &mut u);
+        for (u, r) in u.iter_mut().zip(&rough) {
+            for k in 0..3 {
+                u[k] += 0.003 * r[k];
+            }
+        }
+        group.bench_function(format!("icosphere{level}/warm"), |bench| {
+            bench.iter(|| {
+                x.copy_from_slice(&mesh.positions);
+                black_box(solver.solve(&u, &mut x, 1e-5, 500))
+            });
+        });
+    }
+    group.finish();
+}
+
+fn topology(c: &mut Criterion) {
+    let mut group = c.benchmark_group("mesh");
+    for level in [4, 5] {
+        let mesh = primitives::icosphere(level);
+        group.bench_function(format!("topology/icosphere{level}"), |bench| {
+            bench.iter(|| black_box(Topology::new(mesh.positions.len(), &mesh.faces)));
+        });
+        group.bench_function(format!("health/icosphere{level}"), |bench| {
+            bench.iter(|| black_box(mesh.health()));
+        });
+        group.bench_function(format!("self_intersections/icosphere{level}"), |bench| {
+            bench.iter(|| black_box(mesh.self_intersections()));
+        });
+    }
+    let pressed = primitives::icosphere(4).scaled([0.2, 1.0, 1.0]);
+    group.bench_function("improve/icosphere4", |bench| {
+        bench.iter(|| {
+            let mut mesh = pressed.clone();
+            black_box(improve(&mut mesh, &ImproveOptions::default()))
+        });
+    });
+    group.finish();
+}
+
+criterion_group! {
+    name = mesh;
+    config = Criterion::default().sample_size(20);
+    targets = nearest, diffusion, topology
+}
+criterion_main!(mesh);
