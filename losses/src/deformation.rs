@@ -16,7 +16,7 @@ use crate::scalar::{record, vertices, wanted};
 /// # References
 /// Simoni et al. 2021, *Multi-Category Mesh Reconstruction From Image Collections* (deformation loss).
 #[track_caller]
-pub fn deformation_norm<'t, F: Real>(offsets: Var<'t, F>) -> Var<'t, F> {
+pub fn deformation_norm<F: Real>(offsets: Var<'_, F>) -> Var<'_, F> {
     let [n, v] = vertices("deformation_norm", "offsets", offsets);
     let count = (n * v).max(1) as f64;
     let weight = F::from_f64(1.0 / count);

@@ -108,7 +108,7 @@ pub fn ssim<F: Real>(
         None => {
             partial.par_iter_mut().zip(scratch).enumerate().for_each(|(band, (total, scratch))| {
                 *total = work(band, scratch, [&mut [], &mut [], &mut [], &mut []]);
-            })
+            });
         }
         Some(slopes) => {
             let (a, rest) = slopes.split_at_mut(plane.len());

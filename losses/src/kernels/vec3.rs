@@ -62,7 +62,7 @@ pub fn unit<F: Real>(a: [F; 3]) -> ([F; 3], F) {
     (scale(a, inverse), inverse)
 }
 
-/// The gradient of `a` from the gradient `g` of its [`unit`] vector `u`.
+/// The gradient of `a` from the gradient `g` of its [`unit()`] vector `u`.
 #[inline]
 pub fn unit_grad<F: Real>(u: [F; 3], inverse: F, g: [F; 3]) -> [F; 3] {
     scale(sub(g, scale(u, dot(u, g))), inverse)

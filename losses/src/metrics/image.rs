@@ -13,7 +13,7 @@ use crate::kernels::ssim;
 /// how the published tables are made, so compare only figures with the same share of background.
 pub fn l1(image: &Image, target: &Image) -> f64 {
     same_size("l1", image, target);
-    mean(image, target, |d| d.abs())
+    mean(image, target, f64::abs)
 }
 
 /// Mean squared difference over all values.

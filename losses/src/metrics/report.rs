@@ -127,7 +127,7 @@ pub fn evaluate(
         }
         Some(IouProtocol::McmrAligned { .. }) => {
             let alignment = McmrAlignment::of(&prediction, &truth)
-                .ok_or(CompareError::Flat { role: flat(&prediction) })?;
+                .ok_or_else(|| CompareError::Flat { role: flat(&prediction) })?;
             Some(mcmr_iou(&prediction, &truth, alignment))
         }
     };
