@@ -53,3 +53,20 @@ pub(crate) fn for_each_block(count: usize, parallel: bool, f: impl Fn(usize) + S
         (0..count).for_each(f);
     }
 }
+
+/// Calls `f(i, part)` for each part of `len` elements of `out`.
+pub(crate) fn for_each_part<F: Send>(
+    out: &mut [F],
+    len: usize,
+    parallel: bool,
+    f: impl Fn(usize, &mut [F]) + Sync + Send,
+) {
+    if len == 0 {
+        return;
+    }
+    if parallel {
+        out.par_chunks_mut(len).enumerate().with_max_len(1).for_each(|(i, part)| f(i, part));
+    } else {
+        out.chunks_mut(len).enumerate().for_each(|(i, part)| f(i, part));
+    }
+}

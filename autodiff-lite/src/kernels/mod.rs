@@ -4,6 +4,7 @@
 pub mod activation;
 pub(crate) mod blocks;
 pub mod broadcast;
+pub mod columns;
 pub mod conv;
 pub mod elementwise;
 pub mod gemm;

@@ -1,0 +1,278 @@
+//! Convolution and its transpose, with bias and activation in the same pass.
+
+use crate::kernels::activation::Activation;
+use crate::kernels::conv::{Conv, ConvGeometry, ConvSizes};
+use crate::{Backward, CONTIGUOUS, Op, Real, Shapes, Var};
+
+use super::linear::{before_activation, give_bias};
+
+impl<F: Real> Var<'_, F> {
+    /// Convolution: `x [N, H, W, C]`, `weight [O, C, KH, KW]` (PyTorch's layout), `bias [O]` to
+    /// `[N, H', W', O]`:
+    ///
+    /// ```text
+    /// y[n,i,j,o] = activation( b[o] + Σ x[n, i s - p + u d, j s - p + v d, c] w[o,c,u,v] )
+    /// H' = (H + 2p - d (KH - 1) - 1) / s + 1
+    /// ```
+    ///
+    /// # Cost
+    /// `2 N H' W' O C KH KW` flops, each gradient as many; Winograd does a quarter of them where
+    /// it pays ([`ConvAlgorithm`](crate::kernels::conv::ConvAlgorithm)). `benches/autodiff` has
+    /// the rates.
+    ///
+    /// # Panics
+    /// If sizes differ, or the window does not fit the padded input.
+    #[track_caller]
+    pub fn conv2d(
+        self,
+        weight: Self,
+        bias: Option<Self>,
+        geometry: ConvGeometry,
+        activation: Activation,
+    ) -> Self {
+        let (x, w, b) = (self.value(), weight.value(), bias.map(Self::value));
+        let mut shapes = Shapes::of("conv2d").at(self.tape.path());
+        let mut check = || {
+            let xs = shapes.axes("input", x.shape(), ["N", "H", "W", "C"])?;
+            let ws = shapes.axes("weight", w.shape(), ["O", "C", "KH", "KW"])?;
+            if let Some(b) = &b {
+                shapes.axes("bias", b.shape(), ["O"])?;
+            }
+            ConvSizes::new(xs, ws, &geometry)
+                .ok_or_else(|| shapes.error("the window does not fit the padded input"))
+        };
+        let sizes = match check() {
+            Ok(sizes) => sizes,
+            Err(error) => error.panic(),
+        };
+        let conv = Conv::new(sizes, geometry.algorithm);
+        let mut y =
+            self.tape.array(&[sizes.batch, sizes.output[0], sizes.output[1], sizes.out_channels]);
+        conv.forward(
+            x.as_slice().expect(CONTIGUOUS),
+            w.as_slice().expect(CONTIGUOUS),
+            b.as_ref().map(|b| b.as_slice().expect(CONTIGUOUS)),
+            activation,
+            y.as_slice_mut().expect(CONTIGUOUS),
+            &mut self.tape.buffer(conv.forward_scratch::<F>()),
+        );
+        let op = Conv2d { conv, activation };
+        match bias {
+            Some(bias) => self.tape.record(&[self, weight, bias], y, op),
+            None => self.tape.record(&[self, weight], y, op),
+        }
+    }
+
+    /// Transposed convolution: `x [N, H, W, C]`, `weight [C, O, KH, KW]` (PyTorch's layout),
+    /// `bias [O]` to `[N, H', W', O]` with `H' = (H - 1) s - 2p + d (KH - 1) + 1 + output_padding`.
+    ///
+    /// It is the gradient of the input of [`conv2d`](Self::conv2d) with the same weight, and
+    /// costs what that costs.
+    ///
+    /// # Panics
+    /// If sizes differ, the output would be empty, or `output_padding` is not below the stride.
+    #[track_caller]
+    pub fn conv_transpose2d(
+        self,
+        weight: Self,
+        bias: Option<Self>,
+        geometry: ConvGeometry,
+        output_padding: usize,
+        activation: Activation,
+    ) -> Self {
+        let (x, w, b) = (self.value(), weight.value(), bias.map(Self::value));
+        let mut shapes = Shapes::of("conv_transpose2d").at(self.tape.path());
+        let mut check = || {
+            let xs = shapes.axes("input", x.shape(), ["N", "H", "W", "C"])?;
+            let ws = shapes.axes("weight", w.shape(), ["C", "O", "KH", "KW"])?;
+            if let Some(b) = &b {
+                shapes.axes("bias", b.shape(), ["O"])?;
+            }
+            // The convolution whose input's gradient this is.
+            let size = |axis: usize| {
+                geometry.transposed_size(axis, xs[1 + axis], ws[2 + axis], output_padding)
+            };
+            size(0)
+                .zip(size(1))
+                .and_then(|(h, w)| ConvSizes::new([xs[0], h, w, ws[1]], ws, &geometry))
+                .filter(|s| s.output == [xs[1], xs[2]])
+                .ok_or_else(|| {
+                    shapes.error("no output size belongs to this input, window and padding")
+                })
+        };
+        let sizes = match check() {
+            Ok(sizes) => sizes,
+            Err(error) => error.panic(),
+        };
+        let conv = Conv::new(sizes, geometry.algorithm);
+        let mut y =
+            self.tape.array(&[sizes.batch, sizes.input[0], sizes.input[1], sizes.in_channels]);
+        conv.grad_input(
+            x.as_slice().expect(CONTIGUOUS),
+            w.as_slice().expect(CONTIGUOUS),
+            b.as_ref().map(|b| b.as_slice().expect(CONTIGUOUS)),
+            activation,
+            y.as_slice_mut().expect(CONTIGUOUS),
+            &mut self.tape.buffer(conv.grad_input_scratch::<F>()),
+        );
+        let op = ConvTranspose2d { conv, activation };
+        match bias {
+            Some(bias) => self.tape.record(&[self, weight, bias], y, op),
+            None => self.tape.record(&[self, weight], y, op),
+        }
+    }
+}
+
+struct Conv2d {
+    conv: Conv,
+    activation: Activation,
+}
+
+impl<F: Real> Op<F> for Conv2d {
+    fn name(&self) -> &'static str {
+        "conv2d"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let conv = &self.conv;
+        let g = before_activation(cx, self.activation);
+        let grad = g.as_slice().expect(CONTIGUOUS);
+        let (x, w) = (cx.input(0), cx.input(1));
+        if cx.needs(0) {
+            let mut gx = cx.array(x.shape());
+            conv.grad_input(
+                grad,
+                w.as_slice().expect(CONTIGUOUS),
+                None,
+                Activation::None,
+                gx.as_slice_mut().expect(CONTIGUOUS),
+                &mut cx.scratch(conv.grad_input_scratch::<F>()),
+            );
+            cx.give(0, gx);
+        }
+        if cx.needs(1) {
+            let mut gw = cx.array(w.shape());
+            conv.grad_weight(
+                x.as_slice().expect(CONTIGUOUS),
+                grad,
+                gw.as_slice_mut().expect(CONTIGUOUS),
+                &mut cx.scratch(conv.grad_weight_scratch::<F>()),
+            );
+            cx.give(1, gw);
+        }
+        give_bias(cx, 2, grad);
+        cx.recycle(g);
+    }
+}
+
+struct ConvTranspose2d {
+    conv: Conv,
+    activation: Activation,
+}
+
+impl<F: Real> Op<F> for ConvTranspose2d {
+    fn name(&self) -> &'static str {
+        "conv_transpose2d"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let conv = &self.conv;
+        let g = before_activation(cx, self.activation);
+        let grad = g.as_slice().expect(CONTIGUOUS);
+        let (x, w) = (cx.input(0), cx.input(1));
+        if cx.needs(0) {
+            let mut gx = cx.array(x.shape());
+            conv.forward(
+                grad,
+                w.as_slice().expect(CONTIGUOUS),
+                None,
+                Activation::None,
+                gx.as_slice_mut().expect(CONTIGUOUS),
+                &mut cx.scratch(conv.forward_scratch::<F>()),
+            );
+            cx.give(0, gx);
+        }
+        if cx.needs(1) {
+            let mut gw = cx.array(w.shape());
+            conv.grad_weight(
+                grad,
+                x.as_slice().expect(CONTIGUOUS),
+                gw.as_slice_mut().expect(CONTIGUOUS),
+                &mut cx.scratch(conv.grad_weight_scratch::<F>()),
+            );
+            cx.give(1, gw);
+        }
+        give_bias(cx, 2, grad);
+        cx.recycle(g);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::kernels::activation::Activation;
+    use crate::kernels::conv::ConvGeometry;
+    use crate::testkit::{self, Options, gradcheck};
+    use crate::{Tape, Var};
+    use proptest::prelude::*;
+
+    const SAME: Activation = Activation::None;
+
+    gradcheck!(one_pixel: |x, w| x.conv2d(w, None, ConvGeometry::new(), SAME),
+        shapes [[[1, 1, 1, 1], [1, 1, 1, 1]], [[2, 3, 2, 3], [17, 3, 1, 1]]]);
+    gradcheck!(with_bias: |x, w, b| x.conv2d(w, Some(b), ConvGeometry::new().padding(1), Activation::Tanh),
+        shapes [[[1, 5, 4, 3], [2, 3, 3, 3], [2]], [[2, 3, 3, 1], [1, 1, 3, 3], [1]]]);
+    gradcheck!(transposed: |x, w, b| x.conv_transpose2d(w, Some(b), ConvGeometry::new().stride(2).padding(1), 1, Activation::Sigmoid),
+        shapes [[[1, 3, 4, 2], [2, 3, 3, 3], [3]], [[2, 1, 1, 1], [1, 1, 4, 4], [1]]]);
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        #[test]
+        fn any_geometry(
+            n in 1usize..3, h in 1usize..8, w in 1usize..8,
+            c in prop::sample::select(vec![1usize, 3, 17]), o in prop::sample::select(vec![1usize, 3, 17]),
+            kernel in (1usize..4, 1usize..4), stride in (1usize..4, 1usize..4),
+            padding in (0usize..3, 0usize..3), dilation in (1usize..3, 1usize..3),
+        ) {
+            let geometry = ConvGeometry {
+                stride: [stride.0, stride.1],
+                padding: [padding.0, padding.1],
+                dilation: [dilation.0, dilation.1],
+                ..ConvGeometry::new()
+            };
+            prop_assume!(geometry.output_size(0, h, kernel.0).is_some());
+            prop_assume!(geometry.output_size(1, w, kernel.1).is_some());
+            let options = Options { probes: 24, ..Options::default() };
+            testkit::assert_gradients(
+                &move |v: &[Var<'_, f64>]| v[0].conv2d(v[1], Some(v[2]), geometry, SAME),
+                &[vec![n, h, w, c], vec![o, c, kernel.0, kernel.1], vec![o]],
+                &options,
+            );
+            prop_assume!(geometry.transposed_size(0, h, kernel.0, 0).is_some_and(|s| s > 0));
+            prop_assume!(geometry.transposed_size(1, w, kernel.1, 0).is_some_and(|s| s > 0));
+            testkit::assert_gradients(
+                &move |v: &[Var<'_, f64>]| v[0].conv_transpose2d(v[1], Some(v[2]), geometry, 0, SAME),
+                &[vec![n, h, w, c], vec![c, o, kernel.0, kernel.1], vec![o]],
+                &options,
+            );
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "C is 3 in input and 4 in weight")]
+    fn channels_must_agree() {
+        let tape = Tape::<f32>::eval();
+        let x = tape.constant(ndarray::Array4::<f32>::zeros((1, 5, 5, 3)));
+        let w = tape.constant(ndarray::Array4::<f32>::zeros((2, 4, 3, 3)));
+        x.conv2d(w, None, ConvGeometry::new(), SAME);
+    }
+
+    #[test]
+    #[should_panic(expected = "the window does not fit")]
+    fn the_window_must_fit() {
+        let tape = Tape::<f32>::eval();
+        let x = tape.constant(ndarray::Array4::<f32>::zeros((1, 2, 5, 3)));
+        let w = tape.constant(ndarray::Array4::<f32>::zeros((2, 3, 3, 3)));
+        x.conv2d(w, None, ConvGeometry::new(), SAME);
+    }
+}
