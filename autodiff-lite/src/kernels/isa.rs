@@ -71,4 +71,20 @@ impl Isa {
             Self::Native => pulp::Arch::new().dispatch(kernel),
         }
     }
+
+    /// Runs a kernel that is only for 32 registers.
+    ///
+    /// # Panics
+    /// If this is not AVX-512, or the machine lacks it.
+    #[inline]
+    pub(crate) fn run_wide<K: WithSimd>(self, kernel: K) -> K::Output {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => {
+                let v4 = pulp::x86::V4::try_new().expect("this machine has no AVX-512");
+                pulp::Simd::vectorize(v4, kernel)
+            }
+            _ => unreachable!("tiles this high are cut for AVX-512 alone"),
+        }
+    }
 }

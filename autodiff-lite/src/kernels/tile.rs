@@ -16,8 +16,8 @@ use crate::kernels::isa::Isa;
 use crate::kernels::lane::Lane;
 
 /// Operands of one tile. Addresses are those of its first element.
-#[derive(Clone, Copy)]
-pub(crate) struct Tile<'a, F> {
+#[derive(Clone, Copy, Debug)]
+pub struct Tile<'a, F> {
     /// Where each run begins: steps from `a` and from `b`.
     pub(crate) runs: &'a [[usize; 2]],
     /// Products in each run.
@@ -45,7 +45,7 @@ pub(crate) struct Tile<'a, F> {
 
 /// How the elements of `a` lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Rows {
+pub enum Rows {
     /// Products of a run are contiguous: a convolution reads its input.
     Strided,
     /// Rows of the tile are contiguous: the gradient of a weight reads the input.
@@ -128,13 +128,22 @@ impl<F: Lane, const MR: usize, const NV: usize, const UNIT: bool> WithSimd
 /// A compiled tile of one height and width.
 pub(crate) type TileFn<F> = unsafe fn(Isa, &Tile<'_, F>);
 
+/// Rows of a tile on 16 registers: 12 accumulators, two vectors of `b` and a broadcast.
+const FEW_ROWS: usize = 6;
+
 /// # Safety
 /// All that the tile reads and writes lies within its operands.
 unsafe fn run<F: Lane, const MR: usize, const NV: usize, const UNIT: bool>(
     isa: Isa,
     tile: &Tile<'_, F>,
 ) {
-    isa.run(Run::<F, MR, NV, UNIT>(tile));
+    let kernel = Run::<F, MR, NV, UNIT>(tile);
+    // High tiles are compiled for AVX-512 alone.
+    if const { MR <= FEW_ROWS } {
+        isa.run(kernel);
+    } else {
+        isa.run_wide(kernel);
+    }
 }
 
 /// The tiles of one instruction set: what the sweeps are cut for.
@@ -163,8 +172,7 @@ impl Tiles {
         let rows = match isa {
             #[cfg(target_arch = "x86_64")]
             Isa::Avx512 => 14,
-            // 16 registers hold 12 accumulators, two vectors of `b` and a broadcast.
-            _ => 6,
+            _ => FEW_ROWS,
         };
         Self { isa, rows, lanes: isa.run(Lanes::<F>(std::marker::PhantomData)) }
     }
@@ -176,25 +184,34 @@ impl Tiles {
 
     /// The tile of `rows` rows that covers `columns` columns.
     pub(crate) fn get<F: Lane>(self, layout: Rows, rows: usize, columns: usize) -> TileFn<F> {
-        macro_rules! heights {
-            ($nv:literal, $unit:literal; $($mr:literal)*) => {
-                [$(run::<F, $mr, $nv, $unit> as TileFn<F>),*]
-            };
-        }
-        macro_rules! table {
-            ($nv:literal, $unit:literal) => {
-                heights!($nv, $unit; 1 2 3 4 5 6 7 8 9 10 11 12 13 14)
-            };
-        }
-        let two = columns > self.lanes;
-        match (layout, two) {
-            (Rows::Strided, true) => table!(2, false)[rows - 1],
-            (Rows::Strided, false) => table!(1, false)[rows - 1],
-            (Rows::Contiguous, true) => table!(2, true)[rows - 1],
-            (Rows::Contiguous, false) => table!(1, true)[rows - 1],
-        }
+        F::tile(layout, rows, columns > self.lanes)
     }
 }
+
+/// Where the tiles of one type are compiled: here, not in each crate that convolves.
+pub trait Tiled: Sized {
+    /// The tile of `rows` rows and one vector of columns, or two.
+    fn tile(layout: Rows, rows: usize, two: bool) -> unsafe fn(Isa, &Tile<'_, Self>);
+}
+
+macro_rules! tiled {
+    ($float:ident: $($mr:literal)*) => {
+        impl Tiled for $float {
+            fn tile(layout: Rows, rows: usize, two: bool) -> TileFn<Self> {
+                let table: &[TileFn<Self>] = match (layout, two) {
+                    (Rows::Strided, true) => &[$(run::<$float, $mr, 2, false>),*],
+                    (Rows::Strided, false) => &[$(run::<$float, $mr, 1, false>),*],
+                    (Rows::Contiguous, true) => &[$(run::<$float, $mr, 2, true>),*],
+                    (Rows::Contiguous, false) => &[$(run::<$float, $mr, 1, true>),*],
+                };
+                table[rows - 1]
+            }
+        }
+    };
+}
+
+tiled!(f32: 1 2 3 4 5 6 7 8 9 10 11 12 13 14);
+tiled!(f64: 1 2 3 4 5 6 7 8 9 10 11 12 13 14);
 
 /// Cuts `len` into the fewest balanced parts of at most `most`, and calls `f(start, size)`.
 #[inline(always)]

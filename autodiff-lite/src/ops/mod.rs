@@ -8,5 +8,13 @@ mod gather;
 mod layout;
 mod linear;
 mod matmul;
+mod norm;
 mod pairwise;
+mod pooling;
+mod project;
 mod reduce;
+mod resample;
+mod softmax;
+mod sparse;
+
+pub use norm::BatchStatistics;

@@ -1,0 +1,361 @@
+//! Normalisation: of rows (layer norm), of channels or groups of them over pixels (batch norm,
+//! group norm), each followed by scale, shift and activation in the same pass.
+
+use crate::Real;
+use crate::kernels::activation::Activation;
+use crate::kernels::blocks::{SERIAL_ELEMENTS, for_each_part};
+use crate::kernels::columns::fold_rows;
+use crate::kernels::simd::clones;
+
+/// An array seen as `[sets, rows, channels]`, whose statistics are taken per set and group of
+/// neighbouring channels, over all rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NormSizes {
+    /// Independent sets: images for group norm, 1 for batch norm.
+    pub sets: usize,
+    /// Rows of each set: pixels.
+    pub rows: usize,
+    /// Numbers in a row.
+    pub channels: usize,
+    /// Groups of neighbouring channels; a divisor of `channels`.
+    pub groups: usize,
+}
+
+impl NormSizes {
+    /// Numbers that share one mean and variance.
+    pub fn population(&self) -> usize {
+        self.rows * self.channels / self.groups
+    }
+}
+
+/// Mean and `1 / sqrt(variance + epsilon)` of each set and group.
+#[derive(Debug)]
+pub struct Statistics<'a, F> {
+    /// `[sets, groups]`.
+    pub mean: &'a [F],
+    /// `[sets, groups]`.
+    pub inverse: &'a [F],
+}
+
+#[inline(always)]
+fn squares_body<F: Real>(x: &[F], mean: &[F], sums: &mut [F]) {
+    for row in x.chunks_exact(mean.len()) {
+        for ((sum, &x), &mean) in sums.iter_mut().zip(row).zip(mean) {
+            *sum += (x - mean) * (x - mean);
+        }
+    }
+}
+
+#[inline(always)]
+fn sums_body<F: Real>(x: &[F], sums: &mut [F]) {
+    for row in x.chunks_exact(sums.len()) {
+        for (sum, &x) in sums.iter_mut().zip(row) {
+            *sum += x;
+        }
+    }
+}
+
+#[inline(always)]
+fn apply_body<F: Real>(x: &[F], scale: &[F], shift: &[F], activation: Activation, y: &mut [F]) {
+    let c = scale.len();
+    for (x, y) in x.chunks_exact(c).zip(y.chunks_exact_mut(c)) {
+        for (((y, &x), &scale), &shift) in y.iter_mut().zip(x).zip(scale).zip(shift) {
+            *y = x * scale + shift;
+        }
+        if activation == Activation::Relu {
+            for y in y {
+                *y = if *y < F::zero() { F::zero() } else { *y };
+            }
+        } else if activation != Activation::None {
+            for y in y {
+                *y = activation.apply(*y);
+            }
+        }
+    }
+}
+
+/// Adds `Σ g` and `Σ g x̂` of each channel, the second half of `sums` being the second.
+#[inline(always)]
+fn moments_body<F: Real>(x: &[F], g: &[F], mean: &[F], inverse: &[F], sums: &mut [F]) {
+    let c = mean.len();
+    let (plain, weighted) = sums.split_at_mut(c);
+    for (x, g) in x.chunks_exact(c).zip(g.chunks_exact(c)) {
+        for i in 0..c {
+            plain[i] += g[i];
+            weighted[i] += g[i] * (x[i] - mean[i]) * inverse[i];
+        }
+    }
+}
+
+/// `g` becomes `a g - b - x̂ c`, each of `a`, `b`, `c` per channel.
+#[inline(always)]
+fn centre_body<F: Real>(x: &[F], a: &[F], b: &[F], c: &[F], g: &mut [F]) {
+    let n = a.len();
+    for (x, g) in x.chunks_exact(n).zip(g.chunks_exact_mut(n)) {
+        for i in 0..n {
+            g[i] = g[i] * a[i] - b[i] - x[i] * c[i];
+        }
+    }
+}
+
+clones!(fn add_squares[F: Real](x: &[F], mean: &[F], sums: &mut [F]) = squares_body);
+clones!(fn add_sums[F: Real](x: &[F], sums: &mut [F]) = sums_body);
+clones!(fn apply_rows[F: Real](x: &[F], scale: &[F], shift: &[F], activation: Activation, y: &mut [F]) = apply_body);
+clones!(fn add_moments[F: Real](x: &[F], g: &[F], mean: &[F], inverse: &[F], sums: &mut [F]) = moments_body);
+clones!(fn centre_rows[F: Real](x: &[F], a: &[F], b: &[F], c: &[F], g: &mut [F]) = centre_body);
+
+/// Mean and biased variance of each set and group, in two passes.
+///
+/// # Panics
+/// If a length does not fit.
+pub fn statistics<F: Real>(s: NormSizes, x: &[F], mean: &mut [F], variance: &mut [F]) {
+    let (c, width) = (s.channels, s.channels / s.groups);
+    assert_eq!(x.len(), s.sets * s.rows * c);
+    let count = F::from_f64(1.0 / s.population().max(1) as f64);
+    let (mut sums, mut means) = (vec![F::zero(); c], vec![F::zero(); c]);
+    for set in 0..s.sets {
+        let x = &x[set * s.rows * c..(set + 1) * s.rows * c];
+        let group = set * s.groups..(set + 1) * s.groups;
+        fold_rows(s.rows, c, 1, &mut sums, |r, sums| add_sums(&x[r.start * c..r.end * c], sums));
+        for (mean, sums) in mean[group.clone()].iter_mut().zip(sums.chunks_exact(width)) {
+            *mean = sums.iter().copied().sum::<F>() * count;
+        }
+        for (mean, means) in mean[group.clone()].iter().zip(means.chunks_exact_mut(width)) {
+            means.fill(*mean);
+        }
+        fold_rows(s.rows, c, 1, &mut sums, |r, sums| {
+            add_squares(&x[r.start * c..r.end * c], &means, sums);
+        });
+        for (variance, sums) in variance[group].iter_mut().zip(sums.chunks_exact(width)) {
+            *variance = sums.iter().copied().sum::<F>() * count;
+        }
+    }
+}
+
+/// `y = activation((x - mean) inverse · weight + bias)`, weight and bias per channel.
+///
+/// # Panics
+/// If a length does not fit.
+pub fn normalize<F: Real>(
+    s: NormSizes,
+    x: &[F],
+    statistics: &Statistics<'_, F>,
+    [weight, bias]: [&[F]; 2],
+    activation: Activation,
+    y: &mut [F],
+) {
+    let (c, width) = (s.channels, s.channels / s.groups);
+    let (mut scale, mut shift) = (vec![F::zero(); c], vec![F::zero(); c]);
+    for set in 0..s.sets {
+        for i in 0..c {
+            let group = set * s.groups + i / width;
+            scale[i] = statistics.inverse[group] * weight[i];
+            shift[i] = bias[i] - statistics.mean[group] * scale[i];
+        }
+        let range = set * s.rows * c..(set + 1) * s.rows * c;
+        let chunk = (16 * 1024 / c.max(1)).max(1) * c;
+        let (x, y) = (&x[range.clone()], &mut y[range]);
+        let parallel = x.len() >= SERIAL_ELEMENTS;
+        for_each_part(y, chunk, parallel, |i, y| {
+            apply_rows(&x[i * chunk..][..y.len()], &scale, &shift, activation, y);
+        });
+    }
+}
+
+/// Turns the gradient `g` of the normalised, scaled and shifted output into that of `x`, in
+/// place, and adds those of weight and bias.
+///
+/// # Panics
+/// If a length does not fit.
+pub fn normalize_grad<F: Real>(
+    s: NormSizes,
+    x: &[F],
+    statistics: &Statistics<'_, F>,
+    weight: &[F],
+    g: &mut [F],
+    [grad_weight, grad_bias]: [&mut [F]; 2],
+) {
+    let (c, width) = (s.channels, s.channels / s.groups);
+    let count = F::from_f64(1.0 / s.population().max(1) as f64);
+    let mut sums = vec![F::zero(); 2 * c];
+    let [mut mean, mut inverse] = [vec![F::zero(); c], vec![F::zero(); c]];
+    let [mut first, mut second, mut third] = [(); 3].map(|()| vec![F::zero(); c]);
+    for set in 0..s.sets {
+        for i in 0..c {
+            let group = set * s.groups + i / width;
+            (mean[i], inverse[i]) = (statistics.mean[group], statistics.inverse[group]);
+        }
+        let range = set * s.rows * c..(set + 1) * s.rows * c;
+        let (x, g) = (&x[range.clone()], &mut g[range]);
+        let shared = &*g;
+        fold_rows(s.rows, c, 2, &mut sums, |r, sums| {
+            let r = r.start * c..r.end * c;
+            add_moments(&x[r.clone()], &shared[r], &mean, &inverse, sums);
+        });
+        for i in 0..c {
+            grad_bias[i] += sums[i];
+            grad_weight[i] += sums[c + i];
+        }
+        for group in 0..s.groups {
+            let channels = group * width..(group + 1) * width;
+            let (mut plain, mut weighted) = (F::zero(), F::zero());
+            for i in channels.clone() {
+                plain += weight[i] * sums[i] * count;
+                weighted += weight[i] * sums[c + i] * count;
+            }
+            for i in channels {
+                // inverse (w g - plain - x̂ weighted), with x̂ = (x - mean) inverse.
+                first[i] = inverse[i] * weight[i];
+                third[i] = inverse[i] * inverse[i] * weighted;
+                second[i] = inverse[i] * plain - third[i] * mean[i];
+            }
+        }
+        let chunk = (16 * 1024 / c.max(1)).max(1) * c;
+        let parallel = x.len() >= SERIAL_ELEMENTS;
+        for_each_part(g, chunk, parallel, |i, g| {
+            centre_rows(&x[i * chunk..][..g.len()], &first, &second, &third, g);
+        });
+    }
+}
+
+#[inline(always)]
+fn layer_body<F: Real>(
+    x: &[F],
+    weight: &[F],
+    bias: &[F],
+    epsilon: F,
+    activation: Activation,
+    y: &mut [F],
+    stats: &mut [F],
+) {
+    let c = weight.len();
+    let count = F::one() / F::from_f64(c as f64);
+    let rows = x.chunks_exact(c).zip(y.chunks_exact_mut(c)).zip(stats.chunks_exact_mut(2));
+    for ((x, y), stats) in rows {
+        let mean = lane_sum(x, |x| x) * count;
+        let variance = lane_sum(x, |x| (x - mean) * (x - mean)) * count;
+        let inverse = F::one() / (variance + epsilon).sqrt();
+        (stats[0], stats[1]) = (mean, inverse);
+        for (((y, &x), &weight), &bias) in y.iter_mut().zip(x).zip(weight).zip(bias) {
+            *y = (x - mean) * inverse * weight + bias;
+        }
+        if activation != Activation::None {
+            for y in y {
+                *y = activation.apply(*y);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn lane_sum<F: Real>(x: &[F], f: impl Fn(F) -> F) -> F {
+    let mut lanes = [F::zero(); 16];
+    for chunk in x.chunks(16) {
+        for (sum, &x) in lanes.iter_mut().zip(chunk) {
+            *sum += f(x);
+        }
+    }
+    let mut sum = F::zero();
+    for lane in lanes {
+        sum += lane;
+    }
+    sum
+}
+
+#[inline(always)]
+fn layer_grad_body<F: Real>(x: &[F], stats: &[F], weight: &[F], g: &mut [F]) {
+    let c = weight.len();
+    let count = F::one() / F::from_f64(c as f64);
+    let rows = x.chunks_exact(c).zip(g.chunks_exact_mut(c)).zip(stats.chunks_exact(2));
+    for ((x, g), stats) in rows {
+        let (mean, inverse) = (stats[0], stats[1]);
+        let [mut plain, mut weighted] = [[F::zero(); 16]; 2];
+        for ((x, g), w) in x.chunks(16).zip(g.chunks(16)).zip(weight.chunks(16)) {
+            for i in 0..x.len() {
+                plain[i] += w[i] * g[i];
+                weighted[i] += w[i] * g[i] * (x[i] - mean) * inverse;
+            }
+        }
+        let [mut a, mut b] = [F::zero(); 2];
+        for i in 0..16 {
+            a += plain[i];
+            b += weighted[i];
+        }
+        let (a, b) = (a * count, b * count);
+        for ((g, &x), &w) in g.iter_mut().zip(x).zip(weight) {
+            *g = inverse * (w * *g - a - (x - mean) * inverse * b);
+        }
+    }
+}
+
+clones!(fn layer_rows[F: Real](x: &[F], weight: &[F], bias: &[F], epsilon: F, activation: Activation, y: &mut [F], stats: &mut [F]) = layer_body);
+clones!(fn layer_grad_rows[F: Real](x: &[F], stats: &[F], weight: &[F], g: &mut [F]) = layer_grad_body);
+
+/// Normalises each row of `weight.len()` numbers; `stats` gets mean and inverse deviation of each
+/// row.
+///
+/// # Panics
+/// If a length does not fit.
+pub fn layer_norm<F: Real>(
+    x: &[F],
+    [weight, bias]: [&[F]; 2],
+    epsilon: F,
+    activation: Activation,
+    y: &mut [F],
+    stats: &mut [F],
+) {
+    let c = weight.len();
+    if c == 0 || x.is_empty() {
+        return;
+    }
+    assert_eq!(stats.len(), x.len() / c * 2);
+    let rows = (16 * 1024 / c).max(1);
+    let shared = crate::kernels::blocks::Shared::new(stats);
+    for_each_part(y, rows * c, x.len() >= SERIAL_ELEMENTS, |i, y| {
+        // SAFETY: each task has the statistics of its own rows.
+        let stats = unsafe { shared.slice(i * rows * 2, y.len() / c * 2) };
+        let x = &x[i * rows * c..][..y.len()];
+        layer_rows(x, weight, bias, epsilon, activation, y, stats);
+    });
+}
+
+/// Turns the gradient `g` of [`layer_norm`]'s output (before the activation) into that of `x`, in
+/// place, after adding those of weight and bias.
+///
+/// # Panics
+/// If a length does not fit.
+pub fn layer_norm_grad<F: Real>(
+    x: &[F],
+    stats: &[F],
+    weight: &[F],
+    g: &mut [F],
+    [grad_weight, grad_bias]: [&mut [F]; 2],
+) {
+    let c = weight.len();
+    if c == 0 || x.is_empty() {
+        return;
+    }
+    let mut sums = vec![F::zero(); 2 * c];
+    let shared = &*g;
+    fold_rows(x.len() / c, c, 2, &mut sums, |rows, sums| {
+        let (plain, weighted) = sums.split_at_mut(c);
+        for row in rows {
+            let (x, g) = (&x[row * c..(row + 1) * c], &shared[row * c..(row + 1) * c]);
+            let (mean, inverse) = (stats[row * 2], stats[row * 2 + 1]);
+            for i in 0..c {
+                plain[i] += g[i];
+                weighted[i] += g[i] * (x[i] - mean) * inverse;
+            }
+        }
+    });
+    for i in 0..c {
+        grad_bias[i] += sums[i];
+        grad_weight[i] += sums[c + i];
+    }
+    let rows = (16 * 1024 / c).max(1);
+    for_each_part(g, rows * c, x.len() >= SERIAL_ELEMENTS, |i, g| {
+        let (first, here) = (i * rows, g.len() / c);
+        let stats = &stats[first * 2..(first + here) * 2];
+        layer_grad_rows(&x[first * c..(first + here) * c], stats, weight, g);
+    });
+}

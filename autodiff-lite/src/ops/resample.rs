@@ -1,0 +1,164 @@
+//! Bilinear resizing and sampling.
+
+use crate::kernels::resample::{self, Padding, Sampling, resize_blends};
+use crate::{Backward, CONTIGUOUS, Op, Real, ShapeError, Shapes, Var};
+
+impl<F: Real> Var<'_, F> {
+    /// `[N, H, W, C]` to `[N, height, width, C]`, bilinear, without antialiasing, as PyTorch's
+    /// `interpolate`. With `align_corners` the outermost pixel centres stay where they are, else
+    /// the outer edges of the image.
+    ///
+    /// # Panics
+    /// If the input has not four axes, or is empty where the output is not.
+    #[track_caller]
+    pub fn resize_bilinear(self, height: usize, width: usize, align_corners: bool) -> Self {
+        let x = self.value();
+        let mut shapes = Shapes::of("resize_bilinear").at(self.tape.path());
+        let sizes = shapes.axes("input", x.shape(), ["N", "H", "W", "C"]).and_then(|sizes| {
+            let empty = sizes[1] * sizes[2] == 0 && height * width > 0;
+            if empty {
+                Err(shapes.error("an empty image has no pixels to blend"))
+            } else {
+                Ok(sizes)
+            }
+        });
+        let sizes = match sizes {
+            Ok(sizes) => sizes,
+            Err(error) => error.panic(),
+        };
+        let rows = resize_blends::<F>(sizes[1], height, align_corners);
+        let columns = resize_blends::<F>(sizes[2], width, align_corners);
+        let mut y = self.tape.array(&[sizes[0], height, width, sizes[3]]);
+        resample::resize(
+            sizes,
+            &rows,
+            &columns,
+            x.as_slice().expect(CONTIGUOUS),
+            y.as_slice_mut().expect(CONTIGUOUS),
+        );
+        self.tape.record_fn("resize_bilinear", &[self], y, move |cx: &mut Backward<'_, F>| {
+            let g = cx.grad_out();
+            let g = g.as_slice().expect(CONTIGUOUS);
+            resample::resize_grad(sizes, &rows, &columns, g, cx.grad_slice_mut(0));
+        })
+    }
+
+    /// The image `[N, H, W, C]` at `points [N, P, 2]`, bilinear, to `[N, P, C]`.
+    ///
+    /// A point is (x, y), x to the right and y *down*, (-1, -1) the top left and (1, 1) the
+    /// bottom right: the centres of the corner pixels with `align_corners`, else the corners of
+    /// the image; PyTorch's `grid_sample`. Gradients to image and points; kinks where a point
+    /// crosses a pixel centre.
+    ///
+    /// # Panics
+    /// If sizes differ.
+    #[track_caller]
+    pub fn bilinear_sample(self, points: Self, padding: Padding, align_corners: bool) -> Self {
+        let (x, p) = (self.value(), points.value());
+        let mut shapes = Shapes::of("bilinear_sample").at(self.tape.path());
+        let mut check = || -> Result<Sampling, ShapeError> {
+            let image = shapes.axes("input", x.shape(), ["N", "H", "W", "C"])?;
+            let [_, count, two] = shapes.axes("points", p.shape(), ["N", "P", "_"])?;
+            if two != 2 {
+                return Err(shapes.error("points of 2 coordinates expected"));
+            }
+            Ok(Sampling { image, points: count, padding, align_corners })
+        };
+        let sampling = match check() {
+            Ok(sampling) => sampling,
+            Err(error) => error.panic(),
+        };
+        let mut y = self.tape.array(&[sampling.image[0], sampling.points, sampling.image[3]]);
+        resample::sample(
+            &sampling,
+            x.as_slice().expect(CONTIGUOUS),
+            p.as_slice().expect(CONTIGUOUS),
+            y.as_slice_mut().expect(CONTIGUOUS),
+        );
+        self.tape.record(&[self, points], y, BilinearSample(sampling))
+    }
+}
+
+struct BilinearSample(Sampling);
+
+impl<F: Real> Op<F> for BilinearSample {
+    fn name(&self) -> &'static str {
+        "bilinear_sample"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let (x, p, g) = (cx.input(0), cx.input(1), cx.grad_out());
+        let [x, p, g] = [&x, &p, &g].map(|x| x.as_slice().expect(CONTIGUOUS));
+        if cx.needs(0) {
+            resample::sample_grad_image(&self.0, p, g, cx.grad_slice_mut(0));
+        }
+        if cx.needs(1) {
+            resample::sample_grad_points(&self.0, x, p, g, cx.grad_slice_mut(1));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Tape;
+    use crate::kernels::resample::Padding;
+    use crate::testkit::{Options, gradcheck};
+    use ndarray::{Array3, Array4};
+
+    gradcheck!(up: |x| x.resize_bilinear(7, 5, false), shapes [[[2, 3, 4, 3]], [[1, 1, 1, 1]], [[1, 2, 5, 17]]]);
+    gradcheck!(down: |x| x.resize_bilinear(2, 3, false), shapes [[[2, 5, 4, 3]], [[1, 7, 1, 1]]]);
+    gradcheck!(corners: |x| x.resize_bilinear(5, 1, true), shapes [[[2, 3, 4, 3]], [[1, 1, 1, 1]]]);
+
+    fn kinked() -> Options {
+        Options { kinked_fraction: 0.02, ..Options::default() }
+    }
+    gradcheck!(zeros: |x, p| x.bilinear_sample(p, Padding::Zeros, false),
+        shapes [[[2, 3, 4, 3], [2, 9, 2]], [[1, 1, 1, 1], [1, 5, 2]], [[1, 5, 2, 17], [1, 4, 2]]], options kinked());
+    gradcheck!(zeros_corners: |x, p| x.bilinear_sample(p, Padding::Zeros, true),
+        shapes [[[2, 3, 4, 3], [2, 9, 2]], [[1, 1, 1, 1], [1, 5, 2]]], options kinked());
+    gradcheck!(border: |x, p| x.bilinear_sample(p, Padding::Border, false),
+        shapes [[[2, 3, 4, 3], [2, 9, 2]], [[1, 1, 1, 1], [1, 5, 2]]], options kinked());
+    gradcheck!(border_corners: |x, p| x.bilinear_sample(p, Padding::Border, true),
+        shapes [[[2, 3, 4, 3], [2, 9, 2]]], options kinked());
+
+    fn ramp(h: usize, w: usize) -> Array4<f64> {
+        Array4::from_shape_fn((1, h, w, 1), |(_, i, j, _)| (10 * i + j) as f64)
+    }
+
+    /// A bilinear reading of a linear ramp is the ramp at the point.
+    #[test]
+    fn a_ramp_is_read_as_it_is() {
+        let tape = Tape::<f64>::eval();
+        let x = tape.constant(ramp(4, 6));
+        let points = [[-0.3, 0.2], [0.0, 0.0], [0.61, -0.47]];
+        let p = Array3::from_shape_fn((1, 3, 2), |(_, k, axis)| points[k][axis]);
+        let y = x.bilinear_sample(tape.constant(p.clone()), Padding::Zeros, true).value();
+        for (y, [u, v]) in y.iter().zip(points) {
+            let (column, row) = ((u + 1.0) / 2.0 * 5.0, (v + 1.0) / 2.0 * 3.0);
+            assert!((y - (10.0 * row + column)).abs() < 1e-12);
+        }
+        let y = x.bilinear_sample(tape.constant(p), Padding::Border, false).value();
+        for (y, [u, v]) in y.iter().zip(points) {
+            let (column, row) = ((u + 1.0) * 3.0 - 0.5, (v + 1.0) * 2.0 - 0.5);
+            assert!((y - (10.0 * row + column)).abs() < 1e-12);
+        }
+        let y = x.resize_bilinear(7, 11, true).value();
+        assert!((y[[0, 3, 5, 0]] - 17.5).abs() < 1e-12);
+        let y = x.resize_bilinear(2, 3, false).value();
+        assert!((y[[0, 0, 0, 0]] - 5.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn outside_is_zero_or_the_border() {
+        let tape = Tape::<f64>::eval();
+        let x = tape.constant(ramp(2, 2));
+        let far = [[-9.0, -9.0], [9.0, 9.0], [f64::NAN, 0.0], [-1.0, -1.0]];
+        let p = tape.constant(Array3::from_shape_fn((1, 4, 2), |(_, k, axis)| far[k][axis]));
+        let zeros = x.bilinear_sample(p, Padding::Zeros, false).value();
+        // (-1, -1) is the corner of the image, where a quarter of the first pixel (0) is read.
+        assert_eq!(zeros.as_slice(), Some(&[0.0, 0.0, 0.0, 0.0][..]));
+        let border = x.bilinear_sample(p, Padding::Border, false).value();
+        assert_eq!(border.iter().take(2).copied().collect::<Vec<_>>(), [0.0, 11.0]);
+        assert!(border.iter().all(|y| y.is_finite()));
+    }
+}
