@@ -139,6 +139,10 @@ pub fn grad_matrices<F: Real>(
             for at in range {
                 let p = [points[at * 3], points[at * 3 + 1], points[at * 3 + 2]];
                 let d = before_division(projection, m, p, &g[at * 3..at * 3 + 3]);
+                if d == [F::zero(); 3] {
+                    // The point may be infinite.
+                    continue;
+                }
                 for r in 0..3 {
                     for (sum, x) in
                         sums[r * 4..r * 4 + 4].iter_mut().zip([p[0], p[1], p[2], F::one()])

@@ -63,9 +63,10 @@ fn log_softmax_body<F: Real>(x: &[F], width: usize, y: &mut [F]) {
         for (y, &x) in y.iter_mut().zip(x) {
             *y = (x - top).fast_exp();
         }
-        let shift = top + total(y).ln();
+        let log = total(y).ln();
         for (y, &x) in y.iter_mut().zip(x) {
-            *y = x - shift;
+            // The large parts first: their difference is exact.
+            *y = (x - top) - log;
         }
     }
 }

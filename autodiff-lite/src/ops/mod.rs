@@ -18,3 +18,6 @@ mod softmax;
 mod sparse;
 
 pub use norm::BatchStatistics;
+
+#[cfg(test)]
+mod tests;
