@@ -63,7 +63,7 @@ pub(crate) enum Command {
 #[derive(Args, Clone, Debug)]
 pub(crate) struct Output {
     /// Folder for the results; made if it does not exist.
-    #[arg(long = "output", short, value_name = "FOLDER")]
+    #[arg(long = "output", short = 'o', value_name = "FOLDER")]
     pub(crate) folder: Option<PathBuf>,
     /// Write into a folder that exists already, replacing files of the same names.
     #[arg(long)]

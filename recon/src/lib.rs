@@ -5,5 +5,6 @@ pub mod evaluate;
 pub mod fit;
 pub mod output;
 pub mod report;
+pub mod settings;
 pub mod synthetic;
 pub mod turntable;

@@ -3,9 +3,12 @@
 use std::path::Path;
 
 use mesh_core::{Health, TriMesh, read_mesh};
+use recon::fit::FitConfig;
+use recon::settings;
 use serde::Serialize;
 
-use crate::args::Check;
+use crate::args::{Check, Global};
+use crate::command::fit::configuration;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::progress::Progress;
@@ -17,6 +20,8 @@ struct Checked<'a> {
     mesh: Option<MeshReport<'a>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     views: Option<ViewsReport<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    config: Option<FitConfig>,
 }
 
 #[derive(Debug, Serialize)]
@@ -41,8 +46,15 @@ struct ViewsReport<'a> {
     warnings: Vec<String>,
 }
 
-pub(crate) fn run(console: Console, arguments: &Check) -> Result<(), Failure> {
+pub(crate) fn run(console: Console, global: Global, arguments: &Check) -> Result<(), Failure> {
     let mut checked = Checked::default();
+    let asked = &arguments.configuration;
+    if asked.config.is_some() || !asked.set.is_empty() {
+        // `-` stands for no file at all: the defaults.
+        let mut asked = asked.clone();
+        asked.config = asked.config.filter(|path| path.as_os_str() != "-");
+        checked.config = Some(configuration(&asked, global)?);
+    }
     if let Some(path) = &arguments.mesh {
         checked.mesh = Some(check_mesh(path, &read_mesh(path)?, arguments.self_intersections));
     }
@@ -159,6 +171,9 @@ fn describe(checked: &Checked<'_>) -> String {
         for warning in &views.warnings {
             text += &format!("  warning: {warning}\n");
         }
+    }
+    if let Some(config) = &checked.config {
+        text += &settings::to_toml(config);
     }
     text
 }

@@ -2,6 +2,8 @@
 
 mod check;
 mod completions;
+mod demo;
+mod fit;
 mod metrics;
 mod render;
 
@@ -18,10 +20,11 @@ pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
             Failure::Other(format!("cannot start {} threads: {error}", global.threads))
         })?;
     pool.install(|| match command {
+        Command::Demo(arguments) => demo::run(console, global, &arguments),
+        Command::Fit(arguments) => fit::run(console, global, &arguments),
         Command::Render(arguments) => render::run(console, &arguments),
         Command::Metrics(arguments) => metrics::run(console, global, &arguments),
-        Command::Check(arguments) => check::run(console, &arguments),
+        Command::Check(arguments) => check::run(console, global, &arguments),
         Command::Completions(arguments) => completions::run(&arguments),
-        _ => Err(Failure::Other("not here yet".into())),
     })
 }

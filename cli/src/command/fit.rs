@@ -1,0 +1,218 @@
+//! `unsphere fit`: views of one object in, a mesh with its report out.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use datasets::Views;
+use mesh_core::{TriMesh, read_mesh};
+use recon::delivery::{DeliverError, Delivery, Metrics, deliver};
+use recon::fit::{Event, FitConfig, FitError, Fitted, Flow, fit};
+use recon::output::OutputFolder;
+use recon::settings;
+use serde::Serialize;
+
+use crate::args::{Configuration, Fit, Global};
+use crate::console::{Console, table};
+use crate::failure::Failure;
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
+
+/// Where the results go when nothing is said.
+const FOLDER: &str = "unsphere-fit";
+
+/// What is printed with `--json`: `metrics.json`, and where and how fast it was made.
+#[derive(Debug, Serialize)]
+struct Outcome<'a> {
+    output: &'a Path,
+    seconds: f64,
+    metrics: &'a Metrics,
+}
+
+/// One fit from its views to its folder; `demo` does the same with views of its own.
+pub(crate) struct Job<'a> {
+    pub(crate) title: &'a str,
+    pub(crate) views: &'a Views,
+    pub(crate) config: &'a FitConfig,
+    pub(crate) truth: Option<&'a TriMesh>,
+    pub(crate) folder: OutputFolder,
+    /// When the command began.
+    pub(crate) start: Instant,
+}
+
+pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(), Failure> {
+    let start = Instant::now();
+    let config = configuration(&arguments.configuration, global)?;
+    let target = arguments.output.folder.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
+    // Refusals come before the work.
+    let folder = OutputFolder::create(&target, arguments.output.force)?;
+    let truth = arguments.truth.as_ref().map(read_mesh).transpose()?;
+    let progress = Progress::new(console, "read");
+    let options = arguments.reading.options();
+    let views =
+        datasets::read_views(&arguments.views, &options, &|done, all| progress.set(done, all))?;
+    progress.finish();
+    views.warnings.iter().for_each(|warning| console.warn(warning));
+    let name = arguments.views.file_stem().unwrap_or(arguments.views.as_os_str());
+    let title = name.to_string_lossy();
+    let truth = truth.as_ref();
+    Job { title: &title, views: &views, config: &config, truth, folder, start }.run(console)
+}
+
+/// The configuration that the command line asks for, checked.
+pub(crate) fn configuration(
+    arguments: &Configuration,
+    global: Global,
+) -> Result<FitConfig, Failure> {
+    let mut config: FitConfig = settings::read(arguments.config.as_deref(), &arguments.set)
+        .map_err(|error| match error {
+            settings::SettingsError::Setting { .. } => Failure::Usage(format!("--set: {error}")),
+            _ => Failure::input(error),
+        })?;
+    if let Some(seed) = global.seed {
+        config.seed = seed;
+    }
+    let problems = config.check();
+    if problems.is_empty() {
+        return Ok(config);
+    }
+    let text = problems.join("; ");
+    Err(match &arguments.config {
+        Some(path) if arguments.set.is_empty() => {
+            Failure::Input(format!("{}: {text}", path.display()))
+        }
+        _ => Failure::Usage(text),
+    })
+}
+
+impl Job<'_> {
+    /// Fits, scores, writes and prints. Ctrl-C ends the fit early; what there is is written.
+    pub(crate) fn run(self, console: Console) -> Result<(), Failure> {
+        let interrupt = Interrupt::listen()?;
+        let fitted = self.fit(console, &interrupt)?;
+        let progress = Progress::new(console, "write");
+        progress.say("scores, meshes, turntable, report".to_owned());
+        let delivery = Delivery {
+            title: self.title,
+            command: &typed_command(),
+            views: self.views,
+            config: self.config,
+            fitted: &fitted,
+            truth: self.truth,
+            provenance: vec![
+                ("unsphere".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+                ("threads".to_owned(), rayon::current_num_threads().to_string()),
+                (
+                    "machine".to_owned(),
+                    format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+                ),
+            ],
+        };
+        let metrics = deliver(&delivery, &self.folder).map_err(|error| match error {
+            DeliverError::Compare(error) => Failure::Input(format!("the true mesh: {error}")),
+            error => Failure::other(error),
+        })?;
+        let output = self.folder.commit()?;
+        progress.finish();
+        let seconds = self.start.elapsed().as_secs_f64();
+        let outcome = Outcome { output: &output, seconds, metrics: &metrics };
+        console.result(&outcome, |outcome| describe(outcome, self.views, &fitted))?;
+        if metrics.interrupted {
+            let text = format!("the mesh in {} is what there was by then", output.display());
+            return Err(Failure::Interrupted(text));
+        }
+        Ok(())
+    }
+
+    fn fit(&self, console: Console, interrupt: &Interrupt) -> Result<Fitted, Failure> {
+        let progress = Progress::new(console, "fit");
+        let mut on_event = |event: Event| {
+            match event {
+                Event::Started { train, held_out, total, .. } => {
+                    progress.set(0, total);
+                    console
+                        .remark(format_args!("fitting to {train} views, {held_out} are held out"));
+                }
+                Event::Stage { name, vertices, .. } => {
+                    progress.say(format!("{name}: {vertices} vertices"));
+                }
+                Event::Step(step) => progress.set(step.step, step.total),
+                Event::Evaluated { mask_iou, .. } => {
+                    progress.say(format!("mask IoU {mask_iou:.4}"));
+                }
+                Event::Warned(text) => console.warn(text),
+                _ => {}
+            }
+            if interrupt.pressed() { Flow::Stop } else { Flow::Continue }
+        };
+        fit(self.views, self.config, &mut on_event).map_err(|error| match error {
+            FitError::Config(_) => Failure::Usage(error.to_string()),
+            FitError::NotFinite { .. } => Failure::other(error),
+            error => Failure::Input(format!("{}: {error}", self.views.source.display())),
+        })
+    }
+}
+
+fn describe(outcome: &Outcome<'_>, views: &Views, fitted: &Fitted) -> String {
+    let metrics = outcome.metrics;
+    let scores = &metrics.views;
+    let health = &metrics.health;
+    let count = scores.views.len();
+    let mut rows = vec![
+        ("mask IoU", format!("{:.4}", scores.mask_iou)),
+        ("PSNR", scores.psnr.map_or("none".to_owned(), |psnr| format!("{psnr:.2} dB"))),
+        ("image L1", format!("{:.4}", scores.image_l1)),
+        ("SSIM", format!("{:.4}", scores.ssim)),
+    ];
+    for report in &metrics.truth {
+        let name = &report.protocol.name;
+        let mut add = |what: &'static str, value: Option<f64>| {
+            if let Some(value) = value {
+                rows.push((what, format!("{value:.6} ({name})")));
+            }
+        };
+        add("Chamfer", report.chamfer);
+        for score in &report.f_scores {
+            rows.push((
+                "F-score",
+                format!("{:.4} at {:.4} ({name})", score.f_score, score.threshold),
+            ));
+        }
+        if let Some(iou) = report.iou {
+            rows.push(("3D IoU", format!("{iou:.4} ({name})")));
+        }
+    }
+    rows.push((
+        "mesh",
+        format!(
+            "{} vertices, {}, Euler number {}, {} self-intersections",
+            health.vertices,
+            if health.is_watertight() { "closed" } else { "not closed" },
+            health.euler,
+            metrics.self_intersections
+        ),
+    ));
+    rows.push(("time", format!("{:.1} s, {} steps", outcome.seconds, metrics.steps)));
+    rows.push(("output", outcome.output.display().to_string()));
+    let scored = if metrics.scored_on == "fitted" { "fitted" } else { "held out" };
+    format!(
+        "{} of {} views fitted; the scores are means over {count} views that were {scored}\n{}",
+        fitted.train_views.len(),
+        views.len(),
+        table(rows)
+    )
+}
+
+/// The command line, quoted where a shell needs it.
+fn typed_command() -> String {
+    let quoted = |text: &str| {
+        let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+%@".contains(c);
+        if !text.is_empty() && text.chars().all(plain) {
+            text.to_owned()
+        } else {
+            format!("'{}'", text.replace('\'', "'\\''"))
+        }
+    };
+    let mut words = vec!["unsphere".to_owned()];
+    words.extend(std::env::args_os().skip(1).map(|word| quoted(&word.to_string_lossy())));
+    words.join(" ")
+}
