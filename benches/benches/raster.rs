@@ -5,7 +5,8 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use autodiff_lite::{Tape, Tensor};
-use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use benches::{criterion, pool};
+use criterion::BenchmarkId;
 use diff_raster::{
     Faces, Fragments, Settings, antialiased_silhouette, interpolate, rasterize_into,
     soft_silhouette,
@@ -69,8 +70,9 @@ impl Scene {
     }
 }
 
-fn raster(criterion: &mut Criterion) {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("two threads");
+fn main() {
+    let mut criterion = criterion();
+    let pool = pool(2);
     let mut group = criterion.benchmark_group("raster");
     for (level, size, images) in [(4, 256, 1), (5, 512, 1), (4, 256, 4)] {
         let scene = Scene::new(level, size, images);
@@ -92,11 +94,5 @@ fn raster(criterion: &mut Criterion) {
         });
     }
     group.finish();
+    criterion.final_summary();
 }
-
-criterion_group! {
-    name = benches;
-    config = Criterion::default().sample_size(50);
-    targets = raster
-}
-criterion_main!(benches);

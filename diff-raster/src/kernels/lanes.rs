@@ -13,6 +13,31 @@ use pulp::{Arch, Simd, WithSimd, bytemuck};
 /// start at any pixel of a row.
 pub const MAX_LANES: usize = 16;
 
+/// `[expression for 0, for 1, for 2]`.
+///
+/// Vector code must not pass through `array::map`: it is compiled without the instruction set of
+/// the kernel around it, and each vector operation would become a function call (20x slower).
+macro_rules! three {
+    ($k:ident => $value:expr) => {{
+        let (a, b, c) = (
+            {
+                let $k = 0_usize;
+                $value
+            },
+            {
+                let $k = 1_usize;
+                $value
+            },
+            {
+                let $k = 2_usize;
+                $value
+            },
+        );
+        [a, b, c]
+    }};
+}
+pub(crate) use three;
+
 /// A vector of consecutive pixels.
 pub trait Lanes: Copy {
     /// The scalar.

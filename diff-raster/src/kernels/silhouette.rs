@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use crate::faces::{Faces, NONE};
 use crate::fragments::{Fragments, Spares};
 use crate::kernels::bits::Bits;
-use crate::kernels::lanes::{Job, Lanes, MAX_LANES, dispatch};
+use crate::kernels::lanes::{Job, Lanes, MAX_LANES, dispatch, three};
 use crate::kernels::setup::{BAND_ROWS, Bands, Centres, PixelBox, extent, near, visible_corners};
 use crate::{Rule, Settings};
 
@@ -231,12 +231,17 @@ struct EdgeRow<L: Lanes> {
 
 #[inline(always)]
 fn edge_rows<L: Lanes>(l: L, edges: &[[L::F; 5]; 3], y: L::F) -> [EdgeRow<L>; 3] {
-    [0, 1, 2].map(|k| {
-        let [x0, y0, dx, dy, inverse] = edges[k];
+    three!(k => {
+        let [x, y0, dx, dy, inverse] = edges[k];
         let ey = y - y0;
-        let [x, dx, dy, inverse, ey, along] =
-            [x0, dx, dy, inverse, ey, ey * dy].map(|value| l.splat(value));
-        EdgeRow { x, dx, dy, inverse, ey, along }
+        EdgeRow {
+            x: l.splat(x),
+            dx: l.splat(dx),
+            dy: l.splat(dy),
+            inverse: l.splat(inverse),
+            ey: l.splat(ey),
+            along: l.splat(ey * dy),
+        }
     })
 }
 
@@ -268,8 +273,9 @@ fn nearest<L: Lanes>(l: L, edges: &[EdgeRow<L>; 3], x: L::V) -> Nearest<L> {
         let s = l.sub(one, t);
         let weights = if k == 1 { [zero, s, t] } else { [t, zero, s] };
         best.squared = l.min(best.squared, d);
-        best.away = [0, 1].map(|c| l.select(nearer, away[c], best.away[c]));
-        best.weights = [0, 1, 2].map(|c| l.select(nearer, weights[c], best.weights[c]));
+        best.away =
+            [l.select(nearer, away[0], best.away[0]), l.select(nearer, away[1], best.away[1])];
+        best.weights = three!(c => l.select(nearer, weights[c], best.weights[c]));
     }
     best
 }
@@ -313,7 +319,7 @@ impl<F: Real> Job<F> for Cover<'_, F> {
                         continue;
                     }
                     let x = l.load(&centres.x[column..]);
-                    let d = [0, 1, 2].map(|k| squared(l, edges[k].nearest(l, x).1));
+                    let d = three!(k => squared(l, edges[k].nearest(l, x).1));
                     let d = l.min(l.min(d[0], d[1]), d[2]);
                     if let Some(limit) = limit {
                         inside = planes.count(l, at, inside, limit, reach.face);
@@ -448,7 +454,7 @@ impl<F: Real> Job<F> for Pull<'_, F> {
                     // -dL/d(d²) twice; covered pixels have `clear = 0`.
                     let pull = l.mul(l.mul(l.mul(twice, p), others), g);
                     let pull = l.select(inside, pull, zero);
-                    let pull = near.away.map(|away| l.mul(pull, away));
+                    let pull = [l.mul(pull, near.away[0]), l.mul(pull, near.away[1])];
                     for k in 0..3 {
                         for axis in 0..2 {
                             let sum = &mut sums[2 * k + axis];
@@ -457,7 +463,9 @@ impl<F: Real> Job<F> for Pull<'_, F> {
                     }
                 }
             }
-            *out = sums.map(|sum| l.sum(sum));
+            for (out, sum) in out.iter_mut().zip(sums) {
+                *out = l.sum(sum);
+            }
         }
     }
 }

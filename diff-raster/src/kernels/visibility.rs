@@ -4,7 +4,7 @@ use autodiff_lite::Real;
 
 use crate::Settings;
 use crate::faces::NONE;
-use crate::kernels::lanes::{Job, Lanes, MAX_LANES, dispatch};
+use crate::kernels::lanes::{Job, Lanes, MAX_LANES, dispatch, three};
 use crate::kernels::setup::{BAND_ROWS, Centres, Setup};
 
 /// The planes of a band while its faces are drawn.
@@ -80,20 +80,22 @@ impl<F: Real> Job<F> for Draw<'_, F> {
         for &face in setup.bands.items(band) {
             let t = &setup.triangles[face as usize];
             let pixels = setup.boxes[face as usize];
-            let along_x = t.edges.map(|e| l.splat(e[0]));
-            let (key, slopes) = (l.splat(t.key), t.slopes.map(|s| l.splat(s)));
-            let bounds = t.bounds.map(|b| l.splat(b));
-            let scales = t.scales.map(|s| l.splat(s));
+            let along_x = three!(k => l.splat(t.edges[k][0]));
+            let key = l.splat(t.key);
+            let slopes = [l.splat(t.slopes[0]), l.splat(t.slopes[1])];
+            let bounds = [l.splat(t.bounds[0]), l.splat(t.bounds[1])];
+            let scales = [l.splat(t.scales[0]), l.splat(t.scales[1])];
             let id = l.splat_u(face);
             let columns = pixels.columns.map(|c| c as usize);
             let rows = (pixels.rows[0] as usize).max(first)..(pixels.rows[1] as usize).min(last);
             for row in rows {
                 let y = centres.row(row);
-                let start = t.edges.map(|e| l.fma(l.splat(e[1]), l.splat(y), l.splat(e[2])));
+                let y = l.splat(y);
+                let start = three!(k => l.fma(l.splat(t.edges[k][1]), y, l.splat(t.edges[k][2])));
                 let base = (row - first) * stride;
                 for column in (columns[0]..columns[1]).step_by(L::N) {
                     let x = l.load(&centres.x[column..]);
-                    let e = [0, 1, 2].map(|k| l.fma(along_x[k], x, start[k]));
+                    let e = three!(k => l.fma(along_x[k], x, start[k]));
                     let inside = l.le(zero, l.min(l.min(e[0], e[1]), e[2]));
                     let k = l.fma(e[1], slopes[0], l.fma(e[2], slopes[1], zero));
                     let k = l.max(l.min(l.add(key, k), bounds[1]), bounds[0]);
