@@ -59,7 +59,7 @@ pub fn project<F: Real>(
             let out = [row(m, 0, p), row(m, 1, p), row(m, 2, p)];
             let scale = match projection {
                 Projection::Affine => F::one(),
-                Projection::Perspective => inverse(out[2]).unwrap_or(F::zero()),
+                Projection::Perspective => inverse(out[2]).unwrap_or_default(),
             };
             let place = |x: F| if scale == F::zero() { F::zero() } else { x * scale };
             (y[0], y[1], y[2]) = (place(out[0]), place(out[1]), out[2]);

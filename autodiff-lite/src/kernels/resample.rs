@@ -3,6 +3,9 @@
 use crate::Real;
 use crate::kernels::blocks::{SERIAL_ELEMENTS, for_each_part};
 
+/// Points of one task.
+const CHUNK: usize = 512;
+
 /// What lies outside an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Padding {
@@ -196,7 +199,6 @@ impl<F: Real> Corners<F> {
 pub fn sample<F: Real>(s: &Sampling, x: &[F], points: &[F], y: &mut [F]) {
     s.check(x, points, y);
     let [_, h, w, c] = s.image;
-    const CHUNK: usize = 512;
     let (per_image, total) = (s.points, points.len() / 2);
     for_each_part(y, CHUNK * c, total * c >= SERIAL_ELEMENTS / 2, |chunk, y| {
         for (k, y) in y.chunks_exact_mut(c).enumerate() {
@@ -239,7 +241,6 @@ pub fn sample_grad_points<F: Real>(s: &Sampling, x: &[F], points: &[F], g: &[F],
     s.check(x, points, g);
     assert_eq!(gp.len(), points.len());
     let [_, h, w, c] = s.image;
-    const CHUNK: usize = 512;
     for_each_part(gp, CHUNK * 2, g.len() >= SERIAL_ELEMENTS / 2, |chunk, gp| {
         for (k, gp) in gp.chunks_exact_mut(2).enumerate() {
             let at = chunk * CHUNK + k;

@@ -17,6 +17,9 @@ pub struct CsrRows<'a, F> {
     pub values: &'a [F],
 }
 
+/// Rows of one task.
+const BLOCK: usize = 64;
+
 /// `y[b][i] = Σ_j a[i][j] x[b][j]` for `batch` arrays of rows of `width` numbers.
 ///
 /// Four vectors of an output row stay in registers while its entries are read. Parallel over
@@ -39,7 +42,6 @@ pub fn csr_times_rows<F: Real>(
     assert_eq!(a.indices.len(), a.values.len());
     assert!(a.offsets.is_sorted() && a.offsets[rows] as usize == a.indices.len());
     assert!(a.indices.iter().all(|&j| (j as usize) < columns), "a column that does not exist");
-    const BLOCK: usize = 64;
     let blocks = rows.div_ceil(BLOCK);
     let flops = 2 * a.indices.len() * width * batch;
     let out = Shared::new(y);

@@ -264,7 +264,7 @@ mod tests {
         let tape = Tape::<f32>::eval();
         let x = tape.constant(ndarray::Array4::<f32>::zeros((1, 5, 5, 3)));
         let w = tape.constant(ndarray::Array4::<f32>::zeros((2, 4, 3, 3)));
-        x.conv2d(w, None, ConvGeometry::new(), SAME);
+        let _ = x.conv2d(w, None, ConvGeometry::new(), SAME);
     }
 
     #[test]
@@ -273,6 +273,6 @@ mod tests {
         let tape = Tape::<f32>::eval();
         let x = tape.constant(ndarray::Array4::<f32>::zeros((1, 2, 5, 3)));
         let w = tape.constant(ndarray::Array4::<f32>::zeros((2, 3, 3, 3)));
-        x.conv2d(w, None, ConvGeometry::new(), SAME);
+        let _ = x.conv2d(w, None, ConvGeometry::new(), SAME);
     }
 }

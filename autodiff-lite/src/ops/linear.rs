@@ -184,6 +184,6 @@ mod tests {
         let tape = crate::Tape::<f32>::eval();
         let x = tape.constant(ndarray::Array2::<f32>::zeros((2, 3)));
         let w = tape.constant(ndarray::Array2::<f32>::zeros((2, 4)));
-        x.linear(w, None, Activation::None);
+        let _ = x.linear(w, None, Activation::None);
     }
 }

@@ -140,7 +140,7 @@ impl Product {
     }
 }
 
-fn flip<F>(matrix: Matrix<'_, F>) -> Matrix<'_, F> {
+fn flip<F: Copy>(matrix: Matrix<'_, F>) -> Matrix<'_, F> {
     Matrix { steps: [matrix.steps[1], matrix.steps[0]], ..matrix }
 }
 
@@ -192,6 +192,6 @@ mod tests {
         let tape = crate::Tape::<f32>::eval();
         let a = tape.constant(ndarray::Array2::<f32>::zeros((2, 3)));
         let b = tape.constant(ndarray::Array2::<f32>::zeros((4, 2)));
-        a.matmul(b);
+        let _ = a.matmul(b);
     }
 }

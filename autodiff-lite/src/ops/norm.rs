@@ -16,7 +16,7 @@ pub struct BatchStatistics<F: Real = f32> {
     pub variance: PoolVec<F>,
 }
 
-impl<'t, F: Real> Var<'t, F> {
+impl<F: Real> Var<'_, F> {
     /// Layer norm over the last axis: `x [.., D]`, `weight [D]`, `bias [D]`.
     ///
     /// ```text

@@ -81,10 +81,10 @@ proptest! {
     ) {
         let a = if left { vec![batch, k, m] } else { vec![batch, m, k] };
         let mut b = if right { vec![n, k] } else { vec![k, n] };
-        let f = move |v: &[Var<'_, f64>]| v[0].matmul_transposed(v[1], [left, right]);
-        testkit::assert_gradients(&testkit::function(f), &[a.clone(), b.clone()], &options());
+        let f = testkit::function(move |v: &[Var<'_, f64>]| v[0].matmul_transposed(v[1], [left, right]));
+        testkit::assert_gradients(&f, &[a.clone(), b.clone()], &options());
         b.insert(0, batch);
-        testkit::assert_gradients(&testkit::function(f), &[a, b], &options());
+        testkit::assert_gradients(&f, &[a, b], &options());
     }
 
     #[test]
@@ -96,16 +96,16 @@ proptest! {
     ) {
         let geometry = PoolGeometry::square(kernel).stride(stride).padding(kernel / 2);
         let shape = [vec![n, h, w, c]];
-        let adaptive = move |v: &[Var<'_, f64>]| v[0].adaptive_avg_pool2d(size.0, size.1);
-        testkit::assert_gradients(&testkit::function(adaptive), &shape, &options());
-        let resize = move |v: &[Var<'_, f64>]| v[0].resize_bilinear(size.0, size.1, align);
-        testkit::assert_gradients(&testkit::function(resize), &shape, &options());
+        let adaptive = testkit::function(move |v: &[Var<'_, f64>]| v[0].adaptive_avg_pool2d(size.0, size.1));
+        testkit::assert_gradients(&adaptive, &shape, &options());
+        let resize = testkit::function(move |v: &[Var<'_, f64>]| v[0].resize_bilinear(size.0, size.1, align));
+        testkit::assert_gradients(&resize, &shape, &options());
         let windows = crate::kernels::pooling::Windows::new([n, h, w, c], &geometry);
         prop_assume!(windows.is_some());
-        let mean = move |v: &[Var<'_, f64>]| v[0].avg_pool2d(geometry);
-        testkit::assert_gradients(&testkit::function(mean), &shape, &options());
-        let max = move |v: &[Var<'_, f64>]| v[0].max_pool2d(geometry);
-        testkit::assert_gradients(&testkit::function(max), &shape, &options());
+        let mean = testkit::function(move |v: &[Var<'_, f64>]| v[0].avg_pool2d(geometry));
+        testkit::assert_gradients(&mean, &shape, &options());
+        let max = testkit::function(move |v: &[Var<'_, f64>]| v[0].max_pool2d(geometry));
+        testkit::assert_gradients(&max, &shape, &options());
     }
 
     #[test]
@@ -116,15 +116,15 @@ proptest! {
         let c = groups * width;
         let shapes = [vec![n, h, w, c], vec![c], vec![c]];
         let none = Activation::None;
-        let group = move |v: &[Var<'_, f64>]| v[0].group_norm(groups, v[1], v[2], 0.1, none);
-        testkit::assert_gradients(&testkit::function(group), &shapes, &options());
-        let layer = move |v: &[Var<'_, f64>]| v[0].layer_norm(v[1], v[2], 0.1, none);
-        testkit::assert_gradients(&testkit::function(layer), &shapes, &options());
-        let batch = move |v: &[Var<'_, f64>]| v[0].batch_norm(v[1], v[2], 0.1, none).0;
-        testkit::assert_gradients(&testkit::function(batch), &shapes, &options());
+        let group = testkit::function(move |v: &[Var<'_, f64>]| v[0].group_norm(groups, v[1], v[2], 0.1, none));
+        testkit::assert_gradients(&group, &shapes, &options());
+        let layer = testkit::function(move |v: &[Var<'_, f64>]| v[0].layer_norm(v[1], v[2], 0.1, none));
+        testkit::assert_gradients(&layer, &shapes, &options());
+        let batch = testkit::function(move |v: &[Var<'_, f64>]| v[0].batch_norm(v[1], v[2], 0.1, none).0);
+        testkit::assert_gradients(&batch, &shapes, &options());
         let padding = if border { Padding::Border } else { Padding::Zeros };
-        let sample = move |v: &[Var<'_, f64>]| v[0].bilinear_sample(v[1], padding, align);
+        let sample = testkit::function(move |v: &[Var<'_, f64>]| v[0].bilinear_sample(v[1], padding, align));
         let shapes = [vec![n, h, w, c], vec![n, points, 2]];
-        testkit::assert_gradients(&testkit::function(sample), &shapes, &options());
+        testkit::assert_gradients(&sample, &shapes, &options());
     }
 }

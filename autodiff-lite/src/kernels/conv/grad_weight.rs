@@ -27,12 +27,14 @@ pub(super) fn scratch<F: Lane>(s: &ConvSizes, isa: Isa) -> usize {
     framed_input(s).len() + copy + sums
 }
 
+/// Pixels of one task.
+const CHUNK: usize = 1024;
+
 /// `gy` itself or, in `copy`, `gy` with zeros in the channels that were added.
 fn widened<'a, F: Lane>(gy: &'a [F], copy: &'a mut [F], channels: [usize; 2]) -> &'a [F] {
     if channels[0] == channels[1] {
         return gy;
     }
-    const CHUNK: usize = 1024;
     let pixels = gy.len() / channels[0];
     let shared = Shared::new(copy);
     for_each_block(pixels.div_ceil(CHUNK), gy.len() >= SERIAL_ELEMENTS, |block| {

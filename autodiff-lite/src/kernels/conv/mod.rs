@@ -16,6 +16,7 @@ pub mod winograd;
 pub use geometry::{ConvAlgorithm, ConvGeometry, ConvSizes};
 
 use crate::kernels::activation::Activation;
+use crate::kernels::blocks::{SERIAL_ELEMENTS, for_each_part};
 use crate::kernels::isa::Isa;
 use crate::kernels::lane::Lane;
 
@@ -145,16 +146,12 @@ impl Conv {
 
 /// `activation(x)` in place, for those that the tiles do not apply.
 pub(crate) fn finish<F: Lane>(activation: Activation, y: &mut [F]) {
-    use crate::kernels::blocks::{SERIAL_ELEMENTS, Shared, for_each_block};
+    const CHUNK: usize = 16 * 1024;
     if activation.in_store() {
         return;
     }
-    const CHUNK: usize = 16 * 1024;
-    let (len, out) = (y.len(), Shared::new(y));
-    for_each_block(len.div_ceil(CHUNK), len >= SERIAL_ELEMENTS, |block| {
-        let start = block * CHUNK;
-        // SAFETY: the blocks are disjoint and end at the slice's end.
-        let part = unsafe { out.slice(start, CHUNK.min(len - start)) };
+    let parallel = y.len() >= SERIAL_ELEMENTS;
+    for_each_part(y, CHUNK, parallel, |_, part| {
         for y in part {
             *y = activation.apply(*y);
         }
