@@ -396,7 +396,7 @@ fn glb_transforms_small_indices_strides_and_normalised_colors() {
     // Three vertices of 12 bytes position and 4 bytes of colour, then indices of one byte.
     let mut bin = Vec::new();
     for (p, c) in [([0.0_f32, 0.0, 0.0], 0_u8), ([1.0, 0.0, 0.0], 255), ([0.0, 1.0, 0.0], 0)] {
-        p.iter().for_each(|v| bin.extend(v.to_le_bytes()));
+        bin.extend(p.iter().flat_map(|v| v.to_le_bytes()));
         bin.extend([c, 0, 255, 255]);
     }
     bin.extend([0, 1, 2, 0]);

@@ -3,17 +3,6 @@
 //! One file per convention; every constructor has an inverse, and the tests hold both against
 //! projections worked out by hand, at a width unlike the height and with the principal point off
 //! the centre.
-//!
-//! | tool | camera axes: x, y, view | pose | file |
-//! |---|---|---|---|
-//! | this crate | right, up, -z | world to camera, `R p + t` | |
-//! | OpenGL, Blender, NeRF, nerfstudio | right, up, -z | camera to world | `opengl` |
-//! | OpenCV, BOP | right, down, +z | world to camera, `R p + t` | `opencv` |
-//! | COLMAP | right, down, +z | world to camera, quaternion (w, x, y, z) | `colmap` |
-//! | PyTorch3D, CO3D | left, up, +z | world to camera, rows: `p R + T` | `pytorch3d` |
-//! | kaolin | right, up, -z | world to camera, rows: `[p 1] M` | `kaolin` |
-//! | 3D-R2N2 renderings | right, up, -z | azimuth, elevation, distance | `r2n2` |
-//! | CMR, MCMR | right, down, +z | weak perspective and quaternion | `weak_perspective` |
 
 mod colmap;
 mod error;
@@ -39,7 +28,30 @@ use nalgebra::{Matrix3, Vector3};
 /// A camera: pose, lens and image size.
 ///
 /// Axes are OpenGL's: x right, y up, looking along -z. A world point `p` is at
-/// `rotation * p + translation` in the camera's frame.
+/// `rotation * p + translation` in the camera's frame. Constructors take what other tools write, and
+/// each has an inverse, `to_..`; [`Camera::validate`] says what is wrong with a camera from outside.
+///
+/// | tool | camera axes: x, y, view | pose | constructor |
+/// |---|---|---|---|
+/// | this crate | right, up, -z | world to camera, `R p + t` | [`Camera::look_at`] |
+/// | OpenGL, Blender, NeRF, nerfstudio | right, up, -z | camera to world | [`Camera::from_opengl`] |
+/// | OpenCV, BOP | right, down, +z | world to camera, `R p + t` | [`Camera::from_opencv`] |
+/// | COLMAP | right, down, +z | world to camera, quaternion (w, x, y, z) | [`Camera::from_colmap`] |
+/// | PyTorch3D, CO3D | left, up, +z | world to camera, rows: `p R + T` | [`Camera::from_pytorch3d_ndc`], [`_screen`](Camera::from_pytorch3d_screen) |
+/// | kaolin | right, up, -z | world to camera, rows: `[p 1] M` | [`Camera::from_kaolin`] |
+/// | 3D-R2N2 renderings | right, up, -z | azimuth, elevation, distance | [`Camera::from_r2n2`] |
+/// | CMR, MCMR | right, down, +z | weak perspective and quaternion | [`Camera::from_weak_perspective`] |
+///
+/// ```
+/// use mesh_core::Camera;
+///
+/// let camera = Camera::look_at([0.0, 0.0, 5.0], [0.0; 3], [0.0, 1.0, 0.0], 0.8, 640, 480);
+/// let seen = camera.project([0.0, 1.0, 0.0]);
+/// assert!(seen.column == 320.0 && seen.row < 240.0 && seen.depth == 5.0);
+/// let cv = camera.to_opencv()?;
+/// assert_eq!(cv.intrinsics[0][2], 320.0);
+/// # Ok::<(), mesh_core::CameraError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     /// Rotation from the world to the camera.
