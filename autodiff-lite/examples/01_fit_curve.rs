@@ -22,12 +22,13 @@ struct Network {
 impl_module!(Network: f32 { slope, offset, output });
 
 impl Network {
+    /// Steps of random steepness, spread over `[0, 1]`.
     fn new(width: usize, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mut draw = |scale: f32| {
-            Param::new(Array1::from_shape_fn(width, |_| rng.random_range(-scale..scale)))
-        };
-        Self { slope: draw(8.0), offset: draw(4.0), output: draw(0.5) }
+        let slope = Array1::from_shape_fn(width, |_| rng.random_range(-30.0..30.0_f32));
+        let offset = slope.mapv(|slope| -slope * rng.random_range(0.0..1.0_f32));
+        let output = Array1::from_shape_fn(width, |_| rng.random_range(-0.1..0.1_f32));
+        Self { slope: Param::new(slope), offset: Param::new(offset), output: Param::new(output) }
     }
 
     /// `[N, 1] -> [N]`; the hidden layer `[N, width]` comes from broadcasting.
@@ -51,15 +52,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     let truth = Array1::from_iter(x.iter().map(|&x| curve(x))).into_shared();
 
     let mut network = Network::new(48, 1);
-    let mut adam = Adam::new(0.02);
-    let steps = 4000;
+    let mut adam = Adam::new(0.01);
+    let steps = 3000;
     let schedule = Schedule::cosine(100, steps);
     let mut tape = Tape::train(0);
     let mut lines = Vec::new();
     for step in 0..=steps {
         let y = network.forward(tape.constant(x.clone()));
         let loss = (y - tape.constant(truth.clone())).square().mean();
-        if [0, 50, 200, 1000, steps].contains(&step) {
+        if [0, 20, 100, 500, steps].contains(&step) {
             println!("step {step:4}   mean squared error {:.2e}", loss.item());
             lines.push((step, y.value().iter().copied().collect()));
         }
@@ -79,7 +80,7 @@ fn draw(truth: &[f32], lines: &[(u64, Vec<f32>)]) -> String {
     let points = |y: &[f32]| {
         let mut text = String::new();
         for (i, y) in y.iter().enumerate() {
-            let (x, y) = (20.0 + 760.0 * i as f32 / ((truth.len() - 1) as f32), 220.0 - 110.0 * y);
+            let (x, y) = (20.0 + 760.0 * i as f32 / ((truth.len() - 1) as f32), 200.0 - 130.0 * y);
             let _ = write!(text, "{x:.1},{y:.1} ");
         }
         text

@@ -188,4 +188,22 @@ mod tests {
         pull([&x, &b, &b, &x], &mut long, |g, a, b, y| g + a * b - y);
         assert!(long.iter().zip(&b).all(|(y, b)| (y - b * b).abs() < 1e-6));
     }
+
+    /// The clone of this machine against the plain body: without fused multiply-adds the bits are
+    /// the same for every instruction set.
+    #[test]
+    fn instruction_sets_do_not_change_results() {
+        use crate::kernels::transcendental::Transcendental;
+        let x: Vec<f32> = (0..1003).map(|k| (k as f32 * 0.37).sin() * 9.0).collect();
+        let (mut fast, mut plain) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+        for f in [f32::fast_exp, f32::fast_tanh, f32::fast_sigmoid] {
+            map_chunk(&x, &mut fast, &f);
+            map_body(&x, &mut plain, &f);
+            assert_eq!(fast, plain);
+        }
+        let terms = [(0.3, &x[..]), (-1.7, &x[..])];
+        lincomb_chunk(&terms, 0, &mut fast);
+        lincomb_body(&terms, 0, &mut plain);
+        assert_eq!(fast, plain);
+    }
 }

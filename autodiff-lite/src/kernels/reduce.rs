@@ -129,5 +129,6 @@ mod tests {
         assert_eq!(sums[0].to_bits(), sums[1].to_bits());
         assert_eq!(sums[0].to_bits(), sums[2].to_bits());
         assert_eq!(sum::<f32>(&[]), 0.0);
+        assert_eq!(sum_chunk(&x[..5000]), sum_body(&x[..5000]), "instruction sets agree");
     }
 }

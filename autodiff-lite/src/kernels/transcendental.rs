@@ -38,9 +38,11 @@ impl Transcendental for f32 {
         p = p * r + 1.6666665459e-1;
         p = p * r + 5.0000001201e-1;
         let y = p * (r * r) + r + 1.0;
-        // 2ⁿ in two factors: n = 128 has no single one.
-        let half = (z.to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32) >> 1;
-        let rest = (z.to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32) - half;
+        // 2ⁿ in two factors: n = 128 has no single one. Wrapping, because a check for overflow would
+        // keep the loop from becoming SIMD in debug builds.
+        let n = (z.to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32);
+        let half = n >> 1;
+        let rest = n.wrapping_sub(half);
         let power = |n: i32| f32::from_bits((n.wrapping_add(127) as u32) << 23);
         let y = y * power(half) * power(rest);
         let y = if self > 88.72283 { f32::INFINITY } else { y };
