@@ -32,32 +32,39 @@ fn diffusion(c: &mut Criterion) {
     for level in [4, 5] {
         let mesh = primitives::icosphere(level);
         let topology = Topology::new(mesh.positions.len(), &mesh.faces);
-        let mut solver = DiffusionSolver::new(&topology, 20.0);
+        group.bench_function(format!("icosphere{level}/factor"), |bench| {
+            bench.iter(|| black_box(DiffusionSolver::factored(&topology, 20.0)));
+        });
         let rough: Vec<[f32; 3]> = (0..mesh.positions.len())
             .map(|i| {
                 std::array::from_fn(|k| ((i * 7919 + k * 104_729) % 1009) as f32 / 500.0 - 1.0)
             })
             .collect();
-        let mut x = rough.clone();
-        group.bench_function(format!("icosphere{level}/cold"), |bench| {
-            bench.iter(|| {
-                x.fill([0.0; 3]);
-                black_box(solver.solve(&rough, &mut x, 1e-4, 500))
-            });
-        });
         let mut u = mesh.positions.clone();
-        solver.apply(&mesh.positions, &mut u);
+        DiffusionSolver::new(&topology, 20.0).apply(&mesh.positions, &mut u);
         for (u, r) in u.iter_mut().zip(&rough) {
             for k in 0..3 {
                 u[k] += 0.003 * r[k];
             }
         }
-        group.bench_function(format!("icosphere{level}/warm"), |bench| {
-            bench.iter(|| {
-                x.copy_from_slice(&mesh.positions);
-                black_box(solver.solve(&u, &mut x, 1e-5, 500))
+        let mut x = rough.clone();
+        for (kind, mut solver) in [
+            ("diagonal", DiffusionSolver::new(&topology, 20.0)),
+            ("factored", DiffusionSolver::factored(&topology, 20.0)),
+        ] {
+            group.bench_function(format!("icosphere{level}/{kind}/cold"), |bench| {
+                bench.iter(|| {
+                    x.fill([0.0; 3]);
+                    black_box(solver.solve(&rough, &mut x, 1e-4, 500))
+                });
             });
-        });
+            group.bench_function(format!("icosphere{level}/{kind}/warm"), |bench| {
+                bench.iter(|| {
+                    x.copy_from_slice(&mesh.positions);
+                    black_box(solver.solve(&u, &mut x, 1e-5, 500))
+                });
+            });
+        }
     }
     group.finish();
 }

@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for (i, (name, mesh)) in shapes.iter().enumerate() {
         let (x, y) = ((i % columns) * SIZE, (i / columns) * (SIZE + 20));
         writeln!(svg, "<g transform=\"translate({x} {y})\">")?;
-        draw(&mut svg, &mesh.clone().normalized(1.6))?;
+        draw(&mut svg, &mesh.clone().normalized(1.45))?;
         let label = format!("{name}: {} faces", mesh.faces.len());
         writeln!(svg, "<text x=\"{}\" y=\"{}\">{label}</text></g>", SIZE / 2, SIZE + 10)?;
         write_mesh(path.with_file_name(format!("{name}.obj")), mesh)?;
