@@ -87,7 +87,7 @@ impl Default for ClockColors {
 }
 
 /// How far the dial lies behind the rim.
-const RECESS: f64 = 0.05;
+const RECESS: f64 = 0.015;
 /// Where the rim ends and the dial begins.
 const DIAL: f64 = 0.84;
 /// How far necks sink into the body.
@@ -148,21 +148,21 @@ impl AlarmClock {
             let long = if hour % 3 == 0 { 0.15 } else { 0.09 };
             let half = if hour % 3 == 0 { 0.032 } else { 0.02 };
             let outline = [[-half, 0.76 - long], [half, 0.76 - long], [half, 0.76], [-half, 0.76]];
-            add(self.on_dial(&outline, hour as f64 / 12.0, 0.015).colored(self.colors.ticks));
+            add(self.on_dial(&outline, hour as f64 / 12.0, 0.006).colored(self.colors.ticks));
         }
         let minute = self.hour.fract();
         let hand = |length: f64, half: f64| {
             [[-half, -0.12], [half, -0.12], [0.6 * half, length], [-0.6 * half, length]]
         };
-        add(self.on_dial(&hand(0.42, 0.055), self.hour / 12.0, 0.025).colored(self.colors.hands));
-        add(self.on_dial(&hand(0.62, 0.038), minute, 0.032).colored(self.colors.hands));
+        add(self.on_dial(&hand(0.42, 0.055), self.hour / 12.0, 0.01).colored(self.colors.hands));
+        add(self.on_dial(&hand(0.62, 0.038), minute, 0.014).colored(self.colors.hands));
         let hub: Vec<[f64; 2]> = (0..24)
             .map(|k| {
                 let (sin, cos) = (TAU * k as f64 / 24.0).sin_cos();
                 [0.075 * cos, 0.075 * sin]
             })
             .collect();
-        add(self.on_dial(&hub, 0.0, 0.04).colored(self.colors.hands));
+        add(self.on_dial(&hub, 0.0, 0.02).colored(self.colors.hands));
         clock
     }
 
@@ -182,7 +182,7 @@ impl AlarmClock {
         let dial = half - RECESS;
         profile.extend([
             [DIAL + 0.02, half],
-            [DIAL + 0.005, dial],
+            [DIAL + 0.004, dial],
             [DIAL, dial],
             [DIAL - 0.02, dial],
         ]);

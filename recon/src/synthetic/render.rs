@@ -54,7 +54,7 @@ impl Default for RenderOptions {
 ///
 /// # Cost
 /// About 6 ms per core for a view of 256x256 with 3x3 samples. Memory: the views, and per thread
-/// the samples of one view.
+/// 20 bytes for each sample of the part of one view that the mesh can touch.
 pub fn render_views(
     mesh: &TriMesh,
     cameras: &[Camera],
@@ -107,30 +107,57 @@ struct Sketch {
 
 impl Scene<'_> {
     fn draw(&self, camera: &Camera, name: String, sketch: &mut Sketch) -> View {
-        let times = self.options.supersample;
+        let linear = self.light.is_some();
         let (height, width) = (camera.height, camera.width);
+        let empty = self.background.map(|v| encode(v, linear));
+        let mut view = View {
+            name,
+            color: ByteImage { height, width, channels: 3, data: empty.repeat(height * width) },
+            mask: ByteImage::new(height, width, 1),
+            camera: camera.clone(),
+            depth: self.options.depth.then(|| DepthMap {
+                height,
+                width,
+                data: vec![f32::INFINITY; height * width],
+            }),
+        };
+        // Samples are taken only where the mesh can be: the rest of a large image costs nothing.
+        let [top, left, rows, columns] = footprint(camera, &self.mesh.positions);
+        if rows * columns > 0 {
+            let part = camera.cropped(left, top, columns, rows);
+            self.rasterize(&part, sketch);
+            self.resolve(sketch, [top, left, rows, columns], &mut view);
+        }
+        view
+    }
+
+    /// Takes the samples of a camera's whole image.
+    fn rasterize(&self, camera: &Camera, sketch: &mut Sketch) {
+        let times = self.options.supersample;
         let settings = Settings {
             perspective: camera.is_perspective(),
-            ..Settings::new(height * times, width * times)
+            ..Settings::new(camera.height * times, camera.width * times)
         };
         project(camera, &self.mesh.positions, &mut sketch.projected);
         let projected =
             ArrayView3::from_shape((1, self.mesh.positions.len(), 3), &sketch.projected)
                 .expect("three numbers per vertex");
         rasterize_into(projected, &self.faces, &settings, &mut sketch.fragments);
+    }
+
+    /// Makes pixels of samples, in the part of the view that was sampled.
+    fn resolve(&self, sketch: &Sketch, part: [usize; 4], view: &mut View) {
         let fragments = &*sketch.fragments;
-        let linear = self.light.is_some();
-        let empty = self.background.map(|v| encode(v, linear));
-        let mut color = ByteImage::new(height, width, 3);
-        let mut mask = ByteImage::new(height, width, 1);
-        let mut depth = vec![f32::INFINITY; if self.options.depth { height * width } else { 0 }];
+        let [top, left, rows, columns] = part;
+        let (times, linear) = (self.options.supersample, self.light.is_some());
+        let stride = columns * times;
         let share = 1.0 / (times * times) as f32;
-        for i in 0..height {
-            for j in 0..width {
+        for i in 0..rows {
+            for j in 0..columns {
                 let mut sum = [0.0; 3];
                 let mut seen = 0;
                 for row in i * times..(i + 1) * times {
-                    let start = row * width * times + j * times;
+                    let start = row * stride + j * times;
                     for k in start..start + times {
                         if fragments.face[k] != NONE {
                             let sample = self.sample(fragments, k);
@@ -139,27 +166,23 @@ impl Scene<'_> {
                         }
                     }
                 }
-                let at = i * width + j;
-                let pixel = &mut color.data[3 * at..3 * at + 3];
                 if seen == 0 {
-                    pixel.copy_from_slice(&empty);
                     continue;
                 }
+                let at = (top + i) * view.mask.width + left + j;
                 let behind = (times * times - seen) as f32;
-                for (c, out) in pixel.iter_mut().enumerate() {
+                for (c, out) in view.color.data[3 * at..3 * at + 3].iter_mut().enumerate() {
                     *out = encode(share * (sum[c] + behind * self.background[c]), linear);
                 }
-                let middle = (i * times + times / 2) * width * times + j * times + times / 2;
+                let middle = (i * times + times / 2) * stride + j * times + times / 2;
                 if fragments.face[middle] != NONE {
-                    mask.data[at] = 255;
-                    if self.options.depth {
-                        depth[at] = fragments.depth[middle];
+                    view.mask.data[at] = 255;
+                    if let Some(depth) = &mut view.depth {
+                        depth.data[at] = fragments.depth[middle];
                     }
                 }
             }
         }
-        let depth = self.options.depth.then_some(DepthMap { height, width, data: depth });
-        View { name, color, mask, camera: camera.clone(), depth }
     }
 
     #[inline]
@@ -176,6 +199,30 @@ impl Scene<'_> {
             None => color,
         }
     }
+}
+
+/// The pixels that the mesh can touch: first row, first column, rows, columns.
+///
+/// The whole image where a vertex is not in front of the camera, since its projection then says
+/// nothing.
+fn footprint(camera: &Camera, positions: &[[f32; 3]]) -> [usize; 4] {
+    let (height, width) = (camera.height, camera.width);
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for p in positions {
+        let p = camera.project(p.map(f64::from));
+        let known = p.column.is_finite() && p.row.is_finite();
+        if !known || (camera.is_perspective() && p.depth <= 0.0) {
+            return [0, 0, height, width];
+        }
+        for (k, v) in [p.row, p.column].into_iter().enumerate() {
+            (low[k], high[k]) = (low[k].min(v), high[k].max(v));
+        }
+    }
+    // A pixel to spare on each side, for the rounding of the rasteriser.
+    let first = |k: usize, size: usize| (low[k] - 1.0).clamp(0.0, size as f64) as usize;
+    let last = |k: usize, size: usize| (high[k] + 2.0).clamp(0.0, size as f64) as usize;
+    let (top, left) = (first(0, height), first(1, width));
+    [top, left, last(0, height).saturating_sub(top), last(1, width).saturating_sub(left)]
 }
 
 /// NDC and planar depth of every vertex.
@@ -274,6 +321,26 @@ mod tests {
         assert_eq!(view.color.pixel(8, 56), [0, 255, 0]);
         assert_eq!(view.color.pixel(63, 20), [0, 0, 255]);
         assert_eq!(view.mask_pixels(), 64 * 64);
+    }
+
+    /// The part that is sampled holds all that is seen, also where the mesh leaves the image.
+    #[test]
+    fn nothing_is_cut_off() {
+        let ball = primitives::icosphere(4).colored([1.0; 3]);
+        for (x, y, z) in [(0.0, 0.0, 0.0), (1.4, 1.0, 0.0), (-1.5, 0.3, 0.5), (0.0, 0.0, 3.6)] {
+            let mesh = ball.clone().translated([x, y, z]);
+            let camera = camera(60, 44);
+            let options = RenderOptions { depth: true, ..RenderOptions::default() };
+            let view =
+                render_views(&mesh, &[camera.clone()], &options, &|_, _| {}).unwrap().remove(0);
+            // A speck far behind the camera makes the whole image be sampled.
+            let mut with_speck = mesh.clone();
+            let speck = primitives::icosphere(0).colored([1.0; 3]).scaled([1e-3; 3]);
+            with_speck.append(&speck.translated([0.0, 0.0, 50.0])).unwrap();
+            let whole = render_views(&with_speck, &[camera], &options, &|_, _| {}).unwrap();
+            assert_eq!(view.mask, whole[0].mask, "ball at {x} {y} {z}");
+            assert_eq!(view.color, whole[0].color);
+        }
     }
 
     #[test]
