@@ -174,7 +174,9 @@ pub(super) fn vertex_colors(
                             let square: f32 = (0..3)
                                 .map(|c| {
                                     let mix: f32 = (0..3)
-                                        .map(|k| sample.barycentric[k] * colors[face[k] as usize][c])
+                                        .map(|k| {
+                                            sample.barycentric[k] * colors[face[k] as usize][c]
+                                        })
                                         .sum();
                                     (sample.color[c] - mix).powi(2)
                                 })

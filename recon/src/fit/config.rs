@@ -26,7 +26,7 @@ pub struct FitConfig {
     /// within each level. Default 0.05.
     pub learning_rate: f32,
     /// How far a pull on one vertex spreads over the surface: lambda of the preconditioner
-    /// `(I + lambda L)^-1`. Larger is smoother and slower to follow corners. Default 10.
+    /// `(I + lambda L)^-1`. Larger is smoother and slower to follow corners. Default 4.
     pub smoothness: f32,
     /// Weight of the bending energy (squared uniform Laplacian of the Laplacian). Default 0.1.
     pub bending: f32,
@@ -41,8 +41,8 @@ pub struct FitConfig {
     /// Blur of the masks' signed distance in pixels: what makes their edges known between pixels.
     /// Default 1.
     pub mask_blur: f32,
-    /// A level ends early when the outline's distance to the masks falls by less than this share
-    /// over 20 steps. Default 0.01.
+    /// A level ends early, after half of its steps, when the outline's distance to the masks falls by
+    /// less than this share over 20 steps. Default 0.01.
     pub tolerance: f64,
     /// Where colours are kept: `"vertex"`, or `"texture"`, which has them per vertex as well.
     /// Default `"vertex"`.
@@ -71,7 +71,7 @@ impl Default for FitConfig {
             steps: 150,
             views_per_step: 0,
             learning_rate: 0.05,
-            smoothness: 10.0,
+            smoothness: 4.0,
             bending: 0.1,
             relax_every: 5,
             relax: 0.3,

@@ -179,7 +179,7 @@ mod tests {
                 (x * x + y * y).sqrt() - radius - d[k]
             })
             .fold((0.0, 0), |(s, c), e| (s + e, c + 1));
-        assert!((mean.0 / mean.1 as f32).abs() < 0.06, "bias {}", mean.0 / mean.1 as f32);
+        assert!((mean.0 / mean.1 as f32).abs() < 0.1, "bias {}", mean.0 / mean.1 as f32);
     }
 
     #[test]

@@ -5,8 +5,38 @@
 //! each face in four. Colours are then the ones that best explain all pictures at once.
 //!
 //! What keeps the surface whole: steps are preconditioned by `(I + lambda L)^-1`, so that a pull
-//! on one vertex moves its neighbourhood; a weak bending energy; and vertices that slide along the
-//! surface to keep the triangles even.
+//! on one vertex moves its neighbourhood; a weak bending energy; vertices that slide along the
+//! surface to keep the triangles even; and a last pass that smooths away any place where the
+//! surface still passes through itself.
+//!
+//! The outline of a closed mesh is found without drawing it (the private module `outline` says
+//! how), at sub-pixel level and in time that follows its length rather than the picture's size.
+//! That is why a step can afford all views, and why there is no noise to average away.
+//!
+//! ```
+//! use datasets::{Layout, Views};
+//! use mesh_core::primitives;
+//! use recon::{fit::{FitConfig, Flow, fit}, synthetic::{Orbit, RenderOptions, render_views}};
+//!
+//! // Twelve pictures of a red ellipsoid.
+//! let object = primitives::icosphere(3).scaled([1.0, 0.6, 0.8]).colored([0.8, 0.1, 0.1]);
+//! let cameras = Orbit { count: 12, width: 48, height: 48, ..Orbit::default() }.cameras();
+//! let views = render_views(&object, &cameras, &RenderOptions::default(), &|_, _| {})?;
+//! let views = Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] };
+//!
+//! let config = FitConfig { start_level: 2, level: 3, steps: 60, ..FitConfig::default() };
+//! let fitted = fit(&views, &config, &mut |_event| Flow::Continue)?;
+//! assert!(fitted.health.is_watertight());
+//! assert!(fitted.evaluations.last().unwrap().1 > 0.9); // mask IoU on the views held out
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Cost
+//! A step over 80 views of 256x256 at 10,242 vertices takes some 10 ms on two cores. Memory is the
+//! views, two bytes for each pixel around the object, and some hundred bytes per vertex and four views.
+//!
+//! # References
+//! Nicolet, Jacobson and Jakob 2021, *Large Steps in Inverse Rendering of Geometry*.
 
 mod color;
 mod config;
@@ -17,6 +47,7 @@ mod outline;
 mod placement;
 mod shape;
 mod sight;
+mod stepper;
 mod target;
 mod texture;
 mod untangle;
@@ -32,6 +63,7 @@ pub use config::{ColorKind, FitConfig};
 pub use error::FitError;
 pub use event::{Event, Flow, Step};
 pub use placement::Placement;
+pub use stepper::Stepper;
 
 use shape::Shape;
 use target::Target;
@@ -259,7 +291,7 @@ impl<'a> Run<'a> {
             distances.push(rms);
             let last = k + 1 == config.steps || self.fitted.interrupted;
             let converged = order.is_whole()
-                && k >= WINDOW
+                && k >= WINDOW.max(config.steps / 2)
                 && distances[k] > (1.0 - config.tolerance) * distances[k - WINDOW];
             if step % EVALUATE_EVERY == 0 || last || converged {
                 self.evaluate(shape, step);
@@ -279,7 +311,12 @@ impl<'a> Run<'a> {
     }
 
     /// Brings the mesh back to the world.
-    fn finish(mut self, shape: Shape, config: &FitConfig, views: &[View]) -> Result<Fitted, FitError> {
+    fn finish(
+        mut self,
+        shape: Shape,
+        config: &FitConfig,
+        views: &[View],
+    ) -> Result<Fitted, FitError> {
         let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
         let Shape { mut positions, faces, topology, .. } = shape;
         if untangle::untangle(&mut positions, &faces, &topology).is_none() {
@@ -309,12 +346,8 @@ impl<'a> Run<'a> {
             .iter()
             .map(|p| std::array::from_fn(|k| (center[k] + radius * f64::from(p[k])) as f32))
             .collect();
-        self.fitted.mesh = TriMesh {
-            positions: world,
-            faces: faces.clone(),
-            colors: Some(colors),
-            texture,
-        };
+        self.fitted.mesh =
+            TriMesh { positions: world, faces: faces.clone(), colors: Some(colors), texture };
         self.fitted.health = self.fitted.mesh.health();
         Ok(self.fitted)
     }

@@ -274,3 +274,125 @@ pub(super) fn coverage(
     });
     Some(covered)
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use datasets::View;
+    use mesh_core::{Camera, primitives};
+
+    use super::*;
+    use crate::synthetic::{RenderOptions, render_views};
+
+    fn camera(size: usize) -> Camera {
+        Camera::look_at([1.0, 1.5, 4.0], [0.1, 0.0, 0.0], [0.0, 1.0, 0.0], 0.7, size, size - 8)
+    }
+
+    fn view(mesh: &mesh_core::TriMesh, camera: Camera) -> View {
+        let options = RenderOptions { supersample: 1, ..RenderOptions::default() };
+        render_views(mesh, &[camera], &options, &|_, _| {}).unwrap().remove(0)
+    }
+
+    /// Dents and bumps, so that the outline hides parts of itself.
+    fn bumpy() -> mesh_core::TriMesh {
+        let mut mesh = primitives::icosphere(4);
+        for p in &mut mesh.positions {
+            let r = 0.8 + 0.25 * (4.0 * p[0]).sin() * (5.0 * p[1]).cos();
+            *p = p.map(|v| v * r);
+        }
+        mesh
+    }
+
+    #[test]
+    fn coverage_is_what_the_rasteriser_finds() {
+        let mesh = bumpy();
+        let seen = view(&mesh, camera(96));
+        let target = Target::new(&seen, 1.0, 0.2, 4.0).unwrap();
+        assert_eq!((target.height, target.width), (88, 96)); // the margin takes in all of it
+        let topology = Topology::new(mesh.positions.len(), &mesh.faces);
+        let edges = Edges::new(&topology, &mesh.faces);
+        let mut scratch = Scratch::default();
+        let covered =
+            coverage(&target, &mesh.positions, &mesh.faces, &edges, &mut scratch).unwrap();
+        let differ = covered.iter().zip(&seen.mask.data).filter(|(c, m)| **c != (**m != 0)).count();
+        assert!(differ <= 2, "{differ} pixels differ");
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_the_distance_integrated_over_the_silhouette() {
+        // The functional by brute force: signed distances summed over an image 16 times finer.
+        let mesh = bumpy();
+        let ball = primitives::icosphere(4);
+        let target = Target::new(&view(&ball, camera(64)), 1.0, 0.5, 4.0).unwrap();
+        let fine = 16;
+        let grid =
+            Target::new(&view(&ball, camera(64).resized(64 * fine, 56 * fine)), 0.0, 0.5, 4.0)
+                .unwrap();
+        let topology = Topology::new(mesh.positions.len(), &mesh.faces);
+        let edges = Edges::new(&topology, &mesh.faces);
+        let mut scratch = Scratch::default();
+        let mut functional = |positions: &[[f32; 3]]| -> f64 {
+            let covered = coverage(&grid, positions, &mesh.faces, &edges, &mut scratch).unwrap();
+            let pixel = |k: usize| (k as f32 + 0.5) / fine as f32;
+            (0..covered.len())
+                .filter(|&k| covered[k])
+                .map(|k| {
+                    f64::from(target.distance(pixel(k % grid.width), pixel(k / grid.width)))
+                        / (fine * fine) as f64
+                })
+                .sum()
+        };
+        let mut gradient = vec![[0.0; 3]; mesh.positions.len()];
+        let mut own = Scratch::default();
+        outline(&target, &mesh.positions, &mesh.faces, &edges, 1, &mut own, &mut gradient).unwrap();
+        for (name, direction) in [
+            ("inflate", [1.0, 1.0, 1.0]),
+            ("stretch x", [1.0, 0.0, 0.0]),
+            ("stretch y", [0.0, 1.0, 0.0]),
+        ] {
+            let moved = |by: f32| -> Vec<[f32; 3]> {
+                let shift = |p: &[f32; 3]| std::array::from_fn(|k| p[k] + by * direction[k] * p[k]);
+                mesh.positions.iter().map(shift).collect()
+            };
+            let h = 0.02;
+            let difference = (functional(&moved(h)) - functional(&moved(-h))) / f64::from(2.0 * h);
+            let product: f64 = gradient
+                .iter()
+                .zip(&mesh.positions)
+                .map(|(g, p)| (0..3).map(|k| f64::from(g[k] * direction[k] * p[k])).sum::<f64>())
+                .sum();
+            assert!(
+                (difference - product).abs() < 0.05 * difference.abs(),
+                "{name}: gradient {product}, difference {difference}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_mesh_on_its_own_mask_feels_almost_nothing() {
+        let mesh = bumpy();
+        let target = Target::new(&view(&mesh, camera(128)), 1.0, 0.2, 0.3).unwrap();
+        let topology = Topology::new(mesh.positions.len(), &mesh.faces);
+        let edges = Edges::new(&topology, &mesh.faces);
+        let mut gradient = vec![[0.0; 3]; mesh.positions.len()];
+        let mut scratch = Scratch::default();
+        let at =
+            outline(&target, &mesh.positions, &mesh.faces, &edges, 1, &mut scratch, &mut gradient);
+        assert!(at.unwrap().rms() < 0.35, "{}", at.unwrap().rms());
+    }
+
+    #[test]
+    fn behind_the_camera_nothing_is_said() {
+        let mut mesh = primitives::icosphere(2);
+        let target = Target::new(&view(&mesh, camera(64)), 1.0, 0.2, 0.3).unwrap();
+        let topology = Topology::new(mesh.positions.len(), &mesh.faces);
+        let edges = Edges::new(&topology, &mesh.faces);
+        mesh.positions[3] = [2.0, 3.0, 8.0];
+        let mut gradient = vec![[0.0; 3]; mesh.positions.len()];
+        let mut scratch = Scratch::default();
+        let at =
+            outline(&target, &mesh.positions, &mesh.faces, &edges, 1, &mut scratch, &mut gradient);
+        assert!(at.is_none());
+        assert!(gradient.iter().flatten().all(|g| *g == 0.0));
+    }
+}

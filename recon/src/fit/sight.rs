@@ -91,9 +91,7 @@ impl Sight {
                 visit(Sample {
                     face,
                     barycentric: std::array::from_fn(|k| self.fragments.barycentric[3 * pixel + k]),
-                    color: std::array::from_fn(|k| {
-                        f32::from(bytes[k.min(channels - 1)]) / 255.0
-                    }),
+                    color: std::array::from_fn(|k| f32::from(bytes[k.min(channels - 1)]) / 255.0),
                     weight: border * (0.02 + facing * facing),
                 });
             }

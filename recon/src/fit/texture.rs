@@ -172,7 +172,8 @@ pub(super) fn bake(
     for index in 0..faces.len() {
         let mut k = index * per_face;
         atlas.texels(index, |texel, _| {
-            image.data[3 * texel..3 * texel + 3].copy_from_slice(&mean[k].map(|c| c.clamp(0.0, 1.0)));
+            image.data[3 * texel..3 * texel + 3]
+                .copy_from_slice(&mean[k].map(|c| c.clamp(0.0, 1.0)));
             k += 1;
         });
     }

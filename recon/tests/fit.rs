@@ -1,0 +1,205 @@
+//! Whole fits: shapes that are known, at a size that takes seconds.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use datasets::{Layout, Views};
+use mesh_core::{TriMesh, primitives};
+use recon::{
+    evaluate::score_views,
+    fit::{ColorKind, Event, FitConfig, FitError, Fitted, Flow, fit},
+    synthetic::{Orbit, RenderOptions, render_views},
+};
+
+/// Views of a mesh from all around, 64 pixels wide.
+fn views_of(mesh: &TriMesh, count: usize) -> Views {
+    let orbit = Orbit {
+        count,
+        target: [0.3, -0.2, 0.1],
+        distance: [4.5, 6.0],
+        width: 64,
+        height: 56,
+        ..Orbit::default()
+    };
+    let views =
+        render_views(mesh, &orbit.cameras(), &RenderOptions::default(), &|_, _| {}).unwrap();
+    Views { views, source: "memory".into(), layout: Layout::Memory, warnings: Vec::new() }
+}
+
+/// Moved off the origin and coloured by position, so that neither place nor colour comes for free.
+fn placed(mesh: TriMesh) -> TriMesh {
+    let colors = mesh
+        .positions
+        .iter()
+        .map(|p| std::array::from_fn(|k| (0.5 + 0.4 * p[k]).clamp(0.0, 1.0)))
+        .collect();
+    let mesh = TriMesh { colors: Some(colors), ..mesh };
+    mesh.translated([0.3, -0.2, 0.1])
+}
+
+fn config() -> FitConfig {
+    FitConfig { start_level: 2, level: 4, steps: 100, ..FitConfig::default() }
+}
+
+fn run(views: &Views, config: &FitConfig) -> Fitted {
+    fit(views, config, &mut |_| Flow::Continue).unwrap()
+}
+
+/// Fits, holds the mesh to what every fit promises, and returns held-out mask IoU and PSNR.
+fn score(mesh: &TriMesh, config: &FitConfig) -> (f64, f64) {
+    let views = views_of(mesh, 30);
+    let fitted = run(&views, config);
+    assert!(fitted.health.is_watertight(), "{}", fitted.health);
+    assert_eq!(fitted.health.euler, 2);
+    assert!(fitted.health.angles_below_5_fraction < 0.001, "{}", fitted.health);
+    assert!(fitted.health.largest_dihedral_degrees < 170.0, "{}", fitted.health);
+    assert_eq!(fitted.mesh.self_intersections(), Vec::<[u32; 2]>::new());
+    fitted.mesh.validate().unwrap();
+    let held: Vec<_> = fitted.held_out_views.iter().map(|&i| &views.views[i]).collect();
+    assert_eq!(fitted.held_out_views, [4, 9, 14, 19, 24, 29]);
+    let scores = score_views(&fitted.mesh, &held, &|_, _| {}).unwrap();
+    let last = fitted.evaluations.last().unwrap().1;
+    assert!((scores.mask_iou - last).abs() < 0.002, "the outline's own count: {last}");
+    (scores.mask_iou, scores.psnr.unwrap())
+}
+
+#[test]
+fn a_ball_is_found_to_a_fraction_of_a_pixel() {
+    let (iou, psnr) = score(&placed(primitives::icosphere(4)), &config());
+    assert!(iou > 0.985 && psnr > 26.0, "mask IoU {iou}, PSNR {psnr}");
+}
+
+#[test]
+fn a_box_is_found_with_its_corners() {
+    let mesh = placed(mesh_core::subdivide(&primitives::cuboid([1.6, 1.0, 0.7])));
+    let (iou, psnr) = score(&mesh, &config());
+    assert!(iou > 0.975 && psnr > 24.0, "mask IoU {iou}, PSNR {psnr}");
+}
+
+#[test]
+fn a_flat_ellipsoid_is_found_and_its_texture_is_as_good_as_its_colours() {
+    let mesh = placed(primitives::icosphere(4).scaled([1.2, 0.35, 0.8]));
+    let (iou, psnr) = score(&mesh, &config());
+    assert!(iou > 0.97 && psnr > 24.0, "mask IoU {iou}, PSNR {psnr}");
+    let textured = FitConfig { color: ColorKind::Texture, ..config() };
+    let (_, with_texture) = score(&mesh, &textured);
+    assert!(with_texture > psnr - 1.0, "{with_texture} with a texture, {psnr} without");
+}
+
+#[test]
+fn a_few_views_at_a_time_work_too() {
+    let config = FitConfig { views_per_step: 4, ..config() };
+    let (iou, _) = score(&placed(primitives::icosphere(4)), &config);
+    assert!(iou > 0.98, "mask IoU {iou}");
+}
+
+#[test]
+fn the_number_of_threads_changes_nothing() {
+    let views = views_of(&placed(primitives::cuboid([1.0, 1.3, 0.8])), 12);
+    let config = FitConfig { steps: 30, views_per_step: 7, color: ColorKind::Texture, ..config() };
+    let with = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let fitted = pool.install(|| run(&views, &config));
+        (fitted.mesh, fitted.history, fitted.evaluations)
+    };
+    let one = with(1);
+    assert!(one == with(2) && one == with(3));
+}
+
+#[test]
+fn stopping_gives_what_there_is() {
+    let views = views_of(&placed(primitives::icosphere(3)), 10);
+    let mut steps = 0;
+    let fitted = fit(&views, &config(), &mut |event| match event {
+        Event::Step(step) => {
+            steps = step.step;
+            if step.step == 7 { Flow::Stop } else { Flow::Continue }
+        }
+        _ => Flow::Continue,
+    })
+    .unwrap();
+    assert!(fitted.interrupted);
+    assert_eq!((steps, fitted.history.len()), (7, 7));
+    assert!(fitted.health.is_watertight() && fitted.mesh.colors.is_some());
+}
+
+#[test]
+fn what_cannot_be_fitted_is_an_error_that_says_why() {
+    let good = views_of(&placed(primitives::icosphere(3)), 10);
+    let fails = |views: &Views, config: &FitConfig| {
+        fit(views, config, &mut |_| Flow::Continue).unwrap_err()
+    };
+    let none = Views { views: Vec::new(), ..good.clone() };
+    assert_eq!(fails(&none, &config()), FitError::NoViews);
+
+    let mut empty = good.clone();
+    empty.views.iter_mut().for_each(|v| v.mask.data.fill(0));
+    assert_eq!(fails(&empty, &config()), FitError::EmptyMasks { views: 10 });
+
+    let single = Views { views: good.views[..1].to_vec(), ..good.clone() };
+    assert!(matches!(fails(&single, &config()), FitError::TooFewViews { remaining: 1, .. }));
+
+    // Every camera looks away from the object: its axes meet behind it.
+    let mut away = good.clone();
+    for view in &mut away.views {
+        for (r, c) in [(0, 0), (0, 1), (0, 2), (2, 0), (2, 1), (2, 2)] {
+            view.camera.rotation[(r, c)] *= -1.0;
+        }
+        view.camera.translation.x *= -1.0;
+        view.camera.translation.z *= -1.0;
+    }
+    let error = fails(&away, &config());
+    assert!(matches!(error, FitError::Placement { .. }), "{error}");
+
+    let mut small = good.clone();
+    small.views[3].mask.height -= 1;
+    let text = fails(&small, &config()).to_string();
+    assert!(text.contains("view 3") && text.contains("mask"), "{text}");
+
+    let mut broken = good.clone();
+    broken.views[2].camera.translation.x = f64::NAN;
+    assert!(matches!(fails(&broken, &config()), FitError::Camera { view, .. } if view == "2"));
+
+    let wrong = FitConfig { steps: 0, ..config() };
+    assert!(fails(&good, &wrong).to_string().contains("`steps` is 0"));
+}
+
+#[test]
+fn a_view_without_the_object_is_left_out_with_a_warning() {
+    let mut views = views_of(&placed(primitives::icosphere(3)), 12);
+    views.views[1].mask.data.fill(0);
+    let config = FitConfig { steps: 20, ..config() };
+    let fitted = run(&views, &config);
+    assert!(!fitted.train_views.contains(&1));
+    assert!(fitted.warnings[0].contains("views 1"), "{:?}", fitted.warnings);
+}
+
+/// The acceptance figures on the real clock.
+fn real(source: &str, iou_floor: f64, psnr_floor: f64, seconds: f64) {
+    let data = std::env::var_os("UNSPHERE_DATA").expect("UNSPHERE_DATA names the data folder");
+    let path = std::path::Path::new(&data).join("rendered_clock").join(source);
+    let start = std::time::Instant::now();
+    let views = datasets::read_views(&path, &datasets::ReadOptions::default(), &|_, _| {}).unwrap();
+    let fitted = run(&views, &FitConfig::default());
+    let took = start.elapsed().as_secs_f64();
+    let held: Vec<_> = fitted.held_out_views.iter().map(|&i| &views.views[i]).collect();
+    assert_eq!(held.len(), 20);
+    let scores = score_views(&fitted.mesh, &held, &|_, _| {}).unwrap();
+    assert!(scores.mask_iou > iou_floor, "mask IoU {}", scores.mask_iou);
+    assert!(scores.psnr.unwrap() > psnr_floor, "PSNR {:?}", scores.psnr);
+    assert!(fitted.health.is_watertight() && fitted.health.euler == 2, "{}", fitted.health);
+    assert!(fitted.health.angles_below_5_fraction <= 0.001, "{}", fitted.health);
+    assert!(fitted.health.largest_dihedral_degrees < 170.0, "{}", fitted.health);
+    assert!(fitted.mesh.self_intersections().is_empty());
+    assert!(took < seconds, "took {took:.1} s");
+}
+
+#[test]
+#[ignore = "needs UNSPHERE_DATA"]
+fn the_real_clock_at_256() {
+    real("views_256", 0.985, 24.0, 60.0);
+}
+
+#[test]
+#[ignore = "needs UNSPHERE_DATA"]
+fn the_real_clock_at_1024() {
+    real("rendered_clock.zip", 0.985, 23.0, 120.0);
+}
