@@ -150,6 +150,18 @@ mod tests {
     }
 
     #[test]
+    fn presets_are_in_range_and_the_default_is_the_default() {
+        let read = |text: &str| toml::from_str::<FitConfig>(text).unwrap();
+        assert_eq!(read(include_str!("../../presets/fit/default.toml")), FitConfig::default());
+        for text in [
+            include_str!("../../presets/fit/tiny.toml"),
+            include_str!("../../presets/fit/fine.toml"),
+        ] {
+            assert_eq!(read(text).check(), Vec::<String>::new());
+        }
+    }
+
+    #[test]
     fn what_is_wrong_is_named() {
         let config = FitConfig {
             level: 2,

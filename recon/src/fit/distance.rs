@@ -114,7 +114,9 @@ fn blur(image: &mut [f32], height: usize, width: usize, sigma: f32) {
         })
         .collect();
     let total: f32 = taps.iter().sum();
-    taps.iter_mut().for_each(|t| *t /= total);
+    for tap in &mut taps {
+        *tap /= total;
+    }
     let mut padded = vec![0.0; width + 2 * radius];
     for row in image.chunks_exact_mut(width) {
         padded[..radius].fill(row[0]);

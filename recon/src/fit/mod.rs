@@ -119,7 +119,7 @@ pub fn fit(
     }
     let mut run = Run::prepare(&views.views, config, on_event)?;
     let shape = run.shape(config)?;
-    run.finish(shape, config, &views.views)
+    Ok(run.finish(shape, config, &views.views))
 }
 
 /// A fit under way.
@@ -275,7 +275,7 @@ impl<'a> Run<'a> {
                 rate,
                 step,
             )?;
-            if config.relax_every > 0 && (k + 1) % config.relax_every == 0 {
+            if config.relax_every > 0 && (k + 1).is_multiple_of(config.relax_every) {
                 shape.relax(config.relax);
             }
             let rms = terms.outline.rms();
@@ -293,7 +293,7 @@ impl<'a> Run<'a> {
             let converged = order.is_whole()
                 && k >= WINDOW.max(config.steps / 2)
                 && distances[k] > (1.0 - config.tolerance) * distances[k - WINDOW];
-            if step % EVALUATE_EVERY == 0 || last || converged {
+            if step.is_multiple_of(EVALUATE_EVERY) || last || converged {
                 self.evaluate(shape, step);
             }
             if converged {
@@ -311,12 +311,7 @@ impl<'a> Run<'a> {
     }
 
     /// Brings the mesh back to the world.
-    fn finish(
-        mut self,
-        shape: Shape,
-        config: &FitConfig,
-        views: &[View],
-    ) -> Result<Fitted, FitError> {
+    fn finish(mut self, shape: Shape, config: &FitConfig, views: &[View]) -> Fitted {
         let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
         let Shape { mut positions, faces, topology, .. } = shape;
         if untangle::untangle(&mut positions, &faces, &topology).is_none() {
@@ -349,7 +344,7 @@ impl<'a> Run<'a> {
         self.fitted.mesh =
             TriMesh { positions: world, faces: faces.clone(), colors: Some(colors), texture };
         self.fitted.health = self.fitted.mesh.health();
-        Ok(self.fitted)
+        self.fitted
     }
 }
 

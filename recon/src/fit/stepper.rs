@@ -67,7 +67,7 @@ impl Stepper {
             self.config.learning_rate,
             self.steps,
         )?;
-        if self.config.relax_every > 0 && self.steps % self.config.relax_every == 0 {
+        if self.config.relax_every > 0 && self.steps.is_multiple_of(self.config.relax_every) {
             self.shape.relax(self.config.relax);
         }
         Ok(terms.outline.rms())

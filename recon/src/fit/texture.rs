@@ -63,7 +63,7 @@ impl Atlas {
         let n = self.legs();
         for j in 0..=n + 1 {
             for i in 0..=n + 1 - j {
-                let (column, row) = if face % 2 == 0 {
+                let (column, row) = if face.is_multiple_of(2) {
                     (left + i, top + j)
                 } else {
                     (left + self.cell - 1 - i, top + self.cell - 1 - j)
@@ -79,7 +79,7 @@ impl Atlas {
         let [left, top] = self.origin(face);
         let n = self.legs();
         [[0, 0], [n, 0], [0, n]].map(|[i, j]| {
-            let (column, row) = if face % 2 == 0 {
+            let (column, row) = if face.is_multiple_of(2) {
                 (left + i, top + j)
             } else {
                 (left + self.cell - 1 - i, top + self.cell - 1 - j)

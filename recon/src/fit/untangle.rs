@@ -22,7 +22,7 @@ pub(super) fn untangle(
         if !marked.contains(&true) {
             return Some(round);
         }
-        for _ in 0..1 + round / 8 {
+        for _ in 0..=round / 8 {
             marked = grown(&marked, topology);
         }
         for _ in 0..3 {
