@@ -72,17 +72,44 @@ impl Isa {
         }
     }
 
+    /// [`run`](Self::run) without the question whether the machine has the instructions, which
+    /// costs as much as a small tile.
+    ///
+    /// # Safety
+    /// [`is_available`](Self::is_available).
+    #[inline]
+    pub(crate) unsafe fn run_unchecked<K: WithSimd>(self, kernel: K) -> K::Output {
+        match self {
+            Self::Scalar => kernel.with_simd(pulp::Scalar),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => {
+                // SAFETY: the caller's promise.
+                pulp::Simd::vectorize(unsafe { pulp::x86::V3::new_unchecked() }, kernel)
+            }
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => {
+                // SAFETY: the caller's promise.
+                pulp::Simd::vectorize(unsafe { pulp::x86::V4::new_unchecked() }, kernel)
+            }
+            #[cfg(not(target_arch = "x86_64"))]
+            Self::Native => pulp::Arch::new().dispatch(kernel),
+        }
+    }
+
     /// Runs a kernel that is only for 32 registers.
     ///
+    /// # Safety
+    /// [`is_available`](Self::is_available).
+    ///
     /// # Panics
-    /// If this is not AVX-512, or the machine lacks it.
+    /// If this is not AVX-512.
     #[inline]
-    pub(crate) fn run_wide<K: WithSimd>(self, kernel: K) -> K::Output {
+    pub(crate) unsafe fn run_wide<K: WithSimd>(self, kernel: K) -> K::Output {
         match self {
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => {
-                let v4 = pulp::x86::V4::try_new().expect("this machine has no AVX-512");
-                pulp::Simd::vectorize(v4, kernel)
+                // SAFETY: the caller's promise.
+                pulp::Simd::vectorize(unsafe { pulp::x86::V4::new_unchecked() }, kernel)
             }
             _ => unreachable!("tiles this high are cut for AVX-512 alone"),
         }

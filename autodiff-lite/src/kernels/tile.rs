@@ -132,7 +132,8 @@ pub(crate) type TileFn<F> = unsafe fn(Isa, &Tile<'_, F>);
 const FEW_ROWS: usize = 6;
 
 /// # Safety
-/// All that the tile reads and writes lies within its operands.
+/// All that the tile reads and writes lies within its operands, and the machine has the
+/// instructions.
 unsafe fn run<F: Lane, const MR: usize, const NV: usize, const UNIT: bool>(
     isa: Isa,
     tile: &Tile<'_, F>,
@@ -140,9 +141,11 @@ unsafe fn run<F: Lane, const MR: usize, const NV: usize, const UNIT: bool>(
     let kernel = Run::<F, MR, NV, UNIT>(tile);
     // High tiles are compiled for AVX-512 alone.
     if const { MR <= FEW_ROWS } {
-        isa.run(kernel);
+        // SAFETY: [`Tiles::new`] asked.
+        unsafe { isa.run_unchecked(kernel) }
     } else {
-        isa.run_wide(kernel);
+        // SAFETY: as above.
+        unsafe { isa.run_wide(kernel) }
     }
 }
 

@@ -75,7 +75,7 @@ pub(super) fn run<F: Lane>(
     let (taps, run_count) = runs(s);
     let m = taps * s.in_channels;
     // Rows of pixels whose lines of both operands stay in the L1 cache while parts sweep them.
-    let touched = s.output[1] * (in_step.min(64) + columns) * size_of::<F>();
+    let touched = s.output[1] * (16 + columns) * size_of::<F>();
     let block = (32 * 1024 / touched.max(1)).clamp(1, s.output[0].max(1));
 
     // A task owns a run, a block of o and a range of whole tiles; few enough that its operands

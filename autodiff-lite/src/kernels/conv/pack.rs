@@ -82,6 +82,9 @@ pub(super) fn packed_len(taps: usize, roles: &Roles, columns: usize) -> usize {
     roles.output[0].div_ceil(columns) * columns * roles.summed[0] * taps
 }
 
+/// Summed channels that are packed together.
+const SUMMED: usize = 8;
+
 /// Packs `w` as `[block of outputs][tap][summed][columns]`, zero in columns that do not exist.
 pub(super) fn pack<F: Lane>(
     w: &[F],
@@ -102,20 +105,25 @@ pub(super) fn pack<F: Lane>(
     for_each_block(outputs.div_ceil(columns), parallel, |block| {
         // SAFETY: each block is a panel of its own.
         let panel = unsafe { shared.slice(block * panel, panel) };
-        for j in 0..columns {
-            let output = block * columns + j;
-            if output >= outputs {
-                for x in panel[j..].iter_mut().step_by(columns) {
-                    *x = F::zero();
-                }
-                continue;
-            }
-            let w = &w[output * output_step..];
-            for (tap, &(ky, kx)) in taps.iter().enumerate() {
-                let from = w[ky * kernel[1] + kx..].iter().step_by(summed_step);
-                let to = panel[tap * summed * columns + j..].iter_mut().step_by(columns);
-                for (to, &from) in to.zip(from).take(summed) {
-                    *to = from;
+        // A few summed channels at a time, so that the lines that the columns share stay in L1.
+        for first in (0..summed).step_by(SUMMED) {
+            let count = SUMMED.min(summed - first);
+            for j in 0..columns {
+                let output = block * columns + j;
+                for (tap, &(ky, kx)) in taps.iter().enumerate() {
+                    let to = panel[(tap * summed + first) * columns + j..]
+                        .iter_mut()
+                        .step_by(columns)
+                        .take(count);
+                    if output >= outputs {
+                        to.for_each(|x| *x = F::zero());
+                        continue;
+                    }
+                    let start = output * output_step + first * summed_step;
+                    let from = w[start + ky * kernel[1] + kx..].iter().step_by(summed_step);
+                    for (to, &from) in to.zip(from) {
+                        *to = from;
+                    }
                 }
             }
         }

@@ -241,7 +241,10 @@ pub fn grad_weight<F: Lane>(
     let taps = &mut rest[..9 * ci * co];
     let grid = Grid::new(s.batch, s.output);
     let count = grid.tiles();
-    let block = block_tiles::<F>(ci + co, count.div_ceil(SHARDS)).max(14);
+    // Each block reads and writes all sums, which are larger than the transformed tiles: fewer,
+    // longer blocks than forward.
+    let most = count.div_ceil(SHARDS).max(1);
+    let block = most.div_ceil(most.div_ceil(112));
     let shared = Shared::new(sums);
     for_each_block(SHARDS, s.flops() >= SERIAL_BELOW, |shard| {
         let (begin, end) = (count * shard / SHARDS, count * (shard + 1) / SHARDS);
