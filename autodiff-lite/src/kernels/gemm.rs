@@ -183,18 +183,29 @@ fn blocks<F: Lane>(
     });
 }
 
-/// Rows and columns of a block of C: enough blocks to share out, each large enough that packing
-/// both of its operands is little beside its products.
+/// Rows and columns of a block of C: about 512 of each (with 64 rows, products ran at 85 % of
+/// this speed), an even number of blocks where there are several, none under a few Mflop.
 fn block([m, k, n]: [usize; 3]) -> [usize; 2] {
-    let blocks = (2 * m * k * n / 40_000_000).clamp(1, 16);
-    if blocks == 1 {
-        return [m, n];
+    const SIDE: usize = 512;
+    let flops = 2 * m * k * n;
+    let most = (flops / 4_000_000).max(1);
+    let least = (flops / 20_000_000).clamp(1, 8);
+    let mut parts = [m.div_ceil(SIDE), n.div_ceil(SIDE)];
+    let split = |parts: &mut [usize; 2]| {
+        let longer = usize::from(m / parts[0] < n / parts[1]);
+        parts[longer] += 1;
+    };
+    while parts[0] * parts[1] > most {
+        let finer = usize::from(parts[0] < parts[1]);
+        parts[finer] = parts[finer].div_ceil(2);
     }
-    if m >= n {
-        [m.div_ceil(blocks).next_multiple_of(16), n]
-    } else {
-        [m, n.div_ceil(blocks).next_multiple_of(64)]
+    while parts[0] * parts[1] < least {
+        split(&mut parts);
     }
+    while parts[0] * parts[1] > 1 && !(parts[0] * parts[1]).is_multiple_of(2) {
+        split(&mut parts);
+    }
+    [m.div_ceil(parts[0]).next_multiple_of(16), n.div_ceil(parts[1]).next_multiple_of(64)]
 }
 
 #[cfg(test)]
