@@ -3,8 +3,8 @@
 use std::hint::black_box;
 
 use autodiff_lite::kernels::activation::Activation;
+use autodiff_lite::kernels::columns::column_sums;
 use autodiff_lite::kernels::conv::{Conv, ConvAlgorithm, ConvGeometry, ConvSizes};
-use autodiff_lite::kernels::reduce::sum_axis;
 use benches::{criterion, numbers, pool};
 use criterion::Throughput;
 
@@ -28,7 +28,6 @@ fn main() {
             .max(conv.grad_weight_scratch::<f32>());
         let mut scratch = vec![0.0; scratch];
         let pool = pool(2);
-        let pixels = sizes.output_len() / cout;
 
         group.throughput(Throughput::Elements(sizes.flops() as u64));
         let shape = format!("{batch}x{side}x{side}x{cin}-{cout}");
@@ -67,7 +66,7 @@ fn main() {
                         &mut scratch,
                     );
                     conv.grad_weight(&x, &gy, black_box(&mut gw), &mut scratch);
-                    sum_axis([1, pixels, cout], &gy, black_box(&mut gb));
+                    column_sums(&gy, black_box(&mut gb));
                 });
             });
         });

@@ -52,7 +52,7 @@ pub fn gemm<F: Lane>(
     gemm_then(sizes, alpha, a, b, beta, c, |_, _| {});
 }
 
-/// [`gemm`], and then `finish(part, column)` for each part of a row of `C` that begins at
+/// [`gemm()`], and then `finish(part, column)` for each part of a row of `C` that begins at
 /// `column`, while it is still in cache: bias and activation.
 ///
 /// # Panics
@@ -209,6 +209,7 @@ fn block([m, k, n]: [usize; 3]) -> [usize; 2] {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
 

@@ -1,4 +1,5 @@
 //! Every path against a naive sum in `f64`, and against itself on other numbers of threads.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use super::{Conv, ConvAlgorithm, ConvGeometry, ConvSizes, winograd};
 use crate::kernels::activation::Activation;
@@ -20,7 +21,7 @@ fn noise<F: Lane>(len: usize, seed: u64) -> Vec<F> {
 /// Calls `f(output, input, weight)` with the indices of every product.
 fn products(s: &ConvSizes, mut f: impl FnMut(usize, usize, usize)) {
     let ([h, w], [oh, ow], [kh, kw]) = (s.input, s.output, s.kernel);
-    for (n, oy, ox) in itertools(s.batch, oh, ow) {
+    for (n, oy, ox) in triples(s.batch, oh, ow) {
         for (ky, kx) in (0..kh).flat_map(|ky| (0..kw).map(move |kx| (ky, kx))) {
             let y = (oy * s.stride[0] + ky * s.dilation[0]) as isize - s.padding[0] as isize;
             let x = (ox * s.stride[1] + kx * s.dilation[1]) as isize - s.padding[1] as isize;
@@ -40,7 +41,7 @@ fn products(s: &ConvSizes, mut f: impl FnMut(usize, usize, usize)) {
     }
 }
 
-fn itertools(a: usize, b: usize, c: usize) -> impl Iterator<Item = (usize, usize, usize)> {
+fn triples(a: usize, b: usize, c: usize) -> impl Iterator<Item = (usize, usize, usize)> {
     (0..a).flat_map(move |i| (0..b).flat_map(move |j| (0..c).map(move |k| (i, j, k))))
 }
 
