@@ -3,11 +3,17 @@
 use crate::faces::NONE;
 use crate::kernels::setup::PixelBox;
 
+/// Pixels along a side of a tile.
+const TILE: usize = 8;
+
 /// One bit per pixel, set at background; each row begins a new word.
 #[derive(Debug, Default)]
 pub struct Bits {
     words: Vec<u64>,
     per_row: usize,
+    /// One bit per tile: whether it holds any background.
+    tiles: Vec<u64>,
+    tiles_per_row: usize,
 }
 
 impl Bits {
@@ -24,9 +30,50 @@ impl Bits {
                 }
             }
         }
+        self.tiles_per_row = self.per_row.div_ceil(TILE);
+        self.tiles.clear();
+        self.tiles.resize(height.div_ceil(TILE) * self.tiles_per_row, 0);
+        for (k, word) in self.words.iter().enumerate() {
+            let (row, column) = (k / self.per_row, k % self.per_row);
+            // The lowest bit of each byte: whether any of the byte is set; then the eight bytes'
+            // bits side by side.
+            let mut any = word | word >> 4;
+            any |= any >> 2;
+            any |= any >> 1;
+            let bits = (any & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+            let tile = row / TILE * self.tiles_per_row + column / TILE;
+            self.tiles[tile] |= bits << (8 * (column % TILE));
+        }
+    }
+
+    /// Whether any tile that a box of pixels touches holds background. Bounds are inclusive and
+    /// may lie outside the image.
+    #[inline(always)]
+    pub fn any_tile(&self, rows: [i32; 2], columns: [i32; 2]) -> bool {
+        let [height, width] = [self.tiles.len() / self.tiles_per_row.max(1), 8 * self.per_row];
+        let tile = |x: i32, size: usize| (x.max(0) as usize / TILE).min(size.max(1) - 1);
+        let [first, last] = [tile(columns[0], width), tile(columns[1], width)];
+        let (from, to) = (first / 64, last / 64);
+        let head = u64::MAX << (first % 64);
+        let tail = u64::MAX >> (63 - last % 64);
+        for row in tile(rows[0], height)..=tile(rows[1], height) {
+            let words = &self.tiles[row * self.tiles_per_row..(row + 1) * self.tiles_per_row];
+            let hit = if from == to {
+                words[from] & head & tail != 0
+            } else {
+                words[from] & head != 0
+                    || words[from + 1..to].iter().any(|&word| word != 0)
+                    || words[to] & tail != 0
+            };
+            if hit {
+                return true;
+            }
+        }
+        false
     }
 
     /// The words of a row.
+    #[inline(always)]
     pub fn row(&self, row: usize) -> &[u64] {
         &self.words[row * self.per_row..(row + 1) * self.per_row]
     }
@@ -73,9 +120,13 @@ mod tests {
                         let expected = (start..start + count).contains(&set);
                         assert_eq!(bits.run(1, start, count), expected);
                         assert!(!bits.run(0, start, count) && !bits.run(2, start, count));
+                        let columns = [start as i32, (start + count - 1) as i32];
+                        assert!(!expected || bits.any_tile([-3, 40], columns));
                     }
                 }
             }
+            let far = (set as i32 + 100) % 200;
+            assert!(!bits.any_tile([0, 2], [far, far]));
         }
     }
 }

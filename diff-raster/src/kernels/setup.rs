@@ -33,6 +33,19 @@ impl<F: Real> Centres<F> {
         fill(&mut self.y, height, height);
     }
 
+    /// Rows and columns, both inclusive, that hold all centres in the given ranges and perhaps a
+    /// few more: cheap.
+    #[inline(always)]
+    pub fn around(&self, x: [F; 2], y: [F; 2]) -> [[i32; 2]; 2] {
+        let (height, width) = (self.y.len() as f64, (self.x.len() - MAX_LANES) as f64);
+        // Casts saturate.
+        let place = |at: F, size: f64| ((at.to_f64() + 1.0) * 0.5 * size) as i32;
+        let flip = |row: i32| (height as i32 - 1).saturating_sub(row);
+        let rows = [flip(place(y[1], height)), flip(place(y[0], height))];
+        let columns = [place(x[0], width), place(x[1], width)];
+        [rows, columns].map(|[low, high]| [low.saturating_sub(1), high.saturating_add(1)])
+    }
+
     /// The `y` of a row.
     #[inline(always)]
     pub fn row(&self, row: usize) -> F {
@@ -75,8 +88,8 @@ fn range<F: Real>(table: &[F], low: F, high: F, half_open: bool) -> [u32; 2] {
 #[inline(always)]
 fn first<F: Real>(table: &[F], near: F, reached: impl Fn(F) -> bool) -> usize {
     let n = table.len() as f64;
-    // The cast saturates, so that anything may come in.
-    let mut k = (((near.to_f64() + 1.0) * n * 0.5) as i64).clamp(0, n as i64) as usize;
+    // Mostly right at once; the cast saturates, so that anything may come in.
+    let mut k = (((near.to_f64() + 1.0) * n * 0.5 + 0.5) as i64).clamp(0, n as i64) as usize;
     while k > 0 && reached(table[k - 1]) {
         k -= 1;
     }

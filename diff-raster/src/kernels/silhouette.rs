@@ -19,7 +19,7 @@ use crate::faces::{Faces, NONE};
 use crate::fragments::{Fragments, Spares};
 use crate::kernels::bits::Bits;
 use crate::kernels::lanes::{Job, Lanes, MAX_LANES, dispatch, three};
-use crate::kernels::setup::{BAND_ROWS, Bands, Centres, PixelBox, extent, near, visible_corners};
+use crate::kernels::setup::{BAND_ROWS, Bands, PixelBox, extent, near, visible_corners};
 use crate::{Rule, Settings};
 
 /// Faces per parallel task when looking for those near the background.
@@ -132,7 +132,15 @@ impl<F: Real> ImageState<F> {
         let (near, length) = (near::<F>(settings), F::from_f64(settings.box_length));
         let reached = |corners: &[u32; 3]| {
             let p = visible_corners(projected, *corners, near)?;
-            let pixels = enlarged_box(&p, centres, length);
+            let [x, y] = enlarged(&p, length);
+            let [rows, columns] = centres.around(x, y);
+            if !background.any_tile(rows, columns) {
+                return None;
+            }
+            let pixels = PixelBox {
+                columns: centres.columns(x[0], x[1], true),
+                rows: centres.rows(y[0], y[1], true),
+            };
             (!pixels.is_empty() && background.any(pixels)).then_some((p, pixels))
         };
         self.near.resize(corners.len(), false);
@@ -160,11 +168,13 @@ impl<F: Real> ImageState<F> {
     }
 }
 
+/// Ranges of `x` and `y` that a face reaches.
 #[inline(always)]
-fn enlarged_box<F: Real>(p: &[[F; 3]; 3], centres: &Centres<F>, length: F) -> PixelBox {
-    let [x, y] = [0, 1].map(|k| extent(p[0][k], p[1][k], p[2][k]));
-    let columns = centres.columns(x[0] - length, x[1] + length, true);
-    PixelBox { columns, rows: centres.rows(y[0] - length, y[1] + length, true) }
+fn enlarged<F: Real>(p: &[[F; 3]; 3], length: F) -> [[F; 2]; 2] {
+    [0, 1].map(|k| {
+        let [low, high] = extent(p[0][k], p[1][k], p[2][k]);
+        [low - length, high + length]
+    })
 }
 
 #[inline(always)]
