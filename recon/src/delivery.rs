@@ -236,14 +236,19 @@ fn figures(metrics: &Metrics) -> Vec<Figure> {
         figure(format!("{:.4}", metrics.views.image_l1), "image L1"),
         figure(format!("{:.3}", metrics.views.ssim), "SSIM"),
     ];
-    for comparison in &metrics.truth {
-        let name = &comparison.protocol.name;
-        if let Some(chamfer) = comparison.chamfer {
-            figures.push(figure(format!("{chamfer:.2e}"), &format!("Chamfer ({name})")));
-        }
-        if let Some(iou) = comparison.iou {
-            figures.push(figure(format!("{iou:.3}"), &format!("3D IoU ({name})")));
-        }
+    // One protocol is enough for the cards, the one whose unit is the object itself; the tables have all.
+    let occnet = metrics.truth.iter().find(|c| c.protocol.name == Preset::OccNet.name());
+    if let Some(comparison) = occnet {
+        let cards = [
+            ("Chamfer, of the longest side", comparison.chamfer.map(|v| format!("{v:.5}"))),
+            (
+                "F-score at 1 % of that",
+                comparison.f_scores.first().map(|f| format!("{:.3}", f.f_score)),
+            ),
+            ("3D IoU", comparison.iou.map(|v| format!("{v:.3}"))),
+        ];
+        let known = cards.into_iter().filter_map(|(label, value)| Some(figure(value?, label)));
+        figures.extend(known);
     }
     figures
 }
