@@ -1,0 +1,176 @@
+//! The rules of ARCHITECTURE.md that a test can hold.
+//!
+//! They live in this crate because it alone may depend on every other.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// What each crate may depend on within the workspace: the picture in ARCHITECTURE.md, as data.
+const MAY_USE: &[(&str, &[&str])] = &[
+    ("mesh-core", &[]),
+    ("autodiff-lite", &[]),
+    ("datasets", &["mesh-core"]),
+    ("diff-raster", &["mesh-core", "autodiff-lite"]),
+    ("losses", &["mesh-core", "autodiff-lite"]),
+    ("recon", &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses"]),
+    ("cli", &["mesh-core", "datasets", "losses", "recon"]),
+    (
+        "benches",
+        &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses", "recon"],
+    ),
+];
+
+/// Crates from outside that are for these members alone.
+const RESERVED: &[(&str, &[&str])] = &[
+    ("clap", &["cli"]),
+    ("clap_complete", &["cli"]),
+    ("indicatif", &["cli"]),
+    ("ctrlc", &["cli"]),
+    ("toml", &["recon"]),
+    ("gif", &["recon"]),
+    ("image", &["mesh-core"]),
+    ("exr", &["mesh-core"]),
+    ("nalgebra", &["mesh-core"]),
+    ("gemm", &["autodiff-lite"]),
+    ("safetensors", &["autodiff-lite"]),
+    ("zip", &["datasets"]),
+];
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_path_buf()
+}
+
+/// For each member of the workspace its dependencies (not those of its tests).
+fn members() -> BTreeMap<String, Vec<String>> {
+    let output = Command::new(env!("CARGO"))
+        .args(["metadata", "--no-deps", "--offline", "--format-version", "1"])
+        .current_dir(root())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let text = |value: &serde_json::Value| value.as_str().unwrap().to_owned();
+    let dependencies = |package: &serde_json::Value| {
+        let all = package["dependencies"].as_array().unwrap().iter();
+        all.filter(|d| d["kind"].is_null()).map(|d| text(&d["name"])).collect()
+    };
+    let packages = metadata["packages"].as_array().unwrap().iter();
+    packages.map(|package| (text(&package["name"]), dependencies(package))).collect()
+}
+
+/// All Rust files under a folder, with their text up to the unit tests.
+fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
+    let mut found = Vec::new();
+    let mut pending = vec![folder.to_path_buf()];
+    while let Some(folder) = pending.pop() {
+        let Ok(entries) = fs::read_dir(&folder) else { continue };
+        for path in entries.map(|entry| entry.unwrap().path()) {
+            if path.is_dir() {
+                pending.push(path);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                let text = fs::read_to_string(&path).unwrap();
+                let end = text.find("\n#[cfg(test)]\nmod ").unwrap_or(text.len());
+                // `mod tests;` in a file of its own: what follows is not a test.
+                let inline = text[end..].lines().nth(2).is_some_and(|line| line.ends_with('{'))
+                    || text[end..].contains("mod tests {");
+                found.push((path, if inline { text[..end].to_owned() } else { text }));
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+fn library_sources() -> Vec<(PathBuf, String)> {
+    MAY_USE
+        .iter()
+        .filter(|(member, _)| *member != "cli")
+        .flat_map(|(member, _)| sources(&root().join(member).join("src")))
+        .collect()
+}
+
+/// The code of a file without its comments, line by line.
+fn code(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim_start()));
+    lines.filter(|(_, line)| !line.starts_with("//"))
+}
+
+#[test]
+fn dependencies_point_one_way() {
+    let members = members();
+    let named: Vec<_> = MAY_USE.iter().map(|(name, _)| (*name).to_owned()).collect();
+    assert!(members.keys().all(|m| named.contains(m)), "a new crate: place it in MAY_USE");
+    for (member, allowed) in MAY_USE {
+        for dependency in members[*member].iter().filter(|d| members.contains_key(*d)) {
+            assert!(allowed.contains(&dependency.as_str()), "{member} must not use {dependency}");
+        }
+    }
+}
+
+#[test]
+fn some_dependencies_have_one_owner() {
+    for (member, dependencies) in members() {
+        for (name, owners) in RESERVED {
+            let uses = dependencies.iter().any(|d| d == name);
+            assert!(!uses || owners.contains(&member.as_str()), "{member} must not use {name}");
+        }
+    }
+}
+
+#[test]
+fn unsafe_code_stays_in_kernels() {
+    for (path, text) in library_sources() {
+        let in_kernels = path.iter().any(|part| part == "kernels" || part == "kernels.rs");
+        for (line, code) in code(&text) {
+            let found = code.contains("unsafe ") && !code.contains("unsafe_");
+            assert!(in_kernels || !found, "{}:{line}: {code}", path.display());
+        }
+    }
+}
+
+#[test]
+fn libraries_leave_the_process_alone() {
+    let never = ["process::exit", "env::var", "env::args", "env::set_current_dir", "thread_rng"];
+    for (path, text) in library_sources() {
+        for (line, code) in code(&text) {
+            let found = never.iter().find(|word| code.contains(**word));
+            assert!(found.is_none(), "{}:{line}: {found:?}", path.display());
+        }
+    }
+}
+
+#[test]
+fn kernels_never_see_a_tape() {
+    for (path, text) in library_sources() {
+        if path.iter().any(|part| part == "kernels") {
+            for (line, code) in code(&text) {
+                let found = ["Tape<", "Var<", "Backward<"].iter().any(|word| code.contains(word));
+                assert!(!found, "{}:{line}: {code}", path.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn files_and_names_stay_small_and_plain() {
+    let vague = ["Manager", "Helper", "Utils", "Util"];
+    for (member, _) in MAY_USE {
+        for (path, text) in sources(&root().join(member).join("src")) {
+            let lines = text.lines().count();
+            assert!(lines <= 500, "{}: {lines} lines; split it by noun", path.display());
+            let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+            assert!(!["utils", "util", "helpers", "misc"].contains(&&*name), "{}", path.display());
+            for (line, code) in code(&text) {
+                let kinds = ["struct ", "enum ", "trait "];
+                let declared = kinds.iter().find_map(|kind| code.split_once(kind)).map(|(_, n)| n);
+                let name = declared.and_then(|n| n.split(|c: char| !c.is_alphanumeric()).next());
+                let bad = name.is_some_and(|n| vague.iter().any(|word| n.ends_with(word)));
+                assert!(!bad, "{}:{line}: {code}", path.display());
+            }
+        }
+    }
+}
