@@ -18,10 +18,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("losses", &["mesh-core", "autodiff-lite"]),
     ("recon", &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses"]),
     ("cli", &["mesh-core", "datasets", "losses", "recon"]),
-    (
-        "benches",
-        &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses", "recon"],
-    ),
+    ("benches", &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses", "recon"]),
 ];
 
 /// Crates from outside that are for these members alone.
