@@ -62,7 +62,8 @@
 //! - Kernels know slices, never a tape; they hold the only `unsafe`.
 //! - The same seed gives the same bits whatever the number of threads: parallel loops run over
 //!   fixed chunks of the output, and sums over fixed chunks of the input.
-//! - The steady state of a training loop takes no fresh block of memory of 4 KiB or more.
+//! - The steady state of a training loop takes no fresh block of memory of 4 KiB or more, but for
+//!   the packing buffer that the gemm crate takes and gives back in each large matrix product.
 //! - Operations have a single output. Rules work on arrays, so there are no second derivatives.
 //! - A tape belongs to one thread at a time.
 //!
@@ -89,6 +90,7 @@ mod op;
 mod param;
 mod pool;
 mod real;
+mod scope;
 mod shape;
 mod sparse;
 mod tape;
@@ -108,9 +110,10 @@ pub use ops::BatchStatistics;
 pub use param::{Param, ParamId};
 pub use pool::{Pool, PoolVec, Pooled};
 pub use real::Real;
+pub use scope::Handles;
 pub use shape::{ShapeError, Shapes, broadcast_shape};
 pub use sparse::{SparseError, SparseMatrix};
-pub use tape::{Handles, Tape};
+pub use tape::Tape;
 pub use tensor::{CONTIGUOUS, IntoTensor, Tensor};
 pub use updates::{BufferUpdate, Updates};
 pub use var::Var;
