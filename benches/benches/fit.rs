@@ -20,19 +20,23 @@ fn main() {
     let views = views();
     let config = FitConfig { start_level: 4, ..FitConfig::default() };
     let mut criterion = criterion();
+    let mut group = criterion.benchmark_group("fit");
     for threads in [1, 2] {
-        pool(threads).install(|| {
-            let mut stepper = Stepper::new(&views, &config).expect("the clock is in view");
-            // The first steps are far from the masks: measure the middle of a fit.
-            for _ in 0..30 {
-                stepper.step().expect("finite");
-            }
-            let id =
-                BenchmarkId::new("fit step, 4 views 256x256, icosphere 4", format!("{threads}t"));
-            criterion.bench_with_input(id, &(), |bench, ()| {
-                bench.iter(|| black_box(stepper.step().expect("finite")));
-            });
-        });
+        let pool = pool(threads);
+        let mut stepper = Stepper::new(&views, &config).expect("the clock is in view");
+        group.bench_function(
+            BenchmarkId::new("step-4x256-icosphere-4", format!("{threads}t")),
+            |b| {
+                pool.install(|| {
+                    // The first steps are far from the masks: measure the middle of a fit.
+                    for _ in 0..30 {
+                        stepper.step().expect("finite");
+                    }
+                    b.iter(|| black_box(stepper.step().expect("finite")));
+                });
+            },
+        );
     }
+    group.finish();
     criterion.final_summary();
 }
