@@ -61,7 +61,7 @@ def theirs(files):
 def cell(milliseconds, work):
     if milliseconds is None:
         return "-"
-    text = f"{milliseconds:.3g} ms"
+    text = f"{milliseconds / 1e3:.3g} s" if milliseconds >= 1e3 else f"{milliseconds:.3g} ms"
     return f"{text} ({work / milliseconds / 1e6:.0f} GFLOP/s)" if work else text
 
 
@@ -98,7 +98,9 @@ def main():
     for name in sorted(set(mine) | set(by_id)):
         work, here = flops(name), mine.get(name)
         for peer, value in by_id.get(name, [("", None)]):
-            ratio = f"{value / here:.2f}" if here and value else "-"
+            ratio = "-"
+            if here and value:
+                ratio = f"{value / here:.{2 if value < 10 * here else 0}f}"
             print(f"| {name} | {cell(here, work)} | {peer} | {cell(value, work)} | {ratio} |")
 
 
