@@ -25,12 +25,12 @@
 //! - **a mesh**: [`TriMesh`], [`Texture`]; [`TriMesh::validate`], [`TriMesh::health`],
 //!   [`TriMesh::self_intersections`], bounds, area, volume, transforms, [`TriMesh::append`]
 //! - **make one**: [`primitives`]; finer by [`subdivide`], with anything that lives on the vertices by
-//!   [`Subdivision`]; better triangles by [`improve`]
+//!   [`Subdivision`]; better triangles by [`improve`], of one size by [`fn@remesh`]
 //! - **who is next to whom**: [`Topology`] (edges, face pairs, rings), [`Csr`]
 //! - **measure**: [`face_normals`], [`vertex_normals`], [`face_areas`], [`vertex_areas`];
 //!   [`uniform_laplacian`], [`combinatorial_laplacian`], [`cotangent_laplacian`] as [`SparseRows`]
 //! - **smooth steps**: [`DiffusionSolver`], `(I + λ L) x = b`
-//! - **points and cells**: [`sample_surface`], [`nearest`]; [`voxelize_solid`], [`voxelize_surface`],
+//! - **points and cells**: [`sample_surface`], [`nearest`], [`ClosestPoint`]; [`voxelize_solid`], [`voxelize_surface`],
 //!   [`voxelize_parity`], [`voxelize_enclosed`], [`VoxelGrid::iou`]
 //! - **see**: [`Camera`] with every convention that data comes in; [`Image`], [`ByteImage`], [`DepthMap`]
 //! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB), [`read_image`], [`write_png`], EXR depth;
@@ -57,6 +57,7 @@
 //! Gradients (see `autodiff-lite` and `losses`), rendering (`diff-raster`), booleans, hole filling.
 
 mod camera;
+mod closest;
 mod csr;
 mod differential;
 mod diffusion;
@@ -79,6 +80,7 @@ pub use camera::{
     Camera, CameraError, ColmapCamera, KaolinCamera, Lens, OpenCvCamera, Projected,
     Pytorch3dCamera, R2n2View, Ray, WeakPerspective,
 };
+pub use closest::{Closest, ClosestPoint};
 pub use csr::Csr;
 pub use differential::{
     SparseRows, combinatorial_laplacian, cotangent_laplacian, cotangent_weights, uniform_laplacian,
@@ -95,7 +97,9 @@ pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_into};
 pub use mesh::{MeshError, Texture, TriMesh};
 pub use nalgebra;
 pub use normals::{face_areas, face_normals, vertex_normals};
-pub use remesh::{ImproveOptions, Improvement, RemeshError, improve};
+pub use remesh::{
+    ImproveOptions, Improvement, RemeshError, RemeshOptions, Remeshed, improve, remesh,
+};
 pub use sample::{SurfacePoint, sample_points, sample_surface};
 pub use subdivide::{Subdivision, subdivide};
 pub use topology::{FacePair, Topology};

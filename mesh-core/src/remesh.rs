@@ -1,9 +1,11 @@
 //! Changing the triangles of a closed surface while keeping its shape.
 
 mod improve;
+mod isotropic;
 mod surface;
 
 pub use improve::{ImproveOptions, Improvement, improve};
+pub use isotropic::{RemeshOptions, Remeshed, remesh};
 
 use crate::MeshError;
 use crate::vector::{Vec3, angle, sub};
@@ -40,6 +42,12 @@ pub enum RemeshError {
     Isolated {
         /// The vertex.
         vertex: usize,
+    },
+    /// The length that edges should have is of no use.
+    #[error("edges should be {found} long, expected a positive length of at most 20 million faces")]
+    EdgeLength {
+        /// The length.
+        found: f64,
     },
     /// The mesh has a texture, which would not fit the new faces.
     #[error("the mesh has a texture, expected none (make the texture after remeshing)")]

@@ -98,10 +98,14 @@ pub fn improve(mesh: &mut TriMesh, options: &ImproveOptions) -> Result<Improveme
 }
 
 /// Turns every edge that is better turned, once through; gives the number turned.
-fn flip_sweep(surface: &mut Surface, positions: &[Vec3], options: &ImproveOptions) -> usize {
+pub(super) fn flip_sweep(
+    surface: &mut Surface,
+    positions: &[Vec3],
+    options: &ImproveOptions,
+) -> usize {
     let mut flips = 0;
     for corner in 0..surface.corner_count() {
-        if surface.opposite(corner) < corner {
+        if !surface.is_alive(corner) || surface.opposite(corner) < corner {
             continue;
         }
         if raises_angle(surface, positions, corner, options) && surface.can_flip(corner) {
@@ -154,20 +158,27 @@ fn raises_angle(
 }
 
 /// Slides every vertex once, in order; gives the number that moved.
-fn relax_sweep(surface: &Surface, positions: &mut [Vec3], options: &ImproveOptions) -> usize {
+pub(super) fn relax_sweep(
+    surface: &Surface,
+    positions: &mut [Vec3],
+    options: &ImproveOptions,
+) -> usize {
     let allowed = options.sharpest_fold_degrees.to_radians();
     let mut moves = 0;
     for vertex in 0..positions.len() as u32 {
+        if surface.valence(vertex) == 0 {
+            continue; // it was removed
+        }
         let here = positions[vertex as usize];
         let step = slide(surface, positions, vertex);
-        let (old, old_normal) = around(surface, positions, vertex, here);
+        let (old, _) = around(surface, positions, vertex, here);
         let mut share = options.relaxation;
         for _ in 0..3 {
             let there = add(here, scale(step, share));
             let (new, _) = around(surface, positions, vertex, there);
             let better = new > old + 1e-6 || new >= ENOUGH_DEGREES.to_radians();
             if better
-                && keeps_facing(surface, positions, vertex, there, old_normal)
+                && keeps_facing(surface, positions, vertex, there)
                 && sharpest_fold(surface, positions, vertex, there)
                     <= sharpest_fold(surface, positions, vertex, here).max(allowed)
             {
@@ -182,7 +193,7 @@ fn relax_sweep(surface: &Surface, positions: &mut [Vec3], options: &ImproveOptio
 }
 
 /// From a vertex to the area-weighted middle of its faces, without the part along the normal.
-pub(super) fn slide(surface: &Surface, positions: &[Vec3], vertex: u32) -> Vec3 {
+fn slide(surface: &Surface, positions: &[Vec3], vertex: u32) -> Vec3 {
     let here = positions[vertex as usize];
     let (mut normal, mut middle, mut weight) = ([0.0; 3], [0.0; 3], 0.0);
     for corner in surface.fan(vertex) {
@@ -231,13 +242,8 @@ fn sharpest_fold(surface: &Surface, positions: &[Vec3], vertex: u32, at: Vec3) -
 }
 
 /// Whether all faces around a vertex at `at` look to the side that they looked to together.
-pub(super) fn keeps_facing(
-    surface: &Surface,
-    positions: &[Vec3],
-    vertex: u32,
-    at: Vec3,
-    normal: Vec3,
-) -> bool {
+pub(super) fn keeps_facing(surface: &Surface, positions: &[Vec3], vertex: u32, at: Vec3) -> bool {
+    let (_, normal) = around(surface, positions, vertex, positions[vertex as usize]);
     surface.fan(vertex).all(|corner| {
         let [b, c] = [next(corner), previous(corner)]
             .map(|corner| positions[surface.vertex(corner) as usize]);

@@ -1,5 +1,4 @@
 //! A closed surface that can be changed: faces and, for each corner, the corner across its edge.
-#![allow(dead_code, reason = "splits and collapses wait for the isotropic remesher")]
 
 use super::RemeshError;
 use crate::{Topology, TriMesh};
