@@ -2,7 +2,6 @@
 //!
 //! Each takes the instruction set as an argument (`Arch`), so that tests can force every path; the
 //! functions at the crate root choose it themselves.
-#![allow(unsafe_code, reason = "SIMD kernels are the one place for it")]
 
 pub mod nearest;
 

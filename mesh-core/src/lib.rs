@@ -50,7 +50,7 @@
 //!   expected. Arrays of the wrong length are mistakes of the caller and panic, as in indexing;
 //!   [`TriMesh::validate`] is the door between the two.
 //! - The same input gives the same bits for any number of threads. Randomness is a function of a seed.
-//! - [`kernels`] are the only place for `unsafe`, take slices, and choose instructions at run time.
+//! - [`kernels`] take slices and choose instructions at run time. No `unsafe` in this crate.
 //!
 //! # Not here
 //!

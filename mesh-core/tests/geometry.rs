@@ -1,8 +1,8 @@
 //! Properties that hold for any mesh of the kind.
 
 use mesh_core::{
-    ImproveOptions, Subdivision, Topology, TriMesh, improve, nearest, primitives, sample_surface,
-    subdivide, uniform_laplacian, vertex_normals, voxelize_parity, voxelize_solid,
+    ImproveOptions, Subdivision, Topology, TriMesh, improve, nearest, primitives, sample_points,
+    sample_surface, subdivide, uniform_laplacian, vertex_normals, voxelize_parity, voxelize_solid,
 };
 use proptest::prelude::*;
 
@@ -40,6 +40,21 @@ fn soup() -> impl Strategy<Value = TriMesh> {
 
 fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f32>().sqrt()
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same() {
+    let mut mesh = primitives::icosphere(4);
+    mesh.append(&primitives::torus(0.9, 0.3, 40, 30)).expect("both plain");
+    let (a, b) = (sample_points(&mesh, 1501, 1).0, sample_points(&mesh, 1777, 2).0);
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| (nearest(&a, &b), mesh.self_intersections()))
+    };
+    let one = run(1);
+    assert!(!one.1.is_empty());
+    assert_eq!(run(2), one);
+    assert_eq!(run(3), one);
 }
 
 proptest! {
