@@ -44,13 +44,18 @@ impl<F: Lane> Sweep<'_, F> {
         let per_row = (2 * self.grid[1] * products * columns.min(self.channels)).max(1);
         let reuse = if panel * size_of::<F>() > 128 * 1024 { 8 } else { 1 };
         let chunk = 4_000_000_usize.div_ceil(per_row).max(reuse);
-        let chunk = chunk.min((rows * blocks).div_ceil(16)).clamp(1, rows.max(1));
         let shared = Shared::new(out);
-        for_each_block(rows.div_ceil(chunk) * blocks, flops >= SERIAL_BELOW, |task| {
-            let (first, block) = (task / blocks * chunk, task % blocks);
-            let weights = &self.weights[block * panel..(block + 1) * panel];
+        // Small weights stay in L1 all together: each row is written whole, not in stripes.
+        let together = panel * blocks * size_of::<F>() <= 32 * 1024;
+        let (tasks, together) = if together { (1, blocks) } else { (blocks, 1) };
+        let chunk = (chunk / together).min((rows * tasks).div_ceil(16)).clamp(1, rows.max(1));
+        for_each_block(rows.div_ceil(chunk) * tasks, flops >= SERIAL_BELOW, |task| {
+            let (first, task) = (task / tasks * chunk, task % tasks);
             for row in first..(first + chunk).min(rows) {
-                self.row(row, block, weights, shared);
+                for block in task * together..(task + 1) * together {
+                    let weights = &self.weights[block * panel..(block + 1) * panel];
+                    self.row(row, block, weights, shared);
+                }
             }
         });
     }

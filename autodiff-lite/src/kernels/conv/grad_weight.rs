@@ -1,5 +1,7 @@
 //! The gradient of the weight, by the same tile: products run over pixels.
 
+use std::ops::Range;
+
 use crate::kernels::activation::Activation;
 use crate::kernels::blocks::{SERIAL_BELOW, SERIAL_ELEMENTS, Shared, for_each_block};
 use crate::kernels::isa::Isa;
@@ -19,12 +21,28 @@ fn padded_channels(s: &ConvSizes, lanes: usize) -> usize {
     s.out_channels.next_multiple_of(lanes)
 }
 
+/// Parts that the rows of pixels are summed in. Fixed, so that rounding does not depend on the
+/// threads.
+///
+/// Large weights are shared out among the threads and summed in one part. A small one (the first
+/// layer's) is a few tiles in all, which read all pixels anew each: there the rows are shared
+/// out instead, and each part reads its pixels once.
+fn shards(s: &ConvSizes) -> usize {
+    let rows = s.batch * s.output[0];
+    if s.in_channels * s.kernel[1] <= 32 && s.out_channels <= 128 { rows.clamp(1, 8) } else { 1 }
+}
+
+/// Numbers in one part of the sums.
+fn sums_len(s: &ConvSizes, lanes: usize) -> usize {
+    s.in_channels * s.kernel[0] * s.kernel[1] * padded_channels(s, lanes)
+}
+
 pub(super) fn scratch<F: Lane>(s: &ConvSizes, isa: Isa) -> usize {
-    let channels = padded_channels(s, Tiles::new::<F>(isa).lanes);
+    let lanes = Tiles::new::<F>(isa).lanes;
+    let channels = padded_channels(s, lanes);
     let copy =
         if channels == s.out_channels { 0 } else { s.batch * s.output[0] * s.output[1] * channels };
-    let sums = s.in_channels * s.kernel[0] * s.kernel[1] * channels;
-    framed_input(s).len() + copy + sums
+    framed_input(s).len() + copy + shards(s) * sums_len(s, lanes)
 }
 
 /// Pixels of one task.
@@ -64,81 +82,143 @@ pub(super) fn run<F: Lane>(
     let frame = framed_input(s);
     let (framed, rest) = scratch.split_at_mut(frame.len());
     let input = frame.fill(x, framed);
-    let (line, image) =
-        (frame.framed[1] * s.in_channels, frame.framed[0] * frame.framed[1] * s.in_channels);
     let channels = padded_channels(s, tiles.lanes);
-    let (in_step, out_line) = (s.stride[1] * s.in_channels, s.output[1] * channels);
-    let sums_len = s.in_channels * s.kernel[0] * s.kernel[1] * channels;
-    let (sums, rest) = rest.split_at_mut(sums_len);
-
-    // Sums lie as [tap][i][o]; a part is what one tile covers of a run, times a block of o.
-    let (taps, run_count) = runs(s);
-    let m = taps * s.in_channels;
-    // Rows of pixels whose lines of both operands stay in the L1 cache while parts sweep them.
-    let touched = s.output[1] * (16 + columns) * size_of::<F>();
-    let block = (32 * 1024 / touched.max(1)).clamp(1, s.output[0].max(1));
-
-    // A task owns a run, a block of o and a range of whole tiles; few enough that its operands
-    // are read seldom, enough of them to share out.
-    let blocks = channels.div_ceil(columns);
-    let tile_count = m.div_ceil(tiles.rows);
-    let ranges = 8_usize.div_ceil(run_count * blocks).min(tile_count).max(1);
-    if s.output_len() == 0 {
+    let (shards, sums_len) = (shards(s), sums_len(s, tiles.lanes));
+    let (sums, rest) = rest.split_at_mut(shards * sums_len);
+    if s.output_len() == 0 || sums_len == 0 {
         gw.fill(F::zero());
         return;
     }
     let copy_len =
         if channels == s.out_channels { 0 } else { s.output_len() / s.out_channels * channels };
     let gy = widened(gy, &mut rest[..copy_len], [s.out_channels, channels]);
+    let (taps, run_count) = runs(s);
+    let line = frame.framed[1] * s.in_channels;
+    // Rows of pixels whose lines of both operands stay in the L1 cache while tiles sweep them.
+    let touched = s.output[1] * (16 + columns) * size_of::<F>();
+    let sweep = Sweep {
+        s,
+        tiles,
+        input,
+        line,
+        image: frame.framed[0] * line,
+        gy,
+        channels,
+        m: taps * s.in_channels,
+        block: (32 * 1024 / touched.max(1)).clamp(1, s.output[0]),
+    };
+    let parallel = s.flops() >= SERIAL_BELOW;
+    let (m, rows) = (sweep.m, s.batch * s.output[0]);
+    let blocks = channels.div_ceil(columns);
     let shared = Shared::new(sums);
-    let sums_of = |task: usize| {
-        let (run, task) = (task / (blocks * ranges), task % (blocks * ranges));
-        let (channel, range) = (task / ranges * columns, task % ranges);
-        let present = columns.min(channels - channel);
-        let (ky, kx) =
-            if s.dilation[1] == 1 { (run, 0) } else { (run / s.kernel[1], run % s.kernel[1]) };
-        let origin = ky * s.dilation[0] * line + kx * s.dilation[1] * s.in_channels;
-        let (first, last) = (m * range / ranges, m * (range + 1) / ranges);
-        let mut rows = Vec::with_capacity(block);
-        let mut fresh = true;
-        for n in 0..s.batch {
-            let mut y = 0;
-            while y < s.output[0] {
-                let count = block.min(s.output[0] - y);
-                rows.clear();
-                rows.extend((0..count).map(|r| [r * s.stride[0] * line, r * out_line]));
-                let a = origin + n * image + y * s.stride[0] * line;
-                let b = (n * s.output[0] + y) * out_line + channel;
-                balanced(last - first, tiles.rows, |start, size| {
-                    let at = first + start;
-                    let tile = Tile {
-                        runs: &rows,
-                        len: s.output[1],
-                        a: input[a + at..].as_ptr(),
-                        a_row: 1,
-                        a_k: in_step,
-                        b: gy[b..].as_ptr(),
-                        b_k: channels,
-                        // SAFETY: the tile lies in the sums, as `at < m` and `channel < O`.
-                        y: unsafe { shared.at((run * m + at) * channels + channel) },
-                        y_row: channels,
-                        columns: present,
-                        add: !fresh,
-                        bias: std::ptr::null(),
-                        activation: Activation::None,
-                    };
-                    let kernel = tiles.get::<F>(Rows::Contiguous, size, present);
-                    // SAFETY: pixels of the block lie in both images, a run of the window lies
-                    // in the framed input, and each task writes sums of its own.
-                    unsafe { kernel(isa, &tile) }
-                });
-                fresh = false;
-                y += count;
+    if shards > 1 {
+        for_each_block(shards, parallel, |shard| {
+            let rows = rows * shard / shards..rows * (shard + 1) / shards;
+            let part = Part { rows, runs: 0..run_count, blocks: 0..blocks, tiles: 0..m };
+            // SAFETY: each task has sums of its own.
+            sweep.run(part, unsafe { shared.at(shard * sums_len) });
+        });
+        let (sums, others) = sums.split_at_mut(sums_len);
+        for other in others.chunks_exact(sums_len) {
+            for (sum, &x) in sums.iter_mut().zip(other) {
+                *sum += x;
             }
         }
-    };
-    for_each_block(run_count * blocks * ranges, s.flops() >= SERIAL_BELOW, sums_of);
-    unpack(s, sums, channels, gw);
+    } else {
+        // A task owns a run, a block of o and a range of whole tiles; few enough that its
+        // operands are read seldom, enough of them to share out.
+        let tile_count = m.div_ceil(tiles.rows);
+        let ranges = 8_usize.div_ceil(run_count * blocks).min(tile_count).max(1);
+        for_each_block(run_count * blocks * ranges, parallel, |task| {
+            let (run, task) = (task / (blocks * ranges), task % (blocks * ranges));
+            let (block, range) = (task / ranges, task % ranges);
+            let tiles = m * range / ranges..m * (range + 1) / ranges;
+            let part = Part { rows: 0..rows, runs: run..run + 1, blocks: block..block + 1, tiles };
+            // SAFETY: tasks write sums of their own: other runs, blocks or tiles.
+            sweep.run(part, unsafe { shared.at(0) });
+        });
+    }
+    unpack(s, &sums[..sums_len], channels, gw);
+}
+
+/// What all tasks read.
+struct Sweep<'a, F> {
+    s: &'a ConvSizes,
+    tiles: Tiles,
+    input: &'a [F],
+    /// Steps between rows and images of the framed input.
+    line: usize,
+    image: usize,
+    gy: &'a [F],
+    /// Channels of `gy` as it lies.
+    channels: usize,
+    /// Numbers in a run of the window.
+    m: usize,
+    /// Rows of pixels that are swept together.
+    block: usize,
+}
+
+/// What one task sums: over which rows of pixels (of all images), and which part of the sums.
+struct Part {
+    rows: Range<usize>,
+    runs: Range<usize>,
+    blocks: Range<usize>,
+    /// Numbers of a run.
+    tiles: Range<usize>,
+}
+
+impl<F: Lane> Sweep<'_, F> {
+    /// Writes the sums of a part; those of all parts lie as `[run][m][channels]` from `sums`.
+    fn run(&self, part: Part, sums: *mut F) {
+        let (s, line) = (self.s, self.line);
+        let columns = self.tiles.columns();
+        let out_line = s.output[1] * self.channels;
+        let mut lines = Vec::with_capacity(self.block);
+        let mut row = part.rows.start;
+        while row < part.rows.end {
+            let (n, y) = (row / s.output[0], row % s.output[0]);
+            let count = self.block.min(s.output[0] - y).min(part.rows.end - row);
+            lines.clear();
+            lines.extend((0..count).map(|r| [r * s.stride[0] * line, r * out_line]));
+            for run in part.runs.clone() {
+                let (ky, kx) = if s.dilation[1] == 1 {
+                    (run, 0)
+                } else {
+                    (run / s.kernel[1], run % s.kernel[1])
+                };
+                let a = n * self.image
+                    + (y * s.stride[0] + ky * s.dilation[0]) * line
+                    + kx * s.dilation[1] * s.in_channels;
+                for block in part.blocks.clone() {
+                    let channel = block * columns;
+                    let present = columns.min(self.channels - channel);
+                    balanced(part.tiles.len(), self.tiles.rows, |start, size| {
+                        let at = part.tiles.start + start;
+                        let tile = Tile {
+                            runs: &lines,
+                            len: s.output[1],
+                            a: self.input[a + at..].as_ptr(),
+                            a_row: 1,
+                            a_k: s.stride[1] * s.in_channels,
+                            b: self.gy[row * out_line + channel..].as_ptr(),
+                            b_k: self.channels,
+                            y: sums.wrapping_add((run * self.m + at) * self.channels + channel),
+                            y_row: self.channels,
+                            columns: present,
+                            add: row > part.rows.start,
+                            bias: std::ptr::null(),
+                            activation: Activation::None,
+                        };
+                        let kernel = self.tiles.get::<F>(Rows::Contiguous, size, present);
+                        // SAFETY: pixels of the block lie in both images, a run of the window
+                        // lies in the framed input, and each part writes sums of its own.
+                        unsafe { kernel(self.tiles.isa, &tile) }
+                    });
+                }
+            }
+            row += count;
+        }
+    }
 }
 
 /// `[KH, KW, I, O]`, rows of `O` being `row` long, to `[O, I, KH, KW]`.
