@@ -116,7 +116,7 @@ pub(super) fn run<F: Lane>(
             let rows = rows * shard / shards..rows * (shard + 1) / shards;
             let part = Part { rows, runs: 0..run_count, blocks: 0..blocks, tiles: 0..m };
             // SAFETY: each task has sums of its own.
-            sweep.run(part, unsafe { shared.at(shard * sums_len) });
+            sweep.run(&part, unsafe { shared.at(shard * sums_len) });
         });
         let (sums, others) = sums.split_at_mut(sums_len);
         for other in others.chunks_exact(sums_len) {
@@ -135,7 +135,7 @@ pub(super) fn run<F: Lane>(
             let tiles = m * range / ranges..m * (range + 1) / ranges;
             let part = Part { rows: 0..rows, runs: run..run + 1, blocks: block..block + 1, tiles };
             // SAFETY: tasks write sums of their own: other runs, blocks or tiles.
-            sweep.run(part, unsafe { shared.at(0) });
+            sweep.run(&part, unsafe { shared.at(0) });
         });
     }
     unpack(s, &sums[..sums_len], channels, gw);
@@ -169,7 +169,7 @@ struct Part {
 
 impl<F: Lane> Sweep<'_, F> {
     /// Writes the sums of a part; those of all parts lie as `[run][m][channels]` from `sums`.
-    fn run(&self, part: Part, sums: *mut F) {
+    fn run(&self, part: &Part, sums: *mut F) {
         let (s, line) = (self.s, self.line);
         let columns = self.tiles.columns();
         let out_line = s.output[1] * self.channels;
