@@ -17,7 +17,7 @@ impl<F: Real> Var<'_, F> {
     ///
     /// # Cost
     /// `2 N H' W' O C KH KW` flops, each gradient as many; Winograd does a quarter of them where
-    /// it pays ([`ConvAlgorithm`](crate::kernels::conv::ConvAlgorithm)). `benches/autodiff` has
+    /// it pays ([`ConvAlgorithm`](crate::kernels::conv::ConvAlgorithm)). The bench `conv` has
     /// the rates.
     ///
     /// # Panics

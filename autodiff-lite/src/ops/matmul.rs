@@ -9,7 +9,7 @@ impl<F: Real> Var<'_, F> {
     ///
     /// The leading axes are equal, or the right operand is one matrix for all.
     /// `2 M K N` flops each; about 200 GFLOP/s per AVX-512 core from 128^3 on
-    /// (`benches/autodiff`).
+    /// (bench `gemm`).
     #[track_caller]
     pub fn matmul(self, other: Self) -> Self {
         self.matmul_transposed(other, [false, false])
