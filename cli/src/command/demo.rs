@@ -50,5 +50,5 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Demo) -> Result<
     let source = PathBuf::from("an alarm clock that was made for it");
     let views = Views { views, source, layout: Layout::Memory, warnings: Vec::new() };
     let title = "Alarm clock";
-    Job { title, views: &views, config: &config, truth: Some(&clock), folder, start }.run(console)
+    Job { title, views, config: &config, truth: Some(&clock), folder, start }.run(console)
 }

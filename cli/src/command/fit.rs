@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use datasets::Views;
-use mesh_core::{TriMesh, read_mesh};
+use mesh_core::{ByteImage, TriMesh, read_mesh};
 use recon::delivery::{DeliverError, Delivery, Metrics, deliver};
 use recon::fit::{Event, FitConfig, FitError, Fitted, Flow, fit};
 use recon::output::OutputFolder;
@@ -31,7 +31,7 @@ struct Outcome<'a> {
 /// One fit from its views to its folder; `demo` does the same with views of its own.
 pub(crate) struct Job<'a> {
     pub(crate) title: &'a str,
-    pub(crate) views: &'a Views,
+    pub(crate) views: Views,
     pub(crate) config: &'a FitConfig,
     pub(crate) truth: Option<&'a TriMesh>,
     pub(crate) folder: OutputFolder,
@@ -55,7 +55,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(
     let name = arguments.views.file_stem().unwrap_or(arguments.views.as_os_str());
     let title = name.to_string_lossy();
     let truth = truth.as_ref();
-    Job { title: &title, views: &views, config: &config, truth, folder, start }.run(console)
+    Job { title: &title, views, config: &config, truth, folder, start }.run(console)
 }
 
 /// The configuration that the command line asks for, checked.
@@ -86,15 +86,22 @@ pub(crate) fn configuration(
 
 impl Job<'_> {
     /// Fits, scores, writes and prints. Ctrl-C ends the fit early; what there is is written.
-    pub(crate) fn run(self, console: Console) -> Result<(), Failure> {
+    pub(crate) fn run(mut self, console: Console) -> Result<(), Failure> {
         let interrupt = Interrupt::listen()?;
         let fitted = self.fit(console, &interrupt)?;
+        if !fitted.held_out_views.is_empty() {
+            // Only these are looked at again; the pictures of the others make room.
+            for &i in &fitted.train_views {
+                let view = &mut self.views.views[i];
+                (view.color, view.mask) = (ByteImage::default(), ByteImage::default());
+            }
+        }
         let progress = Progress::new(console, "write");
         progress.say("scores, meshes, turntable, report".to_owned());
         let delivery = Delivery {
             title: self.title,
             command: &typed_command(),
-            views: self.views,
+            views: &self.views,
             config: self.config,
             fitted: &fitted,
             truth: self.truth,
@@ -115,7 +122,7 @@ impl Job<'_> {
         progress.finish();
         let seconds = self.start.elapsed().as_secs_f64();
         let outcome = Outcome { output: &output, seconds, metrics: &metrics };
-        console.result(&outcome, |outcome| describe(outcome, self.views, &fitted))?;
+        console.result(&outcome, |outcome| describe(outcome, &self.views, &fitted))?;
         if metrics.interrupted {
             let text = format!("the mesh in {} is what there was by then", output.display());
             return Err(Failure::Interrupted(text));
@@ -144,7 +151,7 @@ impl Job<'_> {
             }
             if interrupt.pressed() { Flow::Stop } else { Flow::Continue }
         };
-        fit(self.views, self.config, &mut on_event).map_err(|error| match error {
+        fit(&self.views, self.config, &mut on_event).map_err(|error| match error {
             FitError::Config(_) => Failure::Usage(error.to_string()),
             FitError::NotFinite { .. } => Failure::other(error),
             error => Failure::Input(format!("{}: {error}", self.views.source.display())),

@@ -88,7 +88,10 @@ pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
         }
     }
     let rendered = Rendered { output, pictures: views.len() };
-    console.result(&rendered, |r| format!("{} pictures in {}", r.pictures, r.output.display()))
+    console.result(&rendered, |r| {
+        let plural = if r.pictures == 1 { "" } else { "s" };
+        format!("{} picture{plural} in {}", r.pictures, r.output.display())
+    })
 }
 
 /// Cameras and what their pictures are called.

@@ -62,7 +62,7 @@ impl Default for AlarmClock {
             depth: 0.75,
             bell_radius: 0.37,
             bell_angle: 40.0,
-            knob_length: 0.2,
+            knob_length: 0.24,
             foot_length: 0.34,
             foot_angle: 35.0,
             hour: 10.0 + 9.0 / 60.0,
@@ -103,7 +103,7 @@ impl AlarmClock {
             depth: draw(0.6, 0.95),
             bell_radius: draw(0.3, 0.4),
             bell_angle: draw(36.0, 46.0),
-            knob_length: draw(0.15, 0.26),
+            knob_length: draw(0.2, 0.28),
             foot_length: draw(0.3, 0.42),
             foot_angle: draw(26.0, 36.0),
             hour: draw(0.0, 12.0),
@@ -129,7 +129,7 @@ impl AlarmClock {
             ("depth", self.depth, 0.3, 3.0),
             ("bell_radius", self.bell_radius, 0.1, 0.6),
             ("bell_angle", self.bell_angle, 10.0, 80.0),
-            ("knob_length", self.knob_length, 0.05, 1.0),
+            ("knob_length", self.knob_length, 0.18, 1.0),
             ("foot_length", self.foot_length, 0.05, 1.0),
             ("foot_angle", self.foot_angle, 5.0, 80.0),
             ("hour", self.hour, 0.0, 12.0),
@@ -215,10 +215,10 @@ impl AlarmClock {
     }
 
     fn knob(&self) -> TriMesh {
-        let (length, r) = (self.knob_length + SUNK, 0.1);
-        let mut profile = vec![[0.6 * r, 0.0], [0.6 * r, length - 1.6 * r]];
+        let (length, r) = (self.knob_length + SUNK, 0.14);
+        let mut profile = vec![[0.9 * r, 0.0], [0.8 * r, length - 1.6 * r]];
         profile.extend((0..8).map(|k| {
-            let (sin, cos) = (-0.8 + (FRAC_PI_2 + 0.8) * k as f64 / 8.0).sin_cos();
+            let (sin, cos) = (-0.6 + (FRAC_PI_2 + 0.6) * k as f64 / 8.0).sin_cos();
             [r * cos, length - r + r * sin]
         }));
         profile.push([0.0, length]);
@@ -328,7 +328,7 @@ mod tests {
             let c = AlarmClock::sample(seed);
             let inner = c.bell_angle.to_radians().sin() * (1.0 + 0.3 * c.bell_radius)
                 - c.bell_angle.to_radians().cos() * c.bell_radius;
-            assert!(inner > 0.15, "seed {seed}: the bells come within {inner} of the middle");
+            assert!(inner > 0.2, "seed {seed}: the bells come within {inner} of the middle");
         }
     }
 }

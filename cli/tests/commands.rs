@@ -1,0 +1,177 @@
+//! What each command promises.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use common::{TINY, clock_views, copied, files_in, unsphere};
+
+#[test]
+fn the_demo_writes_what_it_promises() {
+    let place = tempfile::tempdir().unwrap();
+    let views = clock_views(place.path());
+    let made = place.path().join("made");
+    for name in [
+        "mesh.glb",
+        "mesh.obj",
+        "mesh.ply",
+        "turntable.gif",
+        "report.html",
+        "metrics.json",
+        "config.toml",
+    ] {
+        assert!(std::fs::metadata(made.join(name)).unwrap().len() > 100, "{name}");
+    }
+    assert_eq!(files_in(&views).len(), 10 * 4 + 1);
+    let check = unsphere(place.path(), ["check", "made/mesh.ply", "--json"]).ok().json();
+    assert_eq!(check["mesh"]["watertight"], true);
+    assert_eq!(check["mesh"]["health"]["euler"], 2);
+    let metrics: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(made.join("metrics.json")).unwrap()).unwrap();
+    assert!(metrics["views"]["mask_iou"].as_f64().unwrap() > 0.6);
+
+    // An existing folder is left as it is without --force, and its other files with it.
+    let before = std::fs::read(made.join("mesh.ply")).unwrap();
+    let [a, b, c, d] = TINY;
+    unsphere(place.path(), ["demo", "-o", "made", a, b, c, d]).fails(1, &["made", "--force"]);
+    assert_eq!(std::fs::read(made.join("mesh.ply")).unwrap(), before);
+    std::fs::write(made.join("notes.txt"), "mine").unwrap();
+    let size = ["--views", "10", "--size", "48"];
+    let [v, w, x, y] = size;
+    unsphere(place.path(), ["demo", "-o", "made", "--force", v, w, x, y, a, b, c, d]).ok();
+    assert_eq!(std::fs::read(made.join("mesh.ply")).unwrap(), before);
+    assert_eq!(std::fs::read_to_string(made.join("notes.txt")).unwrap(), "mine");
+}
+
+#[test]
+fn threads_change_no_byte() {
+    let place = tempfile::tempdir().unwrap();
+    clock_views(place.path());
+    let fit = |threads: &str| {
+        let out = format!("out{threads}");
+        let [a, b, c, d] = TINY;
+        let run = unsphere(
+            place.path(),
+            ["fit", "made/views", "-o", &out, "--threads", threads, "--json", a, b, c, d],
+        )
+        .ok();
+        assert!(run.json()["metrics"]["views"]["mask_iou"].as_f64().unwrap() > 0.6);
+        ["mesh.ply", "metrics.json", "mesh.glb", "turntable.gif", "config.toml"]
+            .map(|name| std::fs::read(place.path().join(&out).join(name)).unwrap())
+    };
+    let one = fit("1");
+    assert!(one == fit("2") && one == fit("3"));
+}
+
+#[test]
+fn a_mesh_is_like_itself_under_every_protocol() {
+    let place = tempfile::tempdir().unwrap();
+    clock_views(place.path());
+    let mesh = "made/mesh.ply";
+    let result = unsphere(place.path(), ["metrics", mesh, mesh, "--json"]).ok().json();
+    let reports = result["reports"].as_array().unwrap();
+    assert_eq!(reports.len(), 4);
+    for report in reports {
+        assert!(report["protocol"]["formula"].as_str().unwrap().len() > 10);
+        for (field, value) in [("chamfer", 0.0), ("accuracy", 0.0), ("iou", 1.0)] {
+            if !report[field].is_null() {
+                assert_eq!(report[field].as_f64().unwrap(), value, "{field}");
+            }
+        }
+        for score in report["f_scores"].as_array().unwrap() {
+            assert_eq!(score["f_score"].as_f64().unwrap(), 1.0);
+        }
+    }
+    let text = unsphere(place.path(), ["metrics", mesh, mesh, "--preset", "occnet"]).ok().stdout();
+    assert!(text.contains("occnet") && !text.contains("p2m"));
+    unsphere(place.path(), ["metrics", mesh, mesh, "--preset", "x"]).fails(2, &["x", "occnet"]);
+}
+
+#[test]
+fn pictures_are_rendered_in_every_form() {
+    let place = tempfile::tempdir().unwrap();
+    clock_views(place.path());
+    let run = |arguments| unsphere::<8>(place.path(), arguments);
+    let mesh = "made/mesh.glb";
+    run(["render", mesh, "-o", "turn.gif", "--frames", "4", "--size", "32"]).ok();
+    run(["render", mesh, "-o", "turn.gif", "--frames", "4", "--size", "32"])
+        .fails(1, &["turn.gif", "--force"]);
+    run(["render", mesh, "-o", "one.png", "--view", "2", "--size", "32"]).ok();
+    run(["render", mesh, "-o", "one.jpg", "--view", "2", "--size", "32"]).fails(2, &[".png"]);
+    run(["render", mesh, "-o", "two.png", "--view", "99", "--size", "32"]).fails(2, &["99", "47"]);
+    run(["render", mesh, "-o", "all", "--cameras", "made/views", "--depth", "-q"]).ok();
+    assert_eq!(files_in(&place.path().join("all")).len(), 20);
+    let gif = std::fs::read(place.path().join("turn.gif")).unwrap();
+    assert_eq!(&gif[..6], b"GIF89a");
+    let picture = mesh_core::read_image(place.path().join("all/7.png")).unwrap();
+    assert_eq!((picture.width, picture.height), (48, 48));
+}
+
+#[test]
+fn what_cannot_be_written_is_said_before_the_work() {
+    let place = tempfile::tempdir().unwrap();
+    std::fs::write(place.path().join("file"), "in the way").unwrap();
+    unsphere(place.path(), ["demo", "-o", "file/out"]).fails(1, &["file/out"]);
+    unsphere(place.path(), ["demo", "-o", "file", "--force"]).fails(1, &["file", "folder"]);
+    assert_eq!(std::fs::read_to_string(place.path().join("file")).unwrap(), "in the way");
+    assert_eq!(files_in(place.path()).len(), 1);
+}
+
+#[test]
+fn views_with_gaps_are_read_when_allowed() {
+    let place = tempfile::tempdir().unwrap();
+    let views = copied(&clock_views(place.path()), &place.path().join("gaps"));
+    std::fs::remove_file(views.join("3_rgb.png")).unwrap();
+    let run = unsphere(place.path(), ["check", "--views", "gaps", "--allow-missing", "--json"]);
+    let result = run.ok().json();
+    assert_eq!(result["views"]["views"], 9);
+    assert!(result["views"]["warnings"][0].as_str().unwrap().contains("view 3"));
+}
+
+#[test]
+fn settings_and_completions_are_printed() {
+    let place = tempfile::tempdir().unwrap();
+    let run = unsphere(place.path(), ["check", "--config", "-", "--set", "level=4"]).ok();
+    assert!(run.stdout().contains("level = 4") && run.stdout().contains("hold-out = 5"));
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = unsphere(place.path(), ["completions", shell]).ok().stdout();
+        assert!(script.contains("unsphere") && script.contains("metrics"));
+    }
+    unsphere(place.path(), ["nonsense"]).fails(2, &["nonsense"]);
+}
+
+#[test]
+fn an_open_mesh_fails_the_check() {
+    let place = tempfile::tempdir().unwrap();
+    std::fs::write(place.path().join("open.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let run = unsphere(place.path(), ["check", "open.obj", "--json"]);
+    assert_eq!(run.json()["mesh"]["watertight"], false);
+    assert!(run.stderr().contains("open.obj") && run.stderr().contains("holes"));
+}
+
+/// Ctrl-C ends a fit early, with what there is written and the exit code saying so.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_keeps_what_there_is() {
+    use std::process::{Command, Stdio};
+    let place = tempfile::tempdir().unwrap();
+    clock_views(place.path());
+    let mut child = Command::new(env!("CARGO_BIN_EXE_unsphere"))
+        .args(["fit", "made/views", "-o", "long", "--set", "steps=100000", "--set", "tolerance=0"])
+        .args(["--set", "level=3"])
+        .current_dir(place.path())
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    // The remark on stderr says that the fit has begun.
+    let mut line = String::new();
+    let mut stderr = std::io::BufReader::new(child.stderr.take().unwrap());
+    std::io::BufRead::read_line(&mut stderr, &mut line).unwrap();
+    assert!(line.contains("fitting"), "{line}");
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let json = std::fs::read_to_string(place.path().join("long/metrics.json")).unwrap();
+    let metrics: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(metrics["interrupted"], true);
+}
