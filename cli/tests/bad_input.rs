@@ -58,7 +58,10 @@ fn views_that_cannot_be_right_are_refused() {
     );
     refused(
         &views,
-        |f| std::fs::write(f.join("3_semantic.npy"), npy("<c8", "(48, 48)", &[0; 18432])).unwrap(),
+        |f| {
+            let complex = npy("<c8", "(48, 48)", &vec![0; 18432]);
+            std::fs::write(f.join("3_semantic.npy"), complex).unwrap();
+        },
         &["3_semantic.npy", "mask descr", "<c8"],
     );
     refused(
@@ -96,7 +99,7 @@ fn views_that_cannot_be_right_are_refused() {
         &views,
         |f| {
             for i in 0..10 {
-                let empty = npy("|u1", "(48, 48)", &[0; 48 * 48]);
+                let empty = npy("|u1", "(48, 48)", &vec![0; 48 * 48]);
                 std::fs::write(f.join(format!("{i}_semantic.npy")), empty).unwrap();
             }
         },

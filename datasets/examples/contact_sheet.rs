@@ -14,12 +14,11 @@ const TILE: usize = 128;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let own = tempfile::tempdir()?;
-    let source = match arguments.next() {
-        Some(path) => path.into(),
-        None => {
-            write_transforms(&discs(), own.path())?;
-            own.path().to_owned()
-        }
+    let source = if let Some(path) = arguments.next() {
+        path.into()
+    } else {
+        write_transforms(&discs(), own.path())?;
+        own.path().to_owned()
     };
     let sheet_path = arguments.next().unwrap_or_else(|| "contact_sheet.png".to_owned());
 

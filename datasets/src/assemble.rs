@@ -84,12 +84,17 @@ pub(crate) fn assemble(
             Some(mask) => mask,
             None => return no_mask("a mask file, an alpha channel, or the mask source `backdrop`"),
         },
+        (MaskSource::Whole, _) => {
+            let (height, width) = (image.height, image.width);
+            ByteImage { height, width, channels: 1, data: vec![255; height * width] }
+        }
         (MaskSource::Files, None) => return no_mask("a mask file beside it"),
         (MaskSource::Backdrop { color: backdrop, tolerance }, _) => {
             mask_from_backdrop(&color, backdrop, tolerance)
         }
     };
-    if options.invert && !matches!(options.mask, MaskSource::Backdrop { .. }) {
+    let can_invert = !matches!(options.mask, MaskSource::Backdrop { .. } | MaskSource::Whole);
+    if options.invert && can_invert {
         invert(&mut mask);
     }
     let view = View { name, color, mask, camera, depth: depth.map(|(_, depth)| depth) };

@@ -31,6 +31,8 @@ pub enum MaskSource {
     Auto,
     /// The alpha channel: at least half opaque is object.
     Alpha,
+    /// Every pixel is object, and nothing is checked: for when only pictures or cameras matter.
+    Whole,
     /// Files of the layout: `_semantic.npy`, `mask_path`, or `masks/` beside the images.
     Files,
     /// Everything that differs from a plain backdrop; of that, the largest connected part.

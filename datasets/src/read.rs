@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::consistency;
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::options::ReadOptions;
+use crate::options::{MaskSource, ReadOptions};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 use crate::{kaolin, transforms};
@@ -79,7 +79,9 @@ pub fn read_views(
         )
         .collect();
     let views = results.into_iter().collect::<Result<Vec<_>, _>>()?;
-    consistency::check(path, &views, poses, &mut warnings)?;
+    if options.mask != MaskSource::Whole {
+        consistency::check(path, &views, poses, &mut warnings)?;
+    }
     Ok(Views { views, source: path.to_owned(), layout, warnings })
 }
 

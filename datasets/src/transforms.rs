@@ -207,7 +207,7 @@ impl Frame {
                 }
                 None => None,
             },
-            MaskSource::Alpha | MaskSource::Backdrop { .. } => None,
+            MaskSource::Alpha | MaskSource::Whole | MaskSource::Backdrop { .. } => None,
         };
         let depth = match &self.depth {
             Some(name) if options.depth => {

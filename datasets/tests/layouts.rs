@@ -195,6 +195,17 @@ fn kaolin_labels_of_any_number_type_are_masks() {
 }
 
 #[test]
+fn pictures_without_masks_are_read_when_masks_do_not_matter() {
+    let folder = kaolin_folder(3);
+    for i in 0..3 {
+        std::fs::remove_file(folder.path().join(format!("{i}_semantic.npy"))).unwrap();
+    }
+    let options = ReadOptions { mask: MaskSource::Whole, ..ReadOptions::default() };
+    let views = read_views(folder.path(), &options, &|_, _| {}).unwrap();
+    assert!(views.views.iter().all(|v| v.mask_pixels() == 1200) && views.warnings.is_empty());
+}
+
+#[test]
 fn views_without_their_files_are_left_out_when_allowed() {
     let folder = kaolin_folder(6);
     for name in ["2_rgb.png", "3_rgb.png", "3_semantic.npy", "3_metadata.json"] {

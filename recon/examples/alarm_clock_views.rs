@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release -p recon --example alarm_clock_views -- [folder] [views] [size] [seed]`
 
+use std::io::Write;
 use std::path::Path;
 
 use datasets::shapes::AlarmClock;
@@ -25,7 +26,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     write_dataset(&views, &mesh, Path::new(folder))?;
 
     let mut out = std::io::stdout().lock();
-    use std::io::Write;
     writeln!(out, "{count} views of {} faces: rendered in {rendered:.2?}", mesh.faces.len())?;
     writeln!(out, "written to {folder} after {:.2?}", start.elapsed())?;
     Ok(())

@@ -65,7 +65,7 @@ pub fn read<T: DeserializeOwned>(
             .map_err(|source| SettingsError::Io { path: path.to_owned(), source })?;
     }
     let in_file = |error: toml::de::Error| SettingsError::File {
-        path: file.unwrap_or(Path::new("configuration")).to_owned(),
+        path: file.unwrap_or_else(|| Path::new("configuration")).to_owned(),
         message: error.to_string(),
     };
     let mut config: T = toml::from_str(&text).map_err(in_file)?;

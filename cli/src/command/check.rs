@@ -137,7 +137,7 @@ fn check_views<'a>(
 }
 
 fn describe(checked: &Checked<'_>) -> String {
-    let mut text = String::new();
+    let mut parts = Vec::new();
     if let Some(mesh) = &checked.mesh {
         let h = &mesh.health;
         let verdict = if mesh.problems.is_empty() { "a closed solid" } else { "has problems" };
@@ -152,28 +152,35 @@ fn describe(checked: &Checked<'_>) -> String {
         if let Some(n) = mesh.self_intersections {
             rows.push(("  self-intersections", n.to_string()));
         }
-        text += &format!("{}: {verdict}\n{}", mesh.path.display(), table(rows));
-        for problem in &mesh.problems {
-            text += &format!("  problem: {problem}\n");
-        }
+        parts.push(format!("{}: {verdict}\n{}", mesh.path.display(), table(rows)));
+        parts.extend(mesh.problems.iter().map(|problem| {
+            format!(
+                "  problem: {problem}
+"
+            )
+        }));
     }
     if let Some(views) = &checked.views {
         let range = |[low, high]: [usize; 2]| {
             if low == high { low.to_string() } else { format!("{low} to {high}") }
         };
         let [least, mean, greatest] = views.coverage.map(|share| 100.0 * share);
-        text += &format!("{}: {} views, {}\n", views.path.display(), views.views, views.layout);
-        text += &table([
+        let (path, count) = (views.path.display(), views.views);
+        parts.push(format!("{path}: {count} views, {}\n", views.layout));
+        parts.push(table([
             ("  width", range(views.width)),
             ("  height", range(views.height)),
             ("  object", format!("{least:.1} to {greatest:.1} % of a picture, mean {mean:.1} %")),
-        ]);
-        for warning in &views.warnings {
-            text += &format!("  warning: {warning}\n");
-        }
+        ]));
+        parts.extend(views.warnings.iter().map(|warning| {
+            format!(
+                "  warning: {warning}
+"
+            )
+        }));
     }
     if let Some(config) = &checked.config {
-        text += &settings::to_toml(config);
+        parts.push(settings::to_toml(config));
     }
-    text
+    parts.concat()
 }

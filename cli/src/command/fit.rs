@@ -166,7 +166,7 @@ fn describe(outcome: &Outcome<'_>, views: &Views, fitted: &Fitted) -> String {
     let count = scores.views.len();
     let mut rows = vec![
         ("mask IoU", format!("{:.4}", scores.mask_iou)),
-        ("PSNR", scores.psnr.map_or("none".to_owned(), |psnr| format!("{psnr:.2} dB"))),
+        ("PSNR", scores.psnr.map_or_else(|| "none".to_owned(), |psnr| format!("{psnr:.2} dB"))),
         ("image L1", format!("{:.4}", scores.image_l1)),
         ("SSIM", format!("{:.4}", scores.ssim)),
     ];

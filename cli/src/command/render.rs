@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use datasets::View;
+use datasets::{MaskSource, ReadOptions, View, read_views};
 use mesh_core::{Camera, TriMesh, encode_depth, encode_png, read_mesh};
 use recon::output::OutputFolder;
 use recon::synthetic::{Lighting, RenderOptions, render_views};
@@ -63,28 +63,25 @@ pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
         cameras.truncate(1);
     }
     let views = draw(console, &mesh, &cameras, arguments)?;
-    match folder {
-        Some(folder) => {
-            for ((name, _), view) in cameras.iter().zip(&views) {
-                let stem = name.replace(['/', '\\'], "_");
-                folder.write(&format!("{stem}.png"), &encode_png(&view.color))?;
-                if let Some(depth) = &view.depth {
-                    folder.write(&format!("{stem}_depth.exr"), &encode_depth(depth))?;
-                }
+    if let Some(folder) = folder {
+        for ((name, _), view) in cameras.iter().zip(&views) {
+            let stem = name.replace(['/', '\\'], "_");
+            folder.write(&format!("{stem}.png"), &encode_png(&view.color))?;
+            if let Some(depth) = &view.depth {
+                folder.write(&format!("{stem}_depth.exr"), &encode_depth(depth))?;
             }
-            folder.commit()?;
         }
-        None => {
-            let bytes = if kind == Kind::Gif {
-                let frames: Vec<_> = views.iter().map(|view| view.color.clone()).collect();
-                encode_gif(&frames, DELAY)
-            } else {
-                encode_png(&views[0].color)
-            };
-            mesh_core::io::write_atomic(output, |out| out.write_all(&bytes))?;
-            if let Some(depth) = &views[0].depth {
-                mesh_core::write_depth(output.with_extension("exr"), depth)?;
-            }
+        folder.commit()?;
+    } else {
+        let bytes = if kind == Kind::Gif {
+            let frames: Vec<_> = views.iter().map(|view| view.color.clone()).collect();
+            encode_gif(&frames, DELAY)
+        } else {
+            encode_png(&views[0].color)
+        };
+        mesh_core::io::write_atomic(output, |out| out.write_all(&bytes))?;
+        if let Some(depth) = &views[0].depth {
+            mesh_core::write_depth(output.with_extension("exr"), depth)?;
         }
     }
     let rendered = Rendered { output, pictures: views.len() };
@@ -100,28 +97,21 @@ fn cameras(
     mesh: &TriMesh,
     arguments: &Render,
 ) -> Result<Vec<(String, Camera)>, Failure> {
-    let all: Vec<(String, Camera)> = match &arguments.cameras {
-        Some(path) => {
-            // Masks do not matter here, so any that can be had will do.
-            let options = datasets::ReadOptions {
-                mask: datasets::MaskSource::Backdrop { color: None, tolerance: 0 },
-                ..datasets::ReadOptions::default()
-            };
-            let progress = Progress::new(console, "read");
-            let views = datasets::read_views(path, &options, &|done, all| progress.set(done, all))?;
-            views.views.into_iter().map(|view| (view.name, view.camera)).collect()
-        }
-        None => {
-            let bounds = mesh.bounds().ok_or_else(|| {
-                Failure::Input(format!("{}: has no vertices", arguments.mesh.display()))
-            })?;
-            let elevation = arguments.elevation.to_radians();
-            orbit(bounds, arguments.frames as usize, elevation, arguments.size as usize)
-                .into_iter()
-                .enumerate()
-                .map(|(k, camera)| (k.to_string(), camera))
-                .collect()
-        }
+    let all: Vec<(String, Camera)> = if let Some(path) = &arguments.cameras {
+        let options = ReadOptions { mask: MaskSource::Whole, ..ReadOptions::default() };
+        let progress = Progress::new(console, "read");
+        let views = read_views(path, &options, &|done, all| progress.set(done, all))?;
+        views.views.into_iter().map(|view| (view.name, view.camera)).collect()
+    } else {
+        let bounds = mesh.bounds().ok_or_else(|| {
+            Failure::Input(format!("{}: has no vertices", arguments.mesh.display()))
+        })?;
+        let elevation = arguments.elevation.to_radians();
+        orbit(bounds, arguments.frames as usize, elevation, arguments.size as usize)
+            .into_iter()
+            .enumerate()
+            .map(|(k, camera)| (k.to_string(), camera))
+            .collect()
     };
     if arguments.view.is_empty() {
         return Ok(all);

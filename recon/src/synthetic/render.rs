@@ -256,7 +256,8 @@ mod tests {
         let ball = primitives::icosphere(5).colored([1.0, 0.5, 0.25]);
         let options = RenderOptions { depth: true, ..RenderOptions::default() };
         let camera = camera(80, 60);
-        let view = &render_views(&ball, &[camera.clone()], &options, &|_, _| {}).unwrap()[0];
+        let view =
+            &render_views(&ball, std::slice::from_ref(&camera), &options, &|_, _| {}).unwrap()[0];
         let mut wrong = 0;
         for k in 0..80 * 60 {
             let ray = camera.ray((k % 80) as f64 + 0.5, (k / 80) as f64 + 0.5);
@@ -331,8 +332,9 @@ mod tests {
             let mesh = ball.clone().translated([x, y, z]);
             let camera = camera(60, 44);
             let options = RenderOptions { depth: true, ..RenderOptions::default() };
-            let view =
-                render_views(&mesh, &[camera.clone()], &options, &|_, _| {}).unwrap().remove(0);
+            let view = render_views(&mesh, std::slice::from_ref(&camera), &options, &|_, _| {})
+                .unwrap()
+                .remove(0);
             // A speck far behind the camera makes the whole image be sampled.
             let mut with_speck = mesh.clone();
             let speck = primitives::icosphere(0).colored([1.0; 3]).scaled([1e-3; 3]);
