@@ -118,6 +118,7 @@ impl<F: Real> Fragments<F> {
 /// assert_eq!(fragments.depth[0], 2.0);
 /// # Ok::<(), diff_raster::FacesError>(())
 /// ```
+#[allow(clippy::needless_pass_by_value, reason = "views are passed like slices")]
 pub fn rasterize<F: Real>(
     projected: ArrayView3<'_, F>,
     faces: &Arc<Faces>,
@@ -136,6 +137,7 @@ pub fn rasterize<F: Real>(
 ///
 /// # Panics
 /// As [`rasterize`].
+#[allow(clippy::needless_pass_by_value, reason = "views are passed like slices")]
 pub fn rasterize_into<F: Real>(
     projected: ArrayView3<'_, F>,
     faces: &Arc<Faces>,

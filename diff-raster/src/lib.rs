@@ -1,4 +1,64 @@
-//! DIB-R, a differentiable rasteriser, on the CPU.
+//! DIB-R, a differentiable rasteriser, on the CPU: exact, deterministic, no limit on faces.
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use autodiff_lite::Tape;
+//! use diff_raster::{Faces, Settings, interpolate, rasterize, soft_silhouette};
+//! use ndarray::{arr2, arr3};
+//!
+//! // One triangle: NDC x (right), NDC y (up), planar depth.
+//! let corners = arr3(&[[[-0.5_f32, -0.5, 2.0], [0.5, -0.5, 2.0], [0.0, 0.5, 3.0]]]);
+//! let faces = Arc::new(Faces::new(3, &[[0, 1, 2]])?);
+//! let fragments = rasterize(corners.view(), &faces, &Settings::new(64, 64));
+//!
+//! let tape = Tape::train(0);
+//! let projected = tape.leaf(corners);
+//! let colours = tape.leaf(arr2(&[[1.0_f32, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]));
+//! let image = interpolate(projected, colours, &fragments); // [1, 64, 64, 3]
+//! let mask = soft_silhouette(projected, &fragments); // [1, 64, 64]
+//!
+//! // Which way must the corners move for the silhouette to grow? Down, down, and up.
+//! let gradients = mask.sum().backward();
+//! let pull = gradients.wrt(projected).expect("the mask depends on the positions");
+//! assert!(pull[[0, 0, 1]] < 0.0 && pull[[0, 1, 1]] < 0.0 && pull[[0, 2, 1]] > 0.0);
+//! # assert_eq!(image.shape(), [1, 64, 64, 3]);
+//! # Ok::<(), diff_raster::FacesError>(())
+//! ```
+//!
+//! # Where things are
+//!
+//! | for | see |
+//! |---|---|
+//! | what is seen at each pixel | [`rasterize`], [`rasterize_into`], [`Fragments`] |
+//! | how it is drawn | [`Settings`], [`Settings::published`] for DIB-R with its accidents |
+//! | colours, normals, texture coordinates | [`interpolate`], [`interpolate_corners`] |
+//! | textures | [`texture`] |
+//! | silhouettes | [`soft_silhouette`] pulls from afar, [`antialiased_silhouette`] is exact |
+//! | depth | [`depth`] |
+//! | the loops, without a tape | [`kernels`] |
+//! | a slow twin to check against | [`mod@reference`] |
+//!
+//! # Conventions
+//!
+//! NDC has x right and y up, `[-1, 1]` over the image; the centre of pixel (row `i`, column `j`) is
+//! at `((2j+1-W)/W, (H-2i-1)/H)`. Depth is planar and positive in front of the camera. Arrays are
+//! row-major with features last. A face is front-facing if it turns counter-clockwise on the screen.
+//!
+//! # Invariants
+//!
+//! - Visibility is a plain value: gradients hold it fixed. What moves silhouettes are the two
+//!   silhouette operations.
+//! - Results are the same bits for any number of threads. They differ in rounding between
+//!   instruction sets, because some have fused multiply-add.
+//! - Two faces that share an edge leave no pixel between them, and no face is ever drawn mirrored:
+//!   one with a corner at or behind the near plane, or with a coordinate that is not finite, is
+//!   dropped whole.
+//! - No limit on faces, faces per pixel or image size, other than [`Settings::max_faces`], which
+//!   only [`Settings::published`] sets, and 32-bit indices.
+//! - Operations take their numbers from the fragments: give them the positions that were rasterised.
+//!
+//! Shape mistakes panic at the caller. There are no second derivatives.
 
 pub mod kernels;
 pub mod ops;

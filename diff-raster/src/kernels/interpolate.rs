@@ -82,18 +82,19 @@ pub fn interpolate<F: Real>(
             let first = image * pixels + k * block;
             let job = Forward { fragments, attributes, image, first, out };
             match channels {
-                1 => dispatch(arch, Channels::<_, 1>(job)),
-                2 => dispatch(arch, Channels::<_, 2>(job)),
-                3 => dispatch(arch, Channels::<_, 3>(job)),
-                4 => dispatch(arch, Channels::<_, 4>(job)),
-                _ => dispatch(arch, Channels::<_, 0>(job)),
+                1 => dispatch(arch, Channels::<_, 1, 2>(job)),
+                2 => dispatch(arch, Channels::<_, 2, 4>(job)),
+                3 => dispatch(arch, Channels::<_, 3, 4>(job)),
+                4 => dispatch(arch, Channels::<_, 4, 8>(job)),
+                _ => dispatch(arch, Channels::<_, 0, 1>(job)),
             }
         });
     });
 }
 
-/// A job for a number of channels that the compiler knows, or for any if that is 0.
-struct Channels<J, const C: usize>(J);
+/// A job for a number of channels `C` that the compiler knows, or for any if that is 0. `P > C` is
+/// the width of the sums of the gradient: `C` channels and `g·f`.
+struct Channels<J, const C: usize, const P: usize>(J);
 
 struct Forward<'a, F: Real> {
     fragments: &'a Fragments<F>,
@@ -103,7 +104,7 @@ struct Forward<'a, F: Real> {
     out: &'a mut [F],
 }
 
-impl<F: Real, const C: usize> Job<F> for Channels<Forward<'_, F>, C> {
+impl<F: Real, const C: usize, const P: usize> Job<F> for Channels<Forward<'_, F>, C, P> {
     type Output = ();
 
     #[inline(always)]
@@ -191,11 +192,11 @@ pub fn interpolate_grad<F: Real>(
         let first = chunk * CHUNK;
         let job = Chunk { incoming, image, first, attributes, positions };
         match channels {
-            1 => dispatch(arch, Channels::<_, 1>(job)),
-            2 => dispatch(arch, Channels::<_, 2>(job)),
-            3 => dispatch(arch, Channels::<_, 3>(job)),
-            4 => dispatch(arch, Channels::<_, 4>(job)),
-            _ => dispatch(arch, Channels::<_, 0>(job)),
+            1 => dispatch(arch, Channels::<_, 1, 2>(job)),
+            2 => dispatch(arch, Channels::<_, 2, 4>(job)),
+            3 => dispatch(arch, Channels::<_, 3, 4>(job)),
+            4 => dispatch(arch, Channels::<_, 4, 8>(job)),
+            _ => dispatch(arch, Channels::<_, 0, 1>(job)),
         }
     };
     let of_attributes = of_attributes.par_chunks_mut(3 * channels * faces);
@@ -228,7 +229,7 @@ struct Chunk<'a, F: Real> {
     positions: Option<&'a mut [F]>,
 }
 
-impl<F: Real, const C: usize> Job<F> for Channels<Chunk<'_, F>, C> {
+impl<F: Real, const C: usize, const P: usize> Job<F> for Channels<Chunk<'_, F>, C, P> {
     type Output = ();
 
     #[inline(always)]
@@ -251,7 +252,7 @@ impl<F: Real, const C: usize> Job<F> for Channels<Chunk<'_, F>, C> {
         for (k, sums) in attributes.chunks_exact_mut(3 * channels).enumerate() {
             let face = (first + k) as u32;
             let b = boxes[face as usize];
-            let (mut known, mut q) = ([[F::zero(); C]; 3], [F::zero(); 3]);
+            let mut totals = [[F::zero(); P]; 3];
             if C == 0 {
                 sums.fill(F::zero());
             }
@@ -273,33 +274,32 @@ impl<F: Real, const C: usize> Job<F> for Channels<Chunk<'_, F>, C> {
                         let pixel = at + hits.trailing_zeros() as usize;
                         hits &= hits - 1;
                         let w = weights[pixel];
-                        let mut gf = F::zero();
+                        let range = pixel * channels..(pixel + 1) * channels;
+                        let (g, f) = (&grad[range.clone()], &output[range]);
+                        // What is summed: the gradient of each channel, and last `g·f`.
+                        let mut part = [F::zero(); P];
                         if C == 0 {
-                            let range = pixel * channels..(pixel + 1) * channels;
-                            let (g, f) = (&grad[range.clone()], &output[range]);
                             for (k, sums) in sums.chunks_exact_mut(channels).enumerate() {
                                 sums.iter_mut().zip(g).for_each(|(s, &g)| *s += w[k] * g);
                             }
-                            g.iter().zip(f).for_each(|(&g, &f)| gf += g * f);
+                            g.iter().zip(f).for_each(|(&g, &f)| part[P - 1] += g * f);
                         } else {
-                            let (g, f) = (&grad[pixel * C..][..C], &output[pixel * C..][..C]);
-                            for k in 0..3 {
-                                for c in 0..C {
-                                    known[k][c] += w[k] * g[c];
-                                }
-                            }
+                            let (g, f) = (&g[..C], &f[..C]);
+                            part[..C].copy_from_slice(g);
                             for c in 0..C {
-                                gf += g[c] * f[c];
+                                part[P - 1] += g[c] * f[c];
                             }
                         }
                         for k in 0..3 {
-                            q[k] += w[k] * gf;
+                            for c in 0..P {
+                                totals[k][c] += w[k] * part[c];
+                            }
                         }
                     }
                 }
             }
-            if C > 0 {
-                sums.copy_from_slice(known.as_flattened());
+            for (sums, totals) in sums.chunks_exact_mut(C.max(1)).zip(&totals).take(3 * C.min(1)) {
+                sums.copy_from_slice(&totals[..C]);
             }
             if let Some(positions) = positions.as_deref_mut() {
                 let out = &mut positions[9 * k..9 * k + 9];
@@ -310,7 +310,8 @@ impl<F: Real, const C: usize> Job<F> for Channels<Chunk<'_, F>, C> {
                 let corners = faces.corners()[face as usize];
                 let f = incoming.attributes.of_face(image, vertices, face, corners);
                 let p = corner_positions(projected, corners);
-                let q = perspective.then_some(q);
+                let [a, b, c] = totals.map(|total| total[P - 1]);
+                let q = perspective.then_some([a, b, c]);
                 of_positions(p, f, sums, q, out.as_chunks_mut::<3>().0);
             }
         }

@@ -124,8 +124,9 @@ pub fn visible_corners<F: Real>(
     near: F,
 ) -> Option<[[F; 3]; 3]> {
     let p = corner_positions(projected, corners);
-    let fine = |p: &[F; 3]| p[0].is_finite() & p[1].is_finite() & p[2].is_finite() & (p[2] > near);
-    (fine(&p[0]) & fine(&p[1]) & fine(&p[2])).then_some(p)
+    // A sum is finite only if all its parts are (or it overflows: as useless as a position).
+    let fine = |p: &[F; 3]| (p[0].abs() + p[1].abs() + p[2].abs()).is_finite() && p[2] > near;
+    (fine(&p[0]) && fine(&p[1]) && fine(&p[2])).then_some(p)
 }
 
 /// The corners of a face.

@@ -42,7 +42,7 @@ fn tap<F: Real>(x: F, size: usize) -> Tap<F> {
     let at = x * scale - F::from_f64(0.5);
     let limit = F::from_f64(last as f64);
     // Not a number falls on texel 0.
-    if !(at > F::zero()) {
+    if at.is_nan() || at <= F::zero() {
         return Tap { texels: [0, 0], weight: F::zero(), slope: F::zero() };
     }
     if at >= limit {
