@@ -7,7 +7,7 @@ use ndarray::ArrayView3;
 use rayon::prelude::*;
 
 use crate::faces::{Faces, NONE};
-use crate::kernels::setup::{BAND_ROWS, Centres, PixelBox, Setup};
+use crate::kernels::setup::{BAND_ROWS, Centres, Setup};
 use crate::kernels::texture::Sorted;
 use crate::kernels::visibility::{BandOutput, Planes, draw_band};
 use crate::kernels::{antialias, silhouette};
@@ -35,6 +35,8 @@ pub struct Fragments<F: Real = f32> {
     pub(crate) silhouettes: Spares<silhouette::State<F>>,
     /// The same for the antialiased one.
     pub(crate) borders: Spares<antialias::State<F>>,
+    /// Sums of bands, for the gradient of interpolation.
+    pub(crate) partials: Spares<Vec<F>>,
     /// The same for textures.
     pub(crate) sorted: Spares<Sorted>,
 }
@@ -53,6 +55,7 @@ impl<F: Real> Default for Fragments<F> {
             planes: Spares::default(),
             silhouettes: Spares::default(),
             borders: Spares::default(),
+            partials: Spares::default(),
             sorted: Spares::default(),
         }
     }
@@ -85,9 +88,9 @@ impl<F: Real> Fragments<F> {
         &self.centres
     }
 
-    /// Of one image: for each face, a box around all pixels where it may be seen.
-    pub fn boxes(&self, image: usize) -> &[PixelBox] {
-        &self.setups[image].boxes
+    /// The faces of one image as they were drawn.
+    pub fn setup(&self, image: usize) -> &Setup<F> {
+        &self.setups[image]
     }
 }
 

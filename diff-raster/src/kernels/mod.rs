@@ -4,6 +4,7 @@
 
 pub mod antialias;
 pub mod bits;
+mod distance;
 pub mod gather;
 pub mod interpolate;
 pub mod lanes;

@@ -251,6 +251,9 @@ pub struct Bands {
     offsets: Vec<u32>,
     next: Vec<u32>,
     items: Vec<u32>,
+    /// Per item, its place in each of its bands, one after the other.
+    slots: Vec<u32>,
+    starts: Vec<u32>,
 }
 
 impl Bands {
@@ -274,12 +277,33 @@ impl Bands {
         self.next.clear();
         self.next.extend_from_slice(&self.offsets);
         self.items.resize(self.offsets[count] as usize, 0);
+        self.slots.clear();
+        self.starts.clear();
         for (item, r) in rows.enumerate() {
+            self.starts.push(self.slots.len() as u32);
             for band in touched(r) {
                 self.items[self.next[band] as usize] = item as u32;
+                self.slots.push(self.next[band]);
                 self.next[band] += 1;
             }
         }
+        self.starts.push(self.slots.len() as u32);
+    }
+
+    /// Number of places, over all bands.
+    pub fn places(&self) -> usize {
+        self.items.len()
+    }
+
+    /// The places that belong to bands from `first` on begin here.
+    pub fn offset(&self, first: usize) -> usize {
+        self.offsets[first] as usize
+    }
+
+    /// The places of an item, one for each band that it touches, the first band first.
+    #[inline(always)]
+    pub fn places_of(&self, item: usize) -> &[u32] {
+        &self.slots[self.starts[item] as usize..self.starts[item + 1] as usize]
     }
 
     /// The items of a band.
@@ -324,5 +348,9 @@ mod tests {
         assert_eq!(bands.items(0), [0, 3]);
         assert_eq!(bands.items(1), [0, 2, 3]);
         assert_eq!(bands.items(2), [0]);
+        // Items 0, 3 | 0, 2, 3 | 0.
+        assert_eq!(bands.places_of(0), [0, 2, 5]);
+        assert!(bands.places_of(1).is_empty());
+        assert_eq!(bands.places_of(3), [1, 4]);
     }
 }

@@ -18,6 +18,7 @@ use rayon::prelude::*;
 use crate::faces::{Faces, NONE};
 use crate::fragments::{Fragments, Spares};
 use crate::kernels::bits::Bits;
+use crate::kernels::distance::{edge_rows, edges, nearest, squared};
 use crate::kernels::lanes::{Job, Lanes, MAX_LANES, dispatch, three};
 use crate::kernels::setup::{BAND_ROWS, Bands, PixelBox, extent, near, visible_corners};
 use crate::{Rule, Settings};
@@ -177,17 +178,6 @@ fn enlarged<F: Real>(p: &[[F; 3]; 3], length: F) -> [[F; 2]; 2] {
     })
 }
 
-#[inline(always)]
-fn edges<F: Real>(p: [[F; 3]; 3]) -> [[F; 5]; 3] {
-    [0, 1, 2].map(|k| {
-        let (a, b) = (p[k], p[(k + 1) % 3]);
-        let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
-        let inverse = F::one() / (dx * dx + dy * dy);
-        // An edge without length is its first corner.
-        [a[0], a[1], dx, dy, if inverse.is_finite() { inverse } else { F::zero() }]
-    })
-}
-
 impl<F: Real> Planes<F> {
     fn clear(&mut self, stride: usize, width: usize, face: &[u32], limit: bool) {
         let rows = face.len() / width;
@@ -215,79 +205,6 @@ impl<F: Real> Planes<F> {
             last.copy_from_slice(&plane[..width]);
         }
     }
-}
-
-/// The distance of pixels of a row from a triangle's border.
-#[derive(Clone, Copy)]
-struct Nearest<L: Lanes> {
-    squared: L::V,
-    /// From the nearest point of the border to the pixel.
-    away: [L::V; 2],
-    /// That point, as weights of the corners.
-    weights: [L::V; 3],
-}
-
-/// One edge at a row, in lanes.
-#[derive(Clone, Copy)]
-struct EdgeRow<L: Lanes> {
-    x: L::V,
-    dx: L::V,
-    dy: L::V,
-    inverse: L::V,
-    /// `y` of the row from the corner, and that times `dy`.
-    ey: L::V,
-    along: L::V,
-}
-
-#[inline(always)]
-fn edge_rows<L: Lanes>(l: L, edges: &[[L::F; 5]; 3], y: L::F) -> [EdgeRow<L>; 3] {
-    three!(k => {
-        let [x, y0, dx, dy, inverse] = edges[k];
-        let ey = y - y0;
-        EdgeRow {
-            x: l.splat(x),
-            dx: l.splat(dx),
-            dy: l.splat(dy),
-            inverse: l.splat(inverse),
-            ey: l.splat(ey),
-            along: l.splat(ey * dy),
-        }
-    })
-}
-
-impl<L: Lanes> EdgeRow<L> {
-    /// The parameter of the nearest point, and the way from there to the pixels.
-    #[inline(always)]
-    fn nearest(&self, l: L, x: L::V) -> (L::V, [L::V; 2]) {
-        let ex = l.sub(x, self.x);
-        let t = l.mul(l.fma(ex, self.dx, self.along), self.inverse);
-        let t = l.max(l.min(t, l.one()), l.zero());
-        (t, [l.fnma(t, self.dx, ex), l.fnma(t, self.dy, self.ey)])
-    }
-}
-
-#[inline(always)]
-fn squared<L: Lanes>(l: L, [x, y]: [L::V; 2]) -> L::V {
-    l.fma(x, x, l.mul(y, y))
-}
-
-#[inline(always)]
-fn nearest<L: Lanes>(l: L, edges: &[EdgeRow<L>; 3], x: L::V) -> Nearest<L> {
-    let (zero, one) = (l.zero(), l.one());
-    let (t, away) = edges[0].nearest(l, x);
-    let mut best = Nearest { squared: squared(l, away), away, weights: [l.sub(one, t), t, zero] };
-    for k in 1..3 {
-        let (t, away) = edges[k].nearest(l, x);
-        let d = squared(l, away);
-        let nearer = l.lt(d, best.squared);
-        let s = l.sub(one, t);
-        let weights = if k == 1 { [zero, s, t] } else { [t, zero, s] };
-        best.squared = l.min(best.squared, d);
-        best.away =
-            [l.select(nearer, away[0], best.away[0]), l.select(nearer, away[1], best.away[1])];
-        best.weights = three!(c => l.select(nearer, weights[c], best.weights[c]));
-    }
-    best
 }
 
 struct Cover<'a, F: Real> {
