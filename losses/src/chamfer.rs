@@ -369,6 +369,6 @@ mod tests {
         let two = tape.constant(ndarray::Array2::zeros((2, 3)));
         let mut matches = Matches::default();
         matches.find(one, one);
-        chamfer_distance(one, two, &matches, Directions::default());
+        let _ = chamfer_distance(one, two, &matches, Directions::default());
     }
 }

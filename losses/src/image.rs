@@ -261,6 +261,6 @@ mod tests {
     fn a_mask_of_another_size() {
         let tape = Tape::<f32>::eval();
         let image = tape.constant(Array4::zeros((1, 4, 5, 3)));
-        l1(image, image, Some(tape.constant(ndarray::Array3::zeros((1, 5, 4)))));
+        let _ = l1(image, image, Some(tape.constant(ndarray::Array3::zeros((1, 5, 4)))));
     }
 }

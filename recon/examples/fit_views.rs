@@ -14,16 +14,13 @@ use recon::{
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let mut out = std::io::stdout().lock();
-    let views = match arguments.first() {
-        Some(path) => read_views(Path::new(path), &ReadOptions::default(), &|_, _| {})?,
-        None => {
-            let options =
-                RenderOptions { lighting: Lighting::studio(), ..RenderOptions::default() };
-            let cameras = Orbit { count: 40, ..Orbit::default() }.cameras();
-            let views =
-                render_views(&AlarmClock::default().build(), &cameras, &options, &|_, _| {})?;
-            Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] }
-        }
+    let views = if let Some(path) = arguments.first() {
+        read_views(Path::new(path), &ReadOptions::default(), &|_, _| {})?
+    } else {
+        let options = RenderOptions { lighting: Lighting::studio(), ..RenderOptions::default() };
+        let cameras = Orbit { count: 40, ..Orbit::default() }.cameras();
+        let views = render_views(&AlarmClock::default().build(), &cameras, &options, &|_, _| {})?;
+        Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] }
     };
     let fitted = fit(&views, &FitConfig::default(), &mut |event| {
         let _ = match event {
