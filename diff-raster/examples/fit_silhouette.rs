@@ -25,7 +25,7 @@ use ndarray::{Array2, Array3, Ix3};
 
 const SIZE: usize = 128;
 const VIEWS: usize = 8;
-const STEPS: usize = 300;
+const STEPS: usize = 500;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(
