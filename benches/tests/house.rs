@@ -171,3 +171,25 @@ fn files_and_names_stay_small_and_plain() {
         }
     }
 }
+
+#[test]
+fn every_crate_explains_itself() {
+    for (member, _) in MAY_USE.iter().filter(|(member, _)| *member != "benches") {
+        let folder = root().join(member);
+        let readme = fs::read_to_string(folder.join("README.md")).unwrap_or_default();
+        assert!(readme.lines().count() > 10, "{member}: the README says nothing");
+        if *member != "cli" {
+            let docs = fs::read_to_string(folder.join("src/lib.rs")).unwrap();
+            assert!(docs.contains("//! ```"), "{member}: the crate docs open without an example");
+            let examples = sources(&folder.join("examples"));
+            assert!(!examples.is_empty(), "{member}: no example to run");
+        }
+    }
+    let map = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
+    for (member, _) in MAY_USE {
+        assert!(
+            map.contains(&format!("### {member}")),
+            "ARCHITECTURE.md: no paragraph on {member}"
+        );
+    }
+}

@@ -1,4 +1,43 @@
-//! Reconstruction of meshes from images: the systems, their training and their reports.
+//! Meshes from images: the fit of one object, synthetic views to try it on, scores and reports.
+//!
+//! ```
+//! use datasets::{Layout, Views, shapes::AlarmClock};
+//! use recon::fit::{Event, FitConfig, Flow, fit};
+//! use recon::synthetic::{Orbit, RenderOptions, render_views};
+//!
+//! // A dozen small pictures of a clock, with masks and cameras.
+//! let cameras = Orbit { count: 12, width: 48, height: 48, ..Orbit::default() }.cameras();
+//! let clock = AlarmClock::default().build();
+//! let views = render_views(&clock, &cameras, &RenderOptions::default(), &|_, _| {})?;
+//! let views = Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] };
+//!
+//! // A sphere becomes the clock; coarse and short, since this is an example.
+//! let config = FitConfig { level: 3, steps: 40, ..FitConfig::default() };
+//! let fitted = fit(&views, &config, &mut |event| {
+//!     if let Event::Evaluated { step, mask_iou } = event {
+//!         assert!(step <= 40 && mask_iou > 0.0); // a progress bar would show it
+//!     }
+//!     Flow::Continue
+//! })?;
+//! assert!(fitted.health.is_watertight());
+//! assert_eq!(fitted.health.euler, 2);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # By task
+//!
+//! - **fit one object**: [`fit`](mod@fit)
+//! - **score a mesh on views**: [`evaluate`]
+//! - **make views with a known truth**: [`synthetic`]
+//! - **deliver**: [`delivery`] writes what a user keeps, from [`report`], [`turntable`] and [`output`]
+//! - **configurations as TOML**: [`settings`]
+//!
+//! # Invariants
+//!
+//! - Nothing is printed; a fit tells what happens through events, and each event can end it.
+//! - The same views and configuration give the same bytes for any number of threads.
+//! - A fitted mesh is closed, oriented outwards, of Euler number 2, in the coordinates of the cameras.
+//! - Output folders appear whole or not at all.
 
 pub mod delivery;
 pub mod evaluate;
