@@ -34,7 +34,8 @@ pub(crate) struct Global {
     pub(crate) seed: Option<u64>,
     /// Threads to use, 0 for as many as there are cores; results do not depend on it.
     #[arg(long, global = true, value_name = "N", default_value_t = 0, hide_default_value = true)]
-    pub(crate) threads: usize,
+    #[arg(value_parser = clap::value_parser!(u16).range(..=1024))]
+    pub(crate) threads: u16,
     /// Say nothing on stderr but errors.
     #[arg(long, short, global = true)]
     pub(crate) quiet: bool,
@@ -190,13 +191,14 @@ pub(crate) struct Render {
     #[arg(long, value_name = "VIEWS")]
     pub(crate) cameras: Option<PathBuf>,
     /// Only the camera of this view; can be given many times.
-    #[arg(long = "view", value_name = "NAME")]
+    #[arg(long = "view", value_name = "NAME", requires = "cameras")]
     pub(crate) view: Vec<String>,
     /// Pictures on the turntable.
     #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub(crate) frames: u32,
     /// How far above the object the turntable's camera stands, degrees.
     #[arg(long, default_value_t = 20.0, allow_negative_numbers = true, value_name = "DEGREES")]
+    #[arg(value_parser = degrees)]
     pub(crate) elevation: f64,
     /// Width and height of the turntable's pictures.
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(8..=8192))]
@@ -286,6 +288,13 @@ fn key_value(text: &str) -> Result<(String, String), String> {
     }
 }
 
+fn degrees(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|angle| (-90.0..=90.0).contains(angle))
+        .ok_or_else(|| "expected -90 to 90".to_owned())
+}
+
 fn hex_color(text: &str) -> Result<[u8; 3], String> {
     let digits = text.trim_start_matches('#');
     let byte = |k: usize| digits.get(2 * k..2 * k + 2).and_then(|d| u8::from_str_radix(d, 16).ok());
@@ -339,6 +348,19 @@ mod tests {
         for wrong in ["", "green", "alpha:1", "backdrop:red", "backdrop:000000:999"] {
             assert!(mask_source(wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn numbers_that_make_no_sense_are_refused() {
+        let parses = |line: &str| Arguments::try_parse_from(line.split(' ')).is_ok();
+        assert!(parses("unsphere check mesh.ply --threads 1024"));
+        // Each is a thread: more than a machine can start would take minutes to find out.
+        assert!(!parses("unsphere check mesh.ply --threads 70000"));
+        assert!(parses("unsphere render m.ply -o a.png --elevation -90"));
+        assert!(!parses("unsphere render m.ply -o a.png --elevation nan"));
+        assert!(!parses("unsphere render m.ply -o a.png --elevation 1e308"));
+        assert!(parses("unsphere render m.ply -o a.png --cameras views --view 1"));
+        assert!(!parses("unsphere render m.ply -o a.png --view 1"));
     }
 
     #[test]

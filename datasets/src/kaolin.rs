@@ -64,11 +64,17 @@ pub(crate) fn list<'a>(
         }
         previous = Some(number);
     }
+    // Where some views have a mask file, one without has lost it.
+    let masks = match options.mask {
+        MaskSource::Files => true,
+        MaskSource::Auto => names.iter().any(|n| index_of(n).is_some() && n.ends_with(MASK)),
+        _ => false,
+    };
     let mut pending: Vec<Pending<'a>> = Vec::new();
     for text in indices.into_values() {
         let stem = text.to_owned();
         let mut wanted = vec![COLOR, CAMERA];
-        if matches!(options.mask, MaskSource::Files) {
+        if masks {
             wanted.push(MASK);
         }
         let absent = wanted.into_iter().find(|end| !source.has(&format!("{stem}{end}")));
@@ -155,8 +161,17 @@ fn read_camera(
         }
     }
     let tf_mat = camera.need("tf_mat")?;
+    let matrix = tf_mat.matrix()?;
+    // Row vectors: the translation stands in the last row, and where somebody transposed the matrix
+    // it would be lost in silence.
+    let column = matrix.map(|row| row[3]);
+    let strays = column.iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(a, b)| (a - b).abs() > 1e-6);
+    if strays || tf_mat.elements()?.len() != 4 {
+        let expected = "4 rows, the translation in the last, each row's end 0, 0, 0, 1";
+        return Err(tf_mat.wrong(expected));
+    }
     let result = Camera::from_kaolin(
-        tf_mat.matrix()?,
+        matrix,
         camera.need("horizontal_aperture")?.positive()?,
         camera.need("focal_length")?.positive()?,
         width,

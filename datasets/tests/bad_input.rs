@@ -41,13 +41,16 @@ fn a_missing_view_is_named() {
         }
     });
     assert_names(&whole, &["3_rgb.png", "missing"]);
-    for name in ["3_rgb.png", "3_metadata.json"] {
+    // A mask too: the others have one, so this view has lost its own.
+    for name in ["3_rgb.png", "3_semantic.npy", "3_metadata.json"] {
         let part = spoilt(|f| std::fs::remove_file(f.join(name)).unwrap());
         assert_names(&part, &[name, "missing"]);
     }
-    // Without masks the alpha would have to say it, and says nothing.
-    let mask = spoilt(|f| std::fs::remove_file(f.join("3_semantic.npy")).unwrap());
-    assert_names(&mask, &["3_rgb.png", "`mask`"]);
+    // Without any the alpha would have to say it, and says nothing.
+    let masks = spoilt(|f| {
+        (0..6).for_each(|i| std::fs::remove_file(f.join(format!("{i}_semantic.npy"))).unwrap());
+    });
+    assert_names(&masks, &["0_rgb.png", "`mask`"]);
 }
 
 #[test]
@@ -157,6 +160,15 @@ fn cameras_that_are_none_are_named() {
     assert_names(&zero, &["camera_properties.focal_length", "above 0"]);
     let short = spoilt(|f| metadata(f, |c| c["tf_mat"] = json!([[1, 0, 0, 0]])));
     assert_names(&short, &["tf_mat", "4 rows"]);
+    let three = spoilt(|f| metadata(f, |c| c["tf_mat"].as_array_mut().unwrap().truncate(3)));
+    assert_names(&three, &["tf_mat", "4 rows"]);
+    let transposed = spoilt(|f| {
+        metadata(f, |c| {
+            let rows = c["tf_mat"].clone();
+            c["tf_mat"] = (0..4).map(|i| (0..4).map(|j| rows[j][i].clone()).collect()).collect();
+        });
+    });
+    assert_names(&transposed, &["3_metadata.json", "tf_mat", "translation in the last"]);
     let none = spoilt(|f| edit_json(&f.join("3_metadata.json"), |v| *v = json!({})));
     assert_names(&none, &["3_metadata.json", "camera_properties"]);
     let broken = spoilt(|f| std::fs::write(f.join("3_metadata.json"), "{\"a\": [").unwrap());

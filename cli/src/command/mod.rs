@@ -15,10 +15,9 @@ use crate::failure::Failure;
 pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
     let Arguments { global, command } = arguments;
     let console = Console { json: global.json, quiet: global.quiet };
-    let pool =
-        rayon::ThreadPoolBuilder::new().num_threads(global.threads).build().map_err(|error| {
-            Failure::Other(format!("cannot start {} threads: {error}", global.threads))
-        })?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(global.threads.into()).build().map_err(
+        |error| Failure::Other(format!("cannot start {} threads: {error}", global.threads)),
+    )?;
     pool.install(|| match command {
         Command::Demo(arguments) => demo::run(console, global, &arguments),
         Command::Fit(arguments) => fit::run(console, global, &arguments),

@@ -76,10 +76,19 @@ impl ReadMeshError {
             path: path.to_owned(),
             line,
             field: field.into(),
-            found: found.to_string(),
+            found: shortened(found.to_string()),
             expected: expected.into(),
         }
     }
+}
+
+/// At most 80 characters, so that a line of megabytes does not become a message of megabytes.
+fn shortened(mut text: String) -> String {
+    if let Some((end, _)) = text.char_indices().nth(77).filter(|&(at, _)| text.len() > at + 3) {
+        text.truncate(end);
+        text.push_str("...");
+    }
+    text
 }
 
 /// Why a file could not be written. What stood there before still stands.
@@ -110,4 +119,20 @@ pub enum WriteError {
         /// What is wrong with the mesh.
         what: String,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_findings_are_cut_between_characters() {
+        let message = |found: &str| {
+            ReadMeshError::malformed(Path::new("a.obj"), "v", found, "a number").to_string()
+        };
+        assert!(message("1 2 x").contains("found 1 2 x, expected"));
+        assert!(message(&"\u{e9}".repeat(5_000_000)).len() < 300);
+        assert!(message(&"7".repeat(80)).contains(&"7".repeat(80)));
+        assert!(message(&"7".repeat(81)).contains(&format!("{}...,", "7".repeat(77))));
+    }
 }
