@@ -41,7 +41,7 @@ fn views_that_cannot_be_right_are_refused() {
     let remove = |name: &'static str| move |f: &Path| std::fs::remove_file(f.join(name)).unwrap();
     refused(&views, remove("3_rgb.png"), &["3_rgb.png", "missing", "--allow-missing"]);
     refused(&views, remove("3_metadata.json"), &["3_metadata.json", "missing"]);
-    refused(&views, remove("3_semantic.npy"), &["3_rgb.png", "mask"]);
+    refused(&views, remove("3_semantic.npy"), &["3_semantic.npy", "missing"]);
     refused(
         &views,
         |f| std::fs::write(f.join("3_semantic.npy"), npy("|u1", "(8, 9)", &[1; 72])).unwrap(),
