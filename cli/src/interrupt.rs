@@ -1,21 +1,35 @@
 //! Ctrl-C: the first asks the work to finish what it has, the second ends it at once.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::failure::Failure;
 
-/// Whether Ctrl-C was pressed.
+/// Whether Ctrl-C was pressed, and whether there is anything yet that is worth finishing.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Interrupt(Arc<AtomicBool>);
+pub(crate) struct Interrupt(Arc<State>);
+
+#[derive(Debug, Default)]
+struct State {
+    pressed: AtomicBool,
+    worthwhile: AtomicBool,
+}
 
 impl Interrupt {
     /// Listens from now on; for commands that can stop halfway and keep what they have.
-    pub(crate) fn listen() -> Result<Self, Failure> {
+    ///
+    /// When there is nothing to keep, or at the second press, `unfinished`, the folder under
+    /// construction, is removed and the program ends.
+    pub(crate) fn listen(unfinished: &Path) -> Result<Self, Failure> {
         let interrupt = Self::default();
-        let pressed = interrupt.clone();
+        let state = Arc::clone(&interrupt.0);
+        let unfinished = unfinished.to_owned();
         ctrlc::set_handler(move || {
-            if pressed.0.swap(true, Ordering::Relaxed) {
+            let again = state.pressed.swap(true, Ordering::Relaxed);
+            if again || !state.worthwhile.load(Ordering::Relaxed) {
+                // The program ends either way; a folder that resists is left.
+                let _ = std::fs::remove_dir_all(&unfinished);
                 std::process::exit(130);
             }
         })
@@ -23,7 +37,12 @@ impl Interrupt {
         Ok(interrupt)
     }
 
+    /// From now on there is something to finish.
+    pub(crate) fn worthwhile(&self) {
+        self.0.worthwhile.store(true, Ordering::Relaxed);
+    }
+
     pub(crate) fn pressed(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.0.pressed.load(Ordering::Relaxed)
     }
 }

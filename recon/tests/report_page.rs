@@ -25,7 +25,10 @@ fn visit(browser: &Path, page: &str) -> (String, String) {
     let place = tempfile::tempdir().unwrap();
     let file = place.path().join("report.html");
     std::fs::write(&file, page).unwrap();
-    let output = Command::new(browser)
+    // A browser that hangs must not hang the tests.
+    let output = Command::new("timeout")
+        .arg("90")
+        .arg(browser)
         .args(["--headless", "--no-sandbox", "--disable-quic", "--no-first-run"])
         .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
         .args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--enable-logging=stderr"])

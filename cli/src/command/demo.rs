@@ -12,6 +12,7 @@ use crate::args::{Demo, Global};
 use crate::command::fit::{Job, configuration};
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 
 /// Where the results go when nothing is said.
@@ -23,6 +24,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Demo) -> Result<
     let target = arguments.output.folder.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
     // Refusals come before the work.
     let folder = OutputFolder::create(&target, arguments.output.force)?;
+    let interrupt = Interrupt::listen(folder.path())?;
 
     let clock = global.seed.map_or_else(AlarmClock::default, AlarmClock::sample).build();
     let size = arguments.size as usize;
@@ -50,5 +52,6 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Demo) -> Result<
     let source = PathBuf::from("an alarm clock that was made for it");
     let views = Views { views, source, layout: Layout::Memory, warnings: Vec::new() };
     let title = "Alarm clock";
-    Job { title, views, config: &config, truth: Some(&clock), folder, start }.run(console)
+    Job { title, views, config: &config, truth: Some(&clock), folder, interrupt, start }
+        .run(console)
 }

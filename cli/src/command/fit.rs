@@ -35,6 +35,7 @@ pub(crate) struct Job<'a> {
     pub(crate) config: &'a FitConfig,
     pub(crate) truth: Option<&'a TriMesh>,
     pub(crate) folder: OutputFolder,
+    pub(crate) interrupt: Interrupt,
     /// When the command began.
     pub(crate) start: Instant,
 }
@@ -45,6 +46,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(
     let target = arguments.output.folder.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
     // Refusals come before the work.
     let folder = OutputFolder::create(&target, arguments.output.force)?;
+    let interrupt = Interrupt::listen(folder.path())?;
     let truth = arguments.truth.as_ref().map(read_mesh).transpose()?;
     let progress = Progress::new(console, "read");
     let options = arguments.reading.options();
@@ -55,7 +57,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(
     let name = arguments.views.file_stem().unwrap_or(arguments.views.as_os_str());
     let title = name.to_string_lossy();
     let truth = truth.as_ref();
-    Job { title: &title, views, config: &config, truth, folder, start }.run(console)
+    Job { title: &title, views, config: &config, truth, folder, interrupt, start }.run(console)
 }
 
 /// The configuration that the command line asks for, checked.
@@ -87,8 +89,8 @@ pub(crate) fn configuration(
 impl Job<'_> {
     /// Fits, scores, writes and prints. Ctrl-C ends the fit early; what there is is written.
     pub(crate) fn run(mut self, console: Console) -> Result<(), Failure> {
-        let interrupt = Interrupt::listen()?;
-        let fitted = self.fit(console, &interrupt)?;
+        self.interrupt.worthwhile();
+        let fitted = self.fit(console)?;
         if !fitted.held_out_views.is_empty() {
             // Only these are looked at again; the pictures of the others make room.
             for &i in &fitted.train_views {
@@ -130,7 +132,7 @@ impl Job<'_> {
         Ok(())
     }
 
-    fn fit(&self, console: Console, interrupt: &Interrupt) -> Result<Fitted, Failure> {
+    fn fit(&self, console: Console) -> Result<Fitted, Failure> {
         let progress = Progress::new(console, "fit");
         let mut on_event = |event: Event| {
             match event {
@@ -149,7 +151,7 @@ impl Job<'_> {
                 Event::Warned(text) => console.warn(text),
                 _ => {}
             }
-            if interrupt.pressed() { Flow::Stop } else { Flow::Continue }
+            if self.interrupt.pressed() { Flow::Stop } else { Flow::Continue }
         };
         fit(&self.views, self.config, &mut on_event).map_err(|error| match error {
             FitError::Config(_) => Failure::Usage(error.to_string()),

@@ -58,6 +58,10 @@ pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
         _ => None,
     };
     let mesh = read_mesh(&arguments.mesh)?;
+    if mesh.faces.is_empty() {
+        let path = arguments.mesh.display();
+        return Err(Failure::Input(format!("{path}: no faces, so there is nothing to render")));
+    }
     let mut cameras = cameras(console, &mesh, arguments)?;
     if kind == Kind::Png {
         cameras.truncate(1);
