@@ -1,0 +1,100 @@
+//! A step in the steady state takes no fresh memory worth a page.
+#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(unsafe_code, reason = "counting allocations needs a global allocator")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use autodiff_lite::{Tape, Tensor};
+use diff_raster::{
+    Faces, Fragments, Settings, antialiased_silhouette, depth, interpolate, rasterize_into,
+    soft_silhouette, texture,
+};
+use mesh_core::primitives::icosphere;
+use ndarray::{Array2, Array3};
+
+/// Counts blocks of 4 KiB and more.
+struct Counting;
+
+static LARGE: AtomicUsize = AtomicUsize::new(0);
+
+fn count(size: usize) {
+    if size >= 4096 {
+        LARGE.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+// SAFETY: everything is the system allocator's; counting does not allocate.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size());
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps the contract of `dealloc`.
+        unsafe { System.dealloc(at, layout) }
+    }
+
+    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count(size);
+        // SAFETY: the caller keeps the contract of `realloc`.
+        unsafe { System.realloc(at, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn steps_recycle_their_memory() {
+    let mesh = icosphere(3);
+    let faces = Arc::new(Faces::of(&mesh).unwrap());
+    let (images, size, vertices) = (2, 96, mesh.positions.len());
+    let settings = Settings::new(size, size);
+    let positions = |turn: f32| -> Tensor<f32> {
+        let corner = |(n, v, k): (usize, usize, usize)| {
+            let ([x, y, z], (sin, cos)) = (mesh.positions[v], (turn + n as f32).sin_cos());
+            let depth = 4.0 - z * cos + x * sin;
+            [(x * cos + z * sin) * 3.0 / depth, y * 3.0 / depth, depth][k]
+        };
+        Array3::from_shape_fn((images, vertices, 3), corner).into_dyn().into_shared()
+    };
+    let colours: Tensor<f32> = Array2::from_shape_fn((vertices, 3), |(v, k)| mesh.positions[v][k])
+        .into_dyn()
+        .into_shared();
+    let image: Tensor<f32> = Array3::from_elem((32, 32, 3), 0.5).into_dyn().into_shared();
+
+    // One thread: which task finds spare scratch is then the same in every step.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    pool.install(|| {
+        let mut tape = Tape::<f32>::train(0);
+        let mut fragments = Arc::<Fragments>::default();
+        // The positions turn back and forth, so that sizes do not stay the same.
+        let turns = [0.0, 0.1, 0.2].map(positions);
+        for step in 0..40 {
+            let before = LARGE.load(Ordering::Relaxed);
+            let values = &turns[step % 3];
+            let view = values.view().into_dimensionality().unwrap();
+            rasterize_into(view, &faces, &settings, &mut fragments);
+            let projected = tape.leaf(values.clone());
+            let attributes = tape.leaf(colours.clone());
+            let colour = interpolate(projected, attributes, &fragments);
+            let uv = interpolate(projected, attributes.slice_axis(1, 0..2), &fragments);
+            let texels = tape.leaf(image.clone());
+            let loss = colour.square().mean()
+                + soft_silhouette(projected, &fragments).square().mean()
+                + antialiased_silhouette(projected, &fragments).square().mean()
+                + depth(projected, &fragments, 0.0).square().mean()
+                + texture(uv, texels, &fragments).square().mean();
+            let gradients = loss.backward();
+            assert!(gradients.wrt(projected).is_some() && gradients.wrt(texels).is_some());
+            drop(gradients);
+            tape.reset();
+            let fresh = LARGE.load(Ordering::Relaxed) - before;
+            assert!(step < 9 || fresh == 0, "step {step} took {fresh} large blocks");
+        }
+    });
+}
