@@ -165,7 +165,8 @@ fn cameras_that_are_none_are_named() {
     let transposed = spoilt(|f| {
         metadata(f, |c| {
             let rows = c["tf_mat"].clone();
-            c["tf_mat"] = (0..4).map(|i| (0..4).map(|j| rows[j][i].clone()).collect()).collect();
+            let transposed = |i: usize| (0..4).map(|j| rows[j][i].clone()).collect::<Vec<_>>();
+            c["tf_mat"] = (0..4).map(transposed).collect();
         });
     });
     assert_names(&transposed, &["3_metadata.json", "tf_mat", "translation in the last"]);
