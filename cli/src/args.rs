@@ -191,7 +191,7 @@ pub(crate) struct Render {
     #[arg(long, value_name = "VIEWS")]
     pub(crate) cameras: Option<PathBuf>,
     /// Only the camera of this view; can be given many times.
-    #[arg(long = "view", value_name = "NAME", requires = "cameras")]
+    #[arg(long = "view", value_name = "NAME")]
     pub(crate) view: Vec<String>,
     /// Pictures on the turntable.
     #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u32).range(1..=10_000))]
@@ -359,8 +359,6 @@ mod tests {
         assert!(parses("unsphere render m.ply -o a.png --elevation -90"));
         assert!(!parses("unsphere render m.ply -o a.png --elevation nan"));
         assert!(!parses("unsphere render m.ply -o a.png --elevation 1e308"));
-        assert!(parses("unsphere render m.ply -o a.png --cameras views --view 1"));
-        assert!(!parses("unsphere render m.ply -o a.png --view 1"));
     }
 
     #[test]
