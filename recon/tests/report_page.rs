@@ -78,7 +78,11 @@ fn check(mesh: TriMesh) {
     assert_eq!(attribute(&document, "data-status").as_deref(), Some("drawn"), "{log}");
     let pixels: usize = attribute(&document, "data-pixels").unwrap().parse().unwrap();
     assert!(pixels > 10_000, "the mesh covers {pixels} pixels");
-    let complaints: Vec<&str> = log.lines().filter(|l| l.contains("CONSOLE")).collect();
+    // The driver remarks that reading the picture back, which the check itself asks for, is slow.
+    let complaints: Vec<&str> = log
+        .lines()
+        .filter(|l| l.contains("CONSOLE") && !l.contains("GL Driver Message (OpenGL, Performance"))
+        .collect();
     assert!(complaints.is_empty(), "{complaints:#?}");
 }
 
