@@ -64,6 +64,7 @@
 
 mod assemble;
 mod consistency;
+mod dataset;
 mod depth;
 mod error;
 mod json;
@@ -78,6 +79,7 @@ mod split;
 mod transforms;
 mod view;
 
+pub use dataset::{Dataset, Entry, Subset, SurfacePoints, Truth};
 pub use error::{ReadViewsError, ViewsProblem, WriteViewsError};
 pub use kaolin::write_kaolin;
 pub use mask::{mask_from_alpha, mask_from_backdrop};

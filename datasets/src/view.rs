@@ -43,6 +43,26 @@ pub enum Layout {
     KaolinZip,
     /// NeRF's or nerfstudio's `transforms.json`.
     Transforms,
+    /// 3D-R2N2's renderings of ShapeNet, or ours in their layout.
+    R2n2,
+    /// COLMAP's sparse model with its images.
+    Colmap,
+    /// A scene of the BOP benchmarks, as BlenderProc writes it.
+    Bop,
+    /// Loose photographs with a `cameras.json` of ours.
+    Photos,
+    /// Loose photographs from a turntable, whose cameras follow from its geometry.
+    Turntable,
+    /// Pixel2Mesh's `.dat` files.
+    Pixel2Mesh,
+    /// Pix3D, its own annotations or those of Mesh R-CNN.
+    Pix3d,
+    /// Pascal3D+.
+    Pascal3d,
+    /// CUB with the cache of CMR.
+    Cub,
+    /// The preprocessed form of Pascal3D+ that MCMR trains on.
+    Mcmr,
     /// Made in memory, never on disk.
     Memory,
 }
@@ -53,6 +73,16 @@ impl std::fmt::Display for Layout {
             Self::KaolinFolder => "kaolin synthetic views (folder)",
             Self::KaolinZip => "kaolin synthetic views (zip)",
             Self::Transforms => "transforms.json",
+            Self::R2n2 => "ShapeNet with R2N2 renderings",
+            Self::Colmap => "COLMAP model",
+            Self::Bop => "BOP scene",
+            Self::Photos => "photographs with cameras.json",
+            Self::Turntable => "turntable photographs",
+            Self::Pixel2Mesh => "Pixel2Mesh .dat",
+            Self::Pix3d => "Pix3D",
+            Self::Pascal3d => "Pascal3D+",
+            Self::Cub => "CUB with CMR's cache",
+            Self::Mcmr => "MCMR's preprocessed Pascal3D+",
             Self::Memory => "made in memory",
         })
     }

@@ -7,6 +7,18 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use super::{Family, Part, Shape};
+
+pub(super) fn draw(seed: u64) -> Shape {
+    let mesh = AlarmClock::sample(seed).build();
+    Shape {
+        family: Family::AlarmClock,
+        seed,
+        parts: vec![Part { name: "clock", mesh }],
+        traits: vec![],
+    }
+}
+
 /// A round alarm clock on two feet with two bells; lengths in units of the body's radius.
 ///
 /// The clock stands upright (+Y), its dial looks along +Z, and the middle of its body is the
