@@ -44,7 +44,7 @@ pub fn read_views(
 ) -> Result<Views, ReadViewsError> {
     let (source, json) = locate(path)?;
     let names = source.root_names()?;
-    let Reading { layout, pending, mut warnings, poses } = match json {
+    let reading = match json {
         Some(name) => transforms::list(&source, &[name], options)?,
         None if kaolin::recognises(&names) => kaolin::list(&source, &names, options)?,
         None => {
@@ -55,6 +55,20 @@ pub fn read_views(
             transforms::list(&source, &files, options)?
         }
     };
+    read_pending(path, &source, reading, options, progress)
+}
+
+/// Reads what a layout has listed, in parallel, and checks that the whole makes sense.
+///
+/// `path` is what the user named, for messages and for [`Views::source`].
+pub(crate) fn read_pending(
+    path: &Path,
+    source: &Source,
+    reading: Reading<'_>,
+    options: &ReadOptions,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Views, ReadViewsError> {
+    let Reading { layout, pending, mut warnings, poses } = reading;
     if pending.is_empty() {
         return Err(ReadViewsError::field(path, "views", "none that is complete", "at least one"));
     }
