@@ -13,11 +13,17 @@
 //! ```
 
 mod cameras;
+mod collection;
 mod dataset;
+mod monocular;
+mod r2n2;
 mod render;
 mod shade;
 
 pub use cameras::{Orbit, Placement};
+pub use collection::{Collection, PoseNoise, RoughPose};
 pub use dataset::write_dataset;
-pub use render::{RenderOptions, render_views};
+pub use monocular::{Guess, Monocular};
+pub use r2n2::R2n2Cameras;
+pub use render::{NormalSpace, RenderOptions, Rendering, render, render_views};
 pub use shade::Lighting;

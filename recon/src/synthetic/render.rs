@@ -1,16 +1,16 @@
-//! A mesh and cameras in, views out.
+//! A mesh and cameras in, pictures out.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use datasets::View;
 use diff_raster::{Faces, FacesError, Fragments, NONE, Settings, rasterize_into};
-use mesh_core::{ByteImage, Camera, DepthMap, TriMesh, srgb_to_linear};
+use mesh_core::{ByteImage, Camera, DepthMap, Image, TriMesh, srgb_to_linear};
 use ndarray::ArrayView3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::shade::{Albedo, Lighting, blend, encode};
+use super::shade::{Albedo, Lighting, blend, corner_normals, encode, unit};
 
 /// How a mesh is drawn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,6 +26,48 @@ pub struct RenderOptions {
     pub supersample: usize,
     /// Whether depth is kept.
     pub depth: bool,
+    /// Whether a picture with alpha is kept too.
+    pub alpha: bool,
+    /// Whether normals are kept, and in which frame.
+    pub normals: Option<NormalSpace>,
+}
+
+/// The frame of normals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NormalSpace {
+    /// The camera's: x right, y up, z towards the viewer.
+    Camera,
+    /// The mesh's own.
+    World,
+}
+
+/// All that is kept of one picture of a mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rendering {
+    /// The picture over its background, the mask, the camera, and depth where it was asked for.
+    pub view: View,
+    /// The picture with straight alpha, `[H, W, 4]`, sRGB: where [`RenderOptions::alpha`] is set.
+    ///
+    /// Alpha is the share of the samples that show the object, kept on the mask's side of one half,
+    /// so that `alpha >= 128` is the mask exactly. Under alpha 0 stands the background.
+    pub rgba: Option<ByteImage>,
+    /// Unit outward normals at the pixels' centres, `[H, W, 3]`, zero at background: where
+    /// [`RenderOptions::normals`] is set. Creases are those of the lighting.
+    pub normals: Option<Image>,
+}
+
+impl Rendering {
+    /// The normals as colours, `(n + 1) / 2`, with black background.
+    pub fn normal_picture(&self) -> Option<ByteImage> {
+        let Image { height, width, ref data, .. } = *self.normals.as_ref()?;
+        let seen = self.view.mask.data.iter();
+        let data = data.chunks_exact(3).zip(seen).flat_map(|(n, &seen)| {
+            let byte = |v: f32| ((0.5 * v + 0.5).clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+            if seen == 0 { [0; 3] } else { [byte(n[0]), byte(n[1]), byte(n[2])] }
+        });
+        Some(ByteImage { height, width, channels: 3, data: data.collect() })
+    }
 }
 
 impl Default for RenderOptions {
@@ -36,8 +78,26 @@ impl Default for RenderOptions {
             plain: [0.8; 3],
             supersample: 3,
             depth: false,
+            alpha: false,
+            normals: None,
         }
     }
+}
+
+/// Draws the mesh from every camera, and keeps of it what a [`View`] holds.
+///
+/// # Errors
+/// # Panics
+/// # Cost
+/// As [`render`].
+pub fn render_views(
+    mesh: &TriMesh,
+    cameras: &[Camera],
+    options: &RenderOptions,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Vec<View>, FacesError> {
+    let renderings = render(mesh, cameras, options, progress)?;
+    Ok(renderings.into_iter().map(|rendering| rendering.view).collect())
 }
 
 /// Draws the mesh from every camera; views are named by their index.
@@ -55,15 +115,15 @@ impl Default for RenderOptions {
 /// # Cost
 /// About 6 ms per core for a view of 256x256 with 3x3 samples. Memory: the views, and per thread
 /// 20 bytes for each sample of the part of one view that the mesh can touch.
-pub fn render_views(
+pub fn render(
     mesh: &TriMesh,
     cameras: &[Camera],
     options: &RenderOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Vec<View>, FacesError> {
+) -> Result<Vec<Rendering>, FacesError> {
     assert!(
         options.supersample % 2 == 1,
-        "render_views: supersample {}, expected an odd number",
+        "render: supersample {}, expected an odd number",
         options.supersample
     );
     let faces = Arc::new(Faces::new(mesh.positions.len(), &mesh.faces)?);
@@ -73,6 +133,7 @@ pub fn render_views(
         faces,
         albedo: Albedo::of(mesh, linear, options.plain),
         light: linear.then(|| options.lighting.on(mesh)),
+        normals: options.normals.map(|_| corner_normals(mesh, options.lighting.crease)),
         background: options.background.map(|v| if linear { srgb_to_linear(v) } else { v }),
         options,
     };
@@ -81,9 +142,9 @@ pub fn render_views(
         .par_iter()
         .enumerate()
         .map_init(Sketch::default, |sketch, (i, camera)| {
-            let view = scene.draw(camera, i.to_string(), sketch);
+            let rendering = scene.draw(camera, i.to_string(), sketch);
             progress(done.fetch_add(1, Ordering::Relaxed) + 1, cameras.len());
-            view
+            rendering
         })
         .collect())
 }
@@ -94,6 +155,8 @@ struct Scene<'a> {
     albedo: Albedo,
     /// Light on each corner; `None` where colours are shown as they are, in sRGB.
     light: Option<Vec<[f32; 3]>>,
+    /// Normals of each corner, where they are wanted.
+    normals: Option<Vec<[[f32; 3]; 3]>>,
     background: [f32; 3],
     options: &'a RenderOptions,
 }
@@ -106,13 +169,31 @@ struct Sketch {
 }
 
 impl Scene<'_> {
-    fn draw(&self, camera: &Camera, name: String, sketch: &mut Sketch) -> View {
-        let linear = self.light.is_some();
+    fn draw(&self, camera: &Camera, name: String, sketch: &mut Sketch) -> Rendering {
+        let mut rendering = self.empty(camera, name);
+        // Samples are taken only where the mesh can be: the rest of a large image costs nothing.
+        let [top, left, rows, columns] = footprint(camera, &self.mesh.positions);
+        if rows * columns > 0 {
+            let part = camera.cropped(left, top, columns, rows);
+            self.rasterize(&part, sketch);
+            self.resolve(sketch, [top, left, rows, columns], &mut rendering);
+        }
+        rendering
+    }
+
+    /// The background alone.
+    fn empty(&self, camera: &Camera, name: String) -> Rendering {
         let (height, width) = (camera.height, camera.width);
-        let empty = self.background.map(|v| encode(v, linear));
-        let mut view = View {
+        let [r, g, b] = self.background.map(|v| encode(v, self.light.is_some()));
+        let picture = |pixel: &[u8]| ByteImage {
+            height,
+            width,
+            channels: pixel.len(),
+            data: pixel.repeat(height * width),
+        };
+        let view = View {
             name,
-            color: ByteImage { height, width, channels: 3, data: empty.repeat(height * width) },
+            color: picture(&[r, g, b]),
             mask: ByteImage::new(height, width, 1),
             camera: camera.clone(),
             depth: self.options.depth.then(|| DepthMap {
@@ -121,14 +202,11 @@ impl Scene<'_> {
                 data: vec![f32::INFINITY; height * width],
             }),
         };
-        // Samples are taken only where the mesh can be: the rest of a large image costs nothing.
-        let [top, left, rows, columns] = footprint(camera, &self.mesh.positions);
-        if rows * columns > 0 {
-            let part = camera.cropped(left, top, columns, rows);
-            self.rasterize(&part, sketch);
-            self.resolve(sketch, [top, left, rows, columns], &mut view);
+        Rendering {
+            view,
+            rgba: self.options.alpha.then(|| picture(&[r, g, b, 0])),
+            normals: self.normals.is_some().then(|| Image::new(height, width, 3)),
         }
-        view
     }
 
     /// Takes the samples of a camera's whole image.
@@ -146,12 +224,13 @@ impl Scene<'_> {
     }
 
     /// Makes pixels of samples, in the part of the view that was sampled.
-    fn resolve(&self, sketch: &Sketch, part: [usize; 4], view: &mut View) {
+    fn resolve(&self, sketch: &Sketch, part: [usize; 4], rendering: &mut Rendering) {
         let fragments = &*sketch.fragments;
         let [top, left, rows, columns] = part;
         let (times, linear) = (self.options.supersample, self.light.is_some());
         let stride = columns * times;
-        let share = 1.0 / (times * times) as f32;
+        let samples = times * times;
+        let share = 1.0 / samples as f32;
         for i in 0..rows {
             for j in 0..columns {
                 let mut sum = [0.0; 3];
@@ -169,19 +248,45 @@ impl Scene<'_> {
                 if seen == 0 {
                     continue;
                 }
+                let view = &mut rendering.view;
                 let at = (top + i) * view.mask.width + left + j;
-                let behind = (times * times - seen) as f32;
+                let behind = (samples - seen) as f32;
                 for (c, out) in view.color.data[3 * at..3 * at + 3].iter_mut().enumerate() {
                     *out = encode(share * (sum[c] + behind * self.background[c]), linear);
                 }
                 let middle = (i * times + times / 2) * stride + j * times + times / 2;
-                if fragments.face[middle] != NONE {
+                let object = fragments.face[middle] != NONE;
+                if let Some(rgba) = &mut rendering.rgba {
+                    let own = sum.map(|v| encode(v / seen as f32, linear));
+                    let alpha = ((255 * seen + samples / 2) / samples) as u8;
+                    let alpha = if object { alpha.max(128) } else { alpha.min(127) };
+                    let pixel = [own[0], own[1], own[2], alpha];
+                    rgba.data[4 * at..4 * at + 4].copy_from_slice(&pixel);
+                }
+                if object {
                     view.mask.data[at] = 255;
                     if let Some(depth) = &mut view.depth {
                         depth.data[at] = fragments.depth[middle];
                     }
+                    if let Some(normals) = &mut rendering.normals {
+                        let normal = self.normal(fragments, middle, &view.camera);
+                        normals.data[3 * at..3 * at + 3].copy_from_slice(&normal);
+                    }
                 }
             }
+        }
+    }
+
+    /// The normal of a sample, in the frame that was asked for.
+    fn normal(&self, fragments: &Fragments, k: usize, camera: &Camera) -> [f32; 3] {
+        let Some(normals) = &self.normals else { return [0.0; 3] };
+        let b = &fragments.barycentric[3 * k..3 * k + 3];
+        let world = unit(blend(&normals[fragments.face[k] as usize], [b[0], b[1], b[2]]));
+        match self.options.normals {
+            Some(NormalSpace::Camera) => std::array::from_fn(|r| {
+                (0..3).map(|c| camera.rotation[(r, c)] as f32 * world[c]).sum()
+            }),
+            _ => world,
         }
     }
 
@@ -291,6 +396,75 @@ mod tests {
         assert_eq!(hard.mask, soft.mask);
         assert!(hard.color.data.iter().all(|&v| v == 0 || v == 255));
         assert!(soft.color.data.iter().any(|&v| v > 0 && v < 255));
+    }
+
+    /// Over any background the picture with alpha is the picture that was drawn over it.
+    #[test]
+    fn alpha_is_the_mask_at_one_half_and_composites_to_the_picture() {
+        let ball = primitives::icosphere(3).colored([0.8, 0.4, 0.2]);
+        let options = RenderOptions {
+            background: [0.2, 0.4, 0.6],
+            alpha: true,
+            lighting: Lighting { ambient: 1.0, ..Lighting::flat() },
+            ..RenderOptions::default()
+        };
+        let drawn = render(&ball, &[camera(70, 50)], &options, &|_, _| {}).unwrap().remove(0);
+        let rgba = drawn.rgba.unwrap();
+        let mut between = 0;
+        for (k, pixel) in rgba.data.chunks_exact(4).enumerate() {
+            assert_eq!(pixel[3] >= 128, drawn.view.mask.data[k] == 255);
+            between += (pixel[3] > 0 && pixel[3] < 255) as usize;
+            if pixel[3] == 0 {
+                assert_eq!(pixel[..3], [51, 102, 153]);
+            } else {
+                assert_eq!(pixel[..3], [204, 102, 51]);
+            }
+        }
+        assert!(between > 50, "{between} pixels of the outline");
+        // The share of a pixel is off by at most one sample, where the centre decided otherwise.
+        let over = rgba.over([51, 102, 153]);
+        let off = over.data.iter().zip(&drawn.view.color.data).map(|(a, b)| a.abs_diff(*b)).max();
+        assert!(off.unwrap() <= 153 / 9 + 2, "{off:?}");
+    }
+
+    #[test]
+    fn normals_of_a_ball_point_from_its_middle() {
+        let ball = primitives::icosphere(5);
+        let camera = camera(80, 60);
+        let draw = |space| {
+            let lighting = Lighting { crease: 40.0, ..Lighting::flat() };
+            let options = RenderOptions {
+                depth: true,
+                normals: Some(space),
+                lighting,
+                ..RenderOptions::default()
+            };
+            render(&ball, std::slice::from_ref(&camera), &options, &|_, _| {}).unwrap().remove(0)
+        };
+        let (world, seen) = (draw(NormalSpace::World), draw(NormalSpace::Camera));
+        let depth = world.view.depth.as_ref().unwrap();
+        let mut checked = 0;
+        for k in 0..80 * 60 {
+            let n = &world.normals.as_ref().unwrap().data[3 * k..3 * k + 3];
+            let c = &seen.normals.as_ref().unwrap().data[3 * k..3 * k + 3];
+            if world.view.mask.data[k] == 0 {
+                assert!(n == [0.0; 3] && c == [0.0; 3]);
+                continue;
+            }
+            let (column, row) = ((k % 80) as f64 + 0.5, (k / 80) as f64 + 0.5);
+            let p = camera.unproject(column, row, f64::from(depth.data[k]));
+            for a in 0..3 {
+                assert!((f64::from(n[a]) - p[a]).abs() < 5e-3, "{n:?} at {p:?}");
+            }
+            let turned = camera.rotation * mesh_core::nalgebra::Vector3::from(p);
+            assert!((0..3).all(|a| (f64::from(c[a]) - turned[a]).abs() < 5e-3));
+            // What is seen of a ball faces the viewer.
+            assert!(c[2] > 0.0);
+            checked += 1;
+        }
+        assert!(checked > 500);
+        let picture = seen.normal_picture().unwrap();
+        assert!(picture.pixel(30, 40)[2] > 250 && picture.pixel(0, 0) == [0, 0, 0]);
     }
 
     #[test]

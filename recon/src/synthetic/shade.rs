@@ -78,7 +78,7 @@ impl Lighting {
 
 /// The normal at each corner of each face: the mean over the faces around the vertex that meet
 /// this one at less than the crease angle, weighted by area.
-fn corner_normals(mesh: &TriMesh, crease: f32) -> Vec<[[f32; 3]; 3]> {
+pub(crate) fn corner_normals(mesh: &TriMesh, crease: f32) -> Vec<[[f32; 3]; 3]> {
     let scaled: Vec<[f32; 3]> = mesh
         .faces
         .iter()
@@ -208,7 +208,7 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-fn unit(v: [f32; 3]) -> [f32; 3] {
+pub(crate) fn unit(v: [f32; 3]) -> [f32; 3] {
     let length = dot(v, v).sqrt();
     if length > 0.0 { v.map(|x| x / length) } else { [0.0; 3] }
 }
