@@ -16,9 +16,13 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("datasets", &["mesh-core"]),
     ("diff-raster", &["mesh-core", "autodiff-lite"]),
     ("losses", &["mesh-core", "autodiff-lite"]),
-    ("recon", &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses"]),
+    ("nets", &["autodiff-lite"]),
+    ("recon", &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses", "nets"]),
     ("cli", &["mesh-core", "datasets", "losses", "recon"]),
-    ("benches", &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses", "recon"]),
+    (
+        "benches",
+        &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses", "nets", "recon"],
+    ),
 ];
 
 /// Crates from outside that are for these members alone.

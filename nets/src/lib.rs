@@ -1,0 +1,85 @@
+//! Layers and backbones under PyTorch's names, on the tape of `autodiff-lite`.
+//!
+//! ```
+//! use autodiff_lite::optim::Adam;
+//! use autodiff_lite::{Activation, Tape};
+//! use nets::{Init, Mlp, SmallCnn};
+//! use ndarray::{Array2, Array4};
+//!
+//! // Every initial value follows from the seed and the path of its parameter.
+//! let init = Init::new(7);
+//! let encoder = SmallCnn::new(&init.at("encoder"), 3, 32);
+//! let head = Mlp::new(&init.at("head"), &[32, 16, 1], Activation::Relu);
+//! let mut model = (encoder, head); // a tuple of modules is a module
+//!
+//! let images = Array4::from_shape_fn((4, 16, 16, 3), |(n, i, j, _)| ((n + 1) * (i + j)) as f32 / 128.0);
+//! let targets = Array2::from_shape_fn((4, 1), |(n, _)| n as f32);
+//! let (mut tape, mut adam) = (Tape::train(0), Adam::new(1e-3));
+//! let mut losses = Vec::new();
+//! for _ in 0..15 {
+//!     let features = model.0.forward(tape.constant(images.clone()));
+//!     let error = model.1.forward(features) - tape.constant(targets.clone());
+//!     let loss = error.square().mean();
+//!     losses.push(loss.item());
+//!     let gradients = loss.backward();
+//!     tape.reset();
+//!     adam.step(&mut model, &gradients);
+//! }
+//! assert!(losses[14] < 0.5 * losses[0]);
+//! ```
+//!
+//! # Where things are
+//!
+//! | for | see |
+//! |---|---|
+//! | initial values | [`Init`] |
+//! | layers | [`Linear`], [`Mlp`], [`Conv2d`], [`ConvTranspose2d`], [`MaxPool2d`], [`AvgPool2d`], [`AdaptiveAvgPool2d`], [`Dropout`] |
+//! | norms | [`BatchNorm2d`], [`BatchNorm1d`], [`FrozenBatchNorm2d`], [`LayerNorm`], [`GroupNorm`] |
+//! | image encoders | [`SmallCnn`] |
+//!
+//! # Conventions
+//!
+//! - A layer is a plain struct of parameters with inherent `new` and `forward`; there is no
+//!   forward trait and no `train: bool`: the tape knows whether it trains.
+//! - Fields have the names of PyTorch's state dict, weights its layouts, so its files load without
+//!   a table of names. Activations are features-last: images `[N, H, W, C]`, tokens `[N, T, D]`.
+//! - New layers have PyTorch's initial distributions.
+//! - `forward_then` applies an activation in the same pass.
+//!
+//! # Invariants
+//!
+//! - No layer knows a mesh, a file of a data set, or a training loop.
+//! - The same seed gives the same bits whatever the number of threads.
+//!
+//! # What this crate does not do
+//!
+//! It defines no loss and no optimiser, downloads no weights, and fuses nothing on its own.
+
+mod activation;
+mod batch_norm;
+mod conv2d;
+mod conv_transpose2d;
+mod dropout;
+mod group_norm;
+mod indexed;
+mod init;
+mod layer_norm;
+mod linear;
+mod mlp;
+mod pooling;
+mod small_cnn;
+
+use activation::activate;
+
+pub use batch_norm::{BatchNorm1d, BatchNorm2d, FrozenBatchNorm2d};
+pub use conv_transpose2d::ConvTranspose2d;
+pub use conv2d::Conv2d;
+pub use dropout::Dropout;
+pub use group_norm::GroupNorm;
+pub use indexed::Indexed;
+pub use init::{FanMode, Init, Nonlinearity, fans};
+pub use layer_norm::LayerNorm;
+pub use linear::Linear;
+pub use mlp::Mlp;
+pub use pooling::{AdaptiveAvgPool2d, AvgPool2d, MaxPool2d};
+pub use small_cnn::SmallCnn;

@@ -1,0 +1,116 @@
+//! A small image encoder that learns from scratch in minutes.
+
+use autodiff_lite::{Activation, ConvGeometry, Real, Var, impl_module};
+
+use crate::{Conv2d, FanMode, GroupNorm, Init, Linear, Nonlinearity};
+
+/// A small encoder of images, for training without pretrained weights on a CPU.
+///
+/// ```text
+/// conv 3x3 stride 2, group norm, ReLU     3 -> 32 -> 64 -> 128 -> 256 channels
+/// means of a 4 x 4 grid, flattened        4096 (where something is matters: no global mean)
+/// linear, ReLU                            D
+/// ```
+///
+/// Group norm has no batch statistics: a batch of one trains, and shards of a batch on parallel
+/// tapes give the same gradients. With `D` 256 it has 1.4 million parameters and does 0.26 Gflop
+/// forward for a 128 x 128 image.
+///
+/// ```
+/// use autodiff_lite::Tape;
+/// use nets::{Init, SmallCnn};
+///
+/// let encoder = SmallCnn::<f32>::new(&Init::new(0).at("encoder"), 3, 256);
+/// let tape = Tape::eval();
+/// let images = tape.constant(ndarray::Array4::zeros((2, 64, 64, 3)));
+/// assert_eq!(encoder.forward(images).shape(), [2, 256]);
+/// ```
+#[derive(Clone, Debug)]
+pub struct SmallCnn<F: Real = f32> {
+    /// Each halves the image.
+    pub convs: Vec<Conv2d<F>>,
+    /// One after each convolution.
+    pub norms: Vec<GroupNorm<F>>,
+    /// From the grid of means to the features.
+    pub fc: Linear<F>,
+}
+impl_module!(SmallCnn { convs, norms, fc });
+
+const CHANNELS: [usize; 4] = [32, 64, 128, 256];
+const GRID: usize = 4;
+/// Channels of a group.
+const GROUP: usize = 8;
+
+impl<F: Real> SmallCnn<F> {
+    /// Of images with `channels` channels, to `width` features.
+    pub fn new(init: &Init, channels: usize, width: usize) -> Self {
+        let halves = ConvGeometry::new().stride(2).padding(1);
+        let mut inputs = channels;
+        let (mut convs, mut norms) = (Vec::new(), Vec::new());
+        for (i, &outputs) in CHANNELS.iter().enumerate() {
+            let at = init.at("convs").index(i);
+            let conv = Conv2d::new(&at, inputs, outputs, 3, halves).without_bias();
+            let weight = at.at("weight").kaiming_normal(
+                conv.weight.shape(),
+                FanMode::Out,
+                Nonlinearity::Relu,
+            );
+            convs.push(Conv2d { weight, ..conv });
+            norms.push(GroupNorm::new(&init.at("norms").index(i), outputs / GROUP, outputs));
+            inputs = outputs;
+        }
+        Self { convs, norms, fc: Linear::new(&init.at("fc"), inputs * GRID * GRID, width) }
+    }
+
+    /// The number of features.
+    pub fn width(&self) -> usize {
+        self.fc.weight.shape()[0]
+    }
+
+    /// `x [N, H, W, C]` to `[N, D]`; any size of at least 1 pixel, 64 to 256 make sense.
+    #[track_caller]
+    pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
+        let relu = Activation::Relu;
+        let map = self
+            .convs
+            .iter()
+            .zip(&self.norms)
+            .fold(x, |x, (conv, norm)| norm.forward_then(conv.forward(x), relu));
+        let [n, _, _, c] = map.dims();
+        let grid = map.adaptive_avg_pool2d(GRID, GRID).reshape(&[n, GRID * GRID * c]);
+        self.fc.forward_then(grid, relu)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use autodiff_lite::optim::Adam;
+    use autodiff_lite::{Module, Tape};
+    use ndarray::{Array2, Array4};
+
+    use super::*;
+
+    /// It can tell left from right: a bright column is found in a few steps.
+    #[test]
+    fn it_learns_where_something_is() {
+        let mut model = SmallCnn::<f32>::new(&Init::new(0), 1, 2);
+        assert_eq!(model.width(), 2);
+        let lit = |(n, _, j, _): (usize, usize, usize, usize)| f32::from(j / 4 == n % 8);
+        let images = Array4::from_shape_fn((8, 32, 32, 1), lit).into_shared();
+        let truth =
+            Array2::from_shape_fn((8, 2), |(n, k)| if k == 0 { n as f32 / 8.0 } else { 0.5 });
+        let truth = truth.into_shared();
+        let (mut tape, mut adam) = (Tape::train(0), Adam::new(3e-3));
+        let mut losses = Vec::new();
+        for _ in 0..40 {
+            let error = model.forward(tape.constant(images.clone())) - tape.constant(truth.clone());
+            let loss = error.square().mean();
+            losses.push(loss.item());
+            let gradients = loss.backward();
+            tape.reset();
+            adam.step(&mut model, &gradients);
+        }
+        assert!(losses[39] < 0.05 * losses[0], "{losses:?}");
+        assert!(model.parameter_count() > 380_000);
+    }
+}
