@@ -14,14 +14,20 @@
 
 mod airplane;
 mod alarm_clock;
+mod assembly;
 mod bicycle;
 mod bus;
 mod car;
 mod chair;
+mod coachwork;
 mod draw;
 mod lamp;
 mod motorbike;
+mod solid;
 mod table;
+#[cfg(test)]
+mod tests;
+mod wheel;
 
 use std::fmt;
 use std::str::FromStr;

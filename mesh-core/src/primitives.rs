@@ -4,15 +4,21 @@
 
 mod extrude;
 mod lathe;
+mod loft;
 mod pixel2mesh;
+mod rounded;
 mod sphere;
 mod torus;
+mod tube;
 
 pub use extrude::{PolygonError, extrude};
 pub use lathe::{capsule, cone, cylinder, lathe, uv_sphere};
+pub use loft::{loft, plate};
 pub use pixel2mesh::pixel2mesh_ellipsoid;
+pub use rounded::rounded_cuboid;
 pub use sphere::{icosphere, subdivide_sphere};
 pub use torus::torus;
+pub use tube::{TubeEnds, smooth_path, tube};
 
 use crate::TriMesh;
 

@@ -60,15 +60,12 @@ pub fn extrude(polygon: &[[f32; 2]], height: f32) -> Result<TriMesh, PolygonErro
         }
     }
     let mut outline: Vec<[f64; 2]> = polygon.iter().map(|p| p.map(f64::from)).collect();
-    if crosses_itself(&outline) {
-        return Err(PolygonError::NotSimple);
-    }
     let area: f64 = (0..n).map(|i| turn([0.0; 2], outline[i], outline[(i + 1) % n])).sum();
     if area < 0.0 {
         outline.reverse();
     }
 
-    let cap = clip_ears(&outline).ok_or(PolygonError::NotSimple)?;
+    let cap = triangulate(&outline)?;
     let half = 0.5 * height;
     let at = |z: f32| outline.iter().map(move |p| [p[0] as f32, p[1] as f32, z]);
     let positions = at(-half).chain(at(half)).collect();
@@ -81,6 +78,14 @@ pub fn extrude(polygon: &[[f32; 2]], height: f32) -> Result<TriMesh, PolygonErro
         faces.extend([[a, b, b + n], [a, b + n, a + n]]);
     }
     Ok(TriMesh::new(positions, faces))
+}
+
+/// The triangles of a simple polygon that runs counter-clockwise, which run so too.
+pub(super) fn triangulate(outline: &[[f64; 2]]) -> Result<Vec<[u32; 3]>, PolygonError> {
+    if crosses_itself(outline) {
+        return Err(PolygonError::NotSimple);
+    }
+    clip_ears(outline).ok_or(PolygonError::NotSimple)
 }
 
 /// Twice the signed area of a triangle: positive where `a, b, c` turns left.
