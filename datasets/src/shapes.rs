@@ -21,13 +21,18 @@ mod car;
 mod chair;
 mod coachwork;
 mod draw;
+mod joinery;
 mod lamp;
 mod motorbike;
+mod paint;
 mod solid;
 mod table;
 #[cfg(test)]
+mod testing;
+#[cfg(test)]
 mod tests;
 mod wheel;
+mod workpiece;
 
 use std::fmt;
 use std::str::FromStr;

@@ -7,17 +7,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::{Family, Part, Shape};
+mod family;
 
-pub(super) fn draw(seed: u64) -> Shape {
-    let mesh = AlarmClock::sample(seed).build();
-    Shape {
-        family: Family::AlarmClock,
-        seed,
-        parts: vec![Part { name: "clock", mesh }],
-        traits: vec![],
-    }
-}
+pub(super) use family::draw;
 
 /// A round alarm clock on two feet with two bells; lengths in units of the body's radius.
 ///
