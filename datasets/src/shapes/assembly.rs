@@ -42,6 +42,11 @@ impl Assembly {
         }
     }
 
+    /// Takes over all parts of another.
+    pub(super) fn absorb(&mut self, other: Self) {
+        self.parts.extend(other.parts);
+    }
+
     /// How many parts there are.
     pub(super) fn len(&self) -> usize {
         self.parts.len()

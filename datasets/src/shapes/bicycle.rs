@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use super::assembly::Assembly;
 use super::draw::Draw;
 use super::solid::{self, Point, add, mix, scale, sub};
-use super::wheel::RUBBER;
+use super::wheel::{RUBBER, mudguard};
 use super::{Family, Shape};
 
 const STEEL: [f32; 3] = [0.72, 0.73, 0.75];
@@ -129,7 +129,7 @@ pub(super) fn draw(seed: u64) -> Shape {
     };
     let fender = draw.pick(&[frame.color, frame.color, STEEL, DARK]);
     if has_fenders {
-        mudguard(&mut all, &frame, frame.rear, [0.05 * PI, 0.95 * PI], fender);
+        guard(&mut all, &frame, frame.rear, ([0.3 * PI, 0.97 * PI], 0.8 * PI), fender);
     }
     let carrier = match style {
         Style::Racing => draw.pick(&["none", "bottle"]),
@@ -159,7 +159,7 @@ pub(super) fn draw(seed: u64) -> Shape {
     let grips = draw.pick(&[leather, DARK]);
     bars(&mut all, &frame, handlebar, grips);
     if has_fenders {
-        mudguard(&mut all, &frame, frame.front, [0.25 * PI, 1.0 * PI], fender);
+        guard(&mut all, &frame, frame.front, ([0.28 * PI, 1.02 * PI], 0.85 * PI), fender);
     }
     if carrier.contains("basket") {
         basket(&mut all, &frame, &mut draw);
@@ -438,39 +438,20 @@ fn saddle(all: &mut Assembly, f: &Frame, color: [f32; 3]) {
     all.add("saddle", solid::loft(&rings), color);
 }
 
-/// A bent sheet over a wheel between two angles, from the rear (0) over the top (90 degrees).
-fn mudguard(all: &mut Assembly, f: &Frame, center: Point, [from, to]: [f64; 2], color: [f32; 3]) {
-    let r = f.wheel + 0.018;
-    let half = f.tyre + 0.012;
-    // Angles run from the front over the top to the rear for the front wheel's short tail.
-    let surface = |u: f64, v: f64| {
-        let (sin, cos) = (from + (to - from) * v).sin_cos();
-        let across = 2.0 * u - 1.0;
-        let radius = r - 0.012 * across * across;
-        add(center, [half * across, radius * sin, radius * -cos])
-    };
-    let reversed = |u: f64, v: f64| {
-        let [x, y, z] = sub(surface(u, v), center);
-        add(center, [x, y, -z])
-    };
-    let rear = center[2] < 0.0;
-    let sheet = if rear {
-        solid::plate(surface, [4, 20], [0.004, 0.004])
-    } else {
-        solid::plate(reversed_tail(&reversed), [4, 20], [0.004, 0.004])
-    };
-    all.add("mudguard", sheet, color);
-    let angle = if rear { 0.2 * PI } else { 0.82 * PI };
-    let (sin, cos) = angle.sin_cos();
-    let z = if rear { -cos } else { cos };
-    let tip = add(center, [half, r * sin, r * z]);
+/// A mudguard with its stays, which hold it at an angle.
+fn guard(
+    all: &mut Assembly,
+    f: &Frame,
+    center: Point,
+    (angles, held): ([f64; 2], f64),
+    color: [f32; 3],
+) {
+    let (r, half) = (f.wheel + 0.018, f.tyre + 0.012);
+    all.add("mudguard", mudguard(center, [r, half], angles, 0.012), color);
+    let (sin, cos) = held.sin_cos();
+    let tip = add(center, [half, (r - 0.012) * sin, (r - 0.012) * cos]);
     let root = add(center, [f.tyre + 0.04, 0.0, 0.0]);
     all.pair("stay", solid::rod(root, tip, [0.005; 2], 5), STEEL);
-}
-
-/// The same sheet, its parameters run the other way, so that it keeps its outside.
-fn reversed_tail(surface: &impl Fn(f64, f64) -> Point) -> impl Fn(f64, f64) -> Point {
-    move |u, v| surface(1.0 - u, v)
 }
 
 fn rack(all: &mut Assembly, f: &Frame) {

@@ -97,7 +97,9 @@ impl Car {
         let stretch = vary(1.0, 0.07);
         let (l, w, h) = (l * stretch, vary(w, 0.03), vary(h, 0.05));
         let (front, rear) = (0.5 * l, -0.5 * l);
-        let wheel = vary(r, 0.07);
+        let (wheel, nose, cowl) = (vary(r, 0.07), vary(nose, 0.04), vary(cowl, 0.02));
+        // The arch stays clear of the hood over it.
+        let wheel = wheel.min((0.5 * (nose + cowl) - 0.13) / (1.0 + ARCH));
         Self {
             style,
             half: 0.5 * w,
@@ -109,8 +111,8 @@ impl Car {
                 front - (ahead * stretch).max(ARCH * wheel + 0.36),
                 rear + (behind * stretch).max(ARCH * wheel + 0.38),
             ],
-            nose: vary(nose, 0.04),
-            cowl: vary(cowl, 0.02),
+            nose,
+            cowl,
             belt,
             tail: vary(tail, 0.03),
             roof: h,

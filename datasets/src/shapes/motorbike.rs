@@ -1,15 +1,761 @@
-//! Being written.
+//! Motorbikes: sport, naked, cruiser, touring, dirt bike, scooter.
 
-use mesh_core::primitives;
+use std::f64::consts::PI;
 
-use super::{Family, Part, Shape};
+use mesh_core::TriMesh;
+
+use super::assembly::Assembly;
+use super::draw::Draw;
+use super::solid::{self, Point, add, mix, sub};
+use super::wheel::{Wheel, mudguard};
+use super::{Family, Shape};
+
+const STEEL: [f32; 3] = [0.72, 0.73, 0.75];
+const CHROME: [f32; 3] = [0.82, 0.83, 0.85];
+const ENGINE: [f32; 3] = [0.4, 0.41, 0.43];
+const DARK: [f32; 3] = [0.11, 0.11, 0.12];
+const GLASS: [f32; 3] = [0.2, 0.26, 0.31];
+const LIGHT: [f32; 3] = [0.97, 0.96, 0.88];
+const RED: [f32; 3] = [0.8, 0.05, 0.05];
+const X: Point = [1.0, 0.0, 0.0];
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Style {
+    Sport,
+    Naked,
+    Cruiser,
+    Touring,
+    Dirt,
+    Scooter,
+}
+
+impl Style {
+    const ALL: [Self; 6] =
+        [Self::Sport, Self::Naked, Self::Cruiser, Self::Touring, Self::Dirt, Self::Scooter];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Sport => "sport",
+            Self::Naked => "naked",
+            Self::Cruiser => "cruiser",
+            Self::Touring => "touring",
+            Self::Dirt => "dirt",
+            Self::Scooter => "scooter",
+        }
+    }
+}
+
+/// The points that all parts hang on, metres.
+struct Bike {
+    style: Style,
+    /// Rear and front.
+    radii: [f64; 2],
+    widths: [f64; 2],
+    rear: Point,
+    front: Point,
+    head: Point,
+    seat: f64,
+    paint: [f32; 3],
+    accent: [f32; 3],
+}
+
+impl Bike {
+    fn draw(draw: &mut Draw, style: Style) -> Self {
+        let [base, rear, front, thick, thin, rake, head, seat] = match style {
+            Style::Sport => [1.4, 0.305, 0.3, 0.19, 0.13, 24.0, 0.86, 0.8],
+            Style::Naked => [1.43, 0.305, 0.3, 0.18, 0.13, 25.0, 0.88, 0.79],
+            Style::Cruiser => [1.66, 0.31, 0.33, 0.2, 0.13, 34.0, 0.86, 0.66],
+            Style::Touring => [1.52, 0.31, 0.31, 0.19, 0.14, 27.0, 0.92, 0.78],
+            Style::Dirt => [1.48, 0.32, 0.345, 0.13, 0.1, 27.0, 1.0, 0.92],
+            Style::Scooter => [1.28, 0.225, 0.225, 0.13, 0.12, 25.0, 0.82, 0.75],
+        };
+        let mut vary = |value: f64, share: f64| value * draw.within(1.0 - share, 1.0 + share);
+        let (base, rake) = (vary(base, 0.05), vary(rake, 0.08_f64).to_radians());
+        let radii = [vary(rear, 0.04), vary(front, 0.04)];
+        let widths = [vary(thick, 0.1), vary(thin, 0.08)];
+        let (head, seat) = (vary(head, 0.03), vary(seat, 0.02));
+        let front = [0.0, radii[1], 0.5 * base];
+        let paint = match draw.count(0, 5) {
+            0 => draw.pick(&[[0.12, 0.12, 0.13], [0.92, 0.92, 0.9], [0.5, 0.52, 0.55]]),
+            _ => draw.color([0.75, 0.98], [0.45, 0.92]),
+        };
+        let accent = draw.pick(&[[0.93, 0.93, 0.92], DARK, [0.95, 0.75, 0.1], paint]);
+        Self {
+            style,
+            radii,
+            widths,
+            rear: [0.0, radii[0], -0.5 * base],
+            front,
+            head: [0.0, head, front[2] - rake.tan() * (head - radii[1])],
+            seat,
+            paint,
+            accent,
+        }
+    }
+
+    fn steering(&self) -> Point {
+        solid::unit(sub(self.head, self.front))
+    }
+}
+
+/// A solid through superellipses across the Z axis: place, height, half width, half height.
+fn hull(cuts: &[[f64; 4]], exponent: f64) -> TriMesh {
+    let ring = |&[z, y, half, tall]: &[f64; 4]| -> Vec<Point> {
+        let ring = solid::superellipse([half, tall], exponent, 20).into_iter();
+        ring.map(|[a, b]| [a, y + b, z]).collect()
+    };
+    solid::loft(&cuts.iter().map(ring).collect::<Vec<_>>())
+}
 
 pub(super) fn draw(seed: u64) -> Shape {
-    let mesh = primitives::cuboid([1.0, 2.0, 3.0]).colored([0.5; 3]);
-    Shape {
-        family: Family::Motorbike,
-        seed,
-        parts: vec![Part { name: "body", mesh }],
-        traits: vec![],
+    let mut draw = Draw::new(seed, 8);
+    let style = draw.pick(&Style::ALL);
+    let bike = Bike::draw(&mut draw, style);
+    let mut all = Assembly::default();
+    let spokes = match style {
+        Style::Dirt => 18,
+        Style::Cruiser => draw.pick(&[5, 18, 24]),
+        Style::Scooter => draw.pick(&[0, 5]),
+        _ => draw.pick(&[3, 5, 6, 10]),
+    };
+    let rim = draw.pick(&[DARK, STEEL, [0.85, 0.65, 0.15], bike.paint]);
+    wheel(&mut all, &bike, 0, (spokes, rim));
+    let (engine, exhausts) = if style == Style::Scooter {
+        scooter(&mut all, &bike, &mut draw)
+    } else {
+        (engine(&mut all, &bike, &mut draw), exhaust(&mut all, &bike, &mut draw))
+    };
+    if style != Style::Scooter {
+        frame(&mut all, &bike);
+        upper(&mut all, &bike, &mut draw);
+    }
+    let luggage = luggage(&mut all, &bike, &mut draw);
+    // From here on, what turns with the handlebar.
+    let first = all.len();
+    wheel(&mut all, &bike, 1, (spokes, rim));
+    fork(&mut all, &bike);
+    let handlebar = controls(&mut all, &bike, &mut draw);
+    let turn = draw.within(-0.3, 0.3);
+    let axis = bike.steering();
+    let swings = if style == Style::Sport { 0.3 * turn } else { turn };
+    all.move_since(first, |mesh| solid::rotated(mesh, bike.head, axis, swings));
+    let screen = fairing(&mut all, &bike, &mut draw);
+    let traits = vec![
+        ("style", style.name().to_owned()),
+        ("engine", engine.to_owned()),
+        ("exhausts", exhausts.to_string()),
+        ("handlebar", handlebar.to_owned()),
+        ("screen", screen.to_owned()),
+        ("luggage", luggage.to_owned()),
+        ("spokes", spokes.to_string()),
+    ];
+    all.finish(Family::Motorbike, seed, traits)
+}
+
+fn wheel(all: &mut Assembly, b: &Bike, end: usize, (spokes, color): (usize, [f32; 3])) {
+    let center = [b.rear, b.front][end];
+    let rim = if b.style == Style::Dirt { 0.76 } else { 0.66 };
+    let wheel =
+        Wheel { radius: b.radii[end], width: b.widths[end], rim, spokes, open: spokes > 0, color };
+    wheel.build(all, center, 1.0);
+    let r = 0.47 * b.radii[end];
+    let disc = [[0.6 * r, -0.006], [r, -0.006], [r, 0.006], [0.6 * r, 0.006]];
+    for side in [-1.0, 1.0] {
+        let at = add(center, [side * (0.5 * b.widths[end] + 0.005), 0.0, 0.0]);
+        all.add("brake disc", solid::turned_ring(&disc, 24, at, X), STEEL);
+    }
+    let half = 0.5 * b.widths[end] + 0.05;
+    let ends = [-half, half].map(|x| add(center, [x, 0.0, 0.0]));
+    all.add("axle", solid::rod(ends[0], ends[1], [0.018; 2], 8), DARK);
+}
+
+fn fork(all: &mut Assembly, b: &Bike) {
+    let wide = 0.5 * b.widths[1] + 0.035;
+    let foot = add(b.front, [wide, 0.0, 0.0]);
+    let top = add(b.head, [wide, 0.03, -0.01]);
+    let (stanchion, leg) = match b.style {
+        Style::Cruiser => (CHROME, CHROME),
+        Style::Sport => ([0.8, 0.62, 0.2], DARK),
+        Style::Scooter => (DARK, DARK),
+        _ => (STEEL, DARK),
+    };
+    all.pair("stanchion", solid::rod(mix(foot, top, 0.35), top, [0.022; 2], 12), stanchion);
+    all.pair("fork leg", solid::rod(foot, mix(foot, top, 0.5), [0.032; 2], 12), leg);
+    for share in [0.78, 1.0] {
+        let at = mix(b.front, b.head, share);
+        let size = [2.0 * wide + 0.08, 0.045, 0.1];
+        all.add("yoke", solid::rounded_block(at, size, 0.02), DARK);
+    }
+    let r = b.radii[1];
+    if b.style == Style::Dirt {
+        let at = mix(b.front, b.head, 0.66);
+        let beak = [
+            [at[2] + 0.46, at[1] - 0.06, 0.05, 0.014],
+            [at[2] + 0.3, at[1] + 0.02, 0.09, 0.02],
+            [at[2] + 0.05, at[1] + 0.05, 0.1, 0.022],
+            [at[2] - 0.2, at[1] + 0.03, 0.075, 0.018],
+        ];
+        all.add("mudguard", hull(&beak, 2.6), b.paint);
+    } else {
+        let angles = match b.style {
+            Style::Cruiser | Style::Scooter => [0.12 * PI, 0.95 * PI],
+            _ => [0.28 * PI, 0.82 * PI],
+        };
+        let half = 0.5 * b.widths[1] + 0.02;
+        let guard = mudguard(b.front, [r + 0.035, half], angles, 0.04);
+        all.add("mudguard", guard, b.paint);
+    }
+}
+
+/// Adds handlebar, mirrors and what lights the road on bikes without a fairing.
+fn controls(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> &'static str {
+    let kind = match b.style {
+        Style::Sport => "clip-on",
+        Style::Cruiser => draw.pick(&["ape hanger", "swept", "swept"]),
+        Style::Naked => draw.pick(&["flat", "flat", "swept"]),
+        _ => "flat",
+    };
+    let half: Vec<Point> = match kind {
+        "clip-on" => vec![[0.0, 0.0, 0.0], [0.12, 0.0, 0.01], [0.33, -0.04, -0.08]],
+        "ape hanger" => vec![
+            [0.0, 0.03, 0.0],
+            [0.1, 0.05, 0.0],
+            [0.24, 0.22, -0.03],
+            [0.3, 0.36, -0.1],
+            [0.36, 0.34, -0.25],
+        ],
+        "swept" => vec![
+            [0.0, 0.06, 0.0],
+            [0.1, 0.08, 0.0],
+            [0.24, 0.17, -0.06],
+            [0.36, 0.15, -0.2],
+            [0.42, 0.12, -0.32],
+        ],
+        _ => vec![
+            [0.0, 0.05, 0.0],
+            [0.08, 0.06, 0.0],
+            [0.16, 0.13, -0.02],
+            [0.26, 0.14, -0.05],
+            [0.4, 0.12, -0.11],
+        ],
+    };
+    let half: Vec<Point> = half.iter().map(|&p| add(b.head, p)).collect();
+    let whole: Vec<Point> = half
+        .iter()
+        .skip(1)
+        .rev()
+        .map(|p| [-p[0], p[1], p[2]])
+        .chain(half.iter().copied())
+        .collect();
+    let metal = if b.style == Style::Cruiser { CHROME } else { DARK };
+    all.add("handlebar", solid::bar(&whole, 0.016, 4, 10), metal);
+    let n = half.len();
+    let grip = [mix(half[n - 2], half[n - 1], 0.35), add(half[n - 1], [0.006, 0.0, 0.0])];
+    all.pair("grip", solid::bar(&grip, 0.025, 2, 10), DARK);
+    let lever = [grip[0], add(grip[0], [0.03, 0.0, 0.07]), add(grip[1], [0.0, -0.01, 0.06])];
+    all.pair("lever", solid::bar(&lever, 0.011, 3, 6), STEEL);
+    if b.style != Style::Sport {
+        let root = mix(half[n - 2], half[n - 1], 0.15);
+        let high = if kind == "ape hanger" { 0.12 } else { 0.2 };
+        let tip = add(root, [0.07, high, -0.02]);
+        all.pair("mirror arm", solid::bar(&[root, tip], 0.011, 1, 8), metal);
+        let glass = solid::ball(add(tip, [0.01, 0.02, 0.0]), [0.075, 0.05, 0.025], 8);
+        all.pair("mirror", glass, if b.style == Style::Cruiser { CHROME } else { DARK });
+    }
+    let round = matches!(b.style, Style::Cruiser | Style::Naked);
+    if round {
+        let r = if b.style == Style::Cruiser { 0.1 } else { 0.088 };
+        let at = add(b.head, [0.0, -0.06, 0.15]);
+        let bowl = [
+            [0.0, -0.13],
+            [0.5 * r, -0.12],
+            [0.9 * r, -0.05],
+            [r, 0.0],
+            [1.02 * r, 0.02],
+            [0.0, 0.022],
+        ];
+        all.add("headlight", solid::turned(&bowl, 22, at, [0.0, 0.0, 1.0]), metal);
+        let glass = [[0.0, 0.0], [0.88 * r, 0.0], [0.88 * r, 0.026], [0.4 * r, 0.045], [0.0, 0.05]];
+        all.add("headlight glass", solid::turned(&glass, 22, at, [0.0, 0.0, 1.0]), LIGHT);
+        let dial = add(b.head, [0.0, 0.09, 0.06]);
+        let face = [[0.0, -0.03], [0.05, -0.03], [0.055, 0.02], [0.0, 0.025]];
+        all.add("dial", solid::turned(&face, 16, dial, [0.0, 1.0, -0.7]), metal);
+    }
+    kind
+}
+
+/// Tubes between head, engine and rear wheel.
+fn frame(all: &mut Assembly, b: &Bike) {
+    let color = if b.style == Style::Dirt { b.accent } else { DARK };
+    let neck = add(b.head, [0.0, -0.07, -0.02]);
+    let pivot = [0.1, 0.36, b.rear[2] + 0.5];
+    let side = [[0.05, neck[1], neck[2]], [0.13, 0.62, 0.5 * (neck[2] + pivot[2]) + 0.05], pivot];
+    all.pair("frame", solid::bar(&side, 0.03, 6, 10), color);
+    let cradle = [[0.03, neck[1] - 0.06, neck[2]], [0.09, 0.4, neck[2] - 0.1], [0.1, 0.2, 0.05]];
+    let cradle = [cradle[0], cradle[1], cradle[2], pivot];
+    all.pair("cradle", solid::bar(&cradle, 0.021, 5, 8), color);
+    let wide = 0.5 * b.widths[0] + 0.045;
+    let axle = add(b.rear, [wide, 0.0, 0.0]);
+    let metal = if b.style == Style::Sport { STEEL } else { color };
+    let arm = [[wide - 0.02, pivot[1], pivot[2]], axle];
+    all.pair("swing arm", solid::rod(arm[0], arm[1], [0.038, 0.03], 10), metal);
+    let cross = [-wide, wide].map(|x| [x, pivot[1], pivot[2]]);
+    all.add("pivot", solid::rod(cross[0], cross[1], [0.04; 2], 10), metal);
+    let rail = [pivot[0], b.seat - 0.08, b.rear[2] + 0.12];
+    all.pair("subframe", solid::rod([0.09, 0.6, pivot[2] + 0.05], rail, [0.02; 2], 8), color);
+    let shock = [[wide, b.radii[0] + 0.03, b.rear[2] + 0.08], [wide - 0.02, b.seat - 0.1, rail[2]]];
+    if matches!(b.style, Style::Cruiser | Style::Naked | Style::Touring) {
+        all.pair("shock", solid::rod(shock[0], shock[1], [0.022; 2], 10), STEEL);
+        let spring = [mix(shock[0], shock[1], 0.35), mix(shock[0], shock[1], 0.9)];
+        all.pair("spring", solid::rod(spring[0], spring[1], [0.036; 2], 12), DARK);
+    } else {
+        let mono = [[0.0, 0.34, pivot[2] - 0.08], [0.0, b.seat - 0.12, pivot[2] + 0.02]];
+        all.add("shock", solid::rod(mono[0], mono[1], [0.045; 2], 12), b.accent);
+    }
+    let peg = [0.13, 0.33, pivot[2] + 0.08];
+    all.pair("peg", solid::rod(peg, add(peg, [0.14, 0.0, 0.0]), [0.018; 2], 8), DARK);
+    // Down to the ground on the left.
+    let stand = [[0.12, 0.24, pivot[2] + 0.1], [0.26, 0.01, pivot[2] + 0.02]];
+    all.add("stand", solid::bar(&stand, 0.014, 1, 8), DARK);
+}
+
+/// Adds the engine; returns its kind.
+fn engine(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> &'static str {
+    let kind = match b.style {
+        Style::Cruiser => "V-twin",
+        Style::Dirt => "single",
+        Style::Sport => "four",
+        _ => draw.pick(&["V-twin", "single", "four", "boxer"]),
+    };
+    let z = 0.5 * (b.front[2] - b.radii[1] + b.rear[2] + b.radii[0]) - 0.02;
+    let case = solid::rounded_block([0.0, 0.32, z], [0.28, 0.24, 0.42], 0.07);
+    all.add("crankcase", case, ENGINE);
+    for side in [-1.0, 1.0] {
+        let cover = [[0.0, 0.0], [0.1, 0.0], [0.095, 0.03], [0.06, 0.045], [0.0, 0.047]];
+        for (dz, size) in [(-0.1, 0.9), (0.08, 0.8)] {
+            let at = [side * 0.13, 0.32, z + dz];
+            let mesh = solid::turned(&cover, 18, at, [side, 0.0, 0.0]).map_positions(|p| {
+                let about = [at[0] as f32, at[1] as f32, at[2] as f32];
+                std::array::from_fn(|k| about[k] + (p[k] - about[k]) * size as f32)
+            });
+            all.add("cover", mesh, if b.style == Style::Cruiser { CHROME } else { STEEL });
+        }
+    }
+    let cylinders: &[[f64; 3]] = match kind {
+        "V-twin" => &[[0.42, 0.0, 0.13], [-0.42, 0.0, 0.13]],
+        "single" => &[[0.15, 0.0, 0.14]],
+        "four" => &[[0.3, 0.0, 0.34]],
+        _ => &[],
+    };
+    for &[lean, x, wide] in cylinders {
+        let mut fins = Assembly::default();
+        for k in 0..5 {
+            let y = 0.1 + 0.042 * f64::from(k);
+            let size = if k % 2 == 0 { 1.0 } else { 0.8 };
+            let fin = [wide * size, 0.05, 0.17 * size];
+            fins.add("cylinder", solid::rounded_block([x, y, 0.0], fin, 0.012), ENGINE);
+        }
+        let head = [wide * 1.02, 0.075, 0.18];
+        fins.add("head", solid::rounded_block([x, 0.32, 0.0], head, 0.025), STEEL);
+        let place =
+            [0.0, 0.32, z + 0.06 * f64::signum(lean) * f64::from(u8::from(kind == "V-twin"))];
+        let at = place.map(|v| v as f32);
+        fins.move_since(0, |mesh| solid::rotated(mesh, [0.0; 3], X, lean).translated(at));
+        all.absorb(fins);
+    }
+    if kind == "boxer" {
+        for k in 0..4 {
+            let size = if k % 2 == 0 { 1.0 } else { 0.82 };
+            let at = [0.15 + 0.045 * f64::from(k), 0.34, z + 0.1];
+            let fin = [0.05, 0.17 * size, 0.19 * size];
+            all.pair("cylinder", solid::rounded_block(at, fin, 0.012), ENGINE);
+        }
+        let head = solid::rounded_block([0.34, 0.34, z + 0.1], [0.08, 0.17, 0.2], 0.035);
+        all.pair("head", head, STEEL);
+    }
+    kind
+}
+
+/// Adds the exhaust pipes; returns how many.
+fn exhaust(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> usize {
+    let count = match b.style {
+        Style::Cruiser => draw.pick(&[2, 2, 4]),
+        Style::Dirt => 1,
+        _ => draw.count(1, 2),
+    };
+    let metal = if b.style == Style::Cruiser { CHROME } else { draw.pick(&[STEEL, DARK]) };
+    let back = b.rear[2];
+    let start = 0.22;
+    let one = |x: f64, y: f64, rise: f64| {
+        let root = [0.6 * x, 0.5, start];
+        let knee = [0.85 * x, y + 0.05, start + 0.08];
+        let low = [x, y, start - 0.25];
+        let joint = [x, y + 0.2 * rise, back + 0.42];
+        let tip = [x + 0.01, y + rise, back - 0.1];
+        let pipe = solid::bar(&[root, knee, low, joint, mix(joint, tip, 0.2)], 0.026, 5, 10);
+        (pipe, joint, tip)
+    };
+    let x = 0.5 * b.widths[0] + 0.1;
+    let (y, rise) = match b.style {
+        Style::Cruiser => (0.24, 0.02),
+        Style::Dirt => (0.52, 0.26),
+        Style::Sport => (0.22, draw.within(0.2, 0.4)),
+        _ => (0.22, draw.within(0.05, 0.25)),
+    };
+    for k in 0..count {
+        let side =
+            if k % 2 == 0 && !(b.style == Style::Cruiser && count == 2) { -1.0 } else { 1.0 };
+        let (side, level) = if b.style == Style::Cruiser && count == 2 {
+            (-1.0, 0.1 * k as f64)
+        } else {
+            (side, 0.1 * (k / 2) as f64)
+        };
+        let (pipe, joint, tip) = one(x, y + level, rise);
+        let fat = if b.style == Style::Cruiser { [0.04, 0.048] } else { [0.045, 0.062] };
+        let muffler = solid::rod(joint, tip, fat, 16);
+        let end = solid::rod(mix(joint, tip, 0.9), mix(joint, tip, 1.015), [0.036; 2], 12);
+        for (name, mesh, color) in
+            [("pipe", pipe, metal), ("muffler", muffler, metal), ("outlet", end, DARK)]
+        {
+            all.add(name, if side > 0.0 { mesh } else { solid::mirrored(&mesh) }, color);
+        }
+    }
+    count
+}
+
+/// Tank, seat, tail and rear mudguard.
+fn upper(all: &mut Assembly, b: &Bike, draw: &mut Draw) {
+    let front = b.head[2] - 0.05;
+    let middle = match b.style {
+        Style::Cruiser => -0.12,
+        Style::Dirt => 0.05,
+        _ => -0.03,
+    };
+    let (top, wide, tall) = match b.style {
+        Style::Dirt => (b.seat - 0.02, 0.11, 0.12),
+        Style::Cruiser => (b.head[1] - 0.1, 0.15, 0.11),
+        _ => (b.head[1] - 0.02, draw.within(0.14, 0.165), draw.within(0.12, 0.14)),
+    };
+    let at = |share: f64| front + (middle - front) * share;
+    let drop = (top + 0.3 * tall - b.seat).max(0.0);
+    let tank = [
+        [at(-0.02), top - 0.04, 0.4 * wide, 0.4 * tall],
+        [at(0.1), top - 0.01, 0.8 * wide, 0.8 * tall],
+        [at(0.35), top, wide, tall],
+        [at(0.6), top - 0.02, 0.95 * wide, 0.95 * tall],
+        [at(0.85), top - 0.25 * drop - 0.03, 0.7 * wide, 0.72 * tall],
+        [at(1.08), top - 0.6 * drop - 0.05, 0.48 * wide, 0.5 * tall],
+    ];
+    all.add("tank", hull(&tank, 2.6), b.paint);
+    if b.accent != b.paint {
+        let strip = |u: f64, v: f64| {
+            let z = at(0.15 + 0.7 * u);
+            [
+                wide * (1.0 - 0.15 * (2.0 * u - 1.0).powi(2)) - 0.004,
+                top - 0.02 + 0.07 * (v - 0.5),
+                z,
+            ]
+        };
+        all.pair("stripe", solid::plate(strip, [6, 2], [0.05, 0.008]), b.accent);
+    }
+    let cap = [[0.0, -0.03], [0.035, -0.03], [0.035, 0.01], [0.0, 0.014]];
+    all.add("cap", solid::turned(&cap, 14, [0.0, top + tall, at(0.42)], [0.0, 1.0, 0.0]), STEEL);
+    let (y, tail) = (b.seat, b.rear[2]);
+    let leather = draw.pick(&[DARK, DARK, [0.4, 0.24, 0.13]]);
+    let kick = if b.style == Style::Sport { 0.14 } else { 0.05 };
+    let (seat, end): (Vec<[f64; 4]>, f64) = match b.style {
+        Style::Cruiser => (
+            vec![
+                [middle + 0.02, y - 0.01, 0.06, 0.05],
+                [middle - 0.15, y - 0.03, 0.13, 0.06],
+                [middle - 0.36, y - 0.01, 0.17, 0.07],
+                [middle - 0.46, y + 0.05, 0.15, 0.075],
+                [tail + 0.1, y + 0.06, 0.12, 0.055],
+                [tail - 0.05, y + 0.06, 0.08, 0.04],
+            ],
+            tail,
+        ),
+        Style::Dirt => (
+            vec![
+                [middle + 0.14, y, 0.05, 0.04],
+                [middle - 0.1, y, 0.075, 0.055],
+                [middle - 0.45, y + 0.01, 0.09, 0.055],
+                [tail + 0.02, y + 0.04, 0.06, 0.04],
+            ],
+            tail,
+        ),
+        _ => (
+            vec![
+                [middle + 0.03, y - 0.01, 0.06, 0.05],
+                [middle - 0.12, y - 0.02, 0.12, 0.055],
+                [middle - 0.32, y, 0.15, 0.06],
+                [middle - 0.42, y + 0.4 * kick + 0.02, 0.125, 0.06],
+                [tail + 0.12, y + kick, 0.1, 0.05],
+                [tail - 0.06, y + kick + 0.03, 0.06, 0.03],
+            ],
+            tail - 0.08,
+        ),
+    };
+    all.add("seat", hull(&seat, 3.0), leather);
+    if b.style == Style::Cruiser {
+        let half = 0.5 * b.widths[0] + 0.035;
+        let guard = mudguard(b.rear, [b.radii[0] + 0.06, half], [0.3 * PI, 1.0 * PI], 0.05);
+        all.add("mudguard", guard, b.paint);
+    } else {
+        let lift = if b.style == Style::Dirt { 0.04 } else { kick };
+        let cowl = [
+            [middle - 0.1, y - 0.09, 0.1, 0.05],
+            [middle - 0.35, y - 0.06, 0.14, 0.06],
+            [tail + 0.1, y + lift - 0.05, 0.1, 0.05],
+            [end - 0.1, y + lift + 0.005, 0.055, 0.03],
+            [end - 0.16, y + lift + 0.015, 0.03, 0.015],
+        ];
+        all.add("tail", hull(&cowl, 2.8), b.paint);
+        let from = [0.0, y + lift - 0.04, tail + 0.02];
+        let flap = [from, add(from, [0.0, -0.12, -0.22]), add(from, [0.0, -0.27, -0.3])];
+        all.add("flap", solid::bar(&flap, 0.025, 4, 8), DARK);
+        all.add("plate", solid::block(flap[2], [0.16, 0.13, 0.03]), [0.92, 0.92, 0.9]);
+        let guard =
+            mudguard(b.rear, [b.radii[0] + 0.03, 0.5 * b.widths[0]], [0.3 * PI, 0.68 * PI], 0.03);
+        all.add("hugger", guard, DARK);
+    }
+    let lamp = match b.style {
+        Style::Cruiser => [0.0, b.radii[0] + 0.3, tail - 0.3],
+        Style::Dirt => [0.0, y + 0.04, end - 0.12],
+        _ => [0.0, y + kick, end - 0.1],
+    };
+    all.add("tail light", solid::rounded_block(lamp, [0.13, 0.06, 0.07], 0.025), RED);
+    let panel = [0.11, 0.62, 0.5 * (middle + tail) + 0.12];
+    all.pair("side panel", solid::rounded_block(panel, [0.07, 0.2, 0.3], 0.03), b.paint);
+}
+
+/// Adds cases; returns what there is.
+fn luggage(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> &'static str {
+    let kind = match b.style {
+        Style::Touring => draw.pick(&["cases", "cases and trunk"]),
+        Style::Scooter | Style::Naked => draw.pick(&["none", "none", "trunk"]),
+        Style::Cruiser => draw.pick(&["none", "cases"]),
+        _ => "none",
+    };
+    let z = b.rear[2];
+    let color =
+        if b.style == Style::Cruiser { [0.3, 0.19, 0.11] } else { draw.pick(&[DARK, b.paint]) };
+    if kind.contains("cases") {
+        let at = [0.5 * b.widths[0] + 0.19, 0.58, z - 0.02];
+        let size = if b.style == Style::Cruiser { [0.17, 0.28, 0.42] } else { [0.22, 0.38, 0.5] };
+        all.pair("case", solid::rounded_block(at, size, 0.07), color);
+        let strap = [size[0] + 0.015, size[1] * 0.98, 0.04];
+        all.pair("strap", solid::rounded_block(at, strap, 0.02), STEEL);
+        let bars = [[-at[0], 0.66, z], [at[0], 0.66, z]];
+        all.add("case holder", solid::rod(bars[0], bars[1], [0.02; 2], 8), DARK);
+    }
+    if kind.contains("trunk") {
+        let y = b.seat + if b.style == Style::Touring { 0.24 } else { 0.2 };
+        let at = [0.0, y, z - 0.12];
+        all.add("trunk", solid::rounded_block(at, [0.44, 0.28, 0.36], 0.09), color);
+        all.add("seam", solid::rounded_block(at, [0.45, 0.03, 0.37], 0.01), STEEL);
+        let foot = [0.0, b.seat - 0.05, z + 0.02];
+        all.add("trunk rack", solid::rod(foot, [0.0, y - 0.1, z - 0.12], [0.06; 2], 8), DARK);
+    }
+    kind
+}
+
+/// Adds what keeps off the wind; returns its kind.
+fn fairing(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> &'static str {
+    let [_, y, z] = b.head;
+    let screen = |all: &mut Assembly, base: Point, half: f64, rise: [f64; 2]| {
+        let surface = |u: f64, v: f64| {
+            let across = 2.0 * u - 1.0;
+            let narrow = half * (1.0 - 0.35 * v * v);
+            let back = rise[1] * v + 0.13 * across * across;
+            add(base, [narrow * across, rise[0] * v, -back])
+        };
+        all.add("screen", solid::plate(surface, [8, 5], [0.006, 0.006]), GLASS);
+    };
+    match b.style {
+        Style::Sport => {
+            let nose = [
+                [z + 0.37, y - 0.13, 0.03, 0.03],
+                [z + 0.34, y - 0.12, 0.1, 0.075],
+                [z + 0.24, y - 0.09, 0.17, 0.115],
+                [z + 0.1, y - 0.08, 0.2, 0.12],
+                [z - 0.02, y - 0.1, 0.2, 0.1],
+            ];
+            all.add("nose", hull(&nose, 2.6), b.paint);
+            screen(all, [0.0, y - 0.01, z + 0.27], 0.15, [0.2, 0.24]);
+            let eye = solid::rounded_block([0.075, y - 0.115, z + 0.315], [0.11, 0.05, 0.1], 0.02);
+            let eye = solid::rotated(eye, [0.075, y - 0.115, z + 0.3], [0.0, 1.0, 0.0], 0.45);
+            all.pair("headlight", eye, LIGHT);
+            // Side panels down to a belly pan, open between for the wheel.
+            let outline = [
+                [z + 0.2, y - 0.1],
+                [z - 0.1, y - 0.06],
+                [z - 0.32, 0.56],
+                [z - 0.42, 0.32],
+                [-0.32, 0.2],
+                [-0.22, 0.14],
+                [0.1, 0.14],
+                [z - 0.18, 0.3],
+                [z - 0.08, 0.5],
+            ];
+            all.pair("side fairing", solid::side_prism(&outline, [0.165, 0.2]), b.paint);
+            let vent = [[z - 0.06, 0.62], [z - 0.18, 0.66], [z - 0.3, 0.46], [z - 0.2, 0.4]];
+            all.pair("vent", solid::side_prism(&vent, [0.16, 0.21]), DARK);
+            if b.accent != b.paint {
+                let slash = [[-0.2, 0.17], [0.08, 0.17], [z - 0.22, 0.34], [-0.1, 0.27]];
+                all.pair("slash", solid::side_prism(&slash, [0.16, 0.21]), b.accent);
+            }
+            let belly = solid::rounded_block([0.0, 0.17, -0.08], [0.38, 0.08, 0.4], 0.03);
+            all.add("belly", belly, b.paint);
+            let tip = [0.3, y + 0.05, z + 0.15];
+            all.pair(
+                "mirror arm",
+                solid::bar(&[[0.15, y - 0.06, z + 0.18], tip], 0.012, 1, 8),
+                DARK,
+            );
+            all.pair("mirror", solid::ball(tip, [0.07, 0.04, 0.03], 8), b.paint);
+            "full fairing"
+        }
+        Style::Touring => {
+            let nose = [
+                [z + 0.36, y - 0.05, 0.05, 0.05],
+                [z + 0.33, y - 0.04, 0.15, 0.11],
+                [z + 0.22, y, 0.23, 0.16],
+                [z + 0.06, y - 0.01, 0.25, 0.16],
+                [z + 0.0, y - 0.02, 0.24, 0.14],
+            ];
+            all.add("nose", hull(&nose, 2.8), b.paint);
+            screen(all, [0.0, y + 0.1, z + 0.28], 0.22, [0.34, 0.2]);
+            let lamp = solid::rounded_block([0.0, y - 0.05, z + 0.33], [0.2, 0.1, 0.1], 0.04);
+            all.add("headlight", lamp, LIGHT);
+            "half fairing"
+        }
+        Style::Dirt => {
+            let board = [
+                [-0.1, -0.13],
+                [0.1, -0.13],
+                [0.12, 0.08],
+                [0.05, 0.12],
+                [-0.05, 0.12],
+                [-0.12, 0.08],
+            ];
+            let plate = solid::front_prism(&board, [0.0, 0.03]);
+            let plate = solid::rotated(plate, [0.0; 3], X, -0.35);
+            let at = add(b.head, [0.0, -0.02, 0.1]).map(|v| v as f32);
+            all.add("number plate", plate.translated(at), b.accent);
+            let lamp = solid::ball(add(b.head, [0.0, -0.06, 0.13]), [0.06, 0.05, 0.04], 8);
+            all.add("headlight", lamp, LIGHT);
+            let wing = [
+                [z - 0.02, y - 0.02],
+                [z - 0.32, y - 0.08],
+                [z - 0.3, y - 0.2],
+                [z - 0.06, y - 0.33],
+            ];
+            all.pair("shroud", solid::side_prism(&wing, [0.1, 0.14]), b.paint);
+            "none"
+        }
+        Style::Scooter => {
+            let high = draw.chance(0.5);
+            if high {
+                screen(all, [0.0, y + 0.1, z + 0.1], 0.2, [0.34, 0.12]);
+            }
+            if high { "windscreen" } else { "none" }
+        }
+        Style::Cruiser if draw.chance(0.4) => {
+            screen(all, [0.0, y + 0.05, z + 0.17], 0.24, [0.42, 0.16]);
+            "windscreen"
+        }
+        Style::Naked if draw.chance(0.4) => {
+            screen(all, [0.0, y + 0.03, z + 0.18], 0.13, [0.15, 0.1]);
+            "flyscreen"
+        }
+        _ => "none",
+    }
+}
+
+/// The bodywork of a scooter; returns its engine and its one exhaust.
+fn scooter(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> (&'static str, usize) {
+    let [_, y, z] = b.head;
+    let tail = b.rear[2];
+    let floor = [0.0, 0.24, 0.06];
+    all.add("floor", solid::rounded_block(floor, [0.36, 0.09, 0.56], 0.04), b.paint);
+    let mat = [0.0, 0.29, 0.06];
+    all.add("mat", solid::rounded_block(mat, [0.3, 0.02, 0.4], 0.008), DARK);
+    // The shield before the knees: bent across, leaning with the fork.
+    let foot = z + 0.03;
+    let shield = |u: f64, v: f64| {
+        let across = 2.0 * u - 1.0;
+        let half = 0.19 + 0.05 * (PI * v).sin();
+        let lean = foot - 0.02 + 0.09 * (1.0 - v) - 0.07 * across * across;
+        [half * across, 0.2 + (y - 0.12) * v, lean]
+    };
+    all.add("shield", solid::plate(shield, [8, 10], [0.02, 0.02]), b.paint);
+    let nose = [
+        [foot + 0.16, 0.55, 0.03, 0.1],
+        [foot + 0.12, 0.56, 0.07, 0.17],
+        [foot + 0.05, 0.57, 0.1, 0.22],
+        [foot - 0.02, 0.58, 0.1, 0.22],
+    ];
+    all.add("nose", hull(&nose, 2.4), b.accent);
+    let body = [
+        [-0.14, 0.42, 0.13, 0.2],
+        [-0.2, 0.45, 0.16, 0.22],
+        [-0.4, 0.48, 0.19, 0.2],
+        [tail + 0.05, 0.53, 0.18, 0.16],
+        [tail - 0.15, 0.58, 0.13, 0.11],
+        [tail - 0.27, 0.61, 0.06, 0.05],
+    ];
+    all.add("body", hull(&body, 2.8), b.paint);
+    let s = b.seat;
+    let leather = draw.pick(&[DARK, [0.42, 0.25, 0.14], [0.85, 0.8, 0.7]]);
+    let seat = [
+        [-0.1, s - 0.06, 0.06, 0.05],
+        [-0.2, s - 0.05, 0.12, 0.06],
+        [-0.4, s - 0.04, 0.15, 0.065],
+        [tail - 0.02, s - 0.01, 0.14, 0.065],
+        [tail - 0.18, s, 0.08, 0.045],
+    ];
+    all.add("seat", hull(&seat, 3.0), leather);
+    let engine = [0.0, 0.27, tail + 0.12];
+    all.add("engine", solid::rounded_block(engine, [0.3, 0.2, 0.42], 0.07), ENGINE);
+    let pipe = [[-0.17, 0.2, tail + 0.3], [-0.2, 0.24, tail - 0.22]];
+    all.add("muffler", solid::rod(pipe[0], pipe[1], [0.04, 0.06], 14), STEEL);
+    let cover = [
+        [z + 0.13, y + 0.03, 0.05, 0.05],
+        [z + 0.09, y + 0.03, 0.11, 0.085],
+        [z - 0.02, y + 0.05, 0.13, 0.08],
+        [z - 0.1, y + 0.05, 0.08, 0.05],
+    ];
+    all.add("handlebar cover", hull(&cover, 2.5), b.paint);
+    let lamp = [[0.0, -0.05], [0.075, -0.05], [0.075, 0.02], [0.03, 0.035], [0.0, 0.037]];
+    let at = [0.0, y + 0.03, z + 0.12];
+    all.add("headlight", solid::turned(&lamp, 18, at, [0.0, 0.0, 1.0]), LIGHT);
+    let lamp = solid::rounded_block([0.0, 0.61, tail - 0.27], [0.14, 0.07, 0.05], 0.02);
+    all.add("tail light", lamp, RED);
+    let plate = [0.0, 0.46, tail - 0.27];
+    all.add("plate", solid::block(plate, [0.17, 0.12, 0.02]), [0.92, 0.92, 0.9]);
+    let holder = [[0.0, 0.6, tail - 0.22], [0.0, 0.44, tail - 0.265]];
+    all.add("plate holder", solid::rod(holder[0], holder[1], [0.02; 2], 8), DARK);
+    ("hidden", 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::check;
+    use super::*;
+
+    #[test]
+    fn motorbikes_are_sound_and_differ() {
+        check(
+            Family::Motorbike,
+            &[
+                ("style", &["sport", "naked", "cruiser", "touring", "dirt", "scooter"]),
+                ("engine", &["V-twin", "single", "four", "boxer", "hidden"]),
+                ("exhausts", &["1", "2", "4"]),
+                ("handlebar", &["clip-on", "ape hanger", "swept", "flat"]),
+                ("screen", &["none", "full fairing", "half fairing", "windscreen", "flyscreen"]),
+                ("luggage", &["none", "cases", "trunk", "cases and trunk"]),
+            ],
+        );
     }
 }

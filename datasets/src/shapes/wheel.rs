@@ -84,3 +84,20 @@ impl Wheel {
         assembly.add("hub", solid::turned(&hub, 14, center, axis), self.color);
     }
 }
+
+/// A mudguard: a bent sheet of a radius and half width over a wheel, between two angles from the
+/// front (0) over the top (a quarter turn) to the rear.
+pub(super) fn mudguard(
+    center: Point,
+    [radius, half]: [f64; 2],
+    [from, to]: [f64; 2],
+    sag: f64,
+) -> mesh_core::TriMesh {
+    let surface = |u: f64, v: f64| {
+        let (sin, cos) = (from + (to - from) * v).sin_cos();
+        let across = 2.0 * u - 1.0;
+        let radius = radius - sag * across * across;
+        add(center, [half * across, radius * sin, radius * cos])
+    };
+    solid::plate(surface, [4, 20], [0.004, 0.004])
+}
