@@ -65,11 +65,11 @@ struct Plane {
 impl Plane {
     fn draw(draw: &mut Draw, style: Style) -> Self {
         let [slender, hump] = match style {
-            Style::Airliner => [draw.within(8.5, 10.5), 0.0],
-            Style::Jumbo => [draw.within(8.2, 9.2), draw.pick(&[0.55, 0.75])],
+            Style::Airliner => [draw.within(9.5, 12.0), 0.0],
+            Style::Jumbo => [draw.within(9.0, 10.0), draw.pick(&[0.55, 0.75])],
             Style::Business => [draw.within(7.5, 9.0), 0.0],
             Style::Propeller => [draw.within(5.6, 6.8), 0.0],
-            Style::Turboprop => [draw.within(8.0, 9.5), 0.0],
+            Style::Turboprop => [draw.within(8.8, 10.5), 0.0],
             Style::Fighter => [draw.within(9.0, 11.0), 0.0],
         };
         let length = 10.0;
@@ -458,7 +458,7 @@ fn engines(
                 let mesh = solid::turned(&profile, 16, back, [0.0, 0.0, 1.0]);
                 all.pair("nacelle", mesh, cowl);
                 let spin = draw.within(0.0, PI);
-                let reach = 2.6 * size;
+                let reach = if style == Style::Propeller { 2.2 } else { 2.5 } * size;
                 for side in [-1.0, 1.0] {
                     let hub = [side * front[0], front[1], front[2]];
                     blades(all, hub, reach, (4, spin), colors);

@@ -218,6 +218,22 @@ impl Bus {
         }
     }
 
+    /// A sheet over the sides from the sill up, wheel arches cut out.
+    fn skirt(&self, [r, f]: [f64; 2], [rear_top, front_top]: [f64; 2]) -> mesh_core::TriMesh {
+        let arch = 1.15 * self.wheel;
+        // An arch that would be cut in two stays out.
+        let inside: Vec<f64> = self
+            .axles
+            .iter()
+            .copied()
+            .filter(|z| r < z - arch - 0.05 && z + arch + 0.05 < f)
+            .collect();
+        let mut outline = vec![[f, self.ground + 0.02], [f, front_top], [r, rear_top]];
+        outline.push([r, self.ground + 0.02]);
+        cut_arches(&mut outline, self.ground + 0.02, &inside, self.wheel, arch);
+        solid::side_prism(&outline, [self.half - 0.05, self.half + 0.012])
+    }
+
     /// A sheet across the front between two heights, out to a share of the half width.
     fn on_front(&self, [low, high]: [f64; 2], [left, right]: [f64; 2]) -> mesh_core::TriMesh {
         let at = |x: f64, y: f64| [x, y, self.face(y)];
@@ -321,43 +337,51 @@ fn bellows(all: &mut Assembly, bus: &Bus, [from, to]: [f64; 2]) {
 fn livery(all: &mut Assembly, bus: &Bus, colors: &Colors, stretches: &[Stretch]) {
     for stretch in stretches {
         // Where sides are flat: clear of round corners.
-        let [r, f] = [stretch.rear + bus.round + 0.03, stretch.front - bus.round - 0.05];
+        let [r, f] = [stretch.rear + bus.round + 0.01, stretch.front - bus.round - 0.03];
         let f = if stretch.ends[1] { f - bus.bonnet[0] } else { f };
         let belt = bus.decks[0][0] - 0.12;
-        let mut sheet = |z: [f64; 2], y: [f64; 2]| {
-            bus.on_side(all, "livery", (z, y), (0.02, 0.012), colors.second, None);
+        let band = |all: &mut Assembly, y: [f64; 2]| {
+            bus.on_side(all, "livery", ([r, f], y), (0.02, 0.012), colors.second, None);
         };
         match colors.livery {
-            "skirt" => {
-                // Down to the wheels' tops only, so that arches stay open.
-                sheet([r, f], [1.17 * bus.wheel + bus.wheel + 0.02, belt]);
+            "band" => {
+                band(all, [belt - 0.2, belt]);
+                band(all, [bus.decks[0][1] + 0.06, bus.decks[0][1] + 0.18]);
             }
-            "band" => sheet([r, f], [belt - 0.16, belt]),
             "school" => {
                 for y in [bus.decks[0][0] - 0.15, bus.decks[0][0] - 0.5] {
-                    sheet([r, f], [y - 0.07, y]);
+                    band(all, [y - 0.07, y]);
                 }
             }
-            _ => {}
-        }
-        if colors.livery == "diagonal" {
-            let top = bus.height - bus.round - 0.03;
-            let low = 2.17 * bus.wheel + 0.04;
-            let span = 0.34 * (f - r);
-            for shift in [0.0, 0.24 * (f - r)] {
-                let z = r + 0.08 * (f - r) + shift;
-                let wide = if shift == 0.0 { 0.5 * span } else { 0.25 * span };
-                let lean = 0.5 * (top - low);
-                let outline = [[z, low], [z + wide, low], [z + wide + lean, top], [z + lean, top]];
-                let sheet = solid::side_prism(&outline, [bus.half - 0.05, bus.half + 0.012]);
-                all.pair("livery", sheet, colors.second);
+            "skirt" => all.pair("livery", bus.skirt([r, f], [belt, belt]), colors.second),
+            "diagonal" => {
+                let top = bus.height - bus.round - 0.02;
+                let end = r + 0.42 * (f - r);
+                all.pair("livery", bus.skirt([r, end], [top, top]), colors.second);
+                let (low, lean) = (bus.ground + 0.02, 0.55 * (top - belt));
+                let wedge =
+                    [[end - 0.02, low], [end + 0.02, low], [end + lean, top], [end - 0.02, top]];
+                let (a, b) = (end + 0.4, end + 0.75);
+                let stripe = [[a, low], [b, low], [b + lean, top], [a + lean, top]];
+                for outline in [wedge, stripe] {
+                    let clear = bus.axles.iter().all(|&z| {
+                        let reach = 1.25 * bus.wheel;
+                        z + reach < outline[0][0] || z - reach > outline[2][0]
+                    });
+                    if clear {
+                        let sheet =
+                            solid::side_prism(&outline, [bus.half - 0.05, bus.half + 0.011]);
+                        all.pair("livery", sheet, colors.second);
+                    }
+                }
             }
-        }
-        if colors.livery == "roof" {
-            let [r, f] = [stretch.rear + 0.3, stretch.front - bus.bonnet[0] - bus.lean - 0.3];
-            let at = [0.0, bus.height - 0.02, 0.5 * (r + f)];
-            let size = [2.0 * (bus.half - bus.round) + 0.1, 0.1, f - r];
-            all.add("roof", solid::rounded_block(at, size, 0.04), colors.second);
+            "roof" => {
+                let at = [0.0, bus.height - 0.02, 0.5 * (r + f) - 0.5 * bus.lean];
+                let size = [2.0 * (bus.half - bus.round) + 0.1, 0.1, f - r - bus.lean - 0.3];
+                all.add("roof", solid::rounded_block(at, size, 0.04), colors.second);
+                band(all, [belt - 0.35, belt]);
+            }
+            _ => {}
         }
     }
 }

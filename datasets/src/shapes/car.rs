@@ -76,10 +76,10 @@ impl Car {
                 0.98,
             ],
             Style::Hatchback => [
-                3.95, 1.75, 1.5, 0.2, 0.31, 0.75, 0.98, 1.0, 0.98, 0.95, 1.6, 0.4, 0.08, 0.72, 0.62,
+                3.95, 1.75, 1.5, 0.2, 0.31, 0.75, 0.98, 1.0, 0.98, 0.95, 1.6, 0.5, 0.18, 0.72, 0.62,
             ],
             Style::Suv => [
-                4.65, 1.9, 1.78, 0.28, 0.38, 0.95, 1.14, 1.17, 1.17, 1.25, 1.85, 0.3, 0.06, 0.84,
+                4.65, 1.9, 1.78, 0.28, 0.38, 0.95, 1.14, 1.17, 1.17, 1.25, 1.85, 0.38, 0.16, 0.84,
                 0.85,
             ],
             Style::Pickup => [
@@ -89,7 +89,7 @@ impl Car {
                 4.4, 1.92, 1.25, 0.14, 0.31, 0.69, 0.86, 0.9, 0.93, 1.45, 2.2, 1.5, 0.45, 0.9, 0.85,
             ],
             Style::Van => [
-                5.0, 1.95, 2.15, 0.22, 0.35, 0.95, 1.2, 1.22, 1.22, 0.62, 1.35, 0.14, 0.04, 0.86,
+                5.0, 1.95, 2.15, 0.22, 0.35, 0.95, 1.2, 1.22, 1.22, 0.62, 1.35, 0.2, 0.13, 0.86,
                 0.95,
             ],
         };
@@ -234,19 +234,29 @@ pub(super) fn draw(seed: u64) -> Shape {
     };
     let mut all = Assembly::default();
     all.add("body", car.body(), paint);
+    let open = style == Style::Sports && draw.chance(0.35);
     let top = if matches!(livery, "two-tone" | "police") { second } else { paint };
-    all.add("cabin", car.cabin(), top);
-    let doors = windows(&mut all, &car, &mut draw);
+    let doors = if open {
+        cockpit(&mut all, &car, &mut draw, paint);
+        1
+    } else {
+        all.add("cabin", car.cabin(), top);
+        windows(&mut all, &car, &mut draw)
+    };
+    if style == Style::Pickup {
+        bed(&mut all, &car);
+    }
     ends(&mut all, &car, &mut draw);
     sides(&mut all, &car, paint, doors);
     let spokes = wheels(&mut all, &car, &mut draw);
-    let extra = extras(&mut all, &car, &mut draw, livery, paint);
+    let extra = extras(&mut all, &car, &mut draw, (livery, open), paint);
     all.finish(
         Family::Car,
         seed,
         vec![
             ("style", style.name().to_owned()),
             ("livery", livery.to_owned()),
+            ("roof", if open { "open" } else { "closed" }.to_owned()),
             ("extra", extra.to_owned()),
             ("spokes", spokes.to_string()),
             ("doors", doors.to_string()),
@@ -262,6 +272,49 @@ fn paint(draw: &mut Draw) -> [f32; 3] {
     }
     let hue = draw.pick(&[0.0, 0.0, 0.01, 0.06, 0.12, 0.33, 0.52, 0.58, 0.6, 0.63, 0.92]);
     super::draw::hsv(hue, draw.within(0.6, 0.92), draw.within(0.45, 0.9))
+}
+
+/// The inside of an open car: a dark well, seats, a framed windscreen.
+fn cockpit(all: &mut Assembly, car: &Car, draw: &mut Draw, paint: [f32; 3]) {
+    let leather =
+        draw.pick(&[[0.45, 0.27, 0.15], [0.16, 0.16, 0.17], [0.82, 0.76, 0.66], [0.6, 0.1, 0.1]]);
+    let [foot, _, back, _] = car.glass;
+    let (from, to) = (back - 0.15, foot - 0.2);
+    let y = car.belt;
+    let well = [1.72 * car.cabin[1], 0.12, to - from];
+    all.add("well", solid::rounded_block([0.0, y - 0.03, 0.5 * (from + to)], well, 0.05), TRIM);
+    for x in [-0.42, 0.42] {
+        let x = x * car.half;
+        let z = from + 0.32;
+        let rest = solid::rounded_block([x, y + 0.1, z], [0.44, 0.46, 0.14], 0.06);
+        all.add("seat", solid::rotated(rest, [x, y, z], [1.0, 0.0, 0.0], -0.2), leather);
+        let pillow = solid::rounded_block([x, y + 0.38, z - 0.07], [0.24, 0.15, 0.1], 0.045);
+        all.add("headrest", pillow, leather);
+        all.add("seat", solid::rounded_block([x, y, z + 0.3], [0.44, 0.16, 0.45], 0.06), leather);
+        let hoop = [[x - 0.17, y, z - 0.2], [x - 0.15, y + 0.33, z - 0.22]];
+        let hoop = [hoop[0], hoop[1], [x + 0.15, y + 0.33, z - 0.22], [x + 0.17, y, z - 0.2]];
+        for pair in hoop.windows(2) {
+            all.add("hoop", solid::bar(&[pair[0], pair[1]], 0.028, 1, 10), CHROME);
+        }
+    }
+    let wheel = [0.42 * car.half, y + 0.14, from + 0.95];
+    all.add("steering wheel", solid::hoop(wheel, [0.0, 0.4, -1.0], [0.17, 0.022], [20, 6]), TRIM);
+    all.add("windscreen", car.end_window(2, [0.0, 0.8]), GLASS);
+    let corner = |side: f64, t: f64| {
+        let at = car.cabin_at(t);
+        [side * (at[0] - 0.1), car.level(t), at[2]]
+    };
+    let frame = [corner(-1.0, 0.0), corner(-1.0, 0.8), corner(1.0, 0.8), corner(1.0, 0.0)];
+    for pair in frame.windows(2) {
+        all.add("frame", solid::bar(&[pair[0], pair[1]], 0.035, 1, 10), paint);
+    }
+}
+
+/// The liner in a pickup's bed.
+fn bed(all: &mut Assembly, car: &Car) {
+    let (from, to) = (car.rear + 0.14, car.glass[3] - 0.06);
+    let at = [0.0, car.wheel + 0.35, 0.5 * (from + to)];
+    all.add("liner", solid::block(at, [1.66 * car.half, 0.04, to - from]), TRIM);
 }
 
 /// Adds the windows; returns the number of doors on a side.
@@ -337,9 +390,10 @@ fn ends(all: &mut Assembly, car: &Car, draw: &mut Draw) {
     );
     let upright = matches!(car.style, Style::Suv | Style::Van | Style::Pickup);
     let size = if upright { [0.15, 0.36] } else { [0.38, 0.14] };
+    let depth = if car.style == Style::Pickup { 0.18 } else { 0.28 };
     let x = 0.93 * half - 0.5 * size[0];
     let y = car.tail - 0.1 - 0.5 * size[1];
-    let lamp = solid::rounded_block([x, y, r + 0.12], [size[0], size[1], 0.28], 0.04);
+    let lamp = solid::rounded_block([x, y, r + 0.08], [size[0], size[1], depth], 0.04);
     all.pair("taillight", solid::rotated(lamp, [x, y, r + 0.1], [0.0, 1.0, 0.0], -0.2), TAILLIGHT);
 }
 
@@ -399,11 +453,11 @@ fn extras(
     all: &mut Assembly,
     car: &Car,
     draw: &mut Draw,
-    livery: &'static str,
+    (livery, open): (&'static str, bool),
     paint: [f32; 3],
 ) -> &'static str {
     if livery == "stripes" {
-        stripes(all, car, draw.pick(&[[0.95, 0.95, 0.93], [0.08, 0.08, 0.09]]));
+        stripes(all, car, draw.pick(&[[0.95, 0.95, 0.93], [0.08, 0.08, 0.09]]), open);
     }
     if livery == "band" {
         let color = draw.color([0.6, 0.9], [0.4, 0.85]);
@@ -461,7 +515,7 @@ fn extras(
     }
 }
 
-fn stripes(all: &mut Assembly, car: &Car, color: [f32; 3]) {
+fn stripes(all: &mut Assembly, car: &Car, color: [f32; 3], open: bool) {
     let from = car.front - 0.16;
     let [_, head, back, foot] = car.glass;
     for x in [-0.17, 0.17] {
@@ -476,7 +530,9 @@ fn stripes(all: &mut Assembly, car: &Car, color: [f32; 3]) {
             let z = head - 0.24 + (back + 0.48 - head) * v;
             [across(u), car.roof, z]
         };
-        all.add("stripe", solid::plate(roof, [2, 6], [0.06, 0.012]), color);
+        if !open {
+            all.add("stripe", solid::plate(roof, [2, 6], [0.06, 0.012]), color);
+        }
         let deck = |u: f64, v: f64| {
             let z = foot + (car.rear + 0.14 - foot) * v;
             [across(u), car.tail, z]
@@ -540,6 +596,7 @@ mod tests {
                 ("style", &["sedan", "hatchback", "suv", "pickup", "sports", "van"]),
                 ("livery", &["plain", "two-tone", "taxi", "police", "stripes", "band"]),
                 ("extra", &["none", "sign", "beacon", "spoiler", "lip", "rack", "roll bar"]),
+                ("roof", &["open", "closed"]),
                 ("spokes", &["0", "5", "6", "8", "10"]),
                 ("doors", &["1", "2"]),
             ],

@@ -256,7 +256,7 @@ fn controls(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> &'static str {
     all.pair("lever", solid::bar(&lever, 0.011, 3, 6), STEEL);
     if b.style != Style::Sport {
         let root = mix(half[n - 2], half[n - 1], 0.15);
-        let high = if kind == "ape hanger" { 0.12 } else { 0.2 };
+        let high = if kind == "ape hanger" { 0.1 } else { 0.16 };
         let tip = add(root, [0.07, high, -0.02]);
         all.pair("mirror arm", solid::bar(&[root, tip], 0.011, 1, 8), metal);
         let glass = solid::ball(add(tip, [0.01, 0.02, 0.0]), [0.075, 0.05, 0.025], 8);
