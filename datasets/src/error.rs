@@ -63,6 +63,9 @@ pub enum ViewsProblem {
     /// The picture cannot be decoded.
     #[error("{0}")]
     Image(#[source] mesh_core::ImageError),
+    /// The mesh or the voxels cannot be decoded.
+    #[error("{0}")]
+    Mesh(#[source] Box<mesh_core::ReadMeshError>),
     /// The camera is not one.
     #[error("field `{field}`: {source}")]
     Camera {
@@ -113,10 +116,11 @@ impl ReadViewsError {
         Self::new(path, ViewsProblem::Field { field: field.into(), found, expected })
     }
 
-    /// A picture's own message begins with its file.
+    /// The messages of pictures and meshes begin with their file.
     fn message(&self) -> String {
         match &self.problem {
             ViewsProblem::Image(error) => error.to_string(),
+            ViewsProblem::Mesh(error) => error.to_string(),
             problem => format!("{}: {problem}", self.path.display()),
         }
     }

@@ -36,7 +36,8 @@
 //! |---|---|
 //! | read whatever is there | [`read_views`] with [`ReadOptions`] |
 //! | choose where masks come from | [`MaskSource`] |
-//! | write for other tools | [`write_kaolin`], [`write_transforms`] |
+//! | write for other tools | [`write_kaolin`], [`write_transforms`], [`r2n2::write_object`] |
+//! | read many objects | [`Dataset`]: [`r2n2::R2n2`] |
 //! | keep views back for judging | [`split()`] |
 //! | make an object | [`shapes`] |
 //!
@@ -49,6 +50,7 @@
 //!   `transforms_{train,val,test}.json` that are there; in a folder or a zip. What a frame says
 //!   wins over the top level; extensions may be missing; masks are alpha, `mask_path` or
 //!   `masks/<stem>.png`. Lenses with distortion are refused: undistort the images first.
+//! - **ShapeNet with 3D-R2N2's renderings**: see [`r2n2`].
 //!
 //! # Conventions
 //!
@@ -72,6 +74,7 @@ mod kaolin;
 mod mask;
 mod npy;
 mod options;
+pub mod r2n2;
 mod read;
 pub mod shapes;
 mod source;

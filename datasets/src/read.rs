@@ -6,8 +6,10 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use crate::consistency;
+use crate::dataset::Dataset;
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::options::{MaskSource, ReadOptions};
+use crate::r2n2::{self, R2n2};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 use crate::{kaolin, transforms};
@@ -42,6 +44,14 @@ pub fn read_views(
     options: &ReadOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Views, ReadViewsError> {
+    if r2n2::recognises(path) {
+        let dataset = R2n2::open(path)?;
+        let [_] = dataset.entries() else {
+            let found = format!("{} objects", dataset.entries().len());
+            return Err(ReadViewsError::field(path, "objects", found, "the folder of one of them"));
+        };
+        return dataset.views(0, None, options, progress);
+    }
     let (source, json) = locate(path)?;
     let names = source.root_names()?;
     let reading = match json {

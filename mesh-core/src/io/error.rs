@@ -119,6 +119,14 @@ pub enum WriteError {
         /// What is wrong with the mesh.
         what: String,
     },
+    /// The format cannot hold the grid.
+    #[error("{}: not written: {what}", path.display())]
+    Voxels {
+        /// The file.
+        path: PathBuf,
+        /// What is in the way.
+        what: String,
+    },
 }
 
 #[cfg(test)]

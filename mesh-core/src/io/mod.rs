@@ -1,4 +1,4 @@
-//! Mesh files: OBJ, PLY and GLB in and out, each written whole or not at all.
+//! Mesh files: OBJ, PLY and GLB in and out, each written whole or not at all; voxels as binvox.
 //!
 //! | format | geometry | colours | texture |
 //! |---|---|---|---|
@@ -14,6 +14,7 @@
 //! bytes are there.
 
 mod atomic;
+pub mod binvox;
 mod check;
 mod error;
 pub mod glb;

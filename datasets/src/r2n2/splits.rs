@@ -1,0 +1,183 @@
+//! Which objects are for training: Mesh R-CNN's JSON, and plain lists.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use mesh_core::io::write_atomic;
+
+use crate::dataset::Subset;
+use crate::error::{ReadViewsError, WriteViewsError};
+use crate::source::Source;
+
+/// The file that we write.
+const JSON: &str = "splits.json";
+/// No file of splits is longer than this: the whole of ShapeNet takes a tenth.
+const MOST_BYTES: u64 = 1 << 28;
+
+/// Which objects, and which of their views, belong to which subset.
+///
+/// Two forms are read, the first that is there: Mesh R-CNN's JSON in the root, any file
+/// `*split*.json`, `{subset: {synset: {model: [views]}}}`, where no views means all of them; or
+/// `train.lst`, `val.lst` and `test.lst`, one model a line in the folder of a category, or one
+/// `synset/model` a line in the root.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Splits {
+    objects: BTreeMap<(String, String), Vec<ObjectSplit>>,
+}
+
+/// The views of one object that belong to one subset.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ObjectSplit {
+    /// What they are for.
+    pub subset: Subset,
+    /// Which views; none stands for all.
+    pub views: Vec<usize>,
+}
+
+/// Mesh R-CNN's file: subset, synset, model, views.
+type Json = BTreeMap<String, BTreeMap<String, BTreeMap<String, Vec<usize>>>>;
+
+impl Splits {
+    /// Says that views of an object belong to a subset; none stands for all.
+    pub fn insert(&mut self, synset: &str, model: &str, subset: Subset, views: Vec<usize>) {
+        let parts = self.objects.entry((synset.to_owned(), model.to_owned())).or_default();
+        parts.push(ObjectSplit { subset, views });
+    }
+
+    /// What is said about an object: nothing, one subset, or several of its views each.
+    pub fn of(&self, synset: &str, model: &str) -> &[ObjectSplit] {
+        self.objects.get(&(synset.to_owned(), model.to_owned())).map_or(&[], Vec::as_slice)
+    }
+
+    /// The subset that an object belongs to; `None` where it is in none, or in several.
+    pub fn subset(&self, synset: &str, model: &str) -> Option<Subset> {
+        let (first, rest) = self.of(synset, model).split_first()?;
+        rest.iter().all(|part| part.subset == first.subset).then_some(first.subset)
+    }
+
+    /// Whether nothing is said about any object.
+    pub fn is_empty(&self) -> bool {
+        self.objects.is_empty()
+    }
+
+    /// Reads what stands in the root, or in the folders of the categories.
+    pub(super) fn read(
+        root: Option<&Path>,
+        categories: &BTreeMap<String, PathBuf>,
+        warnings: &mut Vec<String>,
+    ) -> Result<Self, ReadViewsError> {
+        let mut splits = Self::default();
+        if let Some(root) = root {
+            let source = Source::folder(root);
+            let mut names = source.root_names()?;
+            let is_json = |n: &str| Path::new(n).extension().is_some_and(|e| e == "json");
+            names.retain(|n| is_json(n) && n.contains("split") && source.has(n));
+            if let Some((first, others)) = names.split_first() {
+                if !others.is_empty() {
+                    let others = others.join(", ");
+                    warnings.push(format!("the split is that of {first}; {others} is not read"));
+                }
+                splits.read_json(&source, first, warnings)?;
+                return Ok(splits);
+            }
+            splits.read_lists(&source, None)?;
+        }
+        for (category, folder) in categories {
+            splits.read_lists(&Source::folder(folder), Some(category))?;
+        }
+        let several = splits.objects.values().filter(|parts| parts.len() > 1).count();
+        if several > 0 {
+            warnings.push(format!("{several} objects are in several lists of the split"));
+        }
+        Ok(splits)
+    }
+
+    fn read_json(
+        &mut self,
+        source: &Source,
+        name: &str,
+        warnings: &mut Vec<String>,
+    ) -> Result<(), ReadViewsError> {
+        let bytes = source.open()?.read(name, "split", MOST_BYTES)?;
+        let json: Json = serde_json::from_slice(&bytes)
+            .map_err(|error| ReadViewsError::new(source.locate(name), error))?;
+        for (subset, categories) in json {
+            let Some(subset) = subset_named(&subset) else {
+                warnings.push(format!("{name} has a subset {subset:?}, which is not read"));
+                continue;
+            };
+            for (category, models) in categories {
+                for (model, views) in models {
+                    self.insert(&category, &model, subset, views);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The lists in a folder, of one category or with the category before each name.
+    fn read_lists(&mut self, source: &Source, of: Option<&str>) -> Result<(), ReadViewsError> {
+        for (name, subset) in [
+            ("train.lst", Subset::Train),
+            ("val.lst", Subset::Validation),
+            ("test.lst", Subset::Test),
+        ] {
+            if !source.has(name) {
+                continue;
+            }
+            let bytes = source.open()?.read(name, "split", MOST_BYTES)?;
+            let text = String::from_utf8_lossy(&bytes);
+            for (i, line) in text.lines().enumerate() {
+                let line = line.trim();
+                if line.is_empty() {
+                    continue;
+                }
+                let (category, model) = match (of, line.split_once('/')) {
+                    (Some(category), None) => (category, line),
+                    (None, Some(pair)) => pair,
+                    (of, _) => {
+                        let expected = if of.is_some() { "a model" } else { "synset/model" };
+                        let found: String = line.chars().take(60).collect();
+                        let (path, field) = (source.locate(name), format!("line {}", i + 1));
+                        return Err(ReadViewsError::field(path, field, found, expected));
+                    }
+                };
+                self.insert(category, model, subset, Vec::new());
+            }
+        }
+        Ok(())
+    }
+}
+
+fn subset_named(name: &str) -> Option<Subset> {
+    match name {
+        "train" | "training" => Some(Subset::Train),
+        "val" | "valid" | "validation" => Some(Subset::Validation),
+        "test" | "testing" => Some(Subset::Test),
+        _ => None,
+    }
+}
+
+/// Writes the split of a root as Mesh R-CNN's JSON, `splits.json`, atomically.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write_splits(root: &Path, splits: &Splits) -> Result<(), WriteViewsError> {
+    let mut json = Json::new();
+    for ((category, model), parts) in &splits.objects {
+        for part in parts {
+            let subset = match part.subset {
+                Subset::Train => "train",
+                Subset::Validation => "val",
+                Subset::Test => "test",
+            };
+            let models = json.entry(subset.to_owned()).or_default();
+            let models = models.entry(category.clone()).or_default();
+            models.entry(model.clone()).or_default().extend(&part.views);
+        }
+    }
+    let path = root.join(JSON);
+    let bytes = serde_json::to_vec(&json).map_err(|e| WriteViewsError::new(&path, e))?;
+    std::fs::create_dir_all(root).map_err(|e| WriteViewsError::new(root, e))?;
+    write_atomic(&path, |out| out.write_all(&bytes)).map_err(|e| WriteViewsError::new(&path, e))
+}
