@@ -1,5 +1,4 @@
 //! An object while it is put together.
-#![allow(dead_code, reason = "families are being written")]
 
 use mesh_core::TriMesh;
 

@@ -1,5 +1,8 @@
 //! Buses: city, double decker, articulated, coach, school bus, minibus.
 
+mod livery;
+mod roof;
+
 use std::f64::consts::FRAC_PI_2;
 
 use super::assembly::Assembly;
@@ -242,35 +245,11 @@ impl Bus {
     }
 }
 
-/// What the bus is painted with.
-struct Colors {
-    base: [f32; 3],
-    second: [f32; 3],
-    livery: &'static str,
-}
-
-impl Colors {
-    fn draw(draw: &mut Draw, style: Style) -> Self {
-        if style == Style::School {
-            return Self { base: [0.96, 0.70, 0.06], second: TRIM, livery: "school" };
-        }
-        let livery = draw.pick(&["plain", "skirt", "band", "diagonal", "roof"]);
-        let strong = match style {
-            Style::DoubleDecker if draw.chance(0.5) => [0.78, 0.07, 0.09],
-            _ => draw.color([0.65, 0.92], [0.45, 0.85]),
-        };
-        let light = draw.pick(&[WHITE, [0.85, 0.86, 0.87], [0.96, 0.92, 0.8]]);
-        let (base, second) =
-            if livery == "plain" || draw.chance(0.4) { (strong, light) } else { (light, strong) };
-        Self { base, second, livery }
-    }
-}
-
 pub(super) fn draw(seed: u64) -> Shape {
     let mut draw = Draw::new(seed, 3);
     let style = draw.pick(&Style::ALL);
     let bus = Bus::draw(&mut draw, style);
-    let colors = Colors::draw(&mut draw, style);
+    let colors = livery::Colors::draw(&mut draw, style);
     // Doors are on the right, or on the left where traffic keeps to the left.
     let curb = if draw.chance(0.7) { -1.0 } else { 1.0 };
     let mut all = Assembly::default();
@@ -281,7 +260,7 @@ pub(super) fn draw(seed: u64) -> Shape {
     if stretches.len() == 2 {
         bellows(&mut all, &bus, [stretches[0].front, stretches[1].rear]);
     }
-    livery(&mut all, &bus, &colors, &stretches);
+    livery::livery(&mut all, &bus, &colors, &stretches);
     let doors = doors(&bus);
     let glazing = draw.pick(&["panes", "ribbon"]);
     let panes = windows(&mut all, &bus, &mut draw, &stretches, (&doors, curb, glazing));
@@ -291,7 +270,7 @@ pub(super) fn draw(seed: u64) -> Shape {
     front(&mut all, &bus, &mut draw, &colors);
     rear(&mut all, &bus);
     wheels(&mut all, &bus, &mut draw);
-    let roof = roof(&mut all, &bus, &mut draw, &stretches);
+    let roof = roof::roof(&mut all, &bus, &mut draw, &stretches);
     let traits = vec![
         ("style", style.name().to_owned()),
         ("livery", colors.livery.to_owned()),
@@ -332,58 +311,6 @@ fn bellows(all: &mut Assembly, bus: &Bus, [from, to]: [f64; 2]) {
         })
         .collect();
     all.add("bellows", solid::loft(&rings), [0.17, 0.17, 0.18]);
-}
-
-fn livery(all: &mut Assembly, bus: &Bus, colors: &Colors, stretches: &[Stretch]) {
-    for stretch in stretches {
-        // Where sides are flat: clear of round corners.
-        let [r, f] = [stretch.rear + bus.round + 0.01, stretch.front - bus.round - 0.03];
-        let f = if stretch.ends[1] { f - bus.bonnet[0] } else { f };
-        let belt = bus.decks[0][0] - 0.12;
-        let band = |all: &mut Assembly, y: [f64; 2]| {
-            bus.on_side(all, "livery", ([r, f], y), (0.02, 0.012), colors.second, None);
-        };
-        match colors.livery {
-            "band" => {
-                band(all, [belt - 0.2, belt]);
-                band(all, [bus.decks[0][1] + 0.06, bus.decks[0][1] + 0.18]);
-            }
-            "school" => {
-                for y in [bus.decks[0][0] - 0.15, bus.decks[0][0] - 0.5] {
-                    band(all, [y - 0.07, y]);
-                }
-            }
-            "skirt" => all.pair("livery", bus.skirt([r, f], [belt, belt]), colors.second),
-            "diagonal" => {
-                let top = bus.height - bus.round - 0.02;
-                let end = r + 0.42 * (f - r);
-                all.pair("livery", bus.skirt([r, end], [top, top]), colors.second);
-                let (low, lean) = (bus.ground + 0.02, 0.55 * (top - belt));
-                let wedge =
-                    [[end - 0.02, low], [end + 0.02, low], [end + lean, top], [end - 0.02, top]];
-                let (a, b) = (end + 0.4, end + 0.75);
-                let stripe = [[a, low], [b, low], [b + lean, top], [a + lean, top]];
-                for outline in [wedge, stripe] {
-                    let clear = bus.axles.iter().all(|&z| {
-                        let reach = 1.25 * bus.wheel;
-                        z + reach < outline[0][0] || z - reach > outline[2][0]
-                    });
-                    if clear {
-                        let sheet =
-                            solid::side_prism(&outline, [bus.half - 0.05, bus.half + 0.011]);
-                        all.pair("livery", sheet, colors.second);
-                    }
-                }
-            }
-            "roof" => {
-                let at = [0.0, bus.height - 0.02, 0.5 * (r + f) - 0.5 * bus.lean];
-                let size = [2.0 * (bus.half - bus.round) + 0.1, 0.1, f - r - bus.lean - 0.3];
-                all.add("roof", solid::rounded_block(at, size, 0.04), colors.second);
-                band(all, [belt - 0.35, belt]);
-            }
-            _ => {}
-        }
-    }
 }
 
 /// Middles of the doors, front to rear.
@@ -472,7 +399,7 @@ fn windows(
     panes
 }
 
-fn front(all: &mut Assembly, bus: &Bus, draw: &mut Draw, colors: &Colors) {
+fn front(all: &mut Assembly, bus: &Bus, draw: &mut Draw, colors: &livery::Colors) {
     let wide = bus.half - bus.round - 0.02;
     let mut screens = vec![[bus.sill() + 0.12, bus.decks[0][1] + 0.02]];
     if bus.style == Style::DoubleDecker {
@@ -521,7 +448,7 @@ fn sign(bus: &Bus, low: f64, high: f64) -> mesh_core::TriMesh {
     solid::plate(|u, v| solid::bilinear(corners, u, v), [1, 1], [0.05, 0.02])
 }
 
-fn mirrors(all: &mut Assembly, bus: &Bus, colors: &Colors) {
+fn mirrors(all: &mut Assembly, bus: &Bus, colors: &livery::Colors) {
     let y = bus.decks[0][1] - 0.1;
     let z = bus.face(y) - bus.round;
     let tip = [bus.half + 0.17, y - 0.05, z + 0.38];
@@ -569,68 +496,6 @@ fn wheels(all: &mut Assembly, bus: &Bus, draw: &mut Draw) {
         let ends = [-0.8, 0.8].map(|x| [x * bus.half, bus.wheel, z]);
         all.add("axle", solid::rod(ends[0], ends[1], [0.12; 2], 8), TRIM);
     }
-}
-
-/// Adds what is on the roof; returns its name.
-fn roof(all: &mut Assembly, bus: &Bus, draw: &mut Draw, stretches: &[Stretch]) -> &'static str {
-    let kind = match bus.style {
-        Style::School => "beacons",
-        Style::DoubleDecker => draw.pick(&["bare", "hatches"]),
-        Style::Minibus => draw.pick(&["bare", "cooler", "rack"]),
-        _ => draw.pick(&["hatches", "cooler", "tanks"]),
-    };
-    let h = bus.height;
-    for stretch in stretches {
-        let (r, f) = (stretch.rear, stretch.front - bus.bonnet[0]);
-        let at = |share: f64, up: f64| [0.0, h + up, r + (f - r) * share];
-        match kind {
-            "hatches" => {
-                for share in [0.3, 0.7] {
-                    let hatch = solid::rounded_block(at(share, 0.02), [0.8, 0.14, 0.8], 0.05);
-                    all.add("hatch", hatch, [0.8, 0.81, 0.82]);
-                }
-            }
-            "cooler" => {
-                let size = [1.35 * bus.half, 0.36, (0.3 * (f - r)).min(2.6)];
-                let box_ = solid::rounded_block(at(0.38, 0.1), size, 0.12);
-                all.add("cooler", box_, [0.86, 0.87, 0.87]);
-            }
-            "tanks" => {
-                let size = [1.5 * bus.half, 0.42, 0.5 * (f - r)];
-                let fairing = solid::rounded_block(at(0.62, 0.12), size, 0.16);
-                all.add("tanks", fairing, [0.9, 0.9, 0.9]);
-            }
-            "rack" => {
-                let z = [r + 0.25 * (f - r), r + 0.75 * (f - r)];
-                let x = 0.7 * bus.half;
-                all.pair(
-                    "rail",
-                    solid::bar(&[[x, h + 0.1, z[0]], [x, h + 0.1, z[1]]], 0.04, 1, 8),
-                    TRIM,
-                );
-                for k in 0..4 {
-                    let z = z[0] + (z[1] - z[0]) * f64::from(k) / 3.0;
-                    let path =
-                        [[-x, h - 0.1, z], [-x, h + 0.1, z], [x, h + 0.1, z], [x, h - 0.1, z]];
-                    for pair in path.windows(2) {
-                        all.add("bar", solid::bar(&[pair[0], pair[1]], 0.035, 1, 8), TRIM);
-                    }
-                }
-            }
-            "beacons" => {
-                for share in [0.02, 0.97] {
-                    let z = if share < 0.5 { r + 0.06 } else { bus.face(h - 0.15) - 0.02 };
-                    for (x, color) in [(0.62, AMBER), (0.82, RED)] {
-                        let lamp =
-                            solid::ball([x * bus.half - 0.12, h - 0.16, z], [0.1, 0.1, 0.07], 8);
-                        all.pair("beacon", lamp, color);
-                    }
-                }
-            }
-            _ => {}
-        }
-    }
-    kind
 }
 
 #[cfg(test)]

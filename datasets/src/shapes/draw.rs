@@ -1,5 +1,4 @@
 //! What a family draws its parameters from.
-#![allow(dead_code, reason = "families are being written")]
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

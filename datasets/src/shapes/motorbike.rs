@@ -1,5 +1,8 @@
 //! Motorbikes: sport, naked, cruiser, touring, dirt bike, scooter.
 
+mod engine;
+mod fairing;
+
 use std::f64::consts::PI;
 
 use mesh_core::TriMesh;
@@ -121,9 +124,9 @@ pub(super) fn draw(seed: u64) -> Shape {
     let rim = draw.pick(&[DARK, STEEL, [0.85, 0.65, 0.15], bike.paint]);
     wheel(&mut all, &bike, 0, (spokes, rim));
     let (engine, exhausts) = if style == Style::Scooter {
-        scooter(&mut all, &bike, &mut draw)
+        fairing::scooter(&mut all, &bike, &mut draw)
     } else {
-        (engine(&mut all, &bike, &mut draw), exhaust(&mut all, &bike, &mut draw))
+        (engine::engine(&mut all, &bike, &mut draw), engine::exhaust(&mut all, &bike, &mut draw))
     };
     if style != Style::Scooter {
         frame(&mut all, &bike);
@@ -139,7 +142,7 @@ pub(super) fn draw(seed: u64) -> Shape {
     let axis = bike.steering();
     let swings = if style == Style::Sport { 0.3 * turn } else { turn };
     all.move_since(first, |mesh| solid::rotated(mesh, bike.head, axis, swings));
-    let screen = fairing(&mut all, &bike, &mut draw);
+    let screen = fairing::fairing(&mut all, &bike, &mut draw);
     let traits = vec![
         ("style", style.name().to_owned()),
         ("engine", engine.to_owned()),
@@ -319,110 +322,6 @@ fn frame(all: &mut Assembly, b: &Bike) {
     all.add("stand", solid::bar(&stand, 0.014, 1, 8), DARK);
 }
 
-/// Adds the engine; returns its kind.
-fn engine(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> &'static str {
-    let kind = match b.style {
-        Style::Cruiser => "V-twin",
-        Style::Dirt => "single",
-        Style::Sport => "four",
-        _ => draw.pick(&["V-twin", "single", "four", "boxer"]),
-    };
-    let z = 0.5 * (b.front[2] - b.radii[1] + b.rear[2] + b.radii[0]) - 0.02;
-    let case = solid::rounded_block([0.0, 0.32, z], [0.28, 0.24, 0.42], 0.07);
-    all.add("crankcase", case, ENGINE);
-    for side in [-1.0, 1.0] {
-        let cover = [[0.0, 0.0], [0.1, 0.0], [0.095, 0.03], [0.06, 0.045], [0.0, 0.047]];
-        for (dz, size) in [(-0.1, 0.9), (0.08, 0.8)] {
-            let at = [side * 0.13, 0.32, z + dz];
-            let mesh = solid::turned(&cover, 18, at, [side, 0.0, 0.0]).map_positions(|p| {
-                let about = [at[0] as f32, at[1] as f32, at[2] as f32];
-                std::array::from_fn(|k| about[k] + (p[k] - about[k]) * size as f32)
-            });
-            all.add("cover", mesh, if b.style == Style::Cruiser { CHROME } else { STEEL });
-        }
-    }
-    let cylinders: &[[f64; 3]] = match kind {
-        "V-twin" => &[[0.42, 0.0, 0.13], [-0.42, 0.0, 0.13]],
-        "single" => &[[0.15, 0.0, 0.14]],
-        "four" => &[[0.3, 0.0, 0.34]],
-        _ => &[],
-    };
-    for &[lean, x, wide] in cylinders {
-        let mut fins = Assembly::default();
-        for k in 0..5 {
-            let y = 0.1 + 0.042 * f64::from(k);
-            let size = if k % 2 == 0 { 1.0 } else { 0.8 };
-            let fin = [wide * size, 0.05, 0.17 * size];
-            fins.add("cylinder", solid::rounded_block([x, y, 0.0], fin, 0.012), ENGINE);
-        }
-        let head = [wide * 1.02, 0.075, 0.18];
-        fins.add("head", solid::rounded_block([x, 0.32, 0.0], head, 0.025), STEEL);
-        let place =
-            [0.0, 0.32, z + 0.06 * f64::signum(lean) * f64::from(u8::from(kind == "V-twin"))];
-        let at = place.map(|v| v as f32);
-        fins.move_since(0, |mesh| solid::rotated(mesh, [0.0; 3], X, lean).translated(at));
-        all.absorb(fins);
-    }
-    if kind == "boxer" {
-        for k in 0..4 {
-            let size = if k % 2 == 0 { 1.0 } else { 0.82 };
-            let at = [0.15 + 0.045 * f64::from(k), 0.34, z + 0.1];
-            let fin = [0.05, 0.17 * size, 0.19 * size];
-            all.pair("cylinder", solid::rounded_block(at, fin, 0.012), ENGINE);
-        }
-        let head = solid::rounded_block([0.34, 0.34, z + 0.1], [0.08, 0.17, 0.2], 0.035);
-        all.pair("head", head, STEEL);
-    }
-    kind
-}
-
-/// Adds the exhaust pipes; returns how many.
-fn exhaust(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> usize {
-    let count = match b.style {
-        Style::Cruiser => draw.pick(&[2, 2, 4]),
-        Style::Dirt => 1,
-        _ => draw.count(1, 2),
-    };
-    let metal = if b.style == Style::Cruiser { CHROME } else { draw.pick(&[STEEL, DARK]) };
-    let back = b.rear[2];
-    let start = 0.22;
-    let one = |x: f64, y: f64, rise: f64| {
-        let root = [0.6 * x, 0.5, start];
-        let knee = [0.85 * x, y + 0.05, start + 0.08];
-        let low = [x, y, start - 0.25];
-        let joint = [x, y + 0.2 * rise, back + 0.42];
-        let tip = [x + 0.01, y + rise, back - 0.1];
-        let pipe = solid::bar(&[root, knee, low, joint, mix(joint, tip, 0.2)], 0.026, 5, 10);
-        (pipe, joint, tip)
-    };
-    let x = 0.5 * b.widths[0] + 0.1;
-    let (y, rise) = match b.style {
-        Style::Cruiser => (0.24, 0.02),
-        Style::Dirt => (0.52, 0.26),
-        Style::Sport => (0.22, draw.within(0.2, 0.4)),
-        _ => (0.22, draw.within(0.05, 0.25)),
-    };
-    for k in 0..count {
-        let side =
-            if k % 2 == 0 && !(b.style == Style::Cruiser && count == 2) { -1.0 } else { 1.0 };
-        let (side, level) = if b.style == Style::Cruiser && count == 2 {
-            (-1.0, 0.1 * k as f64)
-        } else {
-            (side, 0.1 * (k / 2) as f64)
-        };
-        let (pipe, joint, tip) = one(x, y + level, rise);
-        let fat = if b.style == Style::Cruiser { [0.04, 0.048] } else { [0.045, 0.062] };
-        let muffler = solid::rod(joint, tip, fat, 16);
-        let end = solid::rod(mix(joint, tip, 0.9), mix(joint, tip, 1.015), [0.036; 2], 12);
-        for (name, mesh, color) in
-            [("pipe", pipe, metal), ("muffler", muffler, metal), ("outlet", end, DARK)]
-        {
-            all.add(name, if side > 0.0 { mesh } else { solid::mirrored(&mesh) }, color);
-        }
-    }
-    count
-}
-
 /// Tank, seat, tail and rear mudguard.
 fn upper(all: &mut Assembly, b: &Bike, draw: &mut Draw) {
     let front = b.head[2] - 0.05;
@@ -558,185 +457,6 @@ fn luggage(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> &'static str {
         all.add("trunk rack", solid::rod(foot, [0.0, y - 0.1, z - 0.12], [0.06; 2], 8), DARK);
     }
     kind
-}
-
-/// Adds what keeps off the wind; returns its kind.
-fn fairing(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> &'static str {
-    let [_, y, z] = b.head;
-    let screen = |all: &mut Assembly, base: Point, half: f64, rise: [f64; 2]| {
-        let surface = |u: f64, v: f64| {
-            let across = 2.0 * u - 1.0;
-            let narrow = half * (1.0 - 0.35 * v * v);
-            let back = rise[1] * v + 0.13 * across * across;
-            add(base, [narrow * across, rise[0] * v, -back])
-        };
-        all.add("screen", solid::plate(surface, [8, 5], [0.006, 0.006]), GLASS);
-    };
-    match b.style {
-        Style::Sport => {
-            let nose = [
-                [z + 0.37, y - 0.13, 0.03, 0.03],
-                [z + 0.34, y - 0.12, 0.1, 0.075],
-                [z + 0.24, y - 0.09, 0.17, 0.115],
-                [z + 0.1, y - 0.08, 0.2, 0.12],
-                [z - 0.02, y - 0.1, 0.2, 0.1],
-            ];
-            all.add("nose", hull(&nose, 2.6), b.paint);
-            screen(all, [0.0, y - 0.01, z + 0.27], 0.15, [0.2, 0.24]);
-            let eye = solid::rounded_block([0.075, y - 0.115, z + 0.315], [0.11, 0.05, 0.1], 0.02);
-            let eye = solid::rotated(eye, [0.075, y - 0.115, z + 0.3], [0.0, 1.0, 0.0], 0.45);
-            all.pair("headlight", eye, LIGHT);
-            // Side panels down to a belly pan, open between for the wheel.
-            let outline = [
-                [z + 0.2, y - 0.1],
-                [z - 0.1, y - 0.06],
-                [z - 0.32, 0.56],
-                [z - 0.42, 0.32],
-                [-0.32, 0.2],
-                [-0.22, 0.14],
-                [0.1, 0.14],
-                [z - 0.18, 0.3],
-                [z - 0.08, 0.5],
-            ];
-            all.pair("side fairing", solid::side_prism(&outline, [0.165, 0.2]), b.paint);
-            let vent = [[z - 0.06, 0.62], [z - 0.18, 0.66], [z - 0.3, 0.46], [z - 0.2, 0.4]];
-            all.pair("vent", solid::side_prism(&vent, [0.16, 0.21]), DARK);
-            if b.accent != b.paint {
-                let slash = [[-0.2, 0.17], [0.08, 0.17], [z - 0.22, 0.34], [-0.1, 0.27]];
-                all.pair("slash", solid::side_prism(&slash, [0.16, 0.21]), b.accent);
-            }
-            let belly = solid::rounded_block([0.0, 0.17, -0.08], [0.38, 0.08, 0.4], 0.03);
-            all.add("belly", belly, b.paint);
-            let tip = [0.3, y + 0.05, z + 0.15];
-            all.pair(
-                "mirror arm",
-                solid::bar(&[[0.15, y - 0.06, z + 0.18], tip], 0.012, 1, 8),
-                DARK,
-            );
-            all.pair("mirror", solid::ball(tip, [0.07, 0.04, 0.03], 8), b.paint);
-            "full fairing"
-        }
-        Style::Touring => {
-            let nose = [
-                [z + 0.36, y - 0.05, 0.05, 0.05],
-                [z + 0.33, y - 0.04, 0.15, 0.11],
-                [z + 0.22, y, 0.23, 0.16],
-                [z + 0.06, y - 0.01, 0.25, 0.16],
-                [z + 0.0, y - 0.02, 0.24, 0.14],
-            ];
-            all.add("nose", hull(&nose, 2.8), b.paint);
-            screen(all, [0.0, y + 0.1, z + 0.28], 0.22, [0.34, 0.2]);
-            let lamp = solid::rounded_block([0.0, y - 0.05, z + 0.33], [0.2, 0.1, 0.1], 0.04);
-            all.add("headlight", lamp, LIGHT);
-            "half fairing"
-        }
-        Style::Dirt => {
-            let board = [
-                [-0.1, -0.13],
-                [0.1, -0.13],
-                [0.12, 0.08],
-                [0.05, 0.12],
-                [-0.05, 0.12],
-                [-0.12, 0.08],
-            ];
-            let plate = solid::front_prism(&board, [0.0, 0.03]);
-            let plate = solid::rotated(plate, [0.0; 3], X, -0.35);
-            let at = add(b.head, [0.0, -0.02, 0.1]).map(|v| v as f32);
-            all.add("number plate", plate.translated(at), b.accent);
-            let lamp = solid::ball(add(b.head, [0.0, -0.06, 0.13]), [0.06, 0.05, 0.04], 8);
-            all.add("headlight", lamp, LIGHT);
-            let wing = [
-                [z - 0.02, y - 0.02],
-                [z - 0.32, y - 0.08],
-                [z - 0.3, y - 0.2],
-                [z - 0.06, y - 0.33],
-            ];
-            all.pair("shroud", solid::side_prism(&wing, [0.1, 0.14]), b.paint);
-            "none"
-        }
-        Style::Scooter => {
-            let high = draw.chance(0.5);
-            if high {
-                screen(all, [0.0, y + 0.1, z + 0.1], 0.2, [0.34, 0.12]);
-            }
-            if high { "windscreen" } else { "none" }
-        }
-        Style::Cruiser if draw.chance(0.4) => {
-            screen(all, [0.0, y + 0.05, z + 0.17], 0.24, [0.42, 0.16]);
-            "windscreen"
-        }
-        Style::Naked if draw.chance(0.4) => {
-            screen(all, [0.0, y + 0.03, z + 0.18], 0.13, [0.15, 0.1]);
-            "flyscreen"
-        }
-        _ => "none",
-    }
-}
-
-/// The bodywork of a scooter; returns its engine and its one exhaust.
-fn scooter(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> (&'static str, usize) {
-    let [_, y, z] = b.head;
-    let tail = b.rear[2];
-    let floor = [0.0, 0.24, 0.06];
-    all.add("floor", solid::rounded_block(floor, [0.36, 0.09, 0.56], 0.04), b.paint);
-    let mat = [0.0, 0.29, 0.06];
-    all.add("mat", solid::rounded_block(mat, [0.3, 0.02, 0.4], 0.008), DARK);
-    // The shield before the knees: bent across, leaning with the fork.
-    let foot = z + 0.03;
-    let shield = |u: f64, v: f64| {
-        let across = 2.0 * u - 1.0;
-        let half = 0.19 + 0.05 * (PI * v).sin();
-        let lean = foot - 0.02 + 0.09 * (1.0 - v) - 0.07 * across * across;
-        [half * across, 0.2 + (y - 0.12) * v, lean]
-    };
-    all.add("shield", solid::plate(shield, [8, 10], [0.02, 0.02]), b.paint);
-    let nose = [
-        [foot + 0.16, 0.55, 0.03, 0.1],
-        [foot + 0.12, 0.56, 0.07, 0.17],
-        [foot + 0.05, 0.57, 0.1, 0.22],
-        [foot - 0.02, 0.58, 0.1, 0.22],
-    ];
-    all.add("nose", hull(&nose, 2.4), b.accent);
-    let body = [
-        [-0.14, 0.42, 0.13, 0.2],
-        [-0.2, 0.45, 0.16, 0.22],
-        [-0.4, 0.48, 0.19, 0.2],
-        [tail + 0.05, 0.53, 0.18, 0.16],
-        [tail - 0.15, 0.58, 0.13, 0.11],
-        [tail - 0.27, 0.61, 0.06, 0.05],
-    ];
-    all.add("body", hull(&body, 2.8), b.paint);
-    let s = b.seat;
-    let leather = draw.pick(&[DARK, [0.42, 0.25, 0.14], [0.85, 0.8, 0.7]]);
-    let seat = [
-        [-0.1, s - 0.06, 0.06, 0.05],
-        [-0.2, s - 0.05, 0.12, 0.06],
-        [-0.4, s - 0.04, 0.15, 0.065],
-        [tail - 0.02, s - 0.01, 0.14, 0.065],
-        [tail - 0.18, s, 0.08, 0.045],
-    ];
-    all.add("seat", hull(&seat, 3.0), leather);
-    let engine = [0.0, 0.27, tail + 0.12];
-    all.add("engine", solid::rounded_block(engine, [0.3, 0.2, 0.42], 0.07), ENGINE);
-    let pipe = [[-0.17, 0.2, tail + 0.3], [-0.2, 0.24, tail - 0.22]];
-    all.add("muffler", solid::rod(pipe[0], pipe[1], [0.04, 0.06], 14), STEEL);
-    let cover = [
-        [z + 0.13, y + 0.03, 0.05, 0.05],
-        [z + 0.09, y + 0.03, 0.11, 0.085],
-        [z - 0.02, y + 0.05, 0.13, 0.08],
-        [z - 0.1, y + 0.05, 0.08, 0.05],
-    ];
-    all.add("handlebar cover", hull(&cover, 2.5), b.paint);
-    let lamp = [[0.0, -0.05], [0.075, -0.05], [0.075, 0.02], [0.03, 0.035], [0.0, 0.037]];
-    let at = [0.0, y + 0.03, z + 0.12];
-    all.add("headlight", solid::turned(&lamp, 18, at, [0.0, 0.0, 1.0]), LIGHT);
-    let lamp = solid::rounded_block([0.0, 0.61, tail - 0.27], [0.14, 0.07, 0.05], 0.02);
-    all.add("tail light", lamp, RED);
-    let plate = [0.0, 0.46, tail - 0.27];
-    all.add("plate", solid::block(plate, [0.17, 0.12, 0.02]), [0.92, 0.92, 0.9]);
-    let holder = [[0.0, 0.6, tail - 0.22], [0.0, 0.44, tail - 0.265]];
-    all.add("plate holder", solid::rod(holder[0], holder[1], [0.02; 2], 8), DARK);
-    ("hidden", 1)
 }
 
 #[cfg(test)]

@@ -1,5 +1,4 @@
 //! Closed solids in place, in `f64`: what families build their parts from.
-#![allow(dead_code, reason = "families are being written")]
 
 use mesh_core::TriMesh;
 use mesh_core::primitives::{self, TubeEnds};

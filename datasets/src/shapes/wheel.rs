@@ -1,5 +1,4 @@
 //! Wheels of cars, buses and motorbikes, lying along the X axis.
-#![allow(dead_code, reason = "families are being written")]
 
 use std::f64::consts::TAU;
 
