@@ -388,7 +388,7 @@ fn windows(
                 let near = |&door: &f64| z[0] < door + 0.6 && z[1] > door - 0.6;
                 for side in [-1.0, 1.0] {
                     // The lower deck has no windows where doors are.
-                    if deck > 0 || side != curb || !doors.iter().any(|d| near(d)) {
+                    if deck > 0 || side != curb || !doors.iter().any(&near) {
                         let place = (z, heights);
                         bus.on_side(all, "window", place, (0.09, 0.025), GLASS, Some(side));
                     }

@@ -149,15 +149,6 @@ pub(super) fn side_prism(outline: &[[f64; 2]], [from, to]: [f64; 2]) -> TriMesh 
     ])
 }
 
-/// A prism over an outline `[x, z]` seen from above, between two heights.
-pub(super) fn flat_prism(outline: &[[f64; 2]], [from, to]: [f64; 2]) -> TriMesh {
-    prism(outline, to - from).transformed(&[
-        [1.0, 0.0, 0.0, 0.0],
-        [0.0, 0.0, 1.0, 0.5 * (from + to)],
-        [0.0, 1.0, 0.0, 0.0],
-    ])
-}
-
 /// A prism over an outline `[x, y]` seen from the front, between two values of z.
 pub(super) fn front_prism(outline: &[[f64; 2]], [from, to]: [f64; 2]) -> TriMesh {
     prism(outline, to - from).translated([0.0, 0.0, (0.5 * (from + to)) as f32])
