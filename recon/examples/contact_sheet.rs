@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (count, seed, size) = (number(2, 8)?, number(3, 0)?, number(4, 137)?);
     let families: Vec<Family> = match arguments.get(1).map_or("all", String::as_str) {
         "all" => Family::ALL.to_vec(),
-        names => names.split(',').map(str::parse).collect::<Result<_, _>>()?,
+        names => names.split(',').map(str::parse::<Family>).collect::<Result<_, _>>()?,
     };
 
     let background = [0.94, 0.94, 0.93];

@@ -111,7 +111,7 @@ fn hull(cuts: &[[f64; 4]], exponent: f64) -> TriMesh {
 }
 
 pub(super) fn draw(seed: u64) -> Shape {
-    let mut draw = Draw::new(seed, 8);
+    let mut draw = Draw::new(seed, 18);
     let style = draw.pick(&Style::ALL);
     let bike = Bike::draw(&mut draw, style);
     let mut all = Assembly::default();
