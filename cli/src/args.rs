@@ -1,9 +1,15 @@
 //! The command line: what can be said, and the help that teaches it.
 
+mod data;
+
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use datasets::{MaskSource, ReadOptions};
+
+pub(crate) use data::{
+    CamerasName, Data, DataVerb, DepthKind, Frame, Generate, LayoutName, SizeRule,
+};
 
 /// Images of an object in, a triangle mesh out.
 ///
@@ -56,6 +62,8 @@ pub(crate) enum Command {
     Metrics(Metrics),
     /// Examine a mesh, views, or a configuration, before work is spent on them.
     Check(Check),
+    /// Make datasets.
+    Data(Data),
     /// Print a completion script for a shell.
     Completions(Completions),
 }

@@ -28,7 +28,7 @@
 //!
 //! - **fit one object**: [`fit`](mod@fit)
 //! - **score a mesh on views**: [`evaluate`]
-//! - **make views with a known truth**: [`synthetic`]
+//! - **make views with a known truth**: [`synthetic`]; whole datasets of them: [`mod@generate`]
 //! - **deliver**: [`delivery`] writes what a user keeps, from [`report`], [`turntable`] and [`output`]
 //! - **configurations as TOML**: [`settings`]
 //!
@@ -42,6 +42,7 @@
 pub mod delivery;
 pub mod evaluate;
 pub mod fit;
+pub mod generate;
 pub mod output;
 pub mod report;
 pub mod settings;

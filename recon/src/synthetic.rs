@@ -18,6 +18,7 @@ mod dataset;
 mod monocular;
 mod r2n2;
 mod render;
+mod rendering;
 mod shade;
 
 pub use cameras::{Orbit, Placement};
@@ -25,5 +26,6 @@ pub use collection::{Collection, PoseNoise, RoughPose};
 pub use dataset::write_dataset;
 pub use monocular::{Guess, Monocular};
 pub use r2n2::R2n2Cameras;
-pub use render::{NormalSpace, RenderOptions, Rendering, render, render_views};
+pub use render::{RenderOptions, render, render_views};
+pub use rendering::{NormalSpace, Rendering};
 pub use shade::Lighting;

@@ -2,6 +2,7 @@
 
 mod check;
 mod completions;
+mod data;
 mod demo;
 mod fit;
 mod metrics;
@@ -24,6 +25,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Render(arguments) => render::run(console, &arguments),
         Command::Metrics(arguments) => metrics::run(console, global, &arguments),
         Command::Check(arguments) => check::run(console, global, &arguments),
+        Command::Data(arguments) => data::run(console, global, &arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     })
 }

@@ -9,7 +9,7 @@ use exr::prelude::{
 };
 
 use super::file::read_bytes;
-use super::{DepthMap, ImageError, depth};
+use super::{DepthMap, Image, ImageError, depth};
 use crate::io::{WriteError, write_atomic};
 
 /// The most that the channels of one file may take in memory.
@@ -110,20 +110,47 @@ pub fn encode_depth(map: &DepthMap) -> Vec<u8> {
         data.len()
     );
     let samples = data.iter().map(|&v| depth::to_file(v)).collect();
-    let channel = AnyChannel::new(Text::from("Z"), FlatSamples::F32(samples));
+    encode(width, height, vec![("Z", samples)])
+}
+
+/// An EXR file in memory of floats as they are: channel `V` of an image with one channel, `R`, `G`,
+/// `B` of one with three. [`decode_depth`] reads back one channel.
+///
+/// # Panics
+/// If the image is empty, has another number of channels, or its data is of another length.
+pub fn encode_exr(image: &Image) -> Vec<u8> {
+    let Image { height, width, channels, ref data } = *image;
+    assert!(
+        height * width > 0 && data.len() == height * width * channels,
+        "encode_exr: {width} x {height} pixels of {channels} channels in {} floats",
+        data.len()
+    );
+    let names: &[&str] = match channels {
+        1 => &["V"],
+        3 => &["R", "G", "B"],
+        n => panic!("encode_exr: {n} channels, expected 1 or 3"),
+    };
+    let plane = |k: usize| data.iter().skip(k).step_by(channels).copied().collect();
+    encode(width, height, names.iter().enumerate().map(|(k, name)| (*name, plane(k))).collect())
+}
+
+fn encode(width: usize, height: usize, channels: Vec<(&str, Vec<f32>)>) -> Vec<u8> {
+    let channels = channels
+        .into_iter()
+        .map(|(name, samples)| AnyChannel::new(Text::from(name), FlatSamples::F32(samples)));
     let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::default() };
     let layer = Layer::new(
         (width, height),
         LayerAttributes::default(),
         encoding,
-        AnyChannels::sort(std::iter::once(channel).collect()),
+        AnyChannels::sort(channels.collect()),
     );
     let mut bytes = Cursor::new(Vec::new());
     exr::prelude::Image::from_layer(layer)
         .write()
         .non_parallel()
         .to_buffered(&mut bytes)
-        .expect("a checked map into memory");
+        .expect("a checked image into memory");
     bytes.into_inner()
 }
 
@@ -229,6 +256,16 @@ mod tests {
         let channel = &raw.layer_data.channel_data.list[0];
         assert_eq!(channel.name.to_string(), "Z");
         assert_eq!(channel.sample_data.value_by_flat_index(2).to_f32(), 1e10);
+    }
+
+    #[test]
+    fn floats_come_back_as_they_are() {
+        let data = vec![-1.5, 0.0, 1e-7, 3.25, 0.5, -0.25];
+        let image = Image { height: 3, width: 2, channels: 1, data };
+        assert_eq!(decode_depth(&encode_exr(&image), "a.exr").unwrap().data, image.data);
+        let colors = Image { height: 1, width: 2, channels: 3, data: image.data.clone() };
+        // The red of both pixels.
+        assert_eq!(decode_depth(&encode_exr(&colors), "a.exr").unwrap().data, [-1.5, 3.25]);
     }
 
     #[test]

@@ -1,0 +1,168 @@
+//! What can be said after `unsphere data`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum};
+
+use super::{Configuration, Light, hex_color};
+
+#[derive(Args, Debug)]
+#[command(arg_required_else_help = true)]
+pub(crate) struct Data {
+    #[command(subcommand)]
+    pub(crate) verb: DataVerb,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum DataVerb {
+    /// Make a dataset: procedural objects, or a mesh of yours, seen from all around.
+    Generate(Box<Generate>),
+}
+
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Families: airplane (plane), car, bus, chair, table, lamp, bicycle (bike), motorbike (motorcycle),
+alarm_clock (clock), or all.
+
+The folder gets one folder for each object, objects.json with the seeds and what was drawn,
+splits.json, contact_sheet.png and dataset.toml. The same options give the same bytes, whatever the
+number of threads. Ctrl-C keeps the objects that are complete; the same command again goes on from
+there.
+
+--set reaches what has no option of its own, for example
+  --set 'split=[0.8,0.1,0.1]'                          shares of training, validation, test
+  --set 'noise={rotation=20,scale=0.2}'                how rough the poses of a collection are
+  --set 'monocular={blur=[0,0],ground=[0,0]}'          sharp guesses of depth without a floor
+
+Examples:
+  unsphere data generate --families plane,car --objects 200 --layout r2n2 --seed 7 -o shapes
+  unsphere data generate --cameras sphere --size 256 --depth true -o all
+  unsphere data generate --cameras collection --layout transforms --size 320x240 -o photos
+  unsphere data generate --from chair.obj --cameras sphere --views 100 --size 512 -o chair"
+)]
+pub(crate) struct Generate {
+    /// Folder of the dataset; new, empty, or begun with the same options.
+    #[arg(long, short, visible_alias = "out", value_name = "FOLDER")]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) configuration: Configuration,
+    /// What kinds of objects, separated by commas.
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    pub(crate) families: Vec<String>,
+    /// Objects of each kind [default: 20].
+    #[arg(long, value_name = "N")]
+    pub(crate) objects: Option<usize>,
+    /// This mesh instead: .obj, .ply or .glb; colours and texture are kept.
+    #[arg(long, value_name = "MESH", conflicts_with_all = ["families", "objects"])]
+    pub(crate) from: Option<PathBuf>,
+    /// What size that mesh is brought to.
+    #[arg(long, value_enum, default_value_t = SizeRule::UnitDiagonal, requires = "from")]
+    pub(crate) normalize: SizeRule,
+    /// How files are laid out [default: kaolin].
+    #[arg(long, value_enum)]
+    pub(crate) layout: Option<LayoutName>,
+    /// Where cameras stand [default: r2n2].
+    #[arg(long, value_enum)]
+    pub(crate) cameras: Option<CamerasName>,
+    /// Views of each object [default: 24, in collections 1].
+    #[arg(long, value_name = "N")]
+    pub(crate) views: Option<usize>,
+    /// Pixels: width and height, or WIDTHxHEIGHT [default: 137].
+    #[arg(long, value_name = "PIXELS", value_parser = size)]
+    pub(crate) size: Option<[usize; 2]>,
+    /// Kinds of depth to write, separated by commas.
+    #[arg(long, value_enum, value_delimiter = ',')]
+    pub(crate) depth: Vec<DepthKind>,
+    /// Write normals, in this frame.
+    #[arg(long, value_enum)]
+    pub(crate) normals: Option<Frame>,
+    /// What is behind the object [default: 000000].
+    #[arg(long, value_name = "RRGGBB", value_parser = hex_color)]
+    pub(crate) background: Option<[u8; 3]>,
+    /// The light [default: studio].
+    #[arg(long, value_enum)]
+    pub(crate) light: Option<Light>,
+    /// Points on the surface, in the layout r2n2 [default: 10000].
+    #[arg(long, value_name = "N")]
+    pub(crate) points: Option<usize>,
+    /// Cells along each side of the voxels, in the layout r2n2 [default: 32].
+    #[arg(long, value_name = "N")]
+    pub(crate) voxels: Option<usize>,
+}
+
+/// Layouts that are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LayoutName {
+    /// kaolin's synthetic views.
+    Kaolin,
+    /// ShapeNet with 3D-R2N2's renderings, points and voxels.
+    R2n2,
+    /// A transforms.json of NeRF and nerfstudio.
+    Transforms,
+}
+
+/// Distributions of cameras.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum CamerasName {
+    /// From a little above, all around, as 3D-R2N2 rendered ShapeNet.
+    R2n2,
+    /// Evenly from everywhere, also from below.
+    Sphere,
+    /// As photographs are taken, one an object, with a rough pose beside the true one.
+    Collection,
+}
+
+/// Kinds of depth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum DepthKind {
+    /// Planar depth, EXR.
+    True,
+    /// Inverse depth up to scale and shift, blurred, with a floor: as networks guess it.
+    Monocular,
+}
+
+/// Frames of normals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Frame {
+    /// x right, y up, z towards the viewer.
+    Camera,
+    /// The object's own.
+    World,
+}
+
+/// What size a mesh is brought to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SizeRule {
+    /// A box of diagonal 1, centred, as ShapeNet has it.
+    UnitDiagonal,
+    /// A box of longest side 1, centred.
+    UnitBox,
+    /// Vertices within 1 of the box's middle, centred.
+    UnitSphere,
+    /// As it is.
+    None,
+}
+
+fn size(text: &str) -> Result<[usize; 2], String> {
+    let number = |text: &str| text.parse::<usize>().ok().filter(|n| (8..=8192).contains(n));
+    let pair = match text.split_once(['x', 'X']) {
+        Some((width, height)) => number(width).zip(number(height)),
+        None => number(text).map(|n| (n, n)),
+    };
+    pair.map(|(width, height)| [width, height])
+        .ok_or_else(|| "expected pixels, 8 to 8192, for example 256 or 320x240".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_one_number_or_two() {
+        assert_eq!(size("137"), Ok([137, 137]));
+        assert_eq!(size("320x240"), Ok([320, 240]));
+        for wrong in ["", "x", "7", "10x", "100000", "-9", "8x8x8"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+}

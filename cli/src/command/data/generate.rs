@@ -1,0 +1,205 @@
+//! `unsphere data generate`: a dataset of our own making.
+
+use std::path::Path;
+use std::time::Instant;
+
+use datasets::shapes::Family;
+use recon::fit::Flow;
+use recon::generate::{
+    CameraSet, GenerateConfig, GenerateError, Generated, Model, Normalize, OutputLayout,
+    UNFINISHED, generate,
+};
+use recon::synthetic::{Lighting, NormalSpace};
+use serde::Serialize;
+
+use crate::args::{CamerasName, DepthKind, Frame, Generate, Global, LayoutName, Light, SizeRule};
+use crate::console::{Console, table};
+use crate::failure::Failure;
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
+
+/// What is printed with `--json`.
+#[derive(Debug, Serialize)]
+struct Summary<'a> {
+    output: &'a Path,
+    objects: usize,
+    made: usize,
+    skipped: usize,
+    views: usize,
+    faces: [usize; 2],
+    seconds: f64,
+}
+
+pub(crate) fn run(console: Console, global: Global, arguments: &Generate) -> Result<(), Failure> {
+    let start = Instant::now();
+    let config = configuration(arguments, global)?;
+    let model = arguments
+        .from
+        .as_ref()
+        .map(|path| Model::read(path, size_rule(arguments.normalize)))
+        .transpose()?;
+    let output = &arguments.output;
+    let interrupt = Interrupt::listen(&output.join(UNFINISHED))?;
+    // Every object that is complete is worth keeping, so the first press lets them be completed.
+    interrupt.worthwhile();
+    let progress = Progress::new(console, "generate");
+    let generated = generate(&config, model.as_ref(), output, &|done, all| {
+        progress.set(done, all);
+        if interrupt.pressed() { Flow::Stop } else { Flow::Continue }
+    })
+    .map_err(failure)?;
+    progress.finish();
+    if generated.stopped {
+        let Generated { objects, total, .. } = &generated;
+        return Err(Failure::Interrupted(format!(
+            "{} of {total} objects are complete in {}; the same command again goes on from there",
+            objects.len(),
+            output.display()
+        )));
+    }
+    let faces = generated.objects.iter().map(|object| object.faces);
+    let summary = Summary {
+        output,
+        objects: generated.objects.len(),
+        made: generated.made,
+        skipped: generated.skipped,
+        views: generated.objects.iter().map(|object| object.views).sum(),
+        faces: [faces.clone().min().unwrap_or(0), faces.max().unwrap_or(0)],
+        seconds: start.elapsed().as_secs_f64(),
+    };
+    console.result(&summary, |s| {
+        let objects = match s.skipped {
+            0 => s.objects.to_string(),
+            skipped => format!("{}, of which {skipped} were there already", s.objects),
+        };
+        table([
+            ("dataset", s.output.display().to_string()),
+            ("objects", objects),
+            ("views", s.views.to_string()),
+            ("faces", format!("{} to {} an object", s.faces[0], s.faces[1])),
+            ("sheet", s.output.join("contact_sheet.png").display().to_string()),
+            ("time", format!("{:.1} s", s.seconds)),
+        ])
+    })
+}
+
+/// The options, over the settings, over the configuration file, over the defaults.
+fn configuration(arguments: &Generate, global: Global) -> Result<GenerateConfig, Failure> {
+    let given = &arguments.configuration;
+    let mut config: GenerateConfig = recon::settings::read(given.config.as_deref(), &given.set)
+        .map_err(|error| Failure::Usage(error.to_string()))?;
+    if !arguments.families.is_empty() {
+        config.families = families(&arguments.families)?;
+    }
+    if let Some(layout) = arguments.layout {
+        config.layout = match layout {
+            LayoutName::Kaolin => OutputLayout::Kaolin,
+            LayoutName::R2n2 => OutputLayout::R2n2,
+            LayoutName::Transforms => OutputLayout::Transforms,
+        };
+    }
+    if let Some(cameras) = arguments.cameras {
+        config.cameras = match cameras {
+            CamerasName::R2n2 => CameraSet::R2n2,
+            CamerasName::Sphere => CameraSet::Sphere,
+            CamerasName::Collection => CameraSet::Collection,
+        };
+        if cameras == CamerasName::Collection {
+            config.views = 1;
+        }
+    }
+    let set = |field: &mut usize, value: Option<usize>| *field = value.unwrap_or(*field);
+    set(&mut config.objects, arguments.objects);
+    set(&mut config.views, arguments.views);
+    set(&mut config.points, arguments.points);
+    set(&mut config.voxels, arguments.voxels);
+    if let Some([width, height]) = arguments.size {
+        (config.width, config.height) = (width, height);
+    }
+    if !arguments.depth.is_empty() {
+        config.depth = arguments.depth.contains(&DepthKind::True);
+        let monocular = arguments.depth.contains(&DepthKind::Monocular);
+        config.monocular = monocular.then(|| config.monocular.take().unwrap_or_default());
+    }
+    if let Some(frame) = arguments.normals {
+        config.normals = Some(match frame {
+            Frame::Camera => NormalSpace::Camera,
+            Frame::World => NormalSpace::World,
+        });
+    }
+    if let Some(color) = arguments.background {
+        config.background = color.map(|byte| f32::from(byte) / 255.0);
+    }
+    match arguments.light {
+        Some(Light::Flat) => config.lighting = Lighting::flat(),
+        Some(Light::Studio) => config.lighting = Lighting::studio(),
+        None => {}
+    }
+    config.seed = global.seed.unwrap_or(config.seed);
+    Ok(config)
+}
+
+/// The families of these names; `all` stands for every one.
+fn families(names: &[String]) -> Result<Vec<Family>, Failure> {
+    if names.iter().any(|name| name == "all") {
+        return Ok(Family::ALL.to_vec());
+    }
+    let named = names.iter().map(|name| name.trim().parse::<Family>());
+    named.collect::<Result<_, _>>().map_err(|e| Failure::Usage(format!("--families: {e}")))
+}
+
+fn size_rule(rule: SizeRule) -> Normalize {
+    match rule {
+        SizeRule::UnitDiagonal => Normalize::UnitDiagonal,
+        SizeRule::UnitBox => Normalize::UnitBox,
+        SizeRule::UnitSphere => Normalize::UnitSphere,
+        SizeRule::None => Normalize::None,
+    }
+}
+
+fn failure(error: GenerateError) -> Failure {
+    match error {
+        GenerateError::Config(_) | GenerateError::Different { .. } => {
+            Failure::Usage(error.to_string())
+        }
+        GenerateError::Model(_) => Failure::input(error),
+        other => Failure::other(other),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use crate::args::{Arguments, Command, DataVerb};
+    use clap::Parser;
+    use recon::synthetic::Monocular;
+
+    fn config(line: &str) -> Result<GenerateConfig, String> {
+        let words = ["unsphere", "data", "generate", "-o", "x"].into_iter();
+        let line = words.chain(line.split(' ').filter(|word| !word.is_empty()));
+        let arguments = Arguments::try_parse_from(line).map_err(|e| e.to_string())?;
+        let Command::Data(data) = arguments.command else { unreachable!() };
+        let DataVerb::Generate(generate) = data.verb else { unreachable!() };
+        configuration(&generate, arguments.global).map_err(|failure| format!("{failure:?}"))
+    }
+
+    #[test]
+    fn options_say_what_they_mean() {
+        assert_eq!(config("").unwrap(), GenerateConfig::default());
+        let plain = config("--families plane,car --objects 200 --layout r2n2 --seed 7").unwrap();
+        assert_eq!(plain.families, [Family::Airplane, Family::Car]);
+        assert_eq!((plain.objects, plain.seed, plain.layout), (200, 7, OutputLayout::R2n2));
+        let photos = config("--cameras collection --size 64x48 --depth monocular").unwrap();
+        assert_eq!((photos.views, photos.width, photos.height), (1, 64, 48));
+        assert_eq!((photos.depth, photos.monocular), (false, Some(Monocular::default())));
+        assert_eq!(config("--cameras collection --views 3").unwrap().views, 3);
+        assert_eq!(config("--families all").unwrap().families, Family::ALL);
+        let set = config("--depth true,monocular --set monocular={blur=[0,0]}").unwrap();
+        assert_eq!((set.depth, set.monocular.unwrap().blur), (true, [0.0, 0.0]));
+        assert!(config("--families dog").unwrap_err().contains("alarm_clock"));
+        assert!(config("--from a.obj --families car").is_err());
+        assert!(config("--normalize none").is_err());
+        assert!(config("--set vieuws=3").unwrap_err().contains("vieuws=3"));
+    }
+}

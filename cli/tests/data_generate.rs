@@ -1,0 +1,50 @@
+//! `unsphere data generate`, as a user runs it.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use common::{files_in, unsphere};
+
+/// A small dataset, with what the last argument adds.
+const SMALL: [&str; 9] =
+    ["data", "generate", "--objects", "1", "--views", "2", "--size", "40x32", "-o"];
+
+#[test]
+fn a_dataset_is_made_once_and_others_are_refused() {
+    let place = tempfile::tempdir().unwrap();
+    let [a, b, c, d, e, f, g, h, i] = SMALL;
+    let families = ["--families", "clock,table", "--json"];
+    let [x, y, z] = families;
+    let run = |seed: &str| {
+        unsphere(place.path(), [a, b, c, d, e, f, g, h, i, "set", x, y, z, "--seed", seed])
+    };
+    let first = run("3").ok().json();
+    assert_eq!((first["made"].as_u64(), first["views"].as_u64()), (Some(2), Some(4)));
+    let files = files_in(&place.path().join("set"));
+    let names = ["contact_sheet.png", "dataset.toml", "objects.json", "splits.json"];
+    assert!(names.iter().all(|name| files.contains(&place.path().join("set").join(name))));
+    let again = run("3").ok().json();
+    assert_eq!((again["made"].as_u64(), again["skipped"].as_u64()), (Some(0), Some(2)));
+    run("4").fails(2, &["dataset.toml", "seed = 3", "seed = 4"]);
+    std::fs::create_dir(place.path().join("mine")).unwrap();
+    std::fs::write(place.path().join("mine/note"), "x").unwrap();
+    unsphere(place.path(), [a, b, c, d, e, f, g, h, i, "mine"]).fails(1, &["mine", "dataset.toml"]);
+    unsphere(place.path(), [a, b, c, d, e, f, g, h, i, "new", "--set", "principal=[0.1,0]"])
+        .fails(2, &["principal", "transforms"]);
+    assert!(!place.path().join("new").exists());
+}
+
+#[test]
+fn a_mesh_of_the_users_is_seen_and_can_be_fitted() {
+    let place = tempfile::tempdir().unwrap();
+    let mesh = mesh_core::primitives::cuboid([1.0, 2.0, 3.0]);
+    mesh_core::write_mesh(place.path().join("block.ply"), &mesh).unwrap();
+    let make = ["data", "generate", "--from", "block.ply", "--cameras", "sphere", "--views", "8"];
+    let [a, b, c, d, e, f, g, h] = make;
+    unsphere(place.path(), [a, b, c, d, e, f, g, h, "--size", "40", "-o", "set", "--quiet"]).ok();
+    let [i, j, k, l] = common::TINY;
+    unsphere(place.path(), ["fit", "set/block/0000", "-o", "fit", "--quiet", i, j, k, l]).ok();
+    unsphere(place.path(), ["data", "generate", "--from", "none.obj", "-o", "x"])
+        .fails(3, &["none.obj"]);
+    assert!(!place.path().join("x").exists());
+}

@@ -1,0 +1,230 @@
+//! What a dataset is to be.
+
+use datasets::shapes::Family;
+use serde::{Deserialize, Serialize};
+
+use crate::synthetic::{Lighting, Monocular, NormalSpace, PoseNoise, RenderOptions};
+
+/// What [`generate`](super::generate) makes; the same bytes for the same values.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct GenerateConfig {
+    /// Families of shapes; not used where a model is given. Default: all.
+    #[serde(with = "names")]
+    pub families: Vec<Family>,
+    /// Objects of each family. Default 20.
+    pub objects: usize,
+    /// How files are laid out. Default `"kaolin"`.
+    pub layout: OutputLayout,
+    /// How cameras are distributed. Default `"r2n2"`.
+    pub cameras: CameraSet,
+    /// Views of each object. Default 24.
+    pub views: usize,
+    /// Width of the pictures. Default 137.
+    pub width: usize,
+    /// Height of the pictures. Default 137.
+    pub height: usize,
+    /// Where the principal point is off the middle, as a share of width and height: right and
+    /// down. Only `transforms.json` can say it. Default 0, 0.
+    pub principal: [f64; 2],
+    /// What is behind the object, sRGB; under alpha 0 where pictures have alpha. Default black.
+    pub background: [f32; 3],
+    /// Samples per pixel and axis; odd. Default 3.
+    pub supersample: usize,
+    /// Whether true planar depth is written. Default false.
+    pub depth: bool,
+    /// Whether and in which frame normals are written. Default not.
+    pub normals: Option<NormalSpace>,
+    /// Points on the surface with normals, where the layout has a place for them. Default 10,000.
+    pub points: usize,
+    /// Cells along each side of the voxel grid, where the layout has a place for it. Default 32.
+    pub voxels: usize,
+    /// Shares of objects for training, validation and test. Default 0.7, 0.1, 0.2.
+    pub split: [f64; 3],
+    /// Seed of everything that is drawn. Default 0.
+    pub seed: u64,
+    /// The light. Default: a bright room.
+    pub lighting: Lighting,
+    /// How far rough poses are from the true ones, for photo collections.
+    pub noise: PoseNoise,
+    /// Whether and how depth is guessed as a network would. Default not.
+    pub monocular: Option<Monocular>,
+}
+
+/// How a generated dataset is laid out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OutputLayout {
+    /// A folder of kaolin's synthetic views for each object.
+    #[default]
+    Kaolin,
+    /// ShapeNet with 3D-R2N2's renderings.
+    R2n2,
+    /// A folder with a `transforms.json` for each object.
+    Transforms,
+}
+
+/// How cameras stand around an object.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CameraSet {
+    /// As in 3D-R2N2's renderings: from a little above, all around.
+    #[default]
+    R2n2,
+    /// Evenly from everywhere, also from below.
+    Sphere,
+    /// As in collections of photographs, with a rough pose beside the true one.
+    Collection,
+}
+
+impl Default for GenerateConfig {
+    fn default() -> Self {
+        Self {
+            families: Family::ALL.to_vec(),
+            objects: 20,
+            layout: OutputLayout::Kaolin,
+            cameras: CameraSet::R2n2,
+            views: 24,
+            width: 137,
+            height: 137,
+            principal: [0.0; 2],
+            background: [0.0; 3],
+            supersample: 3,
+            depth: false,
+            normals: None,
+            points: 10_000,
+            voxels: 32,
+            split: [0.7, 0.1, 0.2],
+            seed: 0,
+            lighting: Lighting::studio(),
+            noise: PoseNoise::default(),
+            monocular: None,
+        }
+    }
+}
+
+impl GenerateConfig {
+    /// What is wrong with the values, one sentence each.
+    pub fn check(&self) -> Vec<String> {
+        let mut wrong = Vec::new();
+        let mut expect = |fits: bool, text: String| {
+            if !fits {
+                wrong.push(text);
+            }
+        };
+        let within = |n: usize, least: usize, most: usize| (least..=most).contains(&n);
+        let twice =
+            (1..self.families.len()).any(|i| self.families[..i].contains(&self.families[i]));
+        expect(!self.families.is_empty(), "families: none, expected at least one".into());
+        expect(!twice, "families: one is named twice".into());
+        for (name, value, least, most) in [
+            ("objects", self.objects, 1, 1_000_000),
+            ("views", self.views, 1, 10_000),
+            ("width", self.width, 8, 8192),
+            ("height", self.height, 8, 8192),
+            ("supersample", self.supersample, 1, 15),
+            ("points", self.points, 0, 10_000_000),
+            ("voxels", self.voxels, 0, 512),
+        ] {
+            let text = format!("{name}: found {value}, expected {least} to {most}");
+            expect(within(value, least, most), text);
+        }
+        expect(self.supersample % 2 == 1, format!("supersample: {} is even", self.supersample));
+        let [x, y] = self.principal;
+        expect(
+            x.abs() < 0.4 && y.abs() < 0.4,
+            format!("principal: found [{x}, {y}], expected below 0.4 in size"),
+        );
+        expect(
+            self.principal == [0.0; 2] || self.layout == OutputLayout::Transforms,
+            "principal: only the layout `transforms` can say it".into(),
+        );
+        expect(
+            self.normals != Some(NormalSpace::World) || self.layout != OutputLayout::R2n2,
+            "normals: the layout `r2n2` keeps those of the camera's frame".into(),
+        );
+        let colors = self.background.iter().all(|v| (0.0..=1.0).contains(v));
+        expect(colors, format!("background: found {:?}, expected 0 to 1", self.background));
+        let shares = self.split.iter().all(|s| (0.0..=1.0).contains(s));
+        let whole = (self.split.iter().sum::<f64>() - 1.0).abs() < 1e-9;
+        expect(shares && whole, format!("split: found {:?}, expected the sum 1", self.split));
+        let PoseNoise { rotation, scale, translation } = self.noise;
+        let noise = [rotation, scale, translation].iter().all(|v| (0.0..=180.0).contains(v));
+        expect(noise, format!("noise: found {:?}, expected 0 to 180 each", self.noise));
+        for text in self.monocular.iter().flat_map(Monocular::check) {
+            wrong.push(format!("monocular.{text}"));
+        }
+        wrong
+    }
+
+    /// How pictures are drawn.
+    pub(super) fn render_options(&self) -> RenderOptions {
+        RenderOptions {
+            lighting: self.lighting.clone(),
+            background: self.background,
+            supersample: self.supersample,
+            depth: self.depth || self.monocular.is_some(),
+            alpha: self.layout == OutputLayout::R2n2,
+            normals: self.normals,
+            ..RenderOptions::default()
+        }
+    }
+}
+
+/// Families by their names.
+mod names {
+    use super::Family;
+    use serde::de::{Deserialize, Deserializer, Error};
+    use serde::ser::Serializer;
+
+    pub(super) fn serialize<S: Serializer>(families: &[Family], to: S) -> Result<S::Ok, S::Error> {
+        to.collect_seq(families.iter().map(|family| family.name()))
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Family>, D::Error> {
+        let names = Vec::<String>::deserialize(from)?;
+        names.iter().map(|name| name.parse().map_err(D::Error::custom)).collect()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn survives_as_toml() {
+        let mut config = GenerateConfig {
+            families: vec![Family::AlarmClock, Family::Car],
+            normals: Some(NormalSpace::World),
+            ..GenerateConfig::default()
+        };
+        for monocular in [None, Some(Monocular::default())] {
+            config.monocular = monocular;
+            let text = crate::settings::to_toml(&config);
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("c.toml");
+            std::fs::write(&path, text).unwrap();
+            let read: GenerateConfig = crate::settings::read(Some(&path), &[]).unwrap();
+            assert_eq!(read, config);
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_is_named() {
+        assert!(GenerateConfig::default().check().is_empty());
+        let wrong = GenerateConfig {
+            families: vec![],
+            views: 0,
+            supersample: 2,
+            principal: [0.1, 0.0],
+            split: [0.5, 0.1, 0.1],
+            monocular: Some(Monocular { ground: [0.0, 2.0], ..Monocular::default() }),
+            ..GenerateConfig::default()
+        };
+        let wrong = wrong.check();
+        let names = ["families", "views", "supersample", "principal", "split", "monocular.ground"];
+        assert_eq!(wrong.len(), names.len(), "{wrong:?}");
+        assert!(wrong.iter().zip(names).all(|(text, name)| text.starts_with(name)), "{wrong:?}");
+    }
+}

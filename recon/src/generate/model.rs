@@ -1,0 +1,122 @@
+//! A mesh of the user's own as the object.
+
+use std::path::Path;
+
+use mesh_core::{ReadMeshError, TriMesh, read_mesh};
+
+/// A mesh from a file, brought to a size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// The file's name without its extension, in letters, digits, `-` and `_`: what the object is
+    /// called.
+    pub name: String,
+    /// The mesh with its colours and texture.
+    pub mesh: TriMesh,
+    /// What the manifest says of it, so that another file is not taken for it.
+    pub(super) fingerprint: String,
+}
+
+/// What size a mesh is brought to; all but `None` centre its box at the origin.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Normalize {
+    /// A box of diagonal 1, as ShapeNet's models have: what 3D-R2N2's cameras are made for.
+    #[default]
+    UnitDiagonal,
+    /// A box of longest side 1.
+    UnitBox,
+    /// All vertices within 1 of the origin, one at that distance.
+    UnitSphere,
+    /// Neither moved nor scaled.
+    None,
+}
+
+impl Model {
+    /// Reads an OBJ, PLY or GLB; colours and texture are kept.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or has no faces.
+    pub fn read(path: &Path, normalize: Normalize) -> Result<Self, ReadMeshError> {
+        let mesh = read_mesh(path)?;
+        let bytes = std::fs::read(path)
+            .map_err(|source| ReadMeshError::Io { path: path.into(), source })?;
+        let stem = path.file_stem().map(|stem| stem.to_string_lossy()).unwrap_or_default();
+        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
+        let name: String = stem.chars().take(60).map(plain).collect();
+        let name = if name.is_empty() { "model".to_owned() } else { name };
+        let fingerprint =
+            format!("{name} {} bytes {:016x} {normalize:?}", bytes.len(), fnv(&bytes));
+        Ok(Self { name, mesh: normalize.apply(mesh), fingerprint })
+    }
+}
+
+impl Normalize {
+    /// Moves and scales the mesh; one without extent is only centred.
+    #[must_use]
+    pub fn apply(self, mesh: TriMesh) -> TriMesh {
+        let Some((low, high)) = mesh.bounds() else { return mesh };
+        let middle: [f64; 3] =
+            std::array::from_fn(|k| 0.5 * (f64::from(low[k]) + f64::from(high[k])));
+        let sides: [f64; 3] = std::array::from_fn(|k| f64::from(high[k]) - f64::from(low[k]));
+        let size = match self {
+            Self::None => return mesh,
+            Self::UnitDiagonal => sides.iter().map(|s| s * s).sum::<f64>().sqrt(),
+            Self::UnitBox => sides.iter().copied().fold(0.0, f64::max),
+            Self::UnitSphere => {
+                let squared = |p: &[f32; 3]| -> f64 {
+                    (0..3).map(|k| (f64::from(p[k]) - middle[k]).powi(2)).sum()
+                };
+                mesh.positions.iter().map(squared).fold(0.0, f64::max).sqrt()
+            }
+        };
+        let by = if size > 0.0 { 1.0 / size } else { 1.0 };
+        mesh.map_positions(|p| std::array::from_fn(|k| ((f64::from(p[k]) - middle[k]) * by) as f32))
+    }
+}
+
+/// FNV-1a with 64 bits: tells files apart, keeps no secrets.
+fn fnv(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use mesh_core::primitives;
+
+    #[test]
+    fn sizes_are_as_named() {
+        let mesh = primitives::cuboid([1.0, 2.0, 2.0]).translated([5.0, -3.0, 1.0]);
+        let longest = |mesh: &TriMesh| {
+            let (low, high) = mesh.bounds().unwrap();
+            assert!((0..3).all(|k| (low[k] + high[k]).abs() < 1e-6));
+            high[1] - low[1]
+        };
+        // The diagonal is 3.
+        assert!((longest(&Normalize::UnitDiagonal.apply(mesh.clone())) - 2.0 / 3.0).abs() < 1e-6);
+        assert!((longest(&Normalize::UnitBox.apply(mesh.clone())) - 1.0).abs() < 1e-6);
+        assert!((longest(&Normalize::UnitSphere.apply(mesh.clone())) - 4.0 / 3.0).abs() < 1e-6);
+        assert_eq!(Normalize::None.apply(mesh.clone()), mesh);
+    }
+
+    /// Published values of FNV-1a.
+    #[test]
+    fn fingerprints_are_those_of_the_definition() {
+        assert_eq!(fnv(b""), 0xcbf2_9ce4_8422_2325);
+        assert_eq!(fnv(b"a"), 0xaf63_dc4c_8601_ec8c);
+        assert_eq!(fnv(b"foobar"), 0x8594_4171_f739_67e8);
+    }
+
+    #[test]
+    fn names_are_fit_for_folders() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("my chair (2).ply");
+        mesh_core::write_mesh(&path, &primitives::cuboid([1.0; 3])).unwrap();
+        let model = Model::read(&path, Normalize::UnitBox).unwrap();
+        assert_eq!(model.name, "my_chair__2_");
+        assert!(model.fingerprint.contains("UnitBox"));
+        assert!(Model::read(&folder.path().join("no.obj"), Normalize::None).is_err());
+    }
+}

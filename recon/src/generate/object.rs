@@ -1,0 +1,291 @@
+//! One object of a dataset: its mesh, its cameras, its pictures.
+
+use datasets::shapes::Family;
+use diff_raster::FacesError;
+use mesh_core::{Camera, Image, Lens, TriMesh};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use super::config::{CameraSet, GenerateConfig, OutputLayout};
+use super::model::Model;
+use crate::synthetic::{Collection, Orbit, Placement, R2n2Cameras, Rendering, RoughPose, render};
+
+/// Vertical angle of view of cameras that are not 3D-R2N2's, degrees.
+const FOV: f64 = 40.0;
+
+/// What is known of an object before anything is made; the manifest of its folder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObjectInfo {
+    /// What kind of thing it is: the family's name, or the model's.
+    pub category: String,
+    /// ShapeNet's synset of that kind.
+    pub synset: String,
+    /// Its name within its kind.
+    pub name: String,
+    /// What it was drawn from; `Family::draw` gives it again.
+    pub seed: u64,
+    /// What its cameras and the like were drawn from.
+    pub view_seed: u64,
+    /// Its views.
+    pub views: usize,
+    /// Vertices of its mesh.
+    pub vertices: usize,
+    /// Faces of its mesh.
+    pub faces: usize,
+    /// What was drawn, in words.
+    pub traits: Vec<(String, String)>,
+}
+
+/// One object to be made.
+#[derive(Clone, Debug)]
+pub(super) struct Job<'a> {
+    pub(super) of: Kind<'a>,
+    pub(super) name: String,
+    pub(super) seed: u64,
+    pub(super) view_seed: u64,
+}
+
+/// What an object is.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Kind<'a> {
+    Family(Family),
+    Model(&'a Model),
+}
+
+/// An object in memory, ready to be written.
+pub(super) struct Made {
+    pub(super) info: ObjectInfo,
+    pub(super) mesh: TriMesh,
+    pub(super) renderings: Vec<Rendering>,
+    /// Guesses of depth, one a view, where they were asked for.
+    pub(super) monocular: Vec<Image>,
+    /// Poses as they are known, one a view, in photo collections.
+    pub(super) rough: Vec<Camera>,
+}
+
+/// All objects of a dataset, in their order.
+pub(super) fn jobs<'a>(config: &GenerateConfig, model: Option<&'a Model>) -> Vec<Job<'a>> {
+    let kinds: Vec<(Kind<'a>, usize)> = match model {
+        Some(model) => vec![(Kind::Model(model), 1)],
+        None => config.families.iter().map(|&f| (Kind::Family(f), config.objects)).collect(),
+    };
+    kinds
+        .into_iter()
+        .flat_map(|(of, count)| {
+            (0..count).map(move |i| {
+                // A stream for each object: more objects, or other families, move none.
+                let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
+                rng.set_stream(i as u64 + (of.stream() << 32));
+                // 32 bits each, which every reader of JSON takes as they are.
+                let [seed, view_seed] = [(); 2].map(|()| u64::from(rng.random::<u32>()));
+                Job { of, name: format!("{i:04}"), seed, view_seed }
+            })
+        })
+        .collect()
+}
+
+impl Kind<'_> {
+    pub(super) fn category(&self) -> &str {
+        match self {
+            Self::Family(family) => family.name(),
+            Self::Model(model) => &model.name,
+        }
+    }
+
+    /// ShapeNet's synset; for what it does not know, zeros.
+    pub(super) fn synset(&self) -> &'static str {
+        match self {
+            Self::Family(family) => family.synset(),
+            Self::Model(_) => "00000000",
+        }
+    }
+
+    fn stream(&self) -> u64 {
+        match self {
+            Self::Family(family) => *family as u64,
+            Self::Model(_) => Family::ALL.len() as u64,
+        }
+    }
+}
+
+impl Job<'_> {
+    /// The mesh, and what was drawn for it in words.
+    pub(super) fn mesh(&self) -> (TriMesh, Vec<(String, String)>) {
+        match self.of {
+            Kind::Family(family) => {
+                let shape = family.draw(self.seed);
+                let mesh = shape.mesh();
+                let traits = shape.traits.into_iter().map(|(name, v)| (name.to_owned(), v));
+                (mesh, traits.collect())
+            }
+            Kind::Model(model) => (model.mesh.clone(), Vec::new()),
+        }
+    }
+
+    /// Draws everything.
+    pub(super) fn make(
+        &self,
+        config: &GenerateConfig,
+        progress: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<Made, FacesError> {
+        let (mesh, traits) = self.mesh();
+        let (cameras, rough) = cameras(config, &mesh, self.view_seed);
+        let renderings = render(&mesh, &cameras, &config.render_options(), progress)?;
+        let floor = mesh.bounds().map(|(low, _)| low[1]);
+        let monocular = config.monocular.iter().flat_map(|guesser| {
+            renderings.iter().enumerate().map(move |(i, rendering)| {
+                let seed = self.view_seed ^ ((i as u64 + 1) << 32);
+                let guess = guesser.guess(&rendering.view, floor, seed);
+                guess.expect("depth is drawn where it is guessed").image
+            })
+        });
+        let info = ObjectInfo {
+            category: self.of.category().to_owned(),
+            synset: self.of.synset().to_owned(),
+            name: self.name.clone(),
+            seed: self.seed,
+            view_seed: self.view_seed,
+            views: renderings.len(),
+            vertices: mesh.positions.len(),
+            faces: mesh.faces.len(),
+            traits,
+        };
+        Ok(Made { info, monocular: monocular.collect(), mesh, renderings, rough })
+    }
+}
+
+/// The true cameras, and rough ones in photo collections.
+fn cameras(config: &GenerateConfig, mesh: &TriMesh, seed: u64) -> (Vec<Camera>, Vec<Camera>) {
+    let (width, height, count) = (config.width, config.height, config.views);
+    let (low, high) = mesh.bounds().unwrap_or_default();
+    let middle: [f64; 3] = std::array::from_fn(|k| 0.5 * f64::from(low[k] + high[k]));
+    let diagonal = (0..3).map(|k| f64::from(high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
+    let diagonal = if diagonal > 0.0 { diagonal } else { 1.0 };
+    let fov_y = fov_y(config);
+    let near = nearest(config, fov_y) * diagonal;
+    let mut poses: Vec<RoughPose> = match config.cameras {
+        CameraSet::R2n2 => {
+            let set = R2n2Cameras { count, width, height, seed, ..R2n2Cameras::default() };
+            set.cameras().into_iter().map(|c| RoughPose { rough: c.clone(), camera: c }).collect()
+        }
+        CameraSet::Sphere => {
+            let orbit = Orbit {
+                count,
+                placement: Placement::Fibonacci,
+                target: middle,
+                distance: [near, 1.25 * near],
+                elevation: [-90.0, 90.0],
+                fov_y: fov_y.to_degrees(),
+                width,
+                height,
+                seed,
+            };
+            orbit.cameras().into_iter().map(|c| RoughPose { rough: c.clone(), camera: c }).collect()
+        }
+        CameraSet::Collection => {
+            let set = Collection {
+                count,
+                distance: [near, 1.4 * near],
+                fov_y: fov_y.to_degrees(),
+                noise: config.noise,
+                width,
+                height,
+                seed,
+                ..Collection::default()
+            };
+            let mut poses = set.poses();
+            for camera in poses.iter_mut().flat_map(|p| [&mut p.camera, &mut p.rough]) {
+                // The collection is around the origin.
+                camera.translation -= camera.rotation * mesh_core::nalgebra::Vector3::from(middle);
+            }
+            poses
+        }
+    };
+    for camera in poses.iter_mut().flat_map(|p| [&mut p.camera, &mut p.rough]) {
+        if let Lens::Perspective { cx, cy, .. } = &mut camera.lens {
+            *cx += config.principal[0] * width as f64;
+            *cy += config.principal[1] * height as f64;
+        }
+    }
+    let rough = config.cameras == CameraSet::Collection;
+    let (cameras, known) = poses.into_iter().map(|p| (p.camera, p.rough)).unzip();
+    (cameras, if rough { known } else { Vec::new() })
+}
+
+/// Vertical angle of view in radians; the layout of 3D-R2N2 knows only its own lens.
+fn fov_y(config: &GenerateConfig) -> f64 {
+    if config.layout == OutputLayout::R2n2 {
+        2.0 * (16.0 / 35.0 * config.height as f64 / config.width as f64).atan()
+    } else {
+        FOV.to_radians()
+    }
+}
+
+/// How near a camera may be to an object whose box has diagonal 1, so that all of it is in view.
+fn nearest(config: &GenerateConfig, fov_y: f64) -> f64 {
+    let [x, y] = config.principal.map(|shift| 1.0 - 2.0 * shift.abs());
+    let tall = (0.5 * fov_y).tan();
+    let wide = tall * config.width as f64 / config.height as f64;
+    // The cone that touches the nearest border holds the sphere around the box.
+    1.02 * 0.5 / (tall * y).min(wide * x).atan().sin()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever the shape of the picture, every vertex is in it.
+    #[test]
+    fn objects_are_in_view() {
+        let mesh = Family::Chair.draw(3).mesh().scaled([3.0; 3]).translated([1.0, -2.0, 0.5]);
+        for cameras_of in [CameraSet::Sphere, CameraSet::Collection] {
+            for (layout, principal) in [
+                (OutputLayout::Kaolin, [0.0; 2]),
+                (OutputLayout::R2n2, [0.0; 2]),
+                (OutputLayout::Transforms, [0.2, -0.1]),
+            ] {
+                for (width, height) in [(64, 64), (96, 40), (40, 96)] {
+                    let config = GenerateConfig {
+                        cameras: cameras_of,
+                        layout,
+                        principal,
+                        width,
+                        height,
+                        ..GenerateConfig::default()
+                    };
+                    let (cameras, rough) = cameras(&config, &mesh, 5);
+                    assert_eq!(cameras.len(), 24);
+                    assert_eq!(rough.is_empty(), cameras_of != CameraSet::Collection);
+                    for (camera, p) in
+                        cameras.iter().flat_map(|c| mesh.positions.iter().map(move |p| (c, p)))
+                    {
+                        let seen = camera.project(p.map(f64::from));
+                        assert!(seen.depth > 0.0);
+                        assert!((0.0..=width as f64).contains(&seen.column), "{config:?}");
+                        assert!((0.0..=height as f64).contains(&seen.row), "{config:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn more_objects_and_other_families_move_none() {
+        let few = GenerateConfig { objects: 2, ..GenerateConfig::default() };
+        let many = GenerateConfig {
+            families: vec![Family::Lamp, Family::Car],
+            objects: 5,
+            ..GenerateConfig::default()
+        };
+        let seed_of = |config: &GenerateConfig, name: &str| {
+            let jobs = jobs(config, None);
+            let of = |job: &&Job<'_>| job.of.category() == "car" && job.name == name;
+            jobs.iter().find(of).map(|job| (job.seed, job.view_seed))
+        };
+        assert_eq!(seed_of(&few, "0001"), seed_of(&many, "0001"));
+        assert_ne!(seed_of(&few, "0000"), seed_of(&few, "0001"));
+        assert!(seed_of(&few, "0001").is_some());
+    }
+}

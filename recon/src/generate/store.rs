@@ -1,0 +1,261 @@
+//! Where the files of a dataset go, and how they come to be there whole or not at all.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use datasets::{Subset, View, write_kaolin, write_transforms};
+use mesh_core::io::{write_atomic, write_mesh};
+use mesh_core::{ByteImage, Camera, TriMesh, encode_exr, write_png};
+use serde::Serialize;
+
+use super::GenerateError;
+use super::config::{GenerateConfig, OutputLayout};
+use super::model::Model;
+use super::object::{Job, Made, ObjectInfo};
+use super::{rough, shapenet};
+use crate::settings::to_toml;
+
+/// The configuration, in the root of the dataset.
+pub(super) const MANIFEST: &str = "dataset.toml";
+/// The folder, in the root of a dataset, of objects that are being written; a run that was killed
+/// leaves it, and the next one removes it.
+pub const UNFINISHED: &str = ".unfinished";
+/// What is known of an object; in the folder that is moved to its place last.
+const OBJECT: &str = "object.json";
+
+/// What must be the same for a run that goes on.
+#[derive(Serialize)]
+struct Manifest<'a> {
+    /// Of the program: other versions may draw other shapes.
+    version: &'a str,
+    /// The model, where it is not the families.
+    model: Option<&'a str>,
+    dataset: &'a GenerateConfig,
+}
+
+/// The folder of a dataset.
+#[derive(Debug)]
+pub(super) struct Store {
+    root: PathBuf,
+    layout: OutputLayout,
+}
+
+impl Store {
+    /// Begins a dataset, or finds one that was begun with the same configuration.
+    pub(super) fn open(
+        root: &Path,
+        config: &GenerateConfig,
+        model: Option<&Model>,
+    ) -> Result<Self, GenerateError> {
+        let manifest = root.join(MANIFEST);
+        let asked = to_toml(&Manifest {
+            version: env!("CARGO_PKG_VERSION"),
+            model: model.map(|model| model.fingerprint.as_str()),
+            dataset: config,
+        });
+        if manifest.exists() {
+            let found = fs::read_to_string(&manifest).map_err(GenerateError::io(&manifest))?;
+            if let Some((found, asked)) = first_difference(&found, &asked) {
+                return Err(GenerateError::Different { path: manifest, found, asked });
+            }
+        } else {
+            fs::create_dir_all(root).map_err(GenerateError::io(root))?;
+            let mut entries = fs::read_dir(root).map_err(GenerateError::io(root))?;
+            if entries.next().is_some() {
+                return Err(GenerateError::Foreign { path: root.to_owned() });
+            }
+            write_atomic(&manifest, |w| w.write_all(asked.as_bytes()))?;
+        }
+        let store = Self { root: root.to_owned(), layout: config.layout };
+        store.clear();
+        Ok(store)
+    }
+
+    /// Removes what a run left unfinished.
+    pub(super) fn clear(&self) {
+        // There may be none; one that resists is in nobody's way.
+        let _ = fs::remove_dir_all(self.root.join(UNFINISHED));
+    }
+
+    /// What is known of an object that is there as a whole.
+    pub(super) fn find(&self, job: &Job<'_>) -> Option<ObjectInfo> {
+        let (category, synset) = (job.of.category(), job.of.synset());
+        let folders = self.folders(category, synset, &job.name);
+        let last = self.root.join(folders.last()?).join(OBJECT);
+        let info: ObjectInfo = serde_json::from_slice(&fs::read(last).ok()?).ok()?;
+        // It appears last, so the others are there.
+        ((info.seed, info.view_seed) == (job.seed, job.view_seed)).then_some(info)
+    }
+
+    /// Folders of an object below the root, in the order in which they appear.
+    fn folders(&self, category: &str, synset: &str, name: &str) -> Vec<PathBuf> {
+        match self.layout {
+            OutputLayout::Kaolin | OutputLayout::Transforms => {
+                vec![Path::new(category).join(name)]
+            }
+            OutputLayout::R2n2 => {
+                shapenet::PARTS.map(|part| Path::new(part).join(synset).join(name)).to_vec()
+            }
+        }
+    }
+
+    /// Writes an object.
+    pub(super) fn put(
+        &self,
+        made: Made,
+        config: &GenerateConfig,
+    ) -> Result<ObjectInfo, GenerateError> {
+        let ObjectInfo { category, synset, name, .. } = &made.info;
+        let folders = self.folders(category, synset, name);
+        let work = self.root.join(UNFINISHED).join(format!("{category}-{name}"));
+        fs::create_dir_all(&work).map_err(GenerateError::io(&work))?;
+        let last = work.join(folders.last().expect("every layout has a folder"));
+        fs::create_dir_all(&last).map_err(GenerateError::io(&last))?;
+        let info = match self.layout {
+            OutputLayout::Kaolin => write_folder(made, config, &last, &KAOLIN)?,
+            OutputLayout::Transforms => write_folder(made, config, &last, &TRANSFORMS)?,
+            OutputLayout::R2n2 => shapenet::write(made, config, &work, &last)?,
+        };
+        let text = serde_json::to_string_pretty(&info).expect("numbers and names");
+        write_atomic(last.join(OBJECT), |w| w.write_all(text.as_bytes()))?;
+        // Without voxels there is no folder for them.
+        for folder in folders.iter().filter(|folder| work.join(folder).is_dir()) {
+            publish(&work.join(folder), &self.root.join(folder))?;
+        }
+        fs::remove_dir_all(&work).map_err(GenerateError::io(&work))?;
+        Ok(info)
+    }
+
+    /// Writes what there is of the whole.
+    pub(super) fn finish(
+        &self,
+        objects: &[ObjectInfo],
+        subsets: &[Subset],
+        sheet: &ByteImage,
+    ) -> Result<(), GenerateError> {
+        let text = serde_json::to_string_pretty(objects).expect("numbers and names");
+        write_atomic(self.root.join("objects.json"), |w| w.write_all(text.as_bytes()))?;
+        let mut splits: BTreeMap<&str, BTreeMap<&str, BTreeMap<&str, Vec<usize>>>> =
+            ["train", "val", "test"].map(|name| (name, BTreeMap::new())).into();
+        for (object, subset) in objects.iter().zip(subsets) {
+            let subset = match subset {
+                Subset::Train => "train",
+                Subset::Validation => "val",
+                Subset::Test => "test",
+            };
+            let category = match self.layout {
+                OutputLayout::R2n2 => &object.synset,
+                _ => &object.category,
+            };
+            let of = splits.entry(subset).or_default().entry(category).or_default();
+            of.insert(&object.name, (0..object.views).collect());
+        }
+        let text = serde_json::to_string(&splits).expect("numbers and names");
+        write_atomic(self.root.join("splits.json"), |w| w.write_all(text.as_bytes()))?;
+        write_png(self.root.join("contact_sheet.png"), sheet)?;
+        Ok(())
+    }
+}
+
+/// How a layout of one folder for each object names what it has besides views.
+struct Names {
+    views: fn(&[View], &Path) -> Result<(), datasets::WriteViewsError>,
+    monocular: fn(usize) -> String,
+    normals: fn(usize) -> String,
+}
+
+const KAOLIN: Names = Names {
+    views: write_kaolin,
+    monocular: |i| format!("{i}_monocular.exr"),
+    normals: |i| format!("{i}_normals.png"),
+};
+
+const TRANSFORMS: Names = Names {
+    views: write_transforms,
+    monocular: |i| format!("monocular/{i:04}.exr"),
+    normals: |i| format!("normals/{i:04}.png"),
+};
+
+/// Views, truth and extras in one folder.
+fn write_folder(
+    made: Made,
+    config: &GenerateConfig,
+    folder: &Path,
+    names: &Names,
+) -> Result<ObjectInfo, GenerateError> {
+    let Made { info, mesh, renderings, monocular, rough } = made;
+    for (i, image) in monocular.iter().enumerate() {
+        put(&folder.join((names.monocular)(i)), &encode_exr(image))?;
+    }
+    for (i, rendering) in renderings.iter().enumerate() {
+        if let Some(picture) = rendering.normal_picture() {
+            put(&folder.join((names.normals)(i)), &mesh_core::encode_png(&picture))?;
+        }
+    }
+    let views: Vec<View> = renderings
+        .into_iter()
+        .map(|rendering| {
+            let mut view = rendering.view;
+            // It may have been drawn for the guess alone.
+            view.depth = view.depth.filter(|_| config.depth);
+            view
+        })
+        .collect();
+    (names.views)(&views, folder)?;
+    let cameras: Vec<_> = views.iter().map(|view| &view.camera).collect();
+    put_rough(folder, &cameras, &rough)?;
+    write_mesh(folder.join(mesh_name(&mesh)), &mesh)?;
+    Ok(info)
+}
+
+/// PLY keeps every bit of a coloured mesh, but no texture.
+fn mesh_name(mesh: &TriMesh) -> &'static str {
+    if mesh.texture.is_some() { "mesh.glb" } else { "mesh.ply" }
+}
+
+/// Writes rough poses beside the true ones, where there are any.
+pub(super) fn put_rough(
+    folder: &Path,
+    cameras: &[&Camera],
+    rough: &[Camera],
+) -> Result<(), GenerateError> {
+    if rough.is_empty() {
+        return Ok(());
+    }
+    let pairs: Vec<_> = cameras.iter().copied().zip(rough).collect();
+    put(&folder.join(rough::FILE), rough::text(&pairs).as_bytes())
+}
+
+pub(super) fn put(path: &Path, bytes: &[u8]) -> Result<(), GenerateError> {
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(GenerateError::io(folder))?;
+    }
+    Ok(write_atomic(path, |w| w.write_all(bytes))?)
+}
+
+/// Moves a folder to its place; what is left there of an unfinished object goes.
+fn publish(from: &Path, to: &Path) -> Result<(), GenerateError> {
+    if let Some(parent) = to.parent() {
+        fs::create_dir_all(parent).map_err(GenerateError::io(parent))?;
+    }
+    if to.exists() {
+        fs::remove_dir_all(to).map_err(GenerateError::io(to))?;
+    }
+    fs::rename(from, to).map_err(GenerateError::io(to))
+}
+
+/// The first lines that differ.
+fn first_difference(found: &str, asked: &str) -> Option<(String, String)> {
+    let (mut found, mut asked) = (found.lines(), asked.lines());
+    loop {
+        match (found.next(), asked.next()) {
+            (None, None) => return None,
+            (a, b) if a == b => {}
+            (a, b) => {
+                let line = |line: Option<&str>| line.unwrap_or("nothing").to_owned();
+                return Some((line(a), line(b)));
+            }
+        }
+    }
+}
