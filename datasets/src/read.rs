@@ -12,7 +12,7 @@ use crate::options::{MaskSource, ReadOptions};
 use crate::r2n2::{self, R2n2};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
-use crate::{kaolin, transforms};
+use crate::{kaolin, photo, transforms};
 
 /// One view that waits to be read by whichever thread comes first.
 pub(crate) type Pending<'a> =
@@ -44,8 +44,12 @@ pub fn read_views(
     options: &ReadOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Views, ReadViewsError> {
-    if r2n2::recognises(path) {
-        let dataset = R2n2::open(path)?;
+    let many = if r2n2::recognises(path) {
+        Some(Box::new(R2n2::open(path)?) as Box<dyn Dataset>)
+    } else {
+        photo::find(path)?
+    };
+    if let Some(dataset) = many {
         let [_] = dataset.entries() else {
             let found = format!("{} objects", dataset.entries().len());
             return Err(ReadViewsError::field(path, "objects", found, "the folder of one of them"));
