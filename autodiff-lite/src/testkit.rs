@@ -1,4 +1,5 @@
-//! Gradient checks in `f64` against central differences (feature `testkit`).
+//! Gradient checks in `f64` against central differences, and an allocator that counts (feature
+//! `testkit`).
 //!
 //! A check draws inputs, computes `L = Σ w ⊙ f(inputs)` with random weights `w` (so that every
 //! output element counts), and compares the gradient of the tape with
@@ -20,6 +21,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::{Tape, Var};
 
 pub use crate::gradcheck;
+pub use crate::kernels::counting::CountingAllocator;
 
 /// How a check is made.
 #[derive(Clone, Debug)]

@@ -1,56 +1,15 @@
 //! The steady state of a training loop takes no fresh block of 4 KiB or more.
-#![allow(unsafe_code, reason = "a counting allocator")]
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use autodiff_lite::optim::{AdamW, clip_grad_norm};
+use autodiff_lite::testkit::CountingAllocator;
 use autodiff_lite::{
     Activation, Backward, BufferUpdate, ConvGeometry, Param, PoolGeometry, Tape, Var, impl_module,
 };
 use ndarray::{Array1, Array2, ArrayD};
 
-struct Counting;
-
-static LARGE: AtomicUsize = AtomicUsize::new(0);
-static BYTES: AtomicUsize = AtomicUsize::new(0);
-
-fn count(size: usize) {
-    if size >= 4096 {
-        LARGE.fetch_add(1, Ordering::Relaxed);
-        BYTES.fetch_add(size, Ordering::Relaxed);
-    }
-}
-
-// SAFETY: every call is handed to the system's allocator as it is.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(layout.size());
-        // SAFETY: the caller keeps the contract.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count(layout.size());
-        // SAFETY: the caller keeps the contract.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count(size);
-        // SAFETY: the caller keeps the contract.
-        unsafe { System.realloc(block, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the contract.
-        unsafe { System.dealloc(block, layout) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: CountingAllocator = CountingAllocator::new();
 
 const ROWS: usize = 600;
 const WIDTH: usize = 16;
@@ -147,14 +106,14 @@ impl Network {
 
 /// Runs `step` 40 times and counts the large blocks of the last 25.
 fn large_blocks(mut step: impl FnMut(u64)) -> (usize, usize) {
+    let mut before = (0, 0);
     for k in 0..40 {
         if k == 15 {
-            LARGE.store(0, Ordering::Relaxed);
-            BYTES.store(0, Ordering::Relaxed);
+            before = (ALLOCATOR.blocks(), ALLOCATOR.bytes());
         }
         step(k);
     }
-    (LARGE.load(Ordering::Relaxed), BYTES.load(Ordering::Relaxed))
+    (ALLOCATOR.blocks() - before.0, ALLOCATOR.bytes() - before.1)
 }
 
 /// One test, because the counters are those of the whole program.

@@ -38,7 +38,7 @@ const RESERVED: &[(&str, &[&str])] = &[
     ("nalgebra", &["mesh-core"]),
     ("gemm", &["autodiff-lite"]),
     ("safetensors", &["autodiff-lite"]),
-    ("zip", &["datasets"]),
+    ("zip", &["datasets", "nets"]),
 ];
 
 fn root() -> PathBuf {

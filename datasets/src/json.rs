@@ -145,6 +145,44 @@ impl<'a> Node<'a> {
         Ok(matrix)
     }
 
+    /// Yes or no, also as 0 or 1.
+    pub(crate) fn flag(&self) -> Result<bool, ReadViewsError> {
+        match self.value.as_bool() {
+            Some(flag) => Ok(flag),
+            None => match self.value.as_f64() {
+                Some(0.0) => Ok(false),
+                Some(1.0) => Ok(true),
+                _ => Err(self.wrong("true or false")),
+            },
+        }
+    }
+
+    /// Exactly so many finite numbers.
+    pub(crate) fn numbers<const N: usize>(&self) -> Result<[f64; N], ReadViewsError> {
+        let elements = self.elements()?;
+        if elements.len() != N {
+            return Err(self.wrong(format!("{N} numbers")));
+        }
+        let mut out = [0.0; N];
+        for (out, element) in out.iter_mut().zip(&elements) {
+            *out = element.number()?;
+        }
+        Ok(out)
+    }
+
+    /// A 3x3 matrix of finite numbers, as an array of rows.
+    pub(crate) fn matrix3(&self) -> Result<[[f64; 3]; 3], ReadViewsError> {
+        let rows = self.elements()?;
+        if rows.len() != 3 {
+            return Err(self.wrong("3 rows of 3 numbers"));
+        }
+        let mut out = [[0.0; 3]; 3];
+        for (out, row) in out.iter_mut().zip(&rows) {
+            *out = row.numbers()?;
+        }
+        Ok(out)
+    }
+
     /// An error about this value.
     pub(crate) fn wrong(&self, expected: impl Into<String>) -> ReadViewsError {
         let mut found = self.value.to_string();

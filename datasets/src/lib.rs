@@ -37,9 +37,8 @@
 //! | read whatever is there | [`read_views`] with [`ReadOptions`] |
 //! | choose where masks come from | [`MaskSource`] |
 //! | write for other tools | [`write_kaolin`], [`write_transforms`], [`r2n2::write_object`] |
-//! | read many objects | [`Dataset`]: [`r2n2::R2n2`], [`pixel2mesh::Pixel2Mesh`] |
-//! | keep views or objects back for judging | [`split()`], [`split_objects`] |
-//! | train on them | [`Batches`] loads ahead on a thread, [`ViewCache`] keeps decoded pictures |
+//! | read many objects | [`Dataset`]: [`r2n2::R2n2`], [`Pix3d`], [`Pascal3d`], [`Cub`], [`Mcmr`] |
+//! | keep views back for judging | [`split()`] |
 //! | make an object | [`shapes`] |
 //!
 //! # Layouts
@@ -52,7 +51,13 @@
 //!   wins over the top level; extensions may be missing; masks are alpha, `mask_path` or
 //!   `masks/<stem>.png`. Lenses with distortion are refused: undistort the images first.
 //! - **ShapeNet with 3D-R2N2's renderings**: see [`r2n2`].
-//! - **Pixel2Mesh's samples**, and its ellipsoid: see [`pixel2mesh`].
+//! - **Pix3D** ([`Pix3d`]): `pix3d.json`, or Mesh R-CNN's `pix3d_s{1,2}_{train,test}.json`; an
+//!   object is a model, its views the photographs of it.
+//! - **Pascal3D+** ([`Pascal3d`]): `Annotations/<class>_{imagenet,pascal}/*.mat`; an object is what
+//!   is annotated in a picture. Masks only where VOC has them.
+//! - **CUB with CMR's cache** ([`Cub`]): `data/{train,val,test}_cub_cleaned.mat` and `sfm`;
+//!   weak-perspective cameras in pixels of the whole picture.
+//! - **MCMR's form of Pascal3D+** ([`Mcmr`]): `<class>/annotations/*.yaml` and the masks beside.
 //!
 //! # Conventions
 //!
@@ -67,19 +72,21 @@
 //! first view in order, whatever the number of threads. Nothing here knows of tapes or training.
 
 mod assemble;
-mod batches;
-mod cache;
 mod consistency;
+mod cub;
 mod dataset;
 mod depth;
 mod error;
 mod json;
 mod kaolin;
 mod mask;
+mod mat;
+mod mcmr;
 mod npy;
 mod options;
-mod pickle;
-pub mod pixel2mesh;
+mod pascal3d;
+mod photo;
+mod pix3d;
 pub mod r2n2;
 mod read;
 pub mod shapes;
@@ -87,15 +94,18 @@ mod source;
 mod split;
 mod transforms;
 mod view;
+mod yaml;
 
-pub use batches::{BatchPlan, Batches, shuffled};
-pub use cache::ViewCache;
+pub use cub::{Cub, CubAnnotation, CubMeanShape};
 pub use dataset::{Dataset, Entry, Subset, SurfacePoints, Truth};
 pub use error::{ReadViewsError, ViewsProblem, WriteViewsError};
 pub use kaolin::write_kaolin;
 pub use mask::{mask_from_alpha, mask_from_backdrop};
+pub use mcmr::{Mcmr, McmrAnnotation};
 pub use options::{MaskSource, ReadOptions};
+pub use pascal3d::{Pascal3d, Pascal3dAnnotation, Viewpoint};
+pub use pix3d::{Pix3d, Pix3dAnnotation};
 pub use read::read_views;
-pub use split::{Split, split, split_objects};
+pub use split::{Split, split};
 pub use transforms::write_transforms;
 pub use view::{Layout, View, Views};

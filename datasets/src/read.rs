@@ -9,11 +9,10 @@ use crate::consistency;
 use crate::dataset::Dataset;
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::options::{MaskSource, ReadOptions};
-use crate::pixel2mesh::{self, Pixel2Mesh};
 use crate::r2n2::{self, R2n2};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
-use crate::{kaolin, transforms};
+use crate::{kaolin, photo, transforms};
 
 /// One view that waits to be read by whichever thread comes first.
 pub(crate) type Pending<'a> =
@@ -45,11 +44,17 @@ pub fn read_views(
     options: &ReadOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Views, ReadViewsError> {
-    if r2n2::recognises(path) {
-        return read_only_object(&R2n2::open(path)?, options, progress);
-    }
-    if pixel2mesh::recognises(path) {
-        return read_only_object(&Pixel2Mesh::open(path)?, options, progress);
+    let many = if r2n2::recognises(path) {
+        Some(Box::new(R2n2::open(path)?) as Box<dyn Dataset>)
+    } else {
+        photo::find(path)?
+    };
+    if let Some(dataset) = many {
+        let [_] = dataset.entries() else {
+            let found = format!("{} objects", dataset.entries().len());
+            return Err(ReadViewsError::field(path, "objects", found, "the folder of one of them"));
+        };
+        return dataset.views(0, None, options, progress);
     }
     let (source, json) = locate(path)?;
     let names = source.root_names()?;
@@ -65,20 +70,6 @@ pub fn read_views(
         }
     };
     read_pending(path, &source, reading, options, progress)
-}
-
-/// The views of a dataset of one object.
-fn read_only_object(
-    dataset: &dyn Dataset,
-    options: &ReadOptions,
-    progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Views, ReadViewsError> {
-    let [_] = dataset.entries() else {
-        let found = format!("{} objects", dataset.entries().len());
-        let expected = "one: name its own folder or file";
-        return Err(ReadViewsError::field(dataset.root(), "objects", found, expected));
-    };
-    dataset.views(0, None, options, progress)
 }
 
 /// Reads what a layout has listed, in parallel, and checks that the whole makes sense.

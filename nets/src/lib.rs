@@ -35,7 +35,9 @@
 //! | initial values | [`Init`] |
 //! | layers | [`Linear`], [`Mlp`], [`Conv2d`], [`ConvTranspose2d`], [`MaxPool2d`], [`AvgPool2d`], [`AdaptiveAvgPool2d`], [`Dropout`] |
 //! | norms | [`BatchNorm2d`], [`BatchNorm1d`], [`FrozenBatchNorm2d`], [`LayerNorm`], [`GroupNorm`] |
-//! | image encoders | [`SmallCnn`] |
+//! | attention | [`MultiHeadAttention`], [`TransformerEncoderLayer`], [`TransformerEncoder`] |
+//! | image encoders | [`SmallCnn`], [`Vgg16`], [`ConvFrontEnd`] |
+//! | weights from files, freezing | [`LoadWeights`], [`read_weights`], [`freeze`], [`unfreeze`] |
 //!
 //! # Conventions
 //!
@@ -58,6 +60,7 @@
 mod activation;
 mod batch_norm;
 mod conv2d;
+mod conv_front_end;
 mod conv_transpose2d;
 mod dropout;
 mod group_norm;
@@ -66,12 +69,17 @@ mod init;
 mod layer_norm;
 mod linear;
 mod mlp;
+mod multi_head_attention;
 mod pooling;
 mod small_cnn;
+mod transformer_encoder;
+mod vgg;
+mod weights;
 
 use activation::activate;
 
 pub use batch_norm::{BatchNorm1d, BatchNorm2d, FrozenBatchNorm2d};
+pub use conv_front_end::ConvFrontEnd;
 pub use conv_transpose2d::ConvTranspose2d;
 pub use conv2d::Conv2d;
 pub use dropout::Dropout;
@@ -81,5 +89,14 @@ pub use init::{FanMode, Init, Nonlinearity, fans};
 pub use layer_norm::LayerNorm;
 pub use linear::Linear;
 pub use mlp::Mlp;
+pub use multi_head_attention::MultiHeadAttention;
 pub use pooling::{AdaptiveAvgPool2d, AvgPool2d, MaxPool2d};
 pub use small_cnn::SmallCnn;
+pub use transformer_encoder::{
+    FeedForward, NormPlacement, TransformerConfig, TransformerEncoder, TransformerEncoderLayer,
+};
+pub use vgg::Vgg16;
+pub use weights::{
+    LoadWeights, MapError, NameMap, WeightsError, freeze, read_weights, unfreeze,
+    weights_from_bytes,
+};

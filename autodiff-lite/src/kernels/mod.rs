@@ -2,10 +2,13 @@
 #![allow(unsafe_code, reason = "instruction sets are chosen at run time; only kernels may")]
 
 pub mod activation;
+pub mod attention;
 pub(crate) mod blocks;
 pub mod broadcast;
 pub mod columns;
 pub mod conv;
+#[cfg(feature = "testkit")]
+pub(crate) mod counting;
 pub mod elementwise;
 pub mod gemm;
 pub mod isa;

@@ -17,6 +17,10 @@ pub trait Transcendental: Copy {
     /// The hyperbolic tangent.
     #[must_use]
     fn fast_tanh(self) -> Self;
+
+    /// The error function; in `f32` within 5e-7 of it.
+    #[must_use]
+    fn fast_erf(self) -> Self;
 }
 
 #[allow(clippy::excessive_precision, reason = "digits as they are printed")]
@@ -68,6 +72,19 @@ impl Transcendental for f32 {
         let far = far.copysign(self);
         if self.abs() < 0.625 { near } else { far }
     }
+
+    #[inline(always)]
+    fn fast_erf(self) -> Self {
+        // Abramowitz and Stegun 1964, formula 7.1.26: within 1.5e-7 before rounding.
+        let x = self.abs();
+        let t = 1.0 / (1.0 + 0.3275911 * x);
+        let mut p = 1.061405429_f32;
+        p = p * t - 1.453152027;
+        p = p * t + 1.421413741;
+        p = p * t - 0.284496736;
+        p = p * t + 0.254829592;
+        (1.0 - p * t * (-x * x).fast_exp()).copysign(self)
+    }
 }
 
 impl Transcendental for f64 {
@@ -84,6 +101,24 @@ impl Transcendental for f64 {
     #[inline(always)]
     fn fast_tanh(self) -> Self {
         self.tanh()
+    }
+
+    fn fast_erf(self) -> Self {
+        if self.is_nan() {
+            return self;
+        }
+        let x = self.abs();
+        if x > 6.0 {
+            return 1.0_f64.copysign(self);
+        }
+        // Abramowitz and Stegun 1964, formula 7.1.6: all terms have one sign.
+        let (mut term, mut sum, mut n) = (x, x, 0.0);
+        while term > 1e-18 * sum {
+            n += 1.0;
+            term *= 2.0 * x * x / (2.0 * n + 1.0);
+            sum += term;
+        }
+        (std::f64::consts::FRAC_2_SQRT_PI * (-x * x).exp() * sum).copysign(self)
     }
 }
 
@@ -107,6 +142,29 @@ mod tests {
         assert!(largest_error(87.0, f32::fast_exp, f64::exp) < 2e-7);
         assert!(largest_error(20.0, f32::fast_sigmoid, |x| 1.0 / (1.0 + (-x).exp())) < 4e-7);
         assert!(largest_error(20.0, f32::fast_tanh, f64::tanh) < 4e-7);
+    }
+
+    /// Values by SciPy's `special.erf`.
+    #[test]
+    fn error_function() {
+        let known = [
+            (0.0, 0.0),
+            (0.1, 0.1124629160182849),
+            (0.5, 0.5204998778130465),
+            (1.0, 0.8427007929497149),
+            (2.0, 0.9953222650189527),
+            (3.5, 0.9999992569016276),
+            (7.0, 1.0),
+        ];
+        for (x, erf) in known {
+            for sign in [-1.0, 1.0] {
+                assert!((f64::fast_erf(sign * x) - sign * erf).abs() < 1e-15, "{x}");
+                let single = f32::fast_erf((sign * x) as f32) as f64;
+                assert!((single - sign * erf).abs() < 5e-7, "{x}: {single}");
+            }
+        }
+        assert!(f32::fast_erf(f32::NAN).is_nan() && f64::fast_erf(f64::NAN).is_nan());
+        assert_eq!(f32::fast_erf(f32::INFINITY), 1.0);
     }
 
     #[test]

@@ -30,37 +30,11 @@ impl<F: Real> Var<'_, F> {
         geometry: ConvGeometry,
         activation: Activation,
     ) -> Self {
-        let (x, w, b) = (self.value(), weight.value(), bias.map(Self::value));
-        let mut shapes = Shapes::of("conv2d").at(self.tape.path());
-        let mut check = || {
-            let xs = shapes.axes("input", x.shape(), ["N", "H", "W", "C"])?;
-            let ws = shapes.axes("weight", w.shape(), ["O", "C", "KH", "KW"])?;
-            if let Some(b) = &b {
-                shapes.axes("bias", b.shape(), ["O"])?;
-            }
-            ConvSizes::new(xs, ws, &geometry)
-                .ok_or_else(|| shapes.error("the window does not fit the padded input"))
+        let axes = ["O", "C", "KH", "KW"];
+        let fitting = |x, w| {
+            ConvSizes::new(x, w, &geometry).ok_or("the window does not fit the padded input")
         };
-        let sizes = match check() {
-            Ok(sizes) => sizes,
-            Err(error) => error.panic(),
-        };
-        let conv = Conv::new(sizes, geometry.algorithm);
-        let mut y =
-            self.tape.array(&[sizes.batch, sizes.output[0], sizes.output[1], sizes.out_channels]);
-        conv.forward(
-            x.as_slice().expect(CONTIGUOUS),
-            w.as_slice().expect(CONTIGUOUS),
-            b.as_ref().map(|b| b.as_slice().expect(CONTIGUOUS)),
-            activation,
-            y.as_slice_mut().expect(CONTIGUOUS),
-            &mut self.tape.buffer(conv.forward_scratch::<F>()),
-        );
-        let op = Conv2d { conv, activation };
-        match bias {
-            Some(bias) => self.tape.record(&[self, weight, bias], y, op),
-            None => self.tape.record(&[self, weight], y, op),
-        }
+        self.convolution("conv2d", weight, bias, axes, fitting, Way::Forward, geometry, activation)
     }
 
     /// Transposed convolution: `x [N, H, W, C]`, `weight [C, O, KH, KW]` (PyTorch's layout),
@@ -80,42 +54,57 @@ impl<F: Real> Var<'_, F> {
         output_padding: usize,
         activation: Activation,
     ) -> Self {
-        let (x, w, b) = (self.value(), weight.value(), bias.map(Self::value));
-        let mut shapes = Shapes::of("conv_transpose2d").at(self.tape.path());
-        let mut check = || {
-            let xs = shapes.axes("input", x.shape(), ["N", "H", "W", "C"])?;
-            let ws = shapes.axes("weight", w.shape(), ["C", "O", "KH", "KW"])?;
-            if let Some(b) = &b {
-                shapes.axes("bias", b.shape(), ["O"])?;
-            }
-            // The convolution whose input's gradient this is.
+        // The convolution whose input's gradient this is.
+        let fitting = |x: [usize; 4], w: [usize; 4]| {
             let size = |axis: usize| {
-                geometry.transposed_size(axis, xs[1 + axis], ws[2 + axis], output_padding)
+                geometry.transposed_size(axis, x[1 + axis], w[2 + axis], output_padding)
             };
             size(0)
                 .zip(size(1))
-                .and_then(|(h, w)| ConvSizes::new([xs[0], h, w, ws[1]], ws, &geometry))
-                .filter(|s| s.output == [xs[1], xs[2]])
-                .ok_or_else(|| {
-                    shapes.error("no output size belongs to this input, window and padding")
-                })
+                .and_then(|(h, wide)| ConvSizes::new([x[0], h, wide, w[1]], w, &geometry))
+                .filter(|s| s.output == [x[1], x[2]])
+                .ok_or("no output size belongs to this input, window and padding")
+        };
+        let (name, axes) = ("conv_transpose2d", ["C", "O", "KH", "KW"]);
+        self.convolution(name, weight, bias, axes, fitting, Way::Transposed, geometry, activation)
+    }
+
+    #[track_caller]
+    fn convolution(
+        self,
+        name: &'static str,
+        weight: Self,
+        bias: Option<Self>,
+        axes: [&'static str; 4],
+        fitting: impl Fn([usize; 4], [usize; 4]) -> Result<ConvSizes, &'static str>,
+        way: Way,
+        geometry: ConvGeometry,
+        activation: Activation,
+    ) -> Self {
+        let (x, w, b) = (self.value(), weight.value(), bias.map(Self::value));
+        let mut shapes = Shapes::of(name).at(self.tape.path());
+        let mut check = || {
+            let xs = shapes.axes("input", x.shape(), ["N", "H", "W", "C"])?;
+            let ws = shapes.axes("weight", w.shape(), axes)?;
+            if let Some(b) = &b {
+                shapes.axes("bias", b.shape(), ["O"])?;
+            }
+            fitting(xs, ws).map_err(|message| shapes.error(message))
         };
         let sizes = match check() {
             Ok(sizes) => sizes,
             Err(error) => error.panic(),
         };
-        let conv = Conv::new(sizes, geometry.algorithm);
-        let mut y =
-            self.tape.array(&[sizes.batch, sizes.input[0], sizes.input[1], sizes.in_channels]);
-        conv.grad_input(
-            x.as_slice().expect(CONTIGUOUS),
-            w.as_slice().expect(CONTIGUOUS),
+        let op = Convolution { name, conv: Conv::new(sizes, geometry.algorithm), way, activation };
+        let mut y = self.tape.array(&op.output_shape());
+        op.run(
+            way,
+            [&x, &w].map(|a| a.as_slice().expect(CONTIGUOUS)),
             b.as_ref().map(|b| b.as_slice().expect(CONTIGUOUS)),
             activation,
             y.as_slice_mut().expect(CONTIGUOUS),
-            &mut self.tape.buffer(conv.grad_input_scratch::<F>()),
+            &mut self.tape.buffer(op.scratch::<F>(way)),
         );
-        let op = ConvTranspose2d { conv, activation };
         match bias {
             Some(bias) => self.tape.record(&[self, weight, bias], y, op),
             None => self.tape.record(&[self, weight], y, op),
@@ -123,83 +112,92 @@ impl<F: Real> Var<'_, F> {
     }
 }
 
-struct Conv2d {
+/// A convolution, or the gradient of its input: each is the other's gradient.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Way {
+    Forward,
+    Transposed,
+}
+
+impl Way {
+    fn back(self) -> Self {
+        match self {
+            Self::Forward => Self::Transposed,
+            Self::Transposed => Self::Forward,
+        }
+    }
+}
+
+struct Convolution {
+    name: &'static str,
     conv: Conv,
+    way: Way,
     activation: Activation,
 }
 
-impl<F: Real> Op<F> for Conv2d {
+impl Convolution {
+    fn output_shape(&self) -> [usize; 4] {
+        let s = &self.conv.sizes;
+        match self.way {
+            Way::Forward => [s.batch, s.output[0], s.output[1], s.out_channels],
+            Way::Transposed => [s.batch, s.input[0], s.input[1], s.in_channels],
+        }
+    }
+
+    fn scratch<F: Real>(&self, way: Way) -> usize {
+        match way {
+            Way::Forward => self.conv.forward_scratch::<F>(),
+            Way::Transposed => self.conv.grad_input_scratch::<F>(),
+        }
+    }
+
+    fn run<F: Real>(
+        &self,
+        way: Way,
+        [x, w]: [&[F]; 2],
+        bias: Option<&[F]>,
+        activation: Activation,
+        y: &mut [F],
+        scratch: &mut [F],
+    ) {
+        match way {
+            Way::Forward => self.conv.forward(x, w, bias, activation, y, scratch),
+            Way::Transposed => self.conv.grad_input(x, w, bias, activation, y, scratch),
+        }
+    }
+}
+
+impl<F: Real> Op<F> for Convolution {
     fn name(&self) -> &'static str {
-        "conv2d"
+        self.name
     }
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let conv = &self.conv;
         let g = before_activation(cx, self.activation);
         let grad = g.as_slice().expect(CONTIGUOUS);
         let (x, w) = (cx.input(0), cx.input(1));
         if cx.needs(0) {
             let mut gx = cx.array(x.shape());
-            conv.grad_input(
-                grad,
-                w.as_slice().expect(CONTIGUOUS),
+            let way = self.way.back();
+            self.run(
+                way,
+                [grad, w.as_slice().expect(CONTIGUOUS)],
                 None,
                 Activation::None,
                 gx.as_slice_mut().expect(CONTIGUOUS),
-                &mut cx.scratch(conv.grad_input_scratch::<F>()),
+                &mut cx.scratch(self.scratch::<F>(way)),
             );
             cx.give(0, gx);
         }
         if cx.needs(1) {
             let mut gw = cx.array(w.shape());
-            conv.grad_weight(
-                x.as_slice().expect(CONTIGUOUS),
-                grad,
-                gw.as_slice_mut().expect(CONTIGUOUS),
-                &mut cx.scratch(conv.grad_weight_scratch::<F>()),
-            );
-            cx.give(1, gw);
-        }
-        give_bias(cx, 2, grad);
-        cx.recycle(g);
-    }
-}
-
-struct ConvTranspose2d {
-    conv: Conv,
-    activation: Activation,
-}
-
-impl<F: Real> Op<F> for ConvTranspose2d {
-    fn name(&self) -> &'static str {
-        "conv_transpose2d"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let conv = &self.conv;
-        let g = before_activation(cx, self.activation);
-        let grad = g.as_slice().expect(CONTIGUOUS);
-        let (x, w) = (cx.input(0), cx.input(1));
-        if cx.needs(0) {
-            let mut gx = cx.array(x.shape());
-            conv.forward(
-                grad,
-                w.as_slice().expect(CONTIGUOUS),
-                None,
-                Activation::None,
-                gx.as_slice_mut().expect(CONTIGUOUS),
-                &mut cx.scratch(conv.forward_scratch::<F>()),
-            );
-            cx.give(0, gx);
-        }
-        if cx.needs(1) {
-            let mut gw = cx.array(w.shape());
-            conv.grad_weight(
-                grad,
-                x.as_slice().expect(CONTIGUOUS),
-                gw.as_slice_mut().expect(CONTIGUOUS),
-                &mut cx.scratch(conv.grad_weight_scratch::<F>()),
-            );
+            let x = x.as_slice().expect(CONTIGUOUS);
+            let (input, output) = match self.way {
+                Way::Forward => (x, grad),
+                Way::Transposed => (grad, x),
+            };
+            let scratch = &mut cx.scratch(self.conv.grad_weight_scratch::<F>());
+            self.conv.grad_weight(input, output, gw.as_slice_mut().expect(CONTIGUOUS), scratch);
             cx.give(1, gw);
         }
         give_bias(cx, 2, grad);

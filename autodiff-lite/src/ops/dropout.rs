@@ -3,7 +3,7 @@
 use rand::Rng;
 
 use crate::kernels::elementwise;
-use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Var};
+use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Tape, Var};
 
 impl<F: Real> Var<'_, F> {
     /// Sets each element to zero with probability `p` and divides the others by `1 - p`, so that
@@ -16,30 +16,42 @@ impl<F: Real> Var<'_, F> {
     /// If `p` is not within `[0, 1)`.
     #[track_caller]
     pub fn dropout(self, p: f64) -> Self {
-        if !(0.0..1.0).contains(&p) {
-            ShapeError::new("dropout", format!("the probability {p} is not within [0, 1)"))
-                .at(self.tape.path())
-                .panic();
-        }
-        if !self.tape.is_training() || p == 0.0 {
-            return self;
-        }
         let x = self.value();
-        let mut rng = self.tape.rng();
-        let mut mask = self.tape.indices(x.len().div_ceil(32));
-        // An element lives when its random 32 bits are not below p.
-        let threshold = (p * 2.0_f64.powi(32)) as u64;
-        for word in mask.iter_mut() {
-            *word = (0..32)
-                .fold(0, |bits, k| bits | (u32::from(u64::from(rng.next_u32()) >= threshold) << k));
-        }
-        let scale = F::from_f64(1.0 / (1.0 - p));
+        let Some(mask) = keep_mask(self.tape, x.len(), p) else { return self };
+        let scale = keep_scale(p);
         let mut y = self.tape.array(x.shape());
         let out = y.as_slice_mut().expect(CONTIGUOUS);
         elementwise::map(x.as_slice().expect(CONTIGUOUS), out, |x| scale * x);
         keep(&mask, out);
         self.tape.record(&[self], y, Dropout { mask, scale })
     }
+}
+
+/// For each of `len` elements a bit that says whether it is kept; none where nothing is dropped.
+#[track_caller]
+pub(crate) fn keep_mask<F: Real>(tape: &Tape<F>, len: usize, p: f64) -> Option<PoolVec<u32>> {
+    if !(0.0..1.0).contains(&p) {
+        ShapeError::new("dropout", format!("the probability {p} is not within [0, 1)"))
+            .at(tape.path())
+            .panic();
+    }
+    if !tape.is_training() || p == 0.0 {
+        return None;
+    }
+    let mut rng = tape.rng();
+    let mut mask = tape.indices(len.div_ceil(32));
+    // An element lives when its random 32 bits are not below p.
+    let threshold = (p * 2.0_f64.powi(32)) as u64;
+    for word in mask.iter_mut() {
+        *word = (0..32)
+            .fold(0, |bits, k| bits | (u32::from(u64::from(rng.next_u32()) >= threshold) << k));
+    }
+    Some(mask)
+}
+
+/// What kept elements are multiplied by, so that the mean stays.
+pub(crate) fn keep_scale<F: Real>(p: f64) -> F {
+    F::from_f64(1.0 / (1.0 - p))
 }
 
 /// Zeroes the elements whose bit is not set.

@@ -25,6 +25,12 @@ fn c<F: Real>(x: f64) -> F {
     F::from_f64(x)
 }
 
+/// Φ(x), the share of a Gaussian below x.
+#[inline(always)]
+fn normal_distribution<F: Real>(x: F) -> F {
+    c::<F>(0.5) + c::<F>(0.5) * (x * c(std::f64::consts::FRAC_1_SQRT_2)).fast_erf()
+}
+
 unary! {
     /// `c x`.
     scale(factor): |x| factor * x, |_, _| factor;
@@ -63,6 +69,10 @@ unary! {
     sigmoid(): |x| x.fast_sigmoid(), |_, y| y * (F::one() - y);
     /// The hyperbolic tangent.
     tanh(): |x| x.fast_tanh(), |_, y| F::one() - y * y;
+    /// `x Φ(x)`, Φ being the Gaussian distribution: exact, not the form with the hyperbolic tangent.
+    gelu(): |x| x * normal_distribution(x), |x, _| {
+        normal_distribution(x) + x * (c::<F>(-0.5) * x * x).fast_exp() * c(0.3989422804014327)
+    };
     /// `clamp(x / 6 + 1/2, 0, 1)`, as in PyTorch.
     hardsigmoid(): |x| (x / c(6.0) + c(0.5)).max(F::zero()).min(F::one()),
         |x, _| if x > c(-3.0) && x < c(3.0) { c(1.0 / 6.0) } else { F::zero() };
@@ -179,6 +189,7 @@ mod tests {
     gradcheck!(softplus: |x| x.softplus(), shapes [[[3, 5]]]);
     gradcheck!(sigmoid: |x| x.sigmoid(), shapes [[[3, 5]]]);
     gradcheck!(tanh: |x| x.tanh(), shapes [[[3, 5]]]);
+    gradcheck!(gelu: |x| x.gelu(), shapes [[[3, 5]], [[40]]], options Options::default().range(-4.0, 4.0));
     gradcheck!(hardsigmoid: |x| x.hardsigmoid(), shapes [[[30]]], options kinks(&[-3.0, 3.0]).range(-5.0, 5.0));
     gradcheck!(clamp: |x| x.clamp(-0.5, 0.7), shapes [[[30]]], options kinks(&[-0.5, 0.7]));
     gradcheck!(powi: |x| x.powi(3), shapes [[[3, 5]]]);
@@ -228,6 +239,8 @@ mod tests {
         check(x.hardsigmoid(), [0.0, 0.5 - 0.5 / 6.0, 0.5, 0.5 + 2.0 / 6.0]);
         check(x.clamp(-1.0, 1.0), [-1.0, -0.5, 0.0, 1.0]);
         check(x.abs(), [4.0, 0.5, 0.0, 2.0]);
+        // x (1 + erf(x / √2)) / 2 by SciPy.
+        check(x.gelu(), [-0.00012668496733247995, -0.1542687694004699, 0.0, 1.9544997361036416]);
         check(x.powi(3), [-64.0, -0.125, 0.0, 8.0]);
         // ln(1 + e⁻⁴) = 0.018149927917809...
         check(

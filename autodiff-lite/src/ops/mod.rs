@@ -1,6 +1,7 @@
 //! Differentiable operations, one family per file: methods on [`Var`](crate::Var) and
 //! [`Tape`](crate::Tape).
 
+mod attention;
 mod conv;
 mod dropout;
 mod elementwise;

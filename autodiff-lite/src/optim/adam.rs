@@ -120,21 +120,47 @@ fn correction(beta: f64, step: u64) -> f64 {
     1.0 - beta.powf(step as f64)
 }
 
+/// Where a weight decay acts.
+#[derive(Clone, Copy)]
+enum Decay {
+    /// On the gradient, hence on the moments.
+    Coupled(f64),
+    /// On the weights.
+    Decoupled(f64),
+}
+
+/// The step that Adam and AdamW share.
+fn step<F: Real>(
+    [beta1, beta2, epsilon]: [f64; 3],
+    decay: Decay,
+    lr: f64,
+    t: u64,
+    [w, m, v]: [&mut [F]; 3],
+    g: &[F],
+) {
+    let (coupled, shrink) = match decay {
+        Decay::Coupled(decay) => (decay, 1.0),
+        Decay::Decoupled(decay) => (0.0, 1.0 - lr * decay),
+    };
+    let step = AdamStep {
+        beta1: F::from_f64(beta1),
+        beta2: F::from_f64(beta2),
+        step: F::from_f64(lr / correction(beta1, t)),
+        correction: F::from_f64(correction(beta2, t).sqrt()),
+        epsilon: F::from_f64(epsilon),
+        coupled_decay: F::from_f64(coupled),
+        shrink: F::from_f64(shrink),
+    };
+    update::adam(&step, w, g, m, v);
+}
+
 impl Method for AdamMethod {
     const MOMENTS: &'static [&'static str] = &["m", "v"];
 
     fn update<F: Real>(&self, lr: f64, t: u64, w: &mut [F], g: &[F], moments: &mut [Vec<F>]) {
         let [m, v] = moments else { unreachable!("the optimiser keeps two moments") };
-        let step = AdamStep {
-            beta1: F::from_f64(self.beta1),
-            beta2: F::from_f64(self.beta2),
-            step: F::from_f64(lr / correction(self.beta1, t)),
-            correction: F::from_f64(correction(self.beta2, t).sqrt()),
-            epsilon: F::from_f64(self.epsilon),
-            coupled_decay: F::from_f64(self.weight_decay),
-            shrink: F::one(),
-        };
-        update::adam(&step, w, g, m, v);
+        let decay = Decay::Coupled(self.weight_decay);
+        step([self.beta1, self.beta2, self.epsilon], decay, lr, t, [w, m, v], g);
     }
 }
 
@@ -143,16 +169,8 @@ impl Method for AdamWMethod {
 
     fn update<F: Real>(&self, lr: f64, t: u64, w: &mut [F], g: &[F], moments: &mut [Vec<F>]) {
         let [m, v] = moments else { unreachable!("the optimiser keeps two moments") };
-        let step = AdamStep {
-            beta1: F::from_f64(self.beta1),
-            beta2: F::from_f64(self.beta2),
-            step: F::from_f64(lr / correction(self.beta1, t)),
-            correction: F::from_f64(correction(self.beta2, t).sqrt()),
-            epsilon: F::from_f64(self.epsilon),
-            coupled_decay: F::zero(),
-            shrink: F::from_f64(1.0 - lr * self.weight_decay),
-        };
-        update::adam(&step, w, g, m, v);
+        let decay = Decay::Decoupled(self.weight_decay);
+        step([self.beta1, self.beta2, self.epsilon], decay, lr, t, [w, m, v], g);
     }
 }
 

@@ -20,6 +20,7 @@
 //! ```
 
 mod error;
+mod half;
 mod read;
 mod write;
 
@@ -27,9 +28,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::optim::{self, Method, Optimizer};
-use crate::{Module, Param, Real};
+use crate::{Module, Param, Real, Tensor};
 
 pub use error::{LoadError, Mismatch, SaveError};
+pub use half::{from_bfloat, from_half};
 
 /// Names that begin so belong to optimisers.
 const OPTIMIZER: &str = "optim.";
@@ -107,6 +109,47 @@ impl State {
         self.arrays.keys().map(String::as_str)
     }
 
+    /// An array by its name, if it is there and of real numbers.
+    pub fn array<F: Real>(&self, name: &str) -> Option<Tensor<F>> {
+        let stored = self.arrays.get(name).filter(|stored| stored.numbers.is_real())?;
+        let mut array = ndarray::ArrayD::zeros(stored.shape.as_slice());
+        stored.numbers.copy_to(array.as_slice_mut()?);
+        Some(array.into_shared())
+    }
+
+    /// Adds an array, row-major, in place of one of that name.
+    ///
+    /// # Panics
+    /// If there are more or fewer numbers than the shape has.
+    #[track_caller]
+    pub fn insert<F: Real>(&mut self, name: &str, shape: &[usize], numbers: &[F]) {
+        assert_eq!(shape.iter().product::<usize>(), numbers.len(), "{name}: shape and numbers");
+        let stored = Stored { shape: shape.to_vec(), numbers: Numbers::of(numbers) };
+        self.arrays.insert(name.to_owned(), stored);
+    }
+
+    /// Notes that there is an array of another type than real numbers, without its content.
+    pub fn insert_other(&mut self, name: &str, shape: &[usize], type_name: &str) {
+        let numbers = Numbers::Other(type_name.to_owned());
+        self.arrays.insert(name.to_owned(), Stored { shape: shape.to_vec(), numbers });
+    }
+
+    /// The same arrays under other names; those of optimisers stay as they are.
+    ///
+    /// # Errors
+    /// The first name that two arrays would have.
+    pub fn renamed(self, rename: impl Fn(&str) -> String) -> Result<Self, String> {
+        let mut arrays = BTreeMap::new();
+        for (name, stored) in self.arrays {
+            let name = if name.starts_with(OPTIMIZER) { name } else { rename(&name) };
+            if arrays.contains_key(&name) {
+                return Err(name);
+            }
+            arrays.insert(name, stored);
+        }
+        Ok(Self { arrays, metadata: self.metadata })
+    }
+
     /// Adds all parameters and buffers of `module`, their names beginning with `prefix`.
     pub fn add_module<F: Real>(&mut self, prefix: &str, module: &(impl Module<F> + ?Sized)) {
         module.visit(prefix, &mut |path: &str, param: &Param<F>| {
@@ -140,6 +183,18 @@ impl State {
         prefix: &str,
         module: &mut (impl Module<F> + ?Sized),
     ) -> Result<(), Mismatch> {
+        self.compare_module(prefix, module).into_result()?;
+        self.load_matching(prefix, module);
+        Ok(())
+    }
+
+    /// All differences between the arrays below `prefix` and the parameters of `module`; what is
+    /// ignored is said at [`load_module`](Self::load_module).
+    pub fn compare_module<F: Real>(
+        &self,
+        prefix: &str,
+        module: &(impl Module<F> + ?Sized),
+    ) -> Mismatch {
         let mut mismatch = Mismatch::default();
         let mut wanted = std::collections::BTreeSet::new();
         module.visit(prefix, &mut |path: &str, param: &Param<F>| {
@@ -156,13 +211,18 @@ impl State {
                 })
                 .map(str::to_owned),
         );
-        mismatch.into_result()?;
+        mismatch
+    }
+
+    /// Copies those arrays below `prefix` that have the shape of their parameter, and leaves the
+    /// others; [`compare_module`](Self::compare_module) tells which.
+    pub fn load_matching<F: Real>(&self, prefix: &str, module: &mut (impl Module<F> + ?Sized)) {
         module.visit_mut(prefix, &mut |path: &str, param: &mut Param<F>| {
-            if let Some(stored) = self.arrays.get(path) {
+            let stored = self.arrays.get(path).filter(|stored| stored.shape == param.shape());
+            if let Some(stored) = stored {
                 stored.numbers.copy_to(param.as_slice_mut());
             }
         });
-        Ok(())
     }
 
     /// Replaces the moments of an optimiser.

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use safetensors::{Dtype, SafeTensors};
 
+use super::half::{from_bfloat, from_half};
 use super::{LoadError, Numbers, State, Stored};
 
 impl State {
@@ -41,9 +42,7 @@ impl State {
                 Dtype::F64 => Numbers::Doubles(numbers(view.data(), f64::from_le_bytes)),
                 Dtype::U64 => Numbers::Counts(numbers(view.data(), u64::from_le_bytes)),
                 Dtype::F16 => Numbers::Singles(numbers(view.data(), from_half)),
-                Dtype::BF16 => Numbers::Singles(numbers(view.data(), |b: [u8; 2]| {
-                    f32::from_bits(u32::from(u16::from_le_bytes(b)) << 16)
-                })),
+                Dtype::BF16 => Numbers::Singles(numbers(view.data(), from_bfloat)),
                 other => Numbers::Other(format!("{other:?}")),
             };
             state.arrays.insert(name.to_owned(), Stored { shape: view.shape().to_vec(), numbers });
@@ -54,19 +53,6 @@ impl State {
 
 fn numbers<T, const N: usize>(bytes: &[u8], convert: impl Fn([u8; N]) -> T) -> Vec<T> {
     bytes.as_chunks::<N>().0.iter().map(|&chunk| convert(chunk)).collect()
-}
-
-/// IEEE half precision: 1 sign, 5 exponent and 10 fraction bits.
-fn from_half(bytes: [u8; 2]) -> f32 {
-    let bits = u16::from_le_bytes(bytes);
-    let (exponent, fraction) = ((bits >> 10) & 31, f32::from(bits & 1023));
-    let magnitude = match exponent {
-        0 => fraction * 2.0_f32.powi(-24),
-        31 if fraction == 0.0 => f32::INFINITY,
-        31 => f32::NAN,
-        e => (1.0 + fraction / 1024.0) * 2.0_f32.powi(i32::from(e) - 15),
-    };
-    if bits >> 15 == 1 { -magnitude } else { magnitude }
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! | OBJ | text, polygons on reading | sRGB after each `v` | MTL and a PNG beside it |
 //! | PLY | binary or ASCII | sRGB bytes | read (`TextureFile`); written as vertex colours |
 //! | GLB | binary, node transforms on reading | linear floats | PNG inside |
+//! | OFF | text, polygons; only read | passed over | - |
 //!
 //! Colours in memory are sRGB. Where a mesh has both colours and a texture, OBJ keeps both, GLB
 //! keeps the texture (a viewer would multiply the two) and PLY keeps the colours.
@@ -19,6 +20,7 @@ mod check;
 mod error;
 pub mod glb;
 pub mod obj;
+pub mod off;
 pub mod ply;
 
 use std::path::Path;
@@ -28,7 +30,7 @@ pub use error::{ReadMeshError, WriteError};
 
 use crate::TriMesh;
 
-/// Reads a mesh; the file's extension says which format it is: `.obj`, `.ply` or `.glb`.
+/// Reads a mesh; the file's extension says which format it is: `.obj`, `.ply`, `.glb` or `.off`.
 ///
 /// # Errors
 /// Another extension, a file that cannot be read, or one that is not as its format says.
@@ -38,6 +40,7 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<TriMesh, ReadMeshError> {
         "obj" => obj::read(path),
         "ply" => ply::read(path),
         "glb" => glb::read(path),
+        "off" => off::read(path),
         found => Err(ReadMeshError::Extension { path: path.to_owned(), found: found.to_owned() }),
     }
 }

@@ -1,0 +1,339 @@
+//! Bytes, tags and numbers of a MAT file, from memory or from a deflate stream alike.
+
+use std::io::{ErrorKind, Read};
+use std::path::Path;
+
+use super::Data;
+use crate::error::{ReadViewsError, ViewsProblem};
+
+/// How many bytes are moved at a time: what a forged length can make us take at once.
+const CHUNK: usize = 1 << 16;
+/// No variable may inflate to more bytes than this.
+const INFLATED_BYTES: u64 = 1 << 33;
+/// The values of a file may not take more memory than this.
+const KEPT_BYTES: u64 = 1 << 31;
+
+/// The start of an element: what it holds and how many bytes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tag {
+    pub(super) kind: u32,
+    pub(super) size: u64,
+    /// Where the data of the small form stands in the tag itself.
+    small: Option<[u8; 4]>,
+}
+
+/// A file, or a variable that is being inflated.
+pub(super) struct Stream<'a> {
+    input: &'a mut dyn Read,
+    big_endian: bool,
+    file: &'a Path,
+    /// What is being read, for messages.
+    pub(super) place: String,
+    /// Bytes that the element around still has.
+    pub(super) left: u64,
+    /// Bytes that the values of the file may still take.
+    pub(super) budget: u64,
+}
+
+impl<'a> Stream<'a> {
+    pub(super) fn new(
+        input: &'a mut dyn Read,
+        big_endian: bool,
+        file: &'a Path,
+        place: String,
+        left: Option<u64>,
+    ) -> Self {
+        let left = left.unwrap_or(INFLATED_BYTES);
+        Self { input, big_endian, file, place, left, budget: KEPT_BYTES }
+    }
+
+    /// An error about a part of what is being read.
+    pub(super) fn wrong(
+        &self,
+        what: &str,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> ReadViewsError {
+        ReadViewsError::field(self.file, format!("{}: {what}", self.place), found, expected)
+    }
+
+    /// Reads so many bytes, which the element around must have.
+    pub(super) fn fill(&mut self, out: &mut [u8]) -> Result<(), ReadViewsError> {
+        if out.len() as u64 > self.left {
+            let expected = format!("{} bytes more", out.len());
+            return Err(self.wrong("data", format!("{} bytes", self.left), expected));
+        }
+        self.left -= out.len() as u64;
+        self.input.read_exact(out).map_err(|error| match error.kind() {
+            ErrorKind::UnexpectedEof => self.wrong("data", "the end of the file", "more bytes"),
+            ErrorKind::InvalidData | ErrorKind::InvalidInput => {
+                self.wrong("compressed data", error.to_string(), "a deflate stream")
+            }
+            _ => ReadViewsError::new(self.file, error),
+        })
+    }
+
+    pub(super) fn skip(&mut self, mut count: u64) -> Result<(), ReadViewsError> {
+        let mut chunk = [0u8; 4096];
+        while count > 0 {
+            let n = count.min(chunk.len() as u64) as usize;
+            self.fill(&mut chunk[..n])?;
+            count -= n as u64;
+        }
+        Ok(())
+    }
+
+    pub(super) fn is_big_endian(&self) -> bool {
+        self.big_endian
+    }
+
+    fn word(&self, bytes: [u8; 4]) -> u32 {
+        if self.big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }
+    }
+
+    /// The next tag; `None` at the very end of the element around.
+    pub(super) fn tag(&mut self) -> Result<Option<Tag>, ReadViewsError> {
+        if self.left == 0 {
+            return Ok(None);
+        }
+        let mut first = [0u8; 4];
+        let mut second = [0u8; 4];
+        self.fill(&mut first)?;
+        self.fill(&mut second)?;
+        let word = self.word(first);
+        let small_size = word >> 16;
+        if small_size != 0 {
+            if small_size > 4 {
+                let expected = "at most 4 bytes in a small element";
+                return Err(self.wrong("size", small_size.to_string(), expected));
+            }
+            let kind = word & 0xffff;
+            return Ok(Some(Tag { kind, size: small_size.into(), small: Some(second) }));
+        }
+        Ok(Some(Tag { kind: word, size: self.word(second).into(), small: None }))
+    }
+
+    /// The next tag, which must be there.
+    pub(super) fn need_tag(&mut self, what: &str) -> Result<Tag, ReadViewsError> {
+        let tag = self.tag()?.ok_or_else(|| self.wrong(what, "nothing", "an element"))?;
+        if tag.small.is_none() && tag.size > self.left {
+            let expected = format!("at most the {} that are left", self.left);
+            return Err(self.wrong(what, format!("{} bytes", tag.size), expected));
+        }
+        Ok(tag)
+    }
+
+    /// Hands the data of an element over in pieces, and passes over the padding behind it.
+    pub(super) fn data(
+        &mut self,
+        tag: Tag,
+        mut take: impl FnMut(&mut Self, &[u8]) -> Result<(), ReadViewsError>,
+    ) -> Result<(), ReadViewsError> {
+        if let Some(small) = tag.small {
+            return take(self, &small[..tag.size as usize]);
+        }
+        let mut chunk = vec![0u8; CHUNK.min(tag.size as usize)];
+        let mut rest = tag.size;
+        while rest > 0 {
+            let n = rest.min(chunk.len() as u64) as usize;
+            self.fill(&mut chunk[..n])?;
+            take(self, &chunk[..n])?;
+            rest -= n as u64;
+        }
+        // Some writers leave the padding of the last element away.
+        let padding = (8 - tag.size % 8) % 8;
+        self.skip(padding.min(self.left))
+    }
+
+    /// All bytes of an element that may have at most `limit`.
+    pub(super) fn bytes(
+        &mut self,
+        tag: Tag,
+        what: &str,
+        limit: u64,
+    ) -> Result<Vec<u8>, ReadViewsError> {
+        if tag.size > limit {
+            return Err(self.wrong(
+                what,
+                format!("{} bytes", tag.size),
+                format!("at most {limit}"),
+            ));
+        }
+        let mut out = Vec::new();
+        self.data(tag, |_, piece| {
+            out.extend_from_slice(piece);
+            Ok(())
+        })?;
+        Ok(out)
+    }
+
+    /// Whole numbers of 32 bits.
+    pub(super) fn words(&mut self, what: &str, limit: u64) -> Result<Vec<i32>, ReadViewsError> {
+        let tag = self.need_tag(what)?;
+        if !matches!(tag.kind, 5 | 6) || !tag.size.is_multiple_of(4) {
+            let found = format!("type {} of {} bytes", tag.kind, tag.size);
+            return Err(self.wrong(what, found, "32-bit integers"));
+        }
+        let bytes = self.bytes(tag, what, limit)?;
+        let word = |b: &[u8]| self.word([b[0], b[1], b[2], b[3]]) as i32;
+        Ok(bytes.chunks_exact(4).map(word).collect())
+    }
+
+    /// Takes memory from what the values of the file may take.
+    pub(super) fn charge(&mut self, bytes: usize) -> Result<(), ReadViewsError> {
+        match self.budget.checked_sub(bytes as u64) {
+            Some(rest) => {
+                self.budget = rest;
+                Ok(())
+            }
+            None => Err(ReadViewsError::new(
+                self.file,
+                ViewsProblem::TooLarge {
+                    field: self.place.clone(),
+                    found: KEPT_BYTES - self.budget + bytes as u64,
+                    limit: KEPT_BYTES,
+                },
+            )),
+        }
+    }
+
+    /// Exactly `count` numbers of any stored type, in the narrowest form that holds them.
+    pub(super) fn numbers(&mut self, count: usize) -> Result<Data, ReadViewsError> {
+        let tag = self.need_tag("numbers")?;
+        let kind = Number::of(tag.kind).ok_or_else(|| {
+            self.wrong("data type", tag.kind.to_string(), "a number: 1 to 7, 9, 12 or 13")
+        })?;
+        if tag.size != (count as u64).saturating_mul(kind.size() as u64) {
+            let found = format!("{} bytes", tag.size);
+            let expected = format!("{count} values of {} bytes", kind.size());
+            return Err(self.wrong("numbers", found, expected));
+        }
+        let mut narrow = Narrow::default();
+        let (big_endian, size) = (self.big_endian, kind.size());
+        // Chunks are a multiple of 8 bytes long, so no number is cut.
+        self.data(tag, |stream, piece| {
+            let before = narrow.bytes();
+            piece.chunks_exact(size).for_each(|raw| narrow.push(kind.value(raw, big_endian)));
+            stream.charge(narrow.bytes().saturating_sub(before))
+        })?;
+        Ok(narrow.finish())
+    }
+}
+
+/// Numbers as they arrive: bits until one is neither 0 nor 1, bytes until one is no byte.
+#[derive(Default)]
+struct Narrow {
+    count: usize,
+    bits: Vec<u8>,
+    bytes: Vec<u8>,
+    floats: Vec<f64>,
+}
+
+impl Narrow {
+    fn push(&mut self, value: f64) {
+        // -0.0 stays a float: it is not the same number to a reader of signs.
+        let is_byte =
+            value.fract() == 0.0 && (0.0..=255.0).contains(&value) && value.is_sign_positive();
+        if !self.floats.is_empty() {
+            self.floats.push(value);
+        } else if !self.bytes.is_empty() {
+            if is_byte {
+                self.bytes.push(value as u8);
+            } else {
+                self.floats = std::mem::take(&mut self.bytes).into_iter().map(f64::from).collect();
+                self.floats.push(value);
+            }
+        } else if is_byte && value <= 1.0 {
+            if self.count.is_multiple_of(8) {
+                self.bits.push(0);
+            }
+            if value == 1.0 {
+                self.bits[self.count / 8] |= 1 << (self.count % 8);
+            }
+        } else {
+            let bits = std::mem::take(&mut self.bits);
+            let bits = (0..self.count).map(|i| bits[i / 8] >> (i % 8) & 1);
+            if is_byte {
+                self.bytes = bits.collect();
+                self.bytes.push(value as u8);
+            } else {
+                self.floats = bits.map(f64::from).collect();
+                self.floats.push(value);
+            }
+        }
+        self.count += 1;
+    }
+
+    fn bytes(&self) -> usize {
+        self.bits.len() + self.bytes.len() + 8 * self.floats.len()
+    }
+
+    fn finish(mut self) -> Data {
+        self.bits.shrink_to_fit();
+        if !self.floats.is_empty() {
+            Data::Floats(self.floats)
+        } else if !self.bytes.is_empty() {
+            Data::Bytes(self.bytes)
+        } else {
+            Data::Bits(self.count, self.bits)
+        }
+    }
+}
+
+/// How a number is stored.
+#[derive(Clone, Copy)]
+enum Number {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+    I64,
+    U64,
+}
+
+impl Number {
+    fn of(kind: u32) -> Option<Self> {
+        Some(match kind {
+            1 => Self::I8,
+            2 => Self::U8,
+            3 => Self::I16,
+            4 => Self::U16,
+            5 => Self::I32,
+            6 => Self::U32,
+            7 => Self::F32,
+            9 => Self::F64,
+            12 => Self::I64,
+            13 => Self::U64,
+            _ => return None,
+        })
+    }
+
+    fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 | Self::I64 | Self::U64 => 8,
+        }
+    }
+
+    fn value(self, raw: &[u8], big_endian: bool) -> f64 {
+        let bits = raw.iter().enumerate().fold(0u64, |bits, (k, &byte)| {
+            let place = if big_endian { raw.len() - 1 - k } else { k };
+            bits | u64::from(byte) << (8 * place)
+        });
+        match self {
+            Self::I8 => f64::from(bits as i8),
+            Self::I16 => f64::from(bits as i16),
+            Self::I32 => f64::from(bits as i32),
+            Self::I64 => bits as i64 as f64,
+            Self::U8 | Self::U16 | Self::U32 | Self::U64 => bits as f64,
+            Self::F32 => f64::from(f32::from_bits(bits as u32)),
+            Self::F64 => f64::from_bits(bits),
+        }
+    }
+}

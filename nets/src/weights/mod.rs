@@ -1,0 +1,158 @@
+//! Weights from files, by PyTorch's names.
+//!
+//! ```
+//! use autodiff_lite::{ConvGeometry, state};
+//! use nets::{Conv2d, Init, LoadWeights};
+//!
+//! # let folder = std::env::temp_dir().join("nets-weights-doc");
+//! # std::fs::create_dir_all(&folder)?;
+//! let path = folder.join("whole.safetensors");
+//! let conv = |seed: u64| Conv2d::<f32>::new(&Init::new(seed), 3, 8, 3, ConvGeometry::new());
+//! let whole = (conv(1), conv(2));
+//! state::save(&path, &whole)?; // names `0.weight`, `0.bias`, `1.weight`, `1.bias`
+//!
+//! // A part of it, under other names; a `.pth` would do as well.
+//! let mut part = conv(3);
+//! LoadWeights::partial().map("1.=")?.load(&path, &mut part)?;
+//! assert_eq!(part.weight.value, whole.1.weight.value);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod error;
+mod freeze;
+mod map;
+mod pickle;
+mod pth;
+
+use std::path::Path;
+
+use autodiff_lite::state::{Mismatch, State};
+use autodiff_lite::{Module, Real};
+
+pub use error::WeightsError;
+pub use freeze::{freeze, unfreeze};
+pub use map::{MapError, NameMap};
+
+/// Reads a file of named arrays: safetensors, or PyTorch's `.pth` of either age (zip archives
+/// since 1.6, and the sequence of pickles before), told apart by content. Nothing in the file is
+/// executed.
+///
+/// Half, `bfloat16` and double precision are converted when a module is loaded; a checkpoint that
+/// keeps the weights under `state_dict`, `model_state_dict` or `model` is looked into.
+///
+/// # Errors
+/// If the file cannot be read or is of neither format.
+pub fn read_weights(path: impl AsRef<Path>) -> Result<State, WeightsError> {
+    let path = path.as_ref();
+    let bytes =
+        std::fs::read(path).map_err(|source| WeightsError::Io { path: path.to_owned(), source })?;
+    weights_from_bytes(&bytes)
+        .map_err(|reason| WeightsError::Format { path: path.to_owned(), reason })
+}
+
+/// [`read_weights`] of bytes. Memory is taken only for numbers that are there.
+///
+/// # Errors
+/// What is wrong with the bytes.
+pub fn weights_from_bytes(bytes: &[u8]) -> Result<State, String> {
+    if pth::recognises(bytes) {
+        pth::read(bytes).map_err(|reason| format!("not a sound PyTorch file: {reason}"))
+    } else {
+        State::from_bytes(bytes)
+            .map_err(|reason| format!("neither safetensors nor a PyTorch file: {reason}"))
+    }
+}
+
+/// How much a file may differ from the module.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Strictness {
+    #[default]
+    Strict,
+    Partial,
+    Lenient,
+}
+
+/// How weights are loaded into a module.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LoadWeights {
+    strictness: Strictness,
+    map: NameMap,
+}
+
+impl LoadWeights {
+    /// The file must have exactly the names and shapes of the module.
+    pub fn strict() -> Self {
+        Self::default()
+    }
+
+    /// The file may have more names, being that of a larger model.
+    pub fn partial() -> Self {
+        Self { strictness: Strictness::Partial, ..Self::default() }
+    }
+
+    /// What fits is loaded, the rest reported.
+    pub fn lenient() -> Self {
+        Self { strictness: Strictness::Lenient, ..Self::default() }
+    }
+
+    /// Renames what the file holds first; the rules are those of [`NameMap`].
+    ///
+    /// # Errors
+    /// If a rule cannot be read.
+    pub fn map(self, rules: &str) -> Result<Self, MapError> {
+        Ok(Self { map: rules.parse()?, ..self })
+    }
+
+    /// Loads a file into the module. The result says what differed and was allowed to.
+    ///
+    /// # Errors
+    /// If the file cannot be read or does not fit as asked for: every name that is missing,
+    /// unexpected or of another shape, with both shapes, at once. The module is then unchanged.
+    pub fn load<F: Real>(
+        &self,
+        path: impl AsRef<Path>,
+        module: &mut (impl Module<F> + ?Sized),
+    ) -> Result<Mismatch, WeightsError> {
+        let path = path.as_ref();
+        self.load_from(path, read_weights(path)?, module)
+    }
+
+    /// [`load`](Self::load) of arrays that were read before.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn load_state<F: Real>(
+        &self,
+        state: State,
+        module: &mut (impl Module<F> + ?Sized),
+    ) -> Result<Mismatch, WeightsError> {
+        self.load_from("the given arrays".as_ref(), state, module)
+    }
+
+    fn load_from<F: Real>(
+        &self,
+        path: &Path,
+        state: State,
+        module: &mut (impl Module<F> + ?Sized),
+    ) -> Result<Mismatch, WeightsError> {
+        let state = state
+            .renamed(|name| self.map.apply(name))
+            .map_err(|name| WeightsError::Twice { path: path.to_owned(), name })?;
+        let found = state.compare_module("", module);
+        let allowed = match self.strictness {
+            Strictness::Strict => found == Mismatch::default(),
+            Strictness::Partial => found.missing.is_empty() && found.different.is_empty(),
+            Strictness::Lenient => true,
+        };
+        if !allowed {
+            // What a partial load allows is not part of its complaint.
+            let mut mismatch = found;
+            if self.strictness == Strictness::Partial {
+                mismatch.unexpected.clear();
+            }
+            return Err(WeightsError::Mismatch { path: path.to_owned(), mismatch });
+        }
+        state.load_matching("", module);
+        Ok(found)
+    }
+}

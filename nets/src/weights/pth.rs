@@ -1,0 +1,263 @@
+//! PyTorch's own weight files, `.pth` and `.pt`.
+//!
+//! Two layouts are read. Since PyTorch 1.6 a file is an uncompressed zip archive:
+//! `<name>/data.pkl` is a pickle in which each storage has a key, and `<name>/data/<key>` are its
+//! bytes. Before (and in torchvision's older files, VGG16 among them) it is three short pickles,
+//! the pickle of the object, a pickle with the list of keys, and then for each key the number of
+//! elements, 8 bytes, and the bytes. Both: the file formats of `torch/serialization.py`.
+//!
+//! Nothing is executed and memory is taken only for numbers that are there.
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+use autodiff_lite::state::State;
+
+use super::pickle::{self, Id, Pickle, TensorView, Value};
+use autodiff_lite::state::{from_bfloat, from_half};
+
+/// Keys under which training programs keep the weights among other things.
+const NESTED: [&str; 3] = ["state_dict", "model_state_dict", "model"];
+
+/// The magic number that the first pickle of an old file holds, as it is written: LONG1, 10 bytes.
+const MAGIC: [u8; 14] =
+    [0x80, 2, 0x8a, 10, 0x6c, 0xfc, 0x9c, 0x46, 0xf9, 0x20, 0x6a, 0xa8, 0x50, 0x19];
+
+/// Whether the bytes begin like a `.pth` file of either layout.
+pub(super) fn recognises(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(&MAGIC)
+}
+
+/// Reads the bytes of a `.pth` file.
+pub(super) fn read(bytes: &[u8]) -> Result<State, String> {
+    if bytes.starts_with(&MAGIC) { old(bytes) } else { archive(bytes) }
+}
+
+fn archive(bytes: &[u8]) -> Result<State, String> {
+    let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|error| error.to_string())?;
+    let name = zip
+        .file_names()
+        .filter_map(Result::ok)
+        .find(|name| name.ends_with("/data.pkl") || *name == "data.pkl")
+        .map(std::borrow::Cow::into_owned);
+    let name =
+        name.ok_or("the archive holds no data.pkl: is it a TorchScript or other zip file?")?;
+    let folder = name.trim_end_matches("data.pkl").to_owned();
+    if entry(&mut zip, bytes, &format!("{folder}byteorder"))?.is_some_and(|o| o != b"little") {
+        return Err("its numbers are big-endian".to_owned());
+    }
+    let main = entry(&mut zip, bytes, &name)?.unwrap_or_default();
+    let pickle = pickle::read(main).map_err(|reason| format!("{name}: {reason}"))?;
+    let mut storages = BTreeMap::new();
+    for value in &pickle.values {
+        let Value::Storage { key, .. } = value else { continue };
+        if !storages.contains_key(key.as_str()) {
+            let data = entry(&mut zip, bytes, &format!("{folder}data/{key}"))?;
+            let data = data.ok_or_else(|| format!("the archive lacks {folder}data/{key}"))?;
+            storages.insert(key.clone(), data);
+        }
+    }
+    collect(&pickle, &storages, bytes.len())
+}
+
+/// The bytes of one file of the archive, as they lie in it.
+fn entry<'a>(
+    zip: &mut zip::ZipArchive<Cursor<&[u8]>>,
+    bytes: &'a [u8],
+    name: &str,
+) -> Result<Option<&'a [u8]>, String> {
+    let file = match zip.by_name(name) {
+        Ok(file) => file,
+        Err(zip::result::ZipError::FileNotFound) => return Ok(None),
+        Err(error) => return Err(format!("{name}: {error}")),
+    };
+    if file.compression() != zip::CompressionMethod::Stored || file.encrypted() {
+        return Err(format!("{name} is compressed or encrypted, which PyTorch does not do"));
+    }
+    let range = file.data_start().and_then(|start| {
+        let start = usize::try_from(start).ok()?;
+        Some(start..start.checked_add(usize::try_from(file.size()).ok()?)?)
+    });
+    let found = range.and_then(|range| bytes.get(range));
+    found.map(Some).ok_or_else(|| format!("{name} reaches past the end of the file"))
+}
+
+fn old(bytes: &[u8]) -> Result<State, String> {
+    let mut at = 0;
+    let mut next = |what: &str| {
+        let pickle = pickle::read(&bytes[at..])
+            .map_err(|reason| format!("{what}, which begins at byte {at}: {reason}"))?;
+        at += pickle.length;
+        Ok::<_, String>((pickle, at))
+    };
+    next("the magic number")?;
+    next("the version")?;
+    let (system, _) = next("the system's sizes")?;
+    let little = system.entries(system.root).find(|(name, _)| *name == "little_endian");
+    if little.is_some_and(|(_, id)| *system.get(id) == Value::Bool(false)) {
+        return Err("its numbers are big-endian".to_owned());
+    }
+    let (object, _) = next("the object")?;
+    let (keys, mut at) = next("the list of storages")?;
+    let kinds: BTreeMap<&str, &str> = object
+        .values
+        .iter()
+        .filter_map(|value| match value {
+            Value::Storage { kind, key, .. } => Some((key.as_str(), kind.as_str())),
+            _ => None,
+        })
+        .collect();
+    let mut storages = BTreeMap::new();
+    let Value::Sequence(order) = keys.get(keys.root) else {
+        return Err("the list of storages is none".to_owned());
+    };
+    for &id in order {
+        let key = keys.text(id).ok_or("the key of a storage is no text")?;
+        let missing = || format!("storage {key} reaches past the end of the file");
+        let count = bytes.get(at..at + 8).ok_or_else(missing)?;
+        let count = u64::from_le_bytes(count.try_into().map_err(|_| missing())?);
+        let size = kinds.get(key).and_then(|kind| element_size(kind));
+        let size = size.ok_or_else(|| format!("storage {key} has a type of unknown size"))?;
+        let length = usize::try_from(count).ok().and_then(|n| n.checked_mul(size));
+        let end = length.and_then(|length| (at + 8).checked_add(length)).ok_or_else(missing)?;
+        storages.insert(key.to_owned(), bytes.get(at + 8..end).ok_or_else(missing)?);
+        at = end;
+    }
+    collect(&object, &storages, bytes.len())
+}
+
+fn element_size(kind: &str) -> Option<usize> {
+    Some(match kind {
+        "DoubleStorage" | "LongStorage" | "ComplexFloatStorage" => 8,
+        "FloatStorage" | "IntStorage" => 4,
+        "HalfStorage" | "BFloat16Storage" | "ShortStorage" => 2,
+        "ByteStorage" | "CharStorage" | "BoolStorage" | "UntypedStorage" => 1,
+        _ => return None,
+    })
+}
+
+/// All tensors of the dictionary of weights.
+fn collect(
+    pickle: &Pickle,
+    storages: &BTreeMap<String, &[u8]>,
+    file: usize,
+) -> Result<State, String> {
+    let weights = weights_of(pickle);
+    let mut state = State::new();
+    // Tensors may share a storage; what they take together stays within some times the file.
+    let mut budget = file.saturating_mul(4);
+    for (name, id) in pickle.entries(weights) {
+        let Value::Tensor(view) = pickle.get(id) else { continue };
+        let about = |reason: String| format!("{name}: {reason}");
+        let Value::Storage { kind, key, elements } = pickle.get(view.storage) else { continue };
+        let data =
+            storages.get(key.as_str()).ok_or_else(|| about("its storage is missing".into()))?;
+        let plan = Plan::new(view, *elements).map_err(about)?;
+        budget = budget
+            .checked_sub(plan.len())
+            .ok_or_else(|| about("the tensors share storages too often".into()))?;
+        let short = || about(format!("its storage has {} bytes, too few", data.len()));
+        match kind.as_str() {
+            "FloatStorage" => {
+                let numbers = plan.gather(data, f32::from_le_bytes).ok_or_else(short)?;
+                state.insert(name, &plan.shape, &numbers);
+            }
+            "DoubleStorage" => {
+                let numbers = plan.gather(data, f64::from_le_bytes).ok_or_else(short)?;
+                state.insert(name, &plan.shape, &numbers);
+            }
+            "HalfStorage" => {
+                let numbers = plan.gather(data, from_half).ok_or_else(short)?;
+                state.insert(name, &plan.shape, &numbers);
+            }
+            "BFloat16Storage" => {
+                let numbers = plan.gather(data, from_bfloat).ok_or_else(short)?;
+                state.insert(name, &plan.shape, &numbers);
+            }
+            other => state.insert_other(name, &plan.shape, other),
+        }
+    }
+    if state.names().next().is_none() {
+        return Err("it holds no tensor under a name: save `model.state_dict()`".to_owned());
+    }
+    Ok(state)
+}
+
+/// The dictionary of weights: the object itself if it holds a tensor, or what it holds under one
+/// of the usual names.
+fn weights_of(pickle: &Pickle) -> Id {
+    let holds_tensors =
+        |id: Id| pickle.entries(id).any(|(_, id)| matches!(pickle.get(id), Value::Tensor(_)));
+    if holds_tensors(pickle.root) {
+        return pickle.root;
+    }
+    let nested = |name: &&str| pickle.entries(pickle.root).find(|(key, _)| key == name);
+    let found = NESTED.iter().filter_map(nested).map(|(_, id)| id).find(|&id| holds_tensors(id));
+    found.unwrap_or(pickle.root)
+}
+
+/// Where the elements of a tensor lie in its storage; all of them were seen to lie in it.
+struct Plan {
+    shape: Vec<usize>,
+    strides: Vec<usize>,
+    offset: usize,
+}
+
+impl Plan {
+    fn new(view: &TensorView, elements: u64) -> Result<Self, String> {
+        let overflow = || format!("a shape of {:?} is too large", view.shape);
+        let count = view.shape.iter().try_fold(1_u64, |n, &size| n.checked_mul(size));
+        // A tensor with more elements than its storage repeats them, which weights do not.
+        let count = count.filter(|&n| n <= elements).ok_or_else(overflow)?;
+        let mut last = view.offset;
+        for (&size, &stride) in view.shape.iter().zip(&view.strides) {
+            let reach = size.saturating_sub(1).checked_mul(stride).ok_or_else(overflow)?;
+            last = last.checked_add(reach).ok_or_else(overflow)?;
+        }
+        if count > 0 && last >= elements {
+            return Err(format!("element {last} of a storage of {elements}"));
+        }
+        let sizes = |x: &[u64]| {
+            x.iter()
+                .map(|&n| usize::try_from(n))
+                .collect::<Result<Vec<_>, _>>()
+                .map_err(|_| overflow())
+        };
+        Ok(Self {
+            shape: sizes(&view.shape)?,
+            strides: sizes(&view.strides)?,
+            offset: usize::try_from(view.offset).map_err(|_| overflow())?,
+        })
+    }
+
+    fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// The elements in row-major order; none if the storage is shorter than it says.
+    fn gather<T, const N: usize>(&self, data: &[u8], convert: fn([u8; N]) -> T) -> Option<Vec<T>> {
+        let (elements, _) = data.as_chunks::<N>();
+        let count = self.len();
+        if count == 0 {
+            return Some(Vec::new());
+        }
+        let reach: usize = self.shape.iter().zip(&self.strides).map(|(n, s)| (n - 1) * s).sum();
+        elements.get(self.offset + reach)?;
+        let mut out = Vec::with_capacity(count);
+        let mut index = vec![0; self.shape.len()];
+        let mut at = self.offset;
+        for _ in 0..count {
+            out.push(convert(elements[at]));
+            for axis in (0..index.len()).rev() {
+                index[axis] += 1;
+                at += self.strides[axis];
+                if index[axis] < self.shape[axis] {
+                    break;
+                }
+                at -= self.shape[axis] * self.strides[axis];
+                index[axis] = 0;
+            }
+        }
+        Some(out)
+    }
+}
