@@ -37,8 +37,9 @@
 //! | read whatever is there | [`read_views`] with [`ReadOptions`] |
 //! | choose where masks come from | [`MaskSource`] |
 //! | write for other tools | [`write_kaolin`], [`write_transforms`], [`r2n2::write_object`] |
-//! | read many objects | [`Dataset`]: [`r2n2::R2n2`], [`Pix3d`], [`Pascal3d`], [`Cub`], [`Mcmr`] |
-//! | keep views back for judging | [`split()`] |
+//! | read many objects | [`Dataset`]: [`r2n2::R2n2`], [`pixel2mesh::Pixel2Mesh`], [`Pix3d`], [`Pascal3d`], [`Cub`], [`Mcmr`] |
+//! | keep views or objects back for judging | [`split()`], [`split_objects`] |
+//! | train on them | [`Batches`] loads ahead on a thread, [`ViewCache`] keeps decoded pictures |
 //! | make an object | [`shapes`] |
 //!
 //! # Layouts
@@ -51,6 +52,7 @@
 //!   wins over the top level; extensions may be missing; masks are alpha, `mask_path` or
 //!   `masks/<stem>.png`. Lenses with distortion are refused: undistort the images first.
 //! - **ShapeNet with 3D-R2N2's renderings**: see [`r2n2`].
+//! - **Pixel2Mesh's samples**, and its ellipsoid: see [`pixel2mesh`].
 //! - **Pix3D** ([`Pix3d`]): `pix3d.json`, or Mesh R-CNN's `pix3d_s{1,2}_{train,test}.json`; an
 //!   object is a model, its views the photographs of it.
 //! - **Pascal3D+** ([`Pascal3d`]): `Annotations/<class>_{imagenet,pascal}/*.mat`; an object is what
@@ -72,6 +74,8 @@
 //! first view in order, whatever the number of threads. Nothing here knows of tapes or training.
 
 mod assemble;
+mod batches;
+mod cache;
 mod consistency;
 mod cub;
 mod dataset;
@@ -86,7 +90,9 @@ mod npy;
 mod options;
 mod pascal3d;
 mod photo;
+mod pickle;
 mod pix3d;
+pub mod pixel2mesh;
 pub mod r2n2;
 mod read;
 pub mod shapes;
@@ -96,6 +102,8 @@ mod transforms;
 mod view;
 mod yaml;
 
+pub use batches::{BatchPlan, Batches, shuffled};
+pub use cache::ViewCache;
 pub use cub::{Cub, CubAnnotation, CubMeanShape};
 pub use dataset::{Dataset, Entry, Subset, SurfacePoints, Truth};
 pub use error::{ReadViewsError, ViewsProblem, WriteViewsError};
@@ -106,6 +114,6 @@ pub use options::{MaskSource, ReadOptions};
 pub use pascal3d::{Pascal3d, Pascal3dAnnotation, Viewpoint};
 pub use pix3d::{Pix3d, Pix3dAnnotation};
 pub use read::read_views;
-pub use split::{Split, split};
+pub use split::{Split, split, split_objects};
 pub use transforms::write_transforms;
 pub use view::{Layout, View, Views};

@@ -9,6 +9,7 @@ use crate::consistency;
 use crate::dataset::Dataset;
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::options::{MaskSource, ReadOptions};
+use crate::pixel2mesh::{self, Pixel2Mesh};
 use crate::r2n2::{self, R2n2};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
@@ -46,15 +47,13 @@ pub fn read_views(
 ) -> Result<Views, ReadViewsError> {
     let many = if r2n2::recognises(path) {
         Some(Box::new(R2n2::open(path)?) as Box<dyn Dataset>)
+    } else if pixel2mesh::recognises(path) {
+        Some(Box::new(Pixel2Mesh::open(path)?) as Box<dyn Dataset>)
     } else {
         photo::find(path)?
     };
     if let Some(dataset) = many {
-        let [_] = dataset.entries() else {
-            let found = format!("{} objects", dataset.entries().len());
-            return Err(ReadViewsError::field(path, "objects", found, "the folder of one of them"));
-        };
-        return dataset.views(0, None, options, progress);
+        return read_only_object(&*dataset, options, progress);
     }
     let (source, json) = locate(path)?;
     let names = source.root_names()?;
@@ -70,6 +69,20 @@ pub fn read_views(
         }
     };
     read_pending(path, &source, reading, options, progress)
+}
+
+/// The views of a dataset of one object.
+fn read_only_object(
+    dataset: &dyn Dataset,
+    options: &ReadOptions,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Views, ReadViewsError> {
+    let [_] = dataset.entries() else {
+        let found = format!("{} objects", dataset.entries().len());
+        let expected = "one: name its own folder or file";
+        return Err(ReadViewsError::field(dataset.root(), "objects", found, expected));
+    };
+    dataset.views(0, None, options, progress)
 }
 
 /// Reads what a layout has listed, in parallel, and checks that the whole makes sense.

@@ -1,4 +1,7 @@
-//! Which views are fitted and which are kept back to judge the result.
+//! Which views are fitted and which are kept back to judge the result; which objects are trained
+//! on.
+
+use crate::dataset::{Entry, Subset};
 
 /// Indices of views, each list ascending.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -31,9 +34,101 @@ pub fn split(count: usize, every: usize, offset: usize) -> Split {
     }
 }
 
+/// Deals objects into subsets, by shares of training, validation and test.
+///
+/// An object's subset is a function of the seed, its category and its name alone, so it stays
+/// where it is when others come or go, and every category is divided by the same shares. They hold
+/// on average: of `n` objects a share `p` is missed by about `sqrt(n p (1 - p))`. Entries whose
+/// names agree up to the last `/` are views of one object and stay together.
+///
+/// ```
+/// use datasets::{Entry, Subset, split_objects};
+///
+/// let car = |name: &str| Entry { name: name.into(), ..Entry::default() };
+/// let few = split_objects(&[car("a"), car("b")], [0.7, 0.1, 0.2], 7);
+/// let more = split_objects(&[car("c"), car("a"), car("b")], [0.7, 0.1, 0.2], 7);
+/// assert_eq!(few, more[1..]);
+/// ```
+///
+/// # Panics
+/// If a share is negative or not a number, or all are zero.
+pub fn split_objects(entries: &[Entry], shares: [f64; 3], seed: u64) -> Vec<Subset> {
+    let total: f64 = shares.iter().sum();
+    let sound = shares.iter().all(|&s| s >= 0.0) && total > 0.0 && total.is_finite();
+    assert!(sound, "split_objects: shares {shares:?}, expected none below 0 and a sum above it");
+    let [train, validation, _] = shares.map(|share| share / total);
+    let subset = |entry: &Entry| {
+        let object = entry.name.rsplit_once('/').map_or(entry.name.as_str(), |(object, _)| object);
+        let at = fraction(seed, &[&entry.category, object]);
+        if at < train {
+            Subset::Train
+        } else if at < train + validation || shares[2] == 0.0 {
+            // Shares may sum to a little less than one.
+            if shares[1] == 0.0 { Subset::Train } else { Subset::Validation }
+        } else {
+            Subset::Test
+        }
+    };
+    entries.iter().map(subset).collect()
+}
+
+/// A number in `[0, 1)` that looks random: FNV-1a, then the finaliser of SplitMix64, because the
+/// last letters alone would move only FNV's low bits.
+fn fraction(seed: u64, words: &[&str]) -> f64 {
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    let mut feed = |byte: u8| hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+    seed.to_le_bytes().into_iter().for_each(&mut feed);
+    for word in words {
+        word.bytes().for_each(&mut feed);
+        feed(0xff); // no byte of UTF-8, so that words cannot flow into each other
+    }
+    hash = (hash ^ (hash >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    hash = (hash ^ (hash >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    hash ^= hash >> 31;
+    (hash >> 11) as f64 / (1_u64 << 53) as f64
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn objects(category: &str, count: usize) -> Vec<Entry> {
+        let entry = |i| Entry {
+            category: category.to_owned(),
+            name: format!("{i:04}"),
+            views: 24,
+            subset: None,
+        };
+        (0..count).map(entry).collect()
+    }
+
+    #[test]
+    fn every_category_is_divided_by_the_shares() {
+        for category in ["02691156", "02958343"] {
+            let subsets = split_objects(&objects(category, 2000), [0.7, 0.1, 0.2], 3);
+            for (subset, share) in
+                [(Subset::Train, 0.7), (Subset::Validation, 0.1), (Subset::Test, 0.2)]
+            {
+                let found = subsets.iter().filter(|&&s| s == subset).count() as f64 / 2000.0;
+                assert!((found - share).abs() < 0.035, "{category} {subset:?}: {found}");
+            }
+        }
+        let plane = split_objects(&objects("02691156", 64), [0.5, 0.0, 0.5], 3);
+        assert_ne!(plane, split_objects(&objects("02958343", 64), [0.5, 0.0, 0.5], 3));
+        assert_ne!(plane, split_objects(&objects("02691156", 64), [0.5, 0.0, 0.5], 4));
+        assert!(!plane.contains(&Subset::Validation));
+        let all = split_objects(&objects("x", 500), [0.1, 0.0, 0.0], 1);
+        assert!(all.iter().all(|&s| s == Subset::Train));
+    }
+
+    #[test]
+    fn views_of_an_object_stay_together() {
+        for i in 0..50 {
+            let view = |v| Entry { name: format!("{i}/{v:02}"), ..Entry::default() };
+            let subsets = split_objects(&[view(0), view(7), view(23)], [1.0, 1.0, 1.0], 9);
+            assert!(subsets.iter().all(|&s| s == subsets[0]));
+        }
+    }
 
     #[test]
     fn every_view_is_on_exactly_one_side() {

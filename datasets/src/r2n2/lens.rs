@@ -30,15 +30,16 @@ pub enum R2n2Lens {
 
 impl R2n2Lens {
     /// The lens for a picture of this size; `fov` is the metadata's own, degrees.
-    pub(super) fn intrinsics(self, fov: f64, width: usize, height: usize) -> Lens {
+    pub(crate) fn intrinsics(self, fov: f64, width: usize, height: usize) -> Lens {
         let (w, h) = (width as f64, height as f64);
-        let (f, off) = match self {
-            Self::True => (35.0 / 32.0 * w, 0.0),
-            Self::Pixel2Mesh248 => (248.0 / 224.0 * w, 0.0),
-            Self::Pixel2Mesh250 => (250.0 / 224.0 * w, 0.5 / 224.0),
-            Self::Metadata => (0.5 * w / (0.5 * fov.to_radians()).tan(), 0.0),
+        // Multiplied first: what was published comes out to the last bit.
+        let (f, cx, cy) = match self {
+            Self::True => (w * 35.0 / 32.0, w / 2.0, h / 2.0),
+            Self::Pixel2Mesh248 => (w * 248.0 / 224.0, w / 2.0, h / 2.0),
+            Self::Pixel2Mesh250 => (w * 250.0 / 224.0, w * 112.5 / 224.0, h * 112.5 / 224.0),
+            Self::Metadata => (0.5 * w / (0.5 * fov.to_radians()).tan(), w / 2.0, h / 2.0),
         };
-        Lens::Perspective { fx: f, fy: f, cx: w * (0.5 + off), cy: h * (0.5 + off) }
+        Lens::Perspective { fx: f, fy: f, cx, cy }
     }
 
     /// The camera that took a picture.
