@@ -1,15 +1,17 @@
 //! The command line: what can be said, and the help that teaches it.
 
 mod data;
+mod dataset;
 
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use datasets::{MaskSource, ReadOptions};
+use datasets::{MaskSource, ReadOptions, Turntable};
 
 pub(crate) use data::{
     CamerasName, Data, DataVerb, DepthKind, Frame, Generate, LayoutName, SizeRule,
 };
+pub(crate) use dataset::{Convert, Inspect, Validate, WrittenLayout};
 
 /// Images of an object in, a triangle mesh out.
 ///
@@ -23,6 +25,7 @@ pub(crate) use data::{
   unsphere render clock/mesh.glb -o turn.gif     look at it from all around
   unsphere metrics clock/mesh.ply truth.obj      compare two meshes
   unsphere check clock/mesh.ply                  is it closed, is it printable?
+  unsphere data inspect scan/                    do its cameras and masks agree?
 
 Exit codes: 0 done, 1 failure, 2 wrong usage, 3 bad input data, 130 stopped by Ctrl-C.")]
 pub(crate) struct Arguments {
@@ -62,7 +65,7 @@ pub(crate) enum Command {
     Metrics(Metrics),
     /// Examine a mesh, views, or a configuration, before work is spent on them.
     Check(Check),
-    /// Make datasets.
+    /// Make, inspect, validate and convert datasets.
     Data(Data),
     /// Print a completion script for a shell.
     Completions(Completions),
@@ -111,6 +114,26 @@ pub(crate) struct Reading {
     /// Leave out views whose files are missing, instead of refusing them all.
     #[arg(long)]
     pub(crate) allow_missing: bool,
+    /// Which object of a dataset of many: its name, or CATEGORY/NAME.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) object: Option<String>,
+    /// Photographs without cameras, one after another on a turntable: so many make a full turn.
+    #[arg(long, value_name = "N", requires = "fov")]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub(crate) turntable: Option<u32>,
+    /// How far above the object the turntable's camera stood, degrees.
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(value_parser = degrees)]
+    pub(crate) elevation: f64,
+    /// How far from the turntable's axis the camera stood; the mesh is in the same unit.
+    #[arg(long, value_name = "LENGTH", default_value_t = 1.0)]
+    pub(crate) distance: f64,
+    /// The turntable's full vertical angle of view, degrees.
+    #[arg(long, value_name = "DEGREES", requires = "turntable")]
+    pub(crate) fov: Option<f64>,
+    /// The object turns counter-clockwise seen from above, not clockwise.
+    #[arg(long, requires = "turntable")]
+    pub(crate) turntable_reverse: bool,
 }
 
 impl Reading {
@@ -120,6 +143,14 @@ impl Reading {
             invert: self.invert_masks,
             max_size: self.max_size.map(|n| n as usize),
             allow_missing: self.allow_missing,
+            object: self.object.clone(),
+            turntable: self.turntable.zip(self.fov).map(|(count, fov)| Turntable {
+                count: count as usize,
+                elevation: self.elevation,
+                distance: self.distance,
+                fov,
+                reverse: self.turntable_reverse,
+            }),
             ..ReadOptions::default()
         }
     }
@@ -151,6 +182,8 @@ pub(crate) struct Demo {
 #[command(after_help = "VIEWS is one of
   a folder or zip of kaolin's synthetic views (0_rgb.png, 0_semantic.npy, 0_metadata.json, ..)
   a transforms.json of NeRF, instant-ngp or nerfstudio, or a folder that holds one
+  a COLMAP project with undistorted images (sparse/0, images), or photographs with a cameras.json
+  photographs from a turntable (--turntable), a BOP scene, or a dataset of many (--object)
 
 Every fifth view (4, 9, 14, ..) is kept out of the fit and scores the result; --set hold-out=0
 uses all. The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html, metrics.json

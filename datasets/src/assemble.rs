@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use mesh_core::io::write_atomic;
 use mesh_core::{ByteImage, Camera, DepthMap, decode_image};
 
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
 use crate::mask::{invert, mask_from_alpha, mask_from_backdrop};
 use crate::options::{MaskSource, ReadOptions};
-use crate::source::Opened;
+use crate::source::{Opened, Source};
 use crate::view::View;
 
 /// No picture of a view may be a larger file than this.
@@ -43,6 +44,60 @@ pub(crate) fn mask_from_picture(picture: &ByteImage) -> ByteImage {
             picture.data.chunks_exact(c).map(|p| if grey(p) >= 128 { 255 } else { 0 }).collect();
         ByteImage { height: picture.height, width: picture.width, channels: 1, data }
     })
+}
+
+/// What a mask in a folder of its own may end in, where its stem is the picture's.
+pub(crate) const MASK_EXTENSIONS: [&str; 5] = ["png", "jpg", "jpeg", "PNG", "JPG"];
+
+/// A file's name without its extension, with its folders.
+pub(crate) fn without_extension(name: &str) -> &str {
+    match name.rsplit_once('.') {
+        Some((stem, end)) if !stem.is_empty() && !end.contains('/') => stem,
+        _ => name,
+    }
+}
+
+/// The mask from the first of `names` that exists, where masks of files are wanted.
+pub(crate) fn mask_file(
+    source: &Source,
+    opened: &mut Opened<'_>,
+    names: &[String],
+    options: &ReadOptions,
+) -> Result<Option<(PathBuf, ByteImage)>, ReadViewsError> {
+    if !matches!(options.mask, MaskSource::Auto | MaskSource::Files) {
+        return Ok(None);
+    }
+    let Some(name) = names.iter().find(|name| source.has(name)) else { return Ok(None) };
+    let mask = read_picture(opened, source.locate(name), name, "mask")?;
+    Ok(Some((mask.path, mask_from_picture(&mask.image))))
+}
+
+/// The camera for the picture that is there, which may be a smaller copy of the one it was
+/// found with, but of the same shape.
+pub(crate) fn camera_of_size(
+    camera: Camera,
+    picture: &Picture,
+    file: &Path,
+    field: &str,
+) -> Result<Camera, ReadViewsError> {
+    let (width, height) = (picture.image.width, picture.image.height);
+    let (w, h) = (camera.width, camera.height);
+    if (w, h) == (width, height) {
+        return Ok(camera);
+    }
+    if (w * height).abs_diff(h * width) > w.max(h) {
+        let expected = format!("the shape of {}, {width}x{height}", picture.path.display());
+        return Err(ReadViewsError::field(file, field, format!("{w}x{h}"), expected));
+    }
+    Ok(camera.resized(width, height))
+}
+
+/// Writes one file of a set of views, with its folder.
+pub(crate) fn put(path: &Path, bytes: &[u8]) -> Result<(), WriteViewsError> {
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(|e| WriteViewsError::new(folder, e))?;
+    }
+    write_atomic(path, |out| out.write_all(bytes)).map_err(|e| WriteViewsError::new(path, e))
 }
 
 /// Puts a view together: chooses the mask, composites the colour, brings all to one size.

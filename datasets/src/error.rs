@@ -26,10 +26,7 @@ pub enum ViewsProblem {
         wanted_by: String,
     },
     /// No known layout fits what is there.
-    #[error(
-        "no known layout of views: {found}; expected files named 0_rgb.png, 0_semantic.npy, \
-         0_metadata.json (a folder or a zip of them), or a transforms.json"
-    )]
+    #[error("no known layout of views: {found}; looked for {}", crate::open::LOOKED_FOR)]
     UnknownLayout {
         /// What was there.
         found: String,

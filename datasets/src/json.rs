@@ -183,6 +183,19 @@ impl<'a> Node<'a> {
         Ok(out)
     }
 
+    /// The members of an object, in the order of their keys' text.
+    pub(crate) fn members(&self) -> Result<Vec<(&'a str, Node<'a>)>, ReadViewsError> {
+        let object = self.value.as_object().ok_or_else(|| self.wrong("an object"))?;
+        let dot = if self.field.is_empty() { "" } else { "." };
+        Ok(object
+            .iter()
+            .map(|(key, value)| {
+                let field = format!("{}{dot}{key}", self.field);
+                (key.as_str(), Node { file: self.file, value, field })
+            })
+            .collect())
+    }
+
     /// An error about this value.
     pub(crate) fn wrong(&self, expected: impl Into<String>) -> ReadViewsError {
         let mut found = self.value.to_string();

@@ -20,6 +20,44 @@ pub struct ReadOptions {
     pub allow_missing: bool,
     /// How many bytes the pixels of all views may take together.
     pub memory_limit: u64,
+    /// Which object is meant where there are several: its name, or `category/name`.
+    pub object: Option<String>,
+    /// How photographs without cameras were taken.
+    pub turntable: Option<Turntable>,
+    /// What becomes of views whose masks are all empty, or whose cameras look elsewhere.
+    pub doubtful: Doubtful,
+}
+
+/// What becomes of views that together make no sense, although each can be read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Doubtful {
+    /// They are refused.
+    #[default]
+    Refuse,
+    /// They are read: somebody wants to find out what is wrong with them.
+    Accept,
+}
+
+/// Photographs of an object on a turntable: one after another, by equal angles, once around.
+///
+/// The world's origin is the point on the axis that the camera looks at, +Y is the axis, and the
+/// first photograph is taken from +Z. The object turns clockwise seen from above, which is as if
+/// the camera went round it counter-clockwise.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Turntable {
+    /// How many photographs make a full turn.
+    pub count: usize,
+    /// How far above the object the camera stands, degrees, -90 to 90.
+    pub elevation: f64,
+    /// How far from the axis's point the camera stands; the unit of the mesh.
+    pub distance: f64,
+    /// Full vertical angle of view, degrees, between 0 and 180.
+    pub fov: f64,
+    /// Whether the object turns counter-clockwise seen from above instead.
+    #[serde(default)]
+    pub reverse: bool,
 }
 
 /// Where the masks of the object come from.
@@ -54,6 +92,9 @@ impl Default for ReadOptions {
             depth: false,
             allow_missing: false,
             memory_limit: 8 << 30,
+            object: None,
+            turntable: None,
+            doubtful: Doubtful::Refuse,
         }
     }
 }

@@ -79,6 +79,21 @@ impl Source {
         Ok(names.into_iter().collect())
     }
 
+    /// Names of the files in a folder, sorted, without those in folders of it; none where there is
+    /// no such folder.
+    pub(crate) fn names_in(&self, folder: &str) -> Vec<String> {
+        let inside = format!("{}{}/", self.prefix, tidy(folder));
+        if let Some(entries) = &self.entries {
+            let names = entries.iter().filter_map(|name| name.strip_prefix(inside.as_str()));
+            return names.filter(|name| !name.contains('/')).map(String::from).collect();
+        }
+        let Ok(entries) = std::fs::read_dir(self.path.join(folder)) else { return Vec::new() };
+        let files = entries.filter_map(Result::ok).filter(|entry| entry.path().is_file());
+        let names: BTreeSet<String> =
+            files.filter_map(|entry| entry.file_name().into_string().ok()).collect();
+        names.into_iter().collect()
+    }
+
     /// Whether the file exists.
     pub(crate) fn has(&self, name: &str) -> bool {
         match &self.entries {
@@ -139,7 +154,8 @@ fn read_at_most(
     if claimed > limit {
         return Ok(Err(claimed));
     }
-    let mut bytes = Vec::with_capacity(claimed as usize);
+    // An archive's claim is not yet a fact; beyond this the bytes make their own room.
+    let mut bytes = Vec::with_capacity(claimed.min(1 << 20) as usize);
     let found = file.take(limit + 1).read_to_end(&mut bytes)? as u64;
     Ok(if found > limit { Err(found) } else { Ok(bytes) })
 }

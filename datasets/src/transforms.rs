@@ -2,12 +2,11 @@
 
 use std::path::Path;
 
-use mesh_core::io::write_atomic;
 use mesh_core::{Camera, Lens, encode_png};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::assemble::{assemble, mask_from_picture, read_picture};
+use crate::assemble::{assemble, mask_from_picture, put, read_picture};
 use crate::depth;
 use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
 use crate::json::{Node, parse};
@@ -286,11 +285,4 @@ pub fn write_transforms(views: &[View], folder: &Path) -> Result<(), WriteViewsE
     let frames = frames.into_iter().collect::<Result<Vec<_>, _>>()?;
     let text = json!({ "camera_model": "PINHOLE", "frames": frames }).to_string();
     put(&folder.join(WHOLE), text.as_bytes())
-}
-
-fn put(path: &Path, bytes: &[u8]) -> Result<(), WriteViewsError> {
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).map_err(|e| WriteViewsError::new(folder, e))?;
-    }
-    write_atomic(path, |out| out.write_all(bytes)).map_err(|e| WriteViewsError::new(path, e))
 }

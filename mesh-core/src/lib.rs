@@ -89,9 +89,9 @@ pub use differential::{
 pub use diffusion::{DiffusionSolver, SolveReport};
 pub use health::Health;
 pub use image::{
-    ByteImage, DepthMap, Image, ImageError, decode_depth, decode_image, encode_depth, encode_exr,
-    encode_png, linear_to_srgb, read_depth, read_depth_png, read_image, srgb_to_linear,
-    write_depth, write_png,
+    ByteImage, DepthMap, Image, ImageError, decode_depth, decode_depth_png, decode_image,
+    encode_depth, encode_exr, encode_png, linear_to_srgb, read_depth, read_depth_png, read_image,
+    srgb_to_linear, write_depth, write_png,
 };
 pub use io::{ReadMeshError, WriteError, read_mesh, write_mesh};
 pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_into};

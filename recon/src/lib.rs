@@ -28,6 +28,7 @@
 //!
 //! - **fit one object**: [`fit`](mod@fit)
 //! - **score a mesh on views**: [`evaluate`]
+//! - **find out what is wrong with views**: [`inspect`](mod@inspect)
 //! - **make views with a known truth**: [`synthetic`]; whole datasets of them: [`mod@generate`]
 //! - **deliver**: [`delivery`] writes what a user keeps, from [`report`], [`turntable`] and [`output`]
 //! - **configurations as TOML**: [`settings`]
@@ -43,6 +44,7 @@ pub mod delivery;
 pub mod evaluate;
 pub mod fit;
 pub mod generate;
+pub mod inspect;
 pub mod output;
 pub mod report;
 pub mod settings;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use super::{Configuration, Light, hex_color};
+use super::{Configuration, Convert, Inspect, Light, Validate, hex_color};
 
 #[derive(Args, Debug)]
 #[command(arg_required_else_help = true)]
@@ -17,6 +17,12 @@ pub(crate) struct Data {
 pub(crate) enum DataVerb {
     /// Make a dataset: procedural objects, or a mesh of yours, seen from all around.
     Generate(Box<Generate>),
+    /// Show what is in a dataset, and say what looks wrong with its cameras and masks.
+    Inspect(Inspect),
+    /// Read everything in a dataset and list every fault.
+    Validate(Validate),
+    /// Write a dataset in another layout.
+    Convert(Convert),
 }
 
 #[derive(Args, Debug)]

@@ -212,7 +212,7 @@ fn describe(outcome: &Outcome<'_>, views: &Views, fitted: &Fitted) -> String {
 }
 
 /// The command line, quoted where a shell needs it.
-fn typed_command() -> String {
+pub(crate) fn typed_command() -> String {
     let quoted = |text: &str| {
         let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+%@".contains(c);
         if !text.is_empty() && text.chars().all(plain) {

@@ -28,6 +28,11 @@ impl Run {
         String::from_utf8(self.0.stderr.clone()).unwrap()
     }
 
+    /// Its exit code.
+    pub(crate) fn code(&self) -> Option<i32> {
+        self.0.status.code()
+    }
+
     /// The result, as JSON.
     pub(crate) fn json(&self) -> serde_json::Value {
         serde_json::from_str(&self.stdout()).unwrap()

@@ -54,7 +54,19 @@ pub fn decode_image(bytes: &[u8], name: impl AsRef<Path>) -> Result<ByteImage, I
 /// As [`read_image`].
 pub fn read_depth_png(path: impl AsRef<Path>, unit: f32) -> Result<DepthMap, ImageError> {
     let path = path.as_ref();
-    let image = decode(&read_bytes(path)?, path)?;
+    decode_depth_png(&read_bytes(path)?, path, unit)
+}
+
+/// The same for bytes that are already in memory; `name` stands for them in errors.
+///
+/// # Errors
+/// As [`read_image`].
+pub fn decode_depth_png(
+    bytes: &[u8],
+    name: impl AsRef<Path>,
+    unit: f32,
+) -> Result<DepthMap, ImageError> {
+    let image = decode(bytes, name.as_ref())?;
     let (width, height) = (image.width() as usize, image.height() as usize);
     // Widening 8 bits to 16 multiplies by 257; the file's own numbers are wanted.
     let values: Vec<u16> = match image {

@@ -11,7 +11,7 @@ pub use color::{linear_to_srgb, srgb_to_linear};
 pub use depth::DepthMap;
 pub use error::ImageError;
 pub use exr::{decode_depth, encode_depth, encode_exr, read_depth, write_depth};
-pub use file::{decode_image, encode_png, read_depth_png, read_image, write_png};
+pub use file::{decode_depth_png, decode_image, encode_png, read_depth_png, read_image, write_png};
 
 /// An image of floats, `[H, W, C]`, row-major, row 0 at the top; sRGB in `[0, 1]`.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -173,7 +173,18 @@ impl Report {
     }
 }
 
-fn write_table(table: &Table, page: &mut String) {
+/// A whole page in the reports' style: only what is handed in, nothing from outside.
+pub(crate) fn page(title: &str, body: &str) -> String {
+    format!(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
+         <link rel=\"icon\" href=\"data:,\"><title>{}</title>\n<style>\n{STYLE}</style></head>\n\
+         <body><main>{body}</main></body></html>\n",
+        escape(title)
+    )
+}
+
+pub(crate) fn write_table(table: &Table, page: &mut String) {
     let _ = write!(page, "<h2>{}</h2><table>", escape(&table.title));
     for (name, value) in &table.rows {
         let _ = write!(page, "<tr><th>{}</th><td>{}</td></tr>", escape(name), escape(value));
@@ -181,7 +192,7 @@ fn write_table(table: &Table, page: &mut String) {
     page.push_str("</table>");
 }
 
-fn png_uri(image: &ByteImage) -> String {
+pub(crate) fn png_uri(image: &ByteImage) -> String {
     format!("data:image/png;base64,{}", BASE64.encode(encode_png(image)))
 }
 

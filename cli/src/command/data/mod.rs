@@ -1,6 +1,9 @@
 //! `unsphere data`: one file for each verb.
 
+mod convert;
 mod generate;
+mod inspect;
+mod validate;
 
 use crate::args::{Data, DataVerb, Global};
 use crate::console::Console;
@@ -9,5 +12,8 @@ use crate::failure::Failure;
 pub(crate) fn run(console: Console, global: Global, arguments: &Data) -> Result<(), Failure> {
     match &arguments.verb {
         DataVerb::Generate(arguments) => generate::run(console, global, arguments),
+        DataVerb::Inspect(arguments) => inspect::run(console, arguments),
+        DataVerb::Validate(arguments) => validate::run(console, arguments),
+        DataVerb::Convert(arguments) => convert::run(console, arguments),
     }
 }

@@ -1,0 +1,120 @@
+//! `unsphere data convert`: a dataset in another layout.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use datasets::r2n2::{Rendering, Splits, write_object, write_splits};
+use datasets::{ColmapForm, Entry, ReadOptions, Truth, View, WriteViewsError};
+use datasets::{write_colmap, write_kaolin, write_photos, write_transforms};
+use recon::output::OutputFolder;
+use serde::Serialize;
+
+use crate::args::{Convert, WrittenLayout};
+use crate::console::Console;
+use crate::failure::Failure;
+use crate::progress::Progress;
+
+/// What is printed with `--json`.
+#[derive(Debug, Serialize)]
+struct Converted<'a> {
+    output: &'a Path,
+    objects: usize,
+    views: usize,
+    /// What the new layout has no place for.
+    lost: Vec<String>,
+}
+
+pub(crate) fn run(console: Console, arguments: &Convert) -> Result<(), Failure> {
+    // Refusals come before the work.
+    let folder = OutputFolder::create(&arguments.to, arguments.force)?;
+    let options = ReadOptions { depth: true, ..arguments.reading.options() };
+    let dataset = datasets::open_with(&arguments.from, &options)?;
+    let entries = dataset.entries();
+    let chosen: Vec<usize> = match &options.object {
+        Some(name) => vec![datasets::choose(&arguments.from, entries, Some(name))?],
+        None => (0..entries.len()).collect(),
+    };
+    let progress = Progress::new(console, "convert");
+    let (mut views_count, mut lost) = (0, Vec::new());
+    let mut splits = Splits::default();
+    for (done, &object) in chosen.iter().enumerate() {
+        progress.set(done, chosen.len());
+        let views = dataset.views(object, None, &options, &|_, _| {})?;
+        views.warnings.iter().for_each(|warning| console.warn(warning));
+        views_count += views.len();
+        let truth = dataset.truth(object)?;
+        let entry = &entries[object];
+        if arguments.layout == WrittenLayout::R2n2 {
+            write_r2n2(&views.views, entry, &truth, folder.path())?;
+            if let Some(subset) = entry.subset {
+                let all = (0..views.len()).collect();
+                splits.insert(synset_of(entry), &entry.name, subset, all);
+            }
+            continue;
+        }
+        if truth != Truth::default() {
+            lost.push(format!("the true shape of {}", entry.name));
+        }
+        let place = if chosen.len() == 1 {
+            folder.path().to_owned()
+        } else {
+            folder.path().join(&entry.category).join(&entry.name)
+        };
+        write(&views.views, &place, arguments.layout)
+            .map_err(|error| refusal(&error, &folder, &arguments.to))?;
+    }
+    progress.finish();
+    if !splits.is_empty() {
+        write_splits(folder.path(), &splits)?;
+    }
+    let output = folder.commit()?;
+    let converted = Converted { output: &output, objects: chosen.len(), views: views_count, lost };
+    console.result(&converted, |converted| {
+        let mut text = format!(
+            "{} objects, {} views in {}\n",
+            converted.objects,
+            converted.views,
+            converted.output.display()
+        );
+        for lost in &converted.lost {
+            let _ = writeln!(text, "  the layout has no place for {lost}");
+        }
+        text
+    })
+}
+
+fn write(views: &[View], folder: &Path, layout: WrittenLayout) -> Result<(), WriteViewsError> {
+    match layout {
+        WrittenLayout::Kaolin => write_kaolin(views, folder),
+        WrittenLayout::Transforms => write_transforms(views, folder),
+        WrittenLayout::Colmap => write_colmap(views, folder, ColmapForm::Binary),
+        WrittenLayout::ColmapText => write_colmap(views, folder, ColmapForm::Text),
+        WrittenLayout::Photos => write_photos(views, folder),
+        WrittenLayout::R2n2 => unreachable!("written with its true shape, above"),
+    }
+}
+
+/// The category as a folder's name, of which an object alone has none.
+fn synset_of(entry: &Entry) -> &str {
+    if entry.category.is_empty() { "00000000" } else { &entry.category }
+}
+
+fn write_r2n2(views: &[View], entry: &Entry, truth: &Truth, root: &Path) -> Result<(), Failure> {
+    let renderings: Vec<Rendering> = views
+        .iter()
+        .map(|view| {
+            let refused = |e| Failure::Other(format!("{}, view {}: {e}", entry.name, view.name));
+            Rendering::from_view(view).map_err(refused)
+        })
+        .collect::<Result<_, _>>()?;
+    Ok(write_object(root, synset_of(entry), &entry.name, &renderings, truth)?)
+}
+
+/// The refusal with the place that was asked for, not the one under construction.
+fn refusal(error: &WriteViewsError, folder: &OutputFolder, target: &Path) -> Failure {
+    let path = error
+        .path
+        .strip_prefix(folder.path())
+        .map_or_else(|_| error.path.clone(), |rest| target.join(rest));
+    Failure::Other(format!("{}: cannot be written: {}", path.display(), error.source))
+}

@@ -1,0 +1,73 @@
+//! `unsphere data inspect`: what is there, and what looks wrong with it.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use recon::inspect::{Inspection, inspect, write_report};
+use recon::output::OutputFolder;
+use serde::Serialize;
+
+use crate::args::Inspect;
+use crate::command::fit::typed_command;
+use crate::console::{Console, table};
+use crate::failure::Failure;
+use crate::progress::Progress;
+
+/// Where the report goes when nothing is said.
+const FOLDER: &str = "unsphere-inspect";
+
+/// What is printed with `--json`.
+#[derive(Debug, Serialize)]
+struct Inspected<'a> {
+    output: &'a Path,
+    #[serde(flatten)]
+    inspection: &'a Inspection,
+}
+
+pub(crate) fn run(console: Console, arguments: &Inspect) -> Result<(), Failure> {
+    let target = arguments.output.folder.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
+    // Refusals come before the work.
+    let folder = OutputFolder::create(&target, arguments.output.force)?;
+    let options = arguments.reading.options();
+    let dataset = datasets::open_with(&arguments.path, &options)?;
+    let progress = Progress::new(console, "inspect");
+    let inspection =
+        inspect(dataset.as_ref(), arguments.objects as usize, &options, &|done, all| {
+            progress.set(done, all);
+        })?;
+    progress.finish();
+    write_report(&inspection, &typed_command(), &folder)?;
+    let output = folder.commit()?;
+    let inspected = Inspected { output: &output, inspection: &inspection };
+    console.result(&inspected, describe)
+}
+
+fn describe(inspected: &Inspected<'_>) -> String {
+    let Inspected { output, inspection } = inspected;
+    let mut text = format!("{}: {}\n", inspection.path.display(), inspection.summary());
+    let count = |c: &recon::inspect::Count| {
+        format!("  {}: {} objects, {} views\n", c.name, c.objects, c.views)
+    };
+    if inspection.categories.len() > 1 {
+        text.extend(inspection.categories.iter().map(count));
+    }
+    text.extend(inspection.subsets.iter().map(count));
+    for warning in &inspection.warnings {
+        let _ = writeln!(text, "  warning: {warning}");
+    }
+    for object in &inspection.looked_at {
+        let _ = writeln!(text, "{}", object.title());
+        let rows = object.rows();
+        let rows = rows.iter().map(|(name, value)| (name.as_str(), value.clone()));
+        for line in table(rows).lines() {
+            let _ = writeln!(text, "  {line}");
+        }
+        for warning in &object.warnings {
+            let _ = writeln!(text, "  warning: {warning}");
+        }
+        for problem in &object.problems {
+            let _ = writeln!(text, "  problem: {}", problem.message);
+        }
+    }
+    text + &format!("{}\n", output.join("report.html").display())
+}

@@ -1,0 +1,296 @@
+//! COLMAP's sparse model with its pictures.
+
+mod binary;
+mod model;
+mod text;
+mod write;
+
+use std::path::{Path, PathBuf};
+
+use mesh_core::DepthMap;
+
+use crate::assemble::{
+    MASK_EXTENSIONS, Picture, assemble, camera_of_size, mask_file, read_picture, without_extension,
+};
+use crate::dataset::{Dataset, Entry};
+use crate::error::{ReadViewsError, ViewsProblem};
+use crate::natural;
+use crate::options::ReadOptions;
+use crate::read::{Pending, Reading};
+use crate::single::SingleObject;
+use crate::source::{Opened, Source};
+use crate::view::{Layout, View, Views};
+
+pub use model::ColmapPoint;
+pub use write::{ColmapForm, write_colmap};
+
+use model::{Model, ModelImage, robust_bounds};
+
+/// Models of tens of thousands of pictures fit.
+const MODEL_BYTES: u64 = 1 << 33;
+
+/// A sparse model and where its files are.
+#[derive(Debug)]
+pub(crate) struct Project {
+    /// The folder of the model, with its slash: `sparse/0/`, `sparse/`, or nothing.
+    folder: String,
+    form: ColmapForm,
+    /// The folder that `images/` and `masks/` are in, with its slash, or nothing.
+    base: String,
+    /// The folder of the pictures, with its slash.
+    images: String,
+    model: Model,
+}
+
+/// Where the model is, its form, and in which folders its pictures may be.
+type Found = (&'static str, ColmapForm);
+
+/// The model among the files of a source: binary before text, as COLMAP does.
+pub(crate) fn recognises(source: &Source) -> Option<Found> {
+    ["sparse/0/", "sparse/", ""].into_iter().find_map(|folder| {
+        [ColmapForm::Binary, ColmapForm::Text].into_iter().find_map(|form| {
+            let has = |noun: &str| source.has(&format!("{folder}{noun}.{}", form.extension()));
+            (has("cameras") && has("images")).then_some((folder, form))
+        })
+    })
+}
+
+impl Project {
+    /// Reads cameras and images; the points wait until they are asked for.
+    pub(crate) fn read(source: &Source, (folder, form): Found) -> Result<Self, ReadViewsError> {
+        let mut opened = source.open()?;
+        let mut model = Model::default();
+        for noun in ["cameras", "images"] {
+            let name = format!("{folder}{noun}.{}", form.extension());
+            let path = source.locate(&name);
+            let bytes = opened.read(&name, noun, MODEL_BYTES)?;
+            match (noun, form) {
+                ("cameras", ColmapForm::Binary) => binary::cameras(&bytes, &path, &mut model)?,
+                ("cameras", ColmapForm::Text) => text::cameras(&bytes, &path, &mut model)?,
+                (_, ColmapForm::Binary) => binary::images(&bytes, &path, &mut model)?,
+                (_, ColmapForm::Text) => text::images(&bytes, &path, &mut model)?,
+            }
+        }
+        model.images.sort_by_cached_key(|image| natural::key(&image.name));
+        let (base, images) = pictures(source, folder, &model);
+        Ok(Self { folder: folder.to_owned(), form, base, images, model })
+    }
+
+    fn file(&self, source: &Source, noun: &str) -> PathBuf {
+        source.locate(&format!("{}{noun}.{}", self.folder, self.form.extension()))
+    }
+
+    /// The views, in the natural order of the pictures' names.
+    pub(crate) fn list<'a>(
+        &'a self,
+        source: &'a Source,
+        options: &'a ReadOptions,
+    ) -> Result<Reading<'a>, ReadViewsError> {
+        let mut warnings = Vec::new();
+        let mut pending: Vec<Pending<'a>> = Vec::new();
+        for image in &self.model.images {
+            let name = format!("{}{}", self.images, image.name);
+            if source.has(&name) {
+                pending.push(Box::new(move |opened| {
+                    self.read_view(source, opened, image, &name, options)
+                }));
+                continue;
+            }
+            let wanted_by = format!(
+                "image {} of {} names it; put it back, or allow missing views",
+                image.id,
+                self.file(source, "images").display()
+            );
+            let error =
+                ReadViewsError::new(source.locate(&name), ViewsProblem::Missing { wanted_by });
+            if !options.allow_missing {
+                return Err(error);
+            }
+            warnings.push(format!("view {} is left out: {error}", image.name));
+        }
+        Ok(Reading { layout: Layout::Colmap, pending, warnings, poses: "QW QX QY QZ TX TY TZ" })
+    }
+
+    fn read_view(
+        &self,
+        source: &Source,
+        opened: &mut Opened<'_>,
+        image: &ModelImage,
+        name: &str,
+        options: &ReadOptions,
+    ) -> Result<View, ReadViewsError> {
+        let files = [self.file(source, "cameras"), self.file(source, "images")];
+        let camera = self.model.camera(image, [&files[0], &files[1]])?;
+        let picture = read_picture(opened, source.locate(name), name, "picture")?;
+        let field = format!("camera {} WIDTH, HEIGHT", image.camera);
+        let camera = camera_of_size(camera, &picture, &files[0], &field)?;
+        let stem = without_extension(&image.name);
+        // COLMAP's own masks append to the whole name of the picture.
+        let masks: Vec<String> = std::iter::once(format!("{}masks/{}.png", self.base, image.name))
+            .chain(MASK_EXTENSIONS.map(|end| format!("{}masks/{stem}.{end}", self.base)))
+            .collect();
+        let mask = mask_file(source, opened, &masks, options)?;
+        let depth = if options.depth { self.depth(source, opened, image, &picture)? } else { None };
+        assemble(stem.to_owned(), picture, mask, camera, depth, options)
+    }
+
+    /// COLMAP's own dense depth, where it has been computed.
+    fn depth(
+        &self,
+        source: &Source,
+        opened: &mut Opened<'_>,
+        image: &ModelImage,
+        picture: &Picture,
+    ) -> Result<Option<(PathBuf, DepthMap)>, ReadViewsError> {
+        let names = ["geometric", "photometric"]
+            .map(|kind| format!("{}stereo/depth_maps/{}.{kind}.bin", self.base, image.name));
+        let Some(name) = names.iter().find(|name| source.has(name)) else { return Ok(None) };
+        let path = source.locate(name);
+        let size = (picture.image.width * picture.image.height) as u64;
+        let bytes = opened.read(name, "depth", 4 * size + 64)?;
+        let depth = depth_map(&bytes).ok_or_else(|| {
+            let found = format!("{} bytes that begin otherwise", bytes.len());
+            let expected = "WIDTH&HEIGHT&1& and as many 32-bit floats";
+            ReadViewsError::field(&path, "depth", found, expected)
+        })?;
+        Ok(Some((path, depth)))
+    }
+}
+
+/// A depth map of COLMAP's: `W&H&1&` and floats by rows; what is not above zero is a hole.
+fn depth_map(bytes: &[u8]) -> Option<DepthMap> {
+    let mut rest = bytes;
+    let mut numbers = [0usize; 3];
+    for number in &mut numbers {
+        let end = rest.iter().take(12).position(|&b| b == b'&')?;
+        *number = std::str::from_utf8(&rest[..end]).ok()?.parse().ok()?;
+        rest = &rest[end + 1..];
+    }
+    let [width, height, channels] = numbers;
+    let count = width.checked_mul(height)?.checked_mul(4)?;
+    if channels != 1 || count == 0 || rest.len() != count {
+        return None;
+    }
+    let depth = |b: &[u8]| f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
+    let data = rest
+        .chunks_exact(4)
+        .map(depth)
+        .map(|d| if d > 0.0 && d < 1e9 { d } else { f32::INFINITY })
+        .collect();
+    Some(DepthMap { height, width, data })
+}
+
+/// The folder with `images/` and `masks/`, and that of the pictures, each with its slash.
+///
+/// Where the folder of the model itself was opened, the pictures are above it.
+fn pictures(source: &Source, folder: &str, model: &Model) -> (String, String) {
+    let bases: &[&str] = if folder.is_empty() { &["", "../", "../../"] } else { &[""] };
+    let first = model.images.first().map_or("", |image| image.name.as_str());
+    let candidates = || bases.iter().flat_map(|base| [(base, "images/"), (base, "")]);
+    let found = candidates().find(|(base, images)| source.has(&format!("{base}{images}{first}")));
+    let (base, images) = found.unwrap_or((&"", "images/"));
+    ((*base).to_owned(), format!("{base}{images}"))
+}
+
+/// A COLMAP project: a sparse model with its pictures, as a dataset of one object.
+///
+/// Views are those of [`crate::read_views`]; this type also offers the sparse points, which have
+/// no normals and so are not a [`crate::Truth`]. In a reconstruction of a scene they are on the
+/// whole scene, not only on the object.
+#[derive(Debug)]
+pub struct Colmap {
+    single: SingleObject,
+}
+
+impl Colmap {
+    /// Opens a folder or zip with `sparse/0/`, `sparse/`, or the model's own files.
+    ///
+    /// # Errors
+    /// If there is no model, or its cameras or images are damaged.
+    pub fn open(path: &Path) -> Result<Self, ReadViewsError> {
+        match SingleObject::find(path, &ReadOptions::default())? {
+            Some(single) if single.colmap().is_some() => Ok(Self { single }),
+            _ => {
+                let wanted_by = "a COLMAP model is cameras and images, .bin or .txt".to_owned();
+                Err(ReadViewsError::new(path, ViewsProblem::Missing { wanted_by }))
+            }
+        }
+    }
+
+    /// The sparse points, none where the model has no file of them.
+    ///
+    /// # Errors
+    /// If the file of points is damaged.
+    pub fn points(&self) -> Result<Vec<ColmapPoint>, ReadViewsError> {
+        let (source, project) = self.single.colmap().expect("checked when it was opened");
+        let name = format!("{}points3D.{}", project.folder, project.form.extension());
+        if !source.has(&name) {
+            return Ok(Vec::new());
+        }
+        let bytes = source.open()?.read(&name, "points3D", MODEL_BYTES)?;
+        let path = source.locate(&name);
+        match project.form {
+            ColmapForm::Binary => binary::points(&bytes, &path),
+            ColmapForm::Text => text::points(&bytes, &path),
+        }
+    }
+
+    /// The box of the sparse points without their strays, low and high; `None` without points.
+    ///
+    /// # Errors
+    /// If the file of points is damaged.
+    pub fn bounds(&self) -> Result<Option<[[f64; 3]; 2]>, ReadViewsError> {
+        Ok(robust_bounds(&self.points()?))
+    }
+}
+
+impl Dataset for Colmap {
+    fn layout(&self) -> Layout {
+        self.single.layout()
+    }
+
+    fn root(&self) -> &Path {
+        self.single.root()
+    }
+
+    fn entries(&self) -> &[Entry] {
+        self.single.entries()
+    }
+
+    fn views(
+        &self,
+        object: usize,
+        which: Option<&[usize]>,
+        options: &ReadOptions,
+        progress: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<Views, ReadViewsError> {
+        self.single.views(object, which, options, progress)
+    }
+
+    fn warnings(&self) -> &[String] {
+        self.single.warnings()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_maps_are_rows_of_floats_behind_their_size() {
+        let mut bytes = b"3&2&1&".to_vec();
+        for d in [1.5f32, 0.0, -1.0, 2.0, f32::NAN, 7.25] {
+            bytes.extend_from_slice(&d.to_le_bytes());
+        }
+        let hole = f32::INFINITY;
+        let depth = depth_map(&bytes).unwrap();
+        assert_eq!((depth.height, depth.width), (2, 3));
+        assert_eq!(depth.data, [1.5, hole, hole, 2.0, hole, 7.25]);
+        for end in 0..bytes.len() {
+            assert_eq!(depth_map(&bytes[..end]), None);
+        }
+        assert_eq!(depth_map(b"99999999999&99999999999&1&"), None);
+        assert_eq!(depth_map(b"18446744073709551615&2&1&"), None);
+    }
+}

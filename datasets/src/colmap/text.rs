@@ -1,0 +1,138 @@
+//! COLMAP's text files.
+
+use std::path::Path;
+
+use super::model::{ColmapPoint, Model, ModelCamera, ModelImage};
+use crate::error::ReadViewsError;
+
+/// One line that holds words, with its number for messages.
+struct Line<'a> {
+    file: &'a Path,
+    number: usize,
+    text: &'a str,
+    rest: &'a str,
+}
+
+impl<'a> Line<'a> {
+    fn new(file: &'a Path, number: usize, text: &'a str) -> Self {
+        Self { file, number, text, rest: text.trim() }
+    }
+
+    /// Whether the line says nothing.
+    fn is_empty(&self) -> bool {
+        self.rest.is_empty() || self.rest.starts_with('#')
+    }
+
+    fn wrong(&self, field: &str, found: &str, expected: &str) -> ReadViewsError {
+        let found: String = found.chars().take(60).collect();
+        ReadViewsError::field(
+            self.file,
+            format!("line {}, {field}", self.number),
+            format!("{found:?}"),
+            expected,
+        )
+    }
+
+    fn word(&mut self, field: &str) -> Result<&'a str, ReadViewsError> {
+        let end = self.rest.find(char::is_whitespace).unwrap_or(self.rest.len());
+        let (word, rest) = self.rest.split_at(end);
+        self.rest = rest.trim_start();
+        if word.is_empty() {
+            return Err(self.wrong(field, self.text.trim(), "a value: the line ends before it"));
+        }
+        Ok(word)
+    }
+
+    fn parsed<T: std::str::FromStr>(
+        &mut self,
+        field: &str,
+        expected: &str,
+    ) -> Result<T, ReadViewsError> {
+        let word = self.word(field)?;
+        word.parse().map_err(|_| self.wrong(field, word, expected))
+    }
+
+    fn number(&mut self, field: &str) -> Result<f64, ReadViewsError> {
+        let word = self.word(field)?;
+        let value = word.parse().ok().filter(|v: &f64| v.is_finite());
+        value.ok_or_else(|| self.wrong(field, word, "a finite number"))
+    }
+
+    fn id(&mut self, field: &str) -> Result<u32, ReadViewsError> {
+        self.parsed(field, "a whole number from 0 to 4294967295")
+    }
+
+    fn pixels(&mut self, field: &str) -> Result<usize, ReadViewsError> {
+        let word = self.word(field)?;
+        let value = word.parse().ok().filter(|n: &usize| (1..1_000_000_000).contains(n));
+        value.ok_or_else(|| self.wrong(field, word, "a whole number of pixels"))
+    }
+}
+
+fn lines<'a>(text: &'a str, file: &'a Path) -> impl Iterator<Item = Line<'a>> {
+    text.lines().enumerate().map(move |(i, line)| Line::new(file, i + 1, line))
+}
+
+/// Reads `cameras.txt` into the model.
+pub(super) fn cameras(bytes: &[u8], file: &Path, model: &mut Model) -> Result<(), ReadViewsError> {
+    let text = String::from_utf8_lossy(bytes);
+    for mut line in lines(&text, file).filter(|line| !line.is_empty()) {
+        let id = line.id("CAMERA_ID")?;
+        let name = line.word("MODEL")?.to_owned();
+        let (width, height) = (line.pixels("WIDTH")?, line.pixels("HEIGHT")?);
+        let mut params = Vec::new();
+        while !line.rest.is_empty() {
+            params.push(line.number("PARAMS[]")?);
+        }
+        model.cameras.insert(id, ModelCamera { model: name, width, height, params });
+    }
+    Ok(())
+}
+
+/// Reads `images.txt` into the model: two lines an image, of which the second may be empty.
+pub(super) fn images(bytes: &[u8], file: &Path, model: &mut Model) -> Result<(), ReadViewsError> {
+    let text = String::from_utf8_lossy(bytes);
+    let mut lines = lines(&text, file);
+    while let Some(mut line) = lines.next() {
+        if line.is_empty() {
+            continue;
+        }
+        let id = line.id("IMAGE_ID")?;
+        let mut quaternion = [0.0; 4];
+        for (out, field) in quaternion.iter_mut().zip(["QW", "QX", "QY", "QZ"]) {
+            *out = line.number(field)?;
+        }
+        let mut translation = [0.0; 3];
+        for (out, field) in translation.iter_mut().zip(["TX", "TY", "TZ"]) {
+            *out = line.number(field)?;
+        }
+        let camera = line.id("CAMERA_ID")?;
+        // Names may hold spaces.
+        let name = line.rest.trim_end().to_owned();
+        if name.is_empty() {
+            return Err(line.wrong("NAME", line.text.trim(), "the name of the picture"));
+        }
+        model.images.push(ModelImage { id, quaternion, translation, camera, name });
+        // The points that the picture saw, which nothing here needs.
+        lines.next();
+    }
+    Ok(())
+}
+
+/// Reads `points3D.txt`.
+pub(super) fn points(bytes: &[u8], file: &Path) -> Result<Vec<ColmapPoint>, ReadViewsError> {
+    let text = String::from_utf8_lossy(bytes);
+    let mut points = Vec::new();
+    for mut line in lines(&text, file).filter(|line| !line.is_empty()) {
+        line.word("POINT3D_ID")?;
+        let position = [line.number("X")?, line.number("Y")?, line.number("Z")?];
+        let mut color = [0u8; 3];
+        for (out, field) in color.iter_mut().zip(["R", "G", "B"]) {
+            *out = line.parsed(field, "0 to 255")?;
+        }
+        let error = line.number("ERROR")?;
+        let observations = line.rest.split_whitespace().count() / 2;
+        points.push(ColmapPoint { position, color, error, observations });
+    }
+    Ok(points)
+}

@@ -1,0 +1,138 @@
+//! Opening whatever is there: every layout is recognised here.
+
+use std::path::Path;
+
+use crate::bop::{self, Bop};
+use crate::dataset::{Dataset, Entry};
+use crate::error::{ReadViewsError, ViewsProblem};
+use crate::options::ReadOptions;
+use crate::photo;
+use crate::pixel2mesh::{self, Pixel2Mesh};
+use crate::r2n2::{self, R2n2};
+use crate::single::SingleObject;
+
+/// What is said where nothing was recognised: every layout by the files that give it away.
+pub(crate) const LOOKED_FOR: &str = "0_rgb.png with 0_metadata.json (kaolin's views), transforms.json \
+    or transforms_{train,val,test}.json, cameras.json (photographs), cameras and images as .bin or \
+    .txt in sparse/0, sparse or here (COLMAP), each in a folder or a zip; scene_camera.json in the \
+    folders of scenes (BOP); rendering/rendering_metadata.txt (R2N2); .dat (Pixel2Mesh); pix3d.json; \
+    Annotations (Pascal3D+); CMR's cache for CUB; annotations/*.yaml (MCMR); for pictures from a \
+    turntable say so (--turntable)";
+
+/// Opens a dataset of whatever layout is at the path; nothing large is read.
+///
+/// Folders, zips and files with the views of a single object are datasets of one.
+///
+/// # Errors
+/// If no layout fits, with all that was looked for, or the files that list the objects are
+/// damaged.
+pub fn open(path: &Path) -> Result<Box<dyn Dataset>, ReadViewsError> {
+    open_with(path, &ReadOptions::default())
+}
+
+/// The same for photographs without cameras, whose [`ReadOptions::turntable`] gives them some.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_with(path: &Path, options: &ReadOptions) -> Result<Box<dyn Dataset>, ReadViewsError> {
+    // Lists of photographs are JSON too, so they are asked before transforms.json is supposed. A
+    // turntable is asked for by name; what else is there does not matter then.
+    if options.turntable.is_none()
+        && let Some(many) = many(path)?
+    {
+        return Ok(many);
+    }
+    match SingleObject::find(path, options)? {
+        Some(single) => Ok(Box::new(single)),
+        None => Err(unknown(path)),
+    }
+}
+
+/// The dataset of many objects at the path, where it is one.
+fn many(path: &Path) -> Result<Option<Box<dyn Dataset>>, ReadViewsError> {
+    if r2n2::recognises(path) {
+        return Ok(Some(Box::new(R2n2::open(path)?)));
+    }
+    if pixel2mesh::recognises(path) {
+        return Ok(Some(Box::new(Pixel2Mesh::open(path)?)));
+    }
+    if let Some(photographs) = photo::find(path)? {
+        return Ok(Some(photographs));
+    }
+    if bop::recognises(path) {
+        return Ok(Some(Box::new(Bop::open(path)?)));
+    }
+    Ok(None)
+}
+
+/// The index of the wanted object, by its name or `category/name`; a dataset of one may leave it
+/// open. `path` is what was opened, for messages.
+///
+/// # Errors
+/// If there is no such object, or several and none is wanted.
+pub fn choose(
+    path: &Path,
+    entries: &[Entry],
+    wanted: Option<&str>,
+) -> Result<usize, ReadViewsError> {
+    let full = |entry: &Entry| match entry.category.as_str() {
+        "" => entry.name.clone(),
+        category => format!("{category}/{}", entry.name),
+    };
+    let some = |limit: usize| {
+        let names: Vec<String> = entries.iter().take(limit).map(full).collect();
+        let more = if entries.len() > limit { ", .." } else { "" };
+        format!("{}{more}", names.join(", "))
+    };
+    let Some(wanted) = wanted else {
+        if entries.len() == 1 {
+            return Ok(0);
+        }
+        let found = format!("{} objects", entries.len());
+        let expected = format!("the name of one of them: {}", some(8));
+        return Err(ReadViewsError::field(path, "object", found, expected));
+    };
+    entries.iter().position(|entry| entry.name == wanted || full(entry) == wanted).ok_or_else(
+        || {
+            let expected = format!("one of the {}: {}", entries.len(), some(8));
+            ReadViewsError::field(path, "object", format!("{wanted:?}"), expected)
+        },
+    )
+}
+
+/// The error that says what is there and what was looked for.
+fn unknown(path: &Path) -> ReadViewsError {
+    let names = match crate::source::Source::folder(path).root_names() {
+        Ok(names) => names,
+        Err(error) => return error,
+    };
+    let found = match names.as_slice() {
+        [] => "nothing".to_owned(),
+        [first] => first.clone(),
+        [first, .., last] => format!("{} files from {first} to {last}", names.len()),
+    };
+    ReadViewsError::new(path, ViewsProblem::UnknownLayout { found })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn objects_are_chosen_by_name() {
+        let entry = |category: &str, name: &str| Entry {
+            category: category.into(),
+            name: name.into(),
+            ..Entry::default()
+        };
+        let entries = [entry("car", "a"), entry("car", "b"), entry("bus", "b")];
+        let choose = |n: usize, wanted| choose("x".as_ref(), &entries[..n], wanted);
+        assert_eq!(choose(1, None).unwrap(), 0);
+        assert_eq!(choose(3, Some("b")).unwrap(), 1);
+        assert_eq!(choose(3, Some("bus/b")).unwrap(), 2);
+        let error = choose(3, None).unwrap_err().to_string();
+        assert!(error.contains("3 objects") && error.contains("car/a, car/b"), "{error}");
+        assert_eq!(choose(3, Some("c")).unwrap_err().field_name(), Some("object"));
+    }
+}

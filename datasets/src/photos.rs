@@ -1,0 +1,224 @@
+//! Loose photographs with a `cameras.json` of ours.
+//!
+//! ```json
+//! {
+//!   "format": "unsphere-cameras",
+//!   "version": 1,
+//!   "views": [
+//!     {
+//!       "image": "images/0000.png",
+//!       "mask": "masks/0000.png",
+//!       "depth": "depth/0000.exr",
+//!       "width": 640, "height": 480,
+//!       "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+//!       "translation": [0, 0, -4],
+//!       "lens": { "perspective": { "fx": 700, "fy": 700, "cx": 320, "cy": 240 } }
+//!     }
+//!   ]
+//! }
+//! ```
+//!
+//! `rotation` (rows) and `translation` take the world to the camera, whose axes are x right, y up,
+//! looking along -z. Pixels count from the top-left corner of the picture as it is seen, after the
+//! orientation that EXIF notes. `lens` is `perspective`, or `orthographic` with `sx`, `sy`, `cx`,
+//! `cy` in pixels per unit and pixels. Names are relative to the file. `mask` may be left away
+//! (then `masks/<stem>.png` or .jpg, or alpha), `depth` too. A picture of another size but the
+//! same shape is a resized copy.
+
+use std::path::Path;
+
+use mesh_core::nalgebra::{Matrix3, Vector3};
+use mesh_core::{Camera, Lens, encode_png};
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use crate::assemble::{
+    MASK_EXTENSIONS, assemble, camera_of_size, mask_file, put, read_picture, without_extension,
+};
+use crate::depth;
+use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
+use crate::json::{Node, parse};
+use crate::options::ReadOptions;
+use crate::read::{Pending, Reading};
+use crate::source::{Opened, Source};
+use crate::view::{Layout, View};
+
+pub(crate) const CAMERAS: &str = "cameras.json";
+const FORMAT: &str = "unsphere-cameras";
+/// Hundreds of thousands of views fit.
+const JSON_BYTES: u64 = 1 << 28;
+
+/// Whether the source has our cameras.
+pub(crate) fn recognises(source: &Source) -> bool {
+    source.has(CAMERAS)
+}
+
+/// One view of the file, checked, before its picture is read.
+struct Shot {
+    image: String,
+    masks: Vec<String>,
+    depth: Option<String>,
+    camera: Camera,
+    /// The view's place in the file.
+    field: String,
+}
+
+/// The views in the order of the file.
+pub(crate) fn list<'a>(
+    source: &'a Source,
+    options: &'a ReadOptions,
+) -> Result<Reading<'a>, ReadViewsError> {
+    let path = source.locate(CAMERAS);
+    let value = parse(&source.open()?.read(CAMERAS, "cameras", JSON_BYTES)?, &path)?;
+    let root = Node::root(&value, &path);
+    let format = root.need("format")?;
+    if format.text()? != FORMAT {
+        return Err(format.wrong(format!("{FORMAT:?}")));
+    }
+    let version = root.need("version")?;
+    if version.number()? != 1.0 {
+        return Err(version.wrong("1, the only version there is"));
+    }
+    let mut pending: Vec<Pending<'a>> = Vec::new();
+    let mut warnings = Vec::new();
+    for node in root.need("views")?.elements()? {
+        let shot = Shot::new(&node)?;
+        if source.has(&shot.image) {
+            pending.push(Box::new(move |opened| shot.read(source, opened, options)));
+            continue;
+        }
+        let wanted_by = format!(
+            "field `{}.image` of {} names it; put it back, or allow missing views",
+            shot.field,
+            path.display()
+        );
+        let problem = ViewsProblem::Missing { wanted_by };
+        let error = ReadViewsError::new(source.locate(&shot.image), problem);
+        if !options.allow_missing {
+            return Err(error);
+        }
+        warnings.push(format!("view {} is left out: {error}", shot.image));
+    }
+    Ok(Reading { layout: Layout::Photos, pending, warnings, poses: "rotation, translation" })
+}
+
+impl Shot {
+    fn new(node: &Node<'_>) -> Result<Self, ReadViewsError> {
+        let image = node.need("image")?.text()?.to_owned();
+        let text = |key: &str| node.get(key).map(|n| n.text().map(String::from)).transpose();
+        let stem = without_extension(&image);
+        let stem = stem.rsplit('/').next().unwrap_or(stem);
+        let masks = match text("mask")? {
+            Some(mask) => vec![mask],
+            None => MASK_EXTENSIONS.iter().map(|end| format!("masks/{stem}.{end}")).collect(),
+        };
+        let rotation = node.need("rotation")?.matrix3()?;
+        let translation = node.need("translation")?.numbers::<3>()?;
+        let camera = Camera {
+            rotation: Matrix3::from_fn(|i, k| rotation[i][k]),
+            translation: Vector3::from(translation),
+            lens: lens(&node.need("lens")?)?,
+            width: node.need("width")?.pixels()?,
+            height: node.need("height")?.pixels()?,
+        };
+        camera.validate().map_err(|source| {
+            let field = format!("{}, camera", node.field);
+            ReadViewsError::new(node.file(), ViewsProblem::Camera { field, source })
+        })?;
+        Ok(Self { masks, depth: text("depth")?, camera, field: node.field.clone(), image })
+    }
+
+    fn read(
+        &self,
+        source: &Source,
+        opened: &mut Opened<'_>,
+        options: &ReadOptions,
+    ) -> Result<View, ReadViewsError> {
+        let picture = read_picture(opened, source.locate(&self.image), &self.image, "picture")?;
+        let field = format!("{}.width, height", self.field);
+        let camera =
+            camera_of_size(self.camera.clone(), &picture, &source.locate(CAMERAS), &field)?;
+        if let [mask] = self.masks.as_slice()
+            && !source.has(mask)
+        {
+            let wanted_by = format!("field `{}.mask` of {CAMERAS} names it", self.field);
+            let problem = ViewsProblem::Missing { wanted_by };
+            return Err(ReadViewsError::new(source.locate(mask), problem));
+        }
+        let mask = mask_file(source, opened, &self.masks, options)?;
+        let depth = match &self.depth {
+            Some(name) if options.depth => {
+                depth::read(source, opened, std::slice::from_ref(name), &picture.image)?
+            }
+            _ => None,
+        };
+        let name = without_extension(&self.image).to_owned();
+        assemble(name, picture, mask, camera, depth, options)
+    }
+}
+
+fn lens(node: &Node<'_>) -> Result<Lens, ReadViewsError> {
+    let number = |kind: &Node<'_>, key: &str| kind.need(key)?.number();
+    if let Some(p) = node.get("perspective") {
+        return Ok(Lens::Perspective {
+            fx: number(&p, "fx")?,
+            fy: number(&p, "fy")?,
+            cx: number(&p, "cx")?,
+            cy: number(&p, "cy")?,
+        });
+    }
+    if let Some(o) = node.get("orthographic") {
+        return Ok(Lens::Orthographic {
+            sx: number(&o, "sx")?,
+            sy: number(&o, "sy")?,
+            cx: number(&o, "cx")?,
+            cy: number(&o, "cy")?,
+        });
+    }
+    Err(node.wrong("`perspective` or `orthographic`"))
+}
+
+/// Writes views as `images/`, `masks/`, `depth/` and a `cameras.json`, which can say every camera.
+///
+/// The folder is made where it does not exist; files of the same name are replaced, each
+/// atomically, the JSON last. Depth is EXR.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn write_photos(views: &[View], folder: &Path) -> Result<(), WriteViewsError> {
+    let shots: Vec<Result<Value, WriteViewsError>> = views
+        .par_iter()
+        .enumerate()
+        .map(|(i, view)| {
+            let (image, mask) = (format!("images/{i:04}.png"), format!("masks/{i:04}.png"));
+            put(&folder.join(&image), &encode_png(&view.color))?;
+            put(&folder.join(&mask), &encode_png(&view.mask))?;
+            let camera = &view.camera;
+            let lens = match camera.lens {
+                Lens::Perspective { fx, fy, cx, cy } => {
+                    json!({ "perspective": { "fx": fx, "fy": fy, "cx": cx, "cy": cy } })
+                }
+                Lens::Orthographic { sx, sy, cx, cy } => {
+                    json!({ "orthographic": { "sx": sx, "sy": sy, "cx": cx, "cy": cy } })
+                }
+            };
+            let rows: [[f64; 3]; 3] =
+                std::array::from_fn(|i| std::array::from_fn(|k| camera.rotation[(i, k)]));
+            let translation: [f64; 3] = camera.translation.into();
+            let mut shot = json!({
+                "image": image, "mask": mask,
+                "width": camera.width, "height": camera.height,
+                "rotation": rows, "translation": translation, "lens": lens,
+            });
+            if let Some(depth) = &view.depth {
+                let name = format!("depth/{i:04}.exr");
+                put(&folder.join(&name), &mesh_core::encode_depth(depth))?;
+                shot["depth"] = Value::from(name);
+            }
+            Ok(shot)
+        })
+        .collect();
+    let shots = shots.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let text = json!({ "format": FORMAT, "version": 1, "views": shots }).to_string();
+    put(&folder.join(CAMERAS), text.as_bytes())
+}

@@ -1,0 +1,197 @@
+//! The layouts whose folder, archive or file holds the views of one object.
+
+use std::path::{Path, PathBuf};
+
+use crate::dataset::{Dataset, Entry};
+use crate::error::{ReadViewsError, ViewsProblem};
+use crate::options::{MaskSource, ReadOptions, Turntable};
+use crate::read::{Reading, read_chosen};
+use crate::source::Source;
+use crate::view::{Layout, Views};
+use crate::{bop, colmap, kaolin, photos, transforms, turntable};
+
+/// A dataset of one object.
+#[derive(Debug)]
+pub(crate) struct SingleObject {
+    path: PathBuf,
+    source: Source,
+    kind: Kind,
+    layout: Layout,
+    entries: [Entry; 1],
+    warnings: Vec<String>,
+}
+
+/// What was recognised, with what is read of it once.
+#[derive(Debug)]
+enum Kind {
+    Kaolin,
+    /// The files of poses.
+    Transforms(Vec<String>),
+    Colmap(colmap::Project),
+    Photos,
+    Turntable(Turntable),
+}
+
+impl SingleObject {
+    /// The dataset at the path, where it is of such a layout; nothing but names is read.
+    pub(crate) fn find(path: &Path, options: &ReadOptions) -> Result<Option<Self>, ReadViewsError> {
+        for source in places(path)? {
+            let json = if path.is_dir() || source.is_zip() { None } else { path.file_name() };
+            if let Some(kind) = recognise(&source, json.and_then(|n| n.to_str()), options)? {
+                return Self::new(path, source, kind, options).map(Some);
+            }
+        }
+        Ok(None)
+    }
+
+    fn new(
+        path: &Path,
+        source: Source,
+        kind: Kind,
+        options: &ReadOptions,
+    ) -> Result<Self, ReadViewsError> {
+        // Counting must not fail where a later reading with other options would succeed.
+        let lenient =
+            ReadOptions { allow_missing: true, mask: MaskSource::Whole, ..options.clone() };
+        let Reading { layout, pending, warnings, .. } = list(&kind, &source, &lenient)?;
+        let stem = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let name = stem.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        let entry = Entry { name, views: pending.len(), ..Entry::default() };
+        drop(pending);
+        Ok(Self { path: path.to_owned(), source, kind, layout, entries: [entry], warnings })
+    }
+
+    /// The COLMAP project, where it is one.
+    pub(crate) fn colmap(&self) -> Option<(&Source, &colmap::Project)> {
+        match &self.kind {
+            Kind::Colmap(project) => Some((&self.source, project)),
+            _ => None,
+        }
+    }
+
+    /// Reads the views: all, or those with the given indices among what `options` let through.
+    pub(crate) fn read(
+        &self,
+        which: Option<&[usize]>,
+        options: &ReadOptions,
+        progress: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<Views, ReadViewsError> {
+        let reading = list(&self.kind, &self.source, options)?;
+        read_chosen(&self.path, &self.source, reading, which, options, progress)
+    }
+}
+
+impl Dataset for SingleObject {
+    fn layout(&self) -> Layout {
+        self.layout
+    }
+
+    fn root(&self) -> &Path {
+        &self.path
+    }
+
+    fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    fn views(
+        &self,
+        object: usize,
+        which: Option<&[usize]>,
+        options: &ReadOptions,
+        progress: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<Views, ReadViewsError> {
+        assert!(object == 0, "views: object {object} does not exist");
+        self.read(which, options, progress)
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+}
+
+/// Where the views may be: the folder, then the one folder in it where it holds nothing else,
+/// which is what unpacking a zip leaves; or the archive; or the folder of the JSON file.
+fn places(path: &Path) -> Result<Vec<Source>, ReadViewsError> {
+    let metadata = std::fs::metadata(path).map_err(|e| ReadViewsError::new(path, e))?;
+    if metadata.is_dir() {
+        let outer = Source::folder(path);
+        let names = outer.root_names()?;
+        let inner = match names.as_slice() {
+            [only] if path.join(only).is_dir() => Some(Source::folder(&path.join(only))),
+            _ => None,
+        };
+        return Ok([Some(outer), inner].into_iter().flatten().collect());
+    }
+    let has_extension = |wanted: &str| {
+        path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
+    };
+    if has_extension("json") {
+        let folder = match path.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent,
+            _ => Path::new("."),
+        };
+        return Ok(vec![Source::folder(folder)]);
+    }
+    let mut magic = [0u8; 4];
+    let is_zip = std::fs::File::open(path)
+        .and_then(|mut file| std::io::Read::read_exact(&mut file, &mut magic))
+        .is_ok_and(|()| magic == *b"PK\x03\x04");
+    if is_zip || has_extension("zip") {
+        return Ok(vec![Source::zip(path)?]);
+    }
+    if has_extension("hdf5") || has_extension("h5") {
+        return Err(bop::no_hdf5(path));
+    }
+    let found = "a file that is neither a zip archive nor .json".to_owned();
+    Err(ReadViewsError::new(path, ViewsProblem::UnknownLayout { found }))
+}
+
+/// The layout of what is there; `json` is the file that was named, where one was.
+fn recognise(
+    source: &Source,
+    json: Option<&str>,
+    options: &ReadOptions,
+) -> Result<Option<Kind>, ReadViewsError> {
+    if let Some(name) = json {
+        let kind = match name {
+            photos::CAMERAS => Kind::Photos,
+            _ => Kind::Transforms(vec![name.to_owned()]),
+        };
+        return Ok(Some(kind));
+    }
+    // A turntable is asked for by name; what else is there does not matter then.
+    if let Some(table) = options.turntable {
+        let any = !turntable::photographs(source)?.is_empty();
+        return Ok(any.then_some(Kind::Turntable(table)));
+    }
+    let names = source.root_names()?;
+    if kaolin::recognises(&names) {
+        return Ok(Some(Kind::Kaolin));
+    }
+    let files = transforms::files_among(&names);
+    if !files.is_empty() {
+        return Ok(Some(Kind::Transforms(files)));
+    }
+    if photos::recognises(source) {
+        return Ok(Some(Kind::Photos));
+    }
+    match colmap::recognises(source) {
+        Some(found) => Ok(Some(Kind::Colmap(colmap::Project::read(source, found)?))),
+        None => Ok(None),
+    }
+}
+
+fn list<'a>(
+    kind: &'a Kind,
+    source: &'a Source,
+    options: &'a ReadOptions,
+) -> Result<Reading<'a>, ReadViewsError> {
+    match kind {
+        Kind::Kaolin => kaolin::list(source, &source.root_names()?, options),
+        Kind::Transforms(files) => transforms::list(source, files, options),
+        Kind::Colmap(project) => project.list(source, options),
+        Kind::Photos => photos::list(source, options),
+        Kind::Turntable(table) => turntable::list(source, options, *table),
+    }
+}

@@ -1,0 +1,315 @@
+//! What is wrong with a set of views: each supposition is tried, and the best explanation named.
+
+use datasets::{Truth, View};
+use mesh_core::sample_points;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::eye::{Eye, Reading};
+use super::hull::{Ball, agreement, ball};
+
+/// Views that the search looks at; all are looked at for the figures.
+const SEARCHED: usize = 28;
+/// Pixels of each mask that are looked at.
+const SAMPLES: usize = 320;
+/// The same in a search.
+const FEW_SAMPLES: usize = 140;
+/// Points of the true surface.
+const POINTS: usize = 2000;
+/// Factors of the focal length that are tried, 1 among them.
+const LEAST_FACTOR: f64 = 0.4;
+const FACTORS: i32 = 12;
+
+/// Something that looks wrong, in words.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Problem {
+    /// A short name for programs, like `flipped_y`.
+    pub kind: &'static str,
+    /// What is wrong and what to do about it.
+    pub message: String,
+}
+
+/// How well cameras and masks agree.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Agreement {
+    /// Mean over views of the intersection over union of the visual hull's silhouette and the
+    /// mask; none where the views cannot fix a hull.
+    pub hull_iou: Option<f64>,
+    /// The same, view by view.
+    pub hull_iou_by_view: Vec<Option<f64>>,
+    /// Mean share of the true surface's points that land in the mask, where the truth is known.
+    pub points_inside: Option<f64>,
+    /// Mean over views of the intersection over union of the box of the projected points and the
+    /// box of the mask.
+    pub points_box_iou: Option<f64>,
+    /// Factors of the focal length that were tried, with the agreement at each.
+    pub focal: Vec<[f64; 2]>,
+    /// Other readings that were tried, by name, with the agreement at each.
+    pub readings: Vec<(&'static str, f64)>,
+}
+
+/// Whatever the agreement is measured by.
+struct Judge<'a> {
+    eyes: &'a [Eye],
+    points: Option<&'a [[f32; 3]]>,
+}
+
+impl Judge<'_> {
+    /// The agreement under a reading, 0 to 1.
+    fn score(&self, reading: Reading) -> f64 {
+        let eyes: Vec<Eye> = self.eyes.par_iter().map(|eye| eye.under(reading)).collect();
+        if let Some(points) = self.points {
+            let seen = points_in(&eyes, points);
+            return mean(seen.iter().map(|s| s.inside * s.box_iou)).unwrap_or(0.0);
+        }
+        ball(&eyes).map_or(0.0, |ball| {
+            mean(agreement(&eyes, ball, FEW_SAMPLES).into_iter().flatten()).unwrap_or(0.0)
+        })
+    }
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0), |(sum, count), v| (sum + v, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+/// Where the points of the true surface land in one view.
+struct Landing {
+    inside: f64,
+    box_iou: f64,
+}
+
+fn points_in(eyes: &[Eye], points: &[[f32; 3]]) -> Vec<Landing> {
+    eyes.par_iter()
+        .filter_map(|eye| {
+            let bounds = eye.bounds()?;
+            let mut landed = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+            let mut inside = 0;
+            for point in points {
+                let point = point.map(f64::from);
+                inside += usize::from(eye.allows(point));
+                let p = eye.camera.project(point);
+                if p.depth > 0.0 || !eye.camera.is_perspective() {
+                    landed = [
+                        landed[0].min(p.column),
+                        landed[1].min(p.row),
+                        landed[2].max(p.column),
+                        landed[3].max(p.row),
+                    ];
+                }
+            }
+            // What is outside of the picture has no mask to agree with.
+            let (w, h) = (eye.camera.width as f64, eye.camera.height as f64);
+            let landed = [
+                landed[0].clamp(0.0, w),
+                landed[1].clamp(0.0, h),
+                landed[2].clamp(0.0, w),
+                landed[3].clamp(0.0, h),
+            ];
+            let inside = inside as f64 / points.len().max(1) as f64;
+            Some(Landing { inside, box_iou: box_iou(bounds, landed) })
+        })
+        .collect()
+}
+
+fn box_iou(a: [f64; 4], b: [f64; 4]) -> f64 {
+    let area = |b: [f64; 4]| (b[2] - b[0]).max(0.0) * (b[3] - b[1]).max(0.0);
+    let both = area([a[0].max(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].min(b[3])]);
+    let either = area(a) + area(b) - both;
+    if either > 0.0 { both / either } else { 0.0 }
+}
+
+/// The points that the truth offers: its own, or some of its mesh.
+fn points_of(truth: &Truth) -> Option<Vec<[f32; 3]>> {
+    if let Some(points) = truth.points.as_ref().filter(|p| !p.positions.is_empty()) {
+        let step = points.positions.len().div_ceil(POINTS);
+        return Some(points.positions.iter().step_by(step).copied().collect());
+    }
+    let mesh = truth.mesh.as_ref().filter(|mesh| !mesh.faces.is_empty())?;
+    Some(sample_points(mesh, POINTS, 0).0)
+}
+
+/// What agreement there is, and what looks wrong.
+pub(crate) fn diagnose(
+    views: &[View],
+    eyes: &[Eye],
+    truth: &Truth,
+) -> (Agreement, Vec<Problem>, Option<Ball>) {
+    let mut problems = Vec::new();
+    let mut found = Agreement::default();
+    masks(views, eyes, &mut problems);
+    let inverted = problems.iter().any(|p| p.kind == "inverted_masks");
+    let points = points_of(truth);
+    let ball = ball(eyes);
+    if let Some(ball) = ball.filter(|_| !inverted) {
+        found.hull_iou_by_view = agreement(eyes, ball, SAMPLES);
+        found.hull_iou = mean(found.hull_iou_by_view.iter().flatten().copied());
+    }
+    if let Some(points) = points.as_deref().filter(|_| !inverted) {
+        let landed = points_in(eyes, points);
+        found.points_inside = mean(landed.iter().map(|l| l.inside));
+        found.points_box_iou = mean(landed.iter().map(|l| l.box_iou));
+    }
+    // One view without the truth agrees with itself whatever its camera is.
+    if inverted || (points.is_none() && eyes.len() < 3) {
+        return (found, problems, ball);
+    }
+    let step = eyes.len().div_ceil(SEARCHED);
+    let searched: Vec<Eye> = eyes.iter().step_by(step).cloned().collect();
+    let judge = Judge { eyes: &searched, points: points.as_deref() };
+    cameras(&judge, &mut found, &mut problems);
+    singles(views, &found, &mut problems);
+    (found, problems, ball)
+}
+
+/// What the masks alone show.
+fn masks(views: &[View], eyes: &[Eye], problems: &mut Vec<Problem>) {
+    let names = |wanted: &dyn Fn(&Eye) -> bool| -> Vec<&str> {
+        let kept = views.iter().zip(eyes).filter(|(_, eye)| wanted(eye));
+        kept.map(|(view, _)| view.name.as_str()).collect()
+    };
+    let empty = names(&|eye| eye.bounds().is_none());
+    if !empty.is_empty() {
+        let message = format!("the masks of {} are empty", some_of(&empty, views.len()));
+        problems.push(Problem { kind: "empty_masks", message });
+    }
+    let shown = eyes.len() - empty.len();
+    let background = |eye: &Eye| eye.border_share() > 0.75;
+    if shown > 0 && 5 * eyes.iter().filter(|eye| background(eye)).count() >= 4 * shown {
+        let message = "the masks look inverted: they cover the border of the pictures; read them \
+                       with --invert-masks"
+            .to_owned();
+        problems.push(Problem { kind: "inverted_masks", message });
+        return;
+    }
+    let cut = names(&|eye| eye.is_open());
+    if !cut.is_empty() {
+        let message = format!(
+            "the object leaves the frame in {}: what is outside has no evidence",
+            some_of(&cut, views.len())
+        );
+        problems.push(Problem { kind: "out_of_frame", message });
+    }
+    let tiny = views.iter().filter(|view| {
+        view.mask_bounds().is_some_and(|[_, _, height, width]| height.max(width) < 24)
+    });
+    let tiny: Vec<&str> = tiny.map(|view| view.name.as_str()).collect();
+    if 2 * tiny.len() > shown {
+        let message = format!(
+            "the object is less than 24 pixels large in {}: crop the pictures or take larger ones",
+            some_of(&tiny, views.len())
+        );
+        problems.push(Problem { kind: "tiny", message });
+    }
+}
+
+/// Tries every reading, and names the one that explains clearly more than the files' own.
+fn cameras(judge: &Judge<'_>, found: &mut Agreement, problems: &mut Vec<Problem>) {
+    let given = judge.score(Reading::AsGiven);
+    let others: Vec<(&'static str, Reading)> = vec![
+        ("flipped_y", Reading::FlippedY),
+        ("flipped_x", Reading::FlippedX),
+        ("turned", Reading::Turned),
+        ("opencv_axes", Reading::OpenCvAxes),
+        ("inverse_pose", Reading::InversePose),
+        ("inverse_opencv_pose", Reading::InverseOpenCvPose),
+    ];
+    found.readings = std::iter::once(("as_given", given))
+        .chain(others.into_iter().map(|(name, reading)| (name, judge.score(reading))))
+        .collect();
+    if judge.eyes.iter().all(|eye| eye.camera.is_perspective()) {
+        found.focal = (-FACTORS..=FACTORS)
+            .map(|k| LEAST_FACTOR.powf(-f64::from(k) / f64::from(FACTORS)))
+            .map(|factor| [factor, judge.score(Reading::Focal(factor))])
+            .collect();
+    }
+    let best = found.readings[1..].iter().copied().max_by(|a, b| a.1.total_cmp(&b.1));
+    let focal = found.focal.iter().copied().max_by(|a, b| a[1].total_cmp(&b[1]));
+    let (name, other) = best.unwrap_or(("as_given", given));
+    let [factor, at_factor] = focal.unwrap_or([1.0, given]);
+    if other >= at_factor && clearly_better(other, given) {
+        let message = format!("{} (agreement {other:.3} instead of {given:.3})", words(name));
+        problems.push(Problem { kind: name, message });
+    } else if !(0.87..1.15).contains(&factor) && clearly_better(at_factor, given) {
+        let factor = refined(&found.focal).unwrap_or(factor);
+        let message = format!(
+            "the focal length looks off: about {factor:.2} times the given one explains the masks \
+             better (agreement {at_factor:.3} instead of {given:.3})"
+        );
+        problems.push(Problem { kind: "focal_length", message });
+    } else if given < 0.7 {
+        let message = format!(
+            "masks and cameras do not agree (agreement {given:.3}), and neither a flip, nor other \
+             axes, nor another focal length explains it"
+        );
+        problems.push(Problem { kind: "disagreement", message });
+    }
+}
+
+/// Whether a reading takes away enough of what the given one leaves unexplained.
+fn clearly_better(other: f64, given: f64) -> bool {
+    other - given > (0.4 * (1.0 - given)).max(0.02)
+}
+
+/// The factor at the top of the parabola through the best value and its neighbours.
+fn refined(focal: &[[f64; 2]]) -> Option<f64> {
+    let best = (0..focal.len()).max_by(|&a, &b| focal[a][1].total_cmp(&focal[b][1]))?;
+    let (before, after) = (focal.get(best.checked_sub(1)?)?, focal.get(best + 1)?);
+    let (a, b, c) = (before[1], focal[best][1], after[1]);
+    let bend = a - 2.0 * b + c;
+    let shift = if bend < 0.0 { (0.5 * (a - c) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+    let step = (after[0] / focal[best][0]).ln();
+    Some((focal[best][0].ln() + shift * step).exp())
+}
+
+fn words(name: &str) -> &'static str {
+    match name {
+        "flipped_y" => {
+            "y is flipped: the pictures are upside down for these cameras, or the cameras' y points \
+             down where up was expected"
+        }
+        "flipped_x" => {
+            "x is flipped: the pictures are mirrored for these cameras (or the turntable turns the \
+             other way: --turntable-reverse)"
+        }
+        "turned" => "the pictures are turned by half for these cameras",
+        "opencv_axes" => {
+            "the cameras look away from the object: their axes look like OpenCV's (y down, z \
+             forward) where OpenGL's (y up, looking along -z) were expected"
+        }
+        "inverse_pose" => {
+            "the poses look inverted: camera to world where world to camera was expected, or the reverse"
+        }
+        _ => "the poses look inverted and in OpenCV's axes",
+    }
+}
+
+/// Views that disagree while the others do not.
+fn singles(views: &[View], found: &Agreement, problems: &mut Vec<Problem>) {
+    let mut values: Vec<f64> = found.hull_iou_by_view.iter().flatten().copied().collect();
+    values.sort_by(f64::total_cmp);
+    let Some(&median) = values.get(values.len() / 2) else { return };
+    let odd: Vec<&str> = views
+        .iter()
+        .zip(&found.hull_iou_by_view)
+        .filter(|(_, iou)| iou.is_some_and(|iou| iou < 0.75 && iou < median - 0.2))
+        .map(|(view, _)| view.name.as_str())
+        .collect();
+    if !odd.is_empty() {
+        let message = format!(
+            "{} disagree with the others: look at their cameras and masks",
+            some_of(&odd, views.len())
+        );
+        problems.push(Problem { kind: "odd_views", message });
+    }
+}
+
+/// `view 3`, `views 1, 2, 5`, `7 of 24 views (1, 2, 3, ..)`, `all 24 views`.
+fn some_of(names: &[&str], of: usize) -> String {
+    match names.len() {
+        n if n == of && n > 1 => format!("all {n} views"),
+        1 => format!("view {}", names[0]),
+        2..=6 => format!("views {}", names.join(", ")),
+        n => format!("{n} of {of} views ({}, ..)", names[..4].join(", ")),
+    }
+}

@@ -1,0 +1,169 @@
+//! A mask and its camera, small and ready to be asked what lies inside.
+
+use datasets::View;
+use mesh_core::nalgebra::{Matrix3, Vector3};
+use mesh_core::{Camera, Lens};
+
+/// Longer sides are averaged down to this: enough to judge by, little enough to search with.
+const LONGEST: usize = 192;
+
+/// A supposition about how the cameras or masks of a set of views are to be read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Reading {
+    /// As they are.
+    AsGiven,
+    /// The pictures are upside down.
+    FlippedY,
+    /// The pictures are mirrored.
+    FlippedX,
+    /// The pictures are turned by half.
+    Turned,
+    /// The cameras' axes are y down, z forward.
+    OpenCvAxes,
+    /// The poses go from the camera to the world.
+    InversePose,
+    /// Both.
+    InverseOpenCvPose,
+    /// The focal length is so many times what is given.
+    Focal(f64),
+}
+
+/// A mask and its camera as one reading has them.
+#[derive(Clone, Debug)]
+pub(crate) struct Eye {
+    pub(crate) camera: Camera,
+    /// Rows X, Y, W of the projection to normalised device coordinates.
+    rows: [[f64; 4]; 3],
+    mask: Vec<bool>,
+    /// The mask and the pixels next to it: what rounding may have taken away.
+    grown: Vec<bool>,
+    /// Whether the object leaves the picture, so that what is outside is not known.
+    open: bool,
+}
+
+impl Eye {
+    /// The view as it is given, made small.
+    pub(crate) fn new(view: &View) -> Self {
+        let (height, width) = (view.mask.height, view.mask.width);
+        let side = height.max(width);
+        let scaled = |n: usize| ((n * LONGEST + side / 2) / side).max(1);
+        let (mask, camera) = if side > LONGEST {
+            let (h, w) = (scaled(height), scaled(width));
+            (view.mask.resized(h, w), view.camera.resized(w, h))
+        } else {
+            (view.mask.clone(), view.camera.clone())
+        };
+        let bits = mask.data.iter().map(|&m| m >= 128).collect();
+        Self::from_parts(camera, bits)
+    }
+
+    fn from_parts(camera: Camera, mask: Vec<bool>) -> Self {
+        let (h, w) = (camera.height, camera.width);
+        let on = |i: usize, j: usize| mask[i * w + j];
+        let mut grown = mask.clone();
+        for i in 0..h {
+            for j in 0..w {
+                grown[i * w + j] = (i.saturating_sub(1)..(i + 2).min(h))
+                    .any(|a| (j.saturating_sub(1)..(j + 2).min(w)).any(|b| on(a, b)));
+            }
+        }
+        let open =
+            (0..w).any(|j| on(0, j) || on(h - 1, j)) || (0..h).any(|i| on(i, 0) || on(i, w - 1));
+        Self { rows: camera.projection(), camera, mask, grown, open }
+    }
+
+    /// The same picture under another reading.
+    pub(crate) fn under(&self, reading: Reading) -> Self {
+        let (h, w) = (self.camera.height, self.camera.width);
+        let mut camera = self.camera.clone();
+        let mut mask = self.mask.clone();
+        let axes = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
+        let inverse = |camera: &mut Camera| {
+            let turned = camera.rotation.transpose();
+            camera.translation = -(turned * camera.translation);
+            camera.rotation = turned;
+        };
+        let opencv = |camera: &mut Camera| {
+            camera.rotation = axes * camera.rotation;
+            camera.translation = axes * camera.translation;
+        };
+        match reading {
+            Reading::AsGiven => return self.clone(),
+            Reading::FlippedY => mask = mask.chunks_exact(w).rev().flatten().copied().collect(),
+            Reading::FlippedX => mask.chunks_exact_mut(w).for_each(<[bool]>::reverse),
+            Reading::Turned => mask.reverse(),
+            Reading::OpenCvAxes => opencv(&mut camera),
+            Reading::InversePose => inverse(&mut camera),
+            Reading::InverseOpenCvPose => {
+                // The file's pose was taken for world to camera in OpenGL's axes.
+                inverse(&mut camera);
+                opencv(&mut camera);
+            }
+            Reading::Focal(factor) => {
+                if let Lens::Perspective { fx, fy, .. } = &mut camera.lens {
+                    *fx *= factor;
+                    *fy *= factor;
+                }
+            }
+        }
+        debug_assert_eq!(mask.len(), h * w);
+        Self::from_parts(camera, mask)
+    }
+
+    /// Whether a point may be of the object, for all that this picture says.
+    pub(crate) fn allows(&self, p: [f64; 3]) -> bool {
+        let [x, y, depth] = self.rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3]);
+        let over = if self.camera.is_perspective() {
+            if depth <= 0.0 {
+                return false;
+            }
+            depth
+        } else {
+            1.0
+        };
+        let (w, h) = (self.camera.width, self.camera.height);
+        let (column, row) = ((1.0 + x / over) * 0.5 * w as f64, (1.0 - y / over) * 0.5 * h as f64);
+        if column >= 0.0 && row >= 0.0 && column < w as f64 && row < h as f64 {
+            self.grown[row as usize * w + column as usize]
+        } else {
+            self.open
+        }
+    }
+
+    /// Whether the object touches the border of the picture.
+    pub(crate) fn is_open(&self) -> bool {
+        self.open
+    }
+
+    /// Share of the border's pixels that the mask covers.
+    pub(crate) fn border_share(&self) -> f64 {
+        let (h, w) = (self.camera.height, self.camera.width);
+        let at = |i: usize, j: usize| usize::from(self.mask[i * w + j]);
+        let across: usize = (0..w).map(|j| at(0, j) + at(h - 1, j)).sum();
+        let down: usize = (0..h).map(|i| at(i, 0) + at(i, w - 1)).sum();
+        (across + down) as f64 / (2 * (w + h)) as f64
+    }
+
+    /// At most so many pixels of the mask, evenly spread, as positions in the picture.
+    pub(crate) fn pixels(&self, most: usize) -> Vec<[f64; 2]> {
+        let w = self.camera.width;
+        let inside: Vec<usize> = (0..self.mask.len()).filter(|&k| self.mask[k]).collect();
+        let count = inside.len().min(most);
+        (0..count)
+            .map(|k| inside[(2 * k + 1) * inside.len() / (2 * count)])
+            .map(|at| [(at % w) as f64 + 0.5, (at / w) as f64 + 0.5])
+            .collect()
+    }
+
+    /// The corners of the mask's box: left, top, right, bottom; `None` for an empty mask.
+    pub(crate) fn bounds(&self) -> Option<[f64; 4]> {
+        let w = self.camera.width;
+        let mut bounds: Option<[usize; 4]> = None;
+        for (k, _) in self.mask.iter().enumerate().filter(|(_, m)| **m) {
+            let (i, j) = (k / w, k % w);
+            let b = bounds.get_or_insert([j, i, j, i]);
+            *b = [b[0].min(j), b[1].min(i), b[2].max(j), b[3].max(i)];
+        }
+        bounds.map(|[l, t, r, b]| [l as f64, t as f64, r as f64 + 1.0, b as f64 + 1.0])
+    }
+}

@@ -1,0 +1,164 @@
+//! The visual hull: the largest body that all masks allow.
+
+use mesh_core::VoxelGrid;
+use mesh_core::nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+use super::eye::Eye;
+
+/// Steps along a ray through the sphere that holds the object.
+const STEPS: usize = 160;
+
+/// A sphere that holds what the masks show, if the cameras are right.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ball {
+    pub(crate) center: [f64; 3],
+    pub(crate) radius: f64,
+}
+
+/// The sphere around the point where the masks' axes meet, as wide as the widest of their cones.
+///
+/// `None` where the axes do not fix a point, or meet behind most cameras.
+pub(crate) fn ball(eyes: &[Eye]) -> Option<Ball> {
+    let mut normal = Matrix3::<f64>::zeros();
+    let mut right = Vector3::<f64>::zeros();
+    let boxes: Vec<(&Eye, [f64; 4])> =
+        eyes.iter().filter_map(|eye| Some((eye, eye.bounds()?))).collect();
+    for (eye, [l, t, r, b]) in &boxes {
+        let ray = eye.camera.ray((l + r) / 2.0, (t + b) / 2.0);
+        let (origin, direction) = (Vector3::from(ray.origin), Vector3::from(ray.direction));
+        let across = Matrix3::identity() - direction * direction.transpose();
+        normal += across;
+        right += across * origin;
+    }
+    let values = normal.symmetric_eigenvalues();
+    if boxes.len() < 2 || values.min() <= 1e-4 * values.max() {
+        return None;
+    }
+    let center = normal.try_inverse()? * right;
+    let mut radii = Vec::new();
+    for (eye, [l, t, r, b]) in &boxes {
+        if eye.camera.is_perspective() && eye.camera.project(center.into()).depth <= 0.0 {
+            continue;
+        }
+        let corners = [[*l, *t], [*l, *b], [*r, *t], [*r, *b]];
+        let far = corners.map(|[column, row]| {
+            let ray = eye.camera.ray(column, row);
+            let to = center - Vector3::from(ray.origin);
+            let along = Vector3::from(ray.direction);
+            (to - along * to.dot(&along)).norm()
+        });
+        radii.push(far.into_iter().fold(0.0, f64::max));
+    }
+    if 2 * radii.len() < boxes.len() {
+        return None;
+    }
+    // A single camera that looks elsewhere must not blow the sphere up.
+    radii.sort_by(f64::total_cmp);
+    let radius = radii[(radii.len() - 1) * 9 / 10];
+    (center.iter().all(|c| c.is_finite()) && radius.is_finite() && radius > 0.0)
+        .then(|| Ball { center: center.into(), radius: 1.1 * radius })
+}
+
+/// For each view the share of its mask that the hull of all masks covers.
+///
+/// The hull lies within every mask, so this is the intersection over union of its silhouette with
+/// the mask. It is found exactly along the rays of at most `samples` pixels of each mask: a pixel
+/// counts where some point on its ray is allowed by every other view. Views with an empty mask
+/// have no share.
+pub(crate) fn agreement(eyes: &[Eye], ball: Ball, samples: usize) -> Vec<Option<f64>> {
+    eyes.par_iter()
+        .enumerate()
+        .map(|(k, eye)| {
+            let pixels = eye.pixels(samples);
+            if pixels.is_empty() {
+                return None;
+            }
+            let others = Others::of(eyes, k);
+            let covered = pixels.iter().filter(|p| others.allow_some(eye, **p, ball)).count();
+            Some(covered as f64 / pixels.len() as f64)
+        })
+        .collect()
+}
+
+/// All views but one, those first that look from elsewhere: they refuse soonest.
+struct Others<'a> {
+    order: Vec<&'a Eye>,
+}
+
+impl<'a> Others<'a> {
+    fn of(eyes: &'a [Eye], k: usize) -> Self {
+        let forward = eyes[k].camera.forward();
+        let mut order: Vec<(f64, &Eye)> = eyes
+            .iter()
+            .enumerate()
+            .filter(|&(i, eye)| i != k && eye.bounds().is_some())
+            .map(|(_, eye)| (forward.dot(&eye.camera.forward()).abs(), eye))
+            .collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Self { order: order.into_iter().map(|(_, eye)| eye).collect() }
+    }
+
+    fn allow_some(&self, eye: &Eye, [column, row]: [f64; 2], ball: Ball) -> bool {
+        let ray = eye.camera.ray(column, row);
+        let to: [f64; 3] = std::array::from_fn(|a| ball.center[a] - ray.origin[a]);
+        let middle: f64 = (0..3).map(|a| to[a] * ray.direction[a]).sum();
+        (0..STEPS).any(|step| {
+            let t = middle + ball.radius * ((2 * step + 1) as f64 / STEPS as f64 - 1.0);
+            let p = std::array::from_fn(|a| ray.origin[a] + t * ray.direction[a]);
+            (t > 0.0 || !eye.camera.is_perspective()) && self.order.iter().all(|o| o.allows(p))
+        })
+    }
+}
+
+/// The hull on a grid of `side` cells along the longest side of its box, in two passes.
+///
+/// A cell is in it where its centre is allowed by every view. `None` where nothing is left.
+pub(crate) fn carve(eyes: &[Eye], ball: Ball, side: usize) -> Option<VoxelGrid> {
+    let seen: Vec<&Eye> = eyes.iter().filter(|eye| eye.bounds().is_some()).collect();
+    let low = ball.center.map(|c| (c - ball.radius) as f32);
+    let high = ball.center.map(|c| (c + ball.radius) as f32);
+    let coarse = carved(&seen, low, high, 32);
+    let (low, high) = occupied(&coarse)?;
+    let fine = carved(&seen, low, high, side);
+    occupied(&fine).is_some().then_some(fine)
+}
+
+fn carved(eyes: &[&Eye], low: [f32; 3], high: [f32; 3], side: usize) -> VoxelGrid {
+    let longest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
+    let dims = std::array::from_fn(|k| {
+        (((high[k] - low[k]) / longest * side as f32).ceil() as usize).clamp(1, side)
+    });
+    let mut grid = VoxelGrid::new(dims, (low, high));
+    let bits = (0..grid.bits.len())
+        .into_par_iter()
+        .with_min_len(4096)
+        .map(|k| {
+            let cell = [k % dims[0], k / dims[0] % dims[1], k / dims[0] / dims[1]];
+            let p = grid.center(cell).map(f64::from);
+            eyes.iter().all(|eye| eye.allows(p))
+        })
+        .collect();
+    grid.bits = bits;
+    grid
+}
+
+/// The box of the occupied cells with one cell around it.
+fn occupied(grid: &VoxelGrid) -> Option<([f32; 3], [f32; 3])> {
+    let [nx, ny, _] = grid.dims;
+    let mut bounds: Option<([usize; 3], [usize; 3])> = None;
+    for (k, _) in grid.bits.iter().enumerate().filter(|(_, bit)| **bit) {
+        let cell = [k % nx, k / nx % ny, k / nx / ny];
+        let (low, high) = bounds.get_or_insert((cell, cell));
+        for a in 0..3 {
+            low[a] = low[a].min(cell[a]);
+            high[a] = high[a].max(cell[a]);
+        }
+    }
+    let (low, high) = bounds?;
+    let at = |k: usize, cells: f32| grid.origin[k] + grid.cell[k] * cells;
+    Some((
+        std::array::from_fn(|k| at(k, low[k] as f32 - 1.0)),
+        std::array::from_fn(|k| at(k, high[k] as f32 + 2.0)),
+    ))
+}

@@ -1,0 +1,285 @@
+//! What is in a dataset, whether its cameras and masks agree, and what looks wrong, in words.
+//!
+//! Cameras are judged by the visual hull: the body that all masks allow covers every mask if the
+//! cameras are right, and less where they are not. Where the true surface is known, its points
+//! must land in the masks, which is the stronger check. Suppositions (pictures upside down, axes
+//! of another tool, another focal length) are tried, and one is named where it explains clearly
+//! more than the files do as they are.
+//!
+//! ```
+//! use datasets::{Layout, Truth, Views, shapes::AlarmClock};
+//! use recon::inspect::inspect_views;
+//! use recon::synthetic::{Orbit, RenderOptions, render_views};
+//!
+//! let cameras = Orbit { count: 12, width: 64, height: 64, ..Orbit::default() }.cameras();
+//! let clock = AlarmClock::default().build();
+//! let mut views = render_views(&clock, &cameras, &RenderOptions::default(), &|_, _| {})?;
+//! let as_views = |views| Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] };
+//! let object = inspect_views(&as_views(views.clone()), &Truth::default());
+//! assert!(object.problems.is_empty() && object.agreement.hull_iou > Some(0.95));
+//!
+//! // Somebody saved the masks upside down.
+//! for view in &mut views {
+//!     view.mask.data = view.mask.data.chunks(64).rev().flatten().copied().collect();
+//! }
+//! let object = inspect_views(&as_views(views), &Truth::default());
+//! assert_eq!(object.problems[0].kind, "flipped_y");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod diagnosis;
+mod eye;
+mod hull;
+mod page;
+mod picture;
+
+pub use diagnosis::{Agreement, Problem};
+pub use page::write_report;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use datasets::{Dataset, Doubtful, Entry, ReadOptions, ReadViewsError, Subset, Truth, Views};
+use mesh_core::ByteImage;
+use mesh_core::nalgebra::Vector3;
+use serde::Serialize;
+
+use eye::Eye;
+
+/// Cells along the longest side of the hull that is drawn.
+const GRID: usize = 64;
+
+/// What is there, and what looks wrong.
+#[derive(Clone, Debug, Serialize)]
+pub struct Inspection {
+    /// What was opened.
+    pub path: PathBuf,
+    /// How it is laid out.
+    pub layout: String,
+    /// How many objects there are.
+    pub objects: usize,
+    /// How many views they have together.
+    pub views: usize,
+    /// Categories by name; one without a name where the layout has none.
+    pub categories: Vec<Count>,
+    /// The subsets of the layout's own split; empty where it has none.
+    pub subsets: Vec<Count>,
+    /// What the layout had to say.
+    pub warnings: Vec<String>,
+    /// The objects that were looked at closely.
+    pub looked_at: Vec<ObjectInspection>,
+}
+
+/// So many objects with so many views.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Count {
+    /// Of what.
+    pub name: String,
+    /// Objects.
+    pub objects: usize,
+    /// Their views.
+    pub views: usize,
+}
+
+/// One object, looked at closely. Pairs of values are the least and the greatest.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct ObjectInspection {
+    /// Its category, as the layout calls it.
+    pub category: String,
+    /// Its name.
+    pub name: String,
+    /// How many views were read.
+    pub views: usize,
+    /// Widths of the pictures.
+    pub width: [usize; 2],
+    /// Heights of the pictures.
+    pub height: [usize; 2],
+    /// Bytes of the colours inside the masks.
+    pub colors: [u8; 2],
+    /// Share of a picture that the object covers.
+    pub coverage: [f64; 2],
+    /// Horizontal angles of view, degrees; none for parallel rays.
+    pub fov: Option<[f64; 2]>,
+    /// Distances from the cameras to the middle of the object, in the unit of the files.
+    pub distance: Option<[f64; 2]>,
+    /// Elevations of the cameras above the middle of the object (+Y up), degrees.
+    pub elevation: Option<[f64; 2]>,
+    /// Depths on the object, where there are any.
+    pub depth: Option<[f32; 2]>,
+    /// The hull's box, low and high corner.
+    pub hull_box: Option<[[f32; 3]; 2]>,
+    /// What the layout knows of the true shape, in words.
+    pub truth: Vec<String>,
+    /// How well cameras and masks agree.
+    pub agreement: Agreement,
+    /// What looks wrong; empty if nothing does.
+    pub problems: Vec<Problem>,
+    /// What the reader had to say.
+    pub warnings: Vec<String>,
+    /// Names of the views, in their order.
+    pub names: Vec<String>,
+    /// All views with their masks outlined.
+    #[serde(skip)]
+    pub sheet: ByteImage,
+    /// The cameras around the hull, from above and from the side, as SVG.
+    #[serde(skip)]
+    pub cameras: String,
+}
+
+/// Looks at a dataset: at all entries, and closely at some objects, evenly spread over the list.
+///
+/// `reading.object` looks at that one alone. `progress` is told how many objects are done, of how
+/// many.
+///
+/// # Errors
+/// If an object that is looked at cannot be read.
+///
+/// # Cost
+/// About a second for an object of a hundred views, most of it for the suppositions that are
+/// tried; the pictures of one object are in memory at a time.
+pub fn inspect(
+    dataset: &dyn Dataset,
+    most_objects: usize,
+    reading: &ReadOptions,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Inspection, ReadViewsError> {
+    let entries = dataset.entries();
+    let chosen: Vec<usize> = if let Some(wanted) = &reading.object {
+        vec![datasets::choose(dataset.root(), entries, Some(wanted))?]
+    } else {
+        let count = most_objects.clamp(1, entries.len());
+        (0..count).map(|k| k * entries.len() / count).collect()
+    };
+    // What makes no sense is what this is about.
+    let reading = ReadOptions { doubtful: Doubtful::Accept, depth: true, ..reading.clone() };
+    let mut looked_at = Vec::new();
+    for (done, &object) in chosen.iter().enumerate() {
+        progress(done, chosen.len());
+        let views = dataset.views(object, None, &reading, &|_, _| {})?;
+        let truth = dataset.truth(object)?;
+        let Entry { category, name, .. } = entries[object].clone();
+        looked_at.push(ObjectInspection { category, name, ..inspect_views(&views, &truth) });
+    }
+    progress(chosen.len(), chosen.len());
+    Ok(Inspection {
+        path: dataset.root().to_owned(),
+        layout: dataset.layout().to_string(),
+        objects: entries.len(),
+        views: entries.iter().map(|entry| entry.views).sum(),
+        categories: counts(entries, |entry| Some(entry.category.clone())),
+        subsets: counts(entries, |entry| entry.subset.map(subset_name)),
+        warnings: dataset.warnings().to_vec(),
+        looked_at,
+    })
+}
+
+fn subset_name(subset: Subset) -> String {
+    match subset {
+        Subset::Train => "train",
+        Subset::Validation => "validation",
+        Subset::Test => "test",
+    }
+    .to_owned()
+}
+
+fn counts(entries: &[Entry], name: impl Fn(&Entry) -> Option<String>) -> Vec<Count> {
+    let mut counts: BTreeMap<String, [usize; 2]> = BTreeMap::new();
+    for entry in entries {
+        if let Some(name) = name(entry) {
+            let count = counts.entry(name).or_default();
+            *count = [count[0] + 1, count[1] + entry.views];
+        }
+    }
+    let count = |(name, [objects, views]): (String, [usize; 2])| Count { name, objects, views };
+    counts.into_iter().map(count).collect()
+}
+
+/// Looks closely at the views of one object, against its truth where there is one.
+///
+/// # Panics
+/// If there are no views.
+pub fn inspect_views(views: &Views, truth: &Truth) -> ObjectInspection {
+    assert!(!views.is_empty(), "inspect_views: no views");
+    let list = &views.views;
+    let eyes: Vec<Eye> = list.iter().map(Eye::new).collect();
+    let (agreement, problems, ball) = diagnosis::diagnose(list, &eyes, truth);
+    let hull = ball.and_then(|ball| hull::carve(&eyes, ball, GRID));
+    let fovs: Option<Vec<f64>> =
+        list.iter().map(|view| view.camera.fov().map(|fov| fov[0].to_degrees())).collect();
+    let middle = ball.map(|ball| Vector3::from(ball.center));
+    let from_middle = |f: &dyn Fn(Vector3<f64>) -> f64| {
+        middle.and_then(|m| range(list.iter().map(|view| f(view.camera.center() - m))))
+    };
+    let depths = list.iter().filter_map(|view| {
+        let depth = view.depth.as_ref()?;
+        range32(depth.data.iter().zip(&view.mask.data).filter(|(_, m)| **m != 0).map(|(d, _)| *d))
+    });
+    let cameras: Vec<_> = list.iter().map(|view| &view.camera).collect();
+    ObjectInspection {
+        views: list.len(),
+        width: sizes(list.iter().map(|view| view.color.width)),
+        height: sizes(list.iter().map(|view| view.color.height)),
+        colors: colors(list),
+        coverage: range(
+            list.iter().map(|view| view.mask_pixels() as f64 / view.mask.data.len() as f64),
+        )
+        .unwrap_or_default(),
+        fov: fovs.and_then(|fovs| range(fovs.into_iter())),
+        distance: from_middle(&|to| to.norm()),
+        elevation: from_middle(&|to| to.y.atan2(to.x.hypot(to.z)).to_degrees()),
+        depth: depths.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]),
+        hull_box: hull.as_ref().map(|hull| {
+            let high = hull.dims.map(|n| n as f32);
+            [hull.origin, std::array::from_fn(|k| hull.origin[k] + hull.cell[k] * high[k])]
+        }),
+        truth: truth_words(truth),
+        agreement,
+        problems,
+        warnings: views.warnings.clone(),
+        names: list.iter().map(|view| view.name.clone()).collect(),
+        sheet: picture::contact_sheet(list),
+        cameras: picture::cameras_svg(&cameras, ball, hull.as_ref()),
+        ..ObjectInspection::default()
+    }
+}
+
+fn truth_words(truth: &Truth) -> Vec<String> {
+    let mut words = Vec::new();
+    if let Some(mesh) = &truth.mesh {
+        words.push(format!("a mesh of {} faces", mesh.faces.len()));
+    }
+    if let Some(points) = &truth.points {
+        words.push(format!("{} points with normals", points.positions.len()));
+    }
+    if let Some(voxels) = &truth.voxels {
+        let [x, y, z] = voxels.dims;
+        words.push(format!("voxels, {x}x{y}x{z}"));
+    }
+    words
+}
+
+fn range(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
+    values.filter(|v| v.is_finite()).map(|v| [v, v]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+}
+
+fn range32(values: impl Iterator<Item = f32>) -> Option<[f32; 2]> {
+    values.filter(|v| v.is_finite()).map(|v| [v, v]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+}
+
+fn sizes(values: impl Iterator<Item = usize>) -> [usize; 2] {
+    values.map(|v| [v, v]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default()
+}
+
+fn colors(views: &[datasets::View]) -> [u8; 2] {
+    let (mut low, mut high) = (255, 0);
+    for view in views {
+        for (pixel, _) in
+            view.color.data.chunks_exact(3).zip(&view.mask.data).filter(|(_, m)| **m != 0)
+        {
+            for &value in pixel {
+                (low, high) = (low.min(value), high.max(value));
+            }
+        }
+    }
+    [low, high]
+}
