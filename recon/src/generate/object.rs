@@ -2,6 +2,7 @@
 
 use datasets::shapes::Family;
 use diff_raster::FacesError;
+use mesh_core::nalgebra::{Rotation3, Vector3};
 use mesh_core::{Camera, Image, Lens, TriMesh};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -182,7 +183,8 @@ fn cameras(config: &GenerateConfig, mesh: &TriMesh, seed: u64) -> (Vec<Camera>, 
                 height,
                 seed,
             };
-            orbit.cameras().into_iter().map(|c| RoughPose { rough: c.clone(), camera: c }).collect()
+            let cameras = turned(orbit.cameras(), middle, seed);
+            cameras.into_iter().map(|c| RoughPose { rough: c.clone(), camera: c }).collect()
         }
         CameraSet::Collection => {
             let set = Collection {
@@ -198,7 +200,7 @@ fn cameras(config: &GenerateConfig, mesh: &TriMesh, seed: u64) -> (Vec<Camera>, 
             let mut poses = set.poses();
             for camera in poses.iter_mut().flat_map(|p| [&mut p.camera, &mut p.rough]) {
                 // The collection is around the origin.
-                camera.translation -= camera.rotation * mesh_core::nalgebra::Vector3::from(middle);
+                camera.translation -= camera.rotation * Vector3::from(middle);
             }
             poses
         }
@@ -212,6 +214,23 @@ fn cameras(config: &GenerateConfig, mesh: &TriMesh, seed: u64) -> (Vec<Camera>, 
     let rough = config.cameras == CameraSet::Collection;
     let (cameras, known) = poses.into_iter().map(|p| (p.camera, p.rough)).unzip();
     (cameras, if rough { known } else { Vec::new() })
+}
+
+/// All cameras turned about the vertical through a point, by an angle of its own for every object:
+/// a spiral alone would look at all of them from the same sides.
+fn turned(mut cameras: Vec<Camera>, around: [f64; 3], seed: u64) -> Vec<Camera> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    // The streams below belong to the cameras.
+    rng.set_stream(u64::MAX);
+    let angle = std::f64::consts::TAU * rng.random::<f64>();
+    let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), angle);
+    let around = Vector3::from(around);
+    for camera in &mut cameras {
+        let moved = camera.rotation * (around - turn * around);
+        camera.translation += moved;
+        camera.rotation *= turn.matrix();
+    }
+    cameras
 }
 
 /// Vertical angle of view in radians; the layout of 3D-R2N2 knows only its own lens.
@@ -269,6 +288,27 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Each object is seen from sides of its own, and still from all around.
+    #[test]
+    fn spheres_of_cameras_are_turned() {
+        let mesh = Family::Table.draw(1).mesh();
+        let config = GenerateConfig { cameras: CameraSet::Sphere, ..GenerateConfig::default() };
+        let centers = |seed| -> Vec<[f64; 3]> {
+            let (cameras, _) = cameras(&config, &mesh, seed);
+            assert!(cameras.iter().all(|camera| camera.validate().is_ok()));
+            cameras.iter().map(|camera| camera.center().into()).collect()
+        };
+        let (one, other) = (centers(1), centers(2));
+        let azimuth = |c: &[f64; 3]| c[0].atan2(c[2]);
+        assert!((azimuth(&one[12]) - azimuth(&other[12])).abs() > 0.01);
+        for quadrant in [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]] {
+            let seen = one.iter().filter(|c| c[0] * quadrant[0] > 0.0 && c[2] * quadrant[1] > 0.0);
+            assert!(seen.count() >= 4);
+        }
+        let share = |c: &[f64; 3]| c[1] / c.iter().map(|x| x * x).sum::<f64>().sqrt();
+        assert!(share(&one[0]) > 0.9 && share(&one[23]) < -0.9);
     }
 
     #[test]
