@@ -126,9 +126,9 @@ pub enum GenerateError {
     Different {
         /// The manifest.
         path: PathBuf,
-        /// The first line of it that differs.
+        /// The first setting of it that differs.
         found: String,
-        /// What that line would be for this run.
+        /// What that setting is in this run.
         asked: String,
     },
     /// The model's faces are not of its vertices.

@@ -245,17 +245,50 @@ fn publish(from: &Path, to: &Path) -> Result<(), GenerateError> {
     fs::rename(from, to).map_err(GenerateError::io(to))
 }
 
-/// The first lines that differ.
+/// The first setting that differs, as it is found and as it is asked for.
 fn first_difference(found: &str, asked: &str) -> Option<(String, String)> {
-    let (mut found, mut asked) = (found.lines(), asked.lines());
-    loop {
-        match (found.next(), asked.next()) {
-            (None, None) => return None,
-            (a, b) if a == b => {}
-            (a, b) => {
-                let line = |line: Option<&str>| line.unwrap_or("nothing").to_owned();
-                return Some((line(a), line(b)));
+    let (found, asked) = (settings_of(found), settings_of(asked));
+    let keys = found.keys().chain(asked.keys());
+    let key = keys.filter(|&key| found.get(key) != asked.get(key)).min()?;
+    let line = |settings: &BTreeMap<String, String>| match settings.get(key) {
+        Some(value) => format!("{key} = {value}"),
+        None => format!("no {key}"),
+    };
+    Some((line(&found), line(&asked)))
+}
+
+/// Every value of a manifest under its full name; nothing of what is no TOML.
+fn settings_of(text: &str) -> BTreeMap<String, String> {
+    let mut settings = BTreeMap::new();
+    let mut pending: Vec<(String, toml::Table)> =
+        toml::from_str(text).map(|table| vec![(String::new(), table)]).unwrap_or_default();
+    while let Some((prefix, table)) = pending.pop() {
+        for (name, value) in table {
+            let name = format!("{prefix}{name}");
+            match value {
+                toml::Value::Table(inner) => pending.push((format!("{name}."), inner)),
+                value => {
+                    settings.insert(name, value.to_string());
+                }
             }
         }
+    }
+    settings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_setting_that_differs_is_named() {
+        let a = "version = \"1\"\n[d]\nf = [\n \"x\",\n]\ns = 3\n";
+        assert_eq!(first_difference(a, a), None);
+        assert_eq!(first_difference(a, "version=\"1\"\n[d]\ns=3\nf=[\"x\"]"), None);
+        let other = a.replace("\"x\"", "\"y\"").replace("s = 3", "s = 4");
+        let named = first_difference(a, &other).expect("they differ");
+        assert_eq!(named, ("d.f = [\"x\"]".to_owned(), "d.f = [\"y\"]".to_owned()));
+        let damaged = first_difference("[[[", a).expect("nothing is left of it");
+        assert_eq!(damaged, ("no d.f".to_owned(), "d.f = [\"x\"]".to_owned()));
     }
 }

@@ -175,6 +175,7 @@ mod tests {
     use clap::Parser;
     use recon::synthetic::Monocular;
 
+    #[allow(irrefutable_let_patterns, reason = "other verbs are to come")]
     fn config(line: &str) -> Result<GenerateConfig, String> {
         let words = ["unsphere", "data", "generate", "-o", "x"].into_iter();
         let line = words.chain(line.split(' ').filter(|word| !word.is_empty()));
