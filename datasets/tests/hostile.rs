@@ -182,8 +182,8 @@ fn absurd_counts_are_survived() {
             let packed = std::fs::read(&path).unwrap();
             let plain = unpacked(&packed);
             // The words before the numbers begin, and a sample of the numbers.
-            let rest = (1024..plain.len() - 4).step_by(256);
-            for at in (128..plain.len().min(1024) - 4).step_by(4).chain(rest) {
+            let rest = (640..plain.len() - 4).step_by(512);
+            for at in (128..plain.len().min(640) - 4).step_by(4).chain(rest) {
                 for word in words {
                     let mut bytes = plain.clone();
                     bytes[at..at + 4].copy_from_slice(&word);
@@ -282,6 +282,23 @@ fn bombs_take_what_their_bytes_are_worth() {
     std::fs::write(&path, &bytes).unwrap();
     let taken = door.walk(folder.path(), true);
     assert!(taken < LIMIT, "{taken}");
+}
+
+#[test]
+fn a_photograph_that_claims_to_be_huge_takes_little() {
+    let _alone = alone();
+    let door = &DOORS[3];
+    let folder = door.copied();
+    let path = folder.path().join("CUB_200_2011/images/001.Lopsided_Bird/Bird_val_0.jpg");
+    let mut bytes = std::fs::read(&path).unwrap();
+    // The frame's header: marker, length, precision, then height and width.
+    let at = bytes.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+    for size in [[0xff; 4], [0x40, 0, 0x40, 0], [0; 4]] {
+        bytes[at + 5..at + 9].copy_from_slice(&size);
+        std::fs::write(&path, &bytes).unwrap();
+        let taken = door.walk(folder.path(), true);
+        assert!(taken < LIMIT, "{size:?}: {taken}");
+    }
 }
 
 #[test]
