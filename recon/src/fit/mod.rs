@@ -2,7 +2,9 @@
 //!
 //! A sphere is placed where the masks allow an object ([`Placement`]), and moved by small steps
 //! until its outline in every view lies on the edge of that view's mask: coarse first, then with
-//! each face in four. Colours are then the ones that best explain all pictures at once.
+//! each face in four. Where the object is too slender for that, a ball is first grown inside the
+//! visual hull (the private module `hull` says how). Colours are then the ones that best explain all
+//! pictures at once.
 //!
 //! What keeps the surface whole: steps are preconditioned by `(I + lambda L)^-1`, so that a pull
 //! on one vertex moves its neighbourhood; a weak bending energy; vertices that slide along the
@@ -43,6 +45,7 @@ mod config;
 mod distance;
 mod error;
 mod event;
+mod hull;
 mod outline;
 mod placement;
 mod shape;
@@ -65,6 +68,7 @@ pub use event::{Event, Flow, Step};
 pub use placement::Placement;
 pub use stepper::Stepper;
 
+use hull::Hull;
 use shape::Shape;
 use target::Target;
 
@@ -127,6 +131,7 @@ struct Run<'a> {
     on_event: &'a mut dyn FnMut(Event) -> Flow,
     train: Vec<Target>,
     held_out: Vec<Target>,
+    hull: Option<Hull>,
     fitted: Fitted,
     clock: Instant,
 }
@@ -179,6 +184,7 @@ impl<'a> Run<'a> {
         let (mut train, mut held_out) = (measure(&train_views), measure(&held_out_views));
         let seen: Vec<&View> = train_views.iter().map(|&i| &views[i]).collect();
         let placement = placement::place(&seen, &mut train)?;
+        let hull = Hull::of(&seen, &mut train, &placement);
         for target in train.iter_mut().chain(&mut held_out) {
             target.place(placement.center, placement.radius);
         }
@@ -194,7 +200,7 @@ impl<'a> Run<'a> {
             warnings: Vec::new(),
             interrupted: false,
         };
-        let mut run = Self { on_event, train, held_out, fitted, clock };
+        let mut run = Self { on_event, train, held_out, hull, fitted, clock };
         run.tell(Event::Started {
             train: run.train.len(),
             held_out: run.held_out.len(),
@@ -228,11 +234,11 @@ impl<'a> Run<'a> {
     /// Fits the shape, level by level.
     fn shape(&mut self, config: &FitConfig) -> Result<Shape, FitError> {
         self.clock = Instant::now();
-        let mut shape = Shape::sphere(config.start_level, config);
+        let (mut shape, start) = self.start(config);
         let mut order = Order::new(self.train.len(), config);
         let total = config.total_steps();
-        for level in config.start_level..=config.level {
-            if level > config.start_level {
+        for level in start..=config.level {
+            if level > start {
                 shape = shape.subdivided(config);
             }
             let name = format!("level {level}");
@@ -248,6 +254,18 @@ impl<'a> Run<'a> {
             }
         }
         Ok(shape)
+    }
+
+    /// A sphere, or a ball that fills the hull of a slender object, and the level that it has.
+    fn start(&self, config: &FitConfig) -> (Shape, u32) {
+        let coarse = config.start_level;
+        let Some(grown) = self.hull.as_ref().and_then(Hull::surface) else {
+            return (Shape::sphere(coarse, config), coarse);
+        };
+        // What is thin would be lost in coarse triangles.
+        let level = coarse.max(config.level - 1);
+        let shape = Shape::of(grown.positions, grown.faces, config);
+        (shape.evened(20 << (2 * level), config), level)
     }
 
     /// The steps of one level.

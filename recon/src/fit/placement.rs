@@ -38,7 +38,7 @@ pub(super) fn place(views: &[&View], targets: &mut [Target]) -> Result<Placement
         for target in targets.iter_mut() {
             target.place(center, half);
         }
-        let cells = carve(targets, views)?;
+        let cells = carve(targets, views, GRID)?;
         let n = cells.len() as f64;
         let mean: [f64; 3] =
             std::array::from_fn(|k| cells.iter().map(|c| f64::from(c[k])).sum::<f64>() / n);
@@ -116,16 +116,21 @@ fn cones(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
     Ok((center.into(), radius))
 }
 
-/// Centres, in the targets' frame, of the cells that the most views see inside their masks.
-fn carve(targets: &[Target], views: &[&View]) -> Result<Vec<[f32; 3]>, FitError> {
-    let center = |k: usize| (2 * k + 1) as f32 / GRID as f32 - 1.0;
-    let half_cell = 1.0 / GRID as f32;
+/// Centres, in the targets' frame, of the cells of a grid of this `side` that the most views see inside their masks.
+pub(super) fn carve(
+    targets: &[Target],
+    views: &[&View],
+    side: usize,
+) -> Result<Vec<[f32; 3]>, FitError> {
+    let center = |k: usize| (2 * k + 1) as f32 / side as f32 - 1.0;
+    let middle = |cell: usize| [cell % side, cell / side % side, cell / side / side].map(center);
+    let half_cell = 1.0 / side as f32;
     // How many views see each cell outside of their mask.
-    let outside: Vec<u16> = (0..GRID * GRID * GRID)
+    let outside: Vec<u16> = (0..side * side * side)
         .into_par_iter()
-        .with_min_len(GRID * GRID)
+        .with_min_len(side * side)
         .map(|cell| {
-            let p = [cell % GRID, cell / GRID % GRID, cell / GRID / GRID].map(center);
+            let p = middle(cell);
             targets.iter().filter(|t| !sees_inside(t, p, half_cell)).count() as u16
         })
         .collect();
@@ -137,10 +142,7 @@ fn carve(targets: &[Target], views: &[&View]) -> Result<Vec<[f32; 3]>, FitError>
             .min_by_key(|(t, _)| {
                 (0..outside.len())
                     .filter(|&cell| outside[cell] == least)
-                    .filter(|&cell| {
-                        let p = [cell % GRID, cell / GRID % GRID, cell / GRID / GRID].map(center);
-                        sees_inside(t, p, half_cell)
-                    })
+                    .filter(|&cell| sees_inside(t, middle(cell), half_cell))
                     .count()
             })
             .map_or("", |(t, _)| t.name.as_str());
@@ -153,10 +155,7 @@ fn carve(targets: &[Target], views: &[&View]) -> Result<Vec<[f32; 3]>, FitError>
             ),
         });
     }
-    Ok((0..outside.len())
-        .filter(|&cell| outside[cell] == least)
-        .map(|cell| [cell % GRID, cell / GRID % GRID, cell / GRID / GRID].map(center))
-        .collect())
+    Ok((0..outside.len()).filter(|&cell| outside[cell] == least).map(middle).collect())
 }
 
 /// Whether a cell of half side `half_cell` reaches into the mask.

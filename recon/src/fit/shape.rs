@@ -1,6 +1,8 @@
 //! The mesh that is fitted, and the step that moves it.
 
-use mesh_core::{DiffusionSolver, Subdivision, Topology, primitives};
+use mesh_core::{
+    DiffusionSolver, RemeshOptions, Subdivision, Topology, TriMesh, primitives, remesh,
+};
 use rayon::prelude::*;
 
 use super::{
@@ -108,6 +110,19 @@ impl Shape {
         let subdivision = Subdivision::along(&self.topology, &self.faces);
         let positions = subdivision.apply(&self.positions);
         Self::of(positions, subdivision.faces, config)
+    }
+
+    /// The same surface with `faces` triangles or so, all of about one size; unchanged where it cannot
+    /// be had.
+    ///
+    pub(super) fn evened(self, faces: usize, config: &FitConfig) -> Self {
+        let mesh = TriMesh::new(self.positions.clone(), self.faces.clone());
+        // An equilateral triangle of side l has the area sqrt(3)/4 l^2.
+        let edge_length = (mesh.area() / (0.433 * faces as f64)).sqrt();
+        match remesh(&mesh, &RemeshOptions { edge_length, passes: 3 }) {
+            Ok(even) => Self::of(even.mesh.positions, even.mesh.faces, config),
+            Err(_) => self,
+        }
     }
 
     /// Moves the vertices once, against the losses over `views` of `targets`.

@@ -1,0 +1,187 @@
+//! What a deformed sphere can become: fits objects of every family, and scores them on other views.
+//!
+//! `cargo run --release -p recon --example fit_families -- [families] [seeds] [folder]`
+//!
+//! Families are names with commas between them, or `all`; seeds run from 1. Each object is fitted,
+//! with the default configuration, to 24 views of 256x256 from all around, none held out, and scored on
+//! 8 others. The folder gets `table.md`, and `sheet.png` with each fitted mesh above the true one.
+//!
+//! The true meshes are made of parts that sink into each other. Chamfer distances count what is
+//! hidden inside as well, which no picture shows: they are upper bounds.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::time::Instant;
+
+use datasets::shapes::{Family, Shape};
+use datasets::{Layout, View, Views};
+use losses::metrics::{Preset, evaluate};
+use mesh_core::{ByteImage, TriMesh, write_png};
+use recon::evaluate::score_views;
+use recon::fit::{FitConfig, Fitted, Flow, fit};
+use recon::synthetic::{Lighting, Orbit, Placement, RenderOptions, render_views};
+
+type Failure = Box<dyn std::error::Error>;
+
+/// Side of a tile of the sheet, in pixels.
+const TILE: usize = 192;
+
+/// One object's line of the table.
+struct Row {
+    shape: Shape,
+    iou: f64,
+    /// Of the view that agrees least.
+    worst: f64,
+    chamfer: f64,
+    watertight: bool,
+    seconds: f64,
+    /// The fitted mesh and the true one, from two sides each.
+    tiles: [Vec<View>; 2],
+}
+
+fn main() -> Result<(), Failure> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let argument =
+        |k: usize, default: &str| arguments.get(k).cloned().unwrap_or_else(|| default.to_owned());
+    let families: Vec<Family> = match argument(0, "all").as_str() {
+        "all" => Family::ALL.to_vec(),
+        names => names.split(',').map(str::parse).collect::<Result<_, _>>()?,
+    };
+    let seeds: u64 = argument(1, "3").parse()?;
+    let folder = argument(2, "fit_families");
+    std::fs::create_dir_all(&folder)?;
+
+    let mut rows = Vec::new();
+    for &family in &families {
+        for seed in 1..=seeds {
+            let row = measure(family.draw(seed))?;
+            let mut out = std::io::stdout().lock();
+            std::io::Write::write_all(&mut out, line(&row).as_bytes())?;
+            rows.push(row);
+        }
+    }
+    let table = table(&rows, &arguments);
+    mesh_core::io::write_atomic(Path::new(&folder).join("table.md"), |w| {
+        w.write_all(table.as_bytes())
+    })?;
+    write_png(Path::new(&folder).join("sheet.png"), &sheet(&rows, seeds as usize))?;
+    Ok(())
+}
+
+/// Cameras at distances at which an object whose box has the diagonal 1 fills most of the picture.
+fn orbit(count: usize, placement: Placement) -> Orbit {
+    Orbit { count, placement, target: [0.0; 3], distance: [1.6, 1.8], ..Orbit::default() }
+}
+
+/// Fits one object and compares it with the truth.
+fn measure(shape: Shape) -> Result<Row, Failure> {
+    let truth = shape.mesh();
+    let look = RenderOptions { lighting: Lighting::studio(), ..RenderOptions::default() };
+    let render =
+        |mesh: &TriMesh, orbit: &Orbit| render_views(mesh, &orbit.cameras(), &look, &|_, _| {});
+    let views = render(&truth, &orbit(24, Placement::Fibonacci))?;
+    let views = Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] };
+    let others = render(&truth, &Orbit { seed: 1, ..orbit(8, Placement::Random) })?;
+
+    let config = FitConfig { hold_out: 0, ..FitConfig::default() };
+    let start = Instant::now();
+    let Fitted { mesh, health, .. } = fit(&views, &config, &mut |_| Flow::Continue)?;
+    let seconds = start.elapsed().as_secs_f64();
+
+    let others: Vec<&View> = others.iter().collect();
+    let scores = score_views(&mesh, &others, &|_, _| {})?;
+    let report = evaluate(&mesh, &truth, &Preset::OccNet.protocol(0))?;
+    let front = Orbit {
+        elevation: [20.0, 35.0],
+        width: TILE,
+        height: TILE,
+        ..orbit(2, Placement::Fibonacci)
+    };
+    Ok(Row {
+        iou: scores.mask_iou,
+        worst: scores.views.iter().map(|v| v.mask_iou).fold(1.0, f64::min),
+        chamfer: report.chamfer.unwrap_or(f64::NAN),
+        watertight: health.is_watertight(),
+        seconds,
+        tiles: [render(&mesh, &front)?, render(&truth, &front)?],
+        shape,
+    })
+}
+
+fn line(row: &Row) -> String {
+    let closed = if row.watertight { "yes" } else { "NO" };
+    let traits: Vec<&str> = row.shape.traits.iter().map(|t| t.1.as_str()).collect();
+    format!(
+        "| {} | {} | {:.4} | {:.4} | {:.4} | {closed} | {:.1} | {} |\n",
+        row.shape.family,
+        row.shape.seed,
+        row.iou,
+        row.worst,
+        row.chamfer,
+        row.seconds,
+        traits.join(", ")
+    )
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    if n == 0 { f64::NAN } else { f64::midpoint(values[(n - 1) / 2], values[n / 2]) }
+}
+
+fn table(rows: &[Row], arguments: &[String]) -> String {
+    let mut text = format!(
+        "Fits of procedural objects: 24 views of 256x256 from all around, default configuration, \
+         scored on 8 other views.\n\n`cargo run --release -p recon --example fit_families -- {}`, \
+         {} threads.\n\n| family | seed | mask IoU | worst view | Chamfer (occnet) | closed | seconds \
+         | drawn |\n|---|---|---|---|---|---|---|---|\n",
+        arguments.join(" "),
+        std::thread::available_parallelism().map_or(1, usize::from),
+    );
+    for row in rows {
+        text.push_str(&line(row));
+    }
+    let of = |value: fn(&Row) -> f64| median(rows.iter().map(value).collect());
+    let closed = rows.iter().filter(|row| row.watertight).count();
+    let _ = writeln!(
+        text,
+        "\nMedian mask IoU {:.4}, median Chamfer {:.4}, closed {closed} of {}, median time {:.1} s.",
+        of(|r| r.iou),
+        of(|r| r.chamfer),
+        rows.len(),
+        of(|r| r.seconds),
+    );
+    let failed: Vec<String> = rows
+        .iter()
+        .filter(|row| row.iou < 0.9)
+        .map(|row| format!("{} {} ({:.3})", row.shape.family, row.shape.seed, row.iou))
+        .collect();
+    let _ = writeln!(
+        text,
+        "Below 0.9: {}.",
+        if failed.is_empty() { "none".into() } else { failed.join(", ") }
+    );
+    text
+}
+
+/// Two lines of tiles for each family: fitted meshes above, true ones below.
+fn sheet(rows: &[Row], seeds: usize) -> ByteImage {
+    let lines = 2 * rows.len().div_ceil(seeds);
+    let mut sheet = ByteImage::new(lines * TILE, 2 * seeds * TILE, 3);
+    for (k, row) in rows.iter().enumerate() {
+        for (below, views) in row.tiles.iter().enumerate() {
+            for (side, view) in views.iter().enumerate() {
+                let tile = view.color.to_rgb();
+                let (top, left) =
+                    ((2 * (k / seeds) + below) * TILE, (2 * (k % seeds) + side) * TILE);
+                for i in 0..TILE {
+                    let to = 3 * ((top + i) * sheet.width + left);
+                    let from = 3 * i * TILE;
+                    sheet.data[to..to + 3 * TILE]
+                        .copy_from_slice(&tile.data[from..from + 3 * TILE]);
+                }
+            }
+        }
+    }
+    sheet
+}
