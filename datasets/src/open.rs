@@ -5,6 +5,7 @@ use std::path::Path;
 use crate::bop::{self, Bop};
 use crate::dataset::{Dataset, Entry};
 use crate::error::{ReadViewsError, ViewsProblem};
+use crate::generated::{self, Generated};
 use crate::options::ReadOptions;
 use crate::photo;
 use crate::pixel2mesh::{self, Pixel2Mesh};
@@ -52,6 +53,9 @@ pub fn open_with(path: &Path, options: &ReadOptions) -> Result<Box<dyn Dataset>,
 fn many(path: &Path) -> Result<Option<Box<dyn Dataset>>, ReadViewsError> {
     if r2n2::recognises(path) {
         return Ok(Some(Box::new(R2n2::open(path)?)));
+    }
+    if generated::recognises(path) {
+        return Ok(Some(Box::new(Generated::open(path)?)));
     }
     if pixel2mesh::recognises(path) {
         return Ok(Some(Box::new(Pixel2Mesh::open(path)?)));
