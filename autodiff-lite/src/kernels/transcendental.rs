@@ -144,7 +144,7 @@ mod tests {
         assert!(largest_error(20.0, f32::fast_tanh, f64::tanh) < 4e-7);
     }
 
-    /// Values by SciPy's `special.erf`.
+    /// Values by Python's `math.erf`.
     #[test]
     fn error_function() {
         let known = [
