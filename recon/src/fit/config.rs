@@ -14,8 +14,8 @@ pub struct FitConfig {
     /// Every how many views one is held out and scored: with 5 the views 4, 9, 14 and so on.
     /// 0 holds out none. Default 5.
     pub hold_out: usize,
-    /// Subdivision level of the icosphere to start from, 1 to 6; slender objects start from a ball
-    /// grown inside their hull, at the last level. Default 3: 642 vertices.
+    /// Subdivision level of the icosphere to start from, 1 to 6; slender objects start from their hull, at
+    /// the level before the last or this one. Default 3: 642 vertices.
     pub start_level: u32,
     /// Subdivision level to end with, up to 7. Default 5: 10,242 vertices.
     pub level: u32,

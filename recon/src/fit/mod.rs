@@ -263,7 +263,7 @@ impl<'a> Run<'a> {
             return (Shape::sphere(coarse, config), coarse);
         };
         // What is thin would be lost in coarse triangles.
-        let level = config.level;
+        let level = coarse.max(config.level - 1);
         let shape = Shape::of(grown.positions, grown.faces, config);
         (shape.evened(20 << (2 * level), config), level)
     }
