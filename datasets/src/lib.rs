@@ -35,9 +35,11 @@
 //! | to | use |
 //! |---|---|
 //! | read whatever is there | [`read_views`] with [`ReadOptions`] |
+//! | open whatever is there, many objects too | [`fn@open`], a [`Dataset`] |
+//! | find every fault | [`fn@validate`] |
 //! | choose where masks come from | [`MaskSource`] |
-//! | write for other tools | [`write_kaolin`], [`write_transforms`], [`r2n2::write_object`] |
-//! | read many objects | [`Dataset`]: [`r2n2::R2n2`], [`pixel2mesh::Pixel2Mesh`], [`Pix3d`], [`Pascal3d`], [`Cub`], [`Mcmr`] |
+//! | write for other tools | [`write_kaolin`], [`write_transforms`], [`write_colmap`], [`write_photos`], [`r2n2::write_object`] |
+//! | read many objects | [`Dataset`]: [`r2n2::R2n2`], [`pixel2mesh::Pixel2Mesh`], [`Bop`], [`Pix3d`], [`Pascal3d`], [`Cub`], [`Mcmr`] |
 //! | keep views or objects back for judging | [`split()`], [`split_objects`] |
 //! | train on them | [`Batches`] loads ahead on a thread, [`ViewCache`] keeps decoded pictures |
 //! | make an object | [`shapes`] |
@@ -51,6 +53,15 @@
 //!   `transforms_{train,val,test}.json` that are there; in a folder or a zip. What a frame says
 //!   wins over the top level; extensions may be missing; masks are alpha, `mask_path` or
 //!   `masks/<stem>.png`. Lenses with distortion are refused: undistort the images first.
+//! - **COLMAP** ([`Colmap`]): cameras and images, `.bin` before `.txt`, in `sparse/0`, `sparse` or the
+//!   folder itself; pictures in `images`; models `SIMPLE_PINHOLE` and `PINHOLE`; masks are alpha,
+//!   `masks/<picture>.png` as COLMAP has them, or `masks/<stem>.png`; dense depth maps where asked.
+//!   [`Colmap::points`] are the sparse points. A folder or a zip.
+//! - **Photographs with `cameras.json`** ([`write_photos`] has its form): any camera can be said. A
+//!   folder or a zip.
+//! - **Photographs from a turntable** ([`Turntable`]): no cameras at all.
+//! - **BOP** ([`Bop`]): a scene, a split or a dataset; objects by `obj_id`, in the frame of their
+//!   model, millimetres. BlenderProc's `.hdf5` is refused: let it write BOP.
 //! - **ShapeNet with 3D-R2N2's renderings**: see [`r2n2`].
 //! - **Pixel2Mesh's samples**, and its ellipsoid: see [`pixel2mesh`].
 //! - **Pix3D** ([`Pix3d`]): `pix3d.json`, or Mesh R-CNN's `pix3d_s{1,2}_{train,test}.json`; an

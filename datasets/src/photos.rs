@@ -1,29 +1,4 @@
 //! Loose photographs with a `cameras.json` of ours.
-//!
-//! ```json
-//! {
-//!   "format": "unsphere-cameras",
-//!   "version": 1,
-//!   "views": [
-//!     {
-//!       "image": "images/0000.png",
-//!       "mask": "masks/0000.png",
-//!       "depth": "depth/0000.exr",
-//!       "width": 640, "height": 480,
-//!       "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
-//!       "translation": [0, 0, -4],
-//!       "lens": { "perspective": { "fx": 700, "fy": 700, "cx": 320, "cy": 240 } }
-//!     }
-//!   ]
-//! }
-//! ```
-//!
-//! `rotation` (rows) and `translation` take the world to the camera, whose axes are x right, y up,
-//! looking along -z. Pixels count from the top-left corner of the picture as it is seen, after the
-//! orientation that EXIF notes. `lens` is `perspective`, or `orthographic` with `sx`, `sy`, `cx`,
-//! `cy` in pixels per unit and pixels. Names are relative to the file. `mask` may be left away
-//! (then `masks/<stem>.png` or .jpg, or alpha), `depth` too. A picture of another size but the
-//! same shape is a resized copy.
 
 use std::path::Path;
 
@@ -178,7 +153,32 @@ fn lens(node: &Node<'_>) -> Result<Lens, ReadViewsError> {
     Err(node.wrong("`perspective` or `orthographic`"))
 }
 
-/// Writes views as `images/`, `masks/`, `depth/` and a `cameras.json`, which can say every camera.
+/// Writes views as `images/`, `masks/`, `depth/` and a `cameras.json`, which can say every camera:
+///
+/// ```json
+/// {
+///   "format": "unsphere-cameras",
+///   "version": 1,
+///   "views": [
+///     {
+///       "image": "images/0000.png",
+///       "mask": "masks/0000.png",
+///       "depth": "depth/0000.exr",
+///       "width": 640, "height": 480,
+///       "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+///       "translation": [0, 0, -4],
+///       "lens": { "perspective": { "fx": 700, "fy": 700, "cx": 320, "cy": 240 } }
+///     }
+///   ]
+/// }
+/// ```
+///
+/// `rotation` (rows) and `translation` take the world to the camera, whose axes are x right, y up,
+/// looking along -z. Pixels count from the top-left corner of the picture as it is seen, after the
+/// orientation that EXIF notes. `lens` is `perspective`, or `orthographic` with `sx`, `sy`, `cx`,
+/// `cy` in pixels per unit and pixels. Names are relative to the file. `mask` may be left away
+/// (then `masks/<stem>.png` or .jpg, or alpha), `depth` too. A picture of another size but the
+/// same shape is a resized copy.
 ///
 /// The folder is made where it does not exist; files of the same name are replaced, each
 /// atomically, the JSON last. Depth is EXR.

@@ -191,12 +191,12 @@ fn masks(views: &[View], eyes: &[Eye], problems: &mut Vec<Problem>) {
         problems.push(Problem { kind: "out_of_frame", message });
     }
     let tiny = views.iter().filter(|view| {
-        view.mask_bounds().is_some_and(|[_, _, height, width]| height.max(width) < 24)
+        view.mask_bounds().is_some_and(|[_, _, height, width]| height.max(width) < 16)
     });
     let tiny: Vec<&str> = tiny.map(|view| view.name.as_str()).collect();
     if 2 * tiny.len() > shown {
         let message = format!(
-            "the object is less than 24 pixels large in {}: crop the pictures or take larger ones",
+            "the object is less than 16 pixels large in {}: crop the pictures or take larger ones",
             some_of(&tiny, views.len())
         );
         problems.push(Problem { kind: "tiny", message });
@@ -226,12 +226,12 @@ fn cameras(judge: &Judge<'_>, found: &mut Agreement, problems: &mut Vec<Problem>
     let best = found.readings[1..].iter().copied().max_by(|a, b| a.1.total_cmp(&b.1));
     let focal = found.focal.iter().copied().max_by(|a, b| a[1].total_cmp(&b[1]));
     let (name, other) = best.unwrap_or(("as_given", given));
-    let [factor, at_factor] = focal.unwrap_or([1.0, given]);
+    let at_factor = focal.map_or(given, |[_, score]| score);
+    let factor = middle_of_the_best(&found.focal, given);
     if other >= at_factor && clearly_better(other, given) {
         let message = format!("{} (agreement {other:.3} instead of {given:.3})", words(name));
         problems.push(Problem { kind: name, message });
-    } else if !(0.87..1.15).contains(&factor) && clearly_better(at_factor, given) {
-        let factor = refined(&found.focal).unwrap_or(factor);
+    } else if !(0.87..1.15).contains(&factor) && sharper(at_factor, given) {
         let message = format!(
             "the focal length looks off: about {factor:.2} times the given one explains the masks \
              better (agreement {at_factor:.3} instead of {given:.3})"
@@ -251,15 +251,22 @@ fn clearly_better(other: f64, given: f64) -> bool {
     other - given > (0.4 * (1.0 - given)).max(0.02)
 }
 
-/// The factor at the top of the parabola through the best value and its neighbours.
-fn refined(focal: &[[f64; 2]]) -> Option<f64> {
-    let best = (0..focal.len()).max_by(|&a, &b| focal[a][1].total_cmp(&focal[b][1]))?;
-    let (before, after) = (focal.get(best.checked_sub(1)?)?, focal.get(best + 1)?);
-    let (a, b, c) = (before[1], focal[best][1], after[1]);
-    let bend = a - 2.0 * b + c;
-    let shift = if bend < 0.0 { (0.5 * (a - c) / bend).clamp(-0.5, 0.5) } else { 0.0 };
-    let step = (after[0] / focal[best][0]).ln();
-    Some((focal[best][0].ln() + shift * step).exp())
+/// The same for a focal length, whose traces are fainter: a longer one is nearly the same as a
+/// smaller object, and only perspective tells them apart.
+fn sharper(other: f64, given: f64) -> bool {
+    other - given > (0.5 * (1.0 - given)).max(0.006)
+}
+
+/// The middle of the factors that are as good as the best: masks of whole pixels leave a range.
+fn middle_of_the_best(focal: &[[f64; 2]], given: f64) -> f64 {
+    let Some(best) = (0..focal.len()).max_by(|&a, &b| focal[a][1].total_cmp(&focal[b][1])) else {
+        return 1.0;
+    };
+    let least = focal[best][1] - 0.1 * (focal[best][1] - given).max(0.0);
+    let good = |k: &usize| focal[*k][1] >= least;
+    let low = (0..=best).rev().take_while(good).last().unwrap_or(best);
+    let high = (best..focal.len()).take_while(good).last().unwrap_or(best);
+    (focal[low][0] * focal[high][0]).sqrt()
 }
 
 fn words(name: &str) -> &'static str {
