@@ -13,6 +13,7 @@ use super::{Family, Shape};
 /// How its arms are made.
 const ARMS: [&str; 3] = ["straight", "arc", "jointed"];
 /// What covers the light.
+#[cfg(test)]
 const SHADES: [&str; 4] = ["cone", "drum", "globe", "dome"];
 /// What it stands on.
 const BASES: [&str; 3] = ["round", "square", "tripod"];

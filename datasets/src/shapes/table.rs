@@ -11,6 +11,7 @@ use super::{Family, Shape};
 /// The outline of its top.
 const TOPS: [&str; 4] = ["round", "square", "rectangular", "oval"];
 /// What it stands on.
+#[cfg(test)]
 const BASES: [&str; 6] = ["four legs", "three legs", "trestle", "pedestal", "x legs", "cabinet"];
 /// How its legs are made.
 const LEGS: [&str; 4] = ["square", "tapered", "round", "turned"];
