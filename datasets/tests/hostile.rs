@@ -12,6 +12,11 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use datasets::{Cub, Dataset, Mcmr, Pascal3d, Pix3d, ReadOptions, ReadViewsError};
 use proptest::prelude::*;
 
+/// Whether a file is of a kind.
+fn is(name: &str, extension: &str) -> bool {
+    Path::new(name).extension().is_some_and(|found| found == extension)
+}
+
 /// What a file of about a kilobyte may take.
 const LIMIT: usize = 64 << 20;
 
@@ -155,7 +160,7 @@ fn files_cut_at_every_length_are_survived() {
             let bytes = std::fs::read(&path).unwrap();
             for end in 0..bytes.len() {
                 std::fs::write(&path, &bytes[..end]).unwrap();
-                let taken = door.walk(folder.path(), name.ends_with(".png"));
+                let taken = door.walk(folder.path(), is(name, "png"));
                 assert!(taken < LIMIT, "{name} cut to {end} bytes: {taken}");
             }
             std::fs::write(&path, &bytes).unwrap();
@@ -177,7 +182,7 @@ fn absurd_counts_are_survived() {
         [[255; 4], [255, 255, 255, 127], [0, 0, 0, 128], [0, 0, 0, 64], [0; 4], [14, 0, 0, 0]];
     for door in &DOORS {
         let folder = door.copied();
-        for name in door.files.iter().filter(|name| name.ends_with(".mat")) {
+        for name in door.files.iter().filter(|name| is(name, "mat")) {
             let path = folder.path().join(name);
             let packed = std::fs::read(&path).unwrap();
             let plain = unpacked(&packed);
@@ -232,11 +237,11 @@ fn bomb(head: &[u8], zeros: usize) -> Vec<u8> {
 }
 
 /// The flags, shape and name with which a variable begins.
-fn head(class: u8, dims: [u32; 2], name: &[u8; 8]) -> Vec<u8> {
+fn head(class: u8, dims: [u32; 2], name: [u8; 8]) -> Vec<u8> {
     let mut out = vec![6, 0, 0, 0, 8, 0, 0, 0, class, 0, 0, 0, 0, 0, 0, 0, 5, 0, 0, 0, 8, 0, 0, 0];
-    dims.iter().for_each(|d| out.extend_from_slice(&d.to_le_bytes()));
+    out.extend(dims.iter().flat_map(|d| d.to_le_bytes()));
     out.extend_from_slice(&[1, 0, 0, 0, 8, 0, 0, 0]);
-    out.extend_from_slice(name);
+    out.extend_from_slice(&name);
     out
 }
 
@@ -246,20 +251,20 @@ fn bombs_take_what_their_bytes_are_worth() {
     let zeros = 1 << 20;
     // A matrix of doubles, stored as such, and as bytes; cells without content; a struct with a
     // million names; a text.
-    let mut doubles = head(6, [zeros as u32 / 8, 1], b"images\0\0");
+    let mut doubles = head(6, [zeros as u32 / 8, 1], *b"images\0\0");
     doubles.extend_from_slice(&[9, 0, 0, 0]);
     doubles.extend_from_slice(&(zeros as u32).to_le_bytes());
-    let mut narrow = head(6, [zeros as u32, 1], b"images\0\0");
+    let mut narrow = head(6, [zeros as u32, 1], *b"images\0\0");
     narrow.extend_from_slice(&[1, 0, 0, 0]);
     narrow.extend_from_slice(&(zeros as u32).to_le_bytes());
     let cells = |class, names: &[u8]| {
-        let mut body = head(class, [u32::MAX / 4, 1], b"images\0\0");
+        let mut body = head(class, [u32::MAX / 4, 1], *b"images\0\0");
         body.extend_from_slice(names);
         body
     };
     // Zeros are tags of type 0; a million of them must end the reading at the first.
     let names = [5, 0, 4, 0, 1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 16, 0];
-    let mut text = head(4, [1, zeros as u32], b"images\0\0");
+    let mut text = head(4, [1, zeros as u32], *b"images\0\0");
     text.extend_from_slice(&[16, 0, 0, 0]);
     text.extend_from_slice(&(zeros as u32).to_le_bytes());
     let door = &DOORS[3];
@@ -307,9 +312,8 @@ fn deep_and_wide_yaml_takes_little() {
     let door = &DOORS[4];
     let folder = door.copied();
     let path: PathBuf = folder.path().join(door.files[0]);
-    let laughs: String = (1..9)
-        .map(|i| format!("a{i}: &a{i} [*a{0}, *a{0}, *a{0}, *a{0}, *a{0}]\n", i - 1))
-        .collect();
+    let laugh = |i| format!("a{i}: &a{i} [*a{0}, *a{0}, *a{0}, *a{0}, *a{0}]\n", i - 1);
+    let laughs = (1..9).map(laugh).collect::<Vec<_>>().concat();
     for text in ["[".repeat(1000), "- ".repeat(500), "a:\n".repeat(300), laughs, "[0,".repeat(300)]
     {
         std::fs::write(&path, text).unwrap();
@@ -334,7 +338,7 @@ proptest! {
         let folder = door.copied();
         let path = folder.path().join(name);
         let mut bytes = std::fs::read(&path).unwrap();
-        if inflate && name.ends_with(".mat") {
+        if inflate && is(name, "mat") {
             bytes = unpacked(&bytes);
         }
         for (at, byte) in edits {

@@ -116,7 +116,7 @@ mod pix3d {
         // The farthest cell's middle at distance 1/2 from the middle of the box, as Mesh R-CNN
         // has it; the model scaled alike is then the same solid.
         let (low, high) = mesh.bounds().unwrap();
-        let middle: [f32; 3] = std::array::from_fn(|k| (low[k] + high[k]) / 2.0);
+        let middle: [f32; 3] = std::array::from_fn(|k| f32::midpoint(low[k], high[k]));
         let cell = f64::from(voxels.cell[0]);
         let scale = (cell / 0.05) as f32;
         let mesh = mesh.translated(middle.map(|m| -m)).scaled([scale; 3]);

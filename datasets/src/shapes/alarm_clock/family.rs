@@ -17,6 +17,7 @@ const BODIES: [&str; 3] = ["round", "square", "arched"];
 /// What it stands on.
 const FEET: [&str; 4] = ["pegs", "balls", "plinth", "bars"];
 /// What is on top, beside bells.
+#[cfg(test)]
 const TOPS: [&str; 5] = ["handle", "hammer", "knob", "button", "none"];
 /// How the hours are marked.
 const MARKS: [&str; 4] = ["ticks", "dots", "quarters", "bars"];
