@@ -12,7 +12,8 @@
 //! assert_eq!(w.shape(), [64, 3, 7, 7]);
 //! // The same seed and path, the same numbers.
 //! let again = Init::new(42).at("encoder.conv1.weight");
-//! assert_eq!(w.value, again.kaiming_normal(w.shape(), FanMode::Out, Nonlinearity::Relu).value);
+//! let again = again.kaiming_normal::<f32>(w.shape(), FanMode::Out, Nonlinearity::Relu);
+//! assert_eq!(w.value, again.value);
 //! ```
 
 use autodiff_lite::{Param, Real, join_path};
