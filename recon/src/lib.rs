@@ -31,6 +31,7 @@
 //! - **find out what is wrong with views**: [`inspect`](mod@inspect)
 //! - **make views with a known truth**: [`synthetic`]; whole datasets of them: [`mod@generate`]
 //! - **deliver**: [`delivery`] writes what a user keeps, from [`report`], [`turntable`] and [`output`]
+//! - **train a system**: [`train`](mod@train), the one loop, its run folders and checkpoints
 //! - **configurations as TOML**: [`settings`]
 //!
 //! # Invariants
@@ -49,4 +50,5 @@ pub mod output;
 pub mod report;
 pub mod settings;
 pub mod synthetic;
+pub mod train;
 pub mod turntable;

@@ -64,12 +64,24 @@ pub fn read<T: DeserializeOwned>(
         text = std::fs::read_to_string(path)
             .map_err(|source| SettingsError::Io { path: path.to_owned(), source })?;
     }
+    read_text(file.unwrap_or_else(|| Path::new("configuration")), &text, settings)
+}
+
+/// [`read`] for a text that is at hand, a preset say; `name` is what errors call it.
+///
+/// # Errors
+/// As [`read`], but for the file.
+pub fn read_text<T: DeserializeOwned>(
+    name: &Path,
+    text: &str,
+    settings: &[(String, String)],
+) -> Result<T, SettingsError> {
     let in_file = |error: toml::de::Error| SettingsError::File {
-        path: file.unwrap_or_else(|| Path::new("configuration")).to_owned(),
+        path: name.to_owned(),
         message: error.to_string(),
     };
-    let mut config: T = toml::from_str(&text).map_err(in_file)?;
-    let mut table: Table = toml::from_str(&text).map_err(in_file)?;
+    let mut config: T = toml::from_str(text).map_err(in_file)?;
+    let mut table: Table = toml::from_str(text).map_err(in_file)?;
     for (key, value) in settings {
         table.insert(key.replace('_', "-"), parse(value));
         // One at a time, so that the error is that of this setting.

@@ -133,6 +133,22 @@ impl<M: Method, F: Real> Optimizer<M, F> {
         self.states.retain(|path, _| !has_prefix(path, prefix));
     }
 
+    /// The parameters that were updated so far: path and number of elements.
+    pub fn lengths(&self) -> impl Iterator<Item = (&str, usize)> {
+        let length = |state: &State<F>| state.moments.first().map_or(0, Vec::len);
+        self.states.iter().map(move |(path, state)| (path.as_str(), length(state)))
+    }
+
+    /// Replaces each moment of the parameter at `path` by what `f` makes of it, when the parameter
+    /// is about to change its shape. Does nothing for a parameter that was never updated.
+    pub fn map_moments(&mut self, path: &str, f: impl Fn(&[F]) -> Vec<F>) {
+        if let Some(state) = self.states.get_mut(path) {
+            for moment in &mut state.moments {
+                *moment = f(moment);
+            }
+        }
+    }
+
     /// Updates each trainable parameter of `module` that has a gradient.
     ///
     /// Reset the tape first: then nobody else holds the values and they are written in place.
@@ -218,6 +234,19 @@ mod tests {
         assert!(gradients.of(&pair.a).is_none());
         Sgd::new(0.1).step(&mut pair, &gradients);
         assert_eq!([pair.a.value[0], pair.b.value[0]], [1.0, 0.9]);
+    }
+
+    #[test]
+    fn moments_follow_a_parameter_that_grows() {
+        let (mut grown, mut fresh) = (Adam::<f64>::new(0.1), Adam::<f64>::new(0.1));
+        grown.update("x", &mut [0.0], &[1.0]);
+        grown.map_moments("x", |moment| vec![moment[0]; 2]);
+        grown.map_moments("y", |_| unreachable!("never updated"));
+        fresh.update("x", &mut [0.0, 0.0], &[1.0, 1.0]);
+        let (mut a, mut b) = ([0.0; 2], [0.0; 2]);
+        grown.update("x", &mut a, &[2.0, 3.0]);
+        fresh.update("x", &mut b, &[2.0, 3.0]);
+        assert_eq!(a, b);
     }
 
     #[test]

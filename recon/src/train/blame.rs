@@ -1,0 +1,111 @@
+//! Who made a number that is none: found by doing the step again in small pieces.
+
+use std::fmt;
+
+use autodiff_lite::{Gradients, Param, Tape};
+
+use super::step::spoiled;
+use super::system::{Moment, System};
+
+/// A value or gradient that became NaN or infinite, and where it did.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NotFinite {
+    /// Steps taken before.
+    pub step: u64,
+    /// Epochs finished before.
+    pub epoch: u64,
+    /// The loss term; empty if it shows in none by itself.
+    pub term: String,
+    /// What it was found in.
+    pub tensor: Tensor,
+    /// The sample, or all of a batch if none alone shows it.
+    pub sample: String,
+}
+
+/// What is not finite.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Tensor {
+    /// A parameter, before the step.
+    Parameter(String),
+    /// The value of the term.
+    Value,
+    /// The gradient of this parameter.
+    Gradient(String),
+    /// Only the sum over the step.
+    Sum,
+}
+
+impl fmt::Display for NotFinite {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "step {} (epoch {}): ", self.step, self.epoch)?;
+        match &self.tensor {
+            Tensor::Parameter(path) => write!(f, "parameter `{path}`")?,
+            Tensor::Value => write!(f, "the value of loss `{}`", self.term)?,
+            Tensor::Gradient(path) => {
+                write!(f, "the gradient of loss `{}` to `{path}`", self.term)?;
+            }
+            Tensor::Sum => write!(f, "the sum of all gradients")?,
+        }
+        write!(f, " is not finite in {}", self.sample)?;
+        f.write_str("; the last checkpoint is whole: resume from it with a smaller `learning-rate` or with `clip-norm`, or leave that sample out")
+    }
+}
+
+impl std::error::Error for NotFinite {}
+
+/// Repeats a step that failed: each sample alone, then shard by shard, each term by itself.
+pub(super) fn blame<S: System>(
+    tape: &mut Tape,
+    system: &S,
+    samples: &[S::Sample],
+    shard: usize,
+    at: Moment,
+) -> NotFinite {
+    let Moment { step, epoch } = at;
+    let all = |samples: &[S::Sample]| {
+        let names: Vec<String> = samples.iter().map(S::name_of).collect();
+        let noun = if names.len() == 1 { "sample" } else { "samples" };
+        format!("{noun} {}", names.join(", "))
+    };
+    let parameter = spoiled(system).map(Tensor::Parameter);
+    let sizes = if shard > 1 { vec![1, shard] } else { vec![1] };
+    for chunk in sizes.into_iter().flat_map(|size| samples.chunks(size)) {
+        tape.reset();
+        if let Some((term, tensor)) = culprit(tape, system, chunk, at) {
+            let tensor = parameter.unwrap_or(tensor);
+            return NotFinite { step, epoch, term: term.to_owned(), tensor, sample: all(chunk) };
+        }
+    }
+    let tensor = parameter.unwrap_or(Tensor::Sum);
+    NotFinite { step, epoch, term: String::new(), tensor, sample: all(samples) }
+}
+
+fn culprit<S: System>(
+    tape: &Tape,
+    system: &S,
+    chunk: &[S::Sample],
+    at: Moment,
+) -> Option<(&'static str, Tensor)> {
+    let terms = system.loss(tape, chunk, at);
+    let counted = || terms.0.iter().filter(|term| term.weight != 0.0);
+    if let Some(term) = terms.0.iter().find(|term| !term.value.item().is_finite()) {
+        return Some((term.name, Tensor::Value));
+    }
+    counted().find_map(|term| {
+        let path = last_spoiled(system, &term.value.backward())?;
+        Some((term.name, Tensor::Gradient(path)))
+    })
+}
+
+/// Gradients flow from the last layers to the first, so the last that is spoiled is nearest to
+/// where it began.
+fn last_spoiled<S: System>(system: &S, gradients: &Gradients) -> Option<String> {
+    let mut found = None;
+    system.visit("", &mut |path: &str, param: &Param| {
+        let gradient = gradients.slice_of(param).unwrap_or_default();
+        if gradient.iter().any(|g| !g.is_finite()) {
+            found = Some(path.to_owned());
+        }
+    });
+    found
+}

@@ -1,0 +1,207 @@
+//! Checkpoints: parameters, optimiser, and where the run was, in one safetensors file.
+//!
+//! The metadata holds `format` (1), `system`, `step`, `epochs-begun`, `pending` (whether the
+//! evaluation of an epoch that just ended is still to come), `best`, `average` and `config`, the
+//! whole configuration as TOML. Numbers are printed so that they read back bit by bit.
+
+use std::path::Path;
+
+use autodiff_lite::state::{LoadError, State};
+
+use super::config::{Configuration, TrainConfig};
+use super::error::CheckpointError;
+use super::optimizer::{AnyOptimizer, Moments};
+use super::system::System;
+
+const FORMAT: &str = "1";
+
+/// Where a run stands, beside its parameters.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Standing {
+    /// Steps taken.
+    pub(super) step: u64,
+    /// How often the system was told that an epoch begins.
+    pub(super) epochs_begun: u64,
+    /// Whether what follows the end of an epoch is still to be done.
+    pub(super) pending: bool,
+    /// The best value of the chosen metric and the step that had it.
+    pub(super) best: Option<(f64, u64)>,
+    /// Moving average of the losses.
+    pub(super) average: Option<f64>,
+}
+
+/// A checkpoint as it was read: sound as a file, not yet a system.
+#[derive(Debug)]
+pub struct Checkpoint<'a> {
+    path: &'a Path,
+    state: State,
+}
+
+impl<'a> Checkpoint<'a> {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// If it cannot be read, is no safetensors file, or is no checkpoint of a training.
+    pub fn read(path: &'a Path) -> Result<Self, CheckpointError> {
+        let checkpoint = Self { path, state: State::read(path)? };
+        let format = checkpoint.entry("format")?;
+        if format != FORMAT {
+            return Err(checkpoint.wrong("format", format, FORMAT));
+        }
+        Ok(checkpoint)
+    }
+
+    /// The name of the system it is of.
+    ///
+    /// # Errors
+    /// If the file does not say.
+    pub fn system(&self) -> Result<&str, CheckpointError> {
+        self.entry("system")
+    }
+
+    /// Steps that were taken.
+    ///
+    /// # Errors
+    /// If the file does not say.
+    pub fn step(&self) -> Result<u64, CheckpointError> {
+        self.number("step")
+    }
+
+    /// The configuration of the run.
+    ///
+    /// # Errors
+    /// If it is of another system, or the configuration is damaged or out of range.
+    pub fn config<S: System>(&self) -> Result<Configuration<S::Config>, CheckpointError> {
+        let system = self.system()?;
+        if system != S::NAME {
+            return Err(self.wrong("system", system, S::NAME));
+        }
+        let text = self.entry("config")?;
+        let config: Configuration<S::Config> = toml::from_str(text)
+            .map_err(|error| self.wrong("config", "damaged", error.message()))?;
+        let mut problems = config.train.check();
+        problems.extend(S::check(&config.system).err().unwrap_or_default());
+        if problems.is_empty() {
+            return Ok(config);
+        }
+        Err(self.wrong("config", "out of range", &problems.join("; ")))
+    }
+
+    /// The trained system with its configuration, ready to predict.
+    ///
+    /// # Errors
+    /// If it is of another system or does not fit it.
+    pub fn load<S: System>(&self) -> Result<(S, Configuration<S::Config>), CheckpointError> {
+        let config = self.config::<S>()?;
+        let mut optimizer = AnyOptimizer::new(&TrainConfig::default(), &[]);
+        let (system, _) = self.rebuild::<S>(&config, &mut optimizer)?;
+        Ok((system, config))
+    }
+
+    /// A fresh system led to the checkpoint's shapes and filled with its values.
+    fn rebuild<S: System>(
+        &self,
+        config: &Configuration<S::Config>,
+        optimizer: &mut AnyOptimizer,
+    ) -> Result<(S, Standing), CheckpointError> {
+        let system = self.system()?;
+        if system != S::NAME {
+            return Err(self.wrong("system", system, S::NAME));
+        }
+        let standing = self.standing()?;
+        let (begun, epochs) = (standing.epochs_begun, config.train.epochs);
+        if begun > epochs {
+            return Err(self.wrong("epochs-begun", &begun.to_string(), &format!("0 to {epochs}")));
+        }
+        let mut system = S::new(&config.system, config.train.seed);
+        for epoch in 0..standing.epochs_begun {
+            system.begin_epoch(epoch, &mut Moments(optimizer));
+        }
+        self.state
+            .load_module("", &mut system)
+            .map_err(|mismatch| LoadError::Mismatch { path: self.path.to_owned(), mismatch })?;
+        Ok((system, standing))
+    }
+
+    /// Everything that a run needs to go on.
+    pub(super) fn resume<S: System>(
+        &self,
+        config: &Configuration<S::Config>,
+    ) -> Result<(S, AnyOptimizer, Standing), CheckpointError> {
+        let mut scratch = AnyOptimizer::new(&config.train, &[]);
+        let (system, standing) = self.rebuild::<S>(config, &mut scratch)?;
+        let mut optimizer = AnyOptimizer::new(&config.train, &system.rates());
+        optimizer
+            .load(&self.state)
+            .map_err(|mismatch| LoadError::Mismatch { path: self.path.to_owned(), mismatch })?;
+        if let Some((path, found, expected)) = optimizer.misfit(&system) {
+            let found = format!("{found} numbers for `{path}`");
+            return Err(self.wrong("optim", &found, &expected.to_string()));
+        }
+        Ok((system, optimizer, standing))
+    }
+
+    fn standing(&self) -> Result<Standing, CheckpointError> {
+        let step = self.number("step")?;
+        let epochs_begun: u64 = self.number("epochs-begun")?;
+        let best = match self.entry("best")? {
+            "none" => None,
+            text => {
+                let parts = text.split_once(" at ").map(|(v, s)| (v.parse().ok(), s.parse().ok()));
+                let Some((Some(value), Some(step))) = parts else {
+                    return Err(self.wrong("best", text, "`VALUE at STEP` or none"));
+                };
+                Some((value, step))
+            }
+        };
+        let average = match self.entry("average")? {
+            "none" => None,
+            _ => Some(self.number("average")?),
+        };
+        Ok(Standing { step, epochs_begun, pending: self.number("pending")?, best, average })
+    }
+
+    fn entry(&self, field: &'static str) -> Result<&str, CheckpointError> {
+        let entry = self.state.metadata.get(field).map(String::as_str);
+        entry.ok_or_else(|| self.wrong(field, "missing", "an entry of a training's checkpoint"))
+    }
+
+    fn number<T: std::str::FromStr>(&self, field: &'static str) -> Result<T, CheckpointError> {
+        let text = self.entry(field)?;
+        text.parse().map_err(|_| self.wrong(field, text, std::any::type_name::<T>()))
+    }
+
+    fn wrong(&self, field: &'static str, found: &str, expected: &str) -> CheckpointError {
+        let (found, expected) = (found.to_owned(), expected.to_owned());
+        CheckpointError::Metadata { path: self.path.to_owned(), field, found, expected }
+    }
+}
+
+/// Writes a checkpoint, whole or not at all.
+pub(super) fn save<S: System>(
+    path: &Path,
+    system: &S,
+    optimizer: &AnyOptimizer,
+    standing: &Standing,
+    config: &Configuration<S::Config>,
+) -> Result<(), CheckpointError> {
+    let mut state = State::new();
+    state.add_module("", system);
+    optimizer.save(&mut state);
+    let best = standing.best.map(|(value, step)| format!("{value:?} at {step}"));
+    let average = standing.average.map(|average| format!("{average:?}"));
+    for (name, text) in [
+        ("format", FORMAT.to_owned()),
+        ("system", S::NAME.to_owned()),
+        ("step", standing.step.to_string()),
+        ("epochs-begun", standing.epochs_begun.to_string()),
+        ("pending", standing.pending.to_string()),
+        ("best", best.unwrap_or_else(|| "none".to_owned())),
+        ("average", average.unwrap_or_else(|| "none".to_owned())),
+        ("config", crate::settings::to_toml(config)),
+    ] {
+        state.metadata.insert(name.to_owned(), text);
+    }
+    state.write(path)?;
+    Ok(())
+}

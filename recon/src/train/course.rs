@@ -1,0 +1,352 @@
+//! The course of a training, from its first step to its last.
+
+use std::time::Instant;
+
+use autodiff_lite::optim::{Schedule, clip_grad_norm};
+use rayon::prelude::*;
+
+use super::checkpoint::{Checkpoint, Standing, save};
+use super::config::Configuration;
+use super::draw::{Draw, order};
+use super::error::TrainError;
+use super::event::{Event, Step};
+use super::optimizer::{AnyOptimizer, Moments};
+use super::record::{Heading, Record};
+use super::run::{Provenance, RunFolder};
+use super::step::Tapes;
+use super::system::{Metric, Moment, System};
+use crate::fit::Flow;
+
+/// Weight of the past in the moving average of losses (Mesh R-CNN's 0.9).
+const MEMORY: f64 = 0.9;
+
+/// A training to be done.
+#[derive(Debug)]
+pub struct Job<'a, S: System> {
+    /// All options.
+    pub config: &'a Configuration<S::Config>,
+    /// What samples are drawn from.
+    pub data: &'a S::Data,
+    /// Where everything is kept.
+    pub run: &'a RunFolder,
+    /// What the run's folder says about its making.
+    pub provenance: &'a Provenance,
+    /// Whether the folder's run goes on, instead of beginning anew.
+    pub resume: bool,
+}
+
+/// What a training came to.
+#[derive(Debug)]
+pub struct Outcome<S> {
+    /// The system as it is now.
+    pub system: S,
+    /// Steps taken, in all parts of the run together.
+    pub steps: u64,
+    /// Whether it was stopped before its end.
+    pub interrupted: bool,
+    /// The last scores of this part of the run.
+    pub metrics: Vec<Metric>,
+    /// The best value of the chosen metric and the step that had it.
+    pub best: Option<(f64, u64)>,
+}
+
+/// Trains a system, or goes on training it, and keeps everything in the run's folder.
+///
+/// `watch` hears of every step; when it answers [`Flow::Stop`], a checkpoint is written and the
+/// function returns. The same configuration and data give the same parameters bit by bit, for any
+/// number of threads, and whether or not the run was interrupted on the way.
+///
+/// # Errors
+/// If an option is out of range, a file cannot be read or written, or a number becomes infinite or
+/// NaN; the last checkpoint is then untouched.
+pub fn train<S: System>(
+    job: &Job<'_, S>,
+    watch: &mut dyn FnMut(Event) -> Flow,
+) -> Result<Outcome<S>, TrainError> {
+    let mut course = Course::prepare(job, watch)?;
+    let stopped = course.run()?;
+    course.record.digest::<S>(job.config)?;
+    Ok(Outcome {
+        system: course.system,
+        steps: course.standing.step,
+        interrupted: stopped,
+        metrics: course.metrics,
+        best: course.standing.best,
+    })
+}
+
+struct Course<'j, 'w, S: System> {
+    job: &'j Job<'j, S>,
+    watch: &'w mut dyn FnMut(Event) -> Flow,
+    system: S,
+    optimizer: AnyOptimizer,
+    tapes: Tapes,
+    record: Record<'j>,
+    standing: Standing,
+    schedule: Schedule,
+    /// The order of the items in the present epoch.
+    items: Vec<usize>,
+    steps_per_epoch: u64,
+    total: u64,
+    metrics: Vec<Metric>,
+    stop: bool,
+    saved: (u64, Instant),
+}
+
+impl<'j, 'w, S: System> Course<'j, 'w, S> {
+    fn prepare(
+        job: &'j Job<'j, S>,
+        watch: &'w mut dyn FnMut(Event) -> Flow,
+    ) -> Result<Self, TrainError> {
+        let config = job.config;
+        let train = &config.train;
+        let mut problems = train.check();
+        let summary = S::check(&config.system).unwrap_or_else(|more| {
+            problems.extend(more);
+            super::Summary::default()
+        });
+        if !problems.is_empty() {
+            return Err(TrainError::Config(problems));
+        }
+        let (system, optimizer, standing) = if job.resume {
+            Checkpoint::read(&job.run.last())?.resume::<S>(config)?
+        } else {
+            let mut system = S::new(&config.system, train.seed);
+            system.adopt(job.data);
+            let optimizer = AnyOptimizer::new(train, &system.rates());
+            (system, optimizer, Standing::default())
+        };
+        if system.couples_samples() && train.shards > 1 {
+            let text = "`shards` is more than 1, but what this system computes for a sample depends on its whole batch";
+            return Err(TrainError::Config(vec![text.into()]));
+        }
+        let per_step = (train.batch * train.accumulate) as u64;
+        let steps_per_epoch = (system.epoch_len(job.data) as u64 / per_step).max(1);
+        let all = train.epochs.saturating_mul(steps_per_epoch);
+        let total = if train.max_steps > 0 { all.min(train.max_steps) } else { all };
+        let heading = Heading {
+            system: S::NAME,
+            config,
+            provenance: job.provenance,
+            summary: &summary,
+            data_hash: S::fingerprint(job.data),
+            steps_per_epoch,
+            total,
+        };
+        let (record, warnings) = if job.resume {
+            Record::resume(job.run, &heading, standing.step, standing.pending)?
+        } else {
+            (Record::begin(job.run, &heading)?, Vec::new())
+        };
+        let mut course = Self {
+            job,
+            watch,
+            system,
+            optimizer,
+            tapes: Tapes::new(train.shards),
+            record,
+            schedule: train.schedule(steps_per_epoch, total),
+            items: Vec::new(),
+            steps_per_epoch,
+            total,
+            metrics: Vec::new(),
+            stop: false,
+            saved: (standing.step, Instant::now()),
+            standing,
+        };
+        let (trainable, done) = (summary.trainable, course.standing.step);
+        course.tell(Event::Started { trainable, steps_per_epoch, total, done });
+        warnings.into_iter().for_each(|text| course.tell(Event::Warned(text)));
+        Ok(course)
+    }
+
+    fn tell(&mut self, event: Event) {
+        self.stop |= (self.watch)(event) == Flow::Stop;
+    }
+
+    /// Returns whether it was stopped before the end.
+    fn run(&mut self) -> Result<bool, TrainError> {
+        loop {
+            if self.standing.pending && !self.stop {
+                self.end_epoch()?;
+                self.standing.pending = false;
+                self.save()?;
+            }
+            let ended = self.standing.step >= self.total && !self.standing.pending;
+            if ended || self.stop {
+                if self.saved.0 != self.standing.step || self.stop {
+                    self.save()?;
+                }
+                return Ok(!ended);
+            }
+            self.step()?;
+            let step = self.standing.step;
+            self.standing.pending = step.is_multiple_of(self.steps_per_epoch) || step >= self.total;
+            if !self.standing.pending && !self.stop && self.due() {
+                self.save()?;
+            }
+        }
+    }
+
+    fn due(&self) -> bool {
+        let train = &self.job.config.train;
+        let (step, at) = self.saved;
+        let steps = self.standing.step - step;
+        let minutes = at.elapsed().as_secs_f64() / 60.0;
+        (train.checkpoint_steps > 0 && steps >= train.checkpoint_steps)
+            || (train.checkpoint_minutes > 0.0 && minutes >= train.checkpoint_minutes)
+    }
+
+    fn step(&mut self) -> Result<(), TrainError> {
+        let start = Instant::now();
+        let train = &self.job.config.train;
+        let at =
+            Moment { step: self.standing.step, epoch: self.standing.step / self.steps_per_epoch };
+        self.enter(at);
+        // The whole step in the pool of threads: each entry from outside would cost a hop.
+        let (system, tapes) = (&mut self.system, &mut self.tapes);
+        let (items, data, seed) = (&self.items, self.job.data, train.seed);
+        let (per_step, steps_per_epoch) = (train.batch * train.accumulate, self.steps_per_epoch);
+        let slope = in_pool(|| -> Result<_, TrainError> {
+            let samples = draw(system, data, items, seed, at, steps_per_epoch, per_step)?;
+            Ok(tapes.slope(system, &samples, train.batch, at, seed)?)
+        });
+        let mut slope = slope?;
+        self.standing.step += 1;
+        let (step, loss) = (self.standing.step, slope.loss());
+        let average = self.standing.average;
+        if let Some(average) = average
+            && train.skip_spikes > 0.0
+            && loss > train.skip_spikes * average
+        {
+            self.record.skipped([step, at.epoch], loss, average)?;
+            self.tell(Event::Skipped { step, loss, average });
+            return Ok(());
+        }
+        self.standing.average = Some(average.map_or(loss, |a| MEMORY * a + (1.0 - MEMORY) * loss));
+        let factor = self.schedule.factor(at.step);
+        let (system, optimizer) = (&mut self.system, &mut self.optimizer);
+        in_pool(|| {
+            if train.clip_norm > 0.0 && slope.norm > train.clip_norm {
+                clip_grad_norm(&mut slope.gradients, train.clip_norm);
+            }
+            optimizer.step(system, &slope.gradients, factor);
+        });
+        let report = Step {
+            step,
+            total: self.total,
+            epoch: at.epoch,
+            loss,
+            terms: std::mem::take(&mut slope.terms),
+            learning_rate: train.learning_rate * factor,
+            gradient_norm: slope.norm,
+            seconds: start.elapsed().as_secs_f64(),
+        };
+        drop(slope);
+        self.record.step(&report)?;
+        self.tell(Event::Step(report));
+        Ok(())
+    }
+
+    /// Tells the system of a new epoch and draws its order.
+    fn enter(&mut self, at: Moment) {
+        if self.standing.epochs_begun <= at.epoch {
+            self.system.begin_epoch(at.epoch, &mut Moments(&mut self.optimizer));
+            self.standing.epochs_begun = at.epoch + 1;
+            self.items.clear();
+        }
+        if self.items.is_empty() {
+            let len = self.system.epoch_len(self.job.data);
+            self.items = order(self.job.config.train.seed, at.epoch, len);
+        }
+    }
+
+    /// Scores, samples and the best checkpoint.
+    fn end_epoch(&mut self) -> Result<(), TrainError> {
+        let train = &self.job.config.train;
+        let step = self.standing.step;
+        let epoch = step.div_ceil(self.steps_per_epoch);
+        let last = step >= self.total;
+        let turn = |every: u64| last || (every > 0 && epoch.is_multiple_of(every));
+        let place = [step, epoch];
+        if turn(train.evaluate_every) {
+            let (system, data) = (&self.system, self.job.data);
+            self.metrics = in_pool(|| system.evaluate(data))?;
+            let best = self.is_best()?;
+            self.record.evaluation(place, &self.metrics, best)?;
+            if best {
+                let path = self.job.run.best();
+                self.write(&path)?;
+            }
+            let metrics = self.metrics.clone();
+            self.tell(Event::Evaluated { step, epoch, metrics, best });
+        }
+        if turn(train.samples_every) {
+            let (system, data) = (&self.system, self.job.data);
+            let shown = in_pool(|| system.show(data))?;
+            self.record.samples(place, shown)?;
+        }
+        if turn(train.evaluate_every) {
+            self.record.digest::<S>(self.job.config)?;
+        }
+        Ok(())
+    }
+
+    fn is_best(&mut self) -> Result<bool, TrainError> {
+        let chosen = &self.job.config.train.best;
+        let name = if chosen.is_empty() { S::BEST } else { chosen };
+        let Some(metric) = self.metrics.iter().find(|metric| metric.name == name) else {
+            let metrics = self.metrics.iter().map(|metric| metric.name.clone()).collect();
+            return Err(TrainError::NoSuchMetric { name: name.to_owned(), metrics });
+        };
+        let best = match self.standing.best {
+            _ if metric.value.is_nan() => false,
+            None => true,
+            Some((value, _)) => metric.better.improves(metric.value, value),
+        };
+        if best {
+            self.standing.best = Some((metric.value, self.standing.step));
+        }
+        Ok(best)
+    }
+
+    fn save(&mut self) -> Result<(), TrainError> {
+        let path = self.job.run.last();
+        self.write(&path)?;
+        self.saved = (self.standing.step, Instant::now());
+        self.tell(Event::Saved { step: self.standing.step, path });
+        Ok(())
+    }
+
+    fn write(&self, path: &std::path::Path) -> Result<(), TrainError> {
+        let job = self.job;
+        Ok(save(path, &self.system, &self.optimizer, &self.standing, job.config)?)
+    }
+}
+
+/// The samples of a step. An epoch that is shorter than a step begins again.
+fn draw<S: System>(
+    system: &S,
+    data: &S::Data,
+    items: &[usize],
+    seed: u64,
+    at: Moment,
+    steps_per_epoch: u64,
+    count: usize,
+) -> Result<Vec<S::Sample>, TrainError> {
+    let first = (at.step % steps_per_epoch) as usize * count;
+    let samples = (first..first + count)
+        .into_par_iter()
+        .map(|index| {
+            let item = items[index % items.len()];
+            system.draw(data, &Draw { seed, epoch: at.epoch, index: index as u64, item })
+        })
+        // All, so that the first failure is the same for any number of threads.
+        .collect::<Vec<_>>();
+    Ok(samples.into_iter().collect::<Result<_, _>>()?)
+}
+
+/// Runs `f` on a thread of the present pool.
+fn in_pool<R: Send>(f: impl FnOnce() -> R + Send) -> R {
+    rayon::scope(|_| f())
+}

@@ -1,0 +1,52 @@
+//! The one training loop, for every system.
+//!
+//! A [`System`] says what its model, data and losses are; [`train`](fn@train) does everything else:
+//! order, shards, clipping, schedules, checkpoints, scores, samples, logs and the report, all in a
+//! [`RunFolder`] that says of itself how it was made.
+//!
+//! What is random follows from the seed and the place where it is used ([`Draw`]), never from what
+//! was drawn before. So a run that was killed and resumed from its last checkpoint is, bit by bit, the
+//! run that was not; and a step may be computed again, alone, to find out where a number became NaN
+//! ([`NotFinite`]).
+//!
+//! # Adding a system
+//!
+//! 1. A configuration (serde, `#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]`)
+//!    beside the model it configures, flat, with no optional fields and no name of [`TrainConfig`]'s.
+//! 2. `impl System`; presets `tiny`, `small` and `paper` in `recon/presets/<name>/`.
+//! 3. One line in `cli/src/system.rs`.
+//!
+//! # Invariants
+//!
+//! - The loop prints nothing; each [`Event`] can stop it, and a checkpoint is then written.
+//! - The sum of shards is taken in their order; their number is an option, never that of threads.
+//! - Files appear whole or not at all, but for logs, which lose at most their last line.
+
+mod blame;
+mod checkpoint;
+mod config;
+mod course;
+mod draw;
+mod error;
+mod event;
+mod log;
+mod optimizer;
+mod page;
+mod record;
+mod run;
+mod step;
+mod system;
+mod tensorboard;
+#[cfg(test)]
+mod tests;
+
+pub use blame::{NotFinite, Tensor};
+pub use checkpoint::Checkpoint;
+pub use config::{CHANGEABLE, Configuration, OptimizerKind, ScheduleKind, TrainConfig};
+pub use course::{Job, Outcome, train};
+pub use draw::Draw;
+pub use error::{CheckpointError, RunError, TrainError};
+pub use event::{Event, Step};
+pub use optimizer::Moments;
+pub use run::{Fingerprint, Provenance, RunFolder};
+pub use system::{Better, DataError, Metric, Moment, Shown, Source, Summary, System, Term, Terms};

@@ -1,0 +1,118 @@
+//! The report of a training: curves, scores, and the last samples.
+
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
+use super::log::{History, Line};
+use super::system::Shown;
+use crate::report::{Chart, Figure, Report, Series, Table};
+
+/// The page about a run as far as it came.
+pub(super) fn report(system: &str, config: &str, history: &History, shown: &Shown) -> Report {
+    let header = &history.header;
+    let fact = |name: &str| match &header[name] {
+        Value::String(text) => text.clone(),
+        Value::Null => String::new(),
+        other => other.to_string(),
+    };
+    let steps = history.lines.iter().filter(|line| matches!(line, Line::Step { .. })).count();
+    let seconds: f64 = history
+        .lines
+        .iter()
+        .map(|line| if let Line::Step { seconds, .. } = line { *seconds } else { 0.0 })
+        .sum();
+    let facts = ["data", "data_hash", "seed", "threads", "cpu", "machine", "version", "commit"];
+    let rows = facts.map(|name| (name.replace('_', " "), fact(name)));
+    Report {
+        title: format!("{system}: a training"),
+        summary: format!(
+            "{steps} of {} steps in {seconds:.0} s of computing; {} numbers are trained.",
+            fact("total"),
+            fact("trainable")
+        ),
+        command: fact("command"),
+        mesh: shown.mesh.clone().unwrap_or_default(),
+        figures: figures(history),
+        views: shown.views.clone(),
+        charts: charts(history),
+        tables: vec![
+            Table {
+                title: "Provenance".into(),
+                rows: rows.into_iter().filter(|r| !r.1.is_empty()).collect(),
+            },
+            Table { title: "Configuration".into(), rows: options(config) },
+        ],
+        ..Report::default()
+    }
+}
+
+/// The last scores, and the best evaluation's step.
+fn figures(history: &History) -> Vec<Figure> {
+    let evaluations = || {
+        history.lines.iter().rev().filter_map(|line| match line {
+            Line::Evaluation { step, metrics, best, .. } => Some((step, metrics, best)),
+            _ => None,
+        })
+    };
+    let Some((_, last, _)) = evaluations().next() else { return Vec::new() };
+    let mut figures: Vec<Figure> = last
+        .iter()
+        .map(|(name, value)| Figure { value: format!("{value:.4}"), label: name.clone() })
+        .collect();
+    if let Some((step, ..)) = evaluations().find(|(_, _, best)| **best) {
+        figures
+            .push(Figure { value: step.to_string(), label: "steps of the best checkpoint".into() });
+    }
+    figures
+}
+
+fn charts(history: &History) -> Vec<Chart> {
+    let mut terms: BTreeMap<String, Vec<(f64, f64)>> = BTreeMap::new();
+    let (mut loss, mut rate, mut norm) = (Vec::new(), Vec::new(), Vec::new());
+    let mut scores: BTreeMap<String, Vec<(f64, f64)>> = BTreeMap::new();
+    for line in &history.lines {
+        match line {
+            Line::Step { step, loss: l, terms: t, learning_rate, gradient_norm, .. } => {
+                let x = *step as f64;
+                loss.push((x, *l));
+                rate.push((x, *learning_rate));
+                norm.push((x, *gradient_norm));
+                for (name, value) in t {
+                    terms.entry(name.clone()).or_default().push((x, *value));
+                }
+            }
+            Line::Evaluation { step, metrics, .. } => {
+                for (name, value) in metrics {
+                    scores.entry(name.clone()).or_default().push((*step as f64, *value));
+                }
+            }
+            _ => {}
+        }
+    }
+    let series = |name: &str, points| Series { name: name.to_owned(), points };
+    let all = std::iter::once(series("loss", loss))
+        .chain(terms.into_iter().map(|(name, points)| series(&name, points)))
+        .collect();
+    let chart = |title: &str, logarithmic, series| Chart {
+        title: title.into(),
+        x_label: "step".into(),
+        logarithmic,
+        series,
+    };
+    let mut charts = vec![
+        chart("Loss and its weighted terms", true, all),
+        chart("Norm of the gradients", true, vec![series("norm", norm)]),
+        chart("Step length", true, vec![series("step length", rate)]),
+    ];
+    // Scores differ in unit: one chart each.
+    charts.extend(
+        scores.into_iter().map(|(name, points)| chart(&name, false, vec![series(&name, points)])),
+    );
+    charts
+}
+
+fn options(config: &str) -> Vec<(String, String)> {
+    let pairs = config.lines().filter_map(|line| line.split_once(" = "));
+    pairs.map(|(name, value)| (name.to_owned(), value.to_owned())).collect()
+}

@@ -1,0 +1,218 @@
+//! A run's folder, which says of itself all that made it.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `config.toml` | every option, as resolved |
+//! | `provenance.json` | version, commit, machine, threads, seed, data and its hash, the command |
+//! | `metrics.jsonl` | a header, then each step and evaluation, one object a line |
+//! | `metrics.csv` | the same as a table |
+//! | `tensorboard/` | the same for TensorBoard |
+//! | `checkpoints/last.safetensors` | where the run goes on |
+//! | `checkpoints/best.safetensors` | where the chosen metric was best |
+//! | `samples/` | the model above the truth, epoch by epoch |
+//! | `report.html` | curves, scores and the last samples on one page |
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::error::RunError;
+
+/// Everything in a run's folder, for those who overwrite one.
+const ENTRIES: &[&str] = &[
+    "config.toml",
+    "provenance.json",
+    "metrics.jsonl",
+    "metrics.csv",
+    "tensorboard",
+    "checkpoints",
+    "samples",
+    "report.html",
+];
+
+/// The folder of a run.
+#[derive(Clone, Debug)]
+pub struct RunFolder(PathBuf);
+
+/// Where and by what a run was made, as far as the caller knows.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Provenance {
+    /// Version of the program.
+    pub version: String,
+    /// Commit it was built from; empty if unknown.
+    pub commit: String,
+    /// The processor; empty if unknown.
+    pub cpu: String,
+    /// Operating system and architecture.
+    pub machine: String,
+    /// The command as it was typed.
+    pub command: String,
+    /// Where the data came from.
+    pub data: String,
+}
+
+impl RunFolder {
+    /// Makes a folder for a new run.
+    ///
+    /// # Errors
+    /// If something stands there and `overwrite` is false, or it cannot be written. Overwriting
+    /// removes the files of a run and leaves others alone.
+    pub fn create(path: &Path, overwrite: bool) -> Result<Self, RunError> {
+        let io = |path: &Path| {
+            let path = path.to_owned();
+            move |source| RunError::Io { path, source }
+        };
+        if path.exists() {
+            if !path.is_dir() {
+                let source = std::io::Error::other("not a folder; choose another path");
+                return Err(RunError::Io { path: path.to_owned(), source });
+            }
+            let empty = fs::read_dir(path).map_err(io(path))?.next().is_none();
+            if !empty && !overwrite {
+                return Err(RunError::Exists { path: path.to_owned() });
+            }
+            for name in ENTRIES {
+                let entry = path.join(name);
+                let removed = match fs::symlink_metadata(&entry) {
+                    Ok(found) if found.is_dir() => fs::remove_dir_all(&entry),
+                    Ok(_) => fs::remove_file(&entry),
+                    Err(_) => Ok(()),
+                };
+                removed.map_err(io(&entry))?;
+            }
+        }
+        let run = Self(path.to_owned());
+        fs::create_dir_all(run.checkpoints()).map_err(io(path))?;
+        Ok(run)
+    }
+
+    /// The folder of a run that can go on.
+    ///
+    /// # Errors
+    /// If it is none.
+    pub fn resume(path: &Path) -> Result<Self, RunError> {
+        let run = Self(path.to_owned());
+        for (file, missing) in [
+            (run.log(), "metrics.jsonl"),
+            (run.config(), "config.toml"),
+            (run.last(), "checkpoints/last.safetensors"),
+        ] {
+            if !file.is_file() {
+                return Err(RunError::NoRun { path: path.to_owned(), missing });
+            }
+        }
+        Ok(run)
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+
+    /// `config.toml`.
+    pub fn config(&self) -> PathBuf {
+        self.0.join("config.toml")
+    }
+
+    /// `metrics.jsonl`.
+    pub fn log(&self) -> PathBuf {
+        self.0.join("metrics.jsonl")
+    }
+
+    /// `checkpoints/last.safetensors`.
+    pub fn last(&self) -> PathBuf {
+        self.checkpoints().join("last.safetensors")
+    }
+
+    /// `checkpoints/best.safetensors`.
+    pub fn best(&self) -> PathBuf {
+        self.checkpoints().join("best.safetensors")
+    }
+
+    fn checkpoints(&self) -> PathBuf {
+        self.0.join("checkpoints")
+    }
+
+    /// Writes a file, whole or not at all, with the folders above it.
+    pub(super) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), RunError> {
+        let path = self.0.join(name);
+        let io = |source| RunError::Io { path: path.clone(), source };
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent).map_err(io)?;
+        }
+        mesh_core::io::write_atomic(&path, |out| out.write_all(bytes))
+            .map_err(|error| io(std::io::Error::other(error.to_string())))
+    }
+}
+
+/// A hash of data, FNV-1a over words of eight bytes: to see that it is another, not to be safe.
+///
+/// ```
+/// let hash = |bytes: &[u8]| recon::train::Fingerprint::new().with(bytes).value();
+/// assert_ne!(hash(b"one"), hash(b"two"));
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Fingerprint(u64);
+
+impl Default for Fingerprint {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Fingerprint {
+    /// Of nothing.
+    pub fn new() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+
+    /// Of all before and these bytes with their number.
+    #[must_use]
+    pub fn with(mut self, bytes: &[u8]) -> Self {
+        let (words, rest) = bytes.as_chunks::<8>();
+        let mut last = [0; 8];
+        last[..rest.len()].copy_from_slice(rest);
+        let words = words.iter().chain([&last]).map(|word| u64::from_le_bytes(*word));
+        for word in words.chain([bytes.len() as u64]) {
+            self.0 = (self.0 ^ word).wrapping_mul(0x0000_0100_0000_01b3);
+            self.0 ^= self.0 >> 32;
+        }
+        self
+    }
+
+    /// The number.
+    pub fn value(self) -> u64 {
+        self.0
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_are_not_overwritten_by_accident() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("deep/run");
+        let run = RunFolder::create(&path, false).unwrap();
+        run.write("config.toml", b"").unwrap();
+        fs::write(path.join("notes.txt"), "mine").unwrap();
+        assert!(matches!(RunFolder::create(&path, false), Err(RunError::Exists { .. })));
+        let error = RunFolder::resume(&path).unwrap_err().to_string();
+        assert!(error.contains("metrics.jsonl"), "{error}");
+        RunFolder::create(&path, true).unwrap();
+        assert!(!run.config().exists() && path.join("notes.txt").exists());
+        fs::write(place.path().join("file"), "").unwrap();
+        assert!(RunFolder::create(&place.path().join("file"), true).is_err());
+    }
+
+    #[test]
+    fn fingerprints_tell_apart() {
+        let of = |parts: &[&[u8]]| parts.iter().fold(Fingerprint::new(), |f, p| f.with(p)).value();
+        assert_ne!(of(&[b"ab", b"c"]), of(&[b"a", b"bc"]));
+        assert_ne!(of(&[&[0; 8]]), of(&[&[0; 9]]));
+        assert_eq!(of(&[b"ab"]), of(&[b"ab"]));
+    }
+}

@@ -1,0 +1,251 @@
+//! What a trainable system is.
+
+use std::fmt::Debug;
+use std::path::Path;
+
+use autodiff_lite::{Module, Tape, Var};
+use datasets::{ReadOptions, ReadViewsError};
+use mesh_core::TriMesh;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::draw::Draw;
+use super::optimizer::Moments;
+use crate::report::ViewPair;
+
+/// A trainable system: a model, what it is trained to minimise, and what it predicts.
+///
+/// The loop ([`train`](fn@super::train)) owns everything that is alike for all: order, steps, files. A
+/// system owns its data and its samples: it draws sample by sample from [`Draw`] alone, so that a
+/// run that stopped goes on as if it had not.
+pub trait System: Module<f32> + Send + Sync + Sized {
+    /// The name in commands and files: `img2mesh`.
+    const NAME: &'static str;
+    /// Complete configurations by name, as TOML: `tiny`, `small`, `paper`.
+    const PRESETS: &'static [(&'static str, &'static str)];
+    /// The metric that chooses the best checkpoint where the configuration names none.
+    const BEST: &'static str;
+
+    /// The system's options. Beside them in the same table stand those of
+    /// [`TrainConfig`](super::TrainConfig).
+    type Config: Clone + Debug + Default + PartialEq + Serialize + DeserializeOwned + Send + Sync;
+    /// What samples are drawn from.
+    type Data: Send + Sync;
+    /// One sample, ready for the tape.
+    type Sample: Send + Sync;
+    /// What a prediction is made from.
+    type Input: ?Sized;
+    /// What is predicted.
+    type Prediction;
+
+    /// Examines options, in milliseconds and without the arrays: ranges, shapes, parameter count.
+    ///
+    /// # Errors
+    /// What is wrong, one sentence each.
+    fn check(config: &Self::Config) -> Result<Summary, Vec<String>>;
+
+    /// A fresh system. `config` passed [`check`](Self::check); all first weights follow from `seed`.
+    fn new(config: &Self::Config, seed: u64) -> Self;
+
+    /// Called once on a fresh system: takes over what the data decides, its scale or statistics,
+    /// into parameters that are not trained, so that checkpoints have it.
+    fn adopt(&mut self, _data: &Self::Data) {}
+
+    /// Opens or makes the data.
+    ///
+    /// # Errors
+    /// If files are missing or damaged, or the data does not serve this system.
+    fn open(config: &Self::Config, source: &Source<'_>) -> Result<Self::Data, DataError>;
+
+    /// A number that another content of the data changes; see [`Fingerprint`](super::Fingerprint).
+    fn fingerprint(data: &Self::Data) -> u64;
+
+    /// Samples in an epoch; at least one.
+    fn epoch_len(&self, data: &Self::Data) -> usize;
+
+    /// One sample, a function of `draw` alone. Called from any thread.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    fn draw(&self, data: &Self::Data, draw: &Draw) -> Result<Self::Sample, DataError>;
+
+    /// What a sample is called when something is wrong with it.
+    fn name_of(sample: &Self::Sample) -> String;
+
+    /// The loss of a batch as named, weighted terms, each a mean over the samples. The names are
+    /// the same at every step.
+    ///
+    /// The batch may be a part of the one that was asked for, on a tape of its own; see
+    /// [`couples_samples`](Self::couples_samples).
+    fn loss<'t>(&self, tape: &'t Tape, batch: &[Self::Sample], at: Moment) -> Terms<'t>;
+
+    /// Scores on what is held out. Deterministic; the first call and the thousandth agree.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    fn evaluate(&self, data: &Self::Data) -> Result<Vec<Metric>, DataError>;
+
+    /// Pictures to look at: the model above the truth.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    fn show(&self, _data: &Self::Data) -> Result<Shown, DataError> {
+        Ok(Shown::default())
+    }
+
+    /// Called before each epoch, the first included; may change parameters, their shapes and which
+    /// of them are trained.
+    ///
+    /// A parameter that gets another shape takes its moments along ([`Moments::carry`]) or forgets
+    /// them. What the shapes are must follow from the configuration and `epoch`: when a checkpoint
+    /// is loaded, a fresh system is led through the same epochs before the values are filled in.
+    fn begin_epoch(&mut self, _epoch: u64, _moments: &mut Moments<'_>) {}
+
+    /// Whether what is computed for a sample depends on the others of its batch: batch statistics,
+    /// attention over the batch. Such a batch cannot be cut into shards.
+    fn couples_samples(&self) -> bool {
+        false
+    }
+
+    /// Parameters, by the beginning of their path, whose step length is multiplied by a factor.
+    fn rates(&self) -> Vec<(String, f64)> {
+        Vec::new()
+    }
+
+    /// Applies the system.
+    ///
+    /// # Errors
+    /// Why it cannot be applied to this input, in one sentence.
+    fn predict(&self, input: &Self::Input) -> Result<Self::Prediction, String>;
+}
+
+/// Where data comes from.
+#[derive(Clone, Copy)]
+pub struct Source<'a> {
+    /// A file or folder; none for what the system makes itself.
+    pub path: Option<&'a Path>,
+    /// How views are read.
+    pub options: &'a ReadOptions,
+    /// Seed of the run, for data that is made and for splits.
+    pub seed: u64,
+    /// Told how much is done, of how much, from any thread.
+    pub progress: &'a (dyn Fn(usize, usize) + Sync),
+}
+
+impl Debug for Source<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Source").field("path", &self.path).finish_non_exhaustive()
+    }
+}
+
+/// Why data cannot be had.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DataError {
+    /// A file is missing or damaged.
+    #[error(transparent)]
+    Views(#[from] ReadViewsError),
+    /// The data is sound and does not serve.
+    #[error("{0}")]
+    Unfit(String),
+}
+
+/// When something happens.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Moment {
+    /// Steps taken before.
+    pub step: u64,
+    /// Epochs finished before.
+    pub epoch: u64,
+}
+
+/// One part of a loss.
+#[derive(Clone, Copy, Debug)]
+pub struct Term<'t> {
+    /// Its name in logs.
+    pub name: &'static str,
+    /// What it is multiplied by in the sum; with 0 it is only watched.
+    pub weight: f64,
+    /// Its value, a scalar.
+    pub value: Var<'t>,
+}
+
+/// The parts of a loss, in the order of the logs.
+#[derive(Clone, Debug, Default)]
+pub struct Terms<'t>(pub Vec<Term<'t>>);
+
+impl<'t> Terms<'t> {
+    /// No parts yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// With one more part.
+    #[must_use]
+    pub fn with(mut self, name: &'static str, weight: f64, value: Var<'t>) -> Self {
+        self.0.push(Term { name, weight, value });
+        self
+    }
+}
+
+/// A score.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Metric {
+    /// Its name in logs.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// Which way is up.
+    pub better: Better,
+}
+
+impl Metric {
+    /// A score of which more is better.
+    pub fn larger(name: impl Into<String>, value: f64) -> Self {
+        Self { name: name.into(), value, better: Better::Larger }
+    }
+
+    /// A score of which less is better.
+    pub fn smaller(name: impl Into<String>, value: f64) -> Self {
+        Self { name: name.into(), value, better: Better::Smaller }
+    }
+}
+
+/// Which values of a score are better.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Better {
+    /// The larger.
+    Larger,
+    /// The smaller.
+    Smaller,
+}
+
+impl Better {
+    /// Whether `value` is better than `other`. What is not a number is better than nothing.
+    pub fn improves(self, value: f64, other: f64) -> bool {
+        match self {
+            Self::Larger => value > other,
+            Self::Smaller => value < other,
+        }
+    }
+}
+
+/// What a configuration amounts to.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Summary {
+    /// Numbers that are trained.
+    pub trainable: usize,
+    /// Numbers that are not.
+    pub frozen: usize,
+    /// Parts of the model and the shapes between them, for people.
+    pub shapes: Vec<(String, String)>,
+}
+
+/// What a system has to show.
+#[derive(Clone, Debug, Default)]
+pub struct Shown {
+    /// The model above the truth.
+    pub views: Vec<ViewPair>,
+    /// A mesh to turn.
+    pub mesh: Option<TriMesh>,
+}

@@ -1,0 +1,618 @@
+//! A small system of its own: a two-layer network that turns the radii of an ellipsoid into the
+//! offsets of an icosphere, and learns from silhouettes alone.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::path::Path;
+use std::sync::Arc;
+
+use autodiff_lite::{Activation, Module, Param, Tape, impl_module};
+use datasets::ReadOptions;
+use diff_raster::{Faces, Settings, antialiased_silhouette, rasterize};
+use mesh_core::{ByteImage, Camera, Topology, primitives};
+use ndarray::{Array2, ArrayD, Ix3, IxDyn};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use super::log::{History, Line};
+use super::*;
+use crate::fit::Flow;
+use crate::report::ViewPair;
+
+const SIDE: usize = 16;
+const OBJECTS: usize = 12;
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+struct Options {
+    hidden: usize,
+    dropout: f64,
+    /// The object whose picture is not a number, if any.
+    poisoned: i64,
+    /// The epoch before which the hidden layer doubles, if any.
+    grow_at: i64,
+    /// Couples the samples of a batch, to be refused with shards.
+    coupled: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { hidden: 8, dropout: 0.1, poisoned: -1, grow_at: -1, coupled: false }
+    }
+}
+
+#[derive(Debug)]
+struct Blob {
+    hidden: (Param, Param),
+    offsets: (Param, Param),
+    options: Options,
+    faces: Arc<Faces>,
+    edges: Vec<[u32; 2]>,
+    sphere: ArrayD<f32>,
+}
+impl_module!(Blob: f32 { hidden, offsets } fixed { options, faces, edges, sphere });
+
+struct Silhouette {
+    name: String,
+    radii: [f32; 3],
+    matrix: Vec<f32>,
+    mask: Vec<f32>,
+}
+
+fn object(index: usize) -> [f32; 3] {
+    let mut rng = ChaCha8Rng::seed_from_u64(17);
+    rng.set_stream(index as u64);
+    std::array::from_fn(|_| 0.4 + 0.5 * rng.random::<f32>())
+}
+
+fn camera(angle: f64) -> Vec<f32> {
+    let eye = [3.0 * angle.sin(), 0.8, 3.0 * angle.cos()];
+    let camera = Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 0.7, SIDE, SIDE);
+    camera.projection().concat().into_iter().map(|x| x as f32).collect()
+}
+
+fn silhouette(index: usize, angle: f64, name: String) -> Silhouette {
+    let radii = object(index);
+    let mesh = primitives::icosphere(2).scaled(radii);
+    let tape = Tape::eval();
+    let positions = Array2::from(mesh.positions.clone()).into_dyn();
+    let positions = positions.to_shape(IxDyn(&[1, mesh.positions.len(), 3])).unwrap().to_owned();
+    let matrix = camera(angle);
+    let cameras = ArrayD::from_shape_vec(IxDyn(&[1, 3, 4]), matrix.clone()).unwrap();
+    let projected = tape.constant(positions).project(tape.constant(cameras)).value();
+    let projected = projected.into_dimensionality::<Ix3>().unwrap();
+    let faces = Arc::new(Faces::of(&mesh).unwrap());
+    let mask = rasterize(projected.view(), &faces, &Settings::new(SIDE, SIDE)).mask();
+    Silhouette { name, radii, matrix, mask }
+}
+
+impl Blob {
+    /// Masks of the batch, `[N, H, W]`, and the offsets, `[N, V, 3]`.
+    fn masks<'t>(&self, tape: &'t Tape, batch: &[Silhouette]) -> [autodiff_lite::Var<'t>; 2] {
+        let count = batch.len();
+        let radii = batch.iter().flat_map(|s| s.radii).collect();
+        let radii = tape.constant(ArrayD::from_shape_vec(IxDyn(&[count, 3]), radii).unwrap());
+        let dense = |x: autodiff_lite::Var<'t>, (w, b): &(Param, Param), activation| {
+            x.linear(tape.param(w), Some(tape.param(b)), activation)
+        };
+        let hidden = dense(radii, &self.hidden, Activation::Relu).dropout(self.options.dropout);
+        let vertices = self.sphere.shape()[0];
+        let offsets = dense(hidden, &self.offsets, Activation::None).reshape(&[count, vertices, 3]);
+        let positions = offsets + tape.constant(self.sphere.clone());
+        let matrices = batch.iter().flat_map(|s| s.matrix.clone()).collect();
+        let matrices = ArrayD::from_shape_vec(IxDyn(&[count, 3, 4]), matrices).unwrap();
+        let projected = positions.project(tape.constant(matrices));
+        let values = projected.value().into_dimensionality::<Ix3>().unwrap();
+        let settings = Settings::new(SIDE, SIDE);
+        let fragments = rasterize(values.view(), &self.faces, &settings);
+        [antialiased_silhouette(projected, &fragments), offsets]
+    }
+}
+
+impl System for Blob {
+    const NAME: &'static str = "blob";
+    const PRESETS: &'static [(&'static str, &'static str)] = &[];
+    const BEST: &'static str = "mask-iou";
+    type Config = Options;
+    type Data = ();
+    type Sample = Silhouette;
+    type Input = [f32; 3];
+    type Prediction = Vec<f32>;
+
+    fn check(config: &Options) -> Result<Summary, Vec<String>> {
+        if config.hidden == 0 {
+            return Err(vec!["`hidden` is 0, expected at least 1".into()]);
+        }
+        let trainable = 4 * config.hidden + 126 * (config.hidden + 1);
+        Ok(Summary { trainable, ..Summary::default() })
+    }
+
+    fn new(config: &Options, seed: u64) -> Self {
+        let mesh = primitives::icosphere(1);
+        let sphere = Array2::from(mesh.positions.clone()).mapv(|x| 0.6 * x).into_dyn();
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut weights = |rows: usize, columns: usize, scale: f32| {
+            Param::new(Array2::from_shape_fn((rows, columns), |_| {
+                scale * (rng.random::<f32>() - 0.5)
+            }))
+        };
+        let (hidden, out) = (config.hidden, 3 * mesh.positions.len());
+        Self {
+            hidden: (weights(hidden, 3, 2.0), Param::new(ndarray::Array1::zeros(hidden))),
+            offsets: (weights(out, hidden, 0.2), Param::new(ndarray::Array1::zeros(out))),
+            options: config.clone(),
+            edges: Topology::new(mesh.positions.len(), &mesh.faces).edges.clone(),
+            faces: Arc::new(Faces::of(&mesh).unwrap()),
+            sphere,
+        }
+    }
+
+    fn open(_: &Options, _: &Source<'_>) -> Result<(), DataError> {
+        Ok(())
+    }
+
+    fn fingerprint(_: &()) -> u64 {
+        7
+    }
+
+    fn epoch_len(&self, _: &()) -> usize {
+        OBJECTS
+    }
+
+    fn draw(&self, _: &(), draw: &Draw) -> Result<Silhouette, DataError> {
+        let angle = draw.rng().random::<f64>() * std::f64::consts::TAU;
+        let mut sample = silhouette(draw.item, angle, format!("object {}", draw.item));
+        if draw.item as i64 == self.options.poisoned {
+            sample.mask[5] = f32::NAN;
+        }
+        Ok(sample)
+    }
+
+    fn name_of(sample: &Silhouette) -> String {
+        sample.name.clone()
+    }
+
+    fn loss<'t>(&self, tape: &'t Tape, batch: &[Silhouette], _: Moment) -> Terms<'t> {
+        let [masks, offsets] = self.masks(tape, batch);
+        let wanted = batch.iter().flat_map(|s| s.mask.clone()).collect();
+        let wanted = ArrayD::from_shape_vec(IxDyn(&[batch.len(), SIDE, SIDE]), wanted).unwrap();
+        let mask = losses::mask_iou(masks, tape.constant(wanted));
+        let edge = losses::edge_length(offsets, &self.edges, 0.0);
+        Terms::new().with("mask", 1.0, mask).with("edge", 0.1, edge).with("watched", 0.0, mask)
+    }
+
+    fn evaluate(&self, _: &()) -> Result<Vec<Metric>, DataError> {
+        let tape = Tape::eval();
+        let iou: f64 = (0..4)
+            .map(|k| {
+                let sample = [silhouette(100 + k, k as f64, String::new())];
+                let [mask, _] = self.masks(&tape, &sample);
+                let (mask, truth) = (mask.value(), &sample[0].mask);
+                let both = mask.iter().zip(truth).filter(|&(m, &t)| *m > 0.5 && t > 0.5).count();
+                let any = mask.iter().zip(truth).filter(|&(m, &t)| *m > 0.5 || t > 0.5).count();
+                both as f64 / any.max(1) as f64
+            })
+            .sum();
+        Ok(vec![Metric::larger("mask-iou", iou / 4.0), Metric::smaller("constant", 1.0)])
+    }
+
+    fn show(&self, _: &()) -> Result<Shown, DataError> {
+        let picture = |b| ByteImage { height: 8, width: 8, channels: 1, data: vec![b; 64] };
+        let caption = "none".to_owned();
+        let view = ViewPair { caption, model: picture(50), truth: picture(200) };
+        Ok(Shown { views: vec![view.clone(), view], mesh: None })
+    }
+
+    fn begin_epoch(&mut self, epoch: u64, moments: &mut Moments<'_>) {
+        if epoch as i64 != self.options.grow_at {
+            return;
+        }
+        // Each unit twice, at half the weight behind: the function stays as it is.
+        let twice = |x: &[f32]| x.repeat(2);
+        let width = self.hidden.1.len();
+        let halves = move |x: &[f32]| -> Vec<f32> {
+            x.chunks(width).flat_map(|row| row.repeat(2)).map(|w| 0.5 * w).collect()
+        };
+        let shaped = |data: Vec<f32>, shape: &[usize]| {
+            Param::new(ArrayD::from_shape_vec(IxDyn(shape), data).unwrap())
+        };
+        let out = self.offsets.1.len();
+        self.hidden.0 = shaped(twice(self.hidden.0.as_slice()), &[2 * width, 3]);
+        self.hidden.1 = shaped(twice(self.hidden.1.as_slice()), &[2 * width]);
+        self.offsets.0 = shaped(halves(self.offsets.0.as_slice()), &[out, 2 * width]);
+        moments.carry("hidden.0", twice);
+        moments.carry("hidden.1", twice);
+        moments.carry("offsets.0", halves);
+    }
+
+    fn couples_samples(&self) -> bool {
+        self.options.coupled
+    }
+
+    fn rates(&self) -> Vec<(String, f64)> {
+        vec![("offsets".to_owned(), 0.5)]
+    }
+
+    fn predict(&self, radii: &[f32; 3]) -> Result<Vec<f32>, String> {
+        let sample =
+            Silhouette { name: String::new(), radii: *radii, matrix: camera(0.0), mask: vec![] };
+        Ok(self.masks(&Tape::eval(), &[sample])[1].value().iter().copied().collect())
+    }
+}
+
+type Config = Configuration<Options>;
+
+fn config(change: impl FnOnce(&mut Config)) -> Config {
+    let mut config = Config::default();
+    config.train.epochs = 3;
+    config.train.batch = 3;
+    config.train.learning_rate = 0.02;
+    config.train.schedule = ScheduleKind::Cosine;
+    config.train.clip_norm = 0.5;
+    change(&mut config);
+    config
+}
+
+fn run_in(
+    folder: &Path,
+    config: &Config,
+    resume: bool,
+    watch: &mut dyn FnMut(Event) -> Flow,
+) -> Result<Outcome<Blob>, TrainError> {
+    let run = if resume { RunFolder::resume(folder)? } else { RunFolder::create(folder, false)? };
+    let provenance = Provenance { version: "test".into(), ..Provenance::default() };
+    train::<Blob>(&Job { config, data: &(), run: &run, provenance: &provenance, resume }, watch)
+}
+
+fn on(_: Event) -> Flow {
+    Flow::Continue
+}
+
+fn weights(system: &Blob) -> Vec<f32> {
+    let mut all = Vec::new();
+    system.visit("", &mut |_: &str, param: &Param| all.extend_from_slice(param.as_slice()));
+    all
+}
+
+/// The log without its header and times.
+fn logged(folder: &Path) -> Vec<Line> {
+    let history = History::read(&folder.join("metrics.jsonl")).unwrap();
+    let timeless = |line| match line {
+        Line::Resumed { .. } => None,
+        Line::Step { step, epoch, loss, terms, learning_rate, gradient_norm, .. } => {
+            let seconds = 0.0;
+            Some(Line::Step { step, epoch, loss, terms, learning_rate, gradient_norm, seconds })
+        }
+        line => Some(line),
+    };
+    history.lines.into_iter().filter_map(timeless).collect()
+}
+
+#[test]
+fn it_learns() {
+    let place = tempfile::tempdir().unwrap();
+    let config = config(|c| c.train.epochs = 30);
+    let mut scores = Vec::new();
+    let outcome = run_in(&place.path().join("run"), &config, false, &mut |event| {
+        if let Event::Evaluated { metrics, .. } = event {
+            scores.push(metrics[0].value);
+        }
+        Flow::Continue
+    })
+    .unwrap();
+    assert_eq!((outcome.steps, scores.len(), outcome.interrupted), (120, 30, false));
+    let best = scores.iter().copied().fold(0.0, f64::max);
+    assert_eq!(outcome.best.unwrap().0, best);
+    assert!(best > 0.88 && best > scores[0] + 0.03, "{scores:?}");
+    // The best checkpoint is that of its step, and predicts.
+    let path = place.path().join("run/checkpoints/best.safetensors");
+    let checkpoint = Checkpoint::read(&path).unwrap();
+    assert_eq!(checkpoint.step().unwrap(), outcome.best.unwrap().1);
+    let (system, found) = checkpoint.load::<Blob>().unwrap();
+    assert_eq!(found, config);
+    assert_eq!(system.evaluate(&()).unwrap()[0].value, best);
+    assert_eq!(system.predict(&[0.5, 0.6, 0.7]).unwrap().len(), 126);
+}
+
+#[test]
+fn a_run_that_was_stopped_goes_on_as_if_it_had_not() {
+    let place = tempfile::tempdir().unwrap();
+    let config = config(|c| {
+        c.train.skip_spikes = 1.02;
+        c.train.shards = 2;
+        c.system.grow_at = 1;
+    });
+    let whole = place.path().join("whole");
+    let expected = weights(&run_in(&whole, &config, false, &mut on).unwrap().system);
+    assert!(logged(&whole).iter().any(|line| matches!(line, Line::Skipped { .. })));
+    for at in [1, 3, 4, 5, 8, 11] {
+        let folder = place.path().join(format!("stopped-{at}"));
+        let mut stop = |event| match event {
+            Event::Step(Step { step, .. }) | Event::Skipped { step, .. } if step >= at => {
+                Flow::Stop
+            }
+            _ => Flow::Continue,
+        };
+        let outcome = run_in(&folder, &config, false, &mut stop).unwrap();
+        assert!(outcome.interrupted && outcome.steps == at);
+        let resumed = run_in(&folder, &config, true, &mut on).unwrap();
+        assert!(!resumed.interrupted);
+        assert_eq!(weights(&resumed.system), expected, "stopped at {at}");
+        assert_eq!(logged(&folder), logged(&whole), "stopped at {at}");
+        let last =
+            |folder: &Path| std::fs::read(folder.join("checkpoints/last.safetensors")).unwrap();
+        assert!(last(&folder) == last(&whole), "stopped at {at}");
+    }
+}
+
+/// A kill leaves an older checkpoint and a log that goes further, perhaps with half a line.
+#[test]
+fn a_run_that_was_killed_goes_on_as_if_it_had_not() {
+    let place = tempfile::tempdir().unwrap();
+    let config = config(|c| c.train.checkpoint_steps = 3);
+    let whole = place.path().join("whole");
+    let expected = weights(&run_in(&whole, &config, false, &mut on).unwrap().system);
+    for at in [4, 7, 10] {
+        let folder = place.path().join(format!("killed-{at}"));
+        let killed = std::panic::catch_unwind(|| {
+            run_in(&folder, &config, false, &mut |event| match event {
+                Event::Step(Step { step, .. }) if step == at => panic!("killed"),
+                _ => Flow::Continue,
+            })
+        });
+        assert!(killed.is_err());
+        let log = folder.join("metrics.jsonl");
+        let text = std::fs::read_to_string(&log).unwrap() + "{\"kind\":\"st";
+        std::fs::write(&log, text).unwrap();
+        let resumed = run_in(&folder, &config, true, &mut on).unwrap();
+        assert_eq!(weights(&resumed.system), expected, "killed at {at}");
+        assert_eq!(logged(&folder), logged(&whole), "killed at {at}");
+    }
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let place = tempfile::tempdir().unwrap();
+    for shards in [1, 3] {
+        let config = config(|c| (c.train.shards, c.train.epochs) = (shards, 2));
+        let of = |threads: usize| {
+            let folder = place.path().join(format!("{shards}-{threads}"));
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let outcome = pool.install(|| run_in(&folder, &config, false, &mut on)).unwrap();
+            (weights(&outcome.system), logged(&folder))
+        };
+        let one = of(1);
+        assert_eq!(one, of(2));
+        assert_eq!(one, of(3));
+    }
+}
+
+#[test]
+fn batches_may_be_cut_or_accumulated() {
+    let place = tempfile::tempdir().unwrap();
+    let of = |name: &str, batch: usize, accumulate: usize, shards: usize| {
+        let config = config(|c| {
+            (c.train.batch, c.train.accumulate, c.train.shards) = (batch, accumulate, shards);
+            // Dropout draws per tape, and clipping and Adam make much of little.
+            c.system.dropout = 0.0;
+            (c.train.clip_norm, c.train.optimizer) = (0.0, OptimizerKind::Sgd);
+        });
+        let folder = place.path().join(name);
+        weights(&run_in(&folder, &config, false, &mut on).unwrap().system)
+    };
+    let whole = of("whole", 6, 1, 1);
+    for other in [of("accumulated", 2, 3, 1), of("cut", 6, 1, 4), of("both", 3, 2, 2)] {
+        assert_ne!(whole, of("less", 3, 1, 1));
+        let _ = std::fs::remove_dir_all(place.path().join("less"));
+        for (a, b) in whole.iter().zip(&other) {
+            assert!((a - b).abs() < 1e-4 * (1.0 + a.abs()), "{a} {b}");
+        }
+    }
+}
+
+#[test]
+fn a_number_that_is_none_is_traced() {
+    let place = tempfile::tempdir().unwrap();
+    let config = config(|c| {
+        c.system.poisoned = 4;
+        c.train.shards = 2;
+        c.train.checkpoint_steps = 1;
+    });
+    let error = run_in(&place.path().join("run"), &config, false, &mut on).unwrap_err();
+    let TrainError::NotFinite(found) = &error else { panic!("{error}") };
+    assert_eq!((found.term.as_str(), found.sample.as_str()), ("mask", "sample object 4"));
+    assert_eq!(found.tensor, Tensor::Value);
+    assert!(found.step < 4 && error.to_string().contains("the value of loss `mask`"), "{error}");
+    // A weight that is none is found before all else.
+    let mut spoiled = Blob::new(&Options::default(), 0);
+    spoiled.offsets.1.as_slice_mut()[3] = f32::INFINITY;
+    let samples: Vec<_> = (0..3).map(|k| silhouette(k, 0.0, k.to_string())).collect();
+    let at = Moment { step: 5, epoch: 1 };
+    let error = super::step::Tapes::new(1).slope(&mut spoiled, &samples, 3, at, 0).unwrap_err();
+    assert_eq!(error.tensor, Tensor::Parameter("offsets.1".into()));
+    assert_eq!((error.step, error.epoch), (5, 1));
+}
+
+#[test]
+fn what_cannot_be_is_refused() {
+    let place = tempfile::tempdir().unwrap();
+    let fails = |change: &dyn Fn(&mut Config)| {
+        let folder = place.path().join("run");
+        let error = run_in(&folder, &config(change), false, &mut on).unwrap_err().to_string();
+        std::fs::remove_dir_all(folder).unwrap();
+        error
+    };
+    let both = fails(&|c| (c.train.epochs, c.system.hidden) = (0, 0));
+    assert!(both.contains("`epochs`") && both.contains("`hidden`"), "{both}");
+    assert!(fails(&|c| (c.train.shards, c.system.coupled) = (2, true)).contains("`shards`"));
+    let best = fails(&|c| c.train.best = "psnr".into());
+    assert!(best.contains("psnr") && best.contains("mask-iou"), "{best}");
+}
+
+#[test]
+fn damaged_checkpoints_are_errors() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("run");
+    let config = config(|c| c.train.epochs = 1);
+    run_in(&folder, &config, false, &mut on).unwrap();
+    let path = folder.join("checkpoints/last.safetensors");
+    let sound = std::fs::read(&path).unwrap();
+    let tried = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        run_in(&folder, &config, true, &mut on)
+    };
+    for cut in [0, 7, 8, 100, sound.len() / 2, sound.len() - 1] {
+        let error = tried(&sound[..cut]).unwrap_err();
+        assert!(matches!(error, TrainError::Checkpoint(_)), "{error}");
+        assert!(error.to_string().contains("last.safetensors"), "{error}");
+    }
+    // Text of the same length in place of other text keeps the header sound.
+    let replaced = |from: &str, to: &str| {
+        assert_eq!(from.len(), to.len());
+        let at = sound.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+        let mut bytes = sound.clone();
+        bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+        tried(&bytes).unwrap_err().to_string()
+    };
+    for (from, to, word) in [
+        ("\"format\":\"1\"", "\"format\":\"2\"", "format"),
+        ("\"system\":\"blob\"", "\"system\":\"blab\"", "system"),
+        ("\"step\":\"4\"", "\"step\":\"x\"", "step"),
+        ("\"pending\":\"false\"", "\"pending\":\"nofal\"", "pending"),
+        ("\"epochs-begun\":\"1\"", "\"epochs-begun\":\"9\"", "epochs-begun"),
+        ("\"hidden.0\"", "\"hibben.0\"", "hidden.0"),
+    ] {
+        let error = replaced(from, to);
+        assert!(error.contains(word), "{from}: {error}");
+    }
+    // Moments of another length than their parameter's.
+    let mut other = config.clone();
+    other.system.hidden = 9;
+    std::fs::write(&path, &sound).unwrap();
+    let error = run_in(&folder, &other, true, &mut on).unwrap_err().to_string();
+    assert!(error.contains("hidden.0 is [8, 3] instead of [9, 3]"), "{error}");
+    run_in(&folder, &config, true, &mut on).unwrap();
+}
+
+#[test]
+fn all_logs_say_the_same() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("run");
+    let config = config(|c| c.train.epochs = 2);
+    run_in(&folder, &config, false, &mut on).unwrap();
+    let csv = std::fs::read_to_string(folder.join("metrics.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    let column = |name: &str| rows[0].iter().position(|&n| n == name).unwrap();
+    let scalars = scalars(&folder.join("tensorboard"));
+    let mut steps = 0;
+    for line in logged(&folder) {
+        let mut agree = |step: u64, name: &str, value: f64| {
+            let row = rows.iter().find(|row| row[0] == step.to_string()).unwrap();
+            assert_eq!(row[column(name)].parse::<f64>().unwrap(), value);
+            let found = scalars.iter().find(|(tag, at, _)| tag == name && *at == step).unwrap();
+            assert_eq!(found.2, value as f32);
+            steps += 1;
+        };
+        match line {
+            Line::Step { step, loss, terms, .. } => {
+                agree(step, "loss", loss);
+                assert!((terms.iter().map(|t| t.1).sum::<f64>() - loss).abs() < 1e-12);
+                terms.iter().for_each(|(name, value)| agree(step, &format!("term/{name}"), *value));
+            }
+            Line::Evaluation { step, metrics, .. } => {
+                metrics.iter().for_each(|(name, v)| agree(step, &format!("score/{name}"), *v));
+            }
+            _ => unreachable!("neither skipped nor resumed"),
+        }
+    }
+    assert_eq!(steps, 8 * 4 + 2 * 2);
+    let header: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(folder.join("provenance.json")).unwrap())
+            .unwrap();
+    assert_eq!(header["data_hash"], "0000000000000007");
+    assert_eq!((&header["seed"], &header["total"]), (&0.into(), &8.into()));
+    let sheet = mesh_core::read_image(folder.join("samples/epoch-00002.png")).unwrap();
+    assert_eq!((sheet.width, sheet.height), (16, 16));
+    let page = std::fs::read_to_string(folder.join("report.html")).unwrap();
+    assert!(page.contains("mask-iou") && page.contains("dropout"));
+    let read: Config = crate::settings::read(Some(&folder.join("config.toml")), &[]).unwrap();
+    assert_eq!(read, config);
+}
+
+/// Tag, step and value of every scalar in the event files of a folder; frames are checked for
+/// their lengths only, the checksum has a test of its own.
+fn scalars(folder: &Path) -> Vec<(String, u64, f32)> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let bytes = std::fs::read(entry.unwrap().path()).unwrap();
+        let mut rest = &bytes[..];
+        while !rest.is_empty() {
+            let length = u64::from_le_bytes(rest[..8].try_into().unwrap()) as usize;
+            let event = fields(&rest[12..12 + length]);
+            rest = &rest[16 + length..];
+            let step = event.iter().find(|f| f.0 == 2).map_or(0, |f| f.1);
+            for summary in event.iter().filter(|f| f.0 == 5) {
+                for value in fields(summary.2) {
+                    let value = fields(value.2);
+                    let tag = String::from_utf8(value[0].2.to_vec()).unwrap();
+                    if value[1].0 == 2 {
+                        found.push((tag, step, f32::from_bits(value[1].1 as u32)));
+                    }
+                }
+            }
+        }
+    }
+    found
+}
+
+/// Field number, value if it is a number, bytes if it is not.
+fn fields(mut bytes: &[u8]) -> Vec<(u8, u64, &[u8])> {
+    fn varint(bytes: &mut &[u8]) -> u64 {
+        let mut value = 0;
+        for shift in (0..).step_by(7) {
+            let byte = bytes[0];
+            *bytes = &bytes[1..];
+            value |= u64::from(byte & 127) << shift;
+            if byte < 128 {
+                break;
+            }
+        }
+        value
+    }
+    let mut all = Vec::new();
+    while !bytes.is_empty() {
+        let key = varint(&mut bytes) as u8;
+        let length = match key & 7 {
+            0 => {
+                all.push((key >> 3, varint(&mut bytes), &[][..]));
+                continue;
+            }
+            1 => 8,
+            5 => 4,
+            _ => varint(&mut bytes) as usize,
+        };
+        let (value, rest) = bytes.split_at(length);
+        let number = if key & 7 == 5 { u32::from_le_bytes(value.try_into().unwrap()) } else { 0 };
+        all.push((key >> 3, u64::from(number), value));
+        bytes = rest;
+    }
+    all
+}
+
+#[test]
+fn resuming_takes_a_run() {
+    let place = tempfile::tempdir().unwrap();
+    assert!(RunFolder::resume(place.path()).is_err());
+    let folder = place.path().join("run");
+    let config = config(|c| c.train.epochs = 1);
+    run_in(&folder, &config, false, &mut on).unwrap();
+    assert!(run_in(&folder, &config, false, &mut on).is_err());
+    // More epochs than at first.
+    let mut longer = config.clone();
+    longer.train.epochs = 2;
+    assert_eq!(run_in(&folder, &longer, true, &mut on).unwrap().steps, 8);
+    let options = ReadOptions::default();
+    let (path, progress) = (None, &|_, _| ());
+    Blob::open(&longer.system, &Source { path, options: &options, seed: 0, progress }).unwrap();
+}
