@@ -13,6 +13,8 @@ pub(crate) use data::{
 };
 pub(crate) use dataset::{Convert, Inspect, Validate, WrittenLayout};
 
+use crate::system::SystemName;
+
 /// Images of an object in, a triangle mesh out.
 ///
 /// Every mesh starts as a sphere and is deformed until its pictures agree with yours. No GPU, no
@@ -59,6 +61,8 @@ pub(crate) enum Command {
     Demo(Demo),
     /// Fit a mesh to views of one object: pictures, masks and cameras.
     Fit(Fit),
+    /// Train a system that predicts meshes, or go on with a training.
+    Train(Train),
     /// Draw a mesh: from the cameras of views, or on a turntable.
     Render(Render),
     /// Compare two meshes by the published protocols.
@@ -210,6 +214,54 @@ pub(crate) struct Fit {
 }
 
 #[derive(Args, Debug)]
+#[command(
+    after_help = "The folder describes itself: config.toml, provenance.json, metrics.jsonl and .csv, tensorboard/,
+checkpoints/ (best and last), samples/ and report.html. Ctrl-C writes a checkpoint; a run that was
+stopped or killed goes on with --resume, and its result is that of a run that was not, bit by bit.
+`unsphere check --system img2mesh` says what a configuration amounts to and lists all settings.
+
+Examples:
+  unsphere train img2mesh -o runs/look --preset tiny       a procedural clock, in seconds
+  unsphere train img2mesh rendered_clock.zip -o runs/clock --max-size 256
+  unsphere train img2mesh --resume runs/clock --set epochs=80
+  tensorboard --logdir runs"
+)]
+pub(crate) struct Train {
+    /// What is trained.
+    #[arg(value_enum)]
+    pub(crate) system: SystemName,
+    /// What it learns from; without it the system makes its own.
+    pub(crate) data: Option<PathBuf>,
+    /// Folder for the run; made if it does not exist.
+    #[arg(long, short, value_name = "RUN", required_unless_present = "resume")]
+    pub(crate) output: Option<PathBuf>,
+    /// Replace a run that is there.
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Go on with this run, from its last checkpoint.
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["output", "force", "preset", "config"])]
+    pub(crate) resume: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) settings: SystemSettings,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+}
+
+/// How a system is configured.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct SystemSettings {
+    /// A configuration that comes with the system: tiny, small or paper.
+    #[arg(long, value_name = "NAME", default_value = "small", conflicts_with = "config")]
+    pub(crate) preset: String,
+    /// A configuration file instead of a preset, `config.toml` of an earlier run for example.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// One setting, over the preset or file; can be given many times.
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
+    pub(crate) set: Vec<(String, String)>,
+}
+
+#[derive(Args, Debug)]
 #[command(after_help = "What is written follows from the name after -o:
   turn.gif     the turntable, animated
   front.png    one picture: the first camera, or the one that --view names
@@ -293,6 +345,7 @@ Examples:
   unsphere check mesh.ply --self-intersections
   unsphere check --config fit.toml --set level=6
   unsphere check --config -                        print every setting with its default
+  unsphere check --system img2mesh --preset paper  shapes, parameters and settings of a system
   unsphere check --views rendered_clock.zip"
 )]
 #[command(arg_required_else_help = true)]
@@ -305,6 +358,12 @@ pub(crate) struct Check {
     /// Views: layout, sizes, masks, and whether the cameras see the object.
     #[arg(long, value_name = "VIEWS")]
     pub(crate) views: Option<PathBuf>,
+    /// The configuration is of this system, instead of a fit's.
+    #[arg(long, value_enum, value_name = "SYSTEM")]
+    pub(crate) system: Option<SystemName>,
+    /// A configuration that comes with the system: tiny, small or paper.
+    #[arg(long, value_name = "NAME", requires = "system", conflicts_with = "config")]
+    pub(crate) preset: Option<String>,
     #[command(flatten)]
     pub(crate) configuration: Configuration,
     #[command(flatten)]

@@ -20,16 +20,18 @@ impl Interrupt {
     /// Listens from now on; for commands that can stop halfway and keep what they have.
     ///
     /// When there is nothing to keep, or at the second press, `unfinished`, the folder under
-    /// construction, is removed and the program ends.
-    pub(crate) fn listen(unfinished: &Path) -> Result<Self, Failure> {
+    /// construction if there is one, is removed and the program ends.
+    pub(crate) fn listen(unfinished: Option<&Path>) -> Result<Self, Failure> {
         let interrupt = Self::default();
         let state = Arc::clone(&interrupt.0);
-        let unfinished = unfinished.to_owned();
+        let unfinished = unfinished.map(Path::to_owned);
         ctrlc::set_handler(move || {
             let again = state.pressed.swap(true, Ordering::Relaxed);
             if again || !state.worthwhile.load(Ordering::Relaxed) {
-                // The program ends either way; a folder that resists is left.
-                let _ = std::fs::remove_dir_all(&unfinished);
+                if let Some(unfinished) = &unfinished {
+                    // The program ends either way; a folder that resists is left.
+                    let _ = std::fs::remove_dir_all(unfinished);
+                }
                 std::process::exit(130);
             }
         })

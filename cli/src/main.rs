@@ -9,6 +9,7 @@ mod console;
 mod failure;
 mod interrupt;
 mod progress;
+mod system;
 
 use std::process::ExitCode;
 

@@ -31,6 +31,7 @@
 //! - **find out what is wrong with views**: [`inspect`](mod@inspect)
 //! - **make views with a known truth**: [`synthetic`]; whole datasets of them: [`mod@generate`]
 //! - **deliver**: [`delivery`] writes what a user keeps, from [`report`], [`turntable`] and [`output`]
+//! - **several views to one mesh, learned**: [`img2mesh`]
 //! - **train a system**: [`train`](mod@train), the one loop, its run folders and checkpoints
 //! - **configurations as TOML**: [`settings`]
 //!
@@ -45,6 +46,7 @@ pub mod delivery;
 pub mod evaluate;
 pub mod fit;
 pub mod generate;
+pub mod img2mesh;
 pub mod inspect;
 pub mod output;
 pub mod report;

@@ -5,13 +5,15 @@ use std::path::Path;
 use mesh_core::{Health, TriMesh, read_mesh};
 use recon::fit::FitConfig;
 use recon::settings;
+use recon::train::{Summary, System};
 use serde::Serialize;
 
-use crate::args::{Check, Global};
+use crate::args::{Check, Global, SystemSettings};
 use crate::command::fit::configuration;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::progress::Progress;
+use crate::system::{self, ForSystem};
 
 /// What is printed with `--json`.
 #[derive(Debug, Default, Serialize)]
@@ -22,6 +24,34 @@ struct Checked<'a> {
     views: Option<ViewsReport<'a>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     config: Option<FitConfig>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    system: Option<SystemReport>,
+}
+
+/// What a system's configuration amounts to.
+#[derive(Debug, Serialize)]
+struct SystemReport {
+    name: &'static str,
+    #[serde(flatten)]
+    summary: Summary,
+    config: serde_json::Value,
+    #[serde(skip)]
+    text: String,
+}
+
+struct CheckSystem<'a>(&'a SystemSettings, Global);
+
+impl ForSystem for CheckSystem<'_> {
+    type Output = Result<SystemReport, Failure>;
+
+    fn run<S: System>(self) -> Self::Output {
+        let config = system::configuration::<S>(self.0, self.1)?;
+        let summary =
+            S::check(&config.system).map_err(|problems| Failure::Usage(problems.join("; ")))?;
+        let text = settings::to_toml(&config);
+        let config = serde_json::to_value(&config).map_err(Failure::other)?;
+        Ok(SystemReport { name: S::NAME, summary, config, text })
+    }
 }
 
 #[derive(Debug, Serialize)]
@@ -49,7 +79,12 @@ struct ViewsReport<'a> {
 pub(crate) fn run(console: Console, global: Global, arguments: &Check) -> Result<(), Failure> {
     let mut checked = Checked::default();
     let asked = &arguments.configuration;
-    if asked.config.is_some() || !asked.set.is_empty() {
+    if let Some(name) = arguments.system {
+        let preset = arguments.preset.clone().unwrap_or_else(|| "small".to_owned());
+        let (config, set) = (asked.config.clone(), asked.set.clone());
+        let asked = SystemSettings { preset, config, set };
+        checked.system = Some(name.visit(CheckSystem(&asked, global))?);
+    } else if asked.config.is_some() || !asked.set.is_empty() {
         // `-` stands for no file at all: the defaults.
         let mut asked = asked.clone();
         asked.config = asked.config.filter(|path| path.as_os_str() != "-");
@@ -178,6 +213,14 @@ fn describe(checked: &Checked<'_>) -> String {
 "
             )
         }));
+    }
+    if let Some(system) = &checked.system {
+        let Summary { trainable, frozen, shapes } = &system.summary;
+        let numbers = format!("{trainable} trained, {frozen} frozen");
+        let rows = shapes.iter().map(|(name, shape)| (name.as_str(), shape.clone()));
+        let rows = std::iter::once(("numbers", numbers)).chain(rows);
+        let rows = table(rows).trim_end().replace('\n', "\n# ");
+        parts.push(format!("# {}\n# {rows}\n{}", system.name, system.text));
     }
     if let Some(config) = &checked.config {
         parts.push(settings::to_toml(config));

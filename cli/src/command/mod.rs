@@ -7,6 +7,7 @@ mod demo;
 mod fit;
 mod metrics;
 mod render;
+mod train;
 
 use crate::args::{Arguments, Command};
 use crate::console::Console;
@@ -22,6 +23,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
     pool.install(|| match command {
         Command::Demo(arguments) => demo::run(console, global, &arguments),
         Command::Fit(arguments) => fit::run(console, global, &arguments),
+        Command::Train(arguments) => train::run(console, global, &arguments),
         Command::Render(arguments) => render::run(console, &arguments),
         Command::Metrics(arguments) => metrics::run(console, global, &arguments),
         Command::Check(arguments) => check::run(console, global, &arguments),

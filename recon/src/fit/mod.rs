@@ -66,6 +66,7 @@ pub use config::{ColorKind, FitConfig};
 pub use error::FitError;
 pub use event::{Event, Flow, Step};
 pub use placement::Placement;
+pub(crate) use placement::cones;
 pub use stepper::Stepper;
 
 use hull::Hull;

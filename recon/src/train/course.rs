@@ -156,7 +156,9 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
         };
         let (trainable, done) = (summary.trainable, course.standing.step);
         course.tell(Event::Started { trainable, steps_per_epoch, total, done });
-        warnings.into_iter().for_each(|text| course.tell(Event::Warned(text)));
+        for text in warnings {
+            course.tell(Event::Warned(text));
+        }
         Ok(course)
     }
 

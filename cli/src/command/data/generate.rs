@@ -39,7 +39,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Generate) -> Res
         .map(|path| Model::read(path, size_rule(arguments.normalize)))
         .transpose()?;
     let output = &arguments.output;
-    let interrupt = Interrupt::listen(&output.join(UNFINISHED))?;
+    let interrupt = Interrupt::listen(Some(&output.join(UNFINISHED)))?;
     // Every object that is complete is worth keeping, so the first press lets them be completed.
     interrupt.worthwhile();
     let progress = Progress::new(console, "generate");

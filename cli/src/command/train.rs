@@ -1,0 +1,239 @@
+//! `unsphere train`: a system, its data, and a run folder that can go on.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use recon::fit::Flow;
+use recon::settings;
+use recon::train::{
+    CHANGEABLE, CheckpointError, Configuration, Event, Job, Outcome, Provenance, RunError,
+    RunFolder, Source, System, TrainError, train,
+};
+use serde::Serialize;
+
+use crate::args::{Global, Train};
+use crate::command::fit::typed_command;
+use crate::console::{Console, table};
+use crate::failure::Failure;
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
+use crate::system::{self, ForSystem};
+
+/// What is printed with `--json`.
+#[derive(Debug, Serialize)]
+struct Trained<'a> {
+    run: &'a Path,
+    system: &'static str,
+    steps: u64,
+    interrupted: bool,
+    seconds: f64,
+    metrics: BTreeMap<String, f64>,
+    best: Option<Best>,
+}
+
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Best {
+    value: f64,
+    step: u64,
+}
+
+pub(crate) fn run(console: Console, global: Global, arguments: &Train) -> Result<(), Failure> {
+    arguments.system.visit(Command { console, global, arguments })
+}
+
+struct Command<'a> {
+    console: Console,
+    global: Global,
+    arguments: &'a Train,
+}
+
+/// What is settled before any data is read.
+struct Prepared<C> {
+    run: RunFolder,
+    config: Configuration<C>,
+    data: Option<PathBuf>,
+}
+
+impl ForSystem for Command<'_> {
+    type Output = Result<(), Failure>;
+
+    fn run<S: System>(self) -> Result<(), Failure> {
+        let Self { console, global, arguments } = self;
+        let start = Instant::now();
+        let Prepared { run, config, data } = if let Some(path) = &arguments.resume {
+            self.resumed::<S>(path)?
+        } else {
+            let config = system::configuration::<S>(&arguments.settings, global)?;
+            let path = arguments.output.as_deref().unwrap_or_else(|| Path::new("run"));
+            let run = RunFolder::create(path, arguments.force).map_err(failed)?;
+            Prepared { run, config, data: arguments.data.clone() }
+        };
+        let interrupt = Interrupt::listen(None)?;
+        let progress = Progress::new(console, "read");
+        let options = arguments.reading.options();
+        let source = Source {
+            path: data.as_deref(),
+            options: &options,
+            seed: config.train.seed,
+            progress: &|done, all| progress.set(done, all),
+        };
+        let opened = S::open(&config.system, &source).map_err(Failure::input)?;
+        progress.finish();
+        interrupt.worthwhile();
+        let provenance = provenance(data.as_deref());
+        let resume = arguments.resume.is_some();
+        let job =
+            Job { config: &config, data: &opened, run: &run, provenance: &provenance, resume };
+        let outcome = watched::<S>(console, &job, &interrupt)?;
+        let trained = Trained {
+            run: run.path(),
+            system: S::NAME,
+            steps: outcome.steps,
+            interrupted: outcome.interrupted,
+            seconds: start.elapsed().as_secs_f64(),
+            metrics: outcome.metrics.iter().map(|m| (m.name.clone(), m.value)).collect(),
+            best: outcome.best.map(|(value, step)| Best { value, step }),
+        };
+        console.result(&trained, describe)?;
+        if trained.interrupted {
+            let (name, run) = (S::NAME, run.path().display());
+            let text = format!(
+                "after {} steps; `unsphere train {name} --resume {run}` goes on",
+                trained.steps
+            );
+            return Err(Failure::Interrupted(text));
+        }
+        Ok(())
+    }
+}
+
+impl Command<'_> {
+    /// The folder of a run that goes on, its configuration, and where its data is.
+    fn resumed<S: System>(&self, path: &Path) -> Result<Prepared<S::Config>, Failure> {
+        let run = RunFolder::resume(path).map_err(failed)?;
+        let set = &self.arguments.settings.set;
+        for (key, value) in set {
+            if !CHANGEABLE.contains(&key.replace('_', "-").as_str()) {
+                let may = CHANGEABLE.join(", ");
+                return Err(Failure::Usage(format!(
+                    "--set {key}={value}: a run that goes on may only change {may}"
+                )));
+            }
+        }
+        let config: Configuration<S::Config> =
+            settings::read(Some(&run.config()), set).map_err(|error| match error {
+                settings::SettingsError::Setting { .. } => {
+                    Failure::Usage(format!("--set: {error}"))
+                }
+                _ => Failure::input(error),
+            })?;
+        if let Some(seed) = self.global.seed.filter(|&seed| seed != config.train.seed) {
+            let text = format!("--seed {seed}: the run began with {}", config.train.seed);
+            return Err(Failure::Usage(text));
+        }
+        let data = self.arguments.data.clone().or_else(|| noted_data(path));
+        Ok(Prepared { run, config, data })
+    }
+}
+
+/// Where a run's data was, as its folder says.
+fn noted_data(run: &Path) -> Option<PathBuf> {
+    let text = std::fs::read_to_string(run.join("provenance.json")).ok()?;
+    let facts: serde_json::Value = serde_json::from_str(&text).ok()?;
+    facts["data"].as_str().filter(|data| !data.is_empty()).map(PathBuf::from)
+}
+
+fn watched<S: System>(
+    console: Console,
+    job: &Job<'_, S>,
+    interrupt: &Interrupt,
+) -> Result<Outcome<S>, Failure> {
+    let progress = Progress::new(console, "train");
+    let (mut scores, mut rate) = (String::new(), 0.0);
+    let mut watch = |event: Event| {
+        match event {
+            Event::Started { trainable, total, steps_per_epoch, done } => {
+                progress.set(done as usize, total as usize);
+                console.remark(format_args!(
+                    "training {} numbers for {total} steps, {steps_per_epoch} an epoch{}",
+                    trainable,
+                    if done > 0 { format!(", from step {done} on") } else { String::new() }
+                ));
+            }
+            Event::Step(step) => {
+                progress.set(step.step as usize, step.total as usize);
+                // Over the last few steps, so that it does not flicker.
+                let now = 1.0 / step.seconds.max(1e-9);
+                rate = if rate == 0.0 { now } else { 0.9 * rate + 0.1 * now };
+                let terms = named(step.terms.iter().copied());
+                progress.say(format!("loss {:.4} ={terms}; {rate:.1}/s{scores}", step.loss));
+            }
+            Event::Evaluated { metrics, .. } => {
+                scores = format!(";{}", named(metrics.iter().map(|m| (&*m.name, m.value))));
+            }
+            Event::Skipped { step, loss, average } => {
+                console.warn(format_args!(
+                    "step {step} is left out: its loss {loss:.4} leapt from {average:.4}"
+                ));
+            }
+            Event::Warned(text) => console.warn(text),
+            _ => {}
+        }
+        if interrupt.pressed() { Flow::Stop } else { Flow::Continue }
+    };
+    train(job, &mut watch).map_err(|error| match error {
+        TrainError::Config(_) | TrainError::NoSuchMetric { .. } => {
+            Failure::Usage(error.to_string())
+        }
+        TrainError::Checkpoint(CheckpointError::Save { .. }) => Failure::other(error),
+        TrainError::Data(_) | TrainError::Checkpoint(_) => Failure::input(error),
+        TrainError::Run(error) => failed(error),
+        error => Failure::other(error),
+    })
+}
+
+/// Names and values in one line.
+fn named<'a>(values: impl Iterator<Item = (&'a str, f64)>) -> String {
+    values.fold(String::new(), |text, (name, value)| text + &format!(" {name} {value:.4}"))
+}
+
+fn failed(error: RunError) -> Failure {
+    match error {
+        RunError::NoRun { .. } | RunError::Log { .. } => Failure::input(error),
+        error => Failure::other(error),
+    }
+}
+
+fn provenance(data: Option<&Path>) -> Provenance {
+    Provenance {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        // Known where whoever builds says so.
+        commit: option_env!("UNSPHERE_COMMIT").unwrap_or_default().to_owned(),
+        cpu: cpu(),
+        machine: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+        command: typed_command(),
+        data: data.map(|path| path.display().to_string()).unwrap_or_default(),
+    }
+}
+
+/// The processor's name, where the system tells it as Linux does.
+fn cpu() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let line = text.lines().find(|line| line.starts_with("model name"));
+    line.and_then(|line| line.split_once(": "))
+        .map_or_else(String::new, |(_, name)| name.to_owned())
+}
+
+fn describe(trained: &Trained<'_>) -> String {
+    let scores: Vec<(String, String)> =
+        trained.metrics.iter().map(|(name, value)| (name.clone(), format!("{value:.4}"))).collect();
+    let mut rows: Vec<(&str, String)> =
+        scores.iter().map(|(name, value)| (name.as_str(), value.clone())).collect();
+    if let Some(best) = trained.best {
+        rows.push(("best", format!("{:.4} at step {}", best.value, best.step)));
+    }
+    rows.push(("steps", format!("{} in {:.1} s", trained.steps, trained.seconds)));
+    rows.push(("run", trained.run.display().to_string()));
+    table(rows)
+}

@@ -1,0 +1,220 @@
+//! What img2mesh can be told, beside the loop's own options.
+
+use serde::{Deserialize, Serialize};
+
+use crate::train::Summary;
+
+/// Options of the model, its losses and its data. Lengths are relative to the frame of the data, in
+/// which the object has about radius 1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Img2MeshConfig {
+    /// What turns a picture into features. Default `"small"`.
+    pub encoder: EncoderKind,
+    /// Features of the small encoder; the others' follow from their layers. Default 256.
+    pub features: usize,
+    /// Side of the encoder's pictures, pixels. Default 128.
+    pub image_size: usize,
+    /// Side of the renderings that are compared, pixels. Default 128.
+    pub render_size: usize,
+    /// Views that a mesh is made from in training; elsewhere any number will do. Default 2.
+    pub views: usize,
+    /// Views more, not given to the model, that the mesh is compared with. Default 0.
+    pub extra_views: usize,
+    /// What mixes the views. Default `"views"`.
+    pub attention: AttentionKind,
+    /// Layers of attention. Default 1.
+    pub layers: usize,
+    /// Heads of attention. Default 2.
+    pub heads: usize,
+    /// Columns between the two linear layers behind the attention. Default 512.
+    pub feed_forward: usize,
+    /// Share of what is forgotten in the attention's layers while training. Default 0.1.
+    pub dropout: f64,
+    /// Whether each view's camera is told to the model. Default false.
+    pub camera_embedding: bool,
+    /// Subdivision level of the icosphere, 0 to 5. Default 3: 642 vertices.
+    pub level: u32,
+    /// Radius of the icosphere before it is deformed. Default 0.6.
+    pub radius: f64,
+    /// Weight of the mean absolute difference of colours. Default 0.1.
+    pub image_weight: f64,
+    /// Weight of one minus the masks' soft intersection over union. Default 10.
+    pub mask_weight: f64,
+    /// Weight of the face-angle loss. Default 1e-3.
+    pub flat_weight: f64,
+    /// Weight of the sum of squared edge lengths. The published 1e-8 is of a sphere of radius
+    /// 37.5, which is 1.4e-5 here. Default 1.4e-5.
+    pub edge_weight: f64,
+    /// The silhouette that is compared with masks. Default `"soft"`.
+    pub silhouette: SilhouetteKind,
+    /// Sharpness of the soft silhouette. Default 7000.
+    pub sigma_inv: f64,
+    /// How far the soft silhouette reaches, NDC. Default 0.02.
+    pub reach: f64,
+    /// Every how many views (of a single object) or objects one is held out; 0 is none, and scores
+    /// are then of what was trained on. Default 5.
+    pub hold_out: usize,
+    /// Views that are made of a clock when no data is given. Default 100.
+    pub synthetic_views: usize,
+}
+
+/// What turns a picture into features.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EncoderKind {
+    /// Four strided convolutions with group norm, then a linear layer: learns from scratch.
+    Small,
+    /// The published CNN: VGG16 through its third pooling, four narrowing convolutions.
+    Cnn,
+}
+
+/// What mixes the views.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AttentionKind {
+    /// Attention over the views of an object, as the paper describes.
+    Views,
+    /// Attention over the objects of a batch, view by view, as the published code computes.
+    Published,
+    /// None: the mean over the views alone.
+    Mean,
+}
+
+/// The silhouette that is compared with masks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SilhouetteKind {
+    /// DIB-R's, which pulls at pixels outside and knows none inside.
+    Soft,
+    /// Exact at the outline, with pulls on both of its sides; none from afar.
+    Antialiased,
+}
+
+impl Default for Img2MeshConfig {
+    fn default() -> Self {
+        Self {
+            encoder: EncoderKind::Small,
+            features: 256,
+            image_size: 128,
+            render_size: 128,
+            views: 2,
+            extra_views: 0,
+            attention: AttentionKind::Views,
+            layers: 1,
+            heads: 2,
+            feed_forward: 512,
+            dropout: 0.1,
+            camera_embedding: false,
+            level: 3,
+            radius: 0.6,
+            image_weight: 0.1,
+            mask_weight: 10.0,
+            flat_weight: 1e-3,
+            edge_weight: 1.4e-5,
+            silhouette: SilhouetteKind::Soft,
+            sigma_inv: 7000.0,
+            reach: 0.02,
+            hold_out: 5,
+            synthetic_views: 100,
+        }
+    }
+}
+
+impl Img2MeshConfig {
+    /// Features of a picture: `D`.
+    pub fn width(&self) -> usize {
+        match self.encoder {
+            EncoderKind::Small => self.features,
+            EncoderKind::Cnn => (self.image_size / 8).pow(2),
+        }
+    }
+
+    /// Vertices of the mesh.
+    pub fn vertices(&self) -> usize {
+        10 * 4_usize.pow(self.level) + 2
+    }
+
+    /// Ranges, shapes and numbers of parameters.
+    ///
+    /// # Errors
+    /// What is wrong, one sentence each.
+    pub fn check(&self) -> Result<Summary, Vec<String>> {
+        let mut problems = Vec::new();
+        let mut require = |holds: bool, field: &str, found: &dyn std::fmt::Display, what: &str| {
+            if !holds {
+                problems.push(format!("`{field}` is {found}, expected {what}"));
+            }
+        };
+        let count = |n: usize, low: usize, high: usize| (low..=high).contains(&n);
+        require(count(self.features, 1, 8192), "features", &self.features, "1 to 8192");
+        require(count(self.image_size, 16, 1024), "image-size", &self.image_size, "16 to 1024");
+        require(count(self.render_size, 8, 2048), "render-size", &self.render_size, "8 to 2048");
+        require(count(self.views, 1, 64), "views", &self.views, "1 to 64");
+        require(count(self.extra_views, 0, 64), "extra-views", &self.extra_views, "0 to 64");
+        require(count(self.layers, 1, 16), "layers", &self.layers, "1 to 16");
+        require(self.level <= 5, "level", &self.level, "0 to 5");
+        require(
+            count(self.feed_forward, 1, 65536),
+            "feed-forward",
+            &self.feed_forward,
+            "1 to 65536",
+        );
+        require((0.0..1.0).contains(&self.dropout), "dropout", &self.dropout, "0 to less than 1");
+        require(self.hold_out != 1, "hold-out", &self.hold_out, "0 (none) or at least 2");
+        let synthetic = self.synthetic_views;
+        require(count(synthetic, 4, 10_000), "synthetic-views", &synthetic, "4 to 10000");
+        let mut within = |v: f64, low: f64, high: f64, field: &str| {
+            require(v >= low && v <= high, field, &v, &format!("{low} to {high}"));
+        };
+        within(self.radius, 1e-3, 10.0, "radius");
+        within(self.sigma_inv, 1.0, 1e6, "sigma-inv");
+        within(self.reach, 1e-3, 2.0, "reach");
+        for (weight, field) in [
+            (self.image_weight, "image-weight"),
+            (self.mask_weight, "mask-weight"),
+            (self.flat_weight, "flat-weight"),
+            (self.edge_weight, "edge-weight"),
+        ] {
+            within(weight, 0.0, 1e6, field);
+        }
+        let all_off = [self.image_weight, self.mask_weight, self.flat_weight, self.edge_weight];
+        require(all_off.iter().any(|&w| w > 0.0), "mask-weight", &0, "a weight that is not 0");
+        let width = self.width();
+        let divides = self.heads > 0 && width.is_multiple_of(self.heads);
+        require(divides, "heads", &self.heads, &format!("a divisor of the {width} features"));
+        if problems.is_empty() { Ok(self.summary()) } else { Err(problems) }
+    }
+
+    fn summary(&self) -> Summary {
+        let (d, v) = (self.width(), self.vertices());
+        let linear = |inputs: usize, outputs: usize| outputs * (inputs + 1);
+        let conv =
+            |pairs: &[[usize; 2]]| -> usize { pairs.iter().map(|p| linear(9 * p[0], p[1])).sum() };
+        let front = [[3, 64], [64, 64], [64, 128], [128, 128], [128, 256], [256, 256], [256, 256]];
+        let encoder = match self.encoder {
+            EncoderKind::Small => {
+                // Instead of a bias each channel has the two numbers of its norm.
+                let convs = conv(&[[3, 32], [32, 64], [64, 128], [128, 256]]);
+                convs + (32 + 64 + 128 + 256) + linear(4096, d) + 2 * d
+            }
+            EncoderKind::Cnn => conv(&front) + conv(&[[256, 64], [64, 16], [16, 4], [4, 1]]),
+        };
+        let f = self.feed_forward;
+        let layer = 4 * linear(d, d) + linear(d, f) + linear(f, d) + 4 * d;
+        let mean = self.attention == AttentionKind::Mean;
+        let attention = if mean { 0 } else { self.layers * layer };
+        let camera = if self.camera_embedding { linear(12, d) } else { 0 };
+        let heads = 2 * linear(d, 3 * v) + linear(d, 3);
+        let trainable = encoder + attention + camera + linear(d, d) + heads;
+        let shapes = [
+            ("pictures", format!("[N V, {0}, {0}, 3]", self.image_size)),
+            ("features", format!("[N, V, {d}]")),
+            ("mesh", format!("[N, {v}, 3] positions and colours, {} faces", 2 * v - 4)),
+            ("renderings", format!("[N V, {0}, {0}, 3]", self.render_size)),
+        ];
+        // Beside the weights stands the frame of the data, four numbers.
+        let shapes = shapes.map(|(name, shape)| (name.to_owned(), shape)).into();
+        Summary { trainable, frozen: 4, shapes }
+    }
+}

@@ -1,0 +1,189 @@
+//! img2mesh: several views of an object, attention between them, one mesh; learned from pictures
+//! alone.
+//!
+//! ```text
+//! views [N, V, S, S, 3] -> encoder -> features [N, V, D] -> attention -> mean over views -> x + relu(W x)
+//!   -> offsets of an icosphere, its colours, its place -> DIB-R into the same cameras -> four losses
+//! ```
+//!
+//! The number of views is free: a model trained on pairs takes one view or eight. Beyond what was
+//! published it can be told each view's camera (`camera-embedding`), be compared with views that
+//! it was not given (`extra-views`), and attend over the views as the paper says, where the
+//! published code attends over the batch (`attention`).
+//!
+//! Encoders learn from scratch: no pretrained weights are read yet, and the published base model,
+//! a frozen VGG16, is not built.
+//!
+//! # References
+//! The img2mesh paper and its code; losses and renderer: Chen et al. 2019, *Learning to Predict 3D Objects with
+//! an Interpolation-based Differentiable Renderer*.
+
+mod attention;
+mod config;
+mod data;
+mod encoder;
+mod model;
+mod render;
+mod score;
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use autodiff_lite::{Module, Tape, Visitor, VisitorMut};
+use datasets::View;
+use mesh_core::TriMesh;
+
+use crate::train::{DataError, Draw, Metric, Moment, Shown, Source, Summary, System, Terms};
+use data::Prepared;
+use model::{Meshes, Model};
+use render::{Stage, stacked};
+
+pub use config::{AttentionKind, EncoderKind, Img2MeshConfig, SilhouetteKind};
+pub use data::{Data, Sample};
+
+/// The system; see the [module](self).
+#[derive(Debug)]
+pub struct Img2Mesh {
+    config: Img2MeshConfig,
+    model: Model,
+    stage: Stage,
+}
+
+impl Module<f32> for Img2Mesh {
+    fn visit(&self, path: &str, visitor: &mut dyn Visitor<f32>) {
+        self.model.visit(path, visitor);
+    }
+
+    fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<f32>) {
+        self.model.visit_mut(path, visitor);
+    }
+}
+
+impl Img2Mesh {
+    /// Meshes of `n` objects from all given views, object by object, each as many.
+    fn meshes<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
+        let (m, side) = (views.len(), self.config.image_size);
+        let images = views.iter().map(|view| &view.image[..]);
+        let images = stacked(tape, images, &[m, side, side, 3]);
+        let cameras = stacked(tape, views.iter().map(|view| &view.matrix[..]), &[m, 12]);
+        self.model.forward(n, images, cameras)
+    }
+
+    /// Scores on what is held out, as [`System::evaluate`], with another number of views given.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    ///
+    /// # Panics
+    /// If `views` is 0.
+    pub fn evaluate_with(&self, data: &Data, views: usize) -> Result<Vec<Metric>, DataError> {
+        assert!(views > 0, "evaluate_with: a mesh takes a view at least");
+        self.score(data, views)
+    }
+}
+
+impl System for Img2Mesh {
+    const NAME: &'static str = "img2mesh";
+    const PRESETS: &'static [(&'static str, &'static str)] = &[
+        ("tiny", include_str!("../../presets/img2mesh/tiny.toml")),
+        ("small", include_str!("../../presets/img2mesh/small.toml")),
+        ("paper", include_str!("../../presets/img2mesh/paper.toml")),
+    ];
+    const BEST: &'static str = "mask-iou";
+
+    type Config = Img2MeshConfig;
+    type Data = Data;
+    type Sample = Sample;
+    type Input = [View];
+    type Prediction = TriMesh;
+
+    fn check(config: &Img2MeshConfig) -> Result<Summary, Vec<String>> {
+        config.check()
+    }
+
+    fn new(config: &Img2MeshConfig, seed: u64) -> Self {
+        let (model, template) = Model::new(config, seed);
+        Self { config: config.clone(), model, stage: Stage::new(&template, config) }
+    }
+
+    fn adopt(&mut self, data: &Data) {
+        let frame = data.frame.map(|x| x as f32);
+        self.model.frame.as_slice_mut().copy_from_slice(&frame);
+    }
+
+    fn open(config: &Img2MeshConfig, source: &Source<'_>) -> Result<Data, DataError> {
+        match source.path {
+            None => Data::clock(config, source.seed),
+            Some(path) => {
+                let views = datasets::read_views(path, source.options, source.progress)?;
+                Data::one(&views, config)
+            }
+        }
+    }
+
+    fn fingerprint(data: &Data) -> u64 {
+        data.fingerprint()
+    }
+
+    fn epoch_len(&self, data: &Data) -> usize {
+        data.epoch_len(&self.config)
+    }
+
+    fn draw(&self, data: &Data, draw: &Draw) -> Result<Sample, DataError> {
+        data.draw(&self.config, draw.item, &mut draw.rng())
+    }
+
+    fn name_of(sample: &Sample) -> String {
+        let names: Vec<&str> = sample.views.iter().map(|view| view.name.as_str()).collect();
+        format!("views {}", names.join(" + "))
+    }
+
+    fn loss<'t>(&self, tape: &'t Tape, batch: &[Sample], _: Moment) -> Terms<'t> {
+        let (n, c) = (batch.len(), &self.config);
+        let given: Vec<Arc<Prepared>> =
+            batch.iter().flat_map(|sample| sample.views.iter().take(c.views).cloned()).collect();
+        let meshes = self.meshes(tape, n, &given);
+        let targets = || batch.iter().flat_map(|sample| &sample.views);
+        let (m, side) = (targets().count(), c.render_size);
+        let matrices = stacked(tape, targets().map(|view| &view.matrix[..]), &[m, 3, 4]);
+        let rendered = self.stage.render(meshes.positions, meshes.colors, matrices);
+        let image = stacked(tape, targets().map(|view| &view.target[..]), &[m, side, side, 3]);
+        let mask = stacked(tape, targets().map(|view| &view.mask[..]), &[m, side, side]);
+        let topology = &self.stage.topology;
+        let flat = losses::face_angle(meshes.raw, &self.stage.corners, &topology.edge_faces);
+        Terms::new()
+            .with("image", c.image_weight, losses::l1(rendered.image, image, None))
+            .with("mask", c.mask_weight, losses::mask_iou(rendered.silhouette, mask))
+            .with("flat", c.flat_weight, flat)
+            .with("edge", c.edge_weight, losses::edge_length_sum(meshes.raw, &topology.edges))
+    }
+
+    fn evaluate(&self, data: &Data) -> Result<Vec<Metric>, DataError> {
+        self.score(data, self.config.views)
+    }
+
+    fn show(&self, data: &Data) -> Result<Shown, DataError> {
+        self.shown(data)
+    }
+
+    fn couples_samples(&self) -> bool {
+        self.config.attention == AttentionKind::Published
+    }
+
+    /// A coloured mesh in the world of the cameras, from any number of views.
+    fn predict(&self, views: &[View]) -> Result<TriMesh, String> {
+        if views.is_empty() {
+            return Err("no views: a mesh takes at least one picture with its camera".to_owned());
+        }
+        let frame = self.model.frame.as_slice();
+        let frame = std::array::from_fn(|k| f64::from(frame[k]));
+        let prepared = views
+            .iter()
+            .map(|view| Prepared::new(view, &self.config, frame).map(Arc::new))
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(|error| error.to_string())?;
+        let tape = Tape::eval();
+        Ok(self.mesh(self.meshes(&tape, 1, &prepared)))
+    }
+}

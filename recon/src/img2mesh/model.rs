@@ -1,0 +1,106 @@
+//! The network: encoder, attention, trunk, heads.
+
+use autodiff_lite::{Activation, Param, Tape, Var, impl_module};
+use mesh_core::{TriMesh, primitives};
+use ndarray::{Array1, Array2};
+use nets::{Init, Linear};
+
+use super::attention::AttentionLayer;
+use super::config::{AttentionKind, Img2MeshConfig};
+use super::encoder::Encoder;
+
+/// The network, whose parameters are named as the published code names them where it does.
+#[derive(Clone, Debug)]
+pub(super) struct Model {
+    encoder: Encoder,
+    camera: Option<Linear>,
+    layers: Vec<AttentionLayer>,
+    fc: Linear,
+    mesh_fc: Linear,
+    mesh_pos_fc: Linear,
+    mesh_color_fc: Linear,
+    /// Centre and scale of the data in its world: `[4]`.
+    pub(super) frame: Param,
+    attention: AttentionKind,
+    sphere: Array2<f32>,
+}
+impl_module!(Model: f32 { encoder, camera, layers, fc, mesh_fc, mesh_pos_fc, mesh_color_fc, frame }
+    fixed { attention, sphere });
+
+/// Meshes of a batch: `[N, V, 3]` each.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Meshes<'t> {
+    /// Before they are put in their place.
+    pub(super) raw: Var<'t>,
+    pub(super) positions: Var<'t>,
+    pub(super) colors: Var<'t>,
+}
+
+impl Model {
+    pub(super) fn new(config: &Img2MeshConfig, seed: u64) -> (Self, TriMesh) {
+        let init = Init::new(seed);
+        let (d, v) = (config.width(), config.vertices());
+        let layers = match config.attention {
+            AttentionKind::Mean => 0,
+            _ => config.layers,
+        };
+        let at = init.at("layers");
+        let template = primitives::icosphere(config.level).scaled([config.radius as f32; 3]);
+        let model = Self {
+            encoder: Encoder::new(&init.at("encoder"), config),
+            camera: config.camera_embedding.then(|| Linear::new(&init.at("camera"), 12, d)),
+            layers: (0..layers)
+                .map(|i| {
+                    let (heads, hidden) = (config.heads, config.feed_forward);
+                    AttentionLayer::new(&at.index(i), d, heads, hidden, config.dropout)
+                })
+                .collect(),
+            fc: Linear::new(&init.at("fc"), d, d),
+            mesh_fc: Linear::new(&init.at("mesh_fc"), d, 3 * v),
+            mesh_pos_fc: Linear::new(&init.at("mesh_pos_fc"), d, 3),
+            mesh_color_fc: Linear::new(&init.at("mesh_color_fc"), d, 3 * v),
+            frame: Param::buffer(Array1::from(vec![0.0, 0.0, 0.0, 1.0])),
+            attention: config.attention,
+            sphere: Array2::from(template.positions.clone()),
+        };
+        (model, template)
+    }
+
+    /// Pictures `[N V, S, S, 3]` and cameras `[N V, 12]` of `n` objects to their meshes.
+    pub(super) fn forward<'t>(&self, n: usize, images: Var<'t>, cameras: Var<'t>) -> Meshes<'t> {
+        let tape = images.tape();
+        let features = tape.scope("encoder", || self.encoder.forward(images));
+        let features = match &self.camera {
+            Some(camera) => features + camera.forward(cameras),
+            None => features,
+        };
+        let [m, d] = features.dims();
+        let tokens = features.reshape(&[n, m / n, d]);
+        let mixed = tape.scope("layers", || self.attend(tokens));
+        let mean = mixed.mean_axis(1);
+        let code = mean + self.fc.forward_then(mean, Activation::Relu);
+        self.decode(tape, code)
+    }
+
+    fn attend<'t>(&self, tokens: Var<'t>) -> Var<'t> {
+        let all = |x| self.layers.iter().fold(x, |x, layer| layer.forward(x));
+        match self.attention {
+            AttentionKind::Views => all(tokens),
+            AttentionKind::Published => all(tokens.permute(&[1, 0, 2])).permute(&[1, 0, 2]),
+            AttentionKind::Mean => tokens,
+        }
+    }
+
+    fn decode<'t>(&self, tape: &'t Tape, code: Var<'t>) -> Meshes<'t> {
+        let [n, _] = code.dims();
+        let v = self.sphere.nrows();
+        let offsets = self.mesh_fc.forward(code).reshape(&[n, v, 3]);
+        let raw = offsets + tape.constant(self.sphere.clone());
+        // The centre of the box goes where the position head says.
+        let (high, low) = (raw.max_axis(1), raw.neg().max_axis(1).neg());
+        let shift = self.mesh_pos_fc.forward(code) - (high + low).scale(0.5);
+        let positions = raw + shift.reshape(&[n, 1, 3]);
+        let colors = self.mesh_color_fc.forward(code).reshape(&[n, v, 3]).hardsigmoid();
+        Meshes { raw, positions, colors }
+    }
+}

@@ -1,0 +1,204 @@
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::path::Path;
+
+use autodiff_lite::Param;
+use datasets::{Dataset, Entry, Layout, ReadOptions, ReadViewsError, Subset, Views};
+use mesh_core::primitives::icosphere;
+
+use super::*;
+use crate::fit::Flow;
+use crate::synthetic::{Orbit, RenderOptions, render_views};
+use crate::train::{Better, Configuration, Event, Job, Provenance, RunFolder, train};
+
+type Config = Configuration<Img2MeshConfig>;
+
+fn preset(name: &str) -> Config {
+    let (_, text) = Img2Mesh::PRESETS.iter().find(|(other, _)| *other == name).unwrap();
+    toml::from_str(text).unwrap()
+}
+
+fn tiny() -> Img2MeshConfig {
+    Img2MeshConfig {
+        features: 16,
+        image_size: 16,
+        render_size: 16,
+        feed_forward: 16,
+        level: 1,
+        silhouette: SilhouetteKind::Antialiased,
+        ..Img2MeshConfig::default()
+    }
+}
+
+/// Views of a red ellipsoid.
+fn ellipsoid(radii: [f32; 3], count: usize, side: usize) -> Views {
+    let mesh = icosphere(3).scaled(radii).colored([0.9, 0.2, 0.1]);
+    let orbit = Orbit { count, width: side, height: side, ..Orbit::default() };
+    let views =
+        render_views(&mesh, &orbit.cameras(), &RenderOptions::default(), &|_, _| ()).unwrap();
+    Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] }
+}
+
+#[test]
+fn presets_are_in_range_and_parameters_are_counted() {
+    for (name, _) in Img2Mesh::PRESETS {
+        let config = preset(name);
+        assert_eq!(config.train.check(), Vec::<String>::new(), "{name}");
+        config.system.check().unwrap();
+    }
+    for (encoder, attention) in [
+        (EncoderKind::Small, AttentionKind::Views),
+        (EncoderKind::Small, AttentionKind::Mean),
+        (EncoderKind::Cnn, AttentionKind::Published),
+    ] {
+        let config = Img2MeshConfig { encoder, attention, camera_embedding: true, ..tiny() };
+        let system = Img2Mesh::new(&config, 0);
+        assert_eq!(system.parameter_count(), config.check().unwrap().trainable, "{encoder:?}");
+    }
+    // VGG16 to its third pool, and the four convolutions behind it.
+    let cnn = Img2MeshConfig { encoder: EncoderKind::Cnn, ..tiny() };
+    let head = Img2MeshConfig { features: cnn.width(), ..tiny() };
+    let small = 387_936 + 960 + cnn.width() * 4099;
+    let [cnn, head] = [cnn, head].map(|config| config.check().unwrap().trainable);
+    assert_eq!(cnn, head - small + 1_735_488 + 157_369);
+    let wrong = Img2MeshConfig { heads: 3, level: 9, mask_weight: f64::NAN, ..tiny() };
+    let problems = wrong.check().unwrap_err().join("; ");
+    for field in ["`heads`", "`level`", "`mask-weight`"] {
+        assert!(problems.contains(field), "{problems}");
+    }
+}
+
+#[test]
+fn every_parameter_gets_a_gradient() {
+    for (encoder, attention) in [
+        (EncoderKind::Small, AttentionKind::Views),
+        (EncoderKind::Small, AttentionKind::Published),
+        (EncoderKind::Cnn, AttentionKind::Mean),
+    ] {
+        let config = Img2MeshConfig {
+            encoder,
+            attention,
+            camera_embedding: true,
+            extra_views: 1,
+            dropout: 0.0,
+            ..tiny()
+        };
+        let data = Data::one(&ellipsoid([1.0, 0.6, 0.8], 8, 24), &config).unwrap();
+        let mut system = Img2Mesh::new(&config, 1);
+        system.adopt(&data);
+        let batch: Vec<Sample> = (0..2)
+            .map(|item| {
+                let draw = Draw { seed: 0, epoch: 0, index: item as u64, item };
+                system.draw(&data, &draw).unwrap()
+            })
+            .collect();
+        let tape = Tape::train(0);
+        let terms = system.loss(&tape, &batch, Moment { step: 0, epoch: 0 });
+        let total = terms.0.iter().map(|t| t.value.scale(t.weight as f32)).reduce(|a, b| a + b);
+        let gradients = total.unwrap().backward();
+        system.visit("", &mut |path: &str, param: &Param| {
+            if param.trainable {
+                let gradient = gradients.slice_of(param).unwrap_or_default();
+                let found = gradient.iter().any(|&g| g != 0.0) && gradients.is_finite();
+                assert!(found, "{encoder:?} {attention:?}: no gradient for {path}");
+            }
+        });
+    }
+}
+
+/// A few seconds of training on silhouettes and colours beat the sphere that it began with by far.
+#[test]
+fn a_tiny_training_finds_the_shape() {
+    let place = tempfile::tempdir().unwrap();
+    let mut config = Config { system: tiny(), ..Config::default() };
+    config.system.dropout = 0.0;
+    config.system.image_weight = 1.0;
+    (config.train.epochs, config.train.batch, config.train.shards) = (20, 4, 2);
+    (config.train.learning_rate, config.train.evaluate_every) = (2e-3, 0);
+    let data = Data::one(&ellipsoid([1.2, 0.5, 0.8], 40, 32), &config.system).unwrap();
+    let mut fresh = Img2Mesh::new(&config.system, 0);
+    fresh.adopt(&data);
+    let before = fresh.evaluate(&data).unwrap();
+    let run = RunFolder::create(&place.path().join("run"), false).unwrap();
+    let provenance = Provenance::default();
+    let job =
+        Job { config: &config, data: &data, run: &run, provenance: &provenance, resume: false };
+    let outcome = train::<Img2Mesh>(&job, &mut |_: Event| Flow::Continue).unwrap();
+    let after = &outcome.metrics;
+    assert_eq!((after[0].name.as_str(), after[0].better), ("mask-iou", Better::Larger));
+    assert!(after[0].value > before[0].value + 0.1, "{before:?} {after:?}");
+    assert!(after[0].value > 0.8 && after[2].value > before[2].value + 3.0, "{before:?} {after:?}");
+    // Any number of views, any size of picture.
+    let views = ellipsoid([1.2, 0.5, 0.8], 9, 40).views;
+    for count in [1, 3, 8] {
+        let mesh = outcome.system.predict(&views[..count]).unwrap();
+        assert_eq!(mesh.positions.len(), 42);
+        let (low, high) = mesh.bounds().unwrap();
+        assert!((high[0] - low[0]) > 1.3 * (high[1] - low[1]), "{low:?} {high:?}");
+    }
+    assert!(outcome.system.predict(&[]).is_err());
+    assert_eq!(outcome.system.evaluate_with(&data, 3).unwrap().len(), 3);
+    let page = std::fs::read_to_string(place.path().join("run/report.html")).unwrap();
+    assert!(page.contains("mask-iou"));
+}
+
+/// Ellipsoids of several shapes, in memory.
+#[derive(Debug)]
+struct Ellipsoids(Vec<Entry>);
+
+impl Dataset for Ellipsoids {
+    fn layout(&self) -> Layout {
+        Layout::Memory
+    }
+
+    fn root(&self) -> &Path {
+        Path::new("memory")
+    }
+
+    fn entries(&self) -> &[Entry] {
+        &self.0
+    }
+
+    fn views(
+        &self,
+        object: usize,
+        which: Option<&[usize]>,
+        _: &ReadOptions,
+        _: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<Views, ReadViewsError> {
+        let mut views = ellipsoid([1.0, 0.5 + 0.1 * object as f32, 0.8], 5, 20);
+        if let Some(which) = which {
+            views.views = which.iter().map(|&i| views.views[i].clone()).collect();
+        }
+        Ok(views)
+    }
+}
+
+#[test]
+fn many_objects_are_split_by_their_layout_or_by_us() {
+    let entries = |subset: fn(usize) -> Option<Subset>| {
+        let entry = |k: usize| Entry {
+            name: k.to_string(),
+            views: 5,
+            subset: subset(k),
+            ..Entry::default()
+        };
+        Box::new(Ellipsoids((0..6).map(entry).collect()))
+    };
+    let config = Img2MeshConfig { hold_out: 3, ..tiny() };
+    let open = |dataset| Data::many(dataset, ReadOptions::default(), &config).unwrap();
+    let data = open(entries(|_| None));
+    assert_eq!((&data.train[..], &data.held[..]), (&[0, 1, 3, 4][..], &[2, 5][..]));
+    let data = open(entries(|k| Some(if k == 1 { Subset::Test } else { Subset::Train })));
+    assert_eq!((data.train.len(), &data.held[..]), (5, &[1][..]));
+    let system = Img2Mesh::new(&config, 0);
+    assert_eq!(system.epoch_len(&data), 5);
+    let draw = Draw { seed: 1, epoch: 0, index: 0, item: 3 };
+    let sample = system.draw(&data, &draw).unwrap();
+    let again = system.draw(&data, &draw).unwrap();
+    assert_eq!(Img2Mesh::name_of(&sample), Img2Mesh::name_of(&again));
+    assert!(Img2Mesh::name_of(&sample).contains("4 view"), "{}", Img2Mesh::name_of(&sample));
+    assert!(system.evaluate(&data).unwrap()[0].value > 0.0);
+    let greedy = Img2MeshConfig { views: 9, ..config.clone() };
+    assert!(Data::many(entries(|_| None), ReadOptions::default(), &greedy).is_err());
+}
