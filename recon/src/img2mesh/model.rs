@@ -36,6 +36,19 @@ pub(super) struct Meshes<'t> {
     pub(super) colors: Var<'t>,
 }
 
+/// The radius of the published sphere, in the units of the published heads' first outputs.
+const PUBLISHED_RADIUS: f64 = 37.5;
+
+/// First weights as small beside the sphere as they were published: of the usual size, they would
+/// crumple a sphere of radius 1 before the first step.
+fn shrunk(mut head: Linear, radius: f64) -> Linear {
+    let factor = (radius / PUBLISHED_RADIUS) as f32;
+    for param in std::iter::once(&mut head.weight).chain(head.bias.as_mut()) {
+        param.as_slice_mut().iter_mut().for_each(|x| *x *= factor);
+    }
+    head
+}
+
 impl Model {
     pub(super) fn new(config: &Img2MeshConfig, seed: u64) -> (Self, TriMesh) {
         let init = Init::new(seed);
@@ -56,8 +69,8 @@ impl Model {
                 })
                 .collect(),
             fc: Linear::new(&init.at("fc"), d, d),
-            mesh_fc: Linear::new(&init.at("mesh_fc"), d, 3 * v),
-            mesh_pos_fc: Linear::new(&init.at("mesh_pos_fc"), d, 3),
+            mesh_fc: shrunk(Linear::new(&init.at("mesh_fc"), d, 3 * v), config.radius),
+            mesh_pos_fc: shrunk(Linear::new(&init.at("mesh_pos_fc"), d, 3), config.radius),
             mesh_color_fc: Linear::new(&init.at("mesh_color_fc"), d, 3 * v),
             frame: Param::buffer(Array1::from(vec![0.0, 0.0, 0.0, 1.0])),
             attention: config.attention,
