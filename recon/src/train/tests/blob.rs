@@ -1,0 +1,238 @@
+//! A small system: a two-layer network that turns the radii of an ellipsoid into the offsets of an
+//! icosphere, and learns from silhouettes alone.
+
+use std::sync::Arc;
+
+use autodiff_lite::{Activation, Param, Tape, impl_module};
+use diff_raster::{Faces, Settings, antialiased_silhouette, rasterize};
+use mesh_core::{ByteImage, Camera, Topology, primitives};
+use ndarray::{Array2, ArrayD, Ix3, IxDyn};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::report::ViewPair;
+use crate::train::{
+    DataError, Draw, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
+};
+
+const SIDE: usize = 16;
+const OBJECTS: usize = 12;
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub(super) struct Options {
+    pub(super) hidden: usize,
+    pub(super) dropout: f64,
+    /// The object whose picture is not a number, if any.
+    pub(super) poisoned: i64,
+    /// The epoch before which the hidden layer doubles, if any.
+    pub(super) grow_at: i64,
+    /// Couples the samples of a batch, to be refused with shards.
+    pub(super) coupled: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { hidden: 8, dropout: 0.1, poisoned: -1, grow_at: -1, coupled: false }
+    }
+}
+
+#[derive(Debug)]
+pub(super) struct Blob {
+    hidden: (Param, Param),
+    pub(super) offsets: (Param, Param),
+    options: Options,
+    faces: Arc<Faces>,
+    edges: Vec<[u32; 2]>,
+    sphere: ArrayD<f32>,
+}
+impl_module!(Blob: f32 { hidden, offsets } fixed { options, faces, edges, sphere });
+
+pub(super) struct Silhouette {
+    name: String,
+    radii: [f32; 3],
+    matrix: Vec<f32>,
+    mask: Vec<f32>,
+}
+
+fn object(index: usize) -> [f32; 3] {
+    let mut rng = ChaCha8Rng::seed_from_u64(17);
+    rng.set_stream(index as u64);
+    std::array::from_fn(|_| 0.4 + 0.5 * rng.random::<f32>())
+}
+
+fn camera(angle: f64) -> Vec<f32> {
+    let eye = [3.0 * angle.sin(), 0.8, 3.0 * angle.cos()];
+    let camera = Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 0.7, SIDE, SIDE);
+    camera.projection().concat().into_iter().map(|x| x as f32).collect()
+}
+
+pub(super) fn silhouette(index: usize, angle: f64, name: String) -> Silhouette {
+    let radii = object(index);
+    let mesh = primitives::icosphere(2).scaled(radii);
+    let tape = Tape::eval();
+    let positions = Array2::from(mesh.positions.clone()).into_dyn();
+    let positions = positions.to_shape(IxDyn(&[1, mesh.positions.len(), 3])).unwrap().to_owned();
+    let matrix = camera(angle);
+    let cameras = ArrayD::from_shape_vec(IxDyn(&[1, 3, 4]), matrix.clone()).unwrap();
+    let projected = tape.constant(positions).project(tape.constant(cameras)).value();
+    let projected = projected.into_dimensionality::<Ix3>().unwrap();
+    let faces = Arc::new(Faces::of(&mesh).unwrap());
+    let mask = rasterize(projected.view(), &faces, &Settings::new(SIDE, SIDE)).mask();
+    Silhouette { name, radii, matrix, mask }
+}
+
+impl Blob {
+    /// Masks of the batch, `[N, H, W]`, and the offsets, `[N, V, 3]`.
+    fn masks<'t>(&self, tape: &'t Tape, batch: &[Silhouette]) -> [autodiff_lite::Var<'t>; 2] {
+        let count = batch.len();
+        let radii = batch.iter().flat_map(|s| s.radii).collect();
+        let radii = tape.constant(ArrayD::from_shape_vec(IxDyn(&[count, 3]), radii).unwrap());
+        let dense = |x: autodiff_lite::Var<'t>, (w, b): &(Param, Param), activation| {
+            x.linear(tape.param(w), Some(tape.param(b)), activation)
+        };
+        let hidden = dense(radii, &self.hidden, Activation::Relu).dropout(self.options.dropout);
+        let vertices = self.sphere.shape()[0];
+        let offsets = dense(hidden, &self.offsets, Activation::None).reshape(&[count, vertices, 3]);
+        let positions = offsets + tape.constant(self.sphere.clone());
+        let matrices = batch.iter().flat_map(|s| s.matrix.clone()).collect();
+        let matrices = ArrayD::from_shape_vec(IxDyn(&[count, 3, 4]), matrices).unwrap();
+        let projected = positions.project(tape.constant(matrices));
+        let values = projected.value().into_dimensionality::<Ix3>().unwrap();
+        let settings = Settings::new(SIDE, SIDE);
+        let fragments = rasterize(values.view(), &self.faces, &settings);
+        [antialiased_silhouette(projected, &fragments), offsets]
+    }
+}
+
+impl System for Blob {
+    const NAME: &'static str = "blob";
+    const PRESETS: &'static [(&'static str, &'static str)] = &[];
+    const BEST: &'static str = "mask-iou";
+    type Config = Options;
+    type Data = ();
+    type Sample = Silhouette;
+    type Input = [f32; 3];
+    type Prediction = Vec<f32>;
+
+    fn check(config: &Options) -> Result<Summary, Vec<String>> {
+        if config.hidden == 0 {
+            return Err(vec!["`hidden` is 0, expected at least 1".into()]);
+        }
+        let trainable = 4 * config.hidden + 126 * (config.hidden + 1);
+        Ok(Summary { trainable, ..Summary::default() })
+    }
+
+    fn new(config: &Options, seed: u64) -> Self {
+        let mesh = primitives::icosphere(1);
+        let sphere = Array2::from(mesh.positions.clone()).mapv(|x| 0.6 * x).into_dyn();
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut weights = |rows: usize, columns: usize, scale: f32| {
+            Param::new(Array2::from_shape_fn((rows, columns), |_| {
+                scale * (rng.random::<f32>() - 0.5)
+            }))
+        };
+        let (hidden, out) = (config.hidden, 3 * mesh.positions.len());
+        Self {
+            hidden: (weights(hidden, 3, 2.0), Param::new(ndarray::Array1::zeros(hidden))),
+            offsets: (weights(out, hidden, 0.2), Param::new(ndarray::Array1::zeros(out))),
+            options: config.clone(),
+            edges: Topology::new(mesh.positions.len(), &mesh.faces).edges.clone(),
+            faces: Arc::new(Faces::of(&mesh).unwrap()),
+            sphere,
+        }
+    }
+
+    fn open(_: &Options, _: &Source<'_>) -> Result<(), DataError> {
+        Ok(())
+    }
+
+    fn fingerprint((): &()) -> u64 {
+        7
+    }
+
+    fn epoch_len(&self, (): &()) -> usize {
+        OBJECTS
+    }
+
+    fn draw(&self, (): &(), draw: &Draw) -> Result<Silhouette, DataError> {
+        let angle = draw.rng().random::<f64>() * std::f64::consts::TAU;
+        let mut sample = silhouette(draw.item, angle, format!("object {}", draw.item));
+        if draw.item as i64 == self.options.poisoned {
+            sample.mask[5] = f32::NAN;
+        }
+        Ok(sample)
+    }
+
+    fn name_of(sample: &Silhouette) -> String {
+        sample.name.clone()
+    }
+
+    fn loss<'t>(&self, tape: &'t Tape, batch: &[Silhouette], _: Moment) -> Terms<'t> {
+        let [masks, offsets] = self.masks(tape, batch);
+        let wanted = batch.iter().flat_map(|s| s.mask.clone()).collect();
+        let wanted = ArrayD::from_shape_vec(IxDyn(&[batch.len(), SIDE, SIDE]), wanted).unwrap();
+        let mask = losses::mask_iou(masks, tape.constant(wanted));
+        let edge = losses::edge_length(offsets, &self.edges, 0.0);
+        Terms::new().with("mask", 1.0, mask).with("edge", 0.1, edge).with("watched", 0.0, mask)
+    }
+
+    fn evaluate(&self, (): &()) -> Result<Vec<Metric>, DataError> {
+        let tape = Tape::eval();
+        let iou: f64 = (0..4)
+            .map(|k| {
+                let sample = [silhouette(100 + k, k as f64, String::new())];
+                let [mask, _] = self.masks(&tape, &sample);
+                let (mask, truth) = (mask.value(), &sample[0].mask);
+                let both = mask.iter().zip(truth).filter(|&(m, &t)| *m > 0.5 && t > 0.5).count();
+                let any = mask.iter().zip(truth).filter(|&(m, &t)| *m > 0.5 || t > 0.5).count();
+                both as f64 / any.max(1) as f64
+            })
+            .sum();
+        Ok(vec![Metric::larger("mask-iou", iou / 4.0), Metric::smaller("constant", 1.0)])
+    }
+
+    fn show(&self, (): &()) -> Result<Shown, DataError> {
+        let picture = |b| ByteImage { height: 8, width: 8, channels: 1, data: vec![b; 64] };
+        let caption = "none".to_owned();
+        let view = ViewPair { caption, model: picture(50), truth: picture(200) };
+        Ok(Shown { views: vec![view.clone(), view], mesh: None })
+    }
+
+    fn begin_epoch(&mut self, epoch: u64, moments: &mut Moments<'_>) {
+        if epoch as i64 != self.options.grow_at {
+            return;
+        }
+        // Each unit twice, at half the weight behind: the function stays as it is.
+        let twice = |x: &[f32]| x.repeat(2);
+        let width = self.hidden.1.len();
+        let halves = move |x: &[f32]| -> Vec<f32> {
+            x.chunks(width).flat_map(|row| row.repeat(2)).map(|w| 0.5 * w).collect()
+        };
+        let shaped = |data: Vec<f32>, shape: &[usize]| {
+            Param::new(ArrayD::from_shape_vec(IxDyn(shape), data).unwrap())
+        };
+        let out = self.offsets.1.len();
+        self.hidden.0 = shaped(twice(self.hidden.0.as_slice()), &[2 * width, 3]);
+        self.hidden.1 = shaped(twice(self.hidden.1.as_slice()), &[2 * width]);
+        self.offsets.0 = shaped(halves(self.offsets.0.as_slice()), &[out, 2 * width]);
+        moments.carry("hidden.0", twice);
+        moments.carry("hidden.1", twice);
+        moments.carry("offsets.0", halves);
+    }
+
+    fn couples_samples(&self) -> bool {
+        self.options.coupled
+    }
+
+    fn rates(&self) -> Vec<(String, f64)> {
+        vec![("offsets".to_owned(), 0.5)]
+    }
+
+    fn predict(&self, radii: &[f32; 3]) -> Result<Vec<f32>, String> {
+        let sample =
+            Silhouette { name: String::new(), radii: *radii, matrix: camera(0.0), mask: vec![] };
+        Ok(self.masks(&Tape::eval(), &[sample])[1].value().iter().copied().collect())
+    }
+}
