@@ -1,11 +1,9 @@
 //! A step in the steady state takes no fresh memory worth a page.
 #![allow(clippy::unwrap_used, reason = "tests")]
-#![allow(unsafe_code, reason = "counting allocations needs a global allocator")]
 
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
+use autodiff_lite::testkit::CountingAllocator;
 use autodiff_lite::{Tape, Tensor};
 use diff_raster::{
     Faces, Fragments, Settings, antialiased_silhouette, depth, interpolate, rasterize_into,
@@ -14,39 +12,8 @@ use diff_raster::{
 use mesh_core::primitives::icosphere;
 use ndarray::{Array2, Array3};
 
-/// Counts blocks of 4 KiB and more.
-struct Counting;
-
-static LARGE: AtomicUsize = AtomicUsize::new(0);
-
-fn count(size: usize) {
-    if size >= 4096 {
-        LARGE.fetch_add(1, Ordering::Relaxed);
-    }
-}
-
-// SAFETY: everything is the system allocator's; counting does not allocate.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(layout.size());
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the contract of `dealloc`.
-        unsafe { System.dealloc(at, layout) }
-    }
-
-    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count(size);
-        // SAFETY: the caller keeps the contract of `realloc`.
-        unsafe { System.realloc(at, layout, size) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: CountingAllocator = CountingAllocator::new();
 
 #[test]
 fn steps_recycle_their_memory() {
@@ -75,7 +42,7 @@ fn steps_recycle_their_memory() {
         // The positions turn back and forth, so that sizes do not stay the same.
         let turns = [0.0, 0.1, 0.2].map(positions);
         for step in 0..40 {
-            let before = LARGE.load(Ordering::Relaxed);
+            let before = ALLOCATOR.blocks();
             let values = &turns[step % 3];
             let view = values.view().into_dimensionality().unwrap();
             rasterize_into(view, &faces, &settings, &mut fragments);
@@ -93,7 +60,7 @@ fn steps_recycle_their_memory() {
             assert!(gradients.wrt(projected).is_some() && gradients.wrt(texels).is_some());
             drop(gradients);
             tape.reset();
-            let fresh = LARGE.load(Ordering::Relaxed) - before;
+            let fresh = ALLOCATOR.blocks() - before;
             assert!(step < 9 || fresh == 0, "step {step} took {fresh} large blocks");
         }
     });

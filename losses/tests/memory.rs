@@ -1,47 +1,14 @@
 //! The steady state of a training loop takes no fresh block of 4 KiB or more for any loss, and the bits of
 //! values and gradients do not depend on the number of threads.
-#![allow(unsafe_code, reason = "a counting allocator")]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
-
+use autodiff_lite::testkit::CountingAllocator;
 use autodiff_lite::{Tape, Tensor};
 use losses::{Directions, Matches};
 use mesh_core::{FacePair, SurfacePoint, Topology, primitives, sample_surface};
 use ndarray::{Array2, Array4, s};
 
-struct Counting;
-
-static LARGE: AtomicUsize = AtomicUsize::new(0);
-
-fn count(size: usize) {
-    if size >= 4096 {
-        LARGE.fetch_add(1, Ordering::Relaxed);
-    }
-}
-
-// SAFETY: every call is handed to the system's allocator as it is.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(layout.size());
-        // SAFETY: the caller keeps the contract.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count(size);
-        // SAFETY: the caller keeps the contract.
-        unsafe { System.realloc(block, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the contract.
-        unsafe { System.dealloc(block, layout) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: CountingAllocator = CountingAllocator::new();
 
 /// What one step needs, made once.
 struct Scene {
@@ -146,11 +113,11 @@ fn steps_take_no_fresh_memory_and_the_same_bits_on_any_number_of_threads() {
             for _ in 0..3 {
                 scene.step(&mut tape, &mut matches);
             }
-            let before = LARGE.load(Ordering::Relaxed);
+            let before = ALLOCATOR.blocks();
             for _ in 0..5 {
                 assert_eq!(scene.step(&mut tape, &mut matches), first);
             }
-            (first, LARGE.load(Ordering::Relaxed) - before)
+            (first, ALLOCATOR.blocks() - before)
         })
     };
     let (one, large) = run(1);

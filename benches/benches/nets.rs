@@ -1,0 +1,63 @@
+//! Networks: VGG16, a transformer's encoder layer, and an optimiser's step.
+
+use autodiff_lite::optim::Adam;
+use autodiff_lite::{Param, Tape, Tensor, impl_module};
+use benches::{criterion, numbers, pool};
+use ndarray::ArrayD;
+use nets::{Init, TransformerConfig, TransformerEncoderLayer, Vgg16};
+
+struct Weights {
+    w: Param,
+}
+impl_module!(Weights: f32 { w });
+
+fn array(shape: &[usize], seed: u32) -> Tensor {
+    let values = numbers(shape.iter().product(), seed);
+    ArrayD::from_shape_vec(shape, values).expect("as many numbers as the shape has").into_shared()
+}
+
+fn main() {
+    let mut criterion = criterion();
+    let (init, pool) = (Init::new(0), pool(2));
+    let mut group = criterion.benchmark_group("nets");
+    group.sample_size(10);
+    for [batch, side] in [[4, 224], [16, 64]] {
+        let vgg = Vgg16::<f32>::features_until_pool(&init, 5);
+        let images = array(&[batch, side, side, 3], 1);
+        let mut tape = Tape::train(0);
+        group.bench_function(
+            format!("vgg16-features/{batch}x{side}x{side}/forward-backward/2t"),
+            |b| {
+                pool.install(|| {
+                    b.iter(|| {
+                        let loss = vgg.forward_features(tape.constant(images.clone())).sum();
+                        drop(loss.backward());
+                        tape.reset();
+                    });
+                });
+            },
+        );
+    }
+    group.sample_size(20);
+    let layer = TransformerEncoderLayer::<f32>::new(&init, &TransformerConfig::new(512, 8));
+    let tokens = array(&[8, 64, 512], 2);
+    let mut tape = Tape::train(0);
+    group.bench_function("encoder-layer/8x64x512/forward-backward/2t", |b| {
+        pool.install(|| {
+            b.iter(|| {
+                let loss = layer.forward(tape.leaf(tokens.clone()), None).sum();
+                drop(loss.backward());
+                tape.reset();
+            });
+        });
+    });
+    let mut weights = Weights { w: Param::new(array(&[3_150_000], 3)) };
+    let gradients = tape.param(&weights.w).square().sum().backward();
+    tape.reset();
+    let mut adam = Adam::new(1e-3);
+    group.bench_function("adam/3.15M/2t", |b| {
+        pool.install(|| b.iter(|| adam.step(&mut weights, &gradients)));
+    });
+    group.finish();
+    criterion.final_summary();
+}
