@@ -258,7 +258,7 @@ fn every_length_of_every_file() {
         }
     }
     for pickle in pickles() {
-        for cut in (0..pickle.len()).step_by(pickle.len() / 150) {
+        for cut in 0..pickle.len() {
             read_pickle(&pickle[..cut]);
         }
     }
