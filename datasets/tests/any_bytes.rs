@@ -1,13 +1,13 @@
 //! Whatever the bytes of a dataset's files: objects or an error, no panic, no hang, and at most
 //! 64 MB for files of a few kB.
-#![allow(unsafe_code, reason = "a counting allocator")]
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{LazyLock, Mutex, PoisonError};
+mod counting;
 
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+use counting::{LIMIT, alone, peak};
 use datasets::pixel2mesh::{Ellipsoid, Pixel2Mesh, Sample, read_sample, write_sample};
 use datasets::r2n2::{self, R2n2, Rendering};
 use datasets::{Dataset, ReadOptions, SurfacePoints, Truth};
@@ -16,57 +16,10 @@ use mesh_core::{ByteImage, DepthMap, R2n2View, TriMesh, VoxelGrid};
 use proptest::prelude::*;
 use proptest::sample::Index;
 
-struct Counting;
-
-static LIVE: AtomicUsize = AtomicUsize::new(0);
-static PEAK: AtomicUsize = AtomicUsize::new(0);
-
-fn taken(size: usize) {
-    let live = LIVE.fetch_add(size, Ordering::Relaxed) + size;
-    PEAK.fetch_max(live, Ordering::Relaxed);
-}
-
-// SAFETY: every call is handed to the system's allocator as it is.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        taken(layout.size());
-        // SAFETY: the caller keeps the contract.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        taken(layout.size());
-        // SAFETY: the caller keeps the contract.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        taken(size);
-        LIVE.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: the caller keeps the contract.
-        unsafe { System.realloc(block, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
-        LIVE.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: the caller keeps the contract.
-        unsafe { System.dealloc(block, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// One measurement at a time: the counter is that of the whole process.
-static TURN: Mutex<()> = Mutex::new(());
-
 /// Runs a reader and holds what it takes on top of what is there below 64 MB.
 fn sparing<T>(what: &str, read: impl FnOnce() -> T) -> T {
-    let before = LIVE.load(Ordering::Relaxed);
-    PEAK.store(before, Ordering::Relaxed);
-    let result = read();
-    let taken = PEAK.load(Ordering::Relaxed).saturating_sub(before);
-    assert!(taken <= 64 << 20, "{what}: {taken} bytes");
+    let (taken, result) = peak(read);
+    assert!(taken <= LIMIT, "{what}: {taken} bytes");
     result
 }
 
@@ -183,7 +136,7 @@ fn read_object(root: &Path) {
 
 /// The object with one file damaged.
 fn object_with(file: usize, damage: impl FnOnce(Vec<u8>) -> Vec<u8>) {
-    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let _turn = alone();
     let (root, files) = &*OBJECT;
     let whole = std::fs::read(&files[file]).unwrap();
     std::fs::write(&files[file], damage(whole.clone())).unwrap();
@@ -209,7 +162,7 @@ fn pickles() -> Vec<Vec<u8>> {
 }
 
 fn read_pickle(bytes: &[u8]) {
-    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let _turn = alone();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("02691156_a_00.dat");
     std::fs::write(&path, bytes).unwrap();
@@ -267,7 +220,7 @@ fn every_length_of_every_file() {
 #[test]
 fn claims_and_bombs_cost_nothing() {
     let grid = |text: &[u8]| {
-        let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+        let _turn = alone();
         sparing("grid", || binvox::decode(text, "x").map(drop))
     };
     assert!(grid(b"#binvox 1\ndim 1600 1600 1600\ndata\n\0\xff\0\xff").is_err());

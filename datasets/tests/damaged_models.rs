@@ -2,63 +2,31 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod common;
+mod counting;
 
-use std::alloc::{GlobalAlloc, Layout as Block, System};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use common::ball;
+use counting::{LIMIT, alone, peak};
 use datasets::{Colmap, ColmapForm, ReadOptions, open, read_views, write_colmap, write_photos};
 use proptest::prelude::*;
 use serde_json::json;
 
-/// Counts what is held and the most that was, over all threads.
-struct Counting;
-
-static HELD: AtomicUsize = AtomicUsize::new(0);
-static MOST: AtomicUsize = AtomicUsize::new(0);
-/// The count is of the whole process, so the tests take turns.
-static TURN: Mutex<()> = Mutex::new(());
-
-#[allow(unsafe_code, reason = "an allocator that counts")]
-// SAFETY: every call goes to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, block: Block) -> *mut u8 {
-        let held = HELD.fetch_add(block.size(), Ordering::Relaxed) + block.size();
-        MOST.fetch_max(held, Ordering::Relaxed);
-        // SAFETY: the caller's promise is passed on.
-        unsafe { System.alloc(block) }
-    }
-
-    unsafe fn dealloc(&self, place: *mut u8, block: Block) {
-        HELD.fetch_sub(block.size(), Ordering::Relaxed);
-        // SAFETY: the caller's promise is passed on.
-        unsafe { System.dealloc(place, block) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-const MOST_BYTES: usize = 64 << 20;
-
 /// Opens and reads whatever is at the path, every object, with truth and points.
 fn read_everything(path: &Path) {
-    let before = HELD.load(Ordering::Relaxed);
-    MOST.store(before, Ordering::Relaxed);
-    let options = ReadOptions { depth: true, ..ReadOptions::default() };
-    let _ = read_views(path, &options, &|_, _| {});
-    if let Ok(dataset) = open(path) {
-        for object in 0..dataset.entries().len() {
-            let _ = dataset.truth(object);
+    let (most, ()) = peak(|| {
+        let options = ReadOptions { depth: true, ..ReadOptions::default() };
+        let _ = read_views(path, &options, &|_, _| {});
+        if let Ok(dataset) = open(path) {
+            for object in 0..dataset.entries().len() {
+                let _ = dataset.truth(object);
+            }
         }
-    }
-    if let Ok(colmap) = Colmap::open(path) {
-        let _ = colmap.points();
-    }
-    let most = MOST.load(Ordering::Relaxed).saturating_sub(before);
-    assert!(most < MOST_BYTES, "{} bytes for {}", most, path.display());
+        if let Ok(colmap) = Colmap::open(path) {
+            let _ = colmap.points();
+        }
+    });
+    assert!(most < LIMIT, "{} bytes for {}", most, path.display());
 }
 
 /// A project of each kind, with the files of each that can be damaged.
@@ -121,7 +89,7 @@ fn bop_scene(folder: &Path) -> Vec<PathBuf> {
 
 #[test]
 fn files_cut_anywhere_are_errors_or_views() {
-    let _turn = TURN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let _turn = alone();
     for (folder, files) in projects() {
         read_views(folder.path(), &ReadOptions::default(), &|_, _| {}).unwrap();
         for file in files {
@@ -137,7 +105,7 @@ fn files_cut_anywhere_are_errors_or_views() {
 
 #[test]
 fn counts_that_claim_the_world_cost_nothing() {
-    let _turn = TURN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let _turn = alone();
     for (folder, files) in projects() {
         for file in files {
             let whole = std::fs::read(&file).unwrap();
@@ -159,7 +127,7 @@ fn counts_that_claim_the_world_cost_nothing() {
 
 #[test]
 fn numbers_that_cannot_be_meant_are_named() {
-    let _turn = TURN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let _turn = alone();
     for (folder, files) in projects() {
         for file in files {
             let Ok(text) = String::from_utf8(std::fs::read(&file).unwrap()) else { continue };
@@ -186,7 +154,7 @@ proptest! {
         file in 0usize..4,
         changes in prop::collection::vec((0usize..100_000, any::<u8>()), 1..6),
     ) {
-        let _turn = TURN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let _turn = alone();
         let (folder, files) = projects().swap_remove(project);
         let file = &files[file % files.len()];
         let mut bytes = std::fs::read(file).unwrap();
