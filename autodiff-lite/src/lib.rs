@@ -38,7 +38,7 @@
 //!
 //! | for | see |
 //! |---|---|
-//! | values and handles | [`Tape`], [`Var`], [`Tensor`] |
+//! | values and handles | [`Tape`], [`NestedTape`], [`Var`], [`Tensor`] |
 //! | gradients | [`Var::backward`], [`Gradients`] |
 //! | models | [`Param`], [`Module`], [`impl_module!`] |
 //! | operations | the methods of [`Var`] and [`Tape`]; the loops behind them in [`kernels`] |
@@ -86,6 +86,7 @@ pub mod testkit;
 mod backward;
 mod gradients;
 mod module;
+mod nested;
 mod op;
 mod param;
 mod pool;
@@ -105,6 +106,7 @@ pub use kernels::conv::{ConvAlgorithm, ConvGeometry};
 pub use kernels::pooling::PoolGeometry;
 pub use kernels::resample::Padding;
 pub use module::{Module, Visitor, VisitorMut, join_path};
+pub use nested::NestedTape;
 pub use op::Op;
 pub use ops::BatchStatistics;
 pub use param::{Param, ParamId};

@@ -143,6 +143,13 @@ impl<F: Real, M: Module<F>, const N: usize> Module<F> for [M; N] {
     }
 }
 
+/// What has no parameters.
+impl<F: Real> Module<F> for () {
+    fn visit(&self, _: &str, _: &mut dyn Visitor<F>) {}
+
+    fn visit_mut(&mut self, _: &str, _: &mut dyn VisitorMut<F>) {}
+}
+
 macro_rules! tuple_module {
     ($($module:ident $index:tt),*) => {
         impl<F: Real, $($module: Module<F>),*> Module<F> for ($($module,)*) {

@@ -9,6 +9,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use crate::gradients::Entry;
+use crate::nested::Nests;
 use crate::op::FnOp;
 use crate::{
     Backward, BufferUpdate, IntoTensor, Op, Param, ParamId, Pool, PoolVec, Real, Tensor, Updates,
@@ -42,6 +43,9 @@ pub struct Tape<F: Real = f32> {
     pub(crate) path: RefCell<String>,
     updates: RefCell<Vec<BufferUpdate<F>>>,
     pub(crate) epoch: Cell<u64>,
+    pub(crate) nests: Nests<F>,
+    /// Whether it is nested: its resets are not steps, by which the age of pooled memory is told.
+    nested: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,7 +103,14 @@ impl<F: Real> Tape<F> {
             path: RefCell::default(),
             updates: RefCell::default(),
             epoch: Cell::new(0),
+            nests: Nests::default(),
+            nested: false,
         }
+    }
+
+    /// A new tape of the same mode and pool.
+    pub(crate) fn nest(&self) -> Self {
+        Self { pool: self.pool.clone(), nested: true, ..Self::new(self.mode, 0) }
     }
 
     /// A tape that records. `seed` decides all randomness on it (dropout); see
@@ -247,7 +258,9 @@ impl<F: Real> Tape<F> {
         self.updates.get_mut().clear();
         self.draws.set(0);
         self.epoch.set(self.epoch.get() + 1);
-        self.pool.tick();
+        if !self.nested {
+            self.pool.tick();
+        }
     }
 
     /// Sets the seed from which the randomness of the next step follows.
