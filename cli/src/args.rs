@@ -2,6 +2,7 @@
 
 mod data;
 mod dataset;
+mod reproduce;
 
 use std::path::PathBuf;
 
@@ -12,6 +13,7 @@ pub(crate) use data::{
     CamerasName, Data, DataVerb, DepthKind, Frame, Generate, LayoutName, SizeRule,
 };
 pub(crate) use dataset::{Convert, Inspect, Validate, WrittenLayout};
+pub(crate) use reproduce::Reproduce;
 
 use crate::system::SystemName;
 
@@ -71,6 +73,8 @@ pub(crate) enum Command {
     Check(Check),
     /// Make, inspect, validate and convert datasets.
     Data(Data),
+    /// Make a published table again, with what it claims.
+    Reproduce(Reproduce),
     /// Print a completion script for a shell.
     Completions(Completions),
 }

@@ -9,6 +9,8 @@ mod console;
 mod failure;
 mod interrupt;
 mod progress;
+mod provenance;
+mod study;
 mod system;
 
 use std::process::ExitCode;

@@ -37,6 +37,12 @@ impl Progress {
         }
     }
 
+    /// So many were done before: they say nothing about the time that is left.
+    pub(crate) fn begin(&self, done: usize, total: usize) {
+        self.set(done, total);
+        self.0.reset_eta();
+    }
+
     /// What is going on, behind the bar.
     pub(crate) fn say(&self, text: String) {
         self.0.set_message(text);

@@ -16,6 +16,7 @@ use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
+use crate::provenance::typed_command;
 
 /// Where the results go when nothing is said.
 const FOLDER: &str = "unsphere-fit";
@@ -209,19 +210,4 @@ fn describe(outcome: &Outcome<'_>, views: &Views, fitted: &Fitted) -> String {
         views.len(),
         table(rows)
     )
-}
-
-/// The command line, quoted where a shell needs it.
-pub(crate) fn typed_command() -> String {
-    let quoted = |text: &str| {
-        let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+%@".contains(c);
-        if !text.is_empty() && text.chars().all(plain) {
-            text.to_owned()
-        } else {
-            format!("'{}'", text.replace('\'', "'\\''"))
-        }
-    };
-    let mut words = vec!["unsphere".to_owned()];
-    words.extend(std::env::args_os().skip(1).map(|word| quoted(&word.to_string_lossy())));
-    words.join(" ")
 }

@@ -7,6 +7,7 @@ mod demo;
 mod fit;
 mod metrics;
 mod render;
+mod reproduce;
 mod train;
 
 use crate::args::{Arguments, Command};
@@ -28,6 +29,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Metrics(arguments) => metrics::run(console, global, &arguments),
         Command::Check(arguments) => check::run(console, global, &arguments),
         Command::Data(arguments) => data::run(console, global, &arguments),
+        Command::Reproduce(arguments) => reproduce::run(console, global, &arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     })
 }

@@ -7,17 +7,17 @@ use std::time::Instant;
 use recon::fit::Flow;
 use recon::settings;
 use recon::train::{
-    CHANGEABLE, CheckpointError, Configuration, Event, Job, Outcome, Provenance, RunError,
-    RunFolder, Source, System, TrainError, train,
+    CHANGEABLE, CheckpointError, Configuration, Event, Job, Outcome, RunError, RunFolder, Source,
+    System, TrainError, train,
 };
 use serde::Serialize;
 
 use crate::args::{Global, Train};
-use crate::command::fit::typed_command;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
+use crate::provenance::provenance;
 use crate::system::{self, ForSystem};
 
 /// What is printed with `--json`.
@@ -203,26 +203,6 @@ fn failed(error: RunError) -> Failure {
         RunError::NoRun { .. } | RunError::Log { .. } => Failure::input(error),
         error => Failure::other(error),
     }
-}
-
-fn provenance(data: Option<&Path>) -> Provenance {
-    Provenance {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        // Known where whoever builds says so.
-        commit: option_env!("UNSPHERE_COMMIT").unwrap_or_default().to_owned(),
-        cpu: cpu(),
-        machine: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
-        command: typed_command(),
-        data: data.map(|path| path.display().to_string()).unwrap_or_default(),
-    }
-}
-
-/// The processor's name, where the system tells it as Linux does.
-fn cpu() -> String {
-    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let line = text.lines().find(|line| line.starts_with("model name"));
-    line.and_then(|line| line.split_once(": "))
-        .map_or_else(String::new, |(_, name)| name.to_owned())
 }
 
 fn describe(trained: &Trained<'_>) -> String {

@@ -5,8 +5,10 @@
 
 mod chart;
 mod scene;
+mod sheet;
 
 pub use chart::{Chart, Series};
+pub(crate) use sheet::sheet;
 
 use std::fmt::Write as _;
 

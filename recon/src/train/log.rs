@@ -125,6 +125,12 @@ impl History {
         });
     }
 
+    /// Seconds of computing in the steps.
+    pub(super) fn seconds(&self) -> f64 {
+        let of = |line: &Line| if let Line::Step { seconds, .. } = line { *seconds } else { 0.0 };
+        self.lines.iter().map(of).sum()
+    }
+
     /// The text of the log.
     pub(super) fn to_jsonl(&self) -> String {
         let mut text = json(&self.header);

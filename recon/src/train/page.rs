@@ -17,11 +17,7 @@ pub(super) fn report(system: &str, config: &str, history: &History, shown: &Show
         other => other.to_string(),
     };
     let steps = history.lines.iter().filter(|line| matches!(line, Line::Step { .. })).count();
-    let seconds: f64 = history
-        .lines
-        .iter()
-        .map(|line| if let Line::Step { seconds, .. } = line { *seconds } else { 0.0 })
-        .sum();
+    let seconds = history.seconds();
     let facts = ["data", "data_hash", "seed", "threads", "cpu", "machine", "version", "commit"];
     let rows = facts.map(|name| (name.replace('_', " "), fact(name)));
     Report {

@@ -18,6 +18,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::error::RunError;
+use super::log::History;
 
 /// Everything in a run's folder, for those who overwrite one.
 const ENTRIES: &[&str] = &[
@@ -128,6 +129,14 @@ impl RunFolder {
     /// `checkpoints/best.safetensors`.
     pub fn best(&self) -> PathBuf {
         self.checkpoints().join("best.safetensors")
+    }
+
+    /// Seconds of computing in the steps so far, of all parts of the run.
+    ///
+    /// # Errors
+    /// If the log cannot be read.
+    pub fn seconds(&self) -> Result<f64, RunError> {
+        Ok(History::read(&self.log())?.seconds())
     }
 
     fn checkpoints(&self) -> PathBuf {

@@ -6,8 +6,8 @@ use std::path::Path;
 use autodiff_lite::{Module, Tape, Var};
 use datasets::{ReadOptions, ReadViewsError};
 use mesh_core::TriMesh;
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 use super::draw::Draw;
 use super::optimizer::Moments;
@@ -212,7 +212,8 @@ impl Metric {
 }
 
 /// Which values of a score are better.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Better {
     /// The larger.
     Larger,

@@ -8,10 +8,10 @@ use recon::output::OutputFolder;
 use serde::Serialize;
 
 use crate::args::Inspect;
-use crate::command::fit::typed_command;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::progress::Progress;
+use crate::provenance::typed_command;
 
 /// Where the report goes when nothing is said.
 const FOLDER: &str = "unsphere-inspect";

@@ -1,0 +1,134 @@
+//! `unsphere reproduce`: a published table, made again.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use recon::fit::Flow;
+use recon::reproduce::{
+    Event, Order, ReproduceError, Reproduced, Scale, Study, StudyError, reproduce,
+};
+use serde::Serialize;
+
+use crate::args::{Global, Reproduce};
+use crate::console::{Console, table};
+use crate::failure::Failure;
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
+use crate::provenance::provenance;
+use crate::study::{STUDIES, study};
+
+/// Steps of the progress bar in a job.
+const TICKS: usize = 1000;
+
+/// What is printed with `--json`.
+#[derive(Debug, Serialize)]
+struct Outcome<'a> {
+    study: &'static str,
+    scale: Scale,
+    output: &'a Path,
+    #[serde(flatten)]
+    made: &'a Reproduced,
+}
+
+pub(crate) fn run(console: Console, global: Global, arguments: &Reproduce) -> Result<(), Failure> {
+    let Some(name) = &arguments.name else { return list(console) };
+    let study = study(name).ok_or_else(|| {
+        let names = STUDIES.iter().map(|study| study.name()).collect::<Vec<_>>().join(", ");
+        Failure::Usage(format!("{name}: no such study, expected one of: {names}"))
+    })?;
+    make(console, global, arguments, study)
+}
+
+fn list(console: Console) -> Result<(), Failure> {
+    let names: Vec<(&str, &str)> = STUDIES.iter().map(|s| (s.name(), s.about())).collect();
+    console.result(&names, |names| {
+        table(names.iter().map(|(name, about)| (*name, (*about).to_owned())))
+    })
+}
+
+fn make(
+    console: Console,
+    global: Global,
+    arguments: &Reproduce,
+    study: &'static dyn Study,
+) -> Result<(), Failure> {
+    let scale = if arguments.quick { Scale::Quick } else { Scale::Full };
+    let out = arguments.output.clone().unwrap_or_else(|| folder(study.name(), scale));
+    let base = global.seed.unwrap_or(0);
+    let order = Order {
+        scale,
+        seeds: (0..u64::from(arguments.seeds)).map(|k| base.saturating_add(k)).collect(),
+        data: arguments.data.as_deref(),
+        force: arguments.force,
+        provenance: provenance(arguments.data.as_deref()),
+    };
+    let interrupt = Interrupt::listen(None)?;
+    interrupt.worthwhile();
+    let progress = Progress::new(console, study.name());
+    let mut watch = |event: Event| {
+        match event {
+            Event::Started { jobs, kept } => {
+                progress.begin(kept * TICKS, jobs * TICKS);
+                if kept > 0 {
+                    console.remark(format_args!("{kept} of {jobs} jobs were finished before"));
+                }
+            }
+            Event::Working { finished, jobs, job, seed, tick } => {
+                let done = (tick.done.clamp(0.0, 1.0) * TICKS as f64) as usize;
+                progress.set(finished * TICKS + done, jobs * TICKS);
+                let text =
+                    format!("job {} of {jobs}, {job}, seed {seed}: {}", finished + 1, tick.text);
+                progress.say(text);
+            }
+            Event::Finished { job, seed, seconds, .. } => {
+                console.remark(format_args!("{job}, seed {seed}: done in {seconds:.1} s"));
+            }
+            _ => {}
+        }
+        if interrupt.pressed() { Flow::Stop } else { Flow::Continue }
+    };
+    let made = reproduce(study, &out, &order, &mut watch).map_err(failed)?;
+    progress.finish();
+    let outcome = Outcome { study: study.name(), scale, output: &out, made: &made };
+    console.result(&outcome, describe)?;
+    if made.interrupted {
+        let text = format!("what is finished is in {}; the same command goes on", out.display());
+        return Err(Failure::Interrupted(text));
+    }
+    let broken: Vec<&str> =
+        made.claims.iter().filter(|claim| !claim.holds).map(|claim| claim.text.as_str()).collect();
+    if scale == Scale::Quick && !broken.is_empty() {
+        return Err(Failure::Other(format!("does not hold: {}", broken.join("; "))));
+    }
+    Ok(())
+}
+
+fn folder(name: &str, scale: Scale) -> PathBuf {
+    match scale {
+        Scale::Full => format!("reproduce-{name}").into(),
+        Scale::Quick => format!("reproduce-{name}-quick").into(),
+    }
+}
+
+fn failed(error: ReproduceError) -> Failure {
+    match &error {
+        ReproduceError::Damaged { .. } => Failure::input(error),
+        ReproduceError::Job { error: StudyError::Data(_) | StudyError::Checkpoint(_), .. } => {
+            Failure::input(error)
+        }
+        _ => Failure::other(error),
+    }
+}
+
+fn describe(outcome: &Outcome<'_>) -> String {
+    let mut text = String::new();
+    for table in &outcome.made.tables.0 {
+        text += &table.to_text();
+        text.push('\n');
+    }
+    for claim in &outcome.made.claims {
+        let verdict = if claim.holds { "holds" } else { "DOES NOT HOLD" };
+        let _ = writeln!(text, "{verdict}: {} ({})", claim.text, claim.found);
+    }
+    text + &format!("output: {}\n", outcome.output.display())
+}

@@ -1,0 +1,11 @@
+//! The studies that can be reproduced, by name.
+
+use recon::reproduce::Study;
+
+/// All of them, in the order of the list.
+pub(crate) const STUDIES: &[&dyn Study] = &[];
+
+/// The study of this name.
+pub(crate) fn study(name: &str) -> Option<&'static dyn Study> {
+    STUDIES.iter().copied().find(|study| study.name() == name)
+}

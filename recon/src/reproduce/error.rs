@@ -1,0 +1,98 @@
+//! Why a table is not made.
+
+use std::path::PathBuf;
+
+use crate::train::{CheckpointError, DataError, RunError, TrainError};
+
+/// Why a job gives no rows.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StudyError {
+    /// It was asked to stop; what it has is kept in its folder.
+    #[error("stopped")]
+    Stopped,
+    /// The training failed.
+    #[error(transparent)]
+    Train(Box<TrainError>),
+    /// The data cannot be had.
+    #[error(transparent)]
+    Data(Box<DataError>),
+    /// The folder of its training cannot be used.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// Its checkpoint cannot be used.
+    #[error(transparent)]
+    Checkpoint(Box<CheckpointError>),
+    /// Anything else, in one sentence.
+    #[error("{0}")]
+    Other(String),
+}
+
+impl From<TrainError> for StudyError {
+    fn from(error: TrainError) -> Self {
+        Self::Train(Box::new(error))
+    }
+}
+
+impl From<DataError> for StudyError {
+    fn from(error: DataError) -> Self {
+        Self::Data(Box::new(error))
+    }
+}
+
+impl From<CheckpointError> for StudyError {
+    fn from(error: CheckpointError) -> Self {
+        Self::Checkpoint(Box::new(error))
+    }
+}
+
+/// Why a study is not carried out.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReproduceError {
+    /// The folder's results are of another study, scale, data, or of other settings.
+    #[error(
+        "{}: its results are of `{found}`, now it is `{expected}`; choose another folder, or drop them (--force)",
+        path.display()
+    )]
+    Changed {
+        /// The folder.
+        path: PathBuf,
+        /// The line that was.
+        found: String,
+        /// The line that is.
+        expected: String,
+    },
+    /// There is something else at the path.
+    #[error("{} is there and holds no results; choose another folder, or allow overwriting (--force)", path.display())]
+    Taken {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A kept result cannot be read.
+    #[error("{}: {problem}; remove it, and its job is done again", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// The file system refused.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A job failed. What was finished before is kept.
+    #[error("{job}, seed {seed}: {error}")]
+    Job {
+        /// The job.
+        job: String,
+        /// Its seed.
+        seed: u64,
+        /// Why.
+        error: StudyError,
+    },
+}

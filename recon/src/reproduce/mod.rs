@@ -1,0 +1,84 @@
+//! Published tables, made again: jobs by seed, kept one by one, and a page that says what holds.
+//!
+//! A [`Study`] says which models are trained and what rows they give; [`reproduce`](fn@reproduce) does
+//! everything else: it goes through the jobs seed by seed, keeps each result as it comes, goes on
+//! where it was stopped, and writes the tables with the spread over the seeds.
+//!
+//! ```
+//! use recon::fit::Flow;
+//! use recon::reproduce::{
+//!     Cell, Claim, Order, Row, Scale, Study, StudyError, Tables, Tick, Work, reproduce,
+//! };
+//!
+//! /// Does guessing pay? One job a strategy; a real study trains a model in each.
+//! struct Guessing;
+//!
+//! impl Study for Guessing {
+//!     fn name(&self) -> &'static str {
+//!         "guessing"
+//!     }
+//!     fn about(&self) -> &'static str {
+//!         "two ways to guess"
+//!     }
+//!     fn settings(&self, _: Scale) -> String {
+//!         "strategies = 2\n".into()
+//!     }
+//!     fn jobs(&self, _: Scale) -> Vec<String> {
+//!         vec!["low".into(), "high".into()]
+//!     }
+//!     fn run(
+//!         &self,
+//!         work: &Work<'_>,
+//!         watch: &mut dyn FnMut(Tick) -> Flow,
+//!     ) -> Result<Vec<Row>, StudyError> {
+//!         work.tell(watch, 0.5, "half of it")?;
+//!         let won = if work.id == "high" { 0.75 } else { 0.5 } + 0.01 * work.seed as f64;
+//!         Ok(vec![Row::new("Guesses", &work.id).with(Cell::larger("won", won, 2))])
+//!     }
+//!     fn claims(&self, tables: &Tables, _: Scale) -> Vec<Claim> {
+//!         let [low, high] = ["low", "high"].map(|row| tables.mean("Guesses", row, "won"));
+//!         vec![Claim::new("high guesses win more", format!("{high:?} over {low:?}"), high > low)]
+//!     }
+//! }
+//!
+//! let out = tempfile::tempdir()?;
+//! let order = Order { seeds: vec![0, 1], ..Order::default() };
+//! let made = reproduce(&Guessing, out.path(), &order, &mut |_| Flow::Continue)?;
+//! assert!(made.claims[0].holds);
+//! let table = std::fs::read_to_string(out.path().join("table.md"))?;
+//! assert!(table.contains("| high | **0.76** (0.01) |"), "{table}"); // the mean and the spread
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Adding a study
+//!
+//! 1. `impl Study` in the system's module; a job is one model, [`Work::train`] trains it and goes on with
+//!    it after an interruption.
+//! 2. [`Study::settings`] holds all that another value of which would make kept results wrong:
+//!    the configurations as TOML, sizes and counts.
+//! 3. One line in `cli/src/study.rs`.
+//!
+//! # Invariants
+//!
+//! - What is finished is never computed twice; results appear whole or not at all.
+//! - Results of other settings, scale or data are never mixed: they are refused.
+//! - A spread is the largest less the smallest value over the seeds.
+
+mod error;
+mod markdown;
+mod page;
+mod row;
+mod run;
+mod store;
+mod study;
+mod table;
+#[cfg(test)]
+mod tests;
+mod work;
+
+pub use error::{ReproduceError, StudyError};
+pub use row::{Cell, Picture, Row};
+pub use run::{Event, Order, Reproduced, reproduce};
+pub use study::{Claim, Scale, Study};
+pub use table::{Column, Line, Table, Tables};
+pub use work::{Tick, Trained, Work};

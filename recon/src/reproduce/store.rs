@@ -1,0 +1,197 @@
+//! The folder of a study: finished jobs, one file each.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `study.txt` | study, scale, data and settings that all results are of |
+//! | `results/<job>-seed-<k>.json` | the rows of a finished job |
+//! | `pictures/` | what the rows show |
+//! | `work/<job>-seed-<k>/` | the job's own folder: its training |
+//! | `table.md`, `report.html`, `results.json` | what came of it all so far |
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use mesh_core::encode_png;
+use serde::{Deserialize, Serialize};
+
+use super::error::ReproduceError;
+use super::row::{Cell, Row};
+use crate::train::Provenance;
+
+/// Everything in a study's folder, for those who overwrite one.
+const ENTRIES: &[&str] =
+    &["study.txt", "results", "pictures", "work", "table.md", "report.html", "results.json"];
+
+/// The folder of a study.
+#[derive(Debug)]
+pub(super) struct Store(PathBuf);
+
+/// A finished job.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Kept {
+    pub(super) job: String,
+    pub(super) seed: u64,
+    pub(super) rows: Vec<KeptRow>,
+    /// What the job took in its last part.
+    pub(super) seconds: f64,
+    pub(super) version: String,
+    pub(super) commit: String,
+    pub(super) cpu: String,
+    pub(super) machine: String,
+    pub(super) threads: usize,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct KeptRow {
+    pub(super) table: String,
+    pub(super) label: String,
+    pub(super) cells: Vec<Cell>,
+    pub(super) seconds: f64,
+    pub(super) pictures: Vec<KeptPicture>,
+}
+
+/// A picture in the folder.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct KeptPicture {
+    pub(super) caption: String,
+    /// Below the study's folder.
+    pub(super) file: String,
+}
+
+impl Store {
+    /// Opens a folder for results of what `identity` says, or makes it.
+    pub(super) fn open(path: &Path, identity: &str, force: bool) -> Result<Self, ReproduceError> {
+        let store = Self(path.to_owned());
+        let note = path.join("study.txt");
+        let known = match fs::read_to_string(&note) {
+            Ok(text) => Some(text),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
+            Err(source) => return Err(ReproduceError::Io { path: note, source }),
+        };
+        match known {
+            Some(text) if text == identity => return Ok(store),
+            _ if force => store.clear()?,
+            Some(text) => return Err(changed(path, &text, identity)),
+            None if path.exists() && !is_empty(path)? => {
+                return Err(ReproduceError::Taken { path: path.to_owned() });
+            }
+            None => {}
+        }
+        store.write("study.txt", identity.as_bytes())?;
+        Ok(store)
+    }
+
+    /// Removes everything that a study wrote, and leaves other files alone.
+    pub(super) fn clear(&self) -> Result<(), ReproduceError> {
+        for name in ENTRIES {
+            let path = self.0.join(name);
+            let removed = match fs::symlink_metadata(&path) {
+                Ok(found) if found.is_dir() => fs::remove_dir_all(&path),
+                Ok(_) => fs::remove_file(&path),
+                Err(_) => Ok(()),
+            };
+            removed.map_err(|source| ReproduceError::Io { path, source })?;
+        }
+        Ok(())
+    }
+
+    /// Where a job may keep what it needs to go on.
+    pub(super) fn work(&self, job: &str, seed: u64) -> PathBuf {
+        self.0.join("work").join(stem(job, seed))
+    }
+
+    /// The kept result of a job, if it was finished.
+    pub(super) fn kept(&self, job: &str, seed: u64) -> Result<Option<Kept>, ReproduceError> {
+        let path = self.0.join(result(job, seed));
+        let text = match fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(source) => return Err(ReproduceError::Io { path, source }),
+        };
+        match serde_json::from_str(&text) {
+            Ok(kept) => Ok(Some(kept)),
+            Err(error) => Err(ReproduceError::Damaged { path, problem: error.to_string() }),
+        }
+    }
+
+    /// Keeps the rows of a finished job. Its pictures come first, so that a result has them all.
+    pub(super) fn keep(
+        &self,
+        (job, seed): (&str, u64),
+        rows: Vec<Row>,
+        seconds: f64,
+        provenance: &Provenance,
+    ) -> Result<Kept, ReproduceError> {
+        let mut kept_rows = Vec::new();
+        let mut count = 0;
+        for row in rows {
+            let mut pictures = Vec::new();
+            for picture in row.pictures {
+                let file = format!("pictures/{}-{count}.png", stem(job, seed));
+                count += 1;
+                self.write(&file, &encode_png(&picture.image))?;
+                pictures.push(KeptPicture { caption: picture.caption, file });
+            }
+            let Row { table, label, cells, seconds, .. } = row;
+            kept_rows.push(KeptRow { table, label, cells, seconds, pictures });
+        }
+        let kept = Kept {
+            job: job.to_owned(),
+            seed,
+            rows: kept_rows,
+            seconds,
+            version: provenance.version.clone(),
+            commit: provenance.commit.clone(),
+            cpu: provenance.cpu.clone(),
+            machine: provenance.machine.clone(),
+            threads: rayon::current_num_threads(),
+        };
+        let text = serde_json::to_string_pretty(&kept).expect("plain figures serialise");
+        self.write(&result(job, seed), (text + "\n").as_bytes())?;
+        Ok(kept)
+    }
+
+    /// The bytes of a picture; none if someone removed it.
+    pub(super) fn picture(&self, picture: &KeptPicture) -> Option<Vec<u8>> {
+        fs::read(self.0.join(&picture.file)).ok()
+    }
+
+    /// Writes a file, whole or not at all, with the folders above it.
+    pub(super) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), ReproduceError> {
+        let path = self.0.join(name);
+        let io = |source| ReproduceError::Io { path: path.clone(), source };
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent).map_err(io)?;
+        }
+        mesh_core::io::write_atomic(&path, |out| out.write_all(bytes))
+            .map_err(|error| io(std::io::Error::other(error.to_string())))
+    }
+}
+
+fn stem(job: &str, seed: u64) -> String {
+    format!("{job}-seed-{seed}")
+}
+
+fn result(job: &str, seed: u64) -> String {
+    format!("results/{}.json", stem(job, seed))
+}
+
+fn is_empty(path: &Path) -> Result<bool, ReproduceError> {
+    let entries = fs::read_dir(path);
+    let mut entries =
+        entries.map_err(|source| ReproduceError::Io { path: path.to_owned(), source })?;
+    Ok(entries.next().is_none())
+}
+
+/// The first line that is another.
+fn changed(path: &Path, found: &str, expected: &str) -> ReproduceError {
+    let (mut was, mut is) = (found.lines(), expected.lines());
+    loop {
+        let lines = (was.next(), is.next());
+        if lines.0 != lines.1 || lines.0.is_none() {
+            let text = |line: Option<&str>| line.unwrap_or("nothing").to_owned();
+            let (found, expected) = (text(lines.0), text(lines.1));
+            return ReproduceError::Changed { path: path.to_owned(), found, expected };
+        }
+    }
+}

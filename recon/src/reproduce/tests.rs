@@ -1,0 +1,267 @@
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::fs;
+use std::path::Path;
+use std::sync::Mutex;
+
+use mesh_core::ByteImage;
+
+use super::*;
+use crate::fit::Flow;
+use crate::img2mesh::{Img2Mesh, Img2MeshConfig};
+use crate::report::ViewPair;
+use crate::settings;
+use crate::train::{Configuration, Source, System};
+
+/// Two jobs, the second of two rows; counts how often each is begun.
+struct Toy {
+    settings: &'static str,
+    begun: Mutex<Vec<String>>,
+}
+
+impl Toy {
+    fn new() -> Self {
+        Self { settings: "width = 3", begun: Mutex::default() }
+    }
+
+    fn begun(&self) -> Vec<String> {
+        std::mem::take(&mut self.begun.lock().unwrap())
+    }
+}
+
+impl Study for Toy {
+    fn name(&self) -> &'static str {
+        "toy"
+    }
+
+    fn about(&self) -> &'static str {
+        "nothing <much>"
+    }
+
+    fn settings(&self, _: Scale) -> String {
+        self.settings.to_owned()
+    }
+
+    fn jobs(&self, _: Scale) -> Vec<String> {
+        vec!["one".into(), "two".into()]
+    }
+
+    fn run(
+        &self,
+        work: &Work<'_>,
+        watch: &mut dyn FnMut(Tick) -> Flow,
+    ) -> Result<Vec<Row>, StudyError> {
+        self.begun.lock().unwrap().push(format!("{} {}", work.id, work.seed));
+        work.tell(watch, 0.25, "thinking")?;
+        let seed = work.seed as f64;
+        let row = |label: &str, error: f64| {
+            Row::new("Errors", label)
+                .with(Cell::smaller("error | all", error, 2))
+                .with(Cell::plain("size", 7.0, 0))
+                .took(2.0)
+        };
+        if work.id == "one" {
+            let image = ByteImage { height: 4, width: 4, channels: 3, data: vec![128; 48] };
+            let pair = ViewPair { caption: "a".into(), model: image.clone(), truth: image };
+            return Ok(vec![row("one", 0.5 + 0.1 * seed).showing("views", &[pair])]);
+        }
+        let none = Cell { value: None, ..Cell::larger("rare", 0.0, 1) };
+        Ok(vec![row("two, a", 0.4 - 0.1 * seed), row("two, b", f64::NAN).with(none)])
+    }
+
+    fn claims(&self, tables: &Tables, _: Scale) -> Vec<Claim> {
+        let [one, two] = ["one", "two, a"].map(|row| tables.mean("Errors", row, "error | all"));
+        let spread = tables.spread("Errors", "one", "error | all").unwrap();
+        let found = format!("{:.2} and {:.2}", two.unwrap(), one.unwrap());
+        vec![Claim::new(
+            "two beats one by more than the spread",
+            found,
+            two.unwrap() < one.unwrap() - spread,
+        )]
+    }
+
+    fn caption(&self, _: &str, scale: Scale) -> String {
+        format!("Made {}.", scale.name())
+    }
+}
+
+fn make(toy: &Toy, out: &Path, order: &Order<'_>) -> Result<Reproduced, ReproduceError> {
+    reproduce(toy, out, order, &mut |_| Flow::Continue)
+}
+
+fn order(seeds: &[u64]) -> Order<'static> {
+    Order { seeds: seeds.to_vec(), ..Order::default() }
+}
+
+#[test]
+fn the_table_has_means_spreads_and_claims() {
+    let place = tempfile::tempdir().unwrap();
+    let made = make(&Toy::new(), place.path(), &order(&[0, 1, 2])).unwrap();
+    assert!(!made.interrupted && made.claims[0].holds == (0.3 < 0.6 - 0.2));
+    let text = fs::read_to_string(place.path().join("table.md")).unwrap();
+    let lines: Vec<&str> = text.lines().filter(|line| line.starts_with('|')).collect();
+    assert_eq!(
+        lines,
+        [
+            "| | error \\| all ↓ | size | rare ↑ | time |",
+            "|---|---:|---:|---:|---:|",
+            "| one | 0.60 (0.20) | 7 (0) | none | 2.0 s |",
+            "| two, a | **0.30** (0.20) | 7 (0) | none | 2.0 s |",
+            "| two, b | none | 7 (0) | none | 2.0 s |",
+        ]
+    );
+    for part in ["- holds: two beats one", "Made full.", "- seeds: 0, 1, 2", "0.30 and 0.60"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    let page = fs::read_to_string(place.path().join("report.html")).unwrap();
+    assert!(page.contains("nothing &lt;much&gt;") && page.contains("data:image/png;base64,iVB"));
+    assert!(!page.contains("http://") && !page.contains("https://"));
+    let json: serde_json::Value =
+        serde_json::from_slice(&fs::read(place.path().join("results.json")).unwrap()).unwrap();
+    assert_eq!(json["tables"][0]["rows"][0]["seeds"], serde_json::json!([0, 1, 2]));
+    // A single seed has no spread.
+    let alone = tempfile::tempdir().unwrap();
+    make(&Toy::new(), alone.path(), &order(&[4])).unwrap();
+    let text = fs::read_to_string(alone.path().join("table.md")).unwrap();
+    assert!(text.contains("| one | 0.90 | 7 |"), "{text}");
+}
+
+#[test]
+fn what_is_finished_is_not_done_again() {
+    let place = tempfile::tempdir().unwrap();
+    let toy = Toy::new();
+    // Stopped in the middle of the third of four jobs.
+    let mut told = 0;
+    let stopped = reproduce(&toy, place.path(), &order(&[0, 1]), &mut |event| {
+        told += u64::from(matches!(event, Event::Working { .. }));
+        if told == 3 { Flow::Stop } else { Flow::Continue }
+    });
+    let stopped = stopped.unwrap();
+    assert!(stopped.interrupted && stopped.claims.is_empty());
+    assert_eq!(toy.begun(), ["one 0", "two 0", "one 1"]);
+    let read = |name: &str| fs::read_to_string(place.path().join(name)).unwrap();
+    assert!(
+        read("table.md").contains("2 are left") && read("report.html").contains("Not finished")
+    );
+    let made = make(&toy, place.path(), &order(&[0, 1])).unwrap();
+    assert_eq!(toy.begun(), ["one 1", "two 1"]);
+    // As if it had not been stopped.
+    let whole = tempfile::tempdir().unwrap();
+    let again = make(&toy, whole.path(), &order(&[0, 1])).unwrap();
+    assert_eq!((made.tables, made.claims), (again.tables, again.claims));
+    toy.begun();
+    // Another seed is added to what is there.
+    let more = make(&toy, place.path(), &order(&[0, 1, 2])).unwrap();
+    assert_eq!(toy.begun(), ["one 2", "two 2"]);
+    assert_eq!(more.tables.values("Errors", "one", "size").len(), 3);
+    // A result that was removed is made again.
+    fs::remove_file(place.path().join("results/two-seed-1.json")).unwrap();
+    make(&toy, place.path(), &order(&[0, 1, 2])).unwrap();
+    assert_eq!(toy.begun(), ["two 1"]);
+}
+
+#[test]
+fn results_of_something_else_are_refused() {
+    let place = tempfile::tempdir().unwrap();
+    make(&Toy::new(), place.path(), &order(&[0])).unwrap();
+    let wider = Toy { settings: "width = 4", ..Toy::new() };
+    let error = make(&wider, place.path(), &order(&[0])).unwrap_err().to_string();
+    for part in ["`width = 3`", "`width = 4`", "--force"] {
+        assert!(error.contains(part), "{part}: {error}");
+    }
+    let quick = Order { scale: Scale::Quick, ..order(&[0]) };
+    let error = make(&Toy::new(), place.path(), &quick).unwrap_err().to_string();
+    assert!(error.contains("`scale = full`"), "{error}");
+    let longer = Toy { settings: "width = 3\ndepth = 1", ..Toy::new() };
+    let error = make(&longer, place.path(), &order(&[0])).unwrap_err().to_string();
+    assert!(error.contains("of `nothing`, now it is `depth = 1`"), "{error}");
+    assert!(wider.begun().is_empty());
+    fs::write(place.path().join("notes.txt"), "mine").unwrap();
+    make(&wider, place.path(), &Order { force: true, ..order(&[0]) }).unwrap();
+    assert_eq!(wider.begun().len(), 2);
+    assert!(place.path().join("notes.txt").exists());
+
+    let result = place.path().join("results/one-seed-0.json");
+    fs::write(&result, "{\"job\": \"one\"").unwrap();
+    let error = make(&wider, place.path(), &order(&[0])).unwrap_err().to_string();
+    assert!(error.contains("one-seed-0.json") && error.contains("remove it"), "{error}");
+    let other = tempfile::tempdir().unwrap();
+    fs::write(other.path().join("thesis.tex"), "").unwrap();
+    let error = make(&wider, other.path(), &order(&[0])).unwrap_err();
+    assert!(matches!(error, ReproduceError::Taken { .. }), "{error}");
+}
+
+/// One training, scored.
+struct Training;
+
+fn configuration() -> Configuration<Img2MeshConfig> {
+    let set = [("level", "1"), ("synthetic-views", "8"), ("epochs", "3"), ("hold-out", "4")];
+    let set = set.map(|(key, value)| (key.to_owned(), value.to_owned()));
+    settings::read_text(Path::new("tiny"), Img2Mesh::PRESETS[0].1, &set).unwrap()
+}
+
+impl Study for Training {
+    fn name(&self) -> &'static str {
+        "training"
+    }
+
+    fn about(&self) -> &'static str {
+        "one model"
+    }
+
+    fn settings(&self, _: Scale) -> String {
+        settings::to_toml(&configuration())
+    }
+
+    fn jobs(&self, _: Scale) -> Vec<String> {
+        vec!["model".into()]
+    }
+
+    fn run(
+        &self,
+        work: &Work<'_>,
+        watch: &mut dyn FnMut(Tick) -> Flow,
+    ) -> Result<Vec<Row>, StudyError> {
+        let config = configuration();
+        let source = Source {
+            path: work.data,
+            options: &datasets::ReadOptions::default(),
+            seed: work.seed,
+            progress: &|_, _| (),
+        };
+        let data = Img2Mesh::open(&config.system, &source)?;
+        let trained = work.train::<Img2Mesh>(&config, &data, watch)?;
+        let metrics = trained.system.evaluate(&data)?;
+        let row = Row::new("Scores", "model").took(trained.seconds);
+        Ok(vec![metrics.iter().fold(row, |row, metric| row.with(Cell::of(metric, 6)))])
+    }
+
+    fn claims(&self, _: &Tables, _: Scale) -> Vec<Claim> {
+        Vec::new()
+    }
+}
+
+#[test]
+fn a_training_that_was_stopped_goes_on_to_the_same_bits() {
+    let [stopped, whole] = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+    let run = |out: &Path, most: usize| {
+        let mut steps = 0;
+        let made = reproduce(&Training, out, &order(&[3]), &mut |event| {
+            steps += usize::from(
+                matches!(event, Event::Working { tick, .. } if tick.text.starts_with("step")),
+            );
+            if steps >= most { Flow::Stop } else { Flow::Continue }
+        });
+        (made.unwrap(), steps)
+    };
+    let (first, steps) = run(stopped.path(), 2);
+    assert!(first.interrupted && steps == 2);
+    let (second, rest) = run(stopped.path(), usize::MAX);
+    let (all, total) = run(whole.path(), usize::MAX);
+    assert_eq!(steps + rest, total);
+    let values = |made: &Reproduced| made.tables.0[0].rows[0].values.clone();
+    assert_eq!(values(&second), values(&all));
+    let last =
+        |out: &Path| fs::read(out.join("work/model-seed-3/checkpoints/last.safetensors")).unwrap();
+    assert!(last(stopped.path()) == last(whole.path()));
+}

@@ -1,0 +1,106 @@
+//! One job as a study is handed it, and the training in it.
+
+use std::path::Path;
+
+use super::error::StudyError;
+use super::study::Scale;
+use crate::fit::Flow;
+use crate::train::{self, Configuration, Job, Provenance, RunFolder, System, train};
+
+/// A job of one seed.
+#[derive(Clone, Debug)]
+pub struct Work<'a> {
+    /// Which of [`Study::jobs`](super::Study::jobs).
+    pub id: String,
+    /// Seed of everything in it.
+    pub seed: u64,
+    /// How much is done.
+    pub scale: Scale,
+    /// A folder of its own, which stays: what was interrupted finds here what it had. It exists
+    /// only once something is written.
+    pub folder: &'a Path,
+    /// Data that the user has, instead of what the study makes.
+    pub data: Option<&'a Path>,
+    /// What runs say about their making.
+    pub provenance: &'a Provenance,
+}
+
+/// How far a job is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tick {
+    /// From 0 to 1.
+    pub done: f64,
+    /// What is going on.
+    pub text: String,
+}
+
+/// A model that a job trained.
+#[derive(Debug)]
+pub struct Trained<S> {
+    /// The model after the last step. `Checkpoint::read(&run.best())` has the best.
+    pub system: S,
+    /// The folder of the training.
+    pub run: RunFolder,
+    /// Steps taken.
+    pub steps: u64,
+    /// Seconds of computing in the steps, of all parts of the training.
+    pub seconds: f64,
+}
+
+impl Work<'_> {
+    /// Says how far the job is.
+    ///
+    /// # Errors
+    /// [`StudyError::Stopped`] if it is to stop.
+    pub fn tell(
+        &self,
+        watch: &mut dyn FnMut(Tick) -> Flow,
+        done: f64,
+        text: impl Into<String>,
+    ) -> Result<(), StudyError> {
+        match watch(Tick { done, text: text.into() }) {
+            Flow::Continue => Ok(()),
+            Flow::Stop => Err(StudyError::Stopped),
+        }
+    }
+
+    /// Trains a system in the job's folder, or goes on with the training that is there; one that
+    /// is finished is only loaded. The seed of the configuration becomes that of the job.
+    ///
+    /// The bits of the result do not depend on interruptions.
+    ///
+    /// # Errors
+    /// As [`train`](fn@crate::train::train); [`StudyError::Stopped`] if it is to stop, after a checkpoint.
+    pub fn train<S: System>(
+        &self,
+        config: &Configuration<S::Config>,
+        data: &S::Data,
+        watch: &mut dyn FnMut(Tick) -> Flow,
+    ) -> Result<Trained<S>, StudyError> {
+        let mut config = config.clone();
+        config.train.seed = self.seed;
+        let kept = RunFolder::resume(self.folder);
+        let resume = kept.is_ok();
+        // What stopped before its first checkpoint is nothing.
+        let run = kept.or_else(|_| RunFolder::create(self.folder, true))?;
+        let provenance = self.provenance;
+        let job = Job { config: &config, data, run: &run, provenance, resume };
+        let outcome = train(&job, &mut |event| match event {
+            train::Event::Step(step) => {
+                let done = step.step as f64 / step.total.max(1) as f64;
+                let text = format!("step {} of {}, loss {:.4}", step.step, step.total, step.loss);
+                watch(Tick { done, text })
+            }
+            train::Event::Started { total, done, .. } => {
+                let done = done as f64 / total.max(1) as f64;
+                watch(Tick { done, text: "starting".into() })
+            }
+            _ => Flow::Continue,
+        })?;
+        if outcome.interrupted {
+            return Err(StudyError::Stopped);
+        }
+        let seconds = run.seconds()?;
+        Ok(Trained { system: outcome.system, run, steps: outcome.steps, seconds })
+    }
+}
