@@ -1,5 +1,6 @@
 //! What img2mesh can be told, beside the loop's own options.
 
+use datasets::shapes::Family;
 use serde::{Deserialize, Serialize};
 
 use crate::train::Summary;
@@ -8,17 +9,30 @@ use crate::train::Summary;
 /// which the object has about radius 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+#[expect(clippy::struct_excessive_bools, reason = "each is a switch of its own")]
 pub struct Img2MeshConfig {
     /// What turns a picture into features. Default `"small"`.
     pub encoder: EncoderKind,
     /// Features of the small encoder; the others' follow from their layers. Default 256.
     pub features: usize,
+    /// Whether the encoder stays as it begins; its features of a picture are then computed once.
+    /// Default false.
+    pub freeze_encoder: bool,
+    /// A file with weights for the encoder (`vgg16`, `cnn`): torchvision's `vgg16` as `.pth` or
+    /// safetensors. Empty for none: the encoder begins at random. Default empty.
+    pub weights: String,
+    /// Whether `vgg16` and `cnn` see pictures less ImageNet's mean colour over its deviation, as
+    /// torchvision's weights expect. The published code does not. Default true.
+    pub normalize: bool,
     /// Side of the encoder's pictures, pixels. Default 128.
     pub image_size: usize,
     /// Side of the renderings that are compared, pixels. Default 128.
     pub render_size: usize,
     /// Views that a mesh is made from in training; elsewhere any number will do. Default 2.
     pub views: usize,
+    /// Whether each step gives another number of them, 1 to `views`; the others are then only
+    /// compared with. Default false.
+    pub vary_views: bool,
     /// Views more, not given to the model, that the mesh is compared with. Default 0.
     pub extra_views: usize,
     /// What mixes the views. Default `"views"`.
@@ -35,6 +49,12 @@ pub struct Img2MeshConfig {
     pub camera_embedding: bool,
     /// Subdivision level of the icosphere, 0 to 5. Default 3: 642 vertices.
     pub level: u32,
+    /// How many coarser levels have offsets of their own, which are carried to the finest and
+    /// added there. Default 0: the finest alone, as published.
+    pub coarse_levels: u32,
+    /// After how many epochs each the next finer level comes in; 0 is all from the start.
+    /// Default 0.
+    pub refine_every: u64,
     /// Radius of the icosphere before it is deformed. Default 0.6.
     pub radius: f64,
     /// Weight of the mean absolute difference of colours. Default 0.1.
@@ -55,8 +75,15 @@ pub struct Img2MeshConfig {
     /// Every how many views (of a single object) or objects one is held out; 0 is none, and scores
     /// are then of what was trained on. Default 5.
     pub hold_out: usize,
-    /// Views that are made of a clock when no data is given. Default 100.
+    /// Views that are made of a clock when no data is given, or of each object. Default 100.
     pub synthetic_views: usize,
+    /// Procedural objects of each family to train on when no data is given; 0 takes a single clock.
+    /// Default 0.
+    pub objects: usize,
+    /// More of each family that are held out. Default 10.
+    pub test_objects: usize,
+    /// The families; empty takes all. Default empty.
+    pub families: Vec<String>,
 }
 
 /// What turns a picture into features.
@@ -67,6 +94,10 @@ pub enum EncoderKind {
     Small,
     /// The published CNN: VGG16 through its third pooling, four narrowing convolutions.
     Cnn,
+    /// The published base model's: VGG16 to its first 4,096 features.
+    Vgg16,
+    /// Looks at no picture: the mean shape that the losses settle on, to compare with.
+    None,
 }
 
 /// What mixes the views.
@@ -91,14 +122,23 @@ pub enum SilhouetteKind {
     Antialiased,
 }
 
+/// Vertices of an icosphere.
+fn vertices(level: u32) -> usize {
+    10 * 4_usize.pow(level) + 2
+}
+
 impl Default for Img2MeshConfig {
     fn default() -> Self {
         Self {
             encoder: EncoderKind::Small,
             features: 256,
+            freeze_encoder: false,
+            weights: String::new(),
+            normalize: true,
             image_size: 128,
             render_size: 128,
             views: 2,
+            vary_views: false,
             extra_views: 0,
             attention: AttentionKind::Views,
             layers: 1,
@@ -107,6 +147,8 @@ impl Default for Img2MeshConfig {
             dropout: 0.1,
             camera_embedding: false,
             level: 3,
+            coarse_levels: 0,
+            refine_every: 0,
             radius: 0.6,
             image_weight: 0.1,
             mask_weight: 10.0,
@@ -117,6 +159,9 @@ impl Default for Img2MeshConfig {
             reach: 0.02,
             hold_out: 5,
             synthetic_views: 100,
+            objects: 0,
+            test_objects: 10,
+            families: Vec::new(),
         }
     }
 }
@@ -125,14 +170,32 @@ impl Img2MeshConfig {
     /// Features of a picture: `D`.
     pub fn width(&self) -> usize {
         match self.encoder {
-            EncoderKind::Small => self.features,
+            EncoderKind::Small | EncoderKind::None => self.features,
             EncoderKind::Cnn => (self.image_size / 8).pow(2),
+            EncoderKind::Vgg16 => 4096,
         }
     }
 
     /// Vertices of the mesh.
     pub fn vertices(&self) -> usize {
-        10 * 4_usize.pow(self.level) + 2
+        vertices(self.level)
+    }
+
+    /// The coarsest level that has offsets of its own.
+    pub(super) fn coarsest(&self) -> u32 {
+        self.level.saturating_sub(self.coarse_levels)
+    }
+
+    /// The families that objects are drawn from.
+    ///
+    /// # Errors
+    /// If a name is of no family.
+    pub(super) fn chosen_families(&self) -> Result<Vec<Family>, String> {
+        if self.families.is_empty() {
+            return Ok(Family::ALL.to_vec());
+        }
+        let parsed = self.families.iter().map(|name| name.parse::<Family>());
+        parsed.collect::<Result<_, _>>().map_err(|error| error.to_string())
     }
 
     /// Ranges, shapes and numbers of parameters.
@@ -148,7 +211,7 @@ impl Img2MeshConfig {
         };
         let count = |n: usize, low: usize, high: usize| (low..=high).contains(&n);
         require(count(self.features, 1, 8192), "features", &self.features, "1 to 8192");
-        require(count(self.image_size, 16, 1024), "image-size", &self.image_size, "16 to 1024");
+        require(self.image_size <= 1024, "image-size", &self.image_size, "at most 1024");
         require(count(self.render_size, 8, 2048), "render-size", &self.render_size, "8 to 2048");
         require(count(self.views, 1, 64), "views", &self.views, "1 to 64");
         require(count(self.extra_views, 0, 64), "extra-views", &self.extra_views, "0 to 64");
@@ -164,6 +227,25 @@ impl Img2MeshConfig {
         require(self.hold_out != 1, "hold-out", &self.hold_out, "0 (none) or at least 2");
         let synthetic = self.synthetic_views;
         require(count(synthetic, 4, 10_000), "synthetic-views", &synthetic, "4 to 10000");
+        require(count(self.objects, 0, 100_000), "objects", &self.objects, "0 to 100000");
+        let tested = &self.test_objects;
+        require(count(*tested, 0, 100_000), "test-objects", tested, "0 to 100000");
+        let coarser = self.coarse_levels;
+        require(coarser <= self.level, "coarse-levels", &coarser, "at most `level`");
+        let looks = matches!(self.encoder, EncoderKind::Vgg16 | EncoderKind::Cnn);
+        require(
+            self.weights.is_empty() || looks,
+            "weights",
+            &self.weights,
+            "nothing: only the encoders `vgg16` and `cnn` can be loaded",
+        );
+        let least = if self.encoder == EncoderKind::Vgg16 { 32 } else { 16 };
+        require(
+            self.image_size >= least,
+            "image-size",
+            &self.image_size,
+            &format!("at least {least} for this encoder"),
+        );
         let mut within = |v: f64, low: f64, high: f64, field: &str| {
             require(v >= low && v <= high, field, &v, &format!("{low} to {high}"));
         };
@@ -183,6 +265,7 @@ impl Img2MeshConfig {
         let width = self.width();
         let divides = self.heads > 0 && width.is_multiple_of(self.heads);
         require(divides, "heads", &self.heads, &format!("a divisor of the {width} features"));
+        problems.extend(self.chosen_families().err().map(|error| format!("`families`: {error}")));
         if problems.is_empty() { Ok(self.summary()) } else { Err(problems) }
     }
 
@@ -199,14 +282,23 @@ impl Img2MeshConfig {
                 convs + (32 + 64 + 128 + 256) + linear(4096, d) + 2 * d
             }
             EncoderKind::Cnn => conv(&front) + conv(&[[256, 64], [64, 16], [16, 4], [4, 1]]),
+            EncoderKind::Vgg16 => {
+                let deep = [[256, 512], [512, 512], [512, 512]];
+                let last = [[512, 512]; 3];
+                conv(&front) + conv(&deep) + conv(&last) + linear(7 * 7 * 512, d)
+            }
+            EncoderKind::None => 0,
         };
         let f = self.feed_forward;
         let layer = 4 * linear(d, d) + linear(d, f) + linear(f, d) + 4 * d;
         let mean = self.attention == AttentionKind::Mean;
         let attention = if mean { 0 } else { self.layers * layer };
         let camera = if self.camera_embedding { linear(12, d) } else { 0 };
-        let heads = 2 * linear(d, 3 * v) + linear(d, 3);
-        let trainable = encoder + attention + camera + linear(d, d) + heads;
+        let coarse: usize =
+            (self.coarsest()..self.level).map(|level| linear(d, 3 * vertices(level))).sum();
+        let heads = 2 * linear(d, 3 * v) + linear(d, 3) + coarse;
+        let frozen = if self.freeze_encoder { encoder } else { 0 };
+        let trainable = encoder - frozen + attention + camera + linear(d, d) + heads;
         let shapes = [
             ("pictures", format!("[N V, {0}, {0}, 3]", self.image_size)),
             ("features", format!("[N, V, {d}]")),
@@ -215,6 +307,6 @@ impl Img2MeshConfig {
         ];
         // Beside the weights stands the frame of the data, four numbers.
         let shapes = shapes.map(|(name, shape)| (name.to_owned(), shape)).into();
-        Summary { trainable, frozen: 4, shapes }
+        Summary { trainable, frozen: frozen + 4, shapes }
     }
 }

@@ -3,19 +3,23 @@
 use std::sync::Arc;
 
 use datasets::{Dataset, Layout, ReadOptions, Subset, View, Views, shapes::AlarmClock, split};
-use mesh_core::Image;
+use mesh_core::TriMesh;
+use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::config::Img2MeshConfig;
-use crate::evaluate::masked;
+use super::prepared::Prepared;
+use super::shelf::Shelf;
 use crate::fit::cones;
-use crate::synthetic::{Orbit, RenderOptions, render_views};
+use crate::synthetic::{Orbit, Procedural, RenderOptions, render_views};
 use crate::train::{DataError, Fingerprint};
 
 /// Objects whose views say where the frame of many lies.
 const FRAME_OBJECTS: usize = 8;
+/// Views of each of many objects that are scored at most: the rest costs time and tells little.
+const MOST_SCORED: usize = 8;
 
 /// What img2mesh learns from.
 #[derive(Debug)]
@@ -33,21 +37,17 @@ pub struct Data {
 #[derive(Debug)]
 enum Objects {
     One(Vec<Arc<Prepared>>),
-    Many { dataset: Box<dyn Dataset>, options: ReadOptions },
+    Many(Shelf),
 }
 
-/// One view, resized for encoder and losses. Its camera is relative to the frame.
+/// A group of views that is scored.
 #[derive(Debug)]
-pub(super) struct Prepared {
-    pub(super) name: String,
-    /// `[S, S, 3]`, black outside of the object.
-    pub(super) image: Vec<f32>,
-    /// `[R, R, 3]`, the same.
-    pub(super) target: Vec<f32>,
-    /// `[R, R]`, the share of the object in each pixel.
-    pub(super) mask: Vec<f32>,
-    /// `[3, 4]`.
-    pub(super) matrix: Vec<f32>,
+pub(super) struct Trial {
+    pub(super) given: Vec<Arc<Prepared>>,
+    /// Those that were not given, unless there are no others.
+    pub(super) scored: Vec<Arc<Prepared>>,
+    /// The true surface in the world of the cameras, where it is known.
+    pub(super) truth: Option<TriMesh>,
 }
 
 /// Views of one object.
@@ -55,34 +55,6 @@ pub(super) struct Prepared {
 pub struct Sample {
     /// Those that the model is given, then those that it is only compared with.
     pub(super) views: Vec<Arc<Prepared>>,
-}
-
-impl Prepared {
-    pub(super) fn new(
-        view: &View,
-        config: &Img2MeshConfig,
-        frame: [f64; 4],
-    ) -> Result<Self, DataError> {
-        if !view.camera.is_perspective() {
-            let text =
-                format!("view {}: its camera is orthographic, expected a pinhole", view.name);
-            return Err(DataError::Unfit(text));
-        }
-        let [x, y, z, scale] = frame;
-        let rows = view.camera.projection();
-        // M (c + s q) = s (M q): all rows are divided by s, so that depth counts in the frame.
-        let row = |m: [f64; 4]| [m[0], m[1], m[2], (m[0] * x + m[1] * y + m[2] * z + m[3]) / scale];
-        let color = masked(view);
-        let (image, target) = (config.image_size, config.render_size);
-        let floats = |side: usize| Image::from(&color.resized(side, side)).data;
-        Ok(Self {
-            name: view.name.clone(),
-            image: floats(image),
-            target: floats(target),
-            mask: Image::from(&view.mask.resized(target, target)).data,
-            matrix: rows.iter().flat_map(|&m| row(m)).map(|x| x as f32).collect(),
-        })
-    }
 }
 
 impl Data {
@@ -160,13 +132,29 @@ impl Data {
         let views: Vec<Vec<&View>> = objects.iter().map(|o| o.views.iter().collect()).collect();
         let frame = frame_of(&views)?;
         let held = if held.is_empty() { train.clone() } else { held };
-        Ok(Self {
-            frame,
-            objects: Objects::Many { dataset, options },
-            train,
-            held,
-            hash: hash.value(),
-        })
+        let objects = Objects::Many(Shelf::new(dataset, options));
+        Ok(Self { frame, objects, train, held, hash: hash.value() })
+    }
+
+    /// Procedural objects of the configuration's families, or of the one clock if it asks for none.
+    ///
+    /// # Errors
+    /// As [`many`](Self::many) and [`one`](Self::one).
+    pub fn synthetic(config: &Img2MeshConfig, seed: u64) -> Result<Self, DataError> {
+        if config.objects == 0 {
+            return Self::clock(config, seed);
+        }
+        let families = config.chosen_families().map_err(DataError::Unfit)?;
+        let side = config.image_size.max(config.render_size);
+        let orbit = Orbit {
+            count: config.synthetic_views,
+            width: side,
+            height: side,
+            seed,
+            ..Procedural::orbit()
+        };
+        let set = Procedural::new(&families, config.objects, config.test_objects, orbit);
+        Self::many(Box::new(set), ReadOptions::default(), config)
     }
 
     /// Views of a procedural clock, from all around.
@@ -206,7 +194,7 @@ impl Data {
     pub(super) fn epoch_len(&self, config: &Img2MeshConfig) -> usize {
         match &self.objects {
             Objects::One(_) => (self.train.len() / config.views).max(1),
-            Objects::Many { .. } => self.train.len(),
+            Objects::Many(_) => self.train.len(),
         }
     }
 
@@ -224,64 +212,51 @@ impl Data {
                 let (chosen, _) = choice.partial_shuffle(rng, group);
                 Ok(Sample { views: chosen.iter().map(|&i| Arc::clone(&views[i])).collect() })
             }
-            Objects::Many { .. } => {
+            Objects::Many(shelf) => {
                 let object = self.train[item];
-                let mut choice: Vec<usize> = (0..self.view_count(object)).collect();
+                let mut choice: Vec<usize> = (0..shelf.count(object)).collect();
                 let (chosen, _) = choice.partial_shuffle(rng, group);
-                self.read(config, object, Some(chosen))
+                Ok(Sample { views: shelf.views(object, chosen, config, self.frame)? })
             }
         }
-    }
-
-    fn view_count(&self, object: usize) -> usize {
-        match &self.objects {
-            Objects::One(views) => views.len(),
-            Objects::Many { dataset, .. } => dataset.entries()[object].views,
-        }
-    }
-
-    fn read(
-        &self,
-        config: &Img2MeshConfig,
-        object: usize,
-        which: Option<&[usize]>,
-    ) -> Result<Sample, DataError> {
-        let Objects::Many { dataset, options } = &self.objects else {
-            unreachable!("only many objects are read one by one")
-        };
-        let views = dataset.views(object, which, options, &|_, _| ())?;
-        let prepare = |view: &View| {
-            let mut prepared = Prepared::new(view, config, self.frame)?;
-            prepared.name = format!("{} view {}", dataset.entries()[object].name, view.name);
-            Ok(Arc::new(prepared))
-        };
-        Ok(Sample { views: views.views.iter().map(prepare).collect::<Result<_, DataError>>()? })
     }
 
     /// How many groups are scored, with `views` given in each.
     pub(super) fn trials(&self, views: usize) -> usize {
         match &self.objects {
             Objects::One(_) => (self.held.len() / views).max(1),
-            Objects::Many { .. } => self.held.len(),
+            Objects::Many(_) => self.held.len(),
         }
     }
 
-    /// The `k`-th group that is scored: `views` that are given, then those that were not.
+    /// The `k`-th group that is scored. Of many objects' the views given are the first of an order
+    /// of the object's own, and those that are scored the last: with more views given they are the
+    /// same ones and others, scored at the same cameras.
     pub(super) fn trial(
         &self,
         config: &Img2MeshConfig,
         views: usize,
         k: usize,
-    ) -> Result<Sample, DataError> {
-        match &self.objects {
+    ) -> Result<Trial, DataError> {
+        let (all, truth) = match &self.objects {
             Objects::One(all) => {
                 let mut order = self.held.clone();
                 let first = (k * views).min(order.len() - 1);
                 order.rotate_left(first);
-                Ok(Sample { views: order.iter().map(|&i| Arc::clone(&all[i])).collect() })
+                (order.iter().map(|&i| Arc::clone(&all[i])).collect::<Vec<_>>(), None)
             }
-            Objects::Many { .. } => self.read(config, self.held[k], None),
-        }
+            Objects::Many(shelf) => {
+                let object = self.held[k];
+                let mut order: Vec<usize> = (0..shelf.count(object)).collect();
+                order.shuffle(&mut ChaCha8Rng::seed_from_u64(object as u64));
+                let last = views.max(order.len().saturating_sub(MOST_SCORED));
+                order.drain(views.min(order.len())..last.min(order.len()));
+                (shelf.views(object, &order, config, self.frame)?, shelf.truth(object)?)
+            }
+        };
+        let (given, others) = all.split_at(views.min(all.len()));
+        let scored = if others.is_empty() { given } else { others };
+        Ok(Trial { given: given.to_vec(), scored: scored.to_vec(), truth })
     }
 }
 

@@ -11,32 +11,41 @@
 //! it was not given (`extra-views`), and attend over the views as the paper says, where the
 //! published code attends over the batch (`attention`).
 //!
-//! Encoders learn from scratch: no pretrained weights are read yet, and the published base model,
-//! a frozen VGG16, is not built.
+//! Encoders learn from scratch unless a file with pretrained weights is named (`weights`). One that
+//! stays as it begins (`freeze-encoder`), as VGG16 does in the published base model, computes the
+//! features of each picture once.
 //!
 //! # References
 //! The img2mesh paper and its code; losses and renderer: Chen et al. 2019, *Learning to Predict 3D Objects with
 //! an Interpolation-based Differentiable Renderer*.
 
-mod attention;
 mod config;
 mod data;
 mod encoder;
+mod features;
 mod model;
+mod offsets;
+mod prepared;
 mod render;
 mod score;
+mod shelf;
 #[cfg(test)]
 mod tests;
 
 use std::sync::Arc;
 
-use autodiff_lite::{Module, Tape, Visitor, VisitorMut};
+use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut};
 use datasets::View;
 use mesh_core::TriMesh;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
-use crate::train::{DataError, Draw, Metric, Moment, Shown, Source, Summary, System, Terms};
-use data::Prepared;
+use crate::train::{
+    DataError, Draw, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
+};
+use features::Features;
 use model::{Meshes, Model};
+use prepared::Prepared;
 use render::{Stage, stacked};
 
 pub use config::{AttentionKind, EncoderKind, Img2MeshConfig, SilhouetteKind};
@@ -46,8 +55,10 @@ pub use data::{Data, Sample};
 #[derive(Debug)]
 pub struct Img2Mesh {
     config: Img2MeshConfig,
+    seed: u64,
     model: Model,
     stage: Stage,
+    features: Features,
 }
 
 impl Module<f32> for Img2Mesh {
@@ -63,11 +74,33 @@ impl Module<f32> for Img2Mesh {
 impl Img2Mesh {
     /// Meshes of `n` objects from all given views, object by object, each as many.
     fn meshes<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
-        let (m, side) = (views.len(), self.config.image_size);
-        let images = views.iter().map(|view| &view.image[..]);
-        let images = stacked(tape, images, &[m, side, side, 3]);
-        let cameras = stacked(tape, views.iter().map(|view| &view.matrix[..]), &[m, 12]);
-        self.model.forward(n, images, cameras)
+        let features = if self.config.freeze_encoder {
+            self.features.of(tape, &self.model, self.config.image_size, views)
+        } else {
+            self.model.encode(pictures(tape, self.config.image_size, views))
+        };
+        let cameras = views.iter().map(|view| &view.matrix[..]);
+        self.model.forward(n, features, stacked(tape, cameras, &[views.len(), 12]))
+    }
+
+    /// Takes in the levels that are due.
+    fn lead(&mut self, epoch: u64) {
+        let levels = self.model.mesh_fc.levels();
+        let more = epoch.checked_div(self.config.refine_every).map(usize::try_from);
+        self.model.mesh_fc.active = match more {
+            Some(Ok(more)) => levels.min(1 + more),
+            _ => levels,
+        };
+    }
+
+    /// How many views are given at a step.
+    fn given(&self, at: Moment) -> usize {
+        if !self.config.vary_views {
+            return self.config.views;
+        }
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(at.step);
+        rng.random_range(1..=self.config.views)
     }
 
     /// Scores on what is held out, as [`System::evaluate`], with another number of views given.
@@ -104,20 +137,34 @@ impl System for Img2Mesh {
 
     fn new(config: &Img2MeshConfig, seed: u64) -> Self {
         let (model, template) = Model::new(config, seed);
-        Self { config: config.clone(), model, stage: Stage::new(&template, config) }
+        let stage = Stage::new(&template, config);
+        Self { config: config.clone(), seed, model, stage, features: Features::default() }
     }
 
-    fn adopt(&mut self, data: &Data) {
+    fn adopt(&mut self, data: &Data) -> Result<(), DataError> {
         let frame = data.frame.map(|x| x as f32);
         self.model.frame.as_slice_mut().copy_from_slice(&frame);
+        if !self.config.weights.is_empty() {
+            let loaded = self.model.encoder.load(&self.config.weights);
+            loaded.map_err(|error| DataError::Unfit(error.to_string()))?;
+        }
+        Ok(())
+    }
+
+    fn begin_epoch(&mut self, epoch: u64, _: &mut Moments<'_>) {
+        self.lead(epoch);
     }
 
     fn open(config: &Img2MeshConfig, source: &Source<'_>) -> Result<Data, DataError> {
         match source.path {
-            None => Data::clock(config, source.seed),
+            None => Data::synthetic(config, source.seed),
             Some(path) => {
-                let views = datasets::read_views(path, source.options, source.progress)?;
-                Data::one(&views, config)
+                let dataset = datasets::open_with(path, source.options)?;
+                if dataset.entries().len() == 1 || source.options.object.is_some() {
+                    let views = datasets::read_views(path, source.options, source.progress)?;
+                    return Data::one(&views, config);
+                }
+                Data::many(dataset, source.options.clone(), config)
             }
         }
     }
@@ -139,10 +186,11 @@ impl System for Img2Mesh {
         format!("views {}", names.join(" + "))
     }
 
-    fn loss<'t>(&self, tape: &'t Tape, batch: &[Sample], _: Moment) -> Terms<'t> {
+    fn loss<'t>(&self, tape: &'t Tape, batch: &[Sample], at: Moment) -> Terms<'t> {
         let (n, c) = (batch.len(), &self.config);
+        let k = self.given(at);
         let given: Vec<Arc<Prepared>> =
-            batch.iter().flat_map(|sample| sample.views.iter().take(c.views).cloned()).collect();
+            batch.iter().flat_map(|sample| sample.views.iter().take(k).cloned()).collect();
         let meshes = self.meshes(tape, n, &given);
         let targets = || batch.iter().flat_map(|sample| &sample.views);
         let (m, side) = (targets().count(), c.render_size);
@@ -186,4 +234,10 @@ impl System for Img2Mesh {
         let tape = Tape::eval();
         Ok(self.mesh(self.meshes(&tape, 1, &prepared)))
     }
+}
+
+/// Pictures for the encoder: `[M, S, S, 3]`.
+fn pictures<'t>(tape: &'t Tape, side: usize, views: &[Arc<Prepared>]) -> Var<'t> {
+    let images = views.iter().map(|view| &view.image[..]);
+    stacked(tape, images, &[views.len(), side, side, 3])
 }

@@ -3,20 +3,20 @@
 use autodiff_lite::{Activation, Param, Tape, Var, impl_module};
 use mesh_core::{TriMesh, primitives};
 use ndarray::{Array1, Array2};
-use nets::{Init, Linear};
+use nets::{Init, Linear, TransformerConfig, TransformerEncoderLayer};
 
-use super::attention::AttentionLayer;
 use super::config::{AttentionKind, Img2MeshConfig};
 use super::encoder::Encoder;
+use super::offsets::Offsets;
 
 /// The network, whose parameters are named as the published code names them where it does.
 #[derive(Clone, Debug)]
 pub(super) struct Model {
-    encoder: Encoder,
+    pub(super) encoder: Encoder,
     camera: Option<Linear>,
-    layers: Vec<AttentionLayer>,
+    layers: Vec<TransformerEncoderLayer>,
     fc: Linear,
-    mesh_fc: Linear,
+    pub(super) mesh_fc: Offsets,
     mesh_pos_fc: Linear,
     mesh_color_fc: Linear,
     /// Centre and scale of the data in its world: `[4]`.
@@ -58,19 +58,22 @@ impl Model {
             _ => config.layers,
         };
         let at = init.at("layers");
+        let transformer = TransformerConfig {
+            hidden: config.feed_forward,
+            dropout: config.dropout,
+            ..TransformerConfig::new(d, config.heads)
+        };
+        let head = |at: &Init, outputs| shrunk(Linear::new(at, d, outputs), config.radius);
         let template = primitives::icosphere(config.level).scaled([config.radius as f32; 3]);
         let model = Self {
             encoder: Encoder::new(&init.at("encoder"), config),
             camera: config.camera_embedding.then(|| Linear::new(&init.at("camera"), 12, d)),
             layers: (0..layers)
-                .map(|i| {
-                    let (heads, hidden) = (config.heads, config.feed_forward);
-                    AttentionLayer::new(&at.index(i), d, heads, hidden, config.dropout)
-                })
+                .map(|i| TransformerEncoderLayer::new(&at.index(i), &transformer))
                 .collect(),
             fc: Linear::new(&init.at("fc"), d, d),
-            mesh_fc: shrunk(Linear::new(&init.at("mesh_fc"), d, 3 * v), config.radius),
-            mesh_pos_fc: shrunk(Linear::new(&init.at("mesh_pos_fc"), d, 3), config.radius),
+            mesh_fc: Offsets::new(&init.at("mesh_fc"), [config.coarsest(), config.level], head),
+            mesh_pos_fc: head(&init.at("mesh_pos_fc"), 3),
             mesh_color_fc: Linear::new(&init.at("mesh_color_fc"), d, 3 * v),
             frame: Param::buffer(Array1::from(vec![0.0, 0.0, 0.0, 1.0])),
             attention: config.attention,
@@ -79,10 +82,14 @@ impl Model {
         (model, template)
     }
 
-    /// Pictures `[N V, S, S, 3]` and cameras `[N V, 12]` of `n` objects to their meshes.
-    pub(super) fn forward<'t>(&self, n: usize, images: Var<'t>, cameras: Var<'t>) -> Meshes<'t> {
-        let tape = images.tape();
-        let features = tape.scope("encoder", || self.encoder.forward(images));
+    /// Pictures `[M, S, S, 3]` to features `[M, D]`.
+    pub(super) fn encode<'t>(&self, images: Var<'t>) -> Var<'t> {
+        images.tape().scope("encoder", || self.encoder.forward(images))
+    }
+
+    /// Features `[N V, D]` and cameras `[N V, 12]` of `n` objects to their meshes.
+    pub(super) fn forward<'t>(&self, n: usize, features: Var<'t>, cameras: Var<'t>) -> Meshes<'t> {
+        let tape = features.tape();
         let features = match &self.camera {
             Some(camera) => features + camera.forward(cameras),
             None => features,
@@ -96,7 +103,7 @@ impl Model {
     }
 
     fn attend<'t>(&self, tokens: Var<'t>) -> Var<'t> {
-        let all = |x| self.layers.iter().fold(x, |x, layer| layer.forward(x));
+        let all = |x| self.layers.iter().fold(x, |x, layer| layer.forward(x, None));
         match self.attention {
             AttentionKind::Views => all(tokens),
             AttentionKind::Published => all(tokens.permute(&[1, 0, 2])).permute(&[1, 0, 2]),
@@ -107,8 +114,7 @@ impl Model {
     fn decode<'t>(&self, tape: &'t Tape, code: Var<'t>) -> Meshes<'t> {
         let [n, _] = code.dims();
         let v = self.sphere.nrows();
-        let offsets = self.mesh_fc.forward(code).reshape(&[n, v, 3]);
-        let raw = offsets + tape.constant(self.sphere.clone());
+        let raw = self.mesh_fc.forward(code) + tape.constant(self.sphere.clone());
         // The centre of the box goes where the position head says.
         let (high, low) = (raw.max_axis(1), raw.neg().max_axis(1).neg());
         let shift = self.mesh_pos_fc.forward(code) - (high + low).scale(0.5);

@@ -1,25 +1,34 @@
 //! Scores at cameras that were not given, and what there is to show of them.
 
 use autodiff_lite::Tape;
+use losses::metrics::{Points, Protocol, evaluate};
 use mesh_core::{ByteImage, TriMesh};
 use rayon::prelude::*;
 
-use super::data::{Data, Prepared, Sample};
+use super::data::{Data, Trial};
+use super::prepared::Prepared;
 use super::{Img2Mesh, Meshes};
 use crate::report::ViewPair;
 use crate::train::{DataError, Metric, Shown};
 
-/// Views of a group that are scored at most: the rest costs time and tells little.
-const MOST_SCORED: usize = 8;
 /// Views shown.
 const MOST_SHOWN: usize = 6;
+/// Points on each surface for distances; the protocol's 100,000 would take longer than the training.
+const POINTS: usize = 10_000;
 
-/// The means over the views of one group.
-#[derive(Clone, Copy, Debug, Default)]
+/// The means over the views of one group, and how the mesh compares with the true one.
+#[derive(Clone, Debug, Default)]
 struct Score {
     iou: f64,
     l1: f64,
     psnr: f64,
+    surface: Option<Surface>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Surface {
+    chamfer: f64,
+    f_score: f64,
 }
 
 impl Img2Mesh {
@@ -28,43 +37,39 @@ impl Img2Mesh {
     pub(super) fn score(&self, data: &Data, views: usize) -> Result<Vec<Metric>, DataError> {
         let scores: Vec<Result<Score, DataError>> = (0..data.trials(views))
             .into_par_iter()
-            .map(|k| Ok(self.score_group(&data.trial(&self.config, views, k)?, views)))
+            .map(|k| Ok(self.score_group(&data.trial(&self.config, views, k)?)))
             .collect();
         let scores = scores.into_iter().collect::<Result<Vec<_>, _>>()?;
         let mean = |f: fn(&Score) -> f64| scores.iter().map(f).sum::<f64>() / scores.len() as f64;
-        Ok(vec![
+        let mut metrics = vec![
             Metric::larger("mask-iou", mean(|s| s.iou)),
             Metric::smaller("image-l1", mean(|s| s.l1)),
             Metric::larger("psnr", mean(|s| s.psnr)),
-        ])
+        ];
+        let surfaces: Vec<Surface> = scores.iter().filter_map(|score| score.surface).collect();
+        if !surfaces.is_empty() {
+            let n = surfaces.len() as f64;
+            let mean = |f: fn(&Surface) -> f64| surfaces.iter().map(f).sum::<f64>() / n;
+            metrics.push(Metric::smaller("chamfer", mean(|s| s.chamfer)));
+            metrics.push(Metric::larger("f-score", mean(|s| s.f_score)));
+        }
+        Ok(metrics)
     }
 
-    fn score_group(&self, group: &Sample, views: usize) -> Score {
+    fn score_group(&self, trial: &Trial) -> Score {
         let tape = Tape::eval();
-        let (meshes, others) = self.reconstruct(&tape, group, views);
+        let meshes = self.meshes(&tape, 1, &trial.given);
         let mut sum = Score::default();
-        for view in &others {
+        for view in &trial.scored {
             let rendered = self.draw_view(&tape, meshes, view);
             let one = score(&rendered.0, &rendered.1, view);
             sum.iou += one.iou;
             sum.l1 += one.l1;
             sum.psnr += one.psnr;
         }
-        let n = others.len() as f64;
-        Score { iou: sum.iou / n, l1: sum.l1 / n, psnr: sum.psnr / n }
-    }
-
-    /// The mesh from the first views of a group, and the views to compare it with.
-    fn reconstruct<'t, 'g>(
-        &self,
-        tape: &'t Tape,
-        group: &'g Sample,
-        views: usize,
-    ) -> (Meshes<'t>, Vec<&'g Prepared>) {
-        let (given, others) = group.views.split_at(views.min(group.views.len()));
-        let meshes = self.meshes(tape, 1, given);
-        let others = if others.is_empty() { given } else { others };
-        (meshes, others.iter().take(MOST_SCORED).map(AsRef::as_ref).collect())
+        let n = trial.scored.len() as f64;
+        let surface = trial.truth.as_ref().and_then(|truth| compared(&self.mesh(meshes), truth));
+        Score { iou: sum.iou / n, l1: sum.l1 / n, psnr: sum.psnr / n, surface }
     }
 
     /// Colours `[R, R, 3]` and hard mask `[R, R]` from one camera.
@@ -79,16 +84,15 @@ impl Img2Mesh {
 
     /// The first group: the model above the truth, and the mesh.
     pub(super) fn shown(&self, data: &Data) -> Result<Shown, DataError> {
-        let views = self.config.views;
-        let group = data.trial(&self.config, views, 0)?;
+        let trial = data.trial(&self.config, self.config.views, 0)?;
         let tape = Tape::eval();
-        let (meshes, others) = self.reconstruct(&tape, &group, views);
+        let meshes = self.meshes(&tape, 1, &trial.given);
         let side = self.config.render_size;
-        let pictures = others.iter().take(MOST_SHOWN).map(|view| {
+        let pictures = trial.scored.iter().take(MOST_SHOWN).map(|view| {
             let (color, mask) = self.draw_view(&tape, meshes, view);
             let iou = score(&color, &mask, view).iou;
             let caption = format!("{}: IoU {iou:.3}", view.name);
-            ViewPair { caption, model: picture(&color, side), truth: picture(&view.target, side) }
+            ViewPair { caption, model: picture(&color, side), truth: bytes(&view.target, side) }
         });
         Ok(Shown { views: pictures.collect(), mesh: Some(self.mesh(meshes)) })
     }
@@ -108,8 +112,22 @@ impl Img2Mesh {
 }
 
 fn picture(color: &[f32], side: usize) -> ByteImage {
-    let data = color.iter().map(|x| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect();
-    ByteImage { height: side, width: side, channels: 3, data }
+    let data: Vec<u8> = color.iter().map(|x| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect();
+    bytes(&data, side)
+}
+
+fn bytes(data: &[u8], side: usize) -> ByteImage {
+    ByteImage { height: side, width: side, channels: 3, data: data.to_vec() }
+}
+
+/// Occupancy Networks' protocol with fewer points. None if the mesh has no surface.
+fn compared(mesh: &TriMesh, truth: &TriMesh) -> Option<Surface> {
+    let mut protocol = Protocol::occ_net(0);
+    protocol.points = Some(Points::Surface { samples: POINTS });
+    (protocol.iou, protocol.normals) = (None, false);
+    let report = evaluate(mesh, truth, &protocol).ok()?;
+    let f_score = report.f_scores.first()?.f_score;
+    Some(Surface { chamfer: report.chamfer?, f_score })
 }
 
 fn score(color: &[f32], mask: &[f32], truth: &Prepared) -> Score {
@@ -119,11 +137,11 @@ fn score(color: &[f32], mask: &[f32], truth: &Prepared) -> Score {
     for ((&m, &t), (c, w)) in
         pixels.zip(color.as_chunks::<3>().0.iter().zip(truth.target.as_chunks::<3>().0))
     {
-        let (m, t) = (m > 0.5, t > 0.5);
+        let (m, t) = (m > 0.5, t > 127);
         both += f64::from(u8::from(m && t));
         any += f64::from(u8::from(m || t));
         for (c, w) in c.iter().zip(w) {
-            let difference = f64::from(c - w);
+            let difference = f64::from(c - f32::from(*w) / 255.0);
             l1 += difference.abs();
             if t {
                 squares += difference * difference;
@@ -134,5 +152,6 @@ fn score(color: &[f32], mask: &[f32], truth: &Prepared) -> Score {
     let iou = if any > 0.0 { both / any } else { 1.0 };
     // Two pictures that agree have no finite PSNR; 100 dB stands for that, and for no mask.
     let error: f64 = if inside > 0.0 { squares / inside } else { 0.0 };
-    Score { iou, l1: l1 / color.len().max(1) as f64, psnr: -10.0 * error.max(1e-10).log10() }
+    let l1 = l1 / color.len().max(1) as f64;
+    Score { iou, l1, psnr: -10.0 * error.max(1e-10).log10(), surface: None }
 }

@@ -46,15 +46,25 @@ fn presets_are_in_range_and_parameters_are_counted() {
         assert_eq!(config.train.check(), Vec::<String>::new(), "{name}");
         config.system.check().unwrap();
     }
-    for (encoder, attention) in [
-        (EncoderKind::Small, AttentionKind::Views),
-        (EncoderKind::Small, AttentionKind::Mean),
-        (EncoderKind::Cnn, AttentionKind::Published),
+    for (encoder, attention, freeze_encoder, coarse_levels) in [
+        (EncoderKind::Small, AttentionKind::Views, false, 0),
+        (EncoderKind::Small, AttentionKind::Mean, true, 1),
+        (EncoderKind::Cnn, AttentionKind::Published, false, 0),
+        (EncoderKind::None, AttentionKind::Mean, false, 1),
     ] {
-        let config = Img2MeshConfig { encoder, attention, camera_embedding: true, ..tiny() };
+        let more = Img2MeshConfig { freeze_encoder, coarse_levels, ..tiny() };
+        let config = Img2MeshConfig { encoder, attention, camera_embedding: true, ..more };
         let system = Img2Mesh::new(&config, 0);
-        assert_eq!(system.parameter_count(), config.check().unwrap().trainable, "{encoder:?}");
+        let summary = config.check().unwrap();
+        assert_eq!(system.parameter_count(), summary.trainable, "{encoder:?}");
+        let mut all = 0;
+        system.visit("", &mut |_: &str, param: &Param| all += param.value.len());
+        assert_eq!(all, summary.trainable + summary.frozen, "{encoder:?}");
     }
+    // The base model: VGG16 with one linear layer, counted without making its 134 million numbers.
+    let base = Img2MeshConfig { encoder: EncoderKind::Vgg16, freeze_encoder: true, ..tiny() };
+    let base = Img2MeshConfig { image_size: 64, ..base };
+    assert_eq!(base.check().unwrap().frozen, 14_714_688 + 25_089 * 4096 + 4);
     // VGG16 to its third pool, and the four convolutions behind it.
     let cnn = Img2MeshConfig { encoder: EncoderKind::Cnn, ..tiny() };
     let head = Img2MeshConfig { features: cnn.width(), ..tiny() };
@@ -85,7 +95,7 @@ fn every_parameter_gets_a_gradient() {
         };
         let data = Data::one(&ellipsoid([1.0, 0.6, 0.8], 8, 24), &config).unwrap();
         let mut system = Img2Mesh::new(&config, 1);
-        system.adopt(&data);
+        system.adopt(&data).unwrap();
         let batch: Vec<Sample> = (0..2)
             .map(|item| {
                 let draw = Draw { seed: 0, epoch: 0, index: item as u64, item };
@@ -117,7 +127,7 @@ fn a_tiny_training_finds_the_shape() {
     (config.train.learning_rate, config.train.evaluate_every) = (2e-3, 0);
     let data = Data::one(&ellipsoid([1.2, 0.5, 0.8], 40, 32), &config.system).unwrap();
     let mut fresh = Img2Mesh::new(&config.system, 0);
-    fresh.adopt(&data);
+    fresh.adopt(&data).unwrap();
     let before = fresh.evaluate(&data).unwrap();
     let run = RunFolder::create(&place.path().join("run"), false).unwrap();
     let provenance = Provenance::default();
@@ -207,4 +217,124 @@ fn many_objects_are_split_by_their_layout_or_by_us() {
     assert!(system.evaluate(&data).unwrap()[0].value > 0.0);
     let greedy = Img2MeshConfig { views: 9, ..config.clone() };
     assert!(Data::many(entries(|_| None), ReadOptions::default(), &greedy).is_err());
+}
+
+/// What `vary-views` draws depends on the step alone, and reaches from one view to all.
+#[test]
+fn the_number_of_views_varies_from_step_to_step() {
+    let system = Img2Mesh::new(&Img2MeshConfig { views: 3, vary_views: true, ..tiny() }, 4);
+    let given = |step: u64| system.given(Moment { step, epoch: 0 });
+    let counts: Vec<usize> = (0..200).map(given).collect();
+    assert_eq!(counts, (0..200).map(given).collect::<Vec<_>>());
+    for k in 1..=3 {
+        let share = counts.iter().filter(|&&count| count == k).count();
+        assert!((40..100).contains(&share), "{k} views {share} times of 200");
+    }
+}
+
+/// The first VGG16 layers from a file under torchvision's names; what is frozen stays so, bit by
+/// bit, through training, and its features are computed once.
+#[test]
+fn pretrained_weights_are_loaded_and_frozen_ones_stay() {
+    let place = tempfile::tempdir().unwrap();
+    let path = place.path().join("vgg16.safetensors");
+    let vgg = nets::Vgg16::<f32>::features_until_pool(&nets::Init::new(77), 4);
+    autodiff_lite::state::save(&path, &vgg).unwrap();
+    let mut config = Config { system: tiny(), ..Config::default() };
+    config.system = Img2MeshConfig {
+        encoder: EncoderKind::Cnn,
+        freeze_encoder: true,
+        weights: path.display().to_string(),
+        image_size: 32,
+        ..config.system
+    };
+    (config.train.epochs, config.train.batch, config.train.max_steps) = (2, 2, 4);
+    config.train.evaluate_every = 0;
+    let data = Data::one(&ellipsoid([1.2, 0.5, 0.8], 12, 24), &config.system).unwrap();
+    let folder = place.path().join("run");
+    let run = RunFolder::create(&folder, false).unwrap();
+    let provenance = Provenance::default();
+    let job =
+        Job { config: &config, data: &data, run: &run, provenance: &provenance, resume: false };
+    let trained = train::<Img2Mesh>(&job, &mut |_: Event| Flow::Continue).unwrap().system;
+    let mut found = 0;
+    trained.visit("", &mut |path: &str, param: &Param| {
+        if let Some(name) = path.strip_prefix("encoder.cnn.features.") {
+            let (index, which) = name.split_once('.').unwrap();
+            let (_, conv) = vgg.features.0.iter().find(|(i, _)| i.to_string() == index).unwrap();
+            let bias = conv.bias.as_ref().unwrap();
+            let expected = if which == "weight" { &conv.weight } else { bias };
+            assert_eq!(param.as_slice(), expected.as_slice(), "{path}");
+            found += 1;
+        }
+    });
+    assert_eq!(found, 14);
+    // A system that was loaded from the checkpoint needs no file, and agrees.
+    std::fs::remove_file(&path).unwrap();
+    let last = run.last();
+    let (loaded, _) = crate::train::Checkpoint::read(&last).unwrap().load::<Img2Mesh>().unwrap();
+    let views = ellipsoid([1.2, 0.5, 0.8], 3, 24).views;
+    let [a, b] = [&trained, &loaded].map(|system| system.predict(&views).unwrap().positions);
+    assert_eq!(a, b);
+    let mut fresh = Img2Mesh::new(&config.system, 0);
+    let error = fresh.adopt(&data).unwrap_err().to_string();
+    assert!(error.contains("vgg16.safetensors"), "{error}");
+}
+
+/// Features that are kept give the same bits as an encoder that is run each time.
+#[test]
+fn kept_features_change_nothing() {
+    let config = Img2MeshConfig { dropout: 0.0, ..tiny() };
+    let frozen = Img2MeshConfig { freeze_encoder: true, ..config.clone() };
+    let views = ellipsoid([1.0, 0.6, 0.8], 5, 24);
+    let data = Data::one(&views, &Img2MeshConfig { hold_out: 0, ..config.clone() }).unwrap();
+    let [run, kept] = [config, frozen].map(|config| {
+        let mut system = Img2Mesh::new(&config, 3);
+        system.adopt(&data).unwrap();
+        // Twice: the second time from what was kept.
+        let meshes = [(); 2].map(|()| system.predict(&views.views[..1]).unwrap().positions);
+        assert_eq!(meshes[0], meshes[1]);
+        meshes[0].clone()
+    });
+    assert_eq!(run, kept);
+}
+
+/// Finer levels come in by epochs, and a loaded system has those that its run had.
+#[test]
+fn levels_come_in_by_epochs() {
+    let config = Img2MeshConfig { coarse_levels: 1, refine_every: 2, ..tiny() };
+    let mut system = Img2Mesh::new(&config, 0);
+    let active = [0, 1, 2, 5].map(|epoch| {
+        system.lead(epoch);
+        system.model.mesh_fc.active
+    });
+    assert_eq!(active, [1, 1, 2, 2]);
+    let all_at_once = Img2Mesh::new(&Img2MeshConfig { coarse_levels: 1, ..tiny() }, 0);
+    assert_eq!(all_at_once.model.mesh_fc.active, 2);
+}
+
+/// More views of an object are the same ones and others, scored at the same cameras.
+#[test]
+fn trials_of_many_objects_are_nested() {
+    let config = Img2MeshConfig {
+        objects: 2,
+        test_objects: 1,
+        families: vec!["car".into(), "lamp".into()],
+        synthetic_views: 12,
+        ..tiny()
+    };
+    let data = Data::synthetic(&config, 1).unwrap();
+    assert_eq!((data.train.len(), data.held.len(), data.trials(3)), (4, 2, 2));
+    let names = |views: &[Arc<Prepared>]| -> Vec<String> {
+        views.iter().map(|view| view.name.clone()).collect()
+    };
+    let [one, three] = [1, 3].map(|views| data.trial(&config, views, 1).unwrap());
+    assert_eq!(names(&one.given)[..], names(&three.given)[..1]);
+    assert_eq!((names(&one.scored), three.scored.len()), (names(&three.scored), 8));
+    assert!(names(&three.scored).iter().all(|name| !names(&three.given).contains(name)));
+    assert!(one.truth.is_some());
+    let metrics = Img2Mesh::new(&config, 0).evaluate(&data).unwrap();
+    assert_eq!(metrics.last().unwrap().name, "f-score");
+    let none = Img2MeshConfig { families: vec!["cat".into()], ..config };
+    assert!(none.check().unwrap_err().join(" ").contains("cat"));
 }

@@ -112,7 +112,7 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
             Checkpoint::read(&job.run.last())?.resume::<S>(config)?
         } else {
             let mut system = S::new(&config.system, train.seed);
-            system.adopt(job.data);
+            system.adopt(job.data)?;
             let optimizer = AnyOptimizer::new(train, &system.rates());
             (system, optimizer, Standing::default())
         };

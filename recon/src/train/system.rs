@@ -48,8 +48,14 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     fn new(config: &Self::Config, seed: u64) -> Self;
 
     /// Called once on a fresh system: takes over what the data decides, its scale or statistics,
-    /// into parameters that are not trained, so that checkpoints have it.
-    fn adopt(&mut self, _data: &Self::Data) {}
+    /// into parameters that are not trained, so that checkpoints have it; and reads the files of
+    /// weights that its configuration names.
+    ///
+    /// # Errors
+    /// If such a file is damaged or does not fit.
+    fn adopt(&mut self, _data: &Self::Data) -> Result<(), DataError> {
+        Ok(())
+    }
 
     /// Opens or makes the data.
     ///

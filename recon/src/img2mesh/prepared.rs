@@ -1,0 +1,56 @@
+//! One view as the model takes it.
+
+use datasets::View;
+use mesh_core::ByteImage;
+
+use super::config::Img2MeshConfig;
+use crate::evaluate::masked;
+use crate::train::{DataError, Fingerprint};
+
+/// One view, resized for encoder and losses, in bytes: thousands stay in memory. Its camera is
+/// relative to the frame.
+#[derive(Debug)]
+pub(super) struct Prepared {
+    pub(super) name: String,
+    /// `[S, S, 3]`, black outside of the object.
+    pub(super) image: Vec<u8>,
+    /// `[R, R, 3]`, the same.
+    pub(super) target: Vec<u8>,
+    /// `[R, R]`, the share of the object in each pixel.
+    pub(super) mask: Vec<u8>,
+    /// `[3, 4]`.
+    pub(super) matrix: Vec<f32>,
+    /// What tells pictures apart: features of frozen encoders are kept under it.
+    pub(super) key: u64,
+}
+
+impl Prepared {
+    /// Pictures that are not square are squeezed, for the encoder and for the losses; the cameras
+    /// are told of neither, since their image plane reaches from -1 to 1 both ways.
+    pub(super) fn new(
+        view: &View,
+        config: &Img2MeshConfig,
+        frame: [f64; 4],
+    ) -> Result<Self, DataError> {
+        if !view.camera.is_perspective() {
+            let text =
+                format!("view {}: its camera is orthographic, expected a pinhole", view.name);
+            return Err(DataError::Unfit(text));
+        }
+        let [x, y, z, scale] = frame;
+        let rows = view.camera.projection();
+        // M (c + s q) = s (M q): all rows are divided by s, so that depth counts in the frame.
+        let row = |m: [f64; 4]| [m[0], m[1], m[2], (m[0] * x + m[1] * y + m[2] * z + m[3]) / scale];
+        let color = masked(view);
+        let bytes = |picture: &ByteImage, side: usize| picture.resized(side, side).data;
+        let image = bytes(&color, config.image_size);
+        Ok(Self {
+            name: view.name.clone(),
+            key: Fingerprint::new().with(&image).value(),
+            image,
+            target: bytes(&color, config.render_size),
+            mask: bytes(&view.mask, config.render_size),
+            matrix: rows.iter().flat_map(|&m| row(m)).map(|x| x as f32).collect(),
+        })
+    }
+}

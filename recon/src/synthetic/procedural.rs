@@ -1,0 +1,162 @@
+//! Procedural objects as a dataset that is on no disk.
+
+use std::path::Path;
+
+use datasets::shapes::Family;
+use datasets::{Dataset, Entry, Layout, ReadOptions, ReadViewsError, Subset, Truth, Views};
+use mesh_core::{Camera, TriMesh};
+
+use super::{Orbit, Placement, RenderOptions, render_views};
+
+/// Objects drawn from families, seen by cameras of their own; views are rendered when they are
+/// asked for.
+///
+/// Object `i` of a family is the same whatever else is drawn. The first `train` of each family are
+/// for training, the others for tests.
+///
+/// ```
+/// use datasets::{Dataset, ReadOptions, Subset, shapes::Family};
+/// use recon::synthetic::{Orbit, Procedural};
+///
+/// let cameras = Orbit { count: 4, width: 32, height: 32, ..Procedural::orbit() };
+/// let set = Procedural::new(&[Family::Car, Family::Lamp], 3, 1, cameras);
+/// assert_eq!(set.entries().len(), 8);
+/// assert_eq!(set.entries()[3].subset, Some(Subset::Test));
+/// let views = set.views(3, Some(&[2]), &ReadOptions::default(), &|_, _| ())?;
+/// assert_eq!(views.views[0].name, "2");
+/// # Ok::<(), datasets::ReadViewsError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Procedural {
+    orbit: Orbit,
+    drawn: Vec<(Family, u64)>,
+    entries: Vec<Entry>,
+}
+
+impl Procedural {
+    /// `train` objects of each family to train on and `test` more, each seen by the orbit's
+    /// cameras; the orbit's seed is that of the objects too.
+    pub fn new(families: &[Family], train: usize, test: usize, orbit: Orbit) -> Self {
+        let each = families.iter().flat_map(|&f| (0..train + test).map(move |i| (f, i)));
+        let entry = |(family, i): (Family, usize)| Entry {
+            category: family.name().to_owned(),
+            name: format!("{}-{i:04}", family.name()),
+            views: orbit.count,
+            subset: Some(if i < train { Subset::Train } else { Subset::Test }),
+        };
+        let seed = |(family, i): (Family, usize)| {
+            let place = Family::ALL.iter().position(|&f| f == family).unwrap_or_default();
+            mixed(mixed(orbit.seed, place as u64), i as u64)
+        };
+        Self {
+            drawn: each.clone().map(|one| (one.0, seed(one))).collect(),
+            entries: each.map(entry).collect(),
+            orbit,
+        }
+    }
+
+    /// Cameras that stand anywhere around, from level with the object to 50 degrees above, and see
+    /// all of it.
+    pub fn orbit() -> Orbit {
+        Orbit {
+            count: 24,
+            placement: Placement::Random,
+            target: [0.0; 3],
+            distance: [1.6, 1.9],
+            elevation: [0.0, 50.0],
+            ..Orbit::default()
+        }
+    }
+
+    /// The mesh of an object, within the ball of radius 1/2 around the origin.
+    ///
+    /// # Panics
+    /// If the object does not exist.
+    pub fn mesh(&self, object: usize) -> TriMesh {
+        let (family, seed) = self.drawn[object];
+        family.draw(seed).mesh()
+    }
+
+    fn cameras(&self, object: usize) -> Vec<Camera> {
+        let seed = mixed(self.drawn[object].1, 1);
+        Orbit { seed, ..self.orbit.clone() }.cameras()
+    }
+}
+
+/// A seed that two numbers decide (the finaliser of SplitMix64 over their sum in its stride).
+fn mixed(a: u64, b: u64) -> u64 {
+    let x = a.wrapping_add(b.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+impl Dataset for Procedural {
+    fn layout(&self) -> Layout {
+        Layout::Memory
+    }
+
+    fn root(&self) -> &Path {
+        Path::new("procedural objects")
+    }
+
+    fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    fn views(
+        &self,
+        object: usize,
+        which: Option<&[usize]>,
+        _: &ReadOptions,
+        progress: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<Views, ReadViewsError> {
+        let all = self.cameras(object);
+        let chosen: Vec<usize> = which.map_or_else(|| (0..all.len()).collect(), <[usize]>::to_vec);
+        let cameras: Vec<Camera> = chosen.iter().map(|&i| all[i].clone()).collect();
+        let options = RenderOptions::default();
+        let mut views = render_views(&self.mesh(object), &cameras, &options, progress)
+            .expect("the faces of a family's mesh name its vertices");
+        for (view, i) in views.iter_mut().zip(chosen) {
+            view.name = i.to_string();
+        }
+        let source = self.root().join(&self.entries[object].name);
+        Ok(Views { views, source, layout: Layout::Memory, warnings: Vec::new() })
+    }
+
+    fn truth(&self, object: usize) -> Result<Truth, ReadViewsError> {
+        Ok(Truth { mesh: Some(self.mesh(object)), ..Truth::default() })
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn objects_are_their_own_and_wholly_seen() {
+        let orbit = Orbit { count: 3, width: 40, height: 30, seed: 5, ..Procedural::orbit() };
+        let few = Procedural::new(&[Family::Table], 1, 0, orbit.clone());
+        let many = Procedural::new(&[Family::Car, Family::Table], 2, 1, orbit);
+        assert_eq!(few.mesh(0).positions, many.mesh(3).positions);
+        assert_ne!(many.mesh(3).positions, many.mesh(4).positions);
+        let read = |which: Option<&[usize]>| {
+            many.views(3, which, &ReadOptions::default(), &|_, _| ()).unwrap().views
+        };
+        let (all, one) = (read(None), read(Some(&[2])));
+        assert_eq!(
+            (all[2].color.data.as_slice(), &all[2].name),
+            (&one[0].color.data[..], &one[0].name)
+        );
+        for view in &all {
+            let inside = view.mask.data.iter().filter(|&&m| m > 0).count();
+            assert!(inside > 40, "{inside}");
+            let edge = |k: usize| {
+                let (row, column) = (k / 40, k % 40);
+                row == 0 || row == 29 || column == 0 || column == 39
+            };
+            assert!((0..1200).filter(|&k| edge(k)).all(|k| view.mask.data[k] == 0), "cut off");
+        }
+    }
+}
