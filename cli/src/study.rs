@@ -1,9 +1,10 @@
 //! The studies that can be reproduced, by name.
 
+use recon::img2mesh::{ClockStudy, UnseenStudy};
 use recon::reproduce::Study;
 
 /// All of them, in the order of the list.
-pub(crate) const STUDIES: &[&dyn Study] = &[];
+pub(crate) const STUDIES: &[&dyn Study] = &[&ClockStudy, &UnseenStudy];
 
 /// The study of this name.
 pub(crate) fn study(name: &str) -> Option<&'static dyn Study> {

@@ -29,6 +29,7 @@ mod prepared;
 mod render;
 mod score;
 mod shelf;
+mod study;
 #[cfg(test)]
 mod tests;
 
@@ -50,6 +51,7 @@ use render::{Stage, stacked};
 
 pub use config::{AttentionKind, EncoderKind, Img2MeshConfig, SilhouetteKind};
 pub use data::{Data, Sample};
+pub use study::{ClockStudy, UnseenStudy};
 
 /// The system; see the [module](self).
 #[derive(Debug)]
@@ -74,11 +76,17 @@ impl Module<f32> for Img2Mesh {
 impl Img2Mesh {
     /// Meshes of `n` objects from all given views, object by object, each as many.
     fn meshes<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
-        let features = if self.config.freeze_encoder {
-            self.features.of(tape, &self.model, self.config.image_size, views)
-        } else {
-            self.model.encode(pictures(tape, self.config.image_size, views))
-        };
+        if !self.config.freeze_encoder {
+            return self.new_meshes(tape, n, views);
+        }
+        let features = self.features.of(tape, &self.model, self.config.image_size, views);
+        let cameras = views.iter().map(|view| &view.matrix[..]);
+        self.model.forward(n, features, stacked(tape, cameras, &[views.len(), 12]))
+    }
+
+    /// The same from pictures that are not looked at again: no features are kept.
+    fn new_meshes<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
+        let features = self.model.encode(pictures(tape, self.config.image_size, views));
         let cameras = views.iter().map(|view| &view.matrix[..]);
         self.model.forward(n, features, stacked(tape, cameras, &[views.len(), 12]))
     }
@@ -122,6 +130,10 @@ impl System for Img2Mesh {
         ("tiny", include_str!("../../presets/img2mesh/tiny.toml")),
         ("small", include_str!("../../presets/img2mesh/small.toml")),
         ("paper", include_str!("../../presets/img2mesh/paper.toml")),
+        ("paper-base", include_str!("../../presets/img2mesh/paper-base.toml")),
+        ("clock", include_str!("../../presets/img2mesh/clock.toml")),
+        ("clock-vgg16", include_str!("../../presets/img2mesh/clock-vgg16.toml")),
+        ("unseen", include_str!("../../presets/img2mesh/unseen.toml")),
     ];
     const BEST: &'static str = "mask-iou";
 
@@ -232,7 +244,7 @@ impl System for Img2Mesh {
             .collect::<Result<Vec<_>, _>>()
             .map_err(|error| error.to_string())?;
         let tape = Tape::eval();
-        Ok(self.mesh(self.meshes(&tape, 1, &prepared)))
+        Ok(self.mesh(self.new_meshes(&tape, 1, &prepared)))
     }
 }
 

@@ -11,8 +11,10 @@ use super::{Img2Mesh, Meshes};
 use crate::report::ViewPair;
 use crate::train::{DataError, Metric, Shown};
 
-/// Views shown.
+/// Views shown of one object.
 const MOST_SHOWN: usize = 6;
+/// Objects shown together.
+const GALLERY: usize = 8;
 /// Points on each surface for distances; the protocol's 100,000 would take longer than the training.
 const POINTS: usize = 10_000;
 
@@ -87,14 +89,32 @@ impl Img2Mesh {
         let trial = data.trial(&self.config, self.config.views, 0)?;
         let tape = Tape::eval();
         let meshes = self.meshes(&tape, 1, &trial.given);
+        let views = trial.scored.iter().take(MOST_SHOWN);
+        let views = views.map(|view| self.pair(&tape, meshes, view)).collect();
+        Ok(Shown { views, mesh: Some(self.mesh(meshes)) })
+    }
+
+    /// One view each of some groups spread over all that are held out, from `views` given.
+    pub(super) fn gallery(&self, data: &Data, views: usize) -> Result<Vec<ViewPair>, DataError> {
+        let trials = data.trials(views);
+        let shown = GALLERY.min(trials);
+        let chosen = (0..shown).map(|i| i * trials / shown);
+        chosen
+            .map(|k| {
+                let trial = data.trial(&self.config, views, k)?;
+                let tape = Tape::eval();
+                let meshes = self.meshes(&tape, 1, &trial.given);
+                Ok(self.pair(&tape, meshes, &trial.scored[0]))
+            })
+            .collect()
+    }
+
+    fn pair(&self, tape: &Tape, meshes: Meshes<'_>, view: &Prepared) -> ViewPair {
         let side = self.config.render_size;
-        let pictures = trial.scored.iter().take(MOST_SHOWN).map(|view| {
-            let (color, mask) = self.draw_view(&tape, meshes, view);
-            let iou = score(&color, &mask, view).iou;
-            let caption = format!("{}: IoU {iou:.3}", view.name);
-            ViewPair { caption, model: picture(&color, side), truth: bytes(&view.target, side) }
-        });
-        Ok(Shown { views: pictures.collect(), mesh: Some(self.mesh(meshes)) })
+        let (color, mask) = self.draw_view(tape, meshes, view);
+        let iou = score(&color, &mask, view).iou;
+        let caption = format!("{}: IoU {iou:.3}", view.name);
+        ViewPair { caption, model: picture(&color, side), truth: bytes(&view.target, side) }
     }
 
     /// The mesh in the world of the cameras.

@@ -1,0 +1,153 @@
+//! The paper's own setting: one clock, views that were held out.
+
+use std::time::Instant;
+
+use autodiff_lite::Tape;
+
+use super::{Config, open, preset, scored, settings};
+use crate::fit::Flow;
+use crate::img2mesh::{Data, Img2Mesh};
+use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::train::System as _;
+
+/// The name of the table.
+const TABLE: &str = "The paper's setting: a mesh of the clock from held-out views";
+/// Least mean mask IoU of every row.
+const FLOOR: f64 = 0.91;
+/// That of the quick one, which a broken gradient misses: the first sphere has about 0.73.
+const QUICK_FLOOR: f64 = 0.85;
+/// Predictions that are timed; their median counts.
+const TIMED: usize = 9;
+
+/// The published CNN with two and three views and VGG16 with two, trained on 80 views of a clock;
+/// meshes are made from some of the 20 that are held out and scored at the others.
+///
+/// With data, that of the user instead of the procedural clock.
+#[derive(Clone, Copy, Debug)]
+pub struct ClockStudy;
+
+fn jobs(scale: Scale) -> Vec<(&'static str, &'static str, Config)> {
+    match scale {
+        Scale::Full => vec![
+            ("cnn-2", "CNN, 2 views", preset("clock", &[])),
+            ("cnn-3", "CNN, 3 views", preset("clock", &[("views", "3")])),
+            ("vgg16-2", "VGG16, 2 views", preset("clock-vgg16", &[])),
+        ],
+        Scale::Quick => {
+            let steps = [("max-steps", "120"), ("synthetic-views", "40"), ("features", "128")];
+            let sizes = [("image-size", "64"), ("render-size", "64"), ("samples-every", "0")];
+            let rest = [("epochs", "1000"), ("evaluate-every", "0"), ("warmup", "10")];
+            let changes: Vec<_> = steps.into_iter().chain(sizes).chain(rest).collect();
+            vec![("small-2", "small CNN, 2 views", preset("small", &changes))]
+        }
+    }
+}
+
+impl Study for ClockStudy {
+    fn name(&self) -> &'static str {
+        "img2mesh"
+    }
+
+    fn about(&self) -> &'static str {
+        "the paper's own setting: CNN and VGG16 encoders on views of one clock"
+    }
+
+    fn settings(&self, scale: Scale) -> String {
+        settings(jobs(scale).into_iter().map(|(id, _, config)| (id, config)))
+    }
+
+    fn jobs(&self, scale: Scale) -> Vec<String> {
+        jobs(scale).into_iter().map(|(id, ..)| id.to_owned()).collect()
+    }
+
+    fn run(
+        &self,
+        work: &Work<'_>,
+        watch: &mut dyn FnMut(Tick) -> Flow,
+    ) -> Result<Vec<Row>, StudyError> {
+        let found = jobs(work.scale).into_iter().find(|(id, ..)| *id == work.id);
+        let (_, label, config) = found.expect("one of the jobs");
+        let data = open(work, &config)?;
+        let trained = work.train::<Img2Mesh>(&config, &data, watch)?;
+        let system = trained.system;
+        let views = config.system.views;
+        let metrics = system.evaluate_with(&data, views)?;
+        let millis = predict_millis(&system, &data)?;
+        let row = scored(Row::new(TABLE, label), &metrics)
+            .with(Cell::smaller("predict, ms", millis, 1))
+            .with(Cell::plain("trained numbers, millions", counted(&config), 2))
+            .with(Cell::plain("steps", trained.steps as f64, 0))
+            .took(trained.seconds)
+            .showing(label, &system.show(&data)?.views);
+        Ok(vec![row])
+    }
+
+    fn claims(&self, tables: &Tables, scale: Scale) -> Vec<Claim> {
+        let floor = if scale == Scale::Quick { QUICK_FLOOR } else { FLOOR };
+        let least = |row: &str| {
+            tables.values(TABLE, row, "mask-iou").iter().copied().fold(f64::INFINITY, f64::min)
+        };
+        let all: Vec<(&str, f64)> =
+            jobs(scale).into_iter().map(|(_, label, _)| (label, least(label))).collect();
+        let found: Vec<String> = all.iter().map(|(row, iou)| format!("{row} {iou:.3}")).collect();
+        let mut claims = vec![Claim::new(
+            format!("every row and seed has a mean mask IoU of at least {floor}"),
+            found.join(", "),
+            all.iter().all(|(_, iou)| *iou >= floor),
+        )];
+        if scale == Scale::Full {
+            claims.extend([faster(tables), as_good(tables)]);
+        }
+        claims
+    }
+
+    fn caption(&self, _: &str, scale: Scale) -> String {
+        let inputs = "Inputs are held-out views; scores are means over all held-out cameras that were not given.";
+        let weights = "No pretrained weights: all encoders train from scratch, VGG16 too, which the paper takes frozen \
+                       from ImageNet. Encoder input 128 px (paper: 224 and 1024), attention over the views.";
+        match scale {
+            Scale::Full => format!("{inputs} {weights}"),
+            Scale::Quick => inputs.to_owned(),
+        }
+    }
+}
+
+/// Millions of trained numbers.
+fn counted(config: &Config) -> f64 {
+    Img2Mesh::check(&config.system).map_or(0, |summary| summary.trainable) as f64 / 1e6
+}
+
+/// From pictures in memory to the mesh, the median.
+fn predict_millis(system: &Img2Mesh, data: &Data) -> Result<f64, StudyError> {
+    let given = data.trial(&system.config, system.config.views, 0)?.given;
+    let mut times = Vec::with_capacity(TIMED);
+    for _ in 0..TIMED {
+        let start = Instant::now();
+        let tape = Tape::eval();
+        std::hint::black_box(system.mesh(system.new_meshes(&tape, 1, &given)));
+        times.push(1e3 * start.elapsed().as_secs_f64());
+    }
+    times.sort_unstable_by(f64::total_cmp);
+    Ok(times[TIMED / 2])
+}
+
+fn faster(tables: &Tables) -> Claim {
+    let time = |row: &str| tables.mean(TABLE, row, "predict, ms").unwrap_or(f64::NAN);
+    let (cnn, vgg) = (time("CNN, 2 views"), time("VGG16, 2 views"));
+    Claim::new(
+        "the CNN predicts faster than VGG16",
+        format!("{cnn:.1} ms to {vgg:.1} ms"),
+        cnn < vgg,
+    )
+}
+
+fn as_good(tables: &Tables) -> Claim {
+    let iou = |row: &str| tables.mean(TABLE, row, "mask-iou").unwrap_or(f64::NAN);
+    let (cnn, vgg) = (iou("CNN, 2 views"), iou("VGG16, 2 views"));
+    let spread = tables.spread(TABLE, "VGG16, 2 views", "mask-iou").unwrap_or(0.0);
+    Claim::new(
+        "the CNN loses no fidelity: its mask IoU is below that of VGG16 by no more than the spread or 0.005",
+        format!("{cnn:.4} to {vgg:.4}"),
+        cnn >= vgg - spread.max(0.005),
+    )
+}
