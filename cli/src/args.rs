@@ -2,6 +2,8 @@
 
 mod data;
 mod dataset;
+mod eval;
+mod predict;
 mod reproduce;
 
 use std::path::PathBuf;
@@ -13,6 +15,8 @@ pub(crate) use data::{
     CamerasName, Data, DataVerb, DepthKind, Frame, Generate, LayoutName, SizeRule,
 };
 pub(crate) use dataset::{Convert, Inspect, Validate, WrittenLayout};
+pub(crate) use eval::Eval;
+pub(crate) use predict::Predict;
 pub(crate) use reproduce::Reproduce;
 
 use crate::system::SystemName;
@@ -27,6 +31,8 @@ use crate::system::SystemName;
   unsphere demo                                  see it work, in about a minute
   unsphere fit rendered_clock.zip -o clock       a mesh from views with masks and cameras
   unsphere render clock/mesh.glb -o turn.gif     look at it from all around
+  unsphere train img2mesh clock.zip -o run       learn to predict meshes from views
+  unsphere predict img2mesh few/ -c run -o mesh  a mesh of a few views, without fitting
   unsphere metrics clock/mesh.ply truth.obj      compare two meshes
   unsphere check clock/mesh.ply                  is it closed, is it printable?
   unsphere data inspect scan/                    do its cameras and masks agree?
@@ -65,6 +71,10 @@ pub(crate) enum Command {
     Fit(Fit),
     /// Train a system that predicts meshes, or go on with a training.
     Train(Train),
+    /// Score a trained system on what it did not see.
+    Eval(Eval),
+    /// Make a mesh of views by a trained system, without fitting.
+    Predict(Predict),
     /// Draw a mesh: from the cameras of views, or on a turntable.
     Render(Render),
     /// Compare two meshes by the published protocols.

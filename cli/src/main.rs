@@ -4,6 +4,7 @@
 //! is done by the crate `recon` and those below it.
 
 mod args;
+mod checkpoint;
 mod command;
 mod console;
 mod failure;

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use clap::ValueEnum;
+use recon::predict::Predictor;
 use recon::settings::{self, SettingsError};
 use recon::train::{Configuration, System};
 
@@ -39,7 +40,7 @@ pub(crate) trait ForSystem {
     type Output;
 
     /// Does it.
-    fn run<S: System>(self) -> Self::Output;
+    fn run<S: Predictor>(self) -> Self::Output;
 }
 
 /// The configuration that the command line asks for, read but not yet checked as a whole.

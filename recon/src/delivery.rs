@@ -135,22 +135,7 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         ("held-out", &fitted.held_out_views)
     };
     let views: Vec<&View> = indices.iter().map(|&i| &delivery.views.views[i]).collect();
-    let stride = views.len().div_ceil(MOST_VIEWS);
-    // Renders arrive from any thread; a map keeps their order that of the views.
-    let renders = Mutex::new(BTreeMap::new());
-    let scores = score_views(&fitted.mesh, &views, &|index, render| {
-        if index % stride == 0 {
-            let picture = close_up(views[index], &render);
-            renders.lock().expect("no thread panicked").insert(index, picture);
-        }
-    })?;
-    let pairs = renders.into_inner().expect("no thread panicked");
-    let pairs = pairs.into_iter().map(|(index, (model, truth))| {
-        let s = &scores.views[index];
-        let psnr = s.psnr.map_or_else(String::new, |p| format!(", {p:.1} dB"));
-        ViewPair { caption: format!("view {}: IoU {:.3}{psnr}", s.name, s.mask_iou), model, truth }
-    });
-    let pairs = pairs.collect();
+    let (scores, pairs) = compare(&fitted.mesh, &views)?;
     let truth = match delivery.truth {
         None => Vec::new(),
         Some(truth) => Preset::ALL
@@ -172,6 +157,31 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         truth,
     };
     Ok((metrics, pairs))
+}
+
+/// Scores a mesh on views, and shows it above them: every so many where there are more than a report
+/// has room for.
+pub(crate) fn compare(
+    mesh: &TriMesh,
+    views: &[&View],
+) -> Result<(ViewScores, Vec<ViewPair>), FacesError> {
+    let stride = views.len().div_ceil(MOST_VIEWS);
+    // Renders arrive from any thread; a map keeps their order that of the views.
+    let renders = Mutex::new(BTreeMap::new());
+    let scores = score_views(mesh, views, &|index, render| {
+        if index % stride == 0 {
+            let picture = close_up(views[index], &render);
+            renders.lock().expect("no thread panicked").insert(index, picture);
+        }
+    })?;
+    let pairs = renders.into_inner().expect("no thread panicked");
+    let pairs = pairs.into_iter().map(|(index, (model, truth))| {
+        let s = &scores.views[index];
+        let psnr = s.psnr.map_or_else(String::new, |p| format!(", {p:.1} dB"));
+        ViewPair { caption: format!("view {}: IoU {:.3}{psnr}", s.name, s.mask_iou), model, truth }
+    });
+    let pairs = pairs.collect();
+    Ok((scores, pairs))
 }
 
 /// Render and photograph around the object: a square with a margin, at most [`PICTURE`] wide.
@@ -225,17 +235,23 @@ fn report(
     }
 }
 
-fn figures(metrics: &Metrics) -> Vec<Figure> {
+/// The cards of mean scores over views.
+pub(crate) fn score_figures(scores: &ViewScores) -> Vec<Figure> {
     let figure = |value: String, label: &str| Figure { value, label: label.into() };
-    let mut figures = vec![
-        figure(format!("{:.4}", metrics.views.mask_iou), "mask IoU"),
+    vec![
+        figure(format!("{:.4}", scores.mask_iou), "mask IoU"),
         figure(
-            metrics.views.psnr.map_or_else(|| "n/a".into(), |p| format!("{p:.1} dB")),
+            scores.psnr.map_or_else(|| "n/a".into(), |p| format!("{p:.1} dB")),
             "PSNR inside the mask",
         ),
-        figure(format!("{:.4}", metrics.views.image_l1), "image L1"),
-        figure(format!("{:.3}", metrics.views.ssim), "SSIM"),
-    ];
+        figure(format!("{:.4}", scores.image_l1), "image L1"),
+        figure(format!("{:.3}", scores.ssim), "SSIM"),
+    ]
+}
+
+fn figures(metrics: &Metrics) -> Vec<Figure> {
+    let figure = |value: String, label: &str| Figure { value, label: label.into() };
+    let mut figures = score_figures(&metrics.views);
     // One protocol is enough for the cards, the one whose unit is the object itself; the tables have all.
     let occnet = metrics.truth.iter().find(|c| c.protocol.name == Preset::OccNet.name());
     if let Some(comparison) = occnet {
@@ -281,23 +297,7 @@ fn charts(delivery: &Delivery<'_>) -> Vec<Chart> {
 
 fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
     let row = |name: &str, value: String| (name.to_string(), value);
-    let yes = |b: bool| if b { "yes" } else { "no" }.to_string();
-    let health = &metrics.health;
-    let mut tables = vec![Table {
-        title: "The mesh".into(),
-        rows: vec![
-            row("vertices, faces", format!("{}, {}", health.vertices, health.faces)),
-            row("closed, oriented outwards", yes(health.is_watertight() && health.outward)),
-            row("Euler number", health.euler.to_string()),
-            row("faces that cut each other", metrics.self_intersections.to_string()),
-            row("sharpest fold between faces", format!("{:.1}°", health.largest_dihedral_degrees)),
-            row("smallest angle", format!("{:.2}°", health.smallest_angle_degrees)),
-            row(
-                "angles of at least 5°",
-                format!("{:.3} %", 100.0 * (1.0 - health.angles_below_5_fraction)),
-            ),
-        ],
-    }];
+    let mut tables = vec![mesh_table(&metrics.health, metrics.self_intersections)];
     for comparison in &metrics.truth {
         let mut rows = vec![row("formula", comparison.protocol.formula.clone())];
         rows.extend(comparison.chamfer.map(|v| row("Chamfer", format!("{v:.4e}"))));
@@ -318,6 +318,27 @@ fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
     rows.extend(delivery.provenance.iter().cloned());
     tables.push(Table { title: "The run".into(), rows });
     tables
+}
+
+/// What there is to say about a mesh by itself.
+pub(crate) fn mesh_table(health: &Health, self_intersections: usize) -> Table {
+    let row = |name: &str, value: String| (name.to_string(), value);
+    let yes = |b: bool| if b { "yes" } else { "no" }.to_string();
+    Table {
+        title: "The mesh".into(),
+        rows: vec![
+            row("vertices, faces", format!("{}, {}", health.vertices, health.faces)),
+            row("closed, oriented outwards", yes(health.is_watertight() && health.outward)),
+            row("Euler number", health.euler.to_string()),
+            row("faces that cut each other", self_intersections.to_string()),
+            row("sharpest fold between faces", format!("{:.1}°", health.largest_dihedral_degrees)),
+            row("smallest angle", format!("{:.2}°", health.smallest_angle_degrees)),
+            row(
+                "angles of at least 5°",
+                format!("{:.3} %", 100.0 * (1.0 - health.angles_below_5_fraction)),
+            ),
+        ],
+    }
 }
 
 fn shown(path: &Path) -> String {

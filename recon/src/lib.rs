@@ -33,6 +33,7 @@
 //! - **deliver**: [`delivery`] writes what a user keeps, from [`report`], [`turntable`] and [`output`]
 //! - **several views to one mesh, learned**: [`img2mesh`]
 //! - **train a system**: [`train`](mod@train), the one loop, its run folders and checkpoints
+//! - **apply what was trained** to a user's files: [`predict`]
 //! - **make a published table again**: [`mod@reproduce`]
 //! - **configurations as TOML**: [`settings`]
 //!
@@ -50,6 +51,7 @@ pub mod generate;
 pub mod img2mesh;
 pub mod inspect;
 pub mod output;
+pub mod predict;
 pub mod report;
 pub mod reproduce;
 pub mod settings;

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use mesh_core::{Health, TriMesh, read_mesh};
 use recon::fit::FitConfig;
+use recon::predict::Predictor;
 use recon::settings;
-use recon::train::{Summary, System};
+use recon::train::Summary;
 use serde::Serialize;
 
 use crate::args::{Check, Global, SystemSettings};
@@ -44,7 +45,7 @@ struct CheckSystem<'a>(&'a SystemSettings, Global);
 impl ForSystem for CheckSystem<'_> {
     type Output = Result<SystemReport, Failure>;
 
-    fn run<S: System>(self) -> Self::Output {
+    fn run<S: Predictor>(self) -> Self::Output {
         let config = system::configuration::<S>(self.0, self.1)?;
         let summary =
             S::check(&config.system).map_err(|problems| Failure::Usage(problems.join("; ")))?;

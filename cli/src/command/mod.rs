@@ -4,8 +4,10 @@ mod check;
 mod completions;
 mod data;
 mod demo;
+mod eval;
 mod fit;
 mod metrics;
+mod predict;
 mod render;
 mod reproduce;
 mod train;
@@ -25,6 +27,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Demo(arguments) => demo::run(console, global, &arguments),
         Command::Fit(arguments) => fit::run(console, global, &arguments),
         Command::Train(arguments) => train::run(console, global, &arguments),
+        Command::Eval(arguments) => eval::run(console, global, &arguments),
+        Command::Predict(arguments) => predict::run(console, global, &arguments),
         Command::Render(arguments) => render::run(console, &arguments),
         Command::Metrics(arguments) => metrics::run(console, global, &arguments),
         Command::Check(arguments) => check::run(console, global, &arguments),

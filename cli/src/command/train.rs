@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use recon::fit::Flow;
+use recon::predict::Predictor;
 use recon::settings;
 use recon::train::{
-    CHANGEABLE, CheckpointError, Configuration, Event, Job, Outcome, RunError, RunFolder, Source,
-    System, TrainError, train,
+    CHANGEABLE, CheckpointError, Configuration, Event, Job, Noted, Outcome, RunError, RunFolder,
+    Source, System, TrainError, train,
 };
 use serde::Serialize;
 
@@ -58,7 +59,7 @@ struct Prepared<C> {
 impl ForSystem for Command<'_> {
     type Output = Result<(), Failure>;
 
-    fn run<S: System>(self) -> Result<(), Failure> {
+    fn run<S: Predictor>(self) -> Result<(), Failure> {
         let Self { console, global, arguments } = self;
         let start = Instant::now();
         let Prepared { run, config, data } = if let Some(path) = &arguments.resume {
@@ -132,16 +133,9 @@ impl Command<'_> {
             let text = format!("--seed {seed}: the run began with {}", config.train.seed);
             return Err(Failure::Usage(text));
         }
-        let data = self.arguments.data.clone().or_else(|| noted_data(path));
+        let data = self.arguments.data.clone().or_else(|| Noted::of(path).data);
         Ok(Prepared { run, config, data })
     }
-}
-
-/// Where a run's data was, as its folder says.
-fn noted_data(run: &Path) -> Option<PathBuf> {
-    let text = std::fs::read_to_string(run.join("provenance.json")).ok()?;
-    let facts: serde_json::Value = serde_json::from_str(&text).ok()?;
-    facts["data"].as_str().filter(|data| !data.is_empty()).map(PathBuf::from)
 }
 
 fn watched<S: System>(

@@ -7,6 +7,11 @@ use std::process::{Command, Output};
 
 /// The binary with these arguments, in this folder.
 pub(crate) fn unsphere<const N: usize>(folder: &Path, arguments: [&str; N]) -> Run {
+    unsphere_with(folder, &arguments)
+}
+
+/// The same for arguments that were put together.
+pub(crate) fn unsphere_with(folder: &Path, arguments: &[&str]) -> Run {
     let output = Command::new(env!("CARGO_BIN_EXE_unsphere"))
         .args(arguments)
         .current_dir(folder)

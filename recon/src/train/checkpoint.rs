@@ -93,9 +93,20 @@ impl<'a> Checkpoint<'a> {
     /// If it is of another system or does not fit it.
     pub fn load<S: System>(&self) -> Result<(S, Configuration<S::Config>), CheckpointError> {
         let config = self.config::<S>()?;
+        Ok((self.load_as(&config)?, config))
+    }
+
+    /// The trained system under other options than those of the run, as long as they leave the
+    /// parameters' names and shapes as they are.
+    ///
+    /// # Errors
+    /// If it is of another system; or all parameters that are missing, left over or of another shape.
+    pub fn load_as<S: System>(
+        &self,
+        config: &Configuration<S::Config>,
+    ) -> Result<S, CheckpointError> {
         let mut optimizer = AnyOptimizer::new(&TrainConfig::default(), &[]);
-        let (system, _) = self.rebuild::<S>(&config, &mut optimizer)?;
-        Ok((system, config))
+        Ok(self.rebuild::<S>(config, &mut optimizer)?.0)
     }
 
     /// A fresh system led to the checkpoint's shapes and filled with its values.

@@ -55,6 +55,14 @@ pub enum RunError {
         /// The file that a run has.
         missing: &'static str,
     },
+    /// The path leads to no checkpoint.
+    #[error("{}: {found}, expected a run's folder with a checkpoint, or a .safetensors file", path.display())]
+    NoCheckpoint {
+        /// The path.
+        path: PathBuf,
+        /// What is there.
+        found: &'static str,
+    },
     /// The file system refused.
     #[error("{}: {source}", path.display())]
     Io {

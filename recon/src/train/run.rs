@@ -106,6 +106,11 @@ impl RunFolder {
         Ok(run)
     }
 
+    /// The folder at a path, whatever is in it.
+    pub(super) fn at(path: &Path) -> Self {
+        Self(path.to_owned())
+    }
+
     /// Where it is.
     pub fn path(&self) -> &Path {
         &self.0

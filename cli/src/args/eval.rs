@@ -1,0 +1,39 @@
+//! Arguments of `unsphere eval`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{Reading, key_value};
+use crate::system::SystemName;
+
+#[derive(Args, Debug)]
+#[command(
+    after_help = "The scores are those of the training's own evaluation: of what is held out, in what the model was
+not given. DATA is what the run was trained on unless it is said; a run on data that the system
+makes is scored on the same. --set may change what leaves the parameters as they are, the number of
+views for example.
+
+Examples:
+  unsphere eval img2mesh --checkpoint runs/clock
+  unsphere eval img2mesh --checkpoint runs/clock --set views=1 --json
+  unsphere eval img2mesh --checkpoint runs/clock/checkpoints/last.safetensors other_clock.zip"
+)]
+pub(crate) struct Eval {
+    /// What was trained.
+    #[arg(value_enum)]
+    pub(crate) system: SystemName,
+    /// What it is scored on; without it, what the run was trained on.
+    pub(crate) data: Option<PathBuf>,
+    /// A run's folder, of which the best checkpoint is taken, or a checkpoint's file.
+    #[arg(long, short, value_name = "RUN|FILE")]
+    pub(crate) checkpoint: PathBuf,
+    /// The last checkpoint of the run instead of the best.
+    #[arg(long)]
+    pub(crate) last: bool,
+    /// One setting over those of the run; can be given many times.
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
+    pub(crate) set: Vec<(String, String)>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+}

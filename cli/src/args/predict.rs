@@ -1,0 +1,50 @@
+//! Arguments of `unsphere predict`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{Output, Reading};
+use crate::system::SystemName;
+
+#[derive(Args, Debug)]
+#[command(
+    after_help = "VIEWS is whatever `unsphere fit` reads: pictures with masks and cameras, of any size and number. A
+view whose file is missing is left out with a warning. Views that are not given judge the mesh.
+
+The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html and metrics.json. The mesh
+is in the coordinates of the cameras, which must be those of the training: a model knows objects of
+the size and place that it has seen.
+
+Examples:
+  unsphere train img2mesh views/ -o runs/clock                     first, to have a checkpoint
+  unsphere predict img2mesh views/ --checkpoint runs/clock -o out  from all views
+  unsphere predict img2mesh views/ -c runs/clock --views 4,9,14    from three, judged by the others
+  unsphere predict img2mesh three/ -c runs/clock --score views/    from all of three/"
+)]
+pub(crate) struct Predict {
+    /// What was trained.
+    #[arg(value_enum)]
+    pub(crate) system: SystemName,
+    /// Views of one object.
+    pub(crate) views: PathBuf,
+    /// A run's folder, of which the best checkpoint is taken, or a checkpoint's file.
+    #[arg(long, short, value_name = "RUN|FILE")]
+    pub(crate) checkpoint: Option<PathBuf>,
+    /// The last checkpoint of the run instead of the best.
+    #[arg(long, requires = "checkpoint")]
+    pub(crate) last: bool,
+    #[command(flatten)]
+    pub(crate) output: Output,
+    /// Names or numbers of the views that are given; without it, all.
+    #[arg(long = "views", value_name = "NAME,..", value_delimiter = ',', conflicts_with = "first")]
+    pub(crate) given: Vec<String>,
+    /// How many views are given, from the first on.
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) first: Option<u32>,
+    /// More views of the object, which only judge the mesh.
+    #[arg(long, value_name = "VIEWS")]
+    pub(crate) score: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+}

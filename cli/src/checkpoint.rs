@@ -1,0 +1,37 @@
+//! The checkpoint that the command line names.
+
+use std::path::Path;
+
+use recon::predict::Predictor;
+use recon::settings::{self, SettingsError};
+use recon::train::{Checkpoint, Configuration, Located, System};
+
+use crate::failure::Failure;
+
+/// Finds a checkpoint; where there is none, says how one is had.
+pub(crate) fn located<S: Predictor>(path: &Path, last: bool) -> Result<Located, Failure> {
+    Located::find(path, last).map_err(|error| Failure::Input(format!("{error}; {}", S::TRAINING)))
+}
+
+/// The configuration of a checkpoint under single settings, checked.
+pub(crate) fn configuration<S: System>(
+    checkpoint: &Checkpoint<'_>,
+    set: &[(String, String)],
+    seed: Option<u64>,
+) -> Result<Configuration<S::Config>, Failure> {
+    let config = checkpoint.config::<S>().map_err(Failure::input)?;
+    let text = settings::to_toml(&config);
+    let mut config: Configuration<S::Config> =
+        settings::read_text(Path::new("the run's configuration"), &text, set).map_err(|error| {
+            match error {
+                SettingsError::Setting { .. } => Failure::Usage(format!("--set: {error}")),
+                _ => Failure::input(error),
+            }
+        })?;
+    if let Some(seed) = seed {
+        config.train.seed = seed;
+    }
+    let mut problems = config.train.check();
+    problems.extend(S::check(&config.system).err().unwrap_or_default());
+    if problems.is_empty() { Ok(config) } else { Err(Failure::Usage(problems.join("; "))) }
+}

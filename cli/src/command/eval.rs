@@ -1,0 +1,115 @@
+//! `unsphere eval`: a trained system, scored on what it did not see.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use recon::predict::Predictor;
+use recon::train::{Checkpoint, Noted, Source};
+use serde::Serialize;
+
+use crate::args::{Eval, Global};
+use crate::checkpoint::{configuration, located};
+use crate::console::{Console, table};
+use crate::failure::Failure;
+use crate::progress::Progress;
+use crate::system::ForSystem;
+
+/// What is printed with `--json`.
+#[derive(Debug, Serialize)]
+struct Evaluated<'a> {
+    system: &'static str,
+    checkpoint: &'a Path,
+    steps: u64,
+    /// None where the system made its own.
+    data: Option<&'a Path>,
+    seed: u64,
+    seconds: f64,
+    metrics: BTreeMap<String, f64>,
+}
+
+pub(crate) fn run(console: Console, global: Global, arguments: &Eval) -> Result<(), Failure> {
+    arguments.system.visit(Command { console, global, arguments })
+}
+
+struct Command<'a> {
+    console: Console,
+    global: Global,
+    arguments: &'a Eval,
+}
+
+impl ForSystem for Command<'_> {
+    type Output = Result<(), Failure>;
+
+    fn run<S: Predictor>(self) -> Result<(), Failure> {
+        let Self { console, global, arguments } = self;
+        let found = located::<S>(&arguments.checkpoint, arguments.last)?;
+        let checkpoint = Checkpoint::read(&found.file).map_err(Failure::input)?;
+        let config = configuration::<S>(&checkpoint, &arguments.set, global.seed)?;
+        let system =
+            checkpoint.load_as::<S>(&config).map_err(|error| match arguments.set.len() {
+                0 => Failure::input(error),
+                _ => Failure::Usage(format!("--set changes the model: {error}")),
+            })?;
+        let noted = found.run.as_deref().map(Noted::of).unwrap_or_default();
+        let (data, hash) = match &arguments.data {
+            Some(path) => (Some(path.clone()), None),
+            None => (noted.data.clone(), noted.data.and(noted.data_hash)),
+        };
+        let opened = self.open::<S>(&config, data.as_ref())?;
+        let now = format!("{:016x}", S::fingerprint(&opened));
+        if let (Some(path), Some(hash)) = (&data, hash.filter(|hash| *hash != now)) {
+            console.warn(format_args!(
+                "{} gives other data than the run was trained on ({now} instead of {hash}): has it \
+                 changed, or was it read with other options?",
+                path.display()
+            ));
+        }
+        let start = Instant::now();
+        let progress = Progress::new(console, "eval");
+        let metrics = system.evaluate(&opened).map_err(Failure::input)?;
+        progress.finish();
+        let evaluated = Evaluated {
+            system: S::NAME,
+            checkpoint: &found.file,
+            steps: checkpoint.step().map_err(Failure::input)?,
+            data: data.as_deref(),
+            seed: config.train.seed,
+            seconds: start.elapsed().as_secs_f64(),
+            metrics: metrics.into_iter().map(|m| (m.name, m.value)).collect(),
+        };
+        console.result(&evaluated, describe)
+    }
+}
+
+impl Command<'_> {
+    fn open<S: Predictor>(
+        &self,
+        config: &recon::train::Configuration<S::Config>,
+        data: Option<&PathBuf>,
+    ) -> Result<S::Data, Failure> {
+        let progress = Progress::new(self.console, "read");
+        let options = self.arguments.reading.options();
+        let source = Source {
+            path: data.map(PathBuf::as_path),
+            options: &options,
+            seed: config.train.seed,
+            progress: &|done, all| progress.set(done, all),
+        };
+        S::open(&config.system, &source).map_err(Failure::input)
+    }
+}
+
+fn describe(evaluated: &Evaluated<'_>) -> String {
+    let data = match evaluated.data {
+        Some(path) => path.display().to_string(),
+        None => format!("made by the system, seed {}", evaluated.seed),
+    };
+    let scores: Vec<(&str, String)> =
+        evaluated.metrics.iter().map(|(name, value)| (&**name, format!("{value:.4}"))).collect();
+    table(scores.into_iter().chain([
+        ("checkpoint", format!("{}, step {}", evaluated.checkpoint.display(), evaluated.steps)),
+        ("data", data),
+        ("time", format!("{:.1} s", evaluated.seconds)),
+    ]))
+}

@@ -1,0 +1,127 @@
+//! `unsphere predict`: views in, a mesh by a trained system out.
+
+use std::path::{Path, PathBuf};
+
+use recon::output::OutputFolder;
+use recon::predict::{Choice, Delivery, Metrics, Predictor, Request, deliver, predict};
+use recon::train::Checkpoint;
+use serde::Serialize;
+
+use crate::args::{Global, Predict};
+use crate::checkpoint::located;
+use crate::console::{Console, table};
+use crate::failure::Failure;
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
+use crate::provenance::provenance;
+use crate::system::ForSystem;
+
+/// Where the results go when nothing is said.
+const FOLDER: &str = "unsphere-predict";
+
+/// What is printed with `--json`: `metrics.json`, and where it is.
+#[derive(Debug, Serialize)]
+struct Outcome<'a> {
+    output: &'a Path,
+    metrics: &'a Metrics,
+}
+
+pub(crate) fn run(console: Console, _: Global, arguments: &Predict) -> Result<(), Failure> {
+    arguments.system.visit(Command { console, arguments })
+}
+
+struct Command<'a> {
+    console: Console,
+    arguments: &'a Predict,
+}
+
+impl ForSystem for Command<'_> {
+    type Output = Result<(), Failure>;
+
+    fn run<S: Predictor>(self) -> Result<(), Failure> {
+        let Self { console, arguments } = self;
+        let Some(path) = &arguments.checkpoint else {
+            let text = format!("--checkpoint is needed, a trained model: {}", S::TRAINING);
+            return Err(Failure::Usage(text));
+        };
+        let found = located::<S>(path, arguments.last)?;
+        let target = arguments.output.folder.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
+        let folder = OutputFolder::create(&target, arguments.output.force)?;
+        let _interrupt = Interrupt::listen(Some(folder.path()))?;
+        let checkpoint = Checkpoint::read(&found.file).map_err(Failure::input)?;
+        let (system, _) = checkpoint.load::<S>().map_err(Failure::input)?;
+        let progress = Progress::new(console, "read");
+        let request = Request {
+            path: &arguments.views,
+            options: arguments.reading.options(),
+            choice: self.choice(),
+            score: arguments.score.as_deref(),
+            progress: &|done, all| progress.set(done, all),
+        };
+        let material = system.gather(&request).map_err(Failure::input)?;
+        progress.finish();
+        material.warnings.iter().for_each(|warning| console.warn(warning));
+        let progress = Progress::new(console, "predict");
+        let prediction = predict(&system, &material)
+            .map_err(|error| Failure::Input(format!("{}: {error}", material.source.display())))?;
+        progress.say("scores, meshes, turntable, report".to_owned());
+        let made = provenance(None);
+        let row = |name: &str, value: String| (name.to_owned(), value);
+        let delivery = Delivery {
+            checkpoint: found.file.display().to_string(),
+            steps: checkpoint.step().map_err(Failure::input)?,
+            command: made.command,
+            provenance: vec![
+                row("unsphere", made.version),
+                row("threads", rayon::current_num_threads().to_string()),
+                row("processor", made.cpu),
+                row("machine", made.machine),
+            ],
+            ..Delivery::new(S::NAME, &material, &prediction)
+        };
+        let metrics = deliver(&delivery, &folder).map_err(Failure::other)?;
+        let output = folder.commit()?;
+        progress.finish();
+        console.result(&Outcome { output: &output, metrics: &metrics }, describe)
+    }
+}
+
+impl Command<'_> {
+    fn choice(&self) -> Choice<'_> {
+        match (self.arguments.first, self.arguments.given.as_slice()) {
+            (Some(count), _) => Choice::First(count as usize),
+            (None, []) => Choice::All,
+            (None, names) => Choice::Named(names),
+        }
+    }
+}
+
+fn describe(outcome: &Outcome<'_>) -> String {
+    let metrics = outcome.metrics;
+    let given = metrics.given.views.len();
+    let (scores, judged) = match &metrics.held_out {
+        Some(scores) => (scores, "cameras that were not given"),
+        None => (&metrics.given, "cameras that were given, for want of others"),
+    };
+    let health = &metrics.health;
+    let whole = if health.is_watertight() { "closed" } else { "not closed" };
+    let psnr = scores.psnr.map_or_else(|| "none".to_owned(), |psnr| format!("{psnr:.2} dB"));
+    let rows = table([
+        ("mask IoU", format!("{:.4}", scores.mask_iou)),
+        ("PSNR", psnr),
+        ("image L1", format!("{:.4}", scores.image_l1)),
+        ("SSIM", format!("{:.4}", scores.ssim)),
+        ("prediction", format!("{:.1} ms", metrics.milliseconds)),
+        (
+            "mesh",
+            format!(
+                "{} vertices, {whole}, {} self-intersections",
+                health.vertices, metrics.self_intersections
+            ),
+        ),
+        ("checkpoint", format!("{}, step {}", metrics.checkpoint, metrics.steps)),
+        ("output", outcome.output.display().to_string()),
+    ]);
+    let count = scores.views.len();
+    format!("{given} views given; the scores are means over {count} {judged}\n{rows}")
+}

@@ -1,0 +1,186 @@
+//! What `eval` and `predict` promise of a trained system.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use common::{Run, unsphere};
+use datasets::shapes::AlarmClock;
+use recon::synthetic::{Orbit, RenderOptions, render_views};
+use serde_json::Value;
+
+/// Views of a clock, `width` by `height`.
+fn clock(count: usize, width: usize, height: usize) -> Vec<datasets::View> {
+    let orbit = Orbit { count, width, height, ..Orbit::default() };
+    let clock = AlarmClock::default().build();
+    render_views(&clock, &orbit.cameras(), &RenderOptions::default(), &|_, _| ()).unwrap()
+}
+
+/// A folder with views and with a small training on them, made once for all tests.
+fn place() -> &'static Path {
+    static PLACE: OnceLock<tempfile::TempDir> = OnceLock::new();
+    let place = PLACE.get_or_init(|| {
+        let place = tempfile::tempdir().unwrap();
+        datasets::write_kaolin(&clock(10, 40, 40), &place.path().join("views")).unwrap();
+        let mut arguments = vec!["train", "img2mesh", "views", "-o", "run", "--preset", "tiny"];
+        for set in ["level=1", "epochs=3", "hold-out=3"] {
+            arguments.extend(["--set", set]);
+        }
+        common::unsphere_with(place.path(), &arguments).ok();
+        place
+    });
+    place.path()
+}
+
+fn eval<const N: usize>(arguments: [&str; N]) -> Run {
+    let mut all = vec!["eval", "img2mesh", "--json"];
+    all.extend(arguments);
+    run(&all)
+}
+
+fn predict<const N: usize>(out: &str, arguments: [&str; N]) -> Run {
+    let mut all = vec!["predict", "img2mesh", "--json", "-o", out];
+    all.extend(arguments);
+    run(&all)
+}
+
+fn run(arguments: &[&str]) -> Run {
+    common::unsphere_with(place(), arguments)
+}
+
+#[test]
+fn eval_says_what_the_training_said() {
+    let log = std::fs::read_to_string(place().join("run/metrics.jsonl")).unwrap();
+    let lines = log.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let evaluations: Vec<Value> = lines.filter(|line| line["kind"] == "evaluation").collect();
+    let (last, best) =
+        (evaluations.last().unwrap(), evaluations.iter().rfind(|e| e["best"] == true));
+    let found = eval(["--checkpoint", "run", "--last"]).ok().json();
+    assert_eq!(found["metrics"], last["metrics"]);
+    assert_eq!(found["data"], "views");
+    let found = eval(["-c", "run"]).ok().json();
+    assert_eq!(found["metrics"], best.unwrap()["metrics"]);
+    // The file by itself does not know its data; then it is said.
+    std::fs::copy(
+        place().join("run/checkpoints/last.safetensors"),
+        place().join("alone.safetensors"),
+    )
+    .unwrap();
+    let found = eval(["-c", "alone.safetensors", "views"]).ok().json();
+    assert_eq!(found["metrics"], last["metrics"]);
+    let text = unsphere(place(), ["eval", "img2mesh", "-c", "run"]).ok().stdout();
+    assert!(text.contains("mask-iou") && text.contains("best.safetensors, step"), "{text}");
+}
+
+#[test]
+fn eval_takes_settings_that_leave_the_model_as_it_is() {
+    let one = eval(["-c", "run", "--set", "views=1"]).ok().json();
+    let two = eval(["-c", "run"]).ok().json();
+    assert_ne!(one["metrics"], two["metrics"]);
+    let changed = "--set changes the model";
+    eval(["-c", "run", "--set", "level=2"]).fails(2, &[changed, "mesh_fc.weight"]);
+    eval(["-c", "run", "--set", "attention=mean"]).fails(2, &[changed, "layers.0."]);
+    eval(["-c", "run", "--set", "heads=3"]).fails(2, &["`heads` is 3"]);
+    eval(["-c", "run", "--set", "levle=3"]).fails(2, &["levle"]);
+    eval(["-c", "nowhere"]).fails(3, &["nowhere", "unsphere train img2mesh"]);
+    eval(["-c", "views"]).fails(3, &["views: a folder without one", "unsphere train img2mesh"]);
+    std::fs::write(place().join("noise.safetensors"), b"noise").unwrap();
+    eval(["-c", "noise.safetensors"]).fails(3, &["noise.safetensors"]);
+    // Other data under the same path is noticed.
+    let other = place().join("elsewhere");
+    std::fs::create_dir_all(other.join("run/checkpoints")).unwrap();
+    for name in ["provenance.json", "checkpoints/last.safetensors"] {
+        std::fs::copy(place().join("run").join(name), other.join("run").join(name)).unwrap();
+    }
+    datasets::write_kaolin(&clock(10, 36, 36), &other.join("views")).unwrap();
+    let found = unsphere(&other, ["eval", "img2mesh", "-c", "run", "--json"]).ok();
+    assert!(found.stderr().contains("gives other data"), "{}", found.stderr());
+}
+
+#[test]
+fn one_view_or_eight_make_a_mesh() {
+    let given = |out: &str, arguments: [&str; 2]| {
+        let [a, b] = arguments;
+        predict(out, ["views", "-c", "run", a, b]).ok().json()["metrics"].clone()
+    };
+    let count = |scores: &Value| scores["views"].as_array().map(Vec::len);
+    let one = given("one", ["--views", "3"]);
+    assert_eq!((count(&one["given"]), count(&one["held_out"])), (Some(1), Some(9)));
+    assert_eq!(one["given"]["views"][0]["name"], "3");
+    let eight = given("eight", ["--first", "8"]);
+    assert_eq!((count(&eight["given"]), count(&eight["held_out"])), (Some(8), Some(2)));
+    assert_ne!(one["held_out"]["mask_iou"], eight["held_out"]["mask_iou"]);
+    assert!(eight["held_out"]["mask_iou"].as_f64().unwrap() > 0.3, "{eight}");
+    assert!(eight["milliseconds"].as_f64().unwrap() > 0.0);
+    let files =
+        ["mesh.glb", "mesh.obj", "mesh.ply", "turntable.gif", "report.html", "metrics.json"];
+    for name in files {
+        assert!(std::fs::metadata(place().join("eight").join(name)).unwrap().len() > 50, "{name}");
+    }
+    let kept: Value =
+        serde_json::from_slice(&std::fs::read(place().join("one/metrics.json")).unwrap()).unwrap();
+    assert_eq!(kept, one);
+    // All are given; others judge it where they are named.
+    let all = predict("all", ["views", "-c", "run"]).ok().json()["metrics"].clone();
+    assert_eq!((count(&all["given"]), &all["held_out"]), (Some(10), &Value::Null));
+    let arguments = ["views", "-c", "run", "--score", "views", "--last", "-q"];
+    let scored = predict("scored", arguments).ok();
+    assert_eq!(count(&scored.json()["metrics"]["held_out"]), Some(10));
+    predict("all", ["views", "-c", "run"]).fails(1, &["all", "--force"]);
+}
+
+#[test]
+fn pictures_may_be_of_any_size_and_shape() {
+    // The same cameras through a wider and a taller window, and in more pixels.
+    let judged = |name: &str, width: usize, height: usize| {
+        let views = clock(10, width, height);
+        datasets::write_transforms(&views, &place().join(name)).unwrap();
+        let out = format!("{name}-mesh");
+        let found = predict(&out, [name, "-c", "run", "--first", "3"]).ok().json();
+        found["metrics"]["held_out"]["mask_iou"].as_f64().unwrap()
+    };
+    let same = judged("square", 40, 40);
+    let large = judged("large", 120, 120);
+    assert!((same - large).abs() < 0.05, "{same} {large}");
+    let wide = judged("wide", 80, 48);
+    assert!(wide > 0.3, "{wide}");
+}
+
+#[test]
+fn a_missing_view_is_left_out() {
+    let copy = |name: &str, gone: &[&str]| {
+        common::copied(&place().join("views"), &place().join(name));
+        for file in gone {
+            std::fs::remove_file(place().join(name).join(file)).unwrap();
+        }
+    };
+    copy("gap", &["3_rgb.png"]);
+    let found = predict("gap-mesh", ["gap", "-c", "run", "--views", "1,3,5"]).ok();
+    let warned = found.stderr();
+    assert!(
+        warned.contains("3_rgb.png is missing") && warned.contains("view 3 was asked for"),
+        "{warned}"
+    );
+    let metrics = found.json()["metrics"].clone();
+    assert_eq!(metrics["given"]["views"].as_array().unwrap().len(), 2);
+    assert_eq!(metrics["warnings"].as_array().unwrap().len(), 2);
+    let page = std::fs::read_to_string(place().join("gap-mesh/report.html")).unwrap();
+    assert!(page.contains("3_rgb.png is missing"));
+    // None is left.
+    let refused = predict("no-mesh", ["gap", "-c", "run", "--views", "3"]);
+    refused.fails(3, &["gap", "no view 3", "3_rgb.png is missing"]);
+    // Nothing is missing: a slip.
+    predict("no-mesh", ["views", "-c", "run", "--views", "1,33"])
+        .fails(3, &["no view 33", "0, 1, 2"]);
+    predict("no-mesh", ["none", "-c", "run"]).fails(3, &["none"]);
+    assert!(!place().join("no-mesh").exists());
+}
+
+#[test]
+fn without_a_checkpoint_it_says_how_one_is_had() {
+    predict("x", ["views"]).fails(2, &["--checkpoint", "unsphere train img2mesh VIEWS", "minutes"]);
+    predict("x", ["views", "-c", "gone"]).fails(3, &["gone", "unsphere train img2mesh VIEWS"]);
+    assert!(!place().join("x").exists());
+}

@@ -1,0 +1,188 @@
+//! From a prediction to the folder that a user keeps.
+
+use datasets::View;
+use mesh_core::Health;
+use mesh_core::io::write_mesh;
+use serde::Serialize;
+
+use super::material::Material;
+use super::predictor::Prediction;
+use crate::delivery::{DeliverError, compare, mesh_table, score_figures, turntable};
+use crate::evaluate::ViewScores;
+use crate::output::OutputFolder;
+use crate::report::{Figure, Report, Table, ViewPair};
+
+/// A prediction with all that its report says.
+#[derive(Clone, Debug)]
+pub struct Delivery<'a> {
+    /// The name of the system.
+    pub system: &'a str,
+    /// The checkpoint's file.
+    pub checkpoint: String,
+    /// Steps that the checkpoint was trained for.
+    pub steps: u64,
+    /// What the prediction was made from.
+    pub material: &'a Material,
+    /// The prediction.
+    pub prediction: &'a Prediction,
+    /// The command as it was typed.
+    pub command: String,
+    /// More rows for the report's table: machine, threads, dates.
+    pub provenance: Vec<(String, String)>,
+}
+
+impl<'a> Delivery<'a> {
+    /// A delivery that says nothing of checkpoint, command and machine.
+    pub fn new(system: &'a str, material: &'a Material, prediction: &'a Prediction) -> Self {
+        Self {
+            system,
+            checkpoint: String::new(),
+            steps: 0,
+            material,
+            prediction,
+            command: String::new(),
+            provenance: Vec::new(),
+        }
+    }
+}
+
+/// What `metrics.json` holds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Metrics {
+    /// Version of this layout.
+    pub schema_version: u32,
+    /// The name of the system.
+    pub system: String,
+    /// The checkpoint's file.
+    pub checkpoint: String,
+    /// Steps that the checkpoint was trained for.
+    pub steps: u64,
+    /// The scores at the cameras that were given.
+    pub given: ViewScores,
+    /// The scores at cameras that were not; none where there are no others.
+    pub held_out: Option<ViewScores>,
+    /// Whether the mesh is whole.
+    pub health: Health,
+    /// Pairs of faces that cut through each other.
+    pub self_intersections: usize,
+    /// From decoded pictures to the mesh; see [`Prediction::milliseconds`].
+    pub milliseconds: f64,
+    /// What a user should know, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Scores a prediction and writes everything that a user keeps of it into the folder: `mesh.glb`,
+/// `mesh.obj`, `mesh.ply`, `turntable.gif`, `report.html` and `metrics.json`.
+///
+/// # Errors
+/// If the folder cannot be written or the mesh cannot be scored.
+pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics, DeliverError> {
+    let (material, mesh) = (delivery.material, &delivery.prediction.mesh);
+    let judge = |views: &[View], kind: &str| -> Result<(ViewScores, Vec<ViewPair>), DeliverError> {
+        let (scores, mut pairs) = compare(mesh, &views.iter().collect::<Vec<_>>())?;
+        for pair in &mut pairs {
+            pair.caption = format!("{kind} {}", pair.caption);
+        }
+        Ok((scores, pairs))
+    };
+    let (given, shown) = judge(&material.given, "given")?;
+    let (held_out, mut pairs) = match material.others.as_slice() {
+        [] => (None, Vec::new()),
+        others => {
+            let (scores, pairs) = judge(others, "other")?;
+            (Some(scores), pairs)
+        }
+    };
+    pairs.extend(shown);
+    let metrics = Metrics {
+        schema_version: 1,
+        system: delivery.system.to_owned(),
+        checkpoint: delivery.checkpoint.clone(),
+        steps: delivery.steps,
+        given,
+        held_out,
+        health: mesh.health(),
+        self_intersections: mesh.self_intersections().len(),
+        milliseconds: delivery.prediction.milliseconds,
+        warnings: material.warnings.clone(),
+    };
+    for name in ["mesh.glb", "mesh.obj", "mesh.ply"] {
+        write_mesh(folder.path().join(name), mesh)?;
+    }
+    let gif = turntable(mesh)?;
+    folder.write("turntable.gif", &gif)?;
+    let json = serde_json::to_string_pretty(&metrics).expect("plain figures serialise");
+    folder.write("metrics.json", (json + "\n").as_bytes())?;
+    let page = report(delivery, &metrics, pairs, gif).to_html();
+    folder.write("report.html", page.as_bytes())?;
+    Ok(metrics)
+}
+
+fn report(
+    delivery: &Delivery<'_>,
+    metrics: &Metrics,
+    views: Vec<ViewPair>,
+    turntable: Vec<u8>,
+) -> Report {
+    let material = delivery.material;
+    let given = counted(material.given.len(), "view");
+    let source = material.source.display();
+    let (scores, judged) = match &metrics.held_out {
+        Some(scores) => {
+            (scores, format!("{} that were not given", counted(scores.views.len(), "camera")))
+        }
+        None => (&metrics.given, "the cameras that were given, for want of others".to_owned()),
+    };
+    let mut figures = score_figures(scores);
+    let value = format!("{:.1} ms", metrics.milliseconds);
+    figures.push(Figure { value, label: "for the prediction".into() });
+    Report {
+        title: format!("{}: a prediction", delivery.system),
+        summary: format!(
+            "One mesh from {given} of {source}, by a trained model and without fitting; the figures are means over {judged}."
+        ),
+        command: delivery.command.clone(),
+        mesh: delivery.prediction.mesh.clone(),
+        figures,
+        warnings: metrics.warnings.clone(),
+        views,
+        tables: tables(delivery, metrics),
+        turntable: Some(turntable),
+        ..Report::default()
+    }
+}
+
+fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
+    let row = |name: &str, value: String| (name.to_owned(), value);
+    let mut tables = Vec::new();
+    let sets = [("At cameras that were not given", metrics.held_out.as_ref())];
+    for (title, scores) in sets.into_iter().chain([("At the given cameras", Some(&metrics.given))])
+    {
+        let Some(scores) = scores else { continue };
+        let psnr = scores.psnr.map_or_else(|| "n/a".to_owned(), |psnr| format!("{psnr:.2} dB"));
+        let rows = vec![
+            row("views", scores.views.len().to_string()),
+            row("mask IoU", format!("{:.4}", scores.mask_iou)),
+            row("image L1", format!("{:.4}", scores.image_l1)),
+            row("PSNR inside the mask", psnr),
+            row("SSIM", format!("{:.4}", scores.ssim)),
+        ];
+        tables.push(Table { title: title.into(), rows });
+    }
+    tables.push(mesh_table(&metrics.health, metrics.self_intersections));
+    let material = delivery.material;
+    let names: Vec<&str> = material.given.iter().map(|view| view.name.as_str()).collect();
+    let mut rows = vec![
+        row("input", format!("{} ({})", material.source.display(), material.layout)),
+        row("given views", names.join(", ")),
+        row("checkpoint", format!("{} (step {})", delivery.checkpoint, delivery.steps)),
+        row("prediction", format!("{:.2} ms, median of 5", metrics.milliseconds)),
+    ];
+    rows.extend(delivery.provenance.iter().cloned());
+    tables.push(Table { title: "The run".into(), rows });
+    tables
+}
+
+fn counted(count: usize, noun: &str) -> String {
+    if count == 1 { format!("one {noun}") } else { format!("{count} {noun}s") }
+}

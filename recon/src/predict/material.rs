@@ -1,0 +1,141 @@
+//! What a prediction is made from, and what it is judged by.
+
+use std::path::{Path, PathBuf};
+
+use datasets::{Layout, ReadOptions, View, Views, read_views};
+
+use crate::train::DataError;
+
+/// A user's files, and which of them the system is given.
+#[derive(Clone)]
+pub struct Request<'a> {
+    /// Whatever [`read_views`] opens.
+    pub path: &'a Path,
+    /// How it is read. Views whose files are missing are left out with a warning in any case.
+    pub options: ReadOptions,
+    /// Which views are given; the others judge the prediction.
+    pub choice: Choice<'a>,
+    /// More views that judge it.
+    pub score: Option<&'a Path>,
+    /// Told how much is read, of how much, from any thread.
+    pub progress: &'a (dyn Fn(usize, usize) + Sync),
+}
+
+impl std::fmt::Debug for Request<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut out = f.debug_struct("Request");
+        out.field("path", &self.path).field("choice", &self.choice).finish_non_exhaustive()
+    }
+}
+
+/// Which views are given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Choice<'a> {
+    /// All.
+    All,
+    /// So many, in the order of their source.
+    First(usize),
+    /// Those of these names: whole, without the extension, or as a number.
+    Named(&'a [String]),
+}
+
+/// Views that were read, parted into those that the system is given and those that judge it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// What the system is given, in the order that was asked for; at least one.
+    pub given: Vec<View>,
+    /// What it is not given.
+    pub others: Vec<View>,
+    /// The file or folder of the views.
+    pub source: PathBuf,
+    /// How they were laid out.
+    pub layout: Layout,
+    /// What a user should know, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+impl<'a> Request<'a> {
+    /// All views at a path, read as the layout offers them.
+    pub fn new(path: &'a Path) -> Self {
+        let options = ReadOptions::default();
+        Self { path, options, choice: Choice::All, score: None, progress: &|_, _| () }
+    }
+}
+
+impl Material {
+    /// Reads views and parts them.
+    ///
+    /// # Errors
+    /// If nothing can be read, or none of the views asked for is there.
+    pub fn read(request: &Request<'_>) -> Result<Self, DataError> {
+        let lenient = ReadOptions { allow_missing: true, ..request.options.clone() };
+        let views = read_views(request.path, &lenient, request.progress)?;
+        let mut material = Self::part(views, request.choice)?;
+        if let Some(path) = request.score {
+            let score = read_views(path, &lenient, request.progress)?;
+            material.others.extend(score.views);
+            material.warnings.extend(score.warnings);
+        }
+        Ok(material)
+    }
+
+    /// Parts views into given and others.
+    ///
+    /// # Errors
+    /// If none of the views asked for is there; or one is not, and no file is missing that could be
+    /// the reason.
+    pub fn part(views: Views, choice: Choice<'_>) -> Result<Self, DataError> {
+        let Views { views, source, layout, mut warnings } = views;
+        let chosen: Vec<usize> = match choice {
+            Choice::All => (0..views.len()).collect(),
+            Choice::First(count) => (0..count.min(views.len())).collect(),
+            Choice::Named(names) => {
+                let (mut found, mut absent) = (Vec::new(), Vec::new());
+                for name in names {
+                    match views.iter().position(|view| is_called(view, name)) {
+                        Some(at) if found.contains(&at) => {}
+                        Some(at) => found.push(at),
+                        None => absent.push(name.as_str()),
+                    }
+                }
+                // Where nothing is missing, the name is a slip.
+                if !absent.is_empty() && (found.is_empty() || warnings.is_empty()) {
+                    return Err(unknown(&source, &absent, &views, &warnings));
+                }
+                warnings.extend(absent.iter().map(|name| {
+                    format!("view {name} was asked for and is not there; the others are used")
+                }));
+                found
+            }
+        };
+        if chosen.is_empty() {
+            let text = format!("{}: no view is given, expected at least one", source.display());
+            return Err(DataError::Unfit(text));
+        }
+        let mut views: Vec<Option<View>> = views.into_iter().map(Some).collect();
+        let given = chosen.iter().filter_map(|&at| views[at].take()).collect();
+        let others = views.into_iter().flatten().collect();
+        Ok(Self { given, others, source, layout, warnings })
+    }
+}
+
+/// Whether a view is meant by a name.
+fn is_called(view: &View, name: &str) -> bool {
+    let stem = view.name.rsplit_once('.').map_or(view.name.as_str(), |(stem, _)| stem);
+    let numbers = (stem.parse::<u64>(), name.parse::<u64>());
+    view.name == name || stem == name || matches!(numbers, (Ok(a), Ok(b)) if a == b)
+}
+
+fn unknown(source: &Path, absent: &[&str], views: &[View], warnings: &[String]) -> DataError {
+    /// Names listed; more are not read.
+    const MOST: usize = 12;
+    let names: Vec<&str> = views.iter().take(MOST).map(|view| view.name.as_str()).collect();
+    let more = if views.len() > MOST { ", .." } else { "" };
+    let why = warnings.iter().fold(String::new(), |text, warning| text + "; " + warning);
+    DataError::Unfit(format!(
+        "{}: no view {}, expected some of {}{more}{why}",
+        source.display(),
+        absent.join(", "),
+        names.join(", "),
+    ))
+}

@@ -1,0 +1,73 @@
+//! A system as a user meets it: files in, a mesh out.
+
+use std::time::Instant;
+
+use mesh_core::TriMesh;
+
+use super::material::{Material, Request};
+use crate::img2mesh::Img2Mesh;
+use crate::train::{DataError, System};
+
+/// How often a prediction is timed.
+const TIMED: usize = 5;
+
+/// A system that makes a mesh from a user's files.
+///
+/// All material is [`View`](datasets::View)s: a system of a single picture takes the first, with its
+/// depth where there is one; one that needs no camera gives its own to pictures that have none.
+pub trait Predictor: System {
+    /// How a checkpoint is had, for those who have none: a command and how long it takes.
+    const TRAINING: &'static str;
+
+    /// Reads a user's files.
+    ///
+    /// # Errors
+    /// If they are missing or damaged, or do not serve this system.
+    fn gather(&self, request: &Request<'_>) -> Result<Material, DataError> {
+        Material::read(request)
+    }
+
+    /// The mesh, coloured where the system knows colours, in the world of the given cameras.
+    ///
+    /// # Errors
+    /// Why the material does not serve, in one sentence.
+    fn mesh(&self, material: &Material) -> Result<TriMesh, String>;
+}
+
+impl Predictor for Img2Mesh {
+    const TRAINING: &'static str = "`unsphere train img2mesh VIEWS -o runs/mine` trains one, in about three minutes on two \
+         cores (a rough one with --preset tiny, in seconds)";
+
+    fn mesh(&self, material: &Material) -> Result<TriMesh, String> {
+        self.predict(&material.given)
+    }
+}
+
+/// A mesh, and how long it took.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prediction {
+    /// The mesh.
+    pub mesh: TriMesh,
+    /// From decoded pictures to the mesh, the median of five: the first ones warm up.
+    pub milliseconds: f64,
+}
+
+/// Applies a system and takes the time.
+///
+/// # Errors
+/// Why the material does not serve, in one sentence.
+pub fn predict<S: Predictor>(system: &S, material: &Material) -> Result<Prediction, String> {
+    let mut times = Vec::with_capacity(TIMED);
+    let mut timed = || {
+        let start = Instant::now();
+        let mesh = system.mesh(material)?;
+        times.push(1e3 * start.elapsed().as_secs_f64());
+        Ok::<_, String>(mesh)
+    };
+    let mesh = timed()?;
+    for _ in 1..TIMED {
+        timed()?;
+    }
+    times.sort_by(f64::total_cmp);
+    Ok(Prediction { mesh, milliseconds: times[TIMED / 2] })
+}

@@ -1,0 +1,97 @@
+//! Where a user's checkpoint is: a file, or one of a run's folder.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::error::RunError;
+use super::run::RunFolder;
+
+/// A checkpoint that was found, and the run it belongs to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Located {
+    /// The file.
+    pub file: PathBuf,
+    /// The folder of its run; none where the file stands alone.
+    pub run: Option<PathBuf>,
+}
+
+/// What a run's folder notes about its data.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Noted {
+    /// Where the data was; none where the system made its own.
+    pub data: Option<PathBuf>,
+    /// Its fingerprint, in hexadecimal digits.
+    pub data_hash: Option<String>,
+}
+
+impl Located {
+    /// Finds the checkpoint at a path: the file itself; or of a run's folder the best, if there is
+    /// one and the last is not asked for, else the last.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn find(path: &Path, last: bool) -> Result<Self, RunError> {
+        if path.is_file() {
+            let folder =
+                path.parent().filter(|f| f.file_name().is_some_and(|n| n == "checkpoints"));
+            let run = folder.and_then(Path::parent).map(|run| {
+                if run.as_os_str().is_empty() { PathBuf::from(".") } else { run.to_owned() }
+            });
+            return Ok(Self { file: path.to_owned(), run });
+        }
+        let none = |found| Err(RunError::NoCheckpoint { path: path.to_owned(), found });
+        if !path.is_dir() {
+            return none("nothing is there");
+        }
+        let folder = RunFolder::at(path);
+        let choice = if last { vec![folder.last()] } else { vec![folder.best(), folder.last()] };
+        match choice.into_iter().find(|file| file.is_file()) {
+            Some(file) => Ok(Self { file, run: Some(path.to_owned()) }),
+            None => none("a folder without one"),
+        }
+    }
+}
+
+impl Noted {
+    /// What a run's folder notes; nothing where it cannot be read.
+    pub fn of(run: &Path) -> Self {
+        let text = fs::read_to_string(run.join("provenance.json")).unwrap_or_default();
+        let facts: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
+        let text = |name: &str| facts[name].as_str().filter(|t| !t.is_empty()).map(str::to_owned);
+        Self { data: text("data").map(PathBuf::from), data_hash: text("data_hash") }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_best_is_found_before_the_last() {
+        let place = tempfile::tempdir().unwrap();
+        let run = place.path().join("run");
+        let error = Located::find(&run, false).unwrap_err().to_string();
+        assert!(error.contains("nothing is there"), "{error}");
+        RunFolder::create(&run, false).unwrap();
+        assert!(Located::find(&run, false).is_err());
+        let [best, last] =
+            ["best", "last"].map(|k| run.join(format!("checkpoints/{k}.safetensors")));
+        fs::write(&last, "").unwrap();
+        assert_eq!(Located::find(&run, false).unwrap().file, last);
+        fs::write(&best, "").unwrap();
+        assert_eq!(Located::find(&run, false).unwrap().file, best);
+        assert_eq!(Located::find(&run, true).unwrap().file, last);
+        assert_eq!(
+            Located::find(&best, true).unwrap(),
+            Located { file: best, run: Some(run.clone()) }
+        );
+        let alone = place.path().join("model.safetensors");
+        fs::write(&alone, "").unwrap();
+        assert_eq!(Located::find(&alone, false).unwrap().run, None);
+
+        assert_eq!(Noted::of(&run), Noted::default());
+        fs::write(run.join("provenance.json"), r#"{"data": "", "data_hash": "0a"}"#).unwrap();
+        assert_eq!(Noted::of(&run), Noted { data: None, data_hash: Some("0a".into()) });
+    }
+}
