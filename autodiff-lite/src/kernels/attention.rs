@@ -6,6 +6,7 @@
 
 use crate::Real;
 use crate::kernels::blocks::{SERIAL_BELOW, Shared, for_each_block};
+use crate::kernels::dropout::Kept;
 use crate::kernels::gemm::{Matrix, gemm};
 use crate::kernels::softmax::{softmax, softmax_grad};
 use crate::kernels::workspace;
@@ -41,25 +42,6 @@ pub enum AttentionGradients<'a, F> {
     Packed(&'a mut [F]),
     /// `[N, T, D]` each.
     Apart([&'a mut [F]; 3]),
-}
-
-/// Which probabilities dropout keeps: one bit each, 32 to a number, and what they are multiplied by.
-#[derive(Clone, Copy, Debug)]
-pub struct Kept<'a, F> {
-    /// `N · heads · queries · keys` bits.
-    pub bits: &'a [u32],
-    /// `1 / (1 - p)`.
-    pub scale: F,
-}
-
-impl<F: Real> Kept<'_, F> {
-    /// Applies bits from `first` on to `x`.
-    fn apply(&self, first: usize, x: &mut [F]) {
-        for (i, x) in x.iter_mut().enumerate() {
-            let bit = self.bits[(first + i) / 32] >> ((first + i) % 32) & 1;
-            *x = if bit == 1 { *x * self.scale } else { F::zero() };
-        }
-    }
 }
 
 impl AttentionSizes {

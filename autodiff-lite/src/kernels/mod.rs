@@ -9,6 +9,7 @@ pub mod columns;
 pub mod conv;
 #[cfg(feature = "testkit")]
 pub(crate) mod counting;
+pub mod dropout;
 pub mod elementwise;
 pub mod gemm;
 pub mod isa;

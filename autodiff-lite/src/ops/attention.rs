@@ -4,8 +4,9 @@
 //! backward, `[N, heads, T, T]`; scores and dropped probabilities are not.
 
 use crate::kernels::attention::{
-    AttentionGradients, AttentionOperands, AttentionSizes, Kept, attention, attention_grad,
+    AttentionGradients, AttentionOperands, AttentionSizes, attention, attention_grad,
 };
+use crate::kernels::dropout::Kept;
 use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Shapes, Tensor, Var};
 
 use super::dropout::{keep_mask, keep_scale};

@@ -1,13 +1,11 @@
 //! Dropout: a random part of the elements is set to zero while training.
 
-use rand::Rng;
-
-use crate::kernels::elementwise;
+use crate::kernels::dropout::{Kept, draw, dropped};
 use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Tape, Var};
 
 impl<F: Real> Var<'_, F> {
     /// Sets each element to zero with probability `p` and divides the others by `1 - p`, so that
-    /// the mean stays. On an eval tape nothing happens.
+    /// the mean stays. On an eval tape nothing happens. `p` is rounded to a multiple of 2⁻¹⁶.
     ///
     /// What is dropped follows from the tape's seed and from how many random operations came
     /// before; see [`Tape::reseed`](crate::Tape::reseed).
@@ -20,9 +18,8 @@ impl<F: Real> Var<'_, F> {
         let Some(mask) = keep_mask(self.tape, x.len(), p) else { return self };
         let scale = keep_scale(p);
         let mut y = self.tape.array(x.shape());
-        let out = y.as_slice_mut().expect(CONTIGUOUS);
-        elementwise::map(x.as_slice().expect(CONTIGUOUS), out, |x| scale * x);
-        keep(&mask, out);
+        let kept = Kept { bits: &mask, scale };
+        kept.apply_to(x.as_slice().expect(CONTIGUOUS), y.as_slice_mut().expect(CONTIGUOUS));
         self.tape.record(&[self], y, Dropout { mask, scale })
     }
 }
@@ -38,31 +35,14 @@ pub(crate) fn keep_mask<F: Real>(tape: &Tape<F>, len: usize, p: f64) -> Option<P
     if !tape.is_training() || p == 0.0 {
         return None;
     }
-    let mut rng = tape.rng();
     let mut mask = tape.indices(len.div_ceil(32));
-    // An element lives when its random 32 bits are not below p.
-    let threshold = (p * 2.0_f64.powi(32)) as u64;
-    for word in mask.iter_mut() {
-        *word = (0..32)
-            .fold(0, |bits, k| bits | (u32::from(u64::from(rng.next_u32()) >= threshold) << k));
-    }
+    draw(&tape.rng(), dropped(p), &mut mask);
     Some(mask)
 }
 
 /// What kept elements are multiplied by, so that the mean stays.
 pub(crate) fn keep_scale<F: Real>(p: f64) -> F {
-    F::from_f64(1.0 / (1.0 - p))
-}
-
-/// Zeroes the elements whose bit is not set.
-fn keep<F: Real>(mask: &[u32], x: &mut [F]) {
-    for (x, &bits) in x.chunks_mut(32).zip(mask) {
-        for (k, x) in x.iter_mut().enumerate() {
-            if bits >> k & 1 == 0 {
-                *x = F::zero();
-            }
-        }
-    }
+    F::from_f64(65536.0 / (65536.0 - f64::from(dropped(p))))
 }
 
 struct Dropout<F> {
@@ -78,8 +58,7 @@ impl<F: Real> Op<F> for Dropout<F> {
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let mut g = cx.take_grad_out();
         let slice = g.as_slice_mut().expect(CONTIGUOUS);
-        elementwise::scale_in_place(slice, self.scale);
-        keep(&self.mask, slice);
+        Kept { bits: &self.mask, scale: self.scale }.apply_all(slice);
         cx.give(0, g);
     }
 }

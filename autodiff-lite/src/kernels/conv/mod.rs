@@ -11,6 +11,7 @@ mod geometry;
 mod grad_weight;
 mod pack;
 mod transform;
+mod wide;
 pub mod winograd;
 
 pub use geometry::{ConvAlgorithm, ConvGeometry, ConvSizes};
@@ -31,23 +32,55 @@ pub struct Conv {
     pub isa: Isa,
 }
 
+/// How a convolution is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Form {
+    /// By tiles that read the input in place.
+    Direct,
+    /// By Winograd's minimal filtering, blocks of tiles against weights that a cache holds.
+    Winograd,
+    /// The same, panels of weights against all tiles.
+    Wide,
+}
+
 impl Conv {
     /// On the fastest instructions of this machine.
     pub fn new(sizes: ConvSizes, algorithm: ConvAlgorithm) -> Self {
         Self { sizes, algorithm, isa: Isa::best() }
     }
 
-    fn winograd<F: 'static>(&self) -> bool {
+    fn form<F: 'static>(&self) -> Form {
+        let s = &self.sizes;
+        match () {
+            () if !self.may_transform::<F>() => Form::Direct,
+            () if wide::pays(s) => Form::Wide,
+            () if winograd::pays(s) => Form::Winograd,
+            () => Form::Direct,
+        }
+    }
+
+    fn grad_weight_form<F: 'static>(&self) -> Form {
+        let s = &self.sizes;
+        match () {
+            () if !self.may_transform::<F>() => Form::Direct,
+            () if wide::grad_weight_pays(s) => Form::Wide,
+            () if winograd::pays(s) && winograd::grad_weight_pays(s) => Form::Winograd,
+            () => Form::Direct,
+        }
+    }
+
+    fn may_transform<F: 'static>(&self) -> bool {
         let f32_only = std::any::TypeId::of::<F>() == std::any::TypeId::of::<f32>();
-        self.algorithm == ConvAlgorithm::Auto && f32_only && winograd::pays(&self.sizes)
+        self.algorithm == ConvAlgorithm::Auto && f32_only
     }
 
     /// Numbers of scratch that [`forward`](Self::forward) needs.
     pub fn forward_scratch<F: Lane>(&self) -> usize {
-        if self.winograd::<F>() {
-            winograd::scratch(&self.sizes)
-        } else {
-            direct::forward_scratch::<F>(&self.sizes, self.isa)
+        let s = &self.sizes;
+        match self.form::<F>() {
+            Form::Wide => wide::scratch(s),
+            Form::Winograd => winograd::scratch(s),
+            Form::Direct => direct::forward_scratch::<F>(s, self.isa),
         }
     }
 
@@ -73,19 +106,21 @@ impl Conv {
         if y.is_empty() {
             return;
         }
-        if self.winograd::<F>() {
-            winograd::forward(s, self.isa, x, w, bias, activation, y, scratch);
-        } else {
-            direct::forward(s, self.isa, x, w, bias, activation, y, scratch);
-        }
+        let run = match self.form::<F>() {
+            Form::Wide => wide::forward,
+            Form::Winograd => winograd::forward,
+            Form::Direct => direct::forward,
+        };
+        run(s, self.isa, x, w, bias, activation, y, scratch);
     }
 
     /// Numbers of scratch that [`grad_input`](Self::grad_input) needs.
     pub fn grad_input_scratch<F: Lane>(&self) -> usize {
-        if self.winograd::<F>() {
-            winograd::scratch(&self.sizes.transposed())
-        } else {
-            direct::grad_input_scratch::<F>(&self.sizes, self.isa)
+        let s = &self.sizes;
+        match self.form::<F>() {
+            Form::Wide => wide::scratch(&s.transposed()),
+            Form::Winograd => winograd::scratch(&s.transposed()),
+            Form::Direct => direct::grad_input_scratch::<F>(s, self.isa),
         }
     }
 
@@ -111,19 +146,21 @@ impl Conv {
         if gx.is_empty() {
             return;
         }
-        if self.winograd::<F>() {
-            winograd::grad_input(s, self.isa, gy, w, bias, activation, gx, scratch);
-        } else {
-            direct::grad_input(s, self.isa, gy, w, bias, activation, gx, scratch);
-        }
+        let run = match self.form::<F>() {
+            Form::Wide => wide::grad_input,
+            Form::Winograd => winograd::grad_input,
+            Form::Direct => direct::grad_input,
+        };
+        run(s, self.isa, gy, w, bias, activation, gx, scratch);
     }
 
     /// Numbers of scratch that [`grad_weight`](Self::grad_weight) needs.
     pub fn grad_weight_scratch<F: Lane>(&self) -> usize {
-        if self.winograd::<F>() && winograd::grad_weight_pays(&self.sizes) {
-            winograd::grad_weight_scratch(&self.sizes)
-        } else {
-            grad_weight::scratch::<F>(&self.sizes, self.isa)
+        let s = &self.sizes;
+        match self.grad_weight_form::<F>() {
+            Form::Wide => wide::grad_weight_scratch(s),
+            Form::Winograd => winograd::grad_weight_scratch(s),
+            Form::Direct => grad_weight::scratch::<F>(s, self.isa),
         }
     }
 
@@ -136,11 +173,12 @@ impl Conv {
         assert_eq!(x.len(), s.input_len());
         assert_eq!(gw.len(), s.weight_len());
         assert_eq!(gy.len(), s.output_len());
-        if self.winograd::<F>() && winograd::grad_weight_pays(s) {
-            winograd::grad_weight(s, self.isa, x, gy, gw, scratch);
-        } else {
-            grad_weight::run(s, self.isa, x, gy, gw, scratch);
-        }
+        let run = match self.grad_weight_form::<F>() {
+            Form::Wide => wide::grad_weight,
+            Form::Winograd => winograd::grad_weight,
+            Form::Direct => grad_weight::run,
+        };
+        run(s, self.isa, x, gy, gw, scratch);
     }
 }
 

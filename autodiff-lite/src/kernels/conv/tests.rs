@@ -1,7 +1,7 @@
 //! Every path against a naive sum in `f64`, and against itself on other numbers of threads.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use super::{Conv, ConvAlgorithm, ConvGeometry, ConvSizes, winograd};
+use super::{Conv, ConvAlgorithm, ConvGeometry, ConvSizes, wide, winograd};
 use crate::kernels::activation::Activation;
 use crate::kernels::isa::Isa;
 use crate::kernels::lane::Lane;
@@ -145,6 +145,47 @@ fn winograd_equals_the_sum_on_every_instruction_set() {
     }
 }
 
+#[test]
+fn wide_winograd_equals_the_sum_on_every_instruction_set() {
+    let g = ConvGeometry::new();
+    let s = sizes([1, 14, 11, 320], [256, 320, 3, 3], g.padding(1));
+    assert!(wide::pays(&s) && wide::grad_weight_pays(&s));
+    for isa in Isa::available() {
+        check::<f32>(s, isa, ConvAlgorithm::Auto, 2e-3);
+    }
+}
+
+/// In `f64` its rounding is out of the way. One size has several blocks of tiles.
+#[test]
+fn wide_winograd_is_exact_but_for_rounding() {
+    let g = ConvGeometry::new();
+    for s in [
+        sizes([2, 9, 7, 64], [128, 64, 3, 3], g.padding(1)),
+        sizes([1, 61, 60, 128], [64, 128, 3, 3], g),
+        sizes([1, 3, 3, 64], [64, 64, 3, 3], g.padding(2)),
+    ] {
+        assert!(wide::applies_to(&s));
+        for isa in Isa::available() {
+            let (x, w) = (noise::<f64>(s.input_len(), 1), noise::<f64>(s.weight_len(), 2));
+            let (g, bias) = (noise::<f64>(s.output_len(), 3), noise::<f64>(s.out_channels, 4));
+            let direct = Conv { sizes: s, algorithm: ConvAlgorithm::Direct, isa };
+            let mut memory = vec![f64::NAN; 3 << 20];
+            let (mut a, mut b) = (vec![0.0; s.output_len()], vec![f64::NAN; s.output_len()]);
+            direct.forward(&x, &w, Some(&bias), Activation::Relu, &mut a, &mut memory);
+            wide::forward(&s, isa, &x, &w, Some(&bias), Activation::Relu, &mut b, &mut memory);
+            close(&b, &a, 1e-11, "y");
+            let (mut a, mut b) = (vec![0.0; s.input_len()], vec![f64::NAN; s.input_len()]);
+            direct.grad_input(&g, &w, None, Activation::None, &mut a, &mut memory);
+            wide::grad_input(&s, isa, &g, &w, None, Activation::None, &mut b, &mut memory);
+            close(&b, &a, 1e-11, "gx");
+            let (mut a, mut b) = (vec![0.0; s.weight_len()], vec![f64::NAN; s.weight_len()]);
+            direct.grad_weight(&x, &g, &mut a, &mut memory);
+            wide::grad_weight(&s, isa, &x, &g, &mut b, &mut memory);
+            close(&b, &a, 1e-11, "gw");
+        }
+    }
+}
+
 /// In `f64` its rounding is out of the way.
 #[test]
 fn winograd_is_exact_but_for_rounding() {
@@ -179,8 +220,11 @@ fn winograd_is_exact_but_for_rounding() {
 #[test]
 fn the_number_of_threads_changes_no_bit() {
     let g = ConvGeometry::new().padding(1);
-    for algorithm in [ConvAlgorithm::Auto, ConvAlgorithm::Direct] {
-        let s = sizes([2, 33, 35, 32], [48, 32, 3, 3], g);
+    for (algorithm, s) in [
+        (ConvAlgorithm::Auto, sizes([2, 33, 35, 32], [48, 32, 3, 3], g)),
+        (ConvAlgorithm::Auto, sizes([1, 13, 14, 256], [320, 256, 3, 3], g)),
+        (ConvAlgorithm::Direct, sizes([2, 33, 35, 32], [48, 32, 3, 3], g)),
+    ] {
         let run = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {

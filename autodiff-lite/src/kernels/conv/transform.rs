@@ -1,6 +1,8 @@
 //! The linear maps around Winograd's products, vectorised over channels, which must fill whole
 //! vectors.
 
+use std::ops::Range;
+
 use pulp::{Simd, WithSimd};
 
 use crate::kernels::activation::Activation;
@@ -8,6 +10,7 @@ use crate::kernels::blocks::{Shared, for_each_block};
 use crate::kernels::isa::Isa;
 use crate::kernels::lane::Lane;
 
+use super::ConvSizes;
 use super::winograd::{Grid, POINTS};
 
 /// `Bᵀ x`.
@@ -96,18 +99,23 @@ fn unfilter<F: Lane, S: Simd>(s: S, m: [F::Vector<S>; 6]) -> [F::Vector<S>; 3] {
     ]
 }
 
-/// Reads tiles of `SIDE x SIDE` pixels and writes them, transformed, as `[36][block][channels]`:
-/// six to a side by `Bᵀ x B`, four to a side by `A g Aᵀ`.
+/// Reads tiles of `SIDE x SIDE` pixels and writes them, transformed, as
+/// `[channels / width][36][block][width]`: six to a side by `Bᵀ x B`, four to a side by `A g Aᵀ`.
 pub(super) struct GatherTiles<'a, F, const SIDE: usize> {
     pub(super) grid: Grid,
     pub(super) first: usize,
     pub(super) count: usize,
+    /// Tiles of a block, and the place of the first one in it.
     pub(super) block: usize,
+    pub(super) at: usize,
+    /// Channels that lie together: whole vectors.
+    pub(super) width: usize,
     pub(super) image: &'a [F],
     pub(super) size: [usize; 2],
     pub(super) padding: [usize; 2],
     pub(super) channels: usize,
-    pub(super) out: &'a mut [F],
+    /// The block; its other tiles are not touched.
+    pub(super) out: Shared<F>,
     /// Room for one tile, copied with zeros around where it crosses the border.
     pub(super) border: &'a mut [F],
 }
@@ -139,7 +147,7 @@ impl<F: Lane, const SIDE: usize> WithSimd for GatherTiles<'_, F, SIDE> {
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, s: S) {
         let (c, lanes) = (self.channels, F::lanes::<S>());
-        let point_step = self.block * c;
+        let point_step = self.block * self.width;
         for tile in 0..self.count {
             let [n, y, x] = self.grid.corner(self.first + tile);
             let corner =
@@ -155,9 +163,11 @@ impl<F: Lane, const SIDE: usize> WithSimd for GatherTiles<'_, F, SIDE> {
                 self.copy(n, corner);
                 (self.border.as_ptr(), SIDE * c, c)
             };
-            let out = self.out[tile * c..].as_mut_ptr();
             let mut channel = 0;
             while channel < c {
+                let place = channel / self.width * POINTS * point_step
+                    + (self.at + tile) * self.width
+                    + channel % self.width;
                 let zero = F::splat(s, F::zero());
                 let mut half = [[zero; SIDE]; 6];
                 for q in 0..SIDE {
@@ -175,9 +185,12 @@ impl<F: Lane, const SIDE: usize> WithSimd for GatherTiles<'_, F, SIDE> {
                 for r in 0..6 {
                     let points = points::<F, S, SIDE>(s, half[r]);
                     for q in 0..6 {
-                        let to = out.wrapping_add((r * 6 + q) * point_step + channel);
-                        // SAFETY: the point's row for this tile lies in `out`.
-                        unsafe { F::store(s, to, points[q]) }
+                        // SAFETY: the point's row for this tile lies in the block, and is this
+                        // call's alone.
+                        unsafe {
+                            let to = self.out.at(place + (r * 6 + q) * point_step);
+                            F::store(s, to, points[q]);
+                        }
                     }
                 }
                 channel += lanes;
@@ -192,9 +205,12 @@ pub(super) struct ScatterTiles<'a, F> {
     pub(super) first: usize,
     pub(super) count: usize,
     pub(super) block: usize,
+    /// `[36][block][width]`: `channels` of all channels of the image.
     pub(super) products: &'a [F],
+    pub(super) width: usize,
+    pub(super) channels: Range<usize>,
+    pub(super) all: usize,
     pub(super) size: [usize; 2],
-    pub(super) channels: usize,
     pub(super) bias: Option<&'a [F]>,
     pub(super) activation: Activation,
     pub(super) out: Shared<F>,
@@ -205,8 +221,8 @@ impl<F: Lane> WithSimd for ScatterTiles<'_, F> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, s: S) {
-        let (c, lanes) = (self.channels, F::lanes::<S>());
-        let point_step = self.block * c;
+        let (c, lanes) = (self.all, F::lanes::<S>());
+        let point_step = self.block * self.width;
         let zero = F::splat(s, F::zero());
         let slope = match self.activation {
             Activation::LeakyRelu(slope) => F::constant(s, slope),
@@ -215,10 +231,10 @@ impl<F: Lane> WithSimd for ScatterTiles<'_, F> {
         for tile in 0..self.count {
             let [n, y, x] = self.grid.corner(self.first + tile);
             let [rows, cols] = [4.min(self.size[0] - y), 4.min(self.size[1] - x)];
-            let from = self.products[tile * c..].as_ptr();
-            let out = ((n * self.size[0] + y) * self.size[1] + x) * c;
+            let from = self.products[tile * self.width..].as_ptr();
+            let out = ((n * self.size[0] + y) * self.size[1] + x) * c + self.channels.start;
             let mut channel = 0;
-            while channel < c {
+            while channel < self.channels.len() {
                 let mut half = [[zero; 6]; 4];
                 for q in 0..6 {
                     let mut line = [zero; 6];
@@ -235,7 +251,7 @@ impl<F: Lane> WithSimd for ScatterTiles<'_, F> {
                 let mut bias = zero;
                 if let Some(b) = self.bias {
                     // SAFETY: there is one number for each channel.
-                    bias = unsafe { F::load(s, b[channel..].as_ptr()) };
+                    bias = unsafe { F::load(s, b[self.channels.start + channel..].as_ptr()) };
                 }
                 for r in 0..4 {
                     let line = collect::<F, S>(s, half[r]);
@@ -277,7 +293,19 @@ pub(super) struct TransformWeights<'a, F> {
     pub(super) flip: bool,
 }
 
-impl<F: Lane> TransformWeights<'_, F> {
+impl<'a, F: Lane> TransformWeights<'a, F> {
+    /// Those of the output.
+    pub(super) fn forward(s: &ConvSizes, w: &'a [F]) -> Self {
+        let outputs = [s.out_channels, 9 * s.in_channels];
+        Self { w, summed: [s.in_channels, 9], outputs, flip: false }
+    }
+
+    /// Those of the gradient of the input: sides exchanged, the window turned by half a circle.
+    pub(super) fn grad_input(s: &ConvSizes, w: &'a [F]) -> Self {
+        let summed = [s.out_channels, 9 * s.in_channels];
+        Self { w, summed, outputs: [s.in_channels, 9], flip: true }
+    }
+
     pub(super) fn run(&self, isa: Isa, columns: usize, out: &mut [F]) {
         let panels = self.outputs[0].div_ceil(columns);
         let parallel = self.summed[0] * self.outputs[0] >= 2048;
@@ -286,18 +314,24 @@ impl<F: Lane> TransformWeights<'_, F> {
         let chunks = self.summed[0].div_ceil(8);
         for_each_block(panels * chunks, parallel, |task| {
             let (panel, chunk) = (task / chunks, task % chunks);
-            isa.run(WeightPanel { weights: self, columns, panels, panel, chunk, out });
+            let summed = chunk * 8..(chunk * 8 + 8).min(self.summed[0]);
+            // SAFETY: the first number of this panel's chunk.
+            let out = unsafe { out.at((panel * self.summed[0] + summed.start) * columns) };
+            let point_step = panels * self.summed[0] * columns;
+            isa.run(WeightPanel { weights: self, columns, panel, summed, point_step, out });
         });
     }
 }
 
-struct WeightPanel<'a, F> {
-    weights: &'a TransformWeights<'a, F>,
-    columns: usize,
-    panels: usize,
-    panel: usize,
-    chunk: usize,
-    out: Shared<F>,
+/// `G w Gᵀ` of some summed channels for one panel of outputs, as `[36][summed][columns]`.
+pub(super) struct WeightPanel<'a, F> {
+    pub(super) weights: &'a TransformWeights<'a, F>,
+    pub(super) columns: usize,
+    pub(super) panel: usize,
+    pub(super) summed: Range<usize>,
+    /// Numbers between points of `out`, which this call alone writes.
+    pub(super) point_step: usize,
+    pub(super) out: *mut F,
 }
 
 impl<F: Lane> WithSimd for WeightPanel<'_, F> {
@@ -305,11 +339,11 @@ impl<F: Lane> WithSimd for WeightPanel<'_, F> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, s: S) {
-        let WeightPanel { weights, columns, panels, panel, chunk, out } = self;
-        let [summed, summed_step] = weights.summed;
+        let WeightPanel { weights, columns, panel, summed, point_step, out } = self;
+        let summed_step = weights.summed[1];
         let [outputs, output_step] = weights.outputs;
         let lanes = F::lanes::<S>();
-        for c in chunk * 8..(chunk * 8 + 8).min(summed) {
+        for c in summed.clone() {
             // Nine taps of all columns of the panel; zero where there is no such output.
             let mut taps = [[F::zero(); 64]; 9];
             for j in 0..columns.min(outputs - panel * columns) {
@@ -336,9 +370,10 @@ impl<F: Lane> WithSimd for WeightPanel<'_, F> {
                 for r in 0..6 {
                     let line = filter::<F, S>(s, half[r]);
                     for q in 0..6 {
-                        let at = ((r * 6 + q) * panels + panel) * summed + c;
-                        // SAFETY: this point, panel and summed channel are this task's alone.
-                        unsafe { F::store(s, out.at(at * columns + v * lanes), line[q]) }
+                        let at = (r * 6 + q) * point_step + (c - summed.start) * columns;
+                        let to = out.wrapping_add(at + v * lanes);
+                        // SAFETY: whoever made this promises room for all points.
+                        unsafe { F::store(s, to, line[q]) }
                     }
                 }
             }

@@ -62,11 +62,11 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    fn new(batch: usize, size: [usize; 2]) -> Self {
+    pub(super) fn new(batch: usize, size: [usize; 2]) -> Self {
         Self { batch, count: [size[0].div_ceil(4), size[1].div_ceil(4)] }
     }
 
-    fn tiles(&self) -> usize {
+    pub(super) fn tiles(&self) -> usize {
         self.batch * self.count[0] * self.count[1]
     }
 
@@ -111,12 +111,7 @@ pub fn forward<F: Lane>(
     y: &mut [F],
     scratch: &mut [F],
 ) {
-    let weights = TransformWeights {
-        w,
-        summed: [s.in_channels, 9],
-        outputs: [s.out_channels, 9 * s.in_channels],
-        flip: false,
-    };
+    let weights = TransformWeights::forward(s, w);
     sweep(s, isa, x, &weights, bias, activation, y, scratch);
 }
 
@@ -132,12 +127,7 @@ pub fn grad_input<F: Lane>(
     gx: &mut [F],
     scratch: &mut [F],
 ) {
-    let weights = TransformWeights {
-        w,
-        summed: [s.out_channels, 9 * s.in_channels],
-        outputs: [s.in_channels, 9],
-        flip: true,
-    };
+    let weights = TransformWeights::grad_input(s, w);
     sweep(&s.transposed(), isa, gy, &weights, bias, activation, gx, scratch);
 }
 
@@ -175,11 +165,13 @@ fn sweep<F: Lane>(
                 first,
                 count: here,
                 block,
+                at: 0,
+                width: ci,
                 image: x,
                 size: s.input,
                 padding: s.padding,
                 channels: ci,
-                out: sources,
+                out: Shared::new(sources),
                 border,
             });
             for point in 0..POINTS {
@@ -214,8 +206,10 @@ fn sweep<F: Lane>(
                 count: here,
                 block,
                 products,
+                width: co,
+                channels: 0..co,
+                all: co,
                 size: s.output,
-                channels: co,
                 bias,
                 activation,
                 out,
@@ -265,11 +259,13 @@ pub fn grad_weight<F: Lane>(
                     first,
                     count: here,
                     block,
+                    at: 0,
+                    width: ci,
                     image: x,
                     size: s.input,
                     padding: s.padding,
                     channels: ci,
-                    out: sources,
+                    out: Shared::new(sources),
                     border,
                 });
                 isa.run(GatherTiles::<F, 4> {
@@ -277,11 +273,13 @@ pub fn grad_weight<F: Lane>(
                     first,
                     count: here,
                     block,
+                    at: 0,
+                    width: co,
                     image: gy,
                     size: s.output,
                     padding: [0; 2],
                     channels: co,
-                    out: gradients,
+                    out: Shared::new(gradients),
                     border,
                 });
                 for point in 0..POINTS {
