@@ -266,7 +266,7 @@ impl<F: Real> Tape<F> {
     /// Sets the seed from which the randomness of the next step follows.
     ///
     /// Derive it from the run's seed and the step number, so that a resumed run draws the same.
-    pub fn reseed(&mut self, seed: u64) {
+    pub fn reseed(&self, seed: u64) {
         self.seed.set(seed);
         self.draws.set(0);
     }

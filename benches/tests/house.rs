@@ -17,11 +17,24 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("diff-raster", &["mesh-core", "autodiff-lite"]),
     ("losses", &["mesh-core", "autodiff-lite"]),
     ("nets", &["autodiff-lite"]),
-    ("recon", &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses", "nets"]),
+    ("ode-deform", &["autodiff-lite", "nets", "mesh-core"]),
+    (
+        "recon",
+        &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses", "nets", "ode-deform"],
+    ),
     ("cli", &["mesh-core", "datasets", "losses", "recon"]),
     (
         "benches",
-        &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses", "nets", "recon"],
+        &[
+            "mesh-core",
+            "autodiff-lite",
+            "datasets",
+            "diff-raster",
+            "losses",
+            "nets",
+            "ode-deform",
+            "recon",
+        ],
     ),
 ];
 
@@ -152,6 +165,18 @@ fn kernels_never_see_a_tape() {
                 let found = ["Tape<", "Var<", "Backward<"].iter().any(|word| code.contains(word));
                 assert!(!found, "{}:{line}: {code}", path.display());
             }
+        }
+    }
+}
+
+#[test]
+fn the_solver_knows_neither_adjoints_nor_networks_nor_meshes() {
+    for (path, text) in sources(&root().join("ode-deform/src/solve")) {
+        for (line, code) in code(&text) {
+            let never = ["nets::", "mesh_core::", "adjoint", "Adjoint", "VectorField", "deform::"];
+            let found =
+                never.iter().find(|word| code.replace("ode_deform::solve", "").contains(**word));
+            assert!(found.is_none(), "{}:{line}: {found:?}", path.display());
         }
     }
 }

@@ -1,0 +1,128 @@
+//! Keeping states, and computing each step once more on the way back.
+
+use std::sync::{Mutex, PoisonError};
+
+use autodiff_lite::{Backward, Op, Param, Real, Var};
+
+use super::kept::Kept;
+use super::replay::{Evaluator, inputs_on, pass_on, seeds, stacked, trainable, weighted};
+use super::{Flow, VectorField, flow_of};
+use crate::solve::{Problem, SolveError, State};
+
+pub(super) fn integrate<'t, F: Real, V: VectorField<F>>(
+    field: &V,
+    start: Var<'t, F>,
+    inputs: &[Var<'t, F>],
+    problem: &Problem,
+) -> Result<Flow<'t, F>, SolveError> {
+    let tape = start.tape();
+    let mut evaluator = Evaluator::new(field, tape);
+    let params = trainable(field);
+    let mut vars = vec![start];
+    vars.extend(inputs);
+    vars.extend(params.iter().map(|param| tape.param(param)));
+    let wanted = tape.wants_grad(&vars);
+    let values: Vec<_> = inputs.iter().map(|input| input.value()).collect();
+    let path = evaluator.run(start.value(), &values, problem, wanted)?;
+    let (times, stats) = (path.solution.times.clone(), path.solution.stats);
+    let value = stacked(&path.solution, tape.pool());
+    let op = Replay {
+        evaluator: Mutex::new(evaluator),
+        problem: problem.clone(),
+        inputs: inputs.len(),
+        params,
+        befores: path.befores,
+        times: times.clone(),
+    };
+    let output = tape.record(&vars, value, op);
+    Ok(flow_of(output, problem.asked.len(), times, stats))
+}
+
+struct Replay<F: Real, V> {
+    evaluator: Mutex<Evaluator<F, V>>,
+    problem: Problem,
+    inputs: usize,
+    params: Vec<Param<F>>,
+    befores: Vec<Kept<F>>,
+    times: Vec<f64>,
+}
+
+impl<F: Real, V: VectorField<F>> Replay<F, V> {
+    /// The gradient of the state at the beginning of step `n`, from that at its end and those of the states that were
+    /// asked for within it.
+    fn step_back(
+        &self,
+        cx: &mut Backward<'_, F>,
+        evaluator: &mut Evaluator<F, V>,
+        n: usize,
+        at_end: Kept<F>,
+        within: Vec<(f64, Kept<F>)>,
+    ) -> Kept<F> {
+        let times @ [from, to] = [self.times[n], self.times[n + 1]];
+        let before = {
+            let (evaluator, tape) = (&*evaluator, &*evaluator.tape);
+            let y = tape.leaf(self.befores[n].tensor().clone());
+            let inputs = inputs_on(tape, cx, self.inputs);
+            let mut field = over(y, |t, y| evaluator.slope(t, *y, &inputs));
+            // The first slope is computed anew even where it was the last of the step before: of this state it is the
+            // same function.
+            let tableau = self.problem.tableau;
+            let step = tableau.attempt(&mut field, times, &y, None, !within.is_empty());
+            let end = (!within.is_empty() && !tableau.is_fsal()).then(|| field(to, &step.after));
+            let mut terms = vec![(step.after, at_end)];
+            for (time, seed) in within {
+                let theta = (time - from) / (to - from);
+                let state = tableau.interpolate(theta, to - from, &y, &step.slopes, end.as_ref());
+                terms.push((state, seed));
+            }
+            let total = weighted(terms).expect("there is a term for the end");
+            let gradients = total.backward();
+            pass_on(cx, &gradients, &inputs, &self.params);
+            let mut before = cx.array(self.befores[n].tensor().shape());
+            match gradients.wrt(y) {
+                Some(gradient) => before.assign(&gradient),
+                None => before.fill(F::zero()),
+            }
+            Kept::new(before.into_shared(), cx.pool())
+        };
+        evaluator.tape.reset();
+        before
+    }
+}
+
+/// The closure itself, as a field of states like `y`: what the compiler does not see in one that is bound to a name.
+fn over<Y, C: FnMut(f64, &Y) -> Y>(_: Y, field: C) -> C {
+    field
+}
+
+impl<F: Real, V: VectorField<F>> Op<F> for Replay<F, V> {
+    fn name(&self) -> &'static str {
+        "integrate"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let mut evaluator = self.evaluator.lock().unwrap_or_else(PoisonError::into_inner);
+        let asked = &self.problem.asked;
+        let (mut waiting, mut gradient) = seeds(cx, asked.len());
+        for n in (0..self.befores.len()).rev() {
+            let [from, to] = [self.times[n], self.times[n + 1]];
+            let mut within = Vec::new();
+            // Those asked for at the beginning belong to the step before, or to the start.
+            while let Some(&time) = waiting.len().checked_sub(1).map(|last| &asked[last])
+                && (time - from) * (to - from) > 0.0
+            {
+                let seed = waiting.pop().expect("there is one for each asked time");
+                if time == to {
+                    gradient = Kept::lincomb(&[(1.0, &gradient), (1.0, &seed)]);
+                } else {
+                    within.push((time, seed));
+                }
+            }
+            gradient = self.step_back(cx, &mut evaluator, n, gradient, within);
+        }
+        for seed in waiting {
+            gradient = Kept::lincomb(&[(1.0, &gradient), (1.0, &seed)]);
+        }
+        cx.give(0, gradient.tensor().clone());
+    }
+}

@@ -1,0 +1,97 @@
+//! Gradients through an integration.
+
+mod backsolve;
+mod checkpointed;
+mod direct;
+mod field;
+mod kept;
+mod replay;
+#[cfg(test)]
+mod tests;
+
+use autodiff_lite::{Real, Var};
+
+pub use field::{FieldFn, VectorField, field_fn};
+
+use crate::solve::{Problem, SolveError, Stats};
+
+/// How the gradient of an integration is found.
+///
+/// Steps are constants to all of them: no gradient flows into step sizes, times or tolerances, and replayed steps are
+/// those that were accepted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Adjoint {
+    /// Every operation of every evaluation is recorded: exact, and the memory grows with the evaluations.
+    Direct,
+    /// Only the state at the beginning of each step is kept; on the way back each step is computed once more, recorded
+    /// and forgotten. Exact, to rounding equal to [`Direct`](Self::Direct); memory of one step, and one state a step;
+    /// the time of one more pass forward. On a tape it is one operation.
+    #[default]
+    Checkpointed,
+    /// **Approximate.** The continuous adjoint equation is solved backwards from the end, and the state with it: only
+    /// the asked states and the end are kept. The gradient is that of the exact flow and not of the computed one, and
+    /// the state found on the way back is not the one that was passed: the error falls with the step size and may be
+    /// of any size where the flow contracts. There are two reasons to choose it: memory that does not grow even by
+    /// states, and showing why [`Checkpointed`](Self::Checkpointed) is better. Where the way back fails, gradients are
+    /// not numbers.
+    ///
+    /// # References
+    /// Chen et al. 2018, *Neural Ordinary Differential Equations*; against it: Zhuang et al. 2020, *Adaptive
+    /// Checkpoint Adjoint*.
+    Backsolve,
+}
+
+impl Adjoint {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Direct, Self::Checkpointed, Self::Backsolve];
+
+    /// Integrates a field from `start`.
+    ///
+    /// Gradients reach `start`, the `inputs`, and the trainable parameters of the field.
+    ///
+    /// # Errors
+    /// As [`solve`](crate::solve::solve).
+    ///
+    /// # Panics
+    /// If the field gives a slope of another shape than the state.
+    pub fn integrate<'t, F: Real, V: VectorField<F>>(
+        self,
+        field: &V,
+        start: Var<'t, F>,
+        inputs: &[Var<'t, F>],
+        problem: &Problem,
+    ) -> Result<Flow<'t, F>, SolveError> {
+        match self {
+            Self::Direct => direct::integrate(field, start, inputs, problem),
+            Self::Checkpointed => checkpointed::integrate(field, start, inputs, problem),
+            Self::Backsolve => backsolve::integrate(field, start, inputs, problem),
+        }
+    }
+}
+
+/// An integration on a tape.
+#[derive(Clone, Debug)]
+pub struct Flow<'t, F: Real = f32> {
+    /// The state at the end.
+    pub end: Var<'t, F>,
+    /// The states at the asked times.
+    pub states: Vec<Var<'t, F>>,
+    /// When each accepted step began, and when the last ended.
+    pub times: Vec<f64>,
+    /// How much work it was; what the way back evaluates is not counted.
+    pub stats: Stats,
+}
+
+/// Takes apart what [`replay::stacked`] put together.
+fn flow_of<F: Real>(
+    output: Var<'_, F>,
+    asked: usize,
+    times: Vec<f64>,
+    stats: Stats,
+) -> Flow<'_, F> {
+    if asked == 0 {
+        return Flow { end: output, states: Vec::new(), times, stats };
+    }
+    let states = (0..asked).map(|i| output.index_axis(0, i)).collect();
+    Flow { end: output.index_axis(0, asked), states, times, stats }
+}

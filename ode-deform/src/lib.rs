@@ -1,0 +1,67 @@
+//! Ordinary differential equations on the CPU, over arrays and over a tape, with exact gradients in flat memory.
+//!
+//! ```
+//! use autodiff_lite::optim::Adam;
+//! use autodiff_lite::{Activation, Tape, Var};
+//! use nets::{Init, Mlp};
+//! use ode_deform::solve::{DOPRI5, Problem, StepController};
+//! use ode_deform::{Adjoint, field_fn};
+//!
+//! // Learn a field whose flow turns points by a right angle.
+//! let mlp = Mlp::new(&Init::new(0), &[2, 16, 2], Activation::Tanh);
+//! let mut field = field_fn(mlp, |mlp: &Mlp, _t, y: Var<'_>, _| mlp.forward(y));
+//! let points = ndarray::arr2(&[[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]);
+//! let turned = ndarray::arr2(&[[0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, 0.0]]);
+//! let problem = Problem::new([0.0, 1.0], &DOPRI5, StepController::adaptive(1e-3, 1e-3));
+//!
+//! let (mut tape, mut adam) = (Tape::train(0), Adam::new(0.02));
+//! let mut losses = Vec::new();
+//! for _ in 0..150 {
+//!     let start = tape.constant(points.clone());
+//!     let flow = Adjoint::Checkpointed.integrate(&field, start, &[], &problem)?;
+//!     let loss = (flow.end - tape.constant(turned.clone())).square().mean();
+//!     losses.push(loss.item());
+//!     let gradients = loss.backward();
+//!     tape.reset();
+//!     adam.step(field.module_mut(), &gradients);
+//! }
+//! assert!(losses[149] < 0.01 * losses[0]);
+//! # Ok::<(), ode_deform::solve::SolveError>(())
+//! ```
+//!
+//! # Where things are
+//!
+//! | for | see |
+//! |---|---|
+//! | integrating arrays, tuples, variables of a tape | [`solve::solve`], [`solve::State`] |
+//! | a loop of your own, events | [`solve::Stepper`], [`solve::Tableau::attempt`] |
+//! | methods | [`solve::EULER`], [`solve::HEUN`], [`solve::MIDPOINT`], [`solve::RK4`], [`solve::BOSH3`], [`solve::DOPRI5`] |
+//! | step sizes | [`solve::StepController`]: fixed, random, or following the error |
+//! | states at asked times | [`Problem::asking`](solve::Problem::asking) |
+//! | a field with parameters | [`VectorField`], [`field_fn`] |
+//! | gradients | [`Adjoint`] |
+//!
+//! # Conventions
+//!
+//! - Times and step sizes are `f64`; states are what they are. Time runs either way.
+//! - The last step ends at the last time exactly; stepping past it, as some published code does, is
+//!   [an option](solve::Ending::Overshoot).
+//! - Tolerances have no default. Evaluations, accepted and rejected steps are part of every result.
+//! - What goes wrong is a [`SolveError`](solve::SolveError) that names the remedy.
+//!
+//! # Invariants
+//!
+//! - `solve` knows neither adjoints nor networks nor meshes: it is a loop that an adjoint calls, never the reverse.
+//! - The same seed gives the same steps and bits, whatever the number of threads.
+//! - Replayed steps are those that were accepted; the gradient is that of the numbers computed.
+//!
+//! # What this crate does not do
+//!
+//! Implicit methods for stiff equations, events found by root finding, gradients with respect to times and step sizes,
+//! second derivatives.
+
+pub mod solve;
+
+mod adjoint;
+
+pub use adjoint::{Adjoint, FieldFn, Flow, VectorField, field_fn};

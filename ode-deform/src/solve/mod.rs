@@ -1,0 +1,92 @@
+//! Initial value problems by explicit Runge-Kutta methods, over anything that has linear combinations.
+//!
+//! ```
+//! use ode_deform::solve::{DOPRI5, Problem, StepController, solve};
+//!
+//! // A harmonic oscillator, once around, and where it is at a quarter.
+//! let quarter = std::f64::consts::FRAC_PI_2;
+//! let problem = Problem::new([0.0, 4.0 * quarter], &DOPRI5, StepController::adaptive(1e-8, 1e-8))
+//!     .asking([quarter]);
+//! let solution = solve(|_, &[x, v]: &[f64; 2]| [v, -x], [1.0, 0.0], &problem)?;
+//! assert!((solution.end[0] - 1.0).abs() < 1e-6);
+//! assert!((solution.states[0][1] + 1.0).abs() < 1e-6);
+//! // One evaluation to begin with, one to guess the first step, six for each attempt.
+//! let stats = solution.stats;
+//! assert_eq!(stats.evaluations, 2 + 6 * (stats.accepted + stats.rejected));
+//! # Ok::<(), ode_deform::solve::SolveError>(())
+//! ```
+
+mod control;
+mod error;
+mod methods;
+mod problem;
+mod state;
+mod stepper;
+mod tableau;
+#[cfg(test)]
+mod tests;
+
+pub use control::{Pid, StepController, Tolerance};
+pub use error::SolveError;
+pub use methods::{BOSH3, DOPRI5, EULER, HEUN, MIDPOINT, RK4};
+pub use problem::{Ending, Limits, Problem};
+pub use state::{Squares, State};
+pub(crate) use state::{combine, slice_squares};
+pub use stepper::{Stats, Step, Stepper};
+pub use tableau::{Attempt, Tableau};
+
+/// What an integration gave.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solution<Y> {
+    /// The state at the end.
+    pub end: Y,
+    /// The states at the asked times.
+    pub states: Vec<Y>,
+    /// When each accepted step began, and when the last ended: the end of the span, or past it where that was asked.
+    pub times: Vec<f64>,
+    /// How much work it was.
+    pub stats: Stats,
+}
+
+/// Integrates `dy/dt = field(t, y)` from the state at the beginning.
+///
+/// # Errors
+/// If the problem makes no sense, the step size underflows, there are too many steps, or the state or a slope is not
+/// finite.
+pub fn solve<Y: State>(
+    field: impl FnMut(f64, &Y) -> Y,
+    start: Y,
+    problem: &Problem,
+) -> Result<Solution<Y>, SolveError> {
+    solve_watched(field, start, problem, |_| {})
+}
+
+/// [`solve`], showing each accepted step.
+///
+/// # Errors
+/// As [`solve`].
+pub fn solve_watched<Y: State>(
+    mut field: impl FnMut(f64, &Y) -> Y,
+    start: Y,
+    problem: &Problem,
+    mut watch: impl FnMut(Step<'_, Y>),
+) -> Result<Solution<Y>, SolveError> {
+    let direction = problem.direction();
+    let mut asked = problem.asked.iter().copied().peekable();
+    let mut states = Vec::with_capacity(problem.asked.len());
+    let mut stepper = Stepper::new(problem, start)?;
+    let mut times = vec![stepper.time()];
+    while asked.next_if_eq(&problem.span[0]).is_some() {
+        states.push(stepper.state().clone());
+    }
+    while stepper.advance(&mut field)?.is_some() {
+        let reached = stepper.time();
+        while let Some(time) = asked.next_if(|&time| (reached - time) * direction >= 0.0) {
+            states.push(stepper.interpolate(&mut field, time));
+        }
+        times.push(reached);
+        stepper.last_step().into_iter().for_each(&mut watch);
+    }
+    let stats = stepper.stats();
+    Ok(Solution { end: stepper.into_state(), states, times, stats })
+}

@@ -1,0 +1,169 @@
+//! Runge-Kutta methods as data.
+
+use super::State;
+use super::methods::{BOSH3, DOPRI5, EULER, HEUN, MIDPOINT, RK4};
+
+/// A Butcher tableau as printed in the books, and what turns its stages into a curve.
+///
+/// ```text
+/// k_i = f(t + c_i h, y + h Σ_j a_ij k_j)        y' = y + h Σ b_i k_i        error = h Σ e_i k_i
+/// ```
+///
+/// The coefficients are checked by the tests of this crate, not at run time; a method of your own is another constant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tableau {
+    /// Its name in messages and reports.
+    pub name: &'static str,
+    /// Order of the solution that goes on.
+    pub order: u32,
+    /// Row `i` weighs the stages before stage `i`; the first row is empty.
+    pub a: &'static [&'static [f64]],
+    /// Weights of the stages in the step.
+    pub b: &'static [f64],
+    /// Where in the step each stage lies.
+    pub c: &'static [f64],
+    /// `b` minus the weights of the embedded method, which is of one order less.
+    pub error: Option<&'static [f64]>,
+    /// What each stage adds, times `θ² (1 - θ)²`, to the cubic through both ends of a step.
+    pub dense: Option<&'static [f64]>,
+    /// Where the numbers are from.
+    pub reference: &'static str,
+}
+
+/// What one step gave, before it is judged.
+#[derive(Clone, Debug)]
+pub struct Attempt<Y> {
+    /// The state at the end.
+    pub after: Y,
+    /// The slopes at the stages.
+    pub slopes: Vec<Y>,
+    /// How often the field was evaluated.
+    pub evaluations: usize,
+}
+
+impl Tableau {
+    /// All methods of this crate.
+    pub const ALL: [&'static Self; 6] = [&EULER, &HEUN, &MIDPOINT, &RK4, &BOSH3, &DOPRI5];
+
+    /// The method of this name.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        Self::ALL.into_iter().find(|tableau| tableau.name == name)
+    }
+
+    /// Number of stages.
+    pub const fn stages(&self) -> usize {
+        self.b.len()
+    }
+
+    /// Whether the last stage is the first of the next step, so that it costs nothing there.
+    pub const fn is_fsal(&self) -> bool {
+        let last = self.stages() - 1;
+        if last == 0 || self.c[last] != 1.0 || self.b[last] != 0.0 {
+            return false;
+        }
+        let mut i = 0;
+        while i < last {
+            if self.a[last][i] != self.b[i] {
+                return false;
+            }
+            i += 1;
+        }
+        true
+    }
+
+    /// Evaluations of the field in each step but the first.
+    pub const fn evaluations_per_step(&self) -> usize {
+        self.stages() - self.is_fsal() as usize
+    }
+
+    /// One step from `t` to `next`: manual stepping.
+    ///
+    /// `first` is the slope at `t`, if it is known. With `closing` false the slope at the end of a step whose last
+    /// stage is the first of the next is left out: the state does not depend on it.
+    pub fn attempt<Y: State>(
+        &self,
+        field: &mut impl FnMut(f64, &Y) -> Y,
+        [t, next]: [f64; 2],
+        y: &Y,
+        first: Option<Y>,
+        closing: bool,
+    ) -> Attempt<Y> {
+        let (h, fsal) = (next - t, self.is_fsal());
+        let mut evaluations = usize::from(first.is_none());
+        let mut slopes = Vec::with_capacity(self.stages());
+        slopes.push(first.unwrap_or_else(|| field(t, y)));
+        for stage in 1..self.stages() {
+            let at = shifted(y, h, self.a[stage], &slopes);
+            let last = fsal && stage + 1 == self.stages();
+            if !last || closing {
+                // Rounded otherwise than `next`, the last stage would not be the first of the next step.
+                let time = if self.c[stage] == 1.0 { next } else { t + self.c[stage] * h };
+                slopes.push(field(time, &at));
+                evaluations += 1;
+            }
+            if last {
+                return Attempt { after: at, slopes, evaluations };
+            }
+        }
+        Attempt { after: shifted(y, h, self.b, &slopes), slopes, evaluations }
+    }
+
+    /// The estimated error of a step of size `h`, if the method has an estimate.
+    pub fn error_of<Y: State>(&self, h: f64, slopes: &[Y]) -> Option<Y> {
+        let weights = self.error?;
+        Some(Y::lincomb(&weighted(h, weights, slopes)))
+    }
+
+    /// The state at `t + θ h`, `θ` in `[0, 1]`: the cubic through both ends with their slopes, and for Dormand-Prince
+    /// its own quartic.
+    ///
+    /// `end` is the slope at the end of the step; none is needed where the last stage lies there.
+    ///
+    /// # References
+    /// Hairer, Nørsett, Wanner 1993, *Solving Ordinary Differential Equations I*, II.6.
+    ///
+    /// # Panics
+    /// If the method needs `end` and has none.
+    pub fn interpolate<Y: State>(
+        &self,
+        theta: f64,
+        h: f64,
+        before: &Y,
+        slopes: &[Y],
+        end: Option<&Y>,
+    ) -> Y {
+        let rest = 1.0 - theta;
+        let mut weights: Vec<f64> =
+            self.b.iter().map(|b| b * theta * theta * (3.0 - 2.0 * theta)).collect();
+        weights[0] += theta * rest * rest;
+        if let Some(dense) = self.dense {
+            for (w, d) in weights.iter_mut().zip(dense) {
+                *w += d * (theta * rest).powi(2);
+            }
+        }
+        let closing = -theta * theta * rest;
+        if self.is_fsal() {
+            weights[self.stages() - 1] += closing;
+        }
+        let mut terms = vec![(1.0, before)];
+        terms.extend(weighted(h, &weights, slopes));
+        if !self.is_fsal() {
+            terms.push((h * closing, end.expect("the slope at the end of the step")));
+        }
+        Y::lincomb(&terms)
+    }
+}
+
+/// `y + h Σ w k`.
+fn shifted<Y: State>(y: &Y, h: f64, weights: &[f64], slopes: &[Y]) -> Y {
+    let mut terms = Vec::with_capacity(slopes.len() + 1);
+    terms.push((1.0, y));
+    terms.extend(weighted(h, weights, slopes));
+    Y::lincomb(&terms)
+}
+
+/// Those terms `(h w, k)` whose weight is not zero.
+fn weighted<'y, Y>(h: f64, weights: &[f64], slopes: &'y [Y]) -> Vec<(f64, &'y Y)> {
+    let all = weights.iter().zip(slopes);
+    all.filter(|(w, _)| **w != 0.0).map(|(w, k)| (h * w, k)).collect()
+}
