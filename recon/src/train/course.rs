@@ -75,6 +75,13 @@ pub fn train<S: System>(
     })
 }
 
+/// The samples of a step, drawn beside the step before it: they follow from their place alone, so
+/// that it makes no difference when. An error waits for its step.
+struct Ahead<T> {
+    step: u64,
+    samples: Result<Vec<T>, TrainError>,
+}
+
 struct Course<'j, 'w, S: System> {
     job: &'j Job<'j, S>,
     watch: &'w mut dyn FnMut(Event) -> Flow,
@@ -86,6 +93,8 @@ struct Course<'j, 'w, S: System> {
     schedule: Schedule,
     /// The order of the items in the present epoch.
     items: Vec<usize>,
+    /// What was drawn for the next step.
+    ahead: Option<Ahead<S::Sample>>,
     steps_per_epoch: u64,
     total: u64,
     metrics: Vec<Metric>,
@@ -147,6 +156,7 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
             record,
             schedule: train.schedule(steps_per_epoch, total),
             items: Vec::new(),
+            ahead: None,
             steps_per_epoch,
             total,
             metrics: Vec::new(),
@@ -209,10 +219,21 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
         let (system, tapes) = (&mut self.system, &mut self.tapes);
         let (items, data, seed) = (&self.items, self.job.data, train.seed);
         let (per_step, steps_per_epoch) = (train.batch * train.accumulate, self.steps_per_epoch);
+        let ahead = self.ahead.take().filter(|ahead| ahead.step == at.step);
+        // Not beyond the epoch: the next one may change the system, and is scored first.
+        let next = Moment { step: at.step + 1, ..at };
+        let follows = !next.step.is_multiple_of(steps_per_epoch) && next.step < self.total;
+        let mut drawn = None;
         let slope = in_pool(|| -> Result<_, TrainError> {
-            let samples = draw(system, data, items, seed, at, steps_per_epoch, per_step)?;
-            Ok(tapes.slope(system, &samples, train.batch, at, seed)?)
+            let draw = |system: &S, at: Moment| {
+                draw(system, data, items, seed, at, steps_per_epoch, per_step)
+            };
+            let samples = ahead.map_or_else(|| draw(system, at), |ahead| ahead.samples)?;
+            Ok(tapes.slope(system, &samples, train.batch, at, seed, |system| {
+                drawn = follows.then(|| draw(system, next));
+            })?)
         });
+        self.ahead = drawn.map(|samples| Ahead { step: next.step, samples });
         let mut slope = slope?;
         self.standing.step += 1;
         let (step, loss) = (self.standing.step, slope.loss());

@@ -40,7 +40,7 @@ impl Tapes {
     }
 
     /// The mean gradient over all samples, batch after batch; within a batch all shards at once,
-    /// summed in their order.
+    /// summed in their order. `meanwhile` runs beside the first batch, before parameters change.
     ///
     /// # Errors
     /// If anything is not finite.
@@ -51,23 +51,24 @@ impl Tapes {
         batch: usize,
         at: Moment,
         seed: u64,
+        meanwhile: impl FnOnce(&S) + Send,
     ) -> Result<Slope, Box<NotFinite>> {
         let shard = batch.div_ceil(self.0.len());
         let mut sum: Option<Slope> = None;
+        let mut meanwhile = Some(meanwhile);
         for (k, batch) in samples.chunks(batch).enumerate() {
             let first = (k * self.0.len()) as u64;
             let fresh: &S = system;
-            let parts: Vec<Part> = self
-                .0
-                .par_iter_mut()
-                .zip(batch.par_chunks(shard))
-                .enumerate()
-                .map(|(i, (tape, chunk))| {
-                    tape.reseed(tape_seed(seed, at.step, first + i as u64));
-                    let share = chunk.len() as f64 / samples.len() as f64;
-                    part(tape, fresh, chunk, share, at)
-                })
-                .collect();
+            let tapes = self.0.par_iter_mut().zip(batch.par_chunks(shard)).enumerate();
+            let parts = tapes.map(|(i, (tape, chunk))| {
+                tape.reseed(tape_seed(seed, at.step, first + i as u64));
+                let share = chunk.len() as f64 / samples.len() as f64;
+                part(tape, fresh, chunk, share, at)
+            });
+            let parts: Vec<Part> = match meanwhile.take() {
+                Some(other) => rayon::join(|| parts.collect(), || other(fresh)).0,
+                None => parts.collect(),
+            };
             for part in parts {
                 part.updates.apply(system);
                 match &mut sum {

@@ -69,7 +69,8 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     /// Samples in an epoch; at least one.
     fn epoch_len(&self, data: &Self::Data) -> usize;
 
-    /// One sample, a function of `draw` alone. Called from any thread.
+    /// One sample, a function of `draw` alone and not of the parameters: it may be drawn while the
+    /// step before it is computed. Called from any thread.
     ///
     /// # Errors
     /// If a file cannot be read.

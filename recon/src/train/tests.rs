@@ -204,9 +204,36 @@ fn a_number_that_is_none_is_traced() {
     spoiled.offsets.1.as_slice_mut()[3] = f32::INFINITY;
     let samples: Vec<_> = (0..3).map(|k| silhouette(k, 0.0, k.to_string())).collect();
     let at = Moment { step: 5, epoch: 1 };
-    let error = super::step::Tapes::new(1).slope(&mut spoiled, &samples, 3, at, 0).unwrap_err();
+    let mut tapes = super::step::Tapes::new(1);
+    let error = tapes.slope(&mut spoiled, &samples, 3, at, 0, |_| ()).unwrap_err();
     assert_eq!(error.tensor, Tensor::Parameter("offsets.1".into()));
     assert_eq!((error.step, error.epoch), (5, 1));
+}
+
+/// Samples are drawn a step ahead; an error waits for the step that they are of.
+#[test]
+fn a_sample_that_cannot_be_read_ends_its_own_step() {
+    let place = tempfile::tempdir().unwrap();
+    let order = super::draw::order(0, 0, 12);
+    for at in [0, 1, 3] {
+        let config = config(|c| c.system.unreadable = order[3 * at + 1] as i64);
+        let mut steps = 0;
+        let folder = place.path().join(format!("failed-{at}"));
+        let error = run_in(&folder, &config, false, &mut |event| {
+            steps += usize::from(matches!(event, Event::Step(_)));
+            Flow::Continue
+        });
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains("cannot be read"), "{error}");
+        assert_eq!(steps, at);
+        // A run that ends before that step does not hear of it.
+        let folder = place.path().join(format!("stopped-{at}"));
+        let stop = &mut |event: Event| match event {
+            Event::Step(Step { step, .. }) if step == at as u64 => Flow::Stop,
+            _ => Flow::Continue,
+        };
+        assert_eq!(run_in(&folder, &config, false, stop).is_ok(), at > 0);
+    }
 }
 
 #[test]

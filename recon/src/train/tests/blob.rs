@@ -26,6 +26,8 @@ pub(super) struct Options {
     pub(super) dropout: f64,
     /// The object whose picture is not a number, if any.
     pub(super) poisoned: i64,
+    /// The object whose picture cannot be read, if any.
+    pub(super) unreadable: i64,
     /// The epoch before which the hidden layer doubles, if any.
     pub(super) grow_at: i64,
     /// Couples the samples of a batch, to be refused with shards.
@@ -34,7 +36,7 @@ pub(super) struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { hidden: 8, dropout: 0.1, poisoned: -1, grow_at: -1, coupled: false }
+        Self { hidden: 8, dropout: 0.1, poisoned: -1, unreadable: -1, grow_at: -1, coupled: false }
     }
 }
 
@@ -157,6 +159,9 @@ impl System for Blob {
     }
 
     fn draw(&self, (): &(), draw: &Draw) -> Result<Silhouette, DataError> {
+        if draw.item as i64 == self.options.unreadable {
+            return Err(DataError::Unfit(format!("object {} cannot be read", draw.item)));
+        }
         let angle = draw.rng().random::<f64>() * std::f64::consts::TAU;
         let mut sample = silhouette(draw.item, angle, format!("object {}", draw.item));
         if draw.item as i64 == self.options.poisoned {
