@@ -238,6 +238,7 @@ Examples:
   unsphere train img2mesh -o runs/look --preset tiny       a procedural clock, in seconds
   unsphere train img2mesh rendered_clock.zip -o runs/clock --max-size 256
   unsphere train img2mesh --resume runs/clock --set epochs=80
+  unsphere eval img2mesh --checkpoint runs/clock
   tensorboard --logdir runs"
 )]
 pub(crate) struct Train {

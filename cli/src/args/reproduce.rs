@@ -9,7 +9,8 @@ use clap::Args;
     after_help = "The folder gets table.md, report.html and results.json after every finished job, results/ (one
 file a job and seed) and work/ (the trainings). Run the same command again and it goes on: what is
 finished is kept, what was interrupted goes on from its checkpoint, and --seeds can grow. A cell is
-the mean over the seeds, in brackets the largest less the smallest.
+the mean over the seeds, in brackets the largest less the smallest. Each folder in work/ is a run
+that `unsphere eval` and `unsphere predict` take as --checkpoint.
 
 With --quick the exit code is 1 if a claim does not hold, so that it can stand in CI.
 

@@ -30,6 +30,13 @@ struct Outcome<'a> {
     made: &'a Reproduced,
 }
 
+/// What is printed of a study by `--list --json`.
+#[derive(Debug, Serialize)]
+struct Known {
+    name: &'static str,
+    about: &'static str,
+}
+
 pub(crate) fn run(console: Console, global: Global, arguments: &Reproduce) -> Result<(), Failure> {
     let Some(name) = &arguments.name else { return list(console) };
     let study = study(name).ok_or_else(|| {
@@ -40,9 +47,10 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Reproduce) -> Re
 }
 
 fn list(console: Console) -> Result<(), Failure> {
-    let names: Vec<(&str, &str)> = STUDIES.iter().map(|s| (s.name(), s.about())).collect();
-    console.result(&names, |names| {
-        table(names.iter().map(|(name, about)| (*name, (*about).to_owned())))
+    let known: Vec<Known> =
+        STUDIES.iter().map(|s| Known { name: s.name(), about: s.about() }).collect();
+    console.result(&known, |known| {
+        table(known.iter().map(|study| (study.name, study.about.to_owned())))
     })
 }
 

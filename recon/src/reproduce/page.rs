@@ -91,7 +91,10 @@ fn write_pictures(digest: &Digest<'_>, table: &str, body: &mut String) {
     for row in kept.flat_map(|kept| &kept.rows).filter(|row| row.table == table) {
         for picture in &row.pictures {
             let Some(png) = digest.store.picture(picture) else { continue };
-            let caption = format!("{}: {}", row.label, picture.caption);
+            let caption = match picture.caption.as_str() {
+                text if text == row.label => format!("{text}: the model above the truth"),
+                text => format!("{}, {text}: the model above the truth", row.label),
+            };
             let _ = write!(
                 body,
                 "<figure class=\"sheet\"><img alt=\"{caption}\" src=\"data:image/png;base64,{png}\">\

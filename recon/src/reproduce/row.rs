@@ -63,7 +63,8 @@ impl Row {
         self
     }
 
-    /// With one picture of all pairs: the model above the truth. None are no picture.
+    /// With one picture of all pairs, the model above the truth. None are no picture. The page puts
+    /// the row's label before the caption, unless they are the same.
     #[must_use]
     pub fn showing(mut self, caption: impl Into<String>, pairs: &[ViewPair]) -> Self {
         let image = sheet(pairs);

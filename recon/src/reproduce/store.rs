@@ -32,7 +32,7 @@ pub(super) struct Kept {
     pub(super) job: String,
     pub(super) seed: u64,
     pub(super) rows: Vec<KeptRow>,
-    /// What the job took in its last part.
+    /// What the job took: in its last part, or by what its rows say, if that is more.
     pub(super) seconds: f64,
     pub(super) version: String,
     pub(super) commit: String,
@@ -135,11 +135,12 @@ impl Store {
             let Row { table, label, cells, seconds, .. } = row;
             kept_rows.push(KeptRow { table, label, cells, seconds, pictures });
         }
+        let said: f64 = kept_rows.iter().map(|row| row.seconds).sum();
         let kept = Kept {
             job: job.to_owned(),
             seed,
             rows: kept_rows,
-            seconds,
+            seconds: seconds.max(said),
             version: provenance.version.clone(),
             commit: provenance.commit.clone(),
             cpu: provenance.cpu.clone(),

@@ -148,23 +148,27 @@ impl Table {
         })
     }
 
-    /// A cell as text: the mean, and in brackets the spread where there are several seeds.
+    /// A cell as text: the mean, and in brackets the spread where there are several seeds; but not
+    /// where it could only say that a count or a published figure does not change.
     pub(super) fn cell(&self, row: &Line, column: usize) -> (String, String) {
         let decimals = self.columns[column].decimals;
         let values = &row.values[column];
         let Some(mean) = mean(values) else { return ("none".to_owned(), String::new()) };
-        let spread = spread(values).filter(|_| values.len() > 1);
+        let fixed = |spread: f64| spread == 0.0 && self.columns[column].better.is_none();
+        let spread = spread(values).filter(|&spread| values.len() > 1 && !fixed(spread));
         let spread = spread.map_or_else(String::new, |s| format!(" ({s:.decimals$})"));
         (format!("{mean:.decimals$}"), spread)
     }
 
-    /// Whether this row has the best mean of the column, as far as the digits shown tell.
+    /// Whether this row has the best mean of the column, as far as the digits shown tell, and another
+    /// has not.
     pub(super) fn is_best(&self, row: &Line, column: usize) -> bool {
         let Some(better) = self.columns[column].better else { return false };
         let shown = |row: &Line| self.cell(row, column).0.parse::<f64>().ok();
         let Some(own) = shown(row) else { return false };
-        self.rows.len() > 1
-            && self.rows.iter().filter_map(shown).all(|other| !better.improves(other, own))
+        let others = || self.rows.iter().filter_map(shown);
+        others().all(|other| !better.improves(other, own))
+            && others().any(|other| better.improves(own, other))
     }
 }
 
