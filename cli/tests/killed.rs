@@ -59,7 +59,7 @@ fn kill_at(mut child: Child, run: &Path, step: usize) -> bool {
             child.kill().unwrap();
             return child.wait().unwrap().code().is_none();
         }
-        std::thread::sleep(Duration::from_micros(300));
+        std::thread::sleep(Duration::from_millis(1));
     }
     false
 }

@@ -14,7 +14,7 @@ fn studies_are_listed_and_slips_are_named() {
     assert_eq!(names[0]["name"], "img2mesh");
     let slip = unsphere(place.path(), ["reproduce", "img3mesh", "-o", "out"]);
     slip.fails(2, &["img3mesh", "expected one of: img2mesh"]);
-    unsphere(place.path(), ["reproduce"]).fails(2, &["NAME", "--list"]);
+    unsphere(place.path(), ["reproduce"]).fails(2, &["no study is named", "img2mesh", "--list"]);
     unsphere(place.path(), ["reproduce", "img2mesh", "--seeds", "0"]).fails(2, &["--seeds"]);
     assert!(!place.path().join("out").exists());
 }

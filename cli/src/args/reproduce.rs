@@ -22,7 +22,6 @@ Examples:
 )]
 pub(crate) struct Reproduce {
     /// The study; --list names them.
-    #[arg(required_unless_present = "list")]
     pub(crate) name: Option<String>,
     /// Name the studies, and what each shows.
     #[arg(long, conflicts_with_all = ["name", "output", "quick", "data"])]

@@ -38,11 +38,18 @@ struct Known {
 }
 
 pub(crate) fn run(console: Console, global: Global, arguments: &Reproduce) -> Result<(), Failure> {
-    let Some(name) = &arguments.name else { return list(console) };
-    let study = study(name).ok_or_else(|| {
-        let names = STUDIES.iter().map(|study| study.name()).collect::<Vec<_>>().join(", ");
-        Failure::Usage(format!("{name}: no such study, expected one of: {names}"))
-    })?;
+    if arguments.list {
+        return list(console);
+    }
+    let names = STUDIES.iter().map(|study| study.name()).collect::<Vec<_>>().join(", ");
+    let Some(name) = &arguments.name else {
+        let text =
+            format!("no study is named, expected one of: {names} (--list says what they show)");
+        return Err(Failure::Usage(text));
+    };
+    let Some(study) = study(name) else {
+        return Err(Failure::Usage(format!("{name}: no such study, expected one of: {names}")));
+    };
     make(console, global, arguments, study)
 }
 
