@@ -62,7 +62,7 @@ impl Procedural {
             count: 24,
             placement: Placement::Random,
             target: [0.0; 3],
-            distance: [1.6, 1.9],
+            distance: [1.5, 1.7],
             elevation: [0.0, 50.0],
             ..Orbit::default()
         }

@@ -10,8 +10,9 @@ const TABLE: &str =
     "Unseen objects, scored at cameras that were not given and against the true mesh";
 /// Views given.
 const VIEWS: [usize; 4] = [1, 2, 3, 5];
-/// Least mask IoU of the quick one with two views, which a broken gradient misses.
-const QUICK_FLOOR: f64 = 0.45;
+/// Least mask IoU of the quick one with two views, which a broken gradient misses: the mean shape
+/// of all has about 0.5 after as many steps.
+const QUICK_FLOOR: f64 = 0.62;
 
 const MEAN_SHAPE: &str = "mean shape";
 const AVERAGING: &str = "averaging";
