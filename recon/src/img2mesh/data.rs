@@ -20,6 +20,9 @@ use crate::train::{DataError, Fingerprint};
 const FRAME_OBJECTS: usize = 8;
 /// Views of each of many objects that are scored at most: the rest costs time and tells little.
 const MOST_SCORED: usize = 8;
+/// Groups that are scored of many objects, if each can give up to three: of few objects one group
+/// each would leave much to chance.
+const TRIALS: usize = 120;
 
 /// What img2mesh learns from.
 #[derive(Debug)]
@@ -225,13 +228,13 @@ impl Data {
     pub(super) fn trials(&self, views: usize) -> usize {
         match &self.objects {
             Objects::One(_) => (self.held.len() / views).max(1),
-            Objects::Many(_) => self.held.len(),
+            Objects::Many(_) => self.held.len() * (TRIALS / self.held.len()).clamp(1, 3),
         }
     }
 
     /// The `k`-th group that is scored. Of many objects' the views given are the first of an order
-    /// of the object's own, and those that are scored the last: with more views given they are the
-    /// same ones and others, scored at the same cameras.
+    /// that object and group decide, and those that are scored the last: with more views given they
+    /// are the same ones and others, scored at the same cameras.
     pub(super) fn trial(
         &self,
         config: &Img2MeshConfig,
@@ -246,9 +249,11 @@ impl Data {
                 (order.iter().map(|&i| Arc::clone(&all[i])).collect::<Vec<_>>(), None)
             }
             Objects::Many(shelf) => {
-                let object = self.held[k];
+                let object = self.held[k % self.held.len()];
                 let mut order: Vec<usize> = (0..shelf.count(object)).collect();
-                order.shuffle(&mut ChaCha8Rng::seed_from_u64(object as u64));
+                let mut rng = ChaCha8Rng::seed_from_u64(object as u64);
+                rng.set_stream((k / self.held.len()) as u64);
+                order.shuffle(&mut rng);
                 let last = views.max(order.len().saturating_sub(MOST_SCORED));
                 order.drain(views.min(order.len())..last.min(order.len()));
                 (shelf.views(object, &order, config, self.frame)?, shelf.truth(object)?)

@@ -324,7 +324,7 @@ fn trials_of_many_objects_are_nested() {
         ..tiny()
     };
     let data = Data::synthetic(&config, 1).unwrap();
-    assert_eq!((data.train.len(), data.held.len(), data.trials(3)), (4, 2, 2));
+    assert_eq!((data.train.len(), data.held.len(), data.trials(3)), (4, 2, 6));
     let names = |views: &[Arc<Prepared>]| -> Vec<String> {
         views.iter().map(|view| view.name.clone()).collect()
     };
@@ -333,6 +333,8 @@ fn trials_of_many_objects_are_nested() {
     assert_eq!((names(&one.scored), three.scored.len()), (names(&three.scored), 8));
     assert!(names(&three.scored).iter().all(|name| !names(&three.given).contains(name)));
     assert!(one.truth.is_some());
+    let other = data.trial(&config, 3, 3).unwrap();
+    assert_ne!(names(&other.given), names(&three.given));
     let metrics = Img2Mesh::new(&config, 0).evaluate(&data).unwrap();
     assert_eq!(metrics.last().unwrap().name, "f-score");
     let none = Img2MeshConfig { families: vec!["cat".into()], ..config };
