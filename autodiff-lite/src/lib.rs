@@ -108,7 +108,7 @@ pub use kernels::resample::Padding;
 pub use module::{Module, Visitor, VisitorMut, join_path};
 pub use nested::NestedTape;
 pub use op::Op;
-pub use ops::BatchStatistics;
+pub use ops::{BatchStatistics, GraphWeights};
 pub use param::{Param, ParamId};
 pub use pool::{Pool, PoolVec, Pooled};
 pub use real::Real;

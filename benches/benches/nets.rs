@@ -1,10 +1,11 @@
-//! Networks: VGG16, a transformer's encoder layer, and an optimiser's step.
+//! Networks: VGG16, a transformer's encoder layer, graph convolutions, and an optimiser's step.
 
 use autodiff_lite::optim::Adam;
-use autodiff_lite::{Param, Tape, Tensor, impl_module};
+use autodiff_lite::{Param, SparseMatrix, Tape, Tensor, impl_module};
 use benches::{criterion, numbers, pool};
+use mesh_core::primitives::icosphere;
 use ndarray::ArrayD;
-use nets::{Init, TransformerConfig, TransformerEncoderLayer, Vgg16};
+use nets::{GraphConv, Init, TransformerConfig, TransformerEncoderLayer, Vgg16};
 
 struct Weights {
     w: Param,
@@ -51,6 +52,35 @@ fn main() {
             });
         });
     });
+    // Each directed edge of an icosphere is the side of one face.
+    let faces = icosphere(4).faces;
+    let sides = faces.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let entries: Vec<_> = sides.map(|[a, b]| (a as usize, b as usize, 1.0)).collect();
+    let graph = SparseMatrix::from_triplets(2562, 2562, &entries).expect("indices of vertices");
+    for inputs in [963, 192] {
+        let conv = GraphConv::<f32>::new(&init, inputs, 192);
+        let features = array(&[2562, inputs], 4);
+        let name = format!("graph-conv/2562/{inputs}-192");
+        group.bench_function(format!("{name}/forward-backward/2t"), |b| {
+            pool.install(|| {
+                b.iter(|| {
+                    let y = conv.forward(tape.leaf(features.clone()), &graph);
+                    drop(y.backward_with(y.value()));
+                    tape.reset();
+                });
+            });
+        });
+        group.bench_function(format!("{name}-unfused/forward-backward/2t"), |b| {
+            pool.install(|| {
+                b.iter(|| {
+                    let x = tape.leaf(features.clone());
+                    let y = conv.w0.forward(x) + conv.w1.forward(x).sparse_matmul(&graph);
+                    drop(y.backward_with(y.value()));
+                    tape.reset();
+                });
+            });
+        });
+    }
     let mut weights = Weights { w: Param::new(array(&[3_150_000], 3)) };
     let gradients = tape.param(&weights.w).square().sum().backward();
     tape.reset();

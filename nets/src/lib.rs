@@ -37,6 +37,7 @@
 //! | layers | [`Linear`], [`Mlp`], [`Conv2d`], [`ConvTranspose2d`], [`MaxPool2d`], [`AvgPool2d`], [`AdaptiveAvgPool2d`], [`Dropout`] |
 //! | norms | [`BatchNorm2d`], [`BatchNorm1d`], [`FrozenBatchNorm2d`], [`LayerNorm`], [`GroupNorm`] |
 //! | attention | [`MultiHeadAttention`], [`TransformerEncoderLayer`], [`TransformerEncoder`] |
+//! | graphs | [`GraphConv`] (Mesh R-CNN), [`ChebyshevConv`] (Pixel2Mesh), [`GraphResBlock`], [`GraphBottleneck`] |
 //! | image encoders | [`SmallCnn`], [`Vgg16`], [`ConvFrontEnd`] |
 //! | weights from files, freezing | [`LoadWeights`], [`read_weights`], [`freeze`], [`unfreeze`] |
 //!
@@ -64,6 +65,8 @@ mod conv2d;
 mod conv_front_end;
 mod conv_transpose2d;
 mod dropout;
+mod graph_bottleneck;
+mod graph_conv;
 mod group_norm;
 mod indexed;
 mod init;
@@ -84,6 +87,8 @@ pub use conv_front_end::ConvFrontEnd;
 pub use conv_transpose2d::ConvTranspose2d;
 pub use conv2d::Conv2d;
 pub use dropout::Dropout;
+pub use graph_bottleneck::{GraphBottleneck, GraphResBlock};
+pub use graph_conv::{ChebyshevConv, GraphConv};
 pub use group_norm::GroupNorm;
 pub use indexed::Indexed;
 pub use init::{FanMode, Init, Nonlinearity, fans};

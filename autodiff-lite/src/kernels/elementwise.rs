@@ -117,17 +117,30 @@ pub fn pull<F: Real>(operands: [&[F]; 4], out: &mut [F], f: impl Fn(F, F, F, F) 
 
 #[inline(always)]
 fn lincomb_body<F: Real>(terms: &[(F, &[F])], start: usize, y: &mut [F]) {
-    // Blocks that stay in L1 while all terms pass over them.
+    // Blocks that stay in L1 while all terms pass over them, three at once: each pass reads and writes the
+    // block. The sum runs in the order of the terms whatever the groups.
     for (k, y) in y.chunks_mut(2048).enumerate() {
         let at = start + k * 2048;
-        let (c, x) = terms[0];
-        for (y, &x) in y.iter_mut().zip(&x[at..]) {
-            *y = c * x;
-        }
-        for &(c, x) in &terms[1..] {
-            for (y, &x) in y.iter_mut().zip(&x[at..]) {
-                *y += c * x;
+        let n = y.len();
+        let part = |i: usize| (terms[i].0, &terms[i].1[at..at + n]);
+        let first = terms.len() % 3;
+        let (c, x) = part(0);
+        match first {
+            1 => y.iter_mut().zip(x).for_each(|(y, &x)| *y = c * x),
+            2 => {
+                let (d, z) = part(1);
+                y.iter_mut().zip(x).zip(z).for_each(|((y, &x), &z)| *y = c * x + d * z);
             }
+            _ => {
+                let ((d, z), (e, w)) = (part(1), part(2));
+                let rows = y.iter_mut().zip(x).zip(z).zip(w);
+                rows.for_each(|(((y, &x), &z), &w)| *y = c * x + d * z + e * w);
+            }
+        }
+        for i in (if first == 0 { 3 } else { first }..terms.len()).step_by(3) {
+            let ((c, x), (d, z), (e, w)) = (part(i), part(i + 1), part(i + 2));
+            let rows = y.iter_mut().zip(x).zip(z).zip(w);
+            rows.for_each(|(((y, &x), &z), &w)| *y = *y + c * x + d * z + e * w);
         }
     }
 }
@@ -201,9 +214,16 @@ mod tests {
             map_body(&x, &mut plain, &f);
             assert_eq!(fast, plain);
         }
-        let terms = [(0.3, &x[..]), (-1.7, &x[..])];
-        lincomb_chunk(&terms, 0, &mut fast);
-        lincomb_body(&terms, 0, &mut plain);
-        assert_eq!(fast, plain);
+        let all = [0.3, -1.7, 0.9, 1.1, -0.2, 0.7, 0.05, -3.0].map(|c| (c, &x[..]));
+        for count in 1..=all.len() {
+            let terms = &all[..count];
+            lincomb_chunk(terms, 0, &mut fast);
+            lincomb_body(terms, 0, &mut plain);
+            assert_eq!(fast, plain);
+            for (y, &x) in plain.iter_mut().zip(&x) {
+                *y -= terms[1..].iter().fold(terms[0].0 * x, |sum, &(c, _)| sum + c * x);
+            }
+            assert!(plain.iter().all(|&rest| rest == 0.0), "{count} terms in another order");
+        }
     }
 }

@@ -3,6 +3,7 @@
 use pulp::{Simd, WithSimd};
 
 use crate::Real;
+use crate::kernels::activation::Activation;
 use crate::kernels::blocks::{SERIAL_BELOW, Shared, for_each_block};
 use crate::kernels::isa::Isa;
 
@@ -36,6 +37,37 @@ pub fn csr_times_rows<F: Real>(
     x: &[F],
     y: &mut [F],
 ) {
+    rows_times(isa, a, columns, batch, width, x, y, None);
+}
+
+/// `y[b][i] = activation(y[b][i] + Σ_j a[i][j] x[b][j])`, as [`csr_times_rows`].
+///
+/// # Panics
+/// As [`csr_times_rows`].
+pub fn csr_add_rows<F: Real>(
+    isa: Isa,
+    a: CsrRows<'_, F>,
+    columns: usize,
+    batch: usize,
+    width: usize,
+    x: &[F],
+    y: &mut [F],
+    activation: Activation,
+) {
+    rows_times(isa, a, columns, batch, width, x, y, Some(activation));
+}
+
+/// Replaces `y`, or adds to it what `then` is applied to.
+fn rows_times<F: Real>(
+    isa: Isa,
+    a: CsrRows<'_, F>,
+    columns: usize,
+    batch: usize,
+    width: usize,
+    x: &[F],
+    y: &mut [F],
+    then: Option<Activation>,
+) {
     let rows = a.offsets.len() - 1;
     assert_eq!(x.len(), batch * columns * width);
     assert_eq!(y.len(), batch * rows * width);
@@ -53,6 +85,7 @@ pub fn csr_times_rows<F: Real>(
             first,
             last,
             width,
+            then,
             x: &x[b * columns * width..(b + 1) * columns * width],
             // SAFETY: each block is a range of rows of its own.
             y: unsafe { out.slice((b * rows + first) * width, (last - first) * width) },
@@ -65,6 +98,7 @@ struct Block<'a, F> {
     first: usize,
     last: usize,
     width: usize,
+    then: Option<Activation>,
     x: &'a [F],
     y: &'a mut [F],
 }
@@ -77,6 +111,7 @@ impl<F: Real> WithSimd for Block<'_, F> {
         const UNROLL: usize = 4;
         let lanes = F::lanes::<S>();
         let zero = F::splat(s, F::zero());
+        let adds = self.then.is_some();
         for row in self.first..self.last {
             let range = self.a.offsets[row] as usize..self.a.offsets[row + 1] as usize;
             let (indices, values) = (&self.a.indices[range.clone()], &self.a.values[range]);
@@ -84,6 +119,12 @@ impl<F: Real> WithSimd for Block<'_, F> {
             let mut at = 0;
             while at + UNROLL * lanes <= self.width {
                 let mut sums = [zero; UNROLL];
+                if adds {
+                    for v in 0..UNROLL {
+                        // SAFETY: the output row holds all four vectors.
+                        sums[v] = unsafe { F::load(s, y[at + v * lanes..].as_ptr()) };
+                    }
+                }
                 for (&j, &value) in indices.iter().zip(values) {
                     let from = self.x.as_ptr().wrapping_add(j as usize * self.width + at);
                     let value = F::splat(s, value);
@@ -100,7 +141,8 @@ impl<F: Real> WithSimd for Block<'_, F> {
                 at += UNROLL * lanes;
             }
             while at + lanes <= self.width {
-                let mut sum = zero;
+                // SAFETY: the output row holds this vector.
+                let mut sum = if adds { unsafe { F::load(s, y[at..].as_ptr()) } } else { zero };
                 for (&j, &value) in indices.iter().zip(values) {
                     let from = self.x.as_ptr().wrapping_add(j as usize * self.width + at);
                     // SAFETY: the row exists and holds this vector.
@@ -111,11 +153,25 @@ impl<F: Real> WithSimd for Block<'_, F> {
                 at += lanes;
             }
             for (column, y) in y.iter_mut().enumerate().skip(at) {
-                let mut sum = F::zero();
+                let mut sum = if adds { *y } else { F::zero() };
                 for (&j, &value) in indices.iter().zip(values) {
                     sum += value * self.x[j as usize * self.width + column];
                 }
                 *y = sum;
+            }
+            match self.then {
+                None | Some(Activation::None) => {}
+                // Named, so that its loop vectorises.
+                Some(Activation::Relu) => {
+                    for y in y {
+                        *y = Activation::Relu.apply(*y);
+                    }
+                }
+                Some(other) => {
+                    for y in y {
+                        *y = other.apply(*y);
+                    }
+                }
             }
         }
     }

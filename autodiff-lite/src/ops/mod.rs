@@ -6,6 +6,7 @@ mod conv;
 mod dropout;
 mod elementwise;
 mod gather;
+mod graph;
 mod layout;
 mod linear;
 mod matmul;
@@ -18,6 +19,7 @@ mod resample;
 mod softmax;
 mod sparse;
 
+pub use graph::GraphWeights;
 pub use norm::BatchStatistics;
 
 #[cfg(test)]

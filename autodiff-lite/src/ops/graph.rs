@@ -1,0 +1,306 @@
+//! The fused graph convolution.
+
+use crate::kernels::activation::Activation;
+use crate::kernels::columns::column_sums;
+use crate::kernels::gemm::{Matrix, gemm, gemm_then};
+use crate::kernels::isa::Isa;
+use crate::kernels::sparse::{csr_add_rows, csr_times_rows};
+use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Shapes, SparseMatrix, Var};
+
+use super::linear::before_activation;
+
+/// The parameters of a [graph convolution](Var::graph_conv).
+#[derive(Clone, Copy, Debug)]
+pub struct GraphWeights<'t, F: Real = f32> {
+    /// Weighs a vertex's own features.
+    pub own: Var<'t, F>,
+    /// Weighs the features that reach a vertex over the graph.
+    pub across: Var<'t, F>,
+    /// Whether both weights are `[O, D]`, as in PyTorch's linear layer, or `[D, O]`.
+    pub output_first: bool,
+    /// `[O]`, added to each vertex.
+    pub bias: Option<Var<'t, F>>,
+    /// `[O]`, added to what each vertex sends.
+    pub across_bias: Option<Var<'t, F>>,
+}
+
+impl<'t, F: Real> Var<'t, F> {
+    /// `activation(x W + b + A (x U + c))` for each batch element: `x [.., V, D]`, the graph `A [V, V]`, `W` the
+    /// [own](GraphWeights::own) weight and `U` the one [across](GraphWeights::across), to `[.., V, O]`.
+    ///
+    /// `4 V D O` flops and `2 entries O`, the gradient twice as many; nothing is kept for it. The graph is applied after
+    /// the weight, as is cheaper while `O <= D`. No gradient to the entries of `A`.
+    ///
+    /// # Panics
+    /// If sizes differ, or `x` has fewer than two axes.
+    #[track_caller]
+    pub fn graph_conv(
+        self,
+        graph: &SparseMatrix<F>,
+        weights: &GraphWeights<'t, F>,
+        activation: Activation,
+    ) -> Self {
+        let tape = self.tape;
+        let (x, own, across) = (self.value(), weights.own.value(), weights.across.value());
+        let [bias, sent] = [weights.bias, weights.across_bias].map(|b| b.map(Var::value));
+        let mut shapes = Shapes::of("graph_conv").at(tape.path());
+        let check = |shapes: &mut Shapes| -> Result<Sizes, ShapeError> {
+            let [leading @ .., v, d] = x.shape() else {
+                return Err(shapes.error("at least two axes expected"));
+            };
+            let batch = leading.iter().product();
+            shapes.axes("graph", &[graph.rows(), graph.columns()], ["V", "V"])?;
+            shapes.axes("input", &[batch, *v, *d], ["..", "V", "D"])?;
+            let letters = if weights.output_first { ["O", "D"] } else { ["D", "O"] };
+            let sides = shapes.axes("own", own.shape(), letters)?;
+            shapes.axes("across", across.shape(), letters)?;
+            for (name, bias) in [("bias", &bias), ("across bias", &sent)] {
+                if let Some(bias) = bias {
+                    shapes.axes(name, bias.shape(), ["O"])?;
+                }
+            }
+            let o = sides[usize::from(!weights.output_first)];
+            Ok(Sizes { batch, v: *v, d: *d, o, output_first: weights.output_first })
+        };
+        let sizes = match check(&mut shapes) {
+            Ok(sizes) => sizes,
+            Err(error) => error.panic(),
+        };
+        let mut shape = x.shape().to_vec();
+        if let Some(last) = shape.last_mut() {
+            *last = sizes.o;
+        }
+        let mut y = tape.array(&shape);
+        let mut z = tape.buffer(y.len());
+        let x = x.as_slice().expect(CONTIGUOUS);
+        let parts =
+            [(&across, &sent, &mut z[..]), (&own, &bias, y.as_slice_mut().expect(CONTIGUOUS))];
+        for (weight, bias, out) in parts {
+            let bias = bias.as_ref().map(|b| b.as_slice().expect(CONTIGUOUS));
+            gemm_then(
+                [sizes.rows(), sizes.d, sizes.o],
+                F::one(),
+                Matrix::rows(x, sizes.d),
+                sizes.weight(weight.as_slice().expect(CONTIGUOUS)),
+                F::zero(),
+                out,
+                |row, column| {
+                    if let Some(bias) = bias {
+                        row.iter_mut().zip(&bias[column..]).for_each(|(y, &b)| *y += b);
+                    }
+                },
+            );
+        }
+        csr_add_rows(
+            Isa::best(),
+            graph.view(),
+            sizes.v,
+            sizes.batch,
+            sizes.o,
+            &z,
+            y.as_slice_mut().expect(CONTIGUOUS),
+            activation,
+        );
+        let mut inputs = vec![self, weights.own, weights.across];
+        inputs.extend(weights.bias);
+        inputs.extend(weights.across_bias);
+        let biases = [weights.bias.is_some(), weights.across_bias.is_some()];
+        let op = GraphConv { sizes, transpose: graph.transposed(), biases, activation };
+        tape.record(&inputs, y, op)
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Sizes {
+    batch: usize,
+    v: usize,
+    d: usize,
+    o: usize,
+    output_first: bool,
+}
+
+impl Sizes {
+    fn rows(self) -> usize {
+        self.batch * self.v
+    }
+
+    /// A weight as `D x O`.
+    fn weight<F>(self, w: &[F]) -> Matrix<'_, F> {
+        if self.output_first { Matrix::transposed(w, self.d) } else { Matrix::rows(w, self.o) }
+    }
+
+    /// A weight as `O x D`.
+    fn weight_turned<F>(self, w: &[F]) -> Matrix<'_, F> {
+        if self.output_first { Matrix::rows(w, self.d) } else { Matrix::transposed(w, self.o) }
+    }
+}
+
+struct GraphConv<F: Real> {
+    sizes: Sizes,
+    transpose: SparseMatrix<F>,
+    /// Which of the two biases there are.
+    biases: [bool; 2],
+    activation: Activation,
+}
+
+impl<F: Real> GraphConv<F> {
+    /// Gives a weight its gradient: the inputs' transpose times `g`, the gradient of what it gave.
+    fn give_weight(&self, cx: &mut Backward<'_, F>, i: usize, g: &[F]) {
+        if !cx.needs(i) {
+            return;
+        }
+        let (Sizes { d, o, output_first, .. }, rows) = (self.sizes, self.sizes.rows());
+        let (x, mut gw) = (cx.input(0), cx.array(cx.input(i).shape()));
+        let x = x.as_slice().expect(CONTIGUOUS);
+        let out = gw.as_slice_mut().expect(CONTIGUOUS);
+        let (one, zero) = (F::one(), F::zero());
+        if output_first {
+            let (g, x) = (Matrix::transposed(g, o), Matrix::rows(x, d));
+            gemm([o, rows, d], one, g, x, zero, out);
+        } else {
+            let (x, g) = (Matrix::transposed(x, d), Matrix::rows(g, o));
+            gemm([d, rows, o], one, x, g, zero, out);
+        }
+        cx.give(i, gw);
+    }
+
+    fn give_bias(&self, cx: &mut Backward<'_, F>, i: usize, g: &[F]) {
+        if cx.needs(i) {
+            let mut gb = cx.array(&[self.sizes.o]);
+            column_sums(g, gb.as_slice_mut().expect(CONTIGUOUS));
+            cx.give(i, gb);
+        }
+    }
+}
+
+impl<F: Real> Op<F> for GraphConv<F> {
+    fn name(&self) -> &'static str {
+        "graph_conv"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let sizes @ Sizes { batch, v, d, o, .. } = self.sizes;
+        let whole = before_activation(cx, self.activation);
+        let g = whole.as_slice().expect(CONTIGUOUS);
+        // The gradient of what the vertices sent.
+        let mut sent: PoolVec<F> = cx.scratch(g.len());
+        csr_times_rows(Isa::best(), self.transpose.view(), v, batch, o, g, &mut sent);
+        if cx.needs(0) {
+            let mut gx = cx.array(cx.input(0).shape());
+            for (i, g, beta) in [(1, g, F::zero()), (2, &sent[..], F::one())] {
+                let w = cx.input(i);
+                let w = sizes.weight_turned(w.as_slice().expect(CONTIGUOUS));
+                let out = gx.as_slice_mut().expect(CONTIGUOUS);
+                gemm([sizes.rows(), o, d], F::one(), Matrix::rows(g, o), w, beta, out);
+            }
+            cx.give(0, gx);
+        }
+        self.give_weight(cx, 1, g);
+        self.give_weight(cx, 2, &sent);
+        let [bias, across_bias] = self.biases;
+        if bias {
+            self.give_bias(cx, 3, g);
+        }
+        if across_bias {
+            self.give_bias(cx, 3 + usize::from(bias), &sent);
+        }
+        cx.recycle(whole);
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use crate::Tape;
+    use crate::testkit::{Options, gradcheck};
+
+    fn graph() -> SparseMatrix<f64> {
+        let entries =
+            [(0, 1, 0.5), (0, 3, -2.0), (2, 0, 1.5), (2, 2, 0.25), (3, 3, 1.0), (3, 1, 3.0)];
+        SparseMatrix::from_triplets(4, 4, &entries).unwrap()
+    }
+
+    fn weights<'t>(
+        own: Var<'t, f64>,
+        across: Var<'t, f64>,
+        output_first: bool,
+    ) -> GraphWeights<'t, f64> {
+        GraphWeights { own, across, output_first, bias: None, across_bias: None }
+    }
+
+    gradcheck!(plain: |x, w, u| x.graph_conv(&graph(), &weights(w, u, true), Activation::None),
+        shapes [[[4, 5], [3, 5], [3, 5]], [[2, 4, 2], [17, 2], [17, 2]]]);
+    gradcheck!(input_first: |x, w, u, b| {
+        x.graph_conv(&graph(), &GraphWeights { bias: Some(b), ..weights(w, u, false) }, Activation::Tanh)
+    }, shapes [[[4, 5], [5, 3], [5, 3], [3]], [[2, 4, 2], [2, 33], [2, 33], [33]]]);
+    gradcheck!(with_both_biases: |x, w, u, b, c| {
+        let weights = GraphWeights { bias: Some(b), across_bias: Some(c), ..weights(w, u, true) };
+        x.graph_conv(&graph(), &weights, Activation::Sigmoid)
+    }, shapes [[[4, 5], [3, 5], [3, 5], [3], [3]]]);
+    gradcheck!(only_what_is_sent_has_a_bias: |x, w, u, c| {
+        x.graph_conv(&graph(), &GraphWeights { across_bias: Some(c), ..weights(w, u, true) }, Activation::Tanh)
+    }, shapes [[[1, 4, 5], [3, 5], [3, 5], [3]]]);
+    gradcheck!(one_weight_for_both: |x, w| x.graph_conv(&graph(), &weights(w, w, true), Activation::None),
+        shapes [[[4, 5], [3, 5]]]);
+
+    /// The parts, one operation each.
+    #[test]
+    fn it_is_the_sum_of_its_parts_for_any_width_and_activation() {
+        let tape = Tape::<f64>::eval();
+        for width in [1, 7, 16, 64, 67, 192] {
+            let shapes = [vec![3, 4, 6], vec![width, 6], vec![width, 6], vec![width], vec![width]];
+            let inputs = Options::default().draw(&shapes);
+            let [x, w, u, b, c] = [0, 1, 2, 3, 4].map(|i| tape.constant(inputs[i].clone()));
+            let own = x.linear(w, Some(b), Activation::None);
+            let sum = own + x.linear(u, Some(c), Activation::None).sparse_matmul(&graph());
+            let all = GraphWeights { bias: Some(b), across_bias: Some(c), ..weights(w, u, true) };
+            for (activation, expected) in [
+                (Activation::None, sum),
+                (Activation::Relu, sum.relu()),
+                (Activation::LeakyRelu(0.2), sum.leaky_relu(0.2)),
+                (Activation::Tanh, sum.tanh()),
+            ] {
+                let found = x.graph_conv(&graph(), &all, activation).value();
+                let worst = found
+                    .iter()
+                    .zip(&expected.value())
+                    .map(|(a, b)| (a - b).abs())
+                    .fold(0.0, f64::max);
+                assert!(worst < 1e-12, "{width} {activation:?}: {worst}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_number_of_threads_changes_no_bit() {
+        let n = 700;
+        let ring: Vec<_> =
+            (0..n).flat_map(|i| [(i, (i + 1) % n, 0.5_f32), (i, (i + n - 1) % n, 0.5)]).collect();
+        let graph = SparseMatrix::from_triplets(n, n, &ring).unwrap();
+        let draws = Options::default().draw(&[vec![n, 130], vec![96, 130], vec![96, 130]]);
+        let draws: Vec<_> = draws.iter().map(|x| x.mapv(|x| x as f32)).collect();
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let tape = Tape::<f32>::train(0);
+                let [x, own, across] = [0, 1, 2].map(|i| tape.leaf(draws[i].clone()));
+                let weights =
+                    GraphWeights { own, across, output_first: true, bias: None, across_bias: None };
+                let y = x.graph_conv(&graph, &weights, Activation::Relu);
+                let gradients = y.square().sum().backward();
+                [x, own, across].map(|v| gradients.wrt(v).unwrap().to_owned())
+            })
+        };
+        let one = run(1);
+        assert!(one == run(2) && one == run(3));
+    }
+
+    #[test]
+    #[should_panic(expected = "graph_conv: V is 4 in graph and 5 in input")]
+    fn sizes_must_agree() {
+        let tape = Tape::<f64>::eval();
+        let [x, w] = [[5, 2], [3, 2]].map(|shape| tape.constant(ndarray::Array2::zeros(shape)));
+        let _ = x.graph_conv(&graph(), &weights(w, w, true), Activation::None);
+    }
+}
