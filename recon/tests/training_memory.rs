@@ -44,5 +44,5 @@ fn steps_of_a_training_take_no_large_fresh_block() {
     let [count, bytes] = [0, 1].map(|k| last[k] - blocks[19][k]);
     assert!(steps > 10 && last[0] > 0, "{steps} steps were counted");
     assert!(count <= 10 * steps + 4, "{count} blocks in {steps} steps");
-    assert!(bytes <= (10 * steps << 19) + (64 << 10), "{bytes} bytes in {steps} steps");
+    assert!(bytes <= 10 * steps * (512 << 10) + (64 << 10), "{bytes} bytes in {steps} steps");
 }
