@@ -3,6 +3,8 @@
 mod clock;
 mod unseen;
 
+use std::fmt::Write as _;
+
 pub use clock::ClockStudy;
 pub use unseen::UnseenStudy;
 
@@ -27,7 +29,7 @@ fn settings<'a>(jobs: impl Iterator<Item = (&'a str, Config)>) -> String {
     let mut text = String::new();
     for (job, config) in jobs {
         for line in to_toml(&config).lines() {
-            text.push_str(&format!("{job}.{line}\n"));
+            let _ = writeln!(text, "{job}.{line}");
         }
     }
     text
