@@ -29,7 +29,8 @@
 //! | flat, unfolded surfaces | [`face_angle`], [`normal_consistency`] |
 //! | even, smooth surfaces | [`edge_length`], [`edge_length_sum`], [`laplacian_squared`], [`laplacian_norm`] |
 //! | small deformations | [`deformation_norm`] |
-//! | point sets | [`chamfer`], [`chamfer_distance`] and [`chamfer_normals`] over [`Matches`] |
+//! | point sets | [`chamfer`], [`chamfer_distance`] and [`chamfer_normals`] over [`Matches`], [`earth_mover`] |
+//! | edges in a true surface | [`edge_normal`] |
 //! | geometry that carries gradients | [`vertex_normals`], [`face_normals`], [`surface_points`] |
 //!
 //! # Metrics
@@ -50,7 +51,9 @@ pub mod metrics;
 
 mod chamfer;
 mod deformation;
+mod earth_mover;
 mod edge;
+mod edge_normal;
 mod face_angle;
 mod image;
 mod laplacian;
@@ -64,9 +67,12 @@ mod testing;
 
 pub use chamfer::{Directions, Matches, chamfer, chamfer_distance, chamfer_normals};
 pub use deformation::deformation_norm;
+pub use earth_mover::earth_mover;
 pub use edge::{edge_length, edge_length_sum};
+pub use edge_normal::edge_normal;
 pub use face_angle::{face_angle, normal_consistency};
 pub use image::{l1, l2};
+pub use kernels::assignment::Assignment;
 pub use laplacian::{laplacian_norm, laplacian_squared};
 pub use mask::{mask_bce, mask_iou};
 pub use normals::{face_normals, vertex_normals};
