@@ -14,7 +14,9 @@
 //! 1. A configuration (serde, `#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]`)
 //!    beside the model it configures, flat, with no optional fields and no name of [`TrainConfig`]'s.
 //! 2. `impl System`; presets `tiny`, `small` and `paper` in `recon/presets/<name>/`.
-//! 3. One line in `cli/src/system.rs`.
+//! 3. `impl Predictor` ([`predict`](crate::predict)): from a user's files to a mesh.
+//! 4. One line in `cli/src/system.rs`; its studies in `cli/src/study.rs`
+//!    ([`reproduce`](mod@crate::reproduce)).
 //!
 //! # Invariants
 //!
