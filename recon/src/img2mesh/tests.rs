@@ -136,8 +136,9 @@ fn a_tiny_training_finds_the_shape() {
     let outcome = train::<Img2Mesh>(&job, &mut |_: Event| Flow::Continue).unwrap();
     let after = &outcome.metrics;
     assert_eq!((after[0].name.as_str(), after[0].better), ("mask-iou", Better::Larger));
-    assert!(after[0].value > before[0].value + 0.1, "{before:?} {after:?}");
-    assert!(after[0].value > 0.8 && after[2].value > before[2].value + 3.0, "{before:?} {after:?}");
+    // From 0.66 and 8.6 dB to 0.93 and 15.9 dB.
+    assert!(after[0].value > before[0].value + 0.2, "{before:?} {after:?}");
+    assert!(after[0].value > 0.9 && after[2].value > before[2].value + 5.0, "{before:?} {after:?}");
     // Any number of views, any size of picture.
     let views = ellipsoid([1.2, 0.5, 0.8], 9, 40).views;
     for count in [1, 3, 8] {
@@ -150,7 +151,7 @@ fn a_tiny_training_finds_the_shape() {
             let mean = values().sum::<f32>() / 42.0;
             values().map(|x| (x - mean).powi(2)).sum::<f32>().sqrt()
         };
-        assert!(spread(0) > 1.15 * spread(1), "{count} views: {} {}", spread(0), spread(1));
+        assert!(spread(0) > 1.6 * spread(1), "{count} views: {} {}", spread(0), spread(1));
     }
     assert!(outcome.system.predict(&[]).is_err());
     assert_eq!(outcome.system.evaluate_with(&data, 3).unwrap().len(), 3);
