@@ -13,10 +13,12 @@ use crate::train::Summary;
 pub struct Img2MeshConfig {
     /// What turns a picture into features. Default `"small"`.
     pub encoder: EncoderKind,
-    /// Features of the small encoder; the others' follow from their layers. Default 256.
+    /// Features of the encoders `small` and `none`, 1 to 8192; the others' follow from their layers.
+    /// Default 256.
     pub features: usize,
-    /// Whether the encoder stays as it begins; its features of a picture are then computed once.
-    /// Default false.
+    /// Whether the encoder stays as it begins, of `cnn` the part that is VGG16's: sensible with
+    /// `weights`, else it is a random projection. Features of a picture are then computed once,
+    /// but for `cnn`. Default false.
     pub freeze_encoder: bool,
     /// A file with weights for the encoder (`vgg16`, `cnn`): torchvision's `vgg16` as `.pth` or
     /// safetensors. Empty for none: the encoder begins at random. Default empty.
@@ -24,11 +26,11 @@ pub struct Img2MeshConfig {
     /// Whether `vgg16` and `cnn` see pictures less ImageNet's mean colour over its deviation, as
     /// torchvision's weights expect. The published code does not. Default true.
     pub normalize: bool,
-    /// Side of the encoder's pictures, pixels. Default 128.
+    /// Side of the encoder's pictures, pixels, 16 (`vgg16`: 32) to 1024. Default 128.
     pub image_size: usize,
-    /// Side of the renderings that are compared, pixels. Default 128.
+    /// Side of the renderings that are compared, pixels, 8 to 2048. Default 128.
     pub render_size: usize,
-    /// Views that a mesh is made from in training; elsewhere any number will do. Default 2.
+    /// Views that a mesh is made from in training, 1 to 64; elsewhere any number will do. Default 2.
     pub views: usize,
     /// Whether each step gives another number of them, 1 to `views`; the others are then only
     /// compared with. Default false.
@@ -72,14 +74,21 @@ pub struct Img2MeshConfig {
     pub sigma_inv: f64,
     /// How far the soft silhouette reaches, NDC. Default 0.02.
     pub reach: f64,
-    /// Every how many views (of a single object) or objects one is held out; 0 is none, and scores
-    /// are then of what was trained on. Default 5.
+    /// Every how many views (of a single object) or objects one is held out, at least 2; 0 is none,
+    /// and scores are then of what was trained on. Of a single object more views should be held
+    /// out than are given: where no other is left, the given ones are scored. Default 5.
     pub hold_out: usize,
     /// Views that are made of a clock when no data is given, or of each object. Default 100.
     pub synthetic_views: usize,
+    /// Seed of the data that is made when none is given; that of the run decides all else.
+    /// Default 0.
+    pub data_seed: u64,
     /// Procedural objects of each family to train on when no data is given; 0 takes a single clock.
     /// Default 0.
     pub objects: usize,
+    /// Whether each of them is turned about the vertical by an angle of its own, so that the mesh
+    /// cannot be had without the cameras (`camera-embedding`). Default false.
+    pub turned: bool,
     /// More of each family that are held out. Default 10.
     pub test_objects: usize,
     /// The families; empty takes all. Default empty.
@@ -159,7 +168,9 @@ impl Default for Img2MeshConfig {
             reach: 0.02,
             hold_out: 5,
             synthetic_views: 100,
+            data_seed: 0,
             objects: 0,
+            turned: false,
             test_objects: 10,
             families: Vec::new(),
         }
@@ -227,6 +238,8 @@ impl Img2MeshConfig {
         require(self.hold_out != 1, "hold-out", &self.hold_out, "0 (none) or at least 2");
         let synthetic = self.synthetic_views;
         require(count(synthetic, 4, 10_000), "synthetic-views", &synthetic, "4 to 10000");
+        let seed = self.data_seed;
+        require(i64::try_from(seed).is_ok(), "data-seed", &seed, "at most 2^63 - 1");
         require(count(self.objects, 0, 100_000), "objects", &self.objects, "0 to 100000");
         let tested = &self.test_objects;
         require(count(*tested, 0, 100_000), "test-objects", tested, "0 to 100000");
@@ -297,7 +310,11 @@ impl Img2MeshConfig {
         let coarse: usize =
             (self.coarsest()..self.level).map(|level| linear(d, 3 * vertices(level))).sum();
         let heads = 2 * linear(d, 3 * v) + linear(d, 3) + coarse;
-        let frozen = if self.freeze_encoder { encoder } else { 0 };
+        let frozen = match self.encoder {
+            _ if !self.freeze_encoder => 0,
+            EncoderKind::Cnn => conv(&front),
+            _ => encoder,
+        };
         let trainable = encoder - frozen + attention + camera + linear(d, d) + heads;
         let shapes = [
             ("pictures", format!("[N V, {0}, {0}, 3]", self.image_size)),

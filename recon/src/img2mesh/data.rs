@@ -27,8 +27,9 @@ const TRIALS: usize = 120;
 /// What img2mesh learns from.
 #[derive(Debug)]
 pub struct Data {
-    /// Centre and scale of the frame in the world of the cameras.
-    pub(super) frame: [f64; 4],
+    /// Centre and scale of a frame for a model that begins here, in the world of the cameras; or
+    /// why these views have none.
+    frame: Result<[f64; 4], String>,
     objects: Objects,
     /// Indices of what is trained on: views of the one object, or objects.
     pub(super) train: Vec<usize>,
@@ -64,31 +65,15 @@ impl Data {
     /// Views of a single object: random groups of them train, every `hold-out`th is scored.
     ///
     /// # Errors
-    /// If there are fewer views than a group has, or a camera cannot be used.
+    /// If a camera cannot be used.
     pub fn one(views: &Views, config: &Img2MeshConfig) -> Result<Self, DataError> {
         let parts = split(views.len(), config.hold_out, config.hold_out.saturating_sub(1));
-        let group = config.views + config.extra_views;
-        if parts.fit.len() < group {
-            let (left, source) = (parts.fit.len(), views.source.display());
-            return Err(DataError::Unfit(format!(
-                "{source}: {left} views to train on, but `views` and `extra-views` ask for {group}"
-            )));
-        }
         let fitted: Vec<&View> = parts.fit.iter().map(|&i| &views.views[i]).collect();
-        let frame = frame_of(&[fitted])?;
+        let frame = frame_of(&[fitted]);
         let prepared: Vec<Result<Prepared, DataError>> =
-            views.views.par_iter().map(|view| Prepared::new(view, config, frame)).collect();
+            views.views.par_iter().map(|view| Prepared::new(view, config)).collect();
         let prepared = prepared.into_iter().map(|p| p.map(Arc::new)).collect::<Result<_, _>>()?;
-        let hash = views.views.iter().fold(Fingerprint::new(), |hash, view| {
-            let camera: Vec<u8> = view
-                .camera
-                .projection()
-                .as_flattened()
-                .iter()
-                .flat_map(|x| x.to_le_bytes())
-                .collect();
-            hash.with(&view.color.data).with(&view.mask.data).with(&camera)
-        });
+        let hash = hashed(Fingerprint::new(), &views.views);
         let held = if parts.held_out.is_empty() { parts.fit.clone() } else { parts.held_out };
         let hash = hash.value();
         Ok(Self { frame, objects: Objects::One(prepared), train: parts.fit, held, hash })
@@ -98,42 +83,41 @@ impl Data {
     /// validation is held out, or else every `hold-out`th object.
     ///
     /// # Errors
-    /// If no object has enough views, or the first cannot be read.
+    /// If there are no views, or those of the first objects cannot be read.
     pub fn many(
         dataset: Box<dyn Dataset>,
         options: ReadOptions,
         config: &Img2MeshConfig,
     ) -> Result<Self, DataError> {
         let entries = dataset.entries();
-        let group = config.views + config.extra_views;
-        let enough: Vec<usize> =
-            (0..entries.len()).filter(|&i| entries[i].views >= group).collect();
-        let said = enough.iter().any(|&i| entries[i].subset.is_some_and(|s| s != Subset::Train));
+        let usable: Vec<usize> = (0..entries.len()).filter(|&i| entries[i].views > 0).collect();
+        if usable.is_empty() {
+            let root = dataset.root().display();
+            return Err(DataError::Unfit(format!("{root}: none of its objects has a view")));
+        }
+        let said = usable.iter().any(|&i| entries[i].subset.is_some_and(|s| s != Subset::Train));
         let every = config.hold_out;
         let (held, train): (Vec<usize>, Vec<usize>) =
-            enough.iter().partition(|&&i| match entries[i].subset {
+            usable.iter().partition(|&&i| match entries[i].subset {
                 Some(subset) if said => subset != Subset::Train,
                 _ if said => false,
                 _ => every > 0 && i % every == every - 1,
             });
-        if train.is_empty() {
-            let root = dataset.root().display();
-            return Err(DataError::Unfit(format!(
-                "{root}: no object to train on has the {group} views that `views` and `extra-views` ask for"
-            )));
-        }
         let mut hash = Fingerprint::new();
         for entry in entries {
             hash = hash.with(entry.category.as_bytes()).with(entry.name.as_bytes());
             hash = hash.with(&entry.views.to_le_bytes());
         }
-        let objects = train
+        // What is in the files is told by a few objects, which have to be read for the frame.
+        let first = if train.is_empty() { &held } else { &train };
+        let objects = first
             .iter()
             .take(FRAME_OBJECTS)
             .map(|&i| Ok(dataset.views(i, None, &options, &|_, _| ())?))
             .collect::<Result<Vec<Views>, DataError>>()?;
+        let hash = objects.iter().fold(hash, |hash, object| hashed(hash, &object.views));
         let views: Vec<Vec<&View>> = objects.iter().map(|o| o.views.iter().collect()).collect();
-        let frame = frame_of(&views)?;
+        let frame = frame_of(&views);
         let held = if held.is_empty() { train.clone() } else { held };
         let objects = Objects::Many(Shelf::new(dataset, options));
         Ok(Self { frame, objects, train, held, hash: hash.value() })
@@ -143,9 +127,9 @@ impl Data {
     ///
     /// # Errors
     /// As [`many`](Self::many) and [`one`](Self::one).
-    pub fn synthetic(config: &Img2MeshConfig, seed: u64) -> Result<Self, DataError> {
+    pub fn synthetic(config: &Img2MeshConfig) -> Result<Self, DataError> {
         if config.objects == 0 {
-            return Self::clock(config, seed);
+            return Self::clock(config);
         }
         let families = config.chosen_families().map_err(DataError::Unfit)?;
         let side = config.image_size.max(config.render_size);
@@ -153,10 +137,11 @@ impl Data {
             count: config.synthetic_views,
             width: side,
             height: side,
-            seed,
+            seed: config.data_seed,
             ..Procedural::orbit()
         };
         let set = Procedural::new(&families, config.objects, config.test_objects, orbit);
+        let set = if config.turned { set.turned() } else { set };
         Self::many(Box::new(set), ReadOptions::default(), config)
     }
 
@@ -164,13 +149,13 @@ impl Data {
     ///
     /// # Errors
     /// As [`one`](Self::one).
-    pub fn clock(config: &Img2MeshConfig, seed: u64) -> Result<Self, DataError> {
+    pub fn clock(config: &Img2MeshConfig) -> Result<Self, DataError> {
         let side = config.image_size.max(config.render_size);
         let orbit = Orbit {
             count: config.synthetic_views,
             width: side,
             height: side,
-            seed,
+            seed: config.data_seed,
             ..Orbit::default()
         };
         let views = render_views(
@@ -189,11 +174,37 @@ impl Data {
         Self::one(&views, config)
     }
 
+    /// The frame of a model that begins to learn from these views: centre and scale.
+    ///
+    /// # Errors
+    /// If nothing can be learned from them: the cameras do not say where the object is, or there are
+    /// fewer views than a sample has.
+    pub(super) fn frame(&self, config: &Img2MeshConfig) -> Result<[f64; 4], DataError> {
+        let group = config.views + config.extra_views;
+        let least = match &self.objects {
+            Objects::One(_) => self.train.len(),
+            Objects::Many(shelf) => {
+                self.train.iter().map(|&object| shelf.count(object)).min().unwrap_or_default()
+            }
+        };
+        if least < group {
+            return Err(DataError::Unfit(format!(
+                "{least} views of an object to train on, but `views` and `extra-views` ask for {group}"
+            )));
+        }
+        self.frame.clone().map_err(DataError::Unfit)
+    }
+
+    /// Whether it is a single object.
+    pub(super) fn is_one(&self) -> bool {
+        matches!(self.objects, Objects::One(_))
+    }
+
     pub(super) fn fingerprint(&self) -> u64 {
         self.hash
     }
 
-    /// Samples in an epoch: each view once, or each object.
+    /// Samples in an epoch: as many as there are groups of views, or objects.
     pub(super) fn epoch_len(&self, config: &Img2MeshConfig) -> usize {
         match &self.objects {
             Objects::One(_) => (self.train.len() / config.views).max(1),
@@ -219,7 +230,7 @@ impl Data {
                 let object = self.train[item];
                 let mut choice: Vec<usize> = (0..shelf.count(object)).collect();
                 let (chosen, _) = choice.partial_shuffle(rng, group);
-                Ok(Sample { views: shelf.views(object, chosen, config, self.frame)? })
+                Ok(Sample { views: shelf.views(object, chosen, config)? })
             }
         }
     }
@@ -256,7 +267,7 @@ impl Data {
                 order.shuffle(&mut rng);
                 let last = views.max(order.len().saturating_sub(MOST_SCORED));
                 order.drain(views.min(order.len())..last.min(order.len()));
-                (shelf.views(object, &order, config, self.frame)?, shelf.truth(object)?)
+                (shelf.views(object, &order, config)?, shelf.truth(object)?)
             }
         };
         let (given, others) = all.split_at(views.min(all.len()));
@@ -266,14 +277,23 @@ impl Data {
 }
 
 /// Around the point that the cameras of each object look at, as wide as the widest object.
-fn frame_of(objects: &[Vec<&View>]) -> Result<[f64; 4], DataError> {
+fn frame_of(objects: &[Vec<&View>]) -> Result<[f64; 4], String> {
     let mut frame = [0.0; 4];
     for views in objects {
-        let (center, radius) = cones(views).map_err(|error| DataError::Unfit(error.to_string()))?;
+        let (center, radius) = cones(views).map_err(|error| error.to_string())?;
         for k in 0..3 {
             frame[k] += center[k] / objects.len() as f64;
         }
         frame[3] = frame[3].max(radius);
     }
     Ok(frame)
+}
+
+/// With the pictures, masks and cameras of these views.
+fn hashed(hash: Fingerprint, views: &[View]) -> Fingerprint {
+    views.iter().fold(hash, |hash, view| {
+        let camera = view.camera.projection();
+        let camera: Vec<u8> = camera.as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
+        hash.with(&view.color.data).with(&view.mask.data).with(&camera)
+    })
 }

@@ -34,9 +34,16 @@ impl Encoder {
             normalize: config.normalize,
         };
         if config.freeze_encoder {
-            freeze(&mut encoder, "");
+            // The four convolutions that narrow the CNN's features have no pretrained weights.
+            let part = if config.encoder == EncoderKind::Cnn { "cnn.features" } else { "" };
+            freeze(&mut encoder, part);
         }
         encoder
+    }
+
+    /// Whether nothing of it is trained.
+    pub(super) fn is_frozen(config: &Img2MeshConfig) -> bool {
+        config.freeze_encoder && config.encoder != EncoderKind::Cnn
     }
 
     /// Fills the part that is VGG16's with weights under torchvision's names.

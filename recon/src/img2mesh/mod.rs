@@ -44,6 +44,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::train::{
     DataError, Draw, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
 };
+use encoder::Encoder;
 use features::Features;
 use model::{Meshes, Model};
 use prepared::Prepared;
@@ -76,19 +77,29 @@ impl Module<f32> for Img2Mesh {
 impl Img2Mesh {
     /// Meshes of `n` objects from all given views, object by object, each as many.
     fn meshes<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
-        if !self.config.freeze_encoder {
+        if !Encoder::is_frozen(&self.config) {
             return self.new_meshes(tape, n, views);
         }
         let features = self.features.of(tape, &self.model, self.config.image_size, views);
-        let cameras = views.iter().map(|view| &view.matrix[..]);
-        self.model.forward(n, features, stacked(tape, cameras, &[views.len(), 12]))
+        self.model.forward(n, features, self.cameras(tape, views, &[views.len(), 12]))
     }
 
     /// The same from pictures that are not looked at again: no features are kept.
     fn new_meshes<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
         let features = self.model.encode(pictures(tape, self.config.image_size, views));
-        let cameras = views.iter().map(|view| &view.matrix[..]);
-        self.model.forward(n, features, stacked(tape, cameras, &[views.len(), 12]))
+        self.model.forward(n, features, self.cameras(tape, views, &[views.len(), 12]))
+    }
+
+    /// Cameras relative to the model's frame: 12 numbers a view, as `shape`.
+    fn cameras<'t, V: std::borrow::Borrow<Prepared>>(
+        &self,
+        tape: &'t Tape,
+        views: &[V],
+        shape: &[usize],
+    ) -> Var<'t> {
+        let frame = self.model.frame.as_slice();
+        let rows: Vec<[f32; 12]> = views.iter().map(|view| view.borrow().matrix(frame)).collect();
+        stacked(tape, rows.iter().map(|row| &row[..]), shape)
     }
 
     /// Takes in the levels that are due.
@@ -154,7 +165,7 @@ impl System for Img2Mesh {
     }
 
     fn adopt(&mut self, data: &Data) -> Result<(), DataError> {
-        let frame = data.frame.map(|x| x as f32);
+        let frame = data.frame(&self.config)?.map(|x| x as f32);
         self.model.frame.as_slice_mut().copy_from_slice(&frame);
         if !self.config.weights.is_empty() {
             let loaded = self.model.encoder.load(&self.config.weights);
@@ -169,7 +180,7 @@ impl System for Img2Mesh {
 
     fn open(config: &Img2MeshConfig, source: &Source<'_>) -> Result<Data, DataError> {
         match source.path {
-            None => Data::synthetic(config, source.seed),
+            None => Data::synthetic(config),
             Some(path) => {
                 let dataset = datasets::open_with(path, source.options)?;
                 if dataset.entries().len() == 1 || source.options.object.is_some() {
@@ -206,7 +217,8 @@ impl System for Img2Mesh {
         let meshes = self.meshes(tape, n, &given);
         let targets = || batch.iter().flat_map(|sample| &sample.views);
         let (m, side) = (targets().count(), c.render_size);
-        let matrices = stacked(tape, targets().map(|view| &view.matrix[..]), &[m, 3, 4]);
+        let all: Vec<&Prepared> = targets().map(AsRef::as_ref).collect();
+        let matrices = self.cameras(tape, &all, &[m, 3, 4]);
         let rendered = self.stage.render(meshes.positions, meshes.colors, matrices);
         let image = stacked(tape, targets().map(|view| &view.target[..]), &[m, side, side, 3]);
         let mask = stacked(tape, targets().map(|view| &view.mask[..]), &[m, side, side]);
@@ -236,11 +248,9 @@ impl System for Img2Mesh {
         if views.is_empty() {
             return Err("no views: a mesh takes at least one picture with its camera".to_owned());
         }
-        let frame = self.model.frame.as_slice();
-        let frame = std::array::from_fn(|k| f64::from(frame[k]));
         let prepared = views
             .iter()
-            .map(|view| Prepared::new(view, &self.config, frame).map(Arc::new))
+            .map(|view| Prepared::new(view, &self.config).map(Arc::new))
             .collect::<Result<Vec<_>, _>>()
             .map_err(|error| error.to_string())?;
         let tape = Tape::eval();

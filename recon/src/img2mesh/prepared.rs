@@ -7,8 +7,7 @@ use super::config::Img2MeshConfig;
 use crate::evaluate::masked;
 use crate::train::{DataError, Fingerprint};
 
-/// One view, resized for encoder and losses, in bytes: thousands stay in memory. Its camera is
-/// relative to the frame.
+/// One view, resized for encoder and losses, in bytes: thousands stay in memory.
 #[derive(Debug)]
 pub(super) struct Prepared {
     pub(super) name: String,
@@ -18,8 +17,8 @@ pub(super) struct Prepared {
     pub(super) target: Vec<u8>,
     /// `[R, R]`, the share of the object in each pixel.
     pub(super) mask: Vec<u8>,
-    /// `[3, 4]`.
-    pub(super) matrix: Vec<f32>,
+    /// From the world, which the frame of a model is in, to the image plane: `[3, 4]`.
+    camera: [[f64; 4]; 3],
     /// What tells pictures apart: features of frozen encoders are kept under it.
     pub(super) key: u64,
 }
@@ -27,20 +26,12 @@ pub(super) struct Prepared {
 impl Prepared {
     /// Pictures that are not square are squeezed, for the encoder and for the losses; the cameras
     /// are told of neither, since their image plane reaches from -1 to 1 both ways.
-    pub(super) fn new(
-        view: &View,
-        config: &Img2MeshConfig,
-        frame: [f64; 4],
-    ) -> Result<Self, DataError> {
+    pub(super) fn new(view: &View, config: &Img2MeshConfig) -> Result<Self, DataError> {
         if !view.camera.is_perspective() {
             let text =
                 format!("view {}: its camera is orthographic, expected a pinhole", view.name);
             return Err(DataError::Unfit(text));
         }
-        let [x, y, z, scale] = frame;
-        let rows = view.camera.projection();
-        // M (c + s q) = s (M q): all rows are divided by s, so that depth counts in the frame.
-        let row = |m: [f64; 4]| [m[0], m[1], m[2], (m[0] * x + m[1] * y + m[2] * z + m[3]) / scale];
         let color = masked(view);
         let bytes = |picture: &ByteImage, side: usize| picture.resized(side, side).data;
         let image = bytes(&color, config.image_size);
@@ -50,7 +41,16 @@ impl Prepared {
             image,
             target: bytes(&color, config.render_size),
             mask: bytes(&view.mask, config.render_size),
-            matrix: rows.iter().flat_map(|&m| row(m)).map(|x| x as f32).collect(),
+            camera: view.camera.projection(),
         })
+    }
+
+    /// From a frame (its centre and scale) to the image plane: `[3, 4]` in a row.
+    pub(super) fn matrix(&self, frame: &[f32]) -> [f32; 12] {
+        let [x, y, z, scale] = std::array::from_fn(|k| f64::from(frame[k]));
+        // M (c + s q) = s (M q): all rows are divided by s, so that depth counts in the frame.
+        let row = |m: [f64; 4]| [m[0], m[1], m[2], (m[0] * x + m[1] * y + m[2] * z + m[3]) / scale];
+        let rows = self.camera.map(row);
+        std::array::from_fn(|k| rows[k / 4][k % 4] as f32)
     }
 }

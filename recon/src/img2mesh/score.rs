@@ -70,13 +70,13 @@ impl Img2Mesh {
             sum.psnr += one.psnr;
         }
         let n = trial.scored.len() as f64;
-        let surface = trial.truth.as_ref().and_then(|truth| compared(&self.mesh(meshes), truth));
+        let surface = trial.truth.as_ref().map(|truth| compared(&self.mesh(meshes), truth));
         Score { iou: sum.iou / n, l1: sum.l1 / n, psnr: sum.psnr / n, surface }
     }
 
     /// Colours `[R, R, 3]` and hard mask `[R, R]` from one camera.
     fn draw_view(&self, tape: &Tape, meshes: Meshes<'_>, view: &Prepared) -> (Vec<f32>, Vec<f32>) {
-        let matrices = super::render::stacked(tape, [&view.matrix[..]].into_iter(), &[1, 3, 4]);
+        let matrices = self.cameras(tape, &[view], &[1, 3, 4]);
         // On the tape of the meshes, whose lifetime is that of this call.
         let positions = tape.constant(meshes.positions.value());
         let colors = tape.constant(meshes.colors.value());
@@ -140,14 +140,18 @@ fn bytes(data: &[u8], side: usize) -> ByteImage {
     ByteImage { height: side, width: side, channels: 3, data: data.to_vec() }
 }
 
-/// Occupancy Networks' protocol with fewer points. None if the mesh has no surface.
-fn compared(mesh: &TriMesh, truth: &TriMesh) -> Option<Surface> {
+/// Occupancy Networks' protocol with fewer points: the unit is the true mesh's longest edge. A mesh
+/// that cannot be compared, having no area for example, is as far away as that.
+fn compared(mesh: &TriMesh, truth: &TriMesh) -> Surface {
     let mut protocol = Protocol::occ_net(0);
     protocol.points = Some(Points::Surface { samples: POINTS });
     (protocol.iou, protocol.normals) = (None, false);
-    let report = evaluate(mesh, truth, &protocol).ok()?;
-    let f_score = report.f_scores.first()?.f_score;
-    Some(Surface { chamfer: report.chamfer?, f_score })
+    let report = evaluate(mesh, truth, &protocol).ok();
+    let found = report.and_then(|report| {
+        let f_score = report.f_scores.first()?.f_score;
+        Some(Surface { chamfer: report.chamfer?, f_score })
+    });
+    found.unwrap_or(Surface { chamfer: 1.0, f_score: 0.0 })
 }
 
 fn score(color: &[f32], mask: &[f32], truth: &Prepared) -> Score {

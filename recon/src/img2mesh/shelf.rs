@@ -41,47 +41,41 @@ impl Shelf {
         object: usize,
         which: &[usize],
         config: &Img2MeshConfig,
-        frame: [f64; 4],
     ) -> Result<Vec<Arc<Prepared>>, DataError> {
         let places = &self.kept[object];
-        let missing: Vec<usize> =
-            which.iter().copied().filter(|&view| places[view].get().is_none()).collect();
-        let mut read = Vec::new();
+        // Looked up once: what another thread keeps meanwhile must not change who is missing.
+        let mut found: Vec<Option<Arc<Prepared>>> =
+            which.iter().map(|&view| places[view].get().map(Arc::clone)).collect();
+        let missing: Vec<usize> = (0..which.len()).filter(|&i| found[i].is_none()).collect();
         if !missing.is_empty() {
-            let views = self.dataset.views(object, Some(&missing), &self.options, &|_, _| ())?;
+            let asked: Vec<usize> = missing.iter().map(|&i| which[i]).collect();
+            let views = self.dataset.views(object, Some(&asked), &self.options, &|_, _| ())?;
             let name = &self.dataset.entries()[object].name;
-            if views.len() < missing.len() {
-                let (found, asked) = (views.len(), missing.len());
+            if views.len() < asked.len() {
                 let text = format!(
-                    "{name}: {found} of {asked} views can be read; training takes whole objects"
+                    "{name}: {} of {} views can be read; training takes whole objects",
+                    views.len(),
+                    asked.len()
                 );
                 return Err(DataError::Unfit(text));
             }
-            for view in &views.views {
-                let mut prepared = Prepared::new(view, config, frame)?;
+            for (&i, view) in missing.iter().zip(&views.views) {
+                let mut prepared = Prepared::new(view, config)?;
                 prepared.name = format!("{name} view {}", view.name);
-                read.push(Arc::new(prepared));
+                let prepared = Arc::new(prepared);
+                self.keep(&places[which[i]], &prepared);
+                found[i] = Some(prepared);
             }
         }
-        let mut read = missing.into_iter().zip(read);
-        let one = |&view: &usize| {
-            places[view].get().map_or_else(
-                || {
-                    let (view, prepared) = read.next().expect("what is not kept was read");
-                    self.keep(&places[view], &prepared);
-                    prepared
-                },
-                Arc::clone,
-            )
-        };
-        Ok(which.iter().map(one).collect())
+        Ok(found.into_iter().flatten().collect())
     }
 
     fn keep(&self, place: &OnceLock<Arc<Prepared>>, prepared: &Arc<Prepared>) {
         let bytes = prepared.image.len() + prepared.target.len() + prepared.mask.len();
-        if self.bytes.fetch_add(bytes, Ordering::Relaxed) + bytes <= BUDGET {
-            // Another thread may have been faster, with the same.
-            let _ = place.set(Arc::clone(prepared));
+        // Another thread may have been faster, with the same.
+        let room = self.bytes.load(Ordering::Relaxed) + bytes <= BUDGET;
+        if room && place.set(Arc::clone(prepared)).is_ok() {
+            self.bytes.fetch_add(bytes, Ordering::Relaxed);
         }
     }
 

@@ -217,7 +217,11 @@ fn many_objects_are_split_by_their_layout_or_by_us() {
     assert!(Img2Mesh::name_of(&sample).contains("4 view"), "{}", Img2Mesh::name_of(&sample));
     assert!(system.evaluate(&data).unwrap()[0].value > 0.0);
     let greedy = Img2MeshConfig { views: 9, ..config.clone() };
-    assert!(Data::many(entries(|_| None), ReadOptions::default(), &greedy).is_err());
+    // Nothing can be learned with so many, but what was learned can be scored.
+    let few = Data::many(entries(|_| None), ReadOptions::default(), &greedy).unwrap();
+    let error = Img2Mesh::new(&greedy, 0).adopt(&few).unwrap_err().to_string();
+    assert!(error.contains("5 views") && error.contains('9'), "{error}");
+    assert!(system.evaluate_with(&few, 9).is_ok());
 }
 
 /// What `vary-views` draws depends on the step alone, and reaches from one view to all.
@@ -324,7 +328,7 @@ fn trials_of_many_objects_are_nested() {
         synthetic_views: 12,
         ..tiny()
     };
-    let data = Data::synthetic(&config, 1).unwrap();
+    let data = Data::synthetic(&config).unwrap();
     assert_eq!((data.train.len(), data.held.len(), data.trials(3)), (4, 2, 6));
     let names = |views: &[Arc<Prepared>]| -> Vec<String> {
         views.iter().map(|view| view.name.clone()).collect()
@@ -340,4 +344,32 @@ fn trials_of_many_objects_are_nested() {
     assert_eq!(metrics.last().unwrap().name, "f-score");
     let none = Img2MeshConfig { families: vec!["cat".into()], ..config };
     assert!(none.check().unwrap_err().join(" ").contains("cat"));
+}
+
+/// Groups that share views may be read at the same time, on any thread, and are the same.
+#[test]
+fn groups_read_at_the_same_time_are_their_own() {
+    use rayon::prelude::*;
+    let config = Img2MeshConfig {
+        objects: 1,
+        test_objects: 1,
+        families: vec!["car".into()],
+        synthetic_views: 10,
+        ..tiny()
+    };
+    let names = |data: &Data, k: usize| -> Vec<String> {
+        let trial = data.trial(&config, 2, k % 3).unwrap();
+        trial.given.iter().chain(&trial.scored).map(|view| view.name.clone()).collect()
+    };
+    let alone = Data::synthetic(&config).unwrap();
+    let expected: Vec<Vec<String>> = (0..3).map(|k| names(&alone, k)).collect();
+    for _ in 0..5 {
+        let data = Data::synthetic(&config).unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(6).build().unwrap();
+        let found: Vec<Vec<String>> =
+            pool.install(|| (0..12).into_par_iter().map(|k| names(&data, k)).collect());
+        for (k, found) in found.iter().enumerate() {
+            assert_eq!(*found, expected[k % 3]);
+        }
+    }
 }

@@ -70,7 +70,7 @@ impl Store {
         };
         match known {
             Some(text) if text == identity => return Ok(store),
-            _ if force => store.clear()?,
+            Some(_) if force => store.clear()?,
             Some(text) => return Err(changed(path, &text, identity)),
             None if path.exists() && !is_empty(path)? => {
                 return Err(ReproduceError::Taken { path: path.to_owned() });
@@ -135,7 +135,8 @@ impl Store {
             let Row { table, label, cells, seconds, .. } = row;
             kept_rows.push(KeptRow { table, label, cells, seconds, pictures });
         }
-        let said: f64 = kept_rows.iter().map(|row| row.seconds).sum();
+        // Rows of one job share its training.
+        let said = kept_rows.iter().map(|row| row.seconds).fold(0.0, f64::max);
         let kept = Kept {
             job: job.to_owned(),
             seed,

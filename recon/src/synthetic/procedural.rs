@@ -29,6 +29,7 @@ use super::{Orbit, Placement, RenderOptions, render_views};
 #[derive(Clone, Debug)]
 pub struct Procedural {
     orbit: Orbit,
+    turned: bool,
     drawn: Vec<(Family, u64)>,
     entries: Vec<Entry>,
 }
@@ -51,8 +52,17 @@ impl Procedural {
         Self {
             drawn: each.clone().map(|one| (one.0, seed(one))).collect(),
             entries: each.map(entry).collect(),
+            turned: false,
             orbit,
         }
+    }
+
+    /// The same objects, each turned about the vertical by an angle of its own. Families face one
+    /// way; objects that somebody set down in front of cameras do not, and which way they face is
+    /// then seen only with the cameras known.
+    #[must_use]
+    pub fn turned(self) -> Self {
+        Self { turned: true, ..self }
     }
 
     /// Cameras that stand anywhere around, from level with the object to 50 degrees above, and see
@@ -74,7 +84,14 @@ impl Procedural {
     /// If the object does not exist.
     pub fn mesh(&self, object: usize) -> TriMesh {
         let (family, seed) = self.drawn[object];
-        family.draw(seed).mesh()
+        let mesh = family.draw(seed).mesh();
+        if !self.turned {
+            return mesh;
+        }
+        let angle = mixed(seed, 2) as f64 / 2.0_f64.powi(64) * std::f64::consts::TAU;
+        let (sin, cos) = angle.sin_cos();
+        let rows = [[cos, 0.0, sin, 0.0], [0.0, 1.0, 0.0, 0.0], [-sin, 0.0, cos, 0.0]];
+        mesh.transformed(&rows)
     }
 
     fn cameras(&self, object: usize) -> Vec<Camera> {
@@ -141,6 +158,13 @@ mod tests {
         let many = Procedural::new(&[Family::Car, Family::Table], 2, 1, orbit);
         assert_eq!(few.mesh(0).positions, many.mesh(3).positions);
         assert_ne!(many.mesh(3).positions, many.mesh(4).positions);
+        // Turned about the vertical, and not each by the same angle.
+        let (stands, turned) = (many.mesh(3), many.clone().turned().mesh(3));
+        let far = |p: &[f32; 3]| p[0].hypot(p[2]);
+        for (a, b) in stands.positions.iter().zip(&turned.positions) {
+            assert!((a[1] - b[1]).abs() < 1e-6 && (far(a) - far(b)).abs() < 1e-5);
+        }
+        assert!((stands.positions[0][0] - turned.positions[0][0]).abs() > 1e-3);
         let read = |which: Option<&[usize]>| {
             many.views(3, which, &ReadOptions::default(), &|_, _| ()).unwrap().views
         };

@@ -180,9 +180,11 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
     fn run(&mut self) -> Result<bool, TrainError> {
         loop {
             if self.standing.pending && !self.stop {
-                self.end_epoch()?;
+                let evaluated = self.end_epoch()?;
                 self.standing.pending = false;
-                self.save()?;
+                if evaluated || self.due() {
+                    self.save()?;
+                }
             }
             let ended = self.standing.step >= self.total && !self.standing.pending;
             if ended || self.stop {
@@ -284,8 +286,8 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
         }
     }
 
-    /// Scores, samples and the best checkpoint.
-    fn end_epoch(&mut self) -> Result<(), TrainError> {
+    /// Scores, samples and the best checkpoint; whether it was the turn of scores.
+    fn end_epoch(&mut self) -> Result<bool, TrainError> {
         let train = &self.job.config.train;
         let step = self.standing.step;
         let epoch = step.div_ceil(self.steps_per_epoch);
@@ -309,10 +311,11 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
             let shown = in_pool(|| system.show(data))?;
             self.record.samples(place, shown)?;
         }
-        if turn(train.evaluate_every) {
+        let evaluated = turn(train.evaluate_every);
+        if evaluated {
             self.record.digest::<S>(self.job.config)?;
         }
-        Ok(())
+        Ok(evaluated)
     }
 
     fn is_best(&mut self) -> Result<bool, TrainError> {

@@ -229,7 +229,7 @@ pub enum Better {
 }
 
 impl Better {
-    /// Whether `value` is better than `other`. What is not a number is better than nothing.
+    /// Whether `value` is better than `other`; what is not a number never is.
     pub fn improves(self, value: f64, other: f64) -> bool {
         match self {
             Self::Larger => value > other,

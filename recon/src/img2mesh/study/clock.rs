@@ -8,7 +8,7 @@ use super::{Config, open, preset, scored, settings};
 use crate::fit::Flow;
 use crate::img2mesh::{Data, Img2Mesh};
 use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
-use crate::train::System as _;
+use crate::train::{DataError, System as _};
 
 /// The name of the table.
 const TABLE: &str = "The paper's setting: a mesh of the clock from held-out views";
@@ -16,6 +16,8 @@ const TABLE: &str = "The paper's setting: a mesh of the clock from held-out view
 const FLOOR: f64 = 0.91;
 /// That of the quick one, which a broken gradient misses: the first sphere has about 0.75.
 const QUICK_FLOOR: f64 = 0.94;
+/// By how much mask IoUs may differ and still be called equal.
+const TOLERANCE: f64 = 0.005;
 /// Predictions that are timed; their median counts.
 const TIMED: usize = 9;
 
@@ -68,6 +70,10 @@ impl Study for ClockStudy {
         let found = jobs(work.scale).into_iter().find(|(id, ..)| *id == work.id);
         let (_, label, config) = found.expect("one of the jobs");
         let data = open(work, &config)?;
+        if !data.is_one() {
+            let text = "this study takes views of a single object, but the data has several; --data names one";
+            return Err(DataError::Unfit(text.to_owned()).into());
+        }
         let trained = work.train::<Img2Mesh>(&config, &data, watch)?;
         let system = trained.system;
         let views = config.system.views;
@@ -84,8 +90,10 @@ impl Study for ClockStudy {
 
     fn claims(&self, tables: &Tables, scale: Scale) -> Vec<Claim> {
         let floor = if scale == Scale::Quick { QUICK_FLOOR } else { FLOOR };
+        // What has no value holds nothing.
         let least = |row: &str| {
-            tables.values(TABLE, row, "mask-iou").iter().copied().fold(f64::INFINITY, f64::min)
+            let values = tables.values(TABLE, row, "mask-iou").iter().copied();
+            values.reduce(f64::min).unwrap_or(f64::NAN)
         };
         let all: Vec<(&str, f64)> =
             jobs(scale).into_iter().map(|(_, label, _)| (label, least(label))).collect();
@@ -104,7 +112,8 @@ impl Study for ClockStudy {
     fn caption(&self, _: &str, scale: Scale) -> String {
         let inputs = "Inputs are held-out views; scores are means over all held-out cameras that were not given.";
         let weights = "No pretrained weights: all encoders train from scratch, VGG16 too, which the paper takes frozen \
-                       from ImageNet. Encoder input 128 px (paper: 224 and 1024), attention over the views.";
+                       from ImageNet; its steps take longer, so it has fewer of them (see `steps`). Encoder input 128 px (paper: 224 and 1024), \
+                       attention over the views. \"predict\" is from resized pictures to the mesh.";
         match scale {
             Scale::Full => format!("{inputs} {weights}"),
             Scale::Quick => inputs.to_owned(),
@@ -144,10 +153,11 @@ fn faster(tables: &Tables) -> Claim {
 fn as_good(tables: &Tables) -> Claim {
     let iou = |row: &str| tables.mean(TABLE, row, "mask-iou").unwrap_or(f64::NAN);
     let (cnn, vgg) = (iou("CNN, 2 views"), iou("VGG16, 2 views"));
-    let spread = tables.spread(TABLE, "VGG16, 2 views", "mask-iou").unwrap_or(0.0);
     Claim::new(
-        "the CNN loses no fidelity: its mask IoU is below that of VGG16 by no more than the spread or 0.005",
+        format!(
+            "the CNN loses no fidelity: its mask IoU is at most {TOLERANCE} below that of VGG16"
+        ),
         format!("{cnn:.4} to {vgg:.4}"),
-        cnn >= vgg - spread.max(0.005),
+        cnn >= vgg - TOLERANCE,
     )
 }

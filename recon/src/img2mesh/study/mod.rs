@@ -35,11 +35,12 @@ fn settings<'a>(jobs: impl Iterator<Item = (&'a str, Config)>) -> String {
     text
 }
 
-/// The user's data, or what the configuration makes: the same for all seeds, so that the spread is
-/// that of training alone.
+/// The user's data, or what the configuration makes: the same for all seeds (`data-seed`), so that
+/// the spread is that of training alone.
 fn open(work: &Work<'_>, config: &Config) -> Result<super::Data, DataError> {
     let options = datasets::ReadOptions::default();
-    let source = Source { path: work.data, options: &options, seed: 0, progress: &|_, _| () };
+    let source =
+        Source { path: work.data, options: &options, seed: work.seed, progress: &|_, _| () };
     Img2Mesh::open(&config.system, &source)
 }
 
