@@ -52,6 +52,7 @@ fn jobs(scale: Scale) -> Vec<(&'static str, &'static str, Config)> {
     }
     let quick: &[Change] = &[
         ("objects", "12"),
+        ("turned", "false"),
         ("test-objects", "3"),
         ("max-steps", "60"),
         ("image-size", "48"),
