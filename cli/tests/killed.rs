@@ -15,15 +15,20 @@ const SEED: u64 = 20;
 
 const SETTINGS: &[&str] = &[
     "level=1",
-    "synthetic-views=10",
-    "epochs=30",
+    // Four steps an epoch, a checkpoint at every third step: most fall within an epoch.
+    "synthetic-views=20",
+    "epochs=20",
     "evaluate-every=4",
     "samples-every=0",
     "checkpoint-steps=3",
     "tensorboard=false",
-    // Both must be carried over a kill: moments, and the moving average of the losses.
+    // What must be carried over a kill: moments, the moving average of the losses, the place in
+    // schedules, and all that is random.
     "optimizer=adamw",
     "skip-spikes=50",
+    "schedule=cosine",
+    "dropout=0.1",
+    "vary-views=true",
 ];
 
 fn begin(place: &Path, run: &str) -> Child {

@@ -7,6 +7,7 @@ use recon::fit::Flow;
 use recon::reproduce::{
     Event, Order, ReproduceError, Reproduced, Scale, Study, StudyError, reproduce,
 };
+use recon::train::TrainError;
 use serde::Serialize;
 
 use crate::args::{Global, Reproduce};
@@ -129,6 +130,11 @@ fn failed(error: ReproduceError) -> Failure {
     match &error {
         ReproduceError::Damaged { .. } => Failure::input(error),
         ReproduceError::Job { error: StudyError::Data(_) | StudyError::Checkpoint(_), .. } => {
+            Failure::input(error)
+        }
+        ReproduceError::Job { error: StudyError::Train(inner), .. }
+            if matches!(**inner, TrainError::Data(_)) =>
+        {
             Failure::input(error)
         }
         _ => Failure::other(error),

@@ -43,6 +43,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Train) -> Result
     arguments.system.visit(Command { console, global, arguments })
 }
 
+#[derive(Clone, Copy)]
 struct Command<'a> {
     console: Console,
     global: Global,
@@ -51,7 +52,8 @@ struct Command<'a> {
 
 /// What is settled before any data is read.
 struct Prepared<C> {
-    run: RunFolder,
+    /// The run that goes on, if one does.
+    run: Option<RunFolder>,
     config: Configuration<C>,
     data: Option<PathBuf>,
 }
@@ -66,9 +68,8 @@ impl ForSystem for Command<'_> {
             self.resumed::<S>(path)?
         } else {
             let config = system::configuration::<S>(&arguments.settings, global)?;
-            let path = arguments.output.as_deref().unwrap_or_else(|| Path::new("run"));
-            let run = RunFolder::create(path, arguments.force).map_err(failed)?;
-            Prepared { run, config, data: arguments.data.clone() }
+            RunFolder::examine(self.place(), arguments.force).map_err(failed)?;
+            Prepared { run: None, config, data: arguments.data.clone() }
         };
         let interrupt = Interrupt::listen(None)?;
         let progress = Progress::new(console, "read");
@@ -81,6 +82,12 @@ impl ForSystem for Command<'_> {
         };
         let opened = S::open(&config.system, &source).map_err(Failure::input)?;
         progress.finish();
+        // Only now: what cannot be opened must not cost the run that it was to replace.
+        let run = if let Some(run) = run {
+            run
+        } else {
+            RunFolder::create(self.place(), arguments.force).map_err(failed)?
+        };
         interrupt.worthwhile();
         let provenance = provenance(data.as_deref());
         let resume = arguments.resume.is_some();
@@ -110,6 +117,11 @@ impl ForSystem for Command<'_> {
 }
 
 impl Command<'_> {
+    /// Where a new run goes.
+    fn place(&self) -> &Path {
+        self.arguments.output.as_deref().unwrap_or_else(|| Path::new("run"))
+    }
+
     /// The folder of a run that goes on, its configuration, and where its data is.
     fn resumed<S: System>(&self, path: &Path) -> Result<Prepared<S::Config>, Failure> {
         let run = RunFolder::resume(path).map_err(failed)?;
@@ -134,7 +146,7 @@ impl Command<'_> {
             return Err(Failure::Usage(text));
         }
         let data = self.arguments.data.clone().or_else(|| Noted::of(path).data);
-        Ok(Prepared { run, config, data })
+        Ok(Prepared { run: Some(run), config, data })
     }
 }
 

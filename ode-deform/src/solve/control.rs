@@ -86,6 +86,30 @@ impl Pid {
     }
 }
 
+impl Pid {
+    /// Limits and weights with which steps become smaller when rejected and never are no number.
+    fn check(&self) -> Result<(), SolveError> {
+        let within = |what, found: f64, low: f64, high: f64, expected| {
+            let good = found > low && found <= high;
+            if good { Ok(()) } else { Err(SolveError::Problem { what, found, expected }) }
+        };
+        let share = "a number above 0 and at most 1 expected";
+        within("the safety factor", self.safety, 0.0, 1.0, share)?;
+        let below = "a number above 0 and below 1 expected";
+        within("the least factor of a step", self.shrink, 0.0, 1.0_f64.next_down(), below)?;
+        let above = "a finite number of at least 1 expected";
+        within("the greatest factor of a step", self.grow, 1.0_f64.next_down(), f64::MAX, above)?;
+        for (what, weight) in [
+            ("the proportional weight", self.proportional),
+            ("the integral weight", self.integral),
+            ("the derivative weight", self.derivative),
+        ] {
+            within(what, weight, f64::NEG_INFINITY, f64::MAX, "a finite number expected")?;
+        }
+        Ok(())
+    }
+}
+
 impl StepController {
     /// [`Pid`] with the default weights.
     pub const fn adaptive(relative: f64, absolute: f64) -> Self {
@@ -129,6 +153,7 @@ impl StepController {
                     positive("the relative tolerance", relative)?;
                 }
                 positive("the absolute tolerance", absolute)?;
+                pid.check()?;
                 pid.first.map_or(Ok(()), |first| positive("the first step size", first))
             }
         }

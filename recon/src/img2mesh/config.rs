@@ -13,11 +13,11 @@ use crate::train::Summary;
 pub struct Img2MeshConfig {
     /// What turns a picture into features. Default `"small"`.
     pub encoder: EncoderKind,
-    /// Features of the encoders `small` and `none`, 1 to 8192; the others' follow from their layers.
+    /// FeatureCache of the encoders `small` and `none`, 1 to 8192; the others' follow from their layers.
     /// Default 256.
     pub features: usize,
     /// Whether the encoder stays as it begins, of `cnn` the part that is VGG16's: sensible with
-    /// `weights`, else it is a random projection. Features of a picture are then computed once,
+    /// `weights`, else it is a random projection. FeatureCache of a picture are then computed once,
     /// but for `cnn`. Default false.
     pub freeze_encoder: bool,
     /// A file with weights for the encoder (`vgg16`, `cnn`): torchvision's `vgg16` as `.pth` or
@@ -178,7 +178,7 @@ impl Default for Img2MeshConfig {
 }
 
 impl Img2MeshConfig {
-    /// Features of a picture: `D`.
+    /// FeatureCache of a picture: `D`.
     pub fn width(&self) -> usize {
         match self.encoder {
             EncoderKind::Small | EncoderKind::None => self.features,

@@ -245,7 +245,7 @@ impl Data {
 
     /// The `k`-th group that is scored. Of many objects' the views given are the first of an order
     /// that object and group decide, and those that are scored the last: with more views given they
-    /// are the same ones and others, scored at the same cameras.
+    /// are the same ones and others, scored at the same cameras as long as there are enough.
     pub(super) fn trial(
         &self,
         config: &Img2MeshConfig,

@@ -22,7 +22,7 @@
 mod config;
 mod data;
 mod encoder;
-mod features;
+mod feature_cache;
 mod model;
 mod offsets;
 mod prepared;
@@ -45,7 +45,7 @@ use crate::train::{
     DataError, Draw, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
 };
 use encoder::Encoder;
-use features::Features;
+use feature_cache::FeatureCache;
 use model::{Meshes, Model};
 use prepared::Prepared;
 use render::{Stage, stacked};
@@ -61,7 +61,7 @@ pub struct Img2Mesh {
     seed: u64,
     model: Model,
     stage: Stage,
-    features: Features,
+    features: FeatureCache,
 }
 
 impl Module<f32> for Img2Mesh {
@@ -78,14 +78,14 @@ impl Img2Mesh {
     /// Meshes of `n` objects from all given views, object by object, each as many.
     fn meshes<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
         if !Encoder::is_frozen(&self.config) {
-            return self.new_meshes(tape, n, views);
+            return self.meshes_uncached(tape, n, views);
         }
         let features = self.features.of(tape, &self.model, self.config.image_size, views);
         self.model.forward(n, features, self.cameras(tape, views, &[views.len(), 12]))
     }
 
     /// The same from pictures that are not looked at again: no features are kept.
-    fn new_meshes<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
+    fn meshes_uncached<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
         let features = self.model.encode(pictures(tape, self.config.image_size, views));
         self.model.forward(n, features, self.cameras(tape, views, &[views.len(), 12]))
     }
@@ -103,7 +103,7 @@ impl Img2Mesh {
     }
 
     /// Takes in the levels that are due.
-    fn lead(&mut self, epoch: u64) {
+    fn activate_levels(&mut self, epoch: u64) {
         let levels = self.model.mesh_fc.levels();
         let more = epoch.checked_div(self.config.refine_every).map(usize::try_from);
         self.model.mesh_fc.active = match more {
@@ -161,7 +161,7 @@ impl System for Img2Mesh {
     fn new(config: &Img2MeshConfig, seed: u64) -> Self {
         let (model, template) = Model::new(config, seed);
         let stage = Stage::new(&template, config);
-        Self { config: config.clone(), seed, model, stage, features: Features::default() }
+        Self { config: config.clone(), seed, model, stage, features: FeatureCache::default() }
     }
 
     fn adopt(&mut self, data: &Data) -> Result<(), DataError> {
@@ -175,7 +175,7 @@ impl System for Img2Mesh {
     }
 
     fn begin_epoch(&mut self, epoch: u64, _: &mut Moments<'_>) {
-        self.lead(epoch);
+        self.activate_levels(epoch);
     }
 
     fn open(config: &Img2MeshConfig, source: &Source<'_>) -> Result<Data, DataError> {
@@ -254,7 +254,7 @@ impl System for Img2Mesh {
             .collect::<Result<Vec<_>, _>>()
             .map_err(|error| error.to_string())?;
         let tape = Tape::eval();
-        Ok(self.mesh(self.new_meshes(&tape, 1, &prepared)))
+        Ok(self.mesh(self.meshes_uncached(&tape, 1, &prepared)))
     }
 }
 

@@ -286,7 +286,7 @@ fn pretrained_weights_are_loaded_and_frozen_ones_stay() {
     assert!(error.contains("vgg16.safetensors"), "{error}");
 }
 
-/// Features that are kept give the same bits as an encoder that is run each time.
+/// FeatureCache that are kept give the same bits as an encoder that is run each time.
 #[test]
 fn kept_features_change_nothing() {
     let config = Img2MeshConfig { dropout: 0.0, ..tiny() };
@@ -310,7 +310,7 @@ fn levels_come_in_by_epochs() {
     let config = Img2MeshConfig { coarse_levels: 1, refine_every: 2, ..tiny() };
     let mut system = Img2Mesh::new(&config, 0);
     let active = [0, 1, 2, 5].map(|epoch| {
-        system.lead(epoch);
+        system.activate_levels(epoch);
         system.model.mesh_fc.active
     });
     assert_eq!(active, [1, 1, 2, 2]);

@@ -88,7 +88,13 @@ impl Material {
         let Views { views, source, layout, mut warnings } = views;
         let chosen: Vec<usize> = match choice {
             Choice::All => (0..views.len()).collect(),
-            Choice::First(count) => (0..count.min(views.len())).collect(),
+            Choice::First(count) => {
+                if count > views.len() {
+                    let there = views.len();
+                    warnings.push(format!("{count} views were asked for, and {there} are there"));
+                }
+                (0..count.min(views.len())).collect()
+            }
             Choice::Named(names) => {
                 let (mut found, mut absent) = (Vec::new(), Vec::new());
                 for name in names {

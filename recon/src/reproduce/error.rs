@@ -64,7 +64,7 @@ pub enum ReproduceError {
         expected: String,
     },
     /// There is something else at the path.
-    #[error("{} is there and holds no results; choose another folder, or allow overwriting (--force)", path.display())]
+    #[error("{} is there and holds no results; choose another folder, or write beside what is there (--force, where none of its names is in the way)", path.display())]
     Taken {
         /// The folder.
         path: PathBuf,

@@ -58,6 +58,11 @@ pub(super) struct KeptPicture {
     pub(super) file: String,
 }
 
+/// Whether something stands at one of the names that a study writes.
+fn taken(path: &Path) -> bool {
+    ENTRIES.iter().any(|name| path.join(name).exists())
+}
+
 impl Store {
     /// Opens a folder for results of what `identity` says, or makes it.
     pub(super) fn open(path: &Path, identity: &str, force: bool) -> Result<Self, ReproduceError> {
@@ -72,7 +77,8 @@ impl Store {
             Some(text) if text == identity => return Ok(store),
             Some(_) if force => store.clear()?,
             Some(text) => return Err(changed(path, &text, identity)),
-            None if path.exists() && !is_empty(path)? => {
+            // What stands there is not ours to remove, whatever it is called.
+            None if path.exists() && !is_empty(path)? && (!force || taken(path)) => {
                 return Err(ReproduceError::Taken { path: path.to_owned() });
             }
             None => {}

@@ -54,34 +54,59 @@ pub struct Provenance {
 }
 
 impl RunFolder {
+    /// Whether a new run may be made at a path; nothing is changed.
+    ///
+    /// # Errors
+    /// If something stands there and `overwrite` is false, or what stands there is no run.
+    pub fn examine(path: &Path, overwrite: bool) -> Result<(), RunError> {
+        if !path.exists() {
+            return Ok(());
+        }
+        let io = |source| RunError::Io { path: path.to_owned(), source };
+        if !path.is_dir() {
+            return Err(io(std::io::Error::other("not a folder; choose another path")));
+        }
+        if fs::read_dir(path).map_err(io)?.next().is_none() {
+            return Ok(());
+        }
+        if !overwrite {
+            return Err(RunError::Exists { path: path.to_owned() });
+        }
+        // Names like `samples` are common: they are only removed beside a run's own.
+        let known = path.join("config.toml").exists();
+        // An empty folder may be what a run left that was killed as it began.
+        let holds = |name: &&str| {
+            let entry = path.join(name);
+            let empty = fs::read_dir(&entry).is_ok_and(|mut inside| inside.next().is_none());
+            entry.exists() && !empty
+        };
+        if !known && ENTRIES.iter().any(holds) {
+            let text =
+                "it holds files that a run would overwrite and is no run; choose another path";
+            return Err(io(std::io::Error::other(text)));
+        }
+        Ok(())
+    }
+
     /// Makes a folder for a new run.
     ///
     /// # Errors
-    /// If something stands there and `overwrite` is false, or it cannot be written. Overwriting
-    /// removes the files of a run and leaves others alone.
+    /// As [`examine`](Self::examine), or if it cannot be written. Overwriting removes the files of a
+    /// run and leaves others alone.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self, RunError> {
+        Self::examine(path, overwrite)?;
         let io = |path: &Path| {
             let path = path.to_owned();
             move |source| RunError::Io { path, source }
         };
-        if path.exists() {
-            if !path.is_dir() {
-                let source = std::io::Error::other("not a folder; choose another path");
-                return Err(RunError::Io { path: path.to_owned(), source });
-            }
-            let empty = fs::read_dir(path).map_err(io(path))?.next().is_none();
-            if !empty && !overwrite {
-                return Err(RunError::Exists { path: path.to_owned() });
-            }
-            for name in ENTRIES {
-                let entry = path.join(name);
-                let removed = match fs::symlink_metadata(&entry) {
-                    Ok(found) if found.is_dir() => fs::remove_dir_all(&entry),
-                    Ok(_) => fs::remove_file(&entry),
-                    Err(_) => Ok(()),
-                };
-                removed.map_err(io(&entry))?;
-            }
+        for name in ENTRIES {
+            let entry = path.join(name);
+            let removed = match fs::symlink_metadata(&entry) {
+                Ok(found) if found.is_dir() => fs::remove_dir_all(&entry),
+                Ok(_) => fs::remove_file(&entry),
+                Err(_) => Ok(()),
+            };
+            removed.map_err(io(&entry))?;
         }
         let run = Self(path.to_owned());
         fs::create_dir_all(run.checkpoints()).map_err(io(path))?;

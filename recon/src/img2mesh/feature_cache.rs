@@ -1,4 +1,4 @@
-//! Features of pictures under an encoder that does not change.
+//! FeatureCache of pictures under an encoder that does not change.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,13 +12,13 @@ use super::render::stacked;
 /// Numbers that are kept at most.
 const MOST: usize = 1 << 28;
 
-/// Features that were computed before, by picture. The encoder must be the one that computed them:
+/// FeatureCache that were computed before, by picture. The encoder must be the one that computed them:
 /// frozen, and filled with its weights before the first picture.
 #[derive(Debug, Default)]
-pub(super) struct Features(Mutex<HashMap<u64, Arc<[f32]>>>);
+pub(super) struct FeatureCache(Mutex<HashMap<u64, Arc<[f32]>>>);
 
-impl Features {
-    /// Features of views, `[M, D]`, as constants.
+impl FeatureCache {
+    /// FeatureCache of views, `[M, D]`, as constants.
     pub(super) fn of<'t>(
         &self,
         tape: &'t Tape,
