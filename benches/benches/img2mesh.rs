@@ -6,6 +6,7 @@
 use autodiff_lite::Tape;
 use autodiff_lite::optim::Adam;
 use benches::{criterion, pool};
+use datasets::ReadOptions;
 use recon::img2mesh::{Img2Mesh, Img2MeshConfig, Sample, SilhouetteKind};
 use recon::train::{Draw, Moment, Source, System};
 
@@ -41,10 +42,10 @@ fn main() {
     for batch in [1, 4] {
         let config = config(batch);
         let source =
-            Source { path: None, options: &Default::default(), seed: 0, progress: &|_, _| {} };
+            Source { path: None, options: &ReadOptions::default(), seed: 0, progress: &|_, _| {} };
         let data = Img2Mesh::open(&config, &source).expect("the clock needs no file");
         let mut system = Img2Mesh::new(&config, 0);
-        system.adopt(&data);
+        system.adopt(&data).expect("views of a clock can be learned from");
         let draw = |item| {
             let draw = Draw { seed: 0, epoch: 0, index: item as u64, item };
             system.draw(&data, &draw).expect("the views are in memory")
