@@ -74,6 +74,8 @@ mod layer_norm;
 mod linear;
 mod mlp;
 mod multi_head_attention;
+mod perceptual_pooling;
+mod pixel2mesh_encoder;
 mod pooling;
 mod small_cnn;
 mod transformer_encoder;
@@ -96,6 +98,8 @@ pub use layer_norm::LayerNorm;
 pub use linear::Linear;
 pub use mlp::Mlp;
 pub use multi_head_attention::MultiHeadAttention;
+pub use perceptual_pooling::{MapSampling, pool_features};
+pub use pixel2mesh_encoder::Pixel2MeshEncoder;
 pub use pooling::{AdaptiveAvgPool2d, AvgPool2d, MaxPool2d};
 pub use small_cnn::SmallCnn;
 pub use transformer_encoder::{

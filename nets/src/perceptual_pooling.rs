@@ -1,0 +1,123 @@
+//! What feature maps say about points.
+
+use autodiff_lite::{Padding, Real, Var};
+
+/// How a map is read between its pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MapSampling {
+    /// Bilinear between pixel centres, the border repeated outwards; gradients to maps and points.
+    #[default]
+    Bilinear,
+    /// The pixel that a point lies in; gradients to maps alone. What the PyTorch version of
+    /// Pixel2Mesh computes, whose four weights are formed after rounding; but for points on a pixel's
+    /// very edge and at the border, where its weights all vanish and the feature is 0.
+    Floor,
+}
+
+/// Features of points from several maps of one image, side by side: maps `[N, H, W, C]` of any
+/// sizes and `points [N, P, 2]` to `[N, P, ΣC]`.
+///
+/// A point is (x, y) with x to the right and y *down*, (-1, -1) the image's top left corner and
+/// (1, 1) its bottom right one. Points outside take what is at the border.
+///
+/// Bilinear pooling is linear in the maps: a linear layer that follows can be applied to them once
+/// an image, instead of to each point's features at each evaluation.
+///
+/// ```
+/// use autodiff_lite::Tape;
+/// use nets::{MapSampling, pool_features};
+///
+/// let tape = Tape::<f32>::eval();
+/// let fine = tape.constant(ndarray::Array4::ones((1, 8, 8, 3)));
+/// let coarse = tape.constant(ndarray::Array4::zeros((1, 2, 2, 5)));
+/// let points = tape.constant(ndarray::arr3(&[[[0.0, 0.0], [0.5, -2.0]]]));
+/// let features = pool_features(&[fine, coarse], points, MapSampling::Bilinear);
+/// assert_eq!(features.shape(), [1, 2, 8]);
+/// ```
+///
+/// # Panics
+/// If there is no map, or numbers of images differ.
+///
+/// # References
+/// Wang et al. 2018, *Pixel2Mesh*, section 3.3, "perceptual feature pooling".
+#[track_caller]
+pub fn pool_features<'t, F: Real>(
+    maps: &[Var<'t, F>],
+    points: Var<'t, F>,
+    sampling: MapSampling,
+) -> Var<'t, F> {
+    let read = |&map: &Var<'t, F>| match sampling {
+        MapSampling::Bilinear => map.bilinear_sample(points, Padding::Border, false),
+        MapSampling::Floor => floored(map, points),
+    };
+    let read: Vec<Var<'t, F>> = maps.iter().map(read).collect();
+    points.tape().concat(&read, 2)
+}
+
+/// The pixels that points lie in.
+fn floored<'t, F: Real>(map: Var<'t, F>, points: Var<'t, F>) -> Var<'t, F> {
+    let ([n, h, w, c], [m, p, _]) = (map.dims(), points.dims());
+    assert_eq!(n, m, "pool_features: {n} maps and points of {m} images");
+    let cell = |x: F, size: usize| {
+        let at = (x.to_f64() + 1.0) * 0.5 * size as f64;
+        // NaN goes to 0: it is found by the loss that it spoils, not here.
+        (at.clamp(0.0, (size - 1) as f64) as usize).min(size - 1)
+    };
+    let values = points.value();
+    let pairs = values.as_slice().unwrap_or_default().chunks_exact(2);
+    let rows: Vec<u32> = pairs
+        .enumerate()
+        .map(|(k, point)| (((k / p) * h + cell(point[1], h)) * w + cell(point[0], w)) as u32)
+        .collect();
+    map.reshape(&[n * h * w, c]).gather_rows(&rows).reshape(&[n, p, c])
+}
+
+#[cfg(test)]
+mod tests {
+    use autodiff_lite::Tape;
+    use ndarray::{Array3, Array4, arr3};
+
+    use super::*;
+
+    /// A map that is linear in place is read exactly between the outermost centres.
+    #[test]
+    fn bilinear_reads_a_slope_and_floor_its_steps() {
+        let tape = Tape::<f64>::eval();
+        let slope = |size: usize| {
+            // The value at a pixel's centre is its place in -1 to 1, right and down.
+            let place = move |i: usize| (2 * i + 1) as f64 / size as f64 - 1.0;
+            tape.constant(Array4::from_shape_fn((2, size, size, 2), |(n, i, j, c)| {
+                (n + 1) as f64 * if c == 0 { place(j) } else { place(i) }
+            }))
+        };
+        let points = arr3(&[[[0.3, -0.4], [-0.61, 0.2]], [[0.0, 0.7], [0.5, 0.5]]]);
+        let maps = [slope(8), slope(16)];
+        let found = pool_features(&maps, tape.constant(points.clone()), MapSampling::Bilinear);
+        let found = found.value();
+        let floor = pool_features(&maps, tape.constant(points.clone()), MapSampling::Floor).value();
+        for n in 0..2 {
+            for p in 0..2 {
+                for k in 0..4 {
+                    let (size, exact) = ([8.0, 16.0][k / 2], points[[n, p, k % 2]]);
+                    let factor = (n + 1) as f64;
+                    assert!((found[[n, p, k]] - factor * exact).abs() < 1e-12);
+                    let cell = ((exact + 1.0) * 0.5 * size).floor();
+                    let centre = (2.0 * cell + 1.0) / size - 1.0;
+                    assert!((floor[[n, p, k]] - factor * centre).abs() < 1e-12);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn points_outside_take_the_border() {
+        let tape = Tape::<f32>::train(0);
+        let map = tape.leaf(Array4::from_shape_fn((1, 2, 2, 1), |(_, i, j, _)| (2 * i + j) as f32));
+        let points = arr3(&[[[-9.0, -9.0], [9.0, 9.0], [f32::INFINITY, -1.0]]]);
+        for sampling in [MapSampling::Bilinear, MapSampling::Floor] {
+            let points: Array3<f32> = points.clone();
+            let read = pool_features(&[map], tape.constant(points), sampling);
+            assert_eq!(read.value().as_slice(), Some(&[0.0, 3.0, 1.0][..]), "{sampling:?}");
+        }
+    }
+}

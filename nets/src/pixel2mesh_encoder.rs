@@ -1,0 +1,156 @@
+//! The image encoder of Pixel2Mesh.
+
+use autodiff_lite::{Activation, ConvGeometry, Module, Real, Var, Visitor, VisitorMut, join_path};
+
+use crate::{Conv2d, Init};
+
+/// Convolutions of each stage, and the side of the first one's kernel; all others are 3.
+const STAGES: [(usize, usize); 6] = [(2, 3), (3, 3), (3, 3), (3, 3), (3, 5), (4, 5)];
+
+/// Strided convolutions like VGG16's, whose last four stages give maps to pool from.
+///
+/// ```text
+/// stage   0: 16 16      1: 32 32 32      2: 64 64 64      3: 128 128 128      4: 256 256 256      5: 512 512 512 512
+/// side    1             1/2              1/4  -> map      1/8  -> map         1/16  -> map        1/32  -> map
+/// ```
+///
+/// 3x3 kernels, but 5x5 where stages 4 and 5 halve; a ReLU after each. Four maps of together
+/// 960 channels. Convolutions are called `conv<stage>_<number>`, from 1 on; they begin with deviation
+/// 0.02 and biases of 0, as published.
+///
+/// ```
+/// use autodiff_lite::Tape;
+/// use nets::{Init, Pixel2MeshEncoder};
+///
+/// let encoder = Pixel2MeshEncoder::<f32>::new(&Init::new(0), [4, 4, 8, 8, 16, 16]);
+/// let tape = Tape::eval();
+/// let maps = encoder.forward(tape.constant(ndarray::Array4::zeros((1, 64, 64, 3))));
+/// assert_eq!(maps.map(|map| map.shape()), [[1, 16, 16, 8], [1, 8, 8, 8], [1, 4, 4, 16], [1, 2, 2, 16]]);
+/// ```
+///
+/// # References
+/// Wang et al. 2018, *Pixel2Mesh*, section 3.2; the sizes are those of its PyTorch versions.
+#[derive(Clone, Debug)]
+pub struct Pixel2MeshEncoder<F: Real = f32> {
+    /// The convolutions, stage by stage.
+    pub stages: Vec<Vec<Conv2d<F>>>,
+}
+
+impl<F: Real> Module<F> for Pixel2MeshEncoder<F> {
+    fn visit(&self, path: &str, visitor: &mut dyn Visitor<F>) {
+        for (s, stage) in self.stages.iter().enumerate() {
+            for (i, conv) in stage.iter().enumerate() {
+                conv.visit(&join_path(path, &name(s, i)), visitor);
+            }
+        }
+    }
+
+    fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<F>) {
+        for (s, stage) in self.stages.iter_mut().enumerate() {
+            for (i, conv) in stage.iter_mut().enumerate() {
+                conv.visit_mut(&join_path(path, &name(s, i)), visitor);
+            }
+        }
+    }
+}
+
+fn name(stage: usize, index: usize) -> String {
+    format!("conv{stage}_{}", index + 1)
+}
+
+impl<F: Real> Pixel2MeshEncoder<F> {
+    /// Channels of the stages as published: 960 in the four maps.
+    pub const PUBLISHED: [usize; 6] = [16, 32, 64, 128, 256, 512];
+
+    /// With so many channels in the stages.
+    pub fn new(init: &Init, channels: [usize; 6]) -> Self {
+        let mut inputs = 3;
+        let mut stage = |s: usize, (count, kernel): (usize, usize)| {
+            let conv = |i: usize| {
+                let at = init.at(&name(s, i));
+                let halves = s > 0 && i == 0;
+                let side = if i == 0 { kernel } else { 3 };
+                let geometry = ConvGeometry::new().padding(side / 2);
+                let geometry = if halves { geometry.stride(2) } else { geometry };
+                let shape = [channels[s], inputs, side, side];
+                inputs = channels[s];
+                let weight = at.at("weight").normal(&shape, 0.0, 0.02);
+                Conv2d { weight, bias: Some(at.at("bias").zeros(&[channels[s]])), geometry }
+            };
+            (0..count).map(conv).collect()
+        };
+        Self { stages: STAGES.iter().enumerate().map(|(s, &of)| stage(s, of)).collect() }
+    }
+
+    /// Channels of the four maps together.
+    pub fn width(&self) -> usize {
+        let last = |stage: &Vec<Conv2d<F>>| stage.last().map_or(0, |conv| conv.weight.shape()[0]);
+        self.stages.iter().skip(2).map(last).sum()
+    }
+
+    /// Images `[N, H, W, 3]` to four maps, finest first: `[N, H / 4, W / 4, C2]` to
+    /// `[N, H / 32, W / 32, C5]`, halves rounded up.
+    #[track_caller]
+    pub fn forward<'t>(&self, images: Var<'t, F>) -> [Var<'t, F>; 4] {
+        let mut x = images;
+        let mut maps = [images; 4];
+        for (s, stage) in self.stages.iter().enumerate() {
+            x = stage.iter().fold(x, |x, conv| conv.forward_then(x, Activation::Relu));
+            if let Some(map) = s.checked_sub(2).and_then(|k| maps.get_mut(k)) {
+                *map = x;
+            }
+        }
+        maps
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use autodiff_lite::Tape;
+    use ndarray::Array4;
+
+    use super::*;
+
+    #[test]
+    fn the_published_sizes_and_names() {
+        let encoder =
+            Pixel2MeshEncoder::<f32>::new(&Init::new(0), Pixel2MeshEncoder::<f32>::PUBLISHED);
+        assert_eq!(encoder.width(), 960);
+        let mut paths = Vec::new();
+        encoder.visit("encoder", &mut |path: &str, _: &_| paths.push(path.to_owned()));
+        assert_eq!((paths.len(), &*paths[0]), (36, "encoder.conv0_1.weight"));
+        assert_eq!(paths.last().map(String::as_str), Some("encoder.conv5_4.bias"));
+        // Weights and biases, stage by stage.
+        let conv = |k: usize, i: usize, o: usize| k * k * i * o + o;
+        let expected = conv(3, 3, 16)
+            + conv(3, 16, 16)
+            + conv(3, 16, 32)
+            + 2 * conv(3, 32, 32)
+            + conv(3, 32, 64)
+            + 2 * conv(3, 64, 64)
+            + conv(3, 64, 128)
+            + 2 * conv(3, 128, 128)
+            + conv(5, 128, 256)
+            + 2 * conv(3, 256, 256)
+            + conv(5, 256, 512)
+            + 3 * conv(3, 512, 512);
+        assert_eq!(encoder.parameter_count(), expected);
+    }
+
+    #[test]
+    fn every_stage_halves_and_learns() {
+        let encoder = Pixel2MeshEncoder::<f32>::new(&Init::new(1), [4; 6]);
+        let tape = Tape::train(0);
+        let images = Array4::from_shape_fn((2, 40, 56, 3), |(n, i, j, c)| {
+            ((7 * n + 3 * i + 5 * j + c) % 11) as f32 / 11.0
+        });
+        let maps = encoder.forward(tape.constant(images));
+        let shapes = [[2, 10, 14, 4], [2, 5, 7, 4], [2, 3, 4, 4], [2, 2, 2, 4]];
+        assert_eq!(maps.map(|map| map.dims::<4>()), shapes);
+        let loss = maps.map(|map| map.square().sum()).into_iter().reduce(|a, b| a + b);
+        let gradients = loss.expect("four maps").backward();
+        encoder.visit("", &mut |path: &str, param: &autodiff_lite::Param| {
+            assert!(gradients.of(param).is_some(), "{path}");
+        });
+    }
+}
