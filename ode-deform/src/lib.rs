@@ -60,6 +60,7 @@
 //! Implicit methods for stiff equations, events found by root finding, gradients with respect to times and step sizes,
 //! second derivatives.
 
+pub mod deform;
 pub mod solve;
 
 mod adjoint;

@@ -1,0 +1,253 @@
+//! The velocity of vertices, from where they are, what the image shows there, and the time.
+
+use autodiff_lite::{
+    Activation, GraphWeights, Param, Real, SparseMatrix, Tensor, Var, impl_module,
+};
+use ndarray::ArrayD;
+use nets::{ChebyshevConv, Init, MapSampling, pool_features};
+
+use crate::VectorField;
+
+/// Sizes and choices of a [`DeformationField`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FieldConfig {
+    /// Channels of all feature maps together.
+    pub features: usize,
+    /// Columns in which the time is repeated. Published: 196; 1 says the same.
+    pub time: usize,
+    /// Columns between the two graph convolutions.
+    pub hidden: usize,
+    /// After the first of them. The paper states none, and the code that it started from has none.
+    pub activation: Activation,
+    /// How feature maps are read between their pixels.
+    pub sampling: MapSampling,
+}
+
+impl FieldConfig {
+    /// As published, on maps of together `features` channels: 196 columns of time, 192 hidden ones.
+    /// With a ReLU, without which each evaluation is affine in its features.
+    pub fn published(features: usize) -> Self {
+        let (time, hidden) = (196, 192);
+        let (activation, sampling) = (Activation::Relu, MapSampling::Bilinear);
+        Self { features, time, hidden, activation, sampling }
+    }
+
+    /// Parameters of the field.
+    pub fn parameters(&self) -> usize {
+        let conv = |inputs: usize, outputs: usize| 2 * inputs * outputs + outputs;
+        conv(3 + self.features + self.time, self.hidden) + conv(self.hidden, 3)
+    }
+}
+
+/// `dM/dt = GCN([v; f(v); t 1ᵀ])` of the vertices `v` of a mesh, two graph convolutions deep.
+///
+/// The state is `[N, V, 3]` in the world of the cameras. Inputs are first the cameras `[N, 3, 4]` (a world's point to
+/// normalised device coordinates, y up), then feature maps `[N, H, W, C]` of any sizes; features are read anew at every
+/// evaluation, where the vertices then are. The graph is constant: the same vertices and edges from sphere to shape.
+///
+/// ```
+/// use autodiff_lite::{SparseMatrix, Tape};
+/// use nets::Init;
+/// use ode_deform::deform::{DeformationField, FieldConfig};
+/// use ode_deform::solve::{HEUN, Problem, StepController};
+/// use ode_deform::Adjoint;
+///
+/// let edges = [(0, 1, 0.5), (1, 0, 0.5), (1, 2, 0.5), (2, 1, 0.5)];
+/// let graph = SparseMatrix::from_triplets(3, 3, &edges)?;
+/// let config = FieldConfig { hidden: 8, time: 1, ..FieldConfig::published(5) };
+/// let field = DeformationField::<f32>::new(&Init::new(0), config, graph);
+///
+/// let tape = Tape::train(0);
+/// let mesh = tape.leaf(ndarray::arr3(&[[[0.1, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.3]]]));
+/// let camera = ndarray::arr3(&[[[2.0, 0.0, 0.0, 0.0], [0.0, 2.0, 0.0, 0.0], [0.0, 0.0, -1.0, 2.0]]]);
+/// let maps = tape.leaf(ndarray::Array4::ones((1, 8, 8, 5)));
+/// let problem = Problem::new([0.0, 1.0], &HEUN, StepController::Fixed { step: 0.25 });
+/// let flow = Adjoint::Checkpointed.integrate(&field, mesh, &[tape.constant(camera), maps], &problem)?;
+/// assert_eq!((flow.end.shape(), flow.stats.evaluations), (vec![1, 3, 3], 8));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # References
+/// The paper on neural ODEs for Pixel2Mesh, equations 1 to 3; Chen et al. 2018, *Neural ordinary differential equations*.
+#[derive(Clone, Debug)]
+pub struct DeformationField<F: Real = f32> {
+    /// To the hidden columns: rows of positions, then of features, then of the time.
+    pub conv1: ChebyshevConv<F>,
+    /// To velocities.
+    pub conv2: ChebyshevConv<F>,
+    config: FieldConfig,
+    graph: SparseMatrix<F>,
+}
+impl_module!(DeformationField { conv1, conv2 } fixed { config, graph });
+
+impl<F: Real> DeformationField<F> {
+    /// On a graph `[V, V]`, for [`ChebyshevConv`].
+    pub fn new(init: &Init, config: FieldConfig, graph: SparseMatrix<F>) -> Self {
+        let inputs = 3 + config.features + config.time;
+        Self {
+            conv1: ChebyshevConv::new(&init.at("conv1"), inputs, config.hidden),
+            conv2: ChebyshevConv::new(&init.at("conv2"), config.hidden, 3),
+            config,
+            graph,
+        }
+    }
+
+    /// Features of vertices `[N, V, 3]` where they are seen: `[N, V, C]`.
+    #[track_caller]
+    fn pooled<'t>(&self, y: Var<'t, F>, inputs: &[Var<'t, F>]) -> Var<'t, F> {
+        let [camera, maps @ ..] = inputs else {
+            panic!("DeformationField: no inputs, expected cameras and feature maps");
+        };
+        let tape = y.tape();
+        let (one, down) = (F::from_f64(1.0), F::from_f64(-1.0));
+        // Maps count rows downwards.
+        let flip = tape.constant(ArrayD::from_shape_vec(vec![2], vec![one, down]).expect("two"));
+        let points = y.project(*camera).slice_axis(2, 0..2) * flip;
+        pool_features(maps, points, self.config.sampling)
+    }
+
+    /// The first layer's matrix with the rows of the time, which multiply the same number, summed.
+    fn folded<'t>(&self, weight: &Param<F>, like: Var<'t, F>) -> Var<'t, F> {
+        let tape = like.tape();
+        let (weight, rest) = (tape.param(weight), 3 + self.config.features);
+        let time = weight.slice_axis(0, rest..rest + self.config.time).sum_axis(0);
+        let time = time.reshape(&[1, self.config.hidden]);
+        tape.concat(&[weight.slice_axis(0, 0..rest), time], 0)
+    }
+}
+
+impl<F: Real> VectorField<F> for DeformationField<F> {
+    #[track_caller]
+    fn eval<'t>(&self, t: f64, y: Var<'t, F>, inputs: &[Var<'t, F>]) -> Var<'t, F> {
+        let tape = y.tape();
+        let [n, v, _] = y.dims();
+        let now: Tensor<F> = ArrayD::from_elem(vec![n, v, 1], F::from_f64(t)).into_shared();
+        let x = tape.concat(&[y, self.pooled(y, inputs), tape.constant(now)], 2);
+        let weights = GraphWeights {
+            own: self.folded(&self.conv1.loop_weight, y),
+            across: self.folded(&self.conv1.weight, y),
+            output_first: false,
+            bias: self.conv1.bias.as_ref().map(|bias| tape.param(bias)),
+            across_bias: None,
+        };
+        let hidden = x.graph_conv(&self.graph, &weights, self.config.activation);
+        self.conv2.forward(hidden, &self.graph)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use autodiff_lite::{Module, Tape, testkit};
+    use ndarray::{Array3, Array4};
+
+    use super::*;
+    use crate::Adjoint;
+    use crate::solve::{EULER, MIDPOINT, Problem, StepController};
+
+    fn path(v: usize) -> SparseMatrix<f64> {
+        let ends = (1..v).flat_map(|i| [(i - 1, i, 0.4), (i, i - 1, 0.4)]);
+        let entries: Vec<_> = ends.chain((0..v).map(|i| (i, i, -0.3))).collect();
+        SparseMatrix::from_triplets(v, v, &entries).expect("in range")
+    }
+
+    fn field(time: usize) -> DeformationField<f64> {
+        let config = FieldConfig {
+            time,
+            hidden: 6,
+            activation: Activation::Tanh,
+            ..FieldConfig::published(4)
+        };
+        DeformationField::new(&Init::new(3), config, path(5))
+    }
+
+    fn mesh() -> Array3<f64> {
+        Array3::from_shape_fn((2, 5, 3), |(n, i, k)| {
+            ((n * 15 + i * 3 + k) as f64 * 0.7).sin() * 0.4
+        })
+    }
+
+    fn cameras() -> Array3<f64> {
+        let rows = [[1.9, 0.1, 0.0, 0.02], [0.0, 2.1, 0.1, -0.01], [0.1, 0.0, -1.0, 2.5]];
+        Array3::from_shape_fn((2, 3, 4), |(_, i, j)| rows[i][j])
+    }
+
+    fn map(side: usize, channels: usize) -> Array4<f64> {
+        Array4::from_shape_fn((2, side, side, channels), |(n, i, j, c)| {
+            ((n * 31 + i * 7 + j * 3 + c) as f64 * 0.37).cos()
+        })
+    }
+
+    #[test]
+    fn parameters_are_as_many_as_published_say() {
+        let config = FieldConfig::published(960);
+        let field = DeformationField::<f32>::new(
+            &Init::new(0),
+            config,
+            SparseMatrix::from_triplets(1, 1, &[]).expect("none"),
+        );
+        assert_eq!(field.parameter_count(), config.parameters());
+        assert_eq!(config.parameters(), 2 * 1159 * 192 + 192 + 2 * 192 * 3 + 3);
+    }
+
+    /// Folding the repeated time gives what the repeated columns give.
+    #[test]
+    fn the_repeated_time_is_one_column() {
+        let field = field(7);
+        let tape = Tape::eval();
+        let (y, t) = (tape.constant(mesh()), 0.6);
+        let inputs = [tape.constant(cameras()), tape.constant(map(6, 4))];
+        let found = field.eval(t, y, &inputs).value();
+        let times = tape.constant(Array3::from_elem((2, 5, 7), t));
+        let x = tape.concat(&[y, field.pooled(y, &inputs), times], 2);
+        let hidden = field.conv1.forward_then(x, &field.graph, Activation::Tanh);
+        let expected = field.conv2.forward(hidden, &field.graph).value();
+        for (a, b) in found.iter().zip(expected.iter()) {
+            assert!((a - b).abs() < 1e-13, "{a} {b}");
+        }
+    }
+
+    /// To where the mesh began, to the maps and to the parameters, through two steps.
+    #[test]
+    fn gradients_flow_through_pooling_and_time() {
+        let field = field(3);
+        let problem = Problem::new([0.0, 1.0], &MIDPOINT, StepController::Fixed { step: 0.5 });
+        let integrated = function(|x| {
+            let camera = x[0].tape().constant(cameras());
+            let flow =
+                Adjoint::Checkpointed.integrate(&field, x[0], &[camera, x[1], x[2]], &problem);
+            flow.expect("two steps").end
+        });
+        let inputs = [mesh().into_dyn(), map(6, 3).into_dyn(), map(3, 1).into_dyn()];
+        testkit::check(&integrated, &inputs, &testkit::Options::default()).expect("exact rules");
+    }
+
+    /// Says that a closure works for tapes of any life.
+    fn function<C>(c: C) -> C
+    where
+        C: for<'t> Fn(&[Var<'t, f64>]) -> Var<'t, f64>,
+    {
+        c
+    }
+
+    #[test]
+    fn every_parameter_gets_the_same_gradient_from_both_adjoints() {
+        let field = field(3);
+        let problem = Problem::new([0.0, 1.0], &EULER, StepController::Fixed { step: 0.2 });
+        let gradients = [Adjoint::Direct, Adjoint::Checkpointed].map(|adjoint| {
+            let tape = Tape::train(0);
+            let inputs = [tape.constant(cameras()), tape.constant(map(6, 4))];
+            let flow = adjoint.integrate(&field, tape.leaf(mesh()), &inputs, &problem);
+            let gradients = flow.expect("five steps").end.square().sum().backward();
+            let mut all = Vec::new();
+            field.visit("", &mut |path: &str, param: &Param<f64>| {
+                let gradient = gradients.slice_of(param).unwrap_or_default();
+                assert!(gradient.iter().any(|&g| g != 0.0), "{path}");
+                all.extend_from_slice(gradient);
+            });
+            all
+        });
+        for (a, b) in gradients[0].iter().zip(&gradients[1]) {
+            assert!((a - b).abs() < 1e-10 * a.abs().max(1.0), "{a} {b}");
+        }
+    }
+}
