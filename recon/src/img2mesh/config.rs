@@ -59,6 +59,8 @@ pub struct Img2MeshConfig {
     pub refine_every: u64,
     /// Radius of the icosphere before it is deformed. Default 0.6.
     pub radius: f64,
+    /// What the step length of the head for colours is multiplied by, 0 to 1000. Default 1.
+    pub color_rate: f64,
     /// Weight of the mean absolute difference of colours. Default 0.1.
     pub image_weight: f64,
     /// Weight of one minus the masks' soft intersection over union. Default 10.
@@ -159,6 +161,7 @@ impl Default for Img2MeshConfig {
             coarse_levels: 0,
             refine_every: 0,
             radius: 0.6,
+            color_rate: 1.0,
             image_weight: 0.1,
             mask_weight: 10.0,
             flat_weight: 1e-3,
@@ -263,6 +266,7 @@ impl Img2MeshConfig {
             require(v >= low && v <= high, field, &v, &format!("{low} to {high}"));
         };
         within(self.radius, 1e-3, 10.0, "radius");
+        within(self.color_rate, 0.0, 1e3, "color-rate");
         within(self.sigma_inv, 1.0, 1e6, "sigma-inv");
         within(self.reach, 1e-3, 2.0, "reach");
         for (weight, field) in [

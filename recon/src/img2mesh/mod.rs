@@ -239,6 +239,10 @@ impl System for Img2Mesh {
         self.shown(data)
     }
 
+    fn rates(&self) -> Vec<(String, f64)> {
+        vec![("mesh_color_fc".to_owned(), self.config.color_rate)]
+    }
+
     fn couples_samples(&self) -> bool {
         self.config.attention == AttentionKind::Published
     }

@@ -39,15 +39,17 @@ pub(super) struct Meshes<'t> {
 /// The radius of the published sphere, in the units of the published heads' first outputs.
 const PUBLISHED_RADIUS: f64 = 37.5;
 
-/// First weights as small beside the sphere as they were published: of the usual size, they would
-/// crumple a sphere of radius 1 before the first step.
-fn shrunk(mut head: Linear, radius: f64) -> Linear {
-    let factor = (radius / PUBLISHED_RADIUS) as f32;
+/// First weights multiplied by a factor.
+fn shrunk(mut head: Linear, factor: f64) -> Linear {
+    let factor = factor as f32;
     for param in std::iter::once(&mut head.weight).chain(head.bias.as_mut()) {
         param.as_slice_mut().iter_mut().for_each(|x| *x *= factor);
     }
     head
 }
+
+/// How large the first weights of colours are beside the published ones.
+const FIRST_COLORS: f64 = 0.05;
 
 impl Model {
     pub(super) fn new(config: &Img2MeshConfig, seed: u64) -> (Self, TriMesh) {
@@ -63,7 +65,10 @@ impl Model {
             dropout: config.dropout,
             ..TransformerConfig::new(d, config.heads)
         };
-        let head = |at: &Init, outputs| shrunk(Linear::new(at, d, outputs), config.radius);
+        // As small beside the sphere as they were published: of the usual size, first offsets would
+        // crumple a sphere of radius 1 before the first step.
+        let small = config.radius / PUBLISHED_RADIUS;
+        let head = |at: &Init, outputs| shrunk(Linear::new(at, d, outputs), small);
         let template = primitives::icosphere(config.level).scaled([config.radius as f32; 3]);
         let model = Self {
             encoder: Encoder::new(&init.at("encoder"), config),
@@ -74,7 +79,9 @@ impl Model {
             fc: Linear::new(&init.at("fc"), d, d),
             mesh_fc: Offsets::new(&init.at("mesh_fc"), [config.coarsest(), config.level], head),
             mesh_pos_fc: head(&init.at("mesh_pos_fc"), 3),
-            mesh_color_fc: Linear::new(&init.at("mesh_color_fc"), d, 3 * v),
+            // Nearly grey at first: of the usual size, each vertex would begin with a colour of its
+            // own, which takes longer to unlearn than the right one to learn.
+            mesh_color_fc: shrunk(Linear::new(&init.at("mesh_color_fc"), d, 3 * v), FIRST_COLORS),
             frame: Param::buffer(Array1::from(vec![0.0, 0.0, 0.0, 1.0])),
             attention: config.attention,
             sphere: Array2::from(template.positions.clone()),
