@@ -136,6 +136,36 @@ fn make_readable(_: &Path) -> io::Result<()> {
     Ok(())
 }
 
+/// Removes the named files and folders below a folder, and leaves all others alone; what is not
+/// there is no error.
+pub(crate) fn remove_within(folder: &Path, names: &[&str]) -> Result<(), (PathBuf, io::Error)> {
+    for name in names {
+        let path = folder.join(name);
+        let removed = match fs::symlink_metadata(&path) {
+            Ok(found) if found.is_dir() => fs::remove_dir_all(&path),
+            Ok(_) => fs::remove_file(&path),
+            Err(_) => Ok(()),
+        };
+        removed.map_err(|source| (path, source))?;
+    }
+    Ok(())
+}
+
+/// Writes a file below a folder, whole or not at all, with the folders on the way to it.
+pub(crate) fn write_within(
+    folder: &Path,
+    name: &str,
+    bytes: &[u8],
+) -> Result<(), (PathBuf, io::Error)> {
+    let path = folder.join(name);
+    let made = path.parent().map_or(Ok(()), fs::create_dir_all);
+    let written = made.and_then(|()| {
+        mesh_core::io::write_atomic(&path, |out| out.write_all(bytes))
+            .map_err(|error| io::Error::other(error.to_string()))
+    });
+    written.map_err(|source| (path, source))
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {

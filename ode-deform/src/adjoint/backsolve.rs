@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use autodiff_lite::{Backward, CONTIGUOUS, Op, Param, Real, Tensor, Var};
 
 use super::kept::Kept;
-use super::replay::{Evaluator, seeds, stacked, trainable};
+use super::replay::{Evaluator, seeds, sources, stacked};
 use super::{Flow, VectorField, flow_of};
 use crate::solve::{Ending, Problem, SolveError, Squares, State, Tolerance, solve};
 
@@ -22,10 +22,7 @@ pub(super) fn integrate<'t, F: Real, V: VectorField<F>>(
 ) -> Result<Flow<'t, F>, SolveError> {
     let tape = start.tape();
     let mut evaluator = Evaluator::new(field, tape);
-    let params = trainable(field);
-    let mut vars = vec![start];
-    vars.extend(inputs);
-    vars.extend(params.iter().map(|param| tape.param(param)));
+    let (vars, params) = sources(field, start, inputs);
     let values: Vec<_> = inputs.iter().map(|input| input.value()).collect();
     let solution = evaluator.run(start.value(), &values, problem, false)?.solution;
     let (times, stats) = (solution.times.clone(), solution.stats);

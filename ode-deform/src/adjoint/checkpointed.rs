@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use autodiff_lite::{Backward, Op, Param, Real, Var};
 
 use super::kept::Kept;
-use super::replay::{Evaluator, inputs_on, pass_on, seeds, stacked, trainable, weighted};
+use super::replay::{Evaluator, inputs_on, pass_on, seeds, sources, stacked, weighted};
 use super::{Flow, VectorField, flow_of};
 use crate::solve::{Problem, SolveError, State};
 
@@ -17,10 +17,7 @@ pub(super) fn integrate<'t, F: Real, V: VectorField<F>>(
 ) -> Result<Flow<'t, F>, SolveError> {
     let tape = start.tape();
     let mut evaluator = Evaluator::new(field, tape);
-    let params = trainable(field);
-    let mut vars = vec![start];
-    vars.extend(inputs);
-    vars.extend(params.iter().map(|param| tape.param(param)));
+    let (vars, params) = sources(field, start, inputs);
     let wanted = tape.wants_grad(&vars);
     let values: Vec<_> = inputs.iter().map(|input| input.value()).collect();
     let path = evaluator.run(start.value(), &values, problem, wanted)?;

@@ -17,8 +17,20 @@ pub(super) struct Evaluator<F: Real, V> {
     pub(super) seed: u64,
 }
 
+/// What gradients go to: the start, the inputs, then the field's trainable parameters, which come along.
+pub(super) fn sources<'t, F: Real, V: VectorField<F>>(
+    field: &V,
+    start: Var<'t, F>,
+    inputs: &[Var<'t, F>],
+) -> (Vec<Var<'t, F>>, Vec<Param<F>>) {
+    let params = trainable(field);
+    let given = std::iter::once(start).chain(inputs.iter().copied());
+    let vars = given.chain(params.iter().map(|param| start.tape().param(param))).collect();
+    (vars, params)
+}
+
 /// The trainable parameters of a field, each once, in the order of its fields.
-pub(super) fn trainable<F: Real>(field: &impl Module<F>) -> Vec<Param<F>> {
+fn trainable<F: Real>(field: &impl Module<F>) -> Vec<Param<F>> {
     let mut found: Vec<Param<F>> = Vec::new();
     field.visit("", &mut |_: &str, param: &Param<F>| {
         let known: Vec<ParamId> = found.iter().map(Param::id).collect();

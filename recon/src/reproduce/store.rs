@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::ReproduceError;
 use super::row::{Cell, Row};
+use crate::output::{remove_within, write_within};
 use crate::train::Provenance;
 
 /// Everything in a study's folder, for those who overwrite one.
@@ -89,16 +90,7 @@ impl Store {
 
     /// Removes everything that a study wrote, and leaves other files alone.
     pub(super) fn clear(&self) -> Result<(), ReproduceError> {
-        for name in ENTRIES {
-            let path = self.0.join(name);
-            let removed = match fs::symlink_metadata(&path) {
-                Ok(found) if found.is_dir() => fs::remove_dir_all(&path),
-                Ok(_) => fs::remove_file(&path),
-                Err(_) => Ok(()),
-            };
-            removed.map_err(|source| ReproduceError::Io { path, source })?;
-        }
-        Ok(())
+        remove_within(&self.0, ENTRIES).map_err(io)
     }
 
     /// Where a job may keep what it needs to go on.
@@ -166,14 +158,13 @@ impl Store {
 
     /// Writes a file, whole or not at all, with the folders above it.
     pub(super) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), ReproduceError> {
-        let path = self.0.join(name);
-        let io = |source| ReproduceError::Io { path: path.clone(), source };
-        if let Some(parent) = path.parent() {
-            fs::create_dir_all(parent).map_err(io)?;
-        }
-        mesh_core::io::write_atomic(&path, |out| out.write_all(bytes))
-            .map_err(|error| io(std::io::Error::other(error.to_string())))
+        write_within(&self.0, name, bytes).map_err(io)
     }
+}
+
+/// What the file system refused, and where.
+fn io((path, source): (PathBuf, std::io::Error)) -> ReproduceError {
+    ReproduceError::Io { path, source }
 }
 
 fn stem(job: &str, seed: u64) -> String {

@@ -19,6 +19,7 @@ use serde::Serialize;
 
 use super::error::RunError;
 use super::log::History;
+use crate::output::{remove_within, write_within};
 
 /// Everything in a run's folder, for those who overwrite one.
 const ENTRIES: &[&str] = &[
@@ -95,21 +96,9 @@ impl RunFolder {
     /// run and leaves others alone.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self, RunError> {
         Self::examine(path, overwrite)?;
-        let io = |path: &Path| {
-            let path = path.to_owned();
-            move |source| RunError::Io { path, source }
-        };
-        for name in ENTRIES {
-            let entry = path.join(name);
-            let removed = match fs::symlink_metadata(&entry) {
-                Ok(found) if found.is_dir() => fs::remove_dir_all(&entry),
-                Ok(_) => fs::remove_file(&entry),
-                Err(_) => Ok(()),
-            };
-            removed.map_err(io(&entry))?;
-        }
+        remove_within(path, ENTRIES).map_err(io)?;
         let run = Self(path.to_owned());
-        fs::create_dir_all(run.checkpoints()).map_err(io(path))?;
+        fs::create_dir_all(run.checkpoints()).map_err(|source| io((path.to_owned(), source)))?;
         Ok(run)
     }
 
@@ -175,14 +164,13 @@ impl RunFolder {
 
     /// Writes a file, whole or not at all, with the folders above it.
     pub(super) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), RunError> {
-        let path = self.0.join(name);
-        let io = |source| RunError::Io { path: path.clone(), source };
-        if let Some(parent) = path.parent() {
-            fs::create_dir_all(parent).map_err(io)?;
-        }
-        mesh_core::io::write_atomic(&path, |out| out.write_all(bytes))
-            .map_err(|error| io(std::io::Error::other(error.to_string())))
+        write_within(&self.0, name, bytes).map_err(io)
     }
+}
+
+/// What the file system refused, and where.
+fn io((path, source): (PathBuf, std::io::Error)) -> RunError {
+    RunError::Io { path, source }
 }
 
 /// A hash of data, FNV-1a over words of eight bytes: to see that it is another, not to be safe.
