@@ -4,7 +4,7 @@ use autodiff_lite::{Activation, Real, Var};
 
 /// `activation(x)` as an operation of its own.
 #[track_caller]
-pub(crate) fn activate<F: Real>(x: Var<'_, F>, activation: Activation) -> Var<'_, F> {
+pub fn activate<F: Real>(x: Var<'_, F>, activation: Activation) -> Var<'_, F> {
     match activation {
         Activation::None => x,
         Activation::Relu => x.relu(),

@@ -82,7 +82,7 @@ mod transformer_encoder;
 mod vgg;
 mod weights;
 
-use activation::activate;
+pub use activation::activate;
 
 pub use batch_norm::{BatchNorm1d, BatchNorm2d, FrozenBatchNorm2d};
 pub use conv_front_end::ConvFrontEnd;

@@ -1,7 +1,7 @@
 //! The velocity of vertices, from where they are, what the image shows there, and the time.
 
 use autodiff_lite::{
-    Activation, GraphWeights, Param, Real, SparseMatrix, Tensor, Var, impl_module,
+    Activation, GraphWeights, Param, Real, SparseMatrix, Tape, Tensor, Var, impl_module,
 };
 use ndarray::ArrayD;
 use nets::{ChebyshevConv, Init, MapSampling, pool_features};
@@ -13,7 +13,7 @@ use crate::VectorField;
 pub struct FieldConfig {
     /// Channels of all feature maps together.
     pub features: usize,
-    /// Columns in which the time is repeated. Published: 196; 1 says the same.
+    /// Columns in which the time is repeated. Published: 196; 1 says the same, and with 0 the field does not know it.
     pub time: usize,
     /// Columns between the two graph convolutions.
     pub hidden: usize,
@@ -75,8 +75,8 @@ pub struct DeformationField<F: Real = f32> {
     pub conv1: ChebyshevConv<F>,
     /// To velocities.
     pub conv2: ChebyshevConv<F>,
-    config: FieldConfig,
-    graph: SparseMatrix<F>,
+    pub(super) config: FieldConfig,
+    pub(super) graph: SparseMatrix<F>,
 }
 impl_module!(DeformationField { conv1, conv2 } fixed { config, graph });
 
@@ -95,37 +95,66 @@ impl<F: Real> DeformationField<F> {
     /// Features of vertices `[N, V, 3]` where they are seen: `[N, V, C]`.
     #[track_caller]
     fn pooled<'t>(&self, y: Var<'t, F>, inputs: &[Var<'t, F>]) -> Var<'t, F> {
-        let [camera, maps @ ..] = inputs else {
-            panic!("DeformationField: no inputs, expected cameras and feature maps");
-        };
-        let tape = y.tape();
-        let (one, down) = (F::from_f64(1.0), F::from_f64(-1.0));
-        // Maps count rows downwards.
-        let flip = tape.constant(ArrayD::from_shape_vec(vec![2], vec![one, down]).expect("two"));
-        let points = y.project(*camera).slice_axis(2, 0..2) * flip;
+        let (points, maps) = seen(y, inputs);
         pool_features(maps, points, self.config.sampling)
     }
 
     /// The first layer's matrix with the rows of the time, which multiply the same number, summed.
-    fn folded<'t>(&self, weight: &Param<F>, like: Var<'t, F>) -> Var<'t, F> {
-        let tape = like.tape();
+    fn folded<'t>(&self, weight: &Param<F>, tape: &'t Tape<F>) -> Var<'t, F> {
         let (weight, rest) = (tape.param(weight), 3 + self.config.features);
-        let time = weight.slice_axis(0, rest..rest + self.config.time).sum_axis(0);
-        let time = time.reshape(&[1, self.config.hidden]);
-        tape.concat(&[weight.slice_axis(0, 0..rest), time], 0)
+        let features = weight.slice_axis(0, 0..rest);
+        match self.time_row(weight) {
+            Some(time) => tape.concat(&[features, time], 0),
+            None => features,
+        }
     }
+
+    /// The sum `[1, hidden]` of the first layer's rows of the time, which multiply the same number.
+    pub(super) fn time_row<'t>(&self, weight: Var<'t, F>) -> Option<Var<'t, F>> {
+        let (rest, time) = (3 + self.config.features, self.config.time);
+        (time > 0).then(|| {
+            weight.slice_axis(0, rest..rest + time).sum_axis(0).reshape(&[1, self.config.hidden])
+        })
+    }
+
+    /// What the first layer gets beside the features: `[N, V, 4]`, or 3 where it is not told the time.
+    pub(super) fn place_and_time<'t>(&self, t: f64, y: Var<'t, F>) -> Var<'t, F> {
+        if self.config.time == 0 {
+            return y;
+        }
+        let [n, v, _] = y.dims();
+        let now: Tensor<F> = ArrayD::from_elem(vec![n, v, 1], F::from_f64(t)).into_shared();
+        y.tape().concat(&[y, y.tape().constant(now)], 2)
+    }
+}
+
+/// Where vertices are seen in the image, y down as maps count their rows, and the maps.
+#[track_caller]
+pub(super) fn seen<'a, 't, F: Real>(
+    y: Var<'t, F>,
+    inputs: &'a [Var<'t, F>],
+) -> (Var<'t, F>, &'a [Var<'t, F>]) {
+    let [camera, maps @ ..] = inputs else {
+        panic!("DeformationField: no inputs, expected cameras and feature maps");
+    };
+    let (one, down) = (F::from_f64(1.0), F::from_f64(-1.0));
+    let flip = ArrayD::from_shape_vec(vec![2], vec![one, down]).expect("two");
+    (y.project(*camera).slice_axis(2, 0..2) * y.tape().constant(flip), maps)
 }
 
 impl<F: Real> VectorField<F> for DeformationField<F> {
     #[track_caller]
     fn eval<'t>(&self, t: f64, y: Var<'t, F>, inputs: &[Var<'t, F>]) -> Var<'t, F> {
         let tape = y.tape();
-        let [n, v, _] = y.dims();
-        let now: Tensor<F> = ArrayD::from_elem(vec![n, v, 1], F::from_f64(t)).into_shared();
-        let x = tape.concat(&[y, self.pooled(y, inputs), tape.constant(now)], 2);
+        let (placed, features) = (self.place_and_time(t, y), self.pooled(y, inputs));
+        let mut parts = vec![placed.slice_axis(2, 0..3), features];
+        if self.config.time > 0 {
+            parts.push(placed.slice_axis(2, 3..4));
+        }
+        let x = tape.concat(&parts, 2);
         let weights = GraphWeights {
-            own: self.folded(&self.conv1.loop_weight, y),
-            across: self.folded(&self.conv1.weight, y),
+            own: self.folded(&self.conv1.loop_weight, tape),
+            across: self.folded(&self.conv1.weight, tape),
             output_first: false,
             bias: self.conv1.bias.as_ref().map(|bias| tape.param(bias)),
             across_bias: None,
@@ -203,6 +232,46 @@ mod tests {
         let expected = field.conv2.forward(hidden, &field.graph).value();
         for (a, b) in found.iter().zip(expected.iter()) {
             assert!((a - b).abs() < 1e-13, "{a} {b}");
+        }
+    }
+
+    /// To rounding, with and without the time, whichever way maps are read; and the gradients are the same.
+    #[test]
+    fn maps_reduced_beforehand_give_the_same() {
+        for (time, sampling) in
+            [(3, MapSampling::Bilinear), (0, MapSampling::Bilinear), (2, MapSampling::Floor)]
+        {
+            let mut field = field(time);
+            field.config.sampling = sampling;
+            let problem = Problem::new([0.0, 1.0], &MIDPOINT, StepController::Fixed { step: 0.4 });
+            let found = [false, true].map(|reduce| {
+                let tape = Tape::train(0);
+                let (start, maps) =
+                    (tape.leaf(mesh()), [tape.leaf(map(6, 3)), tape.leaf(map(3, 1))]);
+                let camera = tape.constant(cameras());
+                let end = if reduce {
+                    let (field, maps) = field.reduced(&maps);
+                    let inputs = [camera, maps[0], maps[1]];
+                    Adjoint::Checkpointed.integrate(&field, start, &inputs, &problem)
+                } else {
+                    let inputs = [camera, maps[0], maps[1]];
+                    Adjoint::Checkpointed.integrate(&field, start, &inputs, &problem)
+                };
+                let end = end.expect("three steps").end;
+                let gradients = end.square().sum().backward();
+                let mut all: Vec<f64> = end.value().iter().copied().collect();
+                for var in [start, maps[0], maps[1]] {
+                    all.extend(gradients.wrt(var).expect("wanted").iter());
+                }
+                field.visit("", &mut |_: &str, param: &Param<f64>| {
+                    all.extend_from_slice(gradients.slice_of(param).unwrap_or_default());
+                });
+                all
+            });
+            assert!(found[0].len() > 200 && found[0].len() == found[1].len());
+            for (a, b) in found[0].iter().zip(&found[1]) {
+                assert!((a - b).abs() < 1e-11 * a.abs().max(1.0), "{a} {b}");
+            }
         }
     }
 

@@ -1,5 +1,11 @@
 //! Deformation in continuous time: how a mesh flows to what an image shows.
 
 mod field;
+mod reduced;
+mod residual;
+mod schedule;
 
 pub use field::{DeformationField, FieldConfig};
+pub use reduced::ReducedField;
+pub use residual::ResidualDeformation;
+pub use schedule::Schedule;
