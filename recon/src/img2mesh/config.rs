@@ -91,6 +91,9 @@ pub struct Img2MeshConfig {
     /// Whether each of them is turned about the vertical by an angle of its own, so that the mesh
     /// cannot be had without the cameras (`camera-embedding`). Default false.
     pub turned: bool,
+    /// How far each of them may be set down beside the middle along each axis, in lengths of an object, 0 to 1: where it
+    /// is can only be known with the cameras. Default 0.
+    pub placed: f64,
     /// More of each family that are held out. Default 10.
     pub test_objects: usize,
     /// The families; empty takes all. Default empty.
@@ -174,6 +177,7 @@ impl Default for Img2MeshConfig {
             data_seed: 0,
             objects: 0,
             turned: false,
+            placed: 0.0,
             test_objects: 10,
             families: Vec::new(),
         }
@@ -269,6 +273,7 @@ impl Img2MeshConfig {
         within(self.color_rate, 0.0, 1e3, "color-rate");
         within(self.sigma_inv, 1.0, 1e6, "sigma-inv");
         within(self.reach, 1e-3, 2.0, "reach");
+        within(self.placed, 0.0, 1.0, "placed");
         for (weight, field) in [
             (self.image_weight, "image-weight"),
             (self.mask_weight, "mask-weight"),

@@ -141,7 +141,7 @@ impl Data {
             ..Procedural::orbit()
         };
         let set = Procedural::new(&families, config.objects, config.test_objects, orbit);
-        let set = if config.turned { set.turned() } else { set };
+        let set = if config.turned { set.turned() } else { set }.placed(config.placed);
         Self::many(Box::new(set), ReadOptions::default(), config)
     }
 

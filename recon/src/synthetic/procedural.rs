@@ -30,6 +30,7 @@ use super::{Orbit, Placement, RenderOptions, render_views};
 pub struct Procedural {
     orbit: Orbit,
     turned: bool,
+    placed: f64,
     drawn: Vec<(Family, u64)>,
     entries: Vec<Entry>,
 }
@@ -53,6 +54,7 @@ impl Procedural {
             drawn: each.clone().map(|one| (one.0, seed(one))).collect(),
             entries: each.map(entry).collect(),
             turned: false,
+            placed: 0.0,
             orbit,
         }
     }
@@ -63,6 +65,16 @@ impl Procedural {
     #[must_use]
     pub fn turned(self) -> Self {
         Self { turned: true, ..self }
+    }
+
+    /// The same objects, each set down beside the middle by a vector of its own, uniform in a cube that reaches
+    /// `reach` each way. The cameras stand so much farther away that they still see all of it. Where an object is, one
+    /// picture does not tell: its size and its distance look alike.
+    #[must_use]
+    pub fn placed(mut self, reach: f64) -> Self {
+        let farther = 1.0 + 2.0 * 3.0_f64.sqrt() * reach;
+        self.orbit.distance = self.orbit.distance.map(|distance| distance * farther);
+        Self { placed: reach, ..self }
     }
 
     /// Cameras that stand anywhere around, from level with the object to 50 degrees above, and see
@@ -78,19 +90,22 @@ impl Procedural {
         }
     }
 
-    /// The mesh of an object, within the ball of radius 1/2 around the origin.
+    /// The mesh of an object, within a ball of radius 1/2: around the origin, unless it was [placed](Self::placed).
     ///
     /// # Panics
     /// If the object does not exist.
     pub fn mesh(&self, object: usize) -> TriMesh {
         let (family, seed) = self.drawn[object];
         let mesh = family.draw(seed).mesh();
-        if !self.turned {
+        if !self.turned && self.placed == 0.0 {
             return mesh;
         }
-        let angle = mixed(seed, 2) as f64 / 2.0_f64.powi(64) * std::f64::consts::TAU;
+        // A number in [0, 1) of this object's own.
+        let share = |which: u64| mixed(seed, which) as f64 / 2.0_f64.powi(64);
+        let angle = if self.turned { share(2) * std::f64::consts::TAU } else { 0.0 };
         let (sin, cos) = angle.sin_cos();
-        let rows = [[cos, 0.0, sin, 0.0], [0.0, 1.0, 0.0, 0.0], [-sin, 0.0, cos, 0.0]];
+        let [x, y, z] = [3, 4, 5].map(|which| self.placed * (2.0 * share(which) - 1.0));
+        let rows = [[cos, 0.0, sin, x], [0.0, 1.0, 0.0, y], [-sin, 0.0, cos, z]];
         mesh.transformed(&rows)
     }
 
@@ -166,6 +181,26 @@ mod tests {
         }
         let mut pairs = stands.positions.iter().zip(&turned.positions);
         assert!(pairs.any(|(a, b)| (a[0] - b[0]).abs() > 0.01), "not turned");
+        // Set down elsewhere, not turned, and still wholly seen.
+        let placed = many.clone().placed(0.2);
+        let by: Vec<[f32; 3]> = stands
+            .positions
+            .iter()
+            .zip(&placed.mesh(3).positions)
+            .map(|(a, b)| std::array::from_fn(|k| b[k] - a[k]))
+            .collect();
+        assert!(by.iter().all(|d| (0..3).all(|k| (d[k] - by[0][k]).abs() < 1e-6)));
+        assert!(by[0].iter().all(|d| d.abs() < 0.2 + 1e-6) && by[0].iter().any(|d| d.abs() > 0.01));
+        let edge = |k: usize| {
+            let (row, column) = (k / 40, k % 40);
+            row == 0 || row == 29 || column == 0 || column == 39
+        };
+        for object in 0..placed.entries().len() {
+            let views = placed.views(object, None, &ReadOptions::default(), &|_, _| ()).unwrap();
+            for view in views.views {
+                assert!((0..1200).filter(|&k| edge(k)).all(|k| view.mask.data[k] == 0), "cut off");
+            }
+        }
         let read = |which: Option<&[usize]>| {
             many.views(3, which, &ReadOptions::default(), &|_, _| ()).unwrap().views
         };
@@ -177,10 +212,6 @@ mod tests {
         for view in &all {
             let inside = view.mask.data.iter().filter(|&&m| m > 0).count();
             assert!(inside > 40, "{inside}");
-            let edge = |k: usize| {
-                let (row, column) = (k / 40, k % 40);
-                row == 0 || row == 29 || column == 0 || column == 39
-            };
             assert!((0..1200).filter(|&k| edge(k)).all(|k| view.mask.data[k] == 0), "cut off");
         }
     }
