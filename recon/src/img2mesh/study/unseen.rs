@@ -52,7 +52,7 @@ fn jobs(scale: Scale) -> Vec<(&'static str, &'static str, Config)> {
     }
     let quick: &[Change] = &[
         ("objects", "12"),
-        ("turned", "false"),
+        ("placed", "0"),
         ("test-objects", "3"),
         ("max-steps", "60"),
         ("image-size", "48"),
@@ -144,8 +144,9 @@ impl Study for UnseenStudy {
     }
 
     fn caption(&self, _: &str, _: Scale) -> String {
-        "200 objects to train, 40 others to test, the same for all seeds; each is turned about the vertical by an angle of its \
-         own, so that which way it faces can only be known with the cameras. Encoders train from scratch. \"cameras\": each \
+        "200 objects to train, 40 others to test, the same for all seeds; each is set down beside the middle by a vector of its \
+         own, up to 0.2 along each axis, so that where it is can only be known with the cameras: one view tells two of the three \
+         numbers, and each view only with its own camera. Encoders train from scratch. \"cameras\": each \
          view's camera is told to the model. Offsets at three levels unless said; each mesh is compared with the views given \
          and at least one more. Scored at eight cameras an object; Chamfer and F-score as in Occupancy Networks (longest \
          edge 1, threshold 0.01) with 10,000 points; three draws of views an object. The views of a row are those of the row \
