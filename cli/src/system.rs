@@ -11,11 +11,11 @@ use crate::args::{Global, SystemSettings};
 use crate::failure::Failure;
 
 macro_rules! systems {
-    ($($(#[doc = $doc:literal])+ $name:ident => $system:ty,)+) => {
+    ($($(#[$attribute:meta])+ $name:ident => $system:ty,)+) => {
         /// A system on the command line.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
         pub(crate) enum SystemName {
-            $($(#[doc = $doc])+ $name,)+
+            $($(#[$attribute])+ $name,)+
         }
 
         impl SystemName {
@@ -32,6 +32,12 @@ macro_rules! systems {
 systems! {
     /// Several views to one mesh, learned from pictures and masks.
     Img2mesh => recon::img2mesh::Img2Mesh,
+    /// One picture to a mesh in continuous time, learned from true surfaces.
+    #[value(name = "ode-pixel2mesh")]
+    OdePixel2mesh => recon::pixel2mesh::OdePixel2Mesh,
+    /// One picture to a mesh in three stages, learned from true surfaces.
+    #[value(name = "pixel2mesh")]
+    Pixel2mesh => recon::pixel2mesh::Pixel2Mesh,
 }
 
 /// Something that can be done with any system.

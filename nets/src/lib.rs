@@ -99,7 +99,7 @@ pub use linear::Linear;
 pub use mlp::Mlp;
 pub use multi_head_attention::MultiHeadAttention;
 pub use perceptual_pooling::{MapSampling, pool_features};
-pub use pixel2mesh_encoder::Pixel2MeshEncoder;
+pub use pixel2mesh_encoder::{EncoderInit, Pixel2MeshEncoder};
 pub use pooling::{AdaptiveAvgPool2d, AvgPool2d, MaxPool2d};
 pub use small_cnn::SmallCnn;
 pub use transformer_encoder::{

@@ -15,14 +15,13 @@ const STAGES: [(usize, usize); 6] = [(2, 3), (3, 3), (3, 3), (3, 3), (3, 5), (4,
 /// ```
 ///
 /// 3x3 kernels, but 5x5 where stages 4 and 5 halve; a ReLU after each. Four maps of together
-/// 960 channels. Convolutions are called `conv<stage>_<number>`, from 1 on; they begin with deviation
-/// 0.02 and biases of 0, as published.
+/// 960 channels. Convolutions are called `conv<stage>_<number>`, from 1 on.
 ///
 /// ```
 /// use autodiff_lite::Tape;
-/// use nets::{Init, Pixel2MeshEncoder};
+/// use nets::{EncoderInit, Init, Pixel2MeshEncoder};
 ///
-/// let encoder = Pixel2MeshEncoder::<f32>::new(&Init::new(0), [4, 4, 8, 8, 16, 16]);
+/// let encoder = Pixel2MeshEncoder::<f32>::new(&Init::new(0), [4, 4, 8, 8, 16, 16], EncoderInit::He);
 /// let tape = Tape::eval();
 /// let maps = encoder.forward(tape.constant(ndarray::Array4::zeros((1, 64, 64, 3))));
 /// assert_eq!(maps.map(|map| map.shape()), [[1, 16, 16, 8], [1, 8, 8, 8], [1, 4, 4, 16], [1, 2, 2, 16]]);
@@ -34,6 +33,18 @@ const STAGES: [(usize, usize); 6] = [(2, 3), (3, 3), (3, 3), (3, 3), (3, 5), (4,
 pub struct Pixel2MeshEncoder<F: Real = f32> {
     /// The convolutions, stage by stage.
     pub stages: Vec<Vec<Conv2d<F>>>,
+}
+
+/// How the encoder's weights begin; biases are 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EncoderInit {
+    /// Deviation `√(2 / inputs)`, inputs of the kernel: as large behind a layer as before it.
+    #[default]
+    He,
+    /// Deviation 0.02 whatever the layer, as published. Each of the 18 layers divides what passes by `√(9 C / 2) 0.02`
+    /// for `C` channels, a factor of 6 for 16 of them: with the published widths the coarsest map begins at about
+    /// 1e-7 of the picture, with narrower ones at nothing that a float can say.
+    Published,
 }
 
 impl<F: Real> Module<F> for Pixel2MeshEncoder<F> {
@@ -63,7 +74,7 @@ impl<F: Real> Pixel2MeshEncoder<F> {
     pub const PUBLISHED: [usize; 6] = [16, 32, 64, 128, 256, 512];
 
     /// With so many channels in the stages.
-    pub fn new(init: &Init, channels: [usize; 6]) -> Self {
+    pub fn new(init: &Init, channels: [usize; 6], first: EncoderInit) -> Self {
         let mut inputs = 3;
         let mut stage = |s: usize, (count, kernel): (usize, usize)| {
             let conv = |i: usize| {
@@ -74,7 +85,11 @@ impl<F: Real> Pixel2MeshEncoder<F> {
                 let geometry = if halves { geometry.stride(2) } else { geometry };
                 let shape = [channels[s], inputs, side, side];
                 inputs = channels[s];
-                let weight = at.at("weight").normal(&shape, 0.0, 0.02);
+                let deviation = match first {
+                    EncoderInit::He => (2.0 / (shape[1] * side * side) as f64).sqrt(),
+                    EncoderInit::Published => 0.02,
+                };
+                let weight = at.at("weight").normal(&shape, 0.0, deviation);
                 Conv2d { weight, bias: Some(at.at("bias").zeros(&[channels[s]])), geometry }
             };
             (0..count).map(conv).collect()
@@ -113,8 +128,9 @@ mod tests {
 
     #[test]
     fn the_published_sizes_and_names() {
+        let channels = Pixel2MeshEncoder::<f32>::PUBLISHED;
         let encoder =
-            Pixel2MeshEncoder::<f32>::new(&Init::new(0), Pixel2MeshEncoder::<f32>::PUBLISHED);
+            Pixel2MeshEncoder::<f32>::new(&Init::new(0), channels, EncoderInit::Published);
         assert_eq!(encoder.width(), 960);
         let mut paths = Vec::new();
         encoder.visit("encoder", &mut |path: &str, _: &_| paths.push(path.to_owned()));
@@ -139,7 +155,7 @@ mod tests {
 
     #[test]
     fn every_stage_halves_and_learns() {
-        let encoder = Pixel2MeshEncoder::<f32>::new(&Init::new(1), [4; 6]);
+        let encoder = Pixel2MeshEncoder::<f32>::new(&Init::new(1), [4; 6], EncoderInit::He);
         let tape = Tape::train(0);
         let images = Array4::from_shape_fn((2, 40, 56, 3), |(n, i, j, c)| {
             ((7 * n + 3 * i + 5 * j + c) % 11) as f32 / 11.0
@@ -152,5 +168,21 @@ mod tests {
         encoder.visit("", &mut |path: &str, param: &autodiff_lite::Param| {
             assert!(gradients.of(param).is_some(), "{path}");
         });
+    }
+
+    /// What the two first deviations leave of a picture in the coarsest map.
+    #[test]
+    fn the_published_deviation_fades() {
+        let root = |first: EncoderInit| {
+            let encoder = Pixel2MeshEncoder::<f32>::new(&Init::new(1), [16; 6], first);
+            let tape = Tape::eval();
+            let images = Array4::from_shape_fn((1, 64, 64, 3), |(_, i, j, c)| {
+                ((3 * i + 5 * j + c) % 11) as f32 / 11.0
+            });
+            let map = encoder.forward(tape.constant(images))[3].value();
+            (map.iter().map(|x| x * x).sum::<f32>() / map.len() as f32).sqrt()
+        };
+        let [he, published] = [EncoderInit::He, EncoderInit::Published].map(root);
+        assert!((0.05..5.0).contains(&he) && published < 1e-9, "{he} {published}");
     }
 }

@@ -127,6 +127,28 @@ pub fn turntable(mesh: &TriMesh) -> Result<Vec<u8>, FacesError> {
     Ok(encode_gif(&frames, 8))
 }
 
+/// Meshes one after another from one camera that sees all of them, as a GIF whose last frame stays for a while.
+///
+/// # Errors
+/// If a face names a vertex that is not there.
+pub fn animation(meshes: &[TriMesh]) -> Result<Vec<u8>, FacesError> {
+    /// How often the last frame is shown.
+    const STAYS: usize = 8;
+    let all: Vec<[f32; 3]> = meshes.iter().flat_map(|mesh| mesh.positions.clone()).collect();
+    let Some(bounds) = TriMesh::new(all, Vec::new()).bounds() else { return Ok(Vec::new()) };
+    let options = RenderOptions { background: BACKDROP, ..RenderOptions::default() };
+    // From the side and above: the second of eight around.
+    let camera = orbit(bounds, 8, 0.35, PICTURE).swap_remove(1);
+    let mut frames = Vec::with_capacity(meshes.len() + STAYS);
+    for mesh in meshes {
+        let views = render_views(mesh, std::slice::from_ref(&camera), &options, &|_, _| ())?;
+        frames.extend(views.into_iter().map(|view| view.color));
+    }
+    let last = frames.last().cloned();
+    frames.extend(last.into_iter().flat_map(|frame| std::iter::repeat_n(frame, STAYS)));
+    Ok(encode_gif(&frames, 8))
+}
+
 fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverError> {
     let fitted = delivery.fitted;
     let (scored_on, indices) = if fitted.held_out_views.is_empty() {

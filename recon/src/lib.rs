@@ -32,6 +32,8 @@
 //! - **make views with a known truth**: [`synthetic`]; whole datasets of them: [`mod@generate`]
 //! - **deliver**: [`delivery`] writes what a user keeps, from [`report`], [`turntable`] and [`output`]
 //! - **several views to one mesh, learned**: [`img2mesh`]
+//! - **one picture to a mesh, learned from true surfaces**: [`mod@pixel2mesh`], in continuous time and in stages; its data:
+//!   [`paired`]
 //! - **train a system**: [`train`](mod@train), the one loop, its run folders and checkpoints
 //! - **apply what was trained** to a user's files: [`predict`]
 //! - **make a published table again**: [`mod@reproduce`]
@@ -51,6 +53,8 @@ pub mod generate;
 pub mod img2mesh;
 pub mod inspect;
 pub mod output;
+pub mod paired;
+pub mod pixel2mesh;
 pub mod predict;
 pub mod report;
 pub mod reproduce;
@@ -58,3 +62,6 @@ pub mod settings;
 pub mod synthetic;
 pub mod train;
 pub mod turntable;
+
+mod shelf;
+mod stacked;

@@ -137,9 +137,16 @@ pub(super) fn seen<'a, 't, F: Real>(
     let [camera, maps @ ..] = inputs else {
         panic!("DeformationField: no inputs, expected cameras and feature maps");
     };
+    (project_points(y, *camera), maps)
+}
+
+/// Where points `[N, V, 3]` are seen by cameras `[N, 3, 4]`, as [`pool_features`](nets::pool_features) counts: `[N, V, 2]`,
+/// x to the right and y **down**, -1 to 1.
+#[track_caller]
+pub fn project_points<'t, F: Real>(points: Var<'t, F>, cameras: Var<'t, F>) -> Var<'t, F> {
     let (one, down) = (F::from_f64(1.0), F::from_f64(-1.0));
     let flip = ArrayD::from_shape_vec(vec![2], vec![one, down]).expect("two");
-    (y.project(*camera).slice_axis(2, 0..2) * y.tape().constant(flip), maps)
+    points.project(cameras).slice_axis(2, 0..2) * points.tape().constant(flip)
 }
 
 impl<F: Real> VectorField<F> for DeformationField<F> {

@@ -11,8 +11,8 @@ use rayon::prelude::*;
 
 use super::config::Img2MeshConfig;
 use super::prepared::Prepared;
-use super::shelf::Shelf;
 use crate::fit::cones;
+use crate::shelf::Shelf;
 use crate::synthetic::{Orbit, Procedural, RenderOptions, render_views};
 use crate::train::{DataError, Fingerprint};
 
@@ -41,7 +41,7 @@ pub struct Data {
 #[derive(Debug)]
 enum Objects {
     One(Vec<Arc<Prepared>>),
-    Many(Shelf),
+    Many(Shelf<Prepared>),
 }
 
 /// A group of views that is scored.
@@ -230,7 +230,9 @@ impl Data {
                 let object = self.train[item];
                 let mut choice: Vec<usize> = (0..shelf.count(object)).collect();
                 let (chosen, _) = choice.partial_shuffle(rng, group);
-                Ok(Sample { views: shelf.views(object, chosen, config)? })
+                Ok(Sample {
+                    views: shelf.views(object, chosen, &|view| Prepared::new(view, config))?,
+                })
             }
         }
     }
@@ -267,7 +269,8 @@ impl Data {
                 order.shuffle(&mut rng);
                 let last = views.max(order.len().saturating_sub(MOST_SCORED));
                 order.drain(views.min(order.len())..last.min(order.len()));
-                (shelf.views(object, &order, config)?, shelf.truth(object)?)
+                let views = shelf.views(object, &order, &|view| Prepared::new(view, config))?;
+                (views, shelf.truth(object)?.mesh)
             }
         };
         let (given, others) = all.split_at(views.min(all.len()));

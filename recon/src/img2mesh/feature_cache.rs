@@ -7,7 +7,7 @@ use autodiff_lite::{Tape, Var};
 
 use super::model::Model;
 use super::prepared::Prepared;
-use super::render::stacked;
+use crate::stacked::stacked;
 
 /// Numbers that are kept at most.
 const MOST: usize = 1 << 28;

@@ -28,7 +28,6 @@ mod offsets;
 mod prepared;
 mod render;
 mod score;
-mod shelf;
 mod study;
 #[cfg(test)]
 mod tests;
@@ -41,6 +40,7 @@ use mesh_core::TriMesh;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::stacked::stacked;
 use crate::train::{
     DataError, Draw, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
 };
@@ -48,7 +48,7 @@ use encoder::Encoder;
 use feature_cache::FeatureCache;
 use model::{Meshes, Model};
 use prepared::Prepared;
-use render::{Stage, stacked};
+use render::Stage;
 
 pub use config::{AttentionKind, EncoderKind, Img2MeshConfig, SilhouetteKind};
 pub use data::{Data, Sample};

@@ -5,6 +5,7 @@ use mesh_core::ByteImage;
 
 use super::config::Img2MeshConfig;
 use crate::evaluate::masked;
+use crate::shelf::Stored;
 use crate::train::{DataError, Fingerprint};
 
 /// One view, resized for encoder and losses, in bytes: thousands stay in memory.
@@ -21,6 +22,12 @@ pub(super) struct Prepared {
     camera: [[f64; 4]; 3],
     /// What tells pictures apart: features of frozen encoders are kept under it.
     pub(super) key: u64,
+}
+
+impl Stored for Prepared {
+    fn bytes(&self) -> usize {
+        self.image.len() + self.target.len() + self.mask.len()
+    }
 }
 
 impl Prepared {

@@ -2,13 +2,13 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use autodiff_lite::{Tape, Var};
+use autodiff_lite::Var;
 use diff_raster::{
     Faces, Fragments, Settings, antialiased_silhouette, interpolate, rasterize_into,
     soft_silhouette,
 };
 use mesh_core::{Topology, TriMesh};
-use ndarray::{ArrayD, Ix3, IxDyn};
+use ndarray::Ix3;
 
 use super::config::{Img2MeshConfig, SilhouetteKind};
 
@@ -94,41 +94,4 @@ fn repeat(x: Var<'_>, k: usize) -> Var<'_> {
     }
     let rows: Vec<u32> = (0..n as u32).flat_map(|i| std::iter::repeat_n(i, k)).collect();
     x.reshape(&[n, v * axes]).gather_rows(&rows).reshape(&[n * k, v, axes])
-}
-
-/// Parts of equal length, one after the other, as an array on the tape.
-pub(super) fn stacked<'t, 'a, T: Stackable>(
-    tape: &'t Tape,
-    parts: impl Iterator<Item = &'a [T]>,
-    shape: &[usize],
-) -> Var<'t> {
-    let mut array: ArrayD<f32> = tape.array(shape);
-    let mut rest = array.as_slice_mut().expect("arrays of a tape are contiguous");
-    for part in parts {
-        let (here, after) = rest.split_at_mut(part.len());
-        T::write(part, here);
-        rest = after;
-    }
-    debug_assert!(rest.is_empty(), "the parts fill {:?}", IxDyn(shape));
-    tape.constant(array)
-}
-
-/// What arrays are stacked from.
-pub(super) trait Stackable: Copy + 'static {
-    fn write(from: &[Self], to: &mut [f32]);
-}
-
-impl Stackable for f32 {
-    fn write(from: &[Self], to: &mut [f32]) {
-        to.copy_from_slice(from);
-    }
-}
-
-/// Bytes stand for 0 to 1.
-impl Stackable for u8 {
-    fn write(from: &[Self], to: &mut [f32]) {
-        for (to, &from) in to.iter_mut().zip(from) {
-            *to = f32::from(from) / 255.0;
-        }
-    }
 }

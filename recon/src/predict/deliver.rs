@@ -1,15 +1,15 @@
 //! From a prediction to the folder that a user keeps.
 
 use datasets::View;
-use mesh_core::Health;
 use mesh_core::io::write_mesh;
+use mesh_core::{Health, TriMesh};
 use serde::Serialize;
 
 use super::material::Material;
 use super::predictor::Prediction;
-use crate::delivery::{DeliverError, compare, mesh_table, score_figures, turntable};
+use crate::delivery::{DeliverError, animation, compare, mesh_table, score_figures, turntable};
 use crate::evaluate::ViewScores;
-use crate::output::OutputFolder;
+use crate::output::{OutputError, OutputFolder};
 use crate::report::{Figure, Report, Table, ViewPair};
 
 /// A prediction with all that its report says.
@@ -72,7 +72,8 @@ pub struct Metrics {
 }
 
 /// Scores a prediction and writes everything that a user keeps of it into the folder: `mesh.glb`,
-/// `mesh.obj`, `mesh.ply`, `turntable.gif`, `report.html` and `metrics.json`.
+/// `mesh.obj`, `mesh.ply`, `turntable.gif`, `report.html` and `metrics.json`; where the system deforms through time
+/// `deformation.gif` and the meshes of its frames in `sequence`.
 ///
 /// # Errors
 /// If the folder cannot be written or the mesh cannot be scored.
@@ -111,11 +112,27 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
     }
     let gif = turntable(mesh)?;
     folder.write("turntable.gif", &gif)?;
+    write_sequence(&delivery.prediction.sequence, folder)?;
     let json = serde_json::to_string_pretty(&metrics).expect("plain figures serialise");
     folder.write("metrics.json", (json + "\n").as_bytes())?;
     let page = report(delivery, &metrics, pairs, gif).to_html();
     folder.write("report.html", page.as_bytes())?;
     Ok(metrics)
+}
+
+/// The deformation as it goes: `deformation.gif`, and each mesh as `sequence/00.ply`, `01.ply` and so on.
+fn write_sequence(meshes: &[TriMesh], folder: &OutputFolder) -> Result<(), DeliverError> {
+    if meshes.is_empty() {
+        return Ok(());
+    }
+    folder.write("deformation.gif", &animation(meshes)?)?;
+    let below = folder.path().join("sequence");
+    std::fs::create_dir(&below)
+        .map_err(|source| OutputError::Io { path: below.clone(), source })?;
+    for (i, mesh) in meshes.iter().enumerate() {
+        write_mesh(below.join(format!("{i:02}.ply")), mesh)?;
+    }
+    Ok(())
 }
 
 fn report(

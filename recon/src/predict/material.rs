@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use datasets::{Layout, ReadOptions, View, Views, read_views};
+use mesh_core::Camera;
 
 use crate::train::DataError;
 
@@ -77,6 +78,56 @@ impl Material {
             material.warnings.extend(score.warnings);
         }
         Ok(material)
+    }
+
+    /// Material for systems of a single picture: the first of the chosen views is given, all others judge it. A path to
+    /// a picture will do; its camera is then assumed.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read); if the picture cannot be decoded or shows no object.
+    pub fn single(request: &Request<'_>) -> Result<Self, DataError> {
+        let extension = request.path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+        let picture = ["png", "jpg", "jpeg"].contains(&extension.to_lowercase().as_str());
+        if picture && request.path.is_file() {
+            return Self::picture(request.path);
+        }
+        let mut material = Self::read(request)?;
+        let rest = material.given.split_off(1);
+        material.others.splice(0..0, rest);
+        Ok(material)
+    }
+
+    /// A single picture of an object, cut out by its alpha channel or an even backdrop, as if taken by one of 3D-R2N2's
+    /// cameras.
+    fn picture(path: &Path) -> Result<Self, DataError> {
+        /// Middle of the elevations and of the distances of 3D-R2N2's renderings.
+        const ELEVATION: f64 = 27.5;
+        const DISTANCE: f64 = 0.8;
+        /// Difference of colours that still is backdrop.
+        const TOLERANCE: u8 = 24;
+        let picture =
+            mesh_core::read_image(path).map_err(|error| DataError::Unfit(error.to_string()))?;
+        let backdrop = || datasets::mask_from_backdrop(&picture.to_rgb(), None, TOLERANCE);
+        let mask = datasets::mask_from_alpha(&picture).unwrap_or_else(backdrop);
+        if mask.data.iter().all(|&m| m == 0) {
+            let text = format!(
+                "{}: no object in it, expected an alpha channel or an even backdrop",
+                path.display()
+            );
+            return Err(DataError::Unfit(text));
+        }
+        let camera = Camera::from_r2n2(0.0, ELEVATION, DISTANCE, picture.width, picture.height);
+        let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        let view = View { name, color: picture.to_rgb(), mask, camera, depth: None };
+        let warning = "the camera of a single picture is assumed: 35 mm on a sensor 32 mm wide, the object in the middle \
+                       and seen from 27.5 degrees above";
+        Ok(Self {
+            given: vec![view],
+            others: Vec::new(),
+            source: path.to_owned(),
+            layout: Layout::Photos,
+            warnings: vec![warning.to_owned()],
+        })
     }
 
     /// Parts views into given and others.

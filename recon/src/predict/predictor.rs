@@ -6,6 +6,7 @@ use mesh_core::TriMesh;
 
 use super::material::{Material, Request};
 use crate::img2mesh::Img2Mesh;
+use crate::pixel2mesh::{Deformer, SingleView};
 use crate::train::{DataError, System};
 
 /// How often a prediction is timed.
@@ -32,6 +33,36 @@ pub trait Predictor: System {
     /// # Errors
     /// Why the material does not serve, in one sentence.
     fn mesh(&self, material: &Material) -> Result<TriMesh, String>;
+
+    /// The mesh on its way from the template to the shape, first and last included, in the same world; empty where the
+    /// system goes there in one step.
+    ///
+    /// # Errors
+    /// Why the material does not serve, in one sentence.
+    fn sequence(&self, _material: &Material) -> Result<Vec<TriMesh>, String> {
+        Ok(Vec::new())
+    }
+}
+
+/// Meshes of a deformation through time.
+const FRAMES: usize = 25;
+
+impl<D: Deformer> Predictor for SingleView<D> {
+    const TRAINING: &'static str = D::TRAINING;
+
+    fn gather(&self, request: &Request<'_>) -> Result<Material, DataError> {
+        Material::single(request)
+    }
+
+    fn mesh(&self, material: &Material) -> Result<TriMesh, String> {
+        self.predict(&material.given)
+    }
+
+    fn sequence(&self, material: &Material) -> Result<Vec<TriMesh>, String> {
+        let picture = self.picture(&material.given)?;
+        let meshes = self.sequence_of(&picture, FRAMES).map_err(|error| error.to_string())?;
+        Ok(meshes.into_iter().map(|mesh| picture.frame.mesh_in_world(mesh)).collect())
+    }
 }
 
 impl Predictor for Img2Mesh {
@@ -50,6 +81,8 @@ pub struct Prediction {
     pub mesh: TriMesh,
     /// From decoded pictures to the mesh, the median of five: the first ones warm up.
     pub milliseconds: f64,
+    /// The mesh on its way, where the system has one.
+    pub sequence: Vec<TriMesh>,
 }
 
 /// Applies a system and takes the time.
@@ -69,5 +102,6 @@ pub fn predict<S: Predictor>(system: &S, material: &Material) -> Result<Predicti
         timed()?;
     }
     times.sort_by(f64::total_cmp);
-    Ok(Prediction { mesh, milliseconds: times[TIMED / 2] })
+    let sequence = system.sequence(material)?;
+    Ok(Prediction { mesh, milliseconds: times[TIMED / 2], sequence })
 }

@@ -3,11 +3,8 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use datasets::{Dataset, ReadOptions};
-use mesh_core::TriMesh;
+use datasets::{Dataset, Entry, ReadOptions, Truth, View};
 
-use super::config::Img2MeshConfig;
-use super::prepared::Prepared;
 use crate::train::DataError;
 
 /// Bytes of views that are kept at most; what is beyond is read again each time.
@@ -16,35 +13,41 @@ const BUDGET: usize = 6 << 30;
 /// A dataset, and the views of it that were prepared so far. What is returned does not depend on
 /// what is kept.
 #[derive(Debug)]
-pub(super) struct Shelf {
+pub(crate) struct Shelf<T> {
     dataset: Box<dyn Dataset>,
     options: ReadOptions,
-    kept: Vec<Vec<OnceLock<Arc<Prepared>>>>,
+    kept: Vec<Vec<OnceLock<Arc<T>>>>,
     bytes: AtomicUsize,
 }
 
-impl Shelf {
-    pub(super) fn new(dataset: Box<dyn Dataset>, options: ReadOptions) -> Self {
+/// A view as a system takes it.
+pub(crate) trait Stored: Sized {
+    /// Bytes of its arrays.
+    fn bytes(&self) -> usize;
+}
+
+impl<T: Stored> Shelf<T> {
+    pub(crate) fn new(dataset: Box<dyn Dataset>, options: ReadOptions) -> Self {
         let places = |views: usize| (0..views).map(|_| OnceLock::new()).collect();
         let kept = dataset.entries().iter().map(|entry| places(entry.views)).collect();
         Self { dataset, options, kept, bytes: AtomicUsize::new(0) }
     }
 
     /// How many views an object has.
-    pub(super) fn count(&self, object: usize) -> usize {
+    pub(crate) fn count(&self, object: usize) -> usize {
         self.kept[object].len()
     }
 
-    /// The named views of an object, in this order.
-    pub(super) fn views(
+    /// The named views of an object, in this order, each called after its object too.
+    pub(crate) fn views(
         &self,
         object: usize,
         which: &[usize],
-        config: &Img2MeshConfig,
-    ) -> Result<Vec<Arc<Prepared>>, DataError> {
+        prepare: &dyn Fn(&View) -> Result<T, DataError>,
+    ) -> Result<Vec<Arc<T>>, DataError> {
         let places = &self.kept[object];
         // Looked up once: what another thread keeps meanwhile must not change who is missing.
-        let mut found: Vec<Option<Arc<Prepared>>> =
+        let mut found: Vec<Option<Arc<T>>> =
             which.iter().map(|&view| places[view].get().map(Arc::clone)).collect();
         let missing: Vec<usize> = (0..which.len()).filter(|&i| found[i].is_none()).collect();
         if !missing.is_empty() {
@@ -59,10 +62,9 @@ impl Shelf {
                 );
                 return Err(DataError::Unfit(text));
             }
-            for (&i, view) in missing.iter().zip(&views.views) {
-                let mut prepared = Prepared::new(view, config)?;
-                prepared.name = format!("{name} view {}", view.name);
-                let prepared = Arc::new(prepared);
+            for (&i, mut view) in missing.iter().zip(views.views) {
+                view.name = format!("{name} view {}", view.name);
+                let prepared = Arc::new(prepare(&view)?);
                 self.keep(&places[which[i]], &prepared);
                 found[i] = Some(prepared);
             }
@@ -70,8 +72,8 @@ impl Shelf {
         Ok(found.into_iter().flatten().collect())
     }
 
-    fn keep(&self, place: &OnceLock<Arc<Prepared>>, prepared: &Arc<Prepared>) {
-        let bytes = prepared.image.len() + prepared.target.len() + prepared.mask.len();
+    fn keep(&self, place: &OnceLock<Arc<T>>, prepared: &Arc<T>) {
+        let bytes = prepared.bytes();
         // Another thread may have been faster, with the same.
         let room = self.bytes.load(Ordering::Relaxed) + bytes <= BUDGET;
         if room && place.set(Arc::clone(prepared)).is_ok() {
@@ -79,8 +81,13 @@ impl Shelf {
         }
     }
 
-    /// The true surface in the world of the cameras, where it is known.
-    pub(super) fn truth(&self, object: usize) -> Result<Option<TriMesh>, DataError> {
-        Ok(self.dataset.truth(object)?.mesh)
+    /// What is known of the true shape, in the world of the cameras.
+    pub(crate) fn truth(&self, object: usize) -> Result<Truth, DataError> {
+        Ok(self.dataset.truth(object)?)
+    }
+
+    /// What the dataset says of its objects.
+    pub(crate) fn entries(&self) -> &[Entry] {
+        self.dataset.entries()
     }
 }

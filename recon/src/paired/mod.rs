@@ -1,0 +1,31 @@
+//! One picture and the surface that it shows: what systems of a single view learn from.
+//!
+//! Everything lives in the frame of the picture's camera: the object in front of it, -z ahead, lengths multiplied by a
+//! factor (Pixel2Mesh: 0.57, which brings ShapeNet's objects about 0.8 before the camera).
+//!
+//! ```
+//! use recon::paired::{Pairs, PairsConfig};
+//!
+//! let config = PairsConfig {
+//!     image_size: 32,
+//!     objects: 2,
+//!     test_objects: 1,
+//!     families: vec!["airplane".into()],
+//!     ..PairsConfig::default()
+//! };
+//! let pairs = Pairs::synthetic(&config)?;
+//! assert_eq!((pairs.trained().len(), pairs.held().len()), (2, 1));
+//! let pair = pairs.pair(pairs.held()[0], 5)?;
+//! assert!(pair.truth.positions.iter().all(|p| p[2] < -0.3));
+//! # Ok::<(), recon::train::DataError>(())
+//! ```
+
+mod config;
+mod pairs;
+mod picture;
+mod score;
+
+pub use config::PairsConfig;
+pub use pairs::{Pair, Pairs, Surface};
+pub use picture::{Frame, Picture};
+pub use score::{EMD_POINTS, PointScores, point_scores};

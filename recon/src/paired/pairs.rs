@@ -1,0 +1,266 @@
+//! Objects with their pictures and surfaces.
+
+use std::sync::{Arc, OnceLock};
+
+use datasets::{Dataset, ReadOptions, Subset, SurfacePoints};
+use mesh_core::{TriMesh, sample_points};
+use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::config::PairsConfig;
+use super::picture::Picture;
+use crate::shelf::Shelf;
+use crate::synthetic::{Orbit, Placement, Procedural};
+use crate::train::{DataError, Fingerprint, Source};
+
+/// Points that are taken from the surface of an object once; each step takes some of them.
+const POOL: usize = 10_000;
+/// Objects whose content is told by the fingerprint.
+const HASHED: usize = 8;
+
+/// A dataset, parted into what is trained on and what is scored.
+#[derive(Debug)]
+pub struct Pairs {
+    shelf: Shelf<Picture>,
+    surfaces: Vec<OnceLock<Arc<Surface>>>,
+    train: Vec<usize>,
+    held: Vec<usize>,
+    side: usize,
+    scale: f64,
+    hash: u64,
+}
+
+/// A true surface, in the world.
+#[derive(Clone, Debug, Default)]
+pub struct Surface {
+    /// Points spread over it by area, or as the data gives them.
+    pub points: SurfacePoints,
+    /// Its mesh, where the data has one.
+    pub mesh: Option<TriMesh>,
+}
+
+/// A picture and the surface that it shows, in the frame of its camera.
+#[derive(Clone, Debug)]
+pub struct Pair {
+    /// What the network sees.
+    pub picture: Arc<Picture>,
+    /// Points on the surface with their normals.
+    pub truth: SurfacePoints,
+}
+
+impl Pairs {
+    /// Reads what the layout at a path offers, or makes procedural objects.
+    ///
+    /// # Errors
+    /// If files are damaged or there is no surface.
+    pub fn open(config: &PairsConfig, source: &Source<'_>) -> Result<Self, DataError> {
+        match source.path {
+            None => Self::synthetic(config),
+            Some(path) => {
+                let dataset = datasets::open_with(path, source.options)?;
+                Self::of(dataset, source.options.clone(), config)
+            }
+        }
+    }
+
+    /// Procedural objects of the configuration's families, seen as 3D-R2N2's renderings see ShapeNet's.
+    ///
+    /// # Errors
+    /// As [`of`](Self::of).
+    pub fn synthetic(config: &PairsConfig) -> Result<Self, DataError> {
+        let families = config.chosen_families().map_err(DataError::Unfit)?;
+        let orbit = Orbit {
+            count: config.synthetic_views,
+            placement: Placement::Random,
+            target: [0.0; 3],
+            distance: [0.65, 0.95].map(|ratio| 1.75 * ratio),
+            elevation: [25.0, 30.0],
+            fov_y: 2.0 * (16.0_f64 / 35.0).atan().to_degrees(),
+            width: config.image_size,
+            height: config.image_size,
+            seed: config.data_seed,
+        };
+        let set = Procedural::new(&families, config.objects, config.test_objects, orbit);
+        Self::of(Box::new(set), ReadOptions::default(), config)
+    }
+
+    /// A dataset. What its layout calls test or validation is scored, or else every `hold-out`th object.
+    ///
+    /// # Errors
+    /// If no object has a view, or the first ones cannot be read or have no surface.
+    pub fn of(
+        dataset: Box<dyn Dataset>,
+        options: ReadOptions,
+        config: &PairsConfig,
+    ) -> Result<Self, DataError> {
+        let root = dataset.root().display().to_string();
+        let shelf = Shelf::new(dataset, options);
+        let entries = shelf.entries();
+        let usable: Vec<usize> = (0..entries.len()).filter(|&i| entries[i].views > 0).collect();
+        if usable.is_empty() {
+            return Err(DataError::Unfit(format!("{root}: none of its objects has a view")));
+        }
+        let said = usable.iter().any(|&i| entries[i].subset.is_some_and(|s| s != Subset::Train));
+        let every = config.hold_out;
+        let (held, train): (Vec<usize>, Vec<usize>) =
+            usable.iter().partition(|&&i| match entries[i].subset {
+                Some(subset) if said => subset != Subset::Train,
+                _ if said => false,
+                _ => every > 0 && i % every == every - 1,
+            });
+        let mut hash = Fingerprint::new();
+        for entry in entries {
+            hash = hash.with(entry.category.as_bytes()).with(entry.name.as_bytes());
+            hash = hash.with(&entry.views.to_le_bytes());
+        }
+        let surfaces = (0..entries.len()).map(|_| OnceLock::new()).collect();
+        let held = if held.is_empty() { train.clone() } else { held };
+        let train = if train.is_empty() { held.clone() } else { train };
+        let (side, scale) = (config.image_size, config.scale);
+        let mut pairs = Self { shelf, surfaces, train, held, side, scale, hash: 0 };
+        for &object in pairs.train.iter().take(HASHED) {
+            let pair = pairs.pair(object, 0)?;
+            let points = pair.truth.positions.as_flattened().iter().flat_map(|x| x.to_le_bytes());
+            hash = hash.with(&pair.picture.image).with(&points.collect::<Vec<u8>>());
+        }
+        pairs.hash = hash.value();
+        Ok(pairs)
+    }
+
+    /// Objects that are trained on.
+    pub fn trained(&self) -> &[usize] {
+        &self.train
+    }
+
+    /// Objects that are scored: those that are held out, or all if none is.
+    pub fn held(&self) -> &[usize] {
+        &self.held
+    }
+
+    /// What an object is called: category and name.
+    pub fn name(&self, object: usize) -> [&str; 2] {
+        let entry = &self.shelf.entries()[object];
+        [&entry.category, &entry.name]
+    }
+
+    /// Views of an object.
+    pub fn views(&self, object: usize) -> usize {
+        self.shelf.count(object)
+    }
+
+    /// See [`Fingerprint`].
+    pub(crate) fn fingerprint(&self) -> u64 {
+        self.hash
+    }
+
+    /// One picture of an object and all points of its surface that are kept.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn pair(&self, object: usize, view: usize) -> Result<Pair, DataError> {
+        let (picture, surface) = (self.picture(object, view)?, self.surface(object)?);
+        let all: Vec<usize> = (0..surface.points.positions.len()).collect();
+        let truth = placed(&picture, &surface.points, &all);
+        Ok(Pair { picture, truth })
+    }
+
+    /// A random picture of an object and `points` random points of its surface.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn draw(
+        &self,
+        object: usize,
+        points: usize,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Pair, DataError> {
+        let view = rng.random_range(0..self.views(object));
+        let (picture, surface) = (self.picture(object, view)?, self.surface(object)?);
+        let truth = some_of(&picture, &surface, points, rng);
+        Ok(Pair { picture, truth })
+    }
+
+    /// The `k`-th of the pairs that are scored; `views` of each object.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn trial(&self, views: usize, k: usize) -> Result<(usize, Pair), DataError> {
+        let object = self.held[k / views];
+        let (count, nth) = (self.views(object), k % views);
+        // Spread over the views, and begun elsewhere for each object.
+        let view = (nth * count / views.min(count) + object) % count;
+        Ok((object, self.pair(object, view)?))
+    }
+
+    fn picture(&self, object: usize, view: usize) -> Result<Arc<Picture>, DataError> {
+        let prepare = |view: &datasets::View| Picture::new(view, self.side, self.scale);
+        let mut found = self.shelf.views(object, &[view], &prepare)?;
+        Ok(found.swap_remove(0))
+    }
+
+    /// The surface of an object, in the world.
+    ///
+    /// # Errors
+    /// If it cannot be read, or there is none.
+    pub fn surface(&self, object: usize) -> Result<Arc<Surface>, DataError> {
+        let place = &self.surfaces[object];
+        if let Some(surface) = place.get() {
+            return Ok(Arc::clone(surface));
+        }
+        let truth = self.shelf.truth(object)?;
+        let points = match (&truth.mesh, truth.points) {
+            (_, Some(points)) if !points.positions.is_empty() => points,
+            (Some(mesh), _) if !mesh.faces.is_empty() => {
+                let (positions, normals) = sample_points(mesh, POOL, object as u64);
+                SurfacePoints { positions, normals }
+            }
+            _ => {
+                let [category, name] = self.name(object);
+                return Err(DataError::Unfit(format!(
+                    "{category} {name}: no true surface; this system learns from meshes or points"
+                )));
+            }
+        };
+        let surface = Arc::new(Surface { points, mesh: truth.mesh });
+        Ok(Arc::clone(place.get_or_init(|| surface)))
+    }
+}
+
+/// Points of a surface in the frame of a picture: distinct ones while there are enough.
+fn some_of(
+    picture: &Picture,
+    surface: &Surface,
+    count: usize,
+    rng: &mut ChaCha8Rng,
+) -> SurfacePoints {
+    let there = surface.points.positions.len();
+    let chosen: Vec<usize> = if count <= there {
+        let mut all: Vec<usize> = (0..there).collect();
+        all.partial_shuffle(rng, count).0.to_vec()
+    } else {
+        (0..count).map(|i| if i < there { i } else { rng.random_range(0..there) }).collect()
+    };
+    placed(picture, &surface.points, &chosen)
+}
+
+fn placed(picture: &Picture, points: &SurfacePoints, chosen: &[usize]) -> SurfacePoints {
+    let frame = &picture.frame;
+    let normals = points.normals.len() == points.positions.len();
+    SurfacePoints {
+        positions: chosen.iter().map(|&i| frame.place(points.positions[i])).collect(),
+        normals: if normals {
+            chosen.iter().map(|&i| frame.turn(points.normals[i])).collect()
+        } else {
+            Vec::new()
+        },
+    }
+}
+
+/// As many of these points, drawn by a seed.
+pub(crate) fn subset(points: &[[f32; 3]], count: usize, seed: u64) -> Vec<[f32; 3]> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut all: Vec<usize> = (0..points.len()).collect();
+    let (chosen, _) = all.partial_shuffle(&mut rng, count);
+    chosen.iter().map(|&i| points[i]).collect()
+}

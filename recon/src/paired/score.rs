@@ -1,0 +1,122 @@
+//! How a predicted mesh compares with the true points, as the papers of Pixel2Mesh measure it.
+
+use datasets::SurfacePoints;
+use losses::kernels::assignment::{Assignment, assign, distance};
+use losses::metrics::point_distances;
+use mesh_core::{TriMesh, sample_points, vertex_normals};
+
+use super::pairs::subset;
+
+/// Points of each surface that the earth mover's distance pairs.
+pub const EMD_POINTS: usize = 512;
+/// Squared distances below which a point counts as found.
+const THRESHOLDS: [f64; 2] = [1e-4, 2e-4];
+
+/// Scores in the frame of the camera, in units of the scaled object.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PointScores {
+    /// Mean squared distance between predicted **vertices** and true points, both ways added, times 1000.
+    pub chamfer: f64,
+    /// F-score at a squared distance of 1e-4.
+    pub f_score: f64,
+    /// F-score at a squared distance of 2e-4.
+    pub f_score_double: f64,
+    /// Mean distance over the best pairing of [`EMD_POINTS`] surface points, exact, times 100.
+    pub earth_mover: f64,
+    /// Mean absolute cosine between the normals of nearest points, of both ways.
+    pub normals: f64,
+}
+
+impl PointScores {
+    /// With their names, and whether more is better.
+    pub fn named(&self) -> [(&'static str, f64, bool); 5] {
+        [
+            ("chamfer", self.chamfer, false),
+            ("f-score", self.f_score, true),
+            ("f-score-2", self.f_score_double, true),
+            ("emd", self.earth_mover, false),
+            ("normals", self.normals, true),
+        ]
+    }
+
+    /// The means of several.
+    pub fn mean(all: &[Self]) -> Self {
+        let mean = |f: fn(&Self) -> f64| all.iter().map(f).sum::<f64>() / all.len().max(1) as f64;
+        Self {
+            chamfer: mean(|s| s.chamfer),
+            f_score: mean(|s| s.f_score),
+            f_score_double: mean(|s| s.f_score_double),
+            earth_mover: mean(|s| s.earth_mover),
+            normals: mean(|s| s.normals),
+        }
+    }
+}
+
+/// Compares a mesh with true points, both in the frame of the camera.
+///
+/// Pixel2Mesh's protocol compares the predicted **vertices**, not points of the surface between them; the earth
+/// mover's distance, which needs as many points on either side, takes points spread over the surface.
+///
+/// # References
+/// Wang et al. 2018, *Pixel2Mesh*, section 4.1, as its code computes it.
+pub fn point_scores(mesh: &TriMesh, truth: &SurfacePoints) -> PointScores {
+    let finite = mesh.positions.as_flattened().iter().all(|x| x.is_finite());
+    if !finite || truth.positions.is_empty() {
+        let far = f64::NAN;
+        return PointScores { chamfer: far, earth_mover: far, ..PointScores::default() };
+    }
+    let found = point_distances(&mesh.positions, &truth.positions);
+    let (there, back) = found.chamfer(true);
+    let f = |threshold: f64| found.f_score(threshold.sqrt()).f_score;
+    let normals = if truth.normals.len() == truth.positions.len() {
+        let own = vertex_normals(&mesh.positions, &mesh.faces);
+        found.normal_consistency(&own, &truth.normals)
+    } else {
+        f64::NAN
+    };
+    PointScores {
+        chamfer: 1e3 * (there + back),
+        f_score: f(THRESHOLDS[0]),
+        f_score_double: f(THRESHOLDS[1]),
+        earth_mover: 1e2 * earth_mover(mesh, truth),
+        normals,
+    }
+}
+
+fn earth_mover(mesh: &TriMesh, truth: &SurfacePoints) -> f64 {
+    let (own, _) = sample_points(mesh, EMD_POINTS, 0);
+    let other = subset(&truth.positions, own.len(), 0);
+    let wide = |points: &[[f32; 3]]| -> Vec<[f64; 3]> {
+        points.iter().map(|p| p.map(f64::from)).collect()
+    };
+    let (a, b) = (wide(&own[..other.len().min(own.len())]), wide(&other));
+    if a.is_empty() {
+        return f64::NAN;
+    }
+    let pairs = assign(&a, &b, Assignment::Exact);
+    pairs.iter().enumerate().map(|(i, &j)| distance(a[i], b[j as usize])).sum::<f64>()
+        / a.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mesh_core::primitives::icosphere;
+
+    /// A sphere a little too large: all distances are the difference of the radii but for the spacing of the points.
+    #[test]
+    fn a_larger_ball_is_as_far_as_it_is_larger() {
+        let (ball, other) = (icosphere(4).scaled([0.2; 3]), icosphere(5).scaled([0.25; 3]));
+        let normals = vertex_normals(&other.positions, &other.faces);
+        let truth = SurfacePoints { positions: other.positions.clone(), normals };
+        let scores = point_scores(&ball, &truth);
+        assert!((scores.chamfer - 2.0 * 2.5).abs() < 0.1, "{scores:?}");
+        // Random points of either surface lie beside each other: the pairing pays for that too.
+        assert!((5.0..6.5).contains(&scores.earth_mover), "{scores:?}");
+        assert!(scores.normals > 0.999 && scores.f_score == 0.0);
+        let same = SurfacePoints { positions: ball.positions.clone(), normals: Vec::new() };
+        let scores = point_scores(&ball, &same);
+        assert_eq!((scores.chamfer, scores.f_score, scores.f_score_double), (0.0, 1.0, 1.0));
+        assert!(scores.normals.is_nan());
+    }
+}

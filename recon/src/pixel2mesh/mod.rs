@@ -1,0 +1,40 @@
+//! Pixel2Mesh: one picture to a mesh, learned from true surfaces; in stages as published, and in continuous time.
+//!
+//! ```text
+//! picture [N, S, S, 3] -> encoder -> maps of 1/4 to 1/32 of its side
+//! ellipsoid [N, V, 3] in front of the camera -> where each vertex is seen, features of the maps there
+//!   -> graph convolutions -> displacements        three times, from 156 to 2,466 vertices   (`pixel2mesh`)
+//!   -> graph convolutions -> velocities           integrated from a random time to 1        (`ode-pixel2mesh`)
+//! ```
+//!
+//! Features are read anew wherever the vertices then are. The losses compare with points of the true surface; see
+//! [`paired`](crate::paired) for the data and the frame.
+//!
+//! # References
+//! Wang et al. 2018, *Pixel2Mesh: Generating 3D Mesh Models from Single RGB Images*; the paper on neural ODEs for Pixel2Mesh.
+
+mod config;
+mod continuous;
+mod deformer;
+mod score;
+mod single_view;
+mod staged;
+mod template;
+#[cfg(test)]
+mod tests;
+
+pub use config::{
+    ActivationKind, AdjointKind, DeformationKind, EncoderInitKind, Method, OdeConfig, SamplingKind,
+    SharedConfig, StagesConfig,
+};
+pub use continuous::Continuous;
+pub use deformer::{Deformed, Deformer, Run, Stage};
+pub use score::Scored;
+pub use single_view::SingleView;
+pub use staged::Staged;
+pub use template::{Level, Template};
+
+/// The deformation in continuous time, and the residual networks that it is compared with.
+pub type OdePixel2Mesh = SingleView<Continuous>;
+/// Pixel2Mesh in stages.
+pub type Pixel2Mesh = SingleView<Staged>;

@@ -1,0 +1,112 @@
+//! Scores on what is held out, and what there is to show of them.
+
+use mesh_core::TriMesh;
+use rayon::prelude::*;
+
+use super::deformer::Deformer;
+use super::single_view::SingleView;
+use crate::paired::{Pairs, Picture, PointScores, point_scores};
+use crate::report::ViewPair;
+use crate::synthetic::{RenderOptions, render_views};
+use crate::train::{DataError, Metric, Shown};
+
+/// Objects shown together.
+const SHOWN: usize = 6;
+/// Side of the pictures that are shown, pixels.
+const SIDE: usize = 192;
+
+/// The scores of all pictures that are held out.
+#[derive(Clone, Debug, Default)]
+pub struct Scored {
+    /// One a picture: its object, its scores, the evaluations that its mesh took.
+    pub each: Vec<(usize, PointScores, usize)>,
+}
+
+impl Scored {
+    /// The means.
+    pub fn mean(&self) -> PointScores {
+        let all: Vec<PointScores> = self.each.iter().map(|(_, scores, _)| *scores).collect();
+        PointScores::mean(&all)
+    }
+
+    /// The mean number of evaluations.
+    pub fn evaluations(&self) -> f64 {
+        let sum: usize = self.each.iter().map(|(.., count)| count).sum();
+        sum as f64 / self.each.len().max(1) as f64
+    }
+
+    /// The means by name, and the evaluations.
+    pub fn metrics(&self) -> Vec<Metric> {
+        let named = self.mean().named();
+        let mut metrics: Vec<Metric> =
+            named
+                .into_iter()
+                .filter(|(name, value, _)| *name != "normals" || value.is_finite())
+                .map(|(name, value, larger)| {
+                    if larger { Metric::larger(name, value) } else { Metric::smaller(name, value) }
+                })
+                .collect();
+        metrics.push(Metric::smaller("evaluations", self.evaluations()));
+        metrics
+    }
+}
+
+impl<D: Deformer> SingleView<D> {
+    /// Scores on what is held out, picture by picture.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn scored(&self, data: &Pairs) -> Result<Scored, DataError> {
+        let views = self.shared().pairs.scored_views;
+        let one = |k: usize| -> Result<(usize, PointScores, usize), DataError> {
+            let (object, pair) = data.trial(views, k)?;
+            // What does not come to its end is no mesh at all.
+            let (mesh, evaluations) = self.mesh_of(&pair.picture).unwrap_or_default();
+            Ok((object, point_scores(&mesh, &pair.truth), evaluations))
+        };
+        let all: Vec<_> = (0..views * data.held().len()).into_par_iter().map(one).collect();
+        Ok(Scored { each: all.into_iter().collect::<Result<_, _>>()? })
+    }
+
+    /// Some pictures spread over all that are held out: the mesh from the picture's camera above the picture.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn gallery(&self, data: &Pairs) -> Result<Vec<ViewPair>, DataError> {
+        let shown = SHOWN.min(data.held().len());
+        let one = |i: usize| {
+            let (_, pair) = data.trial(1, i * data.held().len() / shown)?;
+            let (mesh, _) = self.mesh_of(&pair.picture).unwrap_or_default();
+            let scores = point_scores(&mesh, &pair.truth);
+            let caption = format!("{}: Chamfer {:.3}", pair.picture.name, scores.chamfer);
+            Ok(drawn(&pair.picture, mesh, caption))
+        };
+        (0..shown).map(one).collect()
+    }
+
+    pub(super) fn shown(&self, data: &Pairs) -> Result<Shown, DataError> {
+        let (_, pair) = data.trial(1, 0)?;
+        let (mesh, _) = self.mesh_of(&pair.picture).unwrap_or_default();
+        let mesh = pair.picture.frame.mesh_in_world(mesh);
+        Ok(Shown { views: self.gallery(data)?, mesh: Some(mesh) })
+    }
+}
+
+/// A mesh of the camera's frame, lit and seen from the camera, above the picture.
+fn drawn(picture: &Picture, mesh: TriMesh, caption: String) -> ViewPair {
+    let side = picture.camera.width;
+    let truth = mesh_core::ByteImage {
+        height: side,
+        width: side,
+        channels: 3,
+        data: picture.image.clone(),
+    };
+    let camera = picture.camera.resized(SIDE, SIDE);
+    let options = RenderOptions { background: [1.0; 3], ..RenderOptions::default() };
+    let mesh = picture.frame.mesh_in_world(mesh);
+    let rendered = render_views(&mesh, &[camera], &options, &|_, _| ());
+    let model = rendered.ok().and_then(|mut views| views.pop()).map(|view| view.color);
+    let truth = truth.resized(SIDE, SIDE);
+    let blank = || mesh_core::ByteImage { data: vec![255; 3 * SIDE * SIDE], ..truth.clone() };
+    ViewPair { caption, model: model.unwrap_or_else(blank), truth }
+}

@@ -1,0 +1,291 @@
+//! A system that makes a mesh from one picture, whatever deforms it.
+
+use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut};
+use datasets::View;
+use losses::{Directions, Matches};
+use mesh_core::TriMesh;
+use nets::{Init, Pixel2MeshEncoder};
+use ode_deform::solve::SolveError;
+
+use super::config::SharedConfig;
+use super::deformer::{Deformed, Deformer, Run, Stage};
+use super::template::Template;
+use crate::paired::{Pair, Pairs, Picture};
+use crate::stacked::stacked;
+use crate::train::{DataError, Draw, Metric, Moment, Shown, Source, Summary, System, Terms};
+
+/// An encoder, a template and what deforms it.
+#[derive(Debug)]
+pub struct SingleView<D: Deformer> {
+    pub(super) config: D::Config,
+    seed: u64,
+    encoder: Pixel2MeshEncoder,
+    pub(super) deformer: D,
+    pub(super) template: Template,
+}
+
+impl<D: Deformer> Module<f32> for SingleView<D> {
+    fn visit(&self, path: &str, visitor: &mut dyn Visitor<f32>) {
+        self.encoder.visit(&autodiff_lite::join_path(path, "encoder"), visitor);
+        self.deformer.visit(&autodiff_lite::join_path(path, "deformer"), visitor);
+    }
+
+    fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<f32>) {
+        self.encoder.visit_mut(&autodiff_lite::join_path(path, "encoder"), visitor);
+        self.deformer.visit_mut(&autodiff_lite::join_path(path, "deformer"), visitor);
+    }
+}
+
+impl<D: Deformer> SingleView<D> {
+    pub(super) fn shared(&self) -> &SharedConfig {
+        D::shared(&self.config)
+    }
+
+    /// The options.
+    pub fn config(&self) -> &D::Config {
+        &self.config
+    }
+
+    /// What deforms.
+    pub fn deformer(&self) -> &D {
+        &self.deformer
+    }
+
+    /// The same with other options of the deformation: other steps or another method, with the same parameters.
+    ///
+    /// # Panics
+    /// If the parameters of such a deformation have other shapes.
+    #[must_use]
+    pub fn with_config(&self, config: &D::Config) -> Self {
+        let mut other = Self::new(config, self.seed);
+        other.template = self.template.clone();
+        let mut values = Vec::new();
+        self.visit("", &mut |path: &str, param: &autodiff_lite::Param| {
+            values.push((path.to_owned(), param.clone()));
+        });
+        let mut values = values.into_iter();
+        other.visit_mut("", &mut |path: &str, param: &mut autodiff_lite::Param| {
+            let (from, value) = values.next().expect("as many parameters");
+            assert!(from == path && value.shape() == param.shape(), "with_config: {path} differs");
+            param.as_slice_mut().copy_from_slice(value.as_slice());
+        });
+        other
+    }
+
+    /// Meshes of pictures, in the frames of their cameras.
+    pub(super) fn deformed<'t>(
+        &self,
+        tape: &'t Tape,
+        pictures: &[&Picture],
+        run: Run,
+    ) -> Result<Deformed<'t>, SolveError> {
+        let (n, side) = (pictures.len(), self.shared().pairs.image_size);
+        let images = stacked(tape, pictures.iter().map(|p| &p.image[..]), &[n, side, side, 3]);
+        let camera = stacked(tape, pictures.iter().map(|p| &p.lens[..]), &[n, 3, 4]);
+        let maps = tape.scope("encoder", || self.encoder.forward(images));
+        let inputs: Vec<Var<'t>> = std::iter::once(camera).chain(maps).collect();
+        self.deformer.deform(&self.template, &inputs, run)
+    }
+
+    /// The mesh of one picture in the frame of its camera, and how many evaluations it took.
+    ///
+    /// # Errors
+    /// If an integration does not come to its end.
+    pub fn mesh_of(&self, picture: &Picture) -> Result<(TriMesh, usize), SolveError> {
+        let tape = Tape::eval();
+        let deformed = self.deformed(&tape, &[picture], Run::Test)?;
+        let last = deformed.stages.last().expect("a stage");
+        Ok((self.mesh(last.level, last.positions), deformed.stats.evaluations))
+    }
+
+    /// Meshes on the way from the ellipsoid to the shape, in the frame of the camera.
+    ///
+    /// # Errors
+    /// If an integration does not come to its end.
+    pub fn sequence_of(
+        &self,
+        picture: &Picture,
+        frames: usize,
+    ) -> Result<Vec<TriMesh>, SolveError> {
+        let tape = Tape::eval();
+        let run = Run::Sequence { frames: frames.max(2) };
+        let deformed = self.deformed(&tape, &[picture], run)?;
+        let level = |mesh: &Var<'_>| {
+            let vertices = mesh.shape()[1];
+            let of = |level: &super::Level| level.mesh.positions.len() == vertices;
+            self.template.levels.iter().position(of).expect("a level of the template")
+        };
+        Ok(deformed.sequence.iter().map(|mesh| self.mesh(level(mesh), *mesh)).collect())
+    }
+
+    fn mesh(&self, level: usize, positions: Var<'_>) -> TriMesh {
+        let value = positions.value();
+        let rows = value.as_slice().unwrap_or_default().as_chunks::<3>().0.to_vec();
+        TriMesh::new(rows, self.template.levels[level].mesh.faces.clone())
+    }
+
+    fn stage_terms<'t>(
+        &self,
+        stage: &Stage<'t>,
+        truth: Var<'t>,
+        normals: &[f32],
+        sums: &mut [Option<Var<'t>>; 5],
+    ) {
+        let shared = self.shared();
+        let level = &self.template.levels[stage.level];
+        let (edges, neighbours) = (&level.topology.edges, &level.topology.vertex_vertices);
+        let mut matches = Matches::default();
+        matches.find(stage.positions, truth);
+        let ways = Directions { x_to_y: shared.chamfer_back, y_to_x: 1.0 };
+        let vertices = level.mesh.positions.len() as f32;
+        let moved = stage.positions - stage.before;
+        let mut add = |which: usize, value: Var<'t>| {
+            sums[which] = Some(sums[which].map_or(value, |sum| sum + value));
+        };
+        add(0, losses::chamfer_distance(stage.positions, truth, &matches, ways));
+        add(1, losses::edge_length(stage.positions, edges, 0.0));
+        if shared.normal_weight > 0.0 && !normals.is_empty() {
+            add(2, losses::edge_normal(stage.positions, edges, normals, matches.x_to_y()));
+        }
+        if shared.laplacian_weight > 0.0 {
+            let change = losses::laplacian_squared(moved, neighbours);
+            add(3, change.scale(stage.laplacian as f32 / vertices));
+        }
+        if shared.move_weight > 0.0 && stage.displacement > 0.0 {
+            add(4, moved.square().mean().scale(3.0 * stage.displacement as f32));
+        }
+    }
+}
+
+impl<D: Deformer> System for SingleView<D> {
+    const NAME: &'static str = D::NAME;
+    const PRESETS: &'static [(&'static str, &'static str)] = D::PRESETS;
+    const BEST: &'static str = "chamfer";
+
+    type Config = D::Config;
+    type Data = Pairs;
+    type Sample = Pair;
+    type Input = [View];
+    type Prediction = TriMesh;
+
+    fn check(config: &D::Config) -> Result<Summary, Vec<String>> {
+        let problems = D::check(config);
+        if !problems.is_empty() {
+            return Err(problems);
+        }
+        let shared = D::shared(config);
+        let (side, channels) = (shared.pairs.image_size, &shared.channels);
+        let maps: Vec<String> = (2..6)
+            .map(|stage| {
+                let side = side.div_ceil(1 << stage);
+                format!("[N, {side}, {side}, {}]", channels[stage])
+            })
+            .collect();
+        let (deformer, inside) = D::size(config);
+        let mut shapes = vec![
+            ("picture".to_owned(), format!("[N, {side}, {side}, 3]")),
+            ("maps".to_owned(), maps.join(", ")),
+        ];
+        shapes.extend(inside);
+        let vertices = 2 + (156 - 2) * 4_usize.pow(shared.level);
+        shapes.push(("mesh".to_owned(), format!("[N, {vertices}, 3], {} faces", 2 * vertices - 4)));
+        let encoder = shared.encoder_parameters();
+        shapes.push(("trained in the encoder".to_owned(), encoder.to_string()));
+        shapes.push(("trained in the deformation".to_owned(), deformer.to_string()));
+        Ok(Summary { trainable: encoder + deformer, frozen: 0, shapes })
+    }
+
+    fn new(config: &D::Config, seed: u64) -> Self {
+        let init = Init::new(seed);
+        let shared = D::shared(config);
+        let template = Template::new(shared.level);
+        let encoder = Pixel2MeshEncoder::new(
+            &init.at("encoder"),
+            shared.channels,
+            shared.encoder_init.into(),
+        );
+        let deformer = D::new(config, &init.at("deformer"), &template);
+        Self { config: config.clone(), seed, encoder, deformer, template }
+    }
+
+    fn open(config: &D::Config, source: &Source<'_>) -> Result<Pairs, DataError> {
+        Pairs::open(&D::shared(config).pairs, source)
+    }
+
+    fn fingerprint(data: &Pairs) -> u64 {
+        data.fingerprint()
+    }
+
+    fn epoch_len(&self, data: &Pairs) -> usize {
+        data.trained().len()
+    }
+
+    fn draw(&self, data: &Pairs, draw: &Draw) -> Result<Pair, DataError> {
+        let object = data.trained()[draw.item];
+        data.draw(object, self.shared().pairs.points, &mut draw.rng())
+    }
+
+    fn name_of(sample: &Pair) -> String {
+        sample.picture.name.clone()
+    }
+
+    fn loss<'t>(&self, tape: &'t Tape, batch: &[Pair], at: Moment) -> Terms<'t> {
+        let pictures: Vec<&Picture> = batch.iter().map(|pair| &*pair.picture).collect();
+        let run = Run::Training { seed: self.seed, step: at.step };
+        let count = batch[0].truth.positions.len();
+        let points = batch.iter().map(|pair| pair.truth.positions.as_flattened());
+        let truth = stacked(tape, points, &[batch.len(), count, 3]);
+        let normals: Vec<f32> =
+            batch.iter().flat_map(|pair| pair.truth.normals.as_flattened()).copied().collect();
+        let normals = if normals.len() == 3 * count * batch.len() { &normals[..] } else { &[] };
+        let zero = || tape.constant(ndarray::arr0(0.0));
+        let mut sums = [None; 5];
+        match self.deformed(tape, &pictures, run) {
+            Ok(deformed) => {
+                for stage in &deformed.stages {
+                    self.stage_terms(stage, truth, normals, &mut sums);
+                }
+            }
+            // The loop stops at what is not a number, and names the step and the samples.
+            Err(_) => sums[0] = Some(tape.constant(ndarray::arr0(f32::NAN))),
+        }
+        let shared = self.shared();
+        let mut terms = Terms::new();
+        for (name, weight, sum) in [
+            ("chamfer", shared.chamfer_weight, sums[0]),
+            ("edge", shared.edge_weight, sums[1]),
+            ("normal", shared.normal_weight, sums[2]),
+            ("laplacian", shared.laplacian_weight, sums[3]),
+            ("move", shared.move_weight, sums[4]),
+        ] {
+            if weight > 0.0 {
+                terms = terms.with(name, weight, sum.unwrap_or_else(zero));
+            }
+        }
+        terms
+    }
+
+    fn evaluate(&self, data: &Pairs) -> Result<Vec<Metric>, DataError> {
+        Ok(self.scored(data)?.metrics())
+    }
+
+    fn show(&self, data: &Pairs) -> Result<Shown, DataError> {
+        self.shown(data)
+    }
+
+    /// The mesh in the world of the camera, from the first view.
+    fn predict(&self, views: &[View]) -> Result<TriMesh, String> {
+        let picture = self.picture(views)?;
+        let (mesh, _) = self.mesh_of(&picture).map_err(|error| error.to_string())?;
+        Ok(picture.frame.mesh_in_world(mesh))
+    }
+}
+
+impl<D: Deformer> SingleView<D> {
+    /// The first view as the network takes it.
+    pub(crate) fn picture(&self, views: &[View]) -> Result<Picture, String> {
+        let view = views.first().ok_or("no view: a mesh is made from one picture")?;
+        let pairs = &self.shared().pairs;
+        Picture::new(view, pairs.image_size, pairs.scale).map_err(|error| error.to_string())
+    }
+}

@@ -1,0 +1,174 @@
+//! The mesh that is deformed, and the graphs over it.
+
+use autodiff_lite::SparseMatrix;
+use datasets::pixel2mesh::Ellipsoid;
+use mesh_core::primitives::pixel2mesh_ellipsoid;
+use mesh_core::{Topology, TriMesh};
+
+use crate::train::DataError;
+
+/// Pixel2Mesh's ellipsoid at several levels, from coarse to fine.
+#[derive(Clone, Debug)]
+pub struct Template {
+    /// At least one.
+    pub levels: Vec<Level>,
+}
+
+/// One level.
+#[derive(Clone, Debug)]
+pub struct Level {
+    /// In the camera's frame.
+    pub mesh: TriMesh,
+    /// Its edges and neighbours.
+    pub topology: Topology,
+    /// The Chebyshev term `2 L / λmax - I` over its vertices: what a [`ChebyshevConv`](nets::ChebyshevConv) sums over.
+    pub support: SparseMatrix,
+    /// From this level's vertices to the next one's: themselves, then the midpoints of edges. None at the last.
+    pub unpool: Option<SparseMatrix>,
+}
+
+impl Template {
+    /// Our ellipsoid, subdivided `level` times.
+    pub fn new(level: u32) -> Self {
+        let meshes: Vec<TriMesh> = (0..=level).map(pixel2mesh_ellipsoid).collect();
+        let pairs = meshes.iter().take(level as usize).map(midpoints).collect();
+        Self::of(meshes, pairs)
+    }
+
+    /// The published one, from `info_ellipsoid.dat` with the faces beside it: what weights trained elsewhere need.
+    ///
+    /// # Errors
+    /// If a file is damaged, or the faces are missing.
+    pub fn read(path: &str, level: u32) -> Result<Self, DataError> {
+        let ellipsoid = Ellipsoid::open(path)?;
+        let levels = (level as usize + 1).min(ellipsoid.levels.len());
+        if ellipsoid.levels.iter().take(levels).any(|level| level.faces.is_empty()) {
+            let text = format!("{path}: no faces, expected face1.obj to face3.obj beside it");
+            return Err(DataError::Unfit(text));
+        }
+        let meshes = (0..levels).map(|level| ellipsoid.mesh(level)).collect();
+        let pairs = ellipsoid.levels.iter().take(levels - 1).map(|level| level.pairs.clone());
+        Ok(Self::of(meshes, pairs.collect()))
+    }
+
+    fn of(meshes: Vec<TriMesh>, pairs: Vec<Vec<[u32; 2]>>) -> Self {
+        let mut pairs = pairs.into_iter();
+        let level = |mesh: TriMesh| {
+            let topology = Topology::new(mesh.positions.len(), &mesh.faces);
+            let support = chebyshev(&topology);
+            let unpool = pairs.next().map(|pairs| unpool(mesh.positions.len(), &pairs));
+            Level { mesh, topology, support, unpool }
+        };
+        Self { levels: meshes.into_iter().map(level).collect() }
+    }
+
+    /// The finest level.
+    pub fn finest(&self) -> &Level {
+        self.levels.last().expect("a template has a level")
+    }
+}
+
+/// The pairs of vertices whose midpoints the next level appends, in its order.
+fn midpoints(mesh: &TriMesh) -> Vec<[u32; 2]> {
+    Topology::new(mesh.positions.len(), &mesh.faces).edges
+}
+
+fn unpool(vertices: usize, pairs: &[[u32; 2]]) -> SparseMatrix {
+    let own = (0..vertices).map(|v| (v, v, 1.0));
+    let new = pairs
+        .iter()
+        .enumerate()
+        .flat_map(|(i, pair)| pair.map(|v| (vertices + i, v as usize, 0.5)));
+    let entries: Vec<(usize, usize, f32)> = own.chain(new).collect();
+    SparseMatrix::from_triplets(vertices + pairs.len(), vertices, &entries)
+        .expect("pairs name vertices")
+}
+
+/// `2 L / λmax - I` of the normalised Laplacian `L = I - D^-1/2 A D^-1/2`.
+fn chebyshev(topology: &Topology) -> SparseMatrix {
+    let n = topology.vertex_count();
+    let degree = |v: usize| topology.vertex_vertices.row(v).len() as f64;
+    let mut rows: Vec<(usize, usize, f64)> = (0..n).map(|v| (v, v, 1.0)).collect();
+    for v in 0..n {
+        for &u in topology.vertex_vertices.row(v) {
+            let u = u as usize;
+            rows.push((v, u, -1.0 / (degree(v) * degree(u)).sqrt()));
+        }
+    }
+    let factor = 2.0 / largest_eigenvalue(n, &rows);
+    let entry = |&(v, u, l): &(usize, usize, f64)| {
+        let own = if v == u { 1.0 } else { 0.0 };
+        (v, u, (factor * l - own) as f32)
+    };
+    let entries: Vec<_> = rows.iter().map(entry).collect();
+    SparseMatrix::from_triplets(n, n, &entries).expect("vertices")
+}
+
+/// Of a symmetric matrix whose eigenvalues are not negative, by the power method.
+fn largest_eigenvalue(n: usize, entries: &[(usize, usize, f64)]) -> f64 {
+    /// The relative change at which it stands still; published values have four digits.
+    const STILL: f64 = 1e-9;
+    const MOST: usize = 5000;
+    // Any vector that is not orthogonal to the eigenvector will do.
+    let mut x: Vec<f64> =
+        (0..n).map(|i| ((i * i + 7 * i + 3) % 101) as f64 / 101.0 - 0.5).collect();
+    let mut before = 0.0;
+    for _ in 0..MOST {
+        let norm = x.iter().map(|x| x * x).sum::<f64>().sqrt();
+        for x in &mut x {
+            *x /= norm;
+        }
+        let mut y = vec![0.0; n];
+        for &(row, column, value) in entries {
+            y[row] += value * x[column];
+        }
+        let found: f64 = x.iter().zip(&y).map(|(x, y)| x * y).sum();
+        x = y;
+        if (found - before).abs() < STILL * found {
+            return found;
+        }
+        before = found;
+    }
+    before
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_support_is_the_definition() {
+        let ball = mesh_core::primitives::icosphere(0);
+        let topology = Topology::new(ball.positions.len(), &ball.faces);
+        let support = chebyshev(&topology);
+        // Icosahedron: L has eigenvalues 1 - μ/5 with μ the adjacency's, the least being -√5.
+        let largest = 1.0 + 5.0_f64.sqrt() / 5.0;
+        let diagonal = 2.0 / largest - 1.0;
+        let off = -2.0 / largest / 5.0;
+        let dense = |i: usize, j: usize| {
+            let rows = support.view();
+            let range = rows.offsets[i] as usize..rows.offsets[i + 1] as usize;
+            let at = range.clone().find(|&k| rows.indices[k] as usize == j);
+            at.map_or(0.0, |k| f64::from(rows.values[k]))
+        };
+        assert!((dense(0, 0) - diagonal).abs() < 1e-6);
+        let neighbour = topology.vertex_vertices.row(0)[0] as usize;
+        assert!((dense(0, neighbour) - off).abs() < 1e-6);
+    }
+
+    #[test]
+    fn levels_unpool_into_one_another() {
+        let template = Template::new(2);
+        let counts: Vec<usize> = template.levels.iter().map(|l| l.mesh.positions.len()).collect();
+        assert_eq!(counts, [156, 618, 2466]);
+        let tape = autodiff_lite::Tape::eval();
+        for pair in template.levels.windows(2) {
+            let coarse = ndarray::Array2::from(pair[0].mesh.positions.clone());
+            let unpool = pair[0].unpool.as_ref().expect("not the last");
+            let fine = tape.constant(coarse).sparse_matmul(unpool).value();
+            for (found, expected) in fine.iter().zip(pair[1].mesh.positions.as_flattened()) {
+                assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+            }
+        }
+    }
+}
