@@ -73,7 +73,7 @@ impl<F: Real> BatchNorm2d<F> {
         let tape = x.tape();
         let (weight, bias) = (tape.param(&self.weight), tape.param(&self.bias));
         if !tape.is_training() {
-            return affine(x, self.fold(), activation);
+            return affine(x, self.scale_and_shift(), activation);
         }
         let (y, seen) = x.batch_norm(weight, bias, self.eps, activation);
         let momentum = F::from_f64(self.momentum);
@@ -82,7 +82,8 @@ impl<F: Real> BatchNorm2d<F> {
         y
     }
 
-    fn fold(&self) -> [Vec<F>; 2] {
+    /// What it is with its running statistics: `x scale + shift`.
+    pub(crate) fn scale_and_shift(&self) -> [Vec<F>; 2] {
         let [w, b, mean, variance] =
             [&self.weight, &self.bias, &self.running_mean, &self.running_var].map(Param::as_slice);
         fold(w, b, mean, variance, self.eps)
@@ -130,9 +131,14 @@ impl<F: Real> FrozenBatchNorm2d<F> {
     /// [`forward`](Self::forward) and an activation.
     #[track_caller]
     pub fn forward_then<'t>(&self, x: Var<'t, F>, activation: Activation) -> Var<'t, F> {
+        affine(x, self.scale_and_shift(), activation)
+    }
+
+    /// What it is: `x scale + shift`.
+    pub(crate) fn scale_and_shift(&self) -> [Vec<F>; 2] {
         let [w, b, mean, variance] =
             [&self.weight, &self.bias, &self.running_mean, &self.running_var].map(Param::as_slice);
-        affine(x, fold(w, b, mean, variance, self.eps), activation)
+        fold(w, b, mean, variance, self.eps)
     }
 }
 

@@ -35,10 +35,10 @@
 //! |---|---|
 //! | initial values | [`Init`] |
 //! | layers | [`Linear`], [`Mlp`], [`Conv2d`], [`ConvTranspose2d`], [`MaxPool2d`], [`AvgPool2d`], [`AdaptiveAvgPool2d`], [`Dropout`] |
-//! | norms | [`BatchNorm2d`], [`BatchNorm1d`], [`FrozenBatchNorm2d`], [`LayerNorm`], [`GroupNorm`] |
+//! | norms | [`BatchNorm2d`], [`BatchNorm1d`], [`FrozenBatchNorm2d`], [`Norm`] (either of them), [`LayerNorm`], [`GroupNorm`] |
 //! | attention | [`MultiHeadAttention`], [`TransformerEncoderLayer`], [`TransformerEncoder`] |
 //! | graphs | [`GraphConv`] (Mesh R-CNN), [`ChebyshevConv`] (Pixel2Mesh), [`GraphResBlock`], [`GraphBottleneck`] |
-//! | image encoders | [`SmallCnn`], [`Vgg16`], [`ConvFrontEnd`] |
+//! | image encoders | [`SmallCnn`], [`Vgg16`], [`ResNet`], [`ConvFrontEnd`] |
 //! | weights from files, freezing | [`LoadWeights`], [`read_weights`], [`freeze`], [`unfreeze`] |
 //!
 //! # Conventions
@@ -74,9 +74,11 @@ mod layer_norm;
 mod linear;
 mod mlp;
 mod multi_head_attention;
+mod norm;
 mod perceptual_pooling;
 mod pixel2mesh_encoder;
 mod pooling;
+mod resnet;
 mod small_cnn;
 mod transformer_encoder;
 mod vgg;
@@ -98,9 +100,11 @@ pub use layer_norm::LayerNorm;
 pub use linear::Linear;
 pub use mlp::Mlp;
 pub use multi_head_attention::MultiHeadAttention;
+pub use norm::{Norm, NormKind};
 pub use perceptual_pooling::{MapSampling, pool_features};
 pub use pixel2mesh_encoder::{EncoderInit, Pixel2MeshEncoder};
 pub use pooling::{AdaptiveAvgPool2d, AvgPool2d, MaxPool2d};
+pub use resnet::{BlockKind, ResNet, ResNetConfig, ResidualBlock};
 pub use small_cnn::SmallCnn;
 pub use transformer_encoder::{
     FeedForward, NormPlacement, TransformerConfig, TransformerEncoder, TransformerEncoderLayer,

@@ -204,3 +204,28 @@ fn hostile_programs_end() {
         run(program);
     }
 }
+
+/// A stem of four channels keeps its own filters for the fourth.
+#[test]
+fn stems_are_widened() {
+    let conv = |seed: u64, inputs: usize| {
+        Conv2d::<f32>::new(&Init::new(seed), inputs, 2, 3, ConvGeometry::new())
+    };
+    let (narrow, mut wide) = (conv(1, 3), conv(2, 4));
+    let own = wide.weight.value.clone();
+    let mut state = State::new();
+    state.add_module("", &narrow);
+    LoadWeights::strict().widen("weight").load_state(state.clone(), &mut wide).unwrap();
+    for ((o, c, u, v), &w) in
+        wide.weight.value.view().into_dimensionality::<ndarray::Ix4>().unwrap().indexed_iter()
+    {
+        let expected = if c < 3 { narrow.weight.value[[o, c, u, v]] } else { own[[o, c, u, v]] };
+        assert_eq!(w, expected);
+    }
+    assert_eq!(wide.bias.unwrap().value, narrow.bias.unwrap().value);
+    // Only the second axis may differ, and only so far as was said.
+    let mut other = conv(3, 4);
+    assert!(LoadWeights::strict().load_state(state.clone(), &mut other).is_err());
+    let mut less = conv(3, 2);
+    assert!(LoadWeights::strict().widen("weight").load_state(state, &mut less).is_err());
+}

@@ -27,7 +27,7 @@ mod pth;
 use std::path::Path;
 
 use autodiff_lite::state::{Mismatch, State};
-use autodiff_lite::{Module, Real};
+use autodiff_lite::{Module, Param, Real};
 
 pub use error::WeightsError;
 pub use freeze::{freeze, unfreeze};
@@ -77,6 +77,7 @@ enum Strictness {
 pub struct LoadWeights {
     strictness: Strictness,
     map: NameMap,
+    widened: Vec<String>,
 }
 
 impl LoadWeights {
@@ -101,6 +102,28 @@ impl LoadWeights {
     /// If a rule cannot be read.
     pub fn map(self, rules: &str) -> Result<Self, MapError> {
         Ok(Self { map: rules.parse()?, ..self })
+    }
+
+    /// Lets the array of this name (after renaming) have fewer input channels, its second axis, in
+    /// the file than in the module. Those there are copied; the module keeps its own values in the
+    /// others, so that a network for colour and depth begins as one for colour:
+    ///
+    /// ```
+    /// use nets::{Init, LoadWeights, ResNet, ResNetConfig};
+    /// use autodiff_lite::state::State;
+    ///
+    /// let config = ResNetConfig { width: 4, ..ResNetConfig::resnet18() };
+    /// let mut state = State::new(); // as it would be read from a file
+    /// state.add_module("", &ResNet::<f32>::new(&Init::new(0), &config));
+    /// let config = ResNetConfig { inputs: 4, ..config };
+    /// let mut net = ResNet::<f32>::new(&Init::new(1), &config);
+    /// LoadWeights::strict().widen("conv1.weight").load_state(state, &mut net)?;
+    /// # Ok::<(), nets::WeightsError>(())
+    /// ```
+    #[must_use]
+    pub fn widen(mut self, name: &str) -> Self {
+        self.widened.push(name.to_owned());
+        self
     }
 
     /// Loads a file into the module. The result says what differed and was allowed to.
@@ -135,9 +158,12 @@ impl LoadWeights {
         state: State,
         module: &mut (impl Module<F> + ?Sized),
     ) -> Result<Mismatch, WeightsError> {
-        let state = state
+        let mut state = state
             .renamed(|name| self.map.apply(name))
             .map_err(|name| WeightsError::Twice { path: path.to_owned(), name })?;
+        for name in &self.widened {
+            widen(&mut state, name, module);
+        }
         let found = state.compare_module("", module);
         let allowed = match self.strictness {
             Strictness::Strict => found == Mismatch::default(),
@@ -155,4 +181,18 @@ impl LoadWeights {
         state.load_matching("", module);
         Ok(found)
     }
+}
+
+/// Fills up the second axis of an array with the module's own values, if that is all it lacks.
+fn widen<F: Real>(state: &mut State, name: &str, module: &(impl Module<F> + ?Sized)) {
+    let Some(stored) = state.array::<F>(name) else { return };
+    module.visit("", &mut |path: &str, param: &Param<F>| {
+        let (file, own) = (stored.shape(), param.shape());
+        let fits = path == name && file.len() == own.len() && file.len() > 1;
+        if fits && file[0] == own[0] && file[1] < own[1] && file[2..] == own[2..] {
+            let mut filled = param.value.to_owned();
+            filled.slice_axis_mut(ndarray::Axis(1), (..file[1]).into()).assign(&stored);
+            state.insert(name, own, filled.as_slice().expect("parameters are row-major"));
+        }
+    });
 }
