@@ -34,11 +34,13 @@
 //! | for | see |
 //! |---|---|
 //! | initial values | [`Init`] |
-//! | layers | [`Linear`], [`Mlp`], [`Conv2d`], [`ConvTranspose2d`], [`MaxPool2d`], [`AvgPool2d`], [`AdaptiveAvgPool2d`], [`Dropout`] |
+//! | layers | [`Linear`], [`WeightNormLinear`], [`Mlp`], [`PointMlp`], [`Conv2d`], [`ConvTranspose2d`], [`MaxPool2d`], [`AvgPool2d`], [`AdaptiveAvgPool2d`], [`Dropout`] |
 //! | norms | [`BatchNorm2d`], [`BatchNorm1d`], [`FrozenBatchNorm2d`], [`Norm`] (either of them), [`LayerNorm`], [`GroupNorm`] |
 //! | attention | [`MultiHeadAttention`], [`TransformerEncoderLayer`], [`TransformerEncoder`] |
 //! | graphs | [`GraphConv`] (Mesh R-CNN), [`ChebyshevConv`] (Pixel2Mesh), [`GraphResBlock`], [`GraphBottleneck`] |
 //! | image encoders | [`SmallCnn`], [`Vgg16`], [`ResNet`], [`ConvFrontEnd`] |
+//! | images from maps | [`ImageDecoder`] |
+//! | networks that measure | [`InceptionV3`], [`Vgg16`] with [`LpipsWeights`] |
 //! | weights from files, freezing | [`LoadWeights`], [`read_weights`], [`freeze`], [`unfreeze`] |
 //!
 //! # Conventions
@@ -68,20 +70,25 @@ mod dropout;
 mod graph_bottleneck;
 mod graph_conv;
 mod group_norm;
+mod image_decoder;
+mod inception;
 mod indexed;
 mod init;
 mod layer_norm;
 mod linear;
+mod lpips_weights;
 mod mlp;
 mod multi_head_attention;
 mod norm;
 mod perceptual_pooling;
 mod pixel2mesh_encoder;
+mod point_mlp;
 mod pooling;
 mod resnet;
 mod small_cnn;
 mod transformer_encoder;
 mod vgg;
+mod weight_norm;
 mod weights;
 
 pub use activation::activate;
@@ -94,15 +101,19 @@ pub use dropout::Dropout;
 pub use graph_bottleneck::{GraphBottleneck, GraphResBlock};
 pub use graph_conv::{ChebyshevConv, GraphConv};
 pub use group_norm::GroupNorm;
+pub use image_decoder::{ImageDecoder, PreactivatedBlock};
+pub use inception::{Branch, ConvNormRelu, InceptionKind, InceptionV3, Mixed, MixedPool};
 pub use indexed::Indexed;
 pub use init::{FanMode, Init, Nonlinearity, fans};
 pub use layer_norm::LayerNorm;
 pub use linear::Linear;
+pub use lpips_weights::LpipsWeights;
 pub use mlp::Mlp;
 pub use multi_head_attention::MultiHeadAttention;
 pub use norm::{Norm, NormKind};
 pub use perceptual_pooling::{MapSampling, pool_features};
 pub use pixel2mesh_encoder::{EncoderInit, Pixel2MeshEncoder};
+pub use point_mlp::{PointMlp, PointMlpConfig};
 pub use pooling::{AdaptiveAvgPool2d, AvgPool2d, MaxPool2d};
 pub use resnet::{BlockKind, ResNet, ResNetConfig, ResidualBlock};
 pub use small_cnn::SmallCnn;
@@ -110,6 +121,7 @@ pub use transformer_encoder::{
     FeedForward, NormPlacement, TransformerConfig, TransformerEncoder, TransformerEncoderLayer,
 };
 pub use vgg::Vgg16;
+pub use weight_norm::{WeightNormLinear, weight_norm};
 pub use weights::{
     LoadWeights, MapError, NameMap, WeightsError, freeze, read_weights, unfreeze,
     weights_from_bytes,

@@ -114,11 +114,20 @@ impl<F: Real> Vgg16<F> {
     pub fn forward_maps<'t>(&self, x: Var<'t, F>) -> Vec<Var<'t, F>> {
         let (mut x, mut maps, mut layers) = (x, Vec::new(), self.features.iter());
         for block in &BLOCKS[..self.pools()] {
-            for conv in layers.by_ref().take(block.len()) {
-                x = conv.forward_then(x, Activation::Relu);
-            }
-            x = x.max_pool2d(PoolGeometry::square(2));
+            x = run(&mut layers, block.len(), x).max_pool2d(PoolGeometry::square(2));
             maps.push(x);
+        }
+        maps
+    }
+
+    /// The maps before each pool, largest first: `relu1_2`, `relu2_2`, `relu3_3`, `relu4_3`,
+    /// `relu5_3`, which perceptual distances compare. The last pool is not computed.
+    #[track_caller]
+    pub fn forward_before_pools<'t>(&self, x: Var<'t, F>) -> Vec<Var<'t, F>> {
+        let (mut maps, mut layers): (Vec<Var<'t, F>>, _) = (Vec::new(), self.features.iter());
+        for block in &BLOCKS[..self.pools()] {
+            let x = maps.last().map_or(x, |map| map.max_pool2d(PoolGeometry::square(2)));
+            maps.push(run(&mut layers, block.len(), x));
         }
         maps
     }
@@ -144,6 +153,16 @@ impl<F: Real> Vgg16<F> {
         }
         x
     }
+}
+
+/// The next `count` convolutions, each with its ReLU.
+#[track_caller]
+fn run<'t, 'a, F: Real>(
+    layers: &mut impl Iterator<Item = &'a Conv2d<F>>,
+    count: usize,
+    x: Var<'t, F>,
+) -> Var<'t, F> {
+    layers.take(count).fold(x, |x, conv| conv.forward_then(x, Activation::Relu))
 }
 
 /// The convolutions of the first `pools` blocks, under their indices in a `Sequential` in which
@@ -191,6 +210,20 @@ mod tests {
         assert_eq!(vgg.parameter_count(), 14_714_688);
         for pools in 1..=5 {
             assert_eq!(Vgg16::<f32>::features_until_pool(&Init::new(0), pools).pools(), pools);
+        }
+    }
+
+    #[test]
+    fn maps_before_and_after_pools_belong_together() {
+        let vgg = Vgg16::<f32>::features_until_pool(&Init::new(2), 3);
+        let tape = Tape::eval();
+        let image =
+            Array4::from_shape_fn((1, 16, 9, 3), |(_, i, j, c)| ((i + 2 * j) % (c + 2)) as f32);
+        let x = tape.constant(image);
+        let (before, after) = (vgg.forward_before_pools(x), vgg.forward_maps(x));
+        assert_eq!((before.len(), before[0].shape()), (3, vec![1, 16, 9, 64]));
+        for (before, after) in before.iter().zip(after) {
+            assert_eq!(before.max_pool2d(PoolGeometry::square(2)).value(), after.value());
         }
     }
 

@@ -1,0 +1,7 @@
+//! Whole networks against those of PyTorch and torchvision, on weights that both sides make by one
+//! rule (`fixtures/make_resnet.py`, `fixtures/make_mcmr.py`). One program, so that it is compiled once.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod mcmr;
+mod resnet;
+mod rule;
