@@ -26,6 +26,7 @@
 //! |---|---|
 //! | images | [`l1`], [`l2`] (with a mask if wanted), [`ssim_loss`] |
 //! | silhouettes | [`mask_iou`], [`mask_bce`] (and [`l2`]) |
+//! | depth maps | [`ScaleShiftInvariant`] on [`disparity`] (scale and shift), [`log_depth`] (scale); their parts: [`align_scale_shift`], [`normalize_depth`], [`depth_l2`], [`depth_l1_trimmed`], [`depth_gradients`] |
 //! | flat, unfolded surfaces | [`face_angle`], [`normal_consistency`] |
 //! | even, smooth surfaces | [`edge_length`], [`edge_length_sum`], [`laplacian_squared`], [`laplacian_norm`] |
 //! | small deformations | [`deformation_norm`] |
@@ -51,6 +52,7 @@ pub mod metrics;
 
 mod chamfer;
 mod deformation;
+mod depth;
 mod earth_mover;
 mod edge;
 mod edge_normal;
@@ -67,11 +69,16 @@ mod testing;
 
 pub use chamfer::{Directions, Matches, chamfer, chamfer_distance, chamfer_normals};
 pub use deformation::deformation_norm;
+pub use depth::{
+    DepthMean, Robustness, ScaleShiftInvariant, align_scale_shift, depth_gradients,
+    depth_l1_trimmed, depth_l2, disparity, log_depth, normalize_depth,
+};
 pub use earth_mover::earth_mover;
 pub use edge::{edge_length, edge_length_sum};
 pub use edge_normal::edge_normal;
 pub use face_angle::{face_angle, normal_consistency};
 pub use image::{l1, l2};
+pub use kernels::alignment::ScaleShift;
 pub use kernels::assignment::Assignment;
 pub use laplacian::{laplacian_norm, laplacian_squared};
 pub use mask::{mask_bce, mask_iou};

@@ -1,5 +1,6 @@
 //! Plain slices in, plain slices out; no tape.
 
+pub mod alignment;
 pub mod assignment;
 pub mod chunks;
 pub mod compare;
