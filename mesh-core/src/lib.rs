@@ -31,9 +31,11 @@
 //!   [`uniform_laplacian`], [`combinatorial_laplacian`], [`cotangent_laplacian`] as [`SparseRows`]
 //! - **smooth steps**: [`DiffusionSolver`], `(I + λ L) x = b`
 //! - **points and cells**: [`sample_surface`], [`nearest`], [`ClosestPoint`]; [`voxelize_solid`], [`voxelize_surface`],
-//!   [`voxelize_parity`], [`voxelize_enclosed`], [`VoxelGrid::iou`]
-//! - **see**: [`Camera`] with every convention that data comes in; [`Image`], [`ByteImage`], [`DepthMap`]
-//! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB), [`read_image`], [`write_png`], EXR depth;
+//!   [`voxelize_parity`], [`voxelize_enclosed`], [`VoxelGrid::iou`]; back to a mesh by [`cubify`]; the cells that a
+//!   camera sees, [`CameraVolume`]
+//! - **see**: [`Camera`] with every convention that data comes in; [`Image`], [`ByteImage`], [`DepthMap`],
+//!   [`DisparityMap`] and the [`GroundPlane`] that estimators make up
+//! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB), [`read_image`], [`write_png`], EXR depth, PFM;
 //!   module [`io`]
 //!
 //! # Conventions
@@ -59,6 +61,7 @@
 mod camera;
 mod closest;
 mod csr;
+mod cubify;
 mod differential;
 mod diffusion;
 mod health;
@@ -77,11 +80,12 @@ mod vector;
 mod voxel;
 
 pub use camera::{
-    Camera, CameraError, ColmapCamera, KaolinCamera, Lens, OpenCvCamera, Projected,
+    Camera, CameraError, CameraVolume, ColmapCamera, KaolinCamera, Lens, OpenCvCamera, Projected,
     Pytorch3dCamera, R2n2View, Ray, WeakPerspective,
 };
 pub use closest::{Closest, ClosestPoint};
 pub use csr::Csr;
+pub use cubify::{EmptyGrid, cubify};
 pub use differential::{
     SparseRows, combinatorial_laplacian, cotangent_laplacian, cotangent_weights, uniform_laplacian,
     vertex_areas,
@@ -89,9 +93,10 @@ pub use differential::{
 pub use diffusion::{DiffusionSolver, SolveReport};
 pub use health::Health;
 pub use image::{
-    ByteImage, DepthMap, Image, ImageError, decode_depth, decode_depth_png, decode_image,
-    encode_depth, encode_exr, encode_png, linear_to_srgb, read_depth, read_depth_png, read_image,
-    srgb_to_linear, write_depth, write_png,
+    ByteImage, DepthMap, DisparityMap, GroundPlane, Image, ImageError, decode_depth,
+    decode_depth_png, decode_image, decode_pfm, encode_depth, encode_exr, encode_pfm, encode_png,
+    linear_to_srgb, read_depth, read_depth_png, read_image, read_pfm, srgb_to_linear, write_depth,
+    write_pfm, write_png,
 };
 pub use io::{ReadMeshError, WriteError, read_mesh, write_mesh};
 pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_into};

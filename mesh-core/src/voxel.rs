@@ -34,6 +34,53 @@ impl VoxelGrid {
         Self { dims, origin: low, cell, bits: vec![false; cells] }
     }
 
+    /// The cells whose value is at least `threshold`; values are in the order of [`bits`](Self::bits). Not a
+    /// number is not occupied.
+    ///
+    /// # Panics
+    /// As [`new`](Self::new), or if there is not one value per cell.
+    pub fn from_values(
+        dims: [usize; 3],
+        bounds: ([f32; 3], [f32; 3]),
+        values: &[f32],
+        threshold: f32,
+    ) -> Self {
+        let mut grid = Self::new(dims, bounds);
+        assert_eq!(values.len(), grid.bits.len(), "VoxelGrid: values of {dims:?} cells");
+        for (bit, &value) in grid.bits.iter_mut().zip(values) {
+            *bit = value >= threshold;
+        }
+        grid
+    }
+
+    /// [`from_values`](Self::from_values) of values with z fastest, then x, then y, as a network leaves
+    /// them that has the steps in depth in its channels: `[H, W, C]`.
+    ///
+    /// # Panics
+    /// As [`from_values`](Self::from_values).
+    pub fn from_channels(
+        dims: [usize; 3],
+        bounds: ([f32; 3], [f32; 3]),
+        values: &[f32],
+        threshold: f32,
+    ) -> Self {
+        let mut grid = Self::new(dims, bounds);
+        assert_eq!(values.len(), grid.bits.len(), "VoxelGrid: values of {dims:?} cells");
+        for (bit, &place) in grid.bits.iter_mut().zip(&channel_order(dims)) {
+            *bit = values[place] >= threshold;
+        }
+        grid
+    }
+
+    /// 1 where a cell is occupied, in the order of [`from_channels`](Self::from_channels).
+    pub fn to_channels(&self) -> Vec<f32> {
+        let mut values = vec![0.0; self.bits.len()];
+        for (&bit, place) in self.bits.iter().zip(channel_order(self.dims)) {
+            values[place] = f32::from(u8::from(bit));
+        }
+        values
+    }
+
     /// Where cell `(x, y, z)` stands in `bits`.
     pub fn index(&self, [x, y, z]: [usize; 3]) -> usize {
         debug_assert!(x < self.dims[0] && y < self.dims[1] && z < self.dims[2]);
@@ -128,6 +175,12 @@ impl VoxelGrid {
         let (low, high) = (low.floor().clamp(0.0, last), (high.floor() + 1.0).clamp(0.0, last));
         low as usize..high as usize
     }
+}
+
+/// For each cell in the order of `bits` its place among values with z fastest, then x, then y.
+fn channel_order([nx, ny, nz]: [usize; 3]) -> Vec<usize> {
+    let cells = (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])));
+    cells.map(|[x, y, z]| (y * nx + x) * nz + z).collect()
 }
 
 /// The cells that the surface of a mesh touches, borders of cells included.
@@ -394,6 +447,24 @@ mod tests {
         let mut hollow = primitives::cuboid([2.0; 3]);
         hollow.append(&primitives::cuboid([1.0; 3]).flipped()).unwrap();
         assert_eq!(voxelize_solid(&hollow, dims, BOX).volume(), 7.0);
+    }
+
+    #[test]
+    fn values_in_either_order() {
+        let (dims, bounds) = ([2, 3, 4], ([0.0; 3], [2.0, 3.0, 4.0]));
+        // Each value names its cell: 100 z + 10 y + x.
+        let named = |x: usize, y: usize, z: usize| (100 * z + 10 * y + x) as f32;
+        let plain: Vec<f32> = (0..24).map(|i| named(i % 2, i / 2 % 3, i / 6)).collect();
+        let deep: Vec<f32> = (0..24).map(|i| named(i / 4 % 2, i / 8, i % 4)).collect();
+        for threshold in [0.0, 1.0, 111.0, 321.0, 400.0] {
+            let grid = VoxelGrid::from_values(dims, bounds, &plain, threshold);
+            assert_eq!(grid, VoxelGrid::from_channels(dims, bounds, &deep, threshold));
+            let expected: Vec<f32> =
+                deep.iter().map(|&v| f32::from(u8::from(v >= threshold))).collect();
+            assert_eq!(grid.to_channels(), expected);
+        }
+        let odd = VoxelGrid::from_values([1; 3], ([0.0; 3], [1.0; 3]), &[f32::NAN], 0.0);
+        assert_eq!(odd.count(), 0);
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod opengl;
 mod project;
 mod pytorch3d;
 mod r2n2;
+mod volume;
 mod weak_perspective;
 
 pub use colmap::ColmapCamera;
@@ -21,6 +22,7 @@ pub use opencv::OpenCvCamera;
 pub use project::{Projected, Ray};
 pub use pytorch3d::Pytorch3dCamera;
 pub use r2n2::R2n2View;
+pub use volume::CameraVolume;
 pub use weak_perspective::WeakPerspective;
 
 use nalgebra::{Matrix3, Vector3};

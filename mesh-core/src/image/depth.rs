@@ -11,6 +11,19 @@ pub struct DepthMap {
     pub data: Vec<f32>,
 }
 
+/// One over the depth per pixel, larger where it is nearer; `+inf` where nothing is known.
+///
+/// What MiDaS and its like estimate is of an unknown scale, shifted by an unknown amount.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DisparityMap {
+    /// Number of rows.
+    pub height: usize,
+    /// Number of columns.
+    pub width: usize,
+    /// `height * width` disparities, row-major, row 0 at the top.
+    pub data: Vec<f32>,
+}
+
 /// Files write "nothing here" as 1e10 (Blender), 65504 (half floats) or infinity; depths of real
 /// scenes end well below this.
 const FAR: f32 = 1e9;

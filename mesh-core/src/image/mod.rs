@@ -1,17 +1,21 @@
-//! Images: `f32` for arithmetic, bytes for what files hold, planar depth; PNG, JPEG and EXR.
+//! Images: `f32` for arithmetic, bytes for what files hold, planar depth and disparity; PNG, JPEG, EXR and PFM.
 
 mod color;
 mod depth;
 mod error;
 mod exr;
 mod file;
+mod ground;
+mod pfm;
 mod resize;
 
 pub use color::{linear_to_srgb, srgb_to_linear};
-pub use depth::DepthMap;
+pub use depth::{DepthMap, DisparityMap};
 pub use error::ImageError;
 pub use exr::{decode_depth, encode_depth, encode_exr, read_depth, write_depth};
 pub use file::{decode_depth_png, decode_image, encode_png, read_depth_png, read_image, write_png};
+pub use ground::GroundPlane;
+pub use pfm::{decode_pfm, encode_pfm, read_pfm, write_pfm};
 
 /// An image of floats, `[H, W, C]`, row-major, row 0 at the top; sRGB in `[0, 1]`.
 #[derive(Clone, Debug, Default, PartialEq)]
