@@ -32,7 +32,7 @@
 //! | small deformations | [`deformation_norm`] |
 //! | point sets | [`chamfer`], [`chamfer_distance`] and [`chamfer_normals`] over [`Matches`], [`earth_mover`] |
 //! | edges in a true surface | [`edge_normal`] |
-//! | geometry that carries gradients | [`vertex_normals`], [`face_normals`], [`surface_points`] |
+//! | geometry that carries gradients | [`vertex_normals`], [`face_normals`], [`surface_points`], [`surface_normals`] |
 //!
 //! # Metrics
 //! [`metrics`] compares images, masks, point sets and meshes; two meshes are compared under a named
@@ -84,4 +84,4 @@ pub use laplacian::{laplacian_norm, laplacian_squared};
 pub use mask::{mask_bce, mask_iou};
 pub use normals::{face_normals, vertex_normals};
 pub use ssim::ssim_loss;
-pub use surface::surface_points;
+pub use surface::{surface_normals, surface_points};

@@ -17,6 +17,7 @@ struct Scene {
     image: Tensor,
     target: Tensor,
     mask: Tensor,
+    depth: Tensor,
     faces: Vec<[u32; 3]>,
     topology: Topology,
     pairs: Vec<FacePair>,
@@ -45,6 +46,7 @@ impl Scene {
             image: image(0),
             target: image(17),
             mask: image(5).slice(s![.., .., .., 0]).to_owned().into_dyn().into_shared(),
+            depth: image(9).slice(s![.., .., .., 0]).mapv(|v| 1.1 - v).into_dyn().into_shared(),
             pairs: topology.face_pairs(&ball.faces),
             samples: sample_surface(&ball, 3000, 1),
             faces: ball.faces,
@@ -60,6 +62,10 @@ impl Scene {
             let image = tape.leaf(self.image.clone());
             let target = tape.constant(self.target.clone());
             let mask = tape.constant(self.mask.clone());
+            // Above zero, as depth is.
+            let far = tape.constant(self.depth.clone());
+            let near =
+                image.slice_axis(3, 0..1).reshape(&[2, 96, 160]).map(|v| v + 0.3, |_, _| 1.0);
             let cloud = tape.constant(self.cloud.clone());
             let points = losses::surface_points(x, &self.faces, &self.samples);
             matches.find(points, cloud);
@@ -70,6 +76,15 @@ impl Scene {
                 losses::ssim_loss(image, target),
                 losses::mask_iou(image, target),
                 losses::mask_bce(image, target),
+                losses::ScaleShiftInvariant::least_squares().loss(near, far, mask),
+                losses::ScaleShiftInvariant::trimmed().loss(near, far, mask),
+                losses::log_depth(
+                    losses::disparity(near),
+                    far,
+                    mask,
+                    0.5,
+                    losses::DepthMean::Images,
+                ),
                 losses::face_angle(x, &self.faces, &self.topology.edge_faces),
                 losses::normal_consistency(x, &self.topology.edges, &self.pairs),
                 losses::edge_length(x, &self.topology.edges, 0.1),
@@ -79,6 +94,7 @@ impl Scene {
                 losses::deformation_norm(x),
                 losses::vertex_normals(x, &self.faces).square().mean(),
                 losses::face_normals(x, &self.faces).square().mean(),
+                losses::surface_normals(x, &self.faces, &self.samples).square().mean(),
                 losses::chamfer_distance(points, cloud, matches, Directions::default()),
                 losses::chamfer_normals(points, cloud, matches, Directions::default()),
             ];

@@ -9,6 +9,9 @@ use proptest::prelude::*;
 use super::*;
 use crate::testing;
 
+/// The same, with options of its own.
+type Configured<'a> = dyn for<'t> Fn(Var<'t, f64>, Var<'t, f64>, Var<'t, f64>) -> Var<'t, f64> + 'a;
+
 type Loss = for<'t> fn(Var<'t, f64>, Var<'t, f64>, Var<'t, f64>) -> Var<'t, f64>;
 
 fn least_squares<'t>(x: Var<'t, f64>, y: Var<'t, f64>, m: Var<'t, f64>) -> Var<'t, f64> {
@@ -59,7 +62,7 @@ proptest! {
         let options = Options { kinked_fraction: 0.3, ..testing::options(seed) };
         // Of very few pixels the spread may be next to nothing, and slopes as steep as it is small.
         prop_assume!(mask.outer_iter().all(|m| m.sum() != 2.0));
-        let checked = |f: &dyn for<'t> Fn(Var<'t, f64>, Var<'t, f64>, Var<'t, f64>) -> Var<'t, f64>| {
+        let checked = |f: &Configured<'_>| {
             let whole = function(|v| {
                 let tape = v[0].tape();
                 f(v[0], tape.constant(y.clone()), tape.constant(mask.clone()))

@@ -2,6 +2,7 @@
 //!
 //! - images: [`l1`], [`mse`], [`psnr`], [`psnr_inside`], [`ssim`]
 //! - masks: [`mask_iou`], [`overlap`]
+//! - depth maps: [`depth_error`]
 //! - point sets: [`point_distances`] and what follows from them ([`PointDistances`])
 //! - meshes: [`evaluate`] under a published [`Protocol`]; [`voxel_iou`], [`mcmr_iou`]
 //!
@@ -10,6 +11,7 @@
 //! [`Protocol`] that made it, and that protocol is part of the serialised [`Report`].
 
 mod bounds;
+mod depth;
 mod image;
 mod mcmr;
 mod points;
@@ -17,6 +19,7 @@ mod protocol;
 mod report;
 mod voxel;
 
+pub use depth::{DepthError, depth_error};
 pub use image::{l1, mask_iou, mse, overlap, psnr, psnr_inside, ssim};
 pub use mcmr::{McmrAlignment, mcmr_iou};
 pub use points::{FScore, PointDistances, point_distances};
