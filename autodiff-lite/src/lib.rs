@@ -104,7 +104,7 @@ pub use gradients::Gradients;
 pub use kernels::activation::Activation;
 pub use kernels::conv::{ConvAlgorithm, ConvGeometry};
 pub use kernels::pooling::PoolGeometry;
-pub use kernels::resample::Padding;
+pub use kernels::sampling::Padding;
 pub use module::{Module, Visitor, VisitorMut, join_path};
 pub use nested::NestedTape;
 pub use op::Op;

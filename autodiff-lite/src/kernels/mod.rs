@@ -20,6 +20,7 @@ pub mod project;
 pub mod reduce;
 pub mod resample;
 pub mod rows;
+pub mod sampling;
 mod simd;
 pub mod softmax;
 pub mod sparse;

@@ -7,6 +7,7 @@ mod dropout;
 mod elementwise;
 mod gather;
 mod graph;
+mod graph_sum;
 mod layout;
 mod linear;
 mod matmul;

@@ -1,6 +1,7 @@
 //! Bilinear resizing and sampling.
 
-use crate::kernels::resample::{self, Padding, Sampling, resize_blends};
+use crate::kernels::resample::{self, resize_blends};
+use crate::kernels::sampling::{self, Padding, Sampling};
 use crate::{Backward, CONTIGUOUS, Op, Real, ShapeError, Shapes, Var};
 
 impl<F: Real> Var<'_, F> {
@@ -69,13 +70,91 @@ impl<F: Real> Var<'_, F> {
             Err(error) => error.panic(),
         };
         let mut y = self.tape.array(&[sampling.image[0], sampling.points, sampling.image[3]]);
-        resample::sample(
+        sampling::sample(
             &sampling,
             x.as_slice().expect(CONTIGUOUS),
             p.as_slice().expect(CONTIGUOUS),
             y.as_slice_mut().expect(CONTIGUOUS),
         );
         self.tape.record(&[self, points], y, BilinearSample(sampling))
+    }
+}
+
+impl<F: Real> Var<'_, F> {
+    /// `self [N, P, C]` plus several images `[N, H, W, C]` of any sizes at the same `points [N, P, 2]`, each read as by
+    /// [`bilinear_sample`](Self::bilinear_sample).
+    ///
+    /// One pass an image over the sum, where separate readings would each be written, kept and added. Gradients to
+    /// all.
+    ///
+    /// # Panics
+    /// If sizes differ.
+    #[track_caller]
+    pub fn add_bilinear_samples(
+        self,
+        images: &[Self],
+        points: Self,
+        padding: Padding,
+        align_corners: bool,
+    ) -> Self {
+        let p = points.value();
+        let mut shapes = Shapes::of("add_bilinear_samples").at(self.tape.path());
+        let mut check = || -> Result<Vec<Sampling>, ShapeError> {
+            let [_, count, two] = shapes.axes("points", p.shape(), ["N", "P", "_"])?;
+            shapes.axes("sum", &self.shape(), ["N", "P", "C"])?;
+            if two != 2 {
+                return Err(shapes.error("points of 2 coordinates expected"));
+            }
+            let sampling = |image: &Self| {
+                // Sizes of images are their own.
+                let shape = image.shape();
+                let [n, _, _, c] = shape[..] else {
+                    return Err(shapes.clone().error("images of four axes expected"));
+                };
+                shapes.clone().axes("image", &[n, c], ["N", "C"])?;
+                let image = [n, shape[1], shape[2], c];
+                Ok(Sampling { image, points: count, padding, align_corners })
+            };
+            images.iter().map(sampling).collect()
+        };
+        let samplings = match check() {
+            Ok(samplings) => samplings,
+            Err(error) => error.panic(),
+        };
+        let mut y = self.tape.array(&self.shape());
+        let out = y.as_slice_mut().expect(CONTIGUOUS);
+        out.copy_from_slice(self.value().as_slice().expect(CONTIGUOUS));
+        for (sampling, image) in samplings.iter().zip(images) {
+            let (x, p) = (image.value(), p.as_slice().expect(CONTIGUOUS));
+            sampling::sample_add(sampling, x.as_slice().expect(CONTIGUOUS), p, out);
+        }
+        let mut inputs = vec![self, points];
+        inputs.extend(images);
+        self.tape.record(&inputs, y, BilinearSamples(samplings))
+    }
+}
+
+struct BilinearSamples(Vec<Sampling>);
+
+impl<F: Real> Op<F> for BilinearSamples {
+    fn name(&self) -> &'static str {
+        "add_bilinear_samples"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let (p, whole) = (cx.input(1), cx.take_grad_out());
+        let (p, g) = (p.as_slice().expect(CONTIGUOUS), whole.as_slice().expect(CONTIGUOUS));
+        for (i, sampling) in self.0.iter().enumerate() {
+            if cx.needs(2 + i) {
+                sampling::sample_grad_image(sampling, p, g, cx.grad_slice_mut(2 + i));
+            }
+            if cx.needs(1) {
+                let x = cx.input(2 + i);
+                let x = x.as_slice().expect(CONTIGUOUS);
+                sampling::sample_grad_points(sampling, x, p, g, cx.grad_slice_mut(1));
+            }
+        }
+        cx.give(0, whole);
     }
 }
 
@@ -90,10 +169,10 @@ impl<F: Real> Op<F> for BilinearSample {
         let (x, p, g) = (cx.input(0), cx.input(1), cx.grad_out());
         let [x, p, g] = [&x, &p, &g].map(|x| x.as_slice().expect(CONTIGUOUS));
         if cx.needs(0) {
-            resample::sample_grad_image(&self.0, p, g, cx.grad_slice_mut(0));
+            sampling::sample_grad_image(&self.0, p, g, cx.grad_slice_mut(0));
         }
         if cx.needs(1) {
-            resample::sample_grad_points(&self.0, x, p, g, cx.grad_slice_mut(1));
+            sampling::sample_grad_points(&self.0, x, p, g, cx.grad_slice_mut(1));
         }
     }
 }
@@ -101,7 +180,7 @@ impl<F: Real> Op<F> for BilinearSample {
 #[cfg(test)]
 mod tests {
     use crate::Tape;
-    use crate::kernels::resample::Padding;
+    use crate::kernels::sampling::Padding;
     use crate::testkit::{Options, gradcheck};
     use ndarray::{Array3, Array4};
 
@@ -118,6 +197,9 @@ mod tests {
         shapes [[[2, 3, 4, 3], [2, 9, 2]], [[1, 1, 1, 1], [1, 5, 2]]], options kinked());
     gradcheck!(border: |x, p| x.bilinear_sample(p, Padding::Border, false),
         shapes [[[2, 3, 4, 3], [2, 9, 2]], [[1, 1, 1, 1], [1, 5, 2]]], options kinked());
+    gradcheck!(several: |y, p, a, b| y.add_bilinear_samples(&[a, b], p, Padding::Border, false),
+        shapes [[[2, 9, 3], [2, 9, 2], [2, 3, 4, 3], [2, 2, 2, 3]], [[1, 4, 17], [1, 4, 2], [1, 5, 2, 17], [1, 1, 1, 17]]],
+        options kinked());
     gradcheck!(border_corners: |x, p| x.bilinear_sample(p, Padding::Border, true),
         shapes [[[2, 3, 4, 3], [2, 9, 2]]], options kinked());
 

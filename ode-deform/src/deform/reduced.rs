@@ -1,7 +1,7 @@
 //! The velocity of vertices with the first layer's work on features done beforehand.
 
-use autodiff_lite::{Param, Real, Tape, Var, impl_module};
-use nets::{activate, pool_features};
+use autodiff_lite::{Padding, Param, Real, Tape, Var, impl_module};
+use nets::{MapSampling, pool_features};
 
 use super::DeformationField;
 use super::field::seen;
@@ -79,21 +79,21 @@ impl<F: Real> VectorField<F> for ReducedField<F> {
     fn eval<'t>(&self, t: f64, y: Var<'t, F>, inputs: &[Var<'t, F>]) -> Var<'t, F> {
         let (field, tape) = (&self.field, y.tape());
         let (points, maps) = seen(y, inputs);
-        let hidden = field.config.hidden;
         let weight = field.both(tape, |weight| {
             let place = weight.slice_axis(0, 0..3);
             field.time_row(weight).map_or(place, |time| tape.concat(&[place, time], 0))
         });
         let placed = field.place_and_time(t, y).matmul(weight);
-        let mut terms = vec![(F::one(), placed)];
-        let read = |map: &Var<'t, F>| pool_features(&[*map], points, field.config.sampling);
-        terms.extend(maps.iter().map(|map| (F::one(), read(map))));
-        let both = tape.lincomb(&terms);
-        let sent = both.slice_axis(2, hidden..2 * hidden).sparse_matmul(&field.graph);
-        let mut x = both.slice_axis(2, 0..hidden) + sent;
-        if let Some(bias) = &field.conv1.bias {
-            x = x + tape.param(bias);
-        }
-        field.conv2.forward(activate(x, field.config.activation), &field.graph)
+        let read = match field.config.sampling {
+            MapSampling::Bilinear => {
+                placed.add_bilinear_samples(maps, points, Padding::Border, false)
+            }
+            MapSampling::Floor => maps
+                .iter()
+                .fold(placed, |sum, &map| sum + pool_features(&[map], points, MapSampling::Floor)),
+        };
+        let bias = field.conv1.bias.as_ref().map(|bias| tape.param(bias));
+        let x = read.graph_sum(&field.graph, bias, field.config.activation);
+        field.conv2.forward(x, &field.graph)
     }
 }

@@ -1,0 +1,149 @@
+//! The part of a graph convolution that follows its weights.
+
+use crate::kernels::activation::Activation;
+use crate::kernels::columns::column_sums;
+use crate::kernels::isa::Isa;
+use crate::kernels::sparse::{csr_add_rows, csr_times_rows};
+use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Shapes, SparseMatrix, Var};
+
+use super::linear::before_activation;
+
+impl<F: Real> Var<'_, F> {
+    /// `activation(x_own + b + A x_sent)` for `x [.., V, 2 O]`, whose first `O` columns stay at their vertex and whose
+    /// others are sent over the graph `A [V, V]`; bias `b [O]`; to `[.., V, O]`.
+    ///
+    /// A [graph convolution](Var::graph_conv) whose weights were applied before, both at once.
+    ///
+    /// # Panics
+    /// If sizes differ, or the number of columns is odd.
+    #[track_caller]
+    pub fn graph_sum(
+        self,
+        graph: &SparseMatrix<F>,
+        bias: Option<Self>,
+        activation: Activation,
+    ) -> Self {
+        let tape = self.tape;
+        let (x, bias_value) = (self.value(), bias.map(Var::value));
+        let mut shapes = Shapes::of("graph_sum").at(tape.path());
+        let mut check = || -> Result<Sizes, ShapeError> {
+            let [leading @ .., v, both] = x.shape() else {
+                return Err(shapes.error("at least two axes expected"));
+            };
+            if both % 2 != 0 {
+                return Err(shapes.error("an even number of columns expected"));
+            }
+            let batch = leading.iter().product();
+            shapes.axes("graph", &[graph.rows(), graph.columns()], ["V", "V"])?;
+            shapes.axes("input", &[batch, *v, both / 2], ["..", "V", "O"])?;
+            if let Some(bias) = &bias_value {
+                shapes.axes("bias", bias.shape(), ["O"])?;
+            }
+            Ok(Sizes { batch, v: *v, o: both / 2 })
+        };
+        let sizes = match check() {
+            Ok(sizes) => sizes,
+            Err(error) => error.panic(),
+        };
+        let o = sizes.o;
+        let mut shape = x.shape().to_vec();
+        if let Some(last) = shape.last_mut() {
+            *last = o;
+        }
+        let mut y = tape.array(&shape);
+        let mut sent = tape.buffer(y.len());
+        let out = y.as_slice_mut().expect(CONTIGUOUS);
+        let rows = out.chunks_exact_mut(o.max(1)).zip(sent.chunks_exact_mut(o.max(1)));
+        let x = x.as_slice().expect(CONTIGUOUS).chunks_exact((2 * o).max(1));
+        for ((y, sent), x) in rows.zip(x) {
+            y.copy_from_slice(&x[..o]);
+            sent.copy_from_slice(&x[o..]);
+            if let Some(bias) = &bias_value {
+                let bias = bias.as_slice().expect(CONTIGUOUS);
+                y.iter_mut().zip(bias).for_each(|(y, &b)| *y += b);
+            }
+        }
+        csr_add_rows(Isa::best(), graph.view(), sizes.v, sizes.batch, o, &sent, out, activation);
+        let mut inputs = vec![self];
+        inputs.extend(bias);
+        let op = GraphSum { sizes, transpose: graph.transposed(), activation };
+        tape.record(&inputs, y, op)
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Sizes {
+    batch: usize,
+    v: usize,
+    o: usize,
+}
+
+struct GraphSum<F: Real> {
+    sizes: Sizes,
+    transpose: SparseMatrix<F>,
+    activation: Activation,
+}
+
+impl<F: Real> Op<F> for GraphSum<F> {
+    fn name(&self) -> &'static str {
+        "graph_sum"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let Sizes { batch, v, o } = self.sizes;
+        let whole = before_activation(cx, self.activation);
+        let g = whole.as_slice().expect(CONTIGUOUS);
+        if cx.needs(0) {
+            let mut sent: PoolVec<F> = cx.scratch(g.len());
+            csr_times_rows(Isa::best(), self.transpose.view(), v, batch, o, g, &mut sent);
+            let mut gx = cx.array(cx.input(0).shape());
+            let rows = gx.as_slice_mut().expect(CONTIGUOUS).chunks_exact_mut((2 * o).max(1));
+            let parts = g.chunks_exact(o.max(1)).zip(sent.chunks_exact(o.max(1)));
+            for (row, (own, sent)) in rows.zip(parts) {
+                row[..o].copy_from_slice(own);
+                row[o..].copy_from_slice(sent);
+            }
+            cx.give(0, gx);
+        }
+        if cx.input_count() > 1 && cx.needs(1) {
+            let mut gb = cx.array(&[o]);
+            column_sums(g, gb.as_slice_mut().expect(CONTIGUOUS));
+            cx.give(1, gb);
+        }
+        cx.recycle(whole);
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use crate::testkit::{Options, gradcheck};
+    use crate::{GraphWeights, Tape};
+
+    fn graph() -> SparseMatrix<f64> {
+        let entries =
+            [(0, 1, 0.5), (0, 3, -2.0), (2, 0, 1.5), (2, 2, 0.25), (3, 3, 1.0), (3, 1, 3.0)];
+        SparseMatrix::from_triplets(4, 4, &entries).unwrap()
+    }
+
+    gradcheck!(plain: |x| x.graph_sum(&graph(), None, Activation::None), shapes [[[4, 2]], [[2, 4, 34]]]);
+    gradcheck!(with_a_bias: |x, b| x.graph_sum(&graph(), Some(b), Activation::Tanh),
+        shapes [[[4, 6], [3]], [[2, 4, 34], [17]]]);
+
+    /// After its weights it is the graph convolution.
+    #[test]
+    fn it_ends_a_graph_convolution() {
+        let tape = Tape::<f64>::eval();
+        let inputs = Options::default().draw(&[vec![2, 4, 5], vec![5, 7], vec![5, 7], vec![7]]);
+        let [x, own, across, bias] = [0, 1, 2, 3].map(|i| tape.constant(inputs[i].clone()));
+        let both = x.matmul(tape.concat(&[own, across], 1));
+        let found = both.graph_sum(&graph(), Some(bias), Activation::Relu).value();
+        let weights =
+            GraphWeights { own, across, output_first: false, bias: Some(bias), across_bias: None };
+        let expected = x.graph_conv(&graph(), &weights, Activation::Relu).value();
+        for (a, b) in found.iter().zip(expected.iter()) {
+            assert!((a - b).abs() < 1e-12, "{a} {b}");
+        }
+    }
+}
