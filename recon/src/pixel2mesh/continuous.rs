@@ -35,6 +35,7 @@ impl Deformer for Continuous {
         ("tiny", include_str!("../../presets/ode-pixel2mesh/tiny.toml")),
         ("small", include_str!("../../presets/ode-pixel2mesh/small.toml")),
         ("paper", include_str!("../../presets/ode-pixel2mesh/paper.toml")),
+        ("table", include_str!("../../presets/ode-pixel2mesh/table.toml")),
     ];
     const TRAINING: &'static str =
         "`unsphere train ode-pixel2mesh -o runs/mine` trains one on procedural airplanes";

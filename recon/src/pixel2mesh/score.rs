@@ -1,6 +1,7 @@
 //! Scores on what is held out, and what there is to show of them.
 
 use mesh_core::TriMesh;
+use ode_deform::solve::Stats;
 use rayon::prelude::*;
 
 use super::deformer::Deformer;
@@ -18,8 +19,8 @@ const SIDE: usize = 192;
 /// The scores of all pictures that are held out.
 #[derive(Clone, Debug, Default)]
 pub struct Scored {
-    /// One a picture: its object, its scores, the evaluations that its mesh took.
-    pub each: Vec<(usize, PointScores, usize)>,
+    /// One a picture: its object, its scores, the work that its mesh took.
+    pub each: Vec<(usize, PointScores, Stats)>,
 }
 
 impl Scored {
@@ -31,7 +32,13 @@ impl Scored {
 
     /// The mean number of evaluations.
     pub fn evaluations(&self) -> f64 {
-        let sum: usize = self.each.iter().map(|(.., count)| count).sum();
+        let sum: usize = self.each.iter().map(|(.., stats)| stats.evaluations).sum();
+        sum as f64 / self.each.len().max(1) as f64
+    }
+
+    /// The mean number of steps.
+    pub fn steps(&self) -> f64 {
+        let sum: usize = self.each.iter().map(|(.., stats)| stats.accepted).sum();
         sum as f64 / self.each.len().max(1) as f64
     }
 
@@ -58,11 +65,11 @@ impl<D: Deformer> SingleView<D> {
     /// If a file cannot be read.
     pub fn scored(&self, data: &Pairs) -> Result<Scored, DataError> {
         let views = self.shared().pairs.scored_views;
-        let one = |k: usize| -> Result<(usize, PointScores, usize), DataError> {
+        let one = |k: usize| -> Result<(usize, PointScores, Stats), DataError> {
             let (object, pair) = data.trial(views, k)?;
             // What does not come to its end is no mesh at all.
-            let (mesh, evaluations) = self.mesh_of(&pair.picture).unwrap_or_default();
-            Ok((object, point_scores(&mesh, &pair.truth), evaluations))
+            let (mesh, stats) = self.mesh_of(&pair.picture).unwrap_or_default();
+            Ok((object, point_scores(&mesh, &pair.truth), stats))
         };
         let all: Vec<_> = (0..views * data.held().len()).into_par_iter().map(one).collect();
         Ok(Scored { each: all.into_iter().collect::<Result<_, _>>()? })

@@ -5,7 +5,7 @@ use datasets::View;
 use losses::{Directions, Matches};
 use mesh_core::TriMesh;
 use nets::{Init, Pixel2MeshEncoder};
-use ode_deform::solve::SolveError;
+use ode_deform::solve::{SolveError, Stats};
 
 use super::config::SharedConfig;
 use super::deformer::{Deformed, Deformer, Run, Stage};
@@ -87,15 +87,15 @@ impl<D: Deformer> SingleView<D> {
         self.deformer.deform(&self.template, &inputs, run)
     }
 
-    /// The mesh of one picture in the frame of its camera, and how many evaluations it took.
+    /// The mesh of one picture in the frame of its camera, and the work that it took.
     ///
     /// # Errors
     /// If an integration does not come to its end.
-    pub fn mesh_of(&self, picture: &Picture) -> Result<(TriMesh, usize), SolveError> {
+    pub fn mesh_of(&self, picture: &Picture) -> Result<(TriMesh, Stats), SolveError> {
         let tape = Tape::eval();
         let deformed = self.deformed(&tape, &[picture], Run::Test)?;
         let last = deformed.stages.last().expect("a stage");
-        Ok((self.mesh(last.level, last.positions), deformed.stats.evaluations))
+        Ok((self.mesh(last.level, last.positions), deformed.stats))
     }
 
     /// Meshes on the way from the ellipsoid to the shape, in the frame of the camera.

@@ -28,6 +28,7 @@ impl Deformer for Staged {
         ("tiny", include_str!("../../presets/pixel2mesh/tiny.toml")),
         ("small", include_str!("../../presets/pixel2mesh/small.toml")),
         ("paper", include_str!("../../presets/pixel2mesh/paper.toml")),
+        ("table", include_str!("../../presets/pixel2mesh/table.toml")),
     ];
     const TRAINING: &'static str =
         "`unsphere train pixel2mesh -o runs/mine` trains one on procedural airplanes";

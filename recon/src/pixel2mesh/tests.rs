@@ -141,8 +141,8 @@ fn a_sequence_goes_from_the_ellipsoid_to_the_prediction() {
     let pairs = Pairs::synthetic(&data()).unwrap();
     let pair = pairs.pair(pairs.held()[0], 0).unwrap();
     let system = OdePixel2Mesh::new(&ode(), 3);
-    let (mesh, evaluations) = system.mesh_of(&pair.picture).unwrap();
-    assert_eq!(evaluations, 4);
+    let (mesh, stats) = system.mesh_of(&pair.picture).unwrap();
+    assert_eq!((stats.evaluations, stats.accepted), (4, 4));
     let sequence = system.sequence_of(&pair.picture, 5).unwrap();
     assert_eq!(sequence.len(), 5);
     assert_eq!(sequence[0].positions, system.template.finest().mesh.positions);

@@ -67,6 +67,7 @@
 mod error;
 mod markdown;
 mod page;
+pub(crate) mod preset;
 mod row;
 mod run;
 mod store;

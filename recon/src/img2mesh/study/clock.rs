@@ -4,9 +4,10 @@ use std::time::Instant;
 
 use autodiff_lite::Tape;
 
-use super::{Config, open, preset, scored, settings};
+use super::{Config, Jobs};
 use crate::fit::Flow;
 use crate::img2mesh::{Data, Img2Mesh};
+use crate::reproduce::preset::{open, planned, preset, scored, settings};
 use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 use crate::train::{DataError, System as _};
 
@@ -28,19 +29,19 @@ const TIMED: usize = 9;
 #[derive(Clone, Copy, Debug)]
 pub struct ClockStudy;
 
-fn jobs(scale: Scale) -> Vec<(&'static str, &'static str, Config)> {
+fn jobs(scale: Scale) -> Jobs {
     match scale {
         Scale::Full => vec![
-            ("cnn-2", "CNN, 2 views", preset("clock", &[])),
-            ("cnn-3", "CNN, 3 views", preset("clock", &[("views", "3")])),
-            ("vgg16-2", "VGG16, 2 views", preset("clock-vgg16", &[])),
+            ("cnn-2", "CNN, 2 views", preset::<Img2Mesh>("clock", &[])),
+            ("cnn-3", "CNN, 3 views", preset::<Img2Mesh>("clock", &[("views", "3")])),
+            ("vgg16-2", "VGG16, 2 views", preset::<Img2Mesh>("clock-vgg16", &[])),
         ],
         Scale::Quick => {
             let steps = [("max-steps", "120"), ("synthetic-views", "40"), ("features", "128")];
             let sizes = [("image-size", "64"), ("render-size", "64"), ("samples-every", "0")];
             let rest = [("epochs", "1000"), ("evaluate-every", "0"), ("warmup", "10")];
             let changes: Vec<_> = steps.into_iter().chain(sizes).chain(rest).collect();
-            vec![("small-2", "small CNN, 2 views", preset("small", &changes))]
+            vec![("small-2", "small CNN, 2 views", preset::<Img2Mesh>("small", &changes))]
         }
     }
 }
@@ -55,7 +56,7 @@ impl Study for ClockStudy {
     }
 
     fn settings(&self, scale: Scale) -> String {
-        settings(jobs(scale).into_iter().map(|(id, _, config)| (id, config)))
+        settings::<Img2Mesh>(&jobs(scale))
     }
 
     fn jobs(&self, scale: Scale) -> Vec<String> {
@@ -67,9 +68,8 @@ impl Study for ClockStudy {
         work: &Work<'_>,
         watch: &mut dyn FnMut(Tick) -> Flow,
     ) -> Result<Vec<Row>, StudyError> {
-        let found = jobs(work.scale).into_iter().find(|(id, ..)| *id == work.id);
-        let (_, label, config) = found.expect("one of the jobs");
-        let data = open(work, &config)?;
+        let (_, label, config) = planned::<Img2Mesh>(jobs(work.scale), work);
+        let data = open::<Img2Mesh>(work, &config)?;
         if !data.is_one() {
             let text = "this study takes views of a single object, but the data has several; --data names one";
             return Err(DataError::Unfit(text.to_owned()).into());

@@ -1,8 +1,9 @@
 //! What the paper could not show: objects that were never seen.
 
-use super::{Config, open, preset, scored, settings};
+use super::Jobs;
 use crate::fit::Flow;
 use crate::img2mesh::Img2Mesh;
+use crate::reproduce::preset::{Change, open, planned, preset, scored, settings};
 use crate::reproduce::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 use crate::train::DataError;
 
@@ -25,8 +26,7 @@ const CAMERAS: &str = "attention, cameras";
 #[derive(Clone, Copy, Debug)]
 pub struct UnseenStudy;
 
-fn jobs(scale: Scale) -> Vec<(&'static str, &'static str, Config)> {
-    type Change = (&'static str, &'static str);
+fn jobs(scale: Scale) -> Jobs {
     let mut jobs: Vec<(&str, &str, Vec<Change>)> = vec![
         ("mean-shape", MEAN_SHAPE, vec![("encoder", "none"), ("attention", "mean")]),
         ("averaging", AVERAGING, vec![("attention", "mean")]),
@@ -66,7 +66,7 @@ fn jobs(scale: Scale) -> Vec<(&'static str, &'static str, Config)> {
         if !full {
             changes.extend(quick);
         }
-        (id, label, preset("unseen", &changes))
+        (id, label, preset::<Img2Mesh>("unseen", &changes))
     };
     jobs.into_iter().map(made).collect()
 }
@@ -90,8 +90,8 @@ impl Study for UnseenStudy {
     }
 
     fn settings(&self, scale: Scale) -> String {
-        let jobs = jobs(scale).into_iter().map(|(id, _, config)| (id, config));
-        settings(jobs) + &format!("views = {VIEWS:?}\nscored = 8 cameras, 3 draws, 10000 points\n")
+        settings::<Img2Mesh>(&jobs(scale))
+            + &format!("views = {VIEWS:?}\nscored = 8 cameras, 3 draws, 10000 points\n")
     }
 
     fn jobs(&self, scale: Scale) -> Vec<String> {
@@ -103,9 +103,8 @@ impl Study for UnseenStudy {
         work: &Work<'_>,
         watch: &mut dyn FnMut(Tick) -> Flow,
     ) -> Result<Vec<Row>, StudyError> {
-        let found = jobs(work.scale).into_iter().find(|(id, ..)| *id == work.id);
-        let (_, model, config) = found.expect("one of the jobs");
-        let data = open(work, &config)?;
+        let (_, model, config) = planned::<Img2Mesh>(jobs(work.scale), work);
+        let data = open::<Img2Mesh>(work, &config)?;
         if data.is_one() {
             let text =
                 "this study needs many objects, but the data is a single one; leave out --data";

@@ -1,0 +1,281 @@
+//! Constant memory: a training step at more and more evaluations, by each adjoint.
+
+use std::time::Instant;
+
+use autodiff_lite::{Activation, Module, Param, SparseMatrix, Tape, Var};
+use mesh_core::Topology;
+use mesh_core::primitives::icosphere;
+use ndarray::{Array3, Array4};
+use nets::Init;
+use ode_deform::Adjoint;
+use ode_deform::deform::{DeformationField, FieldConfig};
+use ode_deform::solve::{EULER, Problem, StepController};
+
+use super::QUICK;
+use crate::fit::Flow;
+use crate::paired::{Pair, Pairs};
+use crate::pixel2mesh::{AdjointKind, OdeConfig, OdePixel2Mesh};
+use crate::reproduce::preset::{open, preset};
+use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::settings::to_toml;
+use crate::train::{Configuration, DataError, Draw, Moment, System};
+
+const TABLE: &str = "A training step at so many evaluations";
+/// Times that a step is timed; the median counts.
+const TIMED: usize = 5;
+/// How much more memory the last row may take than the first.
+const FLAT: f64 = 1.10;
+/// How far gradients that should be equal may differ, relative to the largest.
+const EQUAL: f64 = 1e-10;
+
+/// The memory and the time of a training step at 4 to 64 evaluations, with every operation recorded and with steps
+/// computed once more on the way back; how far their gradients differ, and how far those of the continuous adjoint do.
+#[derive(Clone, Copy, Debug)]
+pub struct MemoryStudy;
+
+fn counts(scale: Scale) -> &'static [usize] {
+    if scale == Scale::Quick { &[4, 8, 16] } else { &[4, 8, 16, 32, 64] }
+}
+
+fn config(scale: Scale) -> Configuration<OdeConfig> {
+    let mut changes = vec![
+        ("method", "euler"),
+        ("batch", "4"),
+        ("shards", "1"),
+        ("objects", "4"),
+        ("test-objects", "1"),
+    ];
+    if scale == Scale::Quick {
+        changes.extend(QUICK);
+    }
+    preset::<OdePixel2Mesh>("table", &changes)
+}
+
+fn label(evaluations: usize) -> String {
+    format!("{evaluations} evaluations")
+}
+
+impl Study for MemoryStudy {
+    fn name(&self) -> &'static str {
+        "ode-memory"
+    }
+
+    fn about(&self) -> &'static str {
+        "deformation in continuous time: memory and gradients at 4 to 64 evaluations"
+    }
+
+    fn settings(&self, scale: Scale) -> String {
+        format!("{}counts = {:?}\n", to_toml(&config(scale)), counts(scale))
+    }
+
+    fn jobs(&self, scale: Scale) -> Vec<String> {
+        counts(scale).iter().map(|count| format!("evaluations-{count}")).collect()
+    }
+
+    fn run(
+        &self,
+        work: &Work<'_>,
+        watch: &mut dyn FnMut(Tick) -> Flow,
+    ) -> Result<Vec<Row>, StudyError> {
+        let wanted = |count: &&usize| format!("evaluations-{count}") == work.id;
+        let count = *counts(work.scale).iter().find(wanted).expect("one of the jobs");
+        let config = config(work.scale);
+        let data = open::<OdePixel2Mesh>(work, &config)?;
+        let start = Instant::now();
+        let mut row = Row::new(TABLE, label(count));
+        for (name, adjoint) in
+            [("checkpointed", AdjointKind::Checkpointed), ("direct", AdjointKind::Direct)]
+        {
+            work.tell(watch, 0.5, name)?;
+            let step = 1.0 / count as f64;
+            let own =
+                OdeConfig { adjoint, start: [0.0; 2], step: [step; 2], ..config.system.clone() };
+            let system = OdePixel2Mesh::new(&own, work.seed);
+            let batch = samples(&system, &data, config.train.batch)?;
+            let (bytes, seconds) = measured(&system, &batch);
+            row = row
+                .with(Cell::smaller(format!("{name}, MB"), bytes / 1e6, 2))
+                .with(Cell::smaller(format!("{name}, ms"), 1e3 * seconds, 1));
+        }
+        let [exact, checkpointed, backsolve] =
+            [Adjoint::Direct, Adjoint::Checkpointed, Adjoint::Backsolve]
+                .map(|adjoint| gradient(adjoint, count, work.seed));
+        let row = row
+            .with(Cell::smaller(
+                "log10 of their difference",
+                log10(difference(&exact, &checkpointed)),
+                1,
+            ))
+            .with(Cell::smaller(
+                "log10 of Backsolve's error",
+                log10(difference(&exact, &backsolve)),
+                2,
+            ))
+            .took(start.elapsed().as_secs_f64());
+        Ok(vec![row])
+    }
+
+    fn claims(&self, tables: &Tables, scale: Scale) -> Vec<Claim> {
+        let counts = counts(scale);
+        let value = |count: usize, column: &str| {
+            tables.mean(TABLE, &label(count), column).unwrap_or(f64::NAN)
+        };
+        let all = |column: &str| -> Vec<f64> { counts.iter().map(|&n| value(n, column)).collect() };
+        let (flat, grows) = (all("checkpointed, MB"), all("direct, MB"));
+        let (first, last) = (flat[0], flat[flat.len() - 1]);
+        let slope = |i: usize| (grows[i + 1] - grows[i]) / (counts[i + 1] - counts[i]) as f64;
+        let slopes: Vec<f64> = (0..counts.len() - 1).map(slope).collect();
+        let least = slopes.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = slopes.iter().copied().fold(0.0, f64::max);
+        let same = all("log10 of their difference").into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let backsolve = all("log10 of Backsolve's error");
+        vec![
+            Claim::new(
+                "checkpointed, the memory stays within 10 % from the first row to the last",
+                format!("{first:.2} MB, {last:.2} MB"),
+                last <= FLAT * first,
+            ),
+            Claim::new(
+                "recorded whole, the memory grows linearly",
+                format!("{least:.2} to {most:.2} MB an evaluation"),
+                least > 0.0 && most <= 1.5 * least,
+            ),
+            Claim::new(
+                "both gradients are equal within 1e-10 in double precision",
+                format!("1e{same:.1}"),
+                same <= EQUAL.log10(),
+            ),
+            Claim::new(
+                "the continuous adjoint's error falls with the step size",
+                listed(&backsolve),
+                backsolve.windows(2).all(|w| w[1] < w[0]),
+            ),
+        ]
+    }
+
+    fn caption(&self, _: &str, _: Scale) -> String {
+        "Euler's method from 0 to 1, 618 vertices, batch of 4, the whole step: encoder, deformation, losses, gradients. MB: all buffers that the \
+         step's tape asked for. Differences of gradients, in double precision on a small field: the largest over all parameters, relative to the \
+         largest entry."
+            .to_owned()
+    }
+}
+
+fn listed(values: &[f64]) -> String {
+    values.iter().map(|v| format!("1e{v:.2}")).collect::<Vec<_>>().join(", ")
+}
+
+/// Rounding, where it is nothing at all.
+fn log10(x: f64) -> f64 {
+    x.max(1e-18).log10()
+}
+
+/// Samples of the first objects.
+fn samples(system: &OdePixel2Mesh, data: &Pairs, count: usize) -> Result<Vec<Pair>, DataError> {
+    let len = data.trained().len();
+    (0..count)
+        .map(|i| system.draw(data, &Draw { seed: 0, epoch: 0, index: i as u64, item: i % len }))
+        .collect()
+}
+
+/// The bytes that a training step's tapes ask for, all shards together.
+pub(super) fn step_bytes(
+    system: &OdePixel2Mesh,
+    config: &Configuration<OdeConfig>,
+    data: &Pairs,
+) -> Result<f64, DataError> {
+    let shards = config.train.shards.max(1);
+    let batch = samples(system, data, config.train.batch.div_ceil(shards))?;
+    let mut tape = Tape::train(0);
+    one_step(system, &batch, &tape);
+    tape.reset();
+    Ok((tape.pool().bytes() * shards) as f64)
+}
+
+/// Bytes, and the median of the seconds.
+fn measured(system: &OdePixel2Mesh, batch: &[Pair]) -> (f64, f64) {
+    let mut tape = Tape::train(0);
+    let mut times = Vec::new();
+    for _ in 0..TIMED {
+        let start = Instant::now();
+        one_step(system, batch, &tape);
+        tape.reset();
+        times.push(start.elapsed().as_secs_f64());
+    }
+    times.sort_by(f64::total_cmp);
+    (tape.pool().bytes() as f64, times[TIMED / 2])
+}
+
+fn one_step(system: &OdePixel2Mesh, batch: &[Pair], tape: &Tape) {
+    let terms = system.loss(tape, batch, Moment { step: 0, epoch: 0 }).0;
+    let total = terms.iter().map(|term| term.value.scale(term.weight as f32));
+    if let Some(total) = total.reduce(|a, b| a + b) {
+        std::hint::black_box(total.backward());
+    }
+}
+
+/// The gradient of a small field's parameters through so many steps, in double precision.
+fn gradient(adjoint: Adjoint, steps: usize, seed: u64) -> Vec<f64> {
+    let ball = icosphere(1);
+    let v = ball.positions.len();
+    let topology = Topology::new(v, &ball.faces);
+    let entries: Vec<(usize, usize, f64)> = (0..v)
+        .flat_map(|i| {
+            let row = topology.vertex_vertices.row(i);
+            let share = 1.0 / row.len() as f64;
+            row.iter().map(move |&j| (i, j as usize, share)).collect::<Vec<_>>()
+        })
+        .collect();
+    let graph = SparseMatrix::from_triplets(v, v, &entries).expect("vertices");
+    let config = FieldConfig {
+        time: 1,
+        hidden: 8,
+        activation: Activation::Tanh,
+        ..FieldConfig::published(4)
+    };
+    let field = DeformationField::<f64>::new(&Init::new(seed), config, graph);
+    let tape = Tape::<f64>::train(0);
+    let at = |i: usize, k: usize| f64::from(ball.positions[i][k]) * 0.3;
+    let start = tape.leaf(Array3::from_shape_fn((1, v, 3), |(_, i, k)| at(i, k)));
+    let rows = [[2.0, 0.0, 0.0, 0.0], [0.0, 2.0, 0.0, 0.0], [0.0, 0.0, -1.0, 2.0]];
+    let camera = tape.constant(Array3::from_shape_fn((1, 3, 4), |(_, i, j)| rows[i][j]));
+    let map =
+        Array4::from_shape_fn((1, 8, 8, 4), |(_, i, j, c)| ((i * 5 + j * 3 + c) as f64).cos());
+    let problem =
+        Problem::new([0.0, 1.0], &EULER, StepController::Fixed { step: 1.0 / steps as f64 });
+    let inputs: [Var<'_, f64>; 2] = [camera, tape.constant(map)];
+    let flow = adjoint.integrate(&field, start, &inputs, &problem).expect("fixed steps");
+    let gradients = flow.end.square().sum().backward();
+    let mut all = Vec::new();
+    field.visit("", &mut |_: &str, param: &Param<f64>| {
+        all.extend_from_slice(gradients.slice_of(param).unwrap_or_default());
+    });
+    all
+}
+
+/// The largest difference relative to the largest entry.
+fn difference(a: &[f64], b: &[f64]) -> f64 {
+    let most = a.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let far = a.iter().zip(b).fold(0.0_f64, |far, (x, y)| far.max((x - y).abs()));
+    if b.len() == a.len() { far / most } else { f64::INFINITY }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gradients_are_those_of_the_computed_flow_or_near() {
+        let [exact, checkpointed] =
+            [Adjoint::Direct, Adjoint::Checkpointed].map(|adjoint| gradient(adjoint, 8, 1));
+        assert!(difference(&exact, &checkpointed) < EQUAL);
+        let error = |steps: usize| {
+            difference(
+                &gradient(Adjoint::Direct, steps, 1),
+                &gradient(Adjoint::Backsolve, steps, 1),
+            )
+        };
+        let (coarse, fine) = (error(8), error(32));
+        assert!(coarse > 1e-4 && fine < 0.5 * coarse, "{coarse} {fine}");
+    }
+}

@@ -1,0 +1,59 @@
+//! What studies that train share: configurations with changes, and their data.
+
+use std::fmt::Write as _;
+
+use super::row::{Cell, Row};
+use super::work::Work;
+use crate::settings::{read_text, to_toml};
+use crate::train::{Configuration, DataError, Metric, Source, System};
+
+/// A setting over a preset.
+pub(crate) type Change = (&'static str, &'static str);
+
+/// A job: its name, the label of its row, what it trains.
+pub(crate) type Planned<S> = (&'static str, &'static str, Configuration<<S as System>::Config>);
+
+/// A preset with changes. Both are ours and sound.
+pub(crate) fn preset<S: System>(name: &str, changes: &[Change]) -> Configuration<S::Config> {
+    let found = S::PRESETS.iter().find(|(preset, _)| *preset == name);
+    let (_, text) = found.expect("a preset of this system");
+    let changes: Vec<(String, String)> =
+        changes.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+    read_text(name.as_ref(), text, &changes).expect("presets and their changes are sound")
+}
+
+/// All that decides the results of these jobs.
+pub(crate) fn settings<S: System>(jobs: &[Planned<S>]) -> String {
+    let mut text = String::new();
+    for (job, _, config) in jobs {
+        for line in to_toml(config).lines() {
+            let _ = writeln!(text, "{job}.{line}");
+        }
+    }
+    text
+}
+
+/// The job that is to be done.
+pub(crate) fn planned<S: System>(jobs: Vec<Planned<S>>, work: &Work<'_>) -> Planned<S> {
+    jobs.into_iter().find(|(id, ..)| *id == work.id).expect("one of the jobs")
+}
+
+/// The user's data, or what the configuration makes: the same for all seeds (`data-seed`), so that
+/// the spread is that of training alone.
+pub(crate) fn open<S: System>(
+    work: &Work<'_>,
+    config: &Configuration<S::Config>,
+) -> Result<S::Data, DataError> {
+    let options = datasets::ReadOptions::default();
+    let source =
+        Source { path: work.data, options: &options, seed: work.seed, progress: &|_, _| () };
+    S::open(&config.system, &source)
+}
+
+/// A row with all of these scores.
+pub(crate) fn scored(row: Row, metrics: &[Metric]) -> Row {
+    metrics.iter().fold(row, |row, metric| {
+        let decimals = if metric.name == "psnr" { 2 } else { 4 };
+        row.with(Cell::of(metric, decimals))
+    })
+}
