@@ -38,6 +38,8 @@
 //! | norms | [`BatchNorm2d`], [`BatchNorm1d`], [`FrozenBatchNorm2d`], [`Norm`] (either of them), [`LayerNorm`], [`GroupNorm`] |
 //! | attention | [`MultiHeadAttention`], [`TransformerEncoderLayer`], [`TransformerEncoder`] |
 //! | graphs | [`GraphConv`] (Mesh R-CNN), [`ChebyshevConv`] (Pixel2Mesh), [`GraphResBlock`], [`GraphBottleneck`] |
+//! | maps at points | [`pool_features`], [`pool_linear`] |
+//! | heads of Mesh R-CNN | [`VoxelHead`], [`MeshRefinementHead`], [`MeshRefinementStage`] |
 //! | image encoders | [`SmallCnn`], [`Vgg16`], [`ResNet`], [`ConvFrontEnd`] |
 //! | images from maps | [`ImageDecoder`] |
 //! | networks that measure | [`InceptionV3`], [`Vgg16`] with [`LpipsWeights`] |
@@ -77,6 +79,7 @@ mod init;
 mod layer_norm;
 mod linear;
 mod lpips_weights;
+mod mesh_refinement;
 mod mlp;
 mod multi_head_attention;
 mod norm;
@@ -86,8 +89,11 @@ mod point_mlp;
 mod pooling;
 mod resnet;
 mod small_cnn;
+#[cfg(test)]
+mod testing;
 mod transformer_encoder;
 mod vgg;
+mod voxel_head;
 mod weight_norm;
 mod weights;
 
@@ -108,10 +114,11 @@ pub use init::{FanMode, Init, Nonlinearity, fans};
 pub use layer_norm::LayerNorm;
 pub use linear::Linear;
 pub use lpips_weights::LpipsWeights;
+pub use mesh_refinement::{MeshRefinementHead, MeshRefinementStage};
 pub use mlp::Mlp;
 pub use multi_head_attention::MultiHeadAttention;
 pub use norm::{Norm, NormKind};
-pub use perceptual_pooling::{MapSampling, pool_features};
+pub use perceptual_pooling::{MapSampling, pool_features, pool_linear};
 pub use pixel2mesh_encoder::{EncoderInit, Pixel2MeshEncoder};
 pub use point_mlp::{PointMlp, PointMlpConfig};
 pub use pooling::{AdaptiveAvgPool2d, AvgPool2d, MaxPool2d};
@@ -121,6 +128,7 @@ pub use transformer_encoder::{
     FeedForward, NormPlacement, TransformerConfig, TransformerEncoder, TransformerEncoderLayer,
 };
 pub use vgg::Vgg16;
+pub use voxel_head::VoxelHead;
 pub use weight_norm::{WeightNormLinear, weight_norm};
 pub use weights::{
     LoadWeights, MapError, NameMap, WeightsError, freeze, read_weights, unfreeze,

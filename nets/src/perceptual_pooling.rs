@@ -1,6 +1,8 @@
 //! What feature maps say about points.
 
-use autodiff_lite::{Padding, Real, Var};
+use autodiff_lite::{Activation, Padding, Real, Var};
+
+use crate::Linear;
 
 /// How a map is read between its pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -12,16 +14,20 @@ pub enum MapSampling {
     /// Pixel2Mesh computes, whose four weights are formed after rounding; but for points on a pixel's
     /// very edge and at the border, where its weights all vanish and the feature is 0.
     Floor,
+    /// Bilinear, with (-1, -1) and (1, 1) the *centres* of the corner pixels; beyond the outermost centres the map
+    /// fades to zero within a pixel. Gradients to maps and points. PyTorch3D's `vert_align`, as in Mesh R-CNN.
+    Centres,
 }
 
 /// Features of points from several maps of one image, side by side: maps `[N, H, W, C]` of any
 /// sizes and `points [N, P, 2]` to `[N, P, ΣC]`.
 ///
 /// A point is (x, y) with x to the right and y *down*, (-1, -1) the image's top left corner and
-/// (1, 1) its bottom right one. Points outside take what is at the border.
+/// (1, 1) its bottom right one. Points outside take what is at the border. (Both but for
+/// [`MapSampling::Centres`].)
 ///
 /// Bilinear pooling is linear in the maps: a linear layer that follows can be applied to them once
-/// an image, instead of to each point's features at each evaluation.
+/// an image, instead of to each point's features at each evaluation; [`pool_linear`] does that.
 ///
 /// ```
 /// use autodiff_lite::Tape;
@@ -48,10 +54,53 @@ pub fn pool_features<'t, F: Real>(
 ) -> Var<'t, F> {
     let read = |&map: &Var<'t, F>| match sampling {
         MapSampling::Bilinear => map.bilinear_sample(points, Padding::Border, false),
+        MapSampling::Centres => map.bilinear_sample(points, Padding::Zeros, true),
         MapSampling::Floor => floored(map, points),
     };
     let read: Vec<Var<'t, F>> = maps.iter().map(read).collect();
     points.tape().concat(&read, 2)
+}
+
+/// [`pool_features`], a linear layer, and an activation: `[N, P, O]`.
+///
+/// Sampling is linear in the maps and a point's features are four pixels' at most, so where there are more points
+/// than pixels (a mesh of 2562 vertices over the last maps of a ResNet) the layer is applied to the maps, with the
+/// part of its weight for each, and the results are read and added: the same to rounding, at a fraction of the cost.
+///
+/// # Panics
+/// As [`pool_features`], or if the layer is not of as many inputs as the maps have channels together.
+#[track_caller]
+pub fn pool_linear<'t, F: Real>(
+    maps: &[Var<'t, F>],
+    points: Var<'t, F>,
+    sampling: MapSampling,
+    layer: &Linear<F>,
+    activation: Activation,
+) -> Var<'t, F> {
+    let tape = points.tape();
+    let cost = |map: &Var<'t, F>| {
+        let [_, h, w, c] = map.dims();
+        [h * w * c, c]
+    };
+    let [at_pixels, channels] = maps.iter().map(cost).fold([0; 2], |[a, b], [c, d]| [a + c, b + d]);
+    let [_, count, _] = points.dims();
+    if count * channels <= at_pixels {
+        return layer.forward_then(pool_features(maps, points, sampling), activation);
+    }
+    let inputs = layer.weight.shape()[1];
+    assert_eq!(inputs, channels, "pool_linear: a layer of {inputs} inputs, {channels} channels");
+    let weight = tape.param(&layer.weight);
+    let mut first = 0;
+    let read = maps.iter().map(|&map| {
+        let [_, _, _, c] = map.dims();
+        let part = weight.slice_axis(1, first..first + c);
+        first += c;
+        pool_features(&[map.linear(part, None, Activation::None)], points, sampling)
+    });
+    let terms: Vec<_> = read.map(|read| (F::one(), read)).collect();
+    let sum = tape.lincomb(&terms);
+    let sum = layer.bias.as_ref().map_or(sum, |bias| sum.add(tape.param(bias)));
+    crate::activate(sum, activation)
 }
 
 /// The pixels that points lie in.
@@ -75,9 +124,11 @@ fn floored<'t, F: Real>(map: Var<'t, F>, points: Var<'t, F>) -> Var<'t, F> {
 #[cfg(test)]
 mod tests {
     use autodiff_lite::Tape;
+    use autodiff_lite::testkit::Options;
     use ndarray::{Array3, Array4, arr3};
 
     use super::*;
+    use crate::Init;
 
     /// A map that is linear in place is read exactly between the outermost centres.
     #[test]
@@ -107,6 +158,51 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Whichever way is cheaper: values and gradients are the same.
+    #[test]
+    fn a_layer_before_or_after() {
+        let options = Options::default().range(-1.3, 1.3);
+        let layer = Linear::<f64>::new(&Init::new(0), 5, 3);
+        for sampling in [MapSampling::Bilinear, MapSampling::Floor, MapSampling::Centres] {
+            // Few points, and more than pixels.
+            for count in [2, 30] {
+                let shapes = [vec![2, 3, 4, 2], vec![2, 2, 2, 3], vec![2, count, 2]];
+                let drawn = options.draw(&shapes);
+                let run = |direct: bool| {
+                    let tape = Tape::<f64>::train(0);
+                    let x: Vec<_> = drawn.iter().map(|x| tape.leaf(x.clone())).collect();
+                    let y = if direct {
+                        layer.forward(pool_features(&x[..2], x[2], sampling)).relu()
+                    } else {
+                        pool_linear(&x[..2], x[2], sampling, &layer, Activation::Relu)
+                    };
+                    let gradients = y.square().sum().backward();
+                    let mut all: Vec<f64> = y.value().iter().copied().collect();
+                    all.extend(x.iter().filter_map(|x| gradients.wrt(*x)).flatten());
+                    all.extend(gradients.of(&layer.weight).expect("in use").iter());
+                    all
+                };
+                let (plain, quick) = (run(true), run(false));
+                assert_eq!(plain.len(), quick.len());
+                assert!(
+                    plain.iter().zip(&quick).all(|(a, b)| (a - b).abs() < 1e-10),
+                    "{sampling:?}"
+                );
+            }
+        }
+    }
+
+    /// The corners of the square are the centres of the corner pixels, and beyond there is nothing.
+    #[test]
+    fn centres_read_corner_pixels_at_the_corners() {
+        let tape = Tape::<f64>::eval();
+        let map = Array4::from_shape_fn((1, 2, 3, 1), |(_, i, j, _)| (3 * i + j + 1) as f64);
+        let points = arr3(&[[[-1.0, -1.0], [1.0, 1.0], [0.0, 0.0], [1.5, 1.0], [-9.0, 0.0]]]);
+        let read =
+            pool_features(&[tape.constant(map)], tape.constant(points), MapSampling::Centres);
+        assert_eq!(read.value().as_slice(), Some(&[1.0, 6.0, 3.5, 3.0, 0.0][..]));
     }
 
     #[test]
