@@ -42,6 +42,8 @@
 //! | read many objects | [`Dataset`]: [`r2n2::R2n2`], [`pixel2mesh::Pixel2Mesh`], [`Bop`], [`Pix3d`], [`Pascal3d`], [`Cub`], [`Mcmr`] |
 //! | keep views or objects back for judging | [`split()`], [`split_objects`] |
 //! | train on them | [`Batches`] loads ahead on a thread, [`ViewCache`] keeps decoded pictures |
+//! | read one depth map, or a disparity | [`read_depth_file`], [`read_disparity_file`] |
+//! | estimate depth from a picture | `DepthEstimator` (feature `onnx`) with a [`DepthInput`] |
 //! | make an object | [`shapes`] |
 //!
 //! # Layouts
@@ -93,6 +95,10 @@ mod consistency;
 mod cub;
 mod dataset;
 mod depth;
+#[cfg(feature = "onnx")]
+mod depth_estimator;
+mod depth_file;
+mod depth_input;
 mod error;
 mod generated;
 mod json;
@@ -128,6 +134,10 @@ pub use cache::ViewCache;
 pub use colmap::{Colmap, ColmapForm, ColmapPoint, write_colmap};
 pub use cub::{Cub, CubAnnotation, CubMeanShape};
 pub use dataset::{Dataset, Entry, Subset, SurfacePoints, Truth};
+#[cfg(feature = "onnx")]
+pub use depth_estimator::{DepthEstimator, DepthModelError, DepthModelProblem};
+pub use depth_file::{read_depth_file, read_disparity_file};
+pub use depth_input::{DepthInput, SizeFit};
 pub use error::{ReadViewsError, ViewsProblem, WriteViewsError};
 pub use generated::Generated;
 pub use kaolin::write_kaolin;

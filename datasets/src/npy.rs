@@ -35,6 +35,28 @@ fn error(field: &'static str, found: impl Into<String>, expected: impl Into<Stri
 /// The shape is compared before the data is touched, and the data is a slice of `bytes`, so a
 /// header that claims terabytes costs nothing.
 pub(crate) fn read(bytes: &[u8], shapes: &[&[usize]]) -> Result<NpyArray, NpyError> {
+    let expected = || shapes.iter().map(|s| format!("{s:?}")).collect::<Vec<_>>().join(" or ");
+    read_if(bytes, |shape| shapes.contains(&shape), expected)
+}
+
+/// Reads one number a pixel, of any size: `[H, W]`, or that with axes of one before or after it.
+pub(crate) fn read_image(bytes: &[u8]) -> Result<([usize; 2], Vec<f32>), NpyError> {
+    let size = |shape: &[usize]| match *shape {
+        [h, w] | [h, w, 1] | [1, h, w] | [1, 1, h, w] if h > 0 && w > 0 => Some([h, w]),
+        _ => None,
+    };
+    let expected = || "(H, W), (H, W, 1), (1, H, W) or (1, 1, H, W)".to_owned();
+    let array = read_if(bytes, |shape| size(shape).is_some(), expected)?;
+    let size = size(&array.shape).expect("a shape that was just accepted");
+    Ok((size, array.data))
+}
+
+/// Reads an array whose axes are accepted; what would have been is `expected`.
+fn read_if(
+    bytes: &[u8],
+    accepts: impl Fn(&[usize]) -> bool,
+    expected: impl Fn() -> String,
+) -> Result<NpyArray, NpyError> {
     let magic = "\\x93NUMPY and a version";
     if bytes.len() < 10 || &bytes[..6] != MAGIC {
         return Err(error("magic", "other bytes", magic));
@@ -61,15 +83,15 @@ pub(crate) fn read(bytes: &[u8], shapes: &[&[usize]]) -> Result<NpyArray, NpyErr
         other => return Err(error("fortran_order", other.unwrap_or("nothing"), "True or False")),
     };
     let shape_text = value_of(&header, "shape").unwrap_or("nothing");
-    let expected = || shapes.iter().map(|s| format!("{s:?}")).collect::<Vec<_>>().join(" or ");
     let shape = parse_shape(shape_text)
-        .filter(|shape| shapes.contains(&shape.as_slice()))
+        .filter(|shape| accepts(shape.as_slice()))
         .ok_or_else(|| error("shape", shape_text, expected()))?;
     let kind = Kind::parse(&descr).ok_or_else(|| error("descr", descr.as_str(), DTYPES))?;
-    let count: usize = shape.iter().product();
     let data = &bytes[start + length..];
-    if data.len() != count * kind.size {
-        let wanted = format!("{} ({count} of {descr})", count * kind.size);
+    let needed = shape.iter().try_fold(kind.size, |n, &axis| n.checked_mul(axis));
+    if needed != Some(data.len()) {
+        let wanted = needed.map_or_else(|| "too many".to_owned(), |n| n.to_string());
+        let wanted = format!("{wanted} ({shape_text} of {descr})");
         return Err(error("data, in bytes", data.len().to_string(), wanted));
     }
     let values: Vec<f32> = data.chunks_exact(kind.size).map(|b| kind.value(b)).collect();

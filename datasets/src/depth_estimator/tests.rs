@@ -1,0 +1,200 @@
+//! Models of a few bytes, written here, and what they say about pictures.
+
+use std::path::PathBuf;
+
+use super::*;
+
+/// Fields of a message in the wire format of protocol buffers.
+#[derive(Clone, Default)]
+struct Message(Vec<u8>);
+
+impl Message {
+    fn varint(&mut self, mut value: u64) {
+        while value >= 0x80 {
+            self.0.push(value as u8 | 0x80);
+            value >>= 7;
+        }
+        self.0.push(value as u8);
+    }
+
+    fn int(mut self, field: u64, value: u64) -> Self {
+        self.varint(field << 3);
+        self.varint(value);
+        self
+    }
+
+    fn bytes(mut self, field: u64, value: &[u8]) -> Self {
+        self.varint(field << 3 | 2);
+        self.varint(value.len() as u64);
+        self.0.extend(value);
+        self
+    }
+
+    fn message(self, field: u64, value: &Self) -> Self {
+        self.bytes(field, &value.0)
+    }
+}
+
+const FLOAT: u64 = 1;
+
+/// `ValueInfoProto` of floats; 0 stands for an axis of any length.
+fn value_info(name: &str, shape: &[u64]) -> Message {
+    let axes = shape.iter().fold(Message::default(), |axes, &n| {
+        let axis = Message::default();
+        let axis = if n > 0 { axis.int(1, n) } else { axis.bytes(2, b"any") };
+        axes.message(1, &axis)
+    });
+    let tensor = Message::default().int(1, FLOAT).message(2, &axes);
+    Message::default().bytes(1, name.as_bytes()).message(2, &Message::default().message(1, &tensor))
+}
+
+/// `TensorProto` of floats.
+fn tensor(name: &str, shape: &[u64], values: &[f32]) -> Message {
+    let raw: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+    let dims = shape.iter().fold(Message::default(), |m, &n| m.int(1, n));
+    dims.int(2, FLOAT).bytes(8, name.as_bytes()).bytes(9, &raw)
+}
+
+/// `NodeProto`.
+fn node(op: &str, inputs: &[&str], output: &str, attributes: &[Message]) -> Message {
+    let node = inputs.iter().fold(Message::default(), |m, i| m.bytes(1, i.as_bytes()));
+    let node = node.bytes(2, output.as_bytes()).bytes(4, op.as_bytes());
+    attributes.iter().fold(node, |m, a| m.message(5, a))
+}
+
+/// `AttributeProto` of integers.
+fn ints(name: &str, values: &[u64]) -> Message {
+    let attribute = Message::default().bytes(1, name.as_bytes());
+    values.iter().fold(attribute, |m, &v| m.int(8, v)).int(20, 7)
+}
+
+/// A weighted sum of the channels plus a constant, `strides` pixels each way left out, then perhaps more nodes.
+fn model(
+    input: &[u64],
+    weights: [f32; 3],
+    constant: f32,
+    stride: u64,
+    more: &[Message],
+) -> Vec<u8> {
+    let conv = node(
+        "Conv",
+        &["picture", "weights", "constant"],
+        if more.is_empty() { "depth" } else { "sum" },
+        &[ints("kernel_shape", &[1, 1]), ints("strides", &[stride, stride])],
+    );
+    let graph = more.iter().fold(Message::default().message(1, &conv), |m, n| m.message(1, n));
+    let graph = graph
+        .bytes(2, b"tiny")
+        .message(5, &tensor("weights", &[1, 3, 1, 1], &weights))
+        .message(5, &tensor("constant", &[1], &[constant]))
+        .message(11, &value_info("picture", input))
+        .message(12, &value_info("depth", &[]));
+    let opset = Message::default().bytes(1, b"").int(2, 12);
+    Message::default().int(1, 7).message(7, &graph).message(8, &opset).0
+}
+
+fn saved(folder: &tempfile::TempDir, bytes: &[u8]) -> PathBuf {
+    let path = folder.path().join("tiny.onnx");
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+/// Red that grows to the right; green and blue constant.
+fn picture(height: usize, width: usize) -> ByteImage {
+    let pixel = |p: usize| [(255 * (p % width) / (width - 1)) as u8, 51, 0];
+    ByteImage { height, width, channels: 3, data: (0..height * width).flat_map(pixel).collect() }
+}
+
+fn normalised(input: &DepthInput, value: f32, c: usize) -> f32 {
+    (value - input.mean[c]) / input.deviation[c]
+}
+
+/// Channels come in the order and normalisation of the convention, and back at the size of the picture.
+#[test]
+fn a_model_sees_what_it_was_trained_on() {
+    let folder = tempfile::tempdir().unwrap();
+    for input in [DepthInput::midas_small(), DepthInput::midas_dpt(), DepthInput::depth_anything()]
+    {
+        let path = saved(&folder, &model(&[1, 3, 0, 0], [0.0, 2.0, -1.0], 0.25, 1, &[]));
+        let estimator = DepthEstimator::open(&path, input).unwrap();
+        let found = estimator.estimate(&picture(40, 60)).unwrap();
+        assert_eq!((found.height, found.width), (40, 60));
+        let expected = 2.0 * normalised(&input, 0.2, 1) - normalised(&input, 0.0, 2) + 0.25;
+        assert!(found.data.iter().all(|v| (v - expected).abs() < 1e-4), "{input:?}");
+
+        let path = saved(&folder, &model(&[0, 3, 0, 0], [1.0, 0.0, 0.0], 0.0, 1, &[]));
+        let found = DepthEstimator::open(&path, input).unwrap().estimate(&picture(40, 60)).unwrap();
+        for i in [0, 17, 39] {
+            for j in 4..56 {
+                let value = found.data[i * 60 + j];
+                let expected = normalised(&input, j as f32 / 59.0, 0);
+                assert!((value - expected).abs() < 0.1, "{i} {j} {value} {expected}");
+            }
+        }
+    }
+}
+
+/// Answers at half the size, without the axis of channels, as Depth Anything's.
+#[test]
+fn answers_of_other_forms_and_sizes() {
+    let folder = tempfile::tempdir().unwrap();
+    let squeeze = node("Squeeze", &["sum"], "depth", &[ints("axes", &[1])]);
+    let path = saved(&folder, &model(&[1, 3, 0, 0], [1.0, 0.0, 0.0], 0.0, 2, &[squeeze]));
+    let estimator = DepthEstimator::open(&path, DepthInput::depth_anything()).unwrap();
+    let found = estimator.estimate(&picture(30, 45)).unwrap();
+    assert_eq!((found.height, found.width), (30, 45));
+    assert!(found.data.windows(2).take(40).all(|two| two[0] <= two[1] + 1e-3));
+    // Grey is colour too.
+    let grey = ByteImage { height: 9, width: 9, channels: 1, data: vec![128; 81] };
+    assert!(estimator.estimate(&grey).unwrap().data.iter().all(|v| v.is_finite()));
+}
+
+#[test]
+fn a_size_in_the_file_wins() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = saved(&folder, &model(&[1, 3, 64, 96], [1.0; 3], 0.0, 1, &[]));
+    let estimator = DepthEstimator::open(&path, DepthInput::midas()).unwrap();
+    assert!(format!("{estimator:?}").contains("Some(64), Some(96)"));
+    assert_eq!(estimator.estimate(&picture(10, 20)).unwrap().data.len(), 200);
+}
+
+#[test]
+fn errors_name_the_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let open = |bytes: &[u8]| {
+        let error = DepthEstimator::open(saved(&folder, bytes), DepthInput::midas()).unwrap_err();
+        assert!(error.to_string().contains("tiny.onnx"), "{error}");
+        error.problem
+    };
+    assert!(matches!(open(b"not a model"), DepthModelProblem::Load(_)));
+    assert!(matches!(open(b""), DepthModelProblem::Load(_) | DepthModelProblem::Input { .. }));
+    let grey = model(&[1, 1, 32, 32], [1.0; 3], 0.0, 1, &[]);
+    let problem = open(&grey);
+    assert!(problem.to_string().contains("[1, 1, 32, 32]"), "{problem}");
+    let flat = model(&[3, 64], [1.0; 3], 0.0, 1, &[]);
+    assert!(matches!(open(&flat), DepthModelProblem::Input { .. }));
+    let missing = DepthEstimator::open(folder.path().join("none.onnx"), DepthInput::midas());
+    let missing = missing.unwrap_err();
+    assert!(matches!(missing.problem, DepthModelProblem::Io(_)), "{missing}");
+
+    // An answer that is one number.
+    let mean = node("GlobalAveragePool", &["sum"], "mean", &[]);
+    let squeeze = node("Squeeze", &["mean"], "depth", &[ints("axes", &[0, 1, 2, 3])]);
+    let path = saved(&folder, &model(&[1, 3, 0, 0], [1.0; 3], 0.0, 1, &[mean, squeeze]));
+    let estimator = DepthEstimator::open(path, DepthInput::midas()).unwrap();
+    let error = estimator.estimate(&picture(8, 8)).unwrap_err();
+    assert!(matches!(error.problem, DepthModelProblem::Output { .. }), "{error}");
+}
+
+/// Bytes changed and cut anywhere: an error or a model, never a panic.
+#[test]
+fn damaged_models() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = model(&[1, 3, 0, 0], [1.0; 3], 0.0, 1, &[]);
+    for at in 0..bytes.len() {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 0x55;
+        let _ = DepthEstimator::open(saved(&folder, &damaged), DepthInput::midas());
+        let _ = DepthEstimator::open(saved(&folder, &bytes[..at]), DepthInput::midas());
+    }
+}
