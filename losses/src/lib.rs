@@ -25,10 +25,13 @@
 //! | for | use |
 //! |---|---|
 //! | images | [`l1`], [`l2`] (with a mask if wanted), [`ssim_loss`] |
+//! | colours as they are seen | [`rgb_to_lab`], [`lab_lightness`], [`lab_colour`] |
+//! | how images look | [`lpips`] over the maps of a network, [`pyramid`] without one |
+//! | cameras | [`camera_loss`], [`rotation_loss`], [`quaternion_length`] |
 //! | silhouettes | [`mask_iou`], [`mask_bce`] (and [`l2`]) |
 //! | depth maps | [`ScaleShiftInvariant`] on [`disparity`] (scale and shift), [`log_depth`] (scale); their parts: [`align_scale_shift`], [`normalize_depth`], [`depth_l2`], [`depth_l1_trimmed`], [`depth_gradients`] |
 //! | flat, unfolded surfaces | [`face_angle`], [`normal_consistency`] |
-//! | even, smooth surfaces | [`edge_length`], [`edge_length_sum`], [`laplacian_squared`], [`laplacian_norm`] |
+//! | even, smooth surfaces | [`edge_length`], [`edge_length_sum`], [`laplacian_squared`], [`laplacian_norm`], [`laplacian_cotangent`] |
 //! | small deformations | [`deformation_norm`] |
 //! | point sets | [`chamfer`], [`chamfer_distance`] and [`chamfer_normals`] over [`Matches`], [`earth_mover`] |
 //! | edges in a true surface | [`edge_normal`] |
@@ -50,7 +53,9 @@
 pub mod kernels;
 pub mod metrics;
 
+mod camera;
 mod chamfer;
+mod cotangent;
 mod deformation;
 mod depth;
 mod earth_mover;
@@ -58,16 +63,20 @@ mod edge;
 mod edge_normal;
 mod face_angle;
 mod image;
+mod lab;
 mod laplacian;
 mod mask;
 mod normals;
+mod perceptual;
 mod scalar;
 mod ssim;
 mod surface;
 #[cfg(test)]
 mod testing;
 
+pub use camera::{camera_loss, quaternion_length, rotation_loss};
 pub use chamfer::{Directions, Matches, chamfer, chamfer_distance, chamfer_normals};
+pub use cotangent::laplacian_cotangent;
 pub use deformation::deformation_norm;
 pub use depth::{
     DepthMean, Robustness, ScaleShiftInvariant, align_scale_shift, depth_gradients,
@@ -80,8 +89,10 @@ pub use face_angle::{face_angle, normal_consistency};
 pub use image::{l1, l2};
 pub use kernels::alignment::ScaleShift;
 pub use kernels::assignment::Assignment;
+pub use lab::{lab_colour, lab_lightness, rgb_to_lab};
 pub use laplacian::{laplacian_norm, laplacian_squared};
 pub use mask::{mask_bce, mask_iou};
 pub use normals::{face_normals, vertex_normals};
+pub use perceptual::{lpips, pyramid};
 pub use ssim::ssim_loss;
 pub use surface::{surface_normals, surface_points};

@@ -1,6 +1,7 @@
 //! What the tests of several losses share.
 
-use autodiff_lite::testkit::{Options, check};
+use autodiff_lite::testkit::check;
+pub(crate) use autodiff_lite::testkit::{Options, function};
 use autodiff_lite::{Real, Tape, Var};
 use mesh_core::TriMesh;
 use ndarray::{Array2, ArrayD, IxDyn};

@@ -4,6 +4,8 @@ pub mod alignment;
 pub mod assignment;
 pub mod chunks;
 pub mod compare;
+pub mod lab;
 pub mod matching;
+pub mod singular;
 pub mod ssim;
 pub mod vec3;

@@ -87,15 +87,43 @@ pub fn ssim(image: &Image, target: &Image) -> f64 {
 /// Intersection over union of two masks (one channel, object above one half); 1 when both are empty.
 ///
 /// The masks are hard, so the figure of a soft silhouette is that of its half level. (MCMR's published
-/// figures count every non-zero alpha as object and are therefore higher.)
+/// figures count every non-zero alpha as object: [`mask_iou_by`].)
 pub fn mask_iou(prediction: &Image, target: &Image) -> f64 {
-    same_size("mask_iou", prediction, target);
+    one_channel("mask_iou", prediction, target);
+    overlap(prediction.data.iter().zip(&target.data).map(|(&a, &b)| (a > 0.5, b > 0.5)))
+}
+
+/// From which value on a pixel of a soft mask is object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MaskRule {
+    /// Above 0: MCMR's published figures. Any trace of a soft silhouette counts, so that outlines come out
+    /// too large on both sides.
+    AboveZero,
+    /// From one half on: the level at which a silhouette lies where the object ends.
+    FromHalf,
+}
+
+/// [`mask_iou`] by a rule.
+///
+/// # Panics
+/// If the masks differ in size or have more than one channel.
+pub fn mask_iou_by(prediction: &Image, target: &Image, rule: MaskRule) -> f64 {
+    one_channel("mask_iou_by", prediction, target);
+    let object = |v: f32| match rule {
+        MaskRule::AboveZero => v > 0.0,
+        MaskRule::FromHalf => v >= 0.5,
+    };
+    overlap(prediction.data.iter().zip(&target.data).map(|(&a, &b)| (object(a), object(b))))
+}
+
+#[track_caller]
+fn one_channel(name: &str, prediction: &Image, target: &Image) {
+    same_size(name, prediction, target);
     assert!(
         prediction.channels == 1,
-        "mask_iou: a mask has one channel, found {}",
+        "{name}: a mask has one channel, found {}",
         prediction.channels
     );
-    overlap(prediction.data.iter().zip(&target.data).map(|(&a, &b)| (a > 0.5, b > 0.5)))
 }
 
 /// Intersection over union of two sets given as pairs of memberships; 1 when both sets are empty.
@@ -192,5 +220,11 @@ mod tests {
         let b = image(1, 4, 1, |i| [1.0, 0.0, 0.0, 0.0][i]);
         assert_eq!(mask_iou(&a, &b), 0.5);
         assert_eq!(mask_iou(&Image::new(1, 4, 1), &Image::new(1, 4, 1)), 1.0);
+        // Every trace counts in the published rule: three of one.
+        assert_eq!(mask_iou_by(&a, &b, MaskRule::AboveZero), 1.0 / 3.0);
+        assert_eq!(mask_iou_by(&a, &b, MaskRule::FromHalf), 0.5);
+        let half = image(1, 4, 1, |_| 0.5);
+        assert_eq!(mask_iou_by(&half, &half, MaskRule::FromHalf), 1.0);
+        assert_eq!(mask_iou_by(&half, &b, MaskRule::FromHalf), 0.25);
     }
 }

@@ -1,8 +1,10 @@
 //! How good a result is: figures over plain images, masks, meshes and point sets; no gradients.
 //!
 //! - images: [`l1`], [`mse`], [`psnr`], [`psnr_inside`], [`ssim`]
-//! - masks: [`mask_iou`], [`overlap`]
+//! - masks: [`mask_iou`], [`mask_iou_by`] a published or a strict [`MaskRule`], [`overlap`]
 //! - depth maps: [`depth_error`]
+//! - cameras: [`rotation_angle`]
+//! - features of a network, run elsewhere: [`frechet`] (the FID), [`feature_distance`] (MCMR's figure of that name)
 //! - point sets: [`point_distances`] and what follows from them ([`PointDistances`])
 //! - meshes: [`evaluate`] under a published [`Protocol`]; [`voxel_iou`], [`mcmr_iou`]
 //!
@@ -12,19 +14,23 @@
 
 mod bounds;
 mod depth;
+mod frechet;
 mod image;
 mod mcmr;
 mod points;
 mod protocol;
 mod report;
+mod rotation;
 mod voxel;
 
 pub use depth::{DepthError, depth_error};
-pub use image::{l1, mask_iou, mse, overlap, psnr, psnr_inside, ssim};
+pub use frechet::{FrechetError, feature_distance, frechet};
+pub use image::{MaskRule, l1, mask_iou, mask_iou_by, mse, overlap, psnr, psnr_inside, ssim};
 pub use mcmr::{McmrAlignment, mcmr_iou};
 pub use points::{FScore, PointDistances, point_distances};
 pub use protocol::{
     Combination, IouProtocol, Normalisation, Points, Preset, Protocol, UnknownPreset,
 };
 pub use report::{CompareError, Report, Role, evaluate};
+pub use rotation::rotation_angle;
 pub use voxel::voxel_iou;
