@@ -36,6 +36,7 @@
 //! | textures | [`texture`] |
 //! | silhouettes | [`soft_silhouette`] pulls from afar, [`antialiased_silhouette`] is exact |
 //! | depth | [`depth`] |
+//! | the other way: every face a cloud | [`fn@softras`], [`SoftRas`], [`Paint`] |
 //! | the loops, without a tape | [`kernels`] |
 //! | a slow twin to check against | [`mod@reference`] |
 //!
@@ -67,10 +68,13 @@ pub mod reference;
 mod faces;
 mod fragments;
 mod settings;
+mod softras;
 
 pub use faces::{Faces, FacesError, NONE};
 pub use fragments::{Fragments, rasterize, rasterize_into};
 pub use ops::{
-    antialiased_silhouette, depth, interpolate, interpolate_corners, soft_silhouette, texture,
+    Paint, antialiased_silhouette, depth, interpolate, interpolate_corners, soft_silhouette,
+    softras, texture,
 };
 pub use settings::{Instructions, Rule, Settings};
+pub use softras::{SoftRas, SoftRasSettings, texel_middles};

@@ -4,6 +4,10 @@
 //! keeps the lists of faces per pixel that the production kernels do without. Use it to check, and
 //! to read: nothing here is fast, parallel or clever.
 
+mod softras;
+
+pub use softras::{Coloured, softras};
+
 use crate::faces::NONE;
 use crate::{Rule, Settings};
 

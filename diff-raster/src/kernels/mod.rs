@@ -10,5 +10,6 @@ pub mod interpolate;
 pub mod lanes;
 pub mod setup;
 pub mod silhouette;
+pub mod softras;
 pub mod texture;
 pub mod visibility;

@@ -3,11 +3,13 @@
 mod depth;
 mod interpolate;
 mod silhouette;
+mod softras;
 mod texture;
 
 pub use depth::depth;
 pub use interpolate::{interpolate, interpolate_corners};
 pub use silhouette::{antialiased_silhouette, soft_silhouette};
+pub use softras::{Paint, softras};
 pub use texture::texture;
 
 use autodiff_lite::{Real, ShapeError, Var};

@@ -1,0 +1,204 @@
+//! SoftRas's images. The rules stand in [`kernels::softras`](crate::kernels::softras).
+
+use std::sync::{Arc, Mutex};
+
+use autodiff_lite::{Backward, CONTIGUOUS, Op, Real, ShapeError, Var};
+
+use crate::kernels::softras::{self, Colours, State};
+use crate::softras::SoftRas;
+
+/// What SoftRas paints faces with.
+#[derive(Clone, Copy, Debug)]
+pub enum Paint<'t, F: Real = f32> {
+    /// Colours of vertices `[N, V, C]`, interpolated over faces.
+    Vertices(Var<'t, F>),
+    /// `side²` texels of each face `[N, F, side², C]`, whose middles are
+    /// [`texel_middles`](crate::texel_middles); the nearest counts, so no gradient goes through them
+    /// to where it lies.
+    Texels(Var<'t, F>),
+}
+
+/// Images in which every face is a cloud: alpha from distances, colours by a soft maximum over depth.
+///
+/// ```text
+/// D = sigmoid(± d² / sigma)      A = 1 - Π (1 - D)      C = Σ D e^(ζ/gamma) colour / (Σ D e^(ζ/gamma) + e^(ε/gamma))
+/// ```
+///
+/// ζ runs from 0 at `far` to 1 at `near`. The original's aggregation, to compare with
+/// [`interpolate`](crate::interpolate) and [`soft_silhouette`](crate::soft_silhouette): gradients reach
+/// hidden faces and depths, and a silhouette shrinks as readily as it grows. Colours are not multiplied by
+/// alpha: beside an object they are those of the nearest face around.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use autodiff_lite::Tape;
+/// use diff_raster::{Faces, Paint, SoftRas, SoftRasSettings, softras};
+/// use ndarray::arr3;
+///
+/// let corners = arr3(&[[[-0.5_f32, -0.5, 2.0], [0.5, -0.5, 2.0], [0.0, 0.5, 3.0]]]);
+/// let colours = arr3(&[[[1.0_f32], [0.5], [0.0]]]);
+/// let renderer = SoftRas::new(&Arc::new(Faces::new(3, &[[0, 1, 2]])?), &SoftRasSettings::new(32, 32));
+/// let tape = Tape::train(0);
+/// let [projected, colours] = [tape.leaf(corners), tape.leaf(colours)];
+/// let image = softras(projected, Some(Paint::Vertices(colours)), &renderer); // [1, 32, 32, 2]
+/// let alpha = image.slice_axis(3, 1..2);
+/// let gradients = alpha.sum().backward();
+/// assert!(gradients.wrt(projected).expect("moved")[[0, 2, 1]] > 0.0); // up is larger
+/// # Ok::<(), diff_raster::FacesError>(())
+/// ```
+///
+/// # Shapes
+/// `projected [N, V, 3]` as for [`rasterize`](crate::rasterize); paint of C channels, or none → `[N, H, W, C + 1]`, alpha last.
+/// # Gradient
+/// To all coordinates of `projected` and to the paint. Kinks where the nearest edge of a pixel or the
+/// corner of a face that it is beyond changes; jumps of `least` where a face's reach ends.
+/// # Cost
+/// Each face at each pixel of its enlarged box, forward and backward, on one lane: a few times
+/// [`interpolate`](crate::interpolate).
+/// # Panics
+/// If a shape does not fit.
+/// # References
+/// Liu et al. 2019, *Soft Rasterizer*, equations 1 to 6; constants as in its code, whose weight of the
+/// background is `e^(2 ε/gamma)` (no image shows the difference).
+#[track_caller]
+pub fn softras<'t, F: Real>(
+    projected: Var<'t, F>,
+    paint: Option<Paint<'t, F>>,
+    renderer: &Arc<SoftRas<F>>,
+) -> Var<'t, F> {
+    let tape = projected.tape();
+    let (positions, faces) = (projected.value(), &renderer.faces);
+    let shape = positions.shape();
+    let batch = match *shape {
+        [n, v, 3] if v == faces.vertex_count() => n,
+        _ => ShapeError::new("softras", format!("{} vertices expected", faces.vertex_count()))
+            .operand("projected", shape, "N, V, 3")
+            .at(tape.path())
+            .panic(),
+    };
+    let (mode, channels) = paint.map_or((Mode::Vertices, 0), |paint| check(paint, batch, renderer));
+    let painted = paint.map(|(Paint::Vertices(x) | Paint::Texels(x))| x);
+    let colours = painted.map(Var::value);
+    let colours = colours.as_ref().map_or(&[][..], |x| x.as_slice().expect(CONTIGUOUS));
+    let settings = &renderer.settings;
+    let mut out = tape.array(&[batch, settings.height, settings.width, channels + 1]);
+    let mut state = renderer.states.take();
+    softras::softras(
+        renderer,
+        positions.as_slice().expect(CONTIGUOUS),
+        mode.of(colours),
+        channels,
+        &mut state,
+        out.as_slice_mut().expect(CONTIGUOUS),
+    );
+    let state = Mutex::new(Some(state));
+    let op = Aggregation { renderer: Arc::clone(renderer), mode, channels, state };
+    match painted {
+        Some(painted) => tape.record(&[projected, painted], out, op),
+        None => tape.record(&[projected], out, op),
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Mode {
+    Vertices,
+    Texels(usize),
+}
+
+impl Mode {
+    fn of<F>(self, colours: &[F]) -> Colours<'_, F> {
+        match self {
+            Self::Vertices => Colours::Vertices(colours),
+            Self::Texels(side) => Colours::Texels(colours, side),
+        }
+    }
+}
+
+#[track_caller]
+fn check<F: Real>(paint: Paint<'_, F>, batch: usize, renderer: &SoftRas<F>) -> (Mode, usize) {
+    let faces = &renderer.faces;
+    let (found, expected) = match paint {
+        Paint::Vertices(x) => {
+            if let [n, v, c] = x.shape()[..]
+                && (n, v) == (batch, faces.vertex_count())
+            {
+                return (Mode::Vertices, c);
+            }
+            (x, "N, V, C")
+        }
+        Paint::Texels(x) => {
+            if let [n, f, texels, c] = x.shape()[..]
+                && (n, f) == (batch, faces.len())
+                && texels.isqrt().pow(2) == texels
+                && texels > 0
+            {
+                return (Mode::Texels(texels.isqrt()), c);
+            }
+            (x, "N, F, side², C")
+        }
+    };
+    let message = format!(
+        "paint for {batch} images of {} vertices or {} faces expected",
+        faces.vertex_count(),
+        faces.len()
+    );
+    ShapeError::new("softras", message)
+        .operand("paint", &found.shape(), expected)
+        .at(found.tape().path())
+        .panic()
+}
+
+struct Aggregation<F: Real> {
+    renderer: Arc<SoftRas<F>>,
+    mode: Mode,
+    channels: usize,
+    /// There until drop, which gives it back.
+    state: Mutex<Option<State<F>>>,
+}
+
+impl<F: Real> Op<F> for Aggregation<F> {
+    fn name(&self) -> &'static str {
+        "softras"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let (image, grad) = (cx.output(), cx.grad_out());
+        let planes = [&image, &grad].map(|x| x.as_slice().expect(CONTIGUOUS));
+        let colours = (cx.input_count() == 2).then(|| cx.input(1));
+        let colours = colours.as_ref().map_or(&[][..], |x| x.as_slice().expect(CONTIGUOUS));
+        let mut state = self.state.lock().expect("no rule panics while it holds the state");
+        let state = state.as_mut().expect("there until drop");
+        let zeros = |cx: &Backward<'_, F>, i: usize| {
+            let mut zeros = cx.array(cx.input(i).shape());
+            zeros.fill(F::zero());
+            zeros
+        };
+        let mut of_projected = zeros(cx, 0);
+        let wanted = cx.input_count() == 2 && cx.needs(1);
+        let mut of_colours = wanted.then(|| zeros(cx, 1));
+        softras::softras_grad(
+            &self.renderer,
+            self.mode.of(colours),
+            self.channels,
+            state,
+            planes,
+            of_projected.as_slice_mut().expect(CONTIGUOUS),
+            of_colours.as_mut().map_or(&mut [], |x| x.as_slice_mut().expect(CONTIGUOUS)),
+        );
+        cx.give(0, of_projected);
+        if let Some(of_colours) = of_colours {
+            cx.give(1, of_colours);
+        }
+    }
+}
+
+impl<F: Real> Drop for Aggregation<F> {
+    fn drop(&mut self) {
+        if let Ok(state) = self.state.get_mut()
+            && let Some(state) = state.take()
+        {
+            self.renderer.states.give(state);
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! SoftRas: every face is a cloud, and depth decides by a soft maximum.
+
+use std::sync::Arc;
+
+use autodiff_lite::Real;
+
+use crate::Faces;
+use crate::fragments::Spares;
+use crate::kernels::setup::Centres;
+use crate::kernels::softras::State;
+
+/// Size of the image and the two temperatures of SoftRas.
+///
+/// ```
+/// use diff_raster::SoftRasSettings;
+///
+/// let settings = SoftRasSettings { sigma: 1e-4, ..SoftRasSettings::new(64, 64) };
+/// assert!(settings.reach() > 0.03 && settings.reach() < 0.031); // in NDC: one pixel
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct SoftRasSettings {
+    /// Rows of the image, `H`.
+    pub height: usize,
+    /// Columns of the image, `W`.
+    pub width: usize,
+    /// How far a face spreads: it covers a pixel at squared distance `d²` from its border, in NDC,
+    /// by `sigmoid(± d² / sigma)`, plus inside. Must be positive.
+    pub sigma: f64,
+    /// How soft the decision between depths is: the smaller, the more the nearest face wins. In
+    /// units of `far - near`. Must be positive.
+    pub gamma: f64,
+    /// The range of depths that colours come from.
+    pub near: f64,
+    /// Its end.
+    pub far: f64,
+    /// A face is left out where it would cover less than this.
+    pub least: f64,
+    /// The background stands at this part of the range from its end.
+    pub background: f64,
+    /// Whether colours of vertices are interpolated as a perspective camera sees them. Depth is so
+    /// in any case.
+    pub perspective: bool,
+}
+
+impl SoftRasSettings {
+    /// The published temperatures, for cameras that stand a few units away; colours
+    /// perspective-correct.
+    pub fn new(height: usize, width: usize) -> Self {
+        Self { perspective: true, ..Self::published(height, width) }
+    }
+
+    /// As published, where colours are interpolated linearly on the screen.
+    ///
+    /// Liu et al. 2019, *Soft Rasterizer*, and the defaults of its code: `sigma` 1e-5, `gamma` 1e-4,
+    /// depths 1 to 100, coverage of 1e-4 at least, background at 1e-3.
+    pub fn published(height: usize, width: usize) -> Self {
+        Self {
+            height,
+            width,
+            sigma: 1e-5,
+            gamma: 1e-4,
+            near: 1.0,
+            far: 100.0,
+            least: 1e-4,
+            background: 1e-3,
+            perspective: false,
+        }
+    }
+
+    /// How far from its border a face is seen, in NDC.
+    pub fn reach(&self) -> f64 {
+        (self.sigma * (1.0 / self.least - 1.0).ln()).max(0.0).sqrt()
+    }
+}
+
+/// What [`softras`](fn@crate::softras) needs beside its inputs: faces, settings, and memory that it uses
+/// again. Make it once and share it.
+#[derive(Debug)]
+pub struct SoftRas<F: Real = f32> {
+    pub(crate) faces: Arc<Faces>,
+    pub(crate) settings: SoftRasSettings,
+    pub(crate) centres: Centres<F>,
+    pub(crate) states: Spares<State<F>>,
+}
+
+impl<F: Real> SoftRas<F> {
+    /// For these faces and images.
+    ///
+    /// # Panics
+    /// If a temperature is not positive, or the range of depths is empty.
+    pub fn new(faces: &Arc<Faces>, settings: &SoftRasSettings) -> Arc<Self> {
+        let s = settings;
+        assert!(
+            s.sigma > 0.0 && s.gamma > 0.0 && s.far > s.near && s.least > 0.0 && s.least < 0.5,
+            "SoftRas: sigma {} and gamma {} must be positive, depths {} to {} a range, the least \
+             coverage {} within (0, 0.5)",
+            s.sigma,
+            s.gamma,
+            s.near,
+            s.far,
+            s.least
+        );
+        let mut centres = Centres::default();
+        centres.prepare(s.height, s.width);
+        Arc::new(Self {
+            faces: Arc::clone(faces),
+            settings: s.clone(),
+            centres,
+            states: Spares::default(),
+        })
+    }
+
+    /// The faces.
+    pub fn faces(&self) -> &Arc<Faces> {
+        &self.faces
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &SoftRasSettings {
+        &self.settings
+    }
+}
+
+/// The barycentric coordinates of the middles of a face's `side²` texels, in the order in which
+/// [`Paint::Texels`](crate::Paint) has them: where to look a texture up.
+///
+/// ```
+/// let middles = diff_raster::texel_middles(6);
+/// assert_eq!(middles.len(), 36);
+/// assert!(middles.iter().all(|w| w.iter().all(|&w| w > 0.0)));
+/// ```
+pub fn texel_middles(side: usize) -> Vec<[f64; 3]> {
+    let size = side as f64;
+    let middle = |at: usize| {
+        let (i, j) = (at / side, at % side);
+        // The lower triangles, and the upper ones turned into the other half of the square.
+        let part = |k: usize| {
+            if i + j < side {
+                (k as f64 + 1.0 / 3.0) / size
+            } else {
+                ((side - 1 - k) as f64 + 2.0 / 3.0) / size
+            }
+        };
+        [part(j), part(i), 1.0 - part(i) - part(j)]
+    };
+    (0..side * side).map(middle).collect()
+}
