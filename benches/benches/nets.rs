@@ -1,11 +1,13 @@
-//! Networks: VGG16, a transformer's encoder layer, graph convolutions, and an optimiser's step.
+//! Networks: VGG16, ResNet-18, a transformer's encoder layer, graph convolutions, and an optimiser's step.
 
 use autodiff_lite::optim::Adam;
 use autodiff_lite::{Param, SparseMatrix, Tape, Tensor, impl_module};
 use benches::{criterion, numbers, pool};
 use mesh_core::primitives::icosphere;
 use ndarray::ArrayD;
-use nets::{GraphConv, Init, TransformerConfig, TransformerEncoderLayer, Vgg16};
+use nets::{
+    GraphConv, Init, ResNet, ResNetConfig, TransformerConfig, TransformerEncoderLayer, Vgg16,
+};
 
 struct Weights {
     w: Param,
@@ -38,6 +40,24 @@ fn main() {
                 });
             },
         );
+    }
+    // The published size, and a half-width encoder of small images; norms train.
+    for (name, width, [batch, side]) in [("resnet18", 64, [4, 256]), ("resnet18-half", 32, [8, 64])]
+    {
+        let config = ResNetConfig { width, ..ResNetConfig::resnet18() };
+        let net = ResNet::<f32>::new(&init, &config);
+        let images = array(&[batch, side, side, 3], 1);
+        let mut tape = Tape::train(0);
+        group.bench_function(format!("{name}/{batch}x{side}x{side}/forward-backward/2t"), |b| {
+            pool.install(|| {
+                b.iter(|| {
+                    let loss = net.forward_features(tape.constant(images.clone())).sum();
+                    drop(loss.backward());
+                    drop(tape.take_updates());
+                    tape.reset();
+                });
+            });
+        });
     }
     group.sample_size(20);
     let layer = TransformerEncoderLayer::<f32>::new(&init, &TransformerConfig::new(512, 8));

@@ -8,8 +8,8 @@ use autodiff_lite::{Tape, Tensor};
 use benches::{criterion, pool};
 use criterion::BenchmarkId;
 use diff_raster::{
-    Faces, Fragments, Settings, antialiased_silhouette, interpolate, rasterize_into,
-    soft_silhouette,
+    Faces, Fragments, Paint, Settings, SoftRas, SoftRasSettings, antialiased_silhouette,
+    interpolate, rasterize_into, soft_silhouette, softras,
 };
 use mesh_core::primitives::icosphere;
 use ndarray::Array3;
@@ -62,6 +62,15 @@ impl Scene {
         tape.reset();
     }
 
+    fn clouds(&self, tape: &mut Tape<f32>, renderer: &Arc<SoftRas>) {
+        let projected = tape.leaf(self.positions.clone());
+        let ones = tape.constant(Array3::ones((projected.shape()[0], 1, 1)));
+        let colours = tape.leaf(self.colours.clone()).insert_axis(0).mul(ones);
+        let image = softras(projected, Some(Paint::Vertices(colours)), renderer);
+        black_box(image.backward_with(image.value()));
+        tape.reset();
+    }
+
     fn border(&self, tape: &mut Tape<f32>, fragments: &Arc<Fragments>) {
         let projected = tape.leaf(self.positions.clone());
         let mask = antialiased_silhouette(projected, fragments);
@@ -90,6 +99,14 @@ fn main() {
                 let (mut tape, mut fragments) = (Tape::train(0), Arc::default());
                 scene.step(&mut tape, &mut fragments, false);
                 bencher.iter(|| scene.border(&mut tape, &fragments));
+            });
+        });
+        group.bench_function(BenchmarkId::new("softras-forward-backward", &name), |bencher| {
+            pool.install(|| {
+                let settings = SoftRasSettings::published(size, size);
+                let renderer = SoftRas::new(&scene.faces, &settings);
+                let mut tape = Tape::train(0);
+                bencher.iter(|| scene.clouds(&mut tape, &renderer));
             });
         });
     }
