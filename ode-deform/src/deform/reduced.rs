@@ -88,6 +88,7 @@ impl<F: Real> VectorField<F> for ReducedField<F> {
             MapSampling::Bilinear => {
                 placed.add_bilinear_samples(maps, points, Padding::Border, false)
             }
+            MapSampling::Centres => placed.add_bilinear_samples(maps, points, Padding::Zeros, true),
             MapSampling::Floor => maps
                 .iter()
                 .fold(placed, |sum, &map| sum + pool_features(&[map], points, MapSampling::Floor)),
