@@ -2,6 +2,7 @@
 
 mod data;
 mod dataset;
+mod depth;
 mod eval;
 mod predict;
 mod reproduce;
@@ -15,6 +16,9 @@ pub(crate) use data::{
     CamerasName, Data, DataVerb, DepthKind, Frame, Generate, LayoutName, SizeRule,
 };
 pub(crate) use dataset::{Convert, Inspect, Validate, WrittenLayout};
+pub(crate) use depth::Depth;
+#[cfg(feature = "onnx")]
+pub(crate) use depth::DepthModelKind;
 pub(crate) use eval::Eval;
 pub(crate) use predict::Predict;
 pub(crate) use reproduce::Reproduce;

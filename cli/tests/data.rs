@@ -66,3 +66,18 @@ fn what_cannot_be_is_refused() {
     run(["data", "inspect", "empty", "--turntable", "9"]).fails(2, &["--fov"]);
     assert!(!place.path().join("x").exists());
 }
+
+/// Without the feature the verb is there, and says what is missing; with it the model is at fault.
+#[test]
+fn depth_needs_a_model_and_the_feature() {
+    let place = tempfile::tempdir().unwrap();
+    std::fs::write(place.path().join("no.onnx"), "no model").unwrap();
+    let run =
+        unsphere(place.path(), ["data", "depth", "a.png", "--model", "no.onnx", "-o", "out", "-q"]);
+    if cfg!(feature = "onnx") {
+        run.fails(3, &["no.onnx", "is not an ONNX model"]);
+    } else {
+        run.fails(2, &["no.onnx", "--features onnx"]);
+    }
+    assert!(!place.path().join("out").exists());
+}

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use super::{Configuration, Convert, Inspect, Light, Validate, hex_color};
+use super::{Configuration, Convert, Depth, Inspect, Light, Validate, hex_color};
 
 #[derive(Args, Debug)]
 #[command(arg_required_else_help = true)]
@@ -23,6 +23,8 @@ pub(crate) enum DataVerb {
     Validate(Validate),
     /// Write a dataset in another layout.
     Convert(Convert),
+    /// Estimate the depth of pictures with a network of yours, in ONNX's form.
+    Depth(Depth),
 }
 
 #[derive(Args, Debug)]

@@ -245,9 +245,12 @@ mod tests {
     /// To rounding, with and without the time, whichever way maps are read; and the gradients are the same.
     #[test]
     fn maps_reduced_beforehand_give_the_same() {
-        for (time, sampling) in
-            [(3, MapSampling::Bilinear), (0, MapSampling::Bilinear), (2, MapSampling::Floor)]
-        {
+        for (time, sampling) in [
+            (3, MapSampling::Bilinear),
+            (0, MapSampling::Bilinear),
+            (2, MapSampling::Floor),
+            (1, MapSampling::Centres),
+        ] {
             let mut field = field(time);
             field.config.sampling = sampling;
             let problem = Problem::new([0.0, 1.0], &MIDPOINT, StepController::Fixed { step: 0.4 });

@@ -1,6 +1,7 @@
 //! `unsphere data`: one file for each verb.
 
 mod convert;
+mod depth;
 mod generate;
 mod inspect;
 mod validate;
@@ -15,5 +16,6 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Data) -> Result<
         DataVerb::Inspect(arguments) => inspect::run(console, arguments),
         DataVerb::Validate(arguments) => validate::run(console, arguments),
         DataVerb::Convert(arguments) => convert::run(console, arguments),
+        DataVerb::Depth(arguments) => depth::run(console, arguments),
     }
 }
