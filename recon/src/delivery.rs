@@ -15,7 +15,7 @@ use crate::evaluate::{ViewScores, masked, score_views};
 use crate::fit::{FitConfig, Fitted};
 use crate::output::{OutputError, OutputFolder};
 use crate::report::{Chart, Figure, Report, Series, Table, ViewPair};
-use crate::synthetic::{RenderOptions, render_views};
+use crate::synthetic::{Lighting, RenderOptions, render_views};
 use crate::turntable::{encode_gif, orbit};
 
 /// Views shown in the report; more make it long, not clearer.
@@ -118,7 +118,9 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
 /// If a face names a vertex that is not there.
 pub fn turntable(mesh: &TriMesh) -> Result<Vec<u8>, FacesError> {
     let Some(bounds) = mesh.bounds() else { return Ok(Vec::new()) };
-    let options = RenderOptions { background: BACKDROP, ..RenderOptions::default() };
+    let lit = mesh.colors.is_none() && mesh.texture.is_none();
+    let lighting = if lit { Lighting::studio() } else { Lighting::default() };
+    let options = RenderOptions { background: BACKDROP, lighting, ..RenderOptions::default() };
     let cameras = orbit(bounds, FRAMES, 0.35, PICTURE);
     let frames: Vec<ByteImage> = render_views(mesh, &cameras, &options, &|_, _| ())?
         .into_iter()
@@ -136,7 +138,9 @@ pub fn animation(meshes: &[TriMesh]) -> Result<Vec<u8>, FacesError> {
     const STAYS: usize = 8;
     let all: Vec<[f32; 3]> = meshes.iter().flat_map(|mesh| mesh.positions.clone()).collect();
     let Some(bounds) = TriMesh::new(all, Vec::new()).bounds() else { return Ok(Vec::new()) };
-    let options = RenderOptions { background: BACKDROP, ..RenderOptions::default() };
+    // What has no colours shows its shape by the light alone.
+    let lighting = Lighting::studio();
+    let options = RenderOptions { background: BACKDROP, lighting, ..RenderOptions::default() };
     // From the side and above: the second of eight around.
     let camera = orbit(bounds, 8, 0.35, PICTURE).swap_remove(1);
     let mut frames = Vec::with_capacity(meshes.len() + STAYS);

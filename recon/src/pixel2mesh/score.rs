@@ -8,7 +8,7 @@ use super::deformer::Deformer;
 use super::single_view::SingleView;
 use crate::paired::{Pairs, Picture, PointScores, point_scores};
 use crate::report::ViewPair;
-use crate::synthetic::{RenderOptions, render_views};
+use crate::synthetic::{Lighting, RenderOptions, render_views};
 use crate::train::{DataError, Metric, Shown};
 
 /// Objects shown together.
@@ -109,7 +109,11 @@ fn drawn(picture: &Picture, mesh: TriMesh, caption: String) -> ViewPair {
         data: picture.image.clone(),
     };
     let camera = picture.camera.resized(SIDE, SIDE);
-    let options = RenderOptions { background: [1.0; 3], ..RenderOptions::default() };
+    let options = RenderOptions {
+        lighting: Lighting::studio(),
+        background: [1.0; 3],
+        ..RenderOptions::default()
+    };
     let mesh = picture.frame.mesh_in_world(mesh);
     let rendered = render_views(&mesh, &[camera], &options, &|_, _| ());
     let model = rendered.ok().and_then(|mut views| views.pop()).map(|view| view.color);
