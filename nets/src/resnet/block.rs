@@ -1,6 +1,7 @@
 //! Residual blocks.
 
-use autodiff_lite::{Activation, ConvGeometry, Real, Var, impl_module};
+use autodiff_lite::kernels::elementwise;
+use autodiff_lite::{Activation, Backward, CONTIGUOUS, ConvGeometry, Real, Var, impl_module};
 
 use crate::{Conv2d, FanMode, Init, Nonlinearity, Norm, NormKind};
 
@@ -124,26 +125,49 @@ pub(crate) fn convolution<F: Real>(
     }
 }
 
-/// `max(a + b, 0)` in one pass; no gradient where the sum is not positive.
+/// `max(a + b, 0)` in one pass; no gradient where the sum is not positive. Both summands have the same
+/// gradient, so it is masked in place, once.
+#[track_caller]
 fn add_relu<'t, F: Real>(a: Var<'t, F>, b: Var<'t, F>) -> Var<'t, F> {
-    a.zip(
-        b,
-        |a, b| if a + b > F::zero() { a + b } else { F::zero() },
-        |_, _, y| {
-            let slope = if y > F::zero() { F::one() } else { F::zero() };
-            (slope, slope)
-        },
-    )
+    let (tape, x, y) = (a.tape(), a.value(), b.value());
+    assert_eq!(x.shape(), y.shape(), "a block and its shortcut differ in shape");
+    let mut sum = tape.array(x.shape());
+    let [x, y] = [&x, &y].map(|x| x.as_slice().expect(CONTIGUOUS));
+    let positive = |x: F| if x > F::zero() { x } else { F::zero() };
+    elementwise::zip(x, y, sum.as_slice_mut().expect(CONTIGUOUS), |x, y| positive(x + y));
+    tape.record_fn("add_relu", &[a, b], sum, |cx: &mut Backward<'_, F>| {
+        let y = cx.output();
+        let y = y.as_slice().expect(CONTIGUOUS);
+        let mut g = cx.take_grad_out();
+        let own = g.as_slice_mut().expect(CONTIGUOUS);
+        elementwise::update(own, y, y, |g, y, _| if y > F::zero() { g } else { F::zero() });
+        if cx.needs(0) && cx.needs(1) {
+            let mut other = cx.array(g.shape());
+            let to = other.as_slice_mut().expect(CONTIGUOUS);
+            elementwise::map(g.as_slice().expect(CONTIGUOUS), to, |g| g);
+            cx.give(1, other);
+            cx.give(0, g);
+        } else {
+            cx.give(usize::from(cx.needs(1)), g);
+        }
+    })
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use autodiff_lite::Tape;
-    use autodiff_lite::testkit::{Options, check, function};
+    use autodiff_lite::testkit::{Options, check, function, gradcheck};
     use ndarray::Array4;
 
     use super::*;
+
+    fn kinked() -> Options {
+        Options { kinked_fraction: 0.02, ..Options::default() }
+    }
+    gradcheck!(sums: |a, b| add_relu(a, b), shapes [[[2, 3, 4], [2, 3, 4]], [[1], [1]]], options kinked());
+    gradcheck!(one_of_them: |a| add_relu(a, a.tape().constant(a.value().mapv(|_| 0.25))),
+        shapes [[[3, 5]]], options kinked());
 
     #[test]
     fn gradients_pass_both_ways_around_a_block() {
