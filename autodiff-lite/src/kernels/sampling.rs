@@ -43,6 +43,7 @@ struct Corners<F> {
 
 impl Sampling {
     /// The pixel coordinate of one in [-1, 1], its slope, and the two pixels around it.
+    #[inline(always)]
     fn axis<F: Real>(&self, coordinate: F, size: usize) -> (F, F, [Option<usize>; 2]) {
         let (half, n) = (F::from_f64(0.5), F::from_f64(size as f64));
         let one = F::one();
@@ -70,6 +71,7 @@ impl Sampling {
         (at - first, slope, [exists(index), exists(index + 1)])
     }
 
+    #[inline(always)]
     fn corners<F: Real>(&self, point: &[F]) -> Corners<F> {
         let [_, h, w, _] = self.image;
         let (over, slope_x, columns) = self.axis(point[0], w);
@@ -235,9 +237,16 @@ fn grad_points_body<F: Real>(
         let g = &g[at * c..(at + 1) * c];
         let around = s.corners(&points[at * 2..at * 2 + 2]);
         let (corners, count) = around.existing(w);
+        let row = |k: usize| &image[corners[k].pixel * c..][..c];
+        let dots = if count == 4 {
+            // The usual case: the gradient is read once.
+            dots(g, [row(0), row(1), row(2), row(3)])
+        } else {
+            let dot = |k: usize| if k < count { dots(g, [row(k)])[0] } else { F::zero() };
+            [dot(0), dot(1), dot(2), dot(3)]
+        };
         let (mut over, mut down) = (F::zero(), F::zero());
-        for corner in &corners[..count] {
-            let dot = dot(g, &image[corner.pixel * c..][..c]);
+        for (corner, dot) in corners.iter().zip(dots) {
             over += dot * corner.d_over;
             down += dot * corner.d_down;
         }
@@ -248,23 +257,30 @@ fn grad_points_body<F: Real>(
 
 clones!(fn grad_points[F: Real](s: &Sampling, x: &[F], points: &[F], g: &[F], first: usize, gp: &mut [F]) = grad_points_body);
 
+/// The dot products of `a` with each of several rows.
 #[inline(always)]
-fn dot<F: Real>(a: &[F], b: &[F]) -> F {
+fn dots<F: Real, const N: usize>(a: &[F], rows: [&[F]; N]) -> [F; N] {
     let (blocks, rest) = a.as_chunks::<LANES>();
-    let (others, other_rest) = b.as_chunks::<LANES>();
-    let mut sums = [F::zero(); LANES];
-    for (a, b) in blocks.iter().zip(others) {
-        for k in 0..LANES {
-            sums[k] += a[k] * b[k];
+    let mut sums = [[F::zero(); LANES]; N];
+    for (i, a) in blocks.iter().enumerate() {
+        for (sums, row) in sums.iter_mut().zip(&rows) {
+            let b = &row[i * LANES..][..LANES];
+            for k in 0..LANES {
+                sums[k] += a[k] * b[k];
+            }
         }
     }
-    let mut width = LANES / 2;
-    while width > 0 {
-        for k in 0..width {
-            let other = sums[k + width];
-            sums[k] += other;
+    let at = blocks.len() * LANES;
+    std::array::from_fn(|n| {
+        let mut sums = sums[n];
+        let mut width = LANES / 2;
+        while width > 0 {
+            for k in 0..width {
+                let other = sums[k + width];
+                sums[k] += other;
+            }
+            width /= 2;
         }
-        width /= 2;
-    }
-    rest.iter().zip(other_rest).fold(sums[0], |sum, (&a, &b)| sum + a * b)
+        rest.iter().zip(&rows[n][at..]).fold(sums[0], |sum, (&a, &b)| sum + a * b)
+    })
 }
