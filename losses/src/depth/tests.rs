@@ -56,12 +56,13 @@ fn shapes() -> impl Strategy<Value = [usize; 3]> {
 
 proptest! {
     #[test]
-    fn gradients(shape in shapes(), share in 0.3f64..1.0, floor in prop_oneof![Just(-1.0), Just(0.4)], mean in mean(), seed: u64) {
+    fn gradients(shape in (1usize..3, 4usize..8, 4usize..8).prop_map(|(n, h, w)| [n, h, w]), share in 0.3f64..1.0, floor in prop_oneof![Just(-1.0), Just(0.4)], mean in mean(), seed: u64) {
         let [x, y, mask] = scene(shape, share, seed);
         // Where residuals change sign or order, differences cross a kink.
         let options = Options { kinked_fraction: 0.3, ..testing::options(seed) };
-        // Of very few pixels the spread may be next to nothing, and slopes as steep as it is small.
-        prop_assume!(mask.outer_iter().all(|m| m.sum() != 2.0));
+        // Of very few pixels the spread may be next to nothing, and slopes as steep as it is small; and any change
+        // reorders them.
+        prop_assume!(mask.outer_iter().all(|m| m.sum() == 0.0 || m.sum() >= 6.0));
         let checked = |f: &Configured<'_>| {
             let whole = function(|v| {
                 let tape = v[0].tape();
