@@ -1,7 +1,10 @@
 //! Pooling of features-last images.
 
+use std::ops::Range;
+
 use crate::Real;
 use crate::kernels::blocks::{SERIAL_ELEMENTS, Shared, for_each_block, for_each_part};
+use crate::kernels::simd::clones;
 
 /// Windows along both axes: for each output row (column) the input rows (columns) it covers.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -122,22 +125,39 @@ pub fn max_pool<F: Real>(s: &Windows, x: &[F], y: &mut [F], argument: &mut [u32]
             let start = (row * columns + column) * c;
             // SAFETY: each task has an output row of its own.
             let (y, argument) = unsafe { (out.slice(start, c), at.slice(start, c)) };
-            y.fill(F::neg_infinity());
-            argument.fill((top * w + left) as u32);
-            for i in top..bottom {
-                for j in left..right {
-                    let from = &x[((image * h + i) * w + j) * c..][..c];
-                    let place = (i * w + j) as u32;
-                    for ((y, argument), &x) in y.iter_mut().zip(argument.iter_mut()).zip(from) {
-                        let wins = x > *y || x.is_nan();
-                        *argument = if wins { place } else { *argument };
-                        *y = if wins { x } else { *y };
-                    }
-                }
-            }
+            let image = &x[image * h * w * c..(image + 1) * h * w * c];
+            largest(image, w, [top..bottom, left..right], y, argument);
         }
     });
 }
+
+/// The largest of the pixels of one window, channel by channel.
+#[inline(always)]
+fn largest_body<F: Real>(
+    image: &[F],
+    width: usize,
+    [rows, columns]: [Range<usize>; 2],
+    y: &mut [F],
+    argument: &mut [u32],
+) {
+    let c = y.len();
+    let argument = &mut argument[..c];
+    y.fill(F::neg_infinity());
+    argument.fill((rows.start * width + columns.start) as u32);
+    for i in rows {
+        for j in columns.clone() {
+            let place = i * width + j;
+            let from = &image[place * c..][..c];
+            for k in 0..c {
+                let wins = from[k] > y[k] || from[k].is_nan();
+                argument[k] = if wins { place as u32 } else { argument[k] };
+                y[k] = if wins { from[k] } else { y[k] };
+            }
+        }
+    }
+}
+
+clones!(fn largest[F: Real](image: &[F], width: usize, window: [Range<usize>; 2], y: &mut [F], argument: &mut [u32]) = largest_body);
 
 /// Adds the gradient of [`max_pool`]'s input.
 ///
@@ -150,8 +170,11 @@ pub fn max_pool_grad<F: Real>(s: &Windows, g: &[F], argument: &[u32], gx: &mut [
     let (input, output) = (s.input[0] * s.input[1] * c, s.ranges[0].len() * s.ranges[1].len() * c);
     for_each_part(gx, input, s.parallel(), |image, gx| {
         let range = image * output..(image + 1) * output;
-        for (k, (&g, &place)) in g[range.clone()].iter().zip(&argument[range]).enumerate() {
-            gx[place as usize * c + k % c] += g;
+        let pixels = g[range.clone()].chunks_exact(c.max(1));
+        for (g, places) in pixels.zip(argument[range].chunks_exact(c.max(1))) {
+            for (k, (&g, &place)) in g.iter().zip(places).enumerate() {
+                gx[place as usize * c + k] += g;
+            }
         }
     });
 }
