@@ -170,7 +170,8 @@ mod tests {
         });
     }
 
-    /// What the two first deviations leave of a picture in the coarsest map.
+    /// What the two first deviations leave of a picture in the coarsest map. He's is not 1: of a map of 2 x 2 pixels most
+    /// of a kernel sees the zeros around it.
     #[test]
     fn the_published_deviation_fades() {
         let root = |first: EncoderInit| {

@@ -3,9 +3,9 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use datasets::{Dataset, Entry, ReadOptions, Truth, View};
+use datasets::{Dataset, Entry, ReadOptions, Subset, Truth, View, Views};
 
-use crate::train::DataError;
+use crate::train::{DataError, Fingerprint};
 
 /// Bytes of views that are kept at most; what is beyond is read again each time.
 const BUDGET: usize = 6 << 30;
@@ -81,9 +81,48 @@ impl<T: Stored> Shelf<T> {
         }
     }
 
+    /// All views of an object as they are, without what is kept.
+    pub(crate) fn whole(&self, object: usize) -> Result<Views, DataError> {
+        Ok(self.dataset.views(object, None, &self.options, &|_, _| ())?)
+    }
+
     /// What is known of the true shape, in the world of the cameras.
     pub(crate) fn truth(&self, object: usize) -> Result<Truth, DataError> {
         Ok(self.dataset.truth(object)?)
+    }
+
+    /// Objects with views, parted into those that are trained on and those that are scored: what the
+    /// layout calls test or validation, or else every `every`th. Where one part would be empty it is
+    /// the other.
+    ///
+    /// # Errors
+    /// If no object has a view.
+    pub(crate) fn split(&self, every: usize) -> Result<[Vec<usize>; 2], DataError> {
+        let entries = self.dataset.entries();
+        let usable: Vec<usize> = (0..entries.len()).filter(|&i| entries[i].views > 0).collect();
+        if usable.is_empty() {
+            let root = self.dataset.root().display();
+            return Err(DataError::Unfit(format!("{root}: none of its objects has a view")));
+        }
+        let said = usable.iter().any(|&i| entries[i].subset.is_some_and(|s| s != Subset::Train));
+        let (held, train): (Vec<usize>, Vec<usize>) =
+            usable.iter().partition(|&&i| match entries[i].subset {
+                Some(subset) if said => subset != Subset::Train,
+                _ if said => false,
+                _ => every > 0 && i % every == every - 1,
+            });
+        let or = |part: &Vec<usize>, other: &Vec<usize>| {
+            if part.is_empty() { other.clone() } else { part.clone() }
+        };
+        Ok([or(&train, &held), or(&held, &train)])
+    }
+
+    /// A number that other names or counts of views change.
+    pub(crate) fn fingerprint(&self) -> Fingerprint {
+        self.dataset.entries().iter().fold(Fingerprint::new(), |hash, entry| {
+            let hash = hash.with(entry.category.as_bytes()).with(entry.name.as_bytes());
+            hash.with(&entry.views.to_le_bytes())
+        })
     }
 
     /// What the dataset says of its objects.

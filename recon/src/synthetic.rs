@@ -27,6 +27,7 @@ pub use collection::{Collection, PoseNoise, RoughPose};
 pub use dataset::write_dataset;
 pub use monocular::{Guess, Monocular};
 pub use procedural::Procedural;
+pub(crate) use procedural::families_named;
 pub use r2n2::R2n2Cameras;
 pub use render::{RenderOptions, render, render_views};
 pub use rendering::{NormalSpace, Rendering};

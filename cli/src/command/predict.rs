@@ -123,9 +123,8 @@ fn describe(outcome: &Outcome<'_>) -> String {
         ("output", outcome.output.display().to_string()),
     ]);
     let count = scores.views.len();
-    let views = if given == 1 { "view" } else { "views" };
     let judged =
         if count == 1 { judged.replacen("cameras", "camera", 1) } else { judged.to_owned() };
-    let judged = if count == 1 { judged.replacen("were", "was", 1) } else { judged };
+    let views = if given == 1 { "view" } else { "views" };
     format!("{given} {views} given; the scores are means over {count} {judged}\n{rows}")
 }

@@ -60,7 +60,7 @@ proptest! {
         let [x, y, mask] = scene(shape, share, seed);
         // Where residuals change sign or order, differences cross a kink; after an alignment a single change is one for
         // all pixels.
-        let options = Options { kinked_fraction: 1.0, ..testing::options(seed) };
+        let options = Options { kinked_fraction: 0.3, ..testing::options(seed) };
         // Of very few pixels the spread may be next to nothing, and slopes as steep as it is small; and any change
         // reorders them.
         prop_assume!(mask.outer_iter().all(|m| m.sum() == 0.0 || m.sum() >= 6.0));

@@ -1,8 +1,6 @@
 //! The velocity of vertices, from where they are, what the image shows there, and the time.
 
-use autodiff_lite::{
-    Activation, GraphWeights, Param, Real, SparseMatrix, Tape, Tensor, Var, impl_module,
-};
+use autodiff_lite::{Activation, GraphWeights, Param, Real, SparseMatrix, Tape, Var, impl_module};
 use ndarray::ArrayD;
 use nets::{ChebyshevConv, Init, MapSampling, pool_features};
 
@@ -117,14 +115,11 @@ impl<F: Real> DeformationField<F> {
         })
     }
 
-    /// What the first layer gets beside the features: `[N, V, 4]`, or 3 where it is not told the time.
-    pub(super) fn place_and_time<'t>(&self, t: f64, y: Var<'t, F>) -> Var<'t, F> {
-        if self.config.time == 0 {
-            return y;
-        }
+    /// The time beside each vertex, `[N, V, 1]`; none where the field is not told it.
+    pub(super) fn time_column<'t>(&self, t: f64, y: Var<'t, F>) -> Option<Var<'t, F>> {
         let [n, v, _] = y.dims();
-        let now: Tensor<F> = ArrayD::from_elem(vec![n, v, 1], F::from_f64(t)).into_shared();
-        y.tape().concat(&[y, y.tape().constant(now)], 2)
+        let column = || ArrayD::from_elem(vec![n, v, 1], F::from_f64(t)).into_shared();
+        (self.config.time > 0).then(|| y.tape().constant(column()))
     }
 }
 
@@ -153,11 +148,8 @@ impl<F: Real> VectorField<F> for DeformationField<F> {
     #[track_caller]
     fn eval<'t>(&self, t: f64, y: Var<'t, F>, inputs: &[Var<'t, F>]) -> Var<'t, F> {
         let tape = y.tape();
-        let (placed, features) = (self.place_and_time(t, y), self.pooled(y, inputs));
-        let mut parts = vec![placed.slice_axis(2, 0..3), features];
-        if self.config.time > 0 {
-            parts.push(placed.slice_axis(2, 3..4));
-        }
+        let mut parts = vec![y, self.pooled(y, inputs)];
+        parts.extend(self.time_column(t, y));
         let x = tape.concat(&parts, 2);
         let weights = GraphWeights {
             own: self.folded(&self.conv1.loop_weight, tape),

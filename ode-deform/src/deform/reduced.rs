@@ -83,7 +83,8 @@ impl<F: Real> VectorField<F> for ReducedField<F> {
             let place = weight.slice_axis(0, 0..3);
             field.time_row(weight).map_or(place, |time| tape.concat(&[place, time], 0))
         });
-        let placed = field.place_and_time(t, y).matmul(weight);
+        let placed = field.time_column(t, y).map_or(y, |time| tape.concat(&[y, time], 2));
+        let placed = placed.matmul(weight);
         let read = match field.config.sampling {
             MapSampling::Bilinear => {
                 placed.add_bilinear_samples(maps, points, Padding::Border, false)

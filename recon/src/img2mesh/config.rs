@@ -1,7 +1,8 @@
 //! What img2mesh can be told, beside the loop's own options.
 
-use datasets::shapes::Family;
 use serde::{Deserialize, Serialize};
+
+use crate::synthetic::families_named;
 
 use crate::train::Summary;
 
@@ -204,18 +205,6 @@ impl Img2MeshConfig {
         self.level.saturating_sub(self.coarse_levels)
     }
 
-    /// The families that objects are drawn from.
-    ///
-    /// # Errors
-    /// If a name is of no family.
-    pub(super) fn chosen_families(&self) -> Result<Vec<Family>, String> {
-        if self.families.is_empty() {
-            return Ok(Family::ALL.to_vec());
-        }
-        let parsed = self.families.iter().map(|name| name.parse::<Family>());
-        parsed.collect::<Result<_, _>>().map_err(|error| error.to_string())
-    }
-
     /// Ranges, shapes and numbers of parameters.
     ///
     /// # Errors
@@ -287,7 +276,9 @@ impl Img2MeshConfig {
         let width = self.width();
         let divides = self.heads > 0 && width.is_multiple_of(self.heads);
         require(divides, "heads", &self.heads, &format!("a divisor of the {width} features"));
-        problems.extend(self.chosen_families().err().map(|error| format!("`families`: {error}")));
+        problems.extend(
+            families_named(&self.families).err().map(|error| format!("`families`: {error}")),
+        );
         if problems.is_empty() { Ok(self.summary()) } else { Err(problems) }
     }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use datasets::{Dataset, Layout, ReadOptions, Subset, View, Views, shapes::AlarmClock, split};
+use datasets::{Dataset, Layout, ReadOptions, View, Views, shapes::AlarmClock, split};
 use mesh_core::TriMesh;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -13,7 +13,7 @@ use super::config::Img2MeshConfig;
 use super::prepared::Prepared;
 use crate::fit::cones;
 use crate::shelf::Shelf;
-use crate::synthetic::{Orbit, Procedural, RenderOptions, render_views};
+use crate::synthetic::{Orbit, Procedural, RenderOptions, families_named, render_views};
 use crate::train::{DataError, Fingerprint};
 
 /// Objects whose views say where the frame of many lies.
@@ -89,38 +89,19 @@ impl Data {
         options: ReadOptions,
         config: &Img2MeshConfig,
     ) -> Result<Self, DataError> {
-        let entries = dataset.entries();
-        let usable: Vec<usize> = (0..entries.len()).filter(|&i| entries[i].views > 0).collect();
-        if usable.is_empty() {
-            let root = dataset.root().display();
-            return Err(DataError::Unfit(format!("{root}: none of its objects has a view")));
-        }
-        let said = usable.iter().any(|&i| entries[i].subset.is_some_and(|s| s != Subset::Train));
-        let every = config.hold_out;
-        let (held, train): (Vec<usize>, Vec<usize>) =
-            usable.iter().partition(|&&i| match entries[i].subset {
-                Some(subset) if said => subset != Subset::Train,
-                _ if said => false,
-                _ => every > 0 && i % every == every - 1,
-            });
-        let mut hash = Fingerprint::new();
-        for entry in entries {
-            hash = hash.with(entry.category.as_bytes()).with(entry.name.as_bytes());
-            hash = hash.with(&entry.views.to_le_bytes());
-        }
+        let shelf = Shelf::new(dataset, options);
+        let [train, held] = shelf.split(config.hold_out)?;
+        let hash = shelf.fingerprint();
         // What is in the files is told by a few objects, which have to be read for the frame.
-        let first = if train.is_empty() { &held } else { &train };
-        let objects = first
+        let objects = train
             .iter()
             .take(FRAME_OBJECTS)
-            .map(|&i| Ok(dataset.views(i, None, &options, &|_, _| ())?))
+            .map(|&i| shelf.whole(i))
             .collect::<Result<Vec<Views>, DataError>>()?;
         let hash = objects.iter().fold(hash, |hash, object| hashed(hash, &object.views));
         let views: Vec<Vec<&View>> = objects.iter().map(|o| o.views.iter().collect()).collect();
         let frame = frame_of(&views);
-        let held = if held.is_empty() { train.clone() } else { held };
-        let objects = Objects::Many(Shelf::new(dataset, options));
-        Ok(Self { frame, objects, train, held, hash: hash.value() })
+        Ok(Self { frame, objects: Objects::Many(shelf), train, held, hash: hash.value() })
     }
 
     /// Procedural objects of the configuration's families, or of the one clock if it asks for none.
@@ -131,7 +112,7 @@ impl Data {
         if config.objects == 0 {
             return Self::clock(config);
         }
-        let families = config.chosen_families().map_err(DataError::Unfit)?;
+        let families = families_named(&config.families).map_err(DataError::Unfit)?;
         let side = config.image_size.max(config.render_size);
         let orbit = Orbit {
             count: config.synthetic_views,

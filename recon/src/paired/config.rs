@@ -1,7 +1,8 @@
 //! Which pictures and surfaces.
 
-use datasets::shapes::Family;
 use serde::{Deserialize, Serialize};
+
+use crate::synthetic::families_named;
 
 /// Options of the data, in one table with those of the system that learns from it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -71,16 +72,9 @@ impl PairsConfig {
         if i64::try_from(self.data_seed).is_err() {
             problems.push(format!("`data-seed` is {}, expected at most 2^63 - 1", self.data_seed));
         }
-        problems.extend(self.chosen_families().err().map(|error| format!("`families`: {error}")));
+        problems.extend(
+            families_named(&self.families).err().map(|error| format!("`families`: {error}")),
+        );
         problems
-    }
-
-    /// The families that objects are drawn from.
-    pub(super) fn chosen_families(&self) -> Result<Vec<Family>, String> {
-        if self.families.is_empty() {
-            return Ok(Family::ALL.to_vec());
-        }
-        let parsed = self.families.iter().map(|name| name.parse::<Family>());
-        parsed.collect::<Result<_, _>>().map_err(|error| error.to_string())
     }
 }

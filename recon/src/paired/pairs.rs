@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use datasets::{Dataset, ReadOptions, Subset, SurfacePoints};
+use datasets::{Dataset, ReadOptions, SurfacePoints};
 use mesh_core::{TriMesh, sample_points};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
@@ -11,8 +11,8 @@ use rand_chacha::ChaCha8Rng;
 use super::config::PairsConfig;
 use super::picture::Picture;
 use crate::shelf::Shelf;
-use crate::synthetic::{Orbit, Placement, Procedural};
-use crate::train::{DataError, Fingerprint, Source};
+use crate::synthetic::{Orbit, Placement, Procedural, families_named};
+use crate::train::{DataError, Source};
 
 /// Points that are taken from the surface of an object once; each step takes some of them.
 const POOL: usize = 10_000;
@@ -69,7 +69,7 @@ impl Pairs {
     /// # Errors
     /// As [`of`](Self::of).
     pub fn synthetic(config: &PairsConfig) -> Result<Self, DataError> {
-        let families = config.chosen_families().map_err(DataError::Unfit)?;
+        let families = families_named(&config.families).map_err(DataError::Unfit)?;
         let orbit = Orbit {
             count: config.synthetic_views,
             placement: Placement::Random,
@@ -94,29 +94,10 @@ impl Pairs {
         options: ReadOptions,
         config: &PairsConfig,
     ) -> Result<Self, DataError> {
-        let root = dataset.root().display().to_string();
         let shelf = Shelf::new(dataset, options);
-        let entries = shelf.entries();
-        let usable: Vec<usize> = (0..entries.len()).filter(|&i| entries[i].views > 0).collect();
-        if usable.is_empty() {
-            return Err(DataError::Unfit(format!("{root}: none of its objects has a view")));
-        }
-        let said = usable.iter().any(|&i| entries[i].subset.is_some_and(|s| s != Subset::Train));
-        let every = config.hold_out;
-        let (held, train): (Vec<usize>, Vec<usize>) =
-            usable.iter().partition(|&&i| match entries[i].subset {
-                Some(subset) if said => subset != Subset::Train,
-                _ if said => false,
-                _ => every > 0 && i % every == every - 1,
-            });
-        let mut hash = Fingerprint::new();
-        for entry in entries {
-            hash = hash.with(entry.category.as_bytes()).with(entry.name.as_bytes());
-            hash = hash.with(&entry.views.to_le_bytes());
-        }
-        let surfaces = (0..entries.len()).map(|_| OnceLock::new()).collect();
-        let held = if held.is_empty() { train.clone() } else { held };
-        let train = if train.is_empty() { held.clone() } else { train };
+        let [train, held] = shelf.split(config.hold_out)?;
+        let mut hash = shelf.fingerprint();
+        let surfaces = shelf.entries().iter().map(|_| OnceLock::new()).collect();
         let (side, scale) = (config.image_size, config.scale);
         let mut pairs = Self { shelf, surfaces, train, held, side, scale, hash: 0 };
         for &object in pairs.train.iter().take(HASHED) {
@@ -149,7 +130,7 @@ impl Pairs {
         self.shelf.count(object)
     }
 
-    /// See [`Fingerprint`].
+    /// See [`Fingerprint`](crate::train::Fingerprint).
     pub(crate) fn fingerprint(&self) -> u64 {
         self.hash
     }

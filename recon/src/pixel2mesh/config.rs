@@ -281,7 +281,7 @@ impl StagesConfig {
         let (features, hidden) = (self.shared.features() + 3, self.shared.hidden);
         let stages = self.shared.level as usize + 1;
         let size = |stage: usize| {
-            let inputs = if stage == 0 { features } else { features - 3 + hidden + 3 };
+            let inputs = if stage == 0 { features } else { features + hidden };
             // The last stage has one more convolution after its chain.
             let last = stage + 1 == stages && stages > 1;
             [inputs, hidden, if last { hidden } else { 3 }]

@@ -115,6 +115,18 @@ impl Procedural {
     }
 }
 
+/// The families of these names; all of them if there is none.
+///
+/// # Errors
+/// If a name is of no family.
+pub(crate) fn families_named(names: &[String]) -> Result<Vec<Family>, String> {
+    if names.is_empty() {
+        return Ok(Family::ALL.to_vec());
+    }
+    let parsed = names.iter().map(|name| name.parse::<Family>());
+    parsed.collect::<Result<_, _>>().map_err(|error| error.to_string())
+}
+
 /// A seed that two numbers decide (the finaliser of SplitMix64 over their sum in its stride).
 fn mixed(a: u64, b: u64) -> u64 {
     let x = a.wrapping_add(b.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));

@@ -1,6 +1,6 @@
 //! Table 2: the same field by several methods, beside residual networks.
 
-use mesh_core::TriMesh;
+use losses::metrics::point_distances;
 
 use super::{COLUMNS, QUICK, with_scores};
 use crate::fit::Flow;
@@ -209,6 +209,7 @@ fn otherwise(
     scored: &Scored,
 ) -> Result<Vec<Row>, StudyError> {
     let mut rows = Vec::new();
+    let complexities = complexities(system, data, scored.each.len())?;
     for (label, tolerance) in
         [("tolerance 1e-2", 1e-2), ("tolerance 1e-3", 1e-3), ("tolerance 1e-4", 1e-4)]
     {
@@ -227,7 +228,11 @@ fn otherwise(
             .with(Cell::plain("evaluations", found.evaluations(), 1))
             .with(Cell::plain("least", least, 0))
             .with(Cell::plain("most", most, 0))
-            .with(Cell::plain("correlation with complexity", complexity(system, data, &found)?, 3));
+            .with(Cell::plain(
+                "correlation with complexity",
+                rank_correlation(&complexities, &counts),
+                3,
+            ));
         rows.push(row);
     }
     let small = OdeConfig {
@@ -245,17 +250,20 @@ fn otherwise(
     Ok(rows)
 }
 
-/// The rank correlation of evaluations and the distance of the truth from the ellipsoid.
-fn complexity(system: &OdePixel2Mesh, data: &Pairs, scored: &Scored) -> Result<f64, StudyError> {
-    let template = &system.template.finest().mesh;
+/// How far the true surface of each scored picture is from the ellipsoid: Pixel2Mesh's Chamfer distance.
+fn complexities(
+    system: &OdePixel2Mesh,
+    data: &Pairs,
+    pictures: usize,
+) -> Result<Vec<f64>, StudyError> {
+    let ellipsoid = &system.template.finest().mesh.positions;
     let views = system.shared().pairs.scored_views;
-    let mut far = Vec::with_capacity(scored.each.len());
-    for k in 0..scored.each.len() {
+    let far = |k: usize| {
         let (_, pair) = data.trial(views, k)?;
-        far.push(crate::paired::point_scores(&TriMesh::clone(template), &pair.truth).chamfer);
-    }
-    let counts: Vec<f64> = scored.each.iter().map(|(.., stats)| stats.evaluations as f64).collect();
-    Ok(rank_correlation(&far, &counts))
+        let (there, back) = point_distances(ellipsoid, &pair.truth.positions).chamfer(true);
+        Ok(there + back)
+    };
+    (0..pictures).map(far).collect()
 }
 
 /// Spearman's, equal values sharing the mean of their ranks; 0 where one is constant.
