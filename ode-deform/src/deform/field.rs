@@ -13,9 +13,14 @@ pub struct FieldConfig {
     pub features: usize,
     /// Columns in which the time is repeated. Published: 196; 1 says the same, and with 0 the field does not know it.
     pub time: usize,
-    /// Columns between the two graph convolutions.
+    /// Columns between graph convolutions.
     pub hidden: usize,
-    /// After the first of them. The paper states none, and the code that it started from has none.
+    /// Columns of the state beside the three of the position, which begin at 0 and flow with it: what a vertex
+    /// remembers of its way (Dupont et al. 2019, *Augmented neural ODEs*). Published: 0.
+    pub memory: usize,
+    /// Graph convolutions, at least 2, as published: how far a vertex sees along edges at an evaluation.
+    pub layers: usize,
+    /// After all of them but the last. The paper states none, and the code that it started from has none.
     pub activation: Activation,
     /// How feature maps are read between their pixels.
     pub sampling: MapSampling,
@@ -25,21 +30,29 @@ impl FieldConfig {
     /// As published, on maps of together `features` channels: 196 columns of time, 192 hidden ones.
     /// With a ReLU, without which each evaluation is affine in its features.
     pub fn published(features: usize) -> Self {
-        let (time, hidden) = (196, 192);
+        let (time, hidden, memory, layers) = (196, 192, 0, 2);
         let (activation, sampling) = (Activation::Relu, MapSampling::Bilinear);
-        Self { features, time, hidden, activation, sampling }
+        Self { features, time, hidden, memory, layers, activation, sampling }
     }
 
     /// Parameters of the field.
     pub fn parameters(&self) -> usize {
         let conv = |inputs: usize, outputs: usize| 2 * inputs * outputs + outputs;
-        conv(3 + self.features + self.time, self.hidden) + conv(self.hidden, 3)
+        let inner = self.layers.saturating_sub(2) * conv(self.hidden, self.hidden);
+        conv(self.state() + self.features + self.time, self.hidden)
+            + inner
+            + conv(self.hidden, self.state())
+    }
+
+    /// Columns of the state: the position, then the memory.
+    pub fn state(&self) -> usize {
+        3 + self.memory
     }
 }
 
-/// `dM/dt = GCN([v; f(v); t 1ᵀ])` of the vertices `v` of a mesh, two graph convolutions deep.
+/// `dM/dt = GCN([v; f(v); t 1ᵀ])` of the vertices `v` of a mesh; published are two graph convolutions.
 ///
-/// The state is `[N, V, 3]` in the world of the cameras. Inputs are first the cameras `[N, 3, 4]` (a world's point to
+/// The state is `[N, V, 3]` in the world of the cameras, with more columns where the field has a memory. Inputs are first the cameras `[N, 3, 4]` (a world's point to
 /// normalised device coordinates, y up), then feature maps `[N, H, W, C]` of any sizes; features are read anew at every
 /// evaluation, where the vertices then are. The graph is constant: the same vertices and edges from sphere to shape.
 ///
@@ -69,28 +82,51 @@ impl FieldConfig {
 /// The paper on neural ODEs for Pixel2Mesh, equations 1 to 3; Chen et al. 2018, *Neural ordinary differential equations*.
 #[derive(Clone, Debug)]
 pub struct DeformationField<F: Real = f32> {
-    /// To the hidden columns: rows of positions, then of features, then of the time.
+    /// To the hidden columns: rows of the state, then of features, then of the time.
     pub conv1: ChebyshevConv<F>,
+    /// Between hidden columns, where the field has more than two layers.
+    pub inner: Vec<ChebyshevConv<F>>,
     /// To velocities.
     pub conv2: ChebyshevConv<F>,
     pub(super) config: FieldConfig,
     pub(super) graph: SparseMatrix<F>,
 }
-impl_module!(DeformationField { conv1, conv2 } fixed { config, graph });
+impl_module!(DeformationField { conv1, inner, conv2 } fixed { config, graph });
 
 impl<F: Real> DeformationField<F> {
     /// On a graph `[V, V]`, for [`ChebyshevConv`].
+    ///
+    /// # Panics
+    /// If the field would have fewer than two layers.
+    #[track_caller]
     pub fn new(init: &Init, config: FieldConfig, graph: SparseMatrix<F>) -> Self {
-        let inputs = 3 + config.features + config.time;
+        assert!(
+            config.layers >= 2,
+            "DeformationField: {} layers, expected 2 or more",
+            config.layers
+        );
+        let (inputs, hidden) = (config.state() + config.features + config.time, config.hidden);
+        let at = init.at("inner");
+        let inner = |i| ChebyshevConv::new(&at.index(i), hidden, hidden);
         Self {
-            conv1: ChebyshevConv::new(&init.at("conv1"), inputs, config.hidden),
-            conv2: ChebyshevConv::new(&init.at("conv2"), config.hidden, 3),
+            conv1: ChebyshevConv::new(&init.at("conv1"), inputs, hidden),
+            inner: (0..config.layers - 2).map(inner).collect(),
+            conv2: ChebyshevConv::new(&init.at("conv2"), hidden, config.state()),
             config,
             graph,
         }
     }
 
-    /// Features of vertices `[N, V, 3]` where they are seen: `[N, V, C]`.
+    /// Velocities of what the first layer made: the layers behind it.
+    pub(super) fn velocities<'t>(&self, hidden: Var<'t, F>) -> Var<'t, F> {
+        let inner = self
+            .inner
+            .iter()
+            .fold(hidden, |x, conv| conv.forward_then(x, &self.graph, self.config.activation));
+        self.conv2.forward(inner, &self.graph)
+    }
+
+    /// Features of vertices with states `[N, V, 3..]` where they are seen: `[N, V, C]`.
     #[track_caller]
     fn pooled<'t>(&self, y: Var<'t, F>, inputs: &[Var<'t, F>]) -> Var<'t, F> {
         let (points, maps) = seen(y, inputs);
@@ -99,7 +135,7 @@ impl<F: Real> DeformationField<F> {
 
     /// The first layer's matrix with the rows of the time, which multiply the same number, summed.
     fn folded<'t>(&self, weight: &Param<F>, tape: &'t Tape<F>) -> Var<'t, F> {
-        let (weight, rest) = (tape.param(weight), 3 + self.config.features);
+        let (weight, rest) = (tape.param(weight), self.config.state() + self.config.features);
         let features = weight.slice_axis(0, 0..rest);
         match self.time_row(weight) {
             Some(time) => tape.concat(&[features, time], 0),
@@ -109,7 +145,7 @@ impl<F: Real> DeformationField<F> {
 
     /// The sum `[1, hidden]` of the first layer's rows of the time, which multiply the same number.
     pub(super) fn time_row<'t>(&self, weight: Var<'t, F>) -> Option<Var<'t, F>> {
-        let (rest, time) = (3 + self.config.features, self.config.time);
+        let (rest, time) = (self.config.state() + self.config.features, self.config.time);
         (time > 0).then(|| {
             weight.slice_axis(0, rest..rest + time).sum_axis(0).reshape(&[1, self.config.hidden])
         })
@@ -132,7 +168,13 @@ pub(super) fn seen<'a, 't, F: Real>(
     let [camera, maps @ ..] = inputs else {
         panic!("DeformationField: no inputs, expected cameras and feature maps");
     };
-    (project_points(y, *camera), maps)
+    (project_points(positions(y), *camera), maps)
+}
+
+/// The positions `[N, V, 3]` of states `[N, V, 3..]`.
+pub fn positions<F: Real>(y: Var<'_, F>) -> Var<'_, F> {
+    let [_, _, columns] = y.dims();
+    if columns == 3 { y } else { y.slice_axis(2, 0..3) }
 }
 
 /// Where points `[N, V, 3]` are seen by cameras `[N, 3, 4]`, as [`pool_features`](nets::pool_features) counts: `[N, V, 2]`,
@@ -159,7 +201,7 @@ impl<F: Real> VectorField<F> for DeformationField<F> {
             across_bias: None,
         };
         let hidden = x.graph_conv(&self.graph, &weights, self.config.activation);
-        self.conv2.forward(hidden, &self.graph)
+        self.velocities(hidden)
     }
 }
 
@@ -179,8 +221,14 @@ mod tests {
     }
 
     fn field(time: usize) -> DeformationField<f64> {
+        field_of(time, 2, 0)
+    }
+
+    fn field_of(time: usize, layers: usize, memory: usize) -> DeformationField<f64> {
         let config = FieldConfig {
             time,
+            layers,
+            memory,
             hidden: 6,
             activation: Activation::Tanh,
             ..FieldConfig::published(4)
@@ -191,6 +239,12 @@ mod tests {
     fn mesh() -> Array3<f64> {
         Array3::from_shape_fn((2, 5, 3), |(n, i, k)| {
             ((n * 15 + i * 3 + k) as f64 * 0.7).sin() * 0.4
+        })
+    }
+
+    fn state(memory: usize) -> Array3<f64> {
+        Array3::from_shape_fn((2, 5, 3 + memory), |(n, i, k)| {
+            if k < 3 { mesh()[[n, i, k]] } else { ((n + i + k) as f64).cos() }
         })
     }
 
@@ -215,6 +269,8 @@ mod tests {
         );
         assert_eq!(field.parameter_count(), config.parameters());
         assert_eq!(config.parameters(), 2 * 1159 * 192 + 192 + 2 * 192 * 3 + 3);
+        let field = field_of(3, 4, 2);
+        assert_eq!(field.parameter_count(), field.config.parameters());
     }
 
     /// Folding the repeated time gives what the repeated columns give.
@@ -237,19 +293,19 @@ mod tests {
     /// To rounding, with and without the time, whichever way maps are read; and the gradients are the same.
     #[test]
     fn maps_reduced_beforehand_give_the_same() {
-        for (time, sampling) in [
-            (3, MapSampling::Bilinear),
-            (0, MapSampling::Bilinear),
-            (2, MapSampling::Floor),
-            (1, MapSampling::Centres),
+        for (time, layers, memory, sampling) in [
+            (3, 2, 0, MapSampling::Bilinear),
+            (0, 3, 2, MapSampling::Bilinear),
+            (2, 2, 1, MapSampling::Floor),
+            (1, 4, 0, MapSampling::Centres),
         ] {
-            let mut field = field(time);
+            let mut field = field_of(time, layers, memory);
             field.config.sampling = sampling;
             let problem = Problem::new([0.0, 1.0], &MIDPOINT, StepController::Fixed { step: 0.4 });
             let found = [false, true].map(|reduce| {
                 let tape = Tape::train(0);
                 let (start, maps) =
-                    (tape.leaf(mesh()), [tape.leaf(map(6, 3)), tape.leaf(map(3, 1))]);
+                    (tape.leaf(state(memory)), [tape.leaf(map(6, 3)), tape.leaf(map(3, 1))]);
                 let camera = tape.constant(cameras());
                 let end = if reduce {
                     let (field, maps) = field.reduced(&maps);
@@ -302,7 +358,7 @@ mod tests {
 
     #[test]
     fn every_parameter_gets_the_same_gradient_from_both_adjoints() {
-        let field = field(3);
+        let field = field_of(3, 3, 0);
         let problem = Problem::new([0.0, 1.0], &EULER, StepController::Fixed { step: 0.2 });
         let gradients = [Adjoint::Direct, Adjoint::Checkpointed].map(|adjoint| {
             let tape = Tape::train(0);

@@ -5,7 +5,7 @@ mod reduced;
 mod residual;
 mod schedule;
 
-pub use field::{DeformationField, FieldConfig, project_points};
+pub use field::{DeformationField, FieldConfig, positions, project_points};
 pub use reduced::ReducedField;
 pub use residual::ResidualDeformation;
 pub use schedule::Schedule;

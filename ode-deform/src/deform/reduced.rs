@@ -56,7 +56,7 @@ impl<F: Real> DeformationField<F> {
         let channels = |map: &Var<'t, F>| map.dims::<4>()[3];
         let (found, expected) = (maps.iter().map(channels).sum::<usize>(), self.config.features);
         assert!(found == expected, "reduced: {found} channels in all maps, expected {expected}");
-        let mut first = 3;
+        let mut first = self.config.state();
         let reduce = |&map: &Var<'t, F>| {
             let c = channels(&map);
             let weight = self.both(map.tape(), |weight| weight.slice_axis(0, first..first + c));
@@ -80,7 +80,7 @@ impl<F: Real> VectorField<F> for ReducedField<F> {
         let (field, tape) = (&self.field, y.tape());
         let (points, maps) = seen(y, inputs);
         let weight = field.both(tape, |weight| {
-            let place = weight.slice_axis(0, 0..3);
+            let place = weight.slice_axis(0, 0..field.config.state());
             field.time_row(weight).map_or(place, |time| tape.concat(&[place, time], 0))
         });
         let placed = field.time_column(t, y).map_or(y, |time| tape.concat(&[y, time], 2));
@@ -96,6 +96,6 @@ impl<F: Real> VectorField<F> for ReducedField<F> {
         };
         let bias = field.conv1.bias.as_ref().map(|bias| tape.param(bias));
         let x = read.graph_sum(&field.graph, bias, field.config.activation);
-        field.conv2.forward(x, &field.graph)
+        field.velocities(x)
     }
 }

@@ -6,7 +6,7 @@ use nets::Init;
 use super::{DeformationField, FieldConfig};
 use crate::VectorField;
 
-/// Separate blocks with skips: `M <- M + GCN_k([M; f(M)])`, each with parameters of its own and without the time.
+/// Separate blocks with skips: `M <- M + GCN_k([M; f(M)])`, each with parameters of its own and without the time or a memory.
 ///
 /// The paper's RES_d has 8 of them and its RES_s 4. What Euler's method with steps of 1 would do with a field that is
 /// another one in each step.
@@ -32,9 +32,9 @@ pub struct ResidualDeformation<F: Real = f32> {
 impl_module!(ResidualDeformation { blocks });
 
 impl<F: Real> ResidualDeformation<F> {
-    /// So many blocks, each as `config` says but for the time.
+    /// So many blocks, each as `config` says but for the time and the memory.
     pub fn new(init: &Init, blocks: usize, config: FieldConfig, graph: &SparseMatrix<F>) -> Self {
-        let config = FieldConfig { time: 0, ..config };
+        let config = FieldConfig { time: 0, memory: 0, ..config };
         let at = init.at("blocks");
         let block = |i| DeformationField::new(&at.index(i), config, graph.clone());
         Self { blocks: (0..blocks).map(block).collect() }

@@ -124,6 +124,11 @@ pub struct OdeConfig {
     pub deformation: DeformationKind,
     /// Blocks of the residual network, 1 to 64. Default 8.
     pub blocks: usize,
+    /// Graph convolutions of the field, 2 to 8; residual blocks have two. Default 2, as published.
+    pub layers: usize,
+    /// Columns of the field's state beside positions, 0 to 256: what a vertex remembers of its way. Default 0, as
+    /// published.
+    pub memory: usize,
     /// Columns in which the time is repeated, 0 to 4096. Default 196, as published; 1 says the same.
     pub time: usize,
     /// What the first velocities are multiplied by, more than 0. Default 0.1: of the published size they would crumple
@@ -152,6 +157,8 @@ impl Default for OdeConfig {
             shared: SharedConfig::default(),
             deformation: DeformationKind::Ode,
             blocks: 8,
+            layers: 2,
+            memory: 0,
             time: 196,
             first_velocity: 0.1,
             method: Method::Euler,
@@ -169,10 +176,13 @@ impl OdeConfig {
     /// Sizes of the field, or of each residual block.
     pub fn field(&self) -> FieldConfig {
         let shared = &self.shared;
+        let ode = self.deformation == DeformationKind::Ode;
         FieldConfig {
             features: shared.features(),
-            time: if self.deformation == DeformationKind::Ode { self.time } else { 0 },
+            time: if ode { self.time } else { 0 },
             hidden: shared.hidden,
+            memory: if ode { self.memory } else { 0 },
+            layers: if ode { self.layers } else { 2 },
             activation: shared.activation.into(),
             sampling: shared.sampling.into(),
         }
@@ -217,6 +227,8 @@ impl OdeConfig {
             }
         };
         require((1..=64).contains(&self.blocks), "blocks", self.blocks.to_string(), "1 to 64");
+        require((2..=8).contains(&self.layers), "layers", self.layers.to_string(), "2 to 8");
+        require(self.memory <= 256, "memory", self.memory.to_string(), "0 to 256");
         require(self.time <= 4096, "time", self.time.to_string(), "0 to 4096");
         let first = self.first_velocity;
         require(

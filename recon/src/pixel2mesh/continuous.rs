@@ -1,9 +1,10 @@
 //! Deformation in continuous time, and the residual networks beside it.
 
 use autodiff_lite::{Var, impl_module};
+use ndarray::Array3;
 use nets::Init;
 use ode_deform::Adjoint;
-use ode_deform::deform::{DeformationField, ResidualDeformation};
+use ode_deform::deform::{DeformationField, ResidualDeformation, positions};
 use ode_deform::solve::{SolveError, Stats};
 
 use super::config::{DeformationKind, OdeConfig, SharedConfig};
@@ -26,6 +27,18 @@ impl Continuous {
         for param in [&mut conv.weight, &mut conv.loop_weight].into_iter().chain(&mut conv.bias) {
             param.as_slice_mut().iter_mut().for_each(|x| *x *= factor as f32);
         }
+    }
+}
+
+impl Continuous {
+    /// Positions, and beside them a memory in which nothing is yet.
+    fn remembering<'t>(&self, before: Var<'t>) -> Var<'t> {
+        let [n, v, _] = before.dims();
+        if self.config.memory == 0 {
+            return before;
+        }
+        let nothing = Array3::zeros((n, v, self.config.memory));
+        before.tape().concat(&[before, before.tape().constant(nothing)], 2)
     }
 }
 
@@ -53,12 +66,13 @@ impl Deformer for Continuous {
     fn size(config: &OdeConfig) -> (usize, Vec<(String, String)>) {
         let field = config.field();
         let vertices = 2 + (156 - 2) * 4_usize.pow(config.shared.level);
-        let inputs = 3 + field.features + field.time;
+        let inputs = field.state() + field.features + field.time;
         let what = match config.deformation {
             DeformationKind::Ode => "field, integrated".to_owned(),
             DeformationKind::Residual => format!("{} residual blocks", config.blocks),
         };
-        let conv = format!("[N, {vertices}, {inputs}] -> {} -> 3", field.hidden);
+        let hidden = format!("{} -> ", field.hidden).repeat(field.layers - 1);
+        let conv = format!("[N, {vertices}, {inputs}] -> {hidden}{}", field.state());
         (config.deformation_parameters(), vec![(what, conv)])
     }
 
@@ -105,8 +119,9 @@ impl Deformer for Continuous {
             let (field, maps) = field.reduced(maps);
             let inputs: Vec<Var<'t>> = std::iter::once(*camera).chain(maps).collect();
             let adjoint: Adjoint = self.config.adjoint.into();
-            let flow = adjoint.integrate(&field, before, &inputs, &problem)?;
-            (flow.end, flow.states, flow.stats)
+            let flow = adjoint.integrate(&field, self.remembering(before), &inputs, &problem)?;
+            let states = flow.states.into_iter().map(positions).collect();
+            (positions(flow.end), states, flow.stats)
         } else {
             let blocks = self.residual.as_ref().expect("a field or blocks");
             let meshes = blocks.forward(before, inputs);
