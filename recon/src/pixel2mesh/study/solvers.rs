@@ -12,15 +12,32 @@ use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick,
 /// The names of the tables.
 const TABLE: &str = "Methods of integration beside residual networks, on planes";
 const ADAPTIVE: &str = "One trained model, integrated otherwise";
+const REPAIRED: &str = "The shallow ODE, from its published form to ours";
 
 const DEEP: &str = "ODE_d, Euler";
 const RES_DEEP: &str = "RES_d";
 const RES_SHALLOW: &str = "RES_s";
 const SHALLOW: [&str; 3] = ["ODE_s, Euler", "ODE_s, Heun", "ODE_s, midpoint"];
-const PUBLISHED: &str = "ODE_s, Euler, as published";
 const RK4: &str = "ODE, RK4";
 const DOPRI5: &str = "ODE, Dormand-Prince";
-const BEST: &str = "ours: midpoint, 4 steps";
+const BEST: &str = "ours: Euler, 8 steps, memory";
+
+/// What the published form of the shallow ODE has and this one has not.
+const PUBLISHED: [Change; 6] = [
+    ("time", "196"),
+    ("overshoot", "true"),
+    ("sampling", "floor"),
+    ("first-velocity", "1.0"),
+    ("activation", "none"),
+    ("encoder-init", "published"),
+];
+/// One repair after another, each on top of those before; with what is then left it is the shallow ODE of the table.
+const REPAIRS: [(&str, &str, Option<Change>); 4] = [
+    ("ode-shallow-published", "as published", None),
+    ("ode-shallow-he", "and He's first weights in the encoder", Some(("encoder-init", "he"))),
+    ("ode-shallow-relu", "and a ReLU between the convolutions", Some(("activation", "relu"))),
+    ("ode-shallow-calm", "and first velocities a tenth as large", Some(("first-velocity", "0.1"))),
+];
 
 /// Most Chamfer distance of the quick one, which a broken gradient misses: the ellipsoid itself has about 22.
 const QUICK_MOST: f64 = 15.0;
@@ -44,20 +61,6 @@ fn jobs(scale: Scale) -> Vec<Planned<OdePixel2Mesh>> {
             ("ode-shallow-euler", SHALLOW[0], vec![method("euler"), few]),
             ("ode-shallow-heun", SHALLOW[1], vec![method("heun"), few]),
             ("ode-shallow-midpoint", SHALLOW[2], vec![method("midpoint"), few]),
-            (
-                "ode-shallow-published",
-                PUBLISHED,
-                vec![
-                    method("euler"),
-                    few,
-                    ("overshoot", "true"),
-                    ("time", "196"),
-                    ("first-velocity", "1.0"),
-                    ("activation", "none"),
-                    ("sampling", "floor"),
-                    ("encoder-init", "published"),
-                ],
-            ),
             ("ode-rk4", RK4, vec![method("rk4"), ("step", "[0.4, 0.6]")]),
             (
                 "ode-dopri5",
@@ -72,9 +75,20 @@ fn jobs(scale: Scale) -> Vec<Planned<OdePixel2Mesh>> {
             (
                 "ode-best",
                 BEST,
-                vec![method("midpoint"), ("start", "[0.0, 0.0]"), ("step", "[0.25, 0.25]")],
+                vec![
+                    method("euler"),
+                    ("start", "[0.0, 0.0]"),
+                    ("step", "[0.125, 0.125]"),
+                    ("memory", "8"),
+                    ("hidden", "104"),
+                ],
             ),
         ]);
+        let mut changes = [method("euler"), few].into_iter().chain(PUBLISHED).collect::<Vec<_>>();
+        for (id, label, repair) in REPAIRS {
+            changes.extend(repair);
+            jobs.push((id, label, changes.clone()));
+        }
     }
     let made = |(id, label, mut changes): (&'static str, &'static str, Vec<Change>)| {
         if scale == Scale::Quick {
@@ -126,6 +140,10 @@ impl Study for SolversStudy {
         work.tell(watch, 1.0, "scoring")?;
         let system = trained.system;
         let scored = system.scored(&data)?;
+        if REPAIRS.iter().any(|(_, other, _)| *other == label) {
+            let row = with_scores(Row::new(REPAIRED, label), &scored).took(trained.seconds);
+            return Ok(vec![row.showing(label, &system.gallery(&data)?)]);
+        }
         let mut row = with_scores(Row::new(TABLE, label), &scored);
         if let Some((chamfer, steps)) = published(label) {
             row = row.with(Cell::plain("paper: CD", chamfer, 3)).with(Cell::plain(
@@ -169,6 +187,7 @@ impl Study for SolversStudy {
         let [euler, heun, midpoint] = SHALLOW;
         let share = mean(RES_DEEP, "thousand parameters") / mean(BEST, "thousand parameters");
         let evaluations = mean(BEST, "evaluations");
+        let published = tables.mean(REPAIRED, REPAIRS[0].1, "CD").unwrap_or(f64::NAN);
         vec![
             less(
                 "more evaluations predict better: ODE_d below ODE_s, both by Euler's method",
@@ -177,7 +196,11 @@ impl Study for SolversStudy {
             ),
             less("at the shallow setting Heun's method beats Euler's", heun, euler),
             less("at the shallow setting the midpoint method beats Euler's", midpoint, euler),
-            less("repaired, the shallow ODE is better than as published", euler, PUBLISHED),
+            Claim::new(
+                "repaired, the shallow ODE is better than as published",
+                format!("{:.3} to {published:.3}", chamfer(euler)),
+                chamfer(euler) < published,
+            ),
             less("our best beats RES_d", BEST, RES_DEEP),
             Claim::new(
                 "it takes as many evaluations, with at most 1/6.7 of the parameters",
@@ -188,6 +211,11 @@ impl Study for SolversStudy {
     }
 
     fn caption(&self, table: &str, _: Scale) -> String {
+        if table == REPAIRED {
+            return "Each row is the one above it and one repair; with bilinear reading of features, and the last step cut to end at 1, it is the row \
+                    \"ODE_s, Euler\" of the first table. The paper reports 16.940 for its form, and 2.566 for the residual network of as many blocks."
+                .to_owned();
+        }
         if table == ADAPTIVE {
             return "The model of the row \"ODE, Dormand-Prince\". Complexity: the Chamfer distance of the true surface from the ellipsoid \
                     that every deformation begins with. Correlations are of ranks, over all test pictures."
