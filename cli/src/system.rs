@@ -32,6 +32,8 @@ macro_rules! systems {
 systems! {
     /// Several views to one mesh, learned from pictures and masks.
     Img2mesh => recon::img2mesh::Img2Mesh,
+    /// One photograph to a textured mesh, learned from photo collections of many categories.
+    Mcmr => recon::mcmr::Mcmr,
     /// One picture to a mesh in continuous time, learned from true surfaces.
     #[value(name = "ode-pixel2mesh")]
     OdePixel2mesh => recon::pixel2mesh::OdePixel2Mesh,

@@ -33,7 +33,7 @@
 //! | what is seen at each pixel | [`rasterize`], [`rasterize_into`], [`Fragments`] |
 //! | how it is drawn | [`Settings`], [`Settings::published`] for DIB-R with its accidents |
 //! | colours, normals, texture coordinates | [`interpolate`], [`interpolate_corners`] |
-//! | textures | [`texture`] |
+//! | textures | [`texture`], around a sphere [`sphere_texture`] |
 //! | silhouettes | [`soft_silhouette`] pulls from afar, [`antialiased_silhouette`] is exact |
 //! | depth | [`depth`] |
 //! | the other way: every face a cloud | [`fn@softras`], [`SoftRas`], [`Paint`] |
@@ -74,7 +74,7 @@ pub use faces::{Faces, FacesError, NONE};
 pub use fragments::{Fragments, rasterize, rasterize_into};
 pub use ops::{
     Paint, antialiased_silhouette, depth, interpolate, interpolate_corners, soft_silhouette,
-    softras, texture,
+    softras, sphere_texture, texture,
 };
 pub use settings::{Instructions, Rule, Settings};
 pub use softras::{SoftRas, SoftRasSettings, texel_middles};

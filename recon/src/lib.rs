@@ -34,6 +34,7 @@
 //! - **several views to one mesh, learned**: [`img2mesh`]
 //! - **one picture to a mesh, learned from true surfaces**: [`mod@pixel2mesh`], in continuous time and in stages; its data:
 //!   [`paired`]
+//! - **photo collections of many categories to textured meshes**: [`mod@mcmr`], learned from masks and rough poses
 //! - **train a system**: [`train`](mod@train), the one loop, its run folders and checkpoints
 //! - **apply what was trained** to a user's files: [`predict`]
 //! - **make a published table again**: [`mod@reproduce`]
@@ -52,6 +53,7 @@ pub mod fit;
 pub mod generate;
 pub mod img2mesh;
 pub mod inspect;
+pub mod mcmr;
 pub mod output;
 pub mod paired;
 pub mod pixel2mesh;
@@ -63,5 +65,6 @@ pub mod synthetic;
 pub mod train;
 pub mod turntable;
 
+mod atlas;
 mod shelf;
 mod stacked;

@@ -11,5 +11,6 @@ pub mod lanes;
 pub mod setup;
 pub mod silhouette;
 pub mod softras;
+pub mod sphere;
 pub mod texture;
 pub mod visibility;

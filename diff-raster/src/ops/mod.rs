@@ -4,12 +4,14 @@ mod depth;
 mod interpolate;
 mod silhouette;
 mod softras;
+mod sphere_texture;
 mod texture;
 
 pub use depth::depth;
 pub use interpolate::{interpolate, interpolate_corners};
 pub use silhouette::{antialiased_silhouette, soft_silhouette};
 pub use softras::{Paint, softras};
+pub use sphere_texture::sphere_texture;
 pub use texture::texture;
 
 use autodiff_lite::{Real, ShapeError, Var};

@@ -8,86 +8,21 @@ use mesh_core::{Image, Texture};
 use rayon::prelude::*;
 
 use super::{sight::Sight, target::Target};
+use crate::atlas::Atlas;
 
 /// Colour difference at which a view's weight has fallen to a half in the second round.
 const OUTLIER: f32 = 0.15;
 
-/// How the faces lie in the image: pairs of faces share a square cell, one face in each corner,
-/// with a border of texels that no other face touches, so that filtering never mixes neighbours.
-#[derive(Clone, Copy, Debug)]
-struct Atlas {
-    /// Side of the image.
-    side: usize,
-    /// Side of a cell.
-    cell: usize,
-    /// Cells in a row.
-    columns: usize,
-}
-
-impl Atlas {
-    /// Cells for `faces` in an image of `side`; `None` when they would be under 5 texels wide.
-    fn new(faces: usize, side: usize) -> Option<Self> {
-        let cells = faces.div_ceil(2);
-        let columns = (cells as f64).sqrt().ceil() as usize;
-        let cell = side / columns.max(1);
-        (cell >= 5).then_some(Self { side, cell, columns })
-    }
-
-    /// The side at which an edge has as many texels as pixels in the nearest view, at most 4096.
-    fn side_for(targets: &[Target], positions: &[[f32; 3]], faces: &[[u32; 3]]) -> usize {
-        let area: f32 = mesh_core::face_areas(positions, faces).iter().sum();
-        let edge = (area / faces.len().max(1) as f32 * 2.3).sqrt();
-        let nearest =
-            targets.iter().map(|t| t.pixels_per_unit(t.project([0.0; 3])[2])).fold(0.0, f32::max);
-        let columns = (faces.len().div_ceil(2) as f64).sqrt().ceil() as usize;
-        let most = (4096 / columns.max(1)).max(5);
-        let cell = ((edge * nearest).ceil() as usize).saturating_add(3).clamp(5, most);
-        (columns * cell).next_multiple_of(4)
-    }
-
-    /// Texels along the legs of a face.
-    fn legs(&self) -> usize {
-        self.cell - 3
-    }
-
-    /// First column and row of a face's cell.
-    fn origin(&self, face: usize) -> [usize; 2] {
-        let cell = face / 2;
-        [cell % self.columns * self.cell, cell / self.columns * self.cell]
-    }
-
-    /// Calls `visit` with the texel (index in the image) and barycentric coordinates of every texel
-    /// that a face may be filtered from. Outside of the face they extend its plane by a texel.
-    fn texels(&self, face: usize, mut visit: impl FnMut(usize, [f32; 3])) {
-        let [left, top] = self.origin(face);
-        let n = self.legs();
-        for j in 0..=n + 1 {
-            for i in 0..=n + 1 - j {
-                let (column, row) = if face.is_multiple_of(2) {
-                    (left + i, top + j)
-                } else {
-                    (left + self.cell - 1 - i, top + self.cell - 1 - j)
-                };
-                let (u, v) = (i as f32 / n as f32, j as f32 / n as f32);
-                visit(row * self.side + column, [1.0 - u - v, u, v]);
-            }
-        }
-    }
-
-    /// Texture coordinates of a face's corners, v up.
-    fn corners(&self, face: usize) -> [[f32; 2]; 3] {
-        let [left, top] = self.origin(face);
-        let n = self.legs();
-        [[0, 0], [n, 0], [0, n]].map(|[i, j]| {
-            let (column, row) = if face.is_multiple_of(2) {
-                (left + i, top + j)
-            } else {
-                (left + self.cell - 1 - i, top + self.cell - 1 - j)
-            };
-            let s = self.side as f32;
-            [(column as f32 + 0.5) / s, 1.0 - (row as f32 + 0.5) / s]
-        })
-    }
+/// The side at which an edge has as many texels as pixels in the nearest view, at most 4096.
+fn side_for(targets: &[Target], positions: &[[f32; 3]], faces: &[[u32; 3]]) -> usize {
+    let area: f32 = mesh_core::face_areas(positions, faces).iter().sum();
+    let edge = (area / faces.len().max(1) as f32 * 2.3).sqrt();
+    let nearest =
+        targets.iter().map(|t| t.pixels_per_unit(t.project([0.0; 3])[2])).fold(0.0, f32::max);
+    let columns = (faces.len().div_ceil(2) as f64).sqrt().ceil() as usize;
+    let most = (4096 / columns.max(1)).max(5);
+    let cell = ((edge * nearest).ceil() as usize).saturating_add(3).clamp(5, most);
+    (columns * cell).next_multiple_of(4)
 }
 
 /// Weighted mean of what the views show at every texel; `colors` where none shows it.
@@ -106,7 +41,7 @@ pub(super) fn bake(
     colors: &[[f32; 3]],
     side: usize,
 ) -> Option<Texture> {
-    let side = if side == 0 { Atlas::side_for(targets, positions, faces) } else { side };
+    let side = if side == 0 { side_for(targets, positions, faces) } else { side };
     let atlas = Atlas::new(faces.len(), side)?;
     let drawn = Arc::new(
         Faces::new(positions.len(), faces).expect("the faces of a fitted mesh name its vertices"),

@@ -1,5 +1,7 @@
 //! From a prediction to the folder that a user keeps.
 
+use std::collections::BTreeMap;
+
 use datasets::View;
 use mesh_core::io::write_mesh;
 use mesh_core::{Health, TriMesh};
@@ -67,6 +69,8 @@ pub struct Metrics {
     pub self_intersections: usize,
     /// From decoded pictures to the mesh; see [`Prediction::milliseconds`].
     pub milliseconds: f64,
+    /// What else the system knows of its prediction, by name; empty for most.
+    pub details: BTreeMap<String, Vec<f64>>,
     /// What a user should know, one sentence each.
     pub warnings: Vec<String>,
 }
@@ -105,6 +109,12 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
         health: mesh.health(),
         self_intersections: mesh.self_intersections().len(),
         milliseconds: delivery.prediction.milliseconds,
+        details: delivery
+            .prediction
+            .details
+            .iter()
+            .map(|(name, values)| ((*name).to_owned(), values.clone()))
+            .collect(),
         warnings: material.warnings.clone(),
     };
     for name in ["mesh.glb", "mesh.obj", "mesh.ply"] {
@@ -195,6 +205,10 @@ fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
         row("checkpoint", format!("{} (step {})", delivery.checkpoint, delivery.steps)),
         row("prediction", format!("{:.2} ms, median of 5", metrics.milliseconds)),
     ];
+    for (name, values) in &delivery.prediction.details {
+        let values: Vec<String> = values.iter().map(|value| format!("{value:.3}")).collect();
+        rows.push(row(name, values.join(", ")));
+    }
     rows.extend(delivery.provenance.iter().cloned());
     tables.push(Table { title: "The run".into(), rows });
     tables

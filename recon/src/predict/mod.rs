@@ -30,4 +30,4 @@ mod tests;
 
 pub use deliver::{Delivery, Metrics, deliver};
 pub use material::{Choice, Material, Request};
-pub use predictor::{Prediction, Predictor, predict};
+pub use predictor::{Detail, Prediction, Predictor, predict};

@@ -6,6 +6,7 @@ use mesh_core::TriMesh;
 
 use super::material::{Material, Request};
 use crate::img2mesh::Img2Mesh;
+use crate::mcmr::Mcmr;
 use crate::pixel2mesh::{Deformer, SingleView};
 use crate::train::{DataError, System};
 
@@ -42,7 +43,18 @@ pub trait Predictor: System {
     fn sequence(&self, _material: &Material) -> Result<Vec<TriMesh>, String> {
         Ok(Vec::new())
     }
+
+    /// What else the system knows of what it predicted, by name: a camera, a selection. Empty where it is the mesh alone.
+    ///
+    /// # Errors
+    /// Why the material does not serve, in one sentence.
+    fn details(&self, _material: &Material) -> Result<Vec<Detail>, String> {
+        Ok(Vec::new())
+    }
 }
+
+/// A name and its numbers.
+pub type Detail = (&'static str, Vec<f64>);
 
 /// Meshes of a deformation through time.
 const FRAMES: usize = 25;
@@ -74,6 +86,31 @@ impl Predictor for Img2Mesh {
     }
 }
 
+impl Predictor for Mcmr {
+    const TRAINING: &'static str = "`unsphere train mcmr -o runs/mine` trains one on made photographs, in about five minutes on two cores \
+         (a rough one with --preset tiny, in seconds)";
+
+    fn gather(&self, request: &Request<'_>) -> Result<Material, DataError> {
+        Material::single(request)
+    }
+
+    fn mesh(&self, material: &Material) -> Result<TriMesh, String> {
+        Ok(self.predict(&material.given)?.mesh_in_world())
+    }
+
+    fn details(&self, material: &Material) -> Result<Vec<Detail>, String> {
+        let found = self.predict(&material.given)?;
+        let [x, y] = found.pose.place;
+        Ok(vec![
+            ("selection", found.weights.iter().map(|&w| f64::from(w)).collect()),
+            ("camera-scale", vec![found.pose.scale]),
+            ("camera-place", vec![x, y]),
+            ("camera-quaternion", found.pose.rotation.to_vec()),
+            ("mesh-to-world", found.to_world.concat()),
+        ])
+    }
+}
+
 /// A mesh, and how long it took.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
@@ -83,6 +120,8 @@ pub struct Prediction {
     pub milliseconds: f64,
     /// The mesh on its way, where the system has one.
     pub sequence: Vec<TriMesh>,
+    /// What else the system knows; see [`Predictor::details`].
+    pub details: Vec<Detail>,
 }
 
 /// Applies a system and takes the time.
@@ -103,5 +142,6 @@ pub fn predict<S: Predictor>(system: &S, material: &Material) -> Result<Predicti
     }
     times.sort_by(f64::total_cmp);
     let sequence = system.sequence(material)?;
-    Ok(Prediction { mesh, milliseconds: times[TIMED / 2], sequence })
+    let details = system.details(material)?;
+    Ok(Prediction { mesh, milliseconds: times[TIMED / 2], sequence, details })
 }

@@ -5,7 +5,7 @@ use mesh_core::ByteImage;
 use super::ViewPair;
 
 /// Pictures in a sheet; more make it wide, not clearer.
-const MOST_PICTURES: usize = 8;
+const MOST_PICTURES: usize = 9;
 
 /// The model above the truth, pair beside pair, all as high as the first.
 pub(crate) fn sheet(pairs: &[ViewPair]) -> Option<ByteImage> {

@@ -99,10 +99,7 @@ impl Collection {
         let cameras = orbit.cameras().into_iter().enumerate();
         cameras
             .map(|(i, camera)| {
-                let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-                // The streams below belong to the orbit.
-                rng.set_stream((1 << 32) + i as u64);
-                let rough = self.noise.disturb(&camera, &mut rng);
+                let rough = self.noise.drawn(&camera, self.seed, i as u64);
                 RoughPose { camera, rough }
             })
             .collect()
@@ -110,7 +107,14 @@ impl Collection {
 }
 
 impl PoseNoise {
-    /// The camera as it would be known.
+    /// The camera as it would be known: a function of a seed and the picture's number.
+    pub(crate) fn drawn(&self, camera: &Camera, seed: u64, picture: u64) -> Camera {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        // The streams below belong to the orbit.
+        rng.set_stream((1 << 32) + picture);
+        self.disturb(camera, &mut rng)
+    }
+
     fn disturb(&self, camera: &Camera, rng: &mut ChaCha8Rng) -> Camera {
         let turn = Vector3::from_fn(|_, _| self.rotation.to_radians() * normal(rng));
         let grow = (self.scale * normal(rng)).exp();

@@ -1,0 +1,174 @@
+//! Photo collections: one photograph of each object, where it stands roughly, and its mask.
+
+use std::sync::{Arc, OnceLock};
+
+use datasets::{Dataset, Layout, ReadOptions};
+use mesh_core::TriMesh;
+
+use super::config::McmrConfig;
+use super::judge::Judge;
+use super::photo::{Photo, Rough, Sample};
+use crate::generate::read_rough_poses;
+use crate::shelf::Shelf;
+use crate::synthetic::{Collection, Orbit, Placement, Procedural, families_named};
+use crate::train::{DataError, Source};
+
+/// Photographs whose content is told by the fingerprint.
+const HASHED: usize = 8;
+
+/// A collection, parted into what is trained on and what is scored.
+#[derive(Debug)]
+pub struct Data {
+    shelf: Shelf<Photo>,
+    rough: Vec<Rough>,
+    truths: Vec<OnceLock<Option<Arc<TriMesh>>>>,
+    train: Vec<usize>,
+    held: Vec<usize>,
+    /// Category of each object, as a number.
+    kinds: Vec<usize>,
+    categories: Vec<String>,
+    judge: Arc<Judge>,
+    hash: u64,
+}
+
+impl Data {
+    /// Reads what the layout at a path offers, or makes procedural objects.
+    ///
+    /// # Errors
+    /// If files are damaged, or nothing shows an object.
+    pub fn open(config: &McmrConfig, source: &Source<'_>) -> Result<Self, DataError> {
+        match source.path {
+            None => Self::synthetic(config),
+            Some(path) => {
+                let dataset = datasets::open_with(path, source.options)?;
+                Self::of(dataset, source.options.clone(), config)
+            }
+        }
+    }
+
+    /// Procedural objects of the configuration's families, one photograph and a noisy pose each.
+    ///
+    /// # Errors
+    /// As [`of`](Self::of).
+    pub fn synthetic(config: &McmrConfig) -> Result<Self, DataError> {
+        let families = families_named(&config.families).map_err(DataError::Unfit)?;
+        let collection = Collection::default();
+        // Objects fill about half of such a picture, so a crop has the size of the network's.
+        let side = 2 * config.image_size;
+        let orbit = Orbit {
+            count: 1,
+            placement: Placement::Random,
+            target: [0.0; 3],
+            distance: collection.distance,
+            elevation: collection.elevation,
+            fov_y: collection.fov_y,
+            width: side,
+            height: side,
+            seed: config.data_seed,
+        };
+        let set = Procedural::new(&families, config.objects, config.test_objects, orbit);
+        Self::of(Box::new(set), ReadOptions::default(), config)
+    }
+
+    /// A dataset, of which the first view of each object counts. What its layout calls test or validation is
+    /// scored, or else every `hold-out`th object. Poses of objects that are made here are disturbed; those of
+    /// `data generate`'s collections are the rough ones of their files; all others are taken as they are.
+    ///
+    /// # Errors
+    /// If no object has a view, or the first ones cannot be read or show nothing.
+    pub fn of(
+        dataset: Box<dyn Dataset>,
+        options: ReadOptions,
+        config: &McmrConfig,
+    ) -> Result<Self, DataError> {
+        let made = dataset.layout() == Layout::Memory;
+        let rough = |object: usize| -> Result<Rough, DataError> {
+            if made {
+                return Ok(Rough::Noisy(config.noise(), config.data_seed));
+            }
+            let entry = &dataset.entries()[object];
+            let folder = dataset.root().join(&entry.category).join(&entry.name);
+            if !folder.join("rough_poses.json").is_file() {
+                return Ok(Rough::Exact);
+            }
+            let poses = read_rough_poses(&folder).map_err(|e| DataError::Unfit(e.to_string()))?;
+            Ok(poses.into_iter().next().map_or(Rough::Exact, |pose| Rough::Known(pose.rough)))
+        };
+        let rough = (0..dataset.entries().len()).map(rough).collect::<Result<Vec<_>, _>>()?;
+        let mut categories: Vec<String> = Vec::new();
+        let mut kinds = Vec::new();
+        for entry in dataset.entries() {
+            let known = categories.iter().position(|c| *c == entry.category);
+            kinds.push(known.unwrap_or(categories.len()));
+            if known.is_none() {
+                categories.push(entry.category.clone());
+            }
+        }
+        let truths = kinds.iter().map(|_| OnceLock::new()).collect();
+        let judge = Arc::new(Judge::open(config)?);
+        let shelf = Shelf::new(dataset, options);
+        let [train, held] = shelf.split(config.hold_out)?;
+        let fingerprint = shelf.fingerprint();
+        let mut data =
+            Self { shelf, rough, truths, train, held, kinds, categories, judge, hash: 0 };
+        let first = data.train.iter().take(HASHED);
+        let hash = first.map(|&object| Ok(data.photo(object)?.plain(config))).try_fold(
+            fingerprint,
+            |hash, sample: Result<Sample, DataError>| {
+                let sample = sample?;
+                let pose = sample.pose.projection(super::photo::lens_of(config));
+                let pose: Vec<u8> = pose.iter().flat_map(|x| x.to_le_bytes()).collect();
+                Ok::<_, DataError>(hash.with(&sample.image).with(&sample.mask).with(&pose))
+            },
+        )?;
+        data.hash = hash.value();
+        Ok(data)
+    }
+
+    /// Objects that are trained on.
+    pub fn trained(&self) -> &[usize] {
+        &self.train
+    }
+
+    /// Objects that are scored: those that are held out, or all if none is.
+    pub fn held(&self) -> &[usize] {
+        &self.held
+    }
+
+    /// The category of an object, as a number and by name.
+    pub fn category(&self, object: usize) -> (usize, &str) {
+        let kind = self.kinds[object];
+        (kind, &self.categories[kind])
+    }
+
+    /// All categories, in the order of the data.
+    pub fn categories(&self) -> &[String] {
+        &self.categories
+    }
+
+    /// Networks that compare pictures.
+    pub(super) fn judge(&self) -> &Arc<Judge> {
+        &self.judge
+    }
+
+    pub(super) fn fingerprint(&self) -> u64 {
+        self.hash
+    }
+
+    /// The photograph of an object.
+    pub(super) fn photo(&self, object: usize) -> Result<Arc<Photo>, DataError> {
+        let rough = &self.rough[object];
+        let prepare = |view: &datasets::View| Photo::new(view, rough, object);
+        Ok(self.shelf.views(object, &[0], &prepare)?.swap_remove(0))
+    }
+
+    /// The true surface of an object in the world of its camera, where the data knows it.
+    pub(super) fn truth(&self, object: usize) -> Result<Option<Arc<TriMesh>>, DataError> {
+        let place = &self.truths[object];
+        if let Some(truth) = place.get() {
+            return Ok(truth.clone());
+        }
+        let truth = self.shelf.truth(object)?.mesh.filter(|mesh| !mesh.faces.is_empty());
+        Ok(place.get_or_init(|| truth.map(Arc::new)).clone())
+    }
+}

@@ -1,0 +1,102 @@
+//! What there is to show: predictions, and the mean shapes.
+
+use autodiff_lite::Tape;
+use mesh_core::{ByteImage, Camera, TriMesh};
+
+use super::data::Data;
+use super::prediction::{pose_of, row};
+use super::score::largest;
+use super::{Mcmr, Sample};
+use crate::report::ViewPair;
+use crate::synthetic::{Lighting, RenderOptions, render_views};
+use crate::train::{DataError, Shown};
+
+/// Objects shown together.
+const SHOWN: usize = 8;
+/// Side of the pictures that are shown, pixels.
+const SIDE: usize = 160;
+
+impl Mcmr {
+    /// Some objects spread over all that are held out: the prediction with its own camera above the photograph.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn gallery(&self, data: &Data) -> Result<Vec<ViewPair>, DataError> {
+        let held = data.held();
+        let shown = SHOWN.min(held.len());
+        let samples: Vec<Sample> = (0..shown)
+            .map(|i| Ok(data.photo(held[i * held.len() / shown])?.plain(&self.config)))
+            .collect::<Result<_, DataError>>()?;
+        let pairs = self.in_batches(&samples, SHOWN, |tape, predicted, _, samples| {
+            let poses: Vec<_> = (0..samples.len()).map(|i| pose_of(&predicted, i)).collect();
+            let drawn = self.drawn(tape, &predicted, &poses);
+            let value = drawn.image.value();
+            let weights = predicted.weights.value();
+            let pair = |(i, sample): (usize, &Sample)| {
+                let bytes: Vec<u8> = row(&value, i)
+                    .iter()
+                    .map(|x| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
+                    .collect();
+                let picture = |data: Vec<u8>| self.bytes(data).resized(SIDE, SIDE);
+                let shape = largest(&row(&weights, i)) + 1;
+                let caption = format!("{}: mean shape {shape}", sample.name);
+                let truth = picture(sample.target.clone());
+                ViewPair { caption, model: picture(bytes), truth }
+            };
+            samples.iter().enumerate().map(pair).collect::<Vec<_>>()
+        });
+        Ok(pairs.into_iter().flatten().collect())
+    }
+
+    /// The mean shapes, each above the held-out photograph that has most of it.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn gallery_of_shapes(&self, data: &Data) -> Result<Vec<ViewPair>, DataError> {
+        let samples: Vec<Sample> = data
+            .held()
+            .iter()
+            .map(|&object| Ok(data.photo(object)?.plain(&self.config)))
+            .collect::<Result<_, DataError>>()?;
+        let weights = self.in_batches(&samples, 16, |_, predicted, _, samples| {
+            let weights = predicted.weights.value();
+            (0..samples.len()).map(|i| row(&weights, i)).collect::<Vec<_>>()
+        });
+        let weights = weights.concat();
+        let lighting = Lighting::studio();
+        let options = RenderOptions { background: [1.0; 3], lighting, ..RenderOptions::default() };
+        let eye = [1.15, 0.7, 1.55];
+        let camera = Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 0.5, SIDE, SIDE);
+        let shapes = self.mean_shapes().into_iter().enumerate();
+        let pair = |(i, shape): (usize, TriMesh)| {
+            let rendered = render_views(&shape, &[camera.clone()], &options, &|_, _| ());
+            let drawn = rendered.ok().and_then(|mut views| views.pop()).map(|view| view.color);
+            let blank = || ByteImage {
+                height: SIDE,
+                width: SIDE,
+                channels: 3,
+                data: vec![255; 3 * SIDE * SIDE],
+            };
+            let best = (0..samples.len())
+                .fold(0, |best, k| if weights[k][i] > weights[best][i] { k } else { best });
+            let (sample, share) = (&samples[best], weights[best][i]);
+            let caption = format!("mean shape {}; {} has {share:.2} of it", i + 1, sample.name);
+            let truth = self.bytes(sample.target.clone()).resized(SIDE, SIDE);
+            ViewPair { caption, model: drawn.unwrap_or_else(blank), truth }
+        };
+        Ok(shapes.map(pair).collect())
+    }
+
+    /// A picture of the network's size.
+    fn bytes(&self, data: Vec<u8>) -> ByteImage {
+        let side = self.config.image_size;
+        ByteImage { height: side, width: side, channels: 3, data }
+    }
+
+    pub(super) fn shown(&self, data: &Data) -> Result<Shown, DataError> {
+        let sample = data.photo(data.held()[0])?.plain(&self.config);
+        let tape = Tape::eval();
+        let mesh = self.mesh_of(&self.predicted(&tape, &[&sample]), 0);
+        Ok(Shown { views: self.gallery_of_shapes(data)?, mesh: Some(mesh) })
+    }
+}

@@ -1,0 +1,73 @@
+//! Networks that compare pictures and are not trained.
+
+use autodiff_lite::{Module, Tape, Var};
+use nets::{
+    InceptionKind, InceptionV3, Init, LoadWeights, LpipsWeights, Vgg16, WeightsError, freeze,
+};
+
+use super::config::McmrConfig;
+use crate::train::DataError;
+
+/// Levels of the pyramid that stands in for LPIPS.
+const LEVELS: usize = 4;
+/// Blocks of VGG16 up to its last maps before a pool.
+const POOLS: usize = 5;
+
+/// What the user has weights for.
+#[derive(Debug, Default)]
+pub struct Judge {
+    lpips: Option<(Vgg16, LpipsWeights)>,
+    inception: Option<InceptionV3>,
+}
+
+impl Judge {
+    /// Reads the files that a configuration names.
+    ///
+    /// # Errors
+    /// If a file is damaged or lacks something.
+    pub(super) fn open(config: &McmrConfig) -> Result<Self, DataError> {
+        fn loaded<M: Module<f32>>(mut net: M, path: &str) -> Result<M, DataError> {
+            let done = LoadWeights::partial().load(path, &mut net);
+            done.map_err(|error: WeightsError| DataError::Unfit(error.to_string()))?;
+            freeze(&mut net, "");
+            Ok(net)
+        }
+        let init = Init::new(0);
+        let lpips = (!config.vgg_weights.is_empty())
+            .then(|| {
+                let vgg = Vgg16::features_until_pool(&init, POOLS);
+                let vgg = loaded(vgg, &config.vgg_weights)?;
+                Ok::<_, DataError>((vgg, loaded(LpipsWeights::uniform(), &config.lpips_weights)?))
+            })
+            .transpose()?;
+        let inception = (!config.inception_weights.is_empty())
+            .then(|| {
+                let net = InceptionV3::new(&init, InceptionKind::Fid);
+                loaded(net, &config.inception_weights)
+            })
+            .transpose()?;
+        Ok(Self { lpips, inception })
+    }
+
+    /// How unlike pictures `[N, S, S, 3]` in `[0, 1]` look: LPIPS, or a pyramid of differences without its
+    /// weights. LPIPS is given pictures in `[-1, 1]`, as it expects; the published code gives it `[0, 1]`.
+    pub(super) fn distance<'t>(&self, image: Var<'t>, target: Var<'t>) -> Var<'t> {
+        let Some((vgg, weights)) = &self.lpips else {
+            return losses::pyramid(image, target, None, LEVELS);
+        };
+        let maps = |x: Var<'t>| {
+            let x = LpipsWeights::normalised(x.scale(2.0).add_scalar(-1.0));
+            vgg.forward_before_pools(x)
+        };
+        losses::lpips(&maps(image), &maps(target), &weights.vectors())
+    }
+
+    /// Inception's features `[N, 2048]` of pictures `[N, S, S, 3]` in `[0, 1]`; none without its weights.
+    pub(super) fn features(&self, tape: &Tape, images: Var<'_>) -> Option<Vec<f32>> {
+        let net = self.inception.as_ref()?;
+        let side = InceptionV3::<f32>::SIDE;
+        let images = tape.constant(images.value());
+        let large = images.resize_bilinear(side, side, false).scale(2.0).add_scalar(-1.0);
+        Some(net.forward_features(large).value().iter().copied().collect())
+    }
+}

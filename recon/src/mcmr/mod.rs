@@ -1,0 +1,290 @@
+//! MCMR: photographs of many kinds of objects, one of each object, with a mask and a rough pose, to textured meshes.
+//!
+//! ```text
+//! picture [B, S, S, 3] -> ResNet-18 -> map -> code [B, D]
+//!   code -> selection w [B, N] (softmax)      mean shape = Σ w_i V_i, the V_i learned, spheres at first
+//!   [code, w, vertex] -> offset of the vertex, one network for all      shape = mean shape + offsets
+//!   code -> camera (size, place, quaternion)      map -> texture around the sphere
+//! shape, texture, rough camera -> DIB-R or SoftRas -> masks, colours, smoothness
+//! ```
+//!
+//! Nobody says which picture shows what: mean shapes specialise because it pays. What the network knows of a
+//! vertex is where it is, so the mesh can be [subdivided](McmrConfig::subdivide_at) in the middle of the
+//! training. Half of the predictions are compared with mirrored pictures, so shapes become symmetric in x.
+//!
+//! # What differs from the published code
+//!
+//! - DIB-R draws ([`RendererKind::SoftRas`] is the original's way), y is up, and shapes are not mirrored.
+//! - The texture has no seam: its last columns fade into its first, poles are one colour, and it is looked up by
+//!   direction at every pixel.
+//! - The optimiser's moments survive the subdivision ([`McmrConfig::keep_moments`]).
+//! - LPIPS is given pictures in the range that it expects; without its weights a pyramid of differences stands in.
+//! - Spheres may differ at first, and two terms can keep a selection from collapsing ([`McmrConfig::perturb`],
+//!   [`McmrConfig::balance_weight`], [`McmrConfig::decision_weight`]).
+//!
+//! # References
+//! Simoni, Pini, Vezzani, Cucchiara 2021, *Multi-Category Mesh Reconstruction From Image Collections*, and its
+//! code; Kanazawa et al. 2018, *Learning Category-Specific Mesh Reconstruction from Image Collections*.
+
+mod config;
+mod data;
+mod gallery;
+mod judge;
+mod model;
+mod photo;
+mod pose;
+mod prediction;
+mod render;
+mod score;
+mod shapes;
+mod size;
+mod study;
+mod texture;
+
+use std::sync::Arc;
+
+use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut};
+use datasets::View;
+use mesh_core::cotangent_laplacian;
+use nets::LoadWeights;
+
+use crate::stacked::stacked;
+use crate::train::{
+    DataError, Draw, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
+};
+use model::{Model, Predicted};
+use photo::lens_of;
+use render::{Rendered, Stage};
+use shapes::{Split, Template};
+
+pub use config::{McmrConfig, RendererKind};
+pub use data::Data;
+pub use judge::Judge;
+pub use photo::{Photo, Sample};
+pub use pose::{CommonLens, Pose};
+pub use prediction::McmrPrediction;
+pub use score::{Scored, ScoredObject};
+pub use study::{CubStudy, MeanShapesStudy, PascalStudy, SubdivisionStudy};
+
+/// Below this a weight of the selection has no logarithm.
+const LEAST: f32 = 1e-8;
+
+/// The system; see the [module](self).
+#[derive(Debug)]
+pub struct Mcmr {
+    config: McmrConfig,
+    model: Model,
+    template: Template,
+    stage: Stage,
+}
+
+impl Module<f32> for Mcmr {
+    fn visit(&self, path: &str, visitor: &mut dyn Visitor<f32>) {
+        self.model.visit(path, visitor);
+    }
+
+    fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<f32>) {
+        self.model.visit_mut(path, visitor);
+    }
+}
+
+impl Mcmr {
+    /// The options.
+    pub fn config(&self) -> &McmrConfig {
+        &self.config
+    }
+
+    /// What becomes of pictures.
+    fn predicted<'t>(&self, tape: &'t Tape, samples: &[&Sample]) -> Predicted<'t> {
+        let side = self.config.image_size;
+        let images = samples.iter().map(|sample| &sample.image[..]);
+        self.model.forward(tape, stacked(tape, images, &[samples.len(), side, side, 3]))
+    }
+
+    /// Predictions as they are seen in these poses.
+    fn drawn<'t>(&self, tape: &'t Tape, predicted: &Predicted<'t>, poses: &[Pose]) -> Rendered<'t> {
+        let lens = lens_of(&self.config);
+        let rows: Vec<[f32; 12]> = poses.iter().map(|pose| pose.projection(lens)).collect();
+        let matrices = stacked(tape, rows.iter().map(|row| &row[..]), &[poses.len(), 3, 4]);
+        self.stage.render(tape, predicted.positions, predicted.texture, matrices)
+    }
+
+    /// Each face in four.
+    fn refine(&mut self) -> Split {
+        let (template, split) = self.template.subdivided();
+        self.model.shapes = split.shapes(&self.model.shapes);
+        self.stage = Stage::new(&template, &self.config);
+        self.template = template;
+        split
+    }
+
+    /// What keeps the surface smooth and near the mean shape.
+    fn regularised<'t>(&self, terms: Terms<'t>, predicted: &Predicted<'t>) -> Terms<'t> {
+        let (c, neighbours) = (&self.config, &self.template.topology.vertex_vertices);
+        let Predicted { positions, offsets, .. } = *predicted;
+        let mut terms = terms
+            .with("deform", c.deform_weight, losses::deformation_norm(offsets))
+            .with("laplacian", c.laplacian_weight, losses::laplacian_norm(positions, neighbours))
+            .with(
+                "laplacian-offsets",
+                c.laplacian_offsets_weight,
+                losses::laplacian_norm(offsets, neighbours),
+            );
+        if c.cotangent_weight > 0.0 {
+            let Template { corners, topology, .. } = &self.template;
+            let values = positions.value();
+            let values = values.as_slice().unwrap_or_default().as_chunks::<3>().0;
+            let matrices: Vec<_> = values
+                .chunks_exact(self.template.sphere.len())
+                .map(|shape| cotangent_laplacian(shape, corners, topology))
+                .collect();
+            let value = losses::laplacian_cotangent(positions, &matrices);
+            terms = terms.with("cotangent", c.cotangent_weight, value);
+        }
+        terms
+    }
+
+    /// What the selection is asked beside its use.
+    fn selected<'t>(&self, terms: Terms<'t>, weights: Var<'t>) -> Terms<'t> {
+        let c = &self.config;
+        if c.shapes == 1 {
+            return terms;
+        }
+        let used = weights.mean_axis(0);
+        let all = used.mul(used.add_scalar(LEAST).ln()).sum();
+        let all = all.add_scalar((c.shapes as f32).ln());
+        let one = weights.mul(weights.add_scalar(LEAST).ln()).sum_axis(1).mean().neg();
+        terms.with("balance", c.balance_weight, all).with("decision", c.decision_weight, one)
+    }
+}
+
+impl System for Mcmr {
+    const NAME: &'static str = "mcmr";
+    const PRESETS: &'static [(&'static str, &'static str)] = &[
+        ("tiny", include_str!("../../presets/mcmr/tiny.toml")),
+        ("small", include_str!("../../presets/mcmr/small.toml")),
+        ("table", include_str!("../../presets/mcmr/table.toml")),
+        ("paper", include_str!("../../presets/mcmr/paper.toml")),
+        ("paper-cub", include_str!("../../presets/mcmr/paper-cub.toml")),
+    ];
+    const BEST: &'static str = "mask-iou";
+
+    type Config = McmrConfig;
+    type Data = Data;
+    type Sample = (Sample, Arc<Judge>);
+    type Input = [View];
+    type Prediction = McmrPrediction;
+
+    fn check(config: &McmrConfig) -> Result<Summary, Vec<String>> {
+        config.check()
+    }
+
+    fn new(config: &McmrConfig, seed: u64) -> Self {
+        let template = Template::new(config.level);
+        let model = Model::new(config, seed, &template);
+        let stage = Stage::new(&template, config);
+        Self { config: config.clone(), model, template, stage }
+    }
+
+    fn adopt(&mut self, _: &Data) -> Result<(), DataError> {
+        if self.config.weights.is_empty() {
+            return Ok(());
+        }
+        let loaded = LoadWeights::partial().load(&self.config.weights, &mut self.model.encoder);
+        loaded.map(|_| ()).map_err(|error| DataError::Unfit(error.to_string()))
+    }
+
+    fn open(config: &McmrConfig, source: &Source<'_>) -> Result<Data, DataError> {
+        Data::open(config, source)
+    }
+
+    fn fingerprint(data: &Data) -> u64 {
+        data.fingerprint()
+    }
+
+    fn epoch_len(&self, data: &Data) -> usize {
+        data.trained().len()
+    }
+
+    fn draw(&self, data: &Data, draw: &Draw) -> Result<Self::Sample, DataError> {
+        let photo = data.photo(data.trained()[draw.item])?;
+        Ok((photo.random(&self.config, &mut draw.rng()), Arc::clone(data.judge())))
+    }
+
+    fn name_of((sample, _): &Self::Sample) -> String {
+        sample.name.clone()
+    }
+
+    fn begin_epoch(&mut self, epoch: u64, moments: &mut Moments<'_>) {
+        if self.config.subdivide_at > 0 && epoch == self.config.subdivide_at {
+            let split = self.refine();
+            if self.config.keep_moments {
+                moments.carry(shapes::PATH, |moment| split.finer(moment));
+            } else {
+                // As the published code, which makes its optimiser anew.
+                moments.forget("");
+            }
+        }
+    }
+
+    fn loss<'t>(&self, tape: &'t Tape, batch: &[Self::Sample], _: Moment) -> Terms<'t> {
+        let (c, n, side) = (&self.config, batch.len(), self.config.image_size);
+        let samples: Vec<&Sample> = batch.iter().map(|(sample, _)| sample).collect();
+        let predicted = self.predicted(tape, &samples);
+        let views: Vec<Pose> = samples.iter().map(|sample| sample.view).collect();
+        let rendered = self.drawn(tape, &predicted, &views);
+        let mask = stacked(tape, samples.iter().map(|s| &s.mask[..]), &[n, side, side]);
+        let target = stacked(tape, samples.iter().map(|s| &s.target[..]), &[n, side, side, 3]);
+        // Cameras are compared as they were predicted: mirrored, both would be.
+        let known = |part: &dyn Fn(&Pose) -> Vec<f64>, width: usize| {
+            let rows: Vec<Vec<f32>> = samples
+                .iter()
+                .map(|s| part(&s.pose).into_iter().map(|x| x as f32).collect())
+                .collect();
+            stacked(tape, rows.iter().map(|row| &row[..]), &[n, width])
+        };
+        let place = known(&|pose| vec![pose.scale, pose.place[0], pose.place[1]], 3);
+        let rotation = known(&|pose| pose.rotation.to_vec(), 4);
+        let camera = losses::camera_loss([predicted.place, place], [predicted.rotation, rotation]);
+        let terms = Terms::new()
+            .with("mask", c.mask_weight, losses::l2(rendered.silhouette, mask, None))
+            .with("camera", c.camera_weight, camera)
+            .with(
+                "camera-length",
+                c.camera_length_weight,
+                losses::quaternion_length(predicted.raw_rotation),
+            );
+        let terms = self.selected(self.regularised(terms, &predicted), predicted.weights);
+        let inside = mask.reshape(&[n, side, side, 1]);
+        let (image, truth) = (rendered.image.mul(inside), target.mul(inside));
+        let [lab, true_lab] = [image, truth].map(losses::rgb_to_lab);
+        terms
+            .with("percept", c.percept_weight, batch[0].1.distance(image, truth))
+            .with("color", c.color_weight, losses::lab_colour(lab, true_lab, None))
+            .with("lightness", c.lightness_weight, losses::lab_lightness(lab, true_lab, None))
+    }
+
+    fn evaluate(&self, data: &Data) -> Result<Vec<Metric>, DataError> {
+        Ok(self.scored(data)?.metrics())
+    }
+
+    fn show(&self, data: &Data) -> Result<Shown, DataError> {
+        self.shown(data)
+    }
+
+    fn rates(&self) -> Vec<(String, f64)> {
+        vec![(shapes::PATH.to_owned(), self.config.shape_rate)]
+    }
+
+    /// Batch norm: the statistics are those of the batch.
+    fn couples_samples(&self) -> bool {
+        true
+    }
+
+    /// A textured mesh, its camera and the selection, from the first view; of the view's own camera only the lens counts,
+    /// to put the mesh into its world.
+    fn predict(&self, views: &[View]) -> Result<McmrPrediction, String> {
+        let view = views.first().ok_or("no view: a mesh is made from one picture")?;
+        self.predict_view(view)
+    }
+}

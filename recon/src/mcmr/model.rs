@@ -1,0 +1,162 @@
+//! The network.
+
+use autodiff_lite::{Activation, ConvGeometry, Param, Tape, Var, impl_module};
+use ndarray::Array1;
+use nets::{
+    BatchNorm1d, Conv2d, Dropout, ImageDecoder, Init, Linear, Norm, NormKind, PointMlp,
+    PointMlpConfig, ResNet, ResNetConfig,
+};
+
+use super::config::McmrConfig;
+use super::shapes::{self, Template};
+use super::texture::closed;
+
+/// Slope of negative numbers, as published.
+const LEAKY: Activation = Activation::LeakyRelu(0.2);
+/// Mean and deviation of ImageNet's pictures, as torchvision's weights expect them.
+const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
+const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
+
+/// A linear layer, batch norm, leaky ReLU.
+#[derive(Clone, Debug)]
+pub(super) struct NormedLinear {
+    linear: Linear,
+    norm: BatchNorm1d,
+}
+impl_module!(NormedLinear: f32 { linear, norm });
+
+impl NormedLinear {
+    fn new(init: &Init, inputs: usize, outputs: usize) -> Self {
+        Self {
+            linear: Linear::new(&init.at("linear"), inputs, outputs),
+            norm: BatchNorm1d::new(&init.at("norm"), outputs),
+        }
+    }
+
+    fn forward<'t>(&self, x: Var<'t>) -> Var<'t> {
+        self.norm.forward_then(self.linear.forward(x), LEAKY)
+    }
+}
+
+/// Everything that is trained.
+#[derive(Clone, Debug)]
+pub(super) struct Model {
+    pub(super) encoder: ResNet,
+    enc_conv: Conv2d,
+    enc_norm: Norm,
+    enc_fc: NormedLinear,
+    selection: NormedLinear,
+    selection_out: Linear,
+    /// The mean shapes, `[N, V, 3]`.
+    pub(super) shapes: Param,
+    deformation: PointMlp,
+    camera: NormedLinear,
+    camera_out: Linear,
+    texture: ImageDecoder,
+    temperature: f32,
+    camera_dropout: Dropout,
+}
+impl_module!(Model: f32 {
+    encoder, enc_conv, enc_norm, enc_fc, selection, selection_out, shapes, deformation, camera, camera_out, texture
+} fixed { temperature, camera_dropout });
+
+/// What becomes of a batch of `B` pictures.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Predicted<'t> {
+    /// How much of each mean shape, `[B, N]`: rows add up to 1.
+    pub(super) weights: Var<'t>,
+    /// Offsets of the vertices, `[B, V, 3]`.
+    pub(super) offsets: Var<'t>,
+    /// `[B, V, 3]`.
+    pub(super) positions: Var<'t>,
+    /// Scale and place in the picture, `[B, 3]`.
+    pub(super) place: Var<'t>,
+    /// Quaternions w, x, y, z before they are normalised, `[B, 4]`.
+    pub(super) raw_rotation: Var<'t>,
+    /// The same of length 1.
+    pub(super) rotation: Var<'t>,
+    /// The texture, closed around the sphere, `[B, H, W, 3]`.
+    pub(super) texture: Var<'t>,
+}
+
+impl Model {
+    pub(super) fn new(config: &McmrConfig, seed: u64, template: &Template) -> Self {
+        let init = Init::new(seed);
+        let McmrConfig { width, features, head, hidden, shapes, .. } = *config;
+        let map = 16 * config.texture_width;
+        let side = config.image_size / 64;
+        let resnet = ResNetConfig { width, ..ResNetConfig::resnet18() };
+        let point = PointMlpConfig {
+            hidden: vec![hidden; 4],
+            dropout: config.dropout,
+            ..PointMlpConfig::published(features + shapes)
+        };
+        let halves = ConvGeometry::new().stride(2).padding(1);
+        let enc_conv = Conv2d {
+            weight: init.at("enc_conv.weight").normal(&[map, 8 * width, 4, 4], 0.0, 0.02),
+            bias: Some(init.at("enc_conv.bias").zeros(&[map])),
+            geometry: halves,
+        };
+        Self {
+            encoder: ResNet::new(&init.at("encoder"), &resnet),
+            enc_conv,
+            enc_norm: Norm::new(&init.at("enc_norm"), map, NormKind::Batch),
+            enc_fc: NormedLinear::new(&init.at("enc_fc"), side * side * map, features),
+            selection: NormedLinear::new(&init.at("selection"), features, head),
+            selection_out: Linear::new(&init.at("selection_out"), head, shapes),
+            shapes: shapes::first(config, seed, template),
+            deformation: PointMlp::new(&init.at("deformation"), &point),
+            camera: NormedLinear::new(&init.at("camera"), features, head),
+            camera_out: Linear::new(&init.at("camera_out"), head, 7),
+            texture: ImageDecoder::new(&init.at("texture"), config.texture_width, 3),
+            temperature: config.temperature as f32,
+            camera_dropout: Dropout::new(config.camera_dropout),
+        }
+    }
+
+    /// Pictures `[B, S, S, 3]` in `[0, 1]`.
+    pub(super) fn forward<'t>(&self, tape: &'t Tape, images: Var<'t>) -> Predicted<'t> {
+        let map = tape.scope("encoder", || self.map(images));
+        let [b, h, w, c] = map.dims();
+        let code = self.enc_fc.forward(map.reshape(&[b, h * w * c]));
+        let logits = self.selection_out.forward(self.selection.forward(code));
+        let weights = logits.scale(self.temperature.recip()).softmax();
+        let (positions, offsets) = self.shape(tape, code, weights);
+        let camera = self.camera.forward(self.camera_dropout.forward(code));
+        let camera = self.camera_out.forward(camera);
+        // The published order: a quaternion, the size, the place.
+        let raw_rotation = camera.slice_axis(1, 0..4).tanh();
+        let length = raw_rotation.square().sum_axis(1).add_scalar(1e-12).sqrt().reshape(&[b, 1]);
+        // A size of 1 to begin with, where the published one is raw.
+        let usual = tape.constant(Array1::from(vec![1.0, 0.0, 0.0]));
+        Predicted {
+            weights,
+            offsets,
+            positions,
+            place: camera.slice_axis(1, 4..7).add(usual),
+            raw_rotation,
+            rotation: raw_rotation.div(length),
+            texture: closed(tape.scope("texture", || self.texture.forward(map))),
+        }
+    }
+
+    /// Pictures to the maps that code and texture are made from, `[B, S/64, S/64, 16 texture-width]`.
+    fn map<'t>(&self, images: Var<'t>) -> Var<'t> {
+        let tape = images.tape();
+        let shift = tape.constant(Array1::from(MEAN.to_vec()));
+        let factor = tape.constant(Array1::from(DEVIATION.map(f32::recip).to_vec()));
+        let [.., last] = self.encoder.forward_maps((images - shift) * factor);
+        self.enc_norm.after(&self.enc_conv, last, LEAKY)
+    }
+
+    /// The weighted mean shape, deformed vertex by vertex: positions and offsets, `[B, V, 3]`.
+    fn shape<'t>(&self, tape: &'t Tape, code: Var<'t>, weights: Var<'t>) -> (Var<'t>, Var<'t>) {
+        let [b, n] = weights.dims();
+        let vertices = self.shapes.shape()[1];
+        let shapes = tape.param(&self.shapes).reshape(&[n, 3 * vertices]);
+        let mean = weights.matmul(shapes).reshape(&[b, vertices, 3]);
+        let code = tape.concat(&[code, weights], 1);
+        let offsets = tape.scope("deformation", || self.deformation.forward(code, mean));
+        (mean.add(offsets), offsets)
+    }
+}

@@ -1,0 +1,117 @@
+//! Cameras as the network predicts them: a size, a place in the picture, a rotation.
+
+use mesh_core::nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use mesh_core::{Camera, Lens};
+
+/// The lens that all pictures are thought to be taken with; what a picture's own camera differs from it is
+/// in the size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CommonLens {
+    /// Focal length, in halves of a picture.
+    pub focal: f64,
+    /// From the camera to the object's middle, for a size of 1.
+    pub distance: f64,
+}
+
+/// Where an object is seen: MCMR's `[scale, cx, cy, q]` under a [`CommonLens`].
+///
+/// ```text
+/// p = scale R v + (0, 0, -distance)        x = focal p_x / -p_z + cx,  y = focal p_y / -p_z + cy
+/// ```
+///
+/// x right, y up, both in `[-1, 1]` over the picture; the camera looks along -z. The published code has y
+/// down, and shapes mirrored for it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// How large the object is.
+    pub scale: f64,
+    /// Where its middle lands.
+    pub place: [f64; 2],
+    /// From the object to the camera: w, x, y, z, of length 1.
+    pub rotation: [f64; 4],
+}
+
+impl Pose {
+    /// The pose that is nearest to a camera: the middle of the world lands where it does, a length there is
+    /// as long, and the direction of sight is the same.
+    ///
+    /// What is lost is how strong the perspective is.
+    pub fn of(camera: &Camera, lens: CommonLens) -> Self {
+        let rows = camera.projection();
+        let depth = rows[2][3];
+        let (half, pixels) = (
+            camera.width as f64 / 2.0,
+            match camera.lens {
+                Lens::Perspective { fx, .. } => fx / depth,
+                Lens::Orthographic { sx, .. } => sx,
+            },
+        );
+        let (place, turned) = if camera.is_perspective() {
+            // The ray to the object, brought to the axis.
+            let turn = Rotation3::rotation_between(&camera.translation, &-Vector3::z());
+            let turn = turn.unwrap_or_else(Rotation3::identity).into_inner();
+            ([rows[0][3] / depth, rows[1][3] / depth], turn * camera.rotation)
+        } else {
+            ([rows[0][3], rows[1][3]], camera.rotation)
+        };
+        let q = UnitQuaternion::from_matrix(&turned);
+        let scale = pixels / half * lens.distance / lens.focal;
+        Self { scale, place, rotation: [q.w, q.i, q.j, q.k] }
+    }
+
+    /// From seven numbers of the network, `[scale, cx, cy, w, x, y, z]`.
+    pub(super) fn from_row(row: &[f32]) -> Self {
+        let at = |k: usize| f64::from(row[k]);
+        Self { scale: at(0), place: [at(1), at(2)], rotation: [at(3), at(4), at(5), at(6)] }
+    }
+
+    /// What the mirrored picture of the mirrored object has: `D R D` with `D = diag(-1, 1, 1)`.
+    #[must_use]
+    pub fn flipped(self) -> Self {
+        let [w, x, y, z] = self.rotation;
+        let [cx, cy] = self.place;
+        Self { place: [-cx, cy], rotation: [w, x, -y, -z], ..self }
+    }
+
+    /// The rotation as a matrix.
+    pub fn matrix(&self) -> Matrix3<f64> {
+        let [w, x, y, z] = self.rotation;
+        let q = mesh_core::nalgebra::Quaternion::new(w, x, y, z);
+        UnitQuaternion::from_quaternion(q).to_rotation_matrix().into_inner()
+    }
+
+    /// From the object to the image plane, `[3, 4]` in a row: normalised device coordinates times depth, depth.
+    pub fn projection(&self, lens: CommonLens) -> [f32; 12] {
+        let r = self.matrix() * self.scale;
+        let [cx, cy] = self.place;
+        let row = |axis: usize, place: f64| {
+            let at = |k: usize| lens.focal * r[(axis, k)] - place * r[(2, k)];
+            [at(0), at(1), at(2), place * lens.distance]
+        };
+        let depth = [-r[(2, 0)], -r[(2, 1)], -r[(2, 2)], lens.distance];
+        let rows = [row(0, cx), row(1, cy), depth];
+        std::array::from_fn(|k| rows[k / 4][k % 4] as f32)
+    }
+
+    /// The object's place before another camera that sees it where and as large as this pose says: rows of a
+    /// map from the object to that camera's world, lengths unchanged. The inverse of [`of`](Self::of).
+    pub fn in_world(&self, camera: &Camera, lens: CommonLens) -> [[f64; 4]; 3] {
+        let (w, h) = (camera.width as f64, camera.height as f64);
+        let [cx, cy] = self.place;
+        let (column, row) = ((cx + 1.0) * w / 2.0, (1.0 - cy) * h / 2.0);
+        let size = (self.scale * lens.focal / lens.distance * w / 2.0).max(1e-9);
+        let (depth, turn) = match camera.lens {
+            Lens::Perspective { fx, .. } => {
+                let depth = fx / size;
+                let world = Vector3::from(camera.unproject(column, row, depth));
+                let ray = camera.rotation * world + camera.translation;
+                let turn = Rotation3::rotation_between(&-Vector3::z(), &ray);
+                (depth, turn.unwrap_or_else(Rotation3::identity).into_inner())
+            }
+            Lens::Orthographic { .. } => (1.0, Matrix3::identity()),
+        };
+        let rotation = camera.rotation.transpose() * turn * self.matrix();
+        let at = camera.unproject(column, row, depth);
+        std::array::from_fn(|i| [rotation[(i, 0)], rotation[(i, 1)], rotation[(i, 2)], at[i]])
+    }
+}

@@ -1,0 +1,107 @@
+//! What is predicted from one photograph.
+
+use autodiff_lite::Tape;
+use datasets::View;
+use mesh_core::{Camera, TriMesh};
+
+use super::model::Predicted;
+use super::photo::{Photo, Rough, cropped, lens_of};
+use super::pose::Pose;
+use super::texture::Globe;
+use super::{Mcmr, Sample};
+
+/// A mesh with its texture, where it is seen from, and what it was made of.
+#[derive(Clone, Debug)]
+pub struct McmrPrediction {
+    /// The shape in its own frame: upright, symmetric in x as far as training made it so, with a texture.
+    pub mesh: TriMesh,
+    /// How much of each mean shape is in it; they add up to 1.
+    pub weights: Vec<f32>,
+    /// Where the square around the object shows it.
+    pub pose: Pose,
+    /// From the mesh's frame to the world of the picture's camera: rows of `[3, 4]`.
+    pub to_world: [[f64; 4]; 3],
+}
+
+impl McmrPrediction {
+    /// The mesh in the world of the picture's camera, where that camera sees it as the picture shows it.
+    pub fn mesh_in_world(&self) -> TriMesh {
+        self.mesh.clone().transformed(&self.to_world)
+    }
+}
+
+impl Mcmr {
+    /// Applies the network to one photograph, cropped to its mask.
+    pub(super) fn predict_view(&self, view: &View) -> Result<McmrPrediction, String> {
+        let photo = Photo::new(view, &Rough::Exact, 0).map_err(|error| error.to_string())?;
+        let sample = photo.plain(&self.config);
+        let tape = Tape::eval();
+        let predicted = self.predicted(&tape, &[&sample]);
+        let pose = pose_of(&predicted, 0);
+        let camera: Camera =
+            cropped(&view.camera, photo.square(self.config.margin), self.config.image_size);
+        Ok(McmrPrediction {
+            mesh: self.mesh_of(&predicted, 0),
+            weights: row(&predicted.weights.value(), 0),
+            to_world: pose.in_world(&camera, lens_of(&self.config)),
+            pose,
+        })
+    }
+
+    /// The textured mesh of one picture of a batch, in its own frame.
+    pub(super) fn mesh_of(&self, predicted: &Predicted<'_>, index: usize) -> TriMesh {
+        let mesh = self.bare_mesh_of(predicted, index);
+        Globe::of(predicted.texture, index).on(mesh, &self.template.sphere)
+    }
+
+    /// The same without texture.
+    pub(super) fn bare_mesh_of(&self, predicted: &Predicted<'_>, index: usize) -> TriMesh {
+        let positions = row(&predicted.positions.value(), index);
+        TriMesh::new(positions.as_chunks::<3>().0.to_vec(), self.template.corners.clone())
+    }
+
+    /// The mean shapes as they are now.
+    pub fn mean_shapes(&self) -> Vec<TriMesh> {
+        let values = self.model.shapes.as_slice();
+        values
+            .chunks_exact(3 * self.template.sphere.len())
+            .map(|shape| {
+                TriMesh::new(shape.as_chunks::<3>().0.to_vec(), self.template.corners.clone())
+            })
+            .collect()
+    }
+
+    /// Batches of samples through the network, without training.
+    pub(super) fn in_batches<R>(
+        &self,
+        samples: &[Sample],
+        batch: usize,
+        mut f: impl for<'t> FnMut(&'t Tape, Predicted<'t>, usize, &[Sample]) -> R,
+    ) -> Vec<R> {
+        samples
+            .chunks(batch)
+            .enumerate()
+            .map(|(i, chunk)| {
+                let tape = Tape::eval();
+                let predicted = self.predicted(&tape, &chunk.iter().collect::<Vec<_>>());
+                f(&tape, predicted, i * batch, chunk)
+            })
+            .collect()
+    }
+}
+
+/// The camera that was predicted for one picture of a batch.
+pub(super) fn pose_of(predicted: &Predicted<'_>, index: usize) -> Pose {
+    let place = row(&predicted.place.value(), index);
+    let rotation = row(&predicted.rotation.value(), index);
+    let mut pose = Pose::from_row(&[place, rotation].concat());
+    // Nothing is seen of what has no size, or a negative one.
+    pose.scale = pose.scale.max(0.05);
+    pose
+}
+
+/// One row of an array whose first axis is the batch.
+pub(super) fn row(values: &autodiff_lite::Tensor<f32>, index: usize) -> Vec<f32> {
+    let width = values.len() / values.shape()[0].max(1);
+    values.as_slice().unwrap_or_default()[index * width..][..width].to_vec()
+}

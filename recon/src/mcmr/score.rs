@@ -1,0 +1,282 @@
+//! Scores on what is held out.
+
+use autodiff_lite::Tape;
+use losses::metrics::{
+    self, MaskRule, McmrAlignment, frechet, mask_iou_by, mcmr_iou, rotation_angle, ssim, voxel_iou,
+};
+use mesh_core::{Image, TriMesh};
+use ndarray::ArrayView2;
+use rayon::prelude::*;
+
+use super::data::Data;
+use super::model::Predicted;
+use super::prediction::{pose_of, row};
+use super::{Mcmr, Sample};
+use crate::train::{DataError, Metric};
+
+/// Pictures that go through the network together.
+const BATCH: usize = 16;
+/// Cells along the longest edge for the strict 3D IoU; the published one has as many.
+const CELLS: usize = 32;
+
+/// How one object that was held out came out.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ScoredObject {
+    /// Its number in the data.
+    pub object: usize,
+    /// Its category's number.
+    pub kind: usize,
+    /// How much of each mean shape it was made of.
+    pub weights: Vec<f32>,
+    /// IoU of hard masks (pixels' centres, from one half on) with the predicted camera.
+    pub mask_iou: f64,
+    /// The same with the true camera.
+    pub mask_iou_true: f64,
+    /// The published rule with the predicted camera: any trace of a soft mask counts.
+    pub published_iou: f64,
+    /// The same with the true camera.
+    pub published_iou_true: f64,
+    /// Of the rendering with the true camera against the masked photograph.
+    pub ssim: f64,
+    /// Mean absolute difference of the same.
+    pub l1: f64,
+    /// Between the predicted and the true camera, degrees.
+    pub rotation: f64,
+    /// 3D IoU by the published protocol; none without a true mesh.
+    pub iou_3d: Option<f64>,
+    /// 3D IoU with nothing aligned; none without a true mesh.
+    pub iou_3d_strict: Option<f64>,
+}
+
+/// All of them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Scored {
+    /// One a held-out object.
+    pub each: Vec<ScoredObject>,
+    /// Between renderings with the true camera and masked photographs; none without Inception's weights.
+    pub fid: Option<f64>,
+    /// The published code's figure of that name, a mean over pairs; none without the weights.
+    pub feature_distance: Option<f64>,
+}
+
+impl Scored {
+    /// The mean of a figure over the objects that have one.
+    pub fn mean(&self, of: impl Fn(&ScoredObject) -> Option<f64>) -> Option<f64> {
+        let values: Vec<f64> = self.each.iter().filter_map(of).collect();
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    }
+
+    /// The objects of one category.
+    #[must_use]
+    pub fn of_kind(&self, kind: usize) -> Self {
+        let each = self.each.iter().filter(|one| one.kind == kind).cloned().collect();
+        Self { each, fid: None, feature_distance: None }
+    }
+
+    /// The share of objects that are of the commonest category among those whose largest weight is the same mean shape's.
+    pub fn purity(&self) -> f64 {
+        let kinds = 1 + self.each.iter().map(|one| one.kind).max().unwrap_or(0);
+        let shapes = self.each.first().map_or(0, |one| one.weights.len());
+        let mut counts = vec![vec![0_usize; kinds]; shapes];
+        for one in &self.each {
+            counts[largest(&one.weights)][one.kind] += 1;
+        }
+        let most: usize = counts.iter().map(|row| row.iter().max().copied().unwrap_or(0)).sum();
+        most as f64 / self.each.len().max(1) as f64
+    }
+
+    /// Mean weights, `[N]`, of one category.
+    pub fn weights_of(&self, kind: usize) -> Vec<f64> {
+        let of: Vec<&ScoredObject> = self.each.iter().filter(|one| one.kind == kind).collect();
+        let shapes = self.each.first().map_or(0, |one| one.weights.len());
+        let mean = |i: usize| of.iter().map(|one| f64::from(one.weights[i])).sum::<f64>();
+        (0..shapes).map(|i| mean(i) / of.len().max(1) as f64).collect()
+    }
+
+    /// How many mean shapes are in use: the exponential of the entropy of the mean weights.
+    pub fn shapes_in_use(&self) -> f64 {
+        let shapes = self.each.first().map_or(0, |one| one.weights.len());
+        let mean = |i: usize| self.mean(|one| Some(f64::from(one.weights[i]))).unwrap_or(0.0);
+        let entropy: f64 = (0..shapes).map(mean).filter(|&w| w > 0.0).map(|w| -w * w.ln()).sum();
+        entropy.exp()
+    }
+
+    /// The means by name.
+    pub fn metrics(&self) -> Vec<Metric> {
+        let mean = |of: fn(&ScoredObject) -> f64| self.mean(|one| Some(of(one))).unwrap_or(0.0);
+        let mut all = vec![
+            Metric::larger("mask-iou", mean(|one| one.mask_iou)),
+            Metric::larger("mask-iou-true-camera", mean(|one| one.mask_iou_true)),
+            Metric::larger("mask-iou-published", mean(|one| one.published_iou)),
+            Metric::larger("mask-iou-published-true-camera", mean(|one| one.published_iou_true)),
+            Metric::larger("ssim", mean(|one| one.ssim)),
+            Metric::smaller("l1", mean(|one| one.l1)),
+            Metric::smaller("rotation", mean(|one| one.rotation)),
+        ];
+        let more = [
+            ("iou-3d", self.mean(|one| one.iou_3d)),
+            ("iou-3d-strict", self.mean(|one| one.iou_3d_strict)),
+        ];
+        all.extend(more.into_iter().filter_map(|(name, v)| v.map(|v| Metric::larger(name, v))));
+        let features = [("fid", self.fid), ("feature-distance", self.feature_distance)];
+        all.extend(
+            features.into_iter().filter_map(|(name, v)| v.map(|v| Metric::smaller(name, v))),
+        );
+        all.push(Metric::larger("purity", self.purity()));
+        all.push(Metric::larger("shapes-in-use", self.shapes_in_use()));
+        all
+    }
+}
+
+pub(super) fn largest(weights: &[f32]) -> usize {
+    (0..weights.len()).fold(0, |best, i| if weights[i] > weights[best] { i } else { best })
+}
+
+/// One object before its shape is compared.
+struct Judged {
+    scored: ScoredObject,
+    mesh: TriMesh,
+    features: Option<[Vec<f32>; 2]>,
+}
+
+impl Mcmr {
+    /// Scores on what is held out, object by object.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn scored(&self, data: &Data) -> Result<Scored, DataError> {
+        let samples: Vec<Sample> = data
+            .held()
+            .par_iter()
+            .map(|&object| Ok(data.photo(object)?.plain(&self.config)))
+            .collect::<Vec<Result<_, DataError>>>()
+            .into_iter()
+            .collect::<Result<_, _>>()?;
+        let judged = self.in_batches(&samples, BATCH, |tape, predicted, first, chunk| {
+            self.judged(tape, &predicted, data, first, chunk)
+        });
+        let mut judged: Vec<Judged> = judged.into_iter().flatten().collect();
+        compare_shapes(&mut judged, data)?;
+        let (fid, feature_distance) = compare_features(&judged);
+        let each = judged.into_iter().map(|one| one.scored).collect();
+        Ok(Scored { each, fid, feature_distance })
+    }
+
+    fn judged<'t>(
+        &self,
+        tape: &'t Tape,
+        predicted: &Predicted<'t>,
+        data: &Data,
+        first: usize,
+        samples: &[Sample],
+    ) -> Vec<Judged> {
+        let side = self.config.image_size;
+        let poses: Vec<_> = (0..samples.len()).map(|i| pose_of(predicted, i)).collect();
+        let truths: Vec<_> = samples.iter().map(|sample| sample.true_pose).collect();
+        let drawn = [&poses, &truths].map(|poses| self.drawn(tape, predicted, poses));
+        // Plain values, which threads may share.
+        let weights = predicted.weights.value();
+        let silhouettes = [0, 1].map(|k| drawn[k].silhouette.value());
+        let images = drawn[1].image.value();
+        let masks = drawn.map(|rendered| rendered.mask);
+        let judge = |i: usize| {
+            let sample = &samples[i];
+            let object = data.held()[first + i];
+            let plane = |data: Vec<f32>, channels: usize| Image {
+                height: side,
+                width: side,
+                channels,
+                data,
+            };
+            let hard = |mask: &[f32]| plane(mask[i * side * side..][..side * side].to_vec(), 1);
+            let truth: Vec<f32> = sample.mask.iter().map(|&m| f32::from(m) / 255.0).collect();
+            let target: Vec<f32> = sample
+                .target
+                .iter()
+                .enumerate()
+                .map(|(k, &c)| truth[k / 3] * f32::from(c) / 255.0)
+                .collect();
+            let (truth, target) = (plane(truth, 1), plane(target, 3));
+            let soft = [0, 1].map(|k| plane(row(&silhouettes[k], i), 1));
+            let image = plane(row(&images, i), 3);
+            let iou = |mask: &Image, rule| mask_iou_by(mask, &truth, rule);
+            let scored = ScoredObject {
+                object,
+                kind: data.category(object).0,
+                weights: row(&weights, i),
+                mask_iou: iou(&hard(&masks[0]), MaskRule::FromHalf),
+                mask_iou_true: iou(&hard(&masks[1]), MaskRule::FromHalf),
+                published_iou: iou(&soft[0], MaskRule::AboveZero),
+                published_iou_true: iou(&soft[1], MaskRule::AboveZero),
+                ssim: ssim(&image, &target),
+                l1: metrics::l1(&image, &target),
+                rotation: rotation_angle(poses[i].rotation, truths[i].rotation),
+                ..ScoredObject::default()
+            };
+            (scored, [image, target])
+        };
+        let all: Vec<(ScoredObject, [Image; 2])> =
+            (0..samples.len()).into_par_iter().map(judge).collect();
+        let features = [0, 1].map(|which| {
+            let images = all.iter().map(|(_, images)| &images[which].data[..]);
+            let images = crate::stacked::stacked(tape, images, &[all.len(), side, side, 3]);
+            data.judge().features(tape, images)
+        });
+        all.into_iter()
+            .enumerate()
+            .map(|(i, (scored, _))| {
+                let mesh = self.bare_mesh_of(predicted, i);
+                let one = |all: &Vec<f32>| {
+                    let width = all.len() / samples.len();
+                    all[i * width..][..width].to_vec()
+                };
+                let features = match &features {
+                    [Some(a), Some(b)] => Some([one(a), one(b)]),
+                    _ => None,
+                };
+                Judged { scored, mesh, features }
+            })
+            .collect()
+    }
+}
+
+/// 3D IoU of all shapes: by the published protocol, whose alignment is the mean of a category's, and strict.
+fn compare_shapes(judged: &mut [Judged], data: &Data) -> Result<(), DataError> {
+    let truths = judged
+        .iter()
+        .map(|one| data.truth(one.scored.object))
+        .collect::<Result<Vec<_>, DataError>>()?;
+    let of = |kind: usize| {
+        let pairs = judged.iter().zip(&truths).filter(|(one, _)| one.scored.kind == kind);
+        let alignments: Vec<McmrAlignment> = pairs
+            .filter_map(|(one, truth)| McmrAlignment::of(&one.mesh, truth.as_deref()?))
+            .collect();
+        McmrAlignment::mean(&alignments).unwrap_or(McmrAlignment::IDENTITY)
+    };
+    let alignments: Vec<McmrAlignment> = (0..data.categories().len()).map(of).collect();
+    judged.par_iter_mut().zip(truths).for_each(|(one, truth)| {
+        let Some(truth) = truth else { return };
+        let alignment = alignments[one.scored.kind];
+        one.scored.iou_3d = Some(mcmr_iou(&one.mesh, &truth, alignment));
+        one.scored.iou_3d_strict = Some(voxel_iou(&one.mesh, &truth, CELLS));
+    });
+    Ok(())
+}
+
+/// The FID, and the published code's mean over pairs.
+fn compare_features(judged: &[Judged]) -> (Option<f64>, Option<f64>) {
+    let pairs: Vec<&[Vec<f32>; 2]> =
+        judged.iter().filter_map(|one| one.features.as_ref()).collect();
+    let Some(first) = pairs.first() else { return (None, None) };
+    let width = first[0].len();
+    let [a, b] = [0, 1].map(|which| {
+        pairs.iter().flat_map(|pair| pair[which].iter().copied()).collect::<Vec<f32>>()
+    });
+    let view = |all| ArrayView2::from_shape((pairs.len(), width), all).ok();
+    let fid = match (view(&a[..]), view(&b[..])) {
+        (Some(a), Some(b)) => frechet(a, b).ok(),
+        _ => None,
+    };
+    let sum: f64 = pairs.iter().map(|[a, b]| metrics::feature_distance(a, b)).sum();
+    (fid, Some(sum / pairs.len() as f64))
+}

@@ -1,0 +1,277 @@
+//! How many mean shapes, of how many categories; trained together or one by one; what the selection finds.
+
+use super::{
+    ABOUT, ABOUT_RULE, IOU_3D, MASK, Published, QUICK, RULE, animate, by_published_rule,
+    with_figures,
+};
+use crate::fit::Flow;
+use crate::mcmr::{Data, Mcmr, Scored};
+use crate::reproduce::preset::{Change, Planned, open, planned, preset, settings};
+use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+
+/// The names of the tables.
+const TABLE: &str = "Mean shapes";
+const ALONE: &str = "Trained together and one by one";
+const FOUND: &str = "What the selection finds";
+
+/// Least mask IoU with the true camera of the quick ones, which a broken gradient misses: spheres have about 0.3.
+const QUICK_FLOOR: f64 = 0.42;
+
+/// By how much the mean 3D IoU of a joint training may fall behind those of two, as the talk's does by 0.005.
+const BEHIND: f64 = 0.02;
+
+/// The talk's ablation of mean shapes on procedural photo collections, its comparison of joint with independent training,
+/// and what it does not measure: whether the selection finds the categories.
+#[derive(Clone, Copy, Debug)]
+pub struct MeanShapesStudy;
+
+/// Some categories with one and with as many mean shapes.
+struct Set {
+    /// Jobs and labels with one mean shape and with several.
+    jobs: [(&'static str, &'static str); 2],
+    shapes: &'static str,
+    families: &'static str,
+    /// Photographs of each, so that all sets have as many together.
+    objects: &'static str,
+    tested: &'static str,
+    published: [Published; 2],
+}
+
+const SETS: [Set; 3] = [
+    Set {
+        jobs: [("two-1", "airplane, car: 1 mean shape"), ("two-n", "airplane, car: 2 mean shapes")],
+        shapes: "2",
+        families: r#"["airplane", "car"]"#,
+        objects: "180",
+        tested: "40",
+        published: [
+            [0.532, 0.592, 0.689, 0.736, 0.066, 365.01],
+            [0.552, 0.671, 0.702, 0.737, 0.062, 344.80],
+        ],
+    },
+    Set {
+        jobs: [
+            ("four-1", "bicycle, bus, car, motorbike: 1 mean shape"),
+            ("four-n", "bicycle, bus, car, motorbike: 4 mean shapes"),
+        ],
+        shapes: "4",
+        families: r#"["bicycle", "bus", "car", "motorbike"]"#,
+        objects: "90",
+        tested: "25",
+        published: [
+            [0.517, 0.665, 0.751, 0.601, 0.100, 390.41],
+            [0.543, 0.711, 0.759, 0.607, 0.094, 380.15],
+        ],
+    },
+    Set {
+        jobs: [
+            ("nine-1", "nine families: 1 mean shape"),
+            ("nine-n", "nine families: 9 mean shapes"),
+        ],
+        shapes: "9",
+        families: "[]",
+        objects: "40",
+        tested: "12",
+        published: [
+            [0.409, 0.602, 0.670, 0.660, 0.088, 357.51],
+            [0.425, 0.620, 0.685, 0.665, 0.086, 345.90],
+        ],
+    },
+];
+
+/// Jobs of a single category: the job, the category, the talk's 3D IoU alone and trained together.
+const SINGLE: [(&str, &str, &str, [f64; 2]); 2] = [
+    ("airplane", "airplane", r#"["airplane"]"#, [0.460, 0.448]),
+    ("car", "car", r#"["car"]"#, [0.684, 0.686]),
+];
+
+fn jobs(scale: Scale) -> Vec<Planned<Mcmr>> {
+    let quick = scale == Scale::Quick;
+    let made = |(id, label): (&'static str, &'static str), mut changes: Vec<Change>| {
+        if quick {
+            changes.extend(QUICK);
+        }
+        (id, label, preset::<Mcmr>("table", &changes))
+    };
+    let mut all = Vec::new();
+    for set in SETS.iter().take(if quick { 1 } else { SETS.len() }) {
+        for (which, job) in set.jobs.into_iter().enumerate() {
+            let changes = vec![
+                ("shapes", if which == 0 { "1" } else { set.shapes }),
+                ("families", set.families),
+                ("objects", set.objects),
+                ("test-objects", set.tested),
+            ];
+            all.push(made(job, changes));
+        }
+    }
+    for (id, label, family, _) in SINGLE.into_iter().take(if quick { 0 } else { 2 }) {
+        let changes = vec![
+            ("shapes", "1"),
+            ("families", family),
+            ("objects", SETS[0].objects),
+            ("test-objects", SETS[0].tested),
+        ];
+        all.push(made((id, label), changes));
+    }
+    all
+}
+
+impl Study for MeanShapesStudy {
+    fn name(&self) -> &'static str {
+        "mcmr-meanshapes"
+    }
+
+    fn about(&self) -> &'static str {
+        "MCMR: one mean shape and several, of two, four and nine categories; does the selection find them?"
+    }
+
+    fn settings(&self, scale: Scale) -> String {
+        settings::<Mcmr>(&jobs(scale))
+    }
+
+    fn jobs(&self, scale: Scale) -> Vec<String> {
+        jobs(scale).into_iter().map(|(id, ..)| id.to_owned()).collect()
+    }
+
+    fn run(
+        &self,
+        work: &Work<'_>,
+        watch: &mut dyn FnMut(Tick) -> Flow,
+    ) -> Result<Vec<Row>, StudyError> {
+        let (id, label, config) = planned::<Mcmr>(jobs(work.scale), work);
+        let data = open::<Mcmr>(work, &config)?;
+        let trained = work.train::<Mcmr>(&config, &data, watch)?;
+        work.tell(watch, 1.0, "scoring")?;
+        let scored = trained.system.scored(&data)?;
+        animate(&trained);
+        let took = |row: Row| row.took(trained.seconds);
+        if let Some((.., published)) = SINGLE.into_iter().find(|(job, ..)| *job == id) {
+            let row = Row::new(ALONE, format!("{label}: alone"));
+            return Ok(vec![took(single(row, &scored, published[0]))]);
+        }
+        let published = SETS.iter().find_map(|set| {
+            let which = set.jobs.iter().position(|(job, _)| *job == id)?;
+            Some(set.published[which])
+        });
+        let row = with_figures(Row::new(TABLE, label), &scored, published);
+        let mut rows = vec![
+            took(row).showing(label, &trained.system.gallery(&data)?),
+            by_published_rule(Row::new(RULE, label), &scored),
+        ];
+        if config.system.shapes > 1 {
+            let pairs = trained.system.gallery_of_shapes(&data)?;
+            rows.extend(found(label, &data, &scored));
+            rows[0] = rows[0].clone().showing(format!("{label}: the mean shapes"), &pairs);
+        }
+        if id == SETS[0].jobs[1].0 {
+            for (kind, category) in data.categories().iter().enumerate() {
+                let row = Row::new(ALONE, format!("{category}: together"));
+                let talk = SINGLE.iter().find(|(.., name, _, _)| name == category);
+                let talk = talk.map_or(f64::NAN, |(.., published)| published[1]);
+                rows.push(single(row, &scored.of_kind(kind), talk));
+            }
+        }
+        Ok(rows)
+    }
+
+    fn claims(&self, tables: &Tables, scale: Scale) -> Vec<Claim> {
+        if scale == Scale::Quick {
+            let iou = |(_, row): (&str, &str)| tables.mean(TABLE, row, MASK[1]).unwrap_or(f64::NAN);
+            let [one, several] = SETS[0].jobs.map(iou);
+            let text = format!("the mask IoU with the true camera is at least {QUICK_FLOOR}");
+            let holds = one >= QUICK_FLOOR && several >= QUICK_FLOOR;
+            return vec![Claim::new(text, format!("{one:.3}, {several:.3}"), holds)];
+        }
+        let mut claims: Vec<Claim> = SETS
+            .iter()
+            .flat_map(|set| [IOU_3D, MASK[0], MASK[1]].map(|c| better(tables, set, c)))
+            .collect();
+        claims.extend(SETS.iter().map(|set| finds(tables, set)));
+        claims.push(together(tables));
+        claims
+    }
+
+    fn caption(&self, table: &str, _: Scale) -> String {
+        match table {
+            RULE => ABOUT_RULE.to_owned(),
+            ALONE => "3D IoU by the published protocol of two categories, trained together with two mean shapes and each alone with \
+                      one, for as many passes over the photographs. The talk's are of Pascal3D+, alone with a mean shape for each of \
+                      its models."
+                .to_owned(),
+            FOUND => "Purity: the share of objects of the commonest category among those whose largest weight is the same mean \
+                      shape's. In use: the exponential of the entropy of the mean weights. Of a family: the mean weights of its \
+                      objects."
+                .to_owned(),
+            _ => format!(
+                "Procedural objects, one photograph and a noisy pose each (10 degrees, 10 % in size), 360 to train on in every set, \
+                 64 pixels. {ABOUT} The talk's figures are of Pascal3D+. mean-shapes.gif in each training's folder shows the way from \
+                 spheres."
+            ),
+        }
+    }
+}
+
+/// A row with the 3D IoU of one category.
+fn single(row: Row, scored: &Scored, published: f64) -> Row {
+    let iou = scored.mean(|one| one.iou_3d).unwrap_or(f64::NAN);
+    let mask = scored.mean(|one| Some(one.mask_iou)).unwrap_or(f64::NAN);
+    row.with(Cell::larger(IOU_3D, iou, 3)).with(Cell::larger(MASK[0], mask, 3)).with(Cell::plain(
+        "talk: 3D IoU",
+        published,
+        3,
+    ))
+}
+
+/// What the selection finds: purity, and the weights of each family.
+fn found(label: &str, data: &Data, scored: &Scored) -> Vec<Row> {
+    let all = Row::new(FOUND, label)
+        .with(Cell::larger("purity", scored.purity(), 3))
+        .with(Cell::larger("in use", scored.shapes_in_use(), 2));
+    let of = |(kind, category): (usize, &String)| {
+        let row = Row::new(FOUND, format!("{label}: {category}"));
+        let weights = scored.weights_of(kind).into_iter().enumerate();
+        weights.fold(row, |row, (i, w)| row.with(Cell::plain(format!("w {}", i + 1), w, 2)))
+    };
+    std::iter::once(all).chain(data.categories().iter().enumerate().map(of)).collect()
+}
+
+/// Several mean shapes are better than one, by more than the spread over the seeds.
+fn better(tables: &Tables, set: &Set, column: &str) -> Claim {
+    let [(_, one), (_, several)] = set.jobs;
+    let mean = |row: &str| tables.mean(TABLE, row, column).unwrap_or(f64::NAN);
+    let spread = |row: &str| tables.spread(TABLE, row, column).unwrap_or(0.0);
+    let (a, b) = (mean(several), mean(one));
+    let margin = spread(one).max(spread(several));
+    let found = format!("{a:.3} over {b:.3}, spread {margin:.3}");
+    Claim::new(
+        format!("{several} beat 1 in {column}, by more than the spread"),
+        found,
+        a - b > margin,
+    )
+}
+
+/// The selection tells more than half of the way from chance to all categories.
+fn finds(tables: &Tables, set: &Set) -> Claim {
+    let (_, row) = set.jobs[1];
+    let purity = tables.mean(FOUND, row, "purity").unwrap_or(f64::NAN);
+    let kinds: f64 = set.shapes.parse().unwrap_or(1.0);
+    let half = 0.5 + 0.5 / kinds;
+    let text = format!("{row}: the selection finds the categories, purity above {half:.2}");
+    Claim::new(text, format!("{purity:.3}"), purity > half)
+}
+
+/// Joint training keeps up with independent trainings.
+fn together(tables: &Tables) -> Claim {
+    let mean = |how: &str| {
+        let iou = |category: &str| {
+            tables.mean(ALONE, &format!("{category}: {how}"), IOU_3D).unwrap_or(f64::NAN)
+        };
+        0.5 * (iou("airplane") + iou("car"))
+    };
+    let (joint, alone) = (mean("together"), mean("alone"));
+    let text = format!(
+        "trained together, the mean 3D IoU is at most {BEHIND} below that of two trainings (talk: 0.005)"
+    );
+    Claim::new(text, format!("{joint:.3}, {alone:.3}"), joint > alone - BEHIND)
+}

@@ -1,0 +1,118 @@
+//! The talk's tables.
+
+mod mean_shapes;
+mod real;
+mod subdivision;
+
+pub use mean_shapes::MeanShapesStudy;
+pub use real::{CubStudy, PascalStudy};
+pub use subdivision::SubdivisionStudy;
+
+use super::{Mcmr, Scored};
+use crate::reproduce::preset::Change;
+use crate::reproduce::{Cell, Row, Trained};
+
+/// What makes the quick ones quick.
+const QUICK: &[Change] = &[
+    ("max-steps", "70"),
+    ("epochs", "1000"),
+    ("warmup", "5"),
+    ("evaluate-every", "0"),
+    ("samples-every", "0"),
+    ("width", "8"),
+    ("features", "32"),
+    ("texture-width", "2"),
+    ("hidden", "32"),
+    ("objects", "12"),
+    ("test-objects", "6"),
+];
+
+/// The figures of the talk for a row, in the order of its columns: 3D IoU, mask IoU with the predicted and with the true
+/// camera, SSIM, L1, FID; what it does not have is not a number.
+type Published = [f64; 6];
+
+const COLUMNS: [&str; 7] = [
+    "3D IoU",
+    "3D IoU, strict",
+    "mask IoU, predicted camera",
+    "mask IoU, true camera",
+    "SSIM",
+    "L1",
+    "FID",
+];
+
+/// The columns that claims are about.
+const IOU_3D: &str = COLUMNS[0];
+const MASK: [&str; 2] = [COLUMNS[2], COLUMNS[3]];
+
+/// What the columns are, for captions.
+const ABOUT: &str = "Objects that were not trained on. 3D IoU: the published protocol (32³ cells, the mean alignment of a category), and strict \
+                     (nothing aligned). Mask IoU: pixels' centres against masks from one half on. SSIM, L1, FID: renderings with the \
+                     true camera against masked photographs; no FID without Inception's weights.";
+
+/// A row with all figures, those of the talk behind them.
+fn with_figures(row: Row, scored: &Scored, published: Option<Published>) -> Row {
+    let mean = |of: fn(&super::ScoredObject) -> Option<f64>| scored.mean(of);
+    let values = [
+        mean(|one| one.iou_3d),
+        mean(|one| one.iou_3d_strict),
+        mean(|one| Some(one.mask_iou)),
+        mean(|one| Some(one.mask_iou_true)),
+        mean(|one| Some(one.ssim)),
+        mean(|one| Some(one.l1)),
+        scored.fid,
+    ];
+    let mut row = row;
+    for (column, value) in COLUMNS.into_iter().zip(values) {
+        let decimals = if column == "FID" { 1 } else { 3 };
+        let number = value.unwrap_or(0.0);
+        let cell = match column {
+            "L1" | "FID" => Cell::smaller(column, number, decimals),
+            _ => Cell::larger(column, number, decimals),
+        };
+        row = row.with(Cell { value, ..cell });
+    }
+    let names = ["3D IoU", "mask IoU, predicted", "mask IoU, true", "SSIM", "L1", "FID"];
+    for (name, value) in names.into_iter().zip(published.into_iter().flatten()) {
+        if value.is_finite() {
+            let decimals = if name == "FID" { 2 } else { 3 };
+            row = row.with(Cell::plain(format!("talk: {name}"), value, decimals));
+        }
+    }
+    row
+}
+
+/// Mask IoU as the published code counts, where any trace of a soft mask is object.
+fn by_published_rule(row: Row, scored: &Scored) -> Row {
+    let mean =
+        |of: fn(&super::ScoredObject) -> f64| scored.mean(|one| Some(of(one))).unwrap_or(0.0);
+    row.with(Cell::larger(MASK[0], mean(|one| one.published_iou), 3))
+        .with(Cell::larger(MASK[1], mean(|one| one.published_iou_true), 3))
+        .with(Cell::smaller("camera, degrees", mean(|one| one.rotation), 1))
+}
+
+/// The name of that table.
+const RULE: &str = "Mask IoU by the published rule, and the error of cameras";
+const ABOUT_RULE: &str = "As the published code counts: any trace of a soft mask is object.";
+
+/// Writes the mean shapes' way from spheres, which the samples of a training have in their upper halves, as an animation
+/// into its folder. Nothing if it kept no samples.
+fn animate(trained: &Trained<Mcmr>) {
+    let folder = trained.run.path().join("samples");
+    let Ok(entries) = std::fs::read_dir(&folder) else { return };
+    let mut files: Vec<_> = entries.filter_map(Result::ok).map(|entry| entry.path()).collect();
+    files.sort();
+    let upper = |path: &std::path::PathBuf| {
+        let mut picture = mesh_core::read_image(path).ok()?.to_rgb();
+        picture.height /= 2;
+        picture.data.truncate(3 * picture.height * picture.width);
+        Some(picture)
+    };
+    let mut frames: Vec<_> = files.iter().filter_map(upper).collect();
+    let Some(last) = frames.last().cloned() else { return };
+    frames.retain(|frame| (frame.width, frame.height) == (last.width, last.height));
+    frames.extend(std::iter::repeat_n(last, 12));
+    let gif = crate::turntable::encode_gif(&frames, 12);
+    // It is an extra: a training whose folder cannot be written has failed before.
+    let _ = crate::output::write_within(trained.run.path(), "mean-shapes.gif", &gif);
+}
