@@ -23,7 +23,9 @@ struct Place<F> {
 #[inline(always)]
 fn coordinates<F: Real>(d: [F; 3], height: usize, width: usize) -> Option<[F; 2]> {
     let around = (d[0] * d[0] + d[2] * d[2]).sqrt();
-    if !(around + d[1].abs() > F::zero()) {
+    let length = around + d[1].abs();
+    // Also of what is not a number.
+    if length.is_nan() || length <= F::zero() {
         return None;
     }
     let turn = F::from_f64(std::f64::consts::TAU);
@@ -130,7 +132,7 @@ pub fn sphere_texture_grad_directions<F: Real>(
         let [x, y, z] = [d[0], d[1], d[2]];
         let (square, all) = (x * x + z * z, x * x + y * y + z * z);
         let Some(at) = place([x, y, z], height, width) else { return };
-        if !(square > F::zero()) {
+        if square.is_nan() || square <= F::zero() {
             return;
         }
         let [[a, b], [c, d]] = at.texels(width, channels);

@@ -171,4 +171,26 @@ mod tests {
             }
         }
     }
+
+    /// Diagonals `2 / λmax - 1` and numbers of entries as the published file has them.
+    #[test]
+    #[ignore = "needs UNSPHERE_DATA"]
+    fn the_published_ellipsoid_has_the_published_supports() {
+        let folder =
+            std::env::var("UNSPHERE_DATA").expect("UNSPHERE_DATA names a folder of real inputs");
+        let path = format!("{folder}/p2m_ellipsoid/info_ellipsoid.dat");
+        let template = Template::read(&path, 2).expect("the published files");
+        let expected = [(156, 0.3548, 1080), (618, 0.3410, 4314), (2466, 0.3354, 17_250)];
+        for (level, (vertices, diagonal, entries)) in template.levels.iter().zip(expected) {
+            let rows = level.support.view();
+            assert_eq!((level.mesh.positions.len(), rows.values.len()), (vertices, entries));
+            let own = (0..rows.offsets[1] as usize).find(|&k| rows.indices[k] == 0);
+            let own = rows.values[own.expect("a diagonal")];
+            assert!((own - diagonal).abs() < 1e-4, "{own} {diagonal}");
+        }
+        let ours = Template::new(2);
+        for (ours, theirs) in ours.levels.iter().zip(&template.levels) {
+            assert_eq!(ours.topology.edges.len(), theirs.topology.edges.len());
+        }
+    }
 }

@@ -1,5 +1,6 @@
 //! The tables of the paper on neural ODEs for Pixel2Mesh.
 
+mod integrated;
 mod memory;
 mod planes;
 mod solvers;

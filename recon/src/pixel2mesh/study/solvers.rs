@@ -1,17 +1,14 @@
 //! Table 2: the same field by several methods, beside residual networks.
 
-use losses::metrics::point_distances;
-
+use super::integrated::{FINER, adaptively, finer};
 use super::{COLUMNS, QUICK, with_scores};
 use crate::fit::Flow;
-use crate::paired::Pairs;
-use crate::pixel2mesh::{OdeConfig, OdePixel2Mesh, Scored};
+use crate::pixel2mesh::OdePixel2Mesh;
 use crate::reproduce::preset::{Change, Planned, open, planned, preset, settings};
 use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 /// The names of the tables.
 const TABLE: &str = "Methods of integration beside residual networks, on planes";
-const ADAPTIVE: &str = "One trained model, integrated otherwise";
 const REPAIRED: &str = "The shallow ODE, from its published form to ours";
 
 const DEEP: &str = "ODE_d, Euler";
@@ -168,7 +165,9 @@ impl Study for SolversStudy {
             .showing(label, &system.gallery(&data)?);
         let mut rows = vec![row];
         if label == DOPRI5 {
-            rows.extend(otherwise(&system, &config.system, &data, &scored)?);
+            rows.extend(adaptively(&system, &config.system, &data, &scored)?);
+        } else if label == DEEP || SHALLOW.contains(&label) {
+            rows.push(finer(label, &system, &config.system, &data)?);
         }
         Ok(rows)
     }
@@ -189,14 +188,46 @@ impl Study for SolversStudy {
         let share = mean(RES_DEEP, "thousand parameters") / mean(BEST, "thousand parameters");
         let evaluations = mean(BEST, "evaluations");
         let published = tables.mean(REPAIRED, REPAIRS[0].1, "CD").unwrap_or(f64::NAN);
+        let finer = |row: &str, column: &str| tables.mean(FINER, row, column).unwrap_or(f64::NAN);
+        let steps = |row: &str| ["0.5", "0.25", "0.125"].map(|column| finer(row, column));
+        let falls = |text: &str, row: &str| {
+            let [few, some, many] = steps(row);
+            let found = format!("{few:.3}, {some:.3}, {many:.3}");
+            // What is solved already stays as it is.
+            Claim::new(text, found, some < few && many < 1.02 * some)
+        };
+        let euler_follows = |text: &str, row: &str| {
+            let (own, other) = (finer(row, "0.25"), finer(row, "Euler, 0.25"));
+            Claim::new(text, format!("{own:.3} to {other:.3}"), own < other)
+        };
+        let coarse = [finer(euler, "0.25"), finer(euler, "0.031")];
         vec![
+            falls(
+                "more evaluations of one field predict better: Heun's, steps of 0.5, 0.25, 0.125",
+                heun,
+            ),
+            falls("and the midpoint method's", midpoint),
+            euler_follows(
+                "in four steps Heun's method follows its field better than Euler's",
+                heun,
+            ),
+            euler_follows("and the midpoint method its own", midpoint),
+            Claim::new(
+                "what Euler's method trains in four steps is no flow: 28 steps make it worse",
+                format!("{:.3}, {:.3}", coarse[0], coarse[1]),
+                coarse[0] < coarse[1],
+            ),
             less(
-                "more evaluations predict better: ODE_d below ODE_s, both by Euler's method",
+                "trained with more evaluations a field predicts better: ODE_d below ODE_s, both by Euler's method",
                 DEEP,
                 euler,
             ),
-            less("at the shallow setting Heun's method beats Euler's", heun, euler),
-            less("at the shallow setting the midpoint method beats Euler's", midpoint, euler),
+            less("trained at the shallow setting Heun's method beats Euler's", heun, euler),
+            less(
+                "trained at the shallow setting the midpoint method beats Euler's",
+                midpoint,
+                euler,
+            ),
             Claim::new(
                 "repaired, the shallow ODE is better than as published",
                 format!("{:.3} to {published:.3}", chamfer(euler)),
@@ -217,10 +248,8 @@ impl Study for SolversStudy {
                     \"ODE_s, Euler\" of the first table. The paper reports 16.940 for its form, and 2.566 for the residual network of as many blocks."
                 .to_owned();
         }
-        if table == ADAPTIVE {
-            return "The model of the row \"ODE, Dormand-Prince\". Complexity: the Chamfer distance of the true surface from the ellipsoid \
-                    that every deformation begins with. Correlations are of ranks, over all test pictures."
-                .to_owned();
+        if let Some(caption) = super::integrated::caption(table) {
+            return caption.to_owned();
         }
         format!(
             "Procedural airplanes, 100 to train and 20 others to test, as 3D-R2N2 renders; 64 pixels, 618 vertices, all rows as many steps. \
@@ -230,101 +259,9 @@ impl Study for SolversStudy {
     }
 }
 
-/// The claim of the abstract, that the number of deformations adapts; and very small steps.
-fn otherwise(
-    system: &OdePixel2Mesh,
-    config: &OdeConfig,
-    data: &Pairs,
-    scored: &Scored,
-) -> Result<Vec<Row>, StudyError> {
-    let mut rows = Vec::new();
-    let complexities = complexities(system, data, scored.each.len())?;
-    for (label, tolerance) in
-        [("tolerance 1e-2", 1e-2), ("tolerance 1e-3", 1e-3), ("tolerance 1e-4", 1e-4)]
-    {
-        let other = OdeConfig { tolerance, ..config.clone() };
-        let found = if tolerance.to_bits() == config.tolerance.to_bits() {
-            scored.clone()
-        } else {
-            system.with_config(&other).scored(data)?
-        };
-        let counts: Vec<f64> =
-            found.each.iter().map(|(.., stats)| stats.evaluations as f64).collect();
-        let least = counts.iter().copied().fold(f64::INFINITY, f64::min);
-        let most = counts.iter().copied().fold(0.0, f64::max);
-        let row = Row::new(ADAPTIVE, label)
-            .with(Cell::smaller("CD", found.mean().chamfer, 3))
-            .with(Cell::plain("evaluations", found.evaluations(), 1))
-            .with(Cell::plain("least", least, 0))
-            .with(Cell::plain("most", most, 0))
-            .with(Cell::plain(
-                "correlation with complexity",
-                rank_correlation(&complexities, &counts),
-                3,
-            ));
-        rows.push(row);
-    }
-    let small = OdeConfig {
-        method: crate::pixel2mesh::Method::Euler,
-        step: [0.001, 0.005],
-        tolerance: 0.0,
-        ..config.clone()
-    };
-    let found = system.with_config(&small).scored(data)?;
-    rows.push(
-        Row::new(ADAPTIVE, "Euler, steps of U(0.001, 0.005)'s mean")
-            .with(Cell::smaller("CD", found.mean().chamfer, 3))
-            .with(Cell::plain("evaluations", found.evaluations(), 1)),
-    );
-    Ok(rows)
-}
-
-/// How far the true surface of each scored picture is from the ellipsoid: Pixel2Mesh's Chamfer distance.
-fn complexities(
-    system: &OdePixel2Mesh,
-    data: &Pairs,
-    pictures: usize,
-) -> Result<Vec<f64>, StudyError> {
-    let ellipsoid = &system.template.finest().mesh.positions;
-    let views = system.shared().pairs.scored_views;
-    let far = |k: usize| {
-        let (_, pair) = data.trial(views, k)?;
-        let (there, back) = point_distances(ellipsoid, &pair.truth.positions).chamfer(true);
-        Ok(there + back)
-    };
-    (0..pictures).map(far).collect()
-}
-
-/// Spearman's, equal values sharing the mean of their ranks; 0 where one is constant.
-fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
-    let (a, b) = (ranks(a), ranks(b));
-    let n = a.len() as f64;
-    let mean = |x: &[f64]| x.iter().sum::<f64>() / n;
-    let (ma, mb) = (mean(&a), mean(&b));
-    let sum = |f: &dyn Fn(usize) -> f64| (0..a.len()).map(f).sum::<f64>();
-    let both = sum(&|i| (a[i] - ma) * (b[i] - mb));
-    let squares = sum(&|i| (a[i] - ma).powi(2)) * sum(&|i| (b[i] - mb).powi(2));
-    if squares > 0.0 { both / squares.sqrt() } else { 0.0 }
-}
-
-fn ranks(x: &[f64]) -> Vec<f64> {
-    let below = |v: f64| x.iter().filter(|&&other| other < v).count() as f64;
-    let same = |v: f64| x.iter().filter(|&&other| other.to_bits() == v.to_bits()).count() as f64;
-    x.iter().map(|&v| below(v) + 0.5 * (same(v) - 1.0)).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn ranks_correlate() {
-        let a = [1.0, 2.0, 3.0, 10.0];
-        assert!((rank_correlation(&a, &[2.0, 3.0, 5.0, 7.0]) - 1.0).abs() < 1e-12);
-        assert!((rank_correlation(&a, &[9.0, 3.0, 2.0, 1.0]) + 1.0).abs() < 1e-12);
-        assert!(rank_correlation(&a, &[5.0; 4]).abs() < 1e-12);
-        assert_eq!(ranks(&[3.0, 1.0, 3.0]), [1.5, 0.0, 1.5]);
-    }
 
     #[test]
     fn jobs_are_sound_and_the_best_is_small() {
