@@ -69,7 +69,8 @@ impl Mcmr {
         let camera = Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 0.5, SIDE, SIDE);
         let shapes = self.mean_shapes().into_iter().enumerate();
         let pair = |(i, shape): (usize, TriMesh)| {
-            let rendered = render_views(&shape, std::slice::from_ref(&camera), &options, &|_, _| ());
+            let rendered =
+                render_views(&shape, std::slice::from_ref(&camera), &options, &|_, _| ());
             let drawn = rendered.ok().and_then(|mut views| views.pop()).map(|view| view.color);
             let blank = || ByteImage {
                 height: SIDE,

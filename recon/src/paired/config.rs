@@ -27,6 +27,9 @@ pub struct PairsConfig {
     pub objects: usize,
     /// More of each family that are held out. Default 20.
     pub test_objects: usize,
+    /// The number of the first of these in its family, so that runs on more and on fewer objects are scored on the same;
+    /// at least `objects`, which is taken where this is less. Default 0.
+    pub test_from: usize,
     /// The families; empty takes all. Default `["airplane"]`.
     pub families: Vec<String>,
 }
@@ -43,6 +46,7 @@ impl Default for PairsConfig {
             data_seed: 0,
             objects: 100,
             test_objects: 20,
+            test_from: 0,
             families: vec!["airplane".to_owned()],
         }
     }
@@ -63,6 +67,7 @@ impl PairsConfig {
         count(self.synthetic_views, 1, 1000, "synthetic-views");
         count(self.objects, 1, 100_000, "objects");
         count(self.test_objects, 0, 100_000, "test-objects");
+        count(self.test_from, 0, 100_000, "test-from");
         if !(self.scale >= 1e-6 && self.scale <= 1e6) {
             problems.push(format!("`scale` is {}, expected 1e-6 to 1e6", self.scale));
         }

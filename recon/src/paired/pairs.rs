@@ -81,7 +81,9 @@ impl Pairs {
             height: config.image_size,
             seed: config.data_seed,
         };
-        let set = Procedural::new(&families, config.objects, config.test_objects, orbit);
+        let first = config.test_from.max(config.objects);
+        let test = first..first + config.test_objects;
+        let set = Procedural::parted(&families, 0..config.objects, test, orbit);
         Self::of(Box::new(set), ReadOptions::default(), config)
     }
 

@@ -1,5 +1,6 @@
 //! Procedural objects as a dataset that is on no disk.
 
+use std::ops::Range;
 use std::path::Path;
 
 use datasets::shapes::Family;
@@ -39,12 +40,29 @@ impl Procedural {
     /// `train` objects of each family to train on and `test` more, each seen by the orbit's
     /// cameras; the orbit's seed is that of the objects too.
     pub fn new(families: &[Family], train: usize, test: usize, orbit: Orbit) -> Self {
-        let each = families.iter().flat_map(|&f| (0..train + test).map(move |i| (f, i)));
+        Self::parted(families, 0..train, train..train + test, orbit)
+    }
+
+    /// The objects of each family with these numbers: to train on, and to test. With tests far behind whatever is
+    /// trained on, as many tests are the same objects.
+    ///
+    /// # Panics
+    /// If the ranges overlap.
+    pub fn parted(
+        families: &[Family],
+        train: Range<usize>,
+        test: Range<usize>,
+        orbit: Orbit,
+    ) -> Self {
+        let apart = test.is_empty() || train.end <= test.start || test.end <= train.start;
+        assert!(apart, "Procedural: {train:?} to train on and {test:?} to test overlap");
+        let numbers = train.clone().chain(test);
+        let each = families.iter().flat_map(|&f| numbers.clone().map(move |i| (f, i)));
         let entry = |(family, i): (Family, usize)| Entry {
             category: family.name().to_owned(),
             name: format!("{}-{i:04}", family.name()),
             views: orbit.count,
-            subset: Some(if i < train { Subset::Train } else { Subset::Test }),
+            subset: Some(if train.contains(&i) { Subset::Train } else { Subset::Test }),
         };
         let seed = |(family, i): (Family, usize)| {
             let place = Family::ALL.iter().position(|&f| f == family).unwrap_or_default();
@@ -185,6 +203,11 @@ mod tests {
         let many = Procedural::new(&[Family::Car, Family::Table], 2, 1, orbit);
         assert_eq!(few.mesh(0).positions, many.mesh(3).positions);
         assert_ne!(many.mesh(3).positions, many.mesh(4).positions);
+        // With numbers of their own, tests do not depend on what is trained on.
+        let families = [Family::Car, Family::Table];
+        let other = Procedural::parted(&families, 0..1, 1..3, many.orbit.clone());
+        assert_eq!(other.entries()[5].subset, Some(Subset::Test));
+        assert_eq!(other.mesh(5).positions, many.mesh(5).positions);
         // Turned about the vertical, and not each by the same angle.
         let (stands, turned) = (many.mesh(3), many.clone().turned().mesh(3));
         let far = |p: &[f32; 3]| p[0].hypot(p[2]);
