@@ -1,5 +1,6 @@
 //! The studies that can be reproduced, by name.
 
+use recon::depth::DepthStudy;
 use recon::img2mesh::{ClockStudy, UnseenStudy};
 use recon::mcmr::{CubStudy, MeanShapesStudy, PascalStudy, SubdivisionStudy};
 use recon::pixel2mesh::{MemoryStudy, PlanesStudy, SolversStudy};
@@ -16,6 +17,7 @@ pub(crate) const STUDIES: &[&dyn Study] = &[
     &SubdivisionStudy,
     &PascalStudy,
     &CubStudy,
+    &DepthStudy,
 ];
 
 /// The study of this name.

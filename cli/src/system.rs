@@ -40,6 +40,12 @@ systems! {
     /// One picture to a mesh in three stages, learned from true surfaces.
     #[value(name = "pixel2mesh")]
     Pixel2mesh => recon::pixel2mesh::Pixel2Mesh,
+    /// One picture, with or without depth, to a mesh from a sphere.
+    #[value(name = "depth-pixel2mesh")]
+    DepthPixel2mesh => recon::depth::DepthPixel2Mesh,
+    /// One picture, with or without depth, to a mesh through voxels.
+    #[value(name = "mesh-rcnn")]
+    MeshRcnn => recon::depth::MeshRcnn,
 }
 
 /// Something that can be done with any system.

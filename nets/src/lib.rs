@@ -114,7 +114,7 @@ pub use init::{FanMode, Init, Nonlinearity, fans};
 pub use layer_norm::LayerNorm;
 pub use linear::Linear;
 pub use lpips_weights::LpipsWeights;
-pub use mesh_refinement::{MeshRefinementHead, MeshRefinementStage};
+pub use mesh_refinement::{MeshRefinementHead, MeshRefinementStage, RefinedVertices};
 pub use mlp::Mlp;
 pub use multi_head_attention::MultiHeadAttention;
 pub use norm::{Norm, NormKind};

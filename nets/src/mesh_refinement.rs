@@ -75,12 +75,22 @@ impl<F: Real> MeshRefinementStage<F> {
         Self { bottleneck, vert_offset, gconvs: (0..depth).map(gconv).collect() }
     }
 
+    /// The same with six numbers for each vertex: three of an offset and three of a colour, red, green, blue in (0, 1).
+    /// `vert_offset` then has six rows; all begin at zero, and so a colour at grey.
+    #[must_use]
+    pub fn with_color(mut self, init: &Init) -> Self {
+        let inputs = self.vert_offset.weight.shape()[1];
+        let at = init.at("vert_offset");
+        self.vert_offset = Linear {
+            weight: at.at("weight").zeros(&[6, inputs]),
+            bias: Some(at.at("bias").zeros(&[6])),
+        };
+        self
+    }
+
     /// Maps `[N, H, W, C]` of any sizes, `place [N, V, 3]`, the features `[N, V, previous]` of the stage before
     /// (brought to the vertices of this mesh) and the graph `[V, V]`, to the offsets `[N, V, 3]`, each in (-1, 1),
-    /// and the features `[N, V, hidden]`.
-    ///
-    /// Maps are read at `place`'s first two coordinates, x to the right and y *up*, (-1, 1) and (1, -1) the
-    /// centres of the top left and bottom right pixel; beyond them a map fades to zero.
+    /// and the features `[N, V, hidden]`. [`look`](Self::look), then [`refine`](Self::refine).
     ///
     /// # Panics
     /// If sizes differ.
@@ -92,21 +102,69 @@ impl<F: Real> MeshRefinementStage<F> {
         previous: Option<Var<'t, F>>,
         graph: &SparseMatrix<F>,
     ) -> (Var<'t, F>, Var<'t, F>) {
-        let tape = place.tape();
-        let down = tape.constant(ndarray::arr1(&[F::one(), -F::one()]));
+        let refined = self.refine(self.look(maps, place), place, previous, graph);
+        (refined.offset, refined.hidden)
+    }
+
+    /// What the maps `[N, H, W, C]` show at the vertices: `place [N, V, 3]` to `[N, V, hidden]`.
+    ///
+    /// Maps are read at `place`'s first two coordinates, x to the right and y *up*, (-1, 1) and (1, -1) the
+    /// centres of the top left and bottom right pixel; beyond them a map fades to zero.
+    ///
+    /// # Panics
+    /// If sizes differ.
+    #[track_caller]
+    pub fn look<'t>(&self, maps: &[Var<'t, F>], place: Var<'t, F>) -> Var<'t, F> {
+        let down = place.tape().constant(ndarray::arr1(&[F::one(), -F::one()]));
         let points = place.slice_axis(2, 0..2).mul(down);
-        let (sampling, relu) = (MapSampling::Centres, Activation::Relu);
-        let seen = pool_linear(maps, points, sampling, &self.bottleneck, relu);
+        pool_linear(maps, points, MapSampling::Centres, &self.bottleneck, Activation::Relu)
+    }
+
+    /// The graph convolutions: what was [seen](Self::look) `[N, V, hidden]`, `place [N, V, 3]`, the features
+    /// `[N, V, previous]` and the graph `[V, V]` to offsets and features.
+    ///
+    /// Meshes of different graphs go through it together as one of N = 1: their vertices one after the other, and no edge
+    /// between them.
+    ///
+    /// # Panics
+    /// If sizes differ.
+    #[track_caller]
+    pub fn refine<'t>(
+        &self,
+        seen: Var<'t, F>,
+        place: Var<'t, F>,
+        previous: Option<Var<'t, F>>,
+        graph: &SparseMatrix<F>,
+    ) -> RefinedVertices<'t, F> {
+        let tape = place.tape();
         let parts: Vec<Var<'t, F>> =
             [Some(seen), Some(place), previous].into_iter().flatten().collect();
         let mut features = tape.concat(&parts, 2);
         let mut hidden = seen;
         for gconv in &self.gconvs {
-            hidden = gconv.forward_then(features, graph, relu);
+            hidden = gconv.forward_then(features, graph, Activation::Relu);
             features = tape.concat(&[hidden, place], 2);
         }
-        (self.vert_offset.forward_then(features, Activation::Tanh), hidden)
+        if self.vert_offset.weight.shape()[0] == 3 {
+            let offset = self.vert_offset.forward_then(features, Activation::Tanh);
+            return RefinedVertices { offset, color: None, hidden };
+        }
+        let both = self.vert_offset.forward(features);
+        let offset = both.slice_axis(2, 0..3).tanh();
+        let color = Some(both.slice_axis(2, 3..6).sigmoid());
+        RefinedVertices { offset, color, hidden }
     }
+}
+
+/// What a stage says about each vertex.
+#[derive(Clone, Copy, Debug)]
+pub struct RefinedVertices<'t, F: Real = f32> {
+    /// How it moves, each coordinate in (-1, 1): `[N, V, 3]`.
+    pub offset: Var<'t, F>,
+    /// Its colour, in (0, 1), of a stage [with colours](MeshRefinementStage::with_color): `[N, V, 3]`.
+    pub color: Option<Var<'t, F>>,
+    /// Its features: `[N, V, hidden]`.
+    pub hidden: Var<'t, F>,
 }
 
 /// The stages one after the other; between them the caller moves the mesh, and divides it if it wants to.
@@ -136,6 +194,16 @@ impl<F: Real> MeshRefinementHead<F> {
             MeshRefinementStage::new(&init, channels, previous, hidden, depth)
         };
         Self { stages: (0..stages).map(stage).collect() }
+    }
+
+    /// The same with colours from the last stage; see [`MeshRefinementStage::with_color`].
+    #[must_use]
+    pub fn with_color(mut self, init: &Init) -> Self {
+        if let Some(last) = self.stages.pop() {
+            let init = init.at("stages").index(self.stages.len());
+            self.stages.push(last.with_color(&init));
+        }
+        self
     }
 }
 
@@ -179,6 +247,46 @@ mod tests {
             let x: Vec<_> = drawn.iter().map(|x| tape.constant(x.clone())).collect();
             stage.forward(&x[..2], x[2], Some(x[3]), &graph).0
         });
+    }
+
+    #[test]
+    fn gradients_with_colours() {
+        let graph = graph();
+        let mut stage =
+            MeshRefinementStage::new(&Init::new(0), 5, 2, 6, 2).with_color(&Init::new(0));
+        randomize(&mut stage);
+        let shapes = [vec![1, 4, 6], vec![1, 4, 3], vec![1, 4, 2]];
+        let options = Options { kinked_fraction: 0.05, ..Options::default() }.range(-0.9, 0.9);
+        let both = function(|x| {
+            let refined = stage.refine(x[0], x[1], Some(x[2]), &graph);
+            let color = refined.color.expect("a stage with colours");
+            x[0].tape().concat(&[refined.offset, color, refined.hidden], 2)
+        });
+        assert_gradients(&both, &shapes, &options);
+    }
+
+    /// Two meshes as one without edges between them: what each would be alone.
+    #[test]
+    fn packed_meshes_do_not_see_each_other() {
+        let (one, stage) = (graph(), stage(2));
+        let rows = one.view();
+        let offsets = rows.offsets.iter().copied();
+        let second = rows.offsets[1..].iter().map(|&o| o + rows.indices.len() as u32);
+        let indices = rows.indices.iter().copied().chain(rows.indices.iter().map(|&v| v + 4));
+        let values = [rows.values, rows.values].concat();
+        let both =
+            SparseMatrix::from_csr(8, offsets.chain(second).collect(), indices.collect(), values)
+                .expect("a graph of eight vertices");
+        let options = Options::default().range(-0.9, 0.9);
+        let drawn = options.draw(&[vec![2, 4, 6], vec![2, 4, 3], vec![2, 4, 2]]);
+        let tape = Tape::<f64>::eval();
+        let x: Vec<_> = drawn.iter().map(|x| tape.constant(x.clone())).collect();
+        let apart = stage.refine(x[0], x[1], Some(x[2]), &one);
+        let flat = |x: Var<'_, f64>| -> Vec<f64> { x.value().iter().copied().collect() };
+        let joined: Vec<_> = x.iter().map(|x| x.reshape(&[1, 8, x.shape()[2]])).collect();
+        let joined = stage.refine(joined[0], joined[1], Some(joined[2]), &both);
+        assert_eq!(flat(apart.offset), flat(joined.offset));
+        assert_eq!(flat(apart.hidden), flat(joined.hidden));
     }
 
     /// Each line of the formulas, vertex by vertex and neighbour by neighbour.

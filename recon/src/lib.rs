@@ -34,6 +34,7 @@
 //! - **several views to one mesh, learned**: [`img2mesh`]
 //! - **one picture to a mesh, learned from true surfaces**: [`mod@pixel2mesh`], in continuous time and in stages; its data:
 //!   [`paired`]
+//! - **the same with depth, and through voxels**: [`depth`], depth-aware Pixel2Mesh and Mesh R-CNN
 //! - **photo collections of many categories to textured meshes**: [`mod@mcmr`], learned from masks and rough poses
 //! - **train a system**: [`train`](mod@train), the one loop, its run folders and checkpoints
 //! - **apply what was trained** to a user's files: [`predict`]
@@ -48,6 +49,7 @@
 //! - Output folders appear whole or not at all.
 
 pub mod delivery;
+pub mod depth;
 pub mod evaluate;
 pub mod fit;
 pub mod generate;

@@ -20,7 +20,8 @@ Examples:
   unsphere train img2mesh views/ -o runs/clock                     first, to have a checkpoint
   unsphere predict img2mesh views/ --checkpoint runs/clock -o out  from all views
   unsphere predict img2mesh views/ -c runs/clock --views 4,9,14    from three, judged by the others
-  unsphere predict img2mesh three/ -c runs/clock --score views/    from all of three/"
+  unsphere predict img2mesh three/ -c runs/clock --score views/    from all of three/
+  unsphere predict mesh-rcnn chair.png -c runs/chairs --depth chair.pfm    from a picture and its depth"
 )]
 pub(crate) struct Predict {
     /// What was trained.
@@ -42,6 +43,18 @@ pub(crate) struct Predict {
     /// How many views are given, from the first on.
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) first: Option<u32>,
+    /// Depth of the picture (EXR, PFM, npy, PNG): planar, or, for a model of estimates, disparity of any scale.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) depth: Option<PathBuf>,
+    /// Focal lengths and principal point of the picture, pixels.
+    #[arg(
+        long,
+        value_name = "FX,FY,CX,CY",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_negative_numbers = true
+    )]
+    pub(crate) intrinsics: Vec<f64>,
     /// More views of the object, which only judge the mesh.
     #[arg(long, value_name = "VIEWS")]
     pub(crate) score: Option<PathBuf>,

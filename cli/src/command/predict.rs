@@ -56,6 +56,8 @@ impl ForSystem for Command<'_> {
             options: arguments.reading.options(),
             choice: self.choice(),
             score: arguments.score.as_deref(),
+            depth: arguments.depth.as_deref(),
+            intrinsics: self.intrinsics()?,
             progress: &|done, all| progress.set(done, all),
         };
         let material = system.gather(&request).map_err(Failure::input)?;
@@ -87,6 +89,17 @@ impl ForSystem for Command<'_> {
 }
 
 impl Command<'_> {
+    fn intrinsics(&self) -> Result<Option<[f64; 4]>, Failure> {
+        match *self.arguments.intrinsics.as_slice() {
+            [] => Ok(None),
+            [fx, fy, cx, cy] => Ok(Some([fx, fy, cx, cy])),
+            ref found => {
+                let found = found.len();
+                Err(Failure::Usage(format!("--intrinsics: found {found} numbers, expected four")))
+            }
+        }
+    }
+
     fn choice(&self) -> Choice<'_> {
         match (self.arguments.first, self.arguments.given.as_slice()) {
             (Some(count), _) => Choice::First(count as usize),

@@ -21,11 +21,15 @@
 //! ```
 
 mod config;
+mod paint;
 mod pairs;
 mod picture;
 mod score;
+mod shown;
 
 pub use config::PairsConfig;
+pub(crate) use pairs::some;
 pub use pairs::{Pair, Pairs, Surface};
 pub use picture::{Frame, Picture};
 pub use score::{EMD_POINTS, PointScores, point_scores};
+pub(crate) use shown::picture_above;

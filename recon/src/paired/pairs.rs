@@ -3,12 +3,13 @@
 use std::sync::{Arc, OnceLock};
 
 use datasets::{Dataset, ReadOptions, SurfacePoints};
-use mesh_core::{TriMesh, sample_points};
+use mesh_core::{TriMesh, sample_points, sample_surface};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::config::PairsConfig;
+use super::paint::colors_of;
 use super::picture::Picture;
 use crate::shelf::Shelf;
 use crate::synthetic::{Orbit, Placement, Procedural, families_named};
@@ -36,6 +37,8 @@ pub struct Pairs {
 pub struct Surface {
     /// Points spread over it by area, or as the data gives them.
     pub points: SurfacePoints,
+    /// sRGB colours of those points, where its mesh has colours; else empty.
+    pub colors: Vec<[f32; 3]>,
     /// Its mesh, where the data has one.
     pub mesh: Option<TriMesh>,
 }
@@ -69,6 +72,11 @@ impl Pairs {
     /// # Errors
     /// As [`of`](Self::of).
     pub fn synthetic(config: &PairsConfig) -> Result<Self, DataError> {
+        Self::of(Self::procedural(config)?, ReadOptions::default(), config)
+    }
+
+    /// The dataset of [`synthetic`](Self::synthetic).
+    pub(crate) fn procedural(config: &PairsConfig) -> Result<Box<dyn Dataset>, DataError> {
         let families = families_named(&config.families).map_err(DataError::Unfit)?;
         let orbit = Orbit {
             count: config.synthetic_views,
@@ -84,7 +92,7 @@ impl Pairs {
         let first = config.test_from.max(config.objects);
         let test = first..first + config.test_objects;
         let set = Procedural::parted(&families, 0..config.objects, test, orbit);
-        Self::of(Box::new(set), ReadOptions::default(), config)
+        Ok(Box::new(set))
     }
 
     /// A dataset. What its layout calls test or validation is scored, or else every `hold-out`th object.
@@ -169,14 +177,23 @@ impl Pairs {
     /// # Errors
     /// If a file cannot be read.
     pub fn trial(&self, views: usize, k: usize) -> Result<(usize, Pair), DataError> {
-        let object = self.held[k / views];
-        let (count, nth) = (self.views(object), k % views);
-        // Spread over the views, and begun elsewhere for each object.
-        let view = (nth * count / views.min(count) + object) % count;
+        let [object, view] = self.tried(views, k);
         Ok((object, self.pair(object, view)?))
     }
 
-    fn picture(&self, object: usize, view: usize) -> Result<Arc<Picture>, DataError> {
+    /// Object and view of the `k`-th of the pairs that are scored.
+    pub(crate) fn tried(&self, views: usize, k: usize) -> [usize; 2] {
+        let object = self.held[k / views];
+        let (count, nth) = (self.views(object), k % views);
+        // Spread over the views, and begun elsewhere for each object.
+        [object, (nth * count / views.min(count) + object) % count]
+    }
+
+    /// One picture of an object.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn picture(&self, object: usize, view: usize) -> Result<Arc<Picture>, DataError> {
         let prepare = |view: &datasets::View| Picture::new(view, self.side, self.scale);
         let mut found = self.shelf.views(object, &[view], &prepare)?;
         Ok(found.swap_remove(0))
@@ -192,11 +209,12 @@ impl Pairs {
             return Ok(Arc::clone(surface));
         }
         let truth = self.shelf.truth(object)?;
-        let points = match (&truth.mesh, truth.points) {
-            (_, Some(points)) if !points.positions.is_empty() => points,
+        let (points, colors) = match (&truth.mesh, truth.points) {
+            (_, Some(points)) if !points.positions.is_empty() => (points, Vec::new()),
             (Some(mesh), _) if !mesh.faces.is_empty() => {
                 let (positions, normals) = sample_points(mesh, POOL, object as u64);
-                SurfacePoints { positions, normals }
+                let colors = colors_of(mesh, &sample_surface(mesh, POOL, object as u64));
+                (SurfacePoints { positions, normals }, colors)
             }
             _ => {
                 let [category, name] = self.name(object);
@@ -205,7 +223,7 @@ impl Pairs {
                 )));
             }
         };
-        let surface = Arc::new(Surface { points, mesh: truth.mesh });
+        let surface = Arc::new(Surface { points, colors, mesh: truth.mesh });
         Ok(Arc::clone(place.get_or_init(|| surface)))
     }
 }
@@ -217,14 +235,17 @@ fn some_of(
     count: usize,
     rng: &mut ChaCha8Rng,
 ) -> SurfacePoints {
-    let there = surface.points.positions.len();
-    let chosen: Vec<usize> = if count <= there {
+    placed(picture, &surface.points, &some(surface.points.positions.len(), count, rng))
+}
+
+/// `count` of `there` places: distinct ones while there are enough.
+pub(crate) fn some(there: usize, count: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
+    if count <= there {
         let mut all: Vec<usize> = (0..there).collect();
         all.partial_shuffle(rng, count).0.to_vec()
     } else {
         (0..count).map(|i| if i < there { i } else { rng.random_range(0..there) }).collect()
-    };
-    placed(picture, &surface.points, &chosen)
+    }
 }
 
 fn placed(picture: &Picture, points: &SurfacePoints, chosen: &[usize]) -> SurfacePoints {

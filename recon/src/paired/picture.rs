@@ -2,7 +2,7 @@
 
 use datasets::View;
 use mesh_core::nalgebra::{Matrix3, Vector3};
-use mesh_core::{ByteImage, Camera, TriMesh};
+use mesh_core::{ByteImage, Camera, DepthMap, TriMesh};
 
 use crate::shelf::Stored;
 use crate::train::DataError;
@@ -16,6 +16,8 @@ pub struct Picture {
     pub image: Vec<u8>,
     /// `[S, S]`, the share of the object in each pixel.
     pub mask: Vec<u8>,
+    /// Planar depth `[S, S]` in the world's unit, `+∞` where nothing is seen; where the view has depth.
+    pub depth: Option<Vec<f32>>,
     /// From the camera's frame to the image plane, `[3, 4]` in a row: normalised device coordinates, y up, then depth.
     pub lens: [f32; 12],
     /// Where the camera stands, with the size of the picture.
@@ -38,6 +40,11 @@ impl Frame {
         Self { rotation: camera.rotation, translation: camera.translation, scale }
     }
 
+    /// What lengths are multiplied by.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
     /// A point of the world.
     pub fn place(&self, p: [f32; 3]) -> [f32; 3] {
         let p = self.rotation * Vector3::from(p.map(f64::from)) + self.translation;
@@ -53,6 +60,12 @@ impl Frame {
     pub fn world(&self, p: [f32; 3]) -> [f32; 3] {
         let p = Vector3::from(p.map(f64::from)) / self.scale - self.translation;
         (self.rotation.transpose() * p).map(|x| x as f32).into()
+    }
+
+    /// A mesh of the world in the frame.
+    #[must_use]
+    pub fn mesh_placed(&self, mesh: &TriMesh) -> TriMesh {
+        mesh.clone().map_positions(|p| self.place(p))
     }
 
     /// A mesh of the frame in the world.
@@ -83,11 +96,22 @@ impl Picture {
             name: view.name.clone(),
             image: on_white(view).resized(side, side).data,
             mask: mask.data,
+            depth: view.depth.as_ref().map(|depth| nearest(depth, side)),
             lens: std::array::from_fn(|k| rows[k / 4][k % 4] as f32),
             frame: Frame::of(&camera, scale),
             camera,
         })
     }
+}
+
+/// The nearest pixels: means over an edge lie in the air.
+fn nearest(depth: &DepthMap, side: usize) -> Vec<f32> {
+    let at = |k: usize, length: usize| (2 * k + 1) * length / (2 * side);
+    let pixel = |k: usize| {
+        let (row, column) = (at(k / side, depth.height), at(k % side, depth.width));
+        depth.data[row * depth.width + column]
+    };
+    (0..side * side).map(pixel).collect()
 }
 
 /// Colours with white outside of the mask, as Pixel2Mesh composites them.
@@ -103,7 +127,7 @@ fn on_white(view: &View) -> ByteImage {
 
 impl Stored for Picture {
     fn bytes(&self) -> usize {
-        self.image.len() + self.mask.len()
+        self.image.len() + self.mask.len() + 4 * self.depth.as_ref().map_or(0, Vec::len)
     }
 }
 
@@ -111,7 +135,6 @@ impl Stored for Picture {
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
-    use mesh_core::DepthMap;
 
     fn view() -> View {
         let camera = Camera::from_r2n2(40.0, 27.0, 0.8, 40, 30);
@@ -141,6 +164,22 @@ mod tests {
         (0..3).for_each(|k| assert!((back[k] - point[k]).abs() < 1e-5));
         let n = picture.frame.turn([0.0, 1.0, 0.0]);
         assert!((n.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn depth_keeps_its_edges() {
+        let mut view = view();
+        let data = (0..1200).map(|k| if k % 40 < 20 { 1.5 } else { f32::INFINITY }).collect();
+        view.depth = Some(DepthMap { height: 30, width: 40, data });
+        let depth = Picture::new(&view, 32, 0.57).unwrap().depth.unwrap();
+        assert_eq!((depth[15], depth[16]), (1.5, f32::INFINITY));
+        let frame = Frame::of(&view.camera, 0.5);
+        let mesh = mesh_core::primitives::cuboid([0.2; 3]);
+        let there = frame.mesh_placed(&mesh);
+        let back = frame.mesh_in_world(there.clone());
+        assert!((there.volume() - 0.125 * mesh.volume()).abs() < 1e-7 && frame.scale() == 0.5);
+        let pairs = back.positions.as_flattened().iter().zip(mesh.positions.as_flattened());
+        assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-6));
     }
 
     #[test]

@@ -1,20 +1,16 @@
 //! Scores on what is held out, and what there is to show of them.
 
-use mesh_core::TriMesh;
 use ode_deform::solve::Stats;
 use rayon::prelude::*;
 
 use super::deformer::Deformer;
 use super::single_view::SingleView;
-use crate::paired::{Pairs, Picture, PointScores, point_scores};
+use crate::paired::{Pairs, PointScores, picture_above, point_scores};
 use crate::report::ViewPair;
-use crate::synthetic::{Lighting, RenderOptions, render_views};
 use crate::train::{DataError, Metric, Shown};
 
 /// Objects shown together.
 const SHOWN: usize = 6;
-/// Side of the pictures that are shown, pixels.
-const SIDE: usize = 192;
 
 /// The scores of all pictures that are held out.
 #[derive(Clone, Debug, Default)]
@@ -86,7 +82,8 @@ impl<D: Deformer> SingleView<D> {
             let (mesh, _) = self.mesh_of(&pair.picture).unwrap_or_default();
             let scores = point_scores(&mesh, &pair.truth);
             let caption = format!("{}: Chamfer {:.3}", pair.picture.name, scores.chamfer);
-            Ok(drawn(&pair.picture, mesh, caption))
+            let mesh = pair.picture.frame.mesh_in_world(mesh);
+            Ok(picture_above(&pair.picture, &mesh, caption))
         };
         (0..shown).map(one).collect()
     }
@@ -97,27 +94,4 @@ impl<D: Deformer> SingleView<D> {
         let mesh = pair.picture.frame.mesh_in_world(mesh);
         Ok(Shown { views: self.gallery(data)?, mesh: Some(mesh) })
     }
-}
-
-/// A mesh of the camera's frame, lit and seen from the camera, above the picture.
-fn drawn(picture: &Picture, mesh: TriMesh, caption: String) -> ViewPair {
-    let side = picture.camera.width;
-    let truth = mesh_core::ByteImage {
-        height: side,
-        width: side,
-        channels: 3,
-        data: picture.image.clone(),
-    };
-    let camera = picture.camera.resized(SIDE, SIDE);
-    let options = RenderOptions {
-        lighting: Lighting::studio(),
-        background: [1.0; 3],
-        ..RenderOptions::default()
-    };
-    let mesh = picture.frame.mesh_in_world(mesh);
-    let rendered = render_views(&mesh, &[camera], &options, &|_, _| ());
-    let model = rendered.ok().and_then(|mut views| views.pop()).map(|view| view.color);
-    let truth = truth.resized(SIDE, SIDE);
-    let blank = || mesh_core::ByteImage { data: vec![255; 3 * SIDE * SIDE], ..truth.clone() };
-    ViewPair { caption, model: model.unwrap_or_else(blank), truth }
 }

@@ -18,6 +18,10 @@ pub struct Request<'a> {
     pub choice: Choice<'a>,
     /// More views that judge it.
     pub score: Option<&'a Path>,
+    /// Depth of the picture, for systems that take it: a file of planar depth, or of disparity as estimators leave it.
+    pub depth: Option<&'a Path>,
+    /// Focal lengths and principal point of the picture, pixels, instead of what the views say: `fx, fy, cx, cy`.
+    pub intrinsics: Option<[f64; 4]>,
     /// Told how much is read, of how much, from any thread.
     pub progress: &'a (dyn Fn(usize, usize) + Sync),
 }
@@ -59,7 +63,15 @@ impl<'a> Request<'a> {
     /// All views at a path, read as the layout offers them.
     pub fn new(path: &'a Path) -> Self {
         let options = ReadOptions::default();
-        Self { path, options, choice: Choice::All, score: None, progress: &|_, _| () }
+        Self {
+            path,
+            options,
+            choice: Choice::All,
+            score: None,
+            depth: None,
+            intrinsics: None,
+            progress: &|_, _| (),
+        }
     }
 }
 
@@ -69,6 +81,11 @@ impl Material {
     /// # Errors
     /// If nothing can be read, or none of the views asked for is there.
     pub fn read(request: &Request<'_>) -> Result<Self, DataError> {
+        refuse(request)?;
+        Self::views(request)
+    }
+
+    fn views(request: &Request<'_>) -> Result<Self, DataError> {
         let lenient = ReadOptions { allow_missing: true, ..request.options.clone() };
         let views = read_views(request.path, &lenient, request.progress)?;
         let mut material = Self::part(views, request.choice)?;
@@ -86,12 +103,21 @@ impl Material {
     /// # Errors
     /// As [`read`](Self::read); if the picture cannot be decoded or shows no object.
     pub fn single(request: &Request<'_>) -> Result<Self, DataError> {
+        refuse(request)?;
+        Self::one(request)
+    }
+
+    /// [`single`](Self::single) for systems that take depth and intrinsics; they are the caller's to read.
+    ///
+    /// # Errors
+    /// As [`single`](Self::single).
+    pub(crate) fn one(request: &Request<'_>) -> Result<Self, DataError> {
         let extension = request.path.extension().and_then(|e| e.to_str()).unwrap_or_default();
         let picture = ["png", "jpg", "jpeg"].contains(&extension.to_lowercase().as_str());
         if picture && request.path.is_file() {
             return Self::picture(request.path);
         }
-        let mut material = Self::read(request)?;
+        let mut material = Self::views(request)?;
         let rest = material.given.split_off(1);
         material.others.splice(0..0, rest);
         Ok(material)
@@ -174,6 +200,15 @@ impl Material {
         let others = views.into_iter().flatten().collect();
         Ok(Self { given, others, source, layout, warnings })
     }
+}
+
+/// What most systems have no use for is a mistake.
+fn refuse(request: &Request<'_>) -> Result<(), DataError> {
+    if request.depth.is_none() && request.intrinsics.is_none() {
+        return Ok(());
+    }
+    let text = "--depth and --intrinsics are for depth-pixel2mesh and mesh-rcnn";
+    Err(DataError::Unfit(text.to_owned()))
 }
 
 /// Whether a view is meant by a name.

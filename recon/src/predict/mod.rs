@@ -24,6 +24,7 @@
 
 mod deliver;
 mod material;
+mod measured;
 mod predictor;
 #[cfg(test)]
 mod tests;

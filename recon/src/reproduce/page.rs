@@ -92,6 +92,7 @@ fn write_pictures(digest: &Digest<'_>, table: &str, body: &mut String) {
         for picture in &row.pictures {
             let Some(png) = digest.store.picture(picture) else { continue };
             let caption = match picture.caption.as_str() {
+                text if text.ends_with('.') => text.to_owned(),
                 text if text == row.label => format!("{text}: the model above the truth"),
                 text => format!("{}, {text}: the model above the truth", row.label),
             };

@@ -131,6 +131,15 @@ impl History {
         self.lines.iter().map(of).sum()
     }
 
+    /// A weighted term of the loss, step by step.
+    pub(super) fn term(&self, wanted: &str) -> Vec<f64> {
+        let steps = self.lines.iter().filter_map(|line| match line {
+            Line::Step { terms, .. } => terms.iter().find(|(name, _)| name == wanted),
+            _ => None,
+        });
+        steps.map(|(_, value)| *value).collect()
+    }
+
     /// The text of the log.
     pub(super) fn to_jsonl(&self) -> String {
         let mut text = json(&self.header);

@@ -158,6 +158,14 @@ impl RunFolder {
         Ok(History::read(&self.log())?.seconds())
     }
 
+    /// A weighted term of the loss at each step so far, in the order of the steps.
+    ///
+    /// # Errors
+    /// If the log cannot be read.
+    pub fn term(&self, name: &str) -> Result<Vec<f64>, RunError> {
+        Ok(History::read(&self.log())?.term(name))
+    }
+
     fn checkpoints(&self) -> PathBuf {
         self.0.join("checkpoints")
     }

@@ -1,0 +1,64 @@
+//! What the two systems differ in: the mesh that refinement begins with.
+
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use autodiff_lite::{Module, Var};
+use nets::Init;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::config::RefineConfig;
+use super::packed::{Packed, Shape};
+use super::scenes::Scene;
+
+/// Where the meshes come from that are refined.
+pub trait Beginning: Module<f32> + Debug + Send + Sync + Sized + 'static {
+    /// The name of its system.
+    const NAME: &'static str;
+    /// Its system's configurations by name.
+    const PRESETS: &'static [(&'static str, &'static str)];
+    /// How a checkpoint is had.
+    const TRAINING: &'static str;
+
+    /// Its system's options.
+    type Config: Clone + Debug + Default + PartialEq + Serialize + DeserializeOwned + Send + Sync;
+
+    /// The options that both have.
+    fn refine(config: &Self::Config) -> &RefineConfig;
+
+    /// Cells along each axis of the volume; 0 if there are none.
+    fn cells(config: &Self::Config) -> usize;
+
+    /// The weight of the cells' loss.
+    fn voxel_weight(config: &Self::Config) -> f64;
+
+    /// What is wrong with options, one sentence each.
+    fn check(config: &Self::Config) -> Vec<String>;
+
+    /// Its trained numbers, and the rows of the table of shapes between backbone and mesh.
+    fn size(config: &Self::Config) -> (usize, Vec<(String, String)>);
+
+    /// With fresh parameters.
+    fn new(config: &Self::Config, init: &Init) -> Self;
+
+    /// The first meshes of scenes, from the backbone's last map `[N, S/32, S/32, C]`.
+    fn begin<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> Begun<'t>;
+
+    /// Which cells one image's logits say are occupied.
+    fn occupied_cells(&self, logits: &[f32]) -> Vec<bool>;
+
+    /// The shape that the meshes of a stage are brought to before the next one; none leaves them as they are.
+    fn divided(&self, stage: usize) -> Option<Arc<Shape>>;
+}
+
+/// The meshes before the first stage.
+#[derive(Clone, Debug)]
+pub struct Begun<'t> {
+    /// Their shapes.
+    pub packed: Packed,
+    /// `[1, ΣV, 3]`, each in the frame of its camera.
+    pub positions: Var<'t>,
+    /// The logits of the cells, `[N, V, V, V]`: row, column, step in depth.
+    pub logits: Option<Var<'t>>,
+}

@@ -1,0 +1,375 @@
+//! A system that refines meshes by what a picture shows, whatever they begin with.
+
+use std::sync::Arc;
+
+use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut, join_path};
+use datasets::{SurfacePoints, View};
+use mesh_core::TriMesh;
+use ndarray::{Array3, arr0};
+use nets::{Init, MeshRefinementHead};
+
+use super::beginning::Beginning;
+use super::config::{NormName, RefineConfig};
+use super::encoder::Encoder;
+use super::packed::Packed;
+use super::relief::{Known, Relief};
+use super::rendered::{Drawer, Wanted, depth_difference, picture_difference};
+use super::scenes::{Scene, Scenes};
+use super::surface::{SurfaceTerms, Truth, color_difference, compared};
+use crate::paired::Picture;
+use crate::stacked::stacked;
+use crate::train::{DataError, Draw, Metric, Moment, Shown, Source, Summary, System, Terms};
+
+/// Places beyond so many half-widths of the picture say no more than that they are outside.
+const OUTSIDE: f32 = 3.0;
+
+/// A backbone, what gives the first meshes, and the stages that refine them.
+#[derive(Debug)]
+pub struct Refined<B: Beginning> {
+    pub(super) config: B::Config,
+    seed: u64,
+    encoder: Encoder,
+    pub(super) beginning: B,
+    head: MeshRefinementHead,
+    pub(super) drawer: Drawer,
+}
+
+impl<B: Beginning> Module<f32> for Refined<B> {
+    fn visit(&self, path: &str, visitor: &mut dyn Visitor<f32>) {
+        self.encoder.visit(&join_path(path, "encoder"), visitor);
+        self.beginning.visit(&join_path(path, "beginning"), visitor);
+        self.head.visit(&join_path(path, "mesh_head"), visitor);
+    }
+
+    fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<f32>) {
+        self.encoder.visit_mut(&join_path(path, "encoder"), visitor);
+        self.beginning.visit_mut(&join_path(path, "beginning"), visitor);
+        self.head.visit_mut(&join_path(path, "mesh_head"), visitor);
+    }
+}
+
+/// The meshes of a batch after one stage.
+#[derive(Clone, Debug)]
+pub(super) struct StageMeshes<'t> {
+    pub(super) packed: Packed,
+    /// `[1, ΣV, 3]`
+    pub(super) positions: Var<'t>,
+}
+
+/// All that the network says of a batch.
+pub(super) struct Forward<'t> {
+    pub(super) logits: Option<Var<'t>>,
+    /// The meshes that refinement begins with.
+    pub(super) first: StageMeshes<'t>,
+    pub(super) stages: Vec<StageMeshes<'t>>,
+    /// Of the last stage's vertices, `[1, ΣV, 3]`.
+    pub(super) colors: Option<Var<'t>>,
+    /// `[N, 3, 4]`
+    pub(super) cameras: Var<'t>,
+}
+
+impl<'t> Forward<'t> {
+    pub(super) fn last(&self) -> &StageMeshes<'t> {
+        self.stages.last().unwrap_or(&self.first)
+    }
+}
+
+impl<B: Beginning> Refined<B> {
+    pub(super) fn refine(&self) -> &RefineConfig {
+        B::refine(&self.config)
+    }
+
+    /// The options.
+    pub fn config(&self) -> &B::Config {
+        &self.config
+    }
+
+    pub(super) fn forward<'t>(&self, tape: &'t Tape, scenes: &[&Scene]) -> Forward<'t> {
+        let lenses = scenes.iter().map(|scene| &scene.picture.lens[..]);
+        let cameras = stacked(tape, lenses, &[scenes.len(), 3, 4]);
+        let maps = tape.scope("encoder", || self.encoder.maps(tape, scenes));
+        let begun = self.beginning.begin(maps[3], scenes);
+        let first = StageMeshes { packed: begun.packed, positions: begun.positions };
+        let mut now = first.clone();
+        let (mut hidden, mut colors) = (None, None);
+        let mut stages = Vec::new();
+        for (i, stage) in self.head.stages.iter().enumerate() {
+            if let Some(finer) = (i > 0).then(|| self.beginning.divided(i - 1)).flatten() {
+                let (packed, up) = now.packed.divided(vec![finer; scenes.len()]);
+                now = StageMeshes { packed, positions: now.positions.sparse_matmul(&up) };
+                hidden = hidden.map(|hidden: Var<'t>| hidden.sparse_matmul(&up));
+            }
+            let packed = &now.packed;
+            let place = places(packed, now.positions, cameras, scenes);
+            let seen = packed.gathered(stage.look(&maps, place));
+            let refined = stage.refine(seen, packed.gathered(place), hidden, &packed.graph);
+            hidden = Some(refined.hidden);
+            colors = refined.color;
+            now.positions = now.positions + refined.offset;
+            stages.push(now.clone());
+        }
+        Forward { logits: begun.logits, first, stages, colors, cameras }
+    }
+
+    /// The mesh of one picture in the frame of its camera, coloured where the last stage knows colours; and the logits of
+    /// its cells.
+    pub fn mesh_of(&self, scene: &Scene) -> (TriMesh, Vec<f32>) {
+        let tape = Tape::eval();
+        let forward = self.forward(&tape, &[scene]);
+        let logits = forward.logits.map(|logits| logits.value().iter().copied().collect());
+        (mesh(forward.last(), forward.colors), logits.unwrap_or_default())
+    }
+
+    /// The meshes before and after each stage, in the frame of the camera.
+    pub fn stages_of(&self, scene: &Scene) -> Vec<TriMesh> {
+        let tape = Tape::eval();
+        let forward = self.forward(&tape, &[scene]);
+        let all = std::iter::once(&forward.first).chain(&forward.stages);
+        all.map(|meshes| mesh(meshes, None)).collect()
+    }
+
+    /// The first view as the network takes it. Its depth is what the network is given: planar depth, or, of a network for
+    /// estimates, one over a disparity of any scale and shift.
+    pub(crate) fn scene(&self, views: &[View]) -> Result<Scene, String> {
+        let view = views.first().ok_or("no view: a mesh is made from one picture")?;
+        let (config, pairs) = (self.refine(), &self.refine().pairs);
+        let picture = Picture::new(view, pairs.image_size, pairs.scale);
+        let picture = picture.map_err(|error| error.to_string())?;
+        if config.inputs() == 4 && picture.depth.is_none() {
+            return Err("no depth: this network was trained with depth, which --depth gives".into());
+        }
+        let relief = Relief::new(&picture, Known::Given, config, 0);
+        Ok(Scene {
+            picture: Arc::new(picture),
+            relief: Arc::new(relief),
+            truth: SurfacePoints::default(),
+            colors: Vec::new(),
+        })
+    }
+
+    /// Chamfer, normals and edges of all stages, and the colours of the last.
+    fn surface_loss<'t>(
+        &self,
+        forward: &Forward<'t>,
+        scenes: &[&Scene],
+        at: Moment,
+    ) -> (SurfaceTerms<'t>, Option<Var<'t>>) {
+        let tape = forward.cameras.tape();
+        let config = self.refine();
+        let truth = Truth::new(tape, scenes);
+        let share = 1.0 / forward.stages.len() as f32;
+        let [mut chamfer, mut normal, mut edge] = [const { Vec::new() }; 3];
+        let mut color = None;
+        for (i, stage) in forward.stages.iter().enumerate() {
+            // A stream for each step and stage; samples of a batch follow one another.
+            let seed = (self.seed << 48) ^ (at.step << 16) ^ ((i as u64) << 12);
+            let normals = config.normal_weight > 0.0;
+            let (terms, sampled) = compared(&stage.packed, stage.positions, &truth, normals, seed);
+            chamfer.push((share, terms.chamfer));
+            edge.push((share, terms.edge));
+            normal.extend(terms.normal.map(|normal| (share, normal)));
+            if i + 1 == forward.stages.len() {
+                let difference = |colors| color_difference(&stage.packed, colors, &sampled, scenes);
+                color = forward.colors.and_then(difference);
+            }
+        }
+        let sum = |terms: &[(f32, Var<'t>)]| tape.lincomb(terms);
+        let normal = (!normal.is_empty()).then(|| sum(&normal));
+        (SurfaceTerms { chamfer: sum(&chamfer), normal, edge: sum(&edge) }, color)
+    }
+
+    fn drawn_loss<'t>(
+        &self,
+        forward: &Forward<'t>,
+        scenes: &[&Scene],
+    ) -> (Option<Var<'t>>, Option<Var<'t>>) {
+        let config = self.refine();
+        let depth = config.depth_weight > 0.0;
+        if !depth && forward.colors.is_none() {
+            return (None, None);
+        }
+        let last = forward.last();
+        let wanted = Wanted {
+            silhouette: depth && config.coverage > 0.0,
+            colors: forward.colors.filter(|_| config.color_weight > 0.0),
+        };
+        let (cameras, side) = (forward.cameras, config.pairs.image_size);
+        let drawn = self.drawer.draw(&last.packed, last.positions, cameras, side, wanted);
+        (
+            depth.then(|| depth_difference(&drawn, scenes, config)),
+            picture_difference(&drawn, scenes),
+        )
+    }
+}
+
+/// Where vertices are seen, right and up over the picture, and how deep in the volume, -1 to 1 each: `[N, Vmax, 3]`.
+fn places<'t>(packed: &Packed, positions: Var<'t>, cameras: Var<'t>, scenes: &[&Scene]) -> Var<'t> {
+    let tape = positions.tape();
+    let seen = packed.spread(positions).project(cameras);
+    let column = |of: &dyn Fn([f32; 2]) -> f32| {
+        tape.constant(Array3::from_shape_fn((scenes.len(), 1, 1), |(n, _, _)| {
+            of(scenes[n].relief.ends)
+        }))
+    };
+    // Linear in one over the depth, as the cells are.
+    let factor = column(&|[near, far]| 2.0 / (far.recip() - near.recip()));
+    let summand = column(&|[near, far]| -1.0 - 2.0 / near / (far.recip() - near.recip()));
+    let nearest = scenes.iter().map(|scene| scene.relief.ends[0]).fold(f32::INFINITY, f32::min);
+    let depth = seen.slice_axis(2, 2..3).clamp(0.1 * nearest, f32::INFINITY);
+    let depth = depth.recip().mul(factor).add(summand);
+    let both = tape.concat(&[seen.slice_axis(2, 0..2), depth], 2);
+    both.clamp(-OUTSIDE, OUTSIDE)
+}
+
+/// The only mesh of a batch.
+fn mesh(meshes: &StageMeshes<'_>, colors: Option<Var<'_>>) -> TriMesh {
+    let rows = |x: Var<'_>| x.value().as_slice().unwrap_or_default().as_chunks::<3>().0.to_vec();
+    let faces = meshes.packed.shapes[0].faces.clone();
+    TriMesh { colors: colors.map(rows), ..TriMesh::new(rows(meshes.positions), faces) }
+}
+
+/// The cells' binary cross entropy, a mean over all of them.
+fn cell_loss<'t>(logits: Var<'t>, scenes: &[&Scene]) -> Var<'t> {
+    let cells = scenes.iter().flat_map(|scene| &scene.relief.cells);
+    let target: Vec<f32> = cells.map(|&bit| f32::from(u8::from(bit))).collect();
+    let target = stacked(logits.tape(), std::iter::once(&target[..]), &logits.shape());
+    (logits.softplus() - logits * target).mean()
+}
+
+impl<B: Beginning> System for Refined<B> {
+    const NAME: &'static str = B::NAME;
+    const PRESETS: &'static [(&'static str, &'static str)] = B::PRESETS;
+    const BEST: &'static str = "chamfer";
+
+    type Config = B::Config;
+    type Data = Scenes;
+    type Sample = Scene;
+    type Input = [View];
+    type Prediction = TriMesh;
+
+    fn check(config: &B::Config) -> Result<Summary, Vec<String>> {
+        let problems = B::check(config);
+        if !problems.is_empty() {
+            return Err(problems);
+        }
+        let refine = B::refine(config);
+        let (side, channels) = (refine.pairs.image_size, refine.resnet().channels());
+        let blocks = refine.resnet().blocks;
+        let mut shapes =
+            vec![("(1) input".to_owned(), format!("{side} x {side} x {}", refine.inputs()))];
+        let name = format!("{:?}", refine.backbone).replace("Resnet", "ResNet-");
+        for (k, side) in refine.sides().into_iter().enumerate() {
+            let row = format!("({}) ({}) {name} conv{}_{}", k + 2, k + 1, k + 2, blocks[k]);
+            shapes.push((row, format!("{side} x {side} x {}", channels[k])));
+        }
+        let (beginning, rows) = B::size(config);
+        shapes.extend(rows);
+        for stage in 0..refine.stages {
+            let (row, from) = (stage + 9, stage + 8);
+            let name =
+                format!("({row}) (2), (3), (4), (5), ({from}) refinement stage {}", stage + 1);
+            let color = refine.colors && stage + 1 == refine.stages;
+            shapes.push((name, format!("V x {}, F x 3", if color { 6 } else { 3 })));
+        }
+        let [backbone, frozen] = refine.backbone_parameters();
+        let trainable = backbone + beginning + refine.refinement_parameters();
+        Ok(Summary { trainable, frozen, shapes })
+    }
+
+    fn new(config: &B::Config, seed: u64) -> Self {
+        let init = Init::new(seed);
+        let refine = B::refine(config);
+        let channels = refine.resnet().channels().iter().sum();
+        let (hidden, depth) = (refine.hidden, refine.graph_convolutions);
+        let at = init.at("mesh_head");
+        let mut head = MeshRefinementHead::new(&at, channels, hidden, refine.stages, depth);
+        if refine.colors {
+            head = head.with_color(&at);
+        }
+        Self {
+            encoder: Encoder::new(&init.at("encoder"), refine),
+            beginning: B::new(config, &init.at("beginning")),
+            head,
+            drawer: Drawer::default(),
+            config: config.clone(),
+            seed,
+        }
+    }
+
+    fn adopt(&mut self, _: &Scenes) -> Result<(), DataError> {
+        let path = self.refine().weights.clone();
+        if !path.is_empty() {
+            let loaded = self.encoder.load(&path);
+            loaded.map_err(|error| DataError::Unfit(error.to_string()))?;
+        }
+        Ok(())
+    }
+
+    fn open(config: &B::Config, source: &Source<'_>) -> Result<Scenes, DataError> {
+        Scenes::open(B::refine(config), B::cells(config), source)
+    }
+
+    fn fingerprint(data: &Scenes) -> u64 {
+        data.pairs().fingerprint()
+    }
+
+    fn epoch_len(&self, data: &Scenes) -> usize {
+        data.pairs().trained().len()
+    }
+
+    fn draw(&self, data: &Scenes, draw: &Draw) -> Result<Scene, DataError> {
+        let object = data.pairs().trained()[draw.item];
+        data.draw(object, self.refine().pairs.points, &mut draw.rng())
+    }
+
+    fn name_of(sample: &Scene) -> String {
+        sample.picture.name.clone()
+    }
+
+    fn loss<'t>(&self, tape: &'t Tape, batch: &[Scene], at: Moment) -> Terms<'t> {
+        let scenes: Vec<&Scene> = batch.iter().collect();
+        let config = self.refine();
+        let forward = self.forward(tape, &scenes);
+        let (surface, color) = self.surface_loss(&forward, &scenes, at);
+        let (depth, picture) = self.drawn_loss(&forward, &scenes);
+        let zero = || tape.constant(arr0(0.0));
+        let mut terms = Terms::new().with("chamfer", config.chamfer_weight, surface.chamfer);
+        if let Some(logits) = forward.logits {
+            terms = terms.with("voxel", B::voxel_weight(&self.config), cell_loss(logits, &scenes));
+        }
+        terms = terms.with("edge", config.edge_weight, surface.edge);
+        if config.normal_weight > 0.0 {
+            terms = terms.with("normal", config.normal_weight, surface.normal.unwrap_or_else(zero));
+        }
+        if let Some(depth) = depth {
+            terms = terms.with("depth", config.depth_weight, depth);
+        }
+        if config.colors {
+            terms = terms.with("color", config.color_weight, color.unwrap_or_else(zero)).with(
+                "picture",
+                config.color_weight,
+                picture.unwrap_or_else(zero),
+            );
+        }
+        terms
+    }
+
+    fn evaluate(&self, data: &Scenes) -> Result<Vec<Metric>, DataError> {
+        Ok(self.scored(data)?.metrics())
+    }
+
+    fn show(&self, data: &Scenes) -> Result<Shown, DataError> {
+        self.shown(data)
+    }
+
+    fn couples_samples(&self) -> bool {
+        self.refine().norm == NormName::Batch
+    }
+
+    /// The mesh in the world of the camera, from the first view.
+    fn predict(&self, views: &[View]) -> Result<TriMesh, String> {
+        let scene = self.scene(views)?;
+        let (mesh, _) = self.mesh_of(&scene);
+        Ok(scene.relief.frame.mesh_in_world(mesh))
+    }
+}

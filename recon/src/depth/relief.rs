@@ -1,0 +1,226 @@
+//! What a picture is compared with beside its surface: depth, and the cells of what its camera sees.
+
+use std::sync::Arc;
+
+use datasets::View;
+use diff_raster::{Faces, Settings, rasterize};
+use mesh_core::nalgebra::{Matrix3, Vector3};
+use mesh_core::{
+    ByteImage, Camera, CameraVolume, DepthMap, DisparityMap, GroundPlane, Lens, TriMesh,
+    voxelize_surface,
+};
+use ndarray::Array3;
+
+use super::config::{DepthKind, DepthLossKind, PlaceKind, RefineConfig};
+use super::guide;
+use crate::paired::{Frame, Picture};
+use crate::synthetic::Monocular;
+
+/// What belongs to one picture, made once.
+#[derive(Clone, Debug)]
+pub struct Relief {
+    /// The frame of the camera, in which everything is predicted.
+    pub frame: Frame,
+    /// Depth of the middle of an object.
+    pub middle: f32,
+    /// Nearest and farthest depth of the volume.
+    pub ends: [f32; 2],
+    /// What the network is given of depth, `[S, S]`; empty if nothing. 0 to 1, nearer is larger.
+    pub channel: Vec<f32>,
+    /// Planar depth `[S, S]` in the frame, `+∞` where nothing is seen; empty where it is not known.
+    pub depth: Vec<f32>,
+    /// What a rendered depth is compared with, `[S, S]`: depth, or disparity of any scale and shift.
+    pub target: Vec<f32>,
+    /// Which pixels are compared: inside the silhouette, known, and not of a floor that was made up. `[S, S]`
+    pub compared: Vec<bool>,
+    /// Which cells are occupied, row, column, step in depth; empty if nobody asked.
+    pub cells: Vec<bool>,
+}
+
+/// What is known of a picture's depth.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Known<'a> {
+    /// The true surface, in the world, and a seed for what is estimated of it.
+    Surface(&'a TriMesh, u64),
+    /// No more than what came with the picture.
+    Given,
+}
+
+impl Relief {
+    /// For a picture; cells only with a surface.
+    pub(super) fn new(
+        picture: &Picture,
+        known: Known<'_>,
+        config: &RefineConfig,
+        cells: usize,
+    ) -> Self {
+        let place = Placed::of(picture, config);
+        let side = picture.camera.width;
+        let object: Vec<bool> = picture.mask.iter().map(|&m| m > 127).collect();
+        let depth = match known {
+            Known::Surface(mesh, _) if picture.depth.is_none() => {
+                rendered(&place.frame.mesh_placed(mesh), picture)
+            }
+            _ => {
+                let scale = place.frame.scale() as f32;
+                let given = picture.depth.as_deref().unwrap_or_default();
+                given.iter().map(|z| z * scale).collect()
+            }
+        };
+        let disparity = match known {
+            _ if config.depth != DepthKind::Estimated => Vec::new(),
+            Known::Surface(mesh, seed) => estimated(&depth, picture, &place.frame, mesh, seed),
+            Known::Given => {
+                depth.iter().map(|z| if z.is_finite() { z.recip() } else { *z }).collect()
+            }
+        };
+        let channel = match config.depth {
+            DepthKind::None => Vec::new(),
+            // What came with no depth is given none.
+            _ if depth.is_empty() => vec![0.0; side * side],
+            DepthKind::True => guide::of_depth(&depth, place.ends),
+            DepthKind::Estimated => guide::of_disparity(&disparity, &object, config.raw_depth),
+        };
+        let (target, compared) = if config.depth == DepthKind::Estimated {
+            let compared = on_object(&disparity, &object, side);
+            (guide::standard(&disparity, &compared), compared)
+        } else {
+            let known = depth.iter().zip(&object).map(|(z, &o)| o && z.is_finite());
+            let compared: Vec<bool> = known.collect();
+            let inverse = |z: &f32| if z.is_finite() { z.recip() } else { *z };
+            let target = match config.depth_loss {
+                DepthLossKind::Aligned | DepthLossKind::Trimmed => {
+                    let disparity: Vec<f32> = depth.iter().map(inverse).collect();
+                    guide::standard(&disparity, &compared)
+                }
+                _ => depth.clone(),
+            };
+            (target, compared)
+        };
+        let cells = match known {
+            Known::Surface(mesh, _) if cells > 0 => {
+                occupied(&volume(picture, place.ends), &place.frame.mesh_placed(mesh), cells)
+            }
+            _ => Vec::new(),
+        };
+        let Placed { frame, middle, ends } = place;
+        Self { frame, middle, ends, channel, depth, target, compared, cells }
+    }
+
+    /// The volume whose cells are predicted, in the frame.
+    pub fn volume(&self, picture: &Picture) -> CameraVolume {
+        volume(picture, self.ends)
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        let floats = self.channel.len() + self.depth.len() + self.target.len();
+        4 * floats + self.compared.len() + self.cells.len()
+    }
+}
+
+/// Where a picture's object is.
+struct Placed {
+    frame: Frame,
+    middle: f32,
+    ends: [f32; 2],
+}
+
+impl Placed {
+    fn of(picture: &Picture, config: &RefineConfig) -> Self {
+        let (frame, middle) = match config.place {
+            PlaceKind::Fixed => (picture.frame, config.middle),
+            PlaceKind::Known => {
+                let camera = &picture.camera;
+                // Focal length over half of the picture.
+                let focal = match camera.lens {
+                    Lens::Perspective { fx, .. } => 2.0 * fx / camera.width as f64,
+                    Lens::Orthographic { .. } => 1.0,
+                };
+                // An object beside or behind the camera is not one; any positive depth will do.
+                let depth = camera.project([0.0; 3]).depth.max(1e-6);
+                (Frame::of(camera, focal / depth), focal)
+            }
+        };
+        let ends = config.reach.map(|times| (times * middle) as f32);
+        Self { frame, middle: middle as f32, ends }
+    }
+}
+
+fn volume(picture: &Picture, [near, far]: [f32; 2]) -> CameraVolume {
+    let (rotation, translation) = (Matrix3::identity(), Vector3::zeros());
+    let here = Camera { rotation, translation, ..picture.camera.clone() };
+    CameraVolume::new(here, f64::from(near), f64::from(far))
+}
+
+/// Planar depth of a mesh of the frame at the picture's pixels.
+pub(super) fn rendered(mesh: &TriMesh, picture: &Picture) -> Vec<f32> {
+    let side = picture.camera.width;
+    let seen = |p: &[f32; 3]| -> [f32; 3] {
+        let row = |k: usize| {
+            let m = &picture.lens[4 * k..4 * k + 4];
+            m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]
+        };
+        let w = row(2);
+        [row(0) / w, row(1) / w, w]
+    };
+    let projected: Vec<f32> = mesh.positions.iter().flat_map(seen).collect();
+    let shape = (1, mesh.positions.len(), 3);
+    let (Ok(faces), Ok(projected)) = (Faces::of(mesh), Array3::from_shape_vec(shape, projected))
+    else {
+        return vec![f32::INFINITY; side * side];
+    };
+    rasterize(projected.view(), &Arc::new(faces), &Settings::new(side, side)).depth.clone()
+}
+
+/// Disparity as a network would guess it from this picture.
+fn estimated(
+    depth: &[f32],
+    picture: &Picture,
+    frame: &Frame,
+    mesh: &TriMesh,
+    seed: u64,
+) -> Vec<f32> {
+    let side = picture.camera.width;
+    let unit = (1.0 / frame.scale()) as f32;
+    let data = depth.iter().map(|z| z * unit).collect();
+    let blank = |channels| ByteImage::new(side, side, channels);
+    let view = View {
+        name: String::new(),
+        color: blank(3),
+        mask: blank(1),
+        camera: picture.camera.clone(),
+        depth: Some(DepthMap { height: side, width: side, data }),
+    };
+    let floor = mesh.bounds().map(|(low, _)| low[1]);
+    let guess = Monocular::default().guess(&view, floor, seed);
+    guess.map_or_else(Vec::new, |guess| guess.image.data)
+}
+
+/// The object's pixels whose disparity is known and not that of a floor beneath it.
+fn on_object(disparity: &[f32], object: &[bool], side: usize) -> Vec<bool> {
+    let known = |p: usize| object[p] && disparity.get(p).is_some_and(|d| d.is_finite());
+    let mut compared: Vec<bool> = (0..object.len()).map(known).collect();
+    let map = DisparityMap { height: side, width: side, data: disparity.to_vec() };
+    let data = object.iter().map(|&o| if o { 255 } else { 0 }).collect();
+    let mask = ByteImage { height: side, width: side, channels: 1, data };
+    let plane = (disparity.len() == object.len()).then(|| GroundPlane::find(&map, &mask)).flatten();
+    if let Some(plane) = plane {
+        let floor = plane.pixels(&map);
+        compared.iter_mut().zip(&floor.data).for_each(|(c, &f)| *c &= f == 0);
+    }
+    compared
+}
+
+/// The cells whose middle is inside of a mesh, and those that its surface runs through: the latter hold what is thinner
+/// than a cell.
+fn occupied(volume: &CameraVolume, mesh: &TriMesh, cells: usize) -> Vec<bool> {
+    let dims = [cells; 3];
+    let mut solid = volume.voxelize(mesh, dims);
+    let place = |p: [f32; 3]| volume.to_cube(p.map(f64::from)).map(|x| x as f32);
+    let in_cube = mesh.clone().map_positions(place);
+    if in_cube.positions.as_flattened().iter().all(|x| x.is_finite()) {
+        let surface = voxelize_surface(&in_cube, dims, CameraVolume::CUBE);
+        solid.bits.iter_mut().zip(&surface.bits).for_each(|(bit, &other)| *bit |= other);
+    }
+    solid.to_channels().into_iter().map(|value| value > 0.5).collect()
+}

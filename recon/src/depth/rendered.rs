@@ -1,0 +1,189 @@
+//! The rendered-depth loss: what the predicted mesh's depth from the picture's camera says about it.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use autodiff_lite::{Tape, Var};
+use diff_raster::{Fragments, NONE, Settings, depth, interpolate, rasterize_into, soft_silhouette};
+use losses::{
+    DepthMean, Robustness, ScaleShiftInvariant, depth_gradients, depth_l1_trimmed, disparity,
+    log_depth, mask_iou,
+};
+use ndarray::{Array3, Ix3};
+
+use super::config::{DepthKind, DepthLossKind, RefineConfig};
+use super::packed::Packed;
+use super::scenes::Scene;
+use crate::stacked::stacked;
+
+/// Scales of the gradient term, as MiDaS has them.
+const SCALES: usize = 4;
+/// The half of a common factor that Eigen's loss forgives.
+const LAMBDA: f64 = 0.5;
+/// The correlation below which least squares may not turn a relief inside out.
+const LEAST_CORRELATION: f64 = 0.1;
+
+/// Draws predicted meshes; keeps the memory of earlier drawings.
+#[derive(Debug, Default)]
+pub(super) struct Drawer {
+    /// Fragments that nobody else holds are used again.
+    spare: Mutex<Vec<Arc<Fragments<f32>>>>,
+}
+
+/// What is to be drawn beside depth.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wanted<'t> {
+    pub(super) silhouette: bool,
+    /// Colours `[1, ΣV, 3]`.
+    pub(super) colors: Option<Var<'t>>,
+}
+
+/// Drawings of a batch, each from the camera of its picture.
+pub(super) struct Drawn<'t> {
+    /// `[N, S, S]`, `+∞` where nothing is seen.
+    pub(super) depth: Var<'t>,
+    /// `[N, S, S]`.
+    pub(super) silhouette: Option<Var<'t>>,
+    /// `[N, S, S, 3]`, black where nothing is seen.
+    pub(super) image: Option<Var<'t>>,
+    /// `[N, S, S]`: 1 where something is seen.
+    covered: Vec<f32>,
+}
+
+impl Drawer {
+    /// Meshes `[1, ΣV, 3]`, seen by cameras `[N, 3, 4]`.
+    pub(super) fn draw<'t>(
+        &self,
+        packed: &Packed,
+        positions: Var<'t>,
+        cameras: Var<'t>,
+        side: usize,
+        wanted: Wanted<'t>,
+    ) -> Drawn<'t> {
+        let tape = positions.tape();
+        let (mut depths, mut silhouettes, mut images) = (Vec::new(), Vec::new(), Vec::new());
+        let mut covered = Vec::new();
+        for (k, shape) in packed.shapes.iter().enumerate() {
+            let own = packed.part(positions, k).insert_axis(0);
+            let projected = own.project(cameras.slice_axis(0, k..k + 1));
+            let values = projected.value();
+            let values = values.view().into_dimensionality::<Ix3>().expect("[1, V, 3]");
+            let mut fragments = self.take();
+            rasterize_into(values, shape.drawn(), &Settings::new(side, side), &mut fragments);
+            self.keep(&fragments);
+            depths.push(depth(projected, &fragments, f32::INFINITY));
+            if wanted.silhouette {
+                silhouettes.push(soft_silhouette(projected, &fragments));
+            }
+            if let Some(colors) = wanted.colors {
+                let own = packed.part(colors, k).insert_axis(0);
+                images.push(interpolate(projected, own, &fragments));
+                covered.extend(fragments.face.iter().map(|&f| if f == NONE { 0.0 } else { 1.0 }));
+            }
+        }
+        let joined = |parts: &[Var<'t>]| (!parts.is_empty()).then(|| tape.concat(parts, 0));
+        Drawn {
+            depth: tape.concat(&depths, 0),
+            silhouette: joined(&silhouettes),
+            image: joined(&images),
+            covered,
+        }
+    }
+
+    fn take(&self) -> Arc<Fragments<f32>> {
+        let mut spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = spare.iter().position(|fragments| Arc::strong_count(fragments) == 1);
+        free.map_or_else(Arc::default, |i| spare.swap_remove(i))
+    }
+
+    fn keep(&self, fragments: &Arc<Fragments<f32>>) {
+        self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::clone(fragments));
+    }
+}
+
+/// The loss of rendered depths against what is known of the scenes' depth; a scalar, zero where nothing is known.
+///
+/// Pixels count that are inside of the silhouette, whose depth is known, that are not of a floor which an estimator made
+/// up, and where the mesh is seen; no other gets a gradient. With `coverage` those where it is not seen count through a
+/// silhouette that is soft at its outline.
+pub(super) fn depth_difference<'t>(
+    drawn: &Drawn<'t>,
+    scenes: &[&Scene],
+    config: &RefineConfig,
+) -> Var<'t> {
+    let tape = drawn.depth.tape();
+    let target = images(tape, scenes, |scene| scene.relief.target.clone());
+    let mask = images(tape, scenes, |scene| floats(&scene.relief.compared));
+    let rendered = drawn.depth;
+    let (trim, gradients, mean) = (config.depth_trim, config.depth_gradients, DepthMean::Images);
+    let invariant = |robustness| {
+        let loss =
+            ScaleShiftInvariant { robustness, gradient_weight: gradients, scales: SCALES, mean };
+        loss.loss(disparity(rendered), target, mask)
+    };
+    let edges =
+        |a: Var<'t>, b: Var<'t>| depth_gradients(a, b, mask, SCALES, mean).scale(gradients as f32);
+    let loss = match kind(config) {
+        DepthLossKind::Aligned => {
+            invariant(Robustness::LeastSquares { least_correlation: LEAST_CORRELATION })
+        }
+        DepthLossKind::Trimmed => invariant(Robustness::Trimmed { share: trim }),
+        DepthLossKind::Log => {
+            let data = log_depth(rendered, target, mask, LAMBDA, mean);
+            data + edges(rendered.ln(), target.ln())
+        }
+        DepthLossKind::Auto | DepthLossKind::Plain => {
+            // Half of the mean, as MiDaS counts it.
+            let data = depth_l1_trimmed(rendered, target, mask, trim, mean).scale(2.0);
+            data + edges(rendered, target)
+        }
+    };
+    match drawn.silhouette {
+        Some(silhouette) if config.coverage > 0.0 => {
+            let object = images(tape, scenes, |scene| {
+                scene.picture.mask.iter().map(|&m| f32::from(m) / 255.0).collect()
+            });
+            loss + mask_iou(silhouette, object).scale(config.coverage as f32)
+        }
+        _ => loss,
+    }
+}
+
+/// The mean absolute difference of rendered colours from the picture, where both show the object.
+pub(super) fn picture_difference<'t>(drawn: &Drawn<'t>, scenes: &[&Scene]) -> Option<Var<'t>> {
+    let image = drawn.image?;
+    let tape = image.tape();
+    let [n, side, _, _] = image.dims();
+    let pictures = scenes.iter().map(|scene| &scene.picture.image[..]);
+    let target = stacked(tape, pictures, &[n, side, side, 3]);
+    let object = scenes.iter().flat_map(|scene| scene.picture.mask.iter());
+    let both: Vec<f32> = drawn
+        .covered
+        .iter()
+        .zip(object)
+        .map(|(&covered, &m)| if m > 127 { covered } else { 0.0 })
+        .collect();
+    let share = both.iter().sum::<f32>() / both.len() as f32;
+    let mask = stacked(tape, std::iter::once(&both[..]), &[n, side, side, 1]);
+    // A mean over the pixels that count, not over all.
+    Some(losses::l1(image, target, Some(mask)).scale(share.max(1e-3).recip()))
+}
+
+/// How depths are compared.
+fn kind(config: &RefineConfig) -> DepthLossKind {
+    match (config.depth_loss, config.depth) {
+        (DepthLossKind::Auto, DepthKind::Estimated) => DepthLossKind::Aligned,
+        (DepthLossKind::Auto, _) => DepthLossKind::Plain,
+        (asked, _) => asked,
+    }
+}
+
+fn floats(bits: &[bool]) -> Vec<f32> {
+    bits.iter().map(|&bit| f32::from(u8::from(bit))).collect()
+}
+
+fn images<'t>(tape: &'t Tape, scenes: &[&Scene], of: impl Fn(&Scene) -> Vec<f32>) -> Var<'t> {
+    let side = scenes[0].picture.camera.width;
+    let parts: Vec<f32> = scenes.iter().flat_map(|scene| of(scene)).collect();
+    let array = Array3::from_shape_vec((scenes.len(), side, side), parts);
+    tape.constant(array.expect("every scene has an image of this side"))
+}

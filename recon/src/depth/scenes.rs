@@ -1,0 +1,244 @@
+//! Pictures with their surfaces, depths and cells.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
+
+use datasets::{Dataset, Pix3d, ReadOptions, SurfacePoints};
+use mesh_core::TriMesh;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::boxes::Boxes;
+use super::config::RefineConfig;
+use super::relief::{Known, Relief};
+use crate::paired::{Frame, Pairs, Picture, Surface, some};
+use crate::train::{DataError, Source};
+
+/// Bytes of reliefs that are kept at most; what is beyond is made again each time.
+const BUDGET: usize = 3 << 30;
+
+/// A picture with what is known of what it shows.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// What the network sees.
+    pub picture: Arc<Picture>,
+    /// Depth and cells.
+    pub relief: Arc<Relief>,
+    /// Points of the true surface in the frame of the camera; empty where nothing is known of it.
+    pub truth: SurfacePoints,
+    /// Their colours; empty where the data has none.
+    pub colors: Vec<[f32; 3]>,
+}
+
+/// The data of both systems.
+#[derive(Debug)]
+pub struct Scenes {
+    pairs: Pairs,
+    config: RefineConfig,
+    cells: usize,
+    kept: Vec<Vec<OnceLock<Arc<Relief>>>>,
+    bytes: AtomicUsize,
+    mean: OnceLock<MeanShape>,
+}
+
+/// The shape that says nothing of the picture: how often each cell is occupied in training.
+#[derive(Clone, Debug)]
+struct MeanShape {
+    occupied: Vec<bool>,
+}
+
+impl Scenes {
+    /// Reads what the layout at a path offers, or makes procedural objects. Pix3D's pictures are cut to their given boxes.
+    /// `cells` along each axis are made of each picture's volume; 0 for none.
+    ///
+    /// # Errors
+    /// If files are damaged or there is no true mesh.
+    pub fn open(
+        config: &RefineConfig,
+        cells: usize,
+        source: &Source<'_>,
+    ) -> Result<Self, DataError> {
+        let options = ReadOptions { depth: true, ..source.options.clone() };
+        let dataset = match source.path {
+            None => Pairs::procedural(&config.pairs)?,
+            Some(path) => opened(path, &options)?,
+        };
+        Self::of(dataset, options, config, cells)
+    }
+
+    /// Procedural objects of the configuration's families.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn synthetic(config: &RefineConfig, cells: usize) -> Result<Self, DataError> {
+        Self::of(Pairs::procedural(&config.pairs)?, ReadOptions::default(), config, cells)
+    }
+
+    /// A dataset.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn of(
+        dataset: Box<dyn Dataset>,
+        options: ReadOptions,
+        config: &RefineConfig,
+        cells: usize,
+    ) -> Result<Self, DataError> {
+        let counts: Vec<usize> = dataset.entries().iter().map(|entry| entry.views).collect();
+        let pairs = Pairs::of(dataset, options, &config.pairs)?;
+        let places = |&views: &usize| (0..views).map(|_| OnceLock::new()).collect();
+        let scenes = Self {
+            pairs,
+            config: config.clone(),
+            cells,
+            kept: counts.iter().map(places).collect(),
+            bytes: AtomicUsize::new(0),
+            mean: OnceLock::new(),
+        };
+        scenes.mesh(scenes.pairs.trained()[0])?;
+        Ok(scenes)
+    }
+
+    /// Objects, and what is trained on and scored.
+    pub fn pairs(&self) -> &Pairs {
+        &self.pairs
+    }
+
+    /// A random picture of an object and `points` random points of its surface.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn draw(
+        &self,
+        object: usize,
+        points: usize,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Scene, DataError> {
+        let view = rng.random_range(0..self.pairs.views(object));
+        let surface = self.pairs.surface(object)?;
+        let chosen = some(surface.points.positions.len(), points, rng);
+        self.scene([object, view], &surface, &chosen)
+    }
+
+    /// The `k`-th of the scenes that are scored, with all points that are kept; `views` of each object.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn trial(&self, views: usize, k: usize) -> Result<(usize, Scene), DataError> {
+        let [object, view] = self.pairs.tried(views, k);
+        let surface = self.pairs.surface(object)?;
+        let all: Vec<usize> = (0..surface.points.positions.len()).collect();
+        Ok((object, self.scene([object, view], &surface, &all)?))
+    }
+
+    fn scene(
+        &self,
+        place: [usize; 2],
+        surface: &Surface,
+        chosen: &[usize],
+    ) -> Result<Scene, DataError> {
+        let picture = self.pairs.picture(place[0], place[1])?;
+        let relief = self.relief(place, &picture)?;
+        let truth = points_in(&relief.frame, &surface.points, chosen);
+        let colored = surface.colors.len() == surface.points.positions.len();
+        let colors =
+            if colored { chosen.iter().map(|&i| surface.colors[i]).collect() } else { Vec::new() };
+        Ok(Scene { picture, relief, truth, colors })
+    }
+
+    /// The true mesh of an object, in the world.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn mesh(&self, object: usize) -> Result<Arc<Surface>, DataError> {
+        let surface = self.pairs.surface(object)?;
+        if surface.mesh.as_ref().is_none_or(|mesh| mesh.faces.is_empty()) {
+            let [category, name] = self.pairs.name(object);
+            return Err(DataError::Unfit(format!(
+                "{category} {name}: no true mesh; depth and cells are made of meshes"
+            )));
+        }
+        Ok(surface)
+    }
+
+    fn relief(
+        &self,
+        [object, view]: [usize; 2],
+        picture: &Picture,
+    ) -> Result<Arc<Relief>, DataError> {
+        let place = &self.kept[object][view];
+        if let Some(relief) = place.get() {
+            return Ok(Arc::clone(relief));
+        }
+        let surface = self.mesh(object)?;
+        let mesh: &TriMesh = surface.mesh.as_ref().expect("an object without a mesh is an error");
+        // Of this object and view, whatever the run.
+        let seed = ((object as u64) << 20) ^ view as u64 ^ (self.config.pairs.data_seed << 44);
+        let known = Known::Surface(mesh, seed);
+        let relief = Arc::new(Relief::new(picture, known, &self.config, self.cells));
+        let bytes = relief.bytes();
+        let room = self.bytes.load(Ordering::Relaxed) + bytes <= BUDGET;
+        if room && place.set(Arc::clone(&relief)).is_ok() {
+            self.bytes.fetch_add(bytes, Ordering::Relaxed);
+        }
+        Ok(relief)
+    }
+
+    /// Which cells the mean shape of the training occupies; the threshold is the best of nine on the training itself.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn mean_shape(&self) -> Result<&[bool], DataError> {
+        if let Some(mean) = self.mean.get() {
+            return Ok(&mean.occupied);
+        }
+        let reliefs = self.pairs.trained().iter().enumerate().map(|(i, &object)| {
+            let view = i % self.pairs.views(object);
+            self.relief([object, view], &*self.pairs.picture(object, view)?)
+        });
+        let reliefs = reliefs.collect::<Result<Vec<_>, DataError>>()?;
+        let mut shares = vec![0.0; self.cells.pow(3)];
+        for relief in &reliefs {
+            for (share, &bit) in shares.iter_mut().zip(&relief.cells) {
+                *share += f64::from(u8::from(bit)) / reliefs.len() as f64;
+            }
+        }
+        let at = |tenths: usize| -> Vec<bool> {
+            shares.iter().map(|&share| share >= 0.1 * tenths as f64).collect()
+        };
+        let score = |occupied: &[bool]| -> f64 {
+            reliefs.iter().map(|relief| overlap(occupied, &relief.cells)).sum()
+        };
+        let best = (1..=9).map(at).max_by(|a, b| score(a).total_cmp(&score(b)));
+        let mean = MeanShape { occupied: best.expect("nine thresholds") };
+        Ok(&self.mean.get_or_init(|| mean).occupied)
+    }
+}
+
+/// Intersection over union of cells; 1 where both are empty.
+pub(super) fn overlap(a: &[bool], b: &[bool]) -> f64 {
+    let both = a.iter().zip(b).filter(|&(&a, &b)| a && b).count();
+    let either = a.iter().zip(b).filter(|&(&a, &b)| a || b).count();
+    if either == 0 { 1.0 } else { both as f64 / either as f64 }
+}
+
+fn opened(path: &Path, options: &ReadOptions) -> Result<Box<dyn Dataset>, DataError> {
+    let dataset = datasets::open_with(path, options)?;
+    if dataset.layout() == datasets::Layout::Pix3d {
+        return Ok(Box::new(Boxes::new(Pix3d::open(path)?)));
+    }
+    Ok(dataset)
+}
+
+fn points_in(frame: &Frame, points: &SurfacePoints, chosen: &[usize]) -> SurfacePoints {
+    let normals = points.normals.len() == points.positions.len();
+    SurfacePoints {
+        positions: chosen.iter().map(|&i| frame.place(points.positions[i])).collect(),
+        normals: if normals {
+            chosen.iter().map(|&i| frame.turn(points.normals[i])).collect()
+        } else {
+            Vec::new()
+        },
+    }
+}

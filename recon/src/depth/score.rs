@@ -1,0 +1,203 @@
+//! Scores on what is held out, and what there is to show of them.
+
+use losses::metrics::{DepthError, Preset, depth_error, evaluate, point_distances};
+use mesh_core::{DepthMap, Image, TriMesh};
+use rayon::prelude::*;
+
+use super::beginning::Beginning;
+use super::refined::Refined;
+use super::relief::rendered;
+use super::scenes::{Scene, Scenes, overlap};
+use crate::paired::picture_above;
+use crate::report::ViewPair;
+use crate::train::{DataError, Metric, Shown};
+
+/// Objects shown together.
+const SHOWN: usize = 6;
+/// What a pixel of the object costs where the mesh is not seen, in the unit of the frame: half of an object.
+const PENALTY: f64 = 0.5;
+
+/// The scores of one picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Score {
+    /// Mesh R-CNN's protocol: the truth's longest edge is 10, 10,000 points each, mean squared distances of both ways.
+    pub chamfer: f64,
+    /// F-scores at distances of 0.1, 0.3 and 0.5 in that scale, shares.
+    pub f_scores: [f64; 3],
+    /// Mean absolute cosine of normals at nearest points, of both ways.
+    pub normals: f64,
+    /// Pixel2Mesh's protocol: lengths times 0.57, the same mean, times 1000.
+    pub chamfer_p2m: f64,
+    /// F-scores at squared distances of 1e-4 and 2e-4 in that scale, shares.
+    pub f_scores_p2m: [f64; 2],
+    /// Mean absolute difference of depth over the true mask, in the unit of the frame; a pixel that is not covered counts
+    /// 0.5.
+    pub depth: f64,
+    /// The share of the true mask that is not covered.
+    pub uncovered: f64,
+    /// Mean absolute difference of vertex colours from the nearest true point's, a mean over channels; none without
+    /// colours.
+    pub color: Option<f64>,
+    /// Intersection over union of the cells with the true ones, and that of the training's mean shape; none without a
+    /// voxel branch.
+    pub iou: Option<[f64; 2]>,
+}
+
+/// The scores of all pictures that are held out.
+#[derive(Clone, Debug, Default)]
+pub struct Scored {
+    /// One a picture: its object and its scores.
+    pub each: Vec<(usize, Score)>,
+}
+
+impl Scored {
+    /// The means.
+    pub fn mean(&self) -> Score {
+        let n = self.each.len().max(1) as f64;
+        let mean = |f: &dyn Fn(&Score) -> f64| self.each.iter().map(|(_, s)| f(s)).sum::<f64>() / n;
+        let some = |f: &dyn Fn(&Score) -> Option<f64>| {
+            let all: Vec<f64> = self.each.iter().filter_map(|(_, s)| f(s)).collect();
+            (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
+        };
+        let iou = [0, 1].map(|k| some(&move |s| s.iou.map(|iou| iou[k])));
+        Score {
+            chamfer: mean(&|s| s.chamfer),
+            f_scores: [0, 1, 2].map(|k| mean(&move |s| s.f_scores[k])),
+            normals: mean(&|s| s.normals),
+            chamfer_p2m: mean(&|s| s.chamfer_p2m),
+            f_scores_p2m: [0, 1].map(|k| mean(&move |s| s.f_scores_p2m[k])),
+            depth: mean(&|s| s.depth),
+            uncovered: mean(&|s| s.uncovered),
+            color: some(&|s| s.color),
+            iou: iou[0].zip(iou[1]).map(|(own, mean)| [own, mean]),
+        }
+    }
+
+    /// The means by name.
+    pub fn metrics(&self) -> Vec<Metric> {
+        let mean = self.mean();
+        let mut metrics = vec![
+            Metric::smaller("chamfer", mean.chamfer),
+            Metric::larger("f-0.1", mean.f_scores[0]),
+            Metric::larger("f-0.3", mean.f_scores[1]),
+            Metric::larger("f-0.5", mean.f_scores[2]),
+            Metric::larger("normals", mean.normals),
+            Metric::smaller("chamfer-p2m", mean.chamfer_p2m),
+            Metric::larger("f-p2m", mean.f_scores_p2m[0]),
+            Metric::larger("f-p2m-2", mean.f_scores_p2m[1]),
+            Metric::smaller("depth-error", mean.depth),
+            Metric::smaller("uncovered", mean.uncovered),
+        ];
+        metrics.extend(mean.color.map(|color| Metric::smaller("color-error", color)));
+        if let Some([own, shape]) = mean.iou {
+            metrics.push(Metric::larger("voxel-iou", own));
+            metrics.push(Metric::larger("mean-shape-iou", shape));
+        }
+        metrics
+    }
+}
+
+impl<B: Beginning> Refined<B> {
+    /// Scores on what is held out, picture by picture.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn scored(&self, data: &Scenes) -> Result<Scored, DataError> {
+        let views = self.refine().pairs.scored_views;
+        let mean_shape = if B::cells(&self.config) > 0 { data.mean_shape()? } else { &[] };
+        let one = |k: usize| -> Result<(usize, Score), DataError> {
+            let (object, scene) = data.trial(views, k)?;
+            let surface = data.mesh(object)?;
+            let mesh = surface.mesh.as_ref().expect("an object without a mesh is an error");
+            let truth = scene.relief.frame.mesh_placed(mesh);
+            Ok((object, self.score(&scene, &truth, mean_shape)))
+        };
+        let count = views * data.pairs().held().len();
+        let all: Vec<_> = (0..count).into_par_iter().map(one).collect();
+        Ok(Scored { each: all.into_iter().collect::<Result<_, _>>()? })
+    }
+
+    /// Of one scene; `truth` is its mesh in the frame.
+    fn score(&self, scene: &Scene, truth: &TriMesh, mean_shape: &[bool]) -> Score {
+        let (mesh, logits) = self.mesh_of(scene);
+        let mut score = distances(&mesh, truth, scene.relief.frame.scale());
+        if let Some(error) = depth_of(&mesh, scene) {
+            (score.depth, score.uncovered) = (error.mean, error.uncovered);
+        }
+        score.color = color_error(&mesh, scene);
+        if !scene.relief.cells.is_empty() && !logits.is_empty() {
+            let own = self.beginning.occupied_cells(&logits);
+            let cells = &scene.relief.cells;
+            score.iou = Some([overlap(&own, cells), overlap(mean_shape, cells)]);
+        }
+        score
+    }
+
+    /// Some pictures spread over all that are held out: the mesh from the picture's camera above the picture.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn gallery(&self, data: &Scenes) -> Result<Vec<ViewPair>, DataError> {
+        let held = data.pairs().held().len();
+        let shown = SHOWN.min(held);
+        let one = |i: usize| {
+            let (object, scene) = data.trial(1, i * held / shown)?;
+            let surface = data.mesh(object)?;
+            let truth = surface.mesh.as_ref().expect("an object without a mesh is an error");
+            let frame = &scene.relief.frame;
+            let (mesh, _) = self.mesh_of(&scene);
+            let scores = distances(&mesh, &frame.mesh_placed(truth), frame.scale());
+            let caption = format!("{}: Chamfer {:.3}", scene.picture.name, scores.chamfer);
+            Ok(picture_above(&scene.picture, &frame.mesh_in_world(mesh), caption))
+        };
+        (0..shown).map(one).collect()
+    }
+
+    pub(super) fn shown(&self, data: &Scenes) -> Result<Shown, DataError> {
+        let (_, scene) = data.trial(1, 0)?;
+        let (mesh, _) = self.mesh_of(&scene);
+        let mesh = scene.relief.frame.mesh_in_world(mesh);
+        Ok(Shown { views: self.gallery(data)?, mesh: Some(mesh) })
+    }
+}
+
+/// Both protocols; `scale` is what the frame multiplied lengths by, which Pixel2Mesh's protocol undoes.
+pub(super) fn distances(mesh: &TriMesh, truth: &TriMesh, scale: f64) -> Score {
+    let unit = [(1.0 / scale) as f32; 3];
+    let (mesh, truth) = (mesh.clone().scaled(unit), truth.clone().scaled(unit));
+    let report = |preset: Preset| evaluate(&mesh, &truth, &preset.protocol(0)).ok();
+    let far = f64::NAN;
+    let mut score = Score { chamfer: far, chamfer_p2m: far, depth: far, ..Score::default() };
+    if let (Some(own), Some(p2m)) = (report(Preset::MeshRcnn), report(Preset::P2m)) {
+        score.chamfer = own.chamfer.unwrap_or(far);
+        score.f_scores = std::array::from_fn(|k| own.f_scores[k].f_score);
+        score.normals = own.normal_consistency.unwrap_or(far);
+        score.chamfer_p2m = 1e3 * p2m.chamfer.unwrap_or(far);
+        score.f_scores_p2m = std::array::from_fn(|k| p2m.f_scores[k].f_score);
+    }
+    score
+}
+
+/// At the picture's camera, over the pixels of its mask.
+pub(super) fn depth_of(mesh: &TriMesh, scene: &Scene) -> Option<DepthError> {
+    let side = scene.picture.camera.width;
+    let map = |data: Vec<f32>| DepthMap { height: side, width: side, data };
+    let data = scene.picture.mask.iter().map(|&m| f32::from(m) / 255.0).collect();
+    let mask = Image { height: side, width: side, channels: 1, data };
+    let found = map(rendered(mesh, &scene.picture));
+    let known = map(scene.relief.depth.clone());
+    depth_error(&found, &known, &mask, PENALTY)
+}
+
+pub(super) fn color_error(mesh: &TriMesh, scene: &Scene) -> Option<f64> {
+    let own = mesh.colors.as_ref()?;
+    if scene.colors.len() != scene.truth.positions.len() || scene.colors.is_empty() {
+        return None;
+    }
+    let nearest = point_distances(&mesh.positions, &scene.truth.positions).accuracy_index;
+    let away = |(a, &i): (&[f32; 3], &u32)| -> f64 {
+        let b = scene.colors[i as usize];
+        (0..3).map(|c| f64::from((a[c] - b[c]).abs())).sum::<f64>() / 3.0
+    };
+    Some(own.iter().zip(&nearest).map(away).sum::<f64>() / own.len().max(1) as f64)
+}

@@ -1,0 +1,115 @@
+//! Pixel2Mesh as Mesh R-CNN's authors have it: an icosphere in front of the camera.
+
+use std::sync::Arc;
+
+use autodiff_lite::{Module, Var, Visitor, VisitorMut};
+use mesh_core::primitives::icosphere;
+use ndarray::Array3;
+use nets::Init;
+
+use super::beginning::{Beginning, Begun};
+use super::config::{RefineConfig, SphereConfig};
+use super::packed::{Packed, Shape};
+use super::scenes::Scene;
+
+/// An icosphere where the middle of objects is, subdivided from stage to stage or not.
+///
+/// In the published code it is around the camera, half of it behind; the first stage has to bring it out.
+#[derive(Clone, Debug)]
+pub struct Sphere {
+    /// The shapes of the stages.
+    shapes: Vec<Arc<Shape>>,
+    positions: Vec<[f32; 3]>,
+    radius: f32,
+    subdivide: bool,
+}
+
+// There is nothing to train.
+impl Module<f32> for Sphere {
+    fn visit(&self, _: &str, _: &mut dyn Visitor<f32>) {}
+    fn visit_mut(&mut self, _: &str, _: &mut dyn VisitorMut<f32>) {}
+}
+
+impl Beginning for Sphere {
+    const NAME: &'static str = "depth-pixel2mesh";
+    const PRESETS: &'static [(&'static str, &'static str)] = &[
+        ("tiny", include_str!("../../presets/depth-pixel2mesh/tiny.toml")),
+        ("small", include_str!("../../presets/depth-pixel2mesh/small.toml")),
+        ("paper", include_str!("../../presets/depth-pixel2mesh/paper.toml")),
+        ("table", include_str!("../../presets/depth-pixel2mesh/table.toml")),
+    ];
+    const TRAINING: &'static str =
+        "`unsphere train depth-pixel2mesh -o runs/mine` trains one on procedural objects";
+
+    type Config = SphereConfig;
+
+    fn refine(config: &SphereConfig) -> &RefineConfig {
+        &config.refine
+    }
+
+    fn cells(_: &SphereConfig) -> usize {
+        0
+    }
+
+    fn voxel_weight(_: &SphereConfig) -> f64 {
+        0.0
+    }
+
+    fn check(config: &SphereConfig) -> Vec<String> {
+        let mut problems = config.refine.check();
+        let last = config.levels().last().copied().unwrap_or_default();
+        if last > 6 {
+            problems
+                .push(format!("`level` is {}, expected at most 6 in the last stage", config.level));
+        }
+        if !(config.radius >= 1e-3 && config.radius <= 1e3) {
+            problems.push(format!("`radius` is {}, expected 0.001 to 1000", config.radius));
+        }
+        problems
+    }
+
+    fn size(config: &SphereConfig) -> (usize, Vec<(String, String)>) {
+        let counts: Vec<String> = config
+            .levels()
+            .iter()
+            .map(|&level| (10 * 4_usize.pow(level) + 2).to_string())
+            .collect();
+        (
+            0,
+            vec![(
+                "icosphere".to_owned(),
+                format!("{} vertices, stage by stage", counts.join(", ")),
+            )],
+        )
+    }
+
+    fn new(config: &SphereConfig, _: &Init) -> Self {
+        let ball = icosphere(config.level);
+        let mut shapes = vec![Arc::new(Shape::of(&ball))];
+        for _ in 1..config.refine.stages {
+            let last = &shapes[shapes.len() - 1];
+            shapes.push(if config.subdivide { Arc::new(last.divided()) } else { Arc::clone(last) });
+        }
+        let (radius, subdivide) = (config.radius as f32, config.subdivide);
+        Self { shapes, positions: ball.positions, radius, subdivide }
+    }
+
+    fn begin<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> Begun<'t> {
+        let packed = Packed::new(vec![Arc::clone(&self.shapes[0]); scenes.len()]);
+        let count = self.positions.len();
+        let place = |(_, i, k): (usize, usize, usize)| {
+            let middle = if k == 2 { -scenes[i / count].relief.middle } else { 0.0 };
+            self.radius * self.positions[i % count][k] + middle
+        };
+        let positions = Array3::from_shape_fn((1, count * scenes.len(), 3), place);
+        Begun { packed, positions: coarsest.tape().constant(positions), logits: None }
+    }
+
+    fn occupied_cells(&self, _: &[f32]) -> Vec<bool> {
+        Vec::new()
+    }
+
+    fn divided(&self, stage: usize) -> Option<Arc<Shape>> {
+        self.shapes.get(stage + 1).filter(|_| self.subdivide).map(Arc::clone)
+    }
+}

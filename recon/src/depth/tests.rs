@@ -1,0 +1,296 @@
+//! What both systems do.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use autodiff_lite::{Param, Tape};
+use mesh_core::TriMesh;
+
+use super::*;
+use crate::paired::PairsConfig;
+use crate::train::{Configuration, Draw, Moment, System};
+
+fn refine() -> RefineConfig {
+    RefineConfig {
+        pairs: PairsConfig {
+            image_size: 32,
+            scale: 1.0,
+            points: 60,
+            objects: 3,
+            test_objects: 1,
+            synthetic_views: 2,
+            scored_views: 1,
+            families: vec!["car".into()],
+            ..PairsConfig::default()
+        },
+        depth: DepthKind::True,
+        width: 4,
+        hidden: 8,
+        graph_convolutions: 2,
+        colors: true,
+        normal_weight: 0.1,
+        depth_weight: 1.0,
+        coverage: 0.1,
+        ..RefineConfig::default()
+    }
+}
+
+fn sphere() -> SphereConfig {
+    SphereConfig { refine: refine(), level: 0, ..SphereConfig::default() }
+}
+
+fn voxels() -> VoxelConfig {
+    VoxelConfig {
+        refine: refine(),
+        cells: 8,
+        voxel_hidden: 8,
+        voxel_convolutions: 1,
+        ..VoxelConfig::default()
+    }
+}
+
+fn presets<S: System>() {
+    for (name, text) in S::PRESETS {
+        let config: Configuration<S::Config> = toml::from_str(text).unwrap();
+        assert_eq!(config.train.check(), Vec::<String>::new(), "{name}");
+        S::check(&config.system).unwrap();
+        let again = crate::settings::to_toml(&config);
+        assert_eq!(toml::from_str::<Configuration<S::Config>>(&again).unwrap(), config, "{name}");
+    }
+}
+
+#[test]
+fn presets_are_in_range() {
+    presets::<DepthPixel2Mesh>();
+    presets::<MeshRcnn>();
+}
+
+/// The shapes of the poster's table, row by row.
+#[test]
+fn the_paper_preset_prints_the_posters_rows() {
+    let (_, text) = MeshRcnn::PRESETS.iter().find(|(name, _)| *name == "paper").unwrap();
+    let config: Configuration<VoxelConfig> = toml::from_str(text).unwrap();
+    let shapes = MeshRcnn::check(&config.system).unwrap().shapes;
+    let published = [
+        ("input", "137 x 137 x 4"),
+        ("conv2_3", "35 x 35 x 256"),
+        ("conv3_4", "18 x 18 x 512"),
+        ("conv4_6", "9 x 9 x 1024"),
+        ("conv5_3", "5 x 5 x 2048"),
+        ("bilinear", "24 x 24 x 2048"),
+        ("voxel branch", "48 x 48 x 48"),
+        ("cubify", "V x 3, F x 3"),
+        ("stage 1", "V x 3, F x 3"),
+        ("stage 2", "V x 3, F x 3"),
+        ("stage 3", "V x 3, F x 3"),
+    ];
+    assert_eq!(shapes.len(), published.len());
+    for (i, ((row, shape), (name, expected))) in shapes.iter().zip(published).enumerate() {
+        assert!(row.starts_with(&format!("({})", i + 1)) && row.contains(name), "{row}: {name}");
+        assert_eq!(shape, expected, "{row}");
+    }
+}
+
+#[test]
+fn numbers_are_counted_without_making_them() {
+    fn counted<S: System>(config: &S::Config) {
+        let (mut trained, mut all) = (0, 0);
+        S::new(config, 0).visit("", &mut |_: &str, param: &Param| {
+            all += param.len();
+            trained += if param.trainable { param.len() } else { 0 };
+        });
+        let summary = S::check(config).unwrap();
+        assert_eq!([trained, all], [summary.trainable, summary.trainable + summary.frozen]);
+    }
+    counted::<DepthPixel2Mesh>(&sphere());
+    counted::<MeshRcnn>(&voxels());
+    let other = RefineConfig {
+        backbone: BackboneKind::Resnet50,
+        norm: NormName::Frozen,
+        depth: DepthKind::None,
+        colors: false,
+        stages: 2,
+        ..refine()
+    };
+    counted::<MeshRcnn>(&VoxelConfig { refine: other, ..voxels() });
+}
+
+#[test]
+fn what_is_out_of_range_is_named() {
+    let wrong = VoxelConfig {
+        cells: 7,
+        prior: 1.0,
+        refine: RefineConfig {
+            depth: DepthKind::Estimated,
+            depth_loss: DepthLossKind::Plain,
+            reach: [1.5, 1.2],
+            stages: 0,
+            ..refine()
+        },
+        ..voxels()
+    };
+    let problems = MeshRcnn::check(&wrong).unwrap_err().join("; ");
+    for field in ["`cells`", "`prior`", "`depth-loss`", "`reach`", "`stages`"] {
+        assert!(problems.contains(field), "{field}: {problems}");
+    }
+}
+
+#[test]
+fn kinds_of_depth_are_read_from_texts_and_switches() {
+    let read = |text: &str| toml::from_str::<RefineConfig>(text).map(|config| config.depth);
+    assert_eq!(read("depth = true").unwrap(), DepthKind::True);
+    assert_eq!(read("depth = \"true\"").unwrap(), DepthKind::True);
+    assert_eq!(read("depth = false").unwrap(), DepthKind::None);
+    assert_eq!(read("depth = \"estimated\"").unwrap(), DepthKind::Estimated);
+    let error = read("depth = \"measured\"").unwrap_err().to_string();
+    assert!(error.contains("none, true or estimated"), "{error}");
+}
+
+/// A batch's terms by name, and the norm of each parameter's gradient.
+#[allow(clippy::type_complexity, reason = "two lists")]
+fn step<S: System<Sample = Scene, Data = Scenes>>(
+    system: &S,
+    config: &RefineConfig,
+    cells: usize,
+) -> (Vec<(&'static str, f32)>, Vec<(String, f32)>) {
+    let scenes = Scenes::synthetic(config, cells).unwrap();
+    let draw = |i: u64| Draw { seed: 1, epoch: 0, index: i, item: i as usize };
+    let batch: Vec<Scene> = (0..2).map(|i| system.draw(&scenes, &draw(i)).unwrap()).collect();
+    let tape = Tape::train(0);
+    let terms = system.loss(&tape, &batch, Moment { step: 3, epoch: 0 }).0;
+    let values = terms.iter().map(|term| (term.name, term.value.item())).collect();
+    let total = terms.iter().map(|term| term.value.scale(term.weight as f32));
+    let gradients = total.reduce(|a, b| a + b).unwrap().backward();
+    let mut norms = Vec::new();
+    system.visit("", &mut |path: &str, param: &Param| {
+        if param.trainable {
+            let gradient = gradients.slice_of(param).unwrap_or_default();
+            norms.push((path.to_owned(), gradient.iter().map(|g| g * g).sum::<f32>()));
+        }
+    });
+    (values, norms)
+}
+
+/// As stages begin: only what makes offsets has a gradient. With weights that are not zero everything learns.
+fn moved<S: System>(system: &mut S) {
+    system.visit_mut("", &mut |path: &str, param: &mut Param| {
+        if path.ends_with("vert_offset.weight") {
+            let values = param.as_slice_mut().iter_mut().enumerate();
+            values.for_each(|(i, x)| *x = 0.3 * ((i * 7 % 13) as f32 - 6.0) / 6.0);
+        }
+    });
+}
+
+#[test]
+fn every_parameter_learns() {
+    for kind in [DepthKind::None, DepthKind::True, DepthKind::Estimated] {
+        let config = RefineConfig { depth: kind, ..refine() };
+        let ours = SphereConfig { refine: config.clone(), ..sphere() };
+        let mut system = DepthPixel2Mesh::new(&ours, 3);
+        moved(&mut system);
+        let theirs = VoxelConfig { refine: config.clone(), ..voxels() };
+        let mut other = MeshRcnn::new(&theirs, 3);
+        moved(&mut other);
+        for (values, norms) in [step(&system, &config, 0), step(&other, &config, 8)] {
+            assert!(values.iter().all(|(_, v)| v.is_finite() && *v > 0.0), "{kind:?} {values:?}");
+            let names: Vec<&str> = values.iter().map(|(name, _)| *name).collect();
+            for name in ["chamfer", "edge", "normal", "depth", "color", "picture"] {
+                assert!(names.contains(&name), "{kind:?}: {name} of {names:?}");
+            }
+            for (path, norm) in norms {
+                assert!(norm > 0.0 && norm.is_finite(), "{kind:?}: {path} gets no gradient");
+            }
+        }
+    }
+}
+
+/// The system's mesh of a scene is what a mesh in the truth's place would be scored as: perfect.
+#[test]
+fn the_truth_scores_perfectly_and_a_grid_of_it_nearly() {
+    let scenes = Scenes::synthetic(&refine(), 24).unwrap();
+    let (object, scene) = scenes.trial(1, 0).unwrap();
+    let surface = scenes.mesh(object).unwrap();
+    let truth = scene.relief.frame.mesh_placed(surface.mesh.as_ref().unwrap());
+    let found = score::distances(&truth, &truth, 1.0);
+    assert_eq!((found.chamfer, found.f_scores[0], found.chamfer_p2m), (0.0, 1.0, 0.0));
+    let depth = score::depth_of(&truth, &scene).unwrap();
+    assert_eq!((depth.mean, depth.uncovered), (0.0, 0.0));
+    // Vertices of two parts at one place have two colours, and the nearest point has one.
+    let color = score::color_error(&truth, &scene).unwrap();
+    let grey = TriMesh { colors: Some(vec![[0.5; 3]; truth.positions.len()]), ..truth.clone() };
+    let other = score::color_error(&grey, &scene).unwrap();
+    assert!(color < 0.2 && color < 0.7 * other, "{color} {other}");
+    // The depth of the data is in front of the camera, and about where the middle is said to be.
+    let seen: Vec<f32> = scene.relief.depth.iter().copied().filter(|z| z.is_finite()).collect();
+    assert!(seen.len() > 60 && seen.iter().all(|z| (z - scene.relief.middle).abs() < 0.8));
+    // Moved by a tenth of a unit along the axis, depth says so.
+    let moved = truth.clone().translated([0.0, 0.0, -0.1]);
+    let depth = score::depth_of(&moved, &scene).unwrap();
+    assert!((0.05..0.2).contains(&depth.mean), "{}", depth.mean);
+
+    // The cells' own surface lies around the object.
+    let volume = scene.relief.volume(&scene.picture);
+    let values: Vec<f32> = scene.relief.cells.iter().map(|&o| f32::from(u8::from(o))).collect();
+    let bounds = mesh_core::CameraVolume::CUBE;
+    let grid = mesh_core::VoxelGrid::from_channels([24; 3], bounds, &values, 0.5);
+    let cells: TriMesh = volume.to_world(mesh_core::cubify(&grid, mesh_core::EmptyGrid::Nothing));
+    let found = score::distances(&cells, &truth, 1.0);
+    assert!(found.chamfer < 0.8 && found.f_scores[2] > 0.5, "{found:?}");
+}
+
+/// Where no cell is occupied there is still a mesh, by name: the central block.
+#[test]
+fn an_empty_grid_is_the_central_block() {
+    let scenes = Scenes::synthetic(&refine(), 8).unwrap();
+    let (_, scene) = scenes.trial(1, 0).unwrap();
+    let system = MeshRcnn::new(&voxels(), 0);
+    let (mesh, logits) = system.mesh_of(&scene);
+    assert_eq!(logits.len(), 512);
+    assert!(!system.beginning.occupied_cells(&logits).contains(&true));
+    // Four cells along each axis: the surface of 4³ has 98 corners.
+    assert_eq!((mesh.positions.len(), mesh.faces.len()), (98, 192));
+    assert!(mesh.positions.iter().all(|p| p[2] < 0.0) && mesh.colors.is_some());
+}
+
+/// Stages begin as the identity: the mesh is the sphere, subdivided; in the form that is not, it stays as it is.
+#[test]
+fn a_sphere_grows_from_stage_to_stage() {
+    let scenes = Scenes::synthetic(&refine(), 0).unwrap();
+    let (_, scene) = scenes.trial(1, 0).unwrap();
+    let counts = |subdivide: bool| -> Vec<usize> {
+        let config = SphereConfig { subdivide, ..sphere() };
+        let stages = DepthPixel2Mesh::new(&config, 0).stages_of(&scene);
+        stages.iter().map(|mesh| mesh.positions.len()).collect()
+    };
+    assert_eq!(counts(true), [12, 12, 42, 162]);
+    assert_eq!(counts(false), [12; 4]);
+}
+
+/// What is given of depth decides what the network sees of it, and nothing else of the data does.
+#[test]
+fn depth_channels_are_of_their_kind() {
+    let of = |depth: DepthKind, raw_depth: bool| {
+        let scenes = Scenes::synthetic(&RefineConfig { depth, raw_depth, ..refine() }, 0).unwrap();
+        scenes.trial(1, 0).unwrap().1
+    };
+    let (none, real) = (of(DepthKind::None, false), of(DepthKind::True, false));
+    let (guess, raw) = (of(DepthKind::Estimated, false), of(DepthKind::Estimated, true));
+    assert_eq!(none.picture.image, guess.picture.image);
+    assert_eq!(none.relief.depth, guess.relief.depth);
+    assert!(none.relief.channel.is_empty());
+    let object: Vec<bool> = none.picture.mask.iter().map(|&m| m > 127).collect();
+    let outside = |scene: &Scene| -> f32 {
+        let pairs = scene.relief.channel.iter().zip(&object);
+        pairs.filter(|(_, o)| !**o).map(|(c, _)| *c).fold(0.0, f32::max)
+    };
+    assert_eq!(outside(&guess), 0.0);
+    assert!(outside(&raw) > 0.1, "the floor is seen");
+    // Nearer is larger in both: they rise together.
+    let inside: Vec<usize> = (0..object.len())
+        .filter(|&p| real.relief.compared[p] && guess.relief.compared[p])
+        .collect();
+    let mean = |x: &[f32]| inside.iter().map(|&p| x[p]).sum::<f32>() / inside.len() as f32;
+    let (a, b) = (&real.relief.channel, &guess.relief.channel);
+    let (ma, mb) = (mean(a), mean(b));
+    let cov: f32 = inside.iter().map(|&p| (a[p] - ma) * (b[p] - mb)).sum();
+    assert!(inside.len() > 40 && cov > 0.0);
+}

@@ -1,0 +1,136 @@
+//! Mesh R-CNN's voxel branch: cells of what the camera sees, and the mesh around those that are occupied.
+
+use std::sync::Arc;
+
+use autodiff_lite::{Var, impl_module};
+use mesh_core::{CameraVolume, EmptyGrid, VoxelGrid, cubify};
+use ndarray::Array3;
+use nets::{Init, VoxelHead};
+
+use super::beginning::{Beginning, Begun};
+use super::config::{RefineConfig, VoxelConfig};
+use super::packed::{Packed, Shape};
+use super::scenes::Scene;
+
+/// The voxel head, and its probabilities made a mesh.
+///
+/// Where no cell is occupied, as in the first steps, the mesh is that of the central block
+/// ([`EmptyGrid::CentralBlock`]): there is always something to refine, and it gives the backbone a gradient. Which cells
+/// are occupied has no gradient; the head learns by its own loss.
+#[derive(Clone, Debug)]
+pub struct Voxels {
+    head: VoxelHead,
+    threshold: f32,
+}
+impl_module!(Voxels: f32 { head } fixed { threshold });
+
+impl Beginning for Voxels {
+    const NAME: &'static str = "mesh-rcnn";
+    const PRESETS: &'static [(&'static str, &'static str)] = &[
+        ("tiny", include_str!("../../presets/mesh-rcnn/tiny.toml")),
+        ("small", include_str!("../../presets/mesh-rcnn/small.toml")),
+        ("paper", include_str!("../../presets/mesh-rcnn/paper.toml")),
+        ("table", include_str!("../../presets/mesh-rcnn/table.toml")),
+    ];
+    const TRAINING: &'static str =
+        "`unsphere train mesh-rcnn -o runs/mine` trains one on procedural objects";
+
+    type Config = VoxelConfig;
+
+    fn refine(config: &VoxelConfig) -> &RefineConfig {
+        &config.refine
+    }
+
+    fn cells(config: &VoxelConfig) -> usize {
+        config.cells
+    }
+
+    fn voxel_weight(config: &VoxelConfig) -> f64 {
+        config.voxel_weight
+    }
+
+    fn check(config: &VoxelConfig) -> Vec<String> {
+        let mut problems = config.refine.check();
+        let mut require = |holds: bool, field: &str, found: String, what: &str| {
+            if !holds {
+                problems.push(format!("`{field}` is {found}, expected {what}"));
+            }
+        };
+        let sound = (4..=96).contains(&config.cells) && config.cells.is_multiple_of(2);
+        require(sound, "cells", config.cells.to_string(), "an even number, 4 to 96");
+        let hidden = config.voxel_hidden;
+        require((1..=2048).contains(&hidden), "voxel-hidden", hidden.to_string(), "1 to 2048");
+        let depth = config.voxel_convolutions;
+        require(depth <= 16, "voxel-convolutions", depth.to_string(), "0 to 16");
+        for (value, field) in [(config.threshold, "threshold"), (config.prior, "prior")] {
+            let sound = (0.001..=0.999).contains(&value);
+            require(sound, field, value.to_string(), "0.001 to 0.999");
+        }
+        let weight = config.voxel_weight;
+        let sound = weight > 0.0 && weight <= 1e9;
+        require(sound, "voxel-weight", weight.to_string(), "above 0 to 1e9");
+        problems
+    }
+
+    fn size(config: &VoxelConfig) -> (usize, Vec<(String, String)>) {
+        let (cells, hidden) = (config.cells, config.voxel_hidden);
+        let channels = config.refine.resnet().channels()[3];
+        let conv = |inputs: usize, area: usize, outputs: usize| outputs * (area * inputs + 1);
+        let mut total = 0;
+        let mut inputs = channels;
+        for _ in 0..config.voxel_convolutions {
+            total += conv(inputs, 9, hidden);
+            inputs = hidden;
+        }
+        total += 4 * inputs * hidden + hidden + conv(hidden, 1, cells);
+        let half = cells / 2;
+        let rows = vec![
+            ("(6) (5) bilinear interpolation".to_owned(), format!("{half} x {half} x {channels}")),
+            ("(7) (6) voxel branch".to_owned(), format!("{cells} x {cells} x {cells}")),
+            ("(8) (7) cubify".to_owned(), "V x 3, F x 3".to_owned()),
+        ];
+        (total, rows)
+    }
+
+    fn new(config: &VoxelConfig, init: &Init) -> Self {
+        let channels = config.refine.resnet().channels()[3];
+        let (hidden, depth) = (config.voxel_hidden, config.voxel_convolutions);
+        let mut head = VoxelHead::new(&init.at("head"), channels, hidden, depth, config.cells);
+        let bias = (config.prior / (1.0 - config.prior)).ln() as f32;
+        if let Some(param) = &mut head.predictor.bias {
+            param.as_slice_mut().fill(bias);
+        }
+        Self { head, threshold: config.threshold as f32 }
+    }
+
+    fn begin<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> Begun<'t> {
+        let tape = coarsest.tape();
+        let logits = tape.scope("voxels", || self.head.forward(coarsest));
+        let (value, cells) = (logits.value(), self.head.cells());
+        let value = value.as_slice().unwrap_or_default();
+        let (mut shapes, mut rows) = (Vec::new(), Vec::new());
+        for (scene, logits) in scenes.iter().zip(value.chunks_exact(cells.pow(3))) {
+            let occupied: Vec<f32> =
+                self.occupied_cells(logits).into_iter().map(|o| f32::from(u8::from(o))).collect();
+            let grid = VoxelGrid::from_channels([cells; 3], CameraVolume::CUBE, &occupied, 0.5);
+            let surface = cubify(&grid, EmptyGrid::CentralBlock);
+            let mesh = scene.relief.volume(&scene.picture).to_world(surface);
+            shapes.push(Arc::new(Shape::of(&mesh)));
+            rows.extend_from_slice(mesh.positions.as_flattened());
+        }
+        let packed = Packed::new(shapes);
+        let positions = Array3::from_shape_vec((1, packed.vertices(), 3), rows);
+        let positions = tape.constant(positions.expect("three coordinates a vertex"));
+        Begun { packed, positions, logits: Some(logits) }
+    }
+
+    fn occupied_cells(&self, logits: &[f32]) -> Vec<bool> {
+        // The logistic function rises: comparing logits is comparing probabilities.
+        let least = (self.threshold / (1.0 - self.threshold)).ln();
+        logits.iter().map(|&x| x >= least).collect()
+    }
+
+    fn divided(&self, _: usize) -> Option<Arc<Shape>> {
+        None
+    }
+}
