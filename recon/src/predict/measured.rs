@@ -86,3 +86,82 @@ fn fitted(depth: &DepthMap, view: &View) -> DepthMap {
     };
     DepthMap { height, width, data: (0..height * width).map(pixel).collect() }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use mesh_core::{ByteImage, Camera, Image, write_pfm};
+
+    use super::*;
+    use crate::depth::{DepthPixel2Mesh, MeshRcnn, SphereConfig};
+    use crate::img2mesh::Img2Mesh;
+
+    fn view() -> View {
+        let camera = Camera::from_r2n2(0.0, 27.5, 0.8, 8, 8);
+        let mask = ByteImage { data: vec![255; 64], ..ByteImage::new(8, 8, 1) };
+        View { name: "a".into(), color: ByteImage::new(8, 8, 3), mask, camera, depth: None }
+    }
+
+    fn file(folder: &Path, name: &str, value: impl Fn(usize) -> f32) -> std::path::PathBuf {
+        let path = folder.join(name);
+        let image = Image { height: 4, width: 4, channels: 1, data: (0..16).map(value).collect() };
+        write_pfm(&path, &image).unwrap();
+        path
+    }
+
+    /// Depth comes in the size of the picture; an estimate means the same in any scale and with any shift.
+    #[test]
+    fn depth_is_fitted_and_estimates_have_no_unit() {
+        let folder = tempfile::tempdir().unwrap();
+        let view = view();
+        let metric = file(folder.path(), "metric.pfm", |p| if p == 5 { 0.0 } else { p as f32 });
+        let depth = measured(&metric, &view).unwrap();
+        assert_eq!((depth.height, depth.width), (8, 8));
+        assert_eq!((depth.data[63], depth.data[2 * 8 + 2]), (15.0, f32::INFINITY));
+        let one = guessed(&file(folder.path(), "one.pfm", |p| p as f32), &view).unwrap();
+        let other =
+            guessed(&file(folder.path(), "two.pfm", |p| 7.5 * p as f32 - 30.0), &view).unwrap();
+        assert!(one.data.iter().zip(&other.data).all(|(a, b)| (a - b).abs() < 1e-4));
+        // Nearer is less deep, and the nearest is at 1.
+        assert!((one.data[63] - 1.0).abs() < 1e-6 && (one.data[0] - 10.0).abs() < 1e-4);
+        let flat = guessed(&file(folder.path(), "flat.pfm", |_| 3.0), &view).unwrap();
+        assert!(flat.data.iter().all(|z| z.is_finite() && *z > 0.0));
+    }
+
+    #[test]
+    fn a_picture_with_depth_becomes_a_mesh_and_without_it_a_message() {
+        let folder = tempfile::tempdir().unwrap();
+        let picture = folder.path().join("picture.png");
+        let data = (0..32 * 32).flat_map(|p| {
+            let inside = (8..24).contains(&(p % 32)) && (8..24).contains(&(p / 32));
+            [200, 90, 40, if inside { 255 } else { 0 }]
+        });
+        let image = ByteImage { height: 32, width: 32, channels: 4, data: data.collect() };
+        std::fs::write(&picture, mesh_core::encode_png(&image)).unwrap();
+        let depth = file(folder.path(), "depth.pfm", |_| 1.4);
+        let (_, text) = DepthPixel2Mesh::PRESETS[0];
+        let config: crate::train::Configuration<SphereConfig> = toml::from_str(text).unwrap();
+        let system = DepthPixel2Mesh::new(&config.system, 0);
+        let request = Request::new(&picture);
+        let material = system.gather(&request).unwrap();
+        let error = system.mesh(&material).unwrap_err();
+        assert!(error.contains("--depth"), "{error}");
+        let intrinsics = Some([60.0, 60.0, 16.0, 16.0]);
+        let given = Request { depth: Some(&depth), intrinsics, ..request.clone() };
+        let material = system.gather(&given).unwrap();
+        assert!(material.warnings.is_empty());
+        let mesh = system.mesh(&material).unwrap();
+        assert!(
+            mesh.colors.is_some() && mesh.positions.as_flattened().iter().all(|x| x.is_finite())
+        );
+        assert_eq!(system.sequence(&material).unwrap().len(), 4);
+        let wrong = Request { intrinsics: Some([0.0, 1.0, 2.0, 3.0]), ..given.clone() };
+        assert!(system.gather(&wrong).unwrap_err().to_string().contains("--intrinsics"));
+        // Systems that take no depth say so.
+        let (_, text) = Img2Mesh::PRESETS[0];
+        let config: crate::train::Configuration<_> = toml::from_str(text).unwrap();
+        let other = Img2Mesh::new(&config.system, 0);
+        let error = other.gather(&given).unwrap_err().to_string();
+        assert!(error.contains(MeshRcnn::NAME), "{error}");
+    }
+}
