@@ -58,8 +58,8 @@ pub struct RefineConfig {
     pub depth_trim: f64,
     /// Weight of the gradients of the difference at four scales, inside of the rendered-depth loss. Default 0.5.
     pub depth_gradients: f64,
-    /// What a pixel of the silhouette without any depth counts in the rendered-depth loss: the weight of one minus the
-    /// silhouettes' intersection over union, of a soft silhouette. Default 0.
+    /// What a pixel of the silhouette without any depth counts in the rendered-depth loss, through a silhouette that is
+    /// soft at its outline; compare with errors of depth, which are below half an object. Default 0.
     pub coverage: f64,
     /// Weight of the colours against those of the nearest true points, and of the rendered colours against the picture.
     /// Default 0.1.

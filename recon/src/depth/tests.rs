@@ -294,3 +294,59 @@ fn depth_channels_are_of_their_kind() {
     let cov: f32 = inside.iter().map(|&p| (a[p] - ma) * (b[p] - mb)).sum();
     assert!(inside.len() > 40 && cov > 0.0);
 }
+
+/// The truth costs nothing in any comparison; the truth as far again from the camera, seen just so, only where depth has
+/// a unit; and where nothing is compared there is neither a loss nor a gradient.
+#[test]
+fn rendered_depth_is_compared_as_it_says() {
+    use std::sync::Arc;
+
+    use DepthKind::{Estimated, True};
+    use DepthLossKind::{Aligned, Auto, Log, Plain, Trimmed};
+
+    use super::rendered::{Drawer, Wanted, depth_difference};
+
+    let of = |depth: DepthKind, depth_loss: DepthLossKind, times: f32, nothing: Option<f64>| {
+        // Nothing is compared, but coverage may count.
+        let coverage = nothing.unwrap_or(0.0);
+        let config = RefineConfig { depth, depth_loss, coverage, ..refine() };
+        let scenes = Scenes::synthetic(&config, 0).unwrap();
+        let (object, mut scene) = scenes.trial(1, 0).unwrap();
+        let surface = scenes.mesh(object).unwrap();
+        let truth = scene.relief.frame.mesh_placed(surface.mesh.as_ref().unwrap());
+        if nothing.is_some() {
+            let relief = Relief { compared: vec![false; 1024], ..(*scene.relief).clone() };
+            scene.relief = Arc::new(relief);
+        }
+        let packed = Packed::new(vec![Arc::new(Shape::of(&truth))]);
+        let tape = Tape::train(0);
+        let rows: Vec<f32> = truth.positions.as_flattened().iter().map(|x| times * x).collect();
+        let rows = ndarray::Array3::from_shape_vec((1, packed.vertices(), 3), rows).unwrap();
+        let positions = tape.leaf(rows);
+        let lens = ndarray::Array3::from_shape_vec((1, 3, 4), scene.picture.lens.to_vec()).unwrap();
+        let wanted = Wanted { silhouette: coverage > 0.0, colors: None };
+        let drawn = Drawer::default().draw(&packed, positions, tape.constant(lens), 32, wanted);
+        let loss = depth_difference(&drawn, &[&scene], &config);
+        let value = loss.item();
+        let gradients = loss.backward();
+        let slope =
+            gradients.wrt(positions).map_or(0.0, |g| g.iter().map(|x| x.abs()).sum::<f32>());
+        (value, slope)
+    };
+    for kind in [Aligned, Trimmed, Log, Plain] {
+        let (value, _) = of(True, kind, 1.0, None);
+        assert!(value.abs() < 1e-3, "{kind:?} of the truth: {value}");
+        let (value, slope) = of(True, kind, 2.0, None);
+        let has_unit = matches!(kind, Log | Plain);
+        assert_eq!(value > 0.1, has_unit, "{kind:?} twice as far: {value}");
+        assert!(slope > 0.0 && slope.is_finite());
+        assert_eq!(of(True, kind, 2.0, Some(0.0)), (0.0, 0.0), "{kind:?} of nothing");
+        // The truth covers its own silhouette but for pixels that its outline halves.
+        let (value, _) = of(True, kind, 1.0, Some(0.5));
+        assert!((0.0..0.02).contains(&value), "{kind:?} of nothing: {value}");
+    }
+    // An estimate is blurred at the outline: the truth fits it, not exactly. It is in units of its own spread.
+    let (value, _) = of(Estimated, Auto, 1.0, None);
+    assert!(value.is_finite() && value < 1.0, "{value}");
+    assert_eq!(of(Estimated, Auto, 1.0, Some(0.0)), (0.0, 0.0));
+}

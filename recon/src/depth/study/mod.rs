@@ -16,7 +16,7 @@ const TRUE: &str = "With true depth";
 const ESTIMATED: &str = "With estimated depth";
 
 /// Most Chamfer distance of the quick ones.
-const QUICK_MOST: [f64; 2] = [9.0, 9.0];
+const QUICK_MOST: [f64; 2] = [6.0, 10.0];
 /// What the issue asks for: RGB-D improves Pixel2Mesh, the loss lowers the depth error.
 const LEAST_GAIN: f64 = 0.15;
 const LEAST_DEPTH_GAIN: f64 = 0.25;
