@@ -39,6 +39,8 @@ mod score;
 mod shapes;
 mod size;
 mod study;
+#[cfg(test)]
+mod tests;
 mod texture;
 
 use std::sync::Arc;

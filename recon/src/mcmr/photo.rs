@@ -207,3 +207,105 @@ fn mirror(data: &mut [u8], side: usize) {
         }
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use mesh_core::primitives::icosphere;
+    use rand::SeedableRng;
+
+    use super::*;
+    use crate::synthetic::{RenderOptions, render_views};
+
+    /// An ellipsoid, symmetric in x, beside the middle of the picture.
+    fn photo() -> Photo {
+        let mesh = icosphere(3).scaled([0.3, 0.2, 0.5]).colored([0.9, 0.3, 0.1]);
+        let camera =
+            Camera::look_at([1.2, 0.6, 1.4], [0.1, 0.05, 0.0], [0.0, 1.0, 0.0], 0.7, 200, 160);
+        let views = render_views(&mesh, &[camera], &RenderOptions::default(), &|_, _| ()).unwrap();
+        Photo::new(&views[0], &Rough::Exact, 0).unwrap()
+    }
+
+    /// The outline of the ellipsoid's points under a pose: lowest and highest x and y.
+    fn outline(pose: Pose, lens: CommonLens) -> [f64; 4] {
+        let m = pose.projection(lens).map(f64::from);
+        let mut found = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
+        for p in icosphere(3).scaled([0.3, 0.2, 0.5]).positions {
+            let row = |k: usize| {
+                (0..3).map(|j| m[4 * k + j] * f64::from(p[j])).sum::<f64>() + m[4 * k + 3]
+            };
+            let (x, y) = (row(0) / row(2), row(1) / row(2));
+            found = [found[0].min(x), found[1].max(x), found[2].min(y), found[3].max(y)];
+        }
+        found
+    }
+
+    /// The mask's own outline, in NDC.
+    fn seen(mask: &[u8], side: usize) -> [f64; 4] {
+        let on = |k: &usize| mask[*k] > 127;
+        let all: Vec<usize> = (0..side * side).filter(on).collect();
+        let columns: Vec<usize> = all.iter().map(|k| k % side).collect();
+        let rows: Vec<usize> = all.iter().map(|k| k / side).collect();
+        let ndc = |edge: usize| 2.0 * edge as f64 / side as f64 - 1.0;
+        let [left, right] = [columns.iter().min(), columns.iter().max()].map(|c| *c.unwrap());
+        let [top, bottom] = [rows.iter().min(), rows.iter().max()].map(|r| *r.unwrap());
+        [ndc(left), ndc(right + 1), -ndc(bottom + 1), -ndc(top)]
+    }
+
+    /// However a crop is jittered and mirrored, the ellipsoid under its pose lies where its mask does.
+    #[test]
+    fn poses_go_with_their_crops() {
+        let photo = photo();
+        let config = McmrConfig { jitter: 0.2, focal: 3.0, distance: 2.0, ..McmrConfig::default() };
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut mirrored = 0;
+        for _ in 0..24 {
+            let sample = photo.random(&config, &mut rng);
+            mirrored += usize::from(sample.pose != sample.view);
+            // What the jitter cuts off ends at the border.
+            let found = outline(sample.view, lens_of(&config)).map(|x| x.clamp(-1.0, 1.0));
+            let expected = seen(&sample.mask, 64);
+            for (f, e) in found.iter().zip(expected) {
+                // The common lens bends a little otherwise than the camera.
+                assert!((f - e).abs() < 0.09, "{found:?} {expected:?}");
+            }
+            assert_eq!(sample.true_pose, sample.pose);
+        }
+        assert!(mirrored > 4 && mirrored < 20);
+    }
+
+    #[test]
+    fn a_crop_is_the_part_of_the_picture() {
+        let picture =
+            ByteImage { height: 4, width: 6, channels: 1, data: (0..24).map(|v| 10 * v).collect() };
+        assert_eq!(cut(&picture, [1.0, 1.0, 2.0], 2), [70, 80, 130, 140]);
+        // Half of the size: means of four. Beyond the border it is black.
+        assert_eq!(cut(&picture, [0.0, 0.0, 4.0], 2)[0], 35);
+        assert_eq!(cut(&picture, [-2.0, 0.0, 2.0], 2), [0; 4]);
+        let mut row = vec![1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12];
+        mirror(&mut row, 2);
+        assert_eq!(row, [4, 5, 6, 1, 2, 3, 10, 11, 12, 7, 8, 9]);
+    }
+
+    #[test]
+    fn noise_is_of_the_object_and_not_of_the_crop() {
+        let photo = photo();
+        let view = View {
+            name: "a".into(),
+            color: photo.color.clone(),
+            mask: photo.mask.clone(),
+            camera: photo.camera.clone(),
+            depth: None,
+        };
+        let noise = Rough::Noisy(PoseNoise::default(), 3);
+        let [a, b, c] =
+            [(0, 7), (1, 7), (2, 8)].map(|(_, k)| Photo::new(&view, &noise, k).unwrap());
+        assert_eq!(a.rough, b.rough);
+        assert_ne!(a.rough, c.rough);
+        assert_ne!(a.rough, a.camera);
+        let blank =
+            View { mask: ByteImage { data: vec![0; 200 * 160], ..view.mask.clone() }, ..view };
+        let error = Photo::new(&blank, &noise, 0).unwrap_err().to_string();
+        assert!(error.contains("mask"), "{error}");
+    }
+}

@@ -115,3 +115,77 @@ impl Pose {
         std::array::from_fn(|i| [rotation[(i, 0)], rotation[(i, 1)], rotation[(i, 2)], at[i]])
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const LENS: CommonLens = CommonLens { focal: 4.5, distance: 2.4 };
+
+    fn seen(matrix: [f32; 12], p: [f64; 3]) -> [f64; 3] {
+        let row = |k: usize| {
+            let m = &matrix[4 * k..4 * k + 4];
+            (0..3).map(|j| f64::from(m[j]) * p[j]).sum::<f64>() + f64::from(m[3])
+        };
+        [row(0) / row(2), row(1) / row(2), row(2)]
+    }
+
+    fn camera(eye: [f64; 3], at: [f64; 3], fov: f64) -> Camera {
+        Camera::look_at(eye, at, [0.0, 1.0, 0.0], fov, 80, 80)
+    }
+
+    proptest! {
+        /// A camera with the common lens that looks at the origin is a pose without loss.
+        #[test]
+        fn the_common_lens_loses_nothing(angle in -3.0f64..3.0, up in -1.2f64..1.2, scale in 0.5f64..2.0, p in prop::array::uniform3(-0.5f64..0.5)) {
+            let distance = LENS.distance / scale;
+            let eye = [angle.sin() * up.cos(), up.sin(), angle.cos() * up.cos()].map(|v| distance * v);
+            let camera = camera(eye, [0.0; 3], 2.0 * (1.0 / LENS.focal).atan());
+            let pose = Pose::of(&camera, LENS);
+            prop_assert!((pose.scale - scale).abs() < 1e-9, "{} {}", pose.scale, scale);
+            let found = seen(pose.projection(LENS), p);
+            let expected = camera.project(p);
+            prop_assert!((found[0] - (expected.column / 40.0 - 1.0)).abs() < 1e-5);
+            prop_assert!((found[1] - (1.0 - expected.row / 40.0)).abs() < 1e-5);
+        }
+
+        /// Mirrored object, mirrored pose: mirrored picture.
+        #[test]
+        fn a_flip_mirrors(angle in -3.0f64..3.0, shift in -0.3f64..0.3, p in prop::array::uniform3(-0.5f64..0.5)) {
+            let camera = camera([3.0 * angle.sin(), 0.8, 3.0 * angle.cos()], [shift, 0.1, 0.0], 0.7);
+            let pose = Pose::of(&camera, LENS);
+            let one = seen(pose.projection(LENS), p);
+            let other = seen(pose.flipped().projection(LENS), [-p[0], p[1], p[2]]);
+            prop_assert!((one[0] + other[0]).abs() < 1e-5 && (one[1] - other[1]).abs() < 1e-5);
+            prop_assert!((one[2] - other[2]).abs() < 1e-5);
+            prop_assert_eq!(pose.flipped().flipped(), pose);
+        }
+
+        /// Put into the world of its camera the object stands where it stood, up to its depth.
+        #[test]
+        fn back_in_the_world(angle in -3.0f64..3.0, shift in -0.3f64..0.3, fov in 0.4f64..1.0) {
+            let camera = camera([2.2 * angle.sin(), 0.5, 2.2 * angle.cos()], [shift, 0.1, 0.0], fov);
+            let rows = Pose::of(&camera, LENS).in_world(&camera, LENS);
+            for (i, row) in rows.iter().enumerate() {
+                for (k, v) in row.iter().enumerate() {
+                    let expected = f64::from(u8::from(i == k));
+                    prop_assert!((v - expected).abs() < 1e-9, "{rows:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn parallel_rays_have_a_size_too() {
+        let camera = Camera::from_weak_perspective(0.9, 0.1, -0.2, [1.0, 0.0, 0.0, 0.0], 64, 64);
+        let pose = Pose::of(&camera, LENS);
+        let far = CommonLens { focal: 4.5e4, distance: 2.4e4 };
+        let found = seen(Pose { ..pose }.projection(far), [0.3, 0.2, 0.1]);
+        let expected = camera.project([0.3, 0.2, 0.1]);
+        assert!((found[0] - (expected.column / 32.0 - 1.0)).abs() < 1e-3, "{found:?} {expected:?}");
+        assert!((found[1] - (1.0 - expected.row / 32.0)).abs() < 1e-3, "{found:?} {expected:?}");
+    }
+}

@@ -78,3 +78,27 @@ pub(super) fn first(config: &McmrConfig, seed: u64, template: &Template) -> Para
     let values = Array3::from_shape_vec((config.shapes, vertices, 3), values);
     Param::new(values.expect("three numbers for each vertex of each shape"))
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spheres_are_equal_or_not() {
+        let template = Template::new(1);
+        let equal = McmrConfig { shapes: 2, level: 1, ..McmrConfig::default() };
+        let shapes = first(&equal, 3, &template);
+        let (a, b) = shapes.as_slice().split_at(42 * 3);
+        assert_eq!(a, b);
+        let lengths =
+            a.as_chunks::<3>().0.iter().map(|p| p.iter().map(|x| x * x).sum::<f32>().sqrt());
+        assert!({ lengths }.all(|r| (r - 0.25).abs() < 1e-6));
+        let differ = first(&McmrConfig { perturb: 0.3, ..equal.clone() }, 3, &template);
+        let (c, d) = differ.as_slice().split_at(42 * 3);
+        assert_ne!(c, d);
+        // The first does not depend on how many there are.
+        let one = first(&McmrConfig { perturb: 0.3, shapes: 1, ..equal }, 3, &template);
+        assert_eq!(one.as_slice(), c);
+    }
+}

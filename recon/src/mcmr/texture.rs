@@ -102,3 +102,83 @@ impl Globe {
         mesh
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use autodiff_lite::Tape;
+    use autodiff_lite::testkit::{Options, check, function};
+    use diff_raster::sphere_texture;
+    use ndarray::Array4;
+
+    use super::*;
+
+    #[test]
+    fn gradients_of_closing() {
+        let f = function(|x| closed(x[0]));
+        let options = Options::default();
+        check(&f, &options.draw(&[vec![2, 3, 16, 2]]), &options).unwrap();
+    }
+
+    /// A ramp from left to right, whose ends are as different as can be, has no step at the back: no two columns differ
+    /// by more than the fade's share, and no two neighbours at the pole at all.
+    #[test]
+    fn there_is_no_seam_and_no_star() {
+        let image = Array4::from_shape_fn((1, 64, 64, 1), |(_, i, j, _)| ((i + j) as f32) / 126.0);
+        let tape = Tape::eval();
+        let around = closed(tape.constant(image)).value();
+        assert_eq!(around.shape(), [1, 66, 56, 1]);
+        let step =
+            |i: usize, j: usize| (around[[0, i, (j + 1) % 56, 0]] - around[[0, i, j, 0]]).abs();
+        let worst = (0..66).flat_map(|i| (0..56).map(move |j| (i, j))).map(|(i, j)| step(i, j));
+        // Nine steps share the difference of 56 columns.
+        assert!({ worst }.fold(0.0, f32::max) < 56.0 / 126.0 / 8.0 + 0.01);
+        assert!((0..56).all(|j| step(0, j) < 1e-6 && step(65, j) < 1e-6));
+    }
+
+    /// What a viewer shows of an exported face is what training saw, seam and poles included.
+    #[test]
+    fn an_exported_texture_shows_the_same() {
+        let tape = Tape::eval();
+        let image = Array4::from_shape_fn((1, 64, 64, 3), |(_, i, j, k)| {
+            0.5 + 0.4 * (0.1 * i as f32 + 0.07 * j as f32 + k as f32).sin()
+        });
+        let globe = closed(tape.constant(image));
+        let sphere = mesh_core::primitives::icosphere(2);
+        let mesh = Globe::of(globe, 0).on(sphere.clone(), &sphere.positions);
+        mesh.validate().unwrap();
+        let texture = mesh.texture.as_ref().unwrap();
+        let mut worst = 0.0_f32;
+        for (face, corners) in mesh.faces.iter().zip(&texture.faces) {
+            for b in [[0.6, 0.3, 0.1], [0.1, 0.1, 0.8], [0.5, 0.5, 0.0], [0.34, 0.33, 0.33]] {
+                let mix = |at: [[f32; 3]; 3]| -> [f32; 3] {
+                    std::array::from_fn(|k| (0..3).map(|c| b[c] * at[c][k]).sum())
+                };
+                let d = mix(face.map(|v| sphere.positions[v as usize]));
+                let expected = sphere_texture(tape.constant(ndarray::arr2(&[d])), globe).value();
+                let uv: [f32; 2] = std::array::from_fn(|k| {
+                    (0..3).map(|c| b[c] * texture.uvs[corners[c] as usize][k]).sum()
+                });
+                let found = bilinear(&texture.image, uv);
+                for k in 0..3 {
+                    worst = worst.max((found[k] - expected[[0, k]]).abs());
+                }
+            }
+        }
+        assert!(worst < 0.03, "{worst}");
+    }
+
+    fn bilinear(image: &Image, [u, v]: [f32; 2]) -> [f32; 3] {
+        let (x, y) = (u * image.width as f32 - 0.5, (1.0 - v) * image.height as f32 - 0.5);
+        let (j, i) = (x.floor(), y.floor());
+        let at = |i: f32, j: f32, k: usize| {
+            let row = (i as usize).min(image.height - 1);
+            let column = (j as usize).min(image.width - 1);
+            image.data[(row * image.width + column) * 3 + k]
+        };
+        std::array::from_fn(|k| {
+            let row = |i: f32| at(i, j, k) + (x - j) * (at(i, j + 1.0, k) - at(i, j, k));
+            row(i) + (y - i) * (row(i + 1.0) - row(i))
+        })
+    }
+}

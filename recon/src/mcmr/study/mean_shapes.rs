@@ -154,15 +154,15 @@ impl Study for MeanShapesStudy {
             let which = set.jobs.iter().position(|(job, _)| *job == id)?;
             Some(set.published[which])
         });
-        let row = with_figures(Row::new(TABLE, label), &scored, published);
-        let mut rows = vec![
-            took(row).showing(label, &trained.system.gallery(&data)?),
-            by_published_rule(Row::new(RULE, label), &scored),
-        ];
+        let row = took(with_figures(Row::new(TABLE, label), &scored, published))
+            .showing(label, &trained.system.gallery(&data)?);
+        let mut rows = vec![row, by_published_rule(Row::new(RULE, label), &scored)];
         if config.system.shapes > 1 {
             let pairs = trained.system.gallery_of_shapes(&data)?;
-            rows.extend(found(label, &data, &scored));
-            rows[0] = rows[0].clone().showing(format!("{label}: the mean shapes"), &pairs);
+            let mut all = found(label, &data, &scored);
+            all[0] =
+                std::mem::take(&mut all[0]).showing(format!("{label}: the mean shapes"), &pairs);
+            rows.extend(all);
         }
         if id == SETS[0].jobs[1].0 {
             for (kind, category) in data.categories().iter().enumerate() {

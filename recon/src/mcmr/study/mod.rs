@@ -116,3 +116,34 @@ fn animate(trained: &Trained<Mcmr>) {
     // It is an extra: a training whose folder cannot be written has failed before.
     let _ = crate::output::write_within(trained.run.path(), "mean-shapes.gif", &gif);
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use crate::reproduce::{Scale, Study};
+
+    #[test]
+    fn jobs_are_named_once_and_sound() {
+        let studies: [&dyn Study; 4] =
+            [&MeanShapesStudy, &SubdivisionStudy, &PascalStudy, &CubStudy];
+        for study in studies {
+            for scale in [Scale::Quick, Scale::Full] {
+                let mut jobs = study.jobs(scale);
+                let count = jobs.len();
+                assert!(study.settings(scale).lines().count() > count, "{}", study.name());
+                jobs.sort();
+                jobs.dedup();
+                assert_eq!(jobs.len(), count, "{}", study.name());
+            }
+        }
+    }
+
+    #[test]
+    fn a_figure_that_is_missing_has_no_value() {
+        let row = with_figures(Row::new("t", "l"), &Scored::default(), Some([0.5; 6]));
+        assert!(row.cells.iter().find(|cell| cell.column == "FID").unwrap().value.is_none());
+        assert_eq!(row.cells.len(), 13);
+        assert_eq!(with_figures(Row::new("t", "l"), &Scored::default(), None).cells.len(), 7);
+    }
+}

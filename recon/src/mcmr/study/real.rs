@@ -142,3 +142,35 @@ study!(
     "paper-cub",
     BIRDS
 );
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::reproduce::{Order, ReproduceError, reproduce};
+
+    /// From files in both layouts to a table; without files it says what is missing.
+    #[test]
+    fn real_layouts_are_trained_on_and_scored() {
+        let fixtures =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../datasets/tests/fixtures/photos");
+        let studies: [(&dyn Study, &str, &str); 2] =
+            [(&PascalStudy, "mcmr", PASCAL), (&CubStudy, "cub", CUB)];
+        for (study, folder, table) in studies {
+            let place = tempfile::tempdir().unwrap();
+            let data = fixtures.join(folder);
+            let order = Order { scale: Scale::Quick, data: Some(&data), ..Order::default() };
+            let made = reproduce(study, place.path(), &order, &mut |_| Flow::Continue).unwrap();
+            assert!(made.claims.iter().all(|claim| claim.holds), "{:?}", made.claims);
+            let rows = &made.tables.table(table).unwrap().rows;
+            assert_eq!(rows.len(), 2);
+            let order = Order { data: None, ..order };
+            let other = place.path().join("other");
+            let error = reproduce(study, &other, &order, &mut |_| Flow::Continue).unwrap_err();
+            assert!(matches!(&error, ReproduceError::Job { error: StudyError::Data(_), .. }));
+            assert!(error.to_string().contains("--data"), "{error}");
+        }
+    }
+}

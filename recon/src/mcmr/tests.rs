@@ -1,0 +1,330 @@
+//! What the system does as a whole.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::path::Path;
+
+use autodiff_lite::Param;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::*;
+use crate::fit::Flow;
+use crate::train::{Configuration, Event, Job, Outcome, Provenance, RunFolder, train};
+
+type Config = Configuration<McmrConfig>;
+
+fn preset(name: &str) -> Config {
+    let (_, text) = Mcmr::PRESETS.iter().find(|(other, _)| *other == name).unwrap();
+    toml::from_str(text).unwrap()
+}
+
+fn tiny() -> McmrConfig {
+    let Config { system, .. } = preset("tiny");
+    McmrConfig { objects: 2, test_objects: 1, ..system }
+}
+
+fn samples(config: &McmrConfig, data: &Data) -> Vec<<Mcmr as System>::Sample> {
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    data.trained()
+        .iter()
+        .map(|&object| {
+            (data.photo(object).unwrap().random(config, &mut rng), Arc::clone(data.judge()))
+        })
+        .collect()
+}
+
+const AT: Moment = Moment { step: 0, epoch: 0 };
+
+#[test]
+fn presets_are_in_range_and_parameters_are_counted() {
+    for (name, _) in Mcmr::PRESETS {
+        let config = preset(name);
+        assert_eq!(config.train.check(), Vec::<String>::new(), "{name}");
+        config.system.check().unwrap();
+        let again = crate::settings::to_toml(&config);
+        assert_eq!(toml::from_str::<Config>(&again).unwrap(), config, "{name}");
+    }
+    for config in [tiny(), McmrConfig { shapes: 5, image_size: 128, level: 2, ..tiny() }] {
+        let summary = config.check().unwrap();
+        let (mut trained, mut all) = (0, 0);
+        Mcmr::new(&config, 0).visit("", &mut |_: &str, param: &Param| {
+            all += param.len();
+            trained += if param.trainable { param.len() } else { 0 };
+        });
+        assert_eq!((trained, all), (summary.trainable, summary.trainable + summary.frozen));
+    }
+    let wrong =
+        McmrConfig { shapes: 0, image_size: 100, mask_weight: f64::NAN, hold_out: 1, ..tiny() };
+    let problems = wrong.check().unwrap_err().join("; ");
+    for field in ["`shapes`", "`image-size`", "`mask-weight`", "`hold-out`"] {
+        assert!(problems.contains(field), "{problems}");
+    }
+}
+
+/// The published weights, by the tables of the published configurations.
+#[test]
+fn both_sets_of_published_weights() {
+    let weights = |name: &str| {
+        let McmrConfig {
+            mask_weight,
+            camera_weight,
+            camera_length_weight,
+            deform_weight,
+            laplacian_weight,
+            laplacian_offsets_weight,
+            cotangent_weight,
+            percept_weight,
+            color_weight,
+            lightness_weight,
+            ..
+        } = preset(name).system;
+        [
+            mask_weight,
+            camera_weight,
+            camera_length_weight,
+            deform_weight,
+            laplacian_weight,
+            laplacian_offsets_weight,
+            cotangent_weight,
+            percept_weight,
+            color_weight,
+            lightness_weight,
+        ]
+    };
+    assert_eq!(weights("paper"), [100.0, 20.0, 0.1, 0.05, 6.0, 1.8, 0.0, 0.8, 0.03, 0.005]);
+    assert_eq!(weights("paper-cub"), [20.0, 2.0, 0.1, 0.005, 1.2, 0.18, 0.0, 3.2, 0.12, 0.02]);
+    // 162 vertices that become 642, four layers of 512, twice the code of the small one.
+    let paper = preset("paper").system.check().unwrap();
+    assert!(paper.shapes.iter().any(|(_, shape)| shape.contains("642, 3], 1280 faces")));
+    assert!((13_000_000..20_000_000).contains(&paper.trainable), "{}", paper.trainable);
+}
+
+#[test]
+fn every_parameter_gets_a_gradient() {
+    for renderer in [RendererKind::DibR, RendererKind::SoftRas] {
+        let config = McmrConfig {
+            renderer,
+            perturb: 0.3,
+            balance_weight: 1.0,
+            decision_weight: 0.1,
+            cotangent_weight: 0.1,
+            softras_sigma: 1e-3,
+            ..tiny()
+        };
+        let data = Data::synthetic(&config).unwrap();
+        let system = Mcmr::new(&config, 1);
+        let mut tape = Tape::train(3);
+        let terms = system.loss(&tape, &samples(&config, &data), AT);
+        assert_eq!(terms.0.len(), 12);
+        let sum = terms
+            .0
+            .iter()
+            .map(|t| t.value.reshape(&[]).scale(t.weight as f32))
+            .reduce(|a, b| a + b);
+        let gradients = sum.unwrap().backward();
+        system.visit("", &mut |path: &str, param: &Param| {
+            if param.trainable {
+                let gradient = gradients.of(param).unwrap_or_else(|| panic!("{path}: none"));
+                assert!(gradient.iter().all(|g| g.is_finite()), "{path}");
+                // Norms that follow one another leave some biases without a say.
+                let moved = gradient.iter().any(|&g| g != 0.0);
+                assert!(moved || path.ends_with("bias"), "{path}: zero");
+            }
+        });
+        drop(gradients);
+        drop(terms);
+        tape.reset();
+    }
+}
+
+/// Turning a prediction and its target over changes no term: the mesh is a sphere, which is symmetric.
+#[test]
+fn a_flip_of_the_prediction_mirrors_mask_and_camera_alike() {
+    let base = McmrConfig { flip: 0.0, jitter: 0.0, ..tiny() };
+    let data = Data::synthetic(&base).unwrap();
+    let system = Mcmr::new(&base, 1);
+    let masks = |prediction_flip: f64| {
+        let config = McmrConfig { prediction_flip, ..base.clone() };
+        let batch = samples(&config, &data);
+        let poses: Vec<Pose> = batch.iter().map(|(sample, _)| sample.view).collect();
+        let all: Vec<&Sample> = batch.iter().map(|(sample, _)| sample).collect();
+        let tape = Tape::eval();
+        let mut predicted = system.predicted(&tape, &all);
+        // Without offsets it is the sphere.
+        predicted.positions = predicted.positions - predicted.offsets;
+        let rendered = system.drawn(&tape, &predicted, &poses);
+        let mask: Vec<f32> = all[0].mask.iter().map(|&m| f32::from(m)).collect();
+        (rendered.mask[..64 * 64].to_vec(), mask, all[0].pose)
+    };
+    let ((plain, truth, pose), (flipped, other, same)) = (masks(0.0), masks(1.0));
+    assert_eq!(pose, same);
+    let mirrored = |mask: &[f32]| -> Vec<f32> {
+        mask.chunks(64).flat_map(|row| row.iter().rev().copied().collect::<Vec<_>>()).collect()
+    };
+    assert_eq!(mirrored(&truth), other);
+    let differ = mirrored(&plain).iter().zip(&flipped).filter(|(a, b)| a != b).count();
+    assert!(differ < 12, "{differ} pixels");
+    assert!(plain.iter().sum::<f32>() > 50.0);
+}
+
+fn run_in(folder: &Path, config: &Config, resume: bool, stop: u64) -> Outcome<Mcmr> {
+    let run = if resume { RunFolder::resume(folder) } else { RunFolder::create(folder, false) };
+    let run = run.unwrap();
+    let data = Data::synthetic(&config.system).unwrap();
+    let provenance = Provenance::default();
+    let job = Job { config, data: &data, run: &run, provenance: &provenance, resume };
+    train::<Mcmr>(&job, &mut |event| match event {
+        Event::Step(step) if step.step == stop => Flow::Stop,
+        _ => Flow::Continue,
+    })
+    .unwrap()
+}
+
+fn values(system: &Mcmr) -> Vec<(String, Vec<f32>)> {
+    let mut all = Vec::new();
+    system.visit("", &mut |path: &str, param: &Param| {
+        all.push((path.to_owned(), param.as_slice().to_vec()));
+    });
+    all
+}
+
+/// Stopped in the epoch before the meshes are subdivided and gone on with, a run ends with the bits of one
+/// that was not stopped; and carrying the moments over matters.
+#[test]
+fn a_checkpoint_resumes_across_the_subdivision() {
+    let place = tempfile::tempdir().unwrap();
+    let mut config = preset("tiny");
+    config.train.epochs = 3;
+    config.train.evaluate_every = 0;
+    config.system = McmrConfig { objects: 4, test_objects: 1, subdivide_at: 2, ..config.system };
+    let whole = run_in(&place.path().join("whole"), &config, false, u64::MAX);
+    let folder = place.path().join("parts");
+    let part = run_in(&folder, &config, false, 3);
+    assert!(part.interrupted && part.system.model.shapes.shape() == [2, 42, 3]);
+    let rest = run_in(&folder, &config, true, u64::MAX);
+    assert_eq!(rest.steps, whole.steps);
+    assert_eq!(rest.system.model.shapes.shape(), [2, 162, 3]);
+    assert_eq!(values(&rest.system), values(&whole.system));
+    // After it, too: the finer mesh is loaded into a system that has gone through the epochs.
+    let folder = place.path().join("after");
+    run_in(&folder, &config, false, 5);
+    let rest = run_in(&folder, &config, true, u64::MAX);
+    assert_eq!(values(&rest.system), values(&whole.system));
+    config.system.keep_moments = false;
+    let lost = run_in(&place.path().join("lost"), &config, false, u64::MAX);
+    assert_ne!(values(&lost.system), values(&whole.system));
+}
+
+/// A subdivision changes neither the surface nor what is drawn of it.
+#[test]
+fn a_subdivision_is_not_seen() {
+    let config = McmrConfig { subdivide_at: 1, hidden: 8, perturb: 0.3, ..tiny() };
+    let data = Data::synthetic(&config).unwrap();
+    let mut system = Mcmr::new(&config, 1);
+    let drawn = |system: &Mcmr| {
+        let sample = data.photo(0).unwrap().plain(&config);
+        let tape = Tape::eval();
+        let mut predicted = system.predicted(&tape, &[&sample]);
+        // The offsets of middles are not middles of offsets.
+        predicted.positions = predicted.positions - predicted.offsets;
+        let rendered = system.drawn(&tape, &predicted, &[sample.pose]);
+        let image: Vec<f32> = rendered.image.value().iter().copied().collect();
+        (rendered.mask, image)
+    };
+    let before = drawn(&system);
+    system.refine();
+    assert_eq!(system.mean_shapes()[0].positions.len(), 162);
+    let after = drawn(&system);
+    assert_eq!(before.0, after.0);
+    let worst = before.1.iter().zip(&after.1).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(worst < 1e-3, "{worst}");
+    assert!(before.0.iter().sum::<f32>() > 50.0);
+}
+
+/// A collection on disk has rough poses beside the true ones; what is made here has noise of its own.
+#[test]
+fn collections_on_disk_have_their_rough_poses() {
+    use crate::generate::{CameraSet, GenerateConfig, OutputLayout, generate, read_rough_poses};
+    use datasets::shapes::Family;
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("photos");
+    let collection = GenerateConfig {
+        families: vec![Family::Car],
+        objects: 3,
+        views: 1,
+        width: 64,
+        height: 48,
+        cameras: CameraSet::Collection,
+        layout: OutputLayout::Kaolin,
+        ..GenerateConfig::default()
+    };
+    generate(&collection, None, &folder, &|_, _| Flow::Continue).unwrap();
+    let options = datasets::ReadOptions::default();
+    let source = Source { path: Some(&folder), options: &options, seed: 0, progress: &|_, _| () };
+    let config = tiny();
+    let data = Data::open(&config, &source).unwrap();
+    let object = data.trained()[0];
+    let sample = data.photo(object).unwrap().plain(&config);
+    assert_ne!(sample.pose, sample.true_pose);
+    let poses = read_rough_poses(&folder.join("car/0000")).unwrap();
+    assert!(poses[0].camera != poses[0].rough);
+    assert!(data.truth(object).unwrap().is_some());
+    let made = Data::synthetic(&config).unwrap();
+    let other = made.photo(0).unwrap().plain(&config);
+    assert_ne!(other.pose, other.true_pose);
+    let exact = McmrConfig { pose_noise: [0.0; 3], ..config.clone() };
+    let exact_data = Data::synthetic(&exact).unwrap();
+    let exact_sample = exact_data.photo(0).unwrap().plain(&exact);
+    assert_eq!(exact_sample.image, other.image);
+    assert!((exact_sample.pose.scale - exact_sample.true_pose.scale).abs() < 1e-9);
+    assert_ne!(made.fingerprint(), exact_data.fingerprint());
+}
+
+/// The mesh that is delivered lies where the photograph's camera sees it as the prediction's own camera does.
+#[test]
+fn a_prediction_stands_in_the_world_of_its_photograph() {
+    use crate::synthetic::{Orbit, Procedural};
+    use datasets::Dataset as _;
+    let orbit = Orbit { count: 1, width: 96, height: 80, seed: 3, ..Procedural::orbit() };
+    let set = Procedural::new(&[datasets::shapes::Family::Car], 1, 0, orbit);
+    let view =
+        set.views(0, None, &datasets::ReadOptions::default(), &|_, _| ()).unwrap().views.remove(0);
+    let config = McmrConfig { perturb: 0.3, ..tiny() };
+    let found = Mcmr::new(&config, 1).predict(std::slice::from_ref(&view)).unwrap();
+    assert!((found.weights.iter().sum::<f32>() - 1.0).abs() < 1e-5);
+    let texture = found.mesh.texture.as_ref().unwrap();
+    assert_eq!(texture.faces.len(), found.mesh.faces.len());
+    let world = found.mesh_in_world();
+    world.validate().unwrap();
+    // The middle of the mesh's frame lands where the pose says, in the square around the object.
+    let photo = Photo::new(&view, &photo::Rough::Exact, 0).unwrap();
+    let [left, top, side] = photo.square(config.margin);
+    let middle = found.to_world.map(|row| row[3]);
+    let seen = view.camera.project(middle);
+    let [x, y] = found.pose.place;
+    assert!((seen.column - (left + (x + 1.0) / 2.0 * side)).abs() < 1e-6, "{seen:?}");
+    assert!((seen.row - (top + (1.0 - y) / 2.0 * side)).abs() < 1e-6, "{seen:?}");
+    assert!(seen.depth > 0.0);
+}
+
+#[test]
+fn purity_and_use_are_counted() {
+    let one = |kind: usize, weights: [f32; 2]| ScoredObject {
+        kind,
+        weights: weights.to_vec(),
+        ..ScoredObject::default()
+    };
+    let each = vec![one(0, [0.9, 0.1]), one(0, [0.8, 0.2]), one(1, [0.3, 0.7]), one(1, [0.6, 0.4])];
+    let scored = Scored { each, ..Scored::default() };
+    // Three of the first shape's, two of them of the first kind; the last one's only object is its own.
+    assert!((scored.purity() - 0.75).abs() < 1e-12);
+    assert!((scored.weights_of(1)[0] - 0.45).abs() < 1e-6);
+    let mean = [0.65_f64, 0.35];
+    let entropy: f64 = mean.iter().map(|w| -w * w.ln()).sum();
+    assert!((scored.shapes_in_use() - entropy.exp()).abs() < 1e-6);
+    let all = Scored { each: vec![one(0, [1.0, 0.0]); 3], ..Scored::default() };
+    assert_eq!((all.purity(), all.shapes_in_use()), (1.0, 1.0));
+    let names: Vec<String> = all.metrics().into_iter().map(|metric| metric.name).collect();
+    assert!(names.contains(&Mcmr::BEST.to_owned()) && !names.contains(&"fid".to_owned()));
+}
