@@ -162,7 +162,7 @@ mod tests {
         let at = |d: [f64; 3]| sphere_texture(tape.constant(ndarray::arr2(&[d])), image).item();
         let mut worst: f64 = 0.0;
         for k in 0..400 {
-            let (a, b) = (f64::from(k) * 0.31, f64::from(k) * 0.0157 - 3.14);
+            let (a, b) = (f64::from(k) * 0.31, f64::from(k) * 0.0157 - 3.1);
             let d = [b.sin() * a.sin(), b.cos(), b.sin() * a.cos()];
             worst = worst.max((at(d) - smooth(d)).abs());
         }

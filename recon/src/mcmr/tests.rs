@@ -303,7 +303,7 @@ fn a_prediction_stands_in_the_world_of_its_photograph() {
     let middle = found.to_world.map(|row| row[3]);
     let seen = view.camera.project(middle);
     let [x, y] = found.pose.place;
-    assert!((seen.column - (left + (x + 1.0) / 2.0 * side)).abs() < 1e-6, "{seen:?}");
+    assert!((seen.column - (left + f64::midpoint(x, 1.0) * side)).abs() < 1e-6, "{seen:?}");
     assert!((seen.row - (top + (1.0 - y) / 2.0 * side)).abs() < 1e-6, "{seen:?}");
     assert!(seen.depth > 0.0);
 }

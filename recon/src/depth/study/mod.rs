@@ -17,7 +17,7 @@ const ESTIMATED: &str = "With estimated depth";
 
 /// Most Chamfer distance of the quick ones.
 const QUICK_MOST: [f64; 2] = [6.0, 10.0];
-/// What the issue asks for: RGB-D improves Pixel2Mesh, the loss lowers the depth error.
+/// What depth should gain for Pixel2Mesh, and its loss in depth error.
 const LEAST_GAIN: f64 = 0.15;
 const LEAST_DEPTH_GAIN: f64 = 0.25;
 /// What "does not worsen" leaves to chance where there is one seed.
