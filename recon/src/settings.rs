@@ -111,6 +111,23 @@ fn parse(value: &str) -> Value {
         .unwrap_or_else(|| Value::String(value.to_owned()))
 }
 
+/// Each preset of a system is in range, and is the same when it was written and read.
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+pub(crate) fn assert_presets<S: crate::train::System>() {
+    for (name, text) in S::PRESETS {
+        let config: crate::train::Configuration<S::Config> = toml::from_str(text).unwrap();
+        assert_eq!(config.train.check(), Vec::<String>::new(), "{name}");
+        S::check(&config.system).unwrap();
+        let again = to_toml(&config);
+        assert_eq!(
+            toml::from_str::<crate::train::Configuration<S::Config>>(&again).unwrap(),
+            config,
+            "{name}"
+        );
+    }
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {

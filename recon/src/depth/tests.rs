@@ -48,20 +48,10 @@ fn voxels() -> VoxelConfig {
     }
 }
 
-fn presets<S: System>() {
-    for (name, text) in S::PRESETS {
-        let config: Configuration<S::Config> = toml::from_str(text).unwrap();
-        assert_eq!(config.train.check(), Vec::<String>::new(), "{name}");
-        S::check(&config.system).unwrap();
-        let again = crate::settings::to_toml(&config);
-        assert_eq!(toml::from_str::<Configuration<S::Config>>(&again).unwrap(), config, "{name}");
-    }
-}
-
 #[test]
 fn presets_are_in_range() {
-    presets::<DepthPixel2Mesh>();
-    presets::<MeshRcnn>();
+    crate::settings::assert_presets::<DepthPixel2Mesh>();
+    crate::settings::assert_presets::<MeshRcnn>();
 }
 
 /// The shapes of the poster's table, row by row.

@@ -6,7 +6,7 @@ use autodiff_lite::{Param, Tape};
 
 use super::*;
 use crate::paired::{Pairs, PairsConfig};
-use crate::train::{Configuration, Draw, Moment, System};
+use crate::train::{Draw, Moment, System};
 
 fn data() -> PairsConfig {
     PairsConfig {
@@ -38,20 +38,10 @@ fn stages() -> StagesConfig {
     StagesConfig { shared, blocks: 1, ..StagesConfig::default() }
 }
 
-fn presets<S: System>() {
-    for (name, text) in S::PRESETS {
-        let config: Configuration<S::Config> = toml::from_str(text).unwrap();
-        assert_eq!(config.train.check(), Vec::<String>::new(), "{name}");
-        S::check(&config.system).unwrap();
-        let again = crate::settings::to_toml(&config);
-        assert_eq!(toml::from_str::<Configuration<S::Config>>(&again).unwrap(), config, "{name}");
-    }
-}
-
 #[test]
 fn presets_are_in_range() {
-    presets::<OdePixel2Mesh>();
-    presets::<Pixel2Mesh>();
+    crate::settings::assert_presets::<OdePixel2Mesh>();
+    crate::settings::assert_presets::<Pixel2Mesh>();
 }
 
 #[test]

@@ -2,8 +2,10 @@
 
 use std::fmt::Write as _;
 
+use super::error::StudyError;
 use super::row::{Cell, Row};
-use super::work::Work;
+use super::work::{Tick, Trained, Work};
+use crate::fit::Flow;
 use crate::settings::{read_text, to_toml};
 use crate::train::{Configuration, DataError, Metric, Source, System};
 
@@ -48,6 +50,18 @@ pub(crate) fn open<S: System>(
     let source =
         Source { path: work.data, options: &options, seed: work.seed, progress: &|_, _| () };
     S::open(&config.system, &source)
+}
+
+/// Opens a job's data and trains its system, as far as scoring.
+pub(crate) fn train_job<S: System>(
+    config: &Configuration<S::Config>,
+    work: &Work<'_>,
+    watch: &mut dyn FnMut(Tick) -> Flow,
+) -> Result<(S::Data, Trained<S>), StudyError> {
+    let data = open::<S>(work, config)?;
+    let trained = work.train::<S>(config, &data, watch)?;
+    work.tell(watch, 1.0, "scoring")?;
+    Ok((data, trained))
 }
 
 /// A row with all of these scores.

@@ -8,7 +8,7 @@ use super::refined::Refined;
 use super::score::Score;
 use super::{DepthPixel2Mesh, MeshRcnn, Sphere, Voxels};
 use crate::fit::Flow;
-use crate::reproduce::preset::{Change, Planned, open, planned, preset, settings};
+use crate::reproduce::preset::{Change, Planned, planned, preset, settings, train_job};
 use crate::reproduce::{Cell, Claim, Picture, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 /// The names of the tables.
@@ -267,9 +267,7 @@ fn rows<B: Beginning>(
     watch: &mut dyn FnMut(Tick) -> Flow,
 ) -> Result<Vec<Row>, StudyError> {
     let variant = VARIANTS.iter().find(|other| other.id == variant).expect("one of them");
-    let data = open::<Refined<B>>(work, &config)?;
-    let trained = work.train::<Refined<B>>(&config, &data, watch)?;
-    work.tell(watch, 1.0, "scoring")?;
+    let (data, trained) = train_job::<Refined<B>>(&config, work, watch)?;
     let mean = trained.system.scored(&data)?.mean();
     let (prefix, name, published) = SYSTEMS[system];
     let refine: &RefineConfig = B::refine(&config.system);

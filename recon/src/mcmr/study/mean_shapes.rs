@@ -6,7 +6,7 @@ use super::{
 };
 use crate::fit::Flow;
 use crate::mcmr::{Data, Mcmr, Scored};
-use crate::reproduce::preset::{Change, Planned, open, planned, preset, settings};
+use crate::reproduce::preset::{Change, Planned, planned, preset, settings, train_job};
 use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 /// The names of the tables.
@@ -140,9 +140,7 @@ impl Study for MeanShapesStudy {
         watch: &mut dyn FnMut(Tick) -> Flow,
     ) -> Result<Vec<Row>, StudyError> {
         let (id, label, config) = planned::<Mcmr>(jobs(work.scale), work);
-        let data = open::<Mcmr>(work, &config)?;
-        let trained = work.train::<Mcmr>(&config, &data, watch)?;
-        work.tell(watch, 1.0, "scoring")?;
+        let (data, trained) = train_job::<Mcmr>(&config, work, watch)?;
         let scored = trained.system.scored(&data)?;
         animate(&trained);
         let took = |row: Row| row.took(trained.seconds);

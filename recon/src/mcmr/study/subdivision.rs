@@ -3,7 +3,7 @@
 use super::{ABOUT, MASK, Published, QUICK, with_figures};
 use crate::fit::Flow;
 use crate::mcmr::Mcmr;
-use crate::reproduce::preset::{Change, Planned, open, planned, preset, settings};
+use crate::reproduce::preset::{Change, Planned, planned, preset, settings, train_job};
 use crate::reproduce::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 /// The name of the table.
@@ -89,9 +89,7 @@ impl Study for SubdivisionStudy {
         watch: &mut dyn FnMut(Tick) -> Flow,
     ) -> Result<Vec<Row>, StudyError> {
         let (_, label, config) = planned::<Mcmr>(jobs(work.scale), work);
-        let data = open::<Mcmr>(work, &config)?;
-        let trained = work.train::<Mcmr>(&config, &data, watch)?;
-        work.tell(watch, 1.0, "scoring")?;
+        let (data, trained) = train_job::<Mcmr>(&config, work, watch)?;
         let scored = trained.system.scored(&data)?;
         let row = with_figures(Row::new(TABLE, label), &scored, published(label));
         Ok(vec![row.took(trained.seconds).showing(label, &trained.system.gallery(&data)?)])

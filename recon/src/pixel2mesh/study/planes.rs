@@ -6,7 +6,7 @@ use crate::paired::Pairs;
 use crate::pixel2mesh::{
     Continuous, Deformer, OdePixel2Mesh, Pixel2Mesh, Scored, SingleView, Staged,
 };
-use crate::reproduce::preset::{Change, Planned, open, planned, preset, settings};
+use crate::reproduce::preset::{Change, Planned, planned, preset, settings, train_job};
 use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 /// The names of the tables.
@@ -129,9 +129,7 @@ fn rows<D: Deformer>(
     work: &Work<'_>,
     watch: &mut dyn FnMut(Tick) -> Flow,
 ) -> Result<Vec<Row>, StudyError> {
-    let data = open::<SingleView<D>>(work, &config)?;
-    let trained = work.train::<SingleView<D>>(&config, &data, watch)?;
-    work.tell(watch, 1.0, "scoring")?;
+    let (data, trained) = train_job::<SingleView<D>>(&config, work, watch)?;
     let scored = trained.system.scored(&data)?;
     let (parameters, _) = D::size(&config.system);
     let mut rows = Vec::new();

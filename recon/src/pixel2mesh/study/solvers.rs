@@ -4,7 +4,7 @@ use super::integrated::{FINER, adaptively, finer};
 use super::{COLUMNS, QUICK, with_scores};
 use crate::fit::Flow;
 use crate::pixel2mesh::OdePixel2Mesh;
-use crate::reproduce::preset::{Change, Planned, open, planned, preset, settings};
+use crate::reproduce::preset::{Change, Planned, planned, preset, settings, train_job};
 use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 /// The names of the tables.
@@ -132,9 +132,7 @@ impl Study for SolversStudy {
         watch: &mut dyn FnMut(Tick) -> Flow,
     ) -> Result<Vec<Row>, StudyError> {
         let (_, label, config) = planned::<OdePixel2Mesh>(jobs(work.scale), work);
-        let data = open::<OdePixel2Mesh>(work, &config)?;
-        let trained = work.train::<OdePixel2Mesh>(&config, &data, watch)?;
-        work.tell(watch, 1.0, "scoring")?;
+        let (data, trained) = train_job::<OdePixel2Mesh>(&config, work, watch)?;
         let system = trained.system;
         let scored = system.scored(&data)?;
         if REPAIRS.iter().any(|(_, other, _)| *other == label) {
