@@ -37,20 +37,16 @@ pub struct Statistics<'a, F> {
     pub inverse: &'a [F],
 }
 
+/// Adds `Σ (x - from)` and `Σ (x - from)²` of each channel, the second half of `sums` being the second.
 #[inline(always)]
-fn squares_body<F: Real>(x: &[F], mean: &[F], sums: &mut [F]) {
-    for row in x.chunks_exact(mean.len()) {
-        for ((sum, &x), &mean) in sums.iter_mut().zip(row).zip(mean) {
-            *sum += (x - mean) * (x - mean);
-        }
-    }
-}
-
-#[inline(always)]
-fn sums_body<F: Real>(x: &[F], sums: &mut [F]) {
-    for row in x.chunks_exact(sums.len()) {
-        for (sum, &x) in sums.iter_mut().zip(row) {
-            *sum += x;
+fn spread_body<F: Real>(x: &[F], from: &[F], sums: &mut [F]) {
+    let c = from.len();
+    let (plain, squares) = sums.split_at_mut(c);
+    for x in x.chunks_exact(c) {
+        for i in 0..c {
+            let far = x[i] - from[i];
+            plain[i] += far;
+            squares[i] += far * far;
         }
     }
 }
@@ -74,60 +70,118 @@ fn apply_body<F: Real>(x: &[F], scale: &[F], shift: &[F], activation: Activation
     }
 }
 
+/// What precedes a ReLU, `x scale + shift`: where it is not positive, no gradient comes back.
+#[derive(Clone, Copy)]
+struct Line<'a, F> {
+    scale: &'a [F],
+    shift: &'a [F],
+}
+
 /// Adds `Σ g` and `Σ g x̂` of each channel, the second half of `sums` being the second.
 #[inline(always)]
-fn moments_body<F: Real>(x: &[F], g: &[F], mean: &[F], inverse: &[F], sums: &mut [F]) {
+fn moments_body<F: Real>(
+    x: &[F],
+    g: &[F],
+    relu: Option<Line<'_, F>>,
+    mean: &[F],
+    inverse: &[F],
+    sums: &mut [F],
+) {
     let c = mean.len();
     let (plain, weighted) = sums.split_at_mut(c);
-    for (x, g) in x.chunks_exact(c).zip(g.chunks_exact(c)) {
-        for i in 0..c {
-            plain[i] += g[i];
-            weighted[i] += g[i] * (x[i] - mean[i]) * inverse[i];
+    let rows = x.chunks_exact(c).zip(g.chunks_exact(c));
+    if let Some(Line { scale, shift }) = relu {
+        let (scale, shift) = (&scale[..c], &shift[..c]);
+        for (x, g) in rows {
+            for i in 0..c {
+                let g = if x[i] * scale[i] + shift[i] > F::zero() { g[i] } else { F::zero() };
+                plain[i] += g;
+                weighted[i] += g * (x[i] - mean[i]) * inverse[i];
+            }
+        }
+    } else {
+        for (x, g) in rows {
+            for i in 0..c {
+                plain[i] += g[i];
+                weighted[i] += g[i] * (x[i] - mean[i]) * inverse[i];
+            }
         }
     }
 }
 
 /// `g` becomes `a g - b - x̂ c`, each of `a`, `b`, `c` per channel.
 #[inline(always)]
-fn centre_body<F: Real>(x: &[F], a: &[F], b: &[F], c: &[F], g: &mut [F]) {
+fn centre_body<F: Real>(
+    x: &[F],
+    relu: Option<Line<'_, F>>,
+    a: &[F],
+    b: &[F],
+    c: &[F],
+    g: &mut [F],
+) {
     let n = a.len();
-    for (x, g) in x.chunks_exact(n).zip(g.chunks_exact_mut(n)) {
-        for i in 0..n {
-            g[i] = g[i] * a[i] - b[i] - x[i] * c[i];
+    let rows = x.chunks_exact(n).zip(g.chunks_exact_mut(n));
+    if let Some(Line { scale, shift }) = relu {
+        let (scale, shift) = (&scale[..n], &shift[..n]);
+        for (x, g) in rows {
+            for i in 0..n {
+                let own = if x[i] * scale[i] + shift[i] > F::zero() { g[i] } else { F::zero() };
+                g[i] = own * a[i] - b[i] - x[i] * c[i];
+            }
+        }
+    } else {
+        for (x, g) in rows {
+            for i in 0..n {
+                g[i] = g[i] * a[i] - b[i] - x[i] * c[i];
+            }
         }
     }
 }
 
-clones!(fn add_squares[F: Real](x: &[F], mean: &[F], sums: &mut [F]) = squares_body);
-clones!(fn add_sums[F: Real](x: &[F], sums: &mut [F]) = sums_body);
+clones!(fn add_spread[F: Real](x: &[F], from: &[F], sums: &mut [F]) = spread_body);
 clones!(fn apply_rows[F: Real](x: &[F], scale: &[F], shift: &[F], activation: Activation, y: &mut [F]) = apply_body);
-clones!(fn add_moments[F: Real](x: &[F], g: &[F], mean: &[F], inverse: &[F], sums: &mut [F]) = moments_body);
-clones!(fn centre_rows[F: Real](x: &[F], a: &[F], b: &[F], c: &[F], g: &mut [F]) = centre_body);
+clones!(fn add_moments[F: Real](x: &[F], g: &[F], relu: Option<Line<'_, F>>, mean: &[F], inverse: &[F], sums: &mut [F]) = moments_body);
+clones!(fn centre_rows[F: Real](x: &[F], relu: Option<Line<'_, F>>, a: &[F], b: &[F], c: &[F], g: &mut [F]) = centre_body);
 
-/// Mean and biased variance of each set and group, in two passes.
+/// Rows whose mean distances are taken from: near enough to the mean that squares of what is left do not drown it.
+const SAMPLED: usize = 16;
+
+/// Mean and biased variance of each set and group, in one pass: those of each channel from sums about a mean of a few
+/// rows, then those of the groups (Chan, Golub and LeVeque 1979, *Updating formulae and a pairwise algorithm for computing
+/// sample variances*).
 ///
 /// # Panics
 /// If a length does not fit.
 pub fn statistics<F: Real>(s: NormSizes, x: &[F], mean: &mut [F], variance: &mut [F]) {
     let (c, width) = (s.channels, s.channels / s.groups);
     assert_eq!(x.len(), s.sets * s.rows * c);
-    let count = F::from_f64(1.0 / s.population().max(1) as f64);
-    let (mut sums, mut means) = (vec![F::zero(); c], vec![F::zero(); c]);
+    let of = |count: usize| F::from_f64(1.0 / count.max(1) as f64);
+    let (mut from, mut sums) = (vec![F::zero(); c], vec![F::zero(); 2 * c]);
     for set in 0..s.sets {
         let x = &x[set * s.rows * c..(set + 1) * s.rows * c];
-        let group = set * s.groups..(set + 1) * s.groups;
-        fold_rows(s.rows, c, 1, &mut sums, |r, sums| add_sums(&x[r.start * c..r.end * c], sums));
-        for (mean, sums) in mean[group.clone()].iter_mut().zip(sums.chunks_exact(width)) {
-            *mean = sums.iter().copied().sum::<F>() * count;
-        }
-        for (mean, means) in mean[group.clone()].iter().zip(means.chunks_exact_mut(width)) {
-            means.fill(*mean);
+        from.fill(F::zero());
+        let sampled = SAMPLED.min(s.rows);
+        for k in 0..sampled {
+            let row = &x[k * s.rows / sampled * c..][..c];
+            from.iter_mut().zip(row).for_each(|(from, &x)| *from += x * of(sampled));
         }
         fold_rows(s.rows, c, 1, &mut sums, |r, sums| {
-            add_squares(&x[r.start * c..r.end * c], &means, sums);
+            add_spread(&x[r.start * c..r.end * c], &from, sums);
         });
-        for (variance, sums) in variance[group].iter_mut().zip(sums.chunks_exact(width)) {
-            *variance = sums.iter().copied().sum::<F>() * count;
+        let (plain, squares) = sums.split_at_mut(c);
+        for i in 0..c {
+            // From here the mean of the channel, and the squares about it.
+            let far = plain[i] * of(s.rows);
+            squares[i] = (squares[i] - plain[i] * far).max(F::zero());
+            plain[i] = from[i] + far;
+        }
+        let channels = plain.chunks_exact(width).zip(squares.chunks_exact(width));
+        for ((means, squares), group) in channels.zip(set * s.groups..) {
+            let own = means.iter().copied().sum::<F>() * of(width);
+            let between = means.iter().map(|&m| (m - own) * (m - own)).sum::<F>();
+            let within = squares.iter().copied().sum::<F>();
+            mean[group] = own;
+            variance[group] = within * of(s.population()) + between * of(width);
         }
     }
 }
@@ -162,8 +216,8 @@ pub fn normalize<F: Real>(
     }
 }
 
-/// Turns the gradient `g` of the normalised, scaled and shifted output into that of `x`, in
-/// place, and adds those of weight and bias.
+/// Turns the gradient `g` of the normalised, scaled and shifted output into that of `x`, in place, and adds those of weight
+/// and bias. With `relu` `g` is that of what a ReLU made of this output.
 ///
 /// # Panics
 /// If a length does not fit.
@@ -171,7 +225,8 @@ pub fn normalize_grad<F: Real>(
     s: NormSizes,
     x: &[F],
     statistics: &Statistics<'_, F>,
-    weight: &[F],
+    [weight, bias]: [&[F]; 2],
+    relu: bool,
     g: &mut [F],
     [grad_weight, grad_bias]: [&mut [F]; 2],
 ) {
@@ -180,17 +235,22 @@ pub fn normalize_grad<F: Real>(
     let mut sums = vec![F::zero(); 2 * c];
     let [mut mean, mut inverse] = [vec![F::zero(); c], vec![F::zero(); c]];
     let [mut first, mut second, mut third] = [(); 3].map(|()| vec![F::zero(); c]);
+    let [mut scale, mut shift] = [(); 2].map(|()| vec![F::zero(); c]);
     for set in 0..s.sets {
         for i in 0..c {
             let group = set * s.groups + i / width;
             (mean[i], inverse[i]) = (statistics.mean[group], statistics.inverse[group]);
+            // To the bit as in [`normalize`].
+            scale[i] = inverse[i] * weight[i];
+            shift[i] = bias[i] - mean[i] * scale[i];
         }
+        let relu = relu.then_some(Line { scale: &scale, shift: &shift });
         let range = set * s.rows * c..(set + 1) * s.rows * c;
         let (x, g) = (&x[range.clone()], &mut g[range]);
         let shared = &*g;
         fold_rows(s.rows, c, 2, &mut sums, |r, sums| {
             let r = r.start * c..r.end * c;
-            add_moments(&x[r.clone()], &shared[r], &mean, &inverse, sums);
+            add_moments(&x[r.clone()], &shared[r], relu, &mean, &inverse, sums);
         });
         for i in 0..c {
             grad_bias[i] += sums[i];
@@ -213,7 +273,7 @@ pub fn normalize_grad<F: Real>(
         let chunk = (16 * 1024 / c.max(1)).max(1) * c;
         let parallel = x.len() >= SERIAL_ELEMENTS;
         for_each_part(g, chunk, parallel, |i, g| {
-            centre_rows(&x[i * chunk..][..g.len()], &first, &second, &third, g);
+            centre_rows(&x[i * chunk..][..g.len()], relu, &first, &second, &third, g);
         });
     }
 }
