@@ -70,78 +70,67 @@ fn apply_body<F: Real>(x: &[F], scale: &[F], shift: &[F], activation: Activation
     }
 }
 
-/// What precedes a ReLU, `x scale + shift`: where it is not positive, no gradient comes back.
+/// What the output was before its activation: `x scale + shift`.
 #[derive(Clone, Copy)]
 struct Line<'a, F> {
     scale: &'a [F],
     shift: &'a [F],
 }
 
+/// The gradient `g` behind a ReLU, if there is one: none comes back where `before` is not positive.
+#[inline(always)]
+fn behind<F: Real, const RELU: bool>(g: F, before: F) -> F {
+    if !RELU || before > F::zero() { g } else { F::zero() }
+}
+
 /// Adds `Σ g` and `Σ g x̂` of each channel, the second half of `sums` being the second.
 #[inline(always)]
-fn moments_body<F: Real>(
+fn moments_body<F: Real, const RELU: bool>(
     x: &[F],
     g: &[F],
-    relu: Option<Line<'_, F>>,
+    line: Line<'_, F>,
     mean: &[F],
     inverse: &[F],
     sums: &mut [F],
 ) {
     let c = mean.len();
     let (plain, weighted) = sums.split_at_mut(c);
-    let rows = x.chunks_exact(c).zip(g.chunks_exact(c));
-    if let Some(Line { scale, shift }) = relu {
-        let (scale, shift) = (&scale[..c], &shift[..c]);
-        for (x, g) in rows {
-            for i in 0..c {
-                let g = if x[i] * scale[i] + shift[i] > F::zero() { g[i] } else { F::zero() };
-                plain[i] += g;
-                weighted[i] += g * (x[i] - mean[i]) * inverse[i];
-            }
-        }
-    } else {
-        for (x, g) in rows {
-            for i in 0..c {
-                plain[i] += g[i];
-                weighted[i] += g[i] * (x[i] - mean[i]) * inverse[i];
-            }
+    let (scale, shift) = (&line.scale[..c], &line.shift[..c]);
+    for (x, g) in x.chunks_exact(c).zip(g.chunks_exact(c)) {
+        for i in 0..c {
+            let g = behind::<F, RELU>(g[i], x[i] * scale[i] + shift[i]);
+            plain[i] += g;
+            weighted[i] += g * (x[i] - mean[i]) * inverse[i];
         }
     }
 }
 
-/// `g` becomes `a g - b - x̂ c`, each of `a`, `b`, `c` per channel.
+/// `g` becomes `a g - b - x c`, each of `a`, `b`, `c` per channel.
 #[inline(always)]
-fn centre_body<F: Real>(
+fn centre_body<F: Real, const RELU: bool>(
     x: &[F],
-    relu: Option<Line<'_, F>>,
+    line: Line<'_, F>,
     a: &[F],
     b: &[F],
     c: &[F],
     g: &mut [F],
 ) {
     let n = a.len();
-    let rows = x.chunks_exact(n).zip(g.chunks_exact_mut(n));
-    if let Some(Line { scale, shift }) = relu {
-        let (scale, shift) = (&scale[..n], &shift[..n]);
-        for (x, g) in rows {
-            for i in 0..n {
-                let own = if x[i] * scale[i] + shift[i] > F::zero() { g[i] } else { F::zero() };
-                g[i] = own * a[i] - b[i] - x[i] * c[i];
-            }
-        }
-    } else {
-        for (x, g) in rows {
-            for i in 0..n {
-                g[i] = g[i] * a[i] - b[i] - x[i] * c[i];
-            }
+    let (scale, shift) = (&line.scale[..n], &line.shift[..n]);
+    for (x, g) in x.chunks_exact(n).zip(g.chunks_exact_mut(n)) {
+        for i in 0..n {
+            let own = behind::<F, RELU>(g[i], x[i] * scale[i] + shift[i]);
+            g[i] = own * a[i] - b[i] - x[i] * c[i];
         }
     }
 }
 
 clones!(fn add_spread[F: Real](x: &[F], from: &[F], sums: &mut [F]) = spread_body);
 clones!(fn apply_rows[F: Real](x: &[F], scale: &[F], shift: &[F], activation: Activation, y: &mut [F]) = apply_body);
-clones!(fn add_moments[F: Real](x: &[F], g: &[F], relu: Option<Line<'_, F>>, mean: &[F], inverse: &[F], sums: &mut [F]) = moments_body);
-clones!(fn centre_rows[F: Real](x: &[F], relu: Option<Line<'_, F>>, a: &[F], b: &[F], c: &[F], g: &mut [F]) = centre_body);
+clones!(fn add_moments[F: Real](x: &[F], g: &[F], line: Line<'_, F>, mean: &[F], inverse: &[F], sums: &mut [F]) = moments_body::<F, false>);
+clones!(fn add_moments_behind_relu[F: Real](x: &[F], g: &[F], line: Line<'_, F>, mean: &[F], inverse: &[F], sums: &mut [F]) = moments_body::<F, true>);
+clones!(fn centre_rows[F: Real](x: &[F], line: Line<'_, F>, a: &[F], b: &[F], c: &[F], g: &mut [F]) = centre_body::<F, false>);
+clones!(fn centre_rows_behind_relu[F: Real](x: &[F], line: Line<'_, F>, a: &[F], b: &[F], c: &[F], g: &mut [F]) = centre_body::<F, true>);
 
 /// Rows whose mean distances are taken from: near enough to the mean that squares of what is left do not drown it.
 const SAMPLED: usize = 16;
@@ -161,9 +150,10 @@ pub fn statistics<F: Real>(s: NormSizes, x: &[F], mean: &mut [F], variance: &mut
         let x = &x[set * s.rows * c..(set + 1) * s.rows * c];
         from.fill(F::zero());
         let sampled = SAMPLED.min(s.rows);
+        let share = of(sampled);
         for k in 0..sampled {
             let row = &x[k * s.rows / sampled * c..][..c];
-            from.iter_mut().zip(row).for_each(|(from, &x)| *from += x * of(sampled));
+            from.iter_mut().zip(row).for_each(|(from, &x)| *from += x * share);
         }
         fold_rows(s.rows, c, 1, &mut sums, |r, sums| {
             add_spread(&x[r.start * c..r.end * c], &from, sums);
@@ -216,6 +206,9 @@ pub fn normalize<F: Real>(
     }
 }
 
+type Moments<F> = fn(&[F], &[F], Line<'_, F>, &[F], &[F], &mut [F]);
+type Centre<F> = fn(&[F], Line<'_, F>, &[F], &[F], &[F], &mut [F]);
+
 /// Turns the gradient `g` of the normalised, scaled and shifted output into that of `x`, in place, and adds those of weight
 /// and bias. With `relu` `g` is that of what a ReLU made of this output.
 ///
@@ -236,6 +229,11 @@ pub fn normalize_grad<F: Real>(
     let [mut mean, mut inverse] = [vec![F::zero(); c], vec![F::zero(); c]];
     let [mut first, mut second, mut third] = [(); 3].map(|()| vec![F::zero(); c]);
     let [mut scale, mut shift] = [(); 2].map(|()| vec![F::zero(); c]);
+    let (moments, centre) = if relu {
+        (add_moments_behind_relu as Moments<F>, centre_rows_behind_relu as Centre<F>)
+    } else {
+        (add_moments as Moments<F>, centre_rows as Centre<F>)
+    };
     for set in 0..s.sets {
         for i in 0..c {
             let group = set * s.groups + i / width;
@@ -244,13 +242,13 @@ pub fn normalize_grad<F: Real>(
             scale[i] = inverse[i] * weight[i];
             shift[i] = bias[i] - mean[i] * scale[i];
         }
-        let relu = relu.then_some(Line { scale: &scale, shift: &shift });
+        let line = Line { scale: &scale, shift: &shift };
         let range = set * s.rows * c..(set + 1) * s.rows * c;
         let (x, g) = (&x[range.clone()], &mut g[range]);
         let shared = &*g;
         fold_rows(s.rows, c, 2, &mut sums, |r, sums| {
             let r = r.start * c..r.end * c;
-            add_moments(&x[r.clone()], &shared[r], relu, &mean, &inverse, sums);
+            moments(&x[r.clone()], &shared[r], line, &mean, &inverse, sums);
         });
         for i in 0..c {
             grad_bias[i] += sums[i];
@@ -273,7 +271,7 @@ pub fn normalize_grad<F: Real>(
         let chunk = (16 * 1024 / c.max(1)).max(1) * c;
         let parallel = x.len() >= SERIAL_ELEMENTS;
         for_each_part(g, chunk, parallel, |i, g| {
-            centre_rows(&x[i * chunk..][..g.len()], relu, &first, &second, &third, g);
+            centre(&x[i * chunk..][..g.len()], line, &first, &second, &third, g);
         });
     }
 }

@@ -13,11 +13,6 @@ use crate::train::{Better, Configuration, Event, Job, Provenance, RunFolder, tra
 
 type Config = Configuration<Img2MeshConfig>;
 
-fn preset(name: &str) -> Config {
-    let (_, text) = Img2Mesh::PRESETS.iter().find(|(other, _)| *other == name).unwrap();
-    toml::from_str(text).unwrap()
-}
-
 fn tiny() -> Img2MeshConfig {
     Img2MeshConfig {
         features: 16,
@@ -41,11 +36,7 @@ fn ellipsoid(radii: [f32; 3], count: usize, side: usize) -> Views {
 
 #[test]
 fn presets_are_in_range_and_parameters_are_counted() {
-    for (name, _) in Img2Mesh::PRESETS {
-        let config = preset(name);
-        assert_eq!(config.train.check(), Vec::<String>::new(), "{name}");
-        config.system.check().unwrap();
-    }
+    crate::settings::assert_presets::<Img2Mesh>();
     for (encoder, attention, freeze_encoder, coarse_levels) in [
         (EncoderKind::Small, AttentionKind::Views, false, 0),
         (EncoderKind::Small, AttentionKind::Mean, true, 1),

@@ -38,13 +38,7 @@ const AT: Moment = Moment { step: 0, epoch: 0 };
 
 #[test]
 fn presets_are_in_range_and_parameters_are_counted() {
-    for (name, _) in Mcmr::PRESETS {
-        let config = preset(name);
-        assert_eq!(config.train.check(), Vec::<String>::new(), "{name}");
-        config.system.check().unwrap();
-        let again = crate::settings::to_toml(&config);
-        assert_eq!(toml::from_str::<Config>(&again).unwrap(), config, "{name}");
-    }
+    crate::settings::assert_presets::<Mcmr>();
     for config in [tiny(), McmrConfig { shapes: 5, image_size: 128, level: 2, ..tiny() }] {
         let summary = config.check().unwrap();
         let (mut trained, mut all) = (0, 0);
