@@ -22,6 +22,10 @@ const LAMBDA: f64 = 0.5;
 /// The correlation below which least squares may not turn a relief inside out.
 const LEAST_CORRELATION: f64 = 0.1;
 
+/// What disparities count, in units of their own deviation, beside depths in lengths of an object, whose deviation is
+/// about a tenth: one weight then serves both.
+const DEVIATIONS: f32 = 0.1;
+
 /// How soft outlines are where coverage counts, NDC: uncovered pixels pull from a tenth of the picture away. The
 /// rasteriser's own default reaches less than a pixel at 64 pixels.
 const SOFTNESS: f64 = 300.0;
@@ -125,7 +129,7 @@ pub(super) fn depth_difference<'t>(
     let invariant = |robustness| {
         let loss =
             ScaleShiftInvariant { robustness, gradient_weight: gradients, scales: SCALES, mean };
-        loss.loss(disparity(rendered), target, mask)
+        loss.loss(disparity(rendered), target, mask).scale(DEVIATIONS)
     };
     let edges =
         |a: Var<'t>, b: Var<'t>| depth_gradients(a, b, mask, SCALES, mean).scale(gradients as f32);
