@@ -42,7 +42,7 @@ const SETS: [Set; 3] = [
         jobs: [("two-1", "airplane, car: 1 mean shape"), ("two-n", "airplane, car: 2 mean shapes")],
         shapes: "2",
         families: r#"["airplane", "car"]"#,
-        objects: "180",
+        objects: "720",
         tested: "40",
         published: [
             [0.532, 0.592, 0.689, 0.736, 0.066, 365.01],
@@ -56,7 +56,7 @@ const SETS: [Set; 3] = [
         ],
         shapes: "4",
         families: r#"["bicycle", "bus", "car", "motorbike"]"#,
-        objects: "90",
+        objects: "360",
         tested: "25",
         published: [
             [0.517, 0.665, 0.751, 0.601, 0.100, 390.41],
@@ -70,7 +70,7 @@ const SETS: [Set; 3] = [
         ],
         shapes: "9",
         families: "[]",
-        objects: "40",
+        objects: "160",
         tested: "12",
         published: [
             [0.409, 0.602, 0.670, 0.660, 0.088, 357.51],
@@ -202,7 +202,7 @@ impl Study for MeanShapesStudy {
                       objects."
                 .to_owned(),
             _ => format!(
-                "Procedural objects, one photograph and a noisy pose each (10 degrees, 10 % in size), 360 to train on in every set, \
+                "Procedural objects, one photograph and a noisy pose each (10 degrees, 10 % in size), 1,440 to train on in every set, \
                  64 pixels. {ABOUT} The talk's figures are of Pascal3D+. mean-shapes.gif in each training's folder shows the way from \
                  spheres."
             ),

@@ -38,7 +38,7 @@ fn jobs(scale: Scale) -> Vec<Planned<Mcmr>> {
         let set: [Change; 4] = [
             ("shapes", "4"),
             ("families", r#"["bicycle", "bus", "car", "motorbike"]"#),
-            ("objects", "90"),
+            ("objects", "360"),
             ("test-objects", "25"),
         ];
         changes.extend(set);
@@ -115,7 +115,7 @@ impl Study for SubdivisionStudy {
 
     fn caption(&self, _: &str, _: Scale) -> String {
         format!(
-            "Procedural bicycles, buses, cars and motorbikes, 90 of each, one photograph and a noisy pose each, four mean shapes. \
+            "Procedural bicycles, buses, cars and motorbikes, 360 of each, one photograph and a noisy pose each, four mean shapes. \
              {ABOUT} The talk calls them levels 3, 4 and 3 to 4, on Pascal3D+."
         )
     }
