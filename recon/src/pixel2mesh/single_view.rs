@@ -24,6 +24,20 @@ pub struct SingleView<D: Deformer> {
     pub(super) template: Template,
 }
 
+/// What the stages miss, summed over them; nothing where no stage counts it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums<'t> {
+    chamfer: Option<Var<'t>>,
+    edge: Option<Var<'t>>,
+    normal: Option<Var<'t>>,
+    laplacian: Option<Var<'t>>,
+    moved: Option<Var<'t>>,
+}
+
+fn add<'t>(sum: &mut Option<Var<'t>>, value: Var<'t>) {
+    *sum = Some(sum.map_or(value, |sum| sum + value));
+}
+
 impl<D: Deformer> Module<f32> for SingleView<D> {
     fn visit(&self, path: &str, visitor: &mut dyn Visitor<f32>) {
         self.encoder.visit(&autodiff_lite::join_path(path, "encoder"), visitor);
@@ -129,7 +143,7 @@ impl<D: Deformer> SingleView<D> {
         stage: &Stage<'t>,
         truth: Var<'t>,
         normals: &[f32],
-        sums: &mut [Option<Var<'t>>; 5],
+        sums: &mut Sums<'t>,
     ) {
         let shared = self.shared();
         let level = &self.template.levels[stage.level];
@@ -139,20 +153,20 @@ impl<D: Deformer> SingleView<D> {
         let ways = Directions { x_to_y: shared.chamfer_back, y_to_x: 1.0 };
         let vertices = level.mesh.positions.len() as f32;
         let moved = stage.positions - stage.before;
-        let mut add = |which: usize, value: Var<'t>| {
-            sums[which] = Some(sums[which].map_or(value, |sum| sum + value));
-        };
-        add(0, losses::chamfer_distance(stage.positions, truth, &matches, ways));
-        add(1, losses::edge_length(stage.positions, edges, 0.0));
+        let chamfer = losses::chamfer_distance(stage.positions, truth, &matches, ways);
+        add(&mut sums.chamfer, chamfer);
+        add(&mut sums.edge, losses::edge_length(stage.positions, edges, 0.0));
         if shared.normal_weight > 0.0 && !normals.is_empty() {
-            add(2, losses::edge_normal(stage.positions, edges, normals, matches.x_to_y()));
+            let turned = losses::edge_normal(stage.positions, edges, normals, matches.x_to_y());
+            add(&mut sums.normal, turned);
         }
         if shared.laplacian_weight > 0.0 {
             let change = losses::laplacian_squared(moved, neighbours);
-            add(3, change.scale(stage.laplacian as f32 / vertices));
+            add(&mut sums.laplacian, change.scale(stage.laplacian as f32 / vertices));
         }
         if shared.move_weight > 0.0 && stage.displacement > 0.0 {
-            add(4, moved.square().mean().scale(3.0 * stage.displacement as f32));
+            let moved = moved.square().mean().scale(3.0 * stage.displacement as f32);
+            add(&mut sums.moved, moved);
         }
     }
 }
@@ -239,7 +253,7 @@ impl<D: Deformer> System for SingleView<D> {
             batch.iter().flat_map(|pair| pair.truth.normals.as_flattened()).copied().collect();
         let normals = if normals.len() == 3 * count * batch.len() { &normals[..] } else { &[] };
         let zero = || tape.constant(ndarray::arr0(0.0));
-        let mut sums = [None; 5];
+        let mut sums = Sums::default();
         match self.deformed(tape, &pictures, run) {
             Ok(deformed) => {
                 for stage in &deformed.stages {
@@ -247,16 +261,16 @@ impl<D: Deformer> System for SingleView<D> {
                 }
             }
             // The loop stops at what is not a number, and names the step and the samples.
-            Err(_) => sums[0] = Some(tape.constant(ndarray::arr0(f32::NAN))),
+            Err(_) => sums.chamfer = Some(tape.constant(ndarray::arr0(f32::NAN))),
         }
         let shared = self.shared();
         let mut terms = Terms::new();
         for (name, weight, sum) in [
-            ("chamfer", shared.chamfer_weight, sums[0]),
-            ("edge", shared.edge_weight, sums[1]),
-            ("normal", shared.normal_weight, sums[2]),
-            ("laplacian", shared.laplacian_weight, sums[3]),
-            ("move", shared.move_weight, sums[4]),
+            ("chamfer", shared.chamfer_weight, sums.chamfer),
+            ("edge", shared.edge_weight, sums.edge),
+            ("normal", shared.normal_weight, sums.normal),
+            ("laplacian", shared.laplacian_weight, sums.laplacian),
+            ("move", shared.move_weight, sums.moved),
         ] {
             if weight > 0.0 {
                 terms = terms.with(name, weight, sum.unwrap_or_else(zero));
