@@ -60,9 +60,10 @@ const QUICK: &[Change] = &[
 const QUICK_CELLS: &[Change] = &[("cells", "12"), ("voxel-hidden", "16")];
 const QUICK_SPHERE: &[Change] = &[("level", "0")];
 
-/// An estimate's relief says less of where a surface is, so that what Mesh R-CNN's meshes leave uncovered counts more
-/// where it is in the loss.
-const GUESSED_CELLS: &[Change] = &[("coverage", "1.5")];
+/// An estimate's relief says less of where a surface is than measured depth, so that other weights serve where it is in
+/// the loss.
+const GUESSED_SPHERE: &[Change] = &[("depth-weight", "0.2"), ("coverage", "0.1")];
+const GUESSED_CELLS: &[Change] = &[("coverage", "1.0")];
 
 /// Pixel2Mesh and Mesh R-CNN from colours, from colours and depth, and with rendered depth in the loss; with true depth and
 /// with depth as an estimator guesses it.
@@ -130,7 +131,7 @@ fn jobs<B: Beginning>(
 }
 
 fn spheres(scale: Scale) -> Vec<Planned<DepthPixel2Mesh>> {
-    jobs::<Sphere>(scale, SPHERE_IDS, [QUICK_SPHERE, &[]])
+    jobs::<Sphere>(scale, SPHERE_IDS, [QUICK_SPHERE, GUESSED_SPHERE])
 }
 
 fn voxels(scale: Scale) -> Vec<Planned<MeshRcnn>> {
