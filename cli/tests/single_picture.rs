@@ -1,0 +1,33 @@
+//! What the systems promise that make a mesh from one picture.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use common::unsphere_with;
+
+/// A network that was trained with depth asks for it, takes it, and makes a coloured mesh; what is given wrong is named,
+/// and nothing is written then.
+#[test]
+fn a_picture_and_its_depth_become_a_coloured_mesh() {
+    let place = tempfile::tempdir().unwrap();
+    let run =
+        |line: &str| unsphere_with(place.path(), &line.split_whitespace().collect::<Vec<_>>());
+    run("train mesh-rcnn --preset tiny -o run -q --set max-steps=2 --set evaluate-every=0").ok();
+    run("data generate -o car --families car --objects 1 --views 1 --size 48 --layout kaolin --depth true -q").ok();
+    let picture = "car/car/0000/0_rgb.png";
+    let predict = |out: &str, rest: &str| {
+        run(&format!("predict mesh-rcnn {picture} -c run -o {out} --json -q {rest}"))
+    };
+    let lens = "--intrinsics 60,60,24,24";
+    let found = predict("mesh", &format!("--depth car/car/0000/0_depth.exr {lens}")).ok().json();
+    assert!(found["metrics"]["health"]["vertices"].as_u64().unwrap() > 7, "{found}");
+    let written = std::fs::read_to_string(place.path().join("mesh/mesh.obj")).unwrap();
+    let vertex = written.lines().find(|line| line.starts_with("v ")).unwrap();
+    assert_eq!(vertex.split_whitespace().count(), 7, "a place and a colour: {vertex}");
+
+    std::fs::write(place.path().join("no.pfm"), "no depth").unwrap();
+    predict("x", lens).fails(3, &["0_rgb.png", "--depth"]);
+    predict("x", &format!("--depth no.pfm {lens}")).fails(3, &["no.pfm", "Pf"]);
+    predict("x", "--depth no.pfm --intrinsics 60,60").fails(2, &["--intrinsics", "four"]);
+    assert!(!place.path().join("x").exists());
+}
