@@ -1,12 +1,10 @@
 //! Recycled memory.
 //!
 //! A page that the operating system hands out fresh costs more than anything that is computed on
-//! it, so a tape never gives its buffers back: they wait on shelves, by capacity, until a value, a
-//! gradient or a saved index list that fits is wanted. Where lengths differ from step to step, as
-//! with meshes that a network sizes itself, the shelves hold what the largest step needs.
+//! it, so a tape never gives its buffers back: they wait on shelves, by exact length, until a
+//! value, a gradient or a saved index list of that length is wanted again.
 
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::fmt;
 use std::mem;
 use std::ops::{Deref, DerefMut};
@@ -14,12 +12,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ndarray::{ArrayBase, ArrayD, Dimension, IxDyn, OwnedRepr};
 
-/// Capacities that served no request during this many resets are freed: sizes change when a mesh is
+/// Shelves that saw no request during this many resets are emptied: sizes change when a mesh is
 /// subdivided, and the old ones would wait for ever.
 const FORGET_AFTER: u64 = 256;
 
-/// The largest capacity that serves a request, in multiples of its length.
-const SLACK: usize = 2;
+/// How much may wait, in multiples of what was handed out since the last reset. Where lengths differ from step to step, as
+/// with meshes that a network sizes itself, every step would else leave its own behind for hundreds of others.
+const MOST_WAITING: usize = 3;
 
 /// What the pool keeps: `f32`, `f64` and `u32`.
 pub trait Pooled: Copy + Default + Send + 'static + private::Shelved {}
@@ -59,26 +58,22 @@ mod private {
     }
 }
 
-/// The buffers of one capacity that wait.
+/// All buffers of one length.
 struct Stack<T> {
     free: Vec<Vec<T>>,
+    /// Handed out and not yet returned. Only so many are taken back: a buffer that came from
+    /// elsewhere (a constant that the caller allocated) would else make the shelf grow each step.
+    lent: usize,
     last_used: u64,
 }
 
 #[doc(hidden)]
 #[allow(missing_debug_implementations, reason = "reachable only through a private trait")]
-pub struct Shelf<T> {
-    /// By capacity; none is empty.
-    stacks: BTreeMap<usize, Stack<T>>,
-    /// How many of each capacity were handed out and are not back. Only so many are taken back: a
-    /// buffer that came from elsewhere (a constant that the caller allocated) would else make the
-    /// shelf grow each step.
-    lent: BTreeMap<usize, usize>,
-}
+pub struct Shelf<T>(BTreeMap<usize, Stack<T>>);
 
 impl<T> Default for Shelf<T> {
     fn default() -> Self {
-        Self { stacks: BTreeMap::new(), lent: BTreeMap::new() }
+        Self(BTreeMap::new())
     }
 }
 
@@ -90,6 +85,8 @@ pub struct Shelves {
     doubles: Shelf<f64>,
     indices: Shelf<u32>,
     clock: u64,
+    /// Bytes handed out since the last reset.
+    handed_out: usize,
 }
 
 /// A shared store of buffers. Cloning it gives another handle to the same store.
@@ -113,8 +110,7 @@ impl Pool {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A vector of `len` elements whose content is whatever it last held (zeros when it is new), of
-    /// at most twice that capacity.
+    /// A vector of `len` elements whose content is whatever it last held (zeros when it is new).
     ///
     /// Debug builds fill it with NaN (`u32::MAX` for indices), so that a kernel that forgets to
     /// write some of its output is seen.
@@ -125,10 +121,17 @@ impl Pool {
         let recycled = {
             let mut shelves = self.lock();
             let clock = shelves.clock;
-            T::shelf(&mut shelves).lend(len, clock)
+            shelves.handed_out += len * mem::size_of::<T>();
+            let stack = T::shelf(&mut shelves).0.entry(len).or_insert_with(|| Stack {
+                free: Vec::new(),
+                lent: 0,
+                last_used: clock,
+            });
+            stack.lent += 1;
+            stack.last_used = clock;
+            stack.free.pop()
         };
         let mut buffer = recycled.unwrap_or_else(|| vec![T::default(); len]);
-        buffer.resize(len, T::default());
         if cfg!(debug_assertions) {
             buffer.fill(T::POISON);
         }
@@ -141,8 +144,12 @@ impl Pool {
             return;
         }
         let mut shelves = self.lock();
-        let clock = shelves.clock;
-        T::shelf(&mut shelves).take_back(buffer, clock);
+        if let Some(stack) = T::shelf(&mut shelves).0.get_mut(&buffer.len())
+            && stack.lent > 0
+        {
+            stack.lent -= 1;
+            stack.free.push(buffer);
+        }
     }
 
     /// Puts the memory of an array on its shelf.
@@ -163,78 +170,53 @@ impl Pool {
 
     /// Bytes that wait on the shelves.
     pub fn bytes(&self) -> usize {
-        fn of<T>(shelf: &Shelf<T>) -> usize {
-            let stacks = shelf.stacks.iter();
-            stacks.map(|(capacity, stack)| capacity * stack.free.len() * mem::size_of::<T>()).sum()
-        }
-        let shelves = self.lock();
-        of(&shelves.singles) + of(&shelves.doubles) + of(&shelves.indices)
+        self.lock().waiting()
     }
 
     /// Frees everything that waits on the shelves.
     pub fn clear(&self) {
         let mut shelves = self.lock();
-        shelves.singles.forget(|_| true);
-        shelves.doubles.forget(|_| true);
-        shelves.indices.forget(|_| true);
+        shelves.forget(|_| true);
     }
 
     /// Notes that a step has ended, and now and then frees lengths that went out of use.
     pub(crate) fn tick(&self) {
         let mut shelves = self.lock();
-        shelves.clock += 1;
-        let clock = shelves.clock;
-        if clock.is_multiple_of(FORGET_AFTER) {
-            let stale = |last_used| last_used + FORGET_AFTER < clock;
-            shelves.singles.forget(stale);
-            shelves.doubles.forget(stale);
-            shelves.indices.forget(stale);
+        let handed_out = mem::take(&mut shelves.handed_out);
+        if handed_out == 0 {
+            return;
+        }
+        let clock = shelves.clock + 1;
+        shelves.clock = clock;
+        if shelves.waiting() > MOST_WAITING * handed_out {
+            shelves.forget(|last_used| last_used + 1 < clock);
+        } else if clock.is_multiple_of(FORGET_AFTER) {
+            shelves.forget(|last_used| last_used + FORGET_AFTER < clock);
         }
     }
 }
 
+impl Shelves {
+    fn waiting(&self) -> usize {
+        fn of<T>(shelf: &Shelf<T>) -> usize {
+            shelf.0.iter().map(|(len, stack)| len * stack.free.len() * mem::size_of::<T>()).sum()
+        }
+        of(&self.singles) + of(&self.doubles) + of(&self.indices)
+    }
+
+    fn forget(&mut self, stale: impl Fn(u64) -> bool + Copy) {
+        self.singles.forget(stale);
+        self.doubles.forget(stale);
+        self.indices.forget(stale);
+    }
+}
+
 impl<T> Shelf<T> {
-    /// The smallest waiting buffer that has room for `len` and is not far too large. Where there
-    /// is none, a new one takes the place of the largest that is a little too small: shelves
-    /// would else gather a buffer of every length that a step has ever asked for.
-    fn lend(&mut self, len: usize, clock: u64) -> Option<Vec<T>> {
-        let fits = self.stacks.range(len..=len.saturating_mul(SLACK)).next();
-        let capacity = fits.map(|(&capacity, _)| capacity);
-        *self.lent.entry(capacity.unwrap_or(len)).or_default() += 1;
-        if let Some(capacity) = capacity {
-            return self.pop(capacity, clock);
-        }
-        let smaller = self.stacks.range(len.div_ceil(SLACK)..len).next_back();
-        if let Some((&capacity, _)) = smaller {
-            self.pop(capacity, clock);
-        }
-        None
-    }
-
-    fn pop(&mut self, capacity: usize, clock: u64) -> Option<Vec<T>> {
-        let stack = self.stacks.get_mut(&capacity)?;
-        stack.last_used = clock;
-        let buffer = stack.free.pop();
-        if stack.free.is_empty() {
-            self.stacks.remove(&capacity);
-        }
-        buffer
-    }
-
-    fn take_back(&mut self, buffer: Vec<T>, clock: u64) {
-        let Entry::Occupied(mut lent) = self.lent.entry(buffer.capacity()) else {
-            return;
-        };
-        *lent.get_mut() -= 1;
-        if *lent.get() == 0 {
-            lent.remove();
-        }
-        let empty = || Stack { free: Vec::new(), last_used: clock };
-        self.stacks.entry(buffer.capacity()).or_insert_with(empty).free.push(buffer);
-    }
-
     fn forget(&mut self, stale: impl Fn(u64) -> bool) {
-        self.stacks.retain(|_, stack| !stale(stack.last_used));
+        for stack in self.0.values_mut().filter(|stack| stale(stack.last_used)) {
+            stack.free = Vec::new();
+        }
+        self.0.retain(|_, stack| stack.lent > 0 || !stack.free.is_empty());
     }
 }
 
@@ -315,17 +297,15 @@ mod tests {
     }
 
     #[test]
-    fn lengths_that_differ_each_time_share_memory() {
+    fn lengths_that_differ_each_time_do_not_pile_up() {
         let pool = Pool::new();
-        for step in 0..3 * FORGET_AFTER as usize {
-            let [first, second] = [701, 1009].map(|prime| 1000 + step * prime % 1000);
-            let buffers = [pool.vec::<f32>(first), pool.vec(second)];
-            assert_eq!(buffers.each_ref().map(|buffer| buffer.len()), [first, second]);
-            drop(buffers);
+        for step in 0..FORGET_AFTER as usize {
+            let lengths = [701, 1009].map(|prime| 1000 + step * prime % 1000);
+            drop(lengths.map(|len| pool.vec::<f32>(len)));
             pool.tick();
         }
-        // By exact length it would be megabytes.
-        assert!(pool.bytes() <= 16_000, "{}", pool.bytes());
+        // Four times the two largest; without a limit it is over a megabyte.
+        assert!(pool.bytes() <= 64_000, "{}", pool.bytes());
     }
 
     #[test]
