@@ -4,10 +4,14 @@
 //! that `peers/run.sh` can put the two side by side. Run one with
 //! `cargo bench -p benches --bench raster`.
 
+mod training_step;
+
 use std::time::Duration;
 
 use criterion::Criterion;
 use rayon::{ThreadPool, ThreadPoolBuilder};
+
+pub use training_step::TrainingStep;
 
 /// Short runs: medians of twenty samples over two seconds.
 pub fn criterion() -> Criterion {

@@ -335,8 +335,8 @@ fn rendered_depth_is_compared_as_it_says() {
         let (value, _) = of(True, kind, 1.0, Some(0.5));
         assert!((0.0..0.02).contains(&value), "{kind:?} of nothing: {value}");
     }
-    // An estimate is blurred at the outline: the truth fits it, not exactly. A tenth
-    // of its spread would be a loss of a tenth of that.
+    // An estimate is blurred at the outline: the truth fits it, not exactly, but by less than its own spread,
+    // which counts a tenth.
     let (value, _) = of(Estimated, Auto, 1.0, None);
     assert!(value.is_finite() && value < 0.1, "{value}");
     assert_eq!(of(Estimated, Auto, 1.0, Some(0.0)), (0.0, 0.0));
