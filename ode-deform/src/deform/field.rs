@@ -208,17 +208,12 @@ impl<F: Real> VectorField<F> for DeformationField<F> {
 #[cfg(test)]
 mod tests {
     use autodiff_lite::{Module, Tape, testkit};
-    use ndarray::{Array3, Array4};
+    use ndarray::Array3;
 
+    use super::super::fixtures::{cameras, function, map, mesh, path, state};
     use super::*;
     use crate::Adjoint;
     use crate::solve::{EULER, MIDPOINT, Problem, StepController};
-
-    fn path(v: usize) -> SparseMatrix<f64> {
-        let ends = (1..v).flat_map(|i| [(i - 1, i, 0.4), (i, i - 1, 0.4)]);
-        let entries: Vec<_> = ends.chain((0..v).map(|i| (i, i, -0.3))).collect();
-        SparseMatrix::from_triplets(v, v, &entries).expect("in range")
-    }
 
     fn field(time: usize) -> DeformationField<f64> {
         field_of(time, 2, 0)
@@ -234,29 +229,6 @@ mod tests {
             ..FieldConfig::published(4)
         };
         DeformationField::new(&Init::new(3), config, path(5))
-    }
-
-    fn mesh() -> Array3<f64> {
-        Array3::from_shape_fn((2, 5, 3), |(n, i, k)| {
-            ((n * 15 + i * 3 + k) as f64 * 0.7).sin() * 0.4
-        })
-    }
-
-    fn state(memory: usize) -> Array3<f64> {
-        Array3::from_shape_fn((2, 5, 3 + memory), |(n, i, k)| {
-            if k < 3 { mesh()[[n, i, k]] } else { ((n + i + k) as f64).cos() }
-        })
-    }
-
-    fn cameras() -> Array3<f64> {
-        let rows = [[1.9, 0.1, 0.0, 0.02], [0.0, 2.1, 0.1, -0.01], [0.1, 0.0, -1.0, 2.5]];
-        Array3::from_shape_fn((2, 3, 4), |(_, i, j)| rows[i][j])
-    }
-
-    fn map(side: usize, channels: usize) -> Array4<f64> {
-        Array4::from_shape_fn((2, side, side, channels), |(n, i, j, c)| {
-            ((n * 31 + i * 7 + j * 3 + c) as f64 * 0.37).cos()
-        })
     }
 
     #[test]
@@ -346,14 +318,6 @@ mod tests {
         });
         let inputs = [mesh().into_dyn(), map(6, 3).into_dyn(), map(3, 1).into_dyn()];
         testkit::check(&integrated, &inputs, &testkit::Options::default()).expect("exact rules");
-    }
-
-    /// Says that a closure works for tapes of any life.
-    fn function<C>(c: C) -> C
-    where
-        C: for<'t> Fn(&[Var<'t, f64>]) -> Var<'t, f64>,
-    {
-        c
     }
 
     #[test]

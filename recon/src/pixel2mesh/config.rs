@@ -3,7 +3,7 @@
 use autodiff_lite::Activation;
 use nets::{EncoderInit, MapSampling};
 use ode_deform::Adjoint;
-use ode_deform::deform::{FieldConfig, Schedule};
+use ode_deform::deform::{FieldConfig, Schedule, StackedConfig};
 use ode_deform::solve::{
     BOSH3, DOPRI5, EULER, HEUN, MIDPOINT, Problem, RK4, StepController, Tableau,
 };
@@ -124,13 +124,20 @@ pub struct OdeConfig {
     pub deformation: DeformationKind,
     /// Blocks of the residual network, 1 to 64. Default 8.
     pub blocks: usize,
-    /// Graph convolutions of the field, 2 to 8; residual blocks have two. Default 2, as published.
+    /// Graph convolutions of the field, 2 to 8; residual blocks and stacked fields have two. Default 2, as published.
     pub layers: usize,
     /// Columns of the field's state beside positions, 0 to 256: what a vertex remembers of its way. Default 0, as
     /// published.
     pub memory: usize,
     /// Columns in which the time is repeated, 0 to 4096. Default 196, as published; 1 says the same.
     pub time: usize,
+    /// Columns that a stacked field reads features through, 1 to 4096. Default 24.
+    pub reading: usize,
+    /// Parts of the time for which a stacked field has weights of their own, 1 to 64. Default 8.
+    pub pieces: usize,
+    /// What the sums of a stacked field are multiplied by to be velocities, above 0 to 1000. Default 8: with as many steps
+    /// a change of the weights moves vertices as far as in residual blocks.
+    pub speed: f64,
     /// What the first velocities are multiplied by, more than 0. Default 0.1: of the published size they would crumple
     /// the ellipsoid before the first step.
     pub first_velocity: f64,
@@ -160,6 +167,9 @@ impl Default for OdeConfig {
             layers: 2,
             memory: 0,
             time: 196,
+            reading: 24,
+            pieces: 8,
+            speed: 8.0,
             first_velocity: 0.1,
             method: Method::Euler,
             start: Schedule::DEEP.start,
@@ -177,21 +187,39 @@ impl OdeConfig {
     pub fn field(&self) -> FieldConfig {
         let shared = &self.shared;
         let ode = self.deformation == DeformationKind::Ode;
+        let residual = self.deformation == DeformationKind::Residual;
         FieldConfig {
             features: shared.features(),
             time: if ode { self.time } else { 0 },
             hidden: shared.hidden,
-            memory: if ode { self.memory } else { 0 },
+            memory: if residual { 0 } else { self.memory },
             layers: if ode { self.layers } else { 2 },
             activation: shared.activation.into(),
             sampling: shared.sampling.into(),
         }
     }
 
+    /// Sizes of a field whose weights change with the time.
+    pub fn stacked(&self) -> StackedConfig {
+        StackedConfig {
+            features: self.shared.features(),
+            reading: self.reading,
+            pieces: self.pieces,
+            hidden: self.shared.hidden,
+            memory: self.memory,
+            speed: self.speed,
+            activation: self.shared.activation.into(),
+            sampling: self.shared.sampling.into(),
+        }
+    }
+
     /// Trained numbers of what deforms, without the encoder.
     pub fn deformation_parameters(&self) -> usize {
-        let blocks = if self.deformation == DeformationKind::Ode { 1 } else { self.blocks };
-        blocks * self.field().parameters()
+        match self.deformation {
+            DeformationKind::Ode => self.field().parameters(),
+            DeformationKind::Stacked => self.stacked().parameters(),
+            DeformationKind::Residual => self.blocks * self.field().parameters(),
+        }
     }
 
     /// The steps of training: those of the `draw`-th step of a run.
@@ -230,13 +258,17 @@ impl OdeConfig {
         require((2..=8).contains(&self.layers), "layers", self.layers.to_string(), "2 to 8");
         require(self.memory <= 256, "memory", self.memory.to_string(), "0 to 256");
         require(self.time <= 4096, "time", self.time.to_string(), "0 to 4096");
-        let first = self.first_velocity;
         require(
-            first > 0.0 && first <= 1e3,
-            "first-velocity",
-            first.to_string(),
-            "above 0 to 1000",
+            (1..=4096).contains(&self.reading),
+            "reading",
+            self.reading.to_string(),
+            "1 to 4096",
         );
+        require((1..=64).contains(&self.pieces), "pieces", self.pieces.to_string(), "1 to 64");
+        for (factor, field) in [(self.first_velocity, "first-velocity"), (self.speed, "speed")] {
+            let sound = factor > 0.0 && factor <= 1e3;
+            require(sound, field, factor.to_string(), "above 0 to 1000");
+        }
         let [low, high] = self.start;
         let sound = (0.0..1.0).contains(&low) && low <= high && high < 1.0;
         require(
@@ -409,6 +441,8 @@ impl Method {
 pub enum DeformationKind {
     /// A field, integrated.
     Ode,
+    /// A field with weights of its own in each part of the time, integrated.
+    Stacked,
     /// Separate blocks with skips: the paper's RES.
     Residual,
 }

@@ -1,11 +1,11 @@
 //! Deformation in continuous time, and the residual networks beside it.
 
-use autodiff_lite::{Var, impl_module};
+use autodiff_lite::{Module, Param, Var, Visitor, VisitorMut, join_path};
 use ndarray::Array3;
 use nets::Init;
-use ode_deform::Adjoint;
-use ode_deform::deform::{DeformationField, ResidualDeformation, positions};
-use ode_deform::solve::{SolveError, Stats};
+use ode_deform::deform::{DeformationField, ResidualDeformation, StackedField, positions};
+use ode_deform::solve::{Problem, SolveError, Stats};
+use ode_deform::{Adjoint, VectorField};
 
 use super::config::{DeformationKind, OdeConfig, SharedConfig};
 use super::deformer::{Deformed, Deformer, Run, Stage};
@@ -14,20 +14,59 @@ use super::template::Template;
 /// A field that is integrated from the ellipsoid to the shape, or separate residual blocks.
 #[derive(Clone, Debug)]
 pub struct Continuous {
-    field: Option<DeformationField>,
-    residual: Option<ResidualDeformation>,
+    network: Network,
     config: OdeConfig,
 }
-impl_module!(Continuous: f32 { field, residual } fixed { config });
 
-impl Continuous {
-    /// Makes the first velocities small: the last layer's weights and biases.
-    fn calm(field: &mut DeformationField, factor: f64) {
-        let conv = &mut field.conv2;
-        for param in [&mut conv.weight, &mut conv.loop_weight].into_iter().chain(&mut conv.bias) {
-            param.as_slice_mut().iter_mut().for_each(|x| *x *= factor as f32);
+/// What there is to train.
+#[derive(Clone, Debug)]
+enum Network {
+    Field(Box<DeformationField>),
+    Stacked(Box<StackedField>),
+    Residual(ResidualDeformation),
+}
+
+impl Network {
+    /// Its part of the paths of parameters.
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Field(_) | Self::Stacked(_) => "field",
+            Self::Residual(_) => "residual",
         }
     }
+}
+
+impl Module<f32> for Continuous {
+    fn visit(&self, path: &str, visitor: &mut dyn Visitor<f32>) {
+        let path = join_path(path, self.network.name());
+        match &self.network {
+            Network::Field(field) => field.visit(&path, visitor),
+            Network::Stacked(field) => field.visit(&path, visitor),
+            Network::Residual(blocks) => blocks.visit(&path, visitor),
+        }
+    }
+
+    fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<f32>) {
+        let path = join_path(path, self.network.name());
+        match &mut self.network {
+            Network::Field(field) => field.visit_mut(&path, visitor),
+            Network::Stacked(field) => field.visit_mut(&path, visitor),
+            Network::Residual(blocks) => blocks.visit_mut(&path, visitor),
+        }
+    }
+}
+
+/// Makes the first velocities small: the last layer's weights and biases.
+fn calm<'a>(last: impl IntoIterator<Item = &'a mut Param>, factor: f64) {
+    for param in last {
+        param.as_slice_mut().iter_mut().for_each(|x| *x *= factor as f32);
+    }
+}
+
+/// [`calm`] of the last layer of a field or a block.
+fn calm_field(field: &mut DeformationField, factor: f64) {
+    let conv = &mut field.conv2;
+    calm([&mut conv.weight, &mut conv.loop_weight].into_iter().chain(&mut conv.bias), factor);
 }
 
 impl Continuous {
@@ -40,7 +79,38 @@ impl Continuous {
         let nothing = Array3::zeros((n, v, self.config.memory));
         before.tape().concat(&[before, before.tape().constant(nothing)], 2)
     }
+
+    /// What is solved: in training random where the schedule is.
+    fn problem(&self, run: Run) -> Problem {
+        let problem = match run {
+            Run::Training { seed, step } => return self.config.training_problem(seed, step),
+            Run::Test | Run::Sequence { .. } => self.config.test_problem(),
+        };
+        let Run::Sequence { frames } = run else { return problem };
+        let [first, last] = problem.span;
+        let time = |i: usize| first + (last - first) * i as f64 / (frames - 1) as f64;
+        problem.asking((0..frames).map(time))
+    }
+
+    /// The way of the ellipsoid `before` under a field whose maps are already as it reads them.
+    fn flow<'t, V: VectorField>(
+        &self,
+        field: &V,
+        before: Var<'t>,
+        [camera, maps]: [&[Var<'t>]; 2],
+        run: Run,
+    ) -> Result<Flowed<'t>, SolveError> {
+        let adjoint: Adjoint = self.config.adjoint.into();
+        let inputs = [camera, maps].concat();
+        let flow =
+            adjoint.integrate(field, self.remembering(before), &inputs, &self.problem(run))?;
+        let states = flow.states.into_iter().map(positions).collect();
+        Ok((positions(flow.end), states, flow.stats))
+    }
 }
+
+/// The mesh at the end, at the asked times, and how much work it was.
+type Flowed<'t> = (Var<'t>, Vec<Var<'t>>, Stats);
 
 impl Deformer for Continuous {
     const NAME: &'static str = "ode-pixel2mesh";
@@ -64,38 +134,54 @@ impl Deformer for Continuous {
     }
 
     fn size(config: &OdeConfig) -> (usize, Vec<(String, String)>) {
-        let field = config.field();
         let vertices = 2 + (156 - 2) * 4_usize.pow(config.shared.level);
-        let inputs = field.state() + field.features + field.time;
-        let what = match config.deformation {
-            DeformationKind::Ode => "field, integrated".to_owned(),
-            DeformationKind::Residual => format!("{} residual blocks", config.blocks),
+        let field = config.field();
+        let (what, inputs, layers) = match config.deformation {
+            DeformationKind::Ode => {
+                let inputs = field.state() + field.features + field.time;
+                ("field, integrated".to_owned(), inputs, field.layers)
+            }
+            DeformationKind::Stacked => {
+                let what = format!("stacked field of {} parts, integrated", config.pieces);
+                (what, field.state() + config.reading, 2)
+            }
+            DeformationKind::Residual => {
+                let what = format!("{} residual blocks", config.blocks);
+                (what, field.state() + field.features, 2)
+            }
         };
-        let hidden = format!("{} -> ", field.hidden).repeat(field.layers - 1);
+        let hidden = format!("{} -> ", config.shared.hidden).repeat(layers - 1);
         let conv = format!("[N, {vertices}, {inputs}] -> {hidden}{}", field.state());
         (config.deformation_parameters(), vec![(what, conv)])
     }
 
     fn new(config: &OdeConfig, init: &Init, template: &Template) -> Self {
-        let graph = &template.finest().support;
-        let (mut field, mut residual) = (None, None);
-        match config.deformation {
+        let (graph, first) = (&template.finest().support, config.first_velocity);
+        let network = match config.deformation {
             DeformationKind::Ode => {
-                let mut one =
+                let mut field =
                     DeformationField::new(&init.at("field"), config.field(), graph.clone());
-                Self::calm(&mut one, config.first_velocity);
-                field = Some(one);
+                calm_field(&mut field, first);
+                Network::Field(Box::new(field))
+            }
+            DeformationKind::Stacked => {
+                let mut field =
+                    StackedField::new(&init.at("field"), config.stacked(), graph.clone());
+                let conv = &mut field.conv2;
+                let last = [&mut conv.weight, &mut conv.loop_weight, &mut conv.bias];
+                calm(last, first / config.speed);
+                Network::Stacked(Box::new(field))
             }
             DeformationKind::Residual => {
                 let at = init.at("residual");
                 let mut all = ResidualDeformation::new(&at, config.blocks, config.field(), graph);
                 // Together they move as far at first as the field does in a unit of time.
-                let factor = config.first_velocity / config.blocks as f64;
-                all.blocks.iter_mut().for_each(|block| Self::calm(block, factor));
-                residual = Some(all);
+                let factor = first / config.blocks as f64;
+                all.blocks.iter_mut().for_each(|block| calm_field(block, factor));
+                Network::Residual(all)
             }
-        }
-        Self { field, residual, config: config.clone() }
+        };
+        Self { network, config: config.clone() }
     }
 
     fn deform<'t>(
@@ -104,30 +190,22 @@ impl Deformer for Continuous {
         inputs: &[Var<'t>],
         run: Run,
     ) -> Result<Deformed<'t>, SolveError> {
-        let (camera, maps) = inputs.split_first().expect("a camera");
-        let before = start(template.levels.len() - 1, template, *camera);
-        let (positions, sequence, stats) = if let Some(field) = &self.field {
-            let mut problem = match run {
-                Run::Training { seed, step } => self.config.training_problem(seed, step),
-                Run::Test | Run::Sequence { .. } => self.config.test_problem(),
-            };
-            if let Run::Sequence { frames } = run {
-                let [first, last] = problem.span;
-                let time = |i: usize| first + (last - first) * i as f64 / (frames - 1) as f64;
-                problem = problem.asking((0..frames).map(time));
+        let (camera, maps) = inputs.split_at(1);
+        let before = start(template.levels.len() - 1, template, camera[0]);
+        let (positions, sequence, stats) = match &self.network {
+            Network::Field(field) => {
+                let (field, maps) = field.reduced(maps);
+                self.flow(&field, before, [camera, &maps], run)?
             }
-            let (field, maps) = field.reduced(maps);
-            let inputs: Vec<Var<'t>> = std::iter::once(*camera).chain(maps).collect();
-            let adjoint: Adjoint = self.config.adjoint.into();
-            let flow = adjoint.integrate(&field, self.remembering(before), &inputs, &problem)?;
-            let states = flow.states.into_iter().map(positions).collect();
-            (positions(flow.end), states, flow.stats)
-        } else {
-            let blocks = self.residual.as_ref().expect("a field or blocks");
-            let meshes = blocks.forward(before, inputs);
-            let steps = blocks.blocks.len();
-            let stats = Stats { evaluations: steps, accepted: steps, ..Stats::default() };
-            (*meshes.last().expect("the start"), meshes, stats)
+            Network::Stacked(field) => {
+                self.flow(field.as_ref(), before, [camera, &field.read(maps)], run)?
+            }
+            Network::Residual(blocks) => {
+                let meshes = blocks.forward(before, inputs);
+                let steps = blocks.blocks.len();
+                let stats = Stats { evaluations: steps, accepted: steps, ..Stats::default() };
+                (*meshes.last().expect("the start"), meshes, stats)
+            }
         };
         let level = template.levels.len() - 1;
         let stage = Stage { level, positions, before, laplacian: 1.0, displacement: 1.0 };

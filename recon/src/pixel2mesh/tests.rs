@@ -27,6 +27,10 @@ fn ode() -> OdeConfig {
     OdeConfig { shared: shared(), step: [0.2, 0.3], time: 3, ..OdeConfig::default() }
 }
 
+fn stacked() -> OdeConfig {
+    OdeConfig { deformation: DeformationKind::Stacked, memory: 2, reading: 5, pieces: 3, ..ode() }
+}
+
 fn stages() -> StagesConfig {
     let shared = SharedConfig {
         normal_weight: 0.1,
@@ -52,6 +56,7 @@ fn parameters_are_counted_without_making_them() {
         assert_eq!(all, S::check(config).unwrap().trainable);
     }
     counted::<OdePixel2Mesh>(&ode());
+    counted::<OdePixel2Mesh>(&stacked());
     counted::<OdePixel2Mesh>(&OdeConfig { deformation: DeformationKind::Residual, ..ode() });
     counted::<Pixel2Mesh>(&stages());
     counted::<Pixel2Mesh>(&StagesConfig { shared: shared(), ..stages() });
@@ -78,11 +83,15 @@ fn what_is_out_of_range_is_named() {
         start: [0.5, 0.2],
         step: [0.0, 0.1],
         tolerance: 1e-3,
+        reading: 0,
+        pieces: 65,
+        speed: 0.0,
         shared: SharedConfig { level: 7, ..shared() },
         ..ode()
     };
     let problems = OdePixel2Mesh::check(&wrong).unwrap_err().join("; ");
-    for field in ["`start`", "`step`", "`tolerance`", "`level`"] {
+    for field in ["`start`", "`step`", "`tolerance`", "`level`", "`reading`", "`pieces`", "`speed`"]
+    {
         assert!(problems.contains(field), "{field}: {problems}");
     }
 }
@@ -111,6 +120,7 @@ fn every_parameter_learns_and_steps_are_drawn() {
     let residual = OdeConfig { deformation: DeformationKind::Residual, blocks: 2, ..ode() };
     for (values, norms) in [
         step::<OdePixel2Mesh>(&ode(), 0),
+        step::<OdePixel2Mesh>(&stacked(), 0),
         step::<OdePixel2Mesh>(&residual, 0),
         step::<Pixel2Mesh>(&stages(), 0),
     ] {

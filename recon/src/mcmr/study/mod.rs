@@ -43,6 +43,7 @@ const COLUMNS: [&str; 7] = [
 
 /// The columns that claims are about.
 const IOU_3D: &str = COLUMNS[0];
+const IOU_3D_STRICT: &str = COLUMNS[1];
 const MASK: [&str; 2] = [COLUMNS[2], COLUMNS[3]];
 
 /// What the columns are, for captions.
