@@ -201,7 +201,8 @@ impl Study for MeanShapesStudy {
                 .to_owned(),
             FOUND => "Purity: the share of objects of the commonest category among those whose largest weight is the same mean \
                       shape's. In use: the exponential of the entropy of the mean weights. Of a family: the mean weights of its \
-                      objects."
+                      objects; the mean shapes are in the order of the families, each family's the one that it has most of among \
+                      those that are left."
                 .to_owned(),
             _ => format!(
                 "Procedural objects, one photograph and a noisy pose each (10 degrees, 10 % in size), 1,440 to train on in every set, \
@@ -222,12 +223,28 @@ fn found(label: &str, data: &Data, scored: &Scored) -> Vec<Row> {
     let all = Row::new(FOUND, label)
         .with(Cell::larger("purity", scored.purity(), 3))
         .with(Cell::larger("in use", scored.shapes_in_use(), 2));
+    let kinds: Vec<Vec<f64>> =
+        (0..data.categories().len()).map(|kind| scored.weights_of(kind)).collect();
+    let order = by_category(&kinds);
     let of = |(kind, category): (usize, &String)| {
         let row = Row::new(FOUND, format!("{label}: {category}"));
-        let weights = scored.weights_of(kind).into_iter().enumerate();
+        let weights = order.iter().map(|&shape| kinds[kind][shape]).enumerate();
         weights.fold(row, |row, (i, w)| row.with(Cell::plain(format!("w {}", i + 1), w, 2)))
     };
     std::iter::once(all).chain(data.categories().iter().enumerate().map(of)).collect()
+}
+
+/// The mean shapes in the order of the categories, each that of which its category's objects have most among those left:
+/// which number a shape has is chance, and means over seeds would mix them. `weights` are those of each category.
+fn by_category(weights: &[Vec<f64>]) -> Vec<usize> {
+    let mut left: Vec<usize> = (0..weights.first().map_or(0, Vec::len)).collect();
+    let mut order = Vec::with_capacity(left.len());
+    for of in weights {
+        let most = (0..left.len()).max_by(|&a, &b| of[left[a]].total_cmp(&of[left[b]]));
+        order.extend(most.map(|i| left.remove(i)));
+    }
+    order.extend(left);
+    order
 }
 
 /// Several mean shapes are better than one, by more than the spread over the seeds.
@@ -269,4 +286,17 @@ fn together(tables: &Tables, column: &str) -> Claim {
         "trained together, the mean {column} is at most {BEHIND} below that of two trainings{talk}"
     );
     Claim::new(text, format!("{joint:.3}, {alone:.3}"), joint > alone - BEHIND)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::by_category;
+
+    #[test]
+    fn shapes_follow_the_categories_that_have_most_of_them() {
+        let weights = [vec![0.1, 0.2, 0.7], vec![0.3, 0.1, 0.6]];
+        assert_eq!(by_category(&weights), [2, 0, 1]);
+        assert_eq!(by_category(&[vec![1.0], vec![1.0]]), [0]);
+        assert_eq!(by_category(&[]), Vec::<usize>::new());
+    }
 }
