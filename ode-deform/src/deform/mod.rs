@@ -3,6 +3,7 @@
 mod field;
 #[cfg(test)]
 mod fixtures;
+mod reading;
 mod reduced;
 mod residual;
 mod schedule;

@@ -1,10 +1,10 @@
 //! The velocity of vertices with the first layer's work on features done beforehand.
 
-use autodiff_lite::{Padding, Param, Real, Tape, Var, impl_module};
-use nets::{MapSampling, pool_features};
+use autodiff_lite::{Param, Real, Tape, Var, impl_module};
 
 use super::DeformationField;
 use super::field::seen;
+use super::reading::{add_readings, reduced_maps};
 use crate::VectorField;
 
 /// A [`DeformationField`] that reads maps its first layer was applied to already; see [`DeformationField::reduced`].
@@ -53,17 +53,10 @@ impl<F: Real> DeformationField<F> {
     /// If the maps have together another number of channels than the field takes.
     #[track_caller]
     pub fn reduced<'t>(&self, maps: &[Var<'t, F>]) -> (ReducedField<F>, Vec<Var<'t, F>>) {
-        let channels = |map: &Var<'t, F>| map.dims::<4>()[3];
-        let (found, expected) = (maps.iter().map(channels).sum::<usize>(), self.config.features);
-        assert!(found == expected, "reduced: {found} channels in all maps, expected {expected}");
-        let mut first = self.config.state();
-        let reduce = |&map: &Var<'t, F>| {
-            let c = channels(&map);
-            let weight = self.both(map.tape(), |weight| weight.slice_axis(0, first..first + c));
-            first += c;
-            map.matmul(weight)
-        };
-        let reduced = maps.iter().map(reduce).collect();
+        let state = self.config.state();
+        let reduced = reduced_maps(maps, self.config.features, |tape, rows| {
+            self.both(tape, |weight| weight.slice_axis(0, state + rows.start..state + rows.end))
+        });
         (ReducedField { field: self.clone() }, reduced)
     }
 
@@ -85,15 +78,7 @@ impl<F: Real> VectorField<F> for ReducedField<F> {
         });
         let placed = field.time_column(t, y).map_or(y, |time| tape.concat(&[y, time], 2));
         let placed = placed.matmul(weight);
-        let read = match field.config.sampling {
-            MapSampling::Bilinear => {
-                placed.add_bilinear_samples(maps, points, Padding::Border, false)
-            }
-            MapSampling::Centres => placed.add_bilinear_samples(maps, points, Padding::Zeros, true),
-            MapSampling::Floor => maps
-                .iter()
-                .fold(placed, |sum, &map| sum + pool_features(&[map], points, MapSampling::Floor)),
-        };
+        let read = add_readings(placed, maps, points, field.config.sampling);
         let bias = field.conv1.bias.as_ref().map(|bias| tape.param(bias));
         let x = read.graph_sum(&field.graph, bias, field.config.activation);
         field.velocities(x)

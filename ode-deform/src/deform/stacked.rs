@@ -1,10 +1,11 @@
 //! A field whose weights change with the time, which reads the image through a few columns.
 
-use autodiff_lite::{Activation, Padding, Param, Real, SparseMatrix, Tape, Var, impl_module};
+use autodiff_lite::{Activation, Param, Real, SparseMatrix, Tape, Var, impl_module};
 use ndarray::ArrayD;
-use nets::{Init, Linear, MapSampling, pool_features};
+use nets::{Init, Linear, MapSampling};
 
-use super::field::{positions, seen};
+use super::field::{positions, project_points};
+use super::reading::{add_readings, reduced_maps};
 use crate::VectorField;
 
 /// Sizes and choices of a [`StackedField`].
@@ -176,16 +177,9 @@ impl<F: Real> StackedField<F> {
     /// If the maps have together another number of channels than the field takes.
     #[track_caller]
     pub fn read<'t>(&self, maps: &[Var<'t, F>]) -> Vec<Var<'t, F>> {
-        let channels = |map: &Var<'t, F>| map.dims::<4>()[3];
-        let (found, expected) = (maps.iter().map(channels).sum::<usize>(), self.config.features);
-        assert!(found == expected, "read: {found} channels in all maps, expected {expected}");
-        let mut first = 0;
-        let reduce = |&map: &Var<'t, F>| {
-            let rows = first..first + channels(&map);
-            first = rows.end;
-            map.matmul(map.tape().param(&self.reading).slice_axis(0, rows))
-        };
-        let reduced: Vec<_> = maps.iter().map(reduce).collect();
+        let reduced = reduced_maps(maps, self.config.features, |tape, rows| {
+            tape.param(&self.reading).slice_axis(0, rows)
+        });
         std::iter::once(self.affine(maps)).chain(reduced).collect()
     }
 
@@ -211,22 +205,11 @@ impl<F: Real> StackedField<F> {
     }
 
     /// What is read where vertices with states `[N, V, 3..]` are seen: `[N, V, reading]`.
-    fn seen_by<'t>(&self, y: Var<'t, F>, inputs: &[Var<'t, F>]) -> Var<'t, F> {
-        let (points, maps) = seen(y, inputs);
-        let ([n, v, _], tape) = (y.dims(), y.tape());
-        let nothing =
-            tape.constant(ArrayD::from_elem(vec![n, v, self.config.reading], F::from_f64(0.0)));
-        match self.config.sampling {
-            MapSampling::Bilinear => {
-                nothing.add_bilinear_samples(maps, points, Padding::Border, false)
-            }
-            MapSampling::Centres => {
-                nothing.add_bilinear_samples(maps, points, Padding::Zeros, true)
-            }
-            MapSampling::Floor => maps
-                .iter()
-                .fold(nothing, |sum, &map| sum + pool_features(&[map], points, MapSampling::Floor)),
-        }
+    fn seen_by<'t>(&self, y: Var<'t, F>, camera: Var<'t, F>, maps: &[Var<'t, F>]) -> Var<'t, F> {
+        let [n, v, _] = y.dims();
+        let nothing = ArrayD::from_elem(vec![n, v, self.config.reading], F::from_f64(0.0));
+        let points = project_points(positions(y), camera);
+        add_readings(y.tape().constant(nothing), maps, points, self.config.sampling)
     }
 
     /// The part that a time is in. Sums of steps may end a rounding short of where a part begins.
@@ -246,8 +229,7 @@ impl<F: Real> VectorField<F> for StackedField<F> {
                 inputs.len()
             );
         };
-        let seen: Vec<_> = std::iter::once(*camera).chain(maps.iter().copied()).collect();
-        let x = y.tape().concat(&[y, self.seen_by(y, &seen)], 2);
+        let x = y.tape().concat(&[y, self.seen_by(y, *camera, maps)], 2);
         let hidden = self.conv1.forward(piece, [y, x], graph, self.config.activation);
         let sums = self.conv2.forward(piece, [hidden, hidden], graph, Activation::None);
         sums * F::from_f64(self.config.speed) + self.turned(y, *affine)
@@ -257,7 +239,7 @@ impl<F: Real> VectorField<F> for StackedField<F> {
 #[cfg(test)]
 mod tests {
     use autodiff_lite::{Module, testkit};
-    use nets::ChebyshevConv;
+    use nets::{ChebyshevConv, pool_features};
     use proptest::prelude::*;
 
     use super::super::fixtures::{cameras, function, map, mesh, path, state};
@@ -303,7 +285,7 @@ mod tests {
             let tape = Tape::<f64>::eval();
             let (y, maps) =
                 (tape.constant(state(1)), [tape.constant(map(6, 3)), tape.constant(map(3, 1))]);
-            let (points, _) = seen(y, &[tape.constant(cameras())]);
+            let points = project_points(positions(y), tape.constant(cameras()));
             let read = pool_features(&maps, points, sampling).matmul(tape.param(&field.reading));
             let x = tape.concat(&[y, read], 2);
             let of = |param: &Param<f64>| Param::new(one(param, 1, &tape).value().to_owned());

@@ -82,14 +82,16 @@ impl Continuous {
 
     /// What is solved: in training random where the schedule is.
     fn problem(&self, run: Run) -> Problem {
-        let problem = match run {
-            Run::Training { seed, step } => return self.config.training_problem(seed, step),
-            Run::Test | Run::Sequence { .. } => self.config.test_problem(),
-        };
-        let Run::Sequence { frames } = run else { return problem };
-        let [first, last] = problem.span;
-        let time = |i: usize| first + (last - first) * i as f64 / (frames - 1) as f64;
-        problem.asking((0..frames).map(time))
+        match run {
+            Run::Training { seed, step } => self.config.training_problem(seed, step),
+            Run::Test => self.config.test_problem(),
+            Run::Sequence { frames } => {
+                let problem = self.config.test_problem();
+                let [first, last] = problem.span;
+                let time = |i: usize| first + (last - first) * i as f64 / (frames - 1) as f64;
+                problem.asking((0..frames).map(time))
+            }
+        }
     }
 
     /// The way of the ellipsoid `before` under a field whose maps are already as it reads them.
