@@ -27,7 +27,7 @@
 //! | images | [`l1`], [`l2`] (with a mask if wanted), [`ssim_loss`] |
 //! | colours as they are seen | [`rgb_to_lab`], [`lab_lightness`], [`lab_colour`] |
 //! | how images look | [`lpips`] over the maps of a network, [`pyramid`] without one |
-//! | cameras | [`camera_loss`], [`rotation_loss`], [`quaternion_length`] |
+//! | cameras | [`camera_loss`], [`rotation_loss`], [`rotation_sine`], [`quaternion_length`] |
 //! | silhouettes | [`mask_iou`], [`mask_bce`] (and [`l2`]) |
 //! | depth maps | [`ScaleShiftInvariant`] on [`disparity`] (scale and shift), [`log_depth`] (scale); their parts: [`align_scale_shift`], [`normalize_depth`], [`depth_l2`], [`depth_l1_trimmed`], [`depth_gradients`] |
 //! | flat, unfolded surfaces | [`face_angle`], [`normal_consistency`] |
@@ -74,7 +74,7 @@ mod surface;
 #[cfg(test)]
 mod testing;
 
-pub use camera::{camera_loss, quaternion_length, rotation_loss};
+pub use camera::{camera_loss, quaternion_length, rotation_loss, rotation_sine};
 pub use chamfer::{Directions, Matches, chamfer, chamfer_distance, chamfer_normals};
 pub use cotangent::laplacian_cotangent;
 pub use deformation::deformation_norm;

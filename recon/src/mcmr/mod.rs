@@ -59,7 +59,7 @@ use photo::lens_of;
 use render::{Rendered, Stage};
 use shapes::{Split, Template};
 
-pub use config::{McmrConfig, RendererKind};
+pub use config::{McmrConfig, RendererKind, RotationLoss};
 pub use data::Data;
 pub use judge::Judge;
 pub use photo::{Photo, Sample};
@@ -70,6 +70,8 @@ pub use study::{CubStudy, MeanShapesStudy, PascalStudy, SubdivisionStudy};
 
 /// Below this a weight of the selection has no logarithm.
 const LEAST: f32 = 1e-8;
+/// Faces of the icosphere of level 2, which the weights of Laplacians are given for.
+const FACES: f64 = 320.0;
 
 /// The system; see the [module](self).
 #[derive(Debug)]
@@ -124,14 +126,13 @@ impl Mcmr {
     fn regularised<'t>(&self, terms: Terms<'t>, predicted: &Predicted<'t>) -> Terms<'t> {
         let (c, neighbours) = (&self.config, &self.template.topology.vertex_vertices);
         let Predicted { positions, offsets, .. } = *predicted;
+        let faces = self.template.corners.len() as f64;
+        let smooth = if c.laplacian_by_faces { faces / FACES } else { 1.0 };
+        let laplacian = |of| losses::laplacian_norm(of, neighbours);
         let mut terms = terms
             .with("deform", c.deform_weight, losses::deformation_norm(offsets))
-            .with("laplacian", c.laplacian_weight, losses::laplacian_norm(positions, neighbours))
-            .with(
-                "laplacian-offsets",
-                c.laplacian_offsets_weight,
-                losses::laplacian_norm(offsets, neighbours),
-            );
+            .with("laplacian", smooth * c.laplacian_weight, laplacian(positions))
+            .with("laplacian-offsets", smooth * c.laplacian_offsets_weight, laplacian(offsets));
         if c.cotangent_weight > 0.0 {
             let Template { corners, topology, .. } = &self.template;
             let values = positions.value();
@@ -247,7 +248,11 @@ impl System for Mcmr {
         };
         let place = known(&|pose| vec![pose.scale, pose.place[0], pose.place[1]], 3);
         let rotation = known(&|pose| pose.rotation.to_vec(), 4);
-        let camera = losses::camera_loss([predicted.place, place], [predicted.rotation, rotation]);
+        let rotations = match c.rotation_loss {
+            RotationLoss::Cosine => losses::rotation_loss(predicted.rotation, rotation),
+            RotationLoss::Sine => losses::rotation_sine(predicted.rotation, rotation),
+        };
+        let camera = rotations.add(losses::l2(predicted.place, place, None));
         let terms = Terms::new()
             .with("mask", c.mask_weight, losses::l2(rendered.silhouette, mask, None))
             .with("camera", c.camera_weight, camera)

@@ -54,11 +54,12 @@ pub(super) struct Model {
     camera_out: Linear,
     texture: ImageDecoder,
     temperature: f32,
+    vertex_scale: f32,
     camera_dropout: Dropout,
 }
 impl_module!(Model: f32 {
     encoder, enc_conv, enc_norm, enc_fc, selection, selection_out, shapes, deformation, camera, camera_out, texture
-} fixed { temperature, camera_dropout });
+} fixed { temperature, vertex_scale, camera_dropout });
 
 /// What becomes of a batch of `B` pictures.
 #[derive(Clone, Copy, Debug)]
@@ -110,6 +111,7 @@ impl Model {
             camera_out: Linear::new(&init.at("camera_out"), head, 7),
             texture: ImageDecoder::new(&init.at("texture"), config.texture_width, 3),
             temperature: config.temperature as f32,
+            vertex_scale: config.vertex_scale as f32,
             camera_dropout: Dropout::new(config.camera_dropout),
         }
     }
@@ -156,7 +158,8 @@ impl Model {
         let shapes = tape.param(&self.shapes).reshape(&[n, 3 * vertices]);
         let mean = weights.matmul(shapes).reshape(&[b, vertices, 3]);
         let code = tape.concat(&[code, weights], 1);
-        let offsets = tape.scope("deformation", || self.deformation.forward(code, mean));
+        let points = mean.scale(self.vertex_scale);
+        let offsets = tape.scope("deformation", || self.deformation.forward(code, points));
         (mean.add(offsets), offsets)
     }
 }

@@ -39,7 +39,7 @@ fn jobs(scale: Scale) -> Vec<Planned<Mcmr>> {
             ("shapes", "4"),
             ("families", r#"["bicycle", "bus", "car", "motorbike"]"#),
             ("objects", "360"),
-            ("test-objects", "25"),
+            ("test-objects", "100"),
         ];
         changes.extend(set);
         if scale == Scale::Quick {
