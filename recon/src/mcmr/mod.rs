@@ -21,6 +21,9 @@
 //! - LPIPS is given pictures in the range that it expects; without its weights a pyramid of differences stands in.
 //! - Spheres may differ at first, and two terms can keep a selection from collapsing ([`McmrConfig::perturb`],
 //!   [`McmrConfig::balance_weight`], [`McmrConfig::decision_weight`]).
+//! - Rotations may be compared by the sine of half their angle, which decides between front and back
+//!   ([`McmrConfig::rotation_loss`]), and Laplacians may be as strong on a finer mesh
+//!   ([`McmrConfig::laplacian_by_faces`]).
 //!
 //! # References
 //! Simoni, Pini, Vezzani, Cucchiara 2021, *Multi-Category Mesh Reconstruction From Image Collections*, and its
