@@ -11,15 +11,13 @@ const TABLE: &str = "Subdivision";
 const COARSE: &str = "162 vertices";
 const FINE: &str = "642 vertices";
 const BOTH: &str = "162 to 642 vertices";
-const LOST: &str = "162 to 642 vertices, moments lost as published";
 
 /// By how much mask IoUs may differ and still be called equal.
 const TOLERANCE: f64 = 0.003;
 /// Least mask IoU with the true camera of the quick one, which a broken gradient misses.
 const QUICK_FLOOR: f64 = 0.42;
 
-/// The talk's ablation of subdivision, on four categories with four mean shapes; beyond it what losing the optimiser's
-/// moments costs.
+/// The talk's ablation of subdivision, on four categories with four mean shapes.
 #[derive(Clone, Copy, Debug)]
 pub struct SubdivisionStudy;
 
@@ -30,7 +28,6 @@ fn jobs(scale: Scale) -> Vec<Planned<Mcmr>> {
             ("v162", COARSE, vec![never]),
             ("v642", FINE, vec![never, ("level", "3")]),
             ("v162-642", BOTH, vec![]),
-            ("v162-642-lost", LOST, vec![("keep-moments", "false")]),
         ],
         Scale::Quick => vec![("v162-642", BOTH, vec![])],
     };
