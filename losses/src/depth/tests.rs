@@ -61,6 +61,7 @@ proptest! {
         // Where residuals change sign or order, differences cross a kink; after an alignment a single change is one for
         // all pixels.
         let options = Options { kinked_fraction: 0.3, ..testing::options(seed) };
+        let elsewhere = testing::random(&shape, -0.02, 0.02, seed ^ 0x3C);
         // Of very few pixels the spread may be next to nothing, and slopes as steep as it is small; and any change
         // reorders them.
         prop_assume!(mask.outer_iter().all(|m| m.sum() == 0.0 || m.sum() >= 6.0));
@@ -71,8 +72,10 @@ proptest! {
                 let loss = f(v[0], tape.constant(y.clone()), tape.constant(mask.clone()));
                 loss.scale(x.len() as f64)
             });
-            check(&whole, std::slice::from_ref(&x), &options)
-                .map_err(|e| TestCaseError::fail(e.to_string()))
+            // Where a residual is next to nothing, any change of the alignment crosses its kink: then elsewhere. A wrong rule is
+            // wrong there too.
+            let at = |x: &ArrayD<f64>| check(&whole, std::slice::from_ref(x), &options);
+            at(&x).or_else(|_| at(&(&x + &elsewhere))).map_err(|e| TestCaseError::fail(e.to_string()))
         };
         checked(&|x, y, m| depth_l2(x, y, m, mean))?;
         checked(&|x, y, m| depth_l1_trimmed(x, y, m, 0.2, mean))?;
