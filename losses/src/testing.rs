@@ -35,7 +35,8 @@ pub(crate) fn shape(batch: Option<usize>, v: usize) -> Vec<usize> {
     batch.into_iter().chain([v, 3]).collect()
 }
 
-/// Whether the rule agrees with central differences at random inputs.
+/// Whether the rule agrees with central differences at random inputs, or just beside them: one draw in some thousands
+/// lies on a kink that every difference crosses, where an assignment or an order changes. A wrong rule is wrong beside it too.
 pub(crate) fn checked<C>(
     f: &C,
     shapes: &[Vec<usize>],
@@ -44,7 +45,14 @@ pub(crate) fn checked<C>(
 where
     C: for<'t> Fn(&[Var<'t, f64>]) -> Var<'t, f64>,
 {
-    check(f, &options.draw(shapes), options).map_err(|e| TestCaseError::fail(e.to_string()))
+    let drawn = options.draw(shapes);
+    check(f, &drawn, options)
+        .or_else(|_| {
+            let others = Options { seed: !options.seed, ..options.clone() }.draw(shapes);
+            let beside = |(a, b): (&ArrayD<f64>, &ArrayD<f64>)| a * 0.99 + b * 0.01;
+            check(f, &drawn.iter().zip(&others).map(beside).collect::<Vec<_>>(), options)
+        })
+        .map_err(|e| TestCaseError::fail(e.to_string()))
 }
 
 /// The vertices of a mesh as an array.
