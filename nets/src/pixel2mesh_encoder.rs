@@ -2,10 +2,12 @@
 
 use autodiff_lite::{Activation, ConvGeometry, Module, Real, Var, Visitor, VisitorMut, join_path};
 
-use crate::{Conv2d, Init};
+use crate::{Conv2d, GroupNorm, Init};
 
 /// Convolutions of each stage, and the side of the first one's kernel; all others are 3.
 const STAGES: [(usize, usize); 6] = [(2, 3), (3, 3), (3, 3), (3, 3), (3, 5), (4, 5)];
+/// Channels of a group that is normalised together; all of a layer that has fewer.
+const GROUP: usize = 8;
 
 /// Strided convolutions like VGG16's, whose last four stages give maps to pool from.
 ///
@@ -16,6 +18,8 @@ const STAGES: [(usize, usize); 6] = [(2, 3), (3, 3), (3, 3), (3, 3), (3, 5), (4,
 ///
 /// 3x3 kernels, but 5x5 where stages 4 and 5 halve; a ReLU after each. Four maps of together
 /// 960 channels. Convolutions are called `conv<stage>_<number>`, from 1 on.
+///
+/// [`residual`](Self::residual) makes of the 18 plain layers ones that are easier to train.
 ///
 /// ```
 /// use autodiff_lite::Tape;
@@ -33,6 +37,8 @@ const STAGES: [(usize, usize); 6] = [(2, 3), (3, 3), (3, 3), (3, 3), (3, 5), (4,
 pub struct Pixel2MeshEncoder<F: Real = f32> {
     /// The convolutions, stage by stage.
     pub stages: Vec<Vec<Conv2d<F>>>,
+    /// The norm behind each convolution, stage by stage; nothing in the published form.
+    pub norms: Vec<Vec<GroupNorm<F>>>,
 }
 
 /// How the encoder's weights begin; biases are 0.
@@ -51,7 +57,12 @@ impl<F: Real> Module<F> for Pixel2MeshEncoder<F> {
     fn visit(&self, path: &str, visitor: &mut dyn Visitor<F>) {
         for (s, stage) in self.stages.iter().enumerate() {
             for (i, conv) in stage.iter().enumerate() {
-                conv.visit(&join_path(path, &name(s, i)), visitor);
+                conv.visit(&join_path(path, &name("conv", s, i)), visitor);
+            }
+        }
+        for (s, stage) in self.norms.iter().enumerate() {
+            for (i, norm) in stage.iter().enumerate() {
+                norm.visit(&join_path(path, &name("norm", s, i)), visitor);
             }
         }
     }
@@ -59,14 +70,24 @@ impl<F: Real> Module<F> for Pixel2MeshEncoder<F> {
     fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<F>) {
         for (s, stage) in self.stages.iter_mut().enumerate() {
             for (i, conv) in stage.iter_mut().enumerate() {
-                conv.visit_mut(&join_path(path, &name(s, i)), visitor);
+                conv.visit_mut(&join_path(path, &name("conv", s, i)), visitor);
+            }
+        }
+        for (s, stage) in self.norms.iter_mut().enumerate() {
+            for (i, norm) in stage.iter_mut().enumerate() {
+                norm.visit_mut(&join_path(path, &name("norm", s, i)), visitor);
             }
         }
     }
 }
 
-fn name(stage: usize, index: usize) -> String {
-    format!("conv{stage}_{}", index + 1)
+fn name(layer: &str, stage: usize, index: usize) -> String {
+    format!("{layer}{stage}_{}", index + 1)
+}
+
+/// Into how many groups channels fall: such that each has as many, and [`GROUP`] at least.
+fn groups(channels: usize) -> usize {
+    (1..=channels / GROUP).rev().find(|&groups| channels.is_multiple_of(groups)).unwrap_or(1)
 }
 
 impl<F: Real> Pixel2MeshEncoder<F> {
@@ -78,7 +99,7 @@ impl<F: Real> Pixel2MeshEncoder<F> {
         let mut inputs = 3;
         let mut stage = |s: usize, (count, kernel): (usize, usize)| {
             let conv = |i: usize| {
-                let at = init.at(&name(s, i));
+                let at = init.at(&name("conv", s, i));
                 let halves = s > 0 && i == 0;
                 let side = if i == 0 { kernel } else { 3 };
                 let geometry = ConvGeometry::new().padding(side / 2);
@@ -94,7 +115,40 @@ impl<F: Real> Pixel2MeshEncoder<F> {
             };
             (0..count).map(conv).collect()
         };
-        Self { stages: STAGES.iter().enumerate().map(|(s, &of)| stage(s, of)).collect() }
+        let stages = STAGES.iter().enumerate().map(|(s, &of)| stage(s, of)).collect();
+        Self { stages, norms: Vec::new() }
+    }
+
+    /// The same with a group norm behind each convolution, groups of eight channels, and around those that do not halve
+    /// a skip: `x <- relu(x + norm(conv(x)))`. Beyond the papers: what the first layers learn no longer has to pass through
+    /// all others, and no layer's size depends on those before it.
+    ///
+    /// # References
+    /// He et al. 2016, *Deep residual learning for image recognition*; Wu and He 2018, *Group normalization*.
+    #[must_use]
+    pub fn residual(mut self, init: &Init) -> Self {
+        let norm = |s: usize, i: usize, conv: &Conv2d<F>| {
+            let channels = conv.weight.shape()[0];
+            GroupNorm::new(&init.at(&name("norm", s, i)), groups(channels), channels)
+        };
+        let stage = |(s, stage): (usize, &Vec<Conv2d<F>>)| {
+            stage.iter().enumerate().map(|(i, conv)| norm(s, i, conv)).collect()
+        };
+        self.norms = self.stages.iter().enumerate().map(stage).collect();
+        self
+    }
+
+    /// One convolution, and what is around it.
+    fn layer<'t>(&self, x: Var<'t, F>, stage: usize, index: usize) -> Var<'t, F> {
+        let conv = &self.stages[stage][index];
+        let Some(norm) = self.norms.get(stage).and_then(|norms| norms.get(index)) else {
+            return conv.forward_then(x, Activation::Relu);
+        };
+        let y = conv.forward(x);
+        if index == 0 {
+            return norm.forward_then(y, Activation::Relu);
+        }
+        (x + norm.forward(y)).relu()
     }
 
     /// Channels of the four maps together.
@@ -110,7 +164,7 @@ impl<F: Real> Pixel2MeshEncoder<F> {
         let mut x = images;
         let mut maps = [images; 4];
         for (s, stage) in self.stages.iter().enumerate() {
-            x = stage.iter().fold(x, |x, conv| conv.forward_then(x, Activation::Relu));
+            x = (0..stage.len()).fold(x, |x, i| self.layer(x, s, i));
             if let Some(map) = s.checked_sub(2).and_then(|k| maps.get_mut(k)) {
                 *map = x;
             }
@@ -163,6 +217,52 @@ mod tests {
         let maps = encoder.forward(tape.constant(images));
         let shapes = [[2, 10, 14, 4], [2, 5, 7, 4], [2, 3, 4, 4], [2, 2, 2, 4]];
         assert_eq!(maps.map(|map| map.dims::<4>()), shapes);
+        let loss = maps.map(|map| map.square().sum()).into_iter().reduce(|a, b| a + b);
+        let gradients = loss.expect("four maps").backward();
+        encoder.visit("", &mut |path: &str, param: &autodiff_lite::Param| {
+            assert!(gradients.of(param).is_some(), "{path}");
+        });
+    }
+
+    /// Names, numbers, and what a block is: with the branch switched off what came before passes through.
+    #[test]
+    fn residual_layers_add_to_what_passes() {
+        let at = Init::new(2);
+        let plain = Pixel2MeshEncoder::<f64>::new(&at, [4, 8, 12, 16, 24, 24], EncoderInit::He);
+        let mut encoder = plain.clone().residual(&at);
+        let found: Vec<_> = encoder.norms.iter().map(|stage| stage[0].groups).collect();
+        assert_eq!(found, [1, 1, 1, 2, 3, 3]);
+        let channels: usize = [4 * 2, 8 * 3, 12 * 3, 16 * 3, 24 * 3, 24 * 4].iter().sum();
+        assert_eq!(encoder.parameter_count(), plain.parameter_count() + 2 * channels);
+        for stage in &mut encoder.norms {
+            for norm in &mut stage[1..] {
+                norm.weight.as_slice_mut().fill(0.0);
+            }
+        }
+        let tape = Tape::eval();
+        let images =
+            Array4::from_shape_fn((1, 8, 8, 3), |(_, i, j, c)| ((3 * i + 5 * j + c) % 7) as f64);
+        let maps = encoder.forward(tape.constant(images.clone()));
+        let first = |x, s: usize| {
+            let (conv, norm) = (&encoder.stages[s][0], &encoder.norms[s][0]);
+            norm.forward_then(conv.forward(x), Activation::Relu)
+        };
+        let expected = (0..3).fold(tape.constant(images), first);
+        assert_eq!(maps[0].value(), expected.value());
+        let mut paths = Vec::new();
+        encoder.visit("", &mut |path: &str, _: &_| paths.push(path.to_owned()));
+        assert_eq!(paths.last().map(String::as_str), Some("norm5_4.bias"));
+    }
+
+    #[test]
+    fn every_residual_layer_learns() {
+        let at = Init::new(1);
+        let encoder = Pixel2MeshEncoder::<f32>::new(&at, [4; 6], EncoderInit::He).residual(&at);
+        let tape = Tape::train(0);
+        let images = Array4::from_shape_fn((2, 64, 64, 3), |(n, i, j, c)| {
+            ((7 * n + 3 * i + 5 * j + c) % 11) as f32 / 11.0
+        });
+        let maps = encoder.forward(tape.constant(images));
         let loss = maps.map(|map| map.square().sum()).into_iter().reduce(|a, b| a + b);
         let gradients = loss.expect("four maps").backward();
         encoder.visit("", &mut |path: &str, param: &autodiff_lite::Param| {

@@ -2,11 +2,14 @@
 
 use autodiff_lite::{Activation, Param, Real, SparseMatrix, Tape, Var, impl_module};
 use ndarray::ArrayD;
-use nets::{Init, Linear, MapSampling};
+use nets::{Init, MapSampling};
 
 use super::field::{positions, project_points};
 use super::reading::{add_readings, reduced_maps};
 use crate::VectorField;
+
+/// Numbers of an affine map of the space.
+const AFFINE: usize = 12;
 
 /// Sizes and choices of a [`StackedField`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,18 +44,19 @@ impl StackedConfig {
         let conv = |sent: usize, kept: usize, outputs: usize| (sent + kept + 1) * outputs;
         let first = conv(self.state(), self.state() + self.reading, self.hidden);
         let second = conv(self.hidden, self.hidden, self.state());
-        self.features * self.reading + self.pieces * (first + second) + 12 * (self.features + 1)
+        self.features * (self.reading + AFFINE) + self.pieces * (first + second)
     }
 }
 
-/// `dM/dt = A (v - v̄) + b + GCN_k([v; R f(v)])` of the vertices `v` of a mesh, `k` the part of the time.
+/// `dM/dt = A(v) (v - v̄) + b(v) + GCN_k([v; R f(v)])` of the vertices `v` of a mesh, `k` the part of the time.
 ///
 /// - Two graph convolutions, with weights of their own in each part, on features `f` that a matrix `R` reduces to a few
 ///   columns. What separate residual blocks have at a fraction of their parameters: most of a block's are for reading features, of
 ///   a vertex and of its neighbours. Here the matrix that reads is shared, and neighbours send their states alone, since
 ///   what they see differs little.
-/// - An affine flow about the mean vertex `v̄`, the same at all times: `A` and `b` are linear in the picture's mean features. It turns,
-///   stretches and moves the whole, products of picture and place that a network with few hidden columns is slow to learn.
+/// - An affine flow about the mean vertex `v̄`: `A` and `b` are linear in the features where a vertex is seen, by the same matrix at all times.
+///   Coarse maps, which see the whole picture, so turn, stretch and move the whole, fine ones its parts: products of picture
+///   and place that a network with few hidden columns is slow to learn.
 ///
 /// States and inputs are those of a [`DeformationField`](super::DeformationField), but for what is made of the maps by
 /// [`read`](Self::read).
@@ -95,8 +99,8 @@ pub struct StackedField<F: Real = f32> {
     pub conv1: StackedConv<F>,
     /// To velocities.
     pub conv2: StackedConv<F>,
-    /// From the mean features of a picture to the affine flow, row by row.
-    pub affine: Linear<F>,
+    /// `[features, 12]`, to the affine flow: the three columns of `A`, then `b`.
+    pub affine: Param<F>,
     config: StackedConfig,
     graph: SparseMatrix<F>,
 }
@@ -161,42 +165,33 @@ impl<F: Real> StackedField<F> {
             reading: init.at("reading").uniform(&[features, reading], -bound, bound),
             conv1: StackedConv::new(&init.at("conv1"), pieces, first, hidden),
             conv2: StackedConv::new(&init.at("conv2"), pieces, [hidden, hidden], state),
-            affine: Linear {
-                weight: init.at("affine").zeros(&[12, features]),
-                bias: Some(init.at("affine").zeros(&[12])),
-            },
+            affine: init.at("affine").zeros(&[features, AFFINE]),
             config,
             graph,
         }
     }
 
-    /// The inputs of an evaluation behind the cameras: the affine flow of each picture `[N, 3, 4]`, and its maps `[N, H, W, C]`
-    /// reduced to the columns that the field reads.
+    /// The maps `[N, H, W, C]` reduced to the columns that an evaluation reads, its inputs behind the cameras.
     ///
     /// # Panics
     /// If the maps have together another number of channels than the field takes.
     #[track_caller]
     pub fn read<'t>(&self, maps: &[Var<'t, F>]) -> Vec<Var<'t, F>> {
-        let reduced = reduced_maps(maps, self.config.features, |tape, rows| {
-            tape.param(&self.reading).slice_axis(0, rows)
-        });
-        std::iter::once(self.affine(maps)).chain(reduced).collect()
+        reduced_maps(maps, self.config.features, |tape, rows| {
+            let both = [tape.param(&self.reading), tape.param(&self.affine)];
+            tape.concat(&both, 1).slice_axis(0, rows)
+        })
     }
 
-    /// From the means of the maps.
-    fn affine<'t>(&self, maps: &[Var<'t, F>]) -> Var<'t, F> {
-        let means: Vec<_> = maps.iter().map(|map| map.mean_axis(1).mean_axis(1)).collect();
-        let means = maps[0].tape().concat(&means, 1);
-        let n = means.shape()[0];
-        self.affine.forward(means).reshape(&[n, 3, 4])
-    }
-
-    /// `A (v - mean v) + b` of all vertices, and no change of the memory: `[N, V, 3..]`.
+    /// `A (v - mean v) + b` of all vertices, and no change of the memory: `[N, V, 3..]`. Each vertex has its own `[A b]`, column by column
+    /// in `[N, V, 12]`.
     fn turned<'t>(&self, y: Var<'t, F>, affine: Var<'t, F>) -> Var<'t, F> {
         let ([n, v, _], tape) = (y.dims(), y.tape());
         let places = positions(y);
-        let middle = places.mean_axis(1).reshape(&[n, 1, 3]);
-        let turned = (places - middle).project_affine(affine);
+        let from_middle = places - places.mean_axis(1).reshape(&[n, 1, 3]);
+        let column = |i: usize| affine.slice_axis(2, 3 * i..3 * i + 3);
+        let turned =
+            (0..3).fold(column(3), |sum, i| sum + column(i) * from_middle.slice_axis(2, i..i + 1));
         if self.config.memory == 0 {
             return turned;
         }
@@ -204,12 +199,18 @@ impl<F: Real> StackedField<F> {
         tape.concat(&[turned, tape.constant(nothing)], 2)
     }
 
-    /// What is read where vertices with states `[N, V, 3..]` are seen: `[N, V, reading]`.
-    fn seen_by<'t>(&self, y: Var<'t, F>, camera: Var<'t, F>, maps: &[Var<'t, F>]) -> Var<'t, F> {
-        let [n, v, _] = y.dims();
-        let nothing = ArrayD::from_elem(vec![n, v, self.config.reading], F::from_f64(0.0));
+    /// What is read where vertices with states `[N, V, 3..]` are seen: `[N, V, reading]`, and the affine flows there, `[N, V, 12]`.
+    fn seen_by<'t>(
+        &self,
+        y: Var<'t, F>,
+        camera: Var<'t, F>,
+        maps: &[Var<'t, F>],
+    ) -> [Var<'t, F>; 2] {
+        let ([n, v, _], reading) = (y.dims(), self.config.reading);
+        let nothing = ArrayD::from_elem(vec![n, v, reading + AFFINE], F::from_f64(0.0));
         let points = project_points(positions(y), camera);
-        add_readings(y.tape().constant(nothing), maps, points, self.config.sampling)
+        let seen = add_readings(y.tape().constant(nothing), maps, points, self.config.sampling);
+        [seen.slice_axis(2, 0..reading), seen.slice_axis(2, reading..reading + AFFINE)]
     }
 
     /// The part that a time is in. Sums of steps may end a rounding short of where a part begins.
@@ -223,16 +224,14 @@ impl<F: Real> VectorField<F> for StackedField<F> {
     #[track_caller]
     fn eval<'t>(&self, t: f64, y: Var<'t, F>, inputs: &[Var<'t, F>]) -> Var<'t, F> {
         let (graph, piece) = (&self.graph, self.piece(t));
-        let [camera, affine, maps @ ..] = inputs else {
-            panic!(
-                "StackedField: {} inputs, expected cameras, affine flows and maps",
-                inputs.len()
-            );
+        let [camera, maps @ ..] = inputs else {
+            panic!("StackedField: no inputs, expected cameras and feature maps");
         };
-        let x = y.tape().concat(&[y, self.seen_by(y, *camera, maps)], 2);
+        let [seen, affine] = self.seen_by(y, *camera, maps);
+        let x = y.tape().concat(&[y, seen], 2);
         let hidden = self.conv1.forward(piece, [y, x], graph, self.config.activation);
         let sums = self.conv2.forward(piece, [hidden, hidden], graph, Activation::None);
-        sums * F::from_f64(self.config.speed) + self.turned(y, *affine)
+        sums * F::from_f64(self.config.speed) + self.turned(y, affine)
     }
 }
 
@@ -259,8 +258,7 @@ mod tests {
             sampling,
         };
         let mut field = StackedField::new(&Init::new(3), config, path(5));
-        field.affine.weight = Init::new(4).uniform(&[12, 4], -0.5, 0.5);
-        field.affine.bias = Some(Init::new(5).uniform(&[12], -0.5, 0.5));
+        field.affine = Init::new(4).uniform(&[4, AFFINE], -0.5, 0.5);
         field
     }
 
@@ -286,8 +284,8 @@ mod tests {
             let (y, maps) =
                 (tape.constant(state(1)), [tape.constant(map(6, 3)), tape.constant(map(3, 1))]);
             let points = project_points(positions(y), tape.constant(cameras()));
-            let read = pool_features(&maps, points, sampling).matmul(tape.param(&field.reading));
-            let x = tape.concat(&[y, read], 2);
+            let features = pool_features(&maps, points, sampling);
+            let x = tape.concat(&[y, features.matmul(tape.param(&field.reading))], 2);
             let of = |param: &Param<f64>| Param::new(one(param, 1, &tape).value().to_owned());
             let conv = |conv: &StackedConv<f64>| ChebyshevConv {
                 weight: of(&conv.weight),
@@ -306,16 +304,18 @@ mod tests {
                 * tape.constant(ndarray::arr1(&[2.0])))
             .value()
             .to_owned();
-            let affine = field.affine(&maps).value();
+            let affine = features.matmul(tape.param(&field.affine)).value();
             for ((n, mesh), mut rows) in
                 mesh().outer_iter().enumerate().zip(expected.outer_iter_mut())
             {
                 let middle = mesh.mean_axis(ndarray::Axis(0)).expect("five vertices");
-                for (place, mut row) in mesh.outer_iter().zip(rows.outer_iter_mut()) {
+                for (v, (place, mut row)) in
+                    mesh.outer_iter().zip(rows.outer_iter_mut()).enumerate()
+                {
                     for i in 0..3 {
-                        let turned =
-                            (0..3).map(|k| affine[[n, i, k]] * (place[k] - middle[k])).sum::<f64>();
-                        row[i] += turned + affine[[n, i, 3]];
+                        let entry = |k: usize| affine[[n, v, 3 * k + i]];
+                        let turned = (0..3).map(|k| entry(k) * (place[k] - middle[k]));
+                        row[i] += turned.sum::<f64>() + entry(3);
                     }
                 }
             }

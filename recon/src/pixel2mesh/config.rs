@@ -23,6 +23,11 @@ pub struct SharedConfig {
     pub channels: [usize; 6],
     /// How the encoder's weights begin. Default `"he"`; published deviations of 0.02 let the picture fade on its way.
     pub encoder_init: EncoderInitKind,
+    /// Whether the encoder's layers are plain or residual. Default `"plain"`, as published.
+    pub encoder_form: EncoderForm,
+    /// What maps are multiplied by before they are read, above 0 to 1000. Default 1. Residual encoders put out features of about 1, and a
+    /// step of Adam changes what is read linearly from many such at once too much; 0.1 serves them.
+    pub feature_scale: f64,
     /// How often the ellipsoid of 156 vertices is subdivided, 0 to 3. Default 1: 618 vertices.
     pub level: u32,
     /// Columns inside of the graph convolutions. Default 96; published 192.
@@ -51,6 +56,8 @@ impl Default for SharedConfig {
             pairs: PairsConfig::default(),
             channels: [8, 8, 16, 32, 64, 64],
             encoder_init: EncoderInitKind::He,
+            encoder_form: EncoderForm::Plain,
+            feature_scale: 1.0,
             level: 1,
             hidden: 96,
             activation: ActivationKind::Relu,
@@ -82,6 +89,8 @@ impl SharedConfig {
         let sound = self.channels.iter().all(|c| (1..=2048).contains(c));
         require(sound, "channels", &all, "1 to 2048 each");
         require(self.level <= 3, "level", &self.level, "0 to 3");
+        let scale = self.feature_scale;
+        require(scale > 0.0 && scale <= 1e3, "feature-scale", &scale, "above 0 to 1000");
         require((1..=4096).contains(&self.hidden), "hidden", &self.hidden, "1 to 4096");
         for (weight, field) in [
             (self.chamfer_weight, "chamfer-weight"),
@@ -100,17 +109,29 @@ impl SharedConfig {
     /// Numbers in the encoder.
     pub(super) fn encoder_parameters(&self) -> usize {
         let stages = [(2, 3), (3, 3), (3, 3), (3, 3), (3, 5), (4, 5)];
+        let residual = self.encoder_form == EncoderForm::Residual;
         let mut inputs = 3;
         let mut total = 0;
         for ((count, kernel), &channels) in stages.into_iter().zip(&self.channels) {
             for i in 0..count {
                 let side: usize = if i == 0 { kernel } else { 3 };
                 total += side * side * inputs * channels + channels;
+                total += if residual { 2 * channels } else { 0 };
                 inputs = channels;
             }
         }
         total
     }
+}
+
+/// What an encoder's layers are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EncoderForm {
+    /// A convolution and a ReLU.
+    Plain,
+    /// With group norms, and skips around convolutions that do not halve.
+    Residual,
 }
 
 /// The options of a deformation in continuous time, and of the residual networks that it is compared with.

@@ -25,8 +25,8 @@ mod template;
 mod tests;
 
 pub use config::{
-    ActivationKind, AdjointKind, DeformationKind, EncoderInitKind, Method, OdeConfig, SamplingKind,
-    SharedConfig, StagesConfig,
+    ActivationKind, AdjointKind, DeformationKind, EncoderForm, EncoderInitKind, Method, OdeConfig,
+    SamplingKind, SharedConfig, StagesConfig,
 };
 pub use continuous::Continuous;
 pub use deformer::{Deformed, Deformer, Run, Stage};

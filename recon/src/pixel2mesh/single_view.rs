@@ -7,7 +7,7 @@ use mesh_core::TriMesh;
 use nets::{Init, Pixel2MeshEncoder};
 use ode_deform::solve::{SolveError, Stats};
 
-use super::config::SharedConfig;
+use super::config::{EncoderForm, SharedConfig};
 use super::deformer::{Deformed, Deformer, Run, Stage};
 use super::template::Template;
 use crate::paired::{Pair, Pairs, Picture};
@@ -96,7 +96,11 @@ impl<D: Deformer> SingleView<D> {
         let (n, side) = (pictures.len(), self.shared().pairs.image_size);
         let images = stacked(tape, pictures.iter().map(|p| &p.image[..]), &[n, side, side, 3]);
         let camera = stacked(tape, pictures.iter().map(|p| &p.lens[..]), &[n, 3, 4]);
-        let maps = tape.scope("encoder", || self.encoder.forward(images));
+        let mut maps = tape.scope("encoder", || self.encoder.forward(images));
+        let scale = self.shared().feature_scale as f32;
+        if scale != 1.0 {
+            maps = maps.map(|map| map * scale);
+        }
         let inputs: Vec<Var<'t>> = std::iter::once(camera).chain(maps).collect();
         self.deformer.deform(&self.template, &inputs, run)
     }
@@ -213,11 +217,12 @@ impl<D: Deformer> System for SingleView<D> {
         let init = Init::new(seed);
         let shared = D::shared(config);
         let template = Template::new(shared.level);
-        let encoder = Pixel2MeshEncoder::new(
-            &init.at("encoder"),
-            shared.channels,
-            shared.encoder_init.into(),
-        );
+        let at = init.at("encoder");
+        let plain = Pixel2MeshEncoder::new(&at, shared.channels, shared.encoder_init.into());
+        let encoder = match shared.encoder_form {
+            EncoderForm::Plain => plain,
+            EncoderForm::Residual => plain.residual(&at),
+        };
         let deformer = D::new(config, &init.at("deformer"), &template);
         Self { config: config.clone(), seed, encoder, deformer, template }
     }

@@ -31,6 +31,13 @@ fn stacked() -> OdeConfig {
     OdeConfig { deformation: DeformationKind::Stacked, memory: 2, reading: 5, pieces: 3, ..ode() }
 }
 
+/// Another encoder under the same field.
+fn residual_encoder() -> OdeConfig {
+    let shared =
+        SharedConfig { encoder_form: EncoderForm::Residual, feature_scale: 0.1, ..shared() };
+    OdeConfig { shared, ..stacked() }
+}
+
 fn stages() -> StagesConfig {
     let shared = SharedConfig {
         normal_weight: 0.1,
@@ -57,6 +64,7 @@ fn parameters_are_counted_without_making_them() {
     }
     counted::<OdePixel2Mesh>(&ode());
     counted::<OdePixel2Mesh>(&stacked());
+    counted::<OdePixel2Mesh>(&residual_encoder());
     counted::<OdePixel2Mesh>(&OdeConfig { deformation: DeformationKind::Residual, ..ode() });
     counted::<Pixel2Mesh>(&stages());
     counted::<Pixel2Mesh>(&StagesConfig { shared: shared(), ..stages() });
@@ -121,6 +129,7 @@ fn every_parameter_learns_and_steps_are_drawn() {
     for (values, norms) in [
         step::<OdePixel2Mesh>(&ode(), 0),
         step::<OdePixel2Mesh>(&stacked(), 0),
+        step::<OdePixel2Mesh>(&residual_encoder(), 0),
         step::<OdePixel2Mesh>(&residual, 0),
         step::<Pixel2Mesh>(&stages(), 0),
     ] {
