@@ -82,7 +82,8 @@ fn jobs(scale: Scale) -> Vec<Planned<OdePixel2Mesh>> {
         let eighths = [method("euler"), ("start", "[0.0, 0.0]"), ("step", "[0.125, 0.125]")];
         let with = |more: &[Change]| [&eighths, more].concat();
         jobs.push(("ode-best", MEMORY, with(&[("memory", "8"), ("hidden", "104")])));
-        let stacked = [("deformation", "stacked"), ("memory", "4"), ("hidden", "83")];
+        let stacked =
+            [("deformation", "stacked"), ("memory", "4"), ("hidden", "83"), ("speed", "16.0")];
         let residual = [("deformation", "residual"), ("blocks", "8")];
         jobs.extend([
             ("ode-stacked", BEST, with(&[&stacked[..], &ENCODER].concat())),
