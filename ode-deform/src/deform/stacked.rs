@@ -178,8 +178,8 @@ impl<F: Real> StackedField<F> {
     #[track_caller]
     pub fn read<'t>(&self, maps: &[Var<'t, F>]) -> Vec<Var<'t, F>> {
         reduced_maps(maps, self.config.features, |tape, rows| {
-            let both = [tape.param(&self.reading), tape.param(&self.affine)];
-            tape.concat(&both, 1).slice_axis(0, rows)
+            let both = [&self.reading, &self.affine];
+            tape.concat(&both.map(|of| tape.param(of).slice_axis(0, rows.clone())), 1)
         })
     }
 
