@@ -69,6 +69,7 @@ mod image;
 mod intersect;
 pub mod io;
 pub mod kernels;
+mod limits;
 mod mesh;
 mod normals;
 pub mod primitives;
@@ -100,6 +101,7 @@ pub use image::{
 };
 pub use io::{ReadMeshError, WriteError, read_mesh, write_mesh};
 pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_into};
+pub use limits::{Budget, Limits, OverLimit};
 pub use mesh::{MeshError, Texture, TriMesh};
 pub use nalgebra;
 pub use normals::{face_areas, face_normals, vertex_normals};
