@@ -95,11 +95,12 @@ pub use diffusion::{DiffusionSolver, SolveReport};
 pub use health::Health;
 pub use image::{
     ByteImage, DepthMap, DisparityMap, GroundPlane, Image, ImageError, decode_depth,
-    decode_depth_png, decode_image, decode_pfm, encode_depth, encode_exr, encode_pfm, encode_png,
-    linear_to_srgb, read_depth, read_depth_png, read_image, read_pfm, srgb_to_linear, write_depth,
+    decode_depth_png, decode_depth_png_with, decode_depth_with, decode_image, decode_image_with,
+    decode_pfm, decode_pfm_with, encode_depth, encode_exr, encode_pfm, encode_png, linear_to_srgb,
+    read_depth, read_depth_png, read_image, read_image_with, read_pfm, srgb_to_linear, write_depth,
     write_pfm, write_png,
 };
-pub use io::{ReadMeshError, WriteError, read_mesh, write_mesh};
+pub use io::{ReadMeshError, Remark, WriteError, read_mesh, read_mesh_with, write_mesh};
 pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_into};
 pub use limits::{Budget, Limits, OverLimit};
 pub use mesh::{MeshError, Texture, TriMesh};

@@ -4,7 +4,7 @@
 mod samples;
 
 use mesh_core::TriMesh;
-use mesh_core::io::{ReadMeshError, glb, obj, ply, write_mesh};
+use mesh_core::io::{ReadMeshError, glb, obj, off, ply, write_mesh};
 use proptest::prelude::*;
 use proptest::sample::Index;
 
@@ -74,11 +74,12 @@ fn damaged(mut bytes: Vec<u8>, changes: &[Change]) -> Vec<u8> {
     bytes
 }
 
-/// What is read is a mesh that can be written again.
+/// What is read is a sound mesh that can be written again.
 fn holds(result: Result<TriMesh, ReadMeshError>) {
     if let Ok(mesh) = result {
-        let _ = glb::encode(&mesh);
-        let _ = ply::encode(&mesh, ply::Encoding::Ascii);
+        mesh.validate().unwrap();
+        glb::encode(&mesh).unwrap();
+        ply::encode(&mesh, ply::Encoding::Ascii).unwrap();
     }
 }
 
@@ -91,6 +92,10 @@ fn obj_bytes() -> Vec<u8> {
     bytes
 }
 
+const STRIPS: &[u8] = b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
+    property float z\nelement tristrips 1\nproperty list int int vertex_indices\nend_header\n\
+    0 0 0\n1 0 0\n0 1 0\n1 1 0\n9 0 1 2 3 -1 3 2 1 1\n";
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1500))]
 
@@ -101,20 +106,31 @@ proptest! {
 
     #[test]
     fn ply_ascii(changes in prop::collection::vec(change(), 0..5)) {
-        let bytes = ply::encode(&samples::colored(), ply::Encoding::Ascii);
+        let bytes = ply::encode(&samples::colored(), ply::Encoding::Ascii).unwrap();
         holds(ply::decode(&damaged(bytes, &changes), "fuzz.ply"));
     }
 
     #[test]
+    fn ply_strips(changes in prop::collection::vec(change(), 0..5)) {
+        holds(ply::decode(&damaged(STRIPS.to_vec(), &changes), "fuzz.ply"));
+    }
+
+    #[test]
+    fn off(changes in prop::collection::vec(change(), 0..5)) {
+        let text = b"COFF\n4 2 0\n0 0 0 1\n1 0 0 1\n1 1 0 0\n0 1 0 0\n4 0 1 2 3\n3 0 2 1\n";
+        holds(off::decode(&damaged(text.to_vec(), &changes), "fuzz.off"));
+    }
+
+    #[test]
     fn ply_binary(changes in prop::collection::vec(change(), 0..5)) {
-        let bytes = ply::encode(&samples::colored(), ply::Encoding::Binary);
+        let bytes = ply::encode(&samples::colored(), ply::Encoding::Binary).unwrap();
         holds(ply::decode(&damaged(bytes, &changes), "fuzz.ply"));
     }
 
     #[test]
     fn glb(textured in any::<bool>(), changes in prop::collection::vec(change(), 0..5)) {
         let mesh = if textured { samples::textured() } else { samples::colored() };
-        holds(glb::decode(&damaged(glb::encode(&mesh), &changes), "fuzz.glb"));
+        holds(glb::decode(&damaged(glb::encode(&mesh).unwrap(), &changes), "fuzz.glb"));
     }
 
     #[test]

@@ -6,7 +6,7 @@ mod samples;
 use std::path::PathBuf;
 
 use mesh_core::io::{obj, ply};
-use mesh_core::{Camera, TriMesh, read_image, read_mesh, write_mesh};
+use mesh_core::{Camera, Limits, TriMesh, read_image, read_mesh, write_mesh};
 use samples::corner_uvs;
 
 fn data() -> PathBuf {
@@ -30,7 +30,7 @@ fn known_meshes_survive_every_format() {
             assert!(obj::read(&path).unwrap_err().to_string().contains("expected 1 to 0"));
             continue;
         }
-        let mesh = obj::read_with_notes(&path, &mut notes).unwrap();
+        let mesh = obj::read_with(&path, &Limits::default(), &mut notes).unwrap();
         assert_eq!((mesh.positions.len(), mesh.faces.len()), (vertices, faces), "{name}");
         assert_eq!(mesh.texture.is_some(), textured, "{name} {notes:?}");
         assert_eq!(notes.is_empty(), !name.contains("avocado"), "{name} {notes:?}");
@@ -53,7 +53,7 @@ fn survives(mesh: &TriMesh) {
             }
         }
     }
-    let ascii = ply::encode(mesh, ply::Encoding::Ascii);
+    let ascii = ply::encode(mesh, ply::Encoding::Ascii).unwrap();
     assert_eq!(ply::decode(&ascii, "ascii").unwrap().positions, mesh.positions);
 }
 

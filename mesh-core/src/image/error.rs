@@ -1,6 +1,8 @@
 //! What can be wrong with an image file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use crate::Limits;
 
 /// Why an image could not be read.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +44,24 @@ pub enum ImageError {
         /// Bytes in the file.
         length: u64,
     },
+    /// The header claims more than the [`Limits`](crate::Limits) allow.
+    #[error(
+        "{}: the header claims {width} x {height} pixels ({bytes} bytes), the limit is {max_pixels} \
+         pixels of 4 bytes",
+        path.display()
+    )]
+    OverLimit {
+        /// The file, or the name given for the bytes.
+        path: PathBuf,
+        /// Claimed columns.
+        width: u64,
+        /// Claimed rows.
+        height: u64,
+        /// Bytes that the pixels would take.
+        bytes: u64,
+        /// Pixels that are allowed, each of 4 bytes on average.
+        max_pixels: u64,
+    },
     /// An EXR file without a channel that could be depth.
     #[error(
         "{}: no depth channel: expected Z, V, depth.V, View Layer.Depth.Z or R, found {found}",
@@ -53,4 +73,40 @@ pub enum ImageError {
         /// The channels that it has.
         found: String,
     },
+}
+
+/// Refuses what a file of `length` bytes cannot unpack to.
+pub(super) fn too_large(
+    path: &Path,
+    (width, height): (usize, usize),
+    bytes: u64,
+    possible: u64,
+    length: usize,
+) -> Result<(), ImageError> {
+    if bytes <= possible {
+        return Ok(());
+    }
+    Err(ImageError::TooLarge {
+        path: path.to_owned(),
+        width: width as u64,
+        height: height as u64,
+        bytes,
+        limit: possible,
+        length: length as u64,
+    })
+}
+
+/// Refuses what the limits do not allow.
+pub(super) fn too_many(
+    path: &Path,
+    (width, height): (usize, usize),
+    bytes: u64,
+    limits: &Limits,
+) -> Result<(), ImageError> {
+    let (width, height) = (width as u64, height as u64);
+    let max_pixels = limits.max_pixels;
+    if width.saturating_mul(height) <= max_pixels && bytes <= max_pixels.saturating_mul(4) {
+        return Ok(());
+    }
+    Err(ImageError::OverLimit { path: path.to_owned(), width, height, bytes, max_pixels })
 }

@@ -8,12 +8,12 @@ use exr::prelude::{
     ReadChannels, ReadLayers, Text, Vec2, WritableImage, read,
 };
 
+use super::error::{too_large, too_many};
 use super::file::read_bytes;
 use super::{DepthMap, Image, ImageError, depth};
+use crate::Limits;
 use crate::io::{WriteError, write_atomic};
 
-/// The most that the channels of one file may take in memory.
-const LARGEST: u64 = 2 << 30;
 /// No compression of OpenEXR's unpacks to more than this many times its size.
 const RATIO: u64 = 2000;
 
@@ -23,7 +23,8 @@ const RATIO: u64 = 2000;
 /// (`depth.V`, `View Layer.Depth.Z`), or `R`. Values of 1e9 and more, or not finite, are holes.
 ///
 /// # Errors
-/// The file cannot be read, is no EXR, is damaged, claims what cannot be, or holds no depth.
+/// The file cannot be read, is no EXR, is damaged, claims what cannot be or what the default
+/// [`Limits`] do not allow, or holds no depth.
 pub fn read_depth(path: impl AsRef<Path>) -> Result<DepthMap, ImageError> {
     let path = path.as_ref();
     decode_depth(&read_bytes(path)?, path)
@@ -34,10 +35,22 @@ pub fn read_depth(path: impl AsRef<Path>) -> Result<DepthMap, ImageError> {
 /// # Errors
 /// As [`read_depth`].
 pub fn decode_depth(bytes: &[u8], name: impl AsRef<Path>) -> Result<DepthMap, ImageError> {
+    decode_depth_with(bytes, name, &Limits::default())
+}
+
+/// [`decode_depth`] within other limits; they count the samples of all channels.
+///
+/// # Errors
+/// As [`read_depth`].
+pub fn decode_depth_with(
+    bytes: &[u8],
+    name: impl AsRef<Path>,
+    limits: &Limits,
+) -> Result<DepthMap, ImageError> {
     let path = name.as_ref();
     let failed =
         |e: exr::error::Error| ImageError::Decode { path: path.to_owned(), what: e.to_string() };
-    check_claims(bytes, path)?;
+    check_claims(bytes, path, limits)?;
     let image = read()
         .no_deep_data()
         .largest_resolution_level()
@@ -73,7 +86,7 @@ pub fn decode_depth(bytes: &[u8], name: impl AsRef<Path>) -> Result<DepthMap, Im
     // A layer may cover a part of the picture, or more than it.
     let window = image.attributes.display_window;
     let (width, height) = (window.size.width(), window.size.height());
-    too_large(path, width, height, (width as u64).saturating_mul(height as u64), bytes.len())?;
+    check((width, height), (width as u64).saturating_mul(height as u64), bytes, path, limits)?;
     let mut data = vec![f32::INFINITY; width * height];
     let offset = layer.attributes.layer_position - window.position;
     for (k, value) in samples.values_as_f32().enumerate() {
@@ -175,7 +188,7 @@ fn choose(names: &[&str]) -> Option<usize> {
 }
 
 /// Refuses headers that claim more than the file can hold, before anything is allocated.
-fn check_claims(bytes: &[u8], path: &Path) -> Result<(), ImageError> {
+fn check_claims(bytes: &[u8], path: &Path, limits: &Limits) -> Result<(), ImageError> {
     let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false)
         .map_err(|e| ImageError::Decode { path: path.to_owned(), what: e.to_string() })?;
     let mut total = 0_u64;
@@ -183,30 +196,21 @@ fn check_claims(bytes: &[u8], path: &Path) -> Result<(), ImageError> {
         let Vec2(width, height) = header.layer_size;
         let pixels = (width as u64).saturating_mul(height as u64);
         total = total.saturating_add(pixels.saturating_mul(header.channels.bytes_per_pixel as u64));
-        too_large(path, width, height, total, bytes.len())?;
+        check((width, height), total, bytes, path, limits)?;
     }
     Ok(())
 }
 
-fn too_large(
-    path: &Path,
-    width: usize,
-    height: usize,
+fn check(
+    size: (usize, usize),
     claimed: u64,
-    length: usize,
+    bytes: &[u8],
+    path: &Path,
+    limits: &Limits,
 ) -> Result<(), ImageError> {
-    let limit = LARGEST.min((length as u64).saturating_mul(RATIO));
-    if claimed <= limit {
-        return Ok(());
-    }
-    Err(ImageError::TooLarge {
-        path: path.to_owned(),
-        width: width as u64,
-        height: height as u64,
-        bytes: claimed,
-        limit,
-        length: length as u64,
-    })
+    let possible = (bytes.len() as u64).saturating_mul(RATIO);
+    too_large(path, size, claimed, possible, bytes.len())?;
+    too_many(path, size, claimed, limits)
 }
 
 #[cfg(test)]

@@ -4,15 +4,21 @@ use std::io::Cursor;
 use std::path::Path;
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::metadata::Orientation;
 use image::{
-    DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits,
+    DynamicImage, ExtendedColorType, GrayAlphaImage, GrayImage, ImageDecoder, ImageEncoder,
+    ImageFormat, ImageReader, RgbImage, RgbaImage,
 };
 
+use super::error::{too_large, too_many};
 use super::{ByteImage, DepthMap, ImageError};
-use crate::io::{WriteError, write_atomic};
+use crate::Limits;
+use crate::io::{WriteError, regular, write_atomic};
 
-/// The largest image that is unpacked: 16384 x 16384 with four channels.
-const LARGEST: u64 = 1 << 30;
+/// What else than pixels a PNG may unpack to: colour profiles are compressed, and not used here.
+const BESIDE: u64 = 16 << 20;
+/// Scans of a progressive JPEG; each goes over the whole picture, and real ones have about ten.
+const SCANS: usize = 256;
 /// Deflate makes at most 1032 bytes of one.
 const DEFLATE_RATIO: u64 = 1032;
 /// A block of 64 pixels takes at least a bit, once per plane.
@@ -23,27 +29,78 @@ const JPEG_RATIO: u64 = 8192;
 /// The orientation that cameras note in EXIF is applied, so row 0 is the top of the scene.
 ///
 /// # Errors
-/// The file cannot be read, is no image, is damaged, or its header claims what cannot be.
+/// The file cannot be read, is no image, is damaged, or its header claims what cannot be or more
+/// pixels than the default [`Limits`] allow.
 pub fn read_image(path: impl AsRef<Path>) -> Result<ByteImage, ImageError> {
-    let path = path.as_ref();
-    decode_image(&read_bytes(path)?, path)
+    read_image_with(path, &Limits::default())
 }
 
-/// The same for bytes that are already in memory; `name` stands for them in errors.
+/// [`read_image`] within other limits.
+///
+/// # Errors
+/// As [`read_image`].
+pub fn read_image_with(path: impl AsRef<Path>, limits: &Limits) -> Result<ByteImage, ImageError> {
+    let path = path.as_ref();
+    decode_image_with(&read_bytes(path)?, path, limits)
+}
+
+/// [`read_image`] for bytes that are already in memory; `name` stands for them in errors.
 ///
 /// # Errors
 /// As [`read_image`].
 pub fn decode_image(bytes: &[u8], name: impl AsRef<Path>) -> Result<ByteImage, ImageError> {
-    let image = decode(bytes, name.as_ref())?;
-    let (width, height) = (image.width() as usize, image.height() as usize);
-    let channels = image.color().channel_count() as usize;
-    let data = match channels {
-        1 => image.into_luma8().into_raw(),
-        2 => image.into_luma_alpha8().into_raw(),
-        3 => image.into_rgb8().into_raw(),
-        _ => image.into_rgba8().into_raw(),
+    decode_image_with(bytes, name, &Limits::default())
+}
+
+/// [`decode_image`] within other limits.
+///
+/// # Errors
+/// As [`read_image`].
+pub fn decode_image_with(
+    bytes: &[u8],
+    name: impl AsRef<Path>,
+    limits: &Limits,
+) -> Result<ByteImage, ImageError> {
+    let failed = |what: String| ImageError::Decode { path: name.as_ref().to_owned(), what };
+    let mut decoder = decoder(bytes, name.as_ref(), limits)?;
+    let orientation = decoder.orientation().map_err(|e| failed(e.to_string()))?;
+    let (width, height) = decoder.dimensions();
+    let color = decoder.color_type();
+    let channels = usize::from(color.channel_count());
+    let mut data = vec![0; decoder.total_bytes() as usize];
+    decoder.read_image(&mut data).map_err(|e| failed(e.to_string()))?;
+    if color.bytes_per_pixel() > color.channel_count() {
+        halve(&mut data);
+    }
+    let image = ByteImage { height: height as usize, width: width as usize, channels, data };
+    Ok(if orientation == Orientation::NoTransforms { image } else { turned(image, orientation) })
+}
+
+/// 16 bits a channel rounded to 8, in place.
+fn halve(data: &mut Vec<u8>) {
+    let half = data.len() / 2;
+    for k in 0..half {
+        let value = u32::from(u16::from_ne_bytes([data[2 * k], data[2 * k + 1]]));
+        data[k] = ((value + 128) / 257) as u8;
+    }
+    data.truncate(half);
+    data.shrink_to_fit();
+}
+
+/// The image as its orientation says it is to be seen.
+fn turned(image: ByteImage, orientation: Orientation) -> ByteImage {
+    let ByteImage { height, width, channels, data } = image;
+    let (w, h) = (width as u32, height as u32);
+    let dynamic = match channels {
+        1 => GrayImage::from_raw(w, h, data).map(DynamicImage::from),
+        2 => GrayAlphaImage::from_raw(w, h, data).map(DynamicImage::from),
+        3 => RgbImage::from_raw(w, h, data).map(DynamicImage::from),
+        _ => RgbaImage::from_raw(w, h, data).map(DynamicImage::from),
     };
-    Ok(ByteImage { height, width, channels, data })
+    let mut dynamic = dynamic.expect("as many bytes as pixels times channels");
+    dynamic.apply_orientation(orientation);
+    let (width, height) = (dynamic.width() as usize, dynamic.height() as usize);
+    ByteImage { height, width, channels, data: dynamic.into_bytes() }
 }
 
 /// Reads depth from a grey PNG, as nerfstudio (16 bits, millimetres) and BOP keep it.
@@ -57,7 +114,7 @@ pub fn read_depth_png(path: impl AsRef<Path>, unit: f32) -> Result<DepthMap, Ima
     decode_depth_png(&read_bytes(path)?, path, unit)
 }
 
-/// The same for bytes that are already in memory; `name` stands for them in errors.
+/// [`read_depth_png`] for bytes that are already in memory; `name` stands for them in errors.
 ///
 /// # Errors
 /// As [`read_image`].
@@ -66,7 +123,27 @@ pub fn decode_depth_png(
     name: impl AsRef<Path>,
     unit: f32,
 ) -> Result<DepthMap, ImageError> {
-    let image = decode(bytes, name.as_ref())?;
+    decode_depth_png_with(bytes, name, unit, &Limits::default())
+}
+
+/// [`decode_depth_png`] within other limits.
+///
+/// # Errors
+/// As [`read_image`].
+pub fn decode_depth_png_with(
+    bytes: &[u8],
+    name: impl AsRef<Path>,
+    unit: f32,
+    limits: &Limits,
+) -> Result<DepthMap, ImageError> {
+    let failed = |e: image::ImageError| ImageError::Decode {
+        path: name.as_ref().to_owned(),
+        what: e.to_string(),
+    };
+    let mut decoder = decoder(bytes, name.as_ref(), limits)?;
+    let orientation = decoder.orientation().map_err(failed)?;
+    let mut image = DynamicImage::from_decoder(decoder).map_err(failed)?;
+    image.apply_orientation(orientation);
     let (width, height) = (image.width() as usize, image.height() as usize);
     // Widening 8 bits to 16 multiplies by 257; the file's own numbers are wanted.
     let values: Vec<u16> = match image {
@@ -115,27 +192,36 @@ pub fn encode_png(image: &ByteImage) -> Vec<u8> {
 }
 
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
-    std::fs::read(path).map_err(|source| ImageError::Io { path: path.to_owned(), source })
+    regular(path).map_err(|source| ImageError::Io { path: path.to_owned(), source })
 }
 
-fn decode(bytes: &[u8], name: &Path) -> Result<DynamicImage, ImageError> {
+/// A decoder of bytes whose header claims no more than the limits allow and the bytes can hold.
+fn decoder<'a>(
+    bytes: &'a [u8],
+    name: &Path,
+    limits: &Limits,
+) -> Result<impl ImageDecoder + use<'a>, ImageError> {
     let failed = |what: String| ImageError::Decode { path: name.to_owned(), what };
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|e| failed(e.to_string()))?;
-    if reader.format().is_none() {
-        return Err(failed("the first bytes are neither PNG's nor JPEG's".to_owned()));
-    }
     let ratio = match reader.format() {
+        None => return Err(failed("the first bytes are neither PNG's nor JPEG's".to_owned())),
         Some(ImageFormat::Png) => DEFLATE_RATIO,
         _ => JPEG_RATIO,
     };
-    let limit = LARGEST.min((bytes.len() as u64).saturating_mul(ratio));
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(LARGEST);
-    reader.limits(limits);
-    let mut decoder = reader.into_decoder().map_err(|e| failed(e.to_string()))?;
+    if ratio == JPEG_RATIO {
+        let scans = bytes.windows(2).filter(|pair| pair == b"\xff\xda");
+        if scans.take(SCANS + 1).count() > SCANS {
+            return Err(failed(format!("more than {SCANS} scans")));
+        }
+    }
+    let mut own = image::Limits::default();
+    own.max_alloc = Some(BESIDE + row_bytes(bytes, limits) + 4 * bytes.len() as u64);
+    reader.limits(own);
+    let decoder = reader.into_decoder().map_err(|e| failed(e.to_string()))?;
     let ((width, height), claimed) = (decoder.dimensions(), decoder.total_bytes());
+    let (width, height) = (width as usize, height as usize);
     // Palettes and single bits grow up to 32-fold when unpacked into colours.
     let packed = match decoder.original_color_type() {
         ExtendedColorType::L1
@@ -146,20 +232,16 @@ fn decode(bytes: &[u8], name: &Path) -> Result<DynamicImage, ImageError> {
         | ExtendedColorType::Rgb4 => claimed / 32,
         _ => claimed / 4,
     };
-    if packed > limit || claimed > LARGEST {
-        return Err(ImageError::TooLarge {
-            path: name.to_owned(),
-            width: u64::from(width),
-            height: u64::from(height),
-            bytes: claimed,
-            limit,
-            length: bytes.len() as u64,
-        });
-    }
-    let orientation = decoder.orientation().map_err(|e| failed(e.to_string()))?;
-    let mut image = DynamicImage::from_decoder(decoder).map_err(|e| failed(e.to_string()))?;
-    image.apply_orientation(orientation);
-    Ok(image)
+    let possible = (bytes.len() as u64).saturating_mul(ratio);
+    too_large(name, (width, height), packed, possible, bytes.len())?;
+    too_many(name, (width, height), claimed, limits)?;
+    Ok(decoder)
+}
+
+/// What a row of a PNG may take by its header: the decoder counts it as memory beside the pixels.
+fn row_bytes(bytes: &[u8], limits: &Limits) -> u64 {
+    let width = bytes.get(16..20).and_then(|b| b.try_into().ok()).map_or(0, u32::from_be_bytes);
+    u64::from(width).min(limits.max_pixels).saturating_mul(8)
 }
 
 #[cfg(test)]

@@ -12,10 +12,13 @@ mod resize;
 pub use color::{linear_to_srgb, srgb_to_linear};
 pub use depth::{DepthMap, DisparityMap};
 pub use error::ImageError;
-pub use exr::{decode_depth, encode_depth, encode_exr, read_depth, write_depth};
-pub use file::{decode_depth_png, decode_image, encode_png, read_depth_png, read_image, write_png};
+pub use exr::{decode_depth, decode_depth_with, encode_depth, encode_exr, read_depth, write_depth};
+pub use file::{
+    decode_depth_png, decode_depth_png_with, decode_image, decode_image_with, encode_png,
+    read_depth_png, read_image, read_image_with, write_png,
+};
 pub use ground::GroundPlane;
-pub use pfm::{decode_pfm, encode_pfm, read_pfm, write_pfm};
+pub use pfm::{decode_pfm, decode_pfm_with, encode_pfm, read_pfm, write_pfm};
 
 /// An image of floats, `[H, W, C]`, row-major, row 0 at the top; sRGB in `[0, 1]`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -128,6 +131,17 @@ impl ByteImage {
             n => self.data.chunks_exact(n).flat_map(|p| [p[0], p[1], p[2]]).collect(),
         };
         Self { height: self.height, width: self.width, channels: 3, data }
+    }
+
+    /// [`to_rgb`](Self::to_rgb) as floats, without bytes in between.
+    pub(crate) fn to_rgb_floats(&self) -> Image {
+        let Self { height, width, channels, .. } = *self;
+        let taken = if channels < 3 { [0; 3] } else { [0, 1, 2] };
+        let mut data = Vec::with_capacity(height * width * 3);
+        for pixel in self.data.chunks_exact(channels) {
+            data.extend(taken.map(|c| f32::from(pixel[c]) / 255.0));
+        }
+        Image { height, width, channels: 3, data }
     }
 
     /// Three channels: the image over a background, where alpha says how much of each.

@@ -8,8 +8,10 @@
 
 use std::path::Path;
 
+use super::error::{too_large, too_many};
 use super::file::read_bytes;
 use super::{Image, ImageError};
+use crate::Limits;
 use crate::io::{WriteError, write_atomic};
 
 /// Reads a PFM file: the numbers as they stand, row 0 at the top; infinities and NaN may be among them.
@@ -29,6 +31,18 @@ pub fn read_pfm(path: impl AsRef<Path>) -> Result<Image, ImageError> {
 /// # Errors
 /// As [`read_pfm`].
 pub fn decode_pfm(bytes: &[u8], name: impl AsRef<Path>) -> Result<Image, ImageError> {
+    decode_pfm_with(bytes, name, &Limits::default())
+}
+
+/// [`decode_pfm`] within other limits.
+///
+/// # Errors
+/// As [`read_pfm`].
+pub fn decode_pfm_with(
+    bytes: &[u8],
+    name: impl AsRef<Path>,
+    limits: &Limits,
+) -> Result<Image, ImageError> {
     let path = name.as_ref();
     let failed = |what: String| ImageError::Decode { path: path.to_owned(), what };
     let mut rest = bytes;
@@ -57,17 +71,10 @@ pub fn decode_pfm(bytes: &[u8], name: impl AsRef<Path>) -> Result<Image, ImageEr
         .ok_or_else(|| failed(format!("scale is {scale:?}, expected a number other than 0")))?;
     let needed = u64::from(width) * u64::from(height);
     let needed = needed.saturating_mul(4 * channels as u64);
-    if needed > rest.len() as u64 {
-        return Err(ImageError::TooLarge {
-            path: path.to_owned(),
-            width: u64::from(width),
-            height: u64::from(height),
-            bytes: needed,
-            limit: rest.len() as u64,
-            length: bytes.len() as u64,
-        });
-    }
     let (width, height) = (width as usize, height as usize);
+    too_large(path, (width, height), needed, rest.len() as u64, bytes.len())?;
+    // The file is as long as the image: that it has three channels of floats is no bomb.
+    too_many(path, (width, height), needed / channels as u64, limits)?;
     let number = |b: &[u8; 4]| {
         if scale < 0.0 { f32::from_le_bytes(*b) } else { f32::from_be_bytes(*b) }
     };

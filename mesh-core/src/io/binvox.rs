@@ -11,11 +11,15 @@
 use std::path::Path;
 use std::str::FromStr;
 
-use super::{ReadMeshError, WriteError, read_bytes, write_atomic};
-use crate::VoxelGrid;
+use super::open::read_bytes;
+use super::{ReadMeshError, WriteError, write_atomic};
+use crate::{Budget, Limits, VoxelGrid};
 
 /// The most cells that a pair of bytes stands for.
 const LONGEST_RUN: usize = 255;
+
+/// What is looked at of a line of the header.
+const LONGEST_LINE: usize = 4096;
 
 /// Reads a grid.
 ///
@@ -24,7 +28,8 @@ const LONGEST_RUN: usize = 255;
 /// header cannot fill are refused before anything is allocated.
 pub fn read(path: impl AsRef<Path>) -> Result<VoxelGrid, ReadMeshError> {
     let path = path.as_ref();
-    decode(&read_bytes(path)?, path)
+    let (bytes, mut budget) = read_bytes(path, &Limits::default())?;
+    parse(&bytes, path, &mut budget)
 }
 
 /// The same for bytes that are already in memory; `name` stands for them in errors.
@@ -32,9 +37,24 @@ pub fn read(path: impl AsRef<Path>) -> Result<VoxelGrid, ReadMeshError> {
 /// # Errors
 /// As [`read`].
 pub fn decode(bytes: &[u8], name: impl AsRef<Path>) -> Result<VoxelGrid, ReadMeshError> {
-    let path = name.as_ref();
+    decode_with(bytes, name, &Limits::default())
+}
+
+/// [`decode`] within other limits.
+///
+/// # Errors
+/// As [`read`].
+pub fn decode_with(
+    bytes: &[u8],
+    name: impl AsRef<Path>,
+    limits: &Limits,
+) -> Result<VoxelGrid, ReadMeshError> {
+    parse(bytes, name.as_ref(), &mut limits.budget(bytes.len() as u64))
+}
+
+fn parse(bytes: &[u8], path: &Path, budget: &mut Budget) -> Result<VoxelGrid, ReadMeshError> {
     let header = Header::parse(bytes, path)?;
-    let mut grid = header.empty_grid(bytes.len() - header.end, path)?;
+    let mut grid = header.empty_grid(bytes.len() - header.end, path, budget)?;
     let cells = grid.bits.len();
     let mut filled = 0;
     for pair in bytes[header.end..].chunks(2) {
@@ -151,8 +171,9 @@ impl Header {
                 return Err(ReadMeshError::malformed(path, "header", "no such line", expected));
             };
             position += length + 1;
-            let line = String::from_utf8_lossy(&rest[..length]);
-            let words: Vec<&str> = line.split_whitespace().collect();
+            let line = String::from_utf8_lossy(&rest[..length.min(LONGEST_LINE)]);
+            // No line that counts has more words.
+            let words: Vec<&str> = line.split_whitespace().take(8).collect();
             let bad = |field: &str, expected: &str| {
                 ReadMeshError::at_line(path, Some(number), field, format!("{line:?}"), expected)
             };
@@ -186,7 +207,12 @@ impl Header {
     }
 
     /// A grid without occupied cells, if the bytes that are left can fill it.
-    fn empty_grid(&self, left: usize, path: &Path) -> Result<VoxelGrid, ReadMeshError> {
+    fn empty_grid(
+        &self,
+        left: usize,
+        path: &Path,
+        budget: &mut Budget,
+    ) -> Result<VoxelGrid, ReadMeshError> {
         let most = (left / 2).saturating_mul(LONGEST_RUN) as u64;
         let cells = self.dims.iter().try_fold(1_u64, |n, &d| n.checked_mul(d));
         if cells.is_none_or(|n| n > most.min(1 << 32)) {
@@ -194,6 +220,7 @@ impl Header {
             let expected = format!("at most {most} cells, which is what {left} bytes can fill");
             return Err(ReadMeshError::malformed(path, "dim", format!("{x} {z} {y}"), expected));
         }
+        budget.take(cells.unwrap_or(u64::MAX)).map_err(ReadMeshError::over_limit(path))?;
         let dims = self.dims.map(|d| d as usize);
         let high = self.translate.map(|low| low + self.scale);
         // Where the numbers are of very different sizes, cells have no extent in them.

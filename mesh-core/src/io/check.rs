@@ -1,20 +1,18 @@
 //! What a mesh must be before a file is made of it.
 
-use std::path::Path;
-
-use super::WriteError;
+use super::EncodeError;
 use crate::TriMesh;
 
 /// Refuses meshes that no reader would take: a writer must not make a damaged file.
-pub(super) fn writable(path: &Path, mesh: &TriMesh) -> Result<(), WriteError> {
+pub(super) fn writable(mesh: &TriMesh) -> Result<(), EncodeError> {
     match fault(mesh) {
         None => Ok(()),
-        Some(what) => Err(WriteError::Mesh { path: path.to_owned(), what }),
+        Some(what) => Err(EncodeError::Mesh(what)),
     }
 }
 
 /// The first thing that is wrong with a mesh, in words.
-pub(super) fn fault(mesh: &TriMesh) -> Option<String> {
+fn fault(mesh: &TriMesh) -> Option<String> {
     let finite = |p: &[f32; 3]| p.iter().all(|v| v.is_finite());
     if let Some(v) = mesh.positions.iter().position(|p| !finite(p)) {
         return Some(format!("vertex {v} is at {:?}", mesh.positions[v]));
@@ -46,8 +44,13 @@ pub(super) fn fault(mesh: &TriMesh) -> Option<String> {
         return Some(format!("texture coordinate {i} is {:?}", texture.uvs[i]));
     }
     let image = &texture.image;
-    let pixels = image.height * image.width;
-    if pixels == 0 || image.data.len() != pixels * image.channels || image.channels > 4 {
+    let sound = match image.height.checked_mul(image.width) {
+        Some(pixels) if pixels > 0 && (1..=4).contains(&image.channels) => {
+            pixels.checked_mul(image.channels) == Some(image.data.len())
+        }
+        _ => false,
+    };
+    if !sound {
         return Some(format!(
             "texture of {} x {} pixels, {} channels and {} values",
             image.width,

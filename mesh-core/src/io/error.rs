@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::ImageError;
+use crate::{ImageError, OverLimit};
 
 /// Why a mesh could not be read.
 #[derive(Debug, thiserror::Error)]
@@ -38,6 +38,14 @@ pub enum ReadMeshError {
         /// What should.
         expected: String,
     },
+    /// Reading the file would take more memory than the limits allow.
+    #[error("{}: {source}", path.display())]
+    OverLimit {
+        /// The file.
+        path: PathBuf,
+        /// What would have been held.
+        source: OverLimit,
+    },
     /// The texture could not be read.
     #[error("texture of {}: {source}", path.display())]
     Texture {
@@ -53,6 +61,11 @@ fn at(line: Option<usize>) -> String {
 }
 
 impl ReadMeshError {
+    /// `OverLimit`, for `map_err`.
+    pub(super) fn over_limit(path: &Path) -> impl Fn(OverLimit) -> Self {
+        move |source| Self::OverLimit { path: path.to_owned(), source }
+    }
+
     /// `Malformed`, for a part of a binary file.
     pub(super) fn malformed(
         path: &Path,
@@ -82,13 +95,45 @@ impl ReadMeshError {
     }
 }
 
-/// At most 80 characters, so that a line of megabytes does not become a message of megabytes.
-fn shortened(mut text: String) -> String {
+/// At most 80 characters, so that a line of megabytes does not become a message of megabytes, and no
+/// control characters, which a terminal would obey.
+fn shortened(text: String) -> String {
+    let mut text = if text.chars().take(81).any(char::is_control) {
+        let plain = text.chars().take(81).flat_map(|c| {
+            let escaped = c.is_control().then(|| c.escape_default());
+            let same = escaped.is_none().then_some(c);
+            escaped.into_iter().flatten().chain(same)
+        });
+        plain.collect()
+    } else {
+        text
+    };
     if let Some((end, _)) = text.char_indices().nth(77).filter(|&(at, _)| text.len() > at + 3) {
         text.truncate(end);
         text.push_str("...");
     }
     text
+}
+
+/// Why a mesh has no bytes in a format.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// The mesh is not one that a file could hold.
+    #[error("the mesh is damaged: {0}")]
+    Mesh(String),
+    /// There is more than the format can count.
+    #[error("{bytes} bytes are more than the format can count")]
+    TooLong {
+        /// How many bytes there are.
+        bytes: usize,
+    },
+}
+
+impl EncodeError {
+    pub(super) fn at(self, path: &Path) -> WriteError {
+        WriteError::Mesh { path: path.to_owned(), source: self }
+    }
 }
 
 /// Why a file could not be written. What stood there before still stands.
@@ -112,12 +157,12 @@ pub enum WriteError {
         found: String,
     },
     /// The mesh is not one that a file could hold.
-    #[error("{}: not written, the mesh is damaged: {what}", path.display())]
+    #[error("{}: not written, {source}", path.display())]
     Mesh {
         /// The file.
         path: PathBuf,
         /// What is wrong with the mesh.
-        what: String,
+        source: EncodeError,
     },
     /// The format cannot hold the grid.
     #[error("{}: not written: {what}", path.display())]
@@ -141,6 +186,7 @@ mod tests {
         assert!(message("1 2 x").contains("found 1 2 x, expected"));
         assert!(message(&"\u{e9}".repeat(5_000_000)).len() < 300);
         assert!(message(&"7".repeat(80)).contains(&"7".repeat(80)));
+        assert!(message("a\u{1b}[2J").contains("found a\\u{1b}[2J,"));
         assert!(message(&"7".repeat(81)).contains(&format!("{}...,", "7".repeat(77))));
     }
 }

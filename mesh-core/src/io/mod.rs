@@ -12,7 +12,10 @@
 //!
 //! Readers take any bytes: what is wrong becomes an error that names the file, the line or field,
 //! what was found and what was expected; no length that a file claims is believed before the
-//! bytes are there.
+//! bytes are there. Memory and pictures are held to [`Limits`]: those of `read` and `decode` are the
+//! default, those of `read_with` and `decode_with` the caller's, and what the mesh does not hold of
+//! the file is added to a list of [`Remark`]s. Only regular files are opened, and of those that a file
+//! names only what is in its folder or below it.
 
 mod atomic;
 pub mod binvox;
@@ -21,26 +24,43 @@ mod error;
 pub mod glb;
 pub mod obj;
 pub mod off;
+mod open;
 pub mod ply;
+mod remark;
 
 use std::path::Path;
 
 pub use atomic::write_atomic;
-pub use error::{ReadMeshError, WriteError};
+pub use error::{EncodeError, ReadMeshError, WriteError};
+pub(crate) use open::regular;
+pub use remark::{NotRead, Remark};
 
-use crate::TriMesh;
+use crate::{Limits, TriMesh};
 
 /// Reads a mesh; the file's extension says which format it is: `.obj`, `.ply`, `.glb` or `.off`.
 ///
 /// # Errors
-/// Another extension, a file that cannot be read, or one that is not as its format says.
+/// Another extension, a file that cannot be read, one that is not as its format says, or one that needs
+/// more than the default [`Limits`].
 pub fn read_mesh(path: impl AsRef<Path>) -> Result<TriMesh, ReadMeshError> {
+    read_mesh_with(path, &Limits::default(), &mut Vec::new())
+}
+
+/// [`read_mesh`] within other limits; what the mesh does not hold of the file is added to `remarks`.
+///
+/// # Errors
+/// As [`read_mesh`].
+pub fn read_mesh_with(
+    path: impl AsRef<Path>,
+    limits: &Limits,
+    remarks: &mut Vec<Remark>,
+) -> Result<TriMesh, ReadMeshError> {
     let path = path.as_ref();
     match extension(path).as_str() {
-        "obj" => obj::read(path),
-        "ply" => ply::read(path),
-        "glb" => glb::read(path),
-        "off" => off::read(path),
+        "obj" => obj::read_with(path, limits, remarks),
+        "ply" => ply::read_with(path, limits, remarks),
+        "glb" => glb::read_with(path, limits, remarks),
+        "off" => off::read_with(path, limits, remarks),
         found => Err(ReadMeshError::Extension { path: path.to_owned(), found: found.to_owned() }),
     }
 }
@@ -62,8 +82,4 @@ pub fn write_mesh(path: impl AsRef<Path>, mesh: &TriMesh) -> Result<(), WriteErr
 
 fn extension(path: &Path) -> String {
     path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase())
-}
-
-fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadMeshError> {
-    std::fs::read(path).map_err(|source| ReadMeshError::Io { path: path.to_owned(), source })
 }

@@ -2,17 +2,33 @@
 
 use std::path::Path;
 
-use super::{ReadMeshError, read_bytes};
-use crate::TriMesh;
+use super::open::read_bytes;
+use super::remark::counted;
+use super::{ReadMeshError, Remark};
+use crate::{Budget, Limits, TriMesh};
 
-/// Reads an OFF file; polygons become fans of triangles, colours are passed over.
+/// Reads an OFF file; polygons become fans of triangles, colours and normals are passed over, faces of
+/// one or two corners and triangles that name a vertex twice left out.
 ///
 /// # Errors
 /// The file cannot be read or ends early, a number is unreadable or not finite, or an index is out
 /// of range.
 pub fn read(path: impl AsRef<Path>) -> Result<TriMesh, ReadMeshError> {
+    read_with(path, &Limits::default(), &mut Vec::new())
+}
+
+/// The same within other limits, and what the mesh does not hold of the file in `remarks`.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_with(
+    path: impl AsRef<Path>,
+    limits: &Limits,
+    remarks: &mut Vec<Remark>,
+) -> Result<TriMesh, ReadMeshError> {
     let path = path.as_ref();
-    decode(&read_bytes(path)?, path)
+    let (bytes, mut budget) = read_bytes(path, limits)?;
+    parse(&bytes, path, &mut budget, remarks)
 }
 
 /// The mesh in the bytes of an OFF file; `name` stands for the file in errors.
@@ -20,7 +36,33 @@ pub fn read(path: impl AsRef<Path>) -> Result<TriMesh, ReadMeshError> {
 /// # Errors
 /// As [`read`], less those of files.
 pub fn decode(bytes: &[u8], name: impl AsRef<Path>) -> Result<TriMesh, ReadMeshError> {
-    let path = name.as_ref();
+    decode_with(bytes, name, &Limits::default(), &mut Vec::new())
+}
+
+/// The same within other limits, and what the mesh does not hold of the file in `remarks`.
+///
+/// # Errors
+/// As [`decode`].
+pub fn decode_with(
+    bytes: &[u8],
+    name: impl AsRef<Path>,
+    limits: &Limits,
+    remarks: &mut Vec<Remark>,
+) -> Result<TriMesh, ReadMeshError> {
+    parse(bytes, name.as_ref(), &mut limits.budget(bytes.len() as u64), remarks)
+}
+
+fn parse(
+    bytes: &[u8],
+    path: &Path,
+    budget: &mut Budget,
+    remarks: &mut Vec<Remark>,
+) -> Result<TriMesh, ReadMeshError> {
+    let over = ReadMeshError::over_limit(path);
+    if std::str::from_utf8(bytes).is_err() {
+        // The copy has a replacement character, of three bytes, for each that is wrong.
+        budget.take(6 * bytes.len() as u64).map_err(&over)?;
+    }
     let text = String::from_utf8_lossy(bytes);
     let lines = text.lines().enumerate().map(|(k, line)| {
         let line = line.split('#').next().unwrap_or_default();
@@ -36,7 +78,9 @@ pub fn decode(bytes: &[u8], name: impl AsRef<Path>) -> Result<TriMesh, ReadMeshE
         })
     };
     let (line, first) = next("header", "OFF")?;
-    let counts = first.strip_prefix("OFF").ok_or_else(|| bad(line, "header", first, "OFF"))?;
+    // Letters before it say what follows the coordinates of a vertex.
+    let plain = ["ST", "C", "N"].iter().fold(first, |rest, p| rest.strip_prefix(p).unwrap_or(rest));
+    let counts = plain.strip_prefix("OFF").ok_or_else(|| bad(line, "header", first, "OFF"))?;
     // Some files have the counts on the first line.
     let (line, counts) =
         if counts.trim().is_empty() { next("counts", "two counts")? } else { (line, counts) };
@@ -53,23 +97,35 @@ pub fn decode(bytes: &[u8], name: impl AsRef<Path>) -> Result<TriMesh, ReadMeshE
         if !position.iter().all(|v| v.is_finite()) {
             return Err(bad(line, "vertex", text, "three finite numbers"));
         }
-        mesh.positions.push(position);
+        budget.push(&mut mesh.positions, position).map_err(&over)?;
     }
+    let (mut short, mut first_short, mut repeated) = (0, None, 0);
     for _ in 0..faces {
         let (line, text) = next("faces", "as many as the header counts")?;
-        let expected = "a count of 3 or more, then as many indices of vertices";
+        let expected = "a count, then as many indices of vertices";
         let mut words = text.split_whitespace().map(str::parse::<usize>);
-        let count = words.next().and_then(Result::ok).filter(|&count| count >= 3);
+        let count = words.next().and_then(Result::ok);
         let count = count.ok_or_else(|| bad(line, "face", text, expected))?;
+        if count < 3 {
+            short += 1;
+            first_short.get_or_insert(line);
+            continue;
+        }
         let mut corners = words.map_while(Result::ok).filter(|&index| index < vertices);
         let mut take = || corners.next().ok_or_else(|| bad(line, "face", text, expected));
-        let (first, mut last) = (take()?, take()?);
+        let (first, mut last) = (take()? as u32, take()? as u32);
         for _ in 2..count {
-            let corner = take()?;
-            mesh.faces.push([first as u32, last as u32, corner as u32]);
+            let corner = take()? as u32;
+            if first == last || last == corner || corner == first {
+                repeated += 1;
+            } else {
+                budget.push(&mut mesh.faces, [first, last, corner]).map_err(&over)?;
+            }
             last = corner;
         }
     }
+    counted(remarks, short, |count| Remark::ShortFaces { count, line: first_short });
+    counted(remarks, repeated, |count| Remark::RepeatedVertices { count });
     Ok(mesh)
 }
 
@@ -91,6 +147,20 @@ mod tests {
         assert_eq!(mesh.faces, [[0, 1, 2], [0, 2, 3], [0, 2, 1]]);
         let joined = decode(b"OFF 3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2", "a.off").unwrap();
         assert_eq!(joined.faces, [[0, 1, 2]]);
+        let colored =
+            "COFF\n3 3 0\n0 0 0 1 0 0 1\n1 0 0 1 0 0 1\n0 1 0 1 0 0 1\n2 0 1\n3 0 1 1\n3 0 1 2";
+        let mut remarks = Vec::new();
+        let limits = Limits::default();
+        let mesh = decode_with(colored.as_bytes(), "a.off", &limits, &mut remarks).unwrap();
+        assert_eq!((mesh.positions[1], mesh.faces.len()), ([1.0, 0.0, 0.0], 1));
+        let lines: Vec<String> = remarks.iter().map(ToString::to_string).collect();
+        assert_eq!(
+            lines,
+            [
+                "1 faces of fewer than three corners left out (the first in line 6)",
+                "1 triangles that name a vertex twice left out"
+            ]
+        );
     }
 
     #[test]
@@ -99,6 +169,7 @@ mod tests {
         assert!(message("OFF\n3 x\n").contains("a.off:2: counts"));
         assert!(message("OFF\n1 0 0\n0 nan 0\n").contains("a.off:3: vertex"));
         assert!(message("OFF\n1 1 0\n0 0 0\n3 0 0 1\n").contains("a.off:4: face"));
+        assert!(message("OFF\n1 1 0\n0 0 0\nthree\n").contains("a.off:4: face"));
         assert!(message("OFF\n99999999999 1 0\n0 0 0\n").contains("vertices: found the end"));
         assert!(message("OFF\n1 1 0\n0 0 0\n18446744073709551615 0 0").contains("face"));
         assert!(message("").contains("header"));

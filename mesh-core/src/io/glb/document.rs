@@ -1,10 +1,18 @@
 //! The parts of glTF's JSON that make a mesh.
 
 use serde::Deserialize;
+use serde::de::IgnoredAny;
+
+/// What an object of the JSON may take at most while its list grows, by the largest of the types
+/// below; [`tests`] hold it.
+pub(super) const PER_OBJECT: u64 = 3 * 104;
+/// What a number or a text in a list may take, likewise.
+pub(super) const PER_ITEM: u64 = 3 * 24;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Document {
+    pub(super) asset: Asset,
     pub(super) extensions_required: Vec<String>,
     pub(super) scene: Option<usize>,
     pub(super) scenes: Vec<Scene>,
@@ -20,6 +28,12 @@ pub(super) struct Document {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
+pub(super) struct Asset {
+    pub(super) generator: String,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
 pub(super) struct Scene {
     pub(super) nodes: Vec<usize>,
 }
@@ -29,10 +43,10 @@ pub(super) struct Scene {
 pub(super) struct Node {
     pub(super) children: Vec<usize>,
     pub(super) mesh: Option<usize>,
-    pub(super) matrix: Option<[f64; 16]>,
-    pub(super) translation: Option<[f64; 3]>,
-    pub(super) rotation: Option<[f64; 4]>,
-    pub(super) scale: Option<[f64; 3]>,
+    pub(super) matrix: Option<Box<[f64; 16]>>,
+    pub(super) translation: Option<Box<[f64; 3]>>,
+    pub(super) rotation: Option<Box<[f64; 4]>>,
+    pub(super) scale: Option<Box<[f64; 3]>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -73,7 +87,7 @@ pub(super) struct Accessor {
     pub(super) count: u64,
     #[serde(rename = "type")]
     pub(super) kind: String,
-    pub(super) sparse: Option<serde_json::Value>,
+    pub(super) sparse: Option<IgnoredAny>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -122,4 +136,27 @@ pub(super) struct Texture {
 pub(super) struct Image {
     pub(super) buffer_view: Option<usize>,
     pub(super) uri: Option<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_object_takes_more_than_is_counted_for_it() {
+        let sizes = [
+            size_of::<Scene>(),
+            size_of::<Node>(),
+            size_of::<Mesh>(),
+            size_of::<Primitive>(),
+            size_of::<Accessor>(),
+            size_of::<BufferView>(),
+            size_of::<Buffer>(),
+            size_of::<Material>(),
+            size_of::<Texture>(),
+            size_of::<Image>(),
+        ];
+        assert!(sizes.iter().all(|&size| 3 * size as u64 <= PER_OBJECT), "{sizes:?}");
+        assert!(3 * size_of::<String>() as u64 <= PER_ITEM);
+    }
 }

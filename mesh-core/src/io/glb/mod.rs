@@ -1,12 +1,16 @@
 //! Binary glTF 2.0.
 
+mod accessor;
 mod document;
 mod read;
+mod soup;
 mod write;
 
-pub use read::{decode, read, read_with_notes};
+pub use read::{decode, decode_with, read, read_with};
 pub use write::{encode, write};
 
+/// What files of this crate name as their generator, before its version.
+const GENERATOR: &str = "mesh-core ";
 /// `glTF`, the first four bytes.
 const MAGIC: u32 = 0x4654_6c67;
 /// `JSON`, the type of the first chunk.

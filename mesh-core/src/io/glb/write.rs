@@ -3,39 +3,39 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::{BIN, JSON, MAGIC, component};
-use crate::io::{WriteError, check, write_atomic};
-use crate::{TriMesh, encode_png, srgb_to_linear};
+use super::{BIN, GENERATOR, JSON, MAGIC, component};
+use crate::io::{EncodeError, WriteError, check, write_atomic};
+use crate::{TriMesh, encode_png, srgb_to_linear, vertex_normals};
 
-/// Writes a GLB file: one mesh, one unlit material, the texture inside as PNG.
+/// Writes a GLB file: one mesh with smooth normals, one material, the texture inside as PNG.
 ///
-/// Vertex colours become linear floats, as the standard wants them. A vertex of a textured mesh
-/// that has several texture coordinates becomes several vertices; reading joins them again. Where
-/// the mesh is not closed the material is double-sided.
+/// The normals are those of [`vertex_normals`]. A mesh with colours or a texture is unlit, as its
+/// colours were seen and have their light in them; one without is white and matt, and lit. Vertex
+/// colours become linear floats, as the standard wants them. A vertex of a textured mesh that has
+/// several texture coordinates becomes several vertices; reading joins them again. Where the mesh is
+/// not closed the material is double-sided.
 ///
 /// # Errors
-/// The file cannot be written, or the mesh has an index out of range or a number that is not
-/// finite.
+/// The file cannot be written, or [`encode`] refuses the mesh.
 pub fn write(path: impl AsRef<Path>, mesh: &TriMesh) -> Result<(), WriteError> {
     let path = path.as_ref();
-    check::writable(path, mesh)?;
-    let bytes = body(mesh);
-    if u32::try_from(bytes.len()).is_err() {
-        let what = format!("{} bytes are more than GLB can count", bytes.len());
-        return Err(WriteError::Mesh { path: path.to_owned(), what });
-    }
+    let bytes = encode(mesh).map_err(|e| e.at(path))?;
     write_atomic(path, |w| w.write_all(&bytes))
 }
 
 /// A GLB file in memory; the same mesh always gives the same bytes.
 ///
-/// # Panics
-/// If the mesh has an index out of range or a number that is not finite.
-pub fn encode(mesh: &TriMesh) -> Vec<u8> {
-    if let Some(what) = check::fault(mesh) {
-        panic!("glb::encode: {what}");
+/// # Errors
+/// The mesh has an index out of range or a number that is not finite, or is larger than the 4 GB
+/// that GLB can count.
+pub fn encode(mesh: &TriMesh) -> Result<Vec<u8>, EncodeError> {
+    check::writable(mesh)?;
+    let (json, bin) = body(mesh);
+    let bytes = length(&json, &bin);
+    if u32::try_from(bytes).is_err() {
+        return Err(EncodeError::TooLong { bytes });
     }
-    body(mesh)
+    Ok(file(&json, &bin))
 }
 
 /// The binary chunk and the JSON that describes it, as they grow.
@@ -98,14 +98,15 @@ impl Parts {
     }
 }
 
-fn body(mesh: &TriMesh) -> Vec<u8> {
+/// The JSON and the binary chunk.
+fn body(mesh: &TriMesh) -> (String, Vec<u8>) {
     let mut parts = Parts::default();
     let asset = format!(
-        "\"asset\":{{\"version\":\"2.0\",\"generator\":\"mesh-core {}\"}}",
+        "\"asset\":{{\"version\":\"2.0\",\"generator\":\"{GENERATOR}{}\"}}",
         env!("CARGO_PKG_VERSION")
     );
     if mesh.positions.is_empty() {
-        return file(&format!("{{{asset},\"scene\":0,\"scenes\":[{{}}]}}"), &[]);
+        return (format!("{{{asset},\"scene\":0,\"scenes\":[{{}}]}}"), Vec::new());
     }
 
     let corners = Corners::of(mesh);
@@ -114,6 +115,10 @@ fn body(mesh: &TriMesh) -> Vec<u8> {
     let (low, high) = bounds(&positions);
     let range = format!(",\"min\":{low:?},\"max\":{high:?}");
     let mut attributes = format!("\"POSITION\":{}", parts.floats(&positions, &range));
+    if !mesh.faces.is_empty() {
+        let normals = normals(mesh, &corners);
+        write!(attributes, ",\"NORMAL\":{}", parts.floats(&normals, "")).expect("memory");
+    }
     if let Some(texture) = &mesh.texture {
         // A vertex that no face uses has no place on the image; any will do.
         let uv = |t: u32| texture.uvs.get(t as usize).copied().unwrap_or_default();
@@ -150,19 +155,39 @@ fn body(mesh: &TriMesh) -> Vec<u8> {
              \"images\":[{{\"bufferView\":{view},\"mimeType\":\"image/png\"}}]"
         );
     }
+    let unlit = mesh.texture.is_some() || mesh.colors.is_some();
+    let (used, extension) = if unlit {
+        (
+            ",\"extensionsUsed\":[\"KHR_materials_unlit\"]",
+            ",\"extensions\":{\"KHR_materials_unlit\":{}}",
+        )
+    } else {
+        ("", "")
+    };
     let json = format!(
-        "{{{asset},\"extensionsUsed\":[\"KHR_materials_unlit\"],\"scene\":0,\
+        "{{{asset}{used},\"scene\":0,\
          \"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{{\"mesh\":0}}],\
          \"meshes\":[{{\"primitives\":[{{{primitive},\"material\":0}}]}}],\
          \"materials\":[{{\"pbrMetallicRoughness\":{{{color}\"metallicFactor\":0,\
-         \"roughnessFactor\":1}},\"doubleSided\":{},\"extensions\":{{\"KHR_materials_unlit\":{{}}}}}}]\
+         \"roughnessFactor\":1}},\"doubleSided\":{}{extension}}}]\
          {images},\"accessors\":[{}],\"bufferViews\":[{}],\"buffers\":[{{\"byteLength\":{}}}]}}",
         !is_closed(&mesh.faces),
         parts.accessors,
         parts.views,
         parts.bin.len()
     );
-    file(&json, &parts.bin)
+    (json, parts.bin)
+}
+
+/// A unit normal for each vertex of the file: smooth over the whole mesh, also across seams. Where
+/// there is none, as at a vertex of no face, it points up, for the standard wants one of length 1.
+fn normals(mesh: &TriMesh, corners: &Corners) -> Vec<[f32; 3]> {
+    let smooth = vertex_normals(&mesh.positions, &mesh.faces);
+    let of = |v: u32| match smooth[v as usize] {
+        [0.0, 0.0, 0.0] => [0.0, 1.0, 0.0],
+        normal => normal,
+    };
+    corners.vertices.iter().map(|&(v, _)| of(v)).collect()
 }
 
 /// The vertices of the file: pairs of a position and a texture coordinate.
@@ -221,11 +246,18 @@ fn is_closed(faces: &[[u32; 3]]) -> bool {
         && edges.iter().all(|&(a, b)| edges.binary_search(&(b, a)).is_ok())
 }
 
+fn padded(length: usize) -> usize {
+    length.next_multiple_of(4)
+}
+
+/// How long [`file`] is.
+fn length(json: &str, bin: &[u8]) -> usize {
+    20 + padded(json.len()) + if bin.is_empty() { 0 } else { 8 + padded(bin.len()) }
+}
+
 /// The two chunks, padded, behind the header.
 fn file(json: &str, bin: &[u8]) -> Vec<u8> {
-    let padded = |length: usize| length.next_multiple_of(4);
-    let bin_chunk = if bin.is_empty() { 0 } else { 8 + padded(bin.len()) };
-    let total = 12 + 8 + padded(json.len()) + bin_chunk;
+    let total = length(json, bin);
     let mut bytes = Vec::with_capacity(total);
     let word = |bytes: &mut Vec<u8>, v: u32| bytes.extend(v.to_le_bytes());
     for v in [MAGIC, 2, total as u32, padded(json.len()) as u32, JSON] {

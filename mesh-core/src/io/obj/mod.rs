@@ -1,8 +1,10 @@
 //! Wavefront OBJ, with vertex colours, MTL and a texture.
 
+mod lines;
 mod mtl;
+mod parse;
 mod read;
 mod write;
 
-pub use read::{decode, read, read_with_notes};
+pub use read::{decode, decode_with, read, read_with};
 pub use write::write;

@@ -1,12 +1,128 @@
 //! The one thing that is read from material libraries: which image lies on which material.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// A material and the file of its `map_Kd`, if any.
-#[derive(Debug)]
-pub(super) struct Material {
-    pub(super) name: String,
-    pub(super) image: Option<PathBuf>,
+use super::lines::{Lines, split_word};
+use super::parse::Parsed;
+use crate::io::open::{Root, folder_of, regular};
+use crate::io::remark::not_read;
+use crate::io::{NotRead, ReadMeshError, Remark};
+use crate::{Budget, Limits};
+
+/// The image of a material: its name, and the folder of the library that names it.
+pub(super) struct MapFile {
+    name: String,
+    folder: PathBuf,
+}
+
+/// For each material that the mesh uses, its `map_Kd`.
+#[derive(Default)]
+pub(super) struct Materials {
+    maps: Vec<Option<MapFile>>,
+}
+
+impl Materials {
+    /// What the mesh's libraries say of the materials that it uses; each library is read once.
+    pub(super) fn read(
+        parsed: &Parsed,
+        root: &Root,
+        path: &Path,
+        limits: &Limits,
+        remarks: &mut Vec<Remark>,
+    ) -> Result<Self, ReadMeshError> {
+        let mut materials = Self::default();
+        materials.maps.resize_with(parsed.names.len(), || None);
+        let mut defined = vec![false; parsed.names.len()];
+        let mut seen = BTreeSet::new();
+        for names in &parsed.libraries {
+            // One name that may hold spaces, or several names.
+            let whole = root.find(root.folder(), names);
+            let mut several = names.split_whitespace();
+            let is_one = whole.is_ok() || several.nth(1).is_none();
+            let each =
+                if is_one { vec![names.as_str()] } else { names.split_whitespace().collect() };
+            for name in each {
+                let file = match root.find(root.folder(), name) {
+                    Ok(file) => file,
+                    Err(why) => {
+                        not_read(remarks, name, why);
+                        continue;
+                    }
+                };
+                if !seen.insert(file.clone()) {
+                    continue;
+                }
+                let Ok(bytes) = regular(&file) else {
+                    not_read(remarks, name, NotRead::Missing);
+                    continue;
+                };
+                let mut budget = limits.budget(bytes.len() as u64);
+                materials
+                    .library(&bytes, folder_of(&file), &parsed.names, &mut defined, &mut budget)
+                    .map_err(ReadMeshError::over_limit(path))?;
+            }
+        }
+        Ok(materials)
+    }
+
+    /// Takes from a library what it says of the materials in use; the first to define one counts.
+    fn library(
+        &mut self,
+        bytes: &[u8],
+        folder: &Path,
+        names: &BTreeMap<String, u32>,
+        defined: &mut [bool],
+        budget: &mut Budget,
+    ) -> Result<(), crate::OverLimit> {
+        let mut current = None;
+        let mut lines = Lines::new(bytes);
+        while let Some((_, line)) = lines.next(budget)? {
+            let (word, rest) = split_word(&line);
+            match word {
+                "newmtl" => {
+                    let material = names.get(rest).map(|&m| m as usize);
+                    current = material.filter(|&m| !std::mem::replace(&mut defined[m], true));
+                }
+                "map_Kd" | "map_kd" => {
+                    if let (Some(material), Some(name)) = (current, file_name(rest)) {
+                        let map = MapFile { name: name.to_owned(), folder: folder.to_owned() };
+                        self.maps[material] = Some(map);
+                    }
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// The image of the first material in use that has one whose file is there.
+    pub(super) fn image(
+        &self,
+        parsed: &Parsed,
+        root: &Root,
+        remarks: &mut Vec<Remark>,
+    ) -> Option<PathBuf> {
+        let mut chosen: Option<PathBuf> = None;
+        let mut others = 0;
+        // Each material is looked up once, in the order of the faces.
+        let mut seen = vec![false; self.maps.len()];
+        for material in parsed.used() {
+            if std::mem::replace(&mut seen[material], true) {
+                continue;
+            }
+            let Some(map) = &self.maps[material] else { continue };
+            match root.find(&map.folder, &map.name) {
+                Err(why) => not_read(remarks, &map.name, why),
+                Ok(file) => match &chosen {
+                    None => chosen = Some(file),
+                    Some(first) => others += usize::from(*first != file),
+                },
+            }
+        }
+        crate::io::remark::counted(remarks, others, |count| Remark::OtherTextures { count });
+        chosen
+    }
 }
 
 /// How many words follow an option of a texture statement.
@@ -17,33 +133,6 @@ fn words_after(option: &str) -> Option<usize> {
         "-mm" => Some(2),
         "-o" | "-s" | "-t" => Some(3),
         _ => None,
-    }
-}
-
-/// The materials of a library, in order; `folder` is what its paths start from.
-pub(super) fn materials(text: &str, folder: &Path) -> Vec<Material> {
-    let mut list: Vec<Material> = Vec::new();
-    for line in text.lines() {
-        let (word, rest) = split_word(line);
-        match word {
-            "newmtl" => list.push(Material { name: rest.to_owned(), image: None }),
-            "map_Kd" | "map_kd" => {
-                if let (Some(material), Some(file)) = (list.last_mut(), file_name(rest)) {
-                    material.image = Some(folder.join(file.replace('\\', "/")));
-                }
-            }
-            _ => {}
-        }
-    }
-    list
-}
-
-/// The first word of a line and what follows it, both trimmed, without the comment.
-pub(super) fn split_word(line: &str) -> (&str, &str) {
-    let line = line.split('#').next().unwrap_or(line).trim();
-    match line.split_once(char::is_whitespace) {
-        Some((word, rest)) => (word, rest.trim()),
-        None => (line, ""),
     }
 }
 
@@ -64,22 +153,25 @@ fn file_name(mut rest: &str) -> Option<&str> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
 
     #[test]
     fn images_are_found_behind_options_comments_and_backslashes() {
         let text = "# lib\nnewmtl a\r\n map_Kd -s 1 1 -bm 0.5 tex\\my image.png # it\n\
-                    newmtl b\nKd 1 0 0\nnewmtl c d\nmap_Kd -o 1 2 3 x.png";
-        let list = materials(text, Path::new("f"));
-        let pairs: Vec<_> = list.iter().map(|m| (m.name.as_str(), m.image.as_deref())).collect();
-        assert_eq!(
-            pairs,
-            [
-                ("a", Some(Path::new("f/tex/my image.png"))),
-                ("b", None),
-                ("c d", Some(Path::new("f/x.png")))
-            ]
-        );
+                    newmtl b\nKd 1 0 0\nnewmtl c d\nmap_Kd -o 1 2 3 x#2.png\nnewmtl unused\n\
+                    map_Kd y.png\nnewmtl a\nmap_Kd second.png\n";
+        let names = [("a", 0), ("b", 1), ("c d", 2)].map(|(name, m)| (name.to_owned(), m)).into();
+        let mut materials = Materials::default();
+        materials.maps.resize_with(3, || None);
+        let mut budget = Limits::default().budget(0);
+        materials
+            .library(text.as_bytes(), Path::new("f"), &names, &mut [false; 3], &mut budget)
+            .unwrap();
+        let maps: Vec<_> =
+            materials.maps.iter().map(|m| m.as_ref().map(|m| m.name.as_str())).collect();
+        assert_eq!(maps, [Some("tex\\my image.png"), None, Some("x#2.png")]);
+        assert_eq!(materials.maps[0].as_ref().unwrap().folder, Path::new("f"));
     }
 }

@@ -15,7 +15,7 @@ use crate::{TriMesh, write_png};
 /// A file cannot be written, or the mesh has an index out of range or a number that is not finite.
 pub fn write(path: impl AsRef<Path>, mesh: &TriMesh) -> Result<(), WriteError> {
     let path = path.as_ref();
-    check::writable(path, mesh)?;
+    check::writable(mesh).map_err(|e| e.at(path))?;
     let library = match &mesh.texture {
         None => None,
         Some(texture) => {

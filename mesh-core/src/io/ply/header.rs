@@ -1,8 +1,13 @@
 //! The header of a PLY file: what the rest consists of.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
+use crate::Budget;
 use crate::io::ReadMeshError;
+
+/// What is looked at of a line: a path is no longer.
+const LONGEST_LINE: usize = 4096;
 
 /// How the numbers after the header are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,8 +94,17 @@ impl Scalar {
     }
 }
 
+/// What an element or a property takes beside its name, while its list grows.
+const ENTRY: u64 = 240;
+
 /// Reads the header of the file `path`.
-pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Header, ReadMeshError> {
+pub(super) fn parse(
+    bytes: &[u8],
+    path: &Path,
+    budget: &mut Budget,
+) -> Result<Header, ReadMeshError> {
+    let over = ReadMeshError::over_limit(path);
+    let mut names = BTreeSet::new();
     let mut position = 0;
     let mut number = 0;
     let mut format = None;
@@ -104,7 +118,7 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Header, ReadMeshError> 
         };
         number += 1;
         position += length + 1;
-        let line = String::from_utf8_lossy(&rest[..length]);
+        let line = String::from_utf8_lossy(&rest[..length.min(LONGEST_LINE)]);
         let line = line.trim();
         let bad = |field: &str, expected: &str| {
             ReadMeshError::at_line(path, Some(number), field, format!("{line:?}"), expected)
@@ -115,7 +129,8 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Header, ReadMeshError> 
             }
             continue;
         }
-        let words: Vec<&str> = line.split_whitespace().collect();
+        // No line that counts has more words; a comment may.
+        let words: Vec<&str> = line.split_whitespace().take(8).collect();
         match words.as_slice() {
             ["comment", "TextureFile", ..] => {
                 texture = line.split_once("TextureFile").map(|(_, name)| name.trim().to_owned());
@@ -131,7 +146,8 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Header, ReadMeshError> 
             }
             ["element", name, count] => {
                 let count = count.parse().map_err(|_| bad("element", "a name and a count"))?;
-                if elements.iter().any(|e| e.name == *name) {
+                budget.take(ENTRY + 2 * name.len() as u64).map_err(&over)?;
+                if !names.insert((*name).to_owned()) {
                     return Err(bad("element", "each name once"));
                 }
                 elements.push(Element { name: (*name).to_owned(), count, properties: Vec::new() });
@@ -147,6 +163,7 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Header, ReadMeshError> 
                 let Some(element) = elements.last_mut() else {
                     return Err(bad("property", "an element before it"));
                 };
+                budget.take(ENTRY + name.len() as u64).map_err(&over)?;
                 element.properties.push(Property { name: (*name).to_owned(), length, scalar });
             }
             ["end_header"] => break,

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::io::Write;
 use std::path::Path;
 
-use crate::io::{WriteError, check, write_atomic};
+use crate::io::{EncodeError, WriteError, check, write_atomic};
 use crate::{Texture, TriMesh};
 
 /// How the numbers of a PLY file are written.
@@ -26,21 +26,19 @@ pub enum Encoding {
 /// finite.
 pub fn write(path: impl AsRef<Path>, mesh: &TriMesh, encoding: Encoding) -> Result<(), WriteError> {
     let path = path.as_ref();
-    check::writable(path, mesh)?;
+    check::writable(mesh).map_err(|e| e.at(path))?;
     write_atomic(path, |w| body(w, mesh, encoding))
 }
 
 /// A PLY file in memory; the same mesh always gives the same bytes.
 ///
-/// # Panics
-/// If the mesh has an index out of range or a number that is not finite.
-pub fn encode(mesh: &TriMesh, encoding: Encoding) -> Vec<u8> {
-    if let Some(what) = check::fault(mesh) {
-        panic!("ply::encode: {what}");
-    }
+/// # Errors
+/// The mesh has an index out of range or a number that is not finite.
+pub fn encode(mesh: &TriMesh, encoding: Encoding) -> Result<Vec<u8>, EncodeError> {
+    check::writable(mesh)?;
     let mut bytes = Vec::new();
     body(&mut bytes, mesh, encoding).expect("writing to memory");
-    bytes
+    Ok(bytes)
 }
 
 fn body(w: &mut dyn Write, mesh: &TriMesh, encoding: Encoding) -> std::io::Result<()> {
