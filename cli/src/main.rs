@@ -9,6 +9,7 @@ mod command;
 mod console;
 mod failure;
 mod interrupt;
+mod mesh_file;
 mod progress;
 mod provenance;
 mod study;

@@ -36,7 +36,7 @@
 //! - **see**: [`Camera`] with every convention that data comes in; [`Image`], [`ByteImage`], [`DepthMap`],
 //!   [`DisparityMap`] and the [`GroundPlane`] that estimators make up
 //! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB), [`read_image`], [`write_png`], EXR depth, PFM;
-//!   module [`io`]
+//!   module [`io`]; how much memory reading may take and what else it may open, [`Limits`]
 //!
 //! # Conventions
 //!
@@ -50,7 +50,10 @@
 //!
 //! - Any bytes may arrive as a file: the answer is a typed error that names what was found and what was
 //!   expected. Arrays of the wrong length are mistakes of the caller and panic, as in indexing;
-//!   [`TriMesh::validate`] is the door between the two.
+//!   [`TriMesh::validate`] is the door between the two, and what is read from a file passes it.
+//! - Reading takes memory in proportion to the file ([`Limits`]) and time too; only regular files are opened.
+//! - A mesh without faces, area or extent, or with coordinates that are not finite, has a value or an error
+//!   in every function, never a panic, as long as its faces name vertices that exist.
 //! - The same input gives the same bits for any number of threads. Randomness is a function of a seed.
 //! - [`kernels`] take slices and choose instructions at run time. No `unsafe` in this crate.
 //!

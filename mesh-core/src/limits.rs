@@ -9,10 +9,12 @@
 /// [`max_pixels`](Self::max_pixels) instead, before anything is unpacked.
 ///
 /// ```
-/// use mesh_core::Limits;
+/// use mesh_core::{Limits, read_mesh_with};
 ///
 /// // A scan with a texture of a quarter of a gigapixel, from a folder that one trusts.
 /// let limits = Limits::default().with_max_pixels(1 << 28).with_outside_links(true);
+/// let mut remarks = Vec::new();
+/// assert!(read_mesh_with("no/such/scan.obj", &limits, &mut remarks).is_err());
 ///
 /// // What a reader may hold for a file of a megabyte.
 /// assert_eq!(Limits::default().peak(1_000_000), 276_000_000);

@@ -48,6 +48,12 @@ pub enum MeshError {
         /// Where it is.
         position: [f32; 3],
     },
+    /// There are no faces where a surface is needed.
+    #[error("found {vertices} vertices and no faces, expected a surface")]
+    NoFaces {
+        /// How many vertices there are.
+        vertices: usize,
+    },
     /// A face names a vertex that does not exist.
     #[error("face {face} names vertex {vertex}, expected less than {vertices}")]
     VertexOutOfRange {
@@ -179,6 +185,17 @@ impl TriMesh {
             }
         }
         self.texture.as_ref().map_or(Ok(()), |texture| texture.validate(self.faces.len()))
+    }
+
+    /// Refuses a mesh without faces, as files of points are read: for whatever needs a surface.
+    ///
+    /// # Errors
+    /// [`MeshError::NoFaces`].
+    pub fn require_faces(&self) -> Result<(), MeshError> {
+        if self.faces.is_empty() {
+            return Err(MeshError::NoFaces { vertices: self.positions.len() });
+        }
+        Ok(())
     }
 
     /// The smallest box around the finite vertices, `(minimum, maximum)`; `None` if there are none.

@@ -19,19 +19,38 @@ pub struct VoxelGrid {
 impl VoxelGrid {
     /// An empty grid of `dims` cells over the box `(low, high)`.
     ///
+    /// A box without extent along an axis, as a flat mesh has it, grows to both sides there until its
+    /// cells are as long as the longest of the other axes.
+    ///
     /// # Panics
-    /// If a dimension is zero, the box is not finite and of positive size, or there are more than
-    /// 2^32 cells.
+    /// If a dimension is zero, there are more than 2^32 cells, or the box is not finite or upside
+    /// down.
     pub fn new(dims: [usize; 3], (low, high): ([f32; 3], [f32; 3])) -> Self {
         let cells = dims.iter().try_fold(1_usize, |n, &d| n.checked_mul(d));
         let cells = cells.filter(|&n| n > 0 && n <= 1 << 32);
         let cells = cells.unwrap_or_else(|| panic!("VoxelGrid: {dims:?} cells"));
-        let cell: [f32; 3] = std::array::from_fn(|k| (high[k] - low[k]) / dims[k] as f32);
+        let (low64, high64) = (low.map(f64::from), high.map(f64::from));
         assert!(
-            low.iter().chain(&cell).all(|x| x.is_finite()) && cell.iter().all(|&x| x > 0.0),
-            "VoxelGrid: box {low:?} to {high:?}, expected a positive size"
+            (0..3).all(|k| low64[k].is_finite() && high64[k].is_finite() && low64[k] <= high64[k]),
+            "VoxelGrid: box {low:?} to {high:?}, expected two finite corners, the lower first"
         );
-        Self { dims, origin: low, cell, bits: vec![false; cells] }
+        // In f64: between the ends of f32 there is more than f32 can hold.
+        let side = |k: usize| ((high64[k] - low64[k]) / dims[k] as f64).min(f32::MAX.into()) as f32;
+        let cell: [f32; 3] = std::array::from_fn(side);
+        let reach = low.iter().chain(&high).fold(0.0, |most: f32, x| most.max(x.abs()));
+        // What makes a difference at the place of the box; 1 for a single point at the origin.
+        let least = if reach > 0.0 { (reach / 1024.0).max(f32::MIN_POSITIVE) } else { 1.0 };
+        let longest = cell.into_iter().fold(0.0, f32::max);
+        let grown = if longest > 0.0 { longest } else { least };
+        let origin = std::array::from_fn(|k| {
+            if cell[k] > 0.0 {
+                return low[k];
+            }
+            let half = f64::from(grown) * dims[k] as f64 / 2.0;
+            (low64[k] - half).max(f32::MIN.into()) as f32
+        });
+        let cell = cell.map(|side| if side > 0.0 { side } else { grown });
+        Self { dims, origin, cell, bits: vec![false; cells] }
     }
 
     /// The cells whose value is at least `threshold`; values are in the order of [`bits`](Self::bits). Not a

@@ -92,7 +92,8 @@ fn obj_bytes() -> Vec<u8> {
     bytes
 }
 
-const STRIPS: &[u8] = b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
+const STRIPS: &[u8] =
+    b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
     property float z\nelement tristrips 1\nproperty list int int vertex_indices\nend_header\n\
     0 0 0\n1 0 0\n0 1 0\n1 1 0\n9 0 1 2 3 -1 3 2 1 1\n";
 

@@ -154,10 +154,25 @@ fn the_gltf_crate_reads_the_same_glb() {
             assert_eq!(bounds.min[k], all.clone().map(|p| of(&p)).fold(f32::INFINITY, f32::min));
             assert_eq!(bounds.max[k], all.map(|p| of(&p)).fold(f32::NEG_INFINITY, f32::max));
         }
+        // Smooth normals, of length 1, the same on both sides of a seam.
+        let normals: Vec<[f32; 3]> = reader.read_normals().unwrap().collect();
+        assert_eq!(normals.len(), positions.len());
+        let smooth = mesh_core::vertex_normals(&mesh.positions, &mesh.faces);
+        for (&i, &v) in indices.iter().zip(mesh.faces.iter().flatten()) {
+            assert_eq!(normals[i as usize], smooth[v as usize]);
+        }
+        assert!(normals.iter().all(|n| (n.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-5));
         let material = primitive.material();
-        assert!(material.unlit());
+        assert_eq!(material.unlit(), mesh.colors.is_some() || mesh.texture.is_some());
         assert_eq!(material.pbr_metallic_roughness().metallic_factor(), 0.0);
     };
+    // Without colours a viewer has to light the shape.
+    let bare = TriMesh { colors: None, ..colored() };
+    let bytes = glb::encode(&bare).unwrap();
+    positions(&bare, &bytes);
+    assert_eq!(gltf::Gltf::from_slice(&bytes).unwrap().extensions_used().count(), 0);
+    assert_eq!(glb::decode(&bytes, "a.glb").unwrap(), bare);
+
     let bytes = glb::encode(&colored()).unwrap();
     positions(&colored(), &bytes);
     let file = gltf::Gltf::from_slice(&bytes).unwrap();
@@ -248,6 +263,132 @@ fn obj_faces_may_name_vertices_that_come_later() {
     assert_eq!(mesh.faces, [[0, 1, 2]]);
 }
 
+/// What reading leaves out, as a program says it.
+fn remarks_of(bytes: &[u8]) -> (TriMesh, Vec<String>) {
+    let mut remarks = Vec::new();
+    let mesh = obj::decode_with(bytes, "people.obj", &Limits::default(), &mut remarks).unwrap();
+    mesh.validate().unwrap();
+    (mesh, remarks.iter().map(ToString::to_string).collect())
+}
+
+#[test]
+fn obj_faces_of_two_corners_are_left_out_and_counted() {
+    let v = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    let text = format!("{v}f 1 2\nf 1 2 3\nf 2 3\nf 1//1\nf\nf 1 1 2\nf 1 2 2 3\np 1\nl 1 2 3\n");
+    let (mesh, remarks) = remarks_of(text.as_bytes());
+    assert_eq!(mesh.faces, [[0, 1, 2], [0, 1, 2]]);
+    let short = "4 faces of fewer than three corners left out (the first in line 4)";
+    assert_eq!(remarks, [short, "2 triangles that name a vertex twice left out"]);
+    // Another reader takes the same triangles of it.
+    let options = tobj::LoadOptions { triangulate: true, ignore_lines: true, ..Default::default() };
+    let (models, _) =
+        tobj::load_obj_buf(&mut format!("{v}f 1 2\nf 1 2 3\nf 2 3\n").as_bytes(), &options, |_| {
+            Err(tobj::LoadError::GenericFailure)
+        })
+        .unwrap();
+    assert!(models.iter().any(|m| m.mesh.indices == [0, 1, 2]));
+}
+
+#[test]
+fn obj_as_exporters_of_all_systems_write_it() {
+    let plain = obj_of("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    for text in [
+        &b"\xef\xbb\xbfv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"[..],
+        b"v 0 0 0\rv 1 0 0\rv 0 1 0\rf 1 2 3\r",
+        b"# C:\\models\\\r\nv 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nf 1 2 3 \\",
+        b"o Tisch\xfc\nusemtl M\xe9tal\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1/1 2/2/2 3/3/3\n",
+        b"v\t0 0 0\nv 1 0 0 1.0\nv 0 1 0\nvn 0 0 0\nf -3//-9 -2//7 -1//1\nl 1 2\np 1 2 3\n",
+        b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/0 2/9 3/-4\ncurv 0 1 1 2\nend\n",
+    ] {
+        let (mesh, remarks) = remarks_of(text);
+        assert_eq!((&mesh, remarks.len()), (&plain, 0), "{:?}", String::from_utf8_lossy(text));
+    }
+}
+
+#[test]
+fn texture_coordinates_that_are_not_there_are_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    let image = textured().texture.unwrap().image.to_bytes();
+    mesh_core::write_png(folder.path().join("t#1.png"), &image).unwrap();
+    file("m.mtl", "newmtl wood#2\nmap_Kd t#1.png\nnewmtl steel\nmap_Kd gone.png\n");
+    file(
+        "a.obj",
+        "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5 1\nusemtl steel\nf 1 2 3\n\
+         usemtl wood#2\nf 1/1 2/7 3\n",
+    );
+    let mut remarks = Vec::new();
+    let mesh =
+        obj::read_with(folder.path().join("a.obj"), &Limits::default(), &mut remarks).unwrap();
+    let texture = mesh.texture.as_ref().unwrap();
+    assert_eq!(
+        (&texture.uvs[..], &texture.faces[..]),
+        (&[[0.5, 1.0], [0.0; 2]][..], &[[1; 3], [0, 1, 1]][..])
+    );
+    let lines: Vec<String> = remarks.iter().map(ToString::to_string).collect();
+    assert_eq!(
+        lines,
+        [
+            "\"gone.png\" not read: no such file",
+            "5 corners without texture coordinates take those of (0, 0)"
+        ]
+    );
+}
+
+#[test]
+fn files_that_a_mesh_names_must_be_below_it() {
+    let place = tempfile::tempdir().unwrap();
+    let inner = place.path().join("inner");
+    fs::create_dir_all(inner.join("tex")).unwrap();
+    let image = textured().texture.unwrap().image.to_bytes();
+    let secret = place.path().join("secret.png");
+    for path in [&secret, &inner.join("tex/t.png"), &inner.join("t.png")] {
+        mesh_core::write_png(path, &image).unwrap();
+    }
+    fs::write(place.path().join("m.mtl"), "newmtl a\nmap_Kd inner/t.png\n").unwrap();
+    fs::write(inner.join("tex/up.mtl"), "newmtl a\nmap_Kd ../t.png\n").unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(&secret, inner.join("link.png")).unwrap();
+    let absolute = secret.to_str().unwrap().to_owned();
+    let read = |library: &str, map: &str, outside: bool| {
+        fs::write(inner.join("own.mtl"), format!("newmtl a\nmap_Kd {map}\n")).unwrap();
+        let text = format!("mtllib {library}\n{}", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n");
+        fs::write(inner.join("a.obj"), format!("{text}usemtl a\nf 1/1 2/1 3/1\n")).unwrap();
+        let limits = Limits::default().with_outside_links(outside);
+        let mut remarks = Vec::new();
+        let mesh = obj::read_with(inner.join("a.obj"), &limits, &mut remarks).unwrap();
+        (mesh.texture.is_some(), remarks.iter().map(ToString::to_string).collect::<String>())
+    };
+    // Below the folder of the mesh, by whatever way.
+    for (library, map) in
+        [("own.mtl", "tex/t.png"), ("own.mtl", "tex\\..\\t.png"), ("tex/up.mtl", "")]
+    {
+        assert_eq!(read(library, map, false), (true, String::new()), "{library} {map}");
+    }
+    let mut outside =
+        vec![("own.mtl", "../secret.png"), ("own.mtl", absolute.as_str()), ("../m.mtl", "")];
+    if cfg!(unix) {
+        outside.push(("own.mtl", "link.png"));
+    }
+    for (library, map) in outside {
+        let (textured, remark) = read(library, map, false);
+        assert!(!textured && remark.contains("outside the folder of the mesh"), "{map}: {remark}");
+        assert_eq!(read(library, map, true), (true, String::new()), "{library} {map}");
+    }
+    let ply = "ply\nformat ascii 1.0\ncomment TextureFile ../secret.png\nelement vertex 3\n\
+        property float x\nproperty float y\nproperty float z\nproperty float u\nproperty float v\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n\
+        0 0 0 0 0\n1 0 0 0 0\n0 1 0 0 0\n3 0 1 2\n";
+    fs::write(inner.join("a.ply"), ply).unwrap();
+    let mut remarks = Vec::new();
+    let mut read = |outside| {
+        let limits = Limits::default().with_outside_links(outside);
+        ply::read_with(inner.join("a.ply"), &limits, &mut remarks).unwrap().texture.is_some()
+    };
+    assert!(!read(false) && read(true));
+    assert_eq!(remarks.len(), 1);
+}
+
 #[test]
 fn obj_errors_name_the_line_and_what_was_found() {
     let v = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
@@ -296,6 +437,59 @@ fn ply_types_orders_polygons_and_strangers() {
     assert_eq!(mesh.positions[2], [1.0, 1.0, 0.0]);
     assert_eq!(mesh.faces, [[0, 1, 2], [0, 2, 3], [2, 1, 0]]);
     assert_eq!(mesh.colors.unwrap()[1..3], [[0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+}
+
+#[test]
+fn ply_strips_turn_every_other_triangle_and_begin_anew() {
+    let head = |kind: &str, list: &str| {
+        format!(
+            "ply\nformat {kind} 1.0\nelement vertex 6\nproperty float x\nproperty float y\n\
+             property float z\nelement tristrips 1\nproperty list int {list} vertex_indices\nend_header\n"
+        )
+    };
+    let places = [[0, 0], [1, 0], [0, 1], [1, 1], [0, 2], [1, 2]];
+    let rows: String = places.iter().map(|[x, y]| format!("{x} {y} 0\n")).collect();
+    // Two strips, and one that turns back over a vertex named twice.
+    let strip = [0, 1, 2, 3, -1, 2, 3, 4, 5, -1, -1, 1, 0, 0, 2, 1];
+    let words: String = strip.iter().map(|i| format!(" {i}")).collect();
+    let text = format!("{}{rows}{}{words}\n", head("ascii", "int"), strip.len());
+    let mesh = ply::decode(text.as_bytes(), "strips.ply").unwrap();
+    let faces = [[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5], [0, 2, 1]];
+    assert_eq!(mesh.faces, faces);
+    // All of the first four face the same way.
+    for normal in &mesh_core::face_normals(&mesh.positions, &mesh.faces)[..4] {
+        assert_eq!(*normal, [0.0, 0.0, 1.0]);
+    }
+    let mut bytes = head("binary_big_endian", "short").into_bytes();
+    for [x, y] in places {
+        [x as f32, y as f32, 0.0].iter().for_each(|v| bytes.extend(v.to_be_bytes()));
+    }
+    bytes.extend((strip.len() as i32).to_be_bytes());
+    strip.iter().for_each(|&i| bytes.extend((i as i16).to_be_bytes()));
+    assert_eq!(ply::decode(&bytes, "strips.ply").unwrap(), mesh);
+    for (wrong, found) in [("-2", "-2"), ("6", "6"), ("1.5", "1.5")] {
+        let text = text.replace(" 5 ", &format!(" {wrong} "));
+        let error = ply::decode(text.as_bytes(), "strips.ply").unwrap_err().to_string();
+        assert!(error.contains("strips.ply") && error.contains(found), "{error}");
+    }
+}
+
+#[test]
+fn ply_faces_of_two_corners_are_left_out_and_counted() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nelement face 4\nproperty list uchar int vertex_indices\nend_header\n\
+        0 0 0\n1 0 0\n0 1 0\n2 0 1\n3 0 1 2\n3 0 1 1\n0\n";
+    let mut remarks = Vec::new();
+    let mesh =
+        ply::decode_with(text.as_bytes(), "a.ply", &Limits::default(), &mut remarks).unwrap();
+    assert_eq!(mesh.faces, [[0, 1, 2]]);
+    let lines: Vec<String> = remarks.iter().map(ToString::to_string).collect();
+    let short = "2 faces of fewer than three corners left out (the first in line 12)";
+    assert_eq!(lines, [short, "1 triangles that name a vertex twice left out"]);
+    let points = text.replace("element face 4", "element nothing 4");
+    let mesh = ply::decode(points.as_bytes(), "a.ply").unwrap();
+    let error = mesh.require_faces().unwrap_err().to_string();
+    assert_eq!(error, "found 3 vertices and no faces, expected a surface");
 }
 
 #[test]
@@ -422,6 +616,26 @@ fn glb_transforms_small_indices_strides_and_normalised_colors() {
     assert!(error.contains("KHR_draco"), "{error}");
     let outside = json.replace("\"byteOffset\":48", "\"byteOffset\":17");
     assert!(glb::decode(&glb_of(&outside, &bin), "a.glb").is_err());
+}
+
+#[test]
+fn vertices_at_one_place_stay_apart_in_what_we_write_and_are_joined_in_what_others_do() {
+    // Two triangles that touch in two places, each with its own vertices there.
+    let positions = vec![
+        [0.0; 3],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [1.0, 1.0, 1.0],
+    ];
+    let mesh = TriMesh::new(positions, vec![[0, 1, 2], [3, 5, 4]]);
+    let bytes = glb::encode(&mesh).unwrap();
+    assert_eq!(glb::decode(&bytes, "a.glb").unwrap(), mesh);
+    let at = bytes.windows(9).position(|w| w == b"mesh-core").unwrap();
+    let other = [&bytes[..at], b"some tool", &bytes[at + 9..]].concat();
+    let joined = glb::decode(&other, "a.glb").unwrap();
+    assert_eq!((joined.positions.len(), &joined.faces[..]), (4, &[[0, 1, 2], [1, 3, 2]][..]));
 }
 
 #[test]

@@ -1,5 +1,9 @@
 //! Files that nobody here made.
-#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "tests, whose list is to be looked at"
+)]
 
 mod samples;
 
@@ -35,6 +39,54 @@ fn known_meshes_survive_every_format() {
         assert_eq!(mesh.texture.is_some(), textured, "{name} {notes:?}");
         assert_eq!(notes.is_empty(), !name.contains("avocado"), "{name} {notes:?}");
         survives(&mesh);
+    }
+}
+
+fn files_below(folder: &std::path::Path, list: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            files_below(&path, list);
+        } else if path
+            .extension()
+            .is_some_and(|e| ["obj", "ply", "glb", "off"].iter().any(|f| e == *f))
+        {
+            list.push(path);
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs UNSPHERE_DATA"]
+fn every_mesh_that_people_made_is_read() {
+    let mut list = Vec::new();
+    files_below(&data(), &mut list);
+    list.sort();
+    assert!(list.len() > 150, "{}", list.len());
+    for path in list.iter().filter(|path| !path.starts_with(data().join("p2m_ellipsoid"))) {
+        let mut remarks = Vec::new();
+        let mesh = mesh_core::read_mesh_with(path, &Limits::default(), &mut remarks).unwrap();
+        mesh.validate().unwrap();
+        mesh.require_faces().unwrap();
+        let said: Vec<String> = remarks.iter().map(ToString::to_string).collect();
+        println!(
+            "{} {} {} {}",
+            path.display(),
+            mesh.positions.len(),
+            mesh.faces.len(),
+            said.join("; ")
+        );
+        if path.extension().is_some_and(|e| e == "obj") {
+            let options = tobj::LoadOptions {
+                triangulate: true,
+                ignore_lines: true,
+                ignore_points: true,
+                ..Default::default()
+            };
+            let (models, _) = tobj::load_obj(path, &options).unwrap();
+            let faces: usize = models.iter().map(|m| m.mesh.indices.len() / 3).sum();
+            assert_eq!(mesh.faces.len(), faces, "{}", path.display());
+        }
     }
 }
 

@@ -96,6 +96,16 @@ fn flips_are_named() {
 }
 
 #[test]
+fn cameras_in_one_place_are_named() {
+    // World-to-camera where camera-to-world is meant: on an orbit all centres coincide.
+    is_named("coincident_cameras", SMALL, |view| {
+        let turned = view.camera.rotation.transpose();
+        view.camera.translation = -turned * view.camera.translation;
+        view.camera.rotation = turned;
+    });
+}
+
+#[test]
 fn axes_of_another_tool_are_named() {
     let axes = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
     is_named("opencv_axes", SMALL, |view| {

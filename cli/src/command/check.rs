@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use mesh_core::{Health, TriMesh, read_mesh};
+use mesh_core::{Health, TriMesh};
 use recon::fit::FitConfig;
 use recon::predict::Predictor;
 use recon::settings;
@@ -13,6 +13,7 @@ use crate::args::{Check, Global, SystemSettings};
 use crate::command::fit::configuration;
 use crate::console::{Console, table};
 use crate::failure::Failure;
+use crate::mesh_file::read_mesh;
 use crate::progress::Progress;
 use crate::system::{self, ForSystem};
 
@@ -92,7 +93,8 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Check) -> Result
         checked.config = Some(configuration(&asked, global)?);
     }
     if let Some(path) = &arguments.mesh {
-        checked.mesh = Some(check_mesh(path, &read_mesh(path)?, arguments.self_intersections));
+        let mesh = read_mesh(console, path)?;
+        checked.mesh = Some(check_mesh(path, &mesh, arguments.self_intersections));
     }
     if let Some(path) = &arguments.views {
         checked.views = Some(check_views(console, path, arguments)?);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use datasets::Views;
-use mesh_core::{ByteImage, TriMesh, read_mesh};
+use mesh_core::{ByteImage, TriMesh};
 use recon::delivery::{DeliverError, Delivery, Metrics, deliver};
 use recon::fit::{Event, FitConfig, FitError, Fitted, Flow, fit};
 use recon::output::OutputFolder;
@@ -15,6 +15,7 @@ use crate::args::{Configuration, Fit, Global};
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
+use crate::mesh_file::read_mesh;
 use crate::progress::Progress;
 use crate::provenance::typed_command;
 
@@ -48,7 +49,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(
     // Refusals come before the work.
     let folder = OutputFolder::create(&target, arguments.output.force)?;
     let interrupt = Interrupt::listen(Some(folder.path()))?;
-    let truth = arguments.truth.as_ref().map(read_mesh).transpose()?;
+    let truth = arguments.truth.as_ref().map(|path| read_mesh(console, path)).transpose()?;
     let progress = Progress::new(console, "read");
     let options = arguments.reading.options();
     let views =

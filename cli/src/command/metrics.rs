@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use losses::metrics::{CompareError, Preset, Report, Role, evaluate};
-use mesh_core::read_mesh;
 use serde::Serialize;
 
 use crate::args::{Global, Metrics};
 use crate::console::{Console, table};
 use crate::failure::Failure;
+use crate::mesh_file::read_mesh;
 use crate::progress::Progress;
 
 /// What is printed with `--json`.
@@ -28,7 +28,8 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Metrics) -> Resu
             .collect::<Result<Vec<Preset>, _>>()
             .map_err(|error| Failure::Usage(format!("--preset: {error}")))?,
     };
-    let (prediction, truth) = (read_mesh(&arguments.prediction)?, read_mesh(&arguments.truth)?);
+    let prediction = read_mesh(console, &arguments.prediction)?;
+    let truth = read_mesh(console, &arguments.truth)?;
     let progress = Progress::new(console, "compare");
     let mut reports = Vec::new();
     for (k, preset) in presets.iter().enumerate() {

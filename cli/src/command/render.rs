@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use datasets::{MaskSource, ReadOptions, View, read_views};
-use mesh_core::{Camera, TriMesh, encode_depth, encode_png, read_mesh};
+use mesh_core::{Camera, TriMesh, encode_depth, encode_png};
 use recon::output::OutputFolder;
 use recon::synthetic::{Lighting, RenderOptions, render_views};
 use recon::turntable::{encode_gif, orbit};
@@ -12,6 +12,7 @@ use serde::Serialize;
 use crate::args::{Light, Render};
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::mesh_file::read_mesh;
 use crate::progress::Progress;
 
 /// Hundredths of a second for each picture of a GIF.
@@ -57,7 +58,7 @@ pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
         }
         _ => None,
     };
-    let mesh = read_mesh(&arguments.mesh)?;
+    let mesh = read_mesh(console, &arguments.mesh)?;
     if mesh.faces.is_empty() {
         let path = arguments.mesh.display();
         return Err(Failure::Input(format!("{path}: no faces, so there is nothing to render")));

@@ -16,7 +16,7 @@ use crate::Limits;
 use crate::io::{WriteError, regular, write_atomic};
 
 /// What else than pixels a PNG may unpack to: colour profiles are compressed, and not used here.
-const BESIDE: u64 = 16 << 20;
+const BESIDE: u64 = 8 << 20;
 /// Scans of a progressive JPEG; each goes over the whole picture, and real ones have about ten.
 const SCANS: usize = 256;
 /// Deflate makes at most 1032 bytes of one.
@@ -217,7 +217,12 @@ fn decoder<'a>(
         }
     }
     let mut own = image::Limits::default();
-    own.max_alloc = Some(BESIDE + row_bytes(bytes, limits) + 4 * bytes.len() as u64);
+    own.max_alloc = Some(BESIDE + 4 * bytes.len() as u64);
+    if let (Some(ImageFormat::Png), Some([width, height])) = (reader.format(), png_size(bytes)) {
+        too_many(name, (width as usize, height as usize), 0, limits)?;
+        // The decoder counts a row as memory beside the pixels.
+        own.max_alloc = own.max_alloc.map(|most| most + 8 * u64::from(width));
+    }
     reader.limits(own);
     let decoder = reader.into_decoder().map_err(|e| failed(e.to_string()))?;
     let ((width, height), claimed) = (decoder.dimensions(), decoder.total_bytes());
@@ -238,10 +243,10 @@ fn decoder<'a>(
     Ok(decoder)
 }
 
-/// What a row of a PNG may take by its header: the decoder counts it as memory beside the pixels.
-fn row_bytes(bytes: &[u8], limits: &Limits) -> u64 {
-    let width = bytes.get(16..20).and_then(|b| b.try_into().ok()).map_or(0, u32::from_be_bytes);
-    u64::from(width).min(limits.max_pixels).saturating_mul(8)
+/// Columns and rows of a PNG, by its header.
+fn png_size(bytes: &[u8]) -> Option<[u32; 2]> {
+    let number = |at: usize| Some(u32::from_be_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
+    Some([number(16)?, number(20)?])
 }
 
 #[cfg(test)]
@@ -328,7 +333,7 @@ mod tests {
         let crc = crc32(&png[12..29]).to_be_bytes();
         png[29..33].copy_from_slice(&crc);
         let error = decode_image(&png, "a.png").unwrap_err();
-        assert!(matches!(error, ImageError::TooLarge { width: 1_048_575, .. }), "{error}");
+        assert!(matches!(error, ImageError::OverLimit { width: 1_048_575, .. }), "{error}");
     }
 
     fn crc32(bytes: &[u8]) -> u32 {

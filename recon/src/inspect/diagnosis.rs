@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::eye::{Eye, Reading};
-use super::hull::{Ball, agreement, ball};
+use super::hull::{Ball, agreement, ball, coincide};
 
 /// Views that the search looks at; all are looked at for the figures.
 const SEARCHED: usize = 28;
@@ -140,6 +140,13 @@ pub(crate) fn diagnose(
     masks(views, eyes, &mut problems);
     let inverted = problems.iter().any(|p| p.kind == "inverted_masks");
     let points = points_of(truth);
+    if coincide(eyes) {
+        let message =
+            "all cameras stand in one place: from there the masks show no shape; are the \
+                       poses world-to-camera where camera-to-world is meant?"
+                .to_owned();
+        problems.push(Problem { kind: "coincident_cameras", message });
+    }
     let ball = ball(eyes);
     if let Some(ball) = ball.filter(|_| !inverted) {
         found.hull_iou_by_view = agreement(eyes, ball, SAMPLES);

@@ -16,10 +16,25 @@ pub(crate) struct Ball {
     pub(crate) radius: f64,
 }
 
+/// Whether several cameras with perspective all stand in one place: no two of their rays then meet
+/// anywhere but there, so the masks fix no body.
+pub(crate) fn coincide(eyes: &[Eye]) -> bool {
+    let [first, others @ ..] = eyes else { return false };
+    let place = first.camera.center();
+    let near = |eye: &Eye| {
+        eye.camera.is_perspective()
+            && (eye.camera.center() - place).norm() <= 1e-6 * place.norm().max(f64::EPSILON)
+    };
+    !others.is_empty() && first.camera.is_perspective() && others.iter().all(near)
+}
+
 /// The sphere around the point where the masks' axes meet, as wide as the widest of their cones.
 ///
-/// `None` where the axes do not fix a point, or meet behind most cameras.
+/// `None` where the axes do not fix a point, all cameras stand there, or most look away from it.
 pub(crate) fn ball(eyes: &[Eye]) -> Option<Ball> {
+    if coincide(eyes) {
+        return None;
+    }
     let mut normal = Matrix3::<f64>::zeros();
     let mut right = Vector3::<f64>::zeros();
     let boxes: Vec<(&Eye, [f64; 4])> =

@@ -10,13 +10,15 @@ pub(super) struct Lines<'a> {
     number: usize,
     /// What backslashes have joined so far.
     joined: Vec<u8>,
+    /// What the line that was given last takes beside the file; until the next is asked for.
+    lent: u64,
 }
 
 impl<'a> Lines<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> Self {
         // Some editors of Windows begin every file with this mark.
         let rest = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-        Self { rest, number: 0, joined: Vec::new() }
+        Self { rest, number: 0, joined: Vec::new(), lent: 0 }
     }
 
     /// The next line and its number, that of its end; names that are not UTF-8 have replacement
@@ -25,6 +27,7 @@ impl<'a> Lines<'a> {
         &mut self,
         budget: &mut Budget,
     ) -> Result<Option<(usize, Cow<'a, str>)>, OverLimit> {
+        budget.give_back(std::mem::take(&mut self.lent));
         while !self.rest.is_empty() {
             let line = self.cut();
             // A comment may end in the backslash of a path; it ends there all the same.
@@ -38,7 +41,13 @@ impl<'a> Lines<'a> {
                     self.joined.extend_from_slice(part);
                     self.joined.push(b' ');
                 }
-                None if self.joined.is_empty() => return text(line, budget).map(|t| self.at(t)),
+                None if self.joined.is_empty() => {
+                    let text = match std::str::from_utf8(line) {
+                        Ok(text) => Cow::Borrowed(text),
+                        Err(_) => Cow::Owned(self.replaced(line, budget)?),
+                    };
+                    return Ok(Some((self.number, text)));
+                }
                 None => {
                     budget.reserve(&mut self.joined, line.len())?;
                     self.joined.extend_from_slice(line);
@@ -49,15 +58,23 @@ impl<'a> Lines<'a> {
         if self.joined.is_empty() { Ok(None) } else { self.flush(budget) }
     }
 
-    fn at(&self, text: Cow<'a, str>) -> Option<(usize, Cow<'a, str>)> {
-        Some((self.number, text))
-    }
-
+    /// The line that backslashes have joined.
     fn flush(&mut self, budget: &mut Budget) -> Result<Option<(usize, Cow<'a, str>)>, OverLimit> {
         let joined = std::mem::take(&mut self.joined);
-        budget.give_back(joined.capacity() as u64);
-        let owned = String::from_utf8_lossy(&joined).into_owned();
-        Ok(Some((self.number, Cow::Owned(owned))))
+        self.lent = joined.capacity() as u64;
+        let text = match String::from_utf8(joined) {
+            Ok(text) => text,
+            Err(error) => self.replaced(error.as_bytes(), budget)?,
+        };
+        Ok(Some((self.number, Cow::Owned(text))))
+    }
+
+    /// A copy with replacement characters, which take three bytes, in a text that grows by doubling.
+    fn replaced(&mut self, line: &[u8], budget: &mut Budget) -> Result<String, OverLimit> {
+        let most = 9 * line.len() as u64;
+        budget.take(most)?;
+        self.lent += most;
+        Ok(String::from_utf8_lossy(line).into_owned())
     }
 
     /// Takes the next line off the rest, without its end.
@@ -69,18 +86,6 @@ impl<'a> Lines<'a> {
         self.rest = rest.get(end + ending..).unwrap_or_default();
         &rest[..end]
     }
-}
-
-/// A line as text; a replacement character takes three bytes, so a copy may be thrice the line.
-fn text<'a>(line: &'a [u8], budget: &mut Budget) -> Result<Cow<'a, str>, OverLimit> {
-    if let Ok(text) = std::str::from_utf8(line) {
-        return Ok(Cow::Borrowed(text));
-    }
-    let most = 6 * line.len() as u64; // it grows by doubling
-    budget.take(most)?;
-    let text = String::from_utf8_lossy(line);
-    budget.give_back(most);
-    Ok(text)
 }
 
 /// The first word of a line and what follows it, both trimmed, without the comment. A comment

@@ -216,15 +216,11 @@ impl Parser<'_> {
 
     fn material(&mut self, name: &str) -> Result<(), OverLimit> {
         let Parsed { names, uses, faces, .. } = &mut self.parsed;
-        let number = match names.get(name) {
-            Some(&number) => number,
-            None => {
-                self.budget.take(entry(name))?;
-                let number = names.len() as u32;
-                names.insert(name.to_owned(), number);
-                number
-            }
-        };
+        let number = names.get(name).copied().unwrap_or(names.len() as u32);
+        if number as usize == names.len() {
+            self.budget.take(entry(name))?;
+            names.insert(name.to_owned(), number);
+        }
         if uses.last().is_some_and(|last| last.1 == faces.len()) {
             uses.pop(); // no face has that one
         }
