@@ -448,10 +448,10 @@ fn ply_strips_turn_every_other_triangle_and_begin_anew() {
         )
     };
     let places = [[0, 0], [1, 0], [0, 1], [1, 1], [0, 2], [1, 2]];
-    let rows: String = places.iter().map(|[x, y]| format!("{x} {y} 0\n")).collect();
+    let rows = places.map(|[x, y]| format!("{x} {y} 0\n")).concat();
     // Two strips, and one that turns back over a vertex named twice.
     let strip = [0, 1, 2, 3, -1, 2, 3, 4, 5, -1, -1, 1, 0, 0, 2, 1];
-    let words: String = strip.iter().map(|i| format!(" {i}")).collect();
+    let words = strip.map(|i| format!(" {i}")).concat();
     let text = format!("{}{rows}{}{words}\n", head("ascii", "int"), strip.len());
     let mesh = ply::decode(text.as_bytes(), "strips.ply").unwrap();
     let faces = [[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5], [0, 2, 1]];
@@ -462,10 +462,10 @@ fn ply_strips_turn_every_other_triangle_and_begin_anew() {
     }
     let mut bytes = head("binary_big_endian", "short").into_bytes();
     for [x, y] in places {
-        [x as f32, y as f32, 0.0].iter().for_each(|v| bytes.extend(v.to_be_bytes()));
+        bytes.extend([x as f32, y as f32, 0.0].map(f32::to_be_bytes).as_flattened());
     }
     bytes.extend((strip.len() as i32).to_be_bytes());
-    strip.iter().for_each(|&i| bytes.extend((i as i16).to_be_bytes()));
+    bytes.extend(strip.map(|i| (i as i16).to_be_bytes()).as_flattened());
     assert_eq!(ply::decode(&bytes, "strips.ply").unwrap(), mesh);
     for (wrong, found) in [("-2", "-2"), ("6", "6"), ("1.5", "1.5")] {
         let text = text.replace(" 5 ", &format!(" {wrong} "));
