@@ -141,6 +141,17 @@ fn a_mesh_that_is_shown_thousands_of_times_ends_at_the_limit() {
 }
 
 #[test]
+fn parts_that_show_nothing_end_too() {
+    let list = |item: &str| vec![item; 100_000].join(",");
+    let json = format!(
+        "{{\"nodes\":[{}],\"meshes\":[{{\"primitives\":[{}]}}],\"accessors\":[{{}}]}}",
+        list("{\"mesh\":0}"),
+        list("{\"attributes\":{\"POSITION\":0},\"mode\":1}")
+    );
+    assert!(is_over_limit(&quickly(|| glb::decode(&glb_of(&json, &[]), "a.glb"))));
+}
+
+#[test]
 fn empty_objects_of_json_are_counted() {
     let limits = Limits::default().with_base_bytes(MB);
     for (list, item) in [

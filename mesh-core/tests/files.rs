@@ -298,6 +298,7 @@ fn obj_as_exporters_of_all_systems_write_it() {
         b"# C:\\models\\\r\nv 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nf 1 2 3 \\",
         b"o Tisch\xfc\nusemtl M\xe9tal\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1/1 2/2/2 3/3/3\n",
         b"v\t0 0 0\nv 1 0 0 1.0\nv 0 1 0\nvn 0 0 0\nf -3//-9 -2//7 -1//1\nl 1 2\np 1 2 3\n",
+        b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt nan -1.#IND\nvt inf 1.#QNAN 0\nf 1/1 2/2 3/1\n",
         b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/0 2/9 3/-4\ncurv 0 1 1 2\nend\n",
     ] {
         let (mesh, remarks) = remarks_of(text);
@@ -330,7 +331,7 @@ fn texture_coordinates_that_are_not_there_are_noted() {
         lines,
         [
             "\"gone.png\" not read: no such file",
-            "5 corners without texture coordinates take those of (0, 0)"
+            "5 corners take (0, 0) for want of texture coordinates"
         ]
     );
 }
@@ -485,7 +486,7 @@ fn ply_faces_of_two_corners_are_left_out_and_counted() {
     assert_eq!(mesh.faces, [[0, 1, 2]]);
     let lines: Vec<String> = remarks.iter().map(ToString::to_string).collect();
     let short = "2 faces of fewer than three corners left out (the first in line 12)";
-    assert_eq!(lines, [short, "1 triangles that name a vertex twice left out"]);
+    assert_eq!(lines, [short, "1 triangle that names a vertex twice left out"]);
     let points = text.replace("element face 4", "element nothing 4");
     let mesh = ply::decode(points.as_bytes(), "a.ply").unwrap();
     let error = mesh.require_faces().unwrap_err().to_string();

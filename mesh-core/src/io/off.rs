@@ -157,8 +157,8 @@ mod tests {
         assert_eq!(
             lines,
             [
-                "1 faces of fewer than three corners left out (the first in line 6)",
-                "1 triangles that name a vertex twice left out"
+                "1 face of fewer than three corners left out (the first in line 6)",
+                "1 triangle that names a vertex twice left out"
             ]
         );
     }

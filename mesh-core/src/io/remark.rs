@@ -72,25 +72,36 @@ impl fmt::Display for Remark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::ShortFaces { count, line } => {
-                write!(f, "{count} faces of fewer than three corners left out")?;
+                let faces = plural(*count, "face", "faces");
+                write!(f, "{count} {faces} of fewer than three corners left out")?;
                 line.map_or(Ok(()), |line| write!(f, " (the first in line {line})"))
             }
             Self::RepeatedVertices { count } => {
-                write!(f, "{count} triangles that name a vertex twice left out")
+                let triangles = plural(*count, "triangle that names", "triangles that name");
+                write!(f, "{count} {triangles} a vertex twice left out")
             }
             Self::MissingTexcoords { count } => {
-                write!(f, "{count} corners without texture coordinates take those of (0, 0)")
+                let take = plural(*count, "corner takes", "corners take");
+                write!(f, "{count} {take} (0, 0) for want of texture coordinates")
             }
             Self::NotRead { name, why, others } => {
                 write!(f, "{} not read: {why}", quoted(name))?;
                 if *others > 0 { write!(f, " (and {others} more)") } else { Ok(()) }
             }
             Self::OtherTextures { count } => {
-                write!(f, "a mesh holds one texture: others, of {count} parts, left out")
+                let parts = plural(*count, "part", "parts");
+                write!(f, "a mesh holds one texture: that of {count} other {parts} left out")
             }
-            Self::Lines { count } => write!(f, "{count} parts that consist of lines left out"),
+            Self::Lines { count } => {
+                let parts = plural(*count, "part that consists", "parts that consist");
+                write!(f, "{count} {parts} of lines left out")
+            }
         }
     }
+}
+
+fn plural<'a>(count: usize, one: &'a str, many: &'a str) -> &'a str {
+    if count == 1 { one } else { many }
 }
 
 /// A text from a file in quotes: no control characters, at most about 80 characters.

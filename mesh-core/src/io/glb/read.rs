@@ -64,6 +64,9 @@ pub fn decode_with(
     assemble(bytes, name.as_ref(), limits, &mut budget, remarks)
 }
 
+/// What showing a part of a mesh is counted as, beside its vertices and triangles.
+const PER_PART: u64 = 32;
+
 /// Extensions that leave positions, indices and colours as they are.
 fn is_harmless(extension: &str) -> bool {
     extension == "KHR_mesh_quantization" || extension.starts_with("KHR_materials_")
@@ -97,6 +100,8 @@ fn assemble(
         let Some(mesh) = glb.document.nodes[node].mesh else { continue };
         let mesh = glb.get(&glb.document.meshes, mesh, "mesh")?;
         for primitive in &mesh.primitives {
+            // A part that shows nothing takes time all the same when it is shown again and again.
+            budget.take(PER_PART).map_err(&over)?;
             glb.primitive(primitive, &transform, &mut soup, budget, &mut left_out)?;
         }
     }
@@ -104,7 +109,7 @@ fn assemble(
         Some(index) => Some(glb.image(index, limits)?),
         None => None,
     };
-    let (mesh, repeated) = soup.joined(image, budget).map_err(over)?;
+    let (mesh, repeated) = soup.joined(image, budget).map_err(&over)?;
     counted(remarks, left_out.lines, |count| Remark::Lines { count });
     counted(remarks, left_out.textures, |count| Remark::OtherTextures { count });
     counted(remarks, repeated, |count| Remark::RepeatedVertices { count });

@@ -10,16 +10,18 @@ use crate::io::remark::not_read;
 use crate::io::{NotRead, ReadMeshError, Remark};
 use crate::{Budget, Limits};
 
-/// The image of a material: its name, and the folder of the library that names it.
-pub(super) struct MapFile {
+/// The image of a material: its name, and which library names it.
+struct MapFile {
     name: String,
-    folder: PathBuf,
+    library: usize,
 }
 
 /// For each material that the mesh uses, its `map_Kd`.
 #[derive(Default)]
 pub(super) struct Materials {
     maps: Vec<Option<MapFile>>,
+    /// The folders of the libraries, from which the names of their images start.
+    folders: Vec<PathBuf>,
 }
 
 impl Materials {
@@ -40,9 +42,9 @@ impl Materials {
             let whole = root.find(root.folder(), names);
             let mut several = names.split_whitespace();
             let is_one = whole.is_ok() || several.nth(1).is_none();
-            let each =
-                if is_one { vec![names.as_str()] } else { names.split_whitespace().collect() };
-            for name in each {
+            let most = if is_one { 1 } else { usize::MAX };
+            for name in names.split_whitespace().take(most) {
+                let name = if is_one { names } else { name };
                 let file = match root.find(root.folder(), name) {
                     Ok(file) => file,
                     Err(why) => {
@@ -86,13 +88,15 @@ impl Materials {
                 }
                 "map_Kd" | "map_kd" => {
                     if let (Some(material), Some(name)) = (current, file_name(rest)) {
-                        let map = MapFile { name: name.to_owned(), folder: folder.to_owned() };
+                        let library = self.folders.len();
+                        let map = MapFile { name: name.to_owned(), library };
                         self.maps[material] = Some(map);
                     }
                 }
                 _ => {}
             }
         }
+        self.folders.push(folder.to_owned());
         Ok(())
     }
 
@@ -112,7 +116,7 @@ impl Materials {
                 continue;
             }
             let Some(map) = &self.maps[material] else { continue };
-            match root.find(&map.folder, &map.name) {
+            match root.find(&self.folders[map.library], &map.name) {
                 Err(why) => not_read(remarks, &map.name, why),
                 Ok(file) => match &chosen {
                     None => chosen = Some(file),
@@ -172,6 +176,6 @@ mod tests {
         let maps: Vec<_> =
             materials.maps.iter().map(|m| m.as_ref().map(|m| m.name.as_str())).collect();
         assert_eq!(maps, [Some("tex\\my image.png"), None, Some("x#2.png")]);
-        assert_eq!(materials.maps[0].as_ref().unwrap().folder, Path::new("f"));
+        assert_eq!(materials.folders, [Path::new("f")]);
     }
 }

@@ -95,7 +95,8 @@ impl Parser<'_> {
         };
         match word {
             "v" => {
-                let (count, n) = numbers::<8>(rest).map_err(|w| bad("v", w, "a finite number"))?;
+                let (count, n) =
+                    numbers::<8>(rest, finite).map_err(|w| bad("v", w, "a finite number"))?;
                 if count < 3 {
                     return Err(bad("v", rest, "three coordinates"));
                 }
@@ -105,7 +106,8 @@ impl Parser<'_> {
                 self.vertex([n[0], n[1], n[2]], color).map_err(over)
             }
             "vt" => {
-                let (count, n) = numbers::<3>(rest).map_err(|w| bad("vt", w, "a finite number"))?;
+                let (count, n) =
+                    numbers::<3>(rest, placed).map_err(|w| bad("vt", w, "a number"))?;
                 if count < 1 {
                     return Err(bad("vt", rest, "one to three coordinates"));
                 }
@@ -273,17 +275,31 @@ impl Parser<'_> {
     }
 }
 
-/// What a name takes in a sorted map, roughly.
+/// What a name takes in a sorted map, and in the list of materials, roughly.
 fn entry(name: &str) -> u64 {
-    name.len() as u64 + 96
+    name.len() as u64 + 160
 }
 
-/// Up to `N` numbers and how many there are; the first word that is no finite number otherwise.
-fn numbers<const N: usize>(rest: &str) -> Result<(usize, [f32; N]), &str> {
+fn finite(word: &str) -> Option<f32> {
+    word.parse().ok().filter(|v: &f32| v.is_finite())
+}
+
+/// A texture coordinate. Faces without extent make exporters write what is not a number, some as
+/// `-1.#IND`; no place on the image is as good as any.
+fn placed(word: &str) -> Option<f32> {
+    let is_none = || word.contains(".#").then_some(0.0);
+    word.parse().ok().map(|v: f32| if v.is_finite() { v } else { 0.0 }).or_else(is_none)
+}
+
+/// Up to `N` numbers and how many there are; the first word that `number` makes none of otherwise.
+fn numbers<const N: usize>(
+    rest: &str,
+    number: impl Fn(&str) -> Option<f32>,
+) -> Result<(usize, [f32; N]), &str> {
     let mut values = [0.0; N];
     let mut count = 0;
     for (slot, word) in values.iter_mut().zip(rest.split_whitespace()) {
-        *slot = word.parse().ok().filter(|v: &f32| v.is_finite()).ok_or(word)?;
+        *slot = number(word).ok_or(word)?;
         count += 1;
     }
     Ok((count, values))
