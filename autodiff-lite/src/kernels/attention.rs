@@ -7,6 +7,7 @@
 use crate::Real;
 use crate::kernels::blocks::{SERIAL_BELOW, Shared, for_each_block};
 use crate::kernels::dropout::Kept;
+use crate::kernels::extent::{elements, work};
 use crate::kernels::gemm::{Matrix, gemm};
 use crate::kernels::softmax::{softmax, softmax_grad};
 use crate::kernels::workspace;
@@ -46,8 +47,11 @@ pub enum AttentionGradients<'a, F> {
 
 impl AttentionSizes {
     /// Numbers of the probabilities, `[N, heads, queries, keys]`.
+    ///
+    /// # Panics
+    /// If they are more than a slice can have.
     pub fn probabilities(&self) -> usize {
-        self.batch * self.heads * self.queries * self.keys
+        elements(&[self.batch, self.heads, self.queries, self.keys])
     }
 
     /// Columns of one head.
@@ -65,7 +69,7 @@ impl AttentionSizes {
     }
 
     fn parallel(&self) -> bool {
-        4 * self.probabilities() * self.head() >= SERIAL_BELOW
+        work(&[4, self.probabilities(), self.head()]) >= SERIAL_BELOW
     }
 
     /// Step between rows, and the first element of head `h` of element `n`, of an operand whose
@@ -95,11 +99,11 @@ impl<'a, F: Real> AttentionOperands<'a, F> {
         match self {
             Self::Packed(all) => {
                 assert_eq!(s.queries, s.keys);
-                assert_eq!(all.len(), s.batch * s.keys * 3 * s.width);
+                assert_eq!(all.len(), elements(&[s.batch, s.keys, 3, s.width]));
             }
             Self::Apart(each) => {
                 for (operand, data) in each.iter().enumerate() {
-                    assert_eq!(data.len(), s.batch * s.tokens(operand) * s.width);
+                    assert_eq!(data.len(), elements(&[s.batch, s.tokens(operand), s.width]));
                 }
             }
         }
@@ -126,9 +130,9 @@ pub fn attention<F: Real>(
 ) {
     operands.check(s);
     assert_eq!(probabilities.len(), s.probabilities());
-    assert_eq!(y.len(), s.batch * s.queries * s.width);
-    let (area, d) = (s.queries * s.keys, s.head());
-    assert!(mask.is_none_or(|m| m.len() == area || m.len() == s.batch * area));
+    assert_eq!(y.len(), elements(&[s.batch, s.queries, s.width]));
+    let (area, d) = (elements(&[s.queries, s.keys]), s.head());
+    assert!(mask.is_none_or(|m| m.len() == area || m.len() == elements(&[s.batch, area])));
     let (shared, out) = (Shared::new(probabilities), Shared::new(y));
     for_each_block(s.batch * s.heads, s.parallel(), |task| {
         let (n, h) = (task / s.heads, task % s.heads);
@@ -163,7 +167,7 @@ pub fn attention<F: Real>(
 /// Writes the rows of `head`, `d` long, `step` apart from `start` on.
 ///
 /// # Safety
-/// They lie within the slice, and no other task touches them.
+/// No other task touches them.
 unsafe fn place<F: Real>(out: Shared<F>, start: usize, step: usize, d: usize, head: &[F]) {
     if d == 0 {
         return;
@@ -192,22 +196,22 @@ pub fn attention_grad<F: Real>(
 ) {
     operands.check(s);
     assert_eq!(probabilities.len(), s.probabilities());
-    assert_eq!(g.len(), s.batch * s.queries * s.width);
+    assert_eq!(g.len(), elements(&[s.batch, s.queries, s.width]));
     let packed = matches!(gradients, AttentionGradients::Packed(_));
     let outs = match gradients {
         AttentionGradients::Packed(all) => {
-            assert_eq!(all.len(), s.batch * s.keys * 3 * s.width);
+            assert_eq!(all.len(), elements(&[s.batch, s.keys, 3, s.width]));
             assert_eq!(s.queries, s.keys);
             [Shared::new(all); 3]
         }
         AttentionGradients::Apart(each) => {
             for (operand, data) in each.iter().enumerate() {
-                assert_eq!(data.len(), s.batch * s.tokens(operand) * s.width);
+                assert_eq!(data.len(), elements(&[s.batch, s.tokens(operand), s.width]));
             }
             each.map(Shared::new)
         }
     };
-    let (area, d) = (s.queries * s.keys, s.head());
+    let (area, d) = (elements(&[s.queries, s.keys]), s.head());
     for_each_block(s.batch * s.heads, s.parallel(), |task| {
         let (n, h) = (task / s.heads, task % s.heads);
         let p = &probabilities[task * area..][..area];

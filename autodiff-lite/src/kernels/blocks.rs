@@ -2,9 +2,15 @@
 
 use rayon::prelude::*;
 
-/// A pointer that fixed blocks write disjoint parts through.
+/// A slice that fixed blocks write disjoint parts of.
+///
+/// That parts lie within it is checked, once for each; that they are disjoint is the caller's
+/// promise.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Shared<F>(*mut F);
+pub(crate) struct Shared<F> {
+    first: *mut F,
+    len: usize,
+}
 
 // SAFETY: the blocks that share it write disjoint elements; each use says which.
 unsafe impl<F: Send> Send for Shared<F> {}
@@ -13,27 +19,30 @@ unsafe impl<F: Send> Sync for Shared<F> {}
 
 impl<F> Shared<F> {
     pub(crate) fn new(slice: &mut [F]) -> Self {
-        Self(slice.as_mut_ptr())
+        Self { first: slice.as_mut_ptr(), len: slice.len() }
     }
 
-    /// The address of element `at`.
+    /// The address of element `start`, from which `len` elements lie within the slice.
     ///
-    /// # Safety
-    /// `at` lies within the slice that this was made of, or one past its end.
+    /// # Panics
+    /// If they do not.
     #[inline(always)]
-    pub(crate) unsafe fn at(self, at: usize) -> *mut F {
-        // SAFETY: the caller's promise.
-        unsafe { self.0.add(at) }
+    pub(crate) fn at(self, start: usize, len: usize) -> *mut F {
+        assert!(start <= self.len && len <= self.len - start, "a block beyond the end");
+        self.first.wrapping_add(start)
     }
 
     /// Elements `start .. start + len`.
     ///
     /// # Safety
-    /// They lie within the slice, and no other block touches them while this lives.
+    /// No other block touches them while this lives.
+    ///
+    /// # Panics
+    /// If they do not lie within the slice.
     #[inline(always)]
     pub(crate) unsafe fn slice<'a>(self, start: usize, len: usize) -> &'a mut [F] {
-        // SAFETY: the caller's promise.
-        unsafe { std::slice::from_raw_parts_mut(self.0.add(start), len) }
+        // SAFETY: they lie within the slice; that they are nobody else's is the caller's promise.
+        unsafe { std::slice::from_raw_parts_mut(self.at(start, len), len) }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::Real;
 use crate::kernels::blocks::{SERIAL_ELEMENTS, Shared, for_each_block};
+use crate::kernels::extent::{self, elements};
 use crate::kernels::simd::clones;
 use crate::kernels::workspace;
 
@@ -50,9 +51,9 @@ pub(crate) fn fold_rows<F: Real>(
         part(0..rows, y);
         return;
     }
-    workspace::with(count * sums, |parts: &mut [F]| {
+    workspace::with(elements(&[count, sums]), |parts: &mut [F]| {
         let shared = Shared::new(parts);
-        for_each_block(count, rows * columns * work >= SERIAL_ELEMENTS, |k| {
+        for_each_block(count, extent::work(&[rows, columns, work]) >= SERIAL_ELEMENTS, |k| {
             // SAFETY: each chunk has sums of its own.
             let sums = unsafe { shared.slice(k * sums, sums) };
             sums.fill(F::zero());

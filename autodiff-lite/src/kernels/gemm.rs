@@ -1,6 +1,7 @@
 //! Matrix products `C = alpha A B + beta C` of any strides, for `f32` and `f64`.
 
 use crate::kernels::blocks::{SERIAL_BELOW, SERIAL_ELEMENTS, Shared, for_each_block};
+use crate::kernels::extent::{elements, reach, work};
 use crate::kernels::lane::Lane;
 use crate::kernels::workspace;
 
@@ -23,14 +24,6 @@ impl<'a, F> Matrix<'a, F> {
     pub fn transposed(data: &'a [F], columns: usize) -> Self {
         Self { data, steps: [1, columns] }
     }
-}
-
-/// Elements that a matrix reaches over.
-fn reach([rows, columns]: [usize; 2], steps: [usize; 2]) -> usize {
-    if rows == 0 || columns == 0 {
-        return 0;
-    }
-    (rows - 1) * steps[0] + (columns - 1) * steps[1] + 1
 }
 
 /// `C = alpha A B + beta C` where `A` is `m x k`, `B` is `k x n` and `C` is `m x n`, contiguous.
@@ -68,7 +61,7 @@ pub fn gemm_then<F: Lane>(
 ) {
     assert!(reach([m, k], a.steps) <= a.data.len(), "the left matrix reaches past its end");
     assert!(reach([k, n], b.steps) <= b.data.len(), "the right matrix reaches past its end");
-    assert!(c.len() >= m * n, "the product is longer than its slice");
+    assert!(c.len() >= elements(&[m, n]), "the product is longer than its slice");
     if m == 0 || n == 0 {
         return;
     }
@@ -83,8 +76,8 @@ pub fn gemm_then<F: Lane>(
     }
     // Each block packs its part of B anew, and from columns that do not lie together this takes
     // longer than the products: 1024^3 fell from 200 to 55 GFLOP/s. One copy serves all blocks.
-    if b.steps[0] == 1 && b.steps[1] > 1 && m >= 128 && k * n >= 4096 {
-        workspace::with(k * n, |copy: &mut [F]| {
+    if b.steps[0] == 1 && b.steps[1] > 1 && m >= 128 && work(&[k, n]) >= 4096 {
+        workspace::with(elements(&[k, n]), |copy: &mut [F]| {
             transpose([n, k], b.data, b.steps[1], copy);
             blocks([m, k, n], alpha, a, Matrix::rows(copy, n), beta, c, finish);
         });
@@ -104,7 +97,7 @@ pub(crate) fn transpose<F: Lane>(
     const SIDE: usize = 8;
     let shared = Shared::new(to);
     let stripes = columns.div_ceil(SIDE * 8);
-    for_each_block(stripes, rows * columns >= SERIAL_ELEMENTS, |stripe| {
+    for_each_block(stripes, work(&[rows, columns]) >= SERIAL_ELEMENTS, |stripe| {
         let (first, last) = (stripe * SIDE * 8, (stripe * SIDE * 8 + SIDE * 8).min(columns));
         // SAFETY: each stripe is a range of rows of the result.
         let to = unsafe { shared.slice(first * rows, (last - first) * rows) };
@@ -147,7 +140,7 @@ fn blocks<F: Lane>(
     let [rows, columns] = block([m, k, n]);
     let across = n.div_ceil(columns);
     let count = m.div_ceil(rows) * across;
-    let parallel = 2 * m * k * n >= SERIAL_BELOW;
+    let parallel = work(&[2, m, k, n]) >= SERIAL_BELOW;
     for_each_block(count, parallel, |task| {
         let (i, j) = (task / across * rows, task % across * columns);
         let (here_m, here_n) = (rows.min(m - i), columns.min(n - j));
@@ -158,7 +151,7 @@ fn blocks<F: Lane>(
                 here_m,
                 here_n,
                 k,
-                out.at(i * n + j),
+                out.at(i * n + j, (here_m - 1) * n + here_n),
                 1,
                 n as isize,
                 beta != F::zero(),
@@ -187,7 +180,7 @@ fn blocks<F: Lane>(
 /// this speed), an even number of blocks where there are several, none under a few Mflop.
 fn block([m, k, n]: [usize; 3]) -> [usize; 2] {
     const SIDE: usize = 512;
-    let flops = 2 * m * k * n;
+    let flops = work(&[2, m, k, n]);
     let most = (flops / 4_000_000).max(1);
     let least = (flops / 20_000_000).clamp(1, 8);
     let mut parts = [m.div_ceil(SIDE), n.div_ceil(SIDE)];

@@ -11,6 +11,7 @@ pub mod conv;
 pub(crate) mod counting;
 pub mod dropout;
 pub mod elementwise;
+pub(crate) mod extent;
 pub mod gemm;
 pub mod isa;
 pub mod lane;

@@ -5,6 +5,7 @@ use crate::Real;
 use crate::kernels::activation::Activation;
 use crate::kernels::blocks::{SERIAL_ELEMENTS, for_each_part};
 use crate::kernels::columns::fold_rows;
+use crate::kernels::extent::elements;
 use crate::kernels::simd::clones;
 
 /// An array seen as `[sets, rows, channels]`, whose statistics are taken per set and group of
@@ -23,8 +24,11 @@ pub struct NormSizes {
 
 impl NormSizes {
     /// Numbers that share one mean and variance.
+    ///
+    /// # Panics
+    /// If they are more than a slice can have.
     pub fn population(&self) -> usize {
-        self.rows * self.channels / self.groups
+        elements(&[self.rows, self.channels]) / self.groups
     }
 }
 
@@ -143,7 +147,7 @@ const SAMPLED: usize = 16;
 /// If a length does not fit.
 pub fn statistics<F: Real>(s: NormSizes, x: &[F], mean: &mut [F], variance: &mut [F]) {
     let (c, width) = (s.channels, s.channels / s.groups);
-    assert_eq!(x.len(), s.sets * s.rows * c);
+    assert_eq!(x.len(), elements(&[s.sets, s.rows, c]));
     let of = |count: usize| F::from_f64(1.0 / count.max(1) as f64);
     let (mut from, mut sums) = (vec![F::zero(); c], vec![F::zero(); 2 * c]);
     for set in 0..s.sets {
@@ -189,6 +193,7 @@ pub fn normalize<F: Real>(
     y: &mut [F],
 ) {
     let (c, width) = (s.channels, s.channels / s.groups);
+    assert_eq!([x.len(), y.len()], [elements(&[s.sets, s.rows, c]); 2]);
     let (mut scale, mut shift) = (vec![F::zero(); c], vec![F::zero(); c]);
     for set in 0..s.sets {
         for i in 0..c {
@@ -224,6 +229,7 @@ pub fn normalize_grad<F: Real>(
     [grad_weight, grad_bias]: [&mut [F]; 2],
 ) {
     let (c, width) = (s.channels, s.channels / s.groups);
+    assert_eq!([x.len(), g.len()], [elements(&[s.sets, s.rows, c]); 2]);
     let count = F::from_f64(1.0 / s.population().max(1) as f64);
     let mut sums = vec![F::zero(); 2 * c];
     let [mut mean, mut inverse] = [vec![F::zero(); c], vec![F::zero(); c]];
@@ -366,6 +372,7 @@ pub fn layer_norm<F: Real>(
     if c == 0 || x.is_empty() {
         return;
     }
+    assert_eq!(x.len(), y.len());
     assert_eq!(stats.len(), x.len() / c * 2);
     let rows = (16 * 1024 / c).max(1);
     let shared = crate::kernels::blocks::Shared::new(stats);

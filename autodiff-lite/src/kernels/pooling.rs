@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::Real;
 use crate::kernels::blocks::{SERIAL_ELEMENTS, Shared, for_each_block, for_each_part};
+use crate::kernels::extent::elements;
 use crate::kernels::simd::clones;
 
 /// Windows along both axes: for each output row (column) the input rows (columns) it covers.
@@ -59,10 +60,11 @@ impl Windows {
         let along = |axis: usize, size: usize| -> Option<Vec<(usize, usize)>> {
             let (kernel, stride) = (geometry.kernel[axis], geometry.stride[axis]);
             let padding = geometry.padding[axis];
-            if kernel == 0 || stride == 0 || 2 * padding > kernel {
+            if kernel == 0 || stride == 0 || padding > kernel / 2 {
                 return None;
             }
-            let count = (size + 2 * padding).checked_sub(kernel)? / stride + 1;
+            let padded = size.checked_add(padding.checked_mul(2)?)?;
+            let count = padded.checked_sub(kernel)? / stride + 1;
             let range = |i: usize| {
                 let end = (i * stride + kernel).saturating_sub(padding).min(size);
                 ((i * stride).saturating_sub(padding), end)
@@ -71,7 +73,7 @@ impl Windows {
             ranges.iter().all(|(start, end)| start < end).then_some(ranges)
         };
         let ranges = [along(0, h)?, along(1, w)?];
-        let area = Some(geometry.kernel[0] * geometry.kernel[1]);
+        let area = Some(geometry.kernel[0].checked_mul(geometry.kernel[1])?);
         Some(Self { batch, input: [h, w], channels, ranges, area })
     }
 
@@ -91,11 +93,11 @@ impl Windows {
     }
 
     fn input_len(&self) -> usize {
-        self.batch * self.input[0] * self.input[1] * self.channels
+        elements(&[self.batch, self.input[0], self.input[1], self.channels])
     }
 
     fn output_len(&self) -> usize {
-        self.output_shape().iter().product()
+        elements(&self.output_shape())
     }
 
     fn parallel(&self) -> bool {
@@ -116,6 +118,9 @@ pub fn max_pool<F: Real>(s: &Windows, x: &[F], y: &mut [F], argument: &mut [u32]
     assert_eq!(x.len(), s.input_len());
     assert_eq!(y.len(), s.output_len());
     assert_eq!(argument.len(), y.len());
+    if y.is_empty() {
+        return;
+    }
     let (c, [h, w]) = (s.channels, s.input);
     let (rows, columns) = (s.ranges[0].len(), s.ranges[1].len());
     let (out, at) = (Shared::new(y), Shared::new(argument));

@@ -3,6 +3,7 @@
 use crate::Real;
 use crate::kernels::blocks::{SERIAL_ELEMENTS, for_each_part};
 use crate::kernels::columns::fold_rows;
+use crate::kernels::extent::elements;
 
 /// Whether a projection divides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,9 +45,9 @@ pub fn project<F: Real>(
     matrices: &[F],
     y: &mut [F],
 ) {
-    assert!(points.len() == v * 3 || points.len() == n * v * 3);
-    assert_eq!(matrices.len(), n * 12);
-    assert_eq!(y.len(), n * v * 3);
+    assert!(points.len() == elements(&[v, 3]) || points.len() == elements(&[n, v, 3]));
+    assert_eq!(matrices.len(), elements(&[n, 12]));
+    assert_eq!(y.len(), elements(&[n, v, 3]));
     if v == 0 {
         return;
     }
@@ -94,7 +95,7 @@ pub fn grad_points<F: Real>(
     gp: &mut [F],
 ) {
     assert_eq!(gp.len(), points.len());
-    assert_eq!(g.len(), n * v * 3);
+    assert_eq!(g.len(), elements(&[n, v, 3]));
     let shared = points.len() != n * v * 3;
     let total = points.len() / 3;
     let parallel = n * v * 3 >= SERIAL_ELEMENTS / 2;
@@ -129,7 +130,7 @@ pub fn grad_matrices<F: Real>(
     g: &[F],
     gm: &mut [F],
 ) {
-    assert_eq!(gm.len(), n * 12);
+    assert_eq!(gm.len(), elements(&[n, 12]));
     let shared = points.len() != n * v * 3;
     for i in 0..n {
         let points = if shared { points } else { &points[i * v * 3..(i + 1) * v * 3] };

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::Real;
 use crate::kernels::elementwise::{CHUNK, PARALLEL_FROM};
+use crate::kernels::extent::elements;
 use crate::kernels::simd::clones;
 
 /// Partial sums side by side: they vectorise, and they lose less than one running sum.
@@ -51,8 +52,8 @@ pub fn sum<F: Real>(x: &[F]) -> F {
 /// # Panics
 /// If a length does not fit.
 pub fn sum_axis<F: Real>([outer, n, inner]: [usize; 3], x: &[F], y: &mut [F]) {
-    assert_eq!(x.len(), outer * n * inner);
-    assert_eq!(y.len(), outer * inner);
+    assert_eq!(x.len(), elements(&[outer, n, inner]));
+    assert_eq!(y.len(), elements(&[outer, inner]));
     if n == 0 || inner == 0 {
         y.fill(F::zero());
         return;
@@ -88,8 +89,8 @@ pub fn max_axis<F: Real>(
     argument: &mut [u32],
 ) {
     assert!(n > 0, "the maximum of nothing");
-    assert_eq!(x.len(), outer * n * inner);
-    assert_eq!(y.len(), outer * inner);
+    assert_eq!(x.len(), elements(&[outer, n, inner]));
+    assert_eq!(y.len(), elements(&[outer, inner]));
     assert_eq!(argument.len(), y.len());
     for o in 0..outer {
         let (y, argument) =

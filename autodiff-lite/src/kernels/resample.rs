@@ -2,6 +2,7 @@
 
 use crate::Real;
 use crate::kernels::blocks::{SERIAL_ELEMENTS, for_each_part};
+use crate::kernels::extent::elements;
 
 /// Two pixels and their weights along one axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,8 +45,8 @@ pub fn resize<F: Real>(
     x: &[F],
     y: &mut [F],
 ) {
-    assert_eq!(x.len(), n * h * w * c);
-    assert_eq!(y.len(), n * rows.len() * columns.len() * c);
+    assert_eq!(x.len(), elements(&[n, h, w, c]));
+    assert_eq!(y.len(), elements(&[n, rows.len(), columns.len(), c]));
     let parallel = y.len() >= SERIAL_ELEMENTS;
     for_each_part(y, columns.len() * c, parallel, |row, y| {
         let (image, blend) = (row / rows.len(), rows[row % rows.len()]);
@@ -74,9 +75,9 @@ pub fn resize_grad<F: Real>(
     g: &[F],
     gx: &mut [F],
 ) {
-    assert_eq!(gx.len(), n * h * w * c);
-    let output = rows.len() * columns.len() * c;
-    assert_eq!(g.len(), n * output);
+    assert_eq!(gx.len(), elements(&[n, h, w, c]));
+    let output = elements(&[rows.len(), columns.len(), c]);
+    assert_eq!(g.len(), elements(&[n, output]));
     for_each_part(gx, h * w * c, g.len() >= SERIAL_ELEMENTS, |image, gx| {
         let g = &g[image * output..(image + 1) * output];
         for (g, blend) in g.chunks_exact(columns.len() * c).zip(rows) {

@@ -2,6 +2,7 @@
 
 use crate::Real;
 use crate::kernels::blocks::{SERIAL_ELEMENTS, for_each_part};
+use crate::kernels::extent::elements;
 use crate::kernels::simd::clones;
 
 /// Points of one task.
@@ -81,9 +82,9 @@ impl Sampling {
 
     fn check<F>(&self, x: &[F], points: &[F], y: &[F]) {
         let [n, h, w, c] = self.image;
-        assert_eq!(x.len(), n * h * w * c);
-        assert_eq!(points.len(), n * self.points * 2);
-        assert_eq!(y.len(), n * self.points * c);
+        assert_eq!(x.len(), elements(&[n, h, w, c]));
+        assert_eq!(points.len(), elements(&[n, self.points, 2]));
+        assert_eq!(y.len(), elements(&[n, self.points, c]));
     }
 }
 

@@ -5,6 +5,7 @@ use pulp::{Simd, WithSimd};
 use crate::Real;
 use crate::kernels::activation::Activation;
 use crate::kernels::blocks::{SERIAL_BELOW, Shared, for_each_block};
+use crate::kernels::extent::{elements, work};
 use crate::kernels::isa::Isa;
 
 /// Compressed sparse rows, borrowed.
@@ -68,14 +69,18 @@ fn rows_times<F: Real>(
     y: &mut [F],
     then: Option<Activation>,
 ) {
+    assert!(!a.offsets.is_empty(), "no rows begin or end");
     let rows = a.offsets.len() - 1;
-    assert_eq!(x.len(), batch * columns * width);
-    assert_eq!(y.len(), batch * rows * width);
+    assert_eq!(x.len(), elements(&[batch, columns, width]));
+    assert_eq!(y.len(), elements(&[batch, rows, width]));
     assert_eq!(a.indices.len(), a.values.len());
     assert!(a.offsets.is_sorted() && a.offsets[rows] as usize == a.indices.len());
     assert!(a.indices.iter().all(|&j| (j as usize) < columns), "a column that does not exist");
+    if y.is_empty() {
+        return;
+    }
     let blocks = rows.div_ceil(BLOCK);
-    let flops = 2 * a.indices.len() * width * batch;
+    let flops = work(&[2, a.indices.len(), width, batch]);
     let out = Shared::new(y);
     for_each_block(batch * blocks, flops >= SERIAL_BELOW / 4, |task| {
         let (b, block) = (task / blocks, task % blocks);

@@ -5,6 +5,7 @@
 
 use std::cell::RefCell;
 
+use crate::kernels::extent::elements;
 use crate::kernels::lane::Lane;
 
 thread_local! {
@@ -13,7 +14,7 @@ thread_local! {
 
 /// Calls `f` with `len` numbers of unspecified value.
 pub(crate) fn with<F: Lane, R>(len: usize, f: impl FnOnce(&mut [F]) -> R) -> R {
-    let doubles = (len * size_of::<F>()).div_ceil(size_of::<f64>());
+    let doubles = elements(&[len, size_of::<F>()]).div_ceil(size_of::<f64>());
     let mut memory = SPARE.with_borrow_mut(Vec::pop).unwrap_or_default();
     if memory.len() < doubles {
         memory.resize(doubles, 0.0);

@@ -2,6 +2,7 @@
 
 use crate::kernels::activation::Activation;
 use crate::kernels::blocks::{SERIAL_BELOW, Shared, for_each_block};
+use crate::kernels::extent::{reach, work};
 use crate::kernels::isa::Isa;
 use crate::kernels::lane::Lane;
 use crate::kernels::tile::{Rows, Tile, Tiles, balanced};
@@ -33,15 +34,16 @@ struct Sweep<'a, F> {
 impl<F: Lane> Sweep<'_, F> {
     fn run(&self, out: &mut [F]) {
         let columns = self.tiles.columns();
+        self.check(out.len());
         let products = self.runs.len() * self.len;
         let panel = products * columns;
         let blocks = self.channels.div_ceil(columns);
         let rows = self.images * self.grid[0];
-        let flops = 2 * rows * self.grid[1] * products * self.channels;
+        let flops = work(&[2, rows, self.grid[1], products, self.channels]);
         // A task is a chunk of rows for one block of channels. Chunks are long enough to be worth
         // a task and, where the weights of a block fill a good part of the L2 cache, to reuse
         // them; but there are enough of them to share out.
-        let per_row = (2 * self.grid[1] * products * columns.min(self.channels)).max(1);
+        let per_row = work(&[2, self.grid[1], products, columns.min(self.channels)]).max(1);
         let reuse = if panel * size_of::<F>() > 128 * 1024 { 8 } else { 1 };
         let chunk = 4_000_000_usize.div_ceil(per_row).max(reuse);
         let shared = Shared::new(out);
@@ -58,6 +60,22 @@ impl<F: Lane> Sweep<'_, F> {
                 }
             }
         });
+    }
+
+    /// That the runs of all pixels of the grid lie in the input, and the grid in the output.
+    fn check(&self, output: usize) {
+        let grid = [self.images, self.grid[0], self.grid[1]];
+        if let Some(last) = self.runs.iter().map(|run| run[0]).max() {
+            let [images, rows, columns] = self.in_steps;
+            let input =
+                reach([grid[0], grid[1], grid[2], 2, self.len], [images, rows, columns, last, 1]);
+            assert!(input <= self.input.len(), "a window beyond the input");
+        }
+        let [images, rows, columns] = self.out_steps;
+        let pixels = reach([grid[0], grid[1], grid[2], self.channels], [images, rows, columns, 1]);
+        let inside = self.out_start <= output && pixels <= output - self.out_start;
+        assert!(pixels == 0 || inside, "a pixel beyond the output");
+        assert!(self.bias.is_none_or(|bias| bias.len() == self.channels));
     }
 
     /// One row of output pixels, for one block of channels.
@@ -78,8 +96,7 @@ impl<F: Lane> Sweep<'_, F> {
                 a_k: 1,
                 b: weights.as_ptr(),
                 b_k: columns,
-                // SAFETY: the pixel lies on the grid, which lies in the output.
-                y: unsafe { out.at(output + x * self.out_steps[2]) },
+                y: out.at(output + x * self.out_steps[2], present),
                 y_row: self.out_steps[2],
                 columns: present,
                 add: false,
@@ -87,8 +104,9 @@ impl<F: Lane> Sweep<'_, F> {
                 activation: self.activation,
             };
             let kernel = self.tiles.get::<F>(Rows::Strided, pixels, present);
-            // SAFETY: the runs of all pixels of the grid lie in the framed input, the packed
-            // block holds all products, and each task writes its own pixels and channels.
+            // SAFETY: the runs of all pixels of the grid lie in the framed input and the grid in the
+            // output, as was checked; the packed block holds all products, and each task writes its
+            // own pixels and channels.
             unsafe { kernel(self.tiles.isa, &tile) }
         });
     }

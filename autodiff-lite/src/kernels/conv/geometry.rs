@@ -1,5 +1,7 @@
 //! Sizes of a convolution.
 
+use crate::kernels::extent::{elements, work};
+
 /// Stride, padding and dilation, each as (rows, columns).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ConvGeometry {
@@ -53,8 +55,9 @@ impl ConvGeometry {
     /// `(size + 2 padding - dilation (kernel - 1) - 1) / stride + 1`, or none if the window does
     /// not fit.
     pub fn output_size(&self, axis: usize, size: usize, kernel: usize) -> Option<usize> {
-        let window = self.dilation[axis] * kernel.checked_sub(1)? + 1;
-        let room = (size + 2 * self.padding[axis]).checked_sub(window)?;
+        let window = window(self.dilation[axis], kernel)?;
+        let framed = size.checked_add(self.padding[axis].checked_mul(2)?)?;
+        let room = framed.checked_sub(window)?;
         Some(room.checked_div(self.stride[axis])? + 1)
     }
 
@@ -68,9 +71,10 @@ impl ConvGeometry {
         kernel: usize,
         output_padding: usize,
     ) -> Option<usize> {
-        let window = self.dilation[axis] * kernel.checked_sub(1)? + 1;
-        ((size.checked_sub(1)?) * self.stride[axis] + window + output_padding)
-            .checked_sub(2 * self.padding[axis])
+        let window = window(self.dilation[axis], kernel)?;
+        let corners = size.checked_sub(1)?.checked_mul(self.stride[axis])?;
+        let framed = corners.checked_add(window)?.checked_add(output_padding)?;
+        framed.checked_sub(self.padding[axis].checked_mul(2)?)
     }
 }
 
@@ -83,6 +87,11 @@ pub enum ConvAlgorithm {
     Auto,
     /// Always the direct form.
     Direct,
+}
+
+/// Pixels from the first to the last tap of a window.
+fn window(dilation: usize, kernel: usize) -> Option<usize> {
+    dilation.checked_mul(kernel.checked_sub(1)?)?.checked_add(1)
 }
 
 /// All sizes of one convolution.
@@ -126,30 +135,53 @@ impl ConvSizes {
     }
 
     /// `N H W I`.
+    ///
+    /// # Panics
+    /// If they are more than a slice can have.
     pub fn input_len(&self) -> usize {
-        self.batch * self.input[0] * self.input[1] * self.in_channels
+        elements(&[self.batch, self.input[0], self.input[1], self.in_channels])
     }
 
     /// `N OH OW O`.
+    ///
+    /// # Panics
+    /// If they are more than a slice can have.
     pub fn output_len(&self) -> usize {
-        self.batch * self.output[0] * self.output[1] * self.out_channels
+        elements(&[self.batch, self.output[0], self.output[1], self.out_channels])
     }
 
     /// `O I KH KW`.
+    ///
+    /// # Panics
+    /// If they are more than a slice can have.
     pub fn weight_len(&self) -> usize {
-        self.out_channels * self.in_channels * self.kernel[0] * self.kernel[1]
+        elements(&[self.out_channels, self.in_channels, self.kernel[0], self.kernel[1]])
     }
 
-    /// Multiplications and additions of the direct form.
+    /// Multiplications and additions of the direct form; the largest number there is, where they
+    /// are more.
     pub fn flops(&self) -> usize {
-        2 * self.output_len() * self.in_channels * self.kernel[0] * self.kernel[1]
+        let [rows, columns] = self.kernel;
+        work(&[2, self.output_len(), self.in_channels, rows, columns])
+    }
+
+    /// Whether every window of the output lies in the padded input.
+    pub(crate) fn fits(&self) -> bool {
+        let fits = |axis: usize| {
+            let window = window(self.dilation[axis], self.kernel[axis])?;
+            let last = self.output[axis].saturating_sub(1).checked_mul(self.stride[axis])?;
+            let framed = self.input[axis].checked_add(self.padding[axis].checked_mul(2)?)?;
+            Some(self.stride[axis] > 0 && last.checked_add(window)? <= framed)
+        };
+        fits(0) == Some(true) && fits(1) == Some(true)
     }
 
     /// The convolution that is the gradient of the input, where the stride is 1: input and output
     /// change places.
     pub(crate) fn transposed(&self) -> Self {
         let pad = |axis: usize| {
-            (self.dilation[axis] * (self.kernel[axis] - 1)).saturating_sub(self.padding[axis])
+            let reach = self.dilation[axis].saturating_mul(self.kernel[axis].saturating_sub(1));
+            reach.saturating_sub(self.padding[axis])
         };
         Self {
             input: self.output,

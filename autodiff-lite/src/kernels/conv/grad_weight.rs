@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::kernels::activation::Activation;
 use crate::kernels::blocks::{SERIAL_BELOW, SERIAL_ELEMENTS, Shared, for_each_block};
+use crate::kernels::extent::{elements, reach, work};
 use crate::kernels::isa::Isa;
 use crate::kernels::lane::Lane;
 use crate::kernels::tile::{Rows, Tile, Tiles, balanced};
@@ -28,21 +29,28 @@ fn padded_channels(s: &ConvSizes, lanes: usize) -> usize {
 /// layer's) is a few tiles in all, which read all pixels anew each: there the rows are shared
 /// out instead, and each part reads its pixels once.
 fn shards(s: &ConvSizes) -> usize {
-    let rows = s.batch * s.output[0];
-    if s.in_channels * s.kernel[1] <= 32 && s.out_channels <= 128 { rows.clamp(1, 8) } else { 1 }
+    let rows = work(&[s.batch, s.output[0]]);
+    if work(&[s.in_channels, s.kernel[1]]) <= 32 && s.out_channels <= 128 {
+        rows.clamp(1, 8)
+    } else {
+        1
+    }
 }
 
 /// Numbers in one part of the sums.
 fn sums_len(s: &ConvSizes, lanes: usize) -> usize {
-    s.in_channels * s.kernel[0] * s.kernel[1] * padded_channels(s, lanes)
+    elements(&[s.in_channels, s.kernel[0], s.kernel[1], padded_channels(s, lanes)])
 }
 
 pub(super) fn scratch<F: Lane>(s: &ConvSizes, isa: Isa) -> usize {
     let lanes = Tiles::new::<F>(isa).lanes;
     let channels = padded_channels(s, lanes);
-    let copy =
-        if channels == s.out_channels { 0 } else { s.batch * s.output[0] * s.output[1] * channels };
-    framed_input(s).len() + copy + shards(s) * sums_len(s, lanes)
+    let copy = if channels == s.out_channels {
+        0
+    } else {
+        elements(&[s.batch, s.output[0], s.output[1], channels])
+    };
+    framed_input(s).len() + copy + elements(&[shards(s), sums_len(s, lanes)])
 }
 
 /// Pixels of one task.
@@ -107,6 +115,7 @@ pub(super) fn run<F: Lane>(
         m: taps * s.in_channels,
         block: (32 * 1024 / touched.max(1)).clamp(1, s.output[0]),
     };
+    sweep.check();
     let parallel = s.flops() >= SERIAL_BELOW;
     let (m, rows) = (sweep.m, s.batch * s.output[0]);
     let blocks = channels.div_ceil(columns);
@@ -115,8 +124,7 @@ pub(super) fn run<F: Lane>(
         for_each_block(shards, parallel, |shard| {
             let rows = rows * shard / shards..rows * (shard + 1) / shards;
             let part = Part { rows, runs: 0..run_count, blocks: 0..blocks, tiles: 0..m };
-            // SAFETY: each task has sums of its own.
-            sweep.run(&part, unsafe { shared.at(shard * sums_len) });
+            sweep.run(&part, shared.at(shard * sums_len, sums_len));
         });
         let (sums, others) = sums.split_at_mut(sums_len);
         for other in others.chunks_exact(sums_len) {
@@ -134,8 +142,8 @@ pub(super) fn run<F: Lane>(
             let (block, range) = (task / ranges, task % ranges);
             let tiles = m * range / ranges..m * (range + 1) / ranges;
             let part = Part { rows: 0..rows, runs: run..run + 1, blocks: block..block + 1, tiles };
-            // SAFETY: tasks write sums of their own: other runs, blocks or tiles.
-            sweep.run(&part, unsafe { shared.at(0) });
+            // Tasks write sums of their own: other runs, blocks or tiles.
+            sweep.run(&part, shared.at(0, sums_len));
         });
     }
     unpack(s, &sums[..sums_len], channels, gw);
@@ -168,6 +176,26 @@ struct Part {
 }
 
 impl<F: Lane> Sweep<'_, F> {
+    /// That all windows lie in the framed input and all pixels in the gradient.
+    fn check(&self) {
+        let s = self.s;
+        let taps = if s.dilation[1] == 1 { 1 } else { s.kernel[1] };
+        let input = reach(
+            [s.batch, s.output[0], s.output[1], s.kernel[0], taps, self.m],
+            [
+                self.image,
+                s.stride[0] * self.line,
+                s.stride[1] * s.in_channels,
+                s.dilation[0] * self.line,
+                s.dilation[1] * s.in_channels,
+                1,
+            ],
+        );
+        assert!(input <= self.input.len(), "a window beyond the input");
+        let pixels = elements(&[s.batch, s.output[0], s.output[1], self.channels]);
+        assert!(pixels <= self.gy.len(), "a pixel beyond the gradient");
+    }
+
     /// Writes the sums of a part; those of all parts lie as `[run][m][channels]` from `sums`.
     fn run(&self, part: &Part, sums: *mut F) {
         let (s, line) = (self.s, self.line);
@@ -210,8 +238,8 @@ impl<F: Lane> Sweep<'_, F> {
                             activation: Activation::None,
                         };
                         let kernel = self.tiles.get::<F>(Rows::Contiguous, size, present);
-                        // SAFETY: pixels of the block lie in both images, a run of the window
-                        // lies in the framed input, and each part writes sums of its own.
+                        // SAFETY: pixels of the block lie in both images and runs of the window in
+                        // the framed input, as was checked; each part writes sums of its own.
                         unsafe { kernel(self.tiles.isa, &tile) }
                     });
                 }

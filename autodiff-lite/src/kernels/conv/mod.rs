@@ -12,7 +12,7 @@ mod grad_weight;
 mod pack;
 mod transform;
 mod wide;
-pub mod winograd;
+mod winograd;
 
 pub use geometry::{ConvAlgorithm, ConvGeometry, ConvSizes};
 
@@ -31,6 +31,9 @@ pub struct Conv {
     /// Which instructions to run on; [`Isa::best`] outside tests.
     pub isa: Isa,
 }
+
+/// What is wrong with sizes whose [windows do not fit](ConvSizes::fits).
+const OUTSIDE: &str = "a window of the output lies outside of the padded input";
 
 /// How a convolution is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,7 +91,8 @@ impl Conv {
     /// `y [N, OH, OW, O]`, all of which is written.
     ///
     /// # Panics
-    /// If a slice has another length than its shape, or the scratch is too short.
+    /// If a slice has another length than its shape, a window of the output lies outside of the
+    /// padded input, or the scratch is too short.
     pub fn forward<F: Lane>(
         &self,
         x: &[F],
@@ -102,6 +106,7 @@ impl Conv {
         assert_eq!(x.len(), s.input_len());
         assert_eq!(w.len(), s.weight_len());
         assert_eq!(y.len(), s.output_len());
+        assert!(y.is_empty() || s.fits(), "{OUTSIDE}");
         assert!(bias.is_none_or(|b| b.len() == s.out_channels));
         if y.is_empty() {
             return;
@@ -128,7 +133,8 @@ impl Conv {
     /// activation it is also the transposed convolution of `gy`.
     ///
     /// # Panics
-    /// If a slice has another length than its shape, or the scratch is too short.
+    /// If a slice has another length than its shape, a window of the output lies outside of the
+    /// padded input, or the scratch is too short.
     pub fn grad_input<F: Lane>(
         &self,
         gy: &[F],
@@ -143,6 +149,7 @@ impl Conv {
         assert_eq!(w.len(), s.weight_len());
         assert_eq!(gy.len(), s.output_len());
         assert!(bias.is_none_or(|b| b.len() == s.in_channels));
+        assert!(gx.is_empty() || gy.is_empty() || s.fits(), "{OUTSIDE}");
         if gx.is_empty() {
             return;
         }
@@ -167,12 +174,14 @@ impl Conv {
     /// The gradient of `w`, all of which is written, from `x` and the gradient of `y`.
     ///
     /// # Panics
-    /// If a slice has another length than its shape, or the scratch is too short.
+    /// If a slice has another length than its shape, a window of the output lies outside of the
+    /// padded input, or the scratch is too short.
     pub fn grad_weight<F: Lane>(&self, x: &[F], gy: &[F], gw: &mut [F], scratch: &mut [F]) {
         let s = &self.sizes;
         assert_eq!(x.len(), s.input_len());
         assert_eq!(gw.len(), s.weight_len());
         assert_eq!(gy.len(), s.output_len());
+        assert!(gw.is_empty() || gy.is_empty() || s.fits(), "{OUTSIDE}");
         let run = match self.grad_weight_form::<F>() {
             Form::Wide => wide::grad_weight,
             Form::Winograd => winograd::grad_weight,

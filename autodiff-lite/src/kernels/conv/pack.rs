@@ -1,6 +1,7 @@
 //! Copies that a sweep needs: zero-padded activations, and weights in the order of its products.
 
 use crate::kernels::blocks::{SERIAL_ELEMENTS, Shared, for_each_block};
+use crate::kernels::extent::elements;
 use crate::kernels::lane::Lane;
 
 /// Where the pixels of an image go in a larger one.
@@ -27,7 +28,7 @@ impl Frame {
         if self.is_plain() {
             0
         } else {
-            self.batch * self.framed[0] * self.framed[1] * self.channels
+            elements(&[self.batch, self.framed[0], self.framed[1], self.channels])
         }
     }
 
@@ -79,7 +80,7 @@ pub(super) struct Roles {
 
 /// Numbers in packed weights.
 pub(super) fn packed_len(taps: usize, roles: &Roles, columns: usize) -> usize {
-    roles.output[0].div_ceil(columns) * columns * roles.summed[0] * taps
+    elements(&[roles.output[0].div_ceil(columns), columns, roles.summed[0], taps])
 }
 
 /// Summed channels that are packed together.

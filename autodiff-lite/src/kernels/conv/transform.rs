@@ -13,6 +13,9 @@ use crate::kernels::lane::Lane;
 use super::ConvSizes;
 use super::winograd::{Grid, POINTS};
 
+/// What the transforms ask of the numbers of channels.
+const WHOLE: &str = "channels must fill whole vectors";
+
 /// `Bᵀ x`.
 #[inline(always)]
 fn source<F: Lane, S: Simd>(s: S, d: [F::Vector<S>; 6]) -> [F::Vector<S>; 6] {
@@ -147,6 +150,7 @@ impl<F: Lane, const SIDE: usize> WithSimd for GatherTiles<'_, F, SIDE> {
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, s: S) {
         let (c, lanes) = (self.channels, F::lanes::<S>());
+        assert!(c.is_multiple_of(lanes) && self.width.is_multiple_of(lanes), "{WHOLE}");
         let point_step = self.block * self.width;
         for tile in 0..self.count {
             let [n, y, x] = self.grid.corner(self.first + tile);
@@ -158,16 +162,18 @@ impl<F: Lane, const SIDE: usize> WithSimd for GatherTiles<'_, F, SIDE> {
                 let at = ((n * self.size[0] + corner[0] as usize) * self.size[1]
                     + corner[1] as usize)
                     * c;
-                (self.image[at..].as_ptr(), self.size[1] * c, c)
+                let reach = ((SIDE - 1) * self.size[1] + SIDE) * c;
+                (self.image[at..at + reach].as_ptr(), self.size[1] * c, c)
             } else {
                 self.copy(n, corner);
-                (self.border.as_ptr(), SIDE * c, c)
+                (self.border[..SIDE * SIDE * c].as_ptr(), SIDE * c, c)
             };
             let mut channel = 0;
             while channel < c {
                 let place = channel / self.width * POINTS * point_step
                     + (self.at + tile) * self.width
                     + channel % self.width;
+                let out = self.out.at(place, (POINTS - 1) * point_step + lanes);
                 let zero = F::splat(s, F::zero());
                 let mut half = [[zero; SIDE]; 6];
                 for q in 0..SIDE {
@@ -185,12 +191,10 @@ impl<F: Lane, const SIDE: usize> WithSimd for GatherTiles<'_, F, SIDE> {
                 for r in 0..6 {
                     let points = points::<F, S, SIDE>(s, half[r]);
                     for q in 0..6 {
+                        let to = out.wrapping_add((r * 6 + q) * point_step);
                         // SAFETY: the point's row for this tile lies in the block, and is this
                         // call's alone.
-                        unsafe {
-                            let to = self.out.at(place + (r * 6 + q) * point_step);
-                            F::store(s, to, points[q]);
-                        }
+                        unsafe { F::store(s, to, points[q]) }
                     }
                 }
                 channel += lanes;
@@ -222,6 +226,8 @@ impl<F: Lane> WithSimd for ScatterTiles<'_, F> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, s: S) {
         let (c, lanes) = (self.all, F::lanes::<S>());
+        assert!(self.channels.len().is_multiple_of(lanes), "{WHOLE}");
+        assert!(self.channels.len() <= self.width, "more channels than products");
         let point_step = self.block * self.width;
         let zero = F::splat(s, F::zero());
         let slope = match self.activation {
@@ -231,7 +237,8 @@ impl<F: Lane> WithSimd for ScatterTiles<'_, F> {
         for tile in 0..self.count {
             let [n, y, x] = self.grid.corner(self.first + tile);
             let [rows, cols] = [4.min(self.size[0] - y), 4.min(self.size[1] - x)];
-            let from = self.products[tile * self.width..].as_ptr();
+            let reach = (POINTS - 1) * point_step + self.width;
+            let from = self.products[tile * self.width..][..reach].as_ptr();
             let out = ((n * self.size[0] + y) * self.size[1] + x) * c + self.channels.start;
             let mut channel = 0;
             while channel < self.channels.len() {
@@ -250,9 +257,12 @@ impl<F: Lane> WithSimd for ScatterTiles<'_, F> {
                 }
                 let mut bias = zero;
                 if let Some(b) = self.bias {
+                    let from = b[self.channels.start + channel..][..lanes].as_ptr();
                     // SAFETY: there is one number for each channel.
-                    bias = unsafe { F::load(s, b[self.channels.start + channel..].as_ptr()) };
+                    bias = unsafe { F::load(s, from) };
                 }
+                let reach = ((rows - 1) * self.size[1] + cols - 1) * c + lanes;
+                let to = self.out.at(out + channel, reach);
                 for r in 0..4 {
                     let line = collect::<F, S>(s, half[r]);
                     if r >= rows {
@@ -268,11 +278,9 @@ impl<F: Lane> WithSimd for ScatterTiles<'_, F> {
                             _ => {}
                         }
                         if q < cols {
+                            let to = to.wrapping_add((r * self.size[1] + q) * c);
                             // SAFETY: the pixel lies in the image and in this tile alone.
-                            unsafe {
-                                let to = self.out.at(out + (r * self.size[1] + q) * c + channel);
-                                F::store(s, to, value);
-                            }
+                            unsafe { F::store(s, to, value) }
                         }
                     }
                 }
@@ -315,10 +323,9 @@ impl<'a, F: Lane> TransformWeights<'a, F> {
         for_each_block(panels * chunks, parallel, |task| {
             let (panel, chunk) = (task / chunks, task % chunks);
             let summed = chunk * 8..(chunk * 8 + 8).min(self.summed[0]);
-            // SAFETY: the first number of this panel's chunk.
-            let out = unsafe { out.at((panel * self.summed[0] + summed.start) * columns) };
+            let start = (panel * self.summed[0] + summed.start) * columns;
             let point_step = panels * self.summed[0] * columns;
-            isa.run(WeightPanel { weights: self, columns, panel, summed, point_step, out });
+            isa.run(WeightPanel { weights: self, columns, panel, summed, point_step, start, out });
         });
     }
 }
@@ -329,9 +336,11 @@ pub(super) struct WeightPanel<'a, F> {
     pub(super) columns: usize,
     pub(super) panel: usize,
     pub(super) summed: Range<usize>,
-    /// Numbers between points of `out`, which this call alone writes.
+    /// Where the first point begins in `out`, and the numbers between points; this call alone
+    /// writes them.
+    pub(super) start: usize,
     pub(super) point_step: usize,
-    pub(super) out: *mut F,
+    pub(super) out: Shared<F>,
 }
 
 impl<F: Lane> WithSimd for WeightPanel<'_, F> {
@@ -339,7 +348,8 @@ impl<F: Lane> WithSimd for WeightPanel<'_, F> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, s: S) {
-        let WeightPanel { weights, columns, panel, summed, point_step, out } = self;
+        let WeightPanel { weights, columns, panel, summed, start, point_step, out } = self;
+        let out = out.at(start, (POINTS - 1) * point_step + summed.len() * columns);
         let summed_step = weights.summed[1];
         let [outputs, output_step] = weights.outputs;
         let lanes = F::lanes::<S>();
@@ -372,7 +382,7 @@ impl<F: Lane> WithSimd for WeightPanel<'_, F> {
                     for q in 0..6 {
                         let at = (r * 6 + q) * point_step + (c - summed.start) * columns;
                         let to = out.wrapping_add(at + v * lanes);
-                        // SAFETY: whoever made this promises room for all points.
+                        // SAFETY: there is room for all points, as was checked.
                         unsafe { F::store(s, to, line[q]) }
                     }
                 }
@@ -404,8 +414,8 @@ impl<F: Lane> WithSimd for WeightGradient<'_, F> {
                 for r in 0..6 {
                     for shard in 0..self.shards {
                         let point = shard * POINTS + r * 6 + q;
-                        let from = self.sums[point * self.len + at..].as_ptr();
-                        // SAFETY: channels are whole vectors.
+                        let from = self.sums[point * self.len + at..][..lanes].as_ptr();
+                        // SAFETY: a whole vector.
                         line[r] = F::plus(s, line[r], unsafe { F::load(s, from) });
                     }
                 }
@@ -417,8 +427,8 @@ impl<F: Lane> WithSimd for WeightGradient<'_, F> {
             for r in 0..3 {
                 let line = unfilter::<F, S>(s, half[r]);
                 for q in 0..3 {
-                    let to = self.taps[(r * 3 + q) * self.len + at..].as_mut_ptr();
-                    // SAFETY: channels are whole vectors.
+                    let to = self.taps[(r * 3 + q) * self.len + at..][..lanes].as_mut_ptr();
+                    // SAFETY: a whole vector.
                     unsafe { F::store(s, to, line[q]) }
                 }
             }

@@ -167,8 +167,9 @@ fn sweep<F: Lane>(
                         columns,
                         panel,
                         summed: part * WIDTH..(part + 1) * WIDTH,
+                        start: 0,
                         point_step: WIDTH * columns,
-                        out: packed.as_mut_ptr(),
+                        out: Shared::new(packed),
                     });
                     for point in 0..POINTS {
                         balanced(here, tiles.rows, |start, rows| {

@@ -30,7 +30,7 @@ const SHARDS: usize = 4;
 
 /// Whether the sizes are such that Winograd is the faster form: 3x3 without stride or dilation,
 /// whole vectors of channels, weights that stay in cache, enough tiles to amortise them.
-pub fn pays(s: &ConvSizes) -> bool {
+pub(super) fn pays(s: &ConvSizes) -> bool {
     applies(s)
         && s.in_channels * s.out_channels <= 256 * 256
         && Grid::new(s.batch, s.output).tiles() >= 64
@@ -38,7 +38,7 @@ pub fn pays(s: &ConvSizes) -> bool {
 }
 
 /// Whether the form is written for the sizes at all: channels must fill whole vectors.
-pub fn applies(s: &ConvSizes) -> bool {
+pub(super) fn applies(s: &ConvSizes) -> bool {
     s.kernel == [3; 2]
         && s.stride == [1; 2]
         && s.dilation == [1; 2]
@@ -49,7 +49,7 @@ pub fn applies(s: &ConvSizes) -> bool {
 }
 
 /// Whether the gradient of the weight pays too: its sums must stay in cache.
-pub fn grad_weight_pays(s: &ConvSizes) -> bool {
+pub(super) fn grad_weight_pays(s: &ConvSizes) -> bool {
     s.in_channels * s.out_channels <= 128 * 128
 }
 
@@ -91,17 +91,17 @@ fn weights_len(summed: usize, outputs: usize) -> usize {
 }
 
 /// Numbers of scratch for the sizes of a forward sweep.
-pub fn scratch(s: &ConvSizes) -> usize {
+pub(super) fn scratch(s: &ConvSizes) -> usize {
     weights_len(s.in_channels, s.out_channels)
 }
 
 /// Numbers of scratch for the gradient of the weight.
-pub fn grad_weight_scratch(s: &ConvSizes) -> usize {
+pub(super) fn grad_weight_scratch(s: &ConvSizes) -> usize {
     (SHARDS * POINTS + 9) * s.in_channels * s.out_channels
 }
 
 /// As [`Conv::forward`](super::Conv::forward).
-pub fn forward<F: Lane>(
+pub(super) fn forward<F: Lane>(
     s: &ConvSizes,
     isa: Isa,
     x: &[F],
@@ -117,7 +117,7 @@ pub fn forward<F: Lane>(
 
 /// As [`Conv::grad_input`](super::Conv::grad_input): the forward form with sides exchanged and
 /// the window turned by half a circle.
-pub fn grad_input<F: Lane>(
+pub(super) fn grad_input<F: Lane>(
     s: &ConvSizes,
     isa: Isa,
     gy: &[F],
@@ -220,7 +220,7 @@ fn sweep<F: Lane>(
 }
 
 /// As [`Conv::grad_weight`](super::Conv::grad_weight).
-pub fn grad_weight<F: Lane>(
+pub(super) fn grad_weight<F: Lane>(
     s: &ConvSizes,
     isa: Isa,
     x: &[F],
