@@ -198,6 +198,46 @@ fn claims_of_terabytes_are_refused() {
     State::from_bytes(&[]).unwrap_err();
 }
 
+/// A file of one array of this type and shape, whose `bytes` of numbers are zero.
+fn file(dtype: &str, shape: &[usize], bytes: usize) -> Vec<u8> {
+    let shape = format!("{shape:?}");
+    let header =
+        format!(r#"{{"a":{{"dtype":"{dtype}","shape":{shape},"data_offsets":[0,{bytes}]}}}}"#);
+    let mut file = (header.len() as u64).to_le_bytes().to_vec();
+    file.extend(header.as_bytes());
+    file.resize(file.len() + bytes, 0);
+    file
+}
+
+/// No numbers at all, and yet more of them along the other axes than memory has addresses.
+#[test]
+fn shapes_that_no_array_has_are_refused() {
+    for shape in [&[0, 1 << 62, 4][..], &[0, 1 << 61], &[1 << 61, 0], &[1 << 62, 4, 0]] {
+        State::from_bytes(&file("F32", shape, 0)).unwrap_err();
+    }
+    let error = State::from_bytes(&file("F32", &[0, 1 << 62, 4], 0)).unwrap_err();
+    assert!(error.starts_with("\"a\" has the shape [0, 46"), "{error}");
+    let state = State::from_bytes(&file("F32", &[0, 1 << 40], 0)).unwrap();
+    assert_eq!(state.array::<f32>("a").unwrap().shape(), [0, 1 << 40]);
+}
+
+#[test]
+#[should_panic(expected = "a: shape and numbers")]
+fn shapes_whose_product_wraps_are_not_inserted() {
+    State::new().insert::<f32>("a", &[1 << 32, 1 << 32], &[]);
+}
+
+/// Moments are as long as what is there, not as a shape says.
+#[test]
+fn a_claim_about_moments_takes_no_memory() {
+    let mut adam = Adam::<f32>::new(0.1);
+    let count = State::from_bytes(&file("U64", &[], 8)).unwrap();
+    let mut state = count.renamed(|_| "optim.t.weight".to_owned()).unwrap();
+    state.insert_other("optim.m.weight", &[1 << 62, 2], "I8");
+    let mismatch = state.load_optimizer(&mut adam).unwrap_err();
+    assert!(mismatch.to_string().contains("optim.m.weight"), "{mismatch}");
+}
+
 proptest! {
     #[test]
     fn any_bytes_are_an_error_or_a_state(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {

@@ -93,9 +93,28 @@ impl Numbers {
         }
     }
 
+    /// How many are held: none of a type that is not kept.
+    fn len(&self) -> usize {
+        match self {
+            Self::Singles(x) => x.len(),
+            Self::Doubles(x) => x.len(),
+            Self::Counts(x) => x.len(),
+            Self::Other(_) => 0,
+        }
+    }
+
     fn is_real(&self) -> bool {
         matches!(self, Self::Singles(_) | Self::Doubles(_))
     }
+}
+
+/// The numbers in an array of this shape, if there can be one: whatever axes are empty, the others
+/// together have to be fewer bytes than memory has addresses, as for ndarray.
+fn length(shape: &[usize]) -> Option<usize> {
+    let others = shape.iter().filter(|&&size| size > 0);
+    let most = others.copied().try_fold(size_of::<f64>(), usize::checked_mul)?;
+    isize::try_from(most).ok()?;
+    Some(if shape.contains(&0) { 0 } else { most / size_of::<f64>() })
 }
 
 impl State {
@@ -112,18 +131,21 @@ impl State {
     /// An array by its name, if it is there and of real numbers.
     pub fn array<F: Real>(&self, name: &str) -> Option<Tensor<F>> {
         let stored = self.arrays.get(name).filter(|stored| stored.numbers.is_real())?;
-        let mut array = ndarray::ArrayD::zeros(stored.shape.as_slice());
-        stored.numbers.copy_to(array.as_slice_mut()?);
+        // As many as there are: a shape alone may claim more than any memory holds.
+        let mut numbers = vec![F::zero(); stored.numbers.len()];
+        stored.numbers.copy_to(&mut numbers);
+        let array = ndarray::ArrayD::from_shape_vec(stored.shape.as_slice(), numbers).ok()?;
         Some(array.into_shared())
     }
 
     /// Adds an array, row-major, in place of one of that name.
     ///
     /// # Panics
-    /// If there are more or fewer numbers than the shape has.
+    /// If there are more or fewer numbers than the shape has, or it is not one that an array can
+    /// have.
     #[track_caller]
     pub fn insert<F: Real>(&mut self, name: &str, shape: &[usize], numbers: &[F]) {
-        assert_eq!(shape.iter().product::<usize>(), numbers.len(), "{name}: shape and numbers");
+        assert_eq!(length(shape), Some(numbers.len()), "{name}: shape and numbers");
         let stored = Stored { shape: shape.to_vec(), numbers: Numbers::of(numbers) };
         self.arrays.insert(name.to_owned(), stored);
     }
@@ -253,7 +275,7 @@ impl State {
                 let stored = self.arrays.get(&name);
                 // All moments of a parameter have its length: that of the first.
                 let length = moments.first().map(Vec::len);
-                let found: usize = stored.map_or(0, |stored| stored.shape.iter().product());
+                let found = stored.map_or(0, |stored| stored.numbers.len());
                 mismatch.compare(&name, &[length.unwrap_or(found)], stored);
                 let mut values = vec![F::zero(); found];
                 if let Some(stored) = stored {

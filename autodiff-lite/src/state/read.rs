@@ -5,7 +5,7 @@ use std::path::Path;
 use safetensors::{Dtype, SafeTensors};
 
 use super::half::{from_bfloat, from_half};
-use super::{LoadError, Numbers, State, Stored};
+use super::{LoadError, Numbers, State, Stored, length};
 
 impl State {
     /// Reads a safetensors file.
@@ -45,7 +45,11 @@ impl State {
                 Dtype::BF16 => Numbers::Singles(numbers(view.data(), from_bfloat)),
                 other => Numbers::Other(format!("{other:?}")),
             };
-            state.arrays.insert(name.to_owned(), Stored { shape: view.shape().to_vec(), numbers });
+            let shape = view.shape().to_vec();
+            if length(&shape).is_none() {
+                return Err(format!("{name:?} has the shape {shape:?}, which no array can have"));
+            }
+            state.arrays.insert(name.to_owned(), Stored { shape, numbers });
         }
         Ok(state)
     }
