@@ -97,7 +97,7 @@ proptest! {
         let mut inputs = vec![scene.positions.clone().into_dyn()];
         inputs.extend(paint(&scene, kind));
         let f = rule(|x: &[Var<'_, f64>]| softras(x[0], painted(x.get(1).copied()), &renderer));
-        let options = Options { epsilon: 1e-7, tolerance: 3e-5, kinked_fraction: 0.25, ..Options::default() };
+        let options = Options { epsilon: 1e-7, tolerance: 3e-5, ..Options::default().pieces() };
         prop_assert_eq!(check(&f, &inputs, &options), Ok(()), "perspective {} kind {}", perspective, kind);
     }
 

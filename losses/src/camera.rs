@@ -103,8 +103,8 @@ mod tests {
     proptest! {
         #[test]
         fn gradients(n in 1usize..5, seed: u64) {
-            // Products of both signs and sums above one: the kinks are passed by.
-            let options = testing::Options { kinked_fraction: 0.1, ..testing::options(seed) };
+            // Products of both signs and sums above one: kinks of both.
+            let options = testing::options(seed);
             let f = testing::function(|x| {
                 let camera = camera_loss([x[0], x[1]], [x[2], x[3]]);
                 let sine = rotation_sine(x[2], x[3]).scale(0.5);

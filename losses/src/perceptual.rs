@@ -244,7 +244,7 @@ mod tests {
 
     #[test]
     fn a_pyramid_has_gradients_and_grows_with_the_difference() {
-        let options = testing::Options { kinked_fraction: 0.02, ..testing::options(7) };
+        let options = testing::options(7);
         let shapes = [vec![1, 9, 16, 2], vec![1, 9, 16, 2], vec![1, 9, 16, 1]];
         let f = testing::function(|x| pyramid(x[0], x[1], Some(x[2]), 2));
         testing::checked(&f, &shapes, &options).expect("the rule");

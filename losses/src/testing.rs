@@ -7,9 +7,10 @@ use mesh_core::TriMesh;
 use ndarray::{Array2, ArrayD, IxDyn};
 use proptest::prelude::*;
 
-/// Gradients of losses are divided by lengths, so differences are a little less exact than for plain ops.
+/// Gradients of losses are divided by lengths, so differences are a little less exact than for plain ops; and most losses
+/// are smooth in pieces only: between assignments, orders and signs.
 pub(crate) fn options(seed: u64) -> Options {
-    Options { tolerance: 1e-6, seed, ..Options::default() }
+    Options { tolerance: 1e-6, seed, ..Options::default().pieces() }
 }
 
 /// Vertices and faces among them: any winding, borders, edges of three faces, stray vertices.
@@ -35,8 +36,7 @@ pub(crate) fn shape(batch: Option<usize>, v: usize) -> Vec<usize> {
     batch.into_iter().chain([v, 3]).collect()
 }
 
-/// Whether the rule agrees with central differences at random inputs, or just beside them: one draw in some thousands
-/// lies on a kink that every difference crosses, where an assignment or an order changes. A wrong rule is wrong beside it too.
+/// Whether the rule agrees with central differences at random inputs.
 pub(crate) fn checked<C>(
     f: &C,
     shapes: &[Vec<usize>],
@@ -45,14 +45,7 @@ pub(crate) fn checked<C>(
 where
     C: for<'t> Fn(&[Var<'t, f64>]) -> Var<'t, f64>,
 {
-    let drawn = options.draw(shapes);
-    check(f, &drawn, options)
-        .or_else(|_| {
-            let others = Options { seed: !options.seed, ..options.clone() }.draw(shapes);
-            let beside = |(a, b): (&ArrayD<f64>, &ArrayD<f64>)| a * 0.99 + b * 0.01;
-            check(f, &drawn.iter().zip(&others).map(beside).collect::<Vec<_>>(), options)
-        })
-        .map_err(|e| TestCaseError::fail(e.to_string()))
+    check(f, &options.draw(shapes), options).map_err(|e| TestCaseError::fail(e.to_string()))
 }
 
 /// The vertices of a mesh as an array.

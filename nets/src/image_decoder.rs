@@ -165,7 +165,7 @@ mod tests {
         for (inputs, outputs) in [(3, 2), (2, 2), (1, 3)] {
             let block = PreactivatedBlock::<f64>::new(&Init::new(1), inputs, outputs);
             let f = function(|v| block.forward(v[0]));
-            let options = Options { kinked_fraction: 0.03, ..Options::default() };
+            let options = Options::default().pieces();
             check(&f, &options.draw(&[vec![1, 3, 4, inputs]]), &options).unwrap();
             assert_eq!(block.conv_s.is_some(), inputs != outputs);
         }

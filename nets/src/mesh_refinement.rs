@@ -236,7 +236,7 @@ mod tests {
         let (graph, stage) = (graph(), stage(2));
         let shapes = [vec![2, 4, 3, 2], vec![2, 2, 2, 3], vec![2, 4, 3], vec![2, 4, 2]];
         // Kinks of rectifiers, and where a point passes from pixel to pixel.
-        let options = Options { kinked_fraction: 0.05, ..Options::default() }.range(-0.9, 0.9);
+        let options = Options::default().pieces().range(-0.9, 0.9);
         let both = function(|x| {
             let (offset, hidden) = stage.forward(&x[..2], x[2], Some(x[3]), &graph);
             x[0].tape().concat(&[offset, hidden], 2)
@@ -256,7 +256,7 @@ mod tests {
             MeshRefinementStage::new(&Init::new(0), 5, 2, 6, 2).with_color(&Init::new(0));
         randomize(&mut stage);
         let shapes = [vec![1, 4, 6], vec![1, 4, 3], vec![1, 4, 2]];
-        let options = Options { kinked_fraction: 0.05, ..Options::default() }.range(-0.9, 0.9);
+        let options = Options::default().pieces().range(-0.9, 0.9);
         let both = function(|x| {
             let refined = stage.refine(x[0], x[1], Some(x[2]), &graph);
             let color = refined.color.expect("a stage with colours");

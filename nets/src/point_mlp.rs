@@ -223,7 +223,7 @@ mod tests {
         let config = PointMlpConfig { dropout: 0.0, ..small() };
         let mlp = PointMlp::<f64>::new(&Init::new(3), &config);
         let f = function(|v| mlp.forward(v[0], v[1]));
-        let options = Options { kinked_fraction: 0.05, ..Options::default() };
+        let options = Options::default().pieces();
         check(&f, &options.draw(&[vec![2, 4], vec![2, 5, 3]]), &options).unwrap();
         let tape = Tape::train(0);
         let [code, points] = [tape.leaf(Array2::ones((1, 4))), tape.leaf(Array2::ones((9, 3)))];

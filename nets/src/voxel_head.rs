@@ -163,7 +163,7 @@ mod tests {
         let mut head = VoxelHead::<f64>::new(&Init::new(3), 3, 4, 2, 4);
         randomize(&mut head);
         // Rectifiers have kinks, wherever the sums happen to pass zero.
-        let options = Options { kinked_fraction: 0.05, ..Options::default() };
+        let options = Options::default().pieces();
         let forward = function(|x| head.forward(x[0]));
         assert_gradients(&forward, &[vec![2, 3, 2, 3]], &options);
         let x = options.draw(&[vec![2, 3, 2, 3]]).remove(0);

@@ -95,7 +95,7 @@ mod tests {
     use ndarray::Array4;
 
     fn kinked() -> Options {
-        Options { kinked_fraction: 0.02, ..Options::default() }
+        Options::default().pieces()
     }
 
     gradcheck!(max: |x| x.max_pool2d(PoolGeometry::square(2)),

@@ -68,7 +68,7 @@ fn single_precision_follows_double() {
 }
 
 fn options() -> Options {
-    Options { probes: 20, kinked_fraction: 0.05, tolerance: 1e-6, ..Options::default() }
+    Options { probes: 20, pieces: true, tolerance: 1e-6, ..Options::default() }
 }
 
 proptest! {

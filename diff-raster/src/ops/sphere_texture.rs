@@ -141,7 +141,7 @@ mod tests {
         #[test]
         fn gradients(n in 1usize..3, p in 1usize..6, h in 2usize..6, w in 1usize..6, c in 1usize..4, seed: u64) {
             let f = function(|x| sphere_texture(x[0], x[1]));
-            let options = Options { seed, kinked_fraction: 0.1, ..Options::default() };
+            let options = Options { seed, ..Options::default().pieces() };
             let inputs = options.draw(&[vec![n, p, 3], vec![n, h, w, c]]);
             check(&f, &inputs, &options).map_err(|e| TestCaseError::fail(format!("{e:?}")))?;
         }

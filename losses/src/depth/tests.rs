@@ -1,7 +1,7 @@
 //! What each depth loss claims not to see, and that it sees nothing outside the mask.
 
 use approx::assert_relative_eq;
-use autodiff_lite::testkit::{Options, check, function};
+use autodiff_lite::testkit::{check, function};
 use autodiff_lite::{Tape, Var};
 use ndarray::{Array3, ArrayD};
 use proptest::prelude::*;
@@ -58,24 +58,18 @@ proptest! {
     #[test]
     fn gradients(shape in (1usize..3, 4usize..8, 4usize..8).prop_map(|(n, h, w)| [n, h, w]), share in 0.3f64..1.0, floor in prop_oneof![Just(-1.0), Just(0.4)], mean in mean(), seed: u64) {
         let [x, y, mask] = scene(shape, share, seed);
-        // Where residuals change sign or order, differences cross a kink; after an alignment a single change is one for
-        // all pixels.
-        let options = Options { kinked_fraction: 0.3, ..testing::options(seed) };
-        let elsewhere = testing::random(&shape, -0.02, 0.02, seed ^ 0x3C);
+        let options = testing::options(seed);
         // Of very few pixels the spread may be next to nothing, and slopes as steep as it is small; and any change
         // reorders them.
         prop_assume!(mask.outer_iter().all(|m| m.sum() == 0.0 || m.sum() >= 6.0));
         let checked = |f: &Configured<'_>| {
             let whole = function(|v| {
                 let tape = v[0].tape();
-                // As a sum rather than a mean, so that a kink at one pixel is seen to be one.
+                // As a sum rather than a mean, so that the slope of one pixel is not small.
                 let loss = f(v[0], tape.constant(y.clone()), tape.constant(mask.clone()));
                 loss.scale(x.len() as f64)
             });
-            // Where a residual is next to nothing, any change of the alignment crosses its kink: then elsewhere. A wrong rule is
-            // wrong there too.
-            let at = |x: &ArrayD<f64>| check(&whole, std::slice::from_ref(x), &options);
-            at(&x).or_else(|_| at(&(&x + &elsewhere))).map_err(|e| TestCaseError::fail(e.to_string()))
+            check(&whole, std::slice::from_ref(&x), &options).map_err(|e| TestCaseError::fail(e.to_string()))
         };
         checked(&|x, y, m| depth_l2(x, y, m, mean))?;
         checked(&|x, y, m| depth_l1_trimmed(x, y, m, 0.2, mean))?;

@@ -163,7 +163,7 @@ mod tests {
     use super::*;
 
     fn kinked() -> Options {
-        Options { kinked_fraction: 0.02, ..Options::default() }
+        Options::default().pieces()
     }
     gradcheck!(sums: |a, b| add_relu(a, b), shapes [[[2, 3, 4], [2, 3, 4]], [[1], [1]]], options kinked());
     gradcheck!(one_of_them: |a| add_relu(a, a.tape().constant(a.value().mapv(|_| 0.25))),
@@ -177,7 +177,7 @@ mod tests {
             let block =
                 ResidualBlock::<f64>::new(&Init::new(2), kind, inputs, 2, stride, NormKind::Batch);
             let f = function(|v| block.forward(v[0]));
-            let options = Options { kinked_fraction: 0.03, tolerance: 1e-6, ..Options::default() };
+            let options = Options::default().pieces().tolerance(1e-6);
             check(&f, &options.draw(&[vec![2, 4, 5, inputs]]), &options).unwrap();
         }
     }
