@@ -1,7 +1,7 @@
-//! kaolin's own expected outputs for two tiny scenes.
+//! kaolin's own expected outputs for two tiny scenes, in `dibr_golden/` (Apache-2.0; see the notice there).
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::Arc;
 
 use autodiff_lite::{Real, Tape};
@@ -14,8 +14,8 @@ const WIDTH: usize = 31;
 const PARAMETERS: [(f64, f64); 4] = [(7000.0, 0.02), (7000.0, 0.2), (70.0, 0.02), (70.0, 0.2)];
 
 fn golden<T: ndarray_npy::ReadableElement>(name: &str) -> ArrayD<T> {
-    let root = std::env::var_os("UNSPHERE_DATA").expect("UNSPHERE_DATA");
-    let path = PathBuf::from(root).join("dibr_golden").join(format!("{name}.npy"));
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dibr_golden");
+    let path = folder.join(format!("{name}.npy"));
     read_npy(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
@@ -109,20 +109,17 @@ fn check<F: Real>(tolerance: f64, of_gradient: f64) {
 }
 
 #[test]
-#[ignore = "needs UNSPHERE_DATA"]
 fn production_in_double_precision() {
     check::<f64>(1e-12, 1e-6);
 }
 
 #[test]
-#[ignore = "needs UNSPHERE_DATA"]
 fn production_in_single_precision() {
     check::<f32>(1e-4, 1e-3);
 }
 
 /// The lists per pixel that only the twin keeps: face index, kind of the nearest part, probability.
 #[test]
-#[ignore = "needs UNSPHERE_DATA"]
 fn the_slow_twin_keeps_the_same_lists() {
     let (positions, faces) = scene();
     for parameters in PARAMETERS {
