@@ -157,6 +157,13 @@ fn libraries_leave_the_process_alone() {
     }
 }
 
+/// Cargo gives the seed to the tests, from `.cargo/config.toml` unless it is set.
+#[test]
+fn property_tests_draw_the_same_cases_in_every_run() {
+    let seed = std::env::var("PROPTEST_RNG_SEED").unwrap();
+    assert!(seed.parse::<u64>().is_ok(), "PROPTEST_RNG_SEED={seed}");
+}
+
 #[test]
 fn kernels_never_see_a_tape() {
     for (path, text) in library_sources() {
