@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use datasets::{ReadViewsError, ViewsProblem, WriteViewsError};
 use mesh_core::{ReadMeshError, WriteError};
+use recon::generate::ReadModelError;
 use recon::output::OutputError;
 
 /// Why a command ends without success. The exit codes are part of the interface.
@@ -54,7 +55,10 @@ impl From<ReadViewsError> for Failure {
         let hint = match &error.problem {
             ViewsProblem::Missing { .. } => " (--allow-missing leaves such views out)",
             ViewsProblem::EmptyMasks { .. } => " (--mask, --invert-masks)",
-            ViewsProblem::TooLarge { .. } => " (--max-size reads views smaller)",
+            // Of views together; a single file that is too large stays so.
+            ViewsProblem::TooLarge { field, .. } if field.starts_with("all views") => {
+                " (--max-size reads views smaller)"
+            }
             _ => "",
         };
         Self::Input(format!("{error}{hint}"))
@@ -63,6 +67,12 @@ impl From<ReadViewsError> for Failure {
 
 impl From<ReadMeshError> for Failure {
     fn from(error: ReadMeshError) -> Self {
+        Self::input(error)
+    }
+}
+
+impl From<ReadModelError> for Failure {
+    fn from(error: ReadModelError) -> Self {
         Self::input(error)
     }
 }

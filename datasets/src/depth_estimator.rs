@@ -1,10 +1,13 @@
 //! Depth from one picture, by a network in ONNX's form.
 
+mod check;
+mod wire;
+
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use mesh_core::{ByteImage, DisparityMap};
-use rten::{Dimension, Model, Value};
+use rten::{Dimension, Model, ModelOptions, Value};
 use rten_tensor::prelude::*;
 use rten_tensor::{NdTensor, Tensor};
 
@@ -57,8 +60,10 @@ pub enum DepthModelProblem {
 
 /// A network that estimates disparity: MiDaS, Depth Anything, and others that are called as they are.
 ///
-/// The file is read whole; weights in files of their own (`external_data`) are found beside it. A model is a
-/// program: it may take any time and memory that it wants, so run those that you trust. The runtime (rten, in
+/// The file is read whole; weights in files of their own (`external_data`) are found beside it. Loading it is
+/// bounded by the file's length: what follows from its constants is computed then if it cannot grow, otherwise
+/// when it is run. A model is a program: running it may take any time and memory that it wants, so run those
+/// that you trust. The runtime (rten, in
 /// Rust throughout) has a pool of threads of its own, which no `--threads` reaches, and reads environment
 /// variables that begin with `RTEN_`.
 ///
@@ -96,9 +101,19 @@ impl DepthEstimator {
     pub fn open(path: impl AsRef<Path>, input: DepthInput) -> Result<Self, DepthModelError> {
         let path = path.as_ref();
         let failed = |problem| DepthModelError { path: path.to_owned(), problem };
-        // The runtime's own error for a file that is not there says less.
-        std::fs::File::open(path).map_err(|error| failed(DepthModelProblem::Io(error)))?;
-        let model = guarded(|| Model::load_file(path).map_err(|error| error.to_string()))
+        let bytes = read_regular(path).map_err(|error| failed(DepthModelProblem::Io(error)))?;
+        let checked = check::check(&bytes).map_err(|what| failed(DepthModelProblem::Load(what)))?;
+        drop(bytes);
+        for name in &checked.external {
+            let weights = path.with_file_name(name);
+            if weights.exists() && !weights.is_file() {
+                let what = format!("{name}, which holds weights, is no file");
+                return Err(failed(DepthModelProblem::Load(what)));
+            }
+        }
+        let mut options = ModelOptions::with_all_ops();
+        options.enable_optimization(!checked.constants_may_grow);
+        let model = guarded(|| options.load_file(path).map_err(|error| error.to_string()))
             .map_err(|what| failed(DepthModelProblem::Load(what)))?;
         let size =
             input_size(&model).map_err(|found| failed(DepthModelProblem::Input { found }))?;
@@ -132,6 +147,14 @@ impl DepthEstimator {
             image_of(answer).map_err(|found| failed(DepthModelProblem::Output { found }))?;
         Ok(self.input.restore(&values, size, [picture.height, picture.width]))
     }
+}
+
+/// The bytes of a file; a pipe or a device is none.
+fn read_regular(path: &Path) -> std::io::Result<Vec<u8>> {
+    if !std::fs::metadata(path)?.is_file() {
+        return Err(std::io::Error::other("it is a folder, a pipe or a device"));
+    }
+    std::fs::read(path)
 }
 
 /// Any bytes may arrive as a model, and a panic over them is an error like others.

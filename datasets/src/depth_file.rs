@@ -6,9 +6,12 @@ use mesh_core::{DepthMap, DisparityMap, read_depth, read_depth_png, read_pfm};
 
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::npy;
+use crate::source::read_file;
 
 /// What the numbers of a file may mean at most: depths from here on are background.
 const FAR: f32 = 1e9;
+/// 128 megapixels of the widest numbers.
+const MOST_BYTES: u64 = 1 << 30;
 
 /// Reads planar depth: EXR, PFM, npy, or a grey PNG of 8 or 16 bits.
 ///
@@ -67,8 +70,7 @@ impl Numbers {
                 Ok(Self { height: image.height, width: image.width, data: first })
             }
             "npy" => {
-                let bytes = std::fs::read(path)
-                    .map_err(|error| ReadViewsError::new(path, ViewsProblem::Io(error)))?;
+                let bytes = read_file(path, "depth", MOST_BYTES)?;
                 let ([height, width], data) = npy::read_image(&bytes)
                     .map_err(|e| ReadViewsError::field(path, e.field, e.found, e.expected))?;
                 Ok(Self { height, width, data })

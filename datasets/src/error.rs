@@ -25,6 +25,18 @@ pub enum ViewsProblem {
         /// Which other file or rule wants it, and what can be done.
         wanted_by: String,
     },
+    /// Another file names this one, and it lies outside of the folder that was opened.
+    #[error(
+        "lies outside of the folder that was opened, where no file may reach, {wanted_by}: expected \
+         a relative name below it"
+    )]
+    Outside {
+        /// Which other file wants it.
+        wanted_by: String,
+    },
+    /// There is something of this name that cannot be read like a file.
+    #[error("is a folder, a pipe or a device, expected a file")]
+    Irregular,
     /// No known layout fits what is there.
     #[error("no known layout of views: {found}; looked for {}", crate::open::LOOKED_FOR)]
     UnknownLayout {

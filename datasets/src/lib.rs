@@ -85,6 +85,17 @@
 //! Any bytes may arrive: sizes are checked before memory is taken, and every [`ReadViewsError`]
 //! names the file, the field, what was found and what was expected. The error is that of the
 //! first view in order, whatever the number of threads. Nothing here knows of tapes or training.
+//!
+//! What a file makes its reader take is held to [`mesh_core::Limits`], 256 MB and 20 bytes for each of
+//! its own by default: a denser content is refused with what it would have taken. Pictures are held
+//! to a number of pixels by their header, arrays of depth and masks to the pictures that they belong
+//! to, and an archive's entry to half of what its stored bytes may take.
+//!
+//! Files name others. Of those only regular files are opened, no pipes and no devices, and only below
+//! the folder that was opened: never by an absolute name, nor by a `..` that leads out of it. The
+//! layouts of one object may reach two folders further up, because nerfstudio keeps poses beside
+//! `images/` and says `../images/0.png`, and COLMAP its models in `sparse/0/`. Links in a folder are
+//! followed: whoever made them could as well have copied what they lead to.
 
 mod assemble;
 mod batches;
@@ -92,6 +103,7 @@ mod bop;
 mod cache;
 mod colmap;
 mod consistency;
+mod content;
 mod cub;
 mod dataset;
 mod depth;

@@ -10,6 +10,7 @@ use mesh_core::{Camera, CameraError};
 use rayon::prelude::*;
 
 use crate::assemble::{assemble, mask_from_picture, read_picture};
+use crate::content::over;
 use crate::dataset::{Dataset, Entry, Subset};
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::json::Node;
@@ -29,6 +30,8 @@ const PAINTED: [&str; 2] = ["masks_pointrend", "masks"];
 /// No annotation of an object is longer, nor a list of them.
 const ANNOTATION_BYTES: u64 = 1 << 20;
 const LIST_BYTES: u64 = 1 << 26;
+/// What a line of a list takes while its annotation is read.
+const LINE: usize = 1000;
 
 /// MCMR's form of Pascal3D+ on disk: the objects are what is annotated, one picture each.
 ///
@@ -204,6 +207,8 @@ fn listed(source: &Source, class: &str) -> Result<Vec<Listed>, ReadViewsError> {
             continue;
         }
         let text = source.open()?.read(&name, "list", LIST_BYTES)?;
+        let lines = text.check_lines(LINE);
+        lines.map_err(|limit| over(&source.locate(&name), "lines", limit))?;
         for line in String::from_utf8_lossy(&text).lines().map(str::trim) {
             // The lists hold the paths of the machine that made them; the file's name is enough.
             let file = line.rsplit(['/', '\\']).next().unwrap_or_default();

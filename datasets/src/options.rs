@@ -1,5 +1,6 @@
 //! How views are read.
 
+use mesh_core::Limits;
 use serde::{Deserialize, Serialize};
 
 /// How views are read. The default takes what the layout offers and refuses what is incomplete.
@@ -24,6 +25,11 @@ pub struct ReadOptions {
     pub object: Option<String>,
     /// How photographs without cameras were taken.
     pub turntable: Option<Turntable>,
+    /// How much memory each file may make its reader take, where the views of one object are read
+    /// from a folder, an archive or a list of them. What a dataset of many objects lists is held to
+    /// the default, and its objects' views to this.
+    #[serde(skip)]
+    pub limits: Limits,
     /// What becomes of views whose masks are all empty, or whose cameras look elsewhere.
     pub doubtful: Doubtful,
 }
@@ -94,6 +100,7 @@ impl Default for ReadOptions {
             memory_limit: 8 << 30,
             object: None,
             turntable: None,
+            limits: Limits::default(),
             doubtful: Doubtful::Refuse,
         }
     }

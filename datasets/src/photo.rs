@@ -70,8 +70,7 @@ impl Album<'_> {
                     "the annotation of view {} names it; put it back, or allow missing views",
                     photo.name
                 );
-                let problem = ViewsProblem::Missing { wanted_by };
-                return Err(ReadViewsError::new(self.source.locate(photo.image), problem));
+                return Err(self.source.missing(photo.image, wanted_by));
             }
         }
         let reading = Reading { layout: self.layout, pending, warnings, poses: self.poses };

@@ -67,8 +67,7 @@ pub(crate) fn list<'a>(
             shot.field,
             path.display()
         );
-        let problem = ViewsProblem::Missing { wanted_by };
-        let error = ReadViewsError::new(source.locate(&shot.image), problem);
+        let error = source.missing(&shot.image, wanted_by);
         if !options.allow_missing {
             return Err(error);
         }
@@ -117,8 +116,7 @@ impl Shot {
             && !source.has(mask)
         {
             let wanted_by = format!("field `{}.mask` of {CAMERAS} names it", self.field);
-            let problem = ViewsProblem::Missing { wanted_by };
-            return Err(ReadViewsError::new(source.locate(mask), problem));
+            return Err(source.missing(mask, wanted_by));
         }
         let mask = mask_file(source, opened, &self.masks, options)?;
         let depth = match &self.depth {

@@ -2,8 +2,8 @@
 //!
 //! What Python 2 and 3 write at protocols 0 to 5 is read, as long as it is made of numbers, text,
 //! lists, tuples, dictionaries and arrays. Values stand in one table and refer to each other by
-//! index, so that neither depth nor sharing costs anything, and bytes stay slices of the file: the
-//! memory is at most a constant times the file's size, whatever it claims.
+//! index, so that neither depth nor sharing costs anything, and bytes stay slices of the file. What
+//! the values take is counted, and ends the reading where it is out of proportion to the file.
 //!
 //! # References
 //! CPython, *Lib/pickletools.py*, for the instructions; NumPy, `ndarray.__reduce__`.
@@ -11,8 +11,10 @@
 mod machine;
 
 use std::borrow::Cow;
+use std::cell::RefCell;
 
 use machine::Machine;
+use mesh_core::{Budget, OverLimit};
 
 /// What is wrong with a pickle, and where: the place of the instruction, or the value's path.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,7 +43,7 @@ enum Value<'a> {
     /// A function or class, by module and name.
     Global(Cow<'a, [u8]>),
     Dtype(Dtype),
-    Array(Option<RawArray>),
+    Array(Option<Box<RawArray>>),
     Mark,
 }
 
@@ -77,6 +79,8 @@ pub(crate) struct Numbers {
 pub(crate) struct Pickle<'a> {
     values: Vec<Value<'a>>,
     root: u32,
+    /// Memory that may still be taken for the numbers of arrays.
+    budget: RefCell<Budget>,
 }
 
 /// A value of a pickle and where it stands, like `[1][0]`.
@@ -90,8 +94,8 @@ pub(crate) struct Item<'p, 'a> {
 impl<'a> Pickle<'a> {
     /// Reads the first pickle in these bytes.
     pub(crate) fn parse(bytes: &'a [u8]) -> Result<Self, PickleError> {
-        let (values, root) = Machine::new(bytes).run()?;
-        Ok(Self { values, root })
+        let (values, root, budget) = Machine::new(bytes).run()?;
+        Ok(Self { values, root, budget: RefCell::new(budget) })
     }
 
     /// The bytes that a value stands for.
@@ -140,23 +144,42 @@ impl<'p, 'a> Item<'p, 'a> {
         }
     }
 
+    /// Takes memory for what is made of this value, and keeps it taken: several arrays may have
+    /// the same bytes.
+    fn take(&self, bytes: usize) -> Result<(), PickleError> {
+        let taken = self.pickle.budget.borrow_mut().take(bytes as u64);
+        taken.map_err(|OverLimit { needed, most }| {
+            let expected = format!("arrays that take at most {most}");
+            error(&self.field, format!("{needed} bytes of memory"), &expected)
+        })
+    }
+
     /// The numbers of an array.
     pub(crate) fn numbers(&self) -> Result<Numbers, PickleError> {
         let wrong = |found: String, expected: &str| Err(error(&self.field, found, expected));
         let Value::Array(Some(array)) = self.value() else {
             return wrong(self.value().kind().to_owned(), "an array of numbers");
         };
+        // What stands for bytes becomes a copy of them.
+        if let Value::Latin(text) = self.pickle.values[array.data as usize]
+            && let Value::Bytes(text) = &self.pickle.values[text as usize]
+        {
+            self.take(2 * text.len())?;
+        }
         let Some(data) = self.pickle.bytes(array.data) else {
             return wrong("an array without bytes".to_owned(), "an array of numbers");
         };
-        let RawArray { shape, dtype, fortran, .. } = array;
+        let RawArray { shape, dtype, fortran, .. } = &**array;
         let count = shape.iter().try_fold(1_usize, |n, &d| n.checked_mul(d));
         if count.and_then(|n| n.checked_mul(dtype.size)) != Some(data.len()) {
             let expected = format!("{shape:?} numbers of {} bytes", dtype.size);
             return wrong(format!("{} bytes", data.len()), &expected);
         }
+        let turned = *fortran && shape.len() > 1;
+        let copies = if turned { 2 } else { 1 };
+        self.take(data.len() / dtype.size * copies * size_of::<f64>())?;
         let values: Vec<f64> = data.chunks_exact(dtype.size).map(|b| dtype.number(b)).collect();
-        let data = if *fortran && shape.len() > 1 { row_major(&values, shape) } else { values };
+        let data = if turned { row_major(&values, shape) } else { values };
         Ok(Numbers { shape: shape.clone(), data, bytes: dtype.kind == b'u' && dtype.size == 1 })
     }
 
@@ -176,6 +199,8 @@ impl<'p, 'a> Item<'p, 'a> {
             let field = format!("{}[{}]", self.field, i / N);
             return Err(error(field, numbers.data[i].to_string(), "a finite number"));
         }
+        // A copy, and what the caller makes of it, which is no larger.
+        self.take(2 * size_of_val(&numbers.data[..]))?;
         Ok(numbers.data.as_chunks().0.to_vec())
     }
 }
@@ -192,6 +217,13 @@ impl Value<'_> {
             Self::Array(_) => "an array",
             Self::Mark => "a mark",
         }
+    }
+}
+
+impl RawArray {
+    /// What it takes beside its bytes.
+    fn memory(&self) -> usize {
+        size_of::<Self>() + size_of_val(&self.shape[..])
     }
 }
 

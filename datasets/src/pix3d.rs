@@ -388,6 +388,10 @@ impl Dataset for Pix3d {
     /// of radius 1/2.
     fn truth(&self, object: usize) -> Result<Truth, ReadViewsError> {
         let annotation = &self.objects[object][0];
+        if !self.source.is_inside(&annotation.model) {
+            let wanted_by = format!("field `{}.model` names it", annotation.field);
+            return Err(self.source.missing(&annotation.model, wanted_by));
+        }
         let mesh = model(&self.source.locate(&annotation.model))?;
         let voxels = match &annotation.voxels {
             Some(name) if self.source.has(name) => Some(self.voxels(name)?),

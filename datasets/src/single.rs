@@ -10,6 +10,10 @@ use crate::source::Source;
 use crate::view::{Layout, Views};
 use crate::{bop, colmap, kaolin, photos, transforms, turntable};
 
+/// How far above the folder that was opened the files of one object may lie: nerfstudio keeps poses
+/// beside `images/`, and COLMAP its models in `sparse/0/`.
+const ABOVE: usize = 2;
+
 /// A dataset of one object.
 #[derive(Debug)]
 pub(crate) struct SingleObject {
@@ -36,6 +40,7 @@ impl SingleObject {
     /// The dataset at the path, where it is of such a layout; nothing but names is read.
     pub(crate) fn find(path: &Path, options: &ReadOptions) -> Result<Option<Self>, ReadViewsError> {
         for source in places(path)? {
+            let source = source.within(options.limits);
             let json = if path.is_dir() || source.is_zip() { None } else { path.file_name() };
             if let Some(kind) = recognise(&source, json.and_then(|n| n.to_str()), options)? {
                 return Self::new(path, source, kind, options).map(Some);
@@ -115,10 +120,12 @@ impl Dataset for SingleObject {
 fn places(path: &Path) -> Result<Vec<Source>, ReadViewsError> {
     let metadata = std::fs::metadata(path).map_err(|e| ReadViewsError::new(path, e))?;
     if metadata.is_dir() {
-        let outer = Source::folder(path);
+        let outer = Source::folder(path).reaching(ABOVE);
         let names = outer.root_names()?;
         let inner = match names.as_slice() {
-            [only] if path.join(only).is_dir() => Some(Source::folder(&path.join(only))),
+            [only] if path.join(only).is_dir() => {
+                Some(Source::folder(&path.join(only)).reaching(ABOVE))
+            }
             _ => None,
         };
         return Ok([Some(outer), inner].into_iter().flatten().collect());
@@ -131,7 +138,10 @@ fn places(path: &Path) -> Result<Vec<Source>, ReadViewsError> {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
         };
-        return Ok(vec![Source::folder(folder)]);
+        return Ok(vec![Source::folder(folder).reaching(ABOVE)]);
+    }
+    if !metadata.is_file() {
+        return Err(ReadViewsError::new(path, ViewsProblem::Irregular));
     }
     let mut magic = [0u8; 4];
     let is_zip = std::fs::File::open(path)

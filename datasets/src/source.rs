@@ -3,11 +3,13 @@
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
+use mesh_core::Limits;
 use zip::ZipArchive;
 use zip::result::ZipError;
 
+use crate::content::{Content, inflated, over};
 use crate::error::{ReadViewsError, ViewsProblem};
 
 /// Where the files of a set of views come from. Names use `/` and are relative to the root.
@@ -22,6 +24,9 @@ pub(crate) struct Source {
     prefix: String,
     /// The archive's entries; `None` for a folder.
     entries: Option<BTreeSet<String>>,
+    /// How many folders above its own a name may reach.
+    above: usize,
+    limits: Limits,
 }
 
 /// A source opened by one thread.
@@ -33,7 +38,8 @@ pub(crate) struct Opened<'a> {
 impl Source {
     /// A folder.
     pub(crate) fn folder(path: &Path) -> Self {
-        Self { path: path.to_owned(), prefix: String::new(), entries: None }
+        let limits = Limits::default();
+        Self { path: path.to_owned(), prefix: String::new(), entries: None, above: 0, limits }
     }
 
     /// A zip archive; its table of contents is read once, here.
@@ -45,7 +51,52 @@ impl Source {
             .filter(|name| !name.ends_with('/') && !is_clutter(name))
             .map(String::from)
             .collect();
-        Ok(Self { path: path.to_owned(), prefix: common_folder(&names), entries: Some(names) })
+        let prefix = common_folder(&names);
+        let limits = Limits::default();
+        Ok(Self { path: path.to_owned(), prefix, entries: Some(names), above: 0, limits })
+    }
+
+    /// The same folder, whose files may also lie so many folders above it: `../images/0.png`.
+    pub(crate) fn reaching(self, above: usize) -> Self {
+        Self { above, ..self }
+    }
+
+    /// The same, whose files are held to these limits.
+    pub(crate) fn within(self, limits: Limits) -> Self {
+        Self { limits, ..self }
+    }
+
+    /// Whether a name stays where names of this source may be. Absolute ones never do.
+    pub(crate) fn is_inside(&self, name: &str) -> bool {
+        let mut above = self.above;
+        Path::new(name).components().all(|part| match part {
+            Component::Normal(_) => {
+                above = above.saturating_add(1);
+                true
+            }
+            Component::ParentDir => match above.checked_sub(1) {
+                Some(rest) => {
+                    above = rest;
+                    true
+                }
+                None => false,
+            },
+            Component::CurDir => true,
+            Component::RootDir | Component::Prefix(_) => false,
+        })
+    }
+
+    /// The error of a file that is not there; or that is there, and is not for reading.
+    pub(crate) fn missing(&self, name: &str, wanted_by: String) -> ReadViewsError {
+        let path = self.locate(name);
+        let problem = if !self.is_inside(name) {
+            ViewsProblem::Outside { wanted_by }
+        } else if self.entries.is_none() && path.exists() {
+            ViewsProblem::Irregular
+        } else {
+            ViewsProblem::Missing { wanted_by }
+        };
+        ReadViewsError::new(path, problem)
     }
 
     /// Whether the source is a zip archive.
@@ -94,11 +145,11 @@ impl Source {
         names.into_iter().collect()
     }
 
-    /// Whether the file exists.
+    /// Whether the file exists, is one (no pipe, no device), and lies where names may be.
     pub(crate) fn has(&self, name: &str) -> bool {
         match &self.entries {
             Some(entries) => entries.contains(&format!("{}{}", self.prefix, tidy(name))),
-            None => self.path.join(name).is_file(),
+            None => self.is_inside(name) && self.path.join(name).is_file(),
         }
     }
 
@@ -119,45 +170,102 @@ impl Opened<'_> {
         name: &str,
         field: &str,
         limit: u64,
-    ) -> Result<Vec<u8>, ReadViewsError> {
+    ) -> Result<Content, ReadViewsError> {
         let path = self.source.locate(&tidy(name));
-        let result = match &mut self.archive {
+        let too_large = |found, limit| {
+            let field = field.to_owned();
+            ReadViewsError::new(&path, ViewsProblem::TooLarge { field, found, limit })
+        };
+        let (limit, read) = match &mut self.archive {
             Some(archive) => {
                 let entry = format!("{}{}", self.source.prefix, tidy(name));
                 match archive.by_name(&entry) {
-                    Ok(file) => read_at_most(file.size(), file, limit),
-                    Err(ZipError::FileNotFound) => Err(std::io::ErrorKind::NotFound.into()),
+                    Ok(file) => {
+                        let stored = file.compressed_size();
+                        let limit = limit.min(inflated(stored, &self.source.limits));
+                        (limit, read_at_most(file.size(), stored, file, limit))
+                    }
+                    Err(ZipError::FileNotFound) => {
+                        (limit, Err(std::io::ErrorKind::NotFound.into()))
+                    }
                     Err(error) => return Err(ReadViewsError::new(path, error)),
                 }
             }
-            None => File::open(self.source.path.join(name))
-                .and_then(|file| read_at_most(file.metadata()?.len(), file, limit)),
-        };
-        let problem = match result {
-            Ok(Ok(bytes)) => return Ok(bytes),
-            Ok(Err(found)) => ViewsProblem::TooLarge { field: field.to_owned(), found, limit },
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                ViewsProblem::Missing { wanted_by: format!("the {field} is read from it") }
+            None if !self.source.is_inside(name) => {
+                return Err(self.source.missing(name, format!("the {field} is read from it")));
             }
-            Err(error) => ViewsProblem::Io(error),
+            None => (limit, read_regular(&self.source.path.join(name), limit)),
         };
-        Err(ReadViewsError::new(path, problem))
+        match read {
+            Ok(Ok((bytes, stored))) => Content::new(bytes, stored, &self.source.limits)
+                .map_err(|limit| over(&path, field, limit)),
+            Ok(Err(found)) => Err(too_large(found, limit)),
+            Err(error) => Err(match error.kind() {
+                std::io::ErrorKind::NotFound => {
+                    self.source.missing(name, format!("the {field} is read from it"))
+                }
+                // What the standard library says of something that is there and is no file.
+                std::io::ErrorKind::InvalidInput => {
+                    ReadViewsError::new(path, ViewsProblem::Irregular)
+                }
+                _ => ReadViewsError::new(path, error),
+            }),
+        }
     }
+}
+
+/// Bytes, and how many of them were stored.
+type Stored = (Vec<u8>, u64);
+
+/// The bytes of a file that a user names, of which there may be at most `limit`.
+///
+/// # Errors
+/// If it cannot be read, is no file, or has more bytes.
+pub(crate) fn read_file(path: &Path, field: &str, limit: u64) -> Result<Content, ReadViewsError> {
+    match read_regular(path, limit) {
+        Ok(Ok((bytes, stored))) => Content::new(bytes, stored, &Limits::default())
+            .map_err(|limit| over(path, field, limit)),
+        Ok(Err(found)) => {
+            let field = field.to_owned();
+            Err(ReadViewsError::new(path, ViewsProblem::TooLarge { field, found, limit }))
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::InvalidInput => {
+            Err(ReadViewsError::new(path, ViewsProblem::Irregular))
+        }
+        Err(error) => Err(ReadViewsError::new(path, error)),
+    }
+}
+
+/// The bytes of a file, or how many there are where that is more than `limit`.
+///
+/// A pipe would wait for somebody to write into it, and a device may never end: neither is opened.
+fn read_regular(path: &Path, limit: u64) -> std::io::Result<Result<Stored, u64>> {
+    if !std::fs::metadata(path)?.is_file() {
+        return Err(std::io::ErrorKind::InvalidInput.into());
+    }
+    let file = File::open(path)?;
+    let length = file.metadata()?.len();
+    read_at_most(length, length, file, limit)
 }
 
 /// The bytes, or how many there are or are claimed to be where that is more than `limit`.
 fn read_at_most(
     claimed: u64,
+    stored: u64,
     file: impl Read,
     limit: u64,
-) -> std::io::Result<Result<Vec<u8>, u64>> {
+) -> std::io::Result<Result<Stored, u64>> {
     if claimed > limit {
         return Ok(Err(claimed));
     }
-    // An archive's claim is not yet a fact; beyond this the bytes make their own room.
-    let mut bytes = Vec::with_capacity(claimed.min(1 << 20) as usize);
-    let found = file.take(limit + 1).read_to_end(&mut bytes)? as u64;
-    Ok(if found > limit { Err(found) } else { Ok(bytes) })
+    // One byte more than there should be, so that the end is seen without room for twice as much.
+    let mut bytes = Vec::with_capacity(claimed as usize + 1);
+    let found = file.take(claimed + 1).read_to_end(&mut bytes)? as u64;
+    if found > claimed {
+        let what = format!("more bytes than the {claimed} that it says");
+        return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, what));
+    }
+    Ok(Ok((bytes, stored)))
 }
 
 fn open_archive(path: &Path) -> Result<ZipArchive<BufReader<File>>, ReadViewsError> {

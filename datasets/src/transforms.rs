@@ -166,8 +166,7 @@ impl Frame {
                     self.field,
                     self.file.display()
                 );
-                let problem = ViewsProblem::Missing { wanted_by };
-                ReadViewsError::new(source.locate(&self.image), problem)
+                source.missing(&self.image, wanted_by)
             })
     }
 
@@ -179,8 +178,7 @@ impl Frame {
             }
             let wanted_by =
                 format!("field `{}.mask_path` of {} names it", self.field, self.file.display());
-            let problem = ViewsProblem::Missing { wanted_by };
-            return Err(ReadViewsError::new(source.locate(mask), problem));
+            return Err(source.missing(mask, wanted_by));
         }
         let stem = self.name.rsplit('/').next().unwrap_or(&self.name);
         Ok(EXTENSIONS[1..]

@@ -25,7 +25,7 @@ pub(crate) fn photographs(source: &Source) -> Result<Vec<String>, ReadViewsError
     if names.is_empty() {
         names = source.root_names()?.into_iter().filter(is_picture).collect();
     }
-    names.sort_by_cached_key(|name| natural::key(name));
+    names.sort_by(|a, b| natural::compare(a, b));
     Ok(names)
 }
 

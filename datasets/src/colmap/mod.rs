@@ -71,7 +71,7 @@ impl Project {
                 (_, ColmapForm::Text) => text::images(&bytes, &path, &mut model)?,
             }
         }
-        model.images.sort_by_cached_key(|image| natural::key(&image.name));
+        model.images.sort_by(|a, b| natural::compare(&a.name, &b.name));
         let (base, images) = pictures(source, folder, &model);
         Ok(Self { folder: folder.to_owned(), form, base, images, model })
     }
@@ -101,8 +101,7 @@ impl Project {
                 image.id,
                 self.file(source, "images").display()
             );
-            let error =
-                ReadViewsError::new(source.locate(&name), ViewsProblem::Missing { wanted_by });
+            let error = source.missing(&name, wanted_by);
             if !options.allow_missing {
                 return Err(error);
             }

@@ -198,3 +198,92 @@ fn damaged_models() {
         let _ = DepthEstimator::open(saved(&folder, &bytes[..at]), DepthInput::midas());
     }
 }
+
+/// A graph whose field of an unknown number is so long that behind it lie the bytes before it: the
+/// runtime's own sum wraps around, and it reads the same nodes for ever.
+fn endless() -> Vec<u8> {
+    let node = node("Relu", &["picture"], "depth", &[]);
+    let mut graph = Message::default().message(1, &node).0;
+    graph.extend([0x7a]);
+    let back = graph.len() as u64 + 10;
+    let mut length = Message::default();
+    length.varint(back.wrapping_neg());
+    graph.extend(length.0);
+    Message::default().int(1, 7).bytes(7, &graph).0
+}
+
+/// A model that makes a constant of `sizes`, 60 bytes beside its names.
+fn grown(op: &str, sizes: &[u64]) -> Vec<u8> {
+    let dims = Message::default().int(1, sizes.len() as u64).int(2, 7);
+    let shape = sizes.iter().fold(dims, |m, &n| m.int(7, n)).bytes(8, b"s");
+    let graph = Message::default()
+        .message(1, &node(op, &["s"], "o", &[]))
+        .message(5, &shape)
+        .message(11, &value_info("x", &[]))
+        .message(12, &value_info("o", &[]));
+    let opset = Message::default().bytes(1, b"").int(2, 12);
+    Message::default().int(1, 7).message(7, &graph).message(8, &opset).0
+}
+
+#[test]
+fn files_of_a_few_bytes_end_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let open = |bytes: &[u8]| {
+        let start = std::time::Instant::now();
+        let found = DepthEstimator::open(saved(&folder, bytes), DepthInput::midas_small());
+        let taken = start.elapsed();
+        assert!(taken.as_secs() < 5, "{} bytes: {taken:?}", bytes.len());
+        found.map_err(|error| error.to_string())
+    };
+    assert!(endless().len() < 80);
+    let error = open(&endless()).unwrap_err();
+    assert!(error.contains("tiny.onnx") && error.contains("a field claims"), "{error}");
+    for sizes in [&[1 << 31][..], &[1 << 15, 1 << 15], &[u64::MAX, 1 << 40], &[1 << 20; 3]] {
+        let bytes = grown("ConstantOfShape", sizes);
+        assert!(bytes.len() < 120, "{}", bytes.len());
+        // Whether it can be opened is one thing; what it asks for is not made for that.
+        let _ = open(&bytes);
+    }
+    // Twice as many, forty times.
+    let double = |k: u64| {
+        node(
+            "Concat",
+            &[format!("c{k}").as_str(); 2],
+            &format!("c{}", k + 1),
+            &[Message::default().bytes(1, b"axis").int(3, 0).int(20, 2)],
+        )
+    };
+    let nodes: Vec<Message> = (0..40).map(double).collect();
+    let graph = nodes.iter().fold(Message::default(), |m, n| m.message(1, n));
+    let graph =
+        graph.message(5, &tensor("c0", &[2], &[1.0; 2])).message(12, &value_info("c40", &[]));
+    let _ = open(&Message::default().int(1, 7).message(7, &graph).0);
+    // Types of sequences of sequences, as deep as the file is long.
+    let mut deep = Message::default();
+    for _ in 0..3000 {
+        deep = Message::default().message(4, &Message::default().message(1, &deep));
+    }
+    let info = Message::default().bytes(1, b"x").message(2, &deep);
+    let graph = Message::default().message(11, &info);
+    let error = open(&Message::default().int(1, 7).message(7, &graph).0).unwrap_err();
+    assert!(error.contains("deep"), "{error}");
+}
+
+#[test]
+fn constants_of_a_usual_size_are_computed_while_loading() {
+    let small = |bytes: &[u8]| !check::check(bytes).unwrap().constants_may_grow;
+    assert!(small(&model(&[1, 3, 0, 0], [0.0, 2.0, -1.0], 0.25, 1, &[])));
+    assert!(small(&grown("ConstantOfShape", &[3, 4, 5])));
+    assert!(!small(&grown("ConstantOfShape", &[1 << 20; 2])));
+    assert!(!small(&grown("Range", &[3])));
+}
+
+#[test]
+fn a_pipe_is_no_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("pipe.onnx");
+    if std::process::Command::new("mkfifo").arg(&path).status().is_ok_and(|s| s.success()) {
+        let error = DepthEstimator::open(&path, DepthInput::midas_small()).unwrap_err();
+        assert!(error.to_string().contains("a pipe"), "{error}");
+    }
+}

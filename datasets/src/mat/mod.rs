@@ -15,6 +15,7 @@ mod stream;
 
 use std::path::Path;
 
+use crate::content::Content;
 use crate::error::ReadViewsError;
 
 pub(crate) use node::Node;
@@ -72,9 +73,10 @@ impl Mat {
     /// Reads the variables of a file.
     ///
     /// # Errors
-    /// The first thing that is not as the format says, with its variable and field.
-    pub(crate) fn read(bytes: &[u8], file: &Path) -> Result<Self, ReadViewsError> {
-        Ok(Self { variables: parse::variables(bytes, file)? })
+    /// The first thing that is not as the format says, with its variable and field; values that
+    /// would take more memory than a file of this length may, into whatever they inflate.
+    pub(crate) fn read(content: &Content, file: &Path) -> Result<Self, ReadViewsError> {
+        Ok(Self { variables: parse::variables(content, file)? })
     }
 
     /// A variable that must be there.

@@ -6,6 +6,7 @@ use flate2::read::ZlibDecoder;
 
 use super::stream::{Stream, Tag};
 use super::{Array, Data, StructArray, Value, sizes};
+use crate::content::Content;
 use crate::error::ReadViewsError;
 
 /// The text, the offset of the subsystem, the version and the mark of the byte order.
@@ -21,40 +22,49 @@ const NAME_BYTES: u64 = 256;
 const FIELDS: usize = 4096;
 /// No text is longer.
 const TEXT_BYTES: u64 = 1 << 24;
+/// What a value takes beside its numbers: the lengths of its axes, its name while it is read, and
+/// what names its place when it is looked at.
+const VALUE: usize = 256;
 
 /// The named variables of a file.
-pub(super) fn variables(bytes: &[u8], file: &Path) -> Result<Vec<(String, Value)>, ReadViewsError> {
-    let big_endian = byte_order(bytes, file)?;
-    let mut rest = &bytes[HEADER..];
-    let mut budget = None;
+pub(super) fn variables(
+    content: &Content,
+    file: &Path,
+) -> Result<Vec<(String, Value)>, ReadViewsError> {
+    let big_endian = byte_order(content, file)?;
+    let mut rest = &content[HEADER..];
+    let mut budget = content.budget();
     let mut out: Vec<(String, Value)> = Vec::new();
     while !rest.is_empty() {
         let place = format!("variable {}", out.len() + 1);
         let left = rest.len() as u64;
-        let mut outer = Stream::new(&mut rest, big_endian, file, place.clone(), Some(left));
+        let mut outer =
+            Stream::new(&mut rest, big_endian, file, place.clone(), Some(left), budget.clone());
+        outer.make_room(&mut out)?;
+        budget = outer.budget.clone();
         let tag = outer.need_tag("size")?;
         let size = tag.size as usize;
         match tag.kind {
             COMPRESSED => {
                 let (packed, behind) = rest.split_at(size);
                 let mut decoder = ZlibDecoder::new(packed);
-                let mut inner = Stream::new(&mut decoder, big_endian, file, place, None);
-                inner.budget = budget.unwrap_or(inner.budget);
+                let mut inner =
+                    Stream::new(&mut decoder, big_endian, file, place, None, budget.clone());
                 let tag = inner.need_tag("size")?;
                 if tag.kind != MATRIX {
                     return Err(inner.wrong("type", tag.kind.to_string(), "14, a matrix"));
                 }
                 inner.left = tag.size;
                 out.push(matrix(&mut inner, 0)?);
-                budget = Some(inner.budget);
+                budget = inner.budget;
                 rest = behind;
             }
             MATRIX => {
                 let (mut body, behind) = rest.split_at(size);
-                let mut inner = Stream::new(&mut body, big_endian, file, place, Some(tag.size));
-                inner.budget = budget.unwrap_or(inner.budget);
+                let mut inner =
+                    Stream::new(&mut body, big_endian, file, place, Some(tag.size), budget.clone());
                 out.push(matrix(&mut inner, 0)?);
-                budget = Some(inner.budget);
+                budget = inner.budget;
                 rest = &behind[(8 - size % 8) % 8 * usize::from(!behind.is_empty())..];
             }
             other => {
@@ -93,7 +103,7 @@ fn byte_order(bytes: &[u8], file: &Path) -> Result<bool, ReadViewsError> {
 
 /// The name and the value of a matrix element, all of whose bytes are the stream's.
 fn matrix(s: &mut Stream<'_>, depth: usize) -> Result<(String, Value), ReadViewsError> {
-    s.charge(size_of::<Value>())?;
+    s.charge(VALUE)?;
     if s.left == 0 {
         let array = Array { dims: vec![0, 0], data: Data::Bits(0, Vec::new()) };
         return Ok((String::new(), Value::Numbers(array)));
@@ -108,6 +118,7 @@ fn matrix(s: &mut Stream<'_>, depth: usize) -> Result<(String, Value), ReadViews
     let class = flags as u32 & 0xff;
     // An opaque object has no shape; the rest of it is passed over with it.
     let dims = if class == 17 { vec![0, 0] } else { shape(s)? };
+    s.charge(size_of_val(&dims[..]))?;
     let tag = s.need_tag("name")?;
     let name = s.bytes(tag, "name", NAME_BYTES)?;
     let name = String::from_utf8_lossy(&name).trim_end_matches('\0').to_owned();
@@ -155,6 +166,7 @@ fn nested(s: &mut Stream<'_>, count: usize, depth: usize) -> Result<Vec<Value>, 
         }
         let outer = s.left - tag.size;
         s.left = tag.size;
+        s.make_room(&mut out)?;
         out.push(matrix(s, depth + 1)?.1);
         s.left = outer;
         let padding = (8 - tag.size % 8) % 8;
@@ -196,7 +208,9 @@ fn text(s: &mut Stream<'_>, dims: &[usize], count: usize) -> Result<String, Read
         other => return Err(s.wrong("text", format!("type {other}"), "characters")),
     };
     let bytes = s.bytes(tag, "text", TEXT_BYTES.min(s.left.max(4)))?;
-    s.charge(4 * bytes.len())?;
+    // Letters, and the text, either of which may move into twice the room while it grows.
+    let most = 24 * bytes.len();
+    s.charge(most)?;
     let unit = |raw: &[u8]| {
         raw.iter().enumerate().fold(0u32, |unit, (k, &byte)| {
             unit | u32::from(byte) << (8 * if big_endian { raw.len() - 1 - k } else { k })
@@ -214,9 +228,12 @@ fn text(s: &mut Stream<'_>, dims: &[usize], count: usize) -> Result<String, Read
         }
     };
     let rows = dims[0];
-    if rows <= 1 || letters.len() != count {
-        return Ok(letters.into_iter().collect());
-    }
-    let row = |i: usize| letters.iter().skip(i).step_by(rows).collect::<String>();
-    Ok((0..rows).map(|i| row(i).trim_end().to_owned() + "\n").collect())
+    let text: String = if rows <= 1 || letters.len() != count {
+        letters.into_iter().collect()
+    } else {
+        let row = |i: usize| letters.iter().skip(i).step_by(rows).collect::<String>();
+        (0..rows).map(|i| row(i).trim_end().to_owned() + "\n").collect()
+    };
+    s.budget.give_back((most - most.min(text.capacity())) as u64);
+    Ok(text)
 }

@@ -3,15 +3,16 @@
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
+use mesh_core::{Budget, OverLimit};
+
 use super::Data;
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::content::over;
+use crate::error::ReadViewsError;
 
 /// How many bytes are moved at a time: what a forged length can make us take at once.
 const CHUNK: usize = 1 << 16;
-/// No variable may inflate to more bytes than this.
-const INFLATED_BYTES: u64 = 1 << 33;
-/// The values of a file may not take more memory than this.
-const KEPT_BYTES: u64 = 1 << 31;
+/// The format has 32 bits for the length of a variable.
+const INFLATED_BYTES: u64 = 1 << 32;
 
 /// The start of an element: what it holds and how many bytes.
 #[derive(Clone, Copy, Debug)]
@@ -31,8 +32,8 @@ pub(super) struct Stream<'a> {
     pub(super) place: String,
     /// Bytes that the element around still has.
     pub(super) left: u64,
-    /// Bytes that the values of the file may still take.
-    pub(super) budget: u64,
+    /// Memory that the values of the file may still take.
+    pub(super) budget: Budget,
 }
 
 impl<'a> Stream<'a> {
@@ -42,9 +43,10 @@ impl<'a> Stream<'a> {
         file: &'a Path,
         place: String,
         left: Option<u64>,
+        budget: Budget,
     ) -> Self {
         let left = left.unwrap_or(INFLATED_BYTES);
-        Self { input, big_endian, file, place, left, budget: KEPT_BYTES }
+        Self { input, big_endian, file, place, left, budget }
     }
 
     /// An error about a part of what is being read.
@@ -159,7 +161,7 @@ impl<'a> Stream<'a> {
                 format!("at most {limit}"),
             ));
         }
-        let mut out = Vec::new();
+        let mut out = Vec::with_capacity((tag.size as usize).min(CHUNK));
         self.data(tag, |_, piece| {
             out.extend_from_slice(piece);
             Ok(())
@@ -181,20 +183,14 @@ impl<'a> Stream<'a> {
 
     /// Takes memory from what the values of the file may take.
     pub(super) fn charge(&mut self, bytes: usize) -> Result<(), ReadViewsError> {
-        match self.budget.checked_sub(bytes as u64) {
-            Some(rest) => {
-                self.budget = rest;
-                Ok(())
-            }
-            None => Err(ReadViewsError::new(
-                self.file,
-                ViewsProblem::TooLarge {
-                    field: self.place.clone(),
-                    found: KEPT_BYTES - self.budget + bytes as u64,
-                    limit: KEPT_BYTES,
-                },
-            )),
-        }
+        let taken = self.budget.take(bytes as u64);
+        taken.map_err(|limit| over(self.file, self.place.clone(), limit))
+    }
+
+    /// Makes room for one value more, within what the values of the file may take.
+    pub(super) fn make_room<T>(&mut self, list: &mut Vec<T>) -> Result<(), ReadViewsError> {
+        let room = self.budget.reserve(list, 1);
+        room.map_err(|limit| over(self.file, self.place.clone(), limit))
     }
 
     /// Exactly `count` numbers of any stored type, in the narrowest form that holds them.
@@ -208,13 +204,15 @@ impl<'a> Stream<'a> {
             let expected = format!("{count} values of {} bytes", kind.size());
             return Err(self.wrong("numbers", found, expected));
         }
-        let mut narrow = Narrow::default();
+        let mut narrow = Narrow { whole: count, ..Narrow::default() };
         let (big_endian, size) = (self.big_endian, kind.size());
         // Chunks are a multiple of 8 bytes long, so no number is cut.
         self.data(tag, |stream, piece| {
-            let before = narrow.bytes();
-            piece.chunks_exact(size).for_each(|raw| narrow.push(kind.value(raw, big_endian)));
-            stream.charge(narrow.bytes().saturating_sub(before))
+            for raw in piece.chunks_exact(size) {
+                let pushed = narrow.push(kind.value(raw, big_endian), &mut stream.budget);
+                pushed.map_err(|limit| over(stream.file, stream.place.clone(), limit))?;
+            }
+            Ok(())
         })?;
         Ok(narrow.finish())
     }
@@ -223,6 +221,8 @@ impl<'a> Stream<'a> {
 /// Numbers as they arrive: bits until one is neither 0 nor 1, bytes until one is no byte.
 #[derive(Default)]
 struct Narrow {
+    /// How many there will be.
+    whole: usize,
     count: usize,
     bits: Vec<u8>,
     bytes: Vec<u8>,
@@ -230,46 +230,58 @@ struct Narrow {
 }
 
 impl Narrow {
-    fn push(&mut self, value: f64) {
+    fn push(&mut self, value: f64, budget: &mut Budget) -> Result<(), OverLimit> {
         // -0.0 stays a float: it is not the same number to a reader of signs.
         let is_byte =
             value.fract() == 0.0 && (0.0..=255.0).contains(&value) && value.is_sign_positive();
-        if !self.floats.is_empty() {
+        let is_bit = is_byte && value <= 1.0;
+        if self.count == 0 {
+            budget.reserve(&mut self.bits, self.whole.div_ceil(8))?;
+        }
+        if !is_byte && self.floats.is_empty() {
+            self.widen(budget, f64::from, |narrow| &mut narrow.floats)?;
+            budget.give_back(self.bytes.capacity() as u64);
+            self.bytes = Vec::new();
+        } else if !is_bit && self.floats.is_empty() && self.bytes.is_empty() {
+            self.widen(budget, |v| v, |narrow| &mut narrow.bytes)?;
+        }
+        if !self.floats.is_empty() || !is_byte {
             self.floats.push(value);
-        } else if !self.bytes.is_empty() {
-            if is_byte {
-                self.bytes.push(value as u8);
-            } else {
-                self.floats = std::mem::take(&mut self.bytes).into_iter().map(f64::from).collect();
-                self.floats.push(value);
-            }
-        } else if is_byte && value <= 1.0 {
+        } else if !self.bytes.is_empty() || !is_bit {
+            self.bytes.push(value as u8);
+        } else {
             if self.count.is_multiple_of(8) {
                 self.bits.push(0);
             }
             if value == 1.0 {
                 self.bits[self.count / 8] |= 1 << (self.count % 8);
             }
-        } else {
-            let bits = std::mem::take(&mut self.bits);
-            let bits = (0..self.count).map(|i| bits[i / 8] >> (i % 8) & 1);
-            if is_byte {
-                self.bytes = bits.collect();
-                self.bytes.push(value as u8);
-            } else {
-                self.floats = bits.map(f64::from).collect();
-                self.floats.push(value);
-            }
         }
         self.count += 1;
+        Ok(())
     }
 
-    fn bytes(&self) -> usize {
-        self.bits.len() + self.bytes.len() + 8 * self.floats.len()
+    /// Moves what has arrived into a wider form, which gets room for all that will: it never grows.
+    fn widen<T>(
+        &mut self,
+        budget: &mut Budget,
+        convert: impl Fn(u8) -> T,
+        form: impl Fn(&mut Self) -> &mut Vec<T>,
+    ) -> Result<(), OverLimit> {
+        let mut wide = Vec::new();
+        budget.reserve(&mut wide, self.whole)?;
+        let (bits, bytes) = (std::mem::take(&mut self.bits), &self.bytes);
+        if bytes.is_empty() {
+            wide.extend((0..self.count).map(|i| convert(bits[i / 8] >> (i % 8) & 1)));
+        } else {
+            wide.extend(bytes.iter().map(|&byte| convert(byte)));
+        }
+        budget.give_back(bits.capacity() as u64);
+        *form(self) = wide;
+        Ok(())
     }
 
-    fn finish(mut self) -> Data {
-        self.bits.shrink_to_fit();
+    fn finish(self) -> Data {
         if !self.floats.is_empty() {
             Data::Floats(self.floats)
         } else if !self.bytes.is_empty() {

@@ -11,18 +11,22 @@ const COMPRESSED: &[u8] = include_bytes!("../../tests/fixtures/mat/compressed.ma
 const BIG_ENDIAN: &[u8] = include_bytes!("../../tests/fixtures/mat/big_endian.mat");
 const VERSION_4: &[u8] = include_bytes!("../../tests/fixtures/mat/version4.mat");
 
+fn read(bytes: &[u8]) -> Result<Mat, ReadViewsError> {
+    Mat::read(&Content::from(bytes), file())
+}
+
 fn file() -> &'static Path {
     Path::new("a.mat")
 }
 
 fn message(bytes: &[u8]) -> String {
-    Mat::read(bytes, file()).unwrap_err().to_string()
+    read(bytes).unwrap_err().to_string()
 }
 
 #[test]
 fn what_scipy_wrote_is_read_in_every_form() {
     for bytes in [PLAIN, COMPRESSED, BIG_ENDIAN] {
-        let mat = Mat::read(bytes, file()).unwrap();
+        let mat = read(bytes).unwrap();
         let get = |name: &str| mat.need(name, file()).unwrap();
         let images = get("images").elements().unwrap();
         assert_eq!(images.len(), 3);
@@ -62,7 +66,7 @@ fn what_scipy_wrote_is_read_in_every_form() {
 
 #[test]
 fn messages_name_the_place_as_matlab_counts() {
-    let mat = Mat::read(COMPRESSED, file()).unwrap();
+    let mat = read(COMPRESSED).unwrap();
     let image = mat.need("images", file()).unwrap().elements().unwrap().swap_remove(1);
     let error = image.need("bbox").unwrap().need("x9").unwrap_err().to_string();
     assert!(error.contains("`images(2).bbox`") && error.contains("x9"), "{error}");
@@ -86,16 +90,16 @@ fn other_versions_are_refused_with_the_remedy() {
 #[test]
 fn a_file_cut_anywhere_is_an_error_or_the_variables_before() {
     for bytes in [PLAIN, COMPRESSED, BIG_ENDIAN] {
-        let whole = Mat::read(bytes, file()).unwrap();
-        let mut read = 0;
+        let whole = read(bytes).unwrap();
+        let mut survived = 0;
         for end in 0..bytes.len() {
-            if let Ok(part) = Mat::read(&bytes[..end], file()) {
-                read += 1;
+            if let Ok(part) = read(&bytes[..end]) {
+                survived += 1;
                 assert!(part.variables.len() < whole.variables.len() || end + 8 > bytes.len());
             }
         }
         // Right behind a variable, or within its padding.
-        assert!(read <= 8 * whole.variables.len(), "{read} of {} cuts", bytes.len());
+        assert!(survived <= 8 * whole.variables.len(), "{survived} of {} cuts", bytes.len());
     }
 }
 
@@ -145,7 +149,7 @@ fn nesting_ends_before_the_stack_does() {
 #[test]
 fn numbers_take_the_narrowest_form_and_keep_their_values() {
     let array = |name: &str, bytes: &[u8]| {
-        let mat = Mat::read(bytes, file()).unwrap();
+        let mat = read(bytes).unwrap();
         mat.need(name, file()).unwrap().numbers().unwrap().clone()
     };
     assert!(matches!(array("flag", PLAIN).data, Data::Bits(3, _)));
@@ -170,7 +174,7 @@ proptest! {
         if let Some(cut) = cut {
             bytes.truncate(cut.index(bytes.len()));
         }
-        if let Ok(mat) = Mat::read(&bytes, file()) {
+        if let Ok(mat) = read(&bytes) {
             for (name, _) in &mat.variables {
                 let node = mat.need(name, file()).unwrap();
                 let _ = (node.text(), node.number(), node.matrix3(), node.keys());
@@ -181,8 +185,8 @@ proptest! {
 
     #[test]
     fn no_bytes_make_it_panic(tail in proptest::collection::vec(any::<u8>(), 0..300)) {
-        let _ = Mat::read(&[&PLAIN[..128], &tail].concat(), file());
+        let _ = read(&[&PLAIN[..128], &tail].concat());
         let packed = [&[15, 0, 0, 0], (tail.len() as u32).to_le_bytes().as_slice(), &tail].concat();
-        let _ = Mat::read(&[&PLAIN[..128], &packed].concat(), file());
+        let _ = read(&[&PLAIN[..128], &packed].concat());
     }
 }

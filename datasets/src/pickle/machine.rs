@@ -3,10 +3,16 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
+use mesh_core::{Budget, Limits, OverLimit};
+
 use super::{Dtype, PickleError, RawArray, Value, error};
 
+/// Of the memory that a pickle may take, what nobody counts.
+const UNCOUNTED: u64 = 16_000_000;
 /// No module, class or function has a longer name; names are copied, and may be used many times.
 const LONGEST_NAME: usize = 64;
+/// What remembering a value takes, in a tree whose nodes are half full.
+const MEMO: usize = 24;
 
 /// The stack machine that a pickle is a program for.
 pub(super) struct Machine<'a> {
@@ -15,73 +21,86 @@ pub(super) struct Machine<'a> {
     values: Vec<Value<'a>>,
     stack: Vec<u32>,
     memo: BTreeMap<u32, u32>,
+    /// Memory that may still be taken.
+    budget: Budget,
 }
 
 type Step<T = ()> = Result<T, PickleError>;
 
 impl<'a> Machine<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, at: 0, values: Vec::new(), stack: Vec::new(), memo: BTreeMap::new() }
+        let (values, stack, memo) = (Vec::new(), Vec::new(), BTreeMap::new());
+        let mut budget = Limits::default().budget(bytes.len() as u64);
+        let _ = budget.take(bytes.len() as u64 + UNCOUNTED);
+        Self { bytes, at: 0, values, stack, memo, budget }
     }
 
-    /// Runs to the end: the table of values, and which of them is the result. Each instruction
+    /// Runs to the end: the table of values, which of them is the result, what may still be taken. Each instruction
     /// takes at least a byte, and time for what it takes off the stack.
-    pub(super) fn run(mut self) -> Step<(Vec<Value<'a>>, u32)> {
+    pub(super) fn run(mut self) -> Step<(Vec<Value<'a>>, u32, Budget)> {
         loop {
             let op = self.take(1)?[0];
             match op {
                 b'.' => {
                     let root = self.pop()?;
-                    return Ok((self.values, root));
+                    return Ok((self.values, root, self.budget));
                 }
                 0x80 => drop(self.take(1)?), // protocol
                 0x95 => drop(self.take(8)?), // frame
-                b'(' => self.push(Value::Mark),
-                b'N' => self.push(Value::None),
-                0x88 | 0x89 => self.push(Value::Number(f64::from(op == 0x88))),
-                b']' | b')' | b'}' => self.push(Value::Sequence(Vec::new())),
+                b'(' => self.push(Value::Mark)?,
+                b'N' => self.push(Value::None)?,
+                0x88 | 0x89 => self.push(Value::Number(f64::from(op == 0x88)))?,
+                b']' | b')' | b'}' => self.push(Value::Sequence(Vec::new()))?,
                 b'K' | b'M' | b'J' | b'G' | 0x8a | b'I' | b'L' | b'F' => self.number(op)?,
                 b'U' | b'T' | b'X' | b'C' | b'B' | 0x8c | 0x8d | 0x8e | 0x96 | b'S' | b'V' => {
                     self.text(op)?;
                 }
                 b't' | b'l' | b'd' => {
                     let items = self.above_mark()?;
-                    self.push(Value::Sequence(items));
+                    self.push(Value::Sequence(items))?;
                 }
                 0x85..=0x87 => {
                     let count = usize::from(op - 0x84);
                     let Some(start) = self.stack.len().checked_sub(count) else {
                         return Err(self.wrong("an empty stack", "values for a tuple"));
                     };
+                    self.take_memory(count * size_of::<u32>())?;
                     let items = self.stack.split_off(start);
-                    self.push(Value::Sequence(items));
+                    self.push(Value::Sequence(items))?;
                 }
                 b'a' => {
                     let item = self.pop()?;
-                    self.extend(vec![item])?;
+                    self.extend(&[item])?;
                 }
                 b's' => {
                     let (value, key) = (self.pop()?, self.pop()?);
-                    self.extend(vec![key, value])?;
+                    self.extend(&[key, value])?;
                 }
                 b'e' | b'u' => {
                     let items = self.above_mark()?;
-                    self.extend(items)?;
+                    self.extend(&items)?;
+                    self.budget.give_back(size_of_val(&items[..]) as u64);
                 }
                 b'0' => drop(self.pop()?),
-                b'1' => drop(self.above_mark()?),
+                b'1' => {
+                    let items = self.above_mark()?;
+                    self.budget.give_back(size_of_val(&items[..]) as u64);
+                }
                 b'2' => {
                     let top = self.pop()?;
-                    self.stack.extend([top, top]);
+                    self.push_index(top)?;
+                    self.push_index(top)?;
                 }
                 b'p' | b'q' | b'r' | 0x94 | b'g' | b'h' | b'j' => self.memory(op)?,
                 b'c' => {
                     let (module, name) = (self.line()?, self.line()?);
-                    self.push(Value::Global([module, b".", name].concat().into()));
+                    self.take_memory(module.len() + name.len() + 1)?;
+                    self.push(Value::Global([module, b".", name].concat().into()))?;
                 }
                 0x93 => {
                     let (name, module) = (self.pop_bytes()?, self.pop_bytes()?);
-                    self.push(Value::Global([&module[..], b".", &name].concat().into()));
+                    self.take_memory(module.len() + name.len() + 1)?;
+                    self.push(Value::Global([&module[..], b".", &name].concat().into()))?;
                 }
                 b'R' => self.reduce()?,
                 b'b' => self.build()?,
@@ -129,9 +148,33 @@ impl<'a> Machine<'a> {
         Ok(u64::from_le_bytes(raw))
     }
 
-    fn push(&mut self, value: Value<'a>) {
-        self.stack.push(self.values.len() as u32);
+    /// The error where the values would take more memory than a file of this length may.
+    fn held(&self, taken: Result<(), OverLimit>) -> Step {
+        taken.map_err(|OverLimit { needed, most }| {
+            let expected = format!("values that take at most {most}");
+            self.wrong(&format!("{needed} bytes of memory"), &expected)
+        })
+    }
+
+    fn take_memory(&mut self, bytes: usize) -> Step {
+        let taken = self.budget.take(bytes as u64);
+        self.held(taken)
+    }
+
+    fn push(&mut self, value: Value<'a>) -> Step {
+        let index = u32::try_from(self.values.len());
+        let index = index.map_err(|_| self.wrong("ever more values", "fewer than 2^32"))?;
+        let room = self.budget.reserve(&mut self.values, 1);
+        self.held(room)?;
         self.values.push(value);
+        self.push_index(index)
+    }
+
+    fn push_index(&mut self, index: u32) -> Step {
+        let room = self.budget.reserve(&mut self.stack, 1);
+        self.held(room)?;
+        self.stack.push(index);
+        Ok(())
     }
 
     fn pop(&mut self) -> Step<u32> {
@@ -151,20 +194,22 @@ impl<'a> Machine<'a> {
     fn above_mark(&mut self) -> Step<Vec<u32>> {
         let mark = self.stack.iter().rposition(|&i| matches!(self.values[i as usize], Value::Mark));
         let mark = mark.ok_or_else(|| self.wrong("no mark on the stack", "one"))?;
+        self.take_memory(size_of_val(&self.stack[mark + 1..]))?;
         let items = self.stack.split_off(mark + 1);
         self.stack.pop();
         Ok(items)
     }
 
-    fn extend(&mut self, items: Vec<u32>) -> Step {
+    fn extend(&mut self, items: &[u32]) -> Step {
         let top = self.stack.last().copied();
-        match top.map(|top| &mut self.values[top as usize]) {
-            Some(Value::Sequence(list)) => {
-                list.extend(items);
-                Ok(())
-            }
-            _ => Err(self.wrong("something else", "a list or dictionary to put values into")),
+        let Some(Value::Sequence(list)) = top.map(|top| &mut self.values[top as usize]) else {
+            return Err(self.wrong("something else", "a list or dictionary to put values into"));
+        };
+        let room = self.budget.reserve(list, items.len());
+        if room.is_ok() {
+            list.extend(items);
         }
+        self.held(room)
     }
 
     fn number(&mut self, op: u8) -> Step {
@@ -193,8 +238,7 @@ impl<'a> Machine<'a> {
                 })?
             }
         };
-        self.push(Value::Number(value));
-        Ok(())
+        self.push(Value::Number(value))
     }
 
     fn text(&mut self, op: u8) -> Step {
@@ -204,14 +248,14 @@ impl<'a> Machine<'a> {
             0x8d | 0x8e | 0x96 => self.count(8)?,
             _ => {
                 let line = self.line()?;
+                // Of a byte of Latin-1 UTF-8 makes two; a growing text moves into twice the room.
+                self.take_memory(line.len().saturating_mul(4))?;
                 let text = if op == b'S' { unquoted(line) } else { unicode(line) };
-                self.push(Value::Bytes(text.into()));
-                return Ok(());
+                return self.push(Value::Bytes(text.into()));
             }
         };
         let bytes = self.take(usize::try_from(size).unwrap_or(usize::MAX))?;
-        self.push(Value::Bytes(bytes.into()));
-        Ok(())
+        self.push(Value::Bytes(bytes.into()))
     }
 
     /// Remembers the top of the stack, or brings back what was remembered.
@@ -227,13 +271,14 @@ impl<'a> Machine<'a> {
         };
         if matches!(op, b'g' | b'h' | b'j') {
             let value = self.memo.get(&key).copied();
-            self.stack.push(value.ok_or_else(|| self.wrong("a value never remembered", "one"))?);
+            self.push_index(value.ok_or_else(|| self.wrong("a value never remembered", "one"))?)
         } else {
             let top = self.pop()?;
             self.stack.push(top);
+            self.take_memory(MEMO)?;
             self.memo.insert(key, top);
+            Ok(())
         }
-        Ok(())
     }
 
     /// Calls: of all functions only those that make arrays.
@@ -264,7 +309,9 @@ impl<'a> Machine<'a> {
                 let fortran =
                     matches!(argument(3), Some((_, Value::Bytes(order))) if **order == *b"F");
                 let shape = argument(2).and_then(|(_, shape)| self.shape(shape));
-                shape.map(|shape| Value::Array(Some(RawArray { shape, dtype, fortran, data })))
+                shape.map(|shape| {
+                    Value::Array(Some(Box::new(RawArray { shape, dtype, fortran, data })))
+                })
             }
             _ => None,
         };
@@ -274,8 +321,10 @@ impl<'a> Machine<'a> {
                 self.wrong(&format!("a call of {name}"), "one that makes an array of numbers")
             );
         };
-        self.push(result);
-        Ok(())
+        if let Value::Array(Some(array)) = &result {
+            self.take_memory(array.memory())?;
+        }
+        self.push(result)
     }
 
     /// Fills an array or a dtype with its state.
@@ -303,14 +352,18 @@ impl<'a> Machine<'a> {
                     Some(&data),
                 ) => {
                     let fortran = order != 0.0;
-                    self.shape(shape)
-                        .map(|shape| Value::Array(Some(RawArray { shape, dtype, fortran, data })))
+                    self.shape(shape).map(|shape| {
+                        Value::Array(Some(Box::new(RawArray { shape, dtype, fortran, data })))
+                    })
                 }
                 _ => None,
             },
             _ => None,
         };
         let filled = filled.ok_or_else(|| self.wrong("another state", "that of an array"))?;
+        if let Value::Array(Some(array)) = &filled {
+            self.take_memory(array.memory())?;
+        }
         self.values[target as usize] = filled;
         Ok(())
     }

@@ -21,6 +21,7 @@ pub use ellipsoid::{Ellipsoid, EllipsoidLevel, Support};
 pub use sample::{Sample, read_sample, write_sample};
 
 use crate::assemble::{Picture, assemble, read_picture};
+use crate::content::over;
 use crate::dataset::{Dataset, Entry, Truth};
 use crate::error::ReadViewsError;
 use crate::mask::{mask_from_alpha, mask_from_backdrop};
@@ -32,6 +33,8 @@ use crate::view::{Layout, Views};
 
 /// No list of samples is longer than this: the published ones have some 5 MB.
 const LIST_BYTES: u64 = 1 << 28;
+/// What a line of a list takes: a path and an entry, and both again while their lists grow.
+const ENTRY: usize = 400;
 
 /// Pixel2Mesh's samples: a list of them, a folder of them, or one.
 #[derive(Clone, Debug)]
@@ -106,6 +109,10 @@ fn listed(path: &Path) -> Result<Vec<PathBuf>, ReadViewsError> {
     let source = Source::folder(folder);
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let bytes = source.open()?.read(&name, "list of samples", LIST_BYTES)?;
+    // Places are made of the names of folders, which may be longer than a line.
+    let each = ENTRY + 4 * folder.as_os_str().len();
+    let lines = bytes.check_lines(each);
+    lines.map_err(|limit| over(path, "lines", limit))?;
     let text = String::from_utf8_lossy(&bytes);
     let above = folder.join("..");
     let places = [folder.to_owned(), above.join("data_tf"), above.join("data"), above];

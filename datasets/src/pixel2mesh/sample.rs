@@ -5,6 +5,7 @@ use std::path::Path;
 use mesh_core::ByteImage;
 use mesh_core::io::write_atomic;
 
+use crate::content::Content;
 use crate::dataset::SurfacePoints;
 use crate::error::{ReadViewsError, WriteViewsError};
 use crate::pickle::{Item, Pickle, PickleError};
@@ -32,7 +33,7 @@ pub fn read_sample(path: &Path) -> Result<Sample, ReadViewsError> {
     decode(&bytes).map_err(|e| ReadViewsError::field(path, e.field, e.found, e.expected))
 }
 
-pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadViewsError> {
+pub(super) fn read_bytes(path: &Path) -> Result<Content, ReadViewsError> {
     let folder = path.parent().unwrap_or_else(|| Path::new(""));
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     Source::folder(folder).open()?.read(&name, "pickle", MOST_BYTES)

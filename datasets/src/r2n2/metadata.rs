@@ -4,6 +4,7 @@ use std::path::Path;
 
 use mesh_core::R2n2View;
 
+use crate::content::over;
 use crate::error::ReadViewsError;
 use crate::source::Source;
 
@@ -11,6 +12,8 @@ pub(super) const FILE: &str = "rendering_metadata.txt";
 pub(super) const NAMES: &str = "renderings.txt";
 /// Neither file is longer than this.
 const MOST_BYTES: u64 = 1 << 24;
+/// What a line takes: a view, and its name, and both again while their lists grow.
+const LINE: usize = 400;
 
 /// One view as the metadata has it.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,6 +35,8 @@ impl Lines {
         let mut opened = source.open()?;
         let path = source.locate(FILE);
         let text = opened.read(FILE, "cameras", MOST_BYTES)?;
+        let lines = text.check_lines(LINE);
+        lines.map_err(|limit| over(&path, "lines", limit))?;
         let text = String::from_utf8_lossy(&text);
         let views = parse(&text, &path)?;
         if !source.has(NAMES) {
@@ -39,6 +44,8 @@ impl Lines {
             return Ok(Self(views.into_iter().enumerate().map(line).collect()));
         }
         let names = opened.read(NAMES, "names of the pictures", MOST_BYTES)?;
+        let lines = names.check_lines(LINE);
+        lines.map_err(|limit| over(&source.locate(NAMES), "lines", limit))?;
         let names = String::from_utf8_lossy(&names);
         let names = parse_names(&names, views.len(), &source.locate(NAMES))?;
         let line = |(picture, (view, fov))| Line { picture, view, fov };

@@ -5,14 +5,18 @@ use std::path::{Path, PathBuf};
 
 use mesh_core::io::write_atomic;
 
+use crate::content::over;
 use crate::dataset::Subset;
 use crate::error::{ReadViewsError, WriteViewsError};
+use crate::json::{Node, parse};
 use crate::source::Source;
 
 /// The file that we write.
 const JSON: &str = "splits.json";
 /// No file of splits is longer than this: the whole of ShapeNet takes a tenth.
 const MOST_BYTES: u64 = 1 << 28;
+/// What is said about an object takes so much: its names, and the nodes of the tree that it is in.
+const OBJECT: usize = 400;
 
 /// Which objects, and which of their views, belong to which subset.
 ///
@@ -99,16 +103,24 @@ impl Splits {
         warnings: &mut Vec<String>,
     ) -> Result<(), ReadViewsError> {
         let bytes = source.open()?.read(name, "split", MOST_BYTES)?;
-        let json: Json = serde_json::from_slice(&bytes)
-            .map_err(|error| ReadViewsError::new(source.locate(name), error))?;
-        for (subset, categories) in json {
-            let Some(subset) = subset_named(&subset) else {
+        let path = source.locate(name);
+        let mut budget = bytes.budget();
+        let value = parse(&bytes, &path)?;
+        for (subset, categories) in Node::root(&value, &path).members()? {
+            let Some(known) = subset_named(subset) else {
+                let subset: String = subset.chars().take(60).collect();
                 warnings.push(format!("{name} has a subset {subset:?}, which is not read"));
                 continue;
             };
-            for (category, models) in categories {
-                for (model, views) in models {
-                    self.insert(&category, &model, subset, views);
+            for (category, models) in categories.members()? {
+                for (model, views) in models.members()? {
+                    // The tree of the file is there as well, which takes at least as much.
+                    let names = category.len() + model.len();
+                    let taken = budget.take((2 * OBJECT + names) as u64);
+                    taken.map_err(|limit| over(&path, "objects", limit))?;
+                    let views = views.elements()?;
+                    let views = views.iter().map(Node::index).collect::<Result<_, _>>()?;
+                    self.insert(category, model, known, views);
                 }
             }
         }
@@ -126,6 +138,8 @@ impl Splits {
                 continue;
             }
             let bytes = source.open()?.read(name, "split", MOST_BYTES)?;
+            let lines = bytes.check_lines(OBJECT);
+            lines.map_err(|limit| over(&source.locate(name), "lines", limit))?;
             let text = String::from_utf8_lossy(&bytes);
             for (i, line) in text.lines().enumerate() {
                 let line = line.trim();

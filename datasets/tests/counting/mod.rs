@@ -1,5 +1,6 @@
 //! Counts the memory that a test holds, over all threads of its process.
 #![allow(unsafe_code, reason = "a counting allocator")]
+#![allow(dead_code, reason = "each test takes of it what it needs")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -7,6 +8,11 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// What hostile files of a few kB may take.
 pub(crate) const LIMIT: usize = 64 << 20;
+
+/// What any file of so many bytes may take: 256 MB, and 20 bytes for each of its own.
+pub(crate) fn limit(bytes: usize) -> usize {
+    256_000_000 + 20 * bytes
+}
 
 struct Counting;
 

@@ -18,6 +18,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod budget;
 mod error;
 mod freeze;
 mod map;
@@ -50,7 +51,8 @@ pub fn read_weights(path: impl AsRef<Path>) -> Result<State, WeightsError> {
         .map_err(|reason| WeightsError::Format { path: path.to_owned(), reason })
 }
 
-/// [`read_weights`] of bytes. Memory is taken only for numbers that are there.
+/// [`read_weights`] of bytes. Memory is taken only for numbers that are there: at most 256 MB and 20
+/// bytes for each of the file's.
 ///
 /// # Errors
 /// What is wrong with the bytes.

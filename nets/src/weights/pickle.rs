@@ -4,14 +4,19 @@
 //! the few constructors that weight files name (ordered dictionaries, tensors, parameters) are
 //! known here, every other call gives [`Value::Opaque`]. Values live in one arena and refer to
 //! each other by index, so no input can make it recurse, and each instruction, which is at least
-//! a byte, adds at most a few values.
+//! a byte, adds at most a few values; what they take is counted, and ends the reading where it is
+//! out of proportion to the file.
 //!
 //! Opcodes: Python's `pickletools` documentation, protocols 0 to 5.
 
 use std::collections::BTreeMap;
 
+use super::budget::Budget;
+
 /// Bytes of the longest name of a type, function or storage.
 const LONGEST_NAME: usize = 200;
+/// What remembering a value takes, in a tree whose nodes are half full.
+const MEMO: usize = 40;
 
 /// A value's place in the arena.
 pub(super) type Id = usize;
@@ -48,6 +53,20 @@ pub(super) struct TensorView {
     pub(super) strides: Vec<u64>,
 }
 
+impl Value {
+    /// What it takes beside its place in the arena.
+    fn memory(&self) -> usize {
+        match self {
+            Self::Opaque | Self::Bool(_) | Self::Integer(_) => 0,
+            Self::Text(text) | Self::Global(text) => text.capacity(),
+            Self::Sequence(items) => items.capacity() * size_of::<Id>(),
+            Self::Dictionary(pairs) => pairs.capacity() * size_of::<(Id, Id)>(),
+            Self::Storage { kind, key, .. } => kind.capacity() + key.capacity(),
+            Self::Tensor(view) => (view.shape.capacity() + view.strides.capacity()) * 8,
+        }
+    }
+}
+
 /// All values of one pickle, and the one it stands for.
 #[derive(Debug)]
 pub(super) struct Pickle {
@@ -79,12 +98,12 @@ impl Pickle {
     }
 }
 
-/// Reads one pickle at the front of `bytes`.
+/// Reads one pickle at the front of `bytes`, whose values are taken from the budget.
 ///
 /// # Errors
 /// Where and what is wrong.
-pub(super) fn read(bytes: &[u8]) -> Result<Pickle, String> {
-    let mut machine = Machine { bytes, at: 0, ..Machine::default() };
+pub(super) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Pickle, String> {
+    let mut machine = Machine::new(bytes, *budget);
     let root = loop {
         let at = machine.at;
         match machine.step() {
@@ -93,10 +112,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Pickle, String> {
             Err(reason) => return Err(format!("pickle, byte {at}: {reason}")),
         }
     };
+    *budget = machine.budget;
     Ok(Pickle { values: machine.values, root, length: machine.at })
 }
 
-#[derive(Default)]
 struct Machine<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -105,24 +124,30 @@ struct Machine<'a> {
     /// Heights of the stack.
     marks: Vec<usize>,
     memo: BTreeMap<u64, Id>,
+    budget: Budget,
 }
 
 type Step<T> = Result<T, String>;
 
 impl<'a> Machine<'a> {
+    fn new(bytes: &'a [u8], budget: Budget) -> Self {
+        let (values, stack, marks) = (Vec::new(), Vec::new(), Vec::new());
+        Self { bytes, at: 0, values, stack, marks, memo: BTreeMap::new(), budget }
+    }
+
     /// Runs one instruction; the result at the end.
     fn step(&mut self) -> Step<Option<Id>> {
         match self.byte()? {
-            0x80 => drop(self.take(1)?),               // PROTO
-            0x95 => drop(self.take(8)?),               // FRAME
-            b'.' => return self.pop().map(Some),       // STOP
-            b'(' => self.marks.push(self.stack.len()), // MARK
-            b'N' | b')' | b']' | b'}' | 0x8f | 0x88 | 0x89 => self.constant(),
+            0x80 => drop(self.take(1)?),         // PROTO
+            0x95 => drop(self.take(8)?),         // FRAME
+            b'.' => return self.pop().map(Some), // STOP
+            b'(' => self.mark()?,                // MARK
+            b'N' | b')' | b']' | b'}' | 0x8f | 0x88 | 0x89 => self.constant()?,
             b'K' | b'M' | b'J' | 0x8a | 0x8b | b'I' | b'L' => self.integer()?,
             b'G' => self.skip(8)?, // BINFLOAT
             b'F' => {
                 self.line()?;
-                self.push(Value::Opaque);
+                self.push(Value::Opaque)?;
             } // FLOAT
             b'X' | 0x8c | 0x8d | b'U' | b'T' | b'V' | b'S' => self.string()?,
             b'C' | b'B' | 0x8e | 0x96 => self.skip_bytes()?,
@@ -130,7 +155,10 @@ impl<'a> Machine<'a> {
             b'd' => self.dictionary()?, // DICT
             b'a' | b'e' => self.append()?,
             b's' | b'u' => self.set_items()?,
-            b'1' | 0x90 => drop(self.pop_mark()?), // POP_MARK, ADDITEMS
+            b'1' | 0x90 => {
+                let items = self.pop_mark()?;
+                self.budget.give(size_of_val(&items[..]));
+            } // POP_MARK, ADDITEMS
             b'q' | b'r' | b'p' | 0x94 => self.put()?,
             b'h' | b'j' | b'g' => self.get()?,
             b'c' | 0x93 => self.global()?,
@@ -174,9 +202,23 @@ impl<'a> Machine<'a> {
         Ok(&rest[..end])
     }
 
-    fn push(&mut self, value: Value) {
+    fn push(&mut self, value: Value) -> Step<()> {
+        self.budget.take(value.memory())?;
+        self.budget.reserve(&mut self.values, 1)?;
         self.values.push(value);
-        self.stack.push(self.values.len() - 1);
+        self.push_id(self.values.len() - 1)
+    }
+
+    fn push_id(&mut self, id: Id) -> Step<()> {
+        self.budget.reserve(&mut self.stack, 1)?;
+        self.stack.push(id);
+        Ok(())
+    }
+
+    fn mark(&mut self) -> Step<()> {
+        self.budget.reserve(&mut self.marks, 1)?;
+        self.marks.push(self.stack.len());
+        Ok(())
     }
 
     fn pop(&mut self) -> Step<Id> {
@@ -189,14 +231,16 @@ impl<'a> Machine<'a> {
 
     fn pop_mark(&mut self) -> Step<Vec<Id>> {
         let mark = self.marks.pop().ok_or("there is no mark")?;
-        Ok(self.stack.split_off(mark.min(self.stack.len())))
+        let mark = mark.min(self.stack.len());
+        self.budget.take(size_of_val(&self.stack[mark..]))?;
+        Ok(self.stack.split_off(mark))
     }
 
     fn top(&self) -> Step<Id> {
         self.stack.last().copied().ok_or_else(|| "the stack is empty".to_owned())
     }
 
-    fn constant(&mut self) {
+    fn constant(&mut self) -> Step<()> {
         let value = match self.bytes[self.at - 1] {
             b')' | b']' => Value::Sequence(Vec::new()),
             b'}' => Value::Dictionary(Vec::new()),
@@ -204,7 +248,7 @@ impl<'a> Machine<'a> {
             0x89 => Value::Bool(false),
             _ => Value::Opaque,
         };
-        self.push(value);
+        self.push(value)
     }
 
     fn integer(&mut self) -> Step<()> {
@@ -215,18 +259,8 @@ impl<'a> Machine<'a> {
             b'I' | b'L' => {
                 let line = String::from_utf8_lossy(self.line()?).into_owned();
                 match line.trim_end_matches('L') {
-                    "00" => {
-                        return {
-                            self.push(Value::Bool(false));
-                            Ok(())
-                        };
-                    }
-                    "01" => {
-                        return {
-                            self.push(Value::Bool(true));
-                            Ok(())
-                        };
-                    }
+                    "00" => return self.push(Value::Bool(false)),
+                    "01" => return self.push(Value::Bool(true)),
                     digits => digits.parse().map_err(|_| format!("`{digits}` is no integer"))?,
                 }
             }
@@ -240,14 +274,12 @@ impl<'a> Machine<'a> {
                 i64::from_le_bytes(all)
             }
         };
-        self.push(Value::Integer(value));
-        Ok(())
+        self.push(Value::Integer(value))
     }
 
     fn skip(&mut self, count: usize) -> Step<()> {
         self.take(count)?;
-        self.push(Value::Opaque);
-        Ok(())
+        self.push(Value::Opaque)
     }
 
     fn skip_bytes(&mut self) -> Step<()> {
@@ -257,8 +289,7 @@ impl<'a> Machine<'a> {
             _ => 8,
         };
         self.counted(width)?;
-        self.push(Value::Opaque);
-        Ok(())
+        self.push(Value::Opaque)
     }
 
     fn string(&mut self) -> Step<()> {
@@ -273,8 +304,10 @@ impl<'a> Machine<'a> {
             }
             _ => self.line()?,
         };
-        self.push(Value::Text(String::from_utf8_lossy(bytes).into_owned()));
-        Ok(())
+        // Of a byte that is no UTF-8 three become, in a text that may grow into twice its room.
+        let broken = std::str::from_utf8(bytes).is_err();
+        self.budget.take(if broken { 9 * bytes.len() } else { 0 })?;
+        self.push(Value::Text(String::from_utf8_lossy(bytes).into_owned()))
     }
 
     fn sequence(&mut self) -> Step<()> {
@@ -287,13 +320,13 @@ impl<'a> Machine<'a> {
                 items
             }
         };
-        self.push(Value::Sequence(items));
-        Ok(())
+        self.push(Value::Sequence(items))
     }
 
     fn dictionary(&mut self) -> Step<()> {
         let items = self.pop_mark()?;
-        self.push(Value::Dictionary(items.chunks_exact(2).map(|p| (p[0], p[1])).collect()));
+        self.push(Value::Dictionary(items.chunks_exact(2).map(|p| (p[0], p[1])).collect()))?;
+        self.budget.give(size_of_val(&items[..]));
         Ok(())
     }
 
@@ -304,6 +337,7 @@ impl<'a> Machine<'a> {
         };
         let list = self.top()?;
         if let Value::Sequence(list) = &mut self.values[list] {
+            self.budget.reserve(list, items.len())?;
             list.extend(items);
         }
         Ok(())
@@ -318,6 +352,7 @@ impl<'a> Machine<'a> {
         };
         let target = self.top()?;
         if let Value::Dictionary(pairs) = &mut self.values[target] {
+            self.budget.reserve(pairs, items.len() / 2)?;
             pairs.extend(items.chunks_exact(2).map(|pair| (pair[0], pair[1])));
         }
         Ok(())
@@ -329,6 +364,7 @@ impl<'a> Machine<'a> {
             _ => self.slot()?,
         };
         let top = self.top()?;
+        self.budget.take(MEMO)?;
         self.memo.insert(slot, top);
         Ok(())
     }
@@ -336,8 +372,7 @@ impl<'a> Machine<'a> {
     fn get(&mut self) -> Step<()> {
         let slot = self.slot()?;
         let id = self.memo.get(&slot).ok_or_else(|| format!("nothing was stored as {slot}"))?;
-        self.stack.push(*id);
-        Ok(())
+        self.push_id(*id)
     }
 
     fn slot(&mut self) -> Step<u64> {
@@ -366,8 +401,7 @@ impl<'a> Machine<'a> {
         if module.len() + name.len() > LONGEST_NAME {
             return Err(format!("a name of {} bytes", module.len() + name.len()));
         }
-        self.push(Value::Global(format!("{module}.{name}")));
-        Ok(())
+        self.push(Value::Global(format!("{module}.{name}")))
     }
 
     /// A call, of which only those that make weights mean anything.
@@ -391,13 +425,11 @@ impl<'a> Machine<'a> {
                 let Some(&inner) = arguments.first() else {
                     return Err("a call lacks its argument".into());
                 };
-                self.stack.push(inner);
-                return Ok(());
+                return self.push_id(inner);
             }
             _ => Value::Opaque,
         };
-        self.push(value);
-        Ok(())
+        self.push(value)
     }
 
     /// `(storage, offset, size, stride, ..)`.
@@ -448,7 +480,6 @@ impl<'a> Machine<'a> {
             }
             _ => Value::Opaque,
         };
-        self.push(value);
-        Ok(())
+        self.push(value)
     }
 }

@@ -6,13 +6,15 @@
 //! the pickle of the object, a pickle with the list of keys, and then for each key the number of
 //! elements, 8 bytes, and the bytes. Both: the file formats of `torch/serialization.py`.
 //!
-//! Nothing is executed and memory is taken only for numbers that are there.
+//! Nothing is executed, and memory is taken only for numbers that are there: at most so much for each
+//! byte of the file, beside what any file may take.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
 use autodiff_lite::state::State;
 
+use super::budget::Budget;
 use super::pickle::{self, Id, Pickle, TensorView, Value};
 use autodiff_lite::state::{from_bfloat, from_half};
 
@@ -23,6 +25,11 @@ const NESTED: [&str; 3] = ["state_dict", "model_state_dict", "model"];
 const MAGIC: [u8; 14] =
     [0x80, 2, 0x8a, 10, 0x6c, 0xfc, 0x9c, 0x46, 0xf9, 0x20, 0x6a, 0xa8, 0x50, 0x19];
 
+/// What a storage's place takes in a tree whose nodes are half full, and its name.
+const STORAGE: usize = 200;
+/// What an array's place takes in such a tree.
+const ARRAY: usize = 400;
+
 /// Whether the bytes begin like a `.pth` file of either layout.
 pub(super) fn recognises(bytes: &[u8]) -> bool {
     bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(&MAGIC)
@@ -30,10 +37,25 @@ pub(super) fn recognises(bytes: &[u8]) -> bool {
 
 /// Reads the bytes of a `.pth` file.
 pub(super) fn read(bytes: &[u8]) -> Result<State, String> {
-    if bytes.starts_with(&MAGIC) { old(bytes) } else { archive(bytes) }
+    let mut budget = Budget::of(bytes.len());
+    if bytes.starts_with(&MAGIC) { old(bytes, &mut budget) } else { archive(bytes, &mut budget) }
 }
 
-fn archive(bytes: &[u8]) -> Result<State, String> {
+/// Where the list of an archive's files begins: its last record.
+const END_OF_ARCHIVE: &[u8] = b"PK\x05\x06";
+/// What the reader of archives keeps of each file.
+const ENTRY: usize = 1200;
+
+/// Takes the memory for the list of an archive's files, each of which has at least 46 bytes there.
+fn listed(bytes: &[u8], budget: &mut Budget) -> Result<(), String> {
+    let files = bytes.windows(4).filter(|&w| w == b"PK\x01\x02").count();
+    let end = bytes.windows(4).rposition(|w| w == END_OF_ARCHIVE);
+    end.ok_or("it has no list of its files")?;
+    budget.take(files.saturating_mul(ENTRY))
+}
+
+fn archive(bytes: &[u8], budget: &mut Budget) -> Result<State, String> {
+    listed(bytes, budget)?;
     let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|error| error.to_string())?;
     let name = zip
         .file_names()
@@ -47,17 +69,18 @@ fn archive(bytes: &[u8]) -> Result<State, String> {
         return Err("its numbers are big-endian".to_owned());
     }
     let main = entry(&mut zip, bytes, &name)?.unwrap_or_default();
-    let pickle = pickle::read(main).map_err(|reason| format!("{name}: {reason}"))?;
+    let pickle = pickle::read(main, budget).map_err(|reason| format!("{name}: {reason}"))?;
     let mut storages = BTreeMap::new();
     for value in &pickle.values {
         let Value::Storage { key, .. } = value else { continue };
         if !storages.contains_key(key.as_str()) {
+            budget.take(STORAGE + key.len() + folder.len())?;
             let data = entry(&mut zip, bytes, &format!("{folder}data/{key}"))?;
             let data = data.ok_or_else(|| format!("the archive lacks {folder}data/{key}"))?;
             storages.insert(key.clone(), data);
         }
     }
-    collect(&pickle, &storages, bytes.len())
+    collect(&pickle, &storages, budget)
 }
 
 /// The bytes of one file of the archive, as they lie in it.
@@ -82,10 +105,10 @@ fn entry<'a>(
     found.map(Some).ok_or_else(|| format!("{name} reaches past the end of the file"))
 }
 
-fn old(bytes: &[u8]) -> Result<State, String> {
+fn old(bytes: &[u8], budget: &mut Budget) -> Result<State, String> {
     let mut at = 0;
     let mut next = |what: &str| {
-        let pickle = pickle::read(&bytes[at..])
+        let pickle = pickle::read(&bytes[at..], budget)
             .map_err(|reason| format!("{what}, which begins at byte {at}: {reason}"))?;
         at += pickle.length;
         Ok::<_, String>((pickle, at))
@@ -99,6 +122,7 @@ fn old(bytes: &[u8]) -> Result<State, String> {
     }
     let (object, _) = next("the object")?;
     let (keys, mut at) = next("the list of storages")?;
+    budget.take(object.values.len().saturating_mul(STORAGE))?;
     let kinds: BTreeMap<&str, &str> = object
         .values
         .iter()
@@ -120,10 +144,11 @@ fn old(bytes: &[u8]) -> Result<State, String> {
         let size = size.ok_or_else(|| format!("storage {key} has a type of unknown size"))?;
         let length = usize::try_from(count).ok().and_then(|n| n.checked_mul(size));
         let end = length.and_then(|length| (at + 8).checked_add(length)).ok_or_else(missing)?;
+        budget.take(STORAGE + key.len())?;
         storages.insert(key.to_owned(), bytes.get(at + 8..end).ok_or_else(missing)?);
         at = end;
     }
-    collect(&object, &storages, bytes.len())
+    collect(&object, &storages, budget)
 }
 
 fn element_size(kind: &str) -> Option<usize> {
@@ -140,12 +165,10 @@ fn element_size(kind: &str) -> Option<usize> {
 fn collect(
     pickle: &Pickle,
     storages: &BTreeMap<String, &[u8]>,
-    file: usize,
+    budget: &mut Budget,
 ) -> Result<State, String> {
     let weights = weights_of(pickle);
     let mut state = State::new();
-    // Tensors may share a storage; what they take together stays within some times the file.
-    let mut budget = file.saturating_mul(4);
     for (name, id) in pickle.entries(weights) {
         let Value::Tensor(view) = pickle.get(id) else { continue };
         let about = |reason: String| format!("{name}: {reason}");
@@ -153,9 +176,13 @@ fn collect(
         let data =
             storages.get(key.as_str()).ok_or_else(|| about("its storage is missing".into()))?;
         let plan = Plan::new(view, *elements).map_err(about)?;
-        budget = budget
-            .checked_sub(plan.len())
-            .ok_or_else(|| about("the tensors share storages too often".into()))?;
+        // Tensors may share a storage: what they take is counted each time. Numbers are gathered,
+        // then copied into the state.
+        let numbers = element_size(kind).unwrap_or(0).max(4).saturating_mul(plan.len());
+        budget
+            .take(numbers.saturating_add(ARRAY + name.len() + size_of_val(&plan.shape[..])))
+            .and_then(|()| budget.take(numbers))
+            .map_err(|reason| about(format!("{reason}: do tensors share storages too often?")))?;
         let short = || about(format!("its storage has {} bytes, too few", data.len()));
         match kind.as_str() {
             "FloatStorage" => {
@@ -176,6 +203,7 @@ fn collect(
             }
             other => state.insert_other(name, &plan.shape, other),
         }
+        budget.give(numbers);
     }
     if state.names().next().is_none() {
         return Err("it holds no tensor under a name: save `model.state_dict()`".to_owned());
@@ -206,9 +234,16 @@ struct Plan {
 impl Plan {
     fn new(view: &TensorView, elements: u64) -> Result<Self, String> {
         let overflow = || format!("a shape of {:?} is too large", view.shape);
-        let count = view.shape.iter().try_fold(1_u64, |n, &size| n.checked_mul(size));
+        // Whatever axes are empty: the others together have to be fewer bytes than memory has
+        // addresses, or there is no such array.
+        let full = view.shape.iter().filter(|&&size| size > 0);
+        let most = full.copied().try_fold(size_of::<f64>() as u64, u64::checked_mul);
+        let most = most.filter(|&bytes| isize::try_from(bytes).is_ok()).ok_or_else(overflow)?;
+        let count = if view.shape.contains(&0) { 0 } else { most / size_of::<f64>() as u64 };
         // A tensor with more elements than its storage repeats them, which weights do not.
-        let count = count.filter(|&n| n <= elements).ok_or_else(overflow)?;
+        if count > elements {
+            return Err(overflow());
+        }
         let mut last = view.offset;
         for (&size, &stride) in view.shape.iter().zip(&view.strides) {
             let reach = size.saturating_sub(1).checked_mul(stride).ok_or_else(overflow)?;

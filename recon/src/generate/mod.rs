@@ -77,7 +77,7 @@ use rayon::prelude::*;
 use crate::fit::Flow;
 
 pub use config::{CameraSet, GenerateConfig, OutputLayout};
-pub use model::{Model, Normalize};
+pub use model::{Model, Normalize, ReadModelError};
 pub use object::ObjectInfo;
 pub use rough::{RoughPosesError, read_rough_poses};
 pub use store::UNFINISHED;

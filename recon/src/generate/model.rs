@@ -1,6 +1,6 @@
 //! A mesh of the user's own as the object.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use mesh_core::{ReadMeshError, TriMesh, read_mesh};
 
@@ -14,6 +14,48 @@ pub struct Model {
     pub mesh: TriMesh,
     /// What the manifest says of it, so that another file is not taken for it.
     pub(super) fingerprint: String,
+}
+
+/// Why a mesh cannot be the object of a dataset.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadModelError {
+    /// The file cannot be read as a mesh.
+    #[error(transparent)]
+    Mesh(#[from] ReadMeshError),
+    /// There is nothing to render.
+    #[error(
+        "{}: faces: found none ({vertices} vertices), expected a surface: points alone are not seen",
+        path.display()
+    )]
+    NoFaces {
+        /// The file.
+        path: PathBuf,
+        /// How many vertices it has.
+        vertices: usize,
+    },
+    /// A vertex is nowhere.
+    #[error("{}: vertex {vertex}: found {position:?}, expected finite numbers", path.display())]
+    NotFinite {
+        /// The file.
+        path: PathBuf,
+        /// The first such vertex, counted from 0.
+        vertex: usize,
+        /// Where it claims to be.
+        position: [f32; 3],
+    },
+}
+
+/// Refuses what would make pictures of nothing.
+fn check(path: &Path, mesh: &TriMesh) -> Result<(), ReadModelError> {
+    let path = path.to_owned();
+    if mesh.faces.is_empty() {
+        return Err(ReadModelError::NoFaces { path, vertices: mesh.positions.len() });
+    }
+    let nowhere = mesh.positions.iter().position(|p| !p.iter().all(|x| x.is_finite()));
+    nowhere.map_or(Ok(()), |vertex| {
+        Err(ReadModelError::NotFinite { path, vertex, position: mesh.positions[vertex] })
+    })
 }
 
 /// What size a mesh is brought to; all but `None` centre its box at the origin.
@@ -34,9 +76,11 @@ impl Model {
     /// Reads an OBJ, PLY or GLB; colours and texture are kept.
     ///
     /// # Errors
-    /// If the file cannot be read, or has no faces.
-    pub fn read(path: &Path, normalize: Normalize) -> Result<Self, ReadMeshError> {
+    /// If the file cannot be read, or holds nothing that could be rendered: a cloud of points, a
+    /// mesh with a corner that is nowhere.
+    pub fn read(path: &Path, normalize: Normalize) -> Result<Self, ReadModelError> {
         let mesh = read_mesh(path)?;
+        check(path, &mesh)?;
         let bytes = std::fs::read(path)
             .map_err(|source| ReadMeshError::Io { path: path.into(), source })?;
         let stem = path.file_stem().map(|stem| stem.to_string_lossy()).unwrap_or_default();
@@ -118,5 +162,28 @@ mod tests {
         assert_eq!(model.name, "my_chair__2_");
         assert!(model.fingerprint.contains("UnitBox"));
         assert!(Model::read(&folder.path().join("no.obj"), Normalize::None).is_err());
+    }
+
+    #[test]
+    fn what_cannot_be_seen_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cloud.ply");
+        let ply = |corner: &str, faces: usize| {
+            format!(
+                "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+                 property float z\nelement face {faces}\nproperty list uchar int vertex_indices\n\
+                 end_header\n0 0 0\n1 0 0\n{corner}\n{}",
+                "3 0 1 2\n".repeat(faces)
+            )
+        };
+        std::fs::write(&path, ply("0 1 0", 0)).unwrap();
+        let error = Model::read(&path, Normalize::None).unwrap_err().to_string();
+        assert!(error.contains("cloud.ply: faces: found none (3 vertices)"), "{error}");
+        std::fs::write(&path, ply("0 nan 0", 1)).unwrap();
+        let error = Model::read(&path, Normalize::UnitBox).unwrap_err().to_string();
+        // The reader may know better than to hand such a vertex out.
+        assert!(error.contains("cloud.ply") && error.to_lowercase().contains("nan"), "{error}");
+        std::fs::write(&path, ply("0 1 0", 1)).unwrap();
+        assert_eq!(Model::read(&path, Normalize::None).unwrap().mesh.faces.len(), 1);
     }
 }

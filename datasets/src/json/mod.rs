@@ -1,10 +1,19 @@
 //! JSON whose every value knows its place, so that messages can name file and field.
 
+mod value;
+
 use std::path::Path;
 
 use serde_json::Value;
 
+use crate::content::{Content, over};
 use crate::error::ReadViewsError;
+
+use value::Failure;
+
+/// No place is named by a longer key: some come from the file, and stand in the name of every
+/// place below them.
+const LONGEST_KEY: usize = 60;
 
 /// A value and where it stands.
 #[derive(Clone, Debug)]
@@ -18,18 +27,32 @@ pub(crate) struct Node<'a> {
 /// Parses JSON, and also what Python writes for numbers that are none.
 ///
 /// `NaN` and `Infinity` become strings, so that the field that holds them can be named.
-pub(crate) fn parse(bytes: &[u8], file: &Path) -> Result<Value, ReadViewsError> {
-    serde_json::from_slice(bytes).or_else(|error| {
-        let text = String::from_utf8_lossy(bytes);
-        if !text.contains("NaN") && !text.contains("Infinity") {
-            return Err(ReadViewsError::new(file, error));
+///
+/// # Errors
+/// Text that is no JSON, or whose values would take more memory than a file of its length may.
+pub(crate) fn parse(content: &Content, file: &Path) -> Result<Value, ReadViewsError> {
+    let mut budget = content.budget();
+    let failed = |failure| match failure {
+        Failure::Json(error) => ReadViewsError::new(file, error),
+        Failure::OverLimit(limit) => over(file, "the values of the file", limit),
+    };
+    value::parse(content, &mut budget.clone()).or_else(|failure| {
+        let says = |word: &[u8]| content.windows(word.len()).any(|found| found == word);
+        let Failure::Json(_) = failure else { return Err(failed(failure)) };
+        if !says(b"NaN") && !says(b"Infinity") {
+            return Err(failed(failure));
         }
-        serde_json::from_str(&quote_non_numbers(&text)).map_err(|e| ReadViewsError::new(file, e))
+        // The text, where a byte that is no UTF-8 takes three, and its copy.
+        let copies = budget.take((content.len() as u64).saturating_mul(6));
+        copies.map_err(|limit| failed(Failure::OverLimit(limit)))?;
+        let text = quote_non_numbers(&String::from_utf8_lossy(content));
+        value::parse(text.as_bytes(), &mut budget).map_err(failed)
     })
 }
 
 fn quote_non_numbers(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
+    // The words become longer by their quotes, at most by as much as two for three letters.
+    let mut out = String::with_capacity(text.len() / 3 * 5 + 2);
     let (mut inside, mut rest) = (false, text);
     while let Some(c) = rest.chars().next() {
         let word = ["-Infinity", "Infinity", "NaN"].into_iter().find(|w| rest.starts_with(w));
@@ -121,6 +144,12 @@ impl<'a> Node<'a> {
         }
     }
 
+    /// A whole number from 0 that counts or points at something.
+    pub(crate) fn index(&self) -> Result<usize, ReadViewsError> {
+        let value = self.value.as_u64().and_then(|value| usize::try_from(value).ok());
+        value.ok_or_else(|| self.wrong("a whole number from 0"))
+    }
+
     pub(crate) fn text(&self) -> Result<&'a str, ReadViewsError> {
         self.value.as_str().ok_or_else(|| self.wrong("a string"))
     }
@@ -190,7 +219,8 @@ impl<'a> Node<'a> {
         Ok(object
             .iter()
             .map(|(key, value)| {
-                let field = format!("{}{dot}{key}", self.field);
+                let end = key.char_indices().nth(LONGEST_KEY).map_or(key.len(), |(end, _)| end);
+                let field = format!("{}{dot}{}", self.field, &key[..end]);
                 (key.as_str(), Node { file: self.file, value, field })
             })
             .collect())
@@ -198,11 +228,36 @@ impl<'a> Node<'a> {
 
     /// An error about this value.
     pub(crate) fn wrong(&self, expected: impl Into<String>) -> ReadViewsError {
-        let mut found = self.value.to_string();
-        if found.chars().count() > 60 {
-            found = found.chars().take(57).chain("...".chars()).collect();
+        ReadViewsError::field(self.file, &self.field, short(self.value), expected)
+    }
+}
+
+/// The value's text, cut: only as much of it is written as is shown.
+fn short(value: &Value) -> String {
+    const MOST: usize = 400;
+    struct Cut(Vec<u8>);
+    impl std::io::Write for Cut {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            let rest = MOST.saturating_sub(self.0.len());
+            if rest == 0 {
+                return Err(std::io::ErrorKind::StorageFull.into());
+            }
+            self.0.extend_from_slice(&bytes[..bytes.len().min(rest)]);
+            Ok(bytes.len().min(rest))
         }
-        ReadViewsError::field(self.file, &self.field, found, expected)
+
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+    let mut text = Cut(Vec::new());
+    // Where the text is longer, writing ends with an error that says nothing new.
+    let _ = serde_json::to_writer(&mut text, value);
+    let text = String::from_utf8_lossy(&text.0);
+    if text.chars().count() > 60 {
+        text.chars().take(57).chain("...".chars()).collect()
+    } else {
+        text.into_owned()
     }
 }
 
@@ -215,7 +270,7 @@ mod tests {
     fn a_number_that_is_none_is_named_by_its_field() {
         let file = Path::new("a.json");
         let text = br#"{"say": "NaN \" -Infinity", "m": [[1, NaN, 0, 0], [0, 1, 0, 0], [-Infinity, 0, 1, 0]]}"#;
-        let value = parse(text, file).unwrap();
+        let value = parse(&Content::from(&text[..]), file).unwrap();
         let root = Node::root(&value, file);
         assert_eq!(root.need("say").unwrap().text().unwrap(), "NaN \" -Infinity");
         let error = root.need("m").unwrap().matrix().unwrap_err();
@@ -226,12 +281,12 @@ mod tests {
     #[test]
     fn what_is_missing_or_of_another_kind_is_named() {
         let file = Path::new("a.json");
-        let value = parse(br#"{"a": {"b": "x"}}"#, file).unwrap();
+        let value = parse(&Content::from(&br#"{"a": {"b": "x"}}"#[..]), file).unwrap();
         let a = Node::root(&value, file).need("a").unwrap();
         assert_eq!(a.need("c").unwrap_err().field_name(), Some("a.c"));
         let b = a.need("b").unwrap();
         assert_eq!(b.number().unwrap_err().field_name(), Some("a.b"));
         assert!(b.matrix().is_err() && b.pixels().is_err());
-        assert!(parse(b"{", file).is_err());
+        assert!(parse(&Content::from(&b"{"[..]), file).is_err());
     }
 }
