@@ -118,8 +118,7 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
 /// If a face names a vertex that is not there.
 pub fn turntable(mesh: &TriMesh) -> Result<Vec<u8>, FacesError> {
     let Some(bounds) = mesh.bounds() else { return Ok(Vec::new()) };
-    let lit = mesh.colors.is_none() && mesh.texture.is_none();
-    let lighting = if lit { Lighting::studio() } else { Lighting::default() };
+    let lighting = Lighting::for_mesh(mesh);
     let options = RenderOptions { background: BACKDROP, lighting, ..RenderOptions::default() };
     let cameras = orbit(bounds, FRAMES, 0.35, PICTURE);
     let frames: Vec<ByteImage> = render_views(mesh, &cameras, &options, &|_, _| ())?
@@ -139,7 +138,7 @@ pub fn animation(meshes: &[TriMesh]) -> Result<Vec<u8>, FacesError> {
     let all: Vec<[f32; 3]> = meshes.iter().flat_map(|mesh| mesh.positions.clone()).collect();
     let Some(bounds) = TriMesh::new(all, Vec::new()).bounds() else { return Ok(Vec::new()) };
     // What has no colours shows its shape by the light alone.
-    let lighting = Lighting::studio();
+    let lighting = Lighting::shape();
     let options = RenderOptions { background: BACKDROP, lighting, ..RenderOptions::default() };
     // From the side and above: the second of eight around.
     let camera = orbit(bounds, 8, 0.35, PICTURE).swap_remove(1);
@@ -196,7 +195,7 @@ pub(crate) fn compare(
     let renders = Mutex::new(BTreeMap::new());
     let scores = score_views(mesh, views, &|index, render| {
         if index % stride == 0 {
-            let picture = close_up(views[index], &render);
+            let picture = close_up(views[index], &shown_from(mesh, views[index], render));
             renders.lock().expect("no thread panicked").insert(index, picture);
         }
     })?;
@@ -208,6 +207,19 @@ pub(crate) fn compare(
     });
     let pairs = pairs.collect();
     Ok((scores, pairs))
+}
+
+/// What the report shows of the mesh from a view. Scores are of what was rendered for them; what has no colours would be
+/// a flat blob there, and shows its shape by light here.
+fn shown_from(mesh: &TriMesh, view: &View, scored: ByteImage) -> ByteImage {
+    let lighting = Lighting::for_mesh(mesh);
+    if lighting.is_flat() {
+        return scored;
+    }
+    let options = RenderOptions { lighting, ..RenderOptions::default() };
+    let camera = std::slice::from_ref(&view.camera);
+    let lit = render_views(mesh, camera, &options, &|_, _| ()).ok();
+    lit.and_then(|mut views| views.pop()).map_or(scored, |view| view.color)
 }
 
 /// Render and photograph around the object: a square with a margin, at most [`PICTURE`] wide.
@@ -287,7 +299,7 @@ fn figures(metrics: &Metrics) -> Vec<Figure> {
                 "F-score at 1 % of that",
                 comparison.f_scores.first().map(|f| format!("{:.3}", f.f_score)),
             ),
-            ("3D IoU", comparison.iou.map(|v| format!("{v:.3}"))),
+            ("3D IoU, as they lie", comparison.iou.map(|v| format!("{v:.3}"))),
         ];
         let known = cards.into_iter().filter_map(|(label, value)| Some(figure(value?, label)));
         figures.extend(known);
@@ -326,12 +338,7 @@ fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
     let mut tables = vec![mesh_table(&metrics.health, metrics.self_intersections)];
     for comparison in &metrics.truth {
         let mut rows = vec![row("formula", comparison.protocol.formula.clone())];
-        rows.extend(comparison.chamfer.map(|v| row("Chamfer", format!("{v:.4e}"))));
-        for f in &comparison.f_scores {
-            rows.push(row(&format!("F-score at {:.4}", f.threshold), format!("{:.4}", f.f_score)));
-        }
-        rows.extend(comparison.normal_consistency.map(|v| row("normals", format!("{v:.4}"))));
-        rows.extend(comparison.iou.map(|v| row("3D IoU", format!("{v:.4}"))));
+        rows.extend(comparison_rows(comparison));
         let title = format!("Against the true mesh: {}", comparison.protocol.name);
         tables.push(Table { title, rows });
     }
@@ -344,6 +351,31 @@ fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
     rows.extend(delivery.provenance.iter().cloned());
     tables.push(Table { title: "The run".into(), rows });
     tables
+}
+
+/// The figures of a comparison by name, each with its protocol's unit: the one list for every printout and page, so
+/// that a figure has one name and no two figures look alike that are not.
+pub fn comparison_rows(comparison: &Comparison) -> Vec<(String, String)> {
+    let protocol = &comparison.protocol;
+    let unit = protocol.distance_unit();
+    let mut rows = Vec::new();
+    for (name, value) in [
+        ("Chamfer", comparison.chamfer),
+        ("prediction to truth", comparison.accuracy),
+        ("truth to prediction", comparison.completeness),
+    ] {
+        rows.extend(value.map(|value| (name.to_owned(), format!("{value:.6}  ({unit})"))));
+    }
+    for score in &comparison.f_scores {
+        let name = format!("F-score at {:.4}", score.threshold);
+        rows.push((name, format!("{:.4}  (share of points, 0 to 1)", score.f_score)));
+    }
+    let normals = comparison.normal_consistency;
+    rows.extend(normals.map(|v| ("normals".to_owned(), format!("{v:.4}  (mean |cos|, 0 to 1)"))));
+    if let Some((iou, what)) = comparison.iou.zip(protocol.volume_unit()) {
+        rows.push(("3D IoU".to_owned(), format!("{iou:.4}  ({what})")));
+    }
+    rows
 }
 
 /// What there is to say about a mesh by itself.

@@ -154,6 +154,35 @@ pub struct Protocol {
 }
 
 impl Protocol {
+    /// What a distance of this protocol is counted in, in words: without it, figures of two protocols look alike and
+    /// differ a hundredfold.
+    pub fn distance_unit(&self) -> String {
+        let length = match self.normalisation {
+            Normalisation::AsGiven => "the meshes' own unit".to_owned(),
+            Normalisation::Scale { factor } => format!("the meshes' own unit times {factor}"),
+            Normalisation::LongestEdge { length } | Normalisation::Centred { length } => {
+                format!("the truth's longest side is {length}")
+            }
+        };
+        if self.squared {
+            format!("squared distance; {length}")
+        } else {
+            format!("distance; {length}")
+        }
+    }
+
+    /// What its volumes are compared as, in words; none where they are not.
+    pub fn volume_unit(&self) -> Option<String> {
+        Some(match self.iou? {
+            IouProtocol::CommonBox { resolution } => {
+                format!("solids as they lie, {resolution} cells along their box")
+            }
+            IouProtocol::McmrAligned { resolution } => {
+                format!("solids moved and scaled onto each other, {resolution}\u{b3} cells")
+            }
+        })
+    }
+
     /// Pixel2Mesh: scale 0.57, squared distances, `τ = 1e-4` and `2e-4` of squared distance.
     ///
     /// The original compares the predicted vertices with given ground-truth points; `meshrcnn
@@ -250,6 +279,17 @@ impl Protocol {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn figures_have_a_unit() {
+        let [p2m, mesh_rcnn, occ_net, mcmr] = Preset::ALL.map(|preset| preset.protocol(0));
+        assert_eq!(p2m.distance_unit(), "squared distance; the meshes' own unit times 0.57");
+        assert_eq!(mesh_rcnn.distance_unit(), "squared distance; the truth's longest side is 10");
+        assert_eq!(occ_net.distance_unit(), "distance; the truth's longest side is 1");
+        assert_eq!((p2m.volume_unit(), mesh_rcnn.volume_unit()), (None, None));
+        let [a, b] = [occ_net, mcmr].map(|p| p.volume_unit().expect("volumes are compared"));
+        assert!(a.contains("as they lie, 64") && b.contains("onto each other, 32"), "{a}, {b}");
+    }
 
     #[test]
     fn names_lead_back_to_their_presets() {

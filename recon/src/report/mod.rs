@@ -122,13 +122,18 @@ impl Report {
                 BASE64.encode(gif)
             );
         }
-        page.push_str(
-            "<div class=\"controls\"><label>show <select id=\"shading\">\
-             <option value=\"0\">colours as fitted</option><option value=\"1\">colours, lit</option>\
+        // What has no colours is a flat blob without light.
+        let colored = self.mesh.colors.is_some() || self.mesh.texture.is_some();
+        let colors = "<option value=\"0\">colours as they are</option>\
+                      <option value=\"1\">colours, lit</option>";
+        let _ = write!(
+            page,
+            "<div class=\"controls\"><label>show <select id=\"shading\" autocomplete=\"off\">{}\
              <option value=\"2\">shape</option><option value=\"3\">normals</option></select></label>\
              <label><input type=\"checkbox\" id=\"wires\"> edges</label>\
              <label><input type=\"checkbox\" id=\"spin\"> turn</label>\
              <span id=\"viewer-note\">Drag to turn, scroll to zoom.</span></div>",
+            if colored { colors } else { "" }
         );
     }
 
@@ -229,6 +234,19 @@ mod tests {
         let page = report.to_html();
         assert!(!page.contains("<script>alert"));
         assert!(page.contains("unsphere fit &quot;&lt;a b&gt;&quot;"));
+    }
+
+    #[test]
+    fn what_has_no_colours_is_shown_by_its_shape() {
+        let first = |mesh: &TriMesh| {
+            let page = Report { mesh: mesh.clone(), ..Report::default() }.to_html();
+            let options = page.split("<select id=\"shading\"").nth(1).unwrap_or_default();
+            options.split("<option value=\"").nth(1).unwrap_or_default().chars().next()
+        };
+        let mut mesh = mesh_core::primitives::icosphere(1);
+        assert_eq!(first(&mesh), Some('2'));
+        mesh.colors = Some(vec![[0.5; 3]; mesh.positions.len()]);
+        assert_eq!(first(&mesh), Some('0'));
     }
 
     #[test]

@@ -123,11 +123,14 @@
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
       textured = true;
       draw();
+      note_pixels();
     };
     picture.src = scene.texture;
   }
 
-  const state = { azimuth: 0.6, elevation: 0.3, zoom: 1, mode: 0, wires: false, spin: true };
+  // The page says what is shown first: colours where the mesh has some, else its shape.
+  const shading = document.getElementById("shading");
+  const state = { azimuth: 0.6, elevation: 0.3, zoom: 1, mode: +shading.value, wires: false, spin: true };
   const still = window.matchMedia && window.matchMedia("(prefers-reduced-motion: reduce)").matches;
   if (still) state.spin = false;
 
@@ -179,13 +182,25 @@
     }
   }
 
-  // How many pixels the mesh covers: what an automatic check of this page reads.
-  function covered() {
+  // How many pixels the mesh covers, their mean colour, and how much their brightness varies: what an automatic check
+  // of this page reads.
+  function note_pixels() {
     const bytes = new Uint8Array(canvas.width * canvas.height * 4);
     gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
-    let count = 0;
-    for (let i = 3; i < bytes.length; i += 4) if (bytes[i]) count++;
-    return count;
+    const sum = [0, 0, 0];
+    let count = 0, light = 0, squared = 0;
+    for (let i = 0; i < bytes.length; i += 4) {
+      if (bytes[i + 3] !== 255) continue;
+      count++;
+      for (let k = 0; k < 3; k++) sum[k] += bytes[i + k];
+      const grey = (bytes[i] + bytes[i + 1] + bytes[i + 2]) / 3;
+      light += grey;
+      squared += grey * grey;
+    }
+    const n = Math.max(count, 1);
+    canvas.dataset.pixels = String(count);
+    canvas.dataset.mean = sum.map((s) => (s / n).toFixed(1)).join(" ");
+    canvas.dataset.spread = Math.sqrt(Math.max(squared / n - (light / n) ** 2, 0)).toFixed(2);
   }
 
   let last = 0;
@@ -226,7 +241,7 @@
     state.elevation = Math.max(-1.55, Math.min(1.55, state.elevation + step[1]));
     draw();
   });
-  document.getElementById("shading").addEventListener("change", (e) => { state.mode = +e.target.value; draw(); });
+  shading.addEventListener("change", (e) => { state.mode = +e.target.value; draw(); });
   document.getElementById("wires").addEventListener("change", (e) => { state.wires = e.target.checked; draw(); });
   const spin = document.getElementById("spin");
   spin.checked = state.spin;
@@ -234,7 +249,7 @@
   window.addEventListener("resize", draw);
 
   draw();
-  canvas.dataset.pixels = String(covered());
+  note_pixels();
   canvas.dataset.status = "drawn";
   requestAnimationFrame(frame);
 })();

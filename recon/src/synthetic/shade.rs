@@ -10,14 +10,18 @@ use serde::{Deserialize, Serialize};
 /// ```text
 /// a · (ambient + Σ strength · max(0, n · direction))
 /// ```
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+///
+/// There is no default: no light at all would be one, and what it draws is black.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Lighting {
     /// Light from everywhere; 1 alone shows colours as they are.
     pub ambient: f32,
     /// Lights from far away.
+    #[serde(default)]
     pub lamps: Vec<Lamp>,
     /// Faces that meet at more than this angle have a sharp edge between them, degrees.
+    #[serde(default)]
     pub crease: f32,
 }
 
@@ -44,6 +48,22 @@ impl Lighting {
             lamps: vec![lamp([-0.5, 0.8, 0.9], 0.45), lamp([0.7, 0.2, -0.8], 0.2)],
             crease: 40.0,
         }
+    }
+
+    /// Little light from everywhere and much from two sides, for looking at shapes from all around.
+    pub fn shape() -> Self {
+        let lamp = |direction, strength| Lamp { direction, strength };
+        Self {
+            ambient: 0.25,
+            lamps: vec![lamp([-0.5, 0.8, 0.9], 0.7), lamp([0.7, 0.3, -0.8], 0.45)],
+            crease: 40.0,
+        }
+    }
+
+    /// What a picture of this mesh is to be lit by: its colours as they are, since light was in them when they were
+    /// taken; and where it has none, light that shows its shape.
+    pub fn for_mesh(mesh: &TriMesh) -> Self {
+        if mesh.colors.is_some() || mesh.texture.is_some() { Self::flat() } else { Self::shape() }
     }
 
     /// A light beside the camera's place, for looking at shapes.
@@ -216,6 +236,18 @@ pub(crate) fn unit(v: [f32; 3]) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What a file leaves out must not turn the light off.
+    #[test]
+    fn there_is_no_light_by_default() {
+        let read = |text: &str| toml::from_str::<Lighting>(text);
+        assert!(read("").is_err() && read("crease = 40.0").is_err());
+        assert_eq!(read("ambient = 1.0").ok(), Some(Lighting::flat()));
+        let mut mesh = mesh_core::primitives::icosphere(0);
+        assert_eq!(Lighting::for_mesh(&mesh), Lighting::shape());
+        mesh.colors = Some(vec![[0.5; 3]; 12]);
+        assert!(Lighting::for_mesh(&mesh).is_flat());
+    }
 
     #[test]
     fn light_falls_off_with_the_angle() {
