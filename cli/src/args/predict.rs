@@ -58,6 +58,9 @@ pub(crate) struct Predict {
     /// More views of the object, which only judge the mesh.
     #[arg(long, value_name = "VIEWS")]
     pub(crate) score: Option<PathBuf>,
+    /// Also measure how long a prediction takes, and write it down: the median of five more.
+    #[arg(long)]
+    pub(crate) time: bool,
     #[command(flatten)]
     pub(crate) reading: Reading,
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use recon::output::OutputFolder;
-use recon::predict::{Choice, Delivery, Metrics, Predictor, Request, deliver, predict};
+use recon::predict::{Choice, Delivery, Metrics, Predictor, Request, deliver, milliseconds};
 use recon::train::Checkpoint;
 use serde::Serialize;
 
@@ -18,6 +18,9 @@ use crate::system::ForSystem;
 
 /// Where the results go when nothing is said.
 const FOLDER: &str = "unsphere-predict";
+
+/// How often a prediction is timed where somebody asks.
+const TIMED: usize = 5;
 
 /// What is printed with `--json`: `metrics.json`, and where it is.
 #[derive(Debug, Serialize)]
@@ -64,14 +67,17 @@ impl ForSystem for Command<'_> {
         progress.finish();
         material.warnings.iter().for_each(|warning| console.warn(warning));
         let progress = Progress::new(console, "predict");
-        let prediction = predict(&system, &material)
-            .map_err(|error| Failure::Input(format!("{}: {error}", material.source.display())))?;
-        progress.say("scores, meshes, turntable, report".to_owned());
+        let refused = |error| Failure::Input(format!("{}: {error}", material.source.display()));
+        let prediction = system.apply(&material).map_err(refused)?;
+        let time = || milliseconds(&system, &material, TIMED).map_err(refused);
+        let milliseconds = arguments.time.then(time).transpose()?;
+        progress.say("scores, meshes, turntable, report");
         let made = provenance(None);
         let row = |name: &str, value: String| (name.to_owned(), value);
         let delivery = Delivery {
             checkpoint: found.file.display().to_string(),
             steps: checkpoint.step().map_err(Failure::input)?,
+            milliseconds,
             command: made.command,
             provenance: vec![
                 row("unsphere", made.version),
@@ -119,12 +125,11 @@ fn describe(outcome: &Outcome<'_>) -> String {
     let health = &metrics.health;
     let whole = if health.is_watertight() { "closed" } else { "not closed" };
     let psnr = scores.psnr.map_or_else(|| "none".to_owned(), |psnr| format!("{psnr:.2} dB"));
-    let rows = table([
+    let mut rows = vec![
         ("mask IoU", format!("{:.4}", scores.mask_iou)),
         ("PSNR", psnr),
         ("image L1", format!("{:.4}", scores.image_l1)),
         ("SSIM", format!("{:.4}", scores.ssim)),
-        ("prediction", format!("{:.1} ms", metrics.milliseconds)),
         (
             "mesh",
             format!(
@@ -133,8 +138,10 @@ fn describe(outcome: &Outcome<'_>) -> String {
             ),
         ),
         ("checkpoint", format!("{}, step {}", metrics.checkpoint, metrics.steps)),
-        ("output", outcome.output.display().to_string()),
-    ]);
+    ];
+    rows.extend(metrics.milliseconds.map(|time| ("prediction", format!("{time:.1} ms"))));
+    rows.push(("output", outcome.output.display().to_string()));
+    let rows = table(rows);
     let count = scores.views.len();
     let judged =
         if count == 1 { judged.replacen("cameras", "camera", 1) } else { judged.to_owned() };

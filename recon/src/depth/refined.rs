@@ -120,12 +120,14 @@ impl<B: Beginning> Refined<B> {
         (mesh(forward.last(), forward.colors), logits.unwrap_or_default())
     }
 
-    /// The meshes before and after each stage, in the frame of the camera.
-    pub fn stages_of(&self, scene: &Scene) -> Vec<TriMesh> {
+    /// The mesh of one picture as [`mesh_of`](Self::mesh_of) has it, and the meshes before and after each stage, without
+    /// colours; all in the frame of the camera.
+    pub fn mesh_and_stages_of(&self, scene: &Scene) -> (TriMesh, Vec<TriMesh>) {
         let tape = Tape::eval();
         let forward = self.forward(&tape, &[scene]);
         let all = std::iter::once(&forward.first).chain(&forward.stages);
-        all.map(|meshes| mesh(meshes, None)).collect()
+        let stages = all.map(|meshes| mesh(meshes, None)).collect();
+        (mesh(forward.last(), forward.colors), stages)
     }
 
     /// The first view as the network takes it. Its depth is what the network is given: planar depth, or, of a network for

@@ -248,7 +248,7 @@ fn a_sphere_grows_from_stage_to_stage() {
     let (_, scene) = scenes.trial(1, 0).unwrap();
     let counts = |subdivide: bool| -> Vec<usize> {
         let config = SphereConfig { subdivide, ..sphere() };
-        let stages = DepthPixel2Mesh::new(&config, 0).stages_of(&scene);
+        let stages = DepthPixel2Mesh::new(&config, 0).mesh_and_stages_of(&scene).1;
         stages.iter().map(|mesh| mesh.positions.len()).collect()
     };
     assert_eq!(counts(true), [12, 12, 42, 162]);

@@ -116,15 +116,16 @@ impl<D: Deformer> SingleView<D> {
         Ok((self.mesh(last.level, last.positions), deformed.stats))
     }
 
-    /// Meshes on the way from the ellipsoid to the shape, in the frame of the camera.
+    /// The mesh of one picture as [`mesh_of`](Self::mesh_of) has it, and meshes on the way from the ellipsoid to it, in
+    /// the frame of the camera.
     ///
     /// # Errors
     /// If an integration does not come to its end.
-    pub fn sequence_of(
+    pub fn mesh_and_sequence_of(
         &self,
         picture: &Picture,
         frames: usize,
-    ) -> Result<Vec<TriMesh>, SolveError> {
+    ) -> Result<(TriMesh, Vec<TriMesh>), SolveError> {
         let tape = Tape::eval();
         let run = Run::Sequence { frames: frames.max(2) };
         let deformed = self.deformed(&tape, &[picture], run)?;
@@ -133,7 +134,9 @@ impl<D: Deformer> SingleView<D> {
             let of = |level: &super::Level| level.mesh.positions.len() == vertices;
             self.template.levels.iter().position(of).expect("a level of the template")
         };
-        Ok(deformed.sequence.iter().map(|mesh| self.mesh(level(mesh), *mesh)).collect())
+        let last = deformed.stages.last().expect("a stage");
+        let sequence = deformed.sequence.iter().map(|mesh| self.mesh(level(mesh), *mesh));
+        Ok((self.mesh(last.level, last.positions), sequence.collect()))
     }
 
     fn mesh(&self, level: usize, positions: Var<'_>) -> TriMesh {

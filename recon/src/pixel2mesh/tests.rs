@@ -152,7 +152,8 @@ fn a_sequence_goes_from_the_ellipsoid_to_the_prediction() {
     let system = OdePixel2Mesh::new(&ode(), 3);
     let (mesh, stats) = system.mesh_of(&pair.picture).unwrap();
     assert_eq!((stats.evaluations, stats.accepted), (4, 4));
-    let sequence = system.sequence_of(&pair.picture, 5).unwrap();
+    let (same, sequence) = system.mesh_and_sequence_of(&pair.picture, 5).unwrap();
+    assert_eq!(same, mesh);
     assert_eq!(sequence.len(), 5);
     assert_eq!(sequence[0].positions, system.template.finest().mesh.positions);
     assert_eq!(sequence[4].positions, mesh.positions);
@@ -165,7 +166,8 @@ fn a_sequence_goes_from_the_ellipsoid_to_the_prediction() {
     let moved = far(&exact.positions, &sequence[0].positions);
     let error = far(&exact.positions, &mesh.positions);
     assert!(error > 0.0 && error < 0.5 * moved, "{error} of {moved}");
-    let staged = Pixel2Mesh::new(&stages(), 0).sequence_of(&pair.picture, 9).unwrap();
+    let staged = Pixel2Mesh::new(&stages(), 0);
+    let (_, staged) = staged.mesh_and_sequence_of(&pair.picture, 9).unwrap();
     let counts: Vec<usize> = staged.iter().map(|mesh| mesh.positions.len()).collect();
     assert_eq!(counts, [156, 156, 618]);
 }

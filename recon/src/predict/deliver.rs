@@ -27,6 +27,8 @@ pub struct Delivery<'a> {
     pub material: &'a Material,
     /// The prediction.
     pub prediction: &'a Prediction,
+    /// How long it took, where that was measured; see [`milliseconds`](super::milliseconds).
+    pub milliseconds: Option<f64>,
     /// The command as it was typed.
     pub command: String,
     /// More rows for the report's table: machine, threads, dates.
@@ -42,6 +44,7 @@ impl<'a> Delivery<'a> {
             steps: 0,
             material,
             prediction,
+            milliseconds: None,
             command: String::new(),
             provenance: Vec::new(),
         }
@@ -67,8 +70,9 @@ pub struct Metrics {
     pub health: Health,
     /// Pairs of faces that cut through each other.
     pub self_intersections: usize,
-    /// From decoded pictures to the mesh; see [`Prediction::milliseconds`].
-    pub milliseconds: f64,
+    /// From decoded pictures to the mesh. Absent where it was not measured: all else is the same each time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub milliseconds: Option<f64>,
     /// What else the system knows of its prediction, by name; empty for most.
     pub details: BTreeMap<String, Vec<f64>>,
     /// What a user should know, one sentence each.
@@ -108,7 +112,7 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
         held_out,
         health: mesh.health(),
         self_intersections: mesh.self_intersections().len(),
-        milliseconds: delivery.prediction.milliseconds,
+        milliseconds: delivery.milliseconds,
         details: delivery
             .prediction
             .details
@@ -161,8 +165,10 @@ fn report(
         None => (&metrics.given, "the cameras that were given, for want of others".to_owned()),
     };
     let mut figures = score_figures(scores);
-    let value = format!("{:.1} ms", metrics.milliseconds);
-    figures.push(Figure { value, label: "for the prediction".into() });
+    figures.extend(metrics.milliseconds.map(|milliseconds| {
+        let value = format!("{milliseconds:.1} ms");
+        Figure { value, label: "for the prediction".into() }
+    }));
     Report {
         title: format!("{}: a prediction", delivery.system),
         summary: format!(
@@ -203,8 +209,9 @@ fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
         row("input", format!("{} ({})", material.source.display(), material.layout)),
         row("given views", names.join(", ")),
         row("checkpoint", format!("{} (step {})", delivery.checkpoint, delivery.steps)),
-        row("prediction", format!("{:.2} ms, median of 5", metrics.milliseconds)),
     ];
+    let measured = metrics.milliseconds.map(|milliseconds| format!("{milliseconds:.2} ms"));
+    rows.extend(measured.map(|value| row("prediction", value)));
     for (name, values) in &delivery.prediction.details {
         let values: Vec<String> = values.iter().map(|value| format!("{value:.3}")).collect();
         rows.push(row(name, values.join(", ")));

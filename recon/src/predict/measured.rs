@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use datasets::{ReadOptions, View, read_depth_file, read_disparity_file};
-use mesh_core::{DepthMap, Lens, TriMesh};
+use mesh_core::{DepthMap, Lens};
 
 use super::material::{Material, Request};
-use super::predictor::Predictor;
+use super::predictor::{Prediction, Predictor};
 use crate::depth::{Beginning, DepthKind, Refined};
-use crate::train::{DataError, System};
+use crate::train::DataError;
 
 /// The least disparity that stands for an estimate's farthest pixel; the nearest is 1.
 const FARTHEST: f32 = 0.1;
@@ -31,14 +31,27 @@ impl<B: Beginning> Predictor for Refined<B> {
         Ok(material)
     }
 
-    fn mesh(&self, material: &Material) -> Result<TriMesh, String> {
-        self.predict(&material.given)
+    fn input(config: &B::Config) -> String {
+        let depth = match B::refine(config).depth {
+            DepthKind::None => return "one picture with its mask, without depth".to_owned(),
+            DepthKind::True => "measured",
+            DepthKind::Estimated => "estimated",
+        };
+        format!(
+            "one picture with its mask and its {depth} depth, which `predict` takes as --depth (--set depth=false \
+             trains without)"
+        )
     }
 
-    fn sequence(&self, material: &Material) -> Result<Vec<TriMesh>, String> {
+    fn apply(&self, material: &Material) -> Result<Prediction, String> {
         let scene = self.scene(&material.given)?;
-        let stages = self.stages_of(&scene).into_iter();
-        Ok(stages.map(|mesh| scene.relief.frame.mesh_in_world(mesh)).collect())
+        let (mesh, stages) = self.mesh_and_stages_of(&scene);
+        let in_world = |mesh| scene.relief.frame.mesh_in_world(mesh);
+        Ok(Prediction {
+            mesh: in_world(mesh),
+            sequence: stages.into_iter().map(in_world).collect(),
+            details: Vec::new(),
+        })
     }
 }
 
@@ -95,6 +108,7 @@ mod tests {
     use super::*;
     use crate::depth::{DepthPixel2Mesh, MeshRcnn, SphereConfig};
     use crate::img2mesh::Img2Mesh;
+    use crate::train::System as _;
 
     fn view() -> View {
         let camera = Camera::from_r2n2(0.0, 27.5, 0.8, 8, 8);
@@ -144,17 +158,19 @@ mod tests {
         let system = DepthPixel2Mesh::new(&config.system, 0);
         let request = Request::new(&picture);
         let material = system.gather(&request).unwrap();
-        let error = system.mesh(&material).unwrap_err();
+        let error = system.apply(&material).unwrap_err();
         assert!(error.contains("--depth"), "{error}");
         let intrinsics = Some([60.0, 60.0, 16.0, 16.0]);
         let given = Request { depth: Some(&depth), intrinsics, ..request.clone() };
         let material = system.gather(&given).unwrap();
         assert!(material.warnings.is_empty());
-        let mesh = system.mesh(&material).unwrap();
+        let Prediction { mesh, sequence, .. } = system.apply(&material).unwrap();
         assert!(
             mesh.colors.is_some() && mesh.positions.as_flattened().iter().all(|x| x.is_finite())
         );
-        assert_eq!(system.sequence(&material).unwrap().len(), 4);
+        assert_eq!(sequence.len(), 4);
+        assert_eq!(sequence[3].positions, mesh.positions);
+        assert_eq!(mesh, system.predict(&material.given).unwrap());
         let wrong = Request { intrinsics: Some([0.0, 1.0, 2.0, 3.0]), ..given.clone() };
         assert!(system.gather(&wrong).unwrap_err().to_string().contains("--intrinsics"));
         // Systems that take no depth say so.

@@ -1,20 +1,20 @@
 //! What was trained, applied to a user's files: from views on disk to the folder that a user keeps.
 //!
-//! A [`Predictor`] says how files become its input; [`Material`] holds what was read, [`predict`]
-//! makes the mesh and takes the time, [`deliver`] scores it at the cameras that were given and at
-//! those that were not, and writes meshes, turntable, report and figures.
+//! A [`Predictor`] says how files become its input, and makes of the [`Material`] that was read a [`Prediction`];
+//! [`deliver`] scores it at the cameras that were given and at those that were not, and writes meshes, turntable,
+//! report and figures. [`milliseconds`] takes the time, for those who ask.
 //!
 //! ```no_run
 //! use recon::img2mesh::Img2Mesh;
 //! use recon::output::OutputFolder;
-//! use recon::predict::{Choice, Delivery, Predictor, Request, deliver, predict};
+//! use recon::predict::{Choice, Delivery, Predictor, Request, deliver};
 //! use recon::train::{Checkpoint, Located};
 //!
 //! let found = Located::find("runs/clock".as_ref(), false)?;
 //! let (system, _) = Checkpoint::read(&found.file)?.load::<Img2Mesh>()?;
 //! let request = Request { choice: Choice::First(3), ..Request::new("views".as_ref()) };
 //! let material = system.gather(&request)?;
-//! let prediction = predict(&system, &material)?;
+//! let prediction = system.apply(&material)?;
 //! let folder = OutputFolder::create("out".as_ref(), false)?;
 //! let delivery = Delivery::new("img2mesh", &material, &prediction);
 //! println!("mask IoU {}", deliver(&delivery, &folder)?.given.mask_iou);
@@ -31,4 +31,4 @@ mod tests;
 
 pub use deliver::{Delivery, Metrics, deliver};
 pub use material::{Choice, Material, Request};
-pub use predictor::{Detail, Prediction, Predictor, predict};
+pub use predictor::{Detail, Prediction, Predictor, milliseconds};

@@ -10,9 +10,6 @@ use crate::mcmr::Mcmr;
 use crate::pixel2mesh::{Deformer, SingleView};
 use crate::train::{DataError, System};
 
-/// How often a prediction is timed.
-const TIMED: usize = 5;
-
 /// A system that makes a mesh from a user's files.
 ///
 /// All material is [`View`](datasets::View)s: a system of a single picture takes the first, with its
@@ -29,28 +26,26 @@ pub trait Predictor: System {
         Material::read(request)
     }
 
-    /// The mesh, coloured where the system knows colours, in the world of the given cameras.
+    /// What a prediction is made from under these options, as one asks a user for it.
+    fn input(config: &Self::Config) -> String;
+
+    /// Runs the network, once.
     ///
     /// # Errors
     /// Why the material does not serve, in one sentence.
-    fn mesh(&self, material: &Material) -> Result<TriMesh, String>;
+    fn apply(&self, material: &Material) -> Result<Prediction, String>;
+}
 
+/// What a system makes of its material.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Prediction {
+    /// The mesh, coloured where the system knows colours, in the world of the given cameras.
+    pub mesh: TriMesh,
     /// The mesh on its way from the template to the shape, first and last included, in the same world; empty where the
     /// system goes there in one step.
-    ///
-    /// # Errors
-    /// Why the material does not serve, in one sentence.
-    fn sequence(&self, _material: &Material) -> Result<Vec<TriMesh>, String> {
-        Ok(Vec::new())
-    }
-
+    pub sequence: Vec<TriMesh>,
     /// What else the system knows of what it predicted, by name: a camera, a selection. Empty where it is the mesh alone.
-    ///
-    /// # Errors
-    /// Why the material does not serve, in one sentence.
-    fn details(&self, _material: &Material) -> Result<Vec<Detail>, String> {
-        Ok(Vec::new())
-    }
+    pub details: Vec<Detail>,
 }
 
 /// A name and its numbers.
@@ -59,6 +54,9 @@ pub type Detail = (&'static str, Vec<f64>);
 /// Meshes of a deformation through time.
 const FRAMES: usize = 25;
 
+/// What systems ask for that see one picture and nothing else.
+const ONE_PICTURE: &str = "one picture with its mask";
+
 impl<D: Deformer> Predictor for SingleView<D> {
     const TRAINING: &'static str = D::TRAINING;
 
@@ -66,14 +64,20 @@ impl<D: Deformer> Predictor for SingleView<D> {
         Material::single(request)
     }
 
-    fn mesh(&self, material: &Material) -> Result<TriMesh, String> {
-        self.predict(&material.given)
+    fn input(_: &D::Config) -> String {
+        ONE_PICTURE.to_owned()
     }
 
-    fn sequence(&self, material: &Material) -> Result<Vec<TriMesh>, String> {
+    fn apply(&self, material: &Material) -> Result<Prediction, String> {
         let picture = self.picture(&material.given)?;
-        let meshes = self.sequence_of(&picture, FRAMES).map_err(|error| error.to_string())?;
-        Ok(meshes.into_iter().map(|mesh| picture.frame.mesh_in_world(mesh)).collect())
+        let (mesh, sequence) =
+            self.mesh_and_sequence_of(&picture, FRAMES).map_err(|error| error.to_string())?;
+        let in_world = |mesh| picture.frame.mesh_in_world(mesh);
+        Ok(Prediction {
+            mesh: in_world(mesh),
+            sequence: sequence.into_iter().map(in_world).collect(),
+            details: Vec::new(),
+        })
     }
 }
 
@@ -81,8 +85,12 @@ impl Predictor for Img2Mesh {
     const TRAINING: &'static str = "`unsphere train img2mesh VIEWS -o runs/mine` trains one, in about three minutes on two \
          cores (a rough one with --preset tiny, in seconds)";
 
-    fn mesh(&self, material: &Material) -> Result<TriMesh, String> {
-        self.predict(&material.given)
+    fn input(_: &Self::Config) -> String {
+        "views of one object: pictures, masks and cameras".to_owned()
+    }
+
+    fn apply(&self, material: &Material) -> Result<Prediction, String> {
+        Ok(Prediction { mesh: self.predict(&material.given)?, ..Prediction::default() })
     }
 }
 
@@ -94,54 +102,40 @@ impl Predictor for Mcmr {
         Material::single(request)
     }
 
-    fn mesh(&self, material: &Material) -> Result<TriMesh, String> {
-        Ok(self.predict(&material.given)?.mesh_in_world())
+    fn input(_: &Self::Config) -> String {
+        ONE_PICTURE.to_owned()
     }
 
-    fn details(&self, material: &Material) -> Result<Vec<Detail>, String> {
+    fn apply(&self, material: &Material) -> Result<Prediction, String> {
         let found = self.predict(&material.given)?;
         let [x, y] = found.pose.place;
-        Ok(vec![
+        let details = vec![
             ("selection", found.weights.iter().map(|&w| f64::from(w)).collect()),
             ("camera-scale", vec![found.pose.scale]),
             ("camera-place", vec![x, y]),
             ("camera-quaternion", found.pose.rotation.to_vec()),
             ("mesh-to-world", found.to_world.concat()),
-        ])
+        ];
+        Ok(Prediction { mesh: found.mesh_in_world(), sequence: Vec::new(), details })
     }
 }
 
-/// A mesh, and how long it took.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Prediction {
-    /// The mesh.
-    pub mesh: TriMesh,
-    /// From decoded pictures to the mesh, the median of five: the first ones warm up.
-    pub milliseconds: f64,
-    /// The mesh on its way, where the system has one.
-    pub sequence: Vec<TriMesh>,
-    /// What else the system knows; see [`Predictor::details`].
-    pub details: Vec<Detail>,
-}
-
-/// Applies a system and takes the time.
+/// How long a system takes from decoded pictures to the mesh: the median of so many runs, milliseconds.
 ///
 /// # Errors
 /// Why the material does not serve, in one sentence.
-pub fn predict<S: Predictor>(system: &S, material: &Material) -> Result<Prediction, String> {
-    let mut times = Vec::with_capacity(TIMED);
-    let mut timed = || {
-        let start = Instant::now();
-        let mesh = system.mesh(material)?;
-        times.push(1e3 * start.elapsed().as_secs_f64());
-        Ok::<_, String>(mesh)
-    };
-    let mesh = timed()?;
-    for _ in 1..TIMED {
-        timed()?;
-    }
+pub fn milliseconds<S: Predictor>(
+    system: &S,
+    material: &Material,
+    runs: usize,
+) -> Result<f64, String> {
+    let mut times = (0..runs.max(1))
+        .map(|_| {
+            let start = Instant::now();
+            system.apply(material)?;
+            Ok(1e3 * start.elapsed().as_secs_f64())
+        })
+        .collect::<Result<Vec<f64>, String>>()?;
     times.sort_by(f64::total_cmp);
-    let sequence = system.sequence(material)?;
-    let details = system.details(material)?;
-    Ok(Prediction { mesh, milliseconds: times[TIMED / 2], sequence, details })
+    Ok(times[times.len() / 2])
 }
