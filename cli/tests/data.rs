@@ -55,6 +55,36 @@ fn datasets_are_converted_inspected_and_validated() {
     assert_eq!(files_in(place.path()), before);
 }
 
+/// World-to-camera matrices given for camera-to-world ones: on an orbit all cameras then stand at one point.
+#[test]
+fn cameras_at_one_point_are_an_error_that_says_why() {
+    let place = tempfile::tempdir().unwrap();
+    let orbit = recon::synthetic::Orbit {
+        count: 10,
+        width: 32,
+        height: 32,
+        distance: [3.0, 3.0],
+        ..Default::default()
+    };
+    let mesh = mesh_core::primitives::icosphere(2);
+    let mut views = recon::synthetic::render_views(
+        &mesh,
+        &orbit.cameras(),
+        &recon::synthetic::RenderOptions::default(),
+        &|_, _| (),
+    )
+    .unwrap();
+    for view in &mut views {
+        let turned = view.camera.rotation.transpose();
+        view.camera.translation = -(turned * view.camera.translation);
+        view.camera.rotation = turned;
+    }
+    datasets::write_transforms(&views, &place.path().join("scan")).unwrap();
+    let words = ["scan", "stand at one point", "the poses look inverted"];
+    unsphere(place.path(), ["data", "inspect", "scan", "-o", "look"]).fails(3, &words);
+    assert!(!place.path().join("look").exists());
+}
+
 #[test]
 fn what_cannot_be_is_refused() {
     let place = tempfile::tempdir().unwrap();

@@ -128,11 +128,17 @@ impl<'a> Others<'a> {
 
 /// The hull on a grid of `side` cells along the longest side of its box, in two passes.
 ///
-/// A cell is in it where its centre is allowed by every view. `None` where nothing is left.
+/// A cell is in it where its centre is allowed by every view. `None` where nothing is left, or the ball is too small for
+/// its place.
 pub(crate) fn carve(eyes: &[Eye], ball: Ball, side: usize) -> Option<VoxelGrid> {
     let seen: Vec<&Eye> = eyes.iter().filter(|eye| eye.bounds().is_some()).collect();
     let low = ball.center.map(|c| (c - ball.radius) as f32);
     let high = ball.center.map(|c| (c + ball.radius) as f32);
+    // Cells smaller than the steps of numbers there cannot be told apart.
+    let fine = |k: usize| low[k].abs().max(high[k].abs()) * f32::EPSILON;
+    if !(0..3).all(|k| (high[k] - low[k]) / side.max(32) as f32 > fine(k)) {
+        return None;
+    }
     let coarse = carved(&seen, low, high, 32);
     let (low, high) = occupied(&coarse)?;
     let fine = carved(&seen, low, high, side);

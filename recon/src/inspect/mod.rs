@@ -28,18 +28,20 @@
 //! ```
 
 mod diagnosis;
+mod error;
 mod eye;
 mod hull;
 mod page;
 mod picture;
 
 pub use diagnosis::{Agreement, Problem};
+pub use error::InspectError;
 pub use page::write_report;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use datasets::{Dataset, Doubtful, Entry, ReadOptions, ReadViewsError, Subset, Truth, Views};
+use datasets::{Dataset, Doubtful, Entry, ReadOptions, Subset, Truth, Views};
 use mesh_core::ByteImage;
 use mesh_core::nalgebra::Vector3;
 use serde::Serialize;
@@ -132,7 +134,7 @@ pub struct ObjectInspection {
 /// many.
 ///
 /// # Errors
-/// If an object that is looked at cannot be read.
+/// If an object that is looked at cannot be read, or all its cameras stand at one point.
 ///
 /// # Cost
 /// About a second for an object of a hundred views, most of it for the suppositions that are
@@ -142,7 +144,7 @@ pub fn inspect(
     most_objects: usize,
     reading: &ReadOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Inspection, ReadViewsError> {
+) -> Result<Inspection, InspectError> {
     let entries = dataset.entries();
     let chosen: Vec<usize> = if let Some(wanted) = &reading.object {
         vec![datasets::choose(dataset.root(), entries, Some(wanted))?]
@@ -158,7 +160,12 @@ pub fn inspect(
         let views = dataset.views(object, None, &reading, &|_, _| {})?;
         let truth = dataset.truth(object)?;
         let Entry { category, name, .. } = entries[object].clone();
-        looked_at.push(ObjectInspection { category, name, ..inspect_views(&views, &truth) });
+        let found = inspect_views(&views, &truth);
+        if let Some(reason) = error::at_one_point(&views.views, &found.problems) {
+            let path = dataset.root().to_owned();
+            return Err(InspectError::Cameras { path, object: name, reason });
+        }
+        looked_at.push(ObjectInspection { category, name, ..found });
     }
     progress(chosen.len(), chosen.len());
     Ok(Inspection {
