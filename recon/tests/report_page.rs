@@ -69,10 +69,12 @@ fn report(mesh: TriMesh) -> Report {
     }
 }
 
-fn check(mesh: TriMesh) {
+/// What the page says of the pixels of its viewer: the mean colour, and how much the brightness varies. None without a
+/// browser.
+fn check(mesh: TriMesh) -> Option<([f64; 3], f64)> {
     let Some(browser) = browser() else {
         eprintln!("skipped: no Chromium on the PATH");
-        return;
+        return None;
     };
     let (document, log) = visit(&browser, &report(mesh).to_html());
     assert_eq!(attribute(&document, "data-status").as_deref(), Some("drawn"), "{log}");
@@ -84,13 +86,25 @@ fn check(mesh: TriMesh) {
         .filter(|l| l.contains("CONSOLE") && !l.contains("GL Driver Message (OpenGL, Performance"))
         .collect();
     assert!(complaints.is_empty(), "{complaints:#?}");
+    let mean = attribute(&document, "data-mean").unwrap();
+    let mean: Vec<f64> = mean.split(' ').map(|v| v.parse().unwrap()).collect();
+    Some((mean.try_into().unwrap(), attribute(&document, "data-spread").unwrap().parse().unwrap()))
 }
 
 #[test]
 fn a_colored_mesh_is_drawn() {
     let mut mesh = primitives::icosphere(3);
-    mesh.colors = Some(mesh.positions.iter().map(|p| p.map(|v| 0.5 + 0.5 * v)).collect());
-    check(mesh);
+    mesh.colors = Some(vec![[0.8, 0.4, 0.2]; mesh.positions.len()]);
+    let Some((mean, spread)) = check(mesh) else { return };
+    // As they are, without any light on them.
+    let near = mean.iter().zip([204.0, 102.0, 51.0]).all(|(a, b)| (a - b).abs() < 3.0);
+    assert!(near && spread < 2.0, "{mean:?}, {spread}");
+}
+
+#[test]
+fn a_mesh_without_colours_shows_its_shape() {
+    let Some((mean, spread)) = check(primitives::icosphere(3)) else { return };
+    assert!(mean.iter().all(|v| (80.0..235.0).contains(v)) && spread > 15.0, "{mean:?}, {spread}");
 }
 
 #[test]
@@ -98,7 +112,9 @@ fn a_textured_mesh_is_drawn() {
     let mut mesh = primitives::icosphere(3);
     let uvs = mesh.positions.iter().map(|p| [0.5 + 0.5 * p[0], 0.5 + 0.5 * p[1]]).collect();
     let mut image = Image::new(16, 16, 3);
-    image.data.iter_mut().enumerate().for_each(|(i, v)| *v = (i % 48) as f32 / 48.0);
+    image.data.chunks_exact_mut(3).for_each(|p| p.copy_from_slice(&[0.2, 0.6, 0.4]));
     mesh.texture = Some(Texture { uvs, faces: mesh.faces.clone(), image });
-    check(mesh);
+    let Some((mean, _)) = check(mesh) else { return };
+    let near = mean.iter().zip([51.0, 153.0, 102.0]).all(|(a, b)| (a - b).abs() < 3.0);
+    assert!(near, "{mean:?}");
 }

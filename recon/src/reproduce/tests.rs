@@ -4,6 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::sync::Mutex;
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD as BASE64;
 use mesh_core::ByteImage;
 
 use super::*;
@@ -12,6 +14,10 @@ use crate::img2mesh::{Img2Mesh, Img2MeshConfig};
 use crate::report::ViewPair;
 use crate::settings;
 use crate::train::{Configuration, Source, System};
+
+/// Colours of what the first job shows.
+const MODEL: [u8; 3] = [210, 90, 40];
+const TRUTH: [u8; 3] = [40, 90, 210];
 
 /// Two jobs, the second of two rows; counts how often each is begun.
 struct Toy {
@@ -61,8 +67,13 @@ impl Study for Toy {
                 .took(2.0)
         };
         if work.id == "one" {
-            let image = ByteImage { height: 4, width: 4, channels: 3, data: vec![128; 48] };
-            let pair = ViewPair { caption: "a".into(), model: image.clone(), truth: image };
+            let plain = |color: [u8; 3]| ByteImage {
+                height: 4,
+                width: 4,
+                channels: 3,
+                data: color.repeat(16),
+            };
+            let pair = ViewPair { caption: "a".into(), model: plain(MODEL), truth: plain(TRUTH) };
             return Ok(vec![row("one", 0.5 + 0.1 * seed).showing("views", &[pair])]);
         }
         let none = Cell { value: None, ..Cell::larger("rare", 0.0, 1) };
@@ -116,6 +127,13 @@ fn the_table_has_means_spreads_and_claims() {
     let page = fs::read_to_string(place.path().join("report.html")).unwrap();
     assert!(page.contains("nothing &lt;much&gt;") && page.contains("data:image/png;base64,iVB"));
     assert!(!page.contains("http://") && !page.contains("https://"));
+    // The one picture that is shown is the one that is kept: the model above the truth, in their colours.
+    let kept = fs::read(place.path().join("pictures/one-seed-0-0.png")).unwrap();
+    assert!(page.contains(&BASE64.encode(&kept)) && page.matches("<img ").count() == 1);
+    let sheet = mesh_core::decode_image(&kept, "kept").unwrap();
+    assert_eq!((sheet.height, sheet.width, sheet.channels), (8, 4, 3));
+    let (above, below) = sheet.data.split_at(4 * 4 * 3);
+    assert!(above.chunks(3).all(|p| p == MODEL) && below.chunks(3).all(|p| p == TRUTH));
     let json: serde_json::Value =
         serde_json::from_slice(&fs::read(place.path().join("results.json")).unwrap()).unwrap();
     assert_eq!(json["tables"][0]["rows"][0]["seeds"], serde_json::json!([0, 1, 2]));

@@ -99,8 +99,14 @@ const ABOUT_RULE: &str = "As the published code counts: any trace of a soft mask
 /// Writes the mean shapes' way from spheres, which the samples of a training have in their upper halves, as an animation
 /// into its folder. Nothing if it kept no samples.
 fn animate(trained: &Trained<Mcmr>) {
-    let folder = trained.run.path().join("samples");
-    let Ok(entries) = std::fs::read_dir(&folder) else { return };
+    let Some(gif) = animation(&trained.run.path().join("samples")) else { return };
+    // It is an extra: a training whose folder cannot be written has failed before.
+    let _ = crate::output::write_within(trained.run.path(), "mean-shapes.gif", &gif);
+}
+
+/// The upper halves of the sheets in a folder, one after another; none where there is no sheet.
+fn animation(folder: &std::path::Path) -> Option<Vec<u8>> {
+    let entries = std::fs::read_dir(folder).ok()?;
     let mut files: Vec<_> = entries.filter_map(Result::ok).map(|entry| entry.path()).collect();
     files.sort();
     let upper = |path: &std::path::PathBuf| {
@@ -110,12 +116,10 @@ fn animate(trained: &Trained<Mcmr>) {
         Some(picture)
     };
     let mut frames: Vec<_> = files.iter().filter_map(upper).collect();
-    let Some(last) = frames.last().cloned() else { return };
+    let last = frames.last().cloned()?;
     frames.retain(|frame| (frame.width, frame.height) == (last.width, last.height));
     frames.extend(std::iter::repeat_n(last, 12));
-    let gif = crate::turntable::encode_gif(&frames, 12);
-    // It is an extra: a training whose folder cannot be written has failed before.
-    let _ = crate::output::write_within(trained.run.path(), "mean-shapes.gif", &gif);
+    Some(crate::turntable::encode_gif(&frames, 12))
 }
 
 #[cfg(test)]
@@ -123,6 +127,33 @@ fn animate(trained: &Trained<Mcmr>) {
 mod tests {
     use super::*;
     use crate::reproduce::{Scale, Study};
+
+    /// Two sheets, the model red and then green above a blue truth: the truth is not in the animation.
+    #[test]
+    fn the_animation_shows_the_upper_halves_of_the_samples() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(animation(folder.path()).is_none());
+        for (name, color) in
+            [("epoch-00001.png", [200, 40, 40]), ("epoch-00002.png", [40, 160, 40])]
+        {
+            let rows = [color.repeat(8 * 4), [30, 30, 220].repeat(8 * 4)].concat();
+            let sheet = mesh_core::ByteImage { height: 8, width: 8, channels: 3, data: rows };
+            mesh_core::write_png(folder.path().join(name), &sheet).unwrap();
+        }
+        let gif = animation(folder.path()).unwrap();
+        let mut options = gif::DecodeOptions::new();
+        options.set_color_output(gif::ColorOutput::RGBA);
+        let mut reader = options.read_info(gif.as_slice()).unwrap();
+        assert_eq!((reader.width(), reader.height()), (8, 4));
+        let mut seen = Vec::new();
+        while let Some(frame) = reader.read_next_frame().unwrap() {
+            seen.push([frame.buffer[0], frame.buffer[1], frame.buffer[2]]);
+        }
+        let near = |a: [u8; 3], b: [u8; 3]| a.iter().zip(b).all(|(a, b)| a.abs_diff(b) < 12);
+        // The last one stays for twelve frames more.
+        assert_eq!(seen.len(), 2 + 12);
+        assert!(near(seen[0], [200, 40, 40]) && near(seen[13], [40, 160, 40]), "{seen:?}");
+    }
 
     #[test]
     fn jobs_are_named_once_and_sound() {
