@@ -4,6 +4,7 @@ mod data;
 mod dataset;
 mod depth;
 mod eval;
+mod output;
 mod predict;
 mod reproduce;
 
@@ -20,6 +21,7 @@ pub(crate) use depth::Depth;
 #[cfg(feature = "onnx")]
 pub(crate) use depth::DepthModelKind;
 pub(crate) use eval::Eval;
+pub(crate) use output::{Output, Picture};
 pub(crate) use predict::Predict;
 pub(crate) use reproduce::Reproduce;
 
@@ -91,17 +93,6 @@ pub(crate) enum Command {
     Reproduce(Reproduce),
     /// Print a completion script for a shell.
     Completions(Completions),
-}
-
-/// Where results go.
-#[derive(Args, Clone, Debug)]
-pub(crate) struct Output {
-    /// Folder for the results; made if it does not exist.
-    #[arg(long = "output", short = 'o', value_name = "FOLDER")]
-    pub(crate) folder: Option<PathBuf>,
-    /// Write into a folder that exists already, replacing files of the same names.
-    #[arg(long)]
-    pub(crate) force: bool,
 }
 
 /// How a fit is configured.
@@ -253,6 +244,7 @@ pub(crate) struct Train {
     pub(crate) data: Option<PathBuf>,
     /// Folder for the run; made if it does not exist.
     #[arg(long, short, value_name = "RUN", required_unless_present = "resume")]
+    #[arg(value_parser = output::folder())]
     pub(crate) output: Option<PathBuf>,
     /// Replace a run that is there.
     #[arg(long)]
@@ -294,7 +286,7 @@ pub(crate) struct Render {
     /// The mesh: .obj, .ply or .glb.
     pub(crate) mesh: PathBuf,
     /// A .gif, a .png, or a folder.
-    #[arg(long, short, value_name = "PATH")]
+    #[arg(long, short, value_name = "PATH", value_parser = output::picture())]
     pub(crate) output: PathBuf,
     /// Replace what is there.
     #[arg(long)]
@@ -318,9 +310,9 @@ pub(crate) struct Render {
     /// Also write planar depth, as EXR.
     #[arg(long)]
     pub(crate) depth: bool,
-    /// The light.
-    #[arg(long, value_enum, default_value_t = Light::Flat)]
-    pub(crate) light: Light,
+    /// The light [default: flat, and shape where the mesh has no colours].
+    #[arg(long, value_enum)]
+    pub(crate) light: Option<Light>,
     /// What is behind the object.
     #[arg(long, value_name = "RRGGBB", default_value = "000000", value_parser = hex_color)]
     pub(crate) background: [u8; 3],
@@ -331,8 +323,10 @@ pub(crate) struct Render {
 pub(crate) enum Light {
     /// Colours as they are.
     Flat,
-    /// A bright room with a key light: shows the shape.
+    /// A bright room with a key light.
     Studio,
+    /// Strong light from two sides: shows the shape from all around.
+    Shape,
 }
 
 #[derive(Args, Debug)]

@@ -6,6 +6,8 @@ use std::io::Write;
 use serde::Serialize;
 
 use crate::failure::Failure;
+use crate::printable;
+use crate::progress::aside;
 
 /// How a command speaks.
 #[derive(Clone, Copy, Debug)]
@@ -23,22 +25,18 @@ impl Console {
         value: &T,
         text: impl FnOnce(&T) -> String,
     ) -> Result<(), Failure> {
-        let mut out = if self.json {
-            serde_json::to_string_pretty(value).map_err(Failure::other)?
+        let out = if self.json {
+            printable::json(&serde_json::to_string_pretty(value).map_err(Failure::other)?) + "\n"
         } else {
-            text(value)
+            printable::result(&text(value))
         };
-        if !out.ends_with('\n') {
-            out.push('\n');
-        }
         print(out.as_bytes())
     }
 
     /// A remark for people, on stderr.
     pub(crate) fn remark(self, text: impl Display) {
         if !self.quiet {
-            // A closed stderr is no reason to stop the work.
-            let _ = writeln!(std::io::stderr(), "{text}");
+            say(&text.to_string());
         }
     }
 
@@ -48,10 +46,20 @@ impl Console {
     }
 }
 
+/// Words on stderr, whatever names are in them.
+pub(crate) fn say(text: &str) {
+    let text = printable::message(text);
+    // A closed stderr is no reason to stop the work.
+    let _ = aside(|| writeln!(std::io::stderr(), "{text}"));
+}
+
 /// Bytes on stdout; a reader that has gone away (`| head`) is no failure.
 pub(crate) fn print(bytes: &[u8]) -> Result<(), Failure> {
-    let mut out = std::io::stdout().lock();
-    match out.write_all(bytes).and_then(|()| out.flush()) {
+    let written = aside(|| {
+        let mut out = std::io::stdout().lock();
+        out.write_all(bytes).and_then(|()| out.flush())
+    });
+    match written {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Failure::Other(format!("stdout: {error}")))
         }

@@ -1,12 +1,14 @@
 //! Why a command ends without success, and with which exit code.
 
-use std::io::Write;
 use std::process::ExitCode;
 
 use datasets::{ReadViewsError, ViewsProblem, WriteViewsError};
 use mesh_core::{ReadMeshError, WriteError};
 use recon::generate::ReadModelError;
+use recon::inspect::InspectError;
 use recon::output::OutputError;
+
+use crate::console::say;
 
 /// Why a command ends without success. The exit codes are part of the interface.
 #[derive(Debug)]
@@ -45,8 +47,7 @@ impl Failure {
             Self::Interrupted(text) => ("stopped", text),
             Self::Other(text) | Self::Usage(text) | Self::Input(text) => ("error", text),
         };
-        // Nothing is left to do where even stderr is closed.
-        let _ = writeln!(std::io::stderr(), "{word}: {text}");
+        say(&format!("{word}: {text}"));
     }
 }
 
@@ -86,6 +87,15 @@ impl From<WriteError> for Failure {
 impl From<WriteViewsError> for Failure {
     fn from(error: WriteViewsError) -> Self {
         Self::other(error)
+    }
+}
+
+impl From<InspectError> for Failure {
+    fn from(error: InspectError) -> Self {
+        match error {
+            InspectError::Read(error) => error.into(),
+            error => Self::input(error),
+        }
     }
 }
 

@@ -52,6 +52,29 @@ fn a_training_leaves_a_run_that_can_go_on() {
     resume("epochs=5").fails(3, &["last.safetensors"]);
 }
 
+/// Before the first step: what is trained, from what, and what a prediction will ask for.
+#[test]
+fn a_training_says_what_it_will_do() {
+    let place = tempfile::tempdir().unwrap();
+    let said = |line: &str| {
+        let line = format!("train {line} --preset tiny --set max-steps=1 --set evaluate-every=0");
+        common::unsphere_with(place.path(), &line.split(' ').collect::<Vec<_>>()).ok().stderr()
+    };
+    let deep = said("mesh-rcnn -o runs/deep");
+    for part in [
+        "training mesh-rcnn, preset tiny: ",
+        " numbers, 1 steps of 2 samples",
+        "measured depth",
+        "--depth",
+        "data   made by the system, seed 0",
+        "run    runs/deep",
+    ] {
+        assert!(deep.contains(part), "{part:?} is not in {deep}");
+    }
+    let flat = said("mesh-rcnn -o runs/flat --set depth=false --set depth-weight=0");
+    assert!(flat.contains("without depth") && !flat.contains("--depth"), "{flat}");
+}
+
 #[test]
 fn what_cannot_be_trained_is_said_before_the_work() {
     let place = tempfile::tempdir().unwrap();

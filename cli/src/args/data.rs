@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
+use super::output::folder;
 use super::{Configuration, Convert, Depth, Inspect, Light, Validate, hex_color};
 
 #[derive(Args, Debug)]
@@ -50,7 +51,7 @@ Examples:
 )]
 pub(crate) struct Generate {
     /// Folder of the dataset; new, empty, or begun with the same options.
-    #[arg(long, short, visible_alias = "out", value_name = "FOLDER")]
+    #[arg(long, short, visible_alias = "out", value_name = "FOLDER", value_parser = folder())]
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) configuration: Configuration,

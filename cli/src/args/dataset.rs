@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::output::folder;
 use super::{Output, Reading};
 
 #[derive(Args, Debug)]
@@ -62,6 +63,7 @@ pub(crate) struct Convert {
     /// A dataset of any layout, or the views of one object.
     pub(crate) from: PathBuf,
     /// Folder for the result; made if it does not exist.
+    #[arg(value_parser = folder())]
     pub(crate) to: PathBuf,
     /// The layout to write.
     #[arg(long, value_enum)]

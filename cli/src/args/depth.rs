@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::hex_color;
+use super::output::folder;
 
 #[derive(Args, Debug)]
 #[command(
@@ -32,7 +33,7 @@ pub(crate) struct Depth {
     #[arg(long, value_enum, default_value_t = DepthModelKind::MidasSmall)]
     pub(crate) kind: DepthModelKind,
     /// Folder for the results; new or empty.
-    #[arg(long, short, visible_alias = "out", value_name = "FOLDER")]
+    #[arg(long, short, visible_alias = "out", value_name = "FOLDER", value_parser = folder())]
     pub(crate) output: PathBuf,
     /// Write into a folder that exists already, replacing files of the same names.
     #[arg(long)]

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::output::folder;
+
 #[derive(Args, Debug)]
 #[command(
     after_help = "The folder gets table.md, report.html and results.json after every finished job, results/ (one
@@ -27,7 +29,7 @@ pub(crate) struct Reproduce {
     #[arg(long, conflicts_with_all = ["name", "output", "quick", "data"])]
     pub(crate) list: bool,
     /// Folder for the tables; without it, `reproduce-NAME`, or `reproduce-NAME-quick`.
-    #[arg(long, short, value_name = "FOLDER")]
+    #[arg(long, short, value_name = "FOLDER", value_parser = folder())]
     pub(crate) output: Option<PathBuf>,
     /// Drop results in the folder that are of something else.
     #[arg(long)]

@@ -12,6 +12,7 @@ use recon::settings;
 use serde::Serialize;
 
 use crate::args::{Configuration, Fit, Global};
+use crate::command::metrics::describe as describe_comparison;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -101,7 +102,7 @@ impl Job<'_> {
             }
         }
         let progress = Progress::new(console, "write");
-        progress.say("scores, meshes, turntable, report".to_owned());
+        progress.say("scores, meshes, turntable, report");
         let delivery = Delivery {
             title: self.title,
             command: &typed_command(),
@@ -144,11 +145,11 @@ impl Job<'_> {
                         .remark(format_args!("fitting to {train} views, {held_out} are held out"));
                 }
                 Event::Stage { name, vertices, .. } => {
-                    progress.say(format!("{name}: {vertices} vertices"));
+                    progress.say(&format!("{name}: {vertices} vertices"));
                 }
                 Event::Step(step) => progress.set(step.step, step.total),
                 Event::Evaluated { mask_iou, .. } => {
-                    progress.say(format!("mask IoU {mask_iou:.4}"));
+                    progress.say(&format!("mask IoU {mask_iou:.4}"));
                 }
                 Event::Warned(text) => console.warn(text),
                 _ => {}
@@ -174,24 +175,6 @@ fn describe(outcome: &Outcome<'_>, views: &Views, fitted: &Fitted) -> String {
         ("image L1", format!("{:.4}", scores.image_l1)),
         ("SSIM", format!("{:.4}", scores.ssim)),
     ];
-    for report in &metrics.truth {
-        let name = &report.protocol.name;
-        let mut add = |what: &'static str, value: Option<f64>| {
-            if let Some(value) = value {
-                rows.push((what, format!("{value:.6} ({name})")));
-            }
-        };
-        add("Chamfer", report.chamfer);
-        for score in &report.f_scores {
-            rows.push((
-                "F-score",
-                format!("{:.4} at {:.4} ({name})", score.f_score, score.threshold),
-            ));
-        }
-        if let Some(iou) = report.iou {
-            rows.push(("3D IoU", format!("{iou:.4} ({name})")));
-        }
-    }
     rows.push((
         "mesh",
         format!(
@@ -205,10 +188,15 @@ fn describe(outcome: &Outcome<'_>, views: &Views, fitted: &Fitted) -> String {
     rows.push(("time", format!("{:.1} s, {} steps", outcome.seconds, metrics.steps)));
     rows.push(("output", outcome.output.display().to_string()));
     let scored = if metrics.scored_on == "fitted" { "fitted" } else { "held out" };
-    format!(
+    let mut text = format!(
         "{} of {} views fitted; the scores are means over {count} views that were {scored}\n{}",
         fitted.train_views.len(),
         views.len(),
         table(rows)
-    )
+    );
+    if !metrics.truth.is_empty() {
+        text += "\nAgainst the true mesh, as `unsphere metrics` has it:\n";
+        text.extend(metrics.truth.iter().map(describe_comparison));
+    }
+    text
 }

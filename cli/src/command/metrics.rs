@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use losses::metrics::{CompareError, Preset, Report, Role, evaluate};
+use recon::delivery::comparison_rows;
 use serde::Serialize;
 
 use crate::args::{Global, Metrics};
@@ -34,7 +35,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Metrics) -> Resu
     let mut reports = Vec::new();
     for (k, preset) in presets.iter().enumerate() {
         progress.set(k, presets.len());
-        progress.say(preset.name().to_owned());
+        progress.say(preset.name());
         let protocol = preset.protocol(global.seed.unwrap_or(0));
         reports.push(evaluate(&prediction, &truth, &protocol).map_err(|error| {
             let role = match &error {
@@ -59,22 +60,9 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Metrics) -> Resu
 
 /// A report for people.
 pub(crate) fn describe(report: &Report) -> String {
-    let mut rows = Vec::new();
-    let mut add = |name: &'static str, value: Option<f64>| {
-        if let Some(value) = value {
-            rows.push((name, format!("{value:.6}")));
-        }
-    };
-    add("  chamfer", report.chamfer);
-    add("  prediction to truth", report.accuracy);
-    add("  truth to prediction", report.completeness);
-    add("  normal consistency", report.normal_consistency);
-    add("  IoU of volumes", report.iou);
-    let scores: Vec<_> =
-        report.f_scores.iter().map(|f| format!("{:.4} at {:.4}", f.f_score, f.threshold)).collect();
-    if !scores.is_empty() {
-        rows.push(("  F-score", scores.join(", ")));
-    }
     let protocol = &report.protocol;
-    format!("{}  ({})\n  {}\n{}", protocol.name, protocol.source, protocol.formula, table(rows))
+    let rows = comparison_rows(report);
+    let rows = rows.iter().map(|(name, value)| (name.as_str(), value.clone()));
+    let rows = table(rows).lines().fold(String::new(), |all, line| all + "  " + line + "\n");
+    format!("{}  ({})\n  {}\n{rows}", protocol.name, protocol.source, protocol.formula)
 }

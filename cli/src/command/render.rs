@@ -9,7 +9,7 @@ use recon::synthetic::{Lighting, RenderOptions, render_views};
 use recon::turntable::{encode_gif, orbit};
 use serde::Serialize;
 
-use crate::args::{Light, Render};
+use crate::args::{Light, Picture, Render};
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::mesh_file::read_mesh;
@@ -25,46 +25,31 @@ struct Rendered<'a> {
     pictures: usize,
 }
 
-/// What the name of the output asks for.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Gif,
-    Png,
-    Folder,
-}
-
 pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
     let output = &arguments.output;
-    let kind = match output.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
-        Some("gif") => Kind::Gif,
-        Some("png") => Kind::Png,
-        Some(other @ ("jpg" | "jpeg" | "exr")) => {
-            let text = format!("-o {}: .{other} is not written, use .png", output.display());
-            return Err(Failure::Usage(text));
-        }
-        _ => Kind::Folder,
-    };
-    if kind == Kind::Gif && (arguments.cameras.is_some() || arguments.depth) {
+    let kind = Picture::of(output)
+        .map_err(|error| Failure::Usage(format!("-o {}: {error}", output.display())))?;
+    if kind == Picture::Gif && (arguments.cameras.is_some() || arguments.depth) {
         let text = "a .gif shows the turntable: --cameras and --depth need a folder after -o";
         return Err(Failure::Usage(text.to_owned()));
     }
     // Refusals come before the work.
-    let folder = match kind {
-        Kind::Folder => Some(OutputFolder::create(output, arguments.force)?),
-        _ if output.exists() && !arguments.force => {
-            let text =
-                format!("{} exists already; choose another name or --force", output.display());
-            return Err(Failure::Other(text));
-        }
-        _ => None,
-    };
+    let folder = (kind == Picture::Folder)
+        .then(|| OutputFolder::create(output, arguments.force))
+        .transpose()?;
+    let depth = arguments.depth.then(|| output.with_extension("exr"));
+    let mut files = std::iter::once(output).chain(&depth).filter(|_| folder.is_none());
+    if let Some(file) = files.find(|file| file.exists() && !arguments.force) {
+        let text = format!("{} exists already; choose another name or --force", file.display());
+        return Err(Failure::Other(text));
+    }
     let mesh = read_mesh(console, &arguments.mesh)?;
     if mesh.faces.is_empty() {
         let path = arguments.mesh.display();
         return Err(Failure::Input(format!("{path}: no faces, so there is nothing to render")));
     }
     let mut cameras = cameras(console, &mesh, arguments)?;
-    if kind == Kind::Png {
+    if kind == Picture::Png {
         cameras.truncate(1);
     }
     let views = draw(console, &mesh, &cameras, arguments)?;
@@ -78,7 +63,7 @@ pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
         }
         folder.commit()?;
     } else {
-        let bytes = if kind == Kind::Gif {
+        let bytes = if kind == Picture::Gif {
             let frames: Vec<_> = views.iter().map(|view| view.color.clone()).collect();
             encode_gif(&frames, DELAY)
         } else {
@@ -142,8 +127,10 @@ fn draw(
 ) -> Result<Vec<View>, Failure> {
     let options = RenderOptions {
         lighting: match arguments.light {
-            Light::Flat => Lighting::flat(),
-            Light::Studio => Lighting::studio(),
+            Some(Light::Flat) => Lighting::flat(),
+            Some(Light::Studio) => Lighting::studio(),
+            Some(Light::Shape) => Lighting::shape(),
+            None => Lighting::for_mesh(mesh),
         },
         background: arguments.background.map(|b| f32::from(b) / 255.0),
         depth: arguments.depth,

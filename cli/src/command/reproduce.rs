@@ -80,11 +80,11 @@ fn make(
     };
     let interrupt = Interrupt::listen(None)?;
     interrupt.worthwhile();
-    let progress = Progress::new(console, study.name());
+    let progress = Progress::in_shares(console, study.name());
     let mut watch = |event: Event| {
         match event {
             Event::Started { jobs, kept } => {
-                progress.begin(kept * TICKS, jobs * TICKS);
+                progress.set(kept * TICKS, jobs * TICKS);
                 if kept > 0 {
                     console.remark(format_args!("{kept} of {jobs} jobs were finished before"));
                 }
@@ -94,7 +94,7 @@ fn make(
                 progress.set(finished * TICKS + done, jobs * TICKS);
                 let text =
                     format!("job {} of {jobs}, {job}, seed {seed}: {}", finished + 1, tick.text);
-                progress.say(text);
+                progress.say(&text);
             }
             Event::Finished { job, seed, seconds, .. } => {
                 console.remark(format_args!("{job}, seed {seed}: done in {seconds:.1} s"));

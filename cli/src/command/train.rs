@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use recon::fit::Flow;
 use recon::predict::Predictor;
@@ -17,9 +17,12 @@ use crate::args::{Global, Train};
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::progress::Progress;
+use crate::progress::{Progress, spoken};
 use crate::provenance::provenance;
 use crate::system::{self, ForSystem};
+
+/// Steps and time after which the pace of a training is worth telling.
+const PACE_KNOWN: (u64, Duration) = (3, Duration::from_secs(4));
 
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
@@ -93,7 +96,7 @@ impl ForSystem for Command<'_> {
         let resume = arguments.resume.is_some();
         let job =
             Job { config: &config, data: &opened, run: &run, provenance: &provenance, resume };
-        let outcome = watched::<S>(console, &job, &interrupt)?;
+        let outcome = watched::<S>(console, &job, &self.called(), &interrupt)?;
         let trained = Trained {
             run: run.path(),
             system: S::NAME,
@@ -120,6 +123,15 @@ impl Command<'_> {
     /// Where a new run goes.
     fn place(&self) -> &Path {
         self.arguments.output.as_deref().unwrap_or_else(|| Path::new("run"))
+    }
+
+    /// What the configuration is called.
+    fn called(&self) -> String {
+        match (&self.arguments.resume, &self.arguments.settings.config) {
+            (Some(_), _) => "resumed".to_owned(),
+            (None, Some(path)) => path.display().to_string(),
+            (None, None) => format!("preset {}", self.arguments.settings.preset),
+        }
     }
 
     /// The folder of a run that goes on, its configuration, and where its data is.
@@ -150,30 +162,35 @@ impl Command<'_> {
     }
 }
 
-fn watched<S: System>(
+fn watched<S: Predictor>(
     console: Console,
     job: &Job<'_, S>,
+    called: &str,
     interrupt: &Interrupt,
 ) -> Result<Outcome<S>, Failure> {
     let progress = Progress::new(console, "train");
-    let (mut scores, mut rate) = (String::new(), 0.0);
+    let (mut scores, mut pace) = (String::new(), Pace::default());
     let mut watch = |event: Event| {
         match event {
             Event::Started { trainable, total, steps_per_epoch, done } => {
                 progress.set(done as usize, total as usize);
+                let from = if done > 0 { format!(", from step {done} on") } else { String::new() };
                 console.remark(format_args!(
-                    "training {} numbers for {total} steps, {steps_per_epoch} an epoch{}",
-                    trainable,
-                    if done > 0 { format!(", from step {done} on") } else { String::new() }
+                    "training {}, {called}: {trainable} numbers, {total} steps of {} samples, \
+                     {steps_per_epoch} an epoch{from}\n{}",
+                    S::NAME,
+                    job.config.train.batch * job.config.train.accumulate,
+                    circumstances(job)
                 ));
+                pace.begin(done);
             }
             Event::Step(step) => {
                 progress.set(step.step as usize, step.total as usize);
-                // Over the last few steps, so that it does not flicker.
-                let now = 1.0 / step.seconds.max(1e-9);
-                rate = if rate == 0.0 { now } else { 0.9 * rate + 0.1 * now };
                 let terms = named(step.terms.iter().copied());
-                progress.say(format!("loss {:.4} ={terms}; {rate:.1}/s{scores}", step.loss));
+                progress.say(&format!("loss {:.4} ={terms}{scores}", step.loss));
+                if let Some(text) = pace.told(step.step, step.total) {
+                    console.remark(text);
+                }
             }
             Event::Evaluated { metrics, .. } => {
                 scores = format!(";{}", named(metrics.iter().map(|m| (&*m.name, m.value))));
@@ -197,6 +214,47 @@ fn watched<S: System>(
         TrainError::Run(error) => failed(error),
         error => Failure::other(error),
     })
+}
+
+/// What a training is given and where it goes, a line each.
+fn circumstances<S: Predictor>(job: &Job<'_, S>) -> String {
+    let data = match job.provenance.data.as_str() {
+        "" => format!("made by the system, seed {}", job.config.train.seed),
+        path => path.to_owned(),
+    };
+    let rows = [
+        ("input", S::input(&job.config.system)),
+        ("data", data),
+        ("run", job.run.path().display().to_string()),
+    ];
+    table(rows).trim_end().to_owned()
+}
+
+/// How fast the steps go.
+#[derive(Debug, Default)]
+struct Pace {
+    begun: Option<(Instant, u64)>,
+    told: bool,
+}
+
+impl Pace {
+    fn begin(&mut self, done: u64) {
+        self.begun = Some((Instant::now(), done));
+    }
+
+    /// Once, when it is known and much is left: how long it will take.
+    fn told(&mut self, step: u64, total: u64) -> Option<String> {
+        let (begun, from) = self.begun.filter(|_| !self.told)?;
+        let (steps, spent) = (step.saturating_sub(from), begun.elapsed());
+        if steps < PACE_KNOWN.0 || spent < PACE_KNOWN.1 {
+            return None;
+        }
+        self.told = true;
+        let each = spent.as_secs_f64() / steps as f64;
+        let left = Duration::try_from_secs_f64(each * total.saturating_sub(step) as f64).ok()?;
+        let text = || format!("a step takes {each:.2} s: about {} are left", spoken(left));
+        (left > 2 * PACE_KNOWN.1).then(text)
+    }
 }
 
 /// Names and values in one line.

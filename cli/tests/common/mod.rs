@@ -2,6 +2,8 @@
 #![allow(dead_code, reason = "every test file uses its own part")]
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+pub(crate) mod pixels;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 

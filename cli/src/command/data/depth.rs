@@ -123,4 +123,22 @@ mod estimate {
         let data = disparity.data.iter().map(|v| (v - low) * scale).collect();
         Image { height: disparity.height, width: disparity.width, channels: 1, data }.to_bytes()
     }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        #[test]
+        fn what_is_near_is_white_and_what_is_far_is_black() {
+            let data = vec![3.0, 4.0, 5.0, f32::NAN];
+            let disparity = DisparityMap { height: 2, width: 2, data };
+            let range = range(&disparity);
+            assert_eq!(range, [3.0, 5.0]);
+            let picture = grey(&disparity, range);
+            assert_eq!((picture.height, picture.width, picture.channels), (2, 2, 1));
+            assert_eq!(picture.data[..3], [0, 128, 255]);
+            let flat = DisparityMap { height: 1, width: 2, data: vec![2.0; 2] };
+            assert_eq!(grey(&flat, [2.0, 2.0]).data, [0, 0]);
+        }
+    }
 }

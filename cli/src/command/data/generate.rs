@@ -133,6 +133,7 @@ fn configuration(arguments: &Generate, global: Global) -> Result<GenerateConfig,
     match arguments.light {
         Some(Light::Flat) => config.lighting = Lighting::flat(),
         Some(Light::Studio) => config.lighting = Lighting::studio(),
+        Some(Light::Shape) => config.lighting = Lighting::shape(),
         None => {}
     }
     config.seed = global.seed.unwrap_or(config.seed);
