@@ -64,6 +64,7 @@ fn cameras_at_one_point_are_an_error_that_says_why() {
         width: 32,
         height: 32,
         distance: [3.0, 3.0],
+        target: [0.0; 3],
         ..Default::default()
     };
     let mesh = mesh_core::primitives::icosphere(2);
