@@ -13,7 +13,7 @@
   }
 
   const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
-  if (!gl) { fail("This browser has no WebGL 2: the turntable below is an animation."); return; }
+  if (!gl) { fail("This browser has no WebGL 2: an animation is shown instead."); return; }
 
   function decode(text, Type) {
     const raw = atob(text);
