@@ -37,11 +37,12 @@ impl<S: System> TrainingStep<S> {
     /// The next step.
     ///
     /// # Panics
-    /// If no term counts.
+    /// If no term counts, or the loss has no value.
     pub fn run(&mut self) {
         self.tape.reseed(self.at);
         let moment = Moment { step: self.at, epoch: 0 };
         let terms = self.system.loss(&self.tape, &self.batch, moment);
+        let terms = terms.expect("fixed steps come to their end");
         let counted = terms.0.iter().filter(|term| term.weight != 0.0);
         let weighted = counted.map(|term| term.value.reshape(&[]).scale(term.weight as f32));
         let gradients = weighted.reduce(|a, b| a + b).expect("a term that counts").backward();

@@ -54,8 +54,10 @@ fn learned_by_heart<D: Deformer>(config: &D::Config, learning_rate: f64, steps: 
     let (mut tape, mut adam) = (Tape::train(0), Adam::new(learning_rate));
     for step in 0..steps {
         let gradients = {
-            let terms =
-                system.loss(&tape, std::slice::from_ref(&pair), Moment { step, epoch: 0 }).0;
+            let terms = system
+                .loss(&tape, std::slice::from_ref(&pair), Moment { step, epoch: 0 })
+                .unwrap()
+                .0;
             let total = terms.iter().map(|term| term.value.scale(term.weight as f32));
             total.reduce(|a, b| a + b).unwrap().backward()
         };

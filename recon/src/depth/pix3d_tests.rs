@@ -139,7 +139,7 @@ fn photographs_are_cut_to_their_boxes_and_trained_on() {
         .collect();
     let total = |system: &MeshRcnn| -> f64 {
         let tape = autodiff_lite::Tape::train(0);
-        let terms = system.loss(&tape, &batch, Moment { step: 0, epoch: 0 }).0;
+        let terms = system.loss(&tape, &batch, Moment { step: 0, epoch: 0 }).unwrap().0;
         terms.iter().map(|term| term.weight * f64::from(term.value.item())).sum()
     };
     let (before, after) = (total(&fresh), total(&outcome.system));

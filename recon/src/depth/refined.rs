@@ -18,7 +18,9 @@ use super::scenes::{Scene, Scenes};
 use super::surface::{SurfaceTerms, Truth, color_difference, compared};
 use crate::paired::Picture;
 use crate::stacked::stacked;
-use crate::train::{DataError, Draw, Metric, Moment, Shown, Source, Summary, System, Terms};
+use crate::train::{
+    DataError, Draw, LossError, Metric, Moment, Shown, Source, Summary, System, Terms,
+};
 
 /// Places beyond so many half-widths of the picture say no more than that they are outside.
 const OUTSIDE: f32 = 3.0;
@@ -163,8 +165,7 @@ impl<B: Beginning> Refined<B> {
         let [mut chamfer, mut normal, mut edge] = [const { Vec::new() }; 3];
         let mut color = None;
         for (i, stage) in forward.stages.iter().enumerate() {
-            // A stream for each step and stage; samples of a batch follow one another.
-            let seed = (self.seed << 48) ^ (at.step << 16) ^ ((i as u64) << 12);
+            let seed = Draw::for_loss(self.seed, at, i as u64);
             let normals = config.normal_weight > 0.0;
             let (terms, sampled) = compared(&stage.packed, stage.positions, &truth, normals, seed);
             chamfer.push((share, terms.chamfer));
@@ -328,7 +329,12 @@ impl<B: Beginning> System for Refined<B> {
         sample.picture.name.clone()
     }
 
-    fn loss<'t>(&self, tape: &'t Tape, batch: &[Scene], at: Moment) -> Terms<'t> {
+    fn loss<'t>(
+        &self,
+        tape: &'t Tape,
+        batch: &[Scene],
+        at: Moment,
+    ) -> Result<Terms<'t>, LossError> {
         let scenes: Vec<&Scene> = batch.iter().collect();
         let config = self.refine();
         let forward = self.forward(tape, &scenes);
@@ -353,7 +359,7 @@ impl<B: Beginning> System for Refined<B> {
                 picture.unwrap_or_else(zero),
             );
         }
-        terms
+        Ok(terms)
     }
 
     fn evaluate(&self, data: &Scenes) -> Result<Vec<Metric>, DataError> {

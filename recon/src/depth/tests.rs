@@ -146,7 +146,7 @@ fn step<S: System<Sample = Scene, Data = Scenes>>(
     let draw = |i: u64| Draw { seed: 1, epoch: 0, index: i, item: i as usize };
     let batch: Vec<Scene> = (0..2).map(|i| system.draw(&scenes, &draw(i)).unwrap()).collect();
     let tape = Tape::train(0);
-    let terms = system.loss(&tape, &batch, Moment { step: 3, epoch: 0 }).0;
+    let terms = system.loss(&tape, &batch, Moment { step: 3, epoch: 0 }).unwrap().0;
     let values = terms.iter().map(|term| (term.name, term.value.item())).collect();
     let total = terms.iter().map(|term| term.value.scale(term.weight as f32));
     let gradients = total.reduce(|a, b| a + b).unwrap().backward();

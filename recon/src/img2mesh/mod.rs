@@ -42,7 +42,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::stacked::stacked;
 use crate::train::{
-    DataError, Draw, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
+    DataError, Draw, LossError, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
 };
 use encoder::Encoder;
 use feature_cache::FeatureCache;
@@ -209,7 +209,12 @@ impl System for Img2Mesh {
         format!("views {}", names.join(" + "))
     }
 
-    fn loss<'t>(&self, tape: &'t Tape, batch: &[Sample], at: Moment) -> Terms<'t> {
+    fn loss<'t>(
+        &self,
+        tape: &'t Tape,
+        batch: &[Sample],
+        at: Moment,
+    ) -> Result<Terms<'t>, LossError> {
         let (n, c) = (batch.len(), &self.config);
         let k = self.given(at);
         let given: Vec<Arc<Prepared>> =
@@ -224,11 +229,11 @@ impl System for Img2Mesh {
         let mask = stacked(tape, targets().map(|view| &view.mask[..]), &[m, side, side]);
         let topology = &self.stage.topology;
         let flat = losses::face_angle(meshes.raw, &self.stage.corners, &topology.edge_faces);
-        Terms::new()
+        Ok(Terms::new()
             .with("image", c.image_weight, losses::l1(rendered.image, image, None))
             .with("mask", c.mask_weight, losses::mask_iou(rendered.silhouette, mask))
             .with("flat", c.flat_weight, flat)
-            .with("edge", c.edge_weight, losses::edge_length_sum(meshes.raw, &topology.edges))
+            .with("edge", c.edge_weight, losses::edge_length_sum(meshes.raw, &topology.edges)))
     }
 
     fn evaluate(&self, data: &Data) -> Result<Vec<Metric>, DataError> {

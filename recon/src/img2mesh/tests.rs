@@ -94,7 +94,7 @@ fn every_parameter_gets_a_gradient() {
             })
             .collect();
         let tape = Tape::train(0);
-        let terms = system.loss(&tape, &batch, Moment { step: 0, epoch: 0 });
+        let terms = system.loss(&tape, &batch, Moment { step: 0, epoch: 0 }).unwrap();
         let total = terms.0.iter().map(|t| t.value.scale(t.weight as f32)).reduce(|a, b| a + b);
         let gradients = total.unwrap().backward();
         system.visit("", &mut |path: &str, param: &Param| {

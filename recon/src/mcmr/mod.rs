@@ -55,7 +55,7 @@ use nets::LoadWeights;
 
 use crate::stacked::stacked;
 use crate::train::{
-    DataError, Draw, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
+    DataError, Draw, LossError, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
 };
 use model::{Model, Predicted};
 use photo::lens_of;
@@ -233,7 +233,12 @@ impl System for Mcmr {
         }
     }
 
-    fn loss<'t>(&self, tape: &'t Tape, batch: &[Self::Sample], _: Moment) -> Terms<'t> {
+    fn loss<'t>(
+        &self,
+        tape: &'t Tape,
+        batch: &[Self::Sample],
+        _: Moment,
+    ) -> Result<Terms<'t>, LossError> {
         let (c, n, side) = (&self.config, batch.len(), self.config.image_size);
         let samples: Vec<&Sample> = batch.iter().map(|(sample, _)| sample).collect();
         let predicted = self.predicted(tape, &samples);
@@ -268,10 +273,10 @@ impl System for Mcmr {
         let inside = mask.reshape(&[n, side, side, 1]);
         let (image, truth) = (rendered.image.mul(inside), target.mul(inside));
         let [lab, true_lab] = [image, truth].map(losses::rgb_to_lab);
-        terms
+        Ok(terms
             .with("percept", c.percept_weight, batch[0].1.distance(image, truth))
             .with("color", c.color_weight, losses::lab_colour(lab, true_lab, None))
-            .with("lightness", c.lightness_weight, losses::lab_lightness(lab, true_lab, None))
+            .with("lightness", c.lightness_weight, losses::lab_lightness(lab, true_lab, None)))
     }
 
     fn evaluate(&self, data: &Data) -> Result<Vec<Metric>, DataError> {

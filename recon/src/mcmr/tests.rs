@@ -102,7 +102,7 @@ fn laplacians_by_faces_do_not_depend_on_the_level() {
         let data = Data::synthetic(&config).unwrap();
         let tape = Tape::eval();
         let batch = samples(&config, &data);
-        let terms = Mcmr::new(&config, 1).loss(&tape, &batch[..1], AT);
+        let terms = Mcmr::new(&config, 1).loss(&tape, &batch[..1], AT).unwrap();
         let term = terms.0.iter().find(|term| term.name == "laplacian").unwrap();
         term.weight * f64::from(term.value.item())
     };
@@ -154,7 +154,7 @@ fn every_parameter_gets_a_gradient() {
         let data = Data::synthetic(&config).unwrap();
         let system = Mcmr::new(&config, 1);
         let mut tape = Tape::train(3);
-        let terms = system.loss(&tape, &samples(&config, &data), AT);
+        let terms = system.loss(&tape, &samples(&config, &data), AT).unwrap();
         assert_eq!(terms.0.len(), 12);
         let sum = terms
             .0

@@ -12,7 +12,9 @@ use super::deformer::{Deformed, Deformer, Run, Stage};
 use super::template::Template;
 use crate::paired::{Pair, Pairs, Picture};
 use crate::stacked::stacked;
-use crate::train::{DataError, Draw, Metric, Moment, Shown, Source, Summary, System, Terms};
+use crate::train::{
+    DataError, Draw, LossError, Metric, Moment, Shown, Source, Summary, System, Terms,
+};
 
 /// An encoder, a template and what deforms it.
 #[derive(Debug)]
@@ -251,7 +253,7 @@ impl<D: Deformer> System for SingleView<D> {
         sample.picture.name.clone()
     }
 
-    fn loss<'t>(&self, tape: &'t Tape, batch: &[Pair], at: Moment) -> Terms<'t> {
+    fn loss<'t>(&self, tape: &'t Tape, batch: &[Pair], at: Moment) -> Result<Terms<'t>, LossError> {
         let pictures: Vec<&Picture> = batch.iter().map(|pair| &*pair.picture).collect();
         let run = Run::Training { seed: self.seed, step: at.step };
         let count = batch[0].truth.positions.len();
@@ -268,8 +270,11 @@ impl<D: Deformer> System for SingleView<D> {
                     self.stage_terms(stage, truth, normals, &mut sums);
                 }
             }
-            // The loop stops at what is not a number, and names the step and the samples.
-            Err(_) => sums.chamfer = Some(tape.constant(ndarray::arr0(f32::NAN))),
+            // The loop stops at what is not a number, and finds the parameter or the sample that made it.
+            Err(SolveError::NonFinite { .. }) => {
+                sums.chamfer = Some(tape.constant(ndarray::arr0(f32::NAN)));
+            }
+            Err(error) => return Err(error.into()),
         }
         let shared = self.shared();
         let mut terms = Terms::new();
@@ -284,7 +289,7 @@ impl<D: Deformer> System for SingleView<D> {
                 terms = terms.with(name, weight, sum.unwrap_or_else(zero));
             }
         }
-        terms
+        Ok(terms)
     }
 
     fn evaluate(&self, data: &Pairs) -> Result<Vec<Metric>, DataError> {

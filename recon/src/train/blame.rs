@@ -4,6 +4,7 @@ use std::fmt;
 
 use autodiff_lite::{Gradients, Param, Tape};
 
+use super::error::{LossError, TrainError};
 use super::step::spoiled;
 use super::system::{Moment, System};
 
@@ -62,22 +63,47 @@ pub(super) fn blame<S: System>(
     at: Moment,
 ) -> NotFinite {
     let Moment { step, epoch } = at;
-    let all = |samples: &[S::Sample]| {
-        let names: Vec<String> = samples.iter().map(S::name_of).collect();
-        let noun = if names.len() == 1 { "sample" } else { "samples" };
-        format!("{noun} {}", names.join(", "))
-    };
     let parameter = spoiled(system).map(Tensor::Parameter);
     let sizes = if shard > 1 { vec![1, shard] } else { vec![1] };
     for chunk in sizes.into_iter().flat_map(|size| samples.chunks(size)) {
         tape.reset();
         if let Some((term, tensor)) = culprit(tape, system, chunk, at) {
             let tensor = parameter.unwrap_or(tensor);
-            return NotFinite { step, epoch, term: term.to_owned(), tensor, sample: all(chunk) };
+            return NotFinite {
+                step,
+                epoch,
+                term: term.to_owned(),
+                tensor,
+                sample: named::<S>(chunk),
+            };
         }
     }
     let tensor = parameter.unwrap_or(Tensor::Sum);
-    NotFinite { step, epoch, term: String::new(), tensor, sample: all(samples) }
+    NotFinite { step, epoch, term: String::new(), tensor, sample: named::<S>(samples) }
+}
+
+/// Why a loss has no value: the first sample that has none by itself, or else all of them together.
+pub(super) fn without_value<S: System>(
+    tape: &mut Tape,
+    system: &S,
+    samples: &[S::Sample],
+    at: Moment,
+    error: LossError,
+) -> TrainError {
+    let Moment { step, epoch } = at;
+    for one in samples.chunks(1) {
+        tape.reset();
+        if let Err(error) = system.loss(tape, one, at) {
+            return TrainError::Loss { step, epoch, samples: named::<S>(one), error };
+        }
+    }
+    TrainError::Loss { step, epoch, samples: named::<S>(samples), error }
+}
+
+fn named<S: System>(samples: &[S::Sample]) -> String {
+    let names: Vec<String> = samples.iter().map(S::name_of).collect();
+    let noun = if names.len() == 1 { "sample" } else { "samples" };
+    format!("{noun} {}", names.join(", "))
 }
 
 fn culprit<S: System>(
@@ -86,7 +112,8 @@ fn culprit<S: System>(
     chunk: &[S::Sample],
     at: Moment,
 ) -> Option<(&'static str, Tensor)> {
-    let terms = system.loss(tape, chunk, at);
+    // One without a value is told before it comes to this.
+    let terms = system.loss(tape, chunk, at).ok()?;
     let counted = || terms.0.iter().filter(|term| term.weight != 0.0);
     if let Some(term) = terms.0.iter().find(|term| !term.value.item().is_finite()) {
         return Some((term.name, Tensor::Value));

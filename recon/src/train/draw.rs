@@ -4,12 +4,15 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::system::Moment;
+
 /// What a generator is for: two purposes never share a stream.
 #[derive(Clone, Copy)]
 enum Purpose {
     Order = 1,
     Sample = 2,
     Tape = 3,
+    Loss = 4,
 }
 
 /// Which sample is wanted: everything random about it follows from this.
@@ -27,6 +30,11 @@ pub struct Draw {
 }
 
 impl Draw {
+    /// The seed of what a loss draws at a step, for its `part`-th purpose.
+    pub fn for_loss(seed: u64, at: Moment, part: u64) -> u64 {
+        generator(seed, Purpose::Loss, at.step, part).random()
+    }
+
     /// A generator of this sample's own.
     pub fn rng(&self) -> ChaCha8Rng {
         generator(self.seed, Purpose::Sample, self.epoch, self.index)
@@ -77,5 +85,16 @@ mod tests {
         assert_ne!(number(draw), number(Draw { index: 4, ..draw }));
         assert_ne!(number(draw), number(Draw { epoch: 3, ..draw }));
         assert_ne!(tape_seed(1, 2, 3), number(draw));
+        let at = |step| Moment { step, epoch: 0 };
+        let loss = Draw::for_loss(1, at(2), 3);
+        assert_eq!(loss, Draw::for_loss(1, Moment { epoch: 5, ..at(2) }, 3));
+        // Seeds that agree in their last sixteen bits, neighbours in step and part, other purposes.
+        let others = [
+            Draw::for_loss(65_537, at(2), 3),
+            Draw::for_loss(1, at(3), 3),
+            Draw::for_loss(1, at(2), 4),
+            tape_seed(1, 2, 3),
+        ];
+        assert!(!others.contains(&loss));
     }
 }

@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use autodiff_lite::state::{LoadError, SaveError};
+use ode_deform::solve::SolveError;
 
 use super::blame::NotFinite;
 use super::system::DataError;
@@ -21,6 +22,21 @@ pub enum TrainError {
     /// A loss or gradient became NaN or infinite.
     #[error(transparent)]
     NotFinite(#[from] Box<NotFinite>),
+    /// A loss has no value.
+    #[error(
+        "step {step} (epoch {epoch}): the loss of {samples} has no value: {error}; the last checkpoint is whole, resuming \
+         goes on from it"
+    )]
+    Loss {
+        /// Steps taken before.
+        step: u64,
+        /// Epochs finished before.
+        epoch: u64,
+        /// The sample, or all of a batch if none alone shows it.
+        samples: String,
+        /// Why.
+        error: LossError,
+    },
     /// The run's folder cannot be used.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -37,6 +53,15 @@ pub enum TrainError {
     },
 }
 
+/// Why a loss has no value.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LossError {
+    /// A differential equation could not be solved.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+}
+
 /// Why a run's folder cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -46,6 +71,14 @@ pub enum RunError {
     Exists {
         /// The folder.
         path: PathBuf,
+    },
+    /// Another process works in the folder.
+    #[error("{} is in use by {holder}; wait until it ends, or choose another folder", path.display())]
+    Busy {
+        /// The folder.
+        path: PathBuf,
+        /// Process, machine and since when, as the other noted it.
+        holder: String,
     },
     /// The folder is no run, or its run wrote no checkpoint yet.
     #[error("{}: {missing} is missing: not a run that can go on", path.display())]
@@ -96,6 +129,20 @@ pub enum CheckpointError {
         /// File and reason.
         #[from]
         error: SaveError,
+    },
+    /// Its bytes are not those that were written.
+    #[error(
+        "{}: its checksum is {found}, expected {expected}: the file was damaged after it was written; take another \
+         checkpoint of the run, or a copy",
+        path.display()
+    )]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// The checksum of its bytes.
+        found: String,
+        /// The checksum that it carries.
+        expected: String,
     },
     /// Its metadata lacks something or says what cannot be.
     #[error("{}: metadata `{field}` is {found}, expected {expected}", path.display())]

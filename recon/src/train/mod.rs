@@ -22,7 +22,9 @@
 //!
 //! - The loop prints nothing; each [`Event`] can stop it, and a checkpoint is then written.
 //! - The sum of shards is taken in their order; their number is an option, never that of threads.
-//! - Files appear whole or not at all, but for logs, which lose at most their last line.
+//! - Files appear whole or not at all, but for logs, which lose at most their last line; a checkpoint and the log up to it
+//!   outlast a power cut.
+//! - There is a checkpoint from before the first step on, and one process at a time in a run's folder.
 
 mod blame;
 mod checkpoint;
@@ -48,7 +50,7 @@ pub use checkpoint::Checkpoint;
 pub use config::{CHANGEABLE, Configuration, OptimizerKind, ScheduleKind, TrainConfig};
 pub use course::{Job, Outcome, train};
 pub use draw::Draw;
-pub use error::{CheckpointError, RunError, TrainError};
+pub use error::{CheckpointError, LossError, RunError, TrainError};
 pub use event::{Event, Step};
 pub use located::{Located, Noted};
 pub use optimizer::Moments;

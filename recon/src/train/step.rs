@@ -3,8 +3,9 @@
 use autodiff_lite::{Gradients, Module, Tape, Updates};
 use rayon::prelude::*;
 
-use super::blame::{NotFinite, blame};
+use super::blame::{blame, without_value};
 use super::draw::tape_seed;
+use super::error::{LossError, TrainError};
 use super::system::{Moment, System, Terms};
 
 /// The tapes of a run, kept so that their memory is.
@@ -43,7 +44,7 @@ impl Tapes {
     /// summed in their order. `meanwhile` runs beside the first batch, before parameters change.
     ///
     /// # Errors
-    /// If anything is not finite.
+    /// If anything is not finite, or a loss has no value.
     pub(super) fn slope<S: System>(
         &mut self,
         system: &mut S,
@@ -52,7 +53,7 @@ impl Tapes {
         at: Moment,
         seed: u64,
         meanwhile: impl FnOnce(&S) + Send,
-    ) -> Result<Slope, Box<NotFinite>> {
+    ) -> Result<Slope, TrainError> {
         let shard = batch.div_ceil(self.0.len());
         let mut sum: Option<Slope> = None;
         let mut meanwhile = Some(meanwhile);
@@ -65,11 +66,17 @@ impl Tapes {
                 let share = chunk.len() as f64 / samples.len() as f64;
                 part(tape, fresh, chunk, share, at)
             });
-            let parts: Vec<Part> = match meanwhile.take() {
+            let parts: Vec<Result<Part, LossError>> = match meanwhile.take() {
                 Some(other) => rayon::join(|| parts.collect(), || other(fresh)).0,
                 None => parts.collect(),
             };
-            for part in parts {
+            for (part, chunk) in parts.into_iter().zip(batch.chunks(shard)) {
+                let part = match part {
+                    Ok(part) => part,
+                    Err(error) => {
+                        return Err(without_value(&mut self.0[0], system, chunk, at, error));
+                    }
+                };
                 part.updates.apply(system);
                 match &mut sum {
                     None => {
@@ -91,7 +98,7 @@ impl Tapes {
             return Ok(slope);
         }
         drop(slope);
-        Err(Box::new(blame(&mut self.0[0], system, samples, shard, at)))
+        Err(Box::new(blame(&mut self.0[0], system, samples, shard, at)).into())
     }
 }
 
@@ -101,8 +108,14 @@ fn part<S: System>(
     chunk: &[S::Sample],
     share: f64,
     at: Moment,
-) -> Part {
-    let terms = system.loss(tape, chunk, at);
+) -> Result<Part, LossError> {
+    let terms = match system.loss(tape, chunk, at) {
+        Ok(terms) => terms,
+        Err(error) => {
+            tape.reset();
+            return Err(error);
+        }
+    };
     let values = terms
         .0
         .iter()
@@ -112,7 +125,7 @@ fn part<S: System>(
     let updates = tape.take_updates();
     drop(terms);
     tape.reset();
-    Part { gradients, terms: values, updates }
+    Ok(Part { gradients, terms: values, updates })
 }
 
 /// The weighted sum of the terms that count.

@@ -10,6 +10,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::draw::Draw;
+use super::error::LossError;
 use super::optimizer::Moments;
 use crate::report::ViewPair;
 
@@ -84,7 +85,15 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     ///
     /// The batch may be a part of the one that was asked for, on a tape of its own; see
     /// [`couples_samples`](Self::couples_samples).
-    fn loss<'t>(&self, tape: &'t Tape, batch: &[Self::Sample], at: Moment) -> Terms<'t>;
+    ///
+    /// # Errors
+    /// If it has no value: an equation that it rests on could not be solved.
+    fn loss<'t>(
+        &self,
+        tape: &'t Tape,
+        batch: &[Self::Sample],
+        at: Moment,
+    ) -> Result<Terms<'t>, LossError>;
 
     /// Scores on what is held out. Deterministic; the first call and the thousandth agree.
     ///

@@ -211,6 +211,7 @@ fn a_number_that_is_none_is_traced() {
     let at = Moment { step: 5, epoch: 1 };
     let mut tapes = super::step::Tapes::new(1);
     let error = tapes.slope(&mut spoiled, &samples, 3, at, 0, |_| ()).unwrap_err();
+    let TrainError::NotFinite(error) = error else { panic!("{error}") };
     assert_eq!(error.tensor, Tensor::Parameter("offsets.1".into()));
     assert_eq!((error.step, error.epoch), (5, 1));
 }

@@ -7,13 +7,14 @@ use autodiff_lite::{Activation, Param, Tape, impl_module};
 use diff_raster::{Faces, Settings, antialiased_silhouette, rasterize};
 use mesh_core::{ByteImage, Camera, Topology, primitives};
 use ndarray::{Array2, ArrayD, Ix3, IxDyn};
+use ode_deform::solve::SolveError;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::report::ViewPair;
 use crate::train::{
-    DataError, Draw, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
+    DataError, Draw, LossError, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
 };
 
 const SIDE: usize = 16;
@@ -28,6 +29,8 @@ pub(super) struct Options {
     pub(super) poisoned: i64,
     /// The object whose picture cannot be read, if any.
     pub(super) unreadable: i64,
+    /// The object whose loss has no value, if any.
+    pub(super) unsolved: i64,
     /// The epoch before which the hidden layer doubles, if any.
     pub(super) grow_at: i64,
     /// Couples the samples of a batch, to be refused with shards.
@@ -36,7 +39,9 @@ pub(super) struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { hidden: 8, dropout: 0.1, poisoned: -1, unreadable: -1, grow_at: -1, coupled: false }
+        let (poisoned, unreadable, unsolved) = (-1, -1, -1);
+        let (grow_at, coupled) = (-1, false);
+        Self { hidden: 8, dropout: 0.1, poisoned, unreadable, unsolved, grow_at, coupled }
     }
 }
 
@@ -174,13 +179,23 @@ impl System for Blob {
         sample.name.clone()
     }
 
-    fn loss<'t>(&self, tape: &'t Tape, batch: &[Silhouette], _: Moment) -> Terms<'t> {
+    fn loss<'t>(
+        &self,
+        tape: &'t Tape,
+        batch: &[Silhouette],
+        _: Moment,
+    ) -> Result<Terms<'t>, LossError> {
+        let unsolved = format!("object {}", self.options.unsolved);
+        if batch.iter().any(|sample| sample.name == unsolved) {
+            return Err(SolveError::StepUnderflow { t: 0.5, step: 1e-9, least: 1e-8 }.into());
+        }
         let [masks, offsets] = self.masks(tape, batch);
         let wanted = batch.iter().flat_map(|s| s.mask.clone()).collect();
         let wanted = ArrayD::from_shape_vec(IxDyn(&[batch.len(), SIDE, SIDE]), wanted).unwrap();
         let mask = losses::mask_iou(masks, tape.constant(wanted));
         let edge = losses::edge_length(offsets, &self.edges, 0.0);
-        Terms::new().with("mask", 1.0, mask).with("edge", 0.1, edge).with("watched", 0.0, mask)
+        let terms = Terms::new().with("mask", 1.0, mask).with("edge", 0.1, edge);
+        Ok(terms.with("watched", 0.0, mask))
     }
 
     fn evaluate(&self, (): &()) -> Result<Vec<Metric>, DataError> {
