@@ -24,7 +24,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Demo) -> Result<
     let target = arguments.output.folder.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
     // Refusals come before the work.
     let folder = OutputFolder::create(&target, arguments.output.force)?;
-    let interrupt = Interrupt::listen(Some(folder.path()))?;
+    let interrupt = Interrupt::listen(Some(folder.unfinished()))?;
 
     let clock = global.seed.map_or_else(AlarmClock::default, AlarmClock::sample).build();
     let size = arguments.size as usize;

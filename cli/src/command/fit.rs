@@ -49,7 +49,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(
     let target = arguments.output.folder.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
     // Refusals come before the work.
     let folder = OutputFolder::create(&target, arguments.output.force)?;
-    let interrupt = Interrupt::listen(Some(folder.path()))?;
+    let interrupt = Interrupt::listen(Some(folder.unfinished()))?;
     let truth = arguments.truth.as_ref().map(|path| read_mesh(console, path)).transpose()?;
     let progress = Progress::new(console, "read");
     let options = arguments.reading.options();

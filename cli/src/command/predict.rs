@@ -50,7 +50,7 @@ impl ForSystem for Command<'_> {
         let found = located::<S>(path, arguments.last)?;
         let target = arguments.output.folder.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
         let folder = OutputFolder::create(&target, arguments.output.force)?;
-        let _interrupt = Interrupt::listen(Some(folder.path()))?;
+        let _interrupt = Interrupt::listen(Some(folder.unfinished()))?;
         let checkpoint = Checkpoint::read(&found.file).map_err(Failure::input)?;
         let (system, _) = checkpoint.load::<S>().map_err(Failure::input)?;
         let progress = Progress::new(console, "read");

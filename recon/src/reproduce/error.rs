@@ -50,6 +50,14 @@ impl From<CheckpointError> for StudyError {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReproduceError {
+    /// Another process works in the folder.
+    #[error("{} is in use by {holder}; wait until it ends, or choose another folder", path.display())]
+    Busy {
+        /// The folder.
+        path: PathBuf,
+        /// Process, machine and since when, as the other noted it.
+        holder: String,
+    },
     /// The folder's results are of another study, scale, data, or of other settings.
     #[error(
         "{}: its results are of `{found}`, now it is `{expected}`; choose another folder, or drop them (--force)",

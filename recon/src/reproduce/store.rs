@@ -16,16 +16,21 @@ use serde::{Deserialize, Serialize};
 
 use super::error::ReproduceError;
 use super::row::{Cell, Row};
-use crate::output::{remove_within, write_within};
+use crate::output::{
+    Lock, LockError, disk, is_incidental, lock_folder, remove_within, sweep, write_within,
+};
 use crate::train::Provenance;
 
 /// Everything in a study's folder, for those who overwrite one.
 const ENTRIES: &[&str] =
     &["study.txt", "results", "pictures", "work", "table.md", "report.html", "results.json"];
 
-/// The folder of a study.
+/// The folder of a study, for this process alone.
 #[derive(Debug)]
-pub(super) struct Store(PathBuf);
+pub(super) struct Store {
+    root: PathBuf,
+    _lock: Lock,
+}
 
 /// A finished job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -67,7 +72,7 @@ fn taken(path: &Path) -> bool {
 impl Store {
     /// Opens a folder for results of what `identity` says, or makes it.
     pub(super) fn open(path: &Path, identity: &str, force: bool) -> Result<Self, ReproduceError> {
-        let store = Self(path.to_owned());
+        let store = Self { root: path.to_owned(), _lock: locked(path)? };
         let note = path.join("study.txt");
         let known = match fs::read_to_string(&note) {
             Ok(text) => Some(text),
@@ -90,17 +95,17 @@ impl Store {
 
     /// Removes everything that a study wrote, and leaves other files alone.
     pub(super) fn clear(&self) -> Result<(), ReproduceError> {
-        remove_within(&self.0, ENTRIES).map_err(io)
+        remove_within(&self.root, ENTRIES).map_err(io)
     }
 
     /// Where a job may keep what it needs to go on.
     pub(super) fn work(&self, job: &str, seed: u64) -> PathBuf {
-        self.0.join("work").join(stem(job, seed))
+        self.root.join("work").join(stem(job, seed))
     }
 
     /// The kept result of a job, if it was finished.
     pub(super) fn kept(&self, job: &str, seed: u64) -> Result<Option<Kept>, ReproduceError> {
-        let path = self.0.join(result(job, seed));
+        let path = self.root.join(result(job, seed));
         let text = match fs::read_to_string(&path) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
@@ -153,12 +158,12 @@ impl Store {
 
     /// The bytes of a picture; none if someone removed it.
     pub(super) fn picture(&self, picture: &KeptPicture) -> Option<Vec<u8>> {
-        fs::read(self.0.join(&picture.file)).ok()
+        fs::read(self.root.join(&picture.file)).ok()
     }
 
     /// Writes a file, whole or not at all, with the folders above it.
     pub(super) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), ReproduceError> {
-        write_within(&self.0, name, bytes).map_err(io)
+        write_within(&self.root, name, bytes).map_err(io)
     }
 }
 
@@ -177,9 +182,21 @@ fn result(job: &str, seed: u64) -> String {
 
 fn is_empty(path: &Path) -> Result<bool, ReproduceError> {
     let entries = fs::read_dir(path);
-    let mut entries =
-        entries.map_err(|source| ReproduceError::Io { path: path.to_owned(), source })?;
-    Ok(entries.next().is_none())
+    let entries = entries.map_err(|source| ReproduceError::Io { path: path.to_owned(), source })?;
+    Ok(entries.flatten().all(|entry| is_incidental(&entry.file_name())))
+}
+
+/// A folder, made if there is none, without what killed processes left unfinished.
+fn locked(path: &Path) -> Result<Lock, ReproduceError> {
+    let failed = |source| ReproduceError::Io { path: path.to_owned(), source };
+    disk::make_folders(path).map_err(failed)?;
+    let lock = lock_folder(path).map_err(|error| match error {
+        LockError::Busy(holder) => ReproduceError::Busy { path: path.to_owned(), holder },
+        LockError::Io(source) => failed(source),
+    })?;
+    let within = ["results", "pictures"].map(|name| path.join(name));
+    sweep(&lock, within.iter().map(PathBuf::as_path).chain([path]));
+    Ok(lock)
 }
 
 /// The first line that is another.

@@ -1,19 +1,28 @@
 //! Checkpoints: parameters, optimiser, and where the run was, in one safetensors file.
 //!
-//! The metadata holds `format` (1), `system`, `step`, `epochs-begun`, `pending` (whether the
+//! The metadata holds `format` (2), `checksum` (of all bytes of the file, as [`Fingerprint`] has it, with zeros in its own
+//! place; files of format 1 have none), `system`, `step`, `epochs-begun`, `pending` (whether the
 //! evaluation of an epoch that just ended is still to come), `best`, `average` and `config`, the
 //! whole configuration as TOML. Numbers are printed so that they read back bit by bit.
 
 use std::path::Path;
 
-use autodiff_lite::state::{LoadError, State};
+use autodiff_lite::state::{LoadError, SaveError, State};
 
 use super::config::{Configuration, TrainConfig};
 use super::error::CheckpointError;
 use super::optimizer::{AnyOptimizer, Moments};
+use super::run::Fingerprint;
 use super::system::System;
+use crate::output::disk::write_whole;
 
-const FORMAT: &str = "1";
+const FORMAT: &str = "2";
+/// Without a checksum; otherwise the same.
+const FORMER: &str = "1";
+/// How the checksum's entry begins in the file; within other entries a quote has a backslash before it.
+const CHECKSUM: &[u8] = b"\"checksum\":\"";
+/// In place of the checksum while it is computed.
+const ZEROS: &str = "0000000000000000";
 
 /// Where a run stands, beside its parameters.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -41,12 +50,25 @@ impl<'a> Checkpoint<'a> {
     /// Reads a file.
     ///
     /// # Errors
-    /// If it cannot be read, is no safetensors file, or is no checkpoint of a training.
+    /// If it cannot be read, is no safetensors file, was damaged after it was written, or is no checkpoint of a training.
     pub fn read(path: &'a Path) -> Result<Self, CheckpointError> {
-        let checkpoint = Self { path, state: State::read(path)? };
-        let format = checkpoint.entry("format")?;
-        if format != FORMAT {
-            return Err(checkpoint.wrong("format", format, FORMAT));
+        let mut bytes = std::fs::read(path)
+            .map_err(|source| LoadError::Io { path: path.to_owned(), source })?;
+        let state = State::from_bytes(&bytes)
+            .map_err(|reason| LoadError::Format { path: path.to_owned(), reason })?;
+        let checkpoint = Self { path, state };
+        // First of all: what else is wrong may be wrong because of the damage.
+        if let Some(expected) = checkpoint.state.metadata.get("checksum") {
+            let found = checksum(&mut bytes);
+            if found != *expected {
+                let (path, expected) = (path.to_owned(), expected.clone());
+                return Err(CheckpointError::Damaged { path, found, expected });
+            }
+        }
+        match checkpoint.entry("format")? {
+            FORMAT => checkpoint.entry("checksum").map(drop)?,
+            FORMER => {}
+            format => return Err(checkpoint.wrong("format", format, FORMAT)),
         }
         Ok(checkpoint)
     }
@@ -62,9 +84,10 @@ impl<'a> Checkpoint<'a> {
     /// Steps that were taken.
     ///
     /// # Errors
-    /// If the file does not say.
+    /// If the file does not say, or says what cannot be.
     pub fn step(&self) -> Result<u64, CheckpointError> {
-        self.number("step")
+        let step: u64 = self.number("step")?;
+        self.countable("step", step)
     }
 
     /// The configuration of the run.
@@ -153,7 +176,7 @@ impl<'a> Checkpoint<'a> {
     }
 
     fn standing(&self) -> Result<Standing, CheckpointError> {
-        let step = self.number("step")?;
+        let step = self.step()?;
         let epochs_begun: u64 = self.number("epochs-begun")?;
         let best = match self.entry("best")? {
             "none" => None,
@@ -162,12 +185,18 @@ impl<'a> Checkpoint<'a> {
                 let Some((Some(value), Some(step))) = parts else {
                     return Err(self.wrong("best", text, "`VALUE at STEP` or none"));
                 };
-                Some((value, step))
+                Some((value, self.countable("best", step)?))
             }
         };
         let average = match self.entry("average")? {
             "none" => None,
-            _ => Some(self.number("average")?),
+            text => {
+                let average: f64 = self.number("average")?;
+                if !average.is_finite() {
+                    return Err(self.wrong("average", text, "a finite number"));
+                }
+                Some(average)
+            }
         };
         Ok(Standing { step, epochs_begun, pending: self.number("pending")?, best, average })
     }
@@ -182,13 +211,43 @@ impl<'a> Checkpoint<'a> {
         text.parse().map_err(|_| self.wrong(field, text, std::any::type_name::<T>()))
     }
 
+    /// No training has more steps: a configuration cannot ask for them.
+    fn countable(&self, field: &'static str, step: u64) -> Result<u64, CheckpointError> {
+        let sound = i64::try_from(step).is_ok();
+        let expected = "a step of at most 2^63 - 1";
+        if sound { Ok(step) } else { Err(self.wrong(field, &step.to_string(), expected)) }
+    }
+
     fn wrong(&self, field: &'static str, found: &str, expected: &str) -> CheckpointError {
         let (found, expected) = (found.to_owned(), expected.to_owned());
         CheckpointError::Metadata { path: self.path.to_owned(), field, found, expected }
     }
 }
 
-/// Writes a checkpoint, whole or not at all.
+/// The checksum of a checkpoint's bytes, whatever stands in its place: zeros afterwards.
+fn checksum(bytes: &mut [u8]) -> String {
+    if let Some(place) = place(bytes) {
+        bytes[place].copy_from_slice(ZEROS.as_bytes());
+    }
+    format!("{:016x}", Fingerprint::new().with(bytes).value())
+}
+
+/// Where the checksum stands.
+fn place(bytes: &[u8]) -> Option<std::ops::Range<usize>> {
+    let at = bytes.windows(CHECKSUM.len()).position(|window| window == CHECKSUM)?;
+    let place = at + CHECKSUM.len()..at + CHECKSUM.len() + ZEROS.len();
+    (bytes.get(place.end) == Some(&b'"')).then_some(place)
+}
+
+/// Writes the checksum into the bytes of a checkpoint, in place of what stands there.
+pub(super) fn seal(mut bytes: Vec<u8>) -> Vec<u8> {
+    let place = place(&bytes).expect("the entry was added");
+    let checksum = checksum(&mut bytes);
+    bytes[place].copy_from_slice(checksum.as_bytes());
+    bytes
+}
+
+/// Writes a checkpoint, whole or not at all, for good.
 pub(super) fn save<S: System>(
     path: &Path,
     system: &S,
@@ -203,6 +262,7 @@ pub(super) fn save<S: System>(
     let average = standing.average.map(|average| format!("{average:?}"));
     for (name, text) in [
         ("format", FORMAT.to_owned()),
+        ("checksum", ZEROS.to_owned()),
         ("system", S::NAME.to_owned()),
         ("step", standing.step.to_string()),
         ("epochs-begun", standing.epochs_begun.to_string()),
@@ -213,6 +273,8 @@ pub(super) fn save<S: System>(
     ] {
         state.metadata.insert(name.to_owned(), text);
     }
-    state.write(path)?;
-    Ok(())
+    let bytes = state.to_bytes();
+    drop(state);
+    write_whole(path, &seal(bytes))
+        .map_err(|source| SaveError { path: path.to_owned(), source }.into())
 }

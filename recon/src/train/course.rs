@@ -65,7 +65,9 @@ pub fn train<S: System>(
 ) -> Result<Outcome<S>, TrainError> {
     let mut course = Course::prepare(job, watch)?;
     let stopped = course.run()?;
+    course.record.sync()?;
     course.record.digest::<S>(job.config)?;
+    course.warn();
     Ok(Outcome {
         system: course.system,
         steps: course.standing.step,
@@ -117,7 +119,9 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
         if !problems.is_empty() {
             return Err(TrainError::Config(problems));
         }
-        let (system, optimizer, standing) = if job.resume {
+        // What was killed before its first checkpoint goes on from its beginning.
+        let resume = job.resume && job.run.last().is_file();
+        let (system, optimizer, standing) = if resume {
             Checkpoint::read(&job.run.last())?.resume::<S>(config)?
         } else {
             let mut system = S::new(&config.system, train.seed);
@@ -142,10 +146,10 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
             steps_per_epoch,
             total,
         };
-        let (record, warnings) = if job.resume {
+        let record = if resume {
             Record::resume(job.run, &heading, standing.step, standing.pending)?
         } else {
-            (Record::begin(job.run, &heading)?, Vec::new())
+            Record::begin(job.run, &heading)?
         };
         let mut course = Self {
             job,
@@ -164,16 +168,25 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
             saved: (standing.step, Instant::now()),
             standing,
         };
+        if !resume {
+            // Whatever happens from here on, the run can go on.
+            course.write(&job.run.last())?;
+        }
         let (trainable, done) = (summary.trainable, course.standing.step);
         course.tell(Event::Started { trainable, steps_per_epoch, total, done });
-        for text in warnings {
-            course.tell(Event::Warned(text));
-        }
+        course.warn();
         Ok(course)
     }
 
     fn tell(&mut self, event: Event) {
         self.stop |= (self.watch)(event) == Flow::Stop;
+    }
+
+    /// Passes on what a user should know.
+    fn warn(&mut self) {
+        for text in self.record.warnings() {
+            self.tell(Event::Warned(text));
+        }
     }
 
     /// Returns whether it was stopped before the end.
@@ -231,9 +244,9 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
                 draw(system, data, items, seed, at, steps_per_epoch, per_step)
             };
             let samples = ahead.map_or_else(|| draw(system, at), |ahead| ahead.samples)?;
-            Ok(tapes.slope(system, &samples, train.batch, at, seed, |system| {
+            tapes.slope(system, &samples, train.batch, at, seed, |system| {
                 drawn = follows.then(|| draw(system, next));
-            })?)
+            })
         });
         self.ahead = drawn.map(|samples| Ahead { step: next.step, samples });
         let mut slope = slope?;
@@ -244,7 +257,8 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
             && train.skip_spikes > 0.0
             && loss > train.skip_spikes * average
         {
-            self.record.skipped([step, at.epoch], loss, average)?;
+            self.record.skipped([step, at.epoch], loss, average);
+            self.warn();
             self.tell(Event::Skipped { step, loss, average });
             return Ok(());
         }
@@ -268,7 +282,8 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
             seconds: start.elapsed().as_secs_f64(),
         };
         drop(slope);
-        self.record.step(&report)?;
+        self.record.step(&report);
+        self.warn();
         self.tell(Event::Step(report));
         Ok(())
     }
@@ -298,7 +313,7 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
             let (system, data) = (&self.system, self.job.data);
             self.metrics = in_pool(|| system.evaluate(data))?;
             let best = self.is_best()?;
-            self.record.evaluation(place, &self.metrics, best)?;
+            self.record.evaluation(place, &self.metrics, best);
             if best {
                 let path = self.job.run.best();
                 self.write(&path)?;
@@ -309,12 +324,13 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
         if turn(train.samples_every) {
             let (system, data) = (&self.system, self.job.data);
             let shown = in_pool(|| system.show(data))?;
-            self.record.samples(place, shown)?;
+            self.record.samples(place, shown);
         }
         let evaluated = turn(train.evaluate_every);
         if evaluated {
             self.record.digest::<S>(self.job.config)?;
         }
+        self.warn();
         Ok(evaluated)
     }
 
@@ -338,6 +354,7 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
 
     fn save(&mut self) -> Result<(), TrainError> {
         let path = self.job.run.last();
+        self.record.sync()?;
         self.write(&path)?;
         self.saved = (self.standing.step, Instant::now());
         self.tell(Event::Saved { step: self.standing.step, path });

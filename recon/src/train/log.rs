@@ -2,14 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::fs::{File, OpenOptions};
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::error::RunError;
+use crate::output::disk::{Growing, write_whole};
 
 /// A line after the header.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,6 +47,12 @@ impl Line {
             | Self::Evaluation { step, .. }
             | Self::Resumed { step, .. } => *step,
         }
+    }
+
+    /// Whether it was written after the checkpoint of a step, where an evaluation may be pending.
+    fn comes_after(&self, step: u64, pending: bool) -> bool {
+        let again = pending && matches!(self, Self::Evaluation { .. }) && self.step() == step;
+        self.step() > step || again
     }
 }
 
@@ -117,12 +122,35 @@ impl History {
         Ok(history)
     }
 
-    /// Forgets what came after a checkpoint: later steps, and evaluations that are still to be done.
-    pub(super) fn rewind(&mut self, step: u64, pending: bool) {
-        self.lines.retain(|line| {
-            let again = pending && matches!(line, Line::Evaluation { .. }) && line.step() == step;
-            line.step() <= step && !again
-        });
+    /// The header of a run's log, and how many of its bytes stay when it goes on from a checkpoint: those before later
+    /// steps, and before evaluations that are still to be done.
+    pub(super) fn kept(path: &Path, step: u64, pending: bool) -> Result<(Value, u64), RunError> {
+        let text =
+            std::fs::read(path).map_err(|source| RunError::Io { path: path.to_owned(), source })?;
+        let (mut header, mut kept, mut reached) = (None, 0, 0);
+        for (k, line) in text.split_inclusive(|&byte| byte == b'\n').enumerate() {
+            if !line.ends_with(b"\n") {
+                break;
+            }
+            let wrong = |problem: serde_json::Error| RunError::Log {
+                path: path.to_owned(),
+                line: k + 1,
+                problem: problem.to_string(),
+            };
+            if k == 0 {
+                header = Some(serde_json::from_slice(line).map_err(wrong)?);
+            } else {
+                match serde_json::from_slice::<Line>(line) {
+                    Ok(line) if line.comes_after(step, pending) => break,
+                    Ok(line) => reached = line.step(),
+                    // Behind the checkpoint, a power cut may have left anything.
+                    Err(_) if reached >= step => break,
+                    Err(error) => return Err(wrong(error)),
+                }
+            }
+            kept += line.len() as u64;
+        }
+        Ok((header.unwrap_or_default(), kept))
     }
 
     /// Seconds of computing in the steps.
@@ -138,15 +166,6 @@ impl History {
             _ => None,
         });
         steps.map(|(_, value)| *value).collect()
-    }
-
-    /// The text of the log.
-    pub(super) fn to_jsonl(&self) -> String {
-        let mut text = json(&self.header);
-        for line in &self.lines {
-            text += &json(line);
-        }
-        text
     }
 
     /// All steps and evaluations as a table, one row a step; what a row has not is empty.
@@ -224,28 +243,53 @@ fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).expect("names and numbers serialise") + "\n"
 }
 
-/// The log of a run under way, appended line by line.
+/// The log of a run under way, appended line by line; what was written once is never rewritten.
 #[derive(Debug)]
 pub(super) struct Log {
-    path: PathBuf,
-    file: File,
+    file: Growing,
+    /// Lines for which there was no room.
+    waiting: Vec<u8>,
 }
 
 impl Log {
-    /// Writes what was logged so far, whole or not at all, and goes on behind it.
-    pub(super) fn open(path: PathBuf, history: &History) -> Result<Self, RunError> {
-        let text = history.to_jsonl();
-        let io = |source| RunError::Io { path: path.clone(), source };
-        mesh_core::io::write_atomic(&path, |out| out.write_all(text.as_bytes()))
-            .map_err(|error| io(std::io::Error::other(error.to_string())))?;
-        let file = OpenOptions::new().append(true).open(&path).map_err(io)?;
-        Ok(Self { path, file })
+    /// Begins a log.
+    pub(super) fn begin(path: PathBuf, header: &Value) -> Result<Self, RunError> {
+        let text = json(header);
+        match write_whole(&path, text.as_bytes()) {
+            Ok(()) => Self::resume(path, text.len() as u64),
+            Err(source) => Err(RunError::Io { path, source }),
+        }
     }
 
-    /// One line, in one write, so that a kill cuts off at most the last.
+    /// Goes on behind the bytes that stay.
+    pub(super) fn resume(path: PathBuf, kept: u64) -> Result<Self, RunError> {
+        match Growing::open(path.clone(), kept) {
+            Ok(file) => Ok(Self { file, waiting: Vec::new() }),
+            Err(source) => Err(RunError::Io { path, source }),
+        }
+    }
+
+    /// One line, in one write, so that a kill cuts off at most the last. If there is no room it waits for the next one,
+    /// or for [`sync`](Self::sync).
     pub(super) fn append(&mut self, line: &Line) -> Result<(), RunError> {
-        let io = |source| RunError::Io { path: self.path.clone(), source };
-        self.file.write_all(json(line).as_bytes()).map_err(io)
+        self.waiting.extend(json(line).bytes());
+        self.write()
+    }
+
+    /// Brings all lines to the disk.
+    pub(super) fn sync(&mut self) -> Result<(), RunError> {
+        self.write()?;
+        self.file.sync().map_err(|source| self.failed(source))
+    }
+
+    fn write(&mut self) -> Result<(), RunError> {
+        self.file.append(&self.waiting).map_err(|source| self.failed(source))?;
+        self.waiting.clear();
+        Ok(())
+    }
+
+    fn failed(&self, source: std::io::Error) -> RunError {
+        RunError::Io { path: self.file.path().to_owned(), source }
     }
 }
 
@@ -270,27 +314,65 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("metrics.jsonl");
         let header = serde_json::json!({"kind": "run", "system": "test"});
-        let start = History { header: header.clone(), lines: vec![] };
-        let mut log = Log::open(path.clone(), &start).unwrap();
+        let mut log = Log::begin(path.clone(), &header).unwrap();
         for line in [step(1), step(2), evaluation(2), step(3)] {
             log.append(&line).unwrap();
         }
         let mut text = std::fs::read_to_string(&path).unwrap();
         text.push_str("{\"kind\":\"step\",\"st");
         std::fs::write(&path, text).unwrap();
-        let mut history = History::read(&path).unwrap();
-        assert_eq!((history.header.clone(), history.lines.len()), (header, 4));
+        let history = History::read(&path).unwrap();
+        assert_eq!((history.header.clone(), history.lines.len()), (header.clone(), 4));
         assert_eq!(history.lines[0], step(1));
         assert!(
             matches!(&history.lines[2], Line::Evaluation { metrics, .. } if metrics[1].1.is_nan())
         );
-        history.rewind(2, false);
-        assert_eq!(history.lines.len(), 3);
-        history.rewind(2, true);
-        assert_eq!(history.lines, [step(1), step(2)]);
+        let (mut lengths, whole) = (Vec::new(), std::fs::read(&path).unwrap());
+        for (at, pending, lines) in [(3, false, 4), (2, false, 3), (2, true, 2), (0, false, 0)] {
+            let (found, kept) = History::kept(&path, at, pending).unwrap();
+            lengths.push(kept);
+            drop(Log::resume(path.clone(), kept).unwrap());
+            assert!(whole.starts_with(&std::fs::read(&path).unwrap()));
+            assert_eq!((found, History::read(&path).unwrap().lines.len()), (header.clone(), lines));
+        }
+        assert!(lengths.is_sorted_by(|a, b| a > b));
         std::fs::write(&path, "{}\nnonsense\n{}\n").unwrap();
         let error = History::read(&path).unwrap_err().to_string();
         assert!(error.contains("metrics.jsonl: line 2"), "{error}");
+        assert!(History::kept(&path, 1, false).is_err());
+        // Before the first step nothing is lost with it.
+        assert_eq!(History::kept(&path, 0, false).unwrap().1, 3);
+    }
+
+    /// Numbers that a reader in a hurry gets wrong in the last place.
+    #[test]
+    fn numbers_are_read_as_they_were_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("metrics.jsonl");
+        let mut log = Log::begin(path.clone(), &Value::Null).unwrap();
+        let mut written = Vec::new();
+        for k in 1..500_u64 {
+            let seconds = 1.0 / (k as f64 * 7.3e3 + 0.1);
+            written.push(seconds);
+            let (terms, learning_rate, gradient_norm) = (vec![], 1e-4, 1.0);
+            let line = Line::Step {
+                step: k,
+                epoch: 0,
+                loss: 0.1,
+                terms,
+                learning_rate,
+                gradient_norm,
+                seconds,
+            };
+            log.append(&line).unwrap();
+        }
+        let read = History::read(&path).unwrap().lines;
+        for (line, expected) in read.iter().zip(written) {
+            assert!(
+                matches!(line, Line::Step { seconds, .. } if *seconds == expected),
+                "{expected}"
+            );
+        }
     }
 
     #[test]

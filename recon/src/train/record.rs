@@ -1,5 +1,9 @@
 //! What a run leaves in its folder while it goes.
+//!
+//! The log is what a run cannot go on without. All else is optional: what cannot be written, on a full disk say, is a
+//! warning, once, and the training goes on.
 
+use std::collections::BTreeSet;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use mesh_core::encode_png;
@@ -24,6 +28,9 @@ pub(super) struct Record<'a> {
     log: Log,
     events: Option<Events>,
     shown: Shown,
+    /// What could not be written so far.
+    failed: BTreeSet<&'static str>,
+    warnings: Vec<String>,
 }
 
 /// What the header of a run says.
@@ -70,29 +77,28 @@ pub(super) fn wall_time() -> f64 {
 }
 
 impl<'a> Record<'a> {
-    /// Begins the files of a new run.
+    /// Begins the files of a new run. The configuration comes last: a folder that has it has them all.
     pub(super) fn begin<C: Serialize>(
         run: &'a RunFolder,
         heading: &Heading<'_, C>,
     ) -> Result<Self, RunError> {
         let header = heading.facts();
         let provenance = serde_json::to_string_pretty(&header).expect("plain facts serialise");
-        run.write("config.toml", to_toml(heading.config).as_bytes())?;
         run.write("provenance.json", (provenance + "\n").as_bytes())?;
-        let history = History { header, lines: Vec::new() };
-        Self::open(run, heading.config.train.tensorboard, &history, 0)
+        let log = Log::begin(run.log(), &header)?;
+        run.write("config.toml", to_toml(heading.config).as_bytes())?;
+        Ok(Self::open(run, log, heading.config.train.tensorboard, 0))
     }
 
-    /// Goes on with the files of a run, from a checkpoint on. Returns what is odd about it.
+    /// Goes on with the files of a run, from a checkpoint on, and says what is odd about it.
     pub(super) fn resume<C: Serialize>(
         run: &'a RunFolder,
         heading: &Heading<'_, C>,
         step: u64,
         pending: bool,
-    ) -> Result<(Self, Vec<String>), RunError> {
-        let mut history = History::read(&run.log())?;
-        history.rewind(step, pending);
-        let (now, then) = (heading.facts(), &history.header);
+    ) -> Result<Self, RunError> {
+        let (then, kept) = History::kept(&run.log(), step, pending)?;
+        let now = heading.facts();
         let warnings = ["data_hash", "version", "commit"]
             .into_iter()
             .filter(|&field| now[field] != then[field])
@@ -103,40 +109,78 @@ impl<'a> Record<'a> {
                 )
             })
             .collect();
-        history.lines.push(Line::Resumed {
+        let mut log = Log::resume(run.log(), kept)?;
+        log.append(&Line::Resumed {
             step,
             unix_seconds: wall_time() as u64,
             threads: rayon::current_num_threads(),
-        });
+        })?;
         run.write("config.toml", to_toml(heading.config).as_bytes())?;
-        Ok((Self::open(run, heading.config.train.tensorboard, &history, step)?, warnings))
+        Ok(Self { warnings, ..Self::open(run, log, heading.config.train.tensorboard, step) })
     }
 
-    fn open(
-        run: &'a RunFolder,
-        tensorboard: bool,
-        history: &History,
-        step: u64,
-    ) -> Result<Self, RunError> {
-        let log = Log::open(run.log(), history)?;
-        let folder = run.path().join("tensorboard");
-        let events = tensorboard.then(|| Events::create(&folder, wall_time(), step)).transpose()?;
-        Ok(Self { run, log, events, shown: Shown::default() })
+    fn open(run: &'a RunFolder, log: Log, tensorboard: bool, step: u64) -> Self {
+        let (shown, failed, warnings) = (Shown::default(), BTreeSet::new(), Vec::new());
+        let mut record = Self { run, log, events: None, shown, failed, warnings };
+        if tensorboard {
+            let events = Events::create(&run.path().join("tensorboard"), wall_time(), step);
+            record.events = record.optional("the file for TensorBoard", events);
+        }
+        record
     }
 
-    pub(super) fn step(&mut self, step: &Step) -> Result<(), RunError> {
+    /// What a user should know, said once.
+    pub(super) fn warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
+    }
+
+    /// Brings the log to the disk: before a checkpoint is, so that none is ahead of it.
+    pub(super) fn sync(&mut self) -> Result<(), RunError> {
+        self.log.sync()
+    }
+
+    /// A result without which the training goes on.
+    fn optional<T>(&mut self, what: &'static str, result: Result<T, RunError>) -> Option<T> {
+        match result {
+            Ok(value) => Some(value),
+            Err(error) => {
+                if self.failed.insert(what) {
+                    let text = format!("{what} cannot be written: {error}; the training goes on");
+                    self.warnings.push(text);
+                }
+                None
+            }
+        }
+    }
+
+    /// Writes to TensorBoard's file. What follows a record that was cut off cannot be read: it ends with that.
+    fn tensorboard(&mut self, write: impl FnOnce(&mut Events) -> Result<(), RunError>) {
+        if let Some(mut events) = self.events.take() {
+            let written = write(&mut events);
+            let sound = self.optional("the file for TensorBoard", written).is_some();
+            self.events = sound.then_some(events);
+        }
+    }
+
+    /// A line of the log. One that does not fit waits until the next, at the latest until the next checkpoint.
+    fn log(&mut self, line: &Line) {
+        let appended = self.log.append(line);
+        self.optional("the log", appended);
+    }
+
+    pub(super) fn step(&mut self, step: &Step) {
         let terms: Vec<(String, f64)> =
             step.terms.iter().map(|&(name, value)| (name.to_owned(), value)).collect();
-        if let Some(events) = &mut self.events {
+        self.tensorboard(|events| {
             let mut values = vec![
                 ("loss".to_owned(), step.loss),
                 ("learning_rate".to_owned(), step.learning_rate),
                 ("gradient_norm".to_owned(), step.gradient_norm),
             ];
             values.extend(terms.iter().map(|(name, value)| (format!("term/{name}"), *value)));
-            events.scalars(wall_time(), step.step, &values)?;
-        }
-        self.log.append(&Line::Step {
+            events.scalars(wall_time(), step.step, &values)
+        });
+        self.log(&Line::Step {
             step: step.step,
             epoch: step.epoch,
             loss: step.loss,
@@ -144,60 +188,49 @@ impl<'a> Record<'a> {
             learning_rate: step.learning_rate,
             gradient_norm: step.gradient_norm,
             seconds: step.seconds,
-        })
+        });
     }
 
-    pub(super) fn skipped(
-        &mut self,
-        [step, epoch]: [u64; 2],
-        loss: f64,
-        average: f64,
-    ) -> Result<(), RunError> {
-        self.log.append(&Line::Skipped { step, epoch, loss, average })
+    pub(super) fn skipped(&mut self, [step, epoch]: [u64; 2], loss: f64, average: f64) {
+        self.log(&Line::Skipped { step, epoch, loss, average });
     }
 
-    pub(super) fn evaluation(
-        &mut self,
-        [step, epoch]: [u64; 2],
-        metrics: &[Metric],
-        best: bool,
-    ) -> Result<(), RunError> {
+    pub(super) fn evaluation(&mut self, [step, epoch]: [u64; 2], metrics: &[Metric], best: bool) {
         let metrics: Vec<(String, f64)> =
             metrics.iter().map(|metric| (metric.name.clone(), metric.value)).collect();
-        if let Some(events) = &mut self.events {
+        self.tensorboard(|events| {
             let values: Vec<_> =
                 metrics.iter().map(|(name, value)| (format!("score/{name}"), *value)).collect();
-            events.scalars(wall_time(), step, &values)?;
-        }
-        self.log.append(&Line::Evaluation { step, epoch, metrics, best })
+            events.scalars(wall_time(), step, &values)
+        });
+        self.log(&Line::Evaluation { step, epoch, metrics, best });
     }
 
     /// Keeps a sheet of samples of this epoch.
-    pub(super) fn samples(
-        &mut self,
-        [step, epoch]: [u64; 2],
-        shown: Shown,
-    ) -> Result<(), RunError> {
+    pub(super) fn samples(&mut self, [step, epoch]: [u64; 2], shown: Shown) {
         if let Some(sheet) = sheet(&shown.views) {
             let png = encode_png(&sheet);
-            self.run.write(&format!("samples/epoch-{epoch:05}.png"), &png)?;
-            if let Some(events) = &mut self.events {
+            let written = self.run.write(&format!("samples/epoch-{epoch:05}.png"), &png);
+            self.optional("the sheet of samples", written);
+            self.tensorboard(|events| {
                 let size = [sheet.height, sheet.width];
-                events.picture(wall_time(), step, "samples", size, &png)?;
-            }
+                events.picture(wall_time(), step, "samples", size, &png)
+            });
         }
         self.shown = shown;
-        Ok(())
     }
 
     /// Writes the table and the page, from the log.
     pub(super) fn digest<S: System>(
-        &self,
+        &mut self,
         config: &Configuration<S::Config>,
     ) -> Result<(), RunError> {
         let history = History::read(&self.run.log())?;
-        self.run.write("metrics.csv", history.to_csv().as_bytes())?;
+        let table = self.run.write("metrics.csv", history.to_csv().as_bytes());
+        self.optional("the table", table);
         let page = page::report(S::NAME, &to_toml(config), &history, &self.shown).to_html();
-        self.run.write("report.html", page.as_bytes())
+        let written = self.run.write("report.html", page.as_bytes());
+        self.optional("the report", written);
+        Ok(())
     }
 }

@@ -14,28 +14,37 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde::Serialize;
 
 use super::error::RunError;
 use super::log::History;
-use crate::output::{remove_within, write_within};
+use crate::output::{
+    Lock, LockError, disk, is_incidental, lock_folder, remove_within, sweep, write_within,
+};
+
+/// What says that a folder is a run's: the first file of a run, and the last that is removed.
+const PROVENANCE: &str = "provenance.json";
 
 /// Everything in a run's folder, for those who overwrite one.
 const ENTRIES: &[&str] = &[
     "config.toml",
-    "provenance.json",
     "metrics.jsonl",
     "metrics.csv",
     "tensorboard",
     "checkpoints",
     "samples",
     "report.html",
+    PROVENANCE,
 ];
 
-/// The folder of a run.
+/// The folder of a run. That of a run that is made or goes on is locked for its process, until all clones are gone.
 #[derive(Clone, Debug)]
-pub struct RunFolder(PathBuf);
+pub struct RunFolder {
+    path: PathBuf,
+    _lock: Option<Arc<Lock>>,
+}
 
 /// Where and by what a run was made, as far as the caller knows.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -58,7 +67,8 @@ impl RunFolder {
     /// Whether a new run may be made at a path; nothing is changed.
     ///
     /// # Errors
-    /// If something stands there and `overwrite` is false, or what stands there is no run.
+    /// If something stands there and `overwrite` is false, or what stands there is no run. A run that was stopped before
+    /// its first checkpoint is nothing.
     pub fn examine(path: &Path, overwrite: bool) -> Result<(), RunError> {
         if !path.exists() {
             return Ok(());
@@ -67,14 +77,15 @@ impl RunFolder {
         if !path.is_dir() {
             return Err(io(std::io::Error::other("not a folder; choose another path")));
         }
-        if fs::read_dir(path).map_err(io)?.next().is_none() {
+        let run = Self::at(path);
+        if run.is_bare().map_err(io)? {
             return Ok(());
         }
         if !overwrite {
             return Err(RunError::Exists { path: path.to_owned() });
         }
         // Names like `samples` are common: they are only removed beside a run's own.
-        let known = path.join("config.toml").exists();
+        let known = run.config().exists() || run.is_known();
         // An empty folder may be what a run left that was killed as it began.
         let holds = |name: &&str| {
             let entry = path.join(name);
@@ -89,55 +100,124 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Makes a folder for a new run.
+    /// Makes a folder for a new run, for this process alone.
     ///
     /// # Errors
-    /// As [`examine`](Self::examine), or if it cannot be written. Overwriting removes the files of a
-    /// run and leaves others alone.
+    /// As [`examine`](Self::examine), or if it cannot be written or another process works in it. Overwriting removes the
+    /// files of a run and leaves others alone.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self, RunError> {
         Self::examine(path, overwrite)?;
+        disk::make_folders(path).map_err(|source| io((path.to_owned(), source)))?;
+        let run = Self::locked(path)?;
+        // Another may have been quicker.
+        Self::examine(path, overwrite)?;
         remove_within(path, ENTRIES).map_err(io)?;
-        let run = Self(path.to_owned());
-        fs::create_dir_all(run.checkpoints()).map_err(|source| io((path.to_owned(), source)))?;
+        let checkpoints = run.checkpoints();
+        disk::make_folders(&checkpoints).map_err(|source| io((checkpoints, source)))?;
         Ok(run)
     }
 
-    /// The folder of a run that can go on.
+    /// The folder of a run that can go on, for this process alone.
     ///
     /// # Errors
-    /// If it is none.
+    /// If it is none, or another process works in it.
     pub fn resume(path: &Path) -> Result<Self, RunError> {
-        let run = Self(path.to_owned());
-        for (file, missing) in [
-            (run.log(), "metrics.jsonl"),
-            (run.config(), "config.toml"),
-            (run.last(), "checkpoints/last.safetensors"),
-        ] {
-            if !file.is_file() {
-                return Err(RunError::NoRun { path: path.to_owned(), missing });
-            }
+        let run = Self::at(path);
+        let missing = |missing| Err(RunError::NoRun { path: path.to_owned(), missing });
+        if !run.log().is_file() {
+            return missing("metrics.jsonl");
         }
-        Ok(run)
+        if !run.config().is_file() {
+            return missing("config.toml");
+        }
+        // One that was killed before its first checkpoint goes on from its beginning.
+        if !run.last().is_file() && !run.is_known() {
+            return missing("checkpoints/last.safetensors");
+        }
+        Self::locked(path)
     }
 
     /// The folder at a path, whatever is in it.
-    pub(super) fn at(path: &Path) -> Self {
-        Self(path.to_owned())
+    pub(crate) fn at(path: &Path) -> Self {
+        Self { path: path.to_owned(), _lock: None }
+    }
+
+    /// The folder at a path, for this process alone, without what killed ones left unfinished.
+    fn locked(path: &Path) -> Result<Self, RunError> {
+        let path = path.to_owned();
+        let lock = match lock_folder(&path) {
+            Ok(lock) => lock,
+            Err(LockError::Busy(holder)) => return Err(RunError::Busy { path, holder }),
+            Err(LockError::Io(source)) => return Err(RunError::Io { path, source }),
+        };
+        let run = Self { path, _lock: None };
+        let within = [run.path.clone(), run.checkpoints(), run.path.join("samples")];
+        sweep(&lock, within.iter().map(PathBuf::as_path));
+        if lock.is_held() {
+            run.sweep_temporaries();
+        }
+        Ok(Self { _lock: Some(Arc::new(lock)), ..run })
+    }
+
+    /// Removes what earlier versions left in the folder of checkpoints, under names that were drawn.
+    fn sweep_temporaries(&self) {
+        for entry in fs::read_dir(self.checkpoints()).into_iter().flatten().flatten() {
+            let name = entry.file_name();
+            let drawn = name.to_str().and_then(|name| name.strip_prefix(".tmp"));
+            let plain = |drawn: &str| drawn.bytes().all(|b| b.is_ascii_alphanumeric());
+            if drawn.is_some_and(|drawn| drawn.len() == 6 && plain(drawn)) {
+                // One that resists is in nobody's way.
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+    }
+
+    /// Whether its provenance is that of a run.
+    fn is_known(&self) -> bool {
+        let text = fs::read(self.path.join(PROVENANCE)).unwrap_or_default();
+        let facts: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
+        facts["kind"] == "run"
+    }
+
+    /// Whether there is nothing, or nothing but what a run has before its first checkpoint and step.
+    fn is_bare(&self) -> std::io::Result<bool> {
+        let mut empty = true;
+        for entry in fs::read_dir(&self.path)? {
+            let name = entry?.file_name();
+            if is_incidental(&name) {
+                continue;
+            }
+            if !ENTRIES.iter().any(|entry| name == *entry) {
+                return Ok(false);
+            }
+            empty = false;
+        }
+        let text = fs::read(self.log()).unwrap_or_default();
+        let steps = text.iter().filter(|&&byte| byte == b'\n').count() > 1;
+        let mut inside = fs::read_dir(self.checkpoints()).into_iter().flatten().flatten();
+        let checkpoints = inside.any(|entry| !is_incidental(&entry.file_name()));
+        Ok(empty || (self.is_beginning() && !steps && !checkpoints))
+    }
+
+    /// Whether what stands where provenance should is that of a run, or was about to be.
+    fn is_beginning(&self) -> bool {
+        let others = ENTRIES.iter().filter(|&&name| name != "checkpoints");
+        self.is_known() || others.map(|name| self.path.join(name)).all(|path| !path.exists())
     }
 
     /// Where it is.
     pub fn path(&self) -> &Path {
-        &self.0
+        &self.path
     }
 
     /// `config.toml`.
     pub fn config(&self) -> PathBuf {
-        self.0.join("config.toml")
+        self.path.join("config.toml")
     }
 
     /// `metrics.jsonl`.
     pub fn log(&self) -> PathBuf {
-        self.0.join("metrics.jsonl")
+        self.path.join("metrics.jsonl")
     }
 
     /// `checkpoints/last.safetensors`.
@@ -167,12 +247,12 @@ impl RunFolder {
     }
 
     fn checkpoints(&self) -> PathBuf {
-        self.0.join("checkpoints")
+        self.path.join("checkpoints")
     }
 
     /// Writes a file, whole or not at all, with the folders above it.
     pub(super) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), RunError> {
-        write_within(&self.0, name, bytes).map_err(io)
+        write_within(&self.path, name, bytes).map_err(io)
     }
 }
 
@@ -234,10 +314,15 @@ mod tests {
         let run = RunFolder::create(&path, false).unwrap();
         run.write("config.toml", b"").unwrap();
         fs::write(path.join("notes.txt"), "mine").unwrap();
+        let busy = RunFolder::create(&path, true).unwrap_err().to_string();
+        assert!(busy.contains(&format!("process {}", std::process::id())), "{busy}");
+        drop(run.clone());
+        assert!(matches!(RunFolder::create(&path, true), Err(RunError::Busy { .. })));
+        drop(run);
         assert!(matches!(RunFolder::create(&path, false), Err(RunError::Exists { .. })));
         let error = RunFolder::resume(&path).unwrap_err().to_string();
         assert!(error.contains("metrics.jsonl"), "{error}");
-        RunFolder::create(&path, true).unwrap();
+        let run = RunFolder::create(&path, true).unwrap();
         assert!(!run.config().exists() && path.join("notes.txt").exists());
         fs::write(place.path().join("file"), "").unwrap();
         assert!(RunFolder::create(&place.path().join("file"), true).is_err());

@@ -3,7 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod blob;
+mod checkpoints;
 mod events;
+mod folders;
+mod power;
 
 use std::path::Path;
 
@@ -256,51 +259,6 @@ fn what_cannot_be_is_refused() {
     assert!(fails(&|c| (c.train.shards, c.system.coupled) = (2, true)).contains("`shards`"));
     let best = fails(&|c| c.train.best = "psnr".into());
     assert!(best.contains("psnr") && best.contains("mask-iou"), "{best}");
-}
-
-#[test]
-fn damaged_checkpoints_are_errors() {
-    let place = tempfile::tempdir().unwrap();
-    let folder = place.path().join("run");
-    let config = config(|c| c.train.epochs = 1);
-    run_in(&folder, &config, false, &mut on).unwrap();
-    let path = folder.join("checkpoints/last.safetensors");
-    let sound = std::fs::read(&path).unwrap();
-    let tried = |bytes: &[u8]| {
-        std::fs::write(&path, bytes).unwrap();
-        run_in(&folder, &config, true, &mut on)
-    };
-    for cut in [0, 7, 8, 100, sound.len() / 2, sound.len() - 1] {
-        let error = tried(&sound[..cut]).unwrap_err();
-        assert!(matches!(error, TrainError::Checkpoint(_)), "{error}");
-        assert!(error.to_string().contains("last.safetensors"), "{error}");
-    }
-    // Text of the same length in place of other text keeps the header sound.
-    let replaced = |from: &str, to: &str| {
-        assert_eq!(from.len(), to.len());
-        let at = sound.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
-        let mut bytes = sound.clone();
-        bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
-        tried(&bytes).unwrap_err().to_string()
-    };
-    for (from, to, word) in [
-        ("\"format\":\"1\"", "\"format\":\"2\"", "format"),
-        ("\"system\":\"blob\"", "\"system\":\"blab\"", "system"),
-        ("\"step\":\"4\"", "\"step\":\"x\"", "step"),
-        ("\"pending\":\"false\"", "\"pending\":\"nofal\"", "pending"),
-        ("\"epochs-begun\":\"1\"", "\"epochs-begun\":\"9\"", "epochs-begun"),
-        ("\"hidden.0\"", "\"hibben.0\"", "hidden.0"),
-    ] {
-        let error = replaced(from, to);
-        assert!(error.contains(word), "{from}: {error}");
-    }
-    // Moments of another length than their parameter's.
-    let mut other = config.clone();
-    other.system.hidden = 9;
-    std::fs::write(&path, &sound).unwrap();
-    let error = run_in(&folder, &other, true, &mut on).unwrap_err().to_string();
-    assert!(error.contains("hidden.0 is [8, 3] instead of [9, 3]"), "{error}");
-    run_in(&folder, &config, true, &mut on).unwrap();
 }
 
 #[test]

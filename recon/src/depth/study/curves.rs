@@ -17,7 +17,7 @@ const COLORS: [[u8; 3]; 2] = [[0, 114, 178], [213, 94, 0]];
 
 /// The mean of a term of the loss in each of 60 parts of a training; none where there is no log of one.
 pub(super) fn curve(run: &Path, term: &str) -> Option<Vec<f64>> {
-    let all = RunFolder::resume(run).ok()?.term(term).ok()?;
+    let all = RunFolder::at(run).term(term).ok()?;
     let part = all.len().div_ceil(POINTS).max(1);
     let means = all.chunks(part).map(|part| part.iter().sum::<f64>() / part.len() as f64);
     Some(means.collect()).filter(|means: &Vec<f64>| means.len() > 1)

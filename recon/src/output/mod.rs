@@ -1,10 +1,16 @@
-//! Output folders that appear whole or not at all.
+//! Output folders that appear whole or not at all, and who works in them.
 
+pub(crate) mod disk;
+#[cfg(test)]
+pub(crate) mod journal;
+mod lock;
+
+use std::ffi::OsString;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use tempfile::TempDir;
+pub(crate) use lock::{Lock, LockError};
 
 /// Why an output folder cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -22,6 +28,14 @@ pub enum OutputError {
         /// The path asked for.
         path: PathBuf,
     },
+    /// Another process writes to the same place.
+    #[error("{} is being written by {holder}; wait until it ends, or choose another folder", path.display())]
+    Busy {
+        /// The path asked for.
+        path: PathBuf,
+        /// Process, machine and since when, as the other noted it.
+        holder: String,
+    },
     /// The file system refused.
     #[error("cannot write {}: {source}; check that the folder exists and that you may write there", path.display())]
     Io {
@@ -36,6 +50,8 @@ pub enum OutputError {
 ///
 /// Files are written into [`OutputFolder::path`]; [`OutputFolder::commit`] moves them to the final
 /// place. Dropped before that, it leaves nothing behind and whatever stood at the final place as it was.
+/// A process that is killed leaves its unfinished folder, which the next one for the same place removes: the
+/// folder's name carries the place, and a lock in it tells whether anyone is still at work.
 ///
 /// ```
 /// use recon::output::OutputFolder;
@@ -49,7 +65,10 @@ pub enum OutputError {
 #[derive(Debug)]
 pub struct OutputFolder {
     target: PathBuf,
-    work: TempDir,
+    /// Holds the lock and the files.
+    unfinished: PathBuf,
+    files: PathBuf,
+    lock: Option<Lock>,
 }
 
 impl OutputFolder {
@@ -58,7 +77,7 @@ impl OutputFolder {
     /// Done before long work starts, this finds out whether the place can be written at all.
     ///
     /// # Errors
-    /// If `target` exists and `overwrite` is false, is a file, or cannot be written.
+    /// If `target` exists and `overwrite` is false, is a file, cannot be written, or is being written by another process.
     pub fn create(target: &Path, overwrite: bool) -> Result<Self, OutputError> {
         if target.exists() {
             if !target.is_dir() {
@@ -68,19 +87,39 @@ impl OutputFolder {
                 return Err(OutputError::Exists { path: target.into() });
             }
         }
-        let parent = match target.parent() {
-            Some(p) if !p.as_os_str().is_empty() => p,
-            _ => Path::new("."),
-        };
         let io = |source| OutputError::Io { path: target.into(), source };
-        fs::create_dir_all(parent).map_err(io)?;
-        let work = tempfile::Builder::new().prefix(".unsphere-").tempdir_in(parent).map_err(io)?;
-        Ok(Self { target: target.into(), work })
+        let parent = disk::folder_of(target);
+        disk::make_folders(parent).map_err(io)?;
+        let unfinished = parent.join(unfinished_name(target));
+        let lock = loop {
+            disk::make_folders(&unfinished).map_err(io)?;
+            match Lock::take(&unfinished.join("lock")) {
+                Ok(lock) => break lock,
+                // One that ended just now took the folder along.
+                Err(LockError::Io(error)) if error.kind() == io::ErrorKind::NotFound => {}
+                Err(LockError::Io(source)) => return Err(io(source)),
+                Err(LockError::Busy(holder)) => {
+                    return Err(OutputError::Busy { path: target.into(), holder });
+                }
+            }
+        };
+        let files = unfinished.join("files");
+        let folder = Self { target: target.into(), unfinished, files, lock: Some(lock) };
+        if folder.files.exists() {
+            fs::remove_dir_all(&folder.files).map_err(io)?;
+        }
+        disk::make_folders(&folder.files).map_err(io)?;
+        Ok(folder)
     }
 
     /// Where to put the files until [`OutputFolder::commit`].
     pub fn path(&self) -> &Path {
-        self.work.path()
+        &self.files
+    }
+
+    /// What is in the way if this process ends without dropping this: to be removed then.
+    pub fn unfinished(&self) -> &Path {
+        &self.unfinished
     }
 
     /// Writes one file into the folder.
@@ -92,7 +131,7 @@ impl OutputFolder {
         fs::write(&path, bytes).map_err(|source| OutputError::Io { path, source })
     }
 
-    /// Moves everything to the final place and returns it.
+    /// Moves everything to the final place and returns it. All of it is on the disk then.
     ///
     /// A new folder appears in one step. Into an existing folder each entry is moved by itself,
     /// replacing one of its name; entries of other names are left alone.
@@ -100,40 +139,83 @@ impl OutputFolder {
     /// # Errors
     /// If the final place has become unwritable.
     pub fn commit(self) -> Result<PathBuf, OutputError> {
-        let Self { target, work } = self;
+        let (files, target) = (self.path(), &self.target);
         let io = |path: &Path| {
             let path = path.to_path_buf();
             move |source| OutputError::Io { path, source }
         };
-        make_readable(work.path()).map_err(io(work.path()))?;
-        if !target.exists() {
-            fs::rename(work.path(), &target).map_err(io(&target))?;
-            // The folder has moved: there is nothing left to clean up.
-            let _ = work.keep();
-            return Ok(target);
-        }
-        for entry in fs::read_dir(work.path()).map_err(io(work.path()))? {
-            let entry = entry.map_err(io(work.path()))?;
-            let place = target.join(entry.file_name());
-            if place.is_dir() {
-                fs::remove_dir_all(&place).map_err(io(&place))?;
+        disk::sync_tree(files).map_err(io(target))?;
+        if target.exists() {
+            for entry in fs::read_dir(files).map_err(io(files))? {
+                let entry = entry.map_err(io(files))?;
+                let place = target.join(entry.file_name());
+                if place.is_dir() {
+                    disk::remove_folder(&place).map_err(io(&place))?;
+                }
+                disk::rename(&entry.path(), &place).map_err(io(&place))?;
             }
-            fs::rename(entry.path(), &place).map_err(io(&place))?;
+            disk::sync_folder(target).map_err(io(target))?;
+        } else {
+            disk::rename(files, target).map_err(io(target))?;
         }
-        Ok(target)
+        disk::sync_folder(disk::folder_of(target)).map_err(io(target))?;
+        Ok(target.clone())
     }
 }
 
-/// Temporary folders are private to their owner; the finished one should be like any other.
-#[cfg(unix)]
-fn make_readable(path: &Path) -> io::Result<()> {
-    use std::os::unix::fs::PermissionsExt as _;
-    fs::set_permissions(path, fs::Permissions::from_mode(0o755))
+impl Drop for OutputFolder {
+    fn drop(&mut self) {
+        // What resists is left, for the next one that writes here. The lock goes last, and the folder only once it is
+        // empty: another process may be waiting for it.
+        let _ = fs::remove_dir_all(&self.files);
+        self.lock = None;
+        let _ = fs::remove_dir(&self.unfinished);
+    }
 }
 
-#[cfg(not(unix))]
-fn make_readable(_: &Path) -> io::Result<()> {
-    Ok(())
+/// The name of the folder in which what will stand at `target` is made.
+fn unfinished_name(target: &Path) -> OsString {
+    /// Names may have 255 bytes.
+    const LONGEST: usize = 200;
+    let mut name = OsString::from(".unsphere-");
+    match target.file_name() {
+        Some(last) if last.len() <= LONGEST => name.push(last),
+        Some(last) => {
+            let hash = crate::train::Fingerprint::new().with(last.as_encoded_bytes()).value();
+            name.push(format!("{hash:016x}"));
+        }
+        // The present folder, say.
+        None => name.push("output"),
+    }
+    name
+}
+
+/// The file in a folder that whoever works in it holds locked.
+pub(crate) const LOCK: &str = ".lock";
+
+/// Whether a file in a folder says nothing of what the folder is for: a lock, or what was not finished.
+pub(crate) fn is_incidental(name: &std::ffi::OsStr) -> bool {
+    name == LOCK || name.to_str().is_some_and(disk::is_unfinished)
+}
+
+/// Takes a folder for this process alone, as long as the answer lives.
+pub(crate) fn lock_folder(folder: &Path) -> Result<Lock, LockError> {
+    Lock::take(&folder.join(LOCK))
+}
+
+/// Removes what killed processes left in folders that are ours alone.
+pub(crate) fn sweep<'a>(lock: &Lock, folders: impl IntoIterator<Item = &'a Path>) {
+    if !lock.is_held() {
+        return;
+    }
+    for folder in folders {
+        // A folder that is not there has nothing to sweep; a file that resists is in nobody's way.
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            if entry.file_name().to_str().is_some_and(disk::is_unfinished) {
+                let _ = disk::remove_file(&entry.path());
+            }
+        }
+    }
 }
 
 /// Removes the named files and folders below a folder, and leaves all others alone; what is not
@@ -142,8 +224,8 @@ pub(crate) fn remove_within(folder: &Path, names: &[&str]) -> Result<(), (PathBu
     for name in names {
         let path = folder.join(name);
         let removed = match fs::symlink_metadata(&path) {
-            Ok(found) if found.is_dir() => fs::remove_dir_all(&path),
-            Ok(_) => fs::remove_file(&path),
+            Ok(found) if found.is_dir() => disk::remove_folder(&path),
+            Ok(_) => disk::remove_file(&path),
             Err(_) => Ok(()),
         };
         removed.map_err(|source| (path, source))?;
@@ -158,12 +240,8 @@ pub(crate) fn write_within(
     bytes: &[u8],
 ) -> Result<(), (PathBuf, io::Error)> {
     let path = folder.join(name);
-    let made = path.parent().map_or(Ok(()), fs::create_dir_all);
-    let written = made.and_then(|()| {
-        mesh_core::io::write_atomic(&path, |out| out.write_all(bytes))
-            .map_err(|error| io::Error::other(error.to_string()))
-    });
-    written.map_err(|source| (path, source))
+    let made = disk::make_folders(disk::folder_of(&path));
+    made.and_then(|()| disk::write_whole(&path, bytes)).map_err(|source| (path, source))
 }
 
 #[cfg(test)]

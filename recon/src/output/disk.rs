@@ -1,0 +1,196 @@
+//! Writes that outlast a kill and a power cut.
+//!
+//! A file is whole once [`write_whole`] returns: its bytes are on the disk before it gets its name, and its name is on
+//! the disk before it is called done. All files of runs and studies are changed through here, so that a test can record
+//! the changes and replay them, cut off anywhere (`journal`).
+
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+#[cfg(test)]
+use super::journal::{Change, note};
+
+/// Files that are not finished are named after the one they become, behind this. The name is always the same: who
+/// holds the folder's lock may remove what a killed process left.
+const UNFINISHED: &str = ".unfinished-";
+
+/// Whether a file was on its way to another name.
+pub(super) fn is_unfinished(name: &str) -> bool {
+    name.starts_with(UNFINISHED)
+}
+
+/// The folder that a path is in.
+pub(super) fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// Makes a folder and those above it, for good.
+pub(crate) fn make_folders(path: &Path) -> io::Result<()> {
+    if path.is_dir() {
+        return Ok(());
+    }
+    let above = folder_of(path);
+    if above != path {
+        make_folders(above)?;
+    }
+    match fs::create_dir(path) {
+        // Someone else was quicker.
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists && path.is_dir() => {}
+        made => made?,
+    }
+    #[cfg(test)]
+    note(Change::Folder(path.to_owned()));
+    sync_folder(above)
+}
+
+/// Writes a file, whole or not at all, for good; what stood under its name stays until then.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut name = OsString::from(UNFINISHED);
+    name.push(path.file_name().ok_or(io::ErrorKind::InvalidFilename)?);
+    let unfinished = path.with_file_name(name);
+    let written = write_new(&unfinished, bytes).and_then(|()| rename(&unfinished, path));
+    if written.is_err() {
+        // It may be the reason: a full disk.
+        let _ = remove_file(&unfinished);
+    }
+    written?;
+    sync_folder(folder_of(path))
+}
+
+/// Writes a file that nobody sees yet, and brings it to the disk.
+fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    match remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+        _ => {}
+    }
+    let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
+    #[cfg(test)]
+    note(Change::Write(path.to_owned(), bytes.to_owned()));
+    file.write_all(bytes)?;
+    sync_file(&file, path)
+}
+
+/// Gives a file or folder another name; [`sync_folder`] makes it last.
+pub(super) fn rename(from: &Path, to: &Path) -> io::Result<()> {
+    fs::rename(from, to)?;
+    #[cfg(test)]
+    note(Change::Rename(from.to_owned(), to.to_owned()));
+    Ok(())
+}
+
+/// Removes a file.
+pub(super) fn remove_file(path: &Path) -> io::Result<()> {
+    fs::remove_file(path)?;
+    #[cfg(test)]
+    note(Change::Remove(path.to_owned()));
+    Ok(())
+}
+
+/// Removes a folder with all that is in it.
+pub(super) fn remove_folder(path: &Path) -> io::Result<()> {
+    fs::remove_dir_all(path)?;
+    #[cfg(test)]
+    note(Change::Remove(path.to_owned()));
+    Ok(())
+}
+
+/// Brings the names in a folder to the disk.
+pub(crate) fn sync_folder(path: &Path) -> io::Result<()> {
+    // Elsewhere a folder cannot be opened, and names need no help.
+    if cfg!(unix) {
+        lenient(File::open(path)?.sync_all())?;
+    }
+    #[cfg(test)]
+    note(Change::SyncFolder(path.to_owned()));
+    Ok(())
+}
+
+/// Brings a folder that others wrote to the disk, with everything in it.
+pub(super) fn sync_tree(path: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(path)? {
+        let entry = entry?;
+        let (kind, path) = (entry.file_type()?, entry.path());
+        if kind.is_dir() {
+            #[cfg(test)]
+            note(Change::Folder(path.clone()));
+            sync_tree(&path)?;
+        } else if kind.is_file() {
+            #[cfg(test)]
+            note(Change::Write(path.clone(), fs::read(&path)?));
+            // Windows syncs only what may be written.
+            let file = OpenOptions::new().read(true).write(cfg!(windows)).open(&path)?;
+            sync_file(&file, &path)?;
+        }
+    }
+    sync_folder(path)
+}
+
+#[cfg_attr(not(test), expect(unused_variables, reason = "the journal of tests has the path"))]
+fn sync_file(file: &File, path: &Path) -> io::Result<()> {
+    lenient(file.sync_all())?;
+    #[cfg(test)]
+    note(Change::Sync(path.to_owned()));
+    Ok(())
+}
+
+/// Some file systems know no syncing: they do what they can.
+fn lenient(synced: io::Result<()>) -> io::Result<()> {
+    use io::ErrorKind::{InvalidInput, Unsupported};
+    match synced {
+        Err(error) if matches!(error.kind(), InvalidInput | Unsupported) => Ok(()),
+        synced => synced,
+    }
+}
+
+/// A file that grows at its end, and is never rewritten.
+#[derive(Debug)]
+pub(crate) struct Growing {
+    path: PathBuf,
+    file: File,
+    length: u64,
+}
+
+impl Growing {
+    /// Opens a file that is there, and goes on behind so many of its bytes; the others are cut off.
+    pub(crate) fn open(path: PathBuf, length: u64) -> io::Result<Self> {
+        let file = OpenOptions::new().append(true).open(&path)?;
+        let growing = Self { path, file, length };
+        growing.cut()?;
+        Ok(growing)
+    }
+
+    /// Adds bytes in one write. If they do not fit, none of them is left.
+    pub(crate) fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
+        if let Err(error) = self.file.write_all(bytes) {
+            // Where even this fails, a part of a line is left, which readers leave out.
+            let _ = self.cut();
+            return Err(error);
+        }
+        self.length += bytes.len() as u64;
+        #[cfg(test)]
+        note(Change::Append(self.path.clone(), bytes.to_owned()));
+        Ok(())
+    }
+
+    /// Brings everything to the disk.
+    pub(crate) fn sync(&self) -> io::Result<()> {
+        sync_file(&self.file, &self.path)
+    }
+
+    /// Where it is.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn cut(&self) -> io::Result<()> {
+        self.file.set_len(self.length)?;
+        #[cfg(test)]
+        note(Change::Cut(self.path.clone(), self.length as usize));
+        Ok(())
+    }
+}
