@@ -1,5 +1,8 @@
 //! Configurations as text: a TOML file, single settings over it, errors that name the field.
 
+#[cfg(test)]
+mod ranges;
+
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -101,6 +104,11 @@ pub fn read_text<T: DeserializeOwned>(
 /// If the type cannot be said in TOML, which no configuration of this crate is.
 pub fn to_toml<T: Serialize>(config: &T) -> String {
     toml::to_string_pretty(config).expect("configurations are plain tables")
+}
+
+/// Whether a count can be said in TOML, which has no larger integers than 2^63 - 1.
+pub(crate) fn in_toml(count: impl TryInto<i64>) -> bool {
+    count.try_into().is_ok()
 }
 
 fn parse(value: &str) -> Value {

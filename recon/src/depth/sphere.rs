@@ -57,8 +57,10 @@ impl Beginning for Sphere {
 
     fn check(config: &SphereConfig) -> Vec<String> {
         let mut problems = config.refine.check();
-        let last = config.levels().last().copied().unwrap_or_default();
-        if last > 6 {
+        // Stages first: there is a level for each of them.
+        let sound = problems.is_empty() && config.level <= 6;
+        let last = sound.then(|| config.levels().last().copied()).flatten();
+        if config.level > 6 || last.is_some_and(|last| last > 6) {
             problems
                 .push(format!("`level` is {}, expected at most 6 in the last stage", config.level));
         }

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::settings::in_toml;
+
 /// Options of a fit, each with the default that [`FitConfig::default`] gives.
 ///
 /// Lengths without a unit are relative to the object, so that no option depends on the scale of
@@ -94,7 +96,14 @@ impl FitConfig {
                 problems.push(format!("`{field}` is {found}, expected {what}"));
             }
         };
-        require(self.hold_out != 1, "hold-out", &self.hold_out, "0 (none) or at least 2");
+        let held = self.hold_out;
+        require(held != 1 && in_toml(held), "hold-out", &held, "0 (none) or 2 to 2^63 - 1");
+        require(in_toml(self.seed), "seed", &self.seed, "at most 2^63 - 1");
+        for (count, field) in
+            [(self.views_per_step, "views-per-step"), (self.relax_every, "relax-every")]
+        {
+            require(in_toml(count), field, &count, "at most 2^63 - 1");
+        }
         require((1..=6).contains(&self.start_level), "start-level", &self.start_level, "1 to 6");
         require(
             (self.start_level..=7).contains(&self.level),

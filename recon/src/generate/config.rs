@@ -3,6 +3,7 @@
 use datasets::shapes::Family;
 use serde::{Deserialize, Serialize};
 
+use crate::settings::in_toml;
 use crate::synthetic::{Lighting, Monocular, NormalSpace, PoseNoise, RenderOptions};
 
 /// What [`generate`](super::generate) makes; the same bytes for the same values.
@@ -151,6 +152,23 @@ impl GenerateConfig {
         let PoseNoise { rotation, scale, translation } = self.noise;
         let noise = [rotation, scale, translation].iter().all(|v| (0.0..=180.0).contains(v));
         expect(noise, format!("noise: found {:?}, expected 0 to 180 each", self.noise));
+        expect(in_toml(self.seed), format!("seed: found {}, expected at most 2^63 - 1", self.seed));
+        let Lighting { ambient, lamps, crease } = &self.lighting;
+        let bright = |strength: f32| (0.0..=1000.0).contains(&strength);
+        expect(bright(*ambient), format!("lighting.ambient: found {ambient}, expected 0 to 1000"));
+        expect(
+            (0.0..=180.0).contains(crease),
+            format!("lighting.crease: found {crease}, expected 0 to 180"),
+        );
+        for lamp in lamps {
+            let found = format!("lighting.lamps: found {lamp:?}, expected");
+            let length: f32 = lamp.direction.iter().map(|x| x * x).sum();
+            expect(bright(lamp.strength), format!("{found} a strength of 0 to 1000"));
+            expect(
+                length > 0.0 && length.is_finite(),
+                format!("{found} a finite direction that is not zero"),
+            );
+        }
         for text in self.monocular.iter().flat_map(Monocular::check) {
             wrong.push(format!("monocular.{text}"));
         }

@@ -104,6 +104,14 @@ pub struct Generated {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GenerateError {
+    /// Another process works in the folder.
+    #[error("{} is in use by {holder}; wait until it ends, or choose another folder", path.display())]
+    Busy {
+        /// The folder.
+        path: PathBuf,
+        /// Process, machine and since when, as the other noted it.
+        holder: String,
+    },
     /// The configuration has values that cannot be.
     #[error("configuration of the dataset: {}", .0.join("; "))]
     Config(Vec<String>),
@@ -213,7 +221,9 @@ pub fn generate(
             put.map(Some)
         })
         .collect();
-    let found = results.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let found = results.into_iter().collect::<Result<Vec<_>, _>>();
+    // What was being written when it failed would only take the room.
+    let found = found.inspect_err(|_| store.clear())?;
     let objects: Vec<ObjectInfo> = found.into_iter().flatten().collect();
     let skipped = skipped.into_inner();
     let stopped = objects.len() < jobs.len();

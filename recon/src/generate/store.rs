@@ -14,6 +14,7 @@ use super::config::{GenerateConfig, OutputLayout};
 use super::model::Model;
 use super::object::{Job, Made, ObjectInfo};
 use super::{rough, shapenet};
+use crate::output::{Lock, LockError, disk, is_incidental, lock_folder};
 use crate::settings::to_toml;
 
 /// The configuration, in the root of the dataset.
@@ -38,6 +39,8 @@ struct Manifest<'a> {
 #[derive(Debug)]
 pub(super) struct Store {
     root: PathBuf,
+    /// What is unfinished is this process's own.
+    _lock: Lock,
     layout: OutputLayout,
 }
 
@@ -48,6 +51,11 @@ impl Store {
         config: &GenerateConfig,
         model: Option<&Model>,
     ) -> Result<Self, GenerateError> {
+        disk::make_folders(root).map_err(GenerateError::io(root))?;
+        let lock = lock_folder(root).map_err(|error| match error {
+            LockError::Busy(holder) => GenerateError::Busy { path: root.to_owned(), holder },
+            LockError::Io(source) => GenerateError::io(root)(source),
+        })?;
         let manifest = root.join(MANIFEST);
         let asked = to_toml(&Manifest {
             version: env!("CARGO_PKG_VERSION"),
@@ -60,14 +68,13 @@ impl Store {
                 return Err(GenerateError::Different { path: manifest, found, asked });
             }
         } else {
-            fs::create_dir_all(root).map_err(GenerateError::io(root))?;
-            let mut entries = fs::read_dir(root).map_err(GenerateError::io(root))?;
-            if entries.next().is_some() {
+            let entries = fs::read_dir(root).map_err(GenerateError::io(root))?;
+            if !entries.flatten().all(|entry| is_incidental(&entry.file_name())) {
                 return Err(GenerateError::Foreign { path: root.to_owned() });
             }
             write_atomic(&manifest, |w| w.write_all(asked.as_bytes()))?;
         }
-        let store = Self { root: root.to_owned(), layout: config.layout };
+        let store = Self { root: root.to_owned(), _lock: lock, layout: config.layout };
         store.clear();
         Ok(store)
     }

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::settings::in_toml;
 use crate::synthetic::families_named;
-
 use crate::train::Summary;
 
 /// Options of the model, its losses and its data. Lengths are relative to the frame of the data, in
@@ -190,7 +190,8 @@ impl Img2MeshConfig {
     pub fn width(&self) -> usize {
         match self.encoder {
             EncoderKind::Small | EncoderKind::None => self.features,
-            EncoderKind::Cnn => (self.image_size / 8).pow(2),
+            // Asked of sizes that are not checked yet, too.
+            EncoderKind::Cnn => (self.image_size / 8).saturating_pow(2),
             EncoderKind::Vgg16 => 4096,
         }
     }
@@ -231,11 +232,14 @@ impl Img2MeshConfig {
             "1 to 65536",
         );
         require((0.0..1.0).contains(&self.dropout), "dropout", &self.dropout, "0 to less than 1");
-        require(self.hold_out != 1, "hold-out", &self.hold_out, "0 (none) or at least 2");
+        let held = self.hold_out;
+        require(held != 1 && in_toml(held), "hold-out", &held, "0 (none) or 2 to 2^63 - 1");
+        let refine = self.refine_every;
+        require(in_toml(refine), "refine-every", &refine, "at most 2^63 - 1");
         let synthetic = self.synthetic_views;
         require(count(synthetic, 4, 10_000), "synthetic-views", &synthetic, "4 to 10000");
         let seed = self.data_seed;
-        require(i64::try_from(seed).is_ok(), "data-seed", &seed, "at most 2^63 - 1");
+        require(in_toml(seed), "data-seed", &seed, "at most 2^63 - 1");
         require(count(self.objects, 0, 100_000), "objects", &self.objects, "0 to 100000");
         let tested = &self.test_objects;
         require(count(*tested, 0, 100_000), "test-objects", tested, "0 to 100000");

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::size::summary;
+use crate::settings::in_toml;
 use crate::synthetic::{PoseNoise, families_named};
 use crate::train::Summary;
 
@@ -224,11 +225,14 @@ impl McmrConfig {
         if !(side.is_multiple_of(64) && (64..=512).contains(&side)) {
             problems.push(format!("`image-size` is {side}, expected a multiple of 64 up to 512"));
         }
-        if self.hold_out == 1 {
-            problems.push("`hold-out` is 1, expected 0 (none) or at least 2".to_owned());
+        let held = self.hold_out;
+        if held == 1 || !in_toml(held) {
+            problems.push(format!("`hold-out` is {held}, expected 0 (none) or 2 to 2^63 - 1"));
         }
-        if i64::try_from(self.data_seed).is_err() {
-            problems.push(format!("`data-seed` is {}, expected at most 2^63 - 1", self.data_seed));
+        for (value, field) in [(self.data_seed, "data-seed"), (self.subdivide_at, "subdivide-at")] {
+            if !in_toml(value) {
+                problems.push(format!("`{field}` is {value}, expected at most 2^63 - 1"));
+            }
         }
         if self.vgg_weights.is_empty() != self.lpips_weights.is_empty() {
             problems.push(

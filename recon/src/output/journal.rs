@@ -38,6 +38,7 @@ thread_local! {
 }
 
 /// Records a change, if this thread is being recorded.
+#[expect(clippy::needless_pass_by_value, reason = "written where it happens, and kept")]
 pub(crate) fn note(change: Change) {
     JOURNAL.with_borrow_mut(|journal| journal.iter_mut().for_each(|all| all.push(change.clone())));
 }
@@ -200,11 +201,10 @@ fn last(path: &Path) -> String {
 fn remains(now: &[u8], synced: &[u8], loss: Loss) -> Vec<u8> {
     match loss {
         Loss::Nothing => now.to_owned(),
-        Loss::Contents | Loss::Everything => synced.to_owned(),
         Loss::Halves if now.starts_with(synced) => {
             now[..synced.len() + (now.len() - synced.len()) / 2].to_owned()
         }
-        Loss::Halves => synced.to_owned(),
+        Loss::Halves | Loss::Contents | Loss::Everything => synced.to_owned(),
     }
 }
 

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::settings::in_toml;
 use crate::synthetic::families_named;
 
 /// Options of the data, in one table with those of the system that learns from it.
@@ -71,10 +72,11 @@ impl PairsConfig {
         if !(self.scale >= 1e-6 && self.scale <= 1e6) {
             problems.push(format!("`scale` is {}, expected 1e-6 to 1e6", self.scale));
         }
-        if self.hold_out == 1 {
-            problems.push("`hold-out` is 1, expected 0 (none) or at least 2".to_owned());
+        let held = self.hold_out;
+        if held == 1 || !in_toml(held) {
+            problems.push(format!("`hold-out` is {held}, expected 0 (none) or 2 to 2^63 - 1"));
         }
-        if i64::try_from(self.data_seed).is_err() {
+        if !in_toml(self.data_seed) {
             problems.push(format!("`data-seed` is {}, expected at most 2^63 - 1", self.data_seed));
         }
         problems.extend(

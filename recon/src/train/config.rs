@@ -6,6 +6,8 @@ use serde::ser::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::{Table, Value};
 
+use crate::settings::in_toml;
+
 /// Options of the training loop, each with the default that [`TrainConfig::default`] gives.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
@@ -145,11 +147,18 @@ impl TrainConfig {
                 problems.push(format!("`{field}` is {found}, expected {what}"));
             }
         };
-        // TOML has no larger integers.
-        let most = i64::MAX as u64;
-        require(self.seed <= most, "seed", &self.seed, "at most 2^63 - 1");
+        for (count, field) in [
+            (self.seed, "seed"),
+            (self.max_steps, "max-steps"),
+            (self.drop_every, "drop-every"),
+            (self.warmup, "warmup"),
+            (self.evaluate_every, "evaluate-every"),
+            (self.samples_every, "samples-every"),
+            (self.checkpoint_steps, "checkpoint-steps"),
+        ] {
+            require(in_toml(count), field, &count, "at most 2^63 - 1");
+        }
         require((1..=1_000_000).contains(&self.epochs), "epochs", &self.epochs, "1 to 1000000");
-        require(self.max_steps <= most, "max-steps", &self.max_steps, "at most 2^63 - 1");
         require((1..=65536).contains(&self.batch), "batch", &self.batch, "1 to 65536");
         require(
             (1..=65536).contains(&self.accumulate),
@@ -179,8 +188,14 @@ impl TrainConfig {
             "0 to 1000",
         );
         require(self.drop_every >= 1, "drop-every", &self.drop_every, "at least 1");
-        let ascending = self.milestones.is_sorted();
-        require(ascending, "milestones", &format!("{:?}", self.milestones), "ascending epochs");
+        let milestones = &self.milestones;
+        let ascending = milestones.is_sorted() && milestones.iter().all(|&epoch| in_toml(epoch));
+        require(
+            ascending,
+            "milestones",
+            &format!("{:?}", self.milestones),
+            "ascending epochs, at most 2^63 - 1",
+        );
         require(within(self.drop, 0.0, 1e3), "drop", &self.drop, "0 to 1000");
         require(within(self.floor, 0.0, 1.0), "floor", &self.floor, "0 to 1");
         require(within(self.clip_norm, 0.0, f64::MAX), "clip-norm", &self.clip_norm, "at least 0");

@@ -21,7 +21,7 @@ use serde::Serialize;
 use super::error::RunError;
 use super::log::History;
 use crate::output::{
-    Lock, LockError, disk, is_incidental, lock_folder, remove_within, sweep, write_within,
+    LOCK, Lock, LockError, disk, is_incidental, lock_folder, remove_within, sweep, write_within,
 };
 
 /// What says that a folder is a run's: the first file of a run, and the last that is removed.
@@ -67,9 +67,19 @@ impl RunFolder {
     /// Whether a new run may be made at a path; nothing is changed.
     ///
     /// # Errors
-    /// If something stands there and `overwrite` is false, or what stands there is no run. A run that was stopped before
-    /// its first checkpoint is nothing.
+    /// If something stands there and `overwrite` is false, what stands there is no run, or another process works in it. A
+    /// run that was stopped before its first checkpoint is nothing.
     pub fn examine(path: &Path, overwrite: bool) -> Result<(), RunError> {
+        Self::admit(path, overwrite)?;
+        // Without its file there is no lock.
+        if path.join(LOCK).exists() {
+            Self::locked(path)?;
+        }
+        Ok(())
+    }
+
+    /// Whether what stands at a path may be replaced.
+    fn admit(path: &Path, overwrite: bool) -> Result<(), RunError> {
         if !path.exists() {
             return Ok(());
         }
@@ -106,11 +116,11 @@ impl RunFolder {
     /// As [`examine`](Self::examine), or if it cannot be written or another process works in it. Overwriting removes the
     /// files of a run and leaves others alone.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self, RunError> {
-        Self::examine(path, overwrite)?;
+        Self::admit(path, overwrite)?;
         disk::make_folders(path).map_err(|source| io((path.to_owned(), source)))?;
         let run = Self::locked(path)?;
         // Another may have been quicker.
-        Self::examine(path, overwrite)?;
+        Self::admit(path, overwrite)?;
         remove_within(path, ENTRIES).map_err(io)?;
         let checkpoints = run.checkpoints();
         disk::make_folders(&checkpoints).map_err(|source| io((checkpoints, source)))?;
@@ -193,7 +203,7 @@ impl RunFolder {
             empty = false;
         }
         let text = fs::read(self.log()).unwrap_or_default();
-        let steps = text.iter().filter(|&&byte| byte == b'\n').count() > 1;
+        let steps = text.split(|&byte| byte == b'\n').nth(2).is_some();
         let mut inside = fs::read_dir(self.checkpoints()).into_iter().flatten().flatten();
         let checkpoints = inside.any(|entry| !is_incidental(&entry.file_name()));
         Ok(empty || (self.is_beginning() && !steps && !checkpoints))
