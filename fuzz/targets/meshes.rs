@@ -12,7 +12,11 @@ fn mesh() -> TriMesh {
 
 /// What a program does next with whatever was read.
 fn used(mesh: &TriMesh) {
-    let _ = (mesh.bounds(), mesh_core::face_areas(mesh), mesh_core::vertex_normals(mesh));
+    let _ = (
+        mesh.bounds(),
+        mesh_core::face_areas(&mesh.positions, &mesh.faces),
+        mesh_core::vertex_normals(&mesh.positions, &mesh.faces),
+    );
 }
 
 /// An OBJ with its materials and textures: `mesh.obj` among packed files.
