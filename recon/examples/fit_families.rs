@@ -11,6 +11,7 @@
 //! hidden inside as well, which no picture shows: they are upper bounds.
 
 use std::fmt::Write as _;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -19,7 +20,7 @@ use datasets::{Layout, View, Views};
 use losses::metrics::{Preset, evaluate};
 use mesh_core::{ByteImage, TriMesh, write_png};
 use recon::evaluate::score_views;
-use recon::fit::{FitConfig, Fitted, Flow, fit};
+use recon::fit::{FitConfig, Fitted, fit};
 use recon::synthetic::{Lighting, Orbit, Placement, RenderOptions, render_views};
 
 type Failure = Box<dyn std::error::Error>;
@@ -86,7 +87,7 @@ fn measure(shape: Shape) -> Result<Row, Failure> {
 
     let config = FitConfig { hold_out: 0, ..FitConfig::default() };
     let start = Instant::now();
-    let Fitted { mesh, health, .. } = fit(&views, &config, &mut |_| Flow::Continue)?;
+    let Fitted { mesh, health, .. } = fit(&views, &config, &mut |_| ControlFlow::Continue(()))?;
     let seconds = start.elapsed().as_secs_f64();
 
     let others: Vec<&View> = others.iter().collect();

@@ -2,14 +2,13 @@
 //!
 //! `cargo run --release -p recon --example fit_views -- [views] [mesh.glb]`
 
+use std::ops::ControlFlow;
 use std::{io::Write, path::Path};
 
 use datasets::{Layout, ReadOptions, Views, read_views, shapes::AlarmClock};
-use recon::{
-    evaluate::score_views,
-    fit::{Event, FitConfig, Flow, fit},
-    synthetic::{Lighting, Orbit, RenderOptions, render_views},
-};
+use recon::evaluate::score_views;
+use recon::fit::{Event, FitConfig, fit};
+use recon::synthetic::{Lighting, Orbit, RenderOptions, render_views};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -31,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             Event::Warned(warning) => writeln!(out, "warning: {warning}"),
             _ => Ok(()),
         };
-        Flow::Continue
+        ControlFlow::Continue(())
     })?;
     let held_out: Vec<_> = fitted.held_out_views.iter().map(|&i| &views.views[i]).collect();
     let scores = score_views(&fitted.mesh, &held_out, &|_, _| {})?;

@@ -2,7 +2,8 @@
 //!
 //! ```
 //! use datasets::{Layout, Views, shapes::AlarmClock};
-//! use recon::fit::{Event, FitConfig, Flow, fit};
+//! use std::ops::ControlFlow;
+//! use recon::fit::{Event, FitConfig, fit};
 //! use recon::synthetic::{Orbit, RenderOptions, render_views};
 //!
 //! // A dozen small pictures of a clock, with masks and cameras.
@@ -17,7 +18,7 @@
 //!     if let Event::Evaluated { step, mask_iou } = event {
 //!         assert!(step <= 40 && mask_iou > 0.0); // a progress bar would show it
 //!     }
-//!     Flow::Continue
+//!     ControlFlow::Continue(())
 //! })?;
 //! assert!(fitted.health.is_watertight());
 //! assert_eq!(fitted.health.euler, 2);

@@ -1,13 +1,13 @@
 //! Whole fits: shapes that are known, at a size that takes seconds.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+use std::ops::ControlFlow;
+
 use datasets::{Layout, Views};
 use mesh_core::{TriMesh, primitives};
-use recon::{
-    evaluate::score_views,
-    fit::{ColorKind, Event, FitConfig, FitError, Fitted, Flow, fit},
-    synthetic::{Orbit, RenderOptions, render_views},
-};
+use recon::evaluate::score_views;
+use recon::fit::{ColorKind, Event, FitConfig, FitError, Fitted, fit};
+use recon::synthetic::{Orbit, RenderOptions, render_views};
 
 /// Views of a mesh from all around, 64 pixels wide.
 fn views_of(mesh: &TriMesh, count: usize) -> Views {
@@ -40,7 +40,7 @@ fn config() -> FitConfig {
 }
 
 fn run(views: &Views, config: &FitConfig) -> Fitted {
-    fit(views, config, &mut |_| Flow::Continue).unwrap()
+    fit(views, config, &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
 /// Fits, holds the mesh to what every fit promises, and returns held-out mask IoU and PSNR.
@@ -130,9 +130,9 @@ fn stopping_gives_what_there_is() {
     let fitted = fit(&views, &config(), &mut |event| match event {
         Event::Step(step) => {
             steps = step.step;
-            if step.step == 7 { Flow::Stop } else { Flow::Continue }
+            if step.step == 7 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         }
-        _ => Flow::Continue,
+        _ => ControlFlow::Continue(()),
     })
     .unwrap();
     assert!(fitted.interrupted);
@@ -144,7 +144,7 @@ fn stopping_gives_what_there_is() {
 fn what_cannot_be_fitted_is_an_error_that_says_why() {
     let good = views_of(&placed(primitives::icosphere(3)), 10);
     let fails = |views: &Views, config: &FitConfig| {
-        fit(views, config, &mut |_| Flow::Continue).unwrap_err()
+        fit(views, config, &mut |_| ControlFlow::Continue(())).unwrap_err()
     };
     let none = Views { views: Vec::new(), ..good.clone() };
     assert_eq!(fails(&none, &config()), FitError::NoViews);

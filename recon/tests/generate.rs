@@ -7,6 +7,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -14,7 +15,6 @@ use datasets::r2n2::R2n2;
 use datasets::shapes::Family;
 use datasets::{Dataset, ReadOptions, View, read_views};
 use mesh_core::{Camera, TriMesh, primitives, read_mesh};
-use recon::fit::Flow;
 use recon::generate::{
     CameraSet, GenerateConfig, GenerateError, Generated, Model, Normalize, OutputLayout, generate,
     read_rough_poses,
@@ -41,7 +41,7 @@ fn small(layout: OutputLayout) -> GenerateConfig {
 }
 
 fn run(config: &GenerateConfig, folder: &Path) -> Generated {
-    generate(config, None, folder, &|_, _| Flow::Continue).unwrap()
+    generate(config, None, folder, &|_, _| ControlFlow::Continue(())).unwrap()
 }
 
 /// Every file below a folder with its bytes.
@@ -144,7 +144,7 @@ fn a_run_that_was_stopped_is_taken_up() {
     let begun = pool.install(|| {
         generate(&config, None, &folder, &|done, all| {
             assert_eq!(all, 12);
-            if done >= 4 { Flow::Stop } else { Flow::Continue }
+            if done >= 4 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })
     });
     let begun = begun.unwrap();
@@ -168,23 +168,24 @@ fn folders_of_others_are_left_alone() {
     run(&config, &folder);
     let before = files(&folder);
     let other = GenerateConfig { seed: 12, ..config.clone() };
-    let error = generate(&other, None, &folder, &|_, _| Flow::Continue).unwrap_err();
+    let error = generate(&other, None, &folder, &|_, _| ControlFlow::Continue(())).unwrap_err();
     assert!(matches!(error, GenerateError::Different { .. }), "{error}");
     let text = error.to_string();
     assert!(text.contains("seed = 11") && text.contains("seed = 12"), "{text}");
     let model = model(place.path());
-    let error = generate(&config, Some(&model), &folder, &|_, _| Flow::Continue).unwrap_err();
+    let error =
+        generate(&config, Some(&model), &folder, &|_, _| ControlFlow::Continue(())).unwrap_err();
     assert!(matches!(error, GenerateError::Different { .. }), "{error}");
     assert!(before == files(&folder));
 
     let mine = place.path().join("mine");
     fs::create_dir(&mine).unwrap();
     fs::write(mine.join("letter.txt"), "dear").unwrap();
-    let error = generate(&config, None, &mine, &|_, _| Flow::Continue).unwrap_err();
+    let error = generate(&config, None, &mine, &|_, _| ControlFlow::Continue(())).unwrap_err();
     assert!(matches!(error, GenerateError::Foreign { .. }), "{error}");
     assert_eq!(files(&mine).len(), 1);
     let wrong = GenerateConfig { views: 0, ..config };
-    let error = generate(&wrong, None, &mine, &|_, _| Flow::Continue).unwrap_err();
+    let error = generate(&wrong, None, &mine, &|_, _| ControlFlow::Continue(())).unwrap_err();
     assert!(error.to_string().contains("views: found 0"), "{error}");
 }
 
@@ -343,7 +344,7 @@ fn a_mesh_of_the_users_own_keeps_its_texture() {
     let stop = AtomicBool::new(false);
     let made = generate(&config, Some(&model), &folder, &|_, all| {
         stop.store(all != 3, Ordering::Relaxed);
-        Flow::Continue
+        ControlFlow::Continue(())
     });
     assert!(!stop.into_inner());
     assert_eq!(made.unwrap().objects[0].category, "block");

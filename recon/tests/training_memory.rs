@@ -2,9 +2,10 @@
 //! those of matrix products.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+use std::ops::ControlFlow;
+
 use autodiff_lite::testkit::CountingAllocator;
 use datasets::ReadOptions;
-use recon::fit::Flow;
 use recon::img2mesh::Img2Mesh;
 use recon::train::{Configuration, Event, Job, Provenance, RunFolder, Source, System, train};
 
@@ -35,7 +36,7 @@ fn steps_of_a_training_take_no_large_fresh_block() {
         if let Event::Step(_) = event {
             blocks.push([ALLOCATOR.blocks(), ALLOCATOR.bytes()]);
         }
-        Flow::Continue
+        ControlFlow::Continue(())
     })
     .unwrap();
     // The gemm crate takes a packing buffer for each larger matrix product and gives it back: ten

@@ -1,12 +1,13 @@
 //! `unsphere fit`: views of one object in, a mesh with its report out.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use datasets::Views;
 use mesh_core::{ByteImage, TriMesh};
 use recon::delivery::{DeliverError, Delivery, Metrics, deliver};
-use recon::fit::{Event, FitConfig, FitError, Fitted, Flow, fit};
+use recon::fit::{Event, FitConfig, FitError, Fitted, fit};
 use recon::output::OutputFolder;
 use recon::settings;
 use serde::Serialize;
@@ -154,7 +155,11 @@ impl Job<'_> {
                 Event::Warned(text) => console.warn(text),
                 _ => {}
             }
-            if self.interrupt.pressed() { Flow::Stop } else { Flow::Continue }
+            if self.interrupt.pressed() {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
         };
         fit(&self.views, self.config, &mut on_event).map_err(|error| match error {
             FitError::Config(_) => Failure::Usage(error.to_string()),

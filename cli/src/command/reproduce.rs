@@ -1,9 +1,9 @@
 //! `unsphere reproduce`: a published table, made again.
 
 use std::fmt::Write as _;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use recon::fit::Flow;
 use recon::reproduce::{
     Event, Order, ReproduceError, Reproduced, Scale, Study, StudyError, reproduce,
 };
@@ -101,7 +101,7 @@ fn make(
             }
             _ => {}
         }
-        if interrupt.pressed() { Flow::Stop } else { Flow::Continue }
+        if interrupt.pressed() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let made = reproduce(study, &out, &order, &mut watch).map_err(failed)?;
     progress.finish();

@@ -1,10 +1,10 @@
 //! `unsphere train`: a system, its data, and a run folder that can go on.
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use recon::fit::Flow;
 use recon::predict::Predictor;
 use recon::settings;
 use recon::train::{
@@ -203,7 +203,7 @@ fn watched<S: Predictor>(
             Event::Warned(text) => console.warn(text),
             _ => {}
         }
-        if interrupt.pressed() { Flow::Stop } else { Flow::Continue }
+        if interrupt.pressed() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     train(job, &mut watch).map_err(|error| match error {
         TrainError::Config(_) | TrainError::NoSuchMetric { .. } => {

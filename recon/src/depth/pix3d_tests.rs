@@ -130,7 +130,7 @@ fn photographs_are_cut_to_their_boxes_and_trained_on() {
     let job: Job<'_, MeshRcnn> =
         Job { config: &config, data: &data, run: &run, provenance: &provenance, resume: false };
     let fresh = MeshRcnn::new(&config.system, 0);
-    let outcome = train(&job, &mut |_| crate::fit::Flow::Continue).unwrap();
+    let outcome = train(&job, &mut |_| std::ops::ControlFlow::Continue(())).unwrap();
     assert_eq!(outcome.steps, 6);
     let batch: Vec<Scene> = (0..2)
         .map(|i| {

@@ -49,12 +49,3 @@ pub struct Step {
     /// The losses by name, each already weighted.
     pub terms: Vec<(&'static str, f64)>,
 }
-
-/// Whether to go on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Flow {
-    /// Go on.
-    Continue,
-    /// Stop, and return what there is.
-    Stop,
-}

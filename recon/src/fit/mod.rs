@@ -18,7 +18,9 @@
 //! ```
 //! use datasets::{Layout, Views};
 //! use mesh_core::primitives;
-//! use recon::{fit::{FitConfig, Flow, fit}, synthetic::{Orbit, RenderOptions, render_views}};
+//! use std::ops::ControlFlow;
+//! use recon::fit::{FitConfig, fit};
+//! use recon::synthetic::{Orbit, RenderOptions, render_views};
 //!
 //! // Twelve pictures of a red ellipsoid.
 //! let object = primitives::icosphere(3).scaled([1.0, 0.6, 0.8]).colored([0.8, 0.1, 0.1]);
@@ -27,7 +29,7 @@
 //! let views = Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] };
 //!
 //! let config = FitConfig { start_level: 2, level: 3, steps: 60, ..FitConfig::default() };
-//! let fitted = fit(&views, &config, &mut |_event| Flow::Continue)?;
+//! let fitted = fit(&views, &config, &mut |_event| ControlFlow::Continue(()))?;
 //! assert!(fitted.health.is_watertight());
 //! assert!(fitted.evaluations.last().unwrap().1 > 0.9); // mask IoU on the views held out
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -55,6 +57,7 @@ mod target;
 mod texture;
 mod untangle;
 
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 use datasets::{View, Views};
@@ -64,7 +67,7 @@ use rand_chacha::ChaCha8Rng;
 
 pub use config::{ColorKind, FitConfig};
 pub use error::FitError;
-pub use event::{Event, Flow, Step};
+pub use event::{Event, Step};
 pub use placement::Placement;
 pub(crate) use placement::cones;
 pub use stepper::Stepper;
@@ -101,7 +104,7 @@ pub struct Fitted {
     pub seconds: Vec<(String, f64)>,
     /// What [`Event::Warned`] said.
     pub warnings: Vec<String>,
-    /// Whether [`Flow::Stop`] ended it early.
+    /// Whether [`ControlFlow::Break`] ended it early.
     pub interrupted: bool,
 }
 
@@ -116,7 +119,7 @@ pub struct Fitted {
 pub fn fit(
     views: &Views,
     config: &FitConfig,
-    on_event: &mut dyn FnMut(Event) -> Flow,
+    on_event: &mut dyn FnMut(Event) -> ControlFlow<()>,
 ) -> Result<Fitted, FitError> {
     let problems = config.check();
     if !problems.is_empty() {
@@ -129,7 +132,7 @@ pub fn fit(
 
 /// A fit under way.
 struct Run<'a> {
-    on_event: &'a mut dyn FnMut(Event) -> Flow,
+    on_event: &'a mut dyn FnMut(Event) -> ControlFlow<()>,
     train: Vec<Target>,
     held_out: Vec<Target>,
     hull: Option<Hull>,
@@ -142,7 +145,7 @@ impl<'a> Run<'a> {
     fn prepare(
         views: &[View],
         config: &FitConfig,
-        on_event: &'a mut dyn FnMut(Event) -> Flow,
+        on_event: &'a mut dyn FnMut(Event) -> ControlFlow<()>,
     ) -> Result<Self, FitError> {
         let clock = Instant::now();
         if views.is_empty() {
@@ -216,7 +219,7 @@ impl<'a> Run<'a> {
 
     /// Tells of an event and remembers the answer.
     fn tell(&mut self, event: Event) {
-        if (self.on_event)(event) == Flow::Stop {
+        if (self.on_event)(event) == ControlFlow::Break(()) {
             self.fitted.interrupted = true;
         }
     }

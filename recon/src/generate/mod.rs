@@ -2,7 +2,7 @@
 //!
 //! ```
 //! use datasets::shapes::Family;
-//! use recon::fit::Flow;
+//! use std::ops::ControlFlow;
 //! use recon::generate::{GenerateConfig, generate};
 //!
 //! let config = GenerateConfig {
@@ -15,7 +15,7 @@
 //! };
 //! let place = tempfile::tempdir()?;
 //! let folder = place.path().join("clocks");
-//! let made = generate(&config, None, &folder, &|_, _| Flow::Continue)?;
+//! let made = generate(&config, None, &folder, &|_, _| ControlFlow::Continue(()))?;
 //! assert_eq!((made.made, made.skipped), (2, 0));
 //! let views = datasets::read_views(
 //!     &folder.join("alarm_clock/0001"),
@@ -25,7 +25,7 @@
 //! assert_eq!(views.len(), 3);
 //!
 //! // What is there already is not made again.
-//! assert_eq!(generate(&config, None, &folder, &|_, _| Flow::Continue)?.skipped, 2);
+//! assert_eq!(generate(&config, None, &folder, &|_, _| ControlFlow::Continue(()))?.skipped, 2);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -67,14 +67,13 @@ mod splits;
 mod store;
 
 use std::io;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use datasets::WriteViewsError;
 use diff_raster::FacesError;
 use rayon::prelude::*;
-
-use crate::fit::Flow;
 
 pub use config::{CameraSet, GenerateConfig, OutputLayout};
 pub use model::{Model, Normalize, ReadModelError};
@@ -185,7 +184,7 @@ pub fn generate(
     config: &GenerateConfig,
     model: Option<&Model>,
     folder: &Path,
-    progress: &(dyn Fn(usize, usize) -> Flow + Sync),
+    progress: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
 ) -> Result<Generated, GenerateError> {
     let wrong = config.check();
     if !wrong.is_empty() {
@@ -197,7 +196,7 @@ pub fn generate(
     let (done, stop, skipped) = (AtomicUsize::new(0), AtomicBool::new(false), AtomicUsize::new(0));
     let advance = |views: usize| {
         let done = done.fetch_add(views, Ordering::Relaxed) + views;
-        if progress(done, total) == Flow::Stop {
+        if progress(done, total) == ControlFlow::Break(()) {
             stop.store(true, Ordering::Relaxed);
         }
     };

@@ -1,5 +1,6 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use autodiff_lite::Param;
@@ -7,7 +8,6 @@ use datasets::{Dataset, Entry, Layout, ReadOptions, ReadViewsError, Subset, View
 use mesh_core::primitives::icosphere;
 
 use super::*;
-use crate::fit::Flow;
 use crate::synthetic::{Orbit, RenderOptions, render_views};
 use crate::train::{Better, Configuration, Event, Job, Provenance, RunFolder, train};
 
@@ -124,7 +124,7 @@ fn a_tiny_training_finds_the_shape() {
     let provenance = Provenance::default();
     let job =
         Job { config: &config, data: &data, run: &run, provenance: &provenance, resume: false };
-    let outcome = train::<Img2Mesh>(&job, &mut |_: Event| Flow::Continue).unwrap();
+    let outcome = train::<Img2Mesh>(&job, &mut |_: Event| ControlFlow::Continue(())).unwrap();
     let after = &outcome.metrics;
     assert_eq!((after[0].name.as_str(), after[0].better), ("mask-iou", Better::Larger));
     // From 0.66 and 8.6 dB to 0.93 and 15.9 dB.
@@ -252,7 +252,8 @@ fn pretrained_weights_are_loaded_and_frozen_ones_stay() {
     let provenance = Provenance::default();
     let job =
         Job { config: &config, data: &data, run: &run, provenance: &provenance, resume: false };
-    let trained = train::<Img2Mesh>(&job, &mut |_: Event| Flow::Continue).unwrap().system;
+    let trained =
+        train::<Img2Mesh>(&job, &mut |_: Event| ControlFlow::Continue(())).unwrap().system;
     let mut found = 0;
     trained.visit("", &mut |path: &str, param: &Param| {
         if let Some(name) = path.strip_prefix("encoder.cnn.features.") {

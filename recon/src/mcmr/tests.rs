@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use autodiff_lite::Param;
@@ -9,7 +10,6 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::fit::Flow;
 use crate::train::{Configuration, Event, Job, Outcome, Provenance, RunFolder, train};
 
 type Config = Configuration<McmrConfig>;
@@ -214,8 +214,8 @@ fn run_in(folder: &Path, config: &Config, resume: bool, stop: u64) -> Outcome<Mc
     let provenance = Provenance::default();
     let job = Job { config, data: &data, run: &run, provenance: &provenance, resume };
     train::<Mcmr>(&job, &mut |event| match event {
-        Event::Step(step) if step.step == stop => Flow::Stop,
-        _ => Flow::Continue,
+        Event::Step(step) if step.step == stop => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
     })
     .unwrap()
 }
@@ -298,7 +298,7 @@ fn collections_on_disk_have_their_rough_poses() {
         layout: OutputLayout::Kaolin,
         ..GenerateConfig::default()
     };
-    generate(&collection, None, &folder, &|_, _| Flow::Continue).unwrap();
+    generate(&collection, None, &folder, &|_, _| ControlFlow::Continue(())).unwrap();
     let options = datasets::ReadOptions::default();
     let source = Source { path: Some(&folder), options: &options, seed: 0, progress: &|_, _| () };
     let config = tiny();

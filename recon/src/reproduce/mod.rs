@@ -5,7 +5,7 @@
 //! where it was stopped, and writes the tables with the spread over the seeds.
 //!
 //! ```
-//! use recon::fit::Flow;
+//! use std::ops::ControlFlow;
 //! use recon::reproduce::{
 //!     Cell, Claim, Order, Row, Scale, Study, StudyError, Tables, Tick, Work, reproduce,
 //! };
@@ -29,7 +29,7 @@
 //!     fn run(
 //!         &self,
 //!         work: &Work<'_>,
-//!         watch: &mut dyn FnMut(Tick) -> Flow,
+//!         watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
 //!     ) -> Result<Vec<Row>, StudyError> {
 //!         work.tell(watch, 0.5, "half of it")?;
 //!         let won = if work.id == "high" { 0.75 } else { 0.5 } + 0.01 * work.seed as f64;
@@ -43,7 +43,7 @@
 //!
 //! let out = tempfile::tempdir()?;
 //! let order = Order { seeds: vec![0, 1], ..Order::default() };
-//! let made = reproduce(&Guessing, out.path(), &order, &mut |_| Flow::Continue)?;
+//! let made = reproduce(&Guessing, out.path(), &order, &mut |_| ControlFlow::Continue(()))?;
 //! assert!(made.claims[0].holds);
 //! let table = std::fs::read_to_string(out.path().join("table.md"))?;
 //! assert!(table.contains("| high | **0.76** (0.01) |"), "{table}"); // the mean and the spread

@@ -1,11 +1,11 @@
 //! What studies that train share: configurations with changes, and their data.
 
 use std::fmt::Write as _;
+use std::ops::ControlFlow;
 
 use super::error::StudyError;
 use super::row::{Cell, Row};
 use super::work::{Tick, Trained, Work};
-use crate::fit::Flow;
 use crate::settings::{read_text, to_toml};
 use crate::train::{Configuration, DataError, Metric, Source, System};
 
@@ -56,7 +56,7 @@ pub(crate) fn open<S: System>(
 pub(crate) fn train_job<S: System>(
     config: &Configuration<S::Config>,
     work: &Work<'_>,
-    watch: &mut dyn FnMut(Tick) -> Flow,
+    watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
 ) -> Result<(S::Data, Trained<S>), StudyError> {
     let data = open::<S>(work, config)?;
     let trained = work.train::<S>(config, &data, watch)?;

@@ -1,6 +1,7 @@
 //! The course of a study: job after job, seed after seed.
 
 use std::collections::BTreeSet;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -14,7 +15,6 @@ use super::store::{Kept, Store};
 use super::study::{Claim, Scale, Study};
 use super::table::Tables;
 use super::work::{Tick, Work};
-use crate::fit::Flow;
 use crate::train::Provenance;
 
 /// What is to be done.
@@ -129,7 +129,7 @@ impl Digest<'_> {
 /// Makes a study's tables in a folder, and goes on with what is there.
 ///
 /// Finished jobs are kept and not done again; the tables are written anew after each. `watch` is
-/// asked again and again; when it answers [`Flow::Stop`], the job at hand stops and is gone on with
+/// asked again and again; when it answers [`ControlFlow::Break`], the job at hand stops and is gone on with
 /// the next time.
 ///
 /// # Errors
@@ -141,7 +141,7 @@ pub fn reproduce(
     study: &dyn Study,
     out: &Path,
     order: &Order<'_>,
-    watch: &mut dyn FnMut(Event) -> Flow,
+    watch: &mut dyn FnMut(Event) -> ControlFlow<()>,
 ) -> Result<Reproduced, ReproduceError> {
     let jobs = study.jobs(order.scale);
     let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
@@ -182,10 +182,13 @@ impl Course<'_> {
         self.results.iter().flatten().flatten().count()
     }
 
-    fn run(&mut self, watch: &mut dyn FnMut(Event) -> Flow) -> Result<Reproduced, ReproduceError> {
+    fn run(
+        &mut self,
+        watch: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<Reproduced, ReproduceError> {
         let start = Instant::now();
         let (jobs, kept) = (self.jobs.len() * self.order.seeds.len(), self.finished());
-        let mut stopped = watch(Event::Started { jobs, kept }) == Flow::Stop;
+        let mut stopped = watch(Event::Started { jobs, kept }) == ControlFlow::Break(());
         'all: for (at, &seed) in self.order.seeds.iter().enumerate() {
             for (index, job) in self.jobs.clone().into_iter().enumerate() {
                 if self.results[index][at].is_some() {
@@ -208,7 +211,7 @@ impl Course<'_> {
                 let mut tell = |tick| {
                     let job = job.clone();
                     let flow = watch(Event::Working { finished, jobs, job, seed, tick });
-                    stopped |= flow == Flow::Stop;
+                    stopped |= flow == ControlFlow::Break(());
                     flow
                 };
                 let rows = match self.study.run(&work, &mut tell) {
@@ -224,7 +227,8 @@ impl Course<'_> {
                 self.results[index][at] = Some(kept);
                 self.digest()?;
                 let finished = finished + 1;
-                stopped |= watch(Event::Finished { finished, job, seed, seconds }) == Flow::Stop;
+                stopped |= watch(Event::Finished { finished, job, seed, seconds })
+                    == ControlFlow::Break(());
             }
         }
         let (tables, claims) = self.digest()?;

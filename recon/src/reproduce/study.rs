@@ -1,12 +1,13 @@
 //! What a study is.
 
+use std::ops::ControlFlow;
+
 use serde::Serialize;
 
 use super::error::StudyError;
 use super::row::Row;
 use super::table::Tables;
 use super::work::{Tick, Work};
-use crate::fit::Flow;
 
 /// A published table, or several, as jobs that make its rows.
 pub trait Study: Sync {
@@ -29,11 +30,11 @@ pub trait Study: Sync {
     /// the same ones.
     ///
     /// # Errors
-    /// [`StudyError::Stopped`] as soon as `watch` answers [`Flow::Stop`], and whatever prevents the rows.
+    /// [`StudyError::Stopped`] as soon as `watch` answers [`ControlFlow::Break`], and whatever prevents the rows.
     fn run(
         &self,
         work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> Flow,
+        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
     ) -> Result<Vec<Row>, StudyError>;
 
     /// What the tables are to show. Asked once every job has a result of every seed.

@@ -1,6 +1,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Mutex;
 
@@ -9,7 +10,6 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use mesh_core::ByteImage;
 
 use super::*;
-use crate::fit::Flow;
 use crate::img2mesh::{Img2Mesh, Img2MeshConfig};
 use crate::report::ViewPair;
 use crate::settings;
@@ -55,7 +55,7 @@ impl Study for Toy {
     fn run(
         &self,
         work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> Flow,
+        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
     ) -> Result<Vec<Row>, StudyError> {
         self.begun.lock().unwrap().push(format!("{} {}", work.id, work.seed));
         work.tell(watch, 0.25, "thinking")?;
@@ -97,7 +97,7 @@ impl Study for Toy {
 }
 
 fn make(toy: &Toy, out: &Path, order: &Order<'_>) -> Result<Reproduced, ReproduceError> {
-    reproduce(toy, out, order, &mut |_| Flow::Continue)
+    reproduce(toy, out, order, &mut |_| ControlFlow::Continue(()))
 }
 
 fn order(seeds: &[u64]) -> Order<'static> {
@@ -152,7 +152,7 @@ fn what_is_finished_is_not_done_again() {
     let mut told = 0;
     let stopped = reproduce(&toy, place.path(), &order(&[0, 1]), &mut |event| {
         told += u64::from(matches!(event, Event::Working { .. }));
-        if told == 3 { Flow::Stop } else { Flow::Continue }
+        if told == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     let stopped = stopped.unwrap();
     assert!(stopped.interrupted && stopped.claims.is_empty());
@@ -238,7 +238,7 @@ impl Study for Training {
     fn run(
         &self,
         work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> Flow,
+        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
     ) -> Result<Vec<Row>, StudyError> {
         let config = configuration();
         let source = Source {
@@ -268,7 +268,7 @@ fn a_training_that_was_stopped_goes_on_to_the_same_bits() {
             steps += usize::from(
                 matches!(event, Event::Working { tick, .. } if tick.text.starts_with("step")),
             );
-            if steps >= most { Flow::Stop } else { Flow::Continue }
+            if steps >= most { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         (made.unwrap(), steps)
     };

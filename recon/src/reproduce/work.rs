@@ -1,10 +1,10 @@
 //! One job as a study is handed it, and the training in it.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use super::error::StudyError;
 use super::study::Scale;
-use crate::fit::Flow;
 use crate::train::{self, Configuration, Job, Provenance, RunFolder, System, train};
 
 /// A job of one seed.
@@ -54,13 +54,13 @@ impl Work<'_> {
     /// [`StudyError::Stopped`] if it is to stop.
     pub fn tell(
         &self,
-        watch: &mut dyn FnMut(Tick) -> Flow,
+        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
         done: f64,
         text: impl Into<String>,
     ) -> Result<(), StudyError> {
         match watch(Tick { done, text: text.into() }) {
-            Flow::Continue => Ok(()),
-            Flow::Stop => Err(StudyError::Stopped),
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(StudyError::Stopped),
         }
     }
 
@@ -75,7 +75,7 @@ impl Work<'_> {
         &self,
         config: &Configuration<S::Config>,
         data: &S::Data,
-        watch: &mut dyn FnMut(Tick) -> Flow,
+        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
     ) -> Result<Trained<S>, StudyError> {
         let mut config = config.clone();
         config.train.seed = self.seed;
@@ -95,7 +95,7 @@ impl Work<'_> {
                 let done = done as f64 / total.max(1) as f64;
                 watch(Tick { done, text: "starting".into() })
             }
-            _ => Flow::Continue,
+            _ => ControlFlow::Continue(()),
         })?;
         if outcome.interrupted {
             return Err(StudyError::Stopped);

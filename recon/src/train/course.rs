@@ -1,5 +1,6 @@
 //! The course of a training, from its first step to its last.
 
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 use autodiff_lite::optim::{Schedule, clip_grad_norm};
@@ -15,7 +16,6 @@ use super::record::{Heading, Record};
 use super::run::{Provenance, RunFolder};
 use super::step::Tapes;
 use super::system::{Metric, Moment, System};
-use crate::fit::Flow;
 
 /// Weight of the past in the moving average of losses (Mesh R-CNN's 0.9).
 const MEMORY: f64 = 0.9;
@@ -52,7 +52,7 @@ pub struct Outcome<S> {
 
 /// Trains a system, or goes on training it, and keeps everything in the run's folder.
 ///
-/// `watch` hears of every step; when it answers [`Flow::Stop`], a checkpoint is written and the
+/// `watch` hears of every step; when it answers [`ControlFlow::Break`], a checkpoint is written and the
 /// function returns. The same configuration and data give the same parameters bit by bit, for any
 /// number of threads, and whether or not the run was interrupted on the way.
 ///
@@ -61,7 +61,7 @@ pub struct Outcome<S> {
 /// NaN; the last checkpoint is then untouched.
 pub fn train<S: System>(
     job: &Job<'_, S>,
-    watch: &mut dyn FnMut(Event) -> Flow,
+    watch: &mut dyn FnMut(Event) -> ControlFlow<()>,
 ) -> Result<Outcome<S>, TrainError> {
     let mut course = Course::prepare(job, watch)?;
     let stopped = course.run()?;
@@ -86,7 +86,7 @@ struct Ahead<T> {
 
 struct Course<'j, 'w, S: System> {
     job: &'j Job<'j, S>,
-    watch: &'w mut dyn FnMut(Event) -> Flow,
+    watch: &'w mut dyn FnMut(Event) -> ControlFlow<()>,
     system: S,
     optimizer: AnyOptimizer,
     tapes: Tapes,
@@ -107,7 +107,7 @@ struct Course<'j, 'w, S: System> {
 impl<'j, 'w, S: System> Course<'j, 'w, S> {
     fn prepare(
         job: &'j Job<'j, S>,
-        watch: &'w mut dyn FnMut(Event) -> Flow,
+        watch: &'w mut dyn FnMut(Event) -> ControlFlow<()>,
     ) -> Result<Self, TrainError> {
         let config = job.config;
         let train = &config.train;
@@ -179,7 +179,7 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
     }
 
     fn tell(&mut self, event: Event) {
-        self.stop |= (self.watch)(event) == Flow::Stop;
+        self.stop |= (self.watch)(event) == ControlFlow::Break(());
     }
 
     /// Passes on what a user should know.

@@ -8,6 +8,7 @@ mod events;
 mod folders;
 mod power;
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use autodiff_lite::{Module, Param};
@@ -15,7 +16,6 @@ use datasets::ReadOptions;
 
 use super::log::{History, Line};
 use super::*;
-use crate::fit::Flow;
 use blob::{Blob, Options, silhouette};
 use events::scalars;
 
@@ -36,15 +36,15 @@ fn run_in(
     folder: &Path,
     config: &Config,
     resume: bool,
-    watch: &mut dyn FnMut(Event) -> Flow,
+    watch: &mut dyn FnMut(Event) -> ControlFlow<()>,
 ) -> Result<Outcome<Blob>, TrainError> {
     let run = if resume { RunFolder::resume(folder)? } else { RunFolder::create(folder, false)? };
     let provenance = Provenance { version: "test".into(), ..Provenance::default() };
     train::<Blob>(&Job { config, data: &(), run: &run, provenance: &provenance, resume }, watch)
 }
 
-fn on(_: Event) -> Flow {
-    Flow::Continue
+fn on(_: Event) -> ControlFlow<()> {
+    ControlFlow::Continue(())
 }
 
 fn weights(system: &Blob) -> Vec<f32> {
@@ -78,7 +78,7 @@ fn it_learns() {
             Event::Step(step) => losses.push(step.loss),
             _ => {}
         }
-        Flow::Continue
+        ControlFlow::Continue(())
     })
     .unwrap();
     assert_eq!((outcome.steps, scores.len(), outcome.interrupted), (240, 60, false));
@@ -113,9 +113,9 @@ fn a_run_that_was_stopped_goes_on_as_if_it_had_not() {
         let folder = place.path().join(format!("stopped-{at}"));
         let mut stop = |event| match event {
             Event::Step(Step { step, .. }) | Event::Skipped { step, .. } if step >= at => {
-                Flow::Stop
+                ControlFlow::Break(())
             }
-            _ => Flow::Continue,
+            _ => ControlFlow::Continue(()),
         };
         let outcome = run_in(&folder, &config, false, &mut stop).unwrap();
         assert!(outcome.interrupted && outcome.steps == at);
@@ -141,7 +141,7 @@ fn a_run_that_was_killed_goes_on_as_if_it_had_not() {
         let killed = std::panic::catch_unwind(|| {
             run_in(&folder, &config, false, &mut |event| match event {
                 Event::Step(Step { step, .. }) if step == at => panic!("killed"),
-                _ => Flow::Continue,
+                _ => ControlFlow::Continue(()),
             })
         });
         assert!(killed.is_err());
@@ -230,7 +230,7 @@ fn a_sample_that_cannot_be_read_ends_its_own_step() {
         let folder = place.path().join(format!("failed-{at}"));
         let error = run_in(&folder, &config, false, &mut |event| {
             steps += usize::from(matches!(event, Event::Step(_)));
-            Flow::Continue
+            ControlFlow::Continue(())
         });
         let error = error.unwrap_err().to_string();
         assert!(error.contains("cannot be read"), "{error}");
@@ -238,8 +238,8 @@ fn a_sample_that_cannot_be_read_ends_its_own_step() {
         // A run that ends before that step does not hear of it.
         let folder = place.path().join(format!("stopped-{at}"));
         let stop = &mut |event: Event| match event {
-            Event::Step(Step { step, .. }) if step == at as u64 => Flow::Stop,
-            _ => Flow::Continue,
+            Event::Step(Step { step, .. }) if step == at as u64 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
         };
         assert_eq!(run_in(&folder, &config, false, stop).is_ok(), at > 0);
     }

@@ -1,10 +1,10 @@
 //! `unsphere data generate`: a dataset of our own making.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
 use datasets::shapes::Family;
-use recon::fit::Flow;
 use recon::generate::{
     CameraSet, GenerateConfig, GenerateError, Generated, Model, Normalize, OutputLayout,
     UNFINISHED, generate,
@@ -45,7 +45,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Generate) -> Res
     let progress = Progress::new(console, "generate");
     let generated = generate(&config, model.as_ref(), output, &|done, all| {
         progress.set(done, all);
-        if interrupt.pressed() { Flow::Stop } else { Flow::Continue }
+        if interrupt.pressed() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })
     .map_err(failure)?;
     progress.finish();

@@ -2,12 +2,13 @@
 
 mod curves;
 
+use std::ops::ControlFlow;
+
 use super::beginning::Beginning;
 use super::config::{DepthKind, RefineConfig};
 use super::refined::Refined;
 use super::score::Score;
 use super::{DepthPixel2Mesh, MeshRcnn, Sphere, Voxels};
-use crate::fit::Flow;
 use crate::reproduce::preset::{Change, Planned, planned, preset, settings, train_job};
 use crate::reproduce::{Cell, Claim, Picture, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
@@ -159,7 +160,7 @@ impl Study for DepthStudy {
     fn run(
         &self,
         work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> Flow,
+        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
     ) -> Result<Vec<Row>, StudyError> {
         if work.id.starts_with("pixel2mesh") {
             rows::<Sphere>(0, planned::<DepthPixel2Mesh>(spheres(work.scale), work), work, watch)
@@ -275,7 +276,7 @@ fn rows<B: Beginning>(
     system: usize,
     (_, variant, config): Planned<Refined<B>>,
     work: &Work<'_>,
-    watch: &mut dyn FnMut(Tick) -> Flow,
+    watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
 ) -> Result<Vec<Row>, StudyError> {
     let variant = VARIANTS.iter().find(|other| other.id == variant).expect("one of them");
     let (data, trained) = train_job::<Refined<B>>(&config, work, watch)?;

@@ -1,11 +1,11 @@
 //! The paper's own setting: one clock, views that were held out.
 
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 use autodiff_lite::Tape;
 
 use super::{Config, Jobs};
-use crate::fit::Flow;
 use crate::img2mesh::{Data, Img2Mesh};
 use crate::reproduce::preset::{open, planned, preset, scored, settings};
 use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
@@ -66,7 +66,7 @@ impl Study for ClockStudy {
     fn run(
         &self,
         work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> Flow,
+        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
     ) -> Result<Vec<Row>, StudyError> {
         let (_, label, config) = planned::<Img2Mesh>(jobs(work.scale), work);
         let data = open::<Img2Mesh>(work, &config)?;

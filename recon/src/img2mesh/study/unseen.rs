@@ -1,7 +1,8 @@
 //! What the paper could not show: objects that were never seen.
 
+use std::ops::ControlFlow;
+
 use super::Jobs;
-use crate::fit::Flow;
 use crate::img2mesh::Img2Mesh;
 use crate::reproduce::preset::{Change, open, planned, preset, scored, settings};
 use crate::reproduce::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
@@ -101,7 +102,7 @@ impl Study for UnseenStudy {
     fn run(
         &self,
         work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> Flow,
+        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
     ) -> Result<Vec<Row>, StudyError> {
         let (_, model, config) = planned::<Img2Mesh>(jobs(work.scale), work);
         let data = open::<Img2Mesh>(work, &config)?;

@@ -1,10 +1,11 @@
 //! How many mean shapes, of how many categories; trained together or one by one; what the selection finds.
 
+use std::ops::ControlFlow;
+
 use super::{
     ABOUT, ABOUT_RULE, IOU_3D, IOU_3D_STRICT, MASK, Published, QUICK, RULE, animate,
     by_published_rule, with_figures,
 };
-use crate::fit::Flow;
 use crate::mcmr::{Data, Mcmr, Scored};
 use crate::reproduce::preset::{Change, Planned, planned, preset, settings, train_job};
 use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
@@ -139,7 +140,7 @@ impl Study for MeanShapesStudy {
     fn run(
         &self,
         work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> Flow,
+        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
     ) -> Result<Vec<Row>, StudyError> {
         let (id, label, config) = planned::<Mcmr>(jobs(work.scale), work);
         let (data, trained) = train_job::<Mcmr>(&config, work, watch)?;

@@ -1,7 +1,8 @@
 //! The talk's tables on the data that they were made with, for those who have it.
 
+use std::ops::ControlFlow;
+
 use super::{ABOUT, ABOUT_RULE, Published, QUICK, RULE, by_published_rule, with_figures};
-use crate::fit::Flow;
 use crate::mcmr::Mcmr;
 use crate::reproduce::preset::{Change, Planned, open, planned, preset, settings};
 use crate::reproduce::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
@@ -54,7 +55,7 @@ fn run(
     table: &str,
     (plans, jobs): ([Plan; 2], Vec<Planned<Mcmr>>),
     work: &Work<'_>,
-    watch: &mut dyn FnMut(Tick) -> Flow,
+    watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
 ) -> Result<Vec<Row>, StudyError> {
     let (id, label, config) = planned::<Mcmr>(jobs, work);
     if work.data.is_none() {
@@ -105,7 +106,7 @@ macro_rules! study {
             fn run(
                 &self,
                 work: &Work<'_>,
-                watch: &mut dyn FnMut(Tick) -> Flow,
+                watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
             ) -> Result<Vec<Row>, StudyError> {
                 run($table, ($plans, jobs($plans, $preset, work.scale)), work, watch)
             }
@@ -162,13 +163,15 @@ mod tests {
             let place = tempfile::tempdir().unwrap();
             let data = fixtures.join(folder);
             let order = Order { scale: Scale::Quick, data: Some(&data), ..Order::default() };
-            let made = reproduce(study, place.path(), &order, &mut |_| Flow::Continue).unwrap();
+            let made =
+                reproduce(study, place.path(), &order, &mut |_| ControlFlow::Continue(())).unwrap();
             assert!(made.claims.iter().all(|claim| claim.holds), "{:?}", made.claims);
             let rows = &made.tables.table(table).unwrap().rows;
             assert_eq!(rows.len(), 2);
             let order = Order { data: None, ..order };
             let other = place.path().join("other");
-            let error = reproduce(study, &other, &order, &mut |_| Flow::Continue).unwrap_err();
+            let error =
+                reproduce(study, &other, &order, &mut |_| ControlFlow::Continue(())).unwrap_err();
             assert!(matches!(&error, ReproduceError::Job { error: StudyError::Data(_), .. }));
             assert!(error.to_string().contains("--data"), "{error}");
         }

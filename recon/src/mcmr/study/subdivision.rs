@@ -1,7 +1,8 @@
 //! 162 vertices, 642, and from the one to the other in the middle of the training.
 
+use std::ops::ControlFlow;
+
 use super::{ABOUT, MASK, Published, QUICK, with_figures};
-use crate::fit::Flow;
 use crate::mcmr::Mcmr;
 use crate::reproduce::preset::{Change, Planned, planned, preset, settings, train_job};
 use crate::reproduce::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
@@ -83,7 +84,7 @@ impl Study for SubdivisionStudy {
     fn run(
         &self,
         work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> Flow,
+        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
     ) -> Result<Vec<Row>, StudyError> {
         let (_, label, config) = planned::<Mcmr>(jobs(work.scale), work);
         let (data, trained) = train_job::<Mcmr>(&config, work, watch)?;

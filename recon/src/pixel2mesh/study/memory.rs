@@ -1,5 +1,6 @@
 //! Constant memory: a training step at more and more evaluations, by each adjoint.
 
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 use autodiff_lite::{Activation, Module, Param, SparseMatrix, Tape, Var};
@@ -12,7 +13,6 @@ use ode_deform::deform::{DeformationField, FieldConfig};
 use ode_deform::solve::{EULER, Problem, StepController};
 
 use super::QUICK;
-use crate::fit::Flow;
 use crate::paired::{Pair, Pairs};
 use crate::pixel2mesh::{AdjointKind, OdeConfig, OdePixel2Mesh};
 use crate::reproduce::preset::{open, preset};
@@ -75,7 +75,7 @@ impl Study for MemoryStudy {
     fn run(
         &self,
         work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> Flow,
+        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
     ) -> Result<Vec<Row>, StudyError> {
         let wanted = |count: &&usize| format!("evaluations-{count}") == work.id;
         let count = *counts(work.scale).iter().find(wanted).expect("one of the jobs");

@@ -1,7 +1,8 @@
 //! Table 1: Pixel2Mesh in stages beside the deformation in continuous time.
 
+use std::ops::ControlFlow;
+
 use super::{COLUMNS, QUICK, with_scores};
-use crate::fit::Flow;
 use crate::paired::Pairs;
 use crate::pixel2mesh::{
     Continuous, Deformer, OdePixel2Mesh, Pixel2Mesh, Scored, SingleView, Staged,
@@ -79,7 +80,7 @@ impl Study for PlanesStudy {
     fn run(
         &self,
         work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> Flow,
+        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
     ) -> Result<Vec<Row>, StudyError> {
         let (staged, continuous) = jobs(work.scale);
         if staged.iter().any(|(id, ..)| *id == work.id) {
@@ -127,7 +128,7 @@ impl Study for PlanesStudy {
 fn rows<D: Deformer>(
     (_, label, config): Planned<SingleView<D>>,
     work: &Work<'_>,
-    watch: &mut dyn FnMut(Tick) -> Flow,
+    watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
 ) -> Result<Vec<Row>, StudyError> {
     let (data, trained) = train_job::<SingleView<D>>(&config, work, watch)?;
     let scored = trained.system.scored(&data)?;

@@ -1,8 +1,9 @@
 //! Table 2: the same field by several methods, beside residual networks.
 
+use std::ops::ControlFlow;
+
 use super::integrated::{FINER, adaptively, finer};
 use super::{COLUMNS, QUICK, with_scores};
-use crate::fit::Flow;
 use crate::pixel2mesh::OdePixel2Mesh;
 use crate::reproduce::preset::{Change, Planned, planned, preset, settings, train_job};
 use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
@@ -138,7 +139,7 @@ impl Study for SolversStudy {
     fn run(
         &self,
         work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> Flow,
+        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
     ) -> Result<Vec<Row>, StudyError> {
         let (_, label, config) = planned::<OdePixel2Mesh>(jobs(work.scale), work);
         let (data, trained) = train_job::<OdePixel2Mesh>(&config, work, watch)?;

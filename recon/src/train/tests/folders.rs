@@ -1,5 +1,7 @@
 //! The folder of a run: what stays, what goes, and who works in it.
 
+use std::ops::ControlFlow;
+
 use super::*;
 
 fn read(folder: &Path, name: &str) -> Vec<u8> {
@@ -31,7 +33,7 @@ fn there_is_a_checkpoint_before_the_first_step() {
     let killed = std::panic::catch_unwind(|| {
         run_in(&folder, &config, false, &mut |event| match event {
             Event::Started { .. } => panic!("killed"),
-            _ => Flow::Continue,
+            _ => ControlFlow::Continue(()),
         })
     });
     assert!(killed.is_err());
@@ -72,7 +74,7 @@ fn two_do_not_work_in_one_folder() {
             // Those who only read may.
             assert!(Located::find(&folder, true).is_ok());
         }
-        Flow::Continue
+        ControlFlow::Continue(())
     })
     .unwrap();
     assert_eq!(tried, 4);
@@ -123,7 +125,7 @@ fn what_is_optional_may_fail() {
             Event::Warned(text) => warned.push(text),
             _ => {}
         }
-        Flow::Continue
+        ControlFlow::Continue(())
     })
     .unwrap();
     assert!(blocked && !outcome.interrupted);

@@ -1,6 +1,7 @@
 //! A training whose machine loses power, at every change of a file.
 
 use std::collections::BTreeSet;
+use std::ops::ControlFlow;
 
 use super::*;
 use crate::output::OutputFolder;
@@ -13,7 +14,7 @@ fn finish(folder: &Path, config: &Config, at_least: u64) -> Outcome<Blob> {
         if let Event::Started { done, .. } = event {
             first = Some(done);
         }
-        Flow::Continue
+        ControlFlow::Continue(())
     };
     let resume = RunFolder::resume(folder).is_ok();
     let outcome = run_in(folder, config, resume, &mut watch).unwrap();
@@ -35,7 +36,7 @@ fn a_training_outlasts_a_cut_at_every_change() {
             if let Event::Saved { step, .. } = event {
                 note(Change::Said(step));
             }
-            Flow::Continue
+            ControlFlow::Continue(())
         })
     });
     let expected = weights(&outcome.unwrap().system);
