@@ -15,6 +15,7 @@ use crate::evaluate::{ViewScores, masked, score_views};
 use crate::fit::{FitConfig, Fitted};
 use crate::output::{OutputError, OutputFolder};
 use crate::report::{Chart, Figure, Report, Series, Table, ViewPair};
+use crate::scene::scene_of;
 use crate::synthetic::{Lighting, RenderOptions, render_views};
 use crate::turntable::{encode_gif, orbit};
 
@@ -263,7 +264,7 @@ fn report(
             metrics.scored_on,
         ),
         command: delivery.command.into(),
-        mesh: fitted.mesh.clone(),
+        scene: scene_of(&fitted.mesh),
         figures: figures(metrics),
         warnings,
         views,

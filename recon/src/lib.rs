@@ -63,6 +63,7 @@ pub mod pixel2mesh;
 pub mod predict;
 pub mod report;
 pub mod reproduce;
+pub mod scene;
 pub mod settings;
 pub mod synthetic;
 pub mod train;

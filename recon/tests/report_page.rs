@@ -10,6 +10,7 @@ use std::process::Command;
 
 use mesh_core::{ByteImage, Image, Texture, TriMesh, primitives};
 use recon::report::{Chart, Figure, Report, Series, Table, ViewPair};
+use recon::scene::scene_of;
 
 const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
@@ -48,13 +49,13 @@ fn attribute(document: &str, name: &str) -> Option<String> {
     rest.split('"').next().map(str::to_owned)
 }
 
-fn report(mesh: TriMesh) -> Report {
+fn report(mesh: &TriMesh) -> Report {
     let picture = ByteImage { height: 8, width: 8, channels: 3, data: vec![90; 192] };
     Report {
         title: "A sphere".into(),
         summary: "One sphere, for the test.".into(),
         command: "unsphere demo".into(),
-        mesh,
+        scene: scene_of(mesh),
         figures: vec![Figure { value: "0.97".into(), label: "mask IoU".into() }],
         warnings: vec!["This is a test.".into()],
         views: vec![ViewPair { caption: "4".into(), model: picture.clone(), truth: picture }],
@@ -71,7 +72,7 @@ fn report(mesh: TriMesh) -> Report {
 
 /// What the page says of the pixels of its viewer: the mean colour, and how much the brightness varies. None without a
 /// browser.
-fn check(mesh: TriMesh) -> Option<([f64; 3], f64)> {
+fn check(mesh: &TriMesh) -> Option<([f64; 3], f64)> {
     let Some(browser) = browser() else {
         eprintln!("skipped: no Chromium on the PATH");
         return None;

@@ -10,6 +10,7 @@ use super::relief::rendered;
 use super::scenes::{Scene, Scenes, overlap};
 use crate::paired::picture_above;
 use crate::report::ViewPair;
+use crate::scene::scene_of;
 use crate::train::{DataError, Metric, Shown};
 
 /// Objects shown together.
@@ -157,7 +158,7 @@ impl<B: Beginning> Refined<B> {
         let (_, scene) = data.trial(1, 0)?;
         let (mesh, _) = self.mesh_of(&scene);
         let mesh = scene.relief.frame.mesh_in_world(mesh);
-        Ok(Shown { views: self.gallery(data)?, mesh: Some(mesh) })
+        Ok(Shown { views: self.gallery(data)?, scene: Some(scene_of(&mesh)) })
     }
 }
 

@@ -9,6 +9,7 @@ use super::data::{Data, Trial};
 use super::prepared::Prepared;
 use super::{Img2Mesh, Meshes};
 use crate::report::ViewPair;
+use crate::scene::scene_of;
 use crate::train::{DataError, Metric, Shown};
 
 /// Views shown of one object.
@@ -91,7 +92,7 @@ impl Img2Mesh {
         let meshes = self.meshes(&tape, 1, &trial.given);
         let views = trial.scored.iter().take(MOST_SHOWN);
         let views = views.map(|view| self.pair(&tape, meshes, view)).collect();
-        Ok(Shown { views, mesh: Some(self.mesh(meshes)) })
+        Ok(Shown { views, scene: Some(scene_of(&self.mesh(meshes))) })
     }
 
     /// One view each of some groups spread over all that are held out, from `views` given.

@@ -8,6 +8,7 @@ use super::prediction::{pose_of, row};
 use super::score::largest;
 use super::{Mcmr, Sample};
 use crate::report::ViewPair;
+use crate::scene::scene_of;
 use crate::synthetic::{Lighting, RenderOptions, render_views};
 use crate::train::{DataError, Shown};
 
@@ -98,6 +99,6 @@ impl Mcmr {
         let sample = data.photo(data.held()[0])?.plain(&self.config);
         let tape = Tape::eval();
         let mesh = self.mesh_of(&self.predicted(&tape, &[&sample]), 0);
-        Ok(Shown { views: self.gallery_of_shapes(data)?, mesh: Some(mesh) })
+        Ok(Shown { views: self.gallery_of_shapes(data)?, scene: Some(scene_of(&mesh)) })
     }
 }

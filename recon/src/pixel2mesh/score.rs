@@ -7,6 +7,7 @@ use super::deformer::Deformer;
 use super::single_view::SingleView;
 use crate::paired::{Pairs, PointScores, picture_above, point_scores};
 use crate::report::ViewPair;
+use crate::scene::scene_of;
 use crate::train::{DataError, Metric, Shown};
 
 /// Objects shown together.
@@ -92,6 +93,6 @@ impl<D: Deformer> SingleView<D> {
         let (_, pair) = data.trial(1, 0)?;
         let (mesh, _) = self.mesh_of(&pair.picture).unwrap_or_default();
         let mesh = pair.picture.frame.mesh_in_world(mesh);
-        Ok(Shown { views: self.gallery(data)?, mesh: Some(mesh) })
+        Ok(Shown { views: self.gallery(data)?, scene: Some(scene_of(&mesh)) })
     }
 }

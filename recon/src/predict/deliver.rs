@@ -13,6 +13,7 @@ use crate::delivery::{DeliverError, animation, compare, mesh_table, score_figure
 use crate::evaluate::ViewScores;
 use crate::output::{OutputError, OutputFolder};
 use crate::report::{Figure, Report, Table, ViewPair};
+use crate::scene::scene_of;
 
 /// A prediction with all that its report says.
 #[derive(Clone, Debug)]
@@ -175,7 +176,7 @@ fn report(
             "One mesh from {given} of {source}, by a trained model and without fitting; the figures are means over {judged}."
         ),
         command: delivery.command.clone(),
-        mesh: delivery.prediction.mesh.clone(),
+        scene: scene_of(&delivery.prediction.mesh),
         figures,
         warnings: metrics.warnings.clone(),
         views,

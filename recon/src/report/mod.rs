@@ -8,13 +8,14 @@ mod scene;
 mod sheet;
 
 pub use chart::{Chart, Series};
+pub use scene::Scene;
 pub(crate) use sheet::sheet;
 
 use std::fmt::Write as _;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
-use mesh_core::{ByteImage, TriMesh, encode_png};
+use mesh_core::{ByteImage, encode_png};
 
 const STYLE: &str = include_str!("page.css");
 const VIEWER: &str = include_str!("viewer.js");
@@ -28,8 +29,8 @@ pub struct Report {
     pub summary: String,
     /// The command that made all this, as it was typed.
     pub command: String,
-    /// The mesh of the viewer, in the user's coordinates.
-    pub mesh: TriMesh,
+    /// What the viewer shows, in the user's coordinates.
+    pub scene: Scene,
     /// The numbers that matter most.
     pub figures: Vec<Figure>,
     /// Things that the reader should know before trusting the figures.
@@ -76,7 +77,7 @@ pub struct Table {
 impl Report {
     /// The page.
     ///
-    /// Its size is that of the mesh (about 60 bytes a vertex in all) and the PNGs; pictures should be
+    /// Its size is that of the scene (about 60 bytes a vertex in all) and the PNGs; pictures should be
     /// at most a few hundred pixels wide. All texts are escaped.
     pub fn to_html(&self) -> String {
         let mut page = String::with_capacity(1 << 20);
@@ -106,7 +107,7 @@ impl Report {
         let _ = write!(
             page,
             "</main>\n<script type=\"application/json\" id=\"scene\">{}</script>\n<script>\n{VIEWER}</script></body></html>\n",
-            scene::encode(&self.mesh)
+            self.scene.to_json()
         );
         page
     }
@@ -228,7 +229,7 @@ mod tests {
         let report = Report {
             title: "</title><script>alert(1)</script>".into(),
             command: "unsphere fit \"<a b>\"".into(),
-            mesh: mesh_core::primitives::icosphere(1),
+            scene: Scene { positions: "AAAA".into(), ..Scene::default() },
             ..Report::default()
         };
         let page = report.to_html();
@@ -251,7 +252,8 @@ mod tests {
 
     #[test]
     fn the_page_asks_for_nothing_from_outside() {
-        let report = Report { mesh: mesh_core::primitives::icosphere(2), ..Report::default() };
+        let scene = Scene { positions: "AAAA".into(), ..Scene::default() };
+        let report = Report { scene, ..Report::default() };
         let page = report.to_html();
         assert!(!page.contains("http://") && !page.contains("https://"));
     }

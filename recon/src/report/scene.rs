@@ -1,72 +1,52 @@
-//! A mesh as the viewer takes it: JSON with base64 buffers.
+//! What the viewer of a report shows: JSON with base64 buffers.
 
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD as BASE64;
-use mesh_core::{Texture, TriMesh, encode_png, vertex_normals};
 use serde::Serialize;
 
-#[derive(Serialize)]
-struct Scene {
-    center: [f32; 3],
-    radius: f32,
-    positions: String,
-    normals: String,
-    faces: String,
+/// A mesh as the viewer reads it: little-endian numbers in base64, one after the other.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Scene {
+    /// The middle of what is shown.
+    pub center: [f32; 3],
+    /// Half the diagonal of what is shown; above 0.
+    pub radius: f32,
+    /// Three `f32` a vertex.
+    pub positions: String,
+    /// Three `f32` a vertex, of length 1.
+    pub normals: String,
+    /// Three `u32` a face.
+    pub faces: String,
+    /// Three bytes of sRGB a vertex.
     #[serde(skip_serializing_if = "Option::is_none")]
-    colors: Option<String>,
+    pub colors: Option<String>,
+    /// Two `f32` a vertex.
     #[serde(skip_serializing_if = "Option::is_none")]
-    uvs: Option<String>,
+    pub uvs: Option<String>,
+    /// A PNG as a `data:` address.
     #[serde(skip_serializing_if = "Option::is_none")]
-    texture: Option<String>,
+    pub texture: Option<String>,
 }
 
-/// The JSON text, safe inside a `<script>` element: base64 and numbers only.
-pub(super) fn encode(mesh: &TriMesh) -> String {
-    let (low, high) = mesh.bounds().unwrap_or(([0.0; 3], [1.0; 3]));
-    let center: [f32; 3] = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
-    let squared: f32 = (0..3).map(|k| 0.25 * (high[k] - low[k]).powi(2)).sum();
-    let normals = vertex_normals(&mesh.positions, &mesh.faces);
-    let mut scene = Scene {
-        center,
-        radius: squared.sqrt().max(f32::MIN_POSITIVE),
-        positions: floats(&mesh.positions),
-        normals: floats(&normals),
-        faces: BASE64.encode(bytemuck::cast_slice::<_, u8>(&mesh.faces)),
-        colors: mesh.colors.as_ref().map(|c| BASE64.encode(color_bytes(c))),
-        uvs: None,
-        texture: None,
-    };
-    if let Some(texture) = &mesh.texture {
-        spread(mesh, texture, &normals, &mut scene);
+/// Nothing, in a box of side 1.
+impl Default for Scene {
+    fn default() -> Self {
+        Self {
+            center: [0.5; 3],
+            radius: 0.75_f32.sqrt(),
+            positions: String::new(),
+            normals: String::new(),
+            faces: String::new(),
+            colors: None,
+            uvs: None,
+            texture: None,
+        }
     }
-    serde_json::to_string(&scene).expect("strings and finite numbers serialise")
 }
 
-/// One vertex per corner, since a vertex on a seam has more than one texture coordinate.
-fn spread(mesh: &TriMesh, texture: &Texture, normals: &[[f32; 3]], scene: &mut Scene) {
-    let corners: Vec<(usize, usize)> = mesh
-        .faces
-        .iter()
-        .zip(&texture.faces)
-        .flat_map(|(f, t)| (0..3).map(|k| (f[k] as usize, t[k] as usize)))
-        .collect();
-    let positions: Vec<_> = corners.iter().map(|c| mesh.positions[c.0]).collect();
-    let normals: Vec<_> = corners.iter().map(|c| normals[c.0]).collect();
-    let uvs: Vec<_> = corners.iter().map(|c| texture.uvs[c.1]).collect();
-    let faces: Vec<u32> = (0..corners.len() as u32).collect();
-    scene.positions = floats(&positions);
-    scene.normals = floats(&normals);
-    scene.uvs = Some(BASE64.encode(bytemuck::cast_slice::<_, u8>(&uvs)));
-    scene.faces = BASE64.encode(bytemuck::cast_slice::<_, u8>(&faces));
-    scene.colors = None;
-    let png = encode_png(&texture.image.to_bytes());
-    scene.texture = Some(format!("data:image/png;base64,{}", BASE64.encode(png)));
-}
-
-fn floats(values: &[[f32; 3]]) -> String {
-    BASE64.encode(bytemuck::cast_slice::<_, u8>(values))
-}
-
-fn color_bytes(colors: &[[f32; 3]]) -> Vec<u8> {
-    colors.iter().flatten().map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8).collect()
+impl Scene {
+    /// The JSON text. `<` is escaped, so that it is safe inside a `<script>` element whatever the
+    /// buffers hold.
+    pub(super) fn to_json(&self) -> String {
+        let text = serde_json::to_string(self).expect("strings and finite numbers serialise");
+        text.replace('<', "\\u003c")
+    }
 }

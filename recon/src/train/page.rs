@@ -28,7 +28,7 @@ pub(super) fn report(system: &str, config: &str, history: &History, shown: &Show
             fact("trainable")
         ),
         command: fact("command"),
-        mesh: shown.mesh.clone().unwrap_or_default(),
+        scene: shown.scene.clone().unwrap_or_default(),
         figures: figures(history),
         views: shown.views.clone(),
         charts: charts(history),

@@ -5,14 +5,13 @@ use std::path::Path;
 
 use autodiff_lite::{Module, Tape, Var};
 use datasets::{ReadOptions, ReadViewsError};
-use mesh_core::TriMesh;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::draw::Draw;
 use super::error::LossError;
 use super::optimizer::Moments;
-use crate::report::ViewPair;
+use crate::report::{Scene, ViewPair};
 
 /// A trainable system: a model, what it is trained to minimise, and what it predicts.
 ///
@@ -264,5 +263,5 @@ pub struct Shown {
     /// The model above the truth.
     pub views: Vec<ViewPair>,
     /// A mesh to turn.
-    pub mesh: Option<TriMesh>,
+    pub scene: Option<Scene>,
 }

@@ -217,7 +217,7 @@ impl System for Blob {
         let picture = |b| ByteImage { height: 8, width: 8, channels: 1, data: vec![b; 64] };
         let caption = "none".to_owned();
         let view = ViewPair { caption, model: picture(50), truth: picture(200) };
-        Ok(Shown { views: vec![view.clone(), view], mesh: None })
+        Ok(Shown { views: vec![view.clone(), view], scene: None })
     }
 
     fn begin_epoch(&mut self, epoch: u64, moments: &mut Moments<'_>) {
