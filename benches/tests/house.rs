@@ -11,13 +11,14 @@ use std::process::Command;
 
 /// What each crate may depend on within the workspace: the picture in ARCHITECTURE.md, as data.
 const MAY_USE: &[(&str, &[&str])] = &[
+    ("pickle", &[]),
     ("mesh-core", &[]),
     ("autodiff-lite", &[]),
-    ("datasets", &["mesh-core"]),
+    ("datasets", &["pickle", "mesh-core"]),
     ("diff-raster", &["mesh-core", "autodiff-lite"]),
     ("losses", &["mesh-core", "autodiff-lite"]),
-    ("nets", &["autodiff-lite"]),
-    ("ode-deform", &["autodiff-lite", "nets", "mesh-core"]),
+    ("nets", &["pickle", "autodiff-lite"]),
+    ("ode-deform", &["mesh-core", "autodiff-lite", "nets"]),
     (
         "recon",
         &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses", "nets", "ode-deform"],

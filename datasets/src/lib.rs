@@ -125,7 +125,6 @@ mod options;
 mod pascal3d;
 mod photo;
 mod photos;
-mod pickle;
 mod pix3d;
 pub mod pixel2mesh;
 pub mod r2n2;

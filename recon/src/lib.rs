@@ -1,4 +1,4 @@
-//! Meshes from images: the fit of one object, synthetic views to try it on, scores and reports.
+//! Views to a mesh without training: the fit of one object, its scores and its delivery.
 //!
 //! ```
 //! use datasets::{Layout, Views, shapes::AlarmClock};
@@ -30,8 +30,8 @@
 //! - **fit one object**: [`fit`](mod@fit)
 //! - **score a mesh on views**: [`evaluate`]
 //! - **find out what is wrong with views**: [`inspect`](mod@inspect)
-//! - **make views with a known truth**: [`synthetic`]; whole datasets of them: [`mod@generate`]
-//! - **deliver**: [`delivery`] writes what a user keeps, from [`report`], [`turntable`] and [`output`]
+//! - **make views with a known truth**: the crate `synth`
+//! - **deliver**: [`delivery`] writes what a user keeps, [`turntable`] its GIF
 //! - **several views to one mesh, learned**: [`img2mesh`]
 //! - **one picture to a mesh, learned from true surfaces**: [`mod@pixel2mesh`], in continuous time and in stages; its data:
 //!   [`paired`]

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use mesh_core::TriMesh;
 use mesh_core::nalgebra::Vector3;
+use pickle::{Item, Pickle, PickleError};
 
 use super::sample::read_bytes;
 use crate::error::ReadViewsError;
-use crate::pickle::{Item, Pickle, PickleError};
 
 /// The name it is shipped under.
 pub(super) const FILE: &str = "info_ellipsoid.dat";

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use mesh_core::ByteImage;
 use mesh_core::io::write_atomic;
+use pickle::{Item, Pickle, PickleError};
 
 use crate::content::Content;
 use crate::dataset::SurfacePoints;
 use crate::error::{ReadViewsError, WriteViewsError};
-use crate::pickle::{Item, Pickle, PickleError};
 use crate::source::Source;
 
 /// No sample is longer than this: the published ones have about 1 MB.

@@ -18,11 +18,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod budget;
 mod error;
 mod freeze;
 mod map;
-mod pickle;
 mod pth;
 
 use std::path::Path;

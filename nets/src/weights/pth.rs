@@ -13,10 +13,9 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 
 use autodiff_lite::state::State;
-
-use super::budget::Budget;
-use super::pickle::{self, Id, Pickle, TensorView, Value};
 use autodiff_lite::state::{from_bfloat, from_half};
+use pickle::budget::Budget;
+use pickle::torch::{self, Id, Pickle, TensorView, Value};
 
 /// Keys under which training programs keep the weights among other things.
 const NESTED: [&str; 3] = ["state_dict", "model_state_dict", "model"];
@@ -51,7 +50,7 @@ fn listed(bytes: &[u8], budget: &mut Budget) -> Result<(), String> {
     let files = bytes.windows(4).filter(|&w| w == b"PK\x01\x02").count();
     let end = bytes.windows(4).rposition(|w| w == END_OF_ARCHIVE);
     end.ok_or("it has no list of its files")?;
-    budget.take(files.saturating_mul(ENTRY))
+    Ok(budget.take(files.saturating_mul(ENTRY))?)
 }
 
 fn archive(bytes: &[u8], budget: &mut Budget) -> Result<State, String> {
@@ -69,7 +68,7 @@ fn archive(bytes: &[u8], budget: &mut Budget) -> Result<State, String> {
         return Err("its numbers are big-endian".to_owned());
     }
     let main = entry(&mut zip, bytes, &name)?.unwrap_or_default();
-    let pickle = pickle::read(main, budget).map_err(|reason| format!("{name}: {reason}"))?;
+    let pickle = torch::read(main, budget).map_err(|reason| format!("{name}: {reason}"))?;
     let mut storages = BTreeMap::new();
     for value in &pickle.values {
         let Value::Storage { key, .. } = value else { continue };
@@ -108,7 +107,7 @@ fn entry<'a>(
 fn old(bytes: &[u8], budget: &mut Budget) -> Result<State, String> {
     let mut at = 0;
     let mut next = |what: &str| {
-        let pickle = pickle::read(&bytes[at..], budget)
+        let pickle = torch::read(&bytes[at..], budget)
             .map_err(|reason| format!("{what}, which begins at byte {at}: {reason}"))?;
         at += pickle.length;
         Ok::<_, String>((pickle, at))
@@ -203,7 +202,7 @@ fn collect(
             }
             other => state.insert_other(name, &plan.shape, other),
         }
-        budget.give(numbers);
+        budget.give_back(numbers);
     }
     if state.names().next().is_none() {
         return Err("it holds no tensor under a name: save `model.state_dict()`".to_owned());

@@ -19,14 +19,18 @@ const LONGEST_NAME: usize = 200;
 const MEMO: usize = 40;
 
 /// A value's place in the arena.
-pub(super) type Id = usize;
+pub type Id = usize;
 
+/// A value of a pickle.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Value {
+pub enum Value {
     /// None, or something that weights are not made of.
     Opaque,
+    /// True or false.
     Bool(bool),
+    /// A whole number.
     Integer(i64),
+    /// A text.
     Text(String),
     /// A tuple or list.
     Sequence(Vec<Id>),
@@ -36,8 +40,11 @@ pub(super) enum Value {
     Global(String),
     /// What a persistent id says: type, key, number of elements.
     Storage {
+        /// The type of its numbers: `FloatStorage`.
         kind: String,
+        /// Its name in the file.
         key: String,
+        /// How many numbers it has.
         elements: u64,
     },
     /// Part of a storage.
@@ -46,11 +53,15 @@ pub(super) enum Value {
 
 /// A tensor as a file describes it; nothing of it was checked against the storage.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct TensorView {
-    pub(super) storage: Id,
-    pub(super) offset: u64,
-    pub(super) shape: Vec<u64>,
-    pub(super) strides: Vec<u64>,
+pub struct TensorView {
+    /// The storage that it is a part of.
+    pub storage: Id,
+    /// Numbers of the storage before its first.
+    pub offset: u64,
+    /// Lengths of the axes.
+    pub shape: Vec<u64>,
+    /// Numbers from one place of an axis to the next.
+    pub strides: Vec<u64>,
 }
 
 impl Value {
@@ -69,19 +80,23 @@ impl Value {
 
 /// All values of one pickle, and the one it stands for.
 #[derive(Debug)]
-pub(super) struct Pickle {
-    pub(super) values: Vec<Value>,
-    pub(super) root: Id,
+pub struct Pickle {
+    /// All values; others refer to them by place.
+    pub values: Vec<Value>,
+    /// What the pickle stands for.
+    pub root: Id,
     /// Bytes that the pickle took.
-    pub(super) length: usize,
+    pub length: usize,
 }
 
 impl Pickle {
-    pub(super) fn get(&self, id: Id) -> &Value {
+    /// The value at a place.
+    pub fn get(&self, id: Id) -> &Value {
         &self.values[id]
     }
 
-    pub(super) fn text(&self, id: Id) -> Option<&str> {
+    /// The text at a place, if it is one.
+    pub fn text(&self, id: Id) -> Option<&str> {
         match self.get(id) {
             Value::Text(text) => Some(text),
             _ => None,
@@ -89,7 +104,7 @@ impl Pickle {
     }
 
     /// The pairs of a dictionary whose keys are texts, in order.
-    pub(super) fn entries(&self, id: Id) -> impl Iterator<Item = (&str, Id)> {
+    pub fn entries(&self, id: Id) -> impl Iterator<Item = (&str, Id)> {
         let pairs: &[(Id, Id)] = match self.get(id) {
             Value::Dictionary(pairs) => pairs,
             _ => &[],
@@ -102,7 +117,7 @@ impl Pickle {
 ///
 /// # Errors
 /// Where and what is wrong.
-pub(super) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Pickle, String> {
+pub fn read(bytes: &[u8], budget: &mut Budget) -> Result<Pickle, String> {
     let mut machine = Machine::new(bytes, *budget);
     let root = loop {
         let at = machine.at;
@@ -157,7 +172,7 @@ impl<'a> Machine<'a> {
             b's' | b'u' => self.set_items()?,
             b'1' | 0x90 => {
                 let items = self.pop_mark()?;
-                self.budget.give(size_of_val(&items[..]));
+                self.budget.give_back(size_of_val(&items[..]));
             } // POP_MARK, ADDITEMS
             b'q' | b'r' | b'p' | 0x94 => self.put()?,
             b'h' | b'j' | b'g' => self.get()?,
@@ -326,7 +341,7 @@ impl<'a> Machine<'a> {
     fn dictionary(&mut self) -> Step<()> {
         let items = self.pop_mark()?;
         self.push(Value::Dictionary(items.chunks_exact(2).map(|p| (p[0], p[1])).collect()))?;
-        self.budget.give(size_of_val(&items[..]));
+        self.budget.give_back(size_of_val(&items[..]));
         Ok(())
     }
 

@@ -1,27 +1,53 @@
-//! Python's pickles, as far as numbers go: lists, tuples and NumPy arrays. Nothing is executed.
+//! Python's pickles, as far as numbers go: lists, tuples, NumPy arrays and PyTorch's tensors. Nothing is executed.
 //!
 //! What Python 2 and 3 write at protocols 0 to 5 is read, as long as it is made of numbers, text,
 //! lists, tuples, dictionaries and arrays. Values stand in one table and refer to each other by
-//! index, so that neither depth nor sharing costs anything, and bytes stay slices of the file. What
-//! the values take is counted, and ends the reading where it is out of proportion to the file.
+//! index, so that neither depth nor sharing costs anything, and bytes stay slices of the file: the
+//! memory is at most a constant times the file's size, whatever it claims.
+//!
+//! ```
+//! use pickle::Pickle;
+//!
+//! // pickle.dumps([[1.5, 2.5], "a"], 2)
+//! let bytes = b"\x80\x02](](G?\xf8\0\0\0\0\0\0G@\x04\0\0\0\0\0\0eU\x01ae.";
+//! let pickle = Pickle::parse(bytes)?;
+//! let [numbers, text] = &pickle.root().elements(2)?[..] else { unreachable!() };
+//! assert_eq!(numbers.elements(2)?.len(), 2);
+//! assert!(text.numbers().is_err()); // "a" is no array: the error says what and where
+//! # Ok::<(), pickle::PickleError>(())
+//! ```
+//!
+//! [`torch`] reads the pickles inside PyTorch's weight files, whose tensors are views of storages that
+//! lie elsewhere in the file.
+//!
+//! # Invariants
+//!
+//! - No bytes can make it execute, recurse, or take more memory than a constant times their number.
+//! - A mistake is a [`PickleError`]: where, what is there, what was expected.
 //!
 //! # References
 //! CPython, *Lib/pickletools.py*, for the instructions; NumPy, `ndarray.__reduce__`.
 
+pub mod budget;
 mod machine;
+pub mod torch;
 
 use std::borrow::Cow;
 use std::cell::RefCell;
 
+use crate::budget::{Budget, OverLimit};
 use machine::Machine;
-use mesh_core::{Budget, OverLimit};
 
 /// What is wrong with a pickle, and where: the place of the instruction, or the value's path.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct PickleError {
-    pub(crate) field: String,
-    pub(crate) found: String,
-    pub(crate) expected: String,
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{field}: found {found}, expected {expected}")]
+pub struct PickleError {
+    /// The place of the instruction, or the path of the value.
+    pub field: String,
+    /// What is there.
+    pub found: String,
+    /// What was expected.
+    pub expected: String,
 }
 
 fn error(field: impl Into<String>, found: impl Into<String>, expected: &str) -> PickleError {
@@ -67,16 +93,18 @@ struct RawArray {
 
 /// An array of numbers, row-major.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Numbers {
-    pub(crate) shape: Vec<usize>,
-    pub(crate) data: Vec<f64>,
+pub struct Numbers {
+    /// Lengths of the axes.
+    pub shape: Vec<usize>,
+    /// The numbers.
+    pub data: Vec<f64>,
     /// Whether they are stored as single bytes without a sign, as pictures are.
-    pub(crate) bytes: bool,
+    pub bytes: bool,
 }
 
 /// A parsed pickle.
 #[derive(Debug)]
-pub(crate) struct Pickle<'a> {
+pub struct Pickle<'a> {
     values: Vec<Value<'a>>,
     root: u32,
     /// Memory that may still be taken for the numbers of arrays.
@@ -85,15 +113,19 @@ pub(crate) struct Pickle<'a> {
 
 /// A value of a pickle and where it stands, like `[1][0]`.
 #[derive(Clone, Debug)]
-pub(crate) struct Item<'p, 'a> {
+pub struct Item<'p, 'a> {
     pickle: &'p Pickle<'a>,
     index: u32,
-    pub(crate) field: String,
+    /// Its path from the root, for messages.
+    pub field: String,
 }
 
 impl<'a> Pickle<'a> {
     /// Reads the first pickle in these bytes.
-    pub(crate) fn parse(bytes: &'a [u8]) -> Result<Self, PickleError> {
+    ///
+    /// # Errors
+    /// What was found instead, and where.
+    pub fn parse(bytes: &'a [u8]) -> Result<Self, PickleError> {
         let (values, root, budget) = Machine::new(bytes).run()?;
         Ok(Self { values, root, budget: RefCell::new(budget) })
     }
@@ -110,7 +142,8 @@ impl<'a> Pickle<'a> {
         }
     }
 
-    pub(crate) fn root(&self) -> Item<'_, 'a> {
+    /// The value that the whole pickle stands for.
+    pub fn root(&self) -> Item<'_, 'a> {
         Item { pickle: self, index: self.root, field: "pickle".to_owned() }
     }
 }
@@ -120,12 +153,16 @@ impl<'p, 'a> Item<'p, 'a> {
         &self.pickle.values[self.index as usize]
     }
 
-    pub(crate) fn is_array(&self) -> bool {
+    /// Whether it is an array of numbers.
+    pub fn is_array(&self) -> bool {
         matches!(self.value(), Value::Array(_))
     }
 
     /// The elements of a list or tuple that has this many.
-    pub(crate) fn elements(&self, count: usize) -> Result<Vec<Item<'p, 'a>>, PickleError> {
+    ///
+    /// # Errors
+    /// What was found instead, and where.
+    pub fn elements(&self, count: usize) -> Result<Vec<Item<'p, 'a>>, PickleError> {
         let expected = format!("a list or tuple of {count}");
         match self.value() {
             Value::Sequence(items) if items.len() == count => Ok(items
@@ -155,7 +192,10 @@ impl<'p, 'a> Item<'p, 'a> {
     }
 
     /// The numbers of an array.
-    pub(crate) fn numbers(&self) -> Result<Numbers, PickleError> {
+    ///
+    /// # Errors
+    /// What was found instead, and where.
+    pub fn numbers(&self) -> Result<Numbers, PickleError> {
         let wrong = |found: String, expected: &str| Err(error(&self.field, found, expected));
         let Value::Array(Some(array)) = self.value() else {
             return wrong(self.value().kind().to_owned(), "an array of numbers");
@@ -184,7 +224,10 @@ impl<'p, 'a> Item<'p, 'a> {
     }
 
     /// An array of rows of `N` finite numbers; a plain vector where `N` is 1.
-    pub(crate) fn rows<const N: usize>(&self) -> Result<Vec<[f64; N]>, PickleError> {
+    ///
+    /// # Errors
+    /// What was found instead, and where.
+    pub fn rows<const N: usize>(&self) -> Result<Vec<[f64; N]>, PickleError> {
         let numbers = self.numbers()?;
         let fits = match numbers.shape.as_slice() {
             [_] => N == 1,

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use mesh_core::{Budget, Limits, OverLimit};
+use crate::budget::{Budget, OverLimit};
 
 use super::{Dtype, PickleError, RawArray, Value, error};
 
@@ -30,7 +30,7 @@ type Step<T = ()> = Result<T, PickleError>;
 impl<'a> Machine<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> Self {
         let (values, stack, memo) = (Vec::new(), Vec::new(), BTreeMap::new());
-        let mut budget = Limits::default().budget(bytes.len() as u64);
+        let mut budget = Budget::of_pickle(bytes.len());
         let _ = budget.take(bytes.len() as u64 + UNCOUNTED);
         Self { bytes, at: 0, values, stack, memo, budget }
     }
