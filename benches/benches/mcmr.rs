@@ -7,8 +7,8 @@ use std::path::Path;
 
 use benches::{TrainingStep, criterion, pool};
 use recon::mcmr::{Mcmr, McmrConfig};
-use recon::settings::read_text;
-use recon::train::{Configuration, System};
+use train::settings::read_text;
+use train::{Configuration, System};
 
 /// Objects of each family; two families have more pictures than the larger batch needs.
 const OBJECTS: usize = 16;

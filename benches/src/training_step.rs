@@ -3,7 +3,7 @@
 use autodiff_lite::Tape;
 use autodiff_lite::optim::Adam;
 use datasets::ReadOptions;
-use recon::train::{Draw, Moment, Source, System};
+use train::{Draw, Moment, Source, System};
 
 /// A system and one batch of its own data, seen again at every step: losses, backward, Adam.
 #[derive(Debug)]

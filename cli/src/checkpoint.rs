@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use recon::predict::Predictor;
-use recon::settings::{self, SettingsError};
-use recon::train::{Checkpoint, Configuration, Located, System};
+use train::settings::{self, SettingsError};
+use train::{Checkpoint, Configuration, Located, System};
 
 use crate::failure::Failure;
 

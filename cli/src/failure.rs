@@ -6,7 +6,7 @@ use datasets::{ReadViewsError, ViewsProblem, WriteViewsError};
 use mesh_core::{ReadMeshError, WriteError};
 use recon::generate::ReadModelError;
 use recon::inspect::InspectError;
-use recon::output::OutputError;
+use train::output::OutputError;
 
 use crate::console::say;
 

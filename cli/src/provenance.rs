@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use recon::train::Provenance;
+use train::Provenance;
 
 /// Program, machine and command.
 pub(crate) fn provenance(data: Option<&Path>) -> Provenance {

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use clap::ValueEnum;
 use recon::predict::Predictor;
-use recon::settings::{self, SettingsError};
-use recon::train::{Configuration, System};
+use train::settings::{self, SettingsError};
+use train::{Configuration, System};
 
 use crate::args::{Global, SystemSettings};
 use crate::failure::Failure;

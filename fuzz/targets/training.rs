@@ -8,8 +8,8 @@ use recon::fit::FitConfig;
 use recon::img2mesh::Img2Mesh;
 use recon::mcmr::Mcmr;
 use recon::pixel2mesh::{Continuous, SingleView, Staged};
-use recon::settings::read_text;
-use recon::train::{Checkpoint, Configuration, System};
+use train::settings::read_text;
+use train::{Checkpoint, Configuration, System};
 
 use super::scratch::with_files;
 

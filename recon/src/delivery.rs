@@ -10,11 +10,11 @@ use losses::metrics::{CompareError, Preset, Report as Comparison};
 use mesh_core::io::write_mesh;
 use mesh_core::{ByteImage, Health, TriMesh, WriteError};
 use serde::Serialize;
+use train::output::{OutputError, OutputFolder};
+use train::report::{Chart, Figure, Report, Series, Table, ViewPair};
 
 use crate::evaluate::{ViewScores, masked, score_views};
 use crate::fit::{FitConfig, Fitted};
-use crate::output::{OutputError, OutputFolder};
-use crate::report::{Chart, Figure, Report, Series, Table, ViewPair};
 use crate::scene::scene_of;
 use crate::synthetic::{Lighting, RenderOptions, render_views};
 use crate::turntable::{encode_gif, orbit};
@@ -106,7 +106,7 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
     folder.write("turntable.gif", &turntable)?;
     let json = serde_json::to_string_pretty(&metrics).expect("plain figures serialise");
     folder.write("metrics.json", (json + "\n").as_bytes())?;
-    let options = toml::to_string_pretty(delivery.config).expect("flat options serialise");
+    let options = train::settings::to_toml(delivery.config);
     folder.write("config.toml", options.as_bytes())?;
     let page = report(delivery, &metrics, pairs, turntable).to_html();
     folder.write("report.html", page.as_bytes())?;

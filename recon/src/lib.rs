@@ -37,10 +37,8 @@
 //!   [`paired`]
 //! - **the same with depth, and through voxels**: [`depth`], depth-aware Pixel2Mesh and Mesh R-CNN
 //! - **photo collections of many categories to textured meshes**: [`mod@mcmr`], learned from masks and rough poses
-//! - **train a system**: [`train`](mod@train), the one loop, its run folders and checkpoints
 //! - **apply what was trained** to a user's files: [`predict`]
 //! - **make a published table again**: [`mod@reproduce`]
-//! - **configurations as TOML**: [`settings`]
 //!
 //! # Invariants
 //!
@@ -57,18 +55,16 @@ pub mod generate;
 pub mod img2mesh;
 pub mod inspect;
 pub mod mcmr;
-pub mod output;
 pub mod paired;
 pub mod pixel2mesh;
 pub mod predict;
-pub mod report;
 pub mod reproduce;
 pub mod scene;
-pub mod settings;
 pub mod synthetic;
-pub mod train;
 pub mod turntable;
 
 mod atlas;
 mod shelf;
 mod stacked;
+#[cfg(test)]
+mod testing;

@@ -3,8 +3,7 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use mesh_core::{Texture, TriMesh, encode_png, vertex_normals};
-
-use crate::report::Scene;
+use train::report::Scene;
 
 /// The mesh with its colours or its texture, and normals to shade it by.
 pub fn scene_of(mesh: &TriMesh) -> Scene {

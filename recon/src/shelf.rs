@@ -4,8 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use datasets::{Dataset, Entry, ReadOptions, Subset, Truth, View, Views};
-
-use crate::train::{DataError, Fingerprint};
+use train::{DataError, Fingerprint};
 
 /// Bytes of views that are kept at most; what is beyond is read again each time.
 const BUDGET: usize = 6 << 30;

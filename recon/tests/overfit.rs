@@ -12,7 +12,7 @@ use recon::paired::{Pair, Pairs, PairsConfig, point_scores};
 use recon::pixel2mesh::{
     Continuous, Deformer, Method, OdeConfig, SharedConfig, SingleView, Staged, StagesConfig,
 };
-use recon::train::{Moment, Source, System};
+use train::{Moment, Source, System};
 
 /// Where the files of 3D-R2N2's car are.
 fn car() -> PathBuf {

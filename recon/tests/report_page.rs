@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use mesh_core::{ByteImage, Image, Texture, TriMesh, primitives};
-use recon::report::{Chart, Figure, Report, Series, Table, ViewPair};
 use recon::scene::scene_of;
+use train::report::{Chart, Figure, Report, Series, Table, ViewPair};
 
 const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 

@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use autodiff_lite::testkit::CountingAllocator;
 use datasets::ReadOptions;
 use recon::img2mesh::Img2Mesh;
-use recon::train::{Configuration, Event, Job, Provenance, RunFolder, Source, System, train};
+use train::{Configuration, Event, Job, Provenance, RunFolder, Source, System, train};
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator::new();

@@ -5,9 +5,8 @@ use std::path::Path;
 use mesh_core::{Health, TriMesh};
 use recon::fit::FitConfig;
 use recon::predict::Predictor;
-use recon::settings;
-use recon::train::Summary;
 use serde::Serialize;
+use train::{Summary, settings};
 
 use crate::args::{Check, Global, SystemSettings};
 use crate::command::fit::configuration;

@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use datasets::shapes::AlarmClock;
 use datasets::{Layout, Views};
-use recon::output::OutputFolder;
 use recon::synthetic::{Lighting, Orbit, RenderOptions, render_views, write_dataset};
+use train::output::OutputFolder;
 
 use crate::args::{Demo, Global};
 use crate::command::fit::{Job, configuration};

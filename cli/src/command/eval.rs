@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use recon::predict::Predictor;
-use recon::train::{Checkpoint, Noted, Source};
 use serde::Serialize;
+use train::{Checkpoint, Noted, Source};
 
 use crate::args::{Eval, Global};
 use crate::checkpoint::{configuration, located};
@@ -85,7 +85,7 @@ impl ForSystem for Command<'_> {
 impl Command<'_> {
     fn open<S: Predictor>(
         &self,
-        config: &recon::train::Configuration<S::Config>,
+        config: &train::Configuration<S::Config>,
         data: Option<&PathBuf>,
     ) -> Result<S::Data, Failure> {
         let progress = Progress::new(self.console, "read");

@@ -8,9 +8,9 @@ use datasets::Views;
 use mesh_core::{ByteImage, TriMesh};
 use recon::delivery::{DeliverError, Delivery, Metrics, deliver};
 use recon::fit::{Event, FitConfig, FitError, Fitted, fit};
-use recon::output::OutputFolder;
-use recon::settings;
 use serde::Serialize;
+use train::output::OutputFolder;
+use train::settings;
 
 use crate::args::{Configuration, Fit, Global};
 use crate::command::metrics::describe as describe_comparison;

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use recon::output::OutputFolder;
 use recon::predict::{Choice, Delivery, Metrics, Predictor, Request, deliver, milliseconds};
-use recon::train::Checkpoint;
 use serde::Serialize;
+use train::Checkpoint;
+use train::output::OutputFolder;
 
 use crate::args::{Global, Predict};
 use crate::checkpoint::located;

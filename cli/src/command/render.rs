@@ -4,10 +4,10 @@ use std::path::Path;
 
 use datasets::{MaskSource, ReadOptions, View, read_views};
 use mesh_core::{Camera, TriMesh, encode_depth, encode_png};
-use recon::output::OutputFolder;
 use recon::synthetic::{Lighting, RenderOptions, render_views};
 use recon::turntable::{encode_gif, orbit};
 use serde::Serialize;
+use train::output::OutputFolder;
 
 use crate::args::{Light, Picture, Render};
 use crate::console::Console;

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use recon::reproduce::{
     Event, Order, ReproduceError, Reproduced, Scale, Study, StudyError, reproduce,
 };
-use recon::train::TrainError;
 use serde::Serialize;
+use train::TrainError;
 
 use crate::args::{Global, Reproduce};
 use crate::console::{Console, table};

@@ -6,12 +6,11 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use recon::predict::Predictor;
-use recon::settings;
-use recon::train::{
-    CHANGEABLE, CheckpointError, Configuration, Event, Job, Noted, Outcome, RunError, RunFolder,
-    Source, System, TrainError, train,
-};
 use serde::Serialize;
+use train::{
+    CHANGEABLE, CheckpointError, Configuration, Event, Job, Noted, Outcome, RunError, RunFolder,
+    Source, System, TrainError, settings, train,
+};
 
 use crate::args::{Global, Train};
 use crate::console::{Console, table};

@@ -6,11 +6,11 @@ use std::path::Path;
 
 use mesh_core::primitives::cuboid;
 use mesh_core::{Camera, TriMesh, encode_png, io::write_mesh};
+use train::{Draw, Job, Moment, Provenance, RunFolder, Source, System, TrainConfig, train};
 
 use super::*;
 use crate::paired::PairsConfig;
 use crate::synthetic::{RenderOptions, render_views};
-use crate::train::{Draw, Job, Moment, Provenance, RunFolder, Source, System, TrainConfig, train};
 
 const SIZE: [usize; 2] = [72, 48];
 const FOCAL: f64 = 80.0;
@@ -122,7 +122,7 @@ fn photographs_are_cut_to_their_boxes_and_trained_on() {
         assert!((1.3..2.6).contains(&spread(0).max(spread(1))), "{}", spread(0));
         assert!(scene.relief.cells.iter().any(|&bit| bit));
     }
-    let mut config = crate::train::Configuration { train: TrainConfig::default(), system };
+    let mut config = train::Configuration { train: TrainConfig::default(), system };
     (config.train.max_steps, config.train.batch, config.train.learning_rate) = (6, 2, 1e-3);
     (config.train.epochs, config.train.tensorboard) = (6, false);
     let (out, provenance) = (tempfile::tempdir().unwrap(), Provenance::default());

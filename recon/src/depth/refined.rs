@@ -7,6 +7,7 @@ use datasets::{SurfacePoints, View};
 use mesh_core::TriMesh;
 use ndarray::{Array3, arr0};
 use nets::{Init, MeshRefinementHead};
+use train::{DataError, Draw, LossError, Metric, Moment, Shown, Source, Summary, System, Terms};
 
 use super::beginning::Beginning;
 use super::config::{NormName, RefineConfig};
@@ -18,9 +19,6 @@ use super::scenes::{Scene, Scenes};
 use super::surface::{SurfaceTerms, Truth, color_difference, compared};
 use crate::paired::Picture;
 use crate::stacked::stacked;
-use crate::train::{
-    DataError, Draw, LossError, Metric, Moment, Shown, Source, Summary, System, Terms,
-};
 
 /// Places beyond so many half-widths of the picture say no more than that they are outside.
 const OUTSIDE: f32 = 3.0;

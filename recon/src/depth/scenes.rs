@@ -8,12 +8,12 @@ use datasets::{Dataset, Pix3d, ReadOptions, SurfacePoints};
 use mesh_core::TriMesh;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use train::{DataError, Source};
 
 use super::boxes::Boxes;
 use super::config::RefineConfig;
 use super::relief::{Known, Relief};
 use crate::paired::{Frame, Pairs, Picture, Surface, some};
-use crate::train::{DataError, Source};
 
 /// Bytes of reliefs that are kept at most; what is beyond is made again each time.
 const BUDGET: usize = 3 << 30;

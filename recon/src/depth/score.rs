@@ -3,15 +3,15 @@
 use losses::metrics::{DepthError, Preset, depth_error, evaluate, point_distances};
 use mesh_core::{DepthMap, Image, TriMesh};
 use rayon::prelude::*;
+use train::report::ViewPair;
+use train::{DataError, Metric, Shown};
 
 use super::beginning::Beginning;
 use super::refined::Refined;
 use super::relief::rendered;
 use super::scenes::{Scene, Scenes, overlap};
 use crate::paired::picture_above;
-use crate::report::ViewPair;
 use crate::scene::scene_of;
-use crate::train::{DataError, Metric, Shown};
 
 /// Objects shown together.
 const SHOWN: usize = 6;

@@ -4,10 +4,10 @@
 
 use autodiff_lite::{Param, Tape};
 use mesh_core::TriMesh;
+use train::{Configuration, Draw, Moment, System};
 
 use super::*;
 use crate::paired::PairsConfig;
-use crate::train::{Configuration, Draw, Moment, System};
 
 fn refine() -> RefineConfig {
     RefineConfig {
@@ -50,8 +50,8 @@ fn voxels() -> VoxelConfig {
 
 #[test]
 fn presets_are_in_range() {
-    crate::settings::assert_presets::<DepthPixel2Mesh>();
-    crate::settings::assert_presets::<MeshRcnn>();
+    crate::testing::assert_presets::<DepthPixel2Mesh>();
+    crate::testing::assert_presets::<MeshRcnn>();
 }
 
 /// The shapes of the poster's table, row by row.
@@ -291,10 +291,9 @@ fn depth_channels_are_of_their_kind() {
 fn rendered_depth_is_compared_as_it_says() {
     use std::sync::Arc;
 
+    use super::rendered::{Drawer, Wanted, depth_difference};
     use DepthKind::{Estimated, True};
     use DepthLossKind::{Aligned, Auto, Log, Plain, Trimmed};
-
-    use super::rendered::{Drawer, Wanted, depth_difference};
 
     let of = |depth: DepthKind, depth_loss: DepthLossKind, times: f32, nothing: Option<f64>| {
         // Nothing is compared, but coverage may count.

@@ -1,8 +1,7 @@
 //! What a fit can be told.
 
 use serde::{Deserialize, Serialize};
-
-use crate::settings::in_toml;
+use train::settings::in_toml;
 
 /// Options of a fit, each with the default that [`FitConfig::default`] gives.
 ///

@@ -2,8 +2,8 @@
 
 use datasets::shapes::Family;
 use serde::{Deserialize, Serialize};
+use train::settings::in_toml;
 
-use crate::settings::in_toml;
 use crate::synthetic::{Lighting, Monocular, NormalSpace, PoseNoise, RenderOptions};
 
 /// What [`generate`](super::generate) makes; the same bytes for the same values.
@@ -219,11 +219,11 @@ mod tests {
         };
         for monocular in [None, Some(Monocular::default())] {
             config.monocular = monocular;
-            let text = crate::settings::to_toml(&config);
+            let text = train::settings::to_toml(&config);
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("c.toml");
             std::fs::write(&path, text).unwrap();
-            let read: GenerateConfig = crate::settings::read(Some(&path), &[]).unwrap();
+            let read: GenerateConfig = train::settings::read(Some(&path), &[]).unwrap();
             assert_eq!(read, config);
         }
     }

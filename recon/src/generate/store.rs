@@ -8,14 +8,15 @@ use datasets::{Subset, View, write_kaolin, write_transforms};
 use mesh_core::io::{write_atomic, write_mesh};
 use mesh_core::{ByteImage, Camera, TriMesh, encode_exr, write_png};
 use serde::Serialize;
+use train::output::{Lock, LockError, disk, is_incidental, lock_folder};
+use train::settings::settings_of;
+use train::settings::to_toml;
 
 use super::GenerateError;
 use super::config::{GenerateConfig, OutputLayout};
 use super::model::Model;
 use super::object::{Job, Made, ObjectInfo};
 use super::{rough, shapenet};
-use crate::output::{Lock, LockError, disk, is_incidental, lock_folder};
-use crate::settings::to_toml;
 
 /// The configuration, in the root of the dataset.
 pub(super) const MANIFEST: &str = "dataset.toml";
@@ -262,25 +263,6 @@ fn first_difference(found: &str, asked: &str) -> Option<(String, String)> {
         None => format!("no {key}"),
     };
     Some((line(&found), line(&asked)))
-}
-
-/// Every value of a manifest under its full name; nothing of what is no TOML.
-fn settings_of(text: &str) -> BTreeMap<String, String> {
-    let mut settings = BTreeMap::new();
-    let mut pending: Vec<(String, toml::Table)> =
-        toml::from_str(text).map(|table| vec![(String::new(), table)]).unwrap_or_default();
-    while let Some((prefix, table)) = pending.pop() {
-        for (name, value) in table {
-            let name = format!("{prefix}{name}");
-            match value {
-                toml::Value::Table(inner) => pending.push((format!("{name}."), inner)),
-                value => {
-                    settings.insert(name, value.to_string());
-                }
-            }
-        }
-    }
-    settings
 }
 
 #[cfg(test)]

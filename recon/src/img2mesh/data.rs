@@ -8,13 +8,13 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use train::{DataError, Fingerprint};
 
 use super::config::Img2MeshConfig;
 use super::prepared::Prepared;
 use crate::fit::cones;
 use crate::shelf::Shelf;
 use crate::synthetic::{Orbit, Procedural, RenderOptions, families_named, render_views};
-use crate::train::{DataError, Fingerprint};
 
 /// Objects whose views say where the frame of many lies.
 const FRAME_OBJECTS: usize = 8;

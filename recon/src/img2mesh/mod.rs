@@ -39,11 +39,11 @@ use datasets::View;
 use mesh_core::TriMesh;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-
-use crate::stacked::stacked;
-use crate::train::{
+use train::{
     DataError, Draw, LossError, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
 };
+
+use crate::stacked::stacked;
 use encoder::Encoder;
 use feature_cache::FeatureCache;
 use model::{Meshes, Model};

@@ -2,11 +2,11 @@
 
 use datasets::View;
 use mesh_core::ByteImage;
+use train::{DataError, Fingerprint};
 
 use super::config::Img2MeshConfig;
 use crate::evaluate::masked;
 use crate::shelf::Stored;
-use crate::train::{DataError, Fingerprint};
 
 /// One view, resized for encoder and losses, in bytes: thousands stay in memory.
 #[derive(Debug)]

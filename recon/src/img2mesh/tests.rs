@@ -6,10 +6,10 @@ use std::path::Path;
 use autodiff_lite::Param;
 use datasets::{Dataset, Entry, Layout, ReadOptions, ReadViewsError, Subset, Views};
 use mesh_core::primitives::icosphere;
+use train::{Better, Configuration, Event, Job, Provenance, RunFolder, train};
 
 use super::*;
 use crate::synthetic::{Orbit, RenderOptions, render_views};
-use crate::train::{Better, Configuration, Event, Job, Provenance, RunFolder, train};
 
 type Config = Configuration<Img2MeshConfig>;
 
@@ -36,7 +36,7 @@ fn ellipsoid(radii: [f32; 3], count: usize, side: usize) -> Views {
 
 #[test]
 fn presets_are_in_range_and_parameters_are_counted() {
-    crate::settings::assert_presets::<Img2Mesh>();
+    crate::testing::assert_presets::<Img2Mesh>();
     for (encoder, attention, freeze_encoder, coarse_levels) in [
         (EncoderKind::Small, AttentionKind::Views, false, 0),
         (EncoderKind::Small, AttentionKind::Mean, true, 1),
@@ -269,7 +269,7 @@ fn pretrained_weights_are_loaded_and_frozen_ones_stay() {
     // A system that was loaded from the checkpoint needs no file, and agrees.
     std::fs::remove_file(&path).unwrap();
     let last = run.last();
-    let (loaded, _) = crate::train::Checkpoint::read(&last).unwrap().load::<Img2Mesh>().unwrap();
+    let (loaded, _) = train::Checkpoint::read(&last).unwrap().load::<Img2Mesh>().unwrap();
     let views = ellipsoid([1.2, 0.5, 0.8], 3, 24).views;
     let [a, b] = [&trained, &loaded].map(|system| system.predict(&views).unwrap().positions);
     assert_eq!(a, b);

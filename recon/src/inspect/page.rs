@@ -3,10 +3,10 @@
 use std::fmt::Write as _;
 
 use mesh_core::encode_png;
+use train::output::{OutputError, OutputFolder};
+use train::report::{Chart, Series, Table, escape, page, png_uri, write_table};
 
 use super::{Inspection, ObjectInspection};
-use crate::output::{OutputError, OutputFolder};
-use crate::report::{Chart, Series, Table, escape, page, png_uri, write_table};
 
 /// Writes `report.html`, `inspection.json`, and for each object `NAME_views.png` and
 /// `NAME_cameras.svg`.

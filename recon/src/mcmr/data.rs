@@ -4,6 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use datasets::{Dataset, Layout, ReadOptions};
 use mesh_core::TriMesh;
+use train::{DataError, Source};
 
 use super::config::McmrConfig;
 use super::judge::Judge;
@@ -11,7 +12,6 @@ use super::photo::{Photo, Rough, Sample};
 use crate::generate::read_rough_poses;
 use crate::shelf::Shelf;
 use crate::synthetic::{Collection, Orbit, Placement, Procedural, families_named};
-use crate::train::{DataError, Source};
 
 /// Photographs whose content is told by the fingerprint.
 const HASHED: usize = 8;

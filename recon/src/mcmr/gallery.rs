@@ -2,15 +2,15 @@
 
 use autodiff_lite::Tape;
 use mesh_core::{ByteImage, Camera, TriMesh};
+use train::report::ViewPair;
+use train::{DataError, Shown};
 
 use super::data::Data;
 use super::prediction::{pose_of, row};
 use super::score::largest;
 use super::{Mcmr, Sample};
-use crate::report::ViewPair;
 use crate::scene::scene_of;
 use crate::synthetic::{Lighting, RenderOptions, render_views};
-use crate::train::{DataError, Shown};
 
 /// Objects shown together.
 const SHOWN: usize = 8;

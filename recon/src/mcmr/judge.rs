@@ -4,9 +4,9 @@ use autodiff_lite::{Module, Tape, Var};
 use nets::{
     InceptionKind, InceptionV3, Init, LoadWeights, LpipsWeights, Vgg16, WeightsError, freeze,
 };
+use train::DataError;
 
 use super::config::McmrConfig;
-use crate::train::DataError;
 
 /// Levels of the pyramid that stands in for LPIPS.
 const LEVELS: usize = 4;

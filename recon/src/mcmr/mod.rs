@@ -52,11 +52,11 @@ use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut};
 use datasets::View;
 use mesh_core::cotangent_laplacian;
 use nets::LoadWeights;
-
-use crate::stacked::stacked;
-use crate::train::{
+use train::{
     DataError, Draw, LossError, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
 };
+
+use crate::stacked::stacked;
 use model::{Model, Predicted};
 use photo::lens_of;
 use render::{Rendered, Stage};

@@ -4,12 +4,12 @@ use datasets::View;
 use mesh_core::{ByteImage, Camera, Lens};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use train::DataError;
 
 use super::config::McmrConfig;
 use super::pose::{CommonLens, Pose};
 use crate::shelf::Stored;
 use crate::synthetic::PoseNoise;
-use crate::train::DataError;
 
 /// A photograph as it was read.
 #[derive(Debug)]

@@ -7,12 +7,12 @@ use losses::metrics::{
 use mesh_core::{Image, TriMesh};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
+use train::{DataError, Metric};
 
 use super::data::Data;
 use super::model::Predicted;
 use super::prediction::{pose_of, row};
 use super::{Mcmr, Sample};
-use crate::train::{DataError, Metric};
 
 /// Pictures that go through the network together.
 const BATCH: usize = 16;

@@ -1,7 +1,8 @@
 //! How large the model is, without making it.
 
+use train::Summary;
+
 use super::config::McmrConfig;
-use crate::train::Summary;
 
 /// Numbers that are trained, those that are not, and the shapes between the parts.
 pub(super) fn summary(config: &McmrConfig) -> Summary {

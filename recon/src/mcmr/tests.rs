@@ -8,9 +8,9 @@ use std::path::Path;
 use autodiff_lite::Param;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use train::{Configuration, Event, Job, Outcome, Provenance, RunFolder, train};
 
 use super::*;
-use crate::train::{Configuration, Event, Job, Outcome, Provenance, RunFolder, train};
 
 type Config = Configuration<McmrConfig>;
 
@@ -38,7 +38,7 @@ const AT: Moment = Moment { step: 0, epoch: 0 };
 
 #[test]
 fn presets_are_in_range_and_parameters_are_counted() {
-    crate::settings::assert_presets::<Mcmr>();
+    crate::testing::assert_presets::<Mcmr>();
     for config in [tiny(), McmrConfig { shapes: 5, image_size: 128, level: 2, ..tiny() }] {
         let summary = config.check().unwrap();
         let (mut trained, mut all) = (0, 0);

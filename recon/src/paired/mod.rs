@@ -17,7 +17,7 @@
 //! assert_eq!((pairs.trained().len(), pairs.held().len()), (2, 1));
 //! let pair = pairs.pair(pairs.held()[0], 5)?;
 //! assert!(pair.truth.positions.iter().all(|p| p[2] < -0.3));
-//! # Ok::<(), recon::train::DataError>(())
+//! # Ok::<(), train::DataError>(())
 //! ```
 
 mod config;

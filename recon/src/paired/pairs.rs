@@ -7,13 +7,13 @@ use mesh_core::{TriMesh, sample_points, sample_surface};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use train::{DataError, Source};
 
 use super::config::PairsConfig;
 use super::paint::colors_of;
 use super::picture::Picture;
 use crate::shelf::Shelf;
 use crate::synthetic::{Orbit, Placement, Procedural, families_named};
-use crate::train::{DataError, Source};
 
 /// Points that are taken from the surface of an object once; each step takes some of them.
 const POOL: usize = 10_000;
@@ -140,7 +140,7 @@ impl Pairs {
         self.shelf.count(object)
     }
 
-    /// See [`Fingerprint`](crate::train::Fingerprint).
+    /// See [`Fingerprint`](train::Fingerprint).
     pub(crate) fn fingerprint(&self) -> u64 {
         self.hash
     }

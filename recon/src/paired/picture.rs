@@ -3,9 +3,9 @@
 use datasets::View;
 use mesh_core::nalgebra::{Matrix3, Vector3};
 use mesh_core::{ByteImage, Camera, DepthMap, TriMesh};
+use train::DataError;
 
 use crate::shelf::Stored;
-use crate::train::DataError;
 
 /// A picture of `[S, S, 3]`, white outside of the object, with what its camera says.
 #[derive(Clone, Debug)]

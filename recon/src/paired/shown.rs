@@ -1,9 +1,9 @@
 //! A prediction above the picture that it was made from.
 
 use mesh_core::{ByteImage, TriMesh};
+use train::report::ViewPair;
 
 use super::picture::Picture;
-use crate::report::ViewPair;
 use crate::synthetic::{Lighting, RenderOptions, render_views};
 
 /// Side of the pictures that are shown, pixels.

@@ -6,15 +6,13 @@ use losses::{Directions, Matches};
 use mesh_core::TriMesh;
 use nets::{Init, Pixel2MeshEncoder};
 use ode_deform::solve::{SolveError, Stats};
+use train::{DataError, Draw, LossError, Metric, Moment, Shown, Source, Summary, System, Terms};
 
 use super::config::{EncoderForm, SharedConfig};
 use super::deformer::{Deformed, Deformer, Run, Stage};
 use super::template::Template;
 use crate::paired::{Pair, Pairs, Picture};
 use crate::stacked::stacked;
-use crate::train::{
-    DataError, Draw, LossError, Metric, Moment, Shown, Source, Summary, System, Terms,
-};
 
 /// An encoder, a template and what deforms it.
 #[derive(Debug)]

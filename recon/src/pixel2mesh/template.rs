@@ -5,8 +5,7 @@ use datasets::pixel2mesh::Ellipsoid;
 use mesh_core::nalgebra::DMatrix;
 use mesh_core::primitives::pixel2mesh_ellipsoid;
 use mesh_core::{Topology, TriMesh};
-
-use crate::train::DataError;
+use train::DataError;
 
 /// Pixel2Mesh's ellipsoid at several levels, from coarse to fine.
 #[derive(Clone, Debug)]

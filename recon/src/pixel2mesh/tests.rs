@@ -3,10 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use autodiff_lite::{Param, Tape};
+use train::{Draw, Moment, System};
 
 use super::*;
 use crate::paired::{Pairs, PairsConfig};
-use crate::train::{Draw, Moment, System};
 
 fn data() -> PairsConfig {
     PairsConfig {
@@ -51,8 +51,8 @@ fn stages() -> StagesConfig {
 
 #[test]
 fn presets_are_in_range() {
-    crate::settings::assert_presets::<OdePixel2Mesh>();
-    crate::settings::assert_presets::<Pixel2Mesh>();
+    crate::testing::assert_presets::<OdePixel2Mesh>();
+    crate::testing::assert_presets::<Pixel2Mesh>();
 }
 
 #[test]

@@ -6,13 +6,13 @@ use datasets::View;
 use mesh_core::io::write_mesh;
 use mesh_core::{Health, TriMesh};
 use serde::Serialize;
+use train::output::{OutputError, OutputFolder};
+use train::report::{Figure, Report, Table, ViewPair};
 
 use super::material::Material;
 use super::predictor::Prediction;
 use crate::delivery::{DeliverError, animation, compare, mesh_table, score_figures, turntable};
 use crate::evaluate::ViewScores;
-use crate::output::{OutputError, OutputFolder};
-use crate::report::{Figure, Report, Table, ViewPair};
 use crate::scene::scene_of;
 
 /// A prediction with all that its report says.

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use datasets::{Layout, ReadOptions, View, Views, read_views};
 use mesh_core::Camera;
-
-use crate::train::DataError;
+use train::DataError;
 
 /// A user's files, and which of them the system is given.
 #[derive(Clone)]

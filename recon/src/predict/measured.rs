@@ -4,11 +4,11 @@ use std::path::Path;
 
 use datasets::{ReadOptions, View, read_depth_file, read_disparity_file};
 use mesh_core::{DepthMap, Lens};
+use train::DataError;
 
 use super::material::{Material, Request};
 use super::predictor::{Prediction, Predictor};
 use crate::depth::{Beginning, DepthKind, Refined};
-use crate::train::DataError;
 
 /// The least disparity that stands for an estimate's farthest pixel; the nearest is 1.
 const FARTHEST: f32 = 0.1;
@@ -104,11 +104,11 @@ fn fitted(depth: &DepthMap, view: &View) -> DepthMap {
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use mesh_core::{ByteImage, Camera, Image, write_pfm};
+    use train::System as _;
 
     use super::*;
     use crate::depth::{DepthPixel2Mesh, MeshRcnn, SphereConfig};
     use crate::img2mesh::Img2Mesh;
-    use crate::train::System as _;
 
     fn view() -> View {
         let camera = Camera::from_r2n2(0.0, 27.5, 0.8, 8, 8);
@@ -154,7 +154,7 @@ mod tests {
         std::fs::write(&picture, mesh_core::encode_png(&image)).unwrap();
         let depth = file(folder.path(), "depth.pfm", |_| 1.4);
         let (_, text) = DepthPixel2Mesh::PRESETS[0];
-        let config: crate::train::Configuration<SphereConfig> = toml::from_str(text).unwrap();
+        let config: train::Configuration<SphereConfig> = toml::from_str(text).unwrap();
         let system = DepthPixel2Mesh::new(&config.system, 0);
         let request = Request::new(&picture);
         let material = system.gather(&request).unwrap();
@@ -175,7 +175,7 @@ mod tests {
         assert!(system.gather(&wrong).unwrap_err().to_string().contains("--intrinsics"));
         // Systems that take no depth say so.
         let (_, text) = Img2Mesh::PRESETS[0];
-        let config: crate::train::Configuration<_> = toml::from_str(text).unwrap();
+        let config: train::Configuration<_> = toml::from_str(text).unwrap();
         let other = Img2Mesh::new(&config.system, 0);
         let error = other.gather(&given).unwrap_err().to_string();
         assert!(error.contains(MeshRcnn::NAME), "{error}");

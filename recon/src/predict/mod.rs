@@ -6,9 +6,9 @@
 //!
 //! ```no_run
 //! use recon::img2mesh::Img2Mesh;
-//! use recon::output::OutputFolder;
+//! use train::output::OutputFolder;
 //! use recon::predict::{Choice, Delivery, Predictor, Request, deliver};
-//! use recon::train::{Checkpoint, Located};
+//! use train::{Checkpoint, Located};
 //!
 //! let found = Located::find("runs/clock".as_ref(), false)?;
 //! let (system, _) = Checkpoint::read(&found.file)?.load::<Img2Mesh>()?;

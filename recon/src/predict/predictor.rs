@@ -3,12 +3,12 @@
 use std::time::Instant;
 
 use mesh_core::TriMesh;
+use train::{DataError, System};
 
 use super::material::{Material, Request};
 use crate::img2mesh::Img2Mesh;
 use crate::mcmr::Mcmr;
 use crate::pixel2mesh::{Deformer, SingleView};
-use crate::train::{DataError, System};
 
 /// A system that makes a mesh from a user's files.
 ///

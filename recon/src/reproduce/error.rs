@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::train::{CheckpointError, DataError, RunError, TrainError};
+use train::{CheckpointError, DataError, RunError, TrainError};
 
 /// Why a job gives no rows.
 #[derive(Debug, thiserror::Error)]

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
+use train::report::{self, escape};
 
 use super::run::Digest;
 use super::table::Table;
-use crate::report::{self, escape};
 
 /// The file `report.html`.
 pub(super) fn page(digest: &Digest<'_>) -> String {

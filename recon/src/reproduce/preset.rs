@@ -3,11 +3,12 @@
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
 
+use train::settings::{read_text, to_toml};
+use train::{Configuration, DataError, Metric, Source, System};
+
 use super::error::StudyError;
 use super::row::{Cell, Row};
 use super::work::{Tick, Trained, Work};
-use crate::settings::{read_text, to_toml};
-use crate::train::{Configuration, DataError, Metric, Source, System};
 
 /// A setting over a preset.
 pub(crate) type Change = (&'static str, &'static str);

@@ -2,9 +2,8 @@
 
 use mesh_core::ByteImage;
 use serde::{Deserialize, Serialize};
-
-use crate::report::{ViewPair, sheet};
-use crate::train::{Better, Metric};
+use train::report::{ViewPair, sheet};
+use train::{Better, Metric};
 
 /// One row of a table, of one seed.
 #[derive(Clone, Debug, Default, PartialEq)]

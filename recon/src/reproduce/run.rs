@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 use serde_json::json;
+use train::Provenance;
 
 use super::error::{ReproduceError, StudyError};
 use super::markdown::markdown;
@@ -15,7 +16,6 @@ use super::store::{Kept, Store};
 use super::study::{Claim, Scale, Study};
 use super::table::Tables;
 use super::work::{Tick, Work};
-use crate::train::Provenance;
 
 /// What is to be done.
 #[derive(Clone, Debug)]

@@ -13,13 +13,13 @@ use std::path::{Path, PathBuf};
 
 use mesh_core::encode_png;
 use serde::{Deserialize, Serialize};
+use train::Provenance;
+use train::output::{
+    Lock, LockError, disk, is_incidental, lock_folder, remove_within, sweep, write_within,
+};
 
 use super::error::ReproduceError;
 use super::row::{Cell, Row};
-use crate::output::{
-    Lock, LockError, disk, is_incidental, lock_folder, remove_within, sweep, write_within,
-};
-use crate::train::Provenance;
 
 /// Everything in a study's folder, for those who overwrite one.
 const ENTRIES: &[&str] =

@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 
 use serde::Serialize;
+use train::Better;
 
 use super::store::Kept;
-use crate::train::Better;
 
 /// All tables of a study.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

@@ -3,9 +3,10 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
+use train::{Configuration, Job, Provenance, RunFolder, System, train};
+
 use super::error::StudyError;
 use super::study::Scale;
-use crate::train::{self, Configuration, Job, Provenance, RunFolder, System, train};
 
 /// A job of one seed.
 #[derive(Clone, Debug)]
@@ -70,7 +71,7 @@ impl Work<'_> {
     /// The bits of the result do not depend on interruptions.
     ///
     /// # Errors
-    /// As [`train`](fn@crate::train::train); [`StudyError::Stopped`] if it is to stop, after a checkpoint.
+    /// As [`train`](fn@train::train); [`StudyError::Stopped`] if it is to stop, after a checkpoint.
     pub fn train<S: System>(
         &self,
         config: &Configuration<S::Config>,

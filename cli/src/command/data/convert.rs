@@ -6,8 +6,8 @@ use std::path::Path;
 use datasets::r2n2::{Rendering, Splits, write_object, write_splits};
 use datasets::{ColmapForm, Entry, ReadOptions, Truth, View, WriteViewsError};
 use datasets::{write_colmap, write_kaolin, write_photos, write_transforms};
-use recon::output::OutputFolder;
 use serde::Serialize;
+use train::output::OutputFolder;
 
 use crate::args::{Convert, WrittenLayout};
 use crate::console::Console;

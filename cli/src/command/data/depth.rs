@@ -26,8 +26,8 @@ mod estimate {
     use mesh_core::{
         ByteImage, DisparityMap, GroundPlane, Image, encode_pfm, encode_png, read_image,
     };
-    use recon::output::OutputFolder;
     use serde::Serialize;
+    use train::output::OutputFolder;
 
     use super::{Console, Depth, Failure};
     use crate::args::DepthModelKind;

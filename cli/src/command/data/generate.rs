@@ -86,7 +86,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Generate) -> Res
 /// The options, over the settings, over the configuration file, over the defaults.
 fn configuration(arguments: &Generate, global: Global) -> Result<GenerateConfig, Failure> {
     let given = &arguments.configuration;
-    let mut config: GenerateConfig = recon::settings::read(given.config.as_deref(), &given.set)
+    let mut config: GenerateConfig = train::settings::read(given.config.as_deref(), &given.set)
         .map_err(|error| Failure::Usage(error.to_string()))?;
     if !arguments.families.is_empty() {
         config.families = families(&arguments.families)?;

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use recon::inspect::{Inspection, inspect, write_report};
-use recon::output::OutputFolder;
 use serde::Serialize;
+use train::output::OutputFolder;
 
 use crate::args::Inspect;
 use crate::console::{Console, table};

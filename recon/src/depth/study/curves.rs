@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use mesh_core::ByteImage;
-
-use crate::train::RunFolder;
+use train::RunFolder;
 
 /// Size of the picture, pixels.
 const SIZE: [usize; 2] = [240, 420];

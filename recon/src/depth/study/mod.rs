@@ -106,7 +106,7 @@ fn changed<B: Beginning>(
     preset::<Refined<B>>("table", &changes)
 }
 
-type Configured<B> = crate::train::Configuration<<B as Beginning>::Config>;
+type Configured<B> = train::Configuration<<B as Beginning>::Config>;
 
 const SPHERE_IDS: [&str; 5] = [
     "pixel2mesh-rgb",

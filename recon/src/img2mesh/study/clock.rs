@@ -4,12 +4,12 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use autodiff_lite::Tape;
+use train::{DataError, System as _};
 
 use super::{Config, Jobs};
 use crate::img2mesh::{Data, Img2Mesh};
 use crate::reproduce::preset::{open, planned, preset, scored, settings};
 use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
-use crate::train::{DataError, System as _};
 
 /// The name of the table.
 const TABLE: &str = "The paper's setting: a mesh of the clock from held-out views";

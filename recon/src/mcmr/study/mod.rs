@@ -101,7 +101,7 @@ const ABOUT_RULE: &str = "As the published code counts: any trace of a soft mask
 fn animate(trained: &Trained<Mcmr>) {
     let Some(gif) = animation(&trained.run.path().join("samples")) else { return };
     // It is an extra: a training whose folder cannot be written has failed before.
-    let _ = crate::output::write_within(trained.run.path(), "mean-shapes.gif", &gif);
+    let _ = train::output::write_within(trained.run.path(), "mean-shapes.gif", &gif);
 }
 
 /// The upper halves of the sheets in a folder, one after another; none where there is no sheet.

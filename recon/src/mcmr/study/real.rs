@@ -2,11 +2,12 @@
 
 use std::ops::ControlFlow;
 
+use train::DataError;
+
 use super::{ABOUT, ABOUT_RULE, Published, QUICK, RULE, by_published_rule, with_figures};
 use crate::mcmr::Mcmr;
 use crate::reproduce::preset::{Change, Planned, open, planned, preset, settings};
 use crate::reproduce::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
-use crate::train::DataError;
 
 /// The names of the tables.
 const PASCAL: &str = "Pascal3D+";

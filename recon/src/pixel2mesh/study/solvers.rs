@@ -276,7 +276,7 @@ mod tests {
     fn jobs_are_sound_and_the_best_is_small() {
         for scale in [Scale::Full, Scale::Quick] {
             for (id, _, config) in jobs(scale) {
-                let problems = <OdePixel2Mesh as crate::train::System>::check(&config.system).err();
+                let problems = <OdePixel2Mesh as train::System>::check(&config.system).err();
                 assert_eq!(problems, None, "{id}");
             }
         }

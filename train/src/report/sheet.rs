@@ -8,7 +8,7 @@ use super::ViewPair;
 const MOST_PICTURES: usize = 9;
 
 /// The model above the truth, pair beside pair, all as high as the first.
-pub(crate) fn sheet(pairs: &[ViewPair]) -> Option<ByteImage> {
+pub fn sheet(pairs: &[ViewPair]) -> Option<ByteImage> {
     let height = pairs.first()?.model.height;
     let columns: Vec<[ByteImage; 2]> = pairs
         .iter()

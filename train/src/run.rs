@@ -274,7 +274,7 @@ fn io((path, source): (PathBuf, std::io::Error)) -> RunError {
 /// A hash of data, FNV-1a over words of eight bytes: to see that it is another, not to be safe.
 ///
 /// ```
-/// let hash = |bytes: &[u8]| recon::train::Fingerprint::new().with(bytes).value();
+/// let hash = |bytes: &[u8]| train::Fingerprint::new().with(bytes).value();
 /// assert_ne!(hash(b"one"), hash(b"two"));
 /// ```
 #[derive(Clone, Copy, Debug)]

@@ -13,7 +13,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::report::ViewPair;
-use crate::train::{
+use crate::{
     DataError, Draw, LossError, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
 };
 

@@ -9,7 +9,7 @@ mod sheet;
 
 pub use chart::{Chart, Series};
 pub use scene::Scene;
-pub(crate) use sheet::sheet;
+pub use sheet::sheet;
 
 use std::fmt::Write as _;
 
@@ -182,7 +182,7 @@ impl Report {
 }
 
 /// A whole page in the reports' style: only what is handed in, nothing from outside.
-pub(crate) fn page(title: &str, body: &str) -> String {
+pub fn page(title: &str, body: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
@@ -192,7 +192,8 @@ pub(crate) fn page(title: &str, body: &str) -> String {
     )
 }
 
-pub(crate) fn write_table(table: &Table, page: &mut String) {
+/// Appends a table of two columns to a page.
+pub fn write_table(table: &Table, page: &mut String) {
     let _ = write!(page, "<h2>{}</h2><table>", escape(&table.title));
     for (name, value) in &table.rows {
         let _ = write!(page, "<tr><th>{}</th><td>{}</td></tr>", escape(name), escape(value));
@@ -200,12 +201,13 @@ pub(crate) fn write_table(table: &Table, page: &mut String) {
     page.push_str("</table>");
 }
 
-pub(crate) fn png_uri(image: &ByteImage) -> String {
+/// An image as it stands in a page: a PNG in base64.
+pub fn png_uri(image: &ByteImage) -> String {
     format!("data:image/png;base64,{}", BASE64.encode(encode_png(image)))
 }
 
 /// A text as it may stand in HTML, between tags or in a quoted attribute.
-pub(crate) fn escape(text: &str) -> String {
+pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

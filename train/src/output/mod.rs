@@ -54,7 +54,7 @@ pub enum OutputError {
 /// folder's name carries the place, and a lock in it tells whether anyone is still at work.
 ///
 /// ```
-/// use recon::output::OutputFolder;
+/// use train::output::OutputFolder;
 /// let place = tempfile::tempdir()?;
 /// let folder = OutputFolder::create(&place.path().join("out"), false)?;
 /// folder.write("note.txt", b"done")?;
@@ -181,7 +181,7 @@ fn unfinished_name(target: &Path) -> OsString {
     match target.file_name() {
         Some(last) if last.len() <= LONGEST => name.push(last),
         Some(last) => {
-            let hash = crate::train::Fingerprint::new().with(last.as_encoded_bytes()).value();
+            let hash = crate::Fingerprint::new().with(last.as_encoded_bytes()).value();
             name.push(format!("{hash:016x}"));
         }
         // The present folder, say.
@@ -220,7 +220,10 @@ pub(crate) fn sweep<'a>(lock: &Lock, folders: impl IntoIterator<Item = &'a Path>
 
 /// Removes the named files and folders below a folder, and leaves all others alone; what is not
 /// there is no error.
-pub(crate) fn remove_within(folder: &Path, names: &[&str]) -> Result<(), (PathBuf, io::Error)> {
+///
+/// # Errors
+/// The file that the system would not remove, and why.
+pub fn remove_within(folder: &Path, names: &[&str]) -> Result<(), (PathBuf, io::Error)> {
     for name in names {
         let path = folder.join(name);
         let removed = match fs::symlink_metadata(&path) {
@@ -234,11 +237,10 @@ pub(crate) fn remove_within(folder: &Path, names: &[&str]) -> Result<(), (PathBu
 }
 
 /// Writes a file below a folder, whole or not at all, with the folders on the way to it.
-pub(crate) fn write_within(
-    folder: &Path,
-    name: &str,
-    bytes: &[u8],
-) -> Result<(), (PathBuf, io::Error)> {
+///
+/// # Errors
+/// The file that could not be written, and why.
+pub fn write_within(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), (PathBuf, io::Error)> {
     let path = folder.join(name);
     let made = disk::make_folders(disk::folder_of(&path));
     made.and_then(|()| disk::write_whole(&path, bytes)).map_err(|source| (path, source))

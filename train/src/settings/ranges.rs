@@ -4,19 +4,19 @@
 use std::path::Path;
 
 use autodiff_lite::state::State;
+use recon::depth::{DepthPixel2Mesh, MeshRcnn};
+use recon::fit::FitConfig;
+use recon::generate::GenerateConfig;
+use recon::img2mesh::Img2Mesh;
+use recon::mcmr::Mcmr;
+use recon::pixel2mesh::{OdePixel2Mesh, Pixel2Mesh};
+use recon::synthetic::Monocular;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 use super::{read_text, to_toml};
-use crate::depth::{DepthPixel2Mesh, MeshRcnn};
-use crate::fit::FitConfig;
-use crate::generate::GenerateConfig;
-use crate::img2mesh::Img2Mesh;
-use crate::mcmr::Mcmr;
-use crate::pixel2mesh::{OdePixel2Mesh, Pixel2Mesh};
-use crate::synthetic::Monocular;
-use crate::train::{Checkpoint, Configuration, System, TrainConfig};
+use crate::{Checkpoint, Configuration, System, TrainConfig};
 
 /// Numbers of which each is as good as another, up to the largest of TOML: seeds, and counts after which something
 /// happens, which may be never.

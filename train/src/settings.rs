@@ -3,6 +3,7 @@
 #[cfg(test)]
 mod ranges;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -47,12 +48,12 @@ pub enum SettingsError {
 /// `color=texture` needs no quotes. Underscores in keys may stand for dashes.
 ///
 /// ```
-/// use recon::fit::FitConfig;
+/// use train::{TrainConfig, settings};
 ///
-/// let settings = [("level".to_string(), "4".to_string())];
-/// let config: FitConfig = recon::settings::read(None, &settings)?;
-/// assert_eq!(config.level, 4);
-/// # Ok::<(), recon::settings::SettingsError>(())
+/// let set = [("max_steps".to_string(), "400".to_string())];
+/// let config: TrainConfig = settings::read(None, &set)?;
+/// assert_eq!(config.max_steps, 400);
+/// # Ok::<(), settings::SettingsError>(())
 /// ```
 ///
 /// # Errors
@@ -111,6 +112,25 @@ pub(crate) fn in_toml(count: impl TryInto<i64>) -> bool {
     count.try_into().is_ok()
 }
 
+/// Every value of a configuration as text, under its full name (`table.key`); nothing of what is no TOML.
+pub fn settings_of(text: &str) -> BTreeMap<String, String> {
+    let mut settings = BTreeMap::new();
+    let mut pending: Vec<(String, Table)> =
+        toml::from_str(text).map(|table| vec![(String::new(), table)]).unwrap_or_default();
+    while let Some((prefix, table)) = pending.pop() {
+        for (name, value) in table {
+            let name = format!("{prefix}{name}");
+            match value {
+                Value::Table(inner) => pending.push((format!("{name}."), inner)),
+                value => {
+                    settings.insert(name, value.to_string());
+                }
+            }
+        }
+    }
+    settings
+}
+
 fn parse(value: &str) -> Value {
     toml::from_str::<Table>(&format!("value = {value}"))
         .ok()
@@ -119,28 +139,35 @@ fn parse(value: &str) -> Value {
         .unwrap_or_else(|| Value::String(value.to_owned()))
 }
 
-/// Each preset of a system is in range, and is the same when it was written and read.
-#[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "tests")]
-pub(crate) fn assert_presets<S: crate::train::System>() {
-    for (name, text) in S::PRESETS {
-        let config: crate::train::Configuration<S::Config> = toml::from_str(text).unwrap();
-        assert_eq!(config.train.check(), Vec::<String>::new(), "{name}");
-        S::check(&config.system).unwrap();
-        let again = to_toml(&config);
-        assert_eq!(
-            toml::from_str::<crate::train::Configuration<S::Config>>(&again).unwrap(),
-            config,
-            "{name}"
-        );
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
-    use crate::fit::{ColorKind, FitConfig};
+    use serde::Deserialize;
+
+    #[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    enum ColorKind {
+        #[default]
+        Vertex,
+        Texture,
+    }
+
+    #[derive(Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+    struct FitConfig {
+        level: u32,
+        steps: usize,
+        seed: u64,
+        hold_out: usize,
+        color: ColorKind,
+    }
+
+    impl Default for FitConfig {
+        fn default() -> Self {
+            Self { level: 5, steps: 200, seed: 0, hold_out: 10, color: ColorKind::Vertex }
+        }
+    }
 
     fn set(settings: &[(&str, &str)]) -> Result<FitConfig, SettingsError> {
         let settings: Vec<_> =

@@ -25,7 +25,7 @@ pub struct Series {
 /// A line chart.
 ///
 /// ```
-/// use recon::report::{Chart, Series};
+/// use train::report::{Chart, Series};
 /// let halving = Series { name: "loss".into(), points: (0..8).map(|k| (k as f64, 0.5f64.powi(k))).collect() };
 /// let svg = Chart { title: "Loss".into(), x_label: "step".into(), logarithmic: true, series: vec![halving] }.to_svg();
 /// assert!(svg.starts_with("<svg") && svg.contains("polyline"));

@@ -9,14 +9,24 @@
 //! run that was not; and a step may be computed again, alone, to find out where a number became NaN
 //! ([`NotFinite`]).
 //!
+//! ```
+//! use train::{TrainConfig, settings};
+//!
+//! // The defaults, under one setting, as a command line would have it.
+//! let config: TrainConfig = settings::read(None, &[("epochs".to_owned(), "3".to_owned())])?;
+//! assert_eq!((config.epochs, config.seed), (3, 0));
+//! assert!(config.check().is_empty());
+//! # Ok::<(), settings::SettingsError>(())
+//! ```
+//!
 //! # Adding a system
 //!
 //! 1. A configuration (serde, `#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]`)
 //!    beside the model it configures, flat, with no optional fields and no name of [`TrainConfig`]'s.
 //! 2. `impl System`; presets `tiny`, `small` and `paper` in `recon/presets/<name>/`.
-//! 3. `impl Predictor` ([`predict`](crate::predict)): from a user's files to a mesh.
+//! 3. `impl Predictor` (`recon::predict`): from a user's files to a mesh.
 //! 4. One line in `cli/src/system.rs`; its studies in `cli/src/study.rs`
-//!    ([`reproduce`](mod@crate::reproduce)).
+//!    (`recon::reproduce`).
 //!
 //! # Invariants
 //!
@@ -36,9 +46,12 @@ mod event;
 mod located;
 mod log;
 mod optimizer;
+pub mod output;
 mod page;
 mod record;
+pub mod report;
 mod run;
+pub mod settings;
 mod step;
 mod system;
 mod tensorboard;
