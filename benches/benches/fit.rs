@@ -5,9 +5,9 @@ use std::hint::black_box;
 use benches::{criterion, pool};
 use criterion::BenchmarkId;
 use datasets::View;
-use datasets::shapes::AlarmClock;
 use recon::fit::{FitConfig, Stepper};
-use recon::synthetic::{Orbit, RenderOptions, render_views};
+use synth::shapes::AlarmClock;
+use synth::{Orbit, RenderOptions, render_views};
 
 fn views() -> Vec<View> {
     let mesh = AlarmClock::default().build();

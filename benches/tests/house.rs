@@ -20,6 +20,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("nets", &["pickle", "autodiff-lite"]),
     ("ode-deform", &["mesh-core", "autodiff-lite", "nets"]),
     ("train", &["mesh-core", "autodiff-lite", "datasets"]),
+    ("synth", &["mesh-core", "datasets", "diff-raster", "train"]),
     (
         "recon",
         &[
@@ -31,9 +32,10 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "nets",
             "ode-deform",
             "train",
+            "synth",
         ],
     ),
-    ("cli", &["mesh-core", "datasets", "losses", "train", "recon"]),
+    ("cli", &["mesh-core", "datasets", "losses", "train", "synth", "recon"]),
     (
         "benches",
         &[
@@ -45,6 +47,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "nets",
             "ode-deform",
             "train",
+            "synth",
             "recon",
         ],
     ),

@@ -4,8 +4,8 @@ use std::process::ExitCode;
 
 use datasets::{ReadViewsError, ViewsProblem, WriteViewsError};
 use mesh_core::{ReadMeshError, WriteError};
-use recon::generate::ReadModelError;
 use recon::inspect::InspectError;
+use synth::generate::ReadModelError;
 use train::output::OutputError;
 
 use crate::console::say;

@@ -7,9 +7,9 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use common::{Run, unsphere};
-use datasets::shapes::AlarmClock;
-use recon::synthetic::{Orbit, RenderOptions, render_views};
 use serde_json::Value;
+use synth::shapes::AlarmClock;
+use synth::{Orbit, RenderOptions, render_views};
 
 /// Views of a clock, `width` by `height`.
 fn clock(count: usize, width: usize, height: usize) -> Vec<datasets::View> {

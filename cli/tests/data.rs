@@ -59,7 +59,7 @@ fn datasets_are_converted_inspected_and_validated() {
 #[test]
 fn cameras_at_one_point_are_an_error_that_says_why() {
     let place = tempfile::tempdir().unwrap();
-    let orbit = recon::synthetic::Orbit {
+    let orbit = synth::Orbit {
         count: 10,
         width: 32,
         height: 32,
@@ -68,13 +68,9 @@ fn cameras_at_one_point_are_an_error_that_says_why() {
         ..Default::default()
     };
     let mesh = mesh_core::primitives::icosphere(2);
-    let mut views = recon::synthetic::render_views(
-        &mesh,
-        &orbit.cameras(),
-        &recon::synthetic::RenderOptions::default(),
-        &|_, _| (),
-    )
-    .unwrap();
+    let mut views =
+        synth::render_views(&mesh, &orbit.cameras(), &synth::RenderOptions::default(), &|_, _| ())
+            .unwrap();
     for view in &mut views {
         let turned = view.camera.rotation.transpose();
         view.camera.translation = -(turned * view.camera.translation);

@@ -1,4 +1,4 @@
-//! Views of objects from the layouts that people have, and procedural shapes.
+//! Views of objects from the layouts that people have.
 //!
 //! A view is a picture, a mask of the object, and the camera; all layouts become the same
 //! [`Views`]:
@@ -44,7 +44,6 @@
 //! | train on them | [`Batches`] loads ahead on a thread, [`ViewCache`] keeps decoded pictures |
 //! | read one depth map, or a disparity | [`read_depth_file`], [`read_disparity_file`] |
 //! | estimate depth from a picture | `DepthEstimator` (feature `onnx`) with a [`DepthInput`] |
-//! | make an object | [`shapes`] |
 //!
 //! # Layouts
 //!
@@ -129,7 +128,6 @@ mod pix3d;
 pub mod pixel2mesh;
 pub mod r2n2;
 mod read;
-pub mod shapes;
 mod single;
 mod source;
 mod split;

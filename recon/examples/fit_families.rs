@@ -15,13 +15,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use datasets::shapes::{Family, Shape};
 use datasets::{Layout, View, Views};
 use losses::metrics::{Preset, evaluate};
 use mesh_core::{ByteImage, TriMesh, write_png};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, Fitted, fit};
-use recon::synthetic::{Lighting, Orbit, Placement, RenderOptions, render_views};
+use synth::shapes::{Family, Shape};
+use synth::{Lighting, Orbit, Placement, RenderOptions, render_views};
 
 type Failure = Box<dyn std::error::Error>;
 

@@ -5,10 +5,11 @@
 use std::ops::ControlFlow;
 use std::{io::Write, path::Path};
 
-use datasets::{Layout, ReadOptions, Views, read_views, shapes::AlarmClock};
+use datasets::{Layout, ReadOptions, Views, read_views};
 use recon::evaluate::score_views;
 use recon::fit::{Event, FitConfig, fit};
-use recon::synthetic::{Lighting, Orbit, RenderOptions, render_views};
+use synth::shapes::AlarmClock;
+use synth::{Lighting, Orbit, RenderOptions, render_views};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

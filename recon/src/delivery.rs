@@ -10,13 +10,13 @@ use losses::metrics::{CompareError, Preset, Report as Comparison};
 use mesh_core::io::write_mesh;
 use mesh_core::{ByteImage, Health, TriMesh, WriteError};
 use serde::Serialize;
+use synth::{Lighting, RenderOptions, render_views};
 use train::output::{OutputError, OutputFolder};
 use train::report::{Chart, Figure, Report, Series, Table, ViewPair};
 
 use crate::evaluate::{ViewScores, masked, score_views};
 use crate::fit::{FitConfig, Fitted};
 use crate::scene::scene_of;
-use crate::synthetic::{Lighting, RenderOptions, render_views};
 use crate::turntable::{encode_gif, orbit};
 
 /// Views shown in the report; more make it long, not clearer.

@@ -6,8 +6,7 @@ use losses::metrics::{l1, mask_iou, psnr_inside, ssim};
 use mesh_core::{ByteImage, Camera, Image, TriMesh};
 use rayon::prelude::*;
 use serde::Serialize;
-
-use crate::synthetic::{RenderOptions, render_views};
+use synth::{RenderOptions, render_views};
 
 /// How well a mesh agrees with one view.
 ///

@@ -1,10 +1,11 @@
 //! Views to a mesh without training: the fit of one object, its scores and its delivery.
 //!
 //! ```
-//! use datasets::{Layout, Views, shapes::AlarmClock};
+//! use datasets::{Layout, Views};
+//! use synth::shapes::AlarmClock;
 //! use std::ops::ControlFlow;
 //! use recon::fit::{Event, FitConfig, fit};
-//! use recon::synthetic::{Orbit, RenderOptions, render_views};
+//! use synth::{Orbit, RenderOptions, render_views};
 //!
 //! // A dozen small pictures of a clock, with masks and cameras.
 //! let cameras = Orbit { count: 12, width: 48, height: 48, ..Orbit::default() }.cameras();
@@ -51,7 +52,6 @@ pub mod delivery;
 pub mod depth;
 pub mod evaluate;
 pub mod fit;
-pub mod generate;
 pub mod img2mesh;
 pub mod inspect;
 pub mod mcmr;
@@ -60,7 +60,6 @@ pub mod pixel2mesh;
 pub mod predict;
 pub mod reproduce;
 pub mod scene;
-pub mod synthetic;
 pub mod turntable;
 
 mod atlas;

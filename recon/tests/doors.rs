@@ -3,16 +3,14 @@
 
 use std::ops::ControlFlow;
 
-use datasets::{
-    ColmapForm, Layout, ReadOptions, Truth, View, Views, read_views, shapes::AlarmClock,
-    write_colmap,
-};
+use datasets::{ColmapForm, Layout, ReadOptions, Truth, View, Views, read_views, write_colmap};
 use mesh_core::nalgebra::{Matrix3, Vector3};
 use mesh_core::{Lens, TriMesh, primitives};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, fit};
 use recon::inspect::{ObjectInspection, inspect_views};
-use recon::synthetic::{Orbit, RenderOptions, render_views};
+use synth::shapes::AlarmClock;
+use synth::{Orbit, RenderOptions, render_views};
 
 /// A box that looks different from every side, off the origin.
 fn wedge() -> TriMesh {

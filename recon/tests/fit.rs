@@ -7,7 +7,7 @@ use datasets::{Layout, Views};
 use mesh_core::{TriMesh, primitives};
 use recon::evaluate::score_views;
 use recon::fit::{ColorKind, Event, FitConfig, FitError, Fitted, fit};
-use recon::synthetic::{Orbit, RenderOptions, render_views};
+use synth::{Orbit, RenderOptions, render_views};
 
 /// Views of a mesh from all around, 64 pixels wide.
 fn views_of(mesh: &TriMesh, count: usize) -> Views {

@@ -2,9 +2,9 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use autodiff_lite::testkit::CountingAllocator;
-use datasets::shapes::AlarmClock;
 use recon::fit::{FitConfig, Stepper};
-use recon::synthetic::{Orbit, RenderOptions, render_views};
+use synth::shapes::AlarmClock;
+use synth::{Orbit, RenderOptions, render_views};
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator::new();

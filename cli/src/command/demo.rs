@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use datasets::shapes::AlarmClock;
 use datasets::{Layout, Views};
-use recon::synthetic::{Lighting, Orbit, RenderOptions, render_views, write_dataset};
+use synth::shapes::AlarmClock;
+use synth::{Lighting, Orbit, RenderOptions, render_views, write_dataset};
 use train::output::OutputFolder;
 
 use crate::args::{Demo, Global};

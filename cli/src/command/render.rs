@@ -4,9 +4,9 @@ use std::path::Path;
 
 use datasets::{MaskSource, ReadOptions, View, read_views};
 use mesh_core::{Camera, TriMesh, encode_depth, encode_png};
-use recon::synthetic::{Lighting, RenderOptions, render_views};
 use recon::turntable::{encode_gif, orbit};
 use serde::Serialize;
+use synth::{Lighting, RenderOptions, render_views};
 use train::output::OutputFolder;
 
 use crate::args::{Light, Picture, Render};

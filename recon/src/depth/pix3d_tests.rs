@@ -6,11 +6,11 @@ use std::path::Path;
 
 use mesh_core::primitives::cuboid;
 use mesh_core::{Camera, TriMesh, encode_png, io::write_mesh};
+use synth::{RenderOptions, render_views};
 use train::{Draw, Job, Moment, Provenance, RunFolder, Source, System, TrainConfig, train};
 
 use super::*;
 use crate::paired::PairsConfig;
-use crate::synthetic::{RenderOptions, render_views};
 
 const SIZE: [usize; 2] = [72, 48];
 const FOCAL: f64 = 80.0;

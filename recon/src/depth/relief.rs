@@ -10,11 +10,11 @@ use mesh_core::{
     voxelize_surface,
 };
 use ndarray::Array3;
+use synth::Monocular;
 
 use super::config::{DepthKind, DepthLossKind, PlaceKind, RefineConfig};
 use super::guide;
 use crate::paired::{Frame, Picture};
-use crate::synthetic::Monocular;
 
 /// What belongs to one picture, made once.
 #[derive(Clone, Debug)]

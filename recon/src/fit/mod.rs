@@ -20,7 +20,7 @@
 //! use mesh_core::primitives;
 //! use std::ops::ControlFlow;
 //! use recon::fit::{FitConfig, fit};
-//! use recon::synthetic::{Orbit, RenderOptions, render_views};
+//! use synth::{Orbit, RenderOptions, render_views};
 //!
 //! // Twelve pictures of a red ellipsoid.
 //! let object = primitives::icosphere(3).scaled([1.0, 0.6, 0.8]).colored([0.8, 0.1, 0.1]);

@@ -280,9 +280,9 @@ pub(super) fn coverage(
 mod tests {
     use datasets::View;
     use mesh_core::{Camera, primitives};
+    use synth::{RenderOptions, render_views};
 
     use super::*;
-    use crate::synthetic::{RenderOptions, render_views};
 
     fn camera(size: usize) -> Camera {
         Camera::look_at([1.0, 1.5, 4.0], [0.1, 0.0, 0.0], [0.0, 1.0, 0.0], 0.7, size, size - 8)

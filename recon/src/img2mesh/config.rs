@@ -1,10 +1,9 @@
 //! What img2mesh can be told, beside the loop's own options.
 
 use serde::{Deserialize, Serialize};
+use synth::families_named;
 use train::Summary;
 use train::settings::in_toml;
-
-use crate::synthetic::families_named;
 
 /// Options of the model, its losses and its data. Lengths are relative to the frame of the data, in
 /// which the object has about radius 1.

@@ -2,19 +2,20 @@
 
 use std::sync::Arc;
 
-use datasets::{Dataset, Layout, ReadOptions, View, Views, shapes::AlarmClock, split};
+use datasets::{Dataset, Layout, ReadOptions, View, Views, split};
 use mesh_core::TriMesh;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use synth::shapes::AlarmClock;
+use synth::{Orbit, Procedural, RenderOptions, families_named, render_views};
 use train::{DataError, Fingerprint};
 
 use super::config::Img2MeshConfig;
 use super::prepared::Prepared;
 use crate::fit::cones;
 use crate::shelf::Shelf;
-use crate::synthetic::{Orbit, Procedural, RenderOptions, families_named, render_views};
 
 /// Objects whose views say where the frame of many lies.
 const FRAME_OBJECTS: usize = 8;

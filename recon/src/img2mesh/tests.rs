@@ -6,10 +6,10 @@ use std::path::Path;
 use autodiff_lite::Param;
 use datasets::{Dataset, Entry, Layout, ReadOptions, ReadViewsError, Subset, Views};
 use mesh_core::primitives::icosphere;
+use synth::{Orbit, RenderOptions, render_views};
 use train::{Better, Configuration, Event, Job, Provenance, RunFolder, train};
 
 use super::*;
-use crate::synthetic::{Orbit, RenderOptions, render_views};
 
 type Config = Configuration<Img2MeshConfig>;
 

@@ -7,9 +7,10 @@
 //! more than the files do as they are.
 //!
 //! ```
-//! use datasets::{Layout, Truth, Views, shapes::AlarmClock};
+//! use datasets::{Layout, Truth, Views};
+//! use synth::shapes::AlarmClock;
 //! use recon::inspect::inspect_views;
-//! use recon::synthetic::{Orbit, RenderOptions, render_views};
+//! use synth::{Orbit, RenderOptions, render_views};
 //!
 //! let cameras = Orbit { count: 12, width: 64, height: 64, ..Orbit::default() }.cameras();
 //! let clock = AlarmClock::default().build();

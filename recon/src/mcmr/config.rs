@@ -1,11 +1,11 @@
 //! Options of the system, and what they amount to.
 
 use serde::{Deserialize, Serialize};
+use synth::{PoseNoise, families_named};
 use train::Summary;
 use train::settings::in_toml;
 
 use super::size::summary;
-use crate::synthetic::{PoseNoise, families_named};
 
 /// Options of [`Mcmr`](super::Mcmr), in one table with those of the training loop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -4,14 +4,14 @@ use std::sync::{Arc, OnceLock};
 
 use datasets::{Dataset, Layout, ReadOptions};
 use mesh_core::TriMesh;
+use synth::generate::read_rough_poses;
+use synth::{Collection, Orbit, Placement, Procedural, families_named};
 use train::{DataError, Source};
 
 use super::config::McmrConfig;
 use super::judge::Judge;
 use super::photo::{Photo, Rough, Sample};
-use crate::generate::read_rough_poses;
 use crate::shelf::Shelf;
-use crate::synthetic::{Collection, Orbit, Placement, Procedural, families_named};
 
 /// Photographs whose content is told by the fingerprint.
 const HASHED: usize = 8;

@@ -4,12 +4,12 @@ use datasets::View;
 use mesh_core::{ByteImage, Camera, Lens};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use synth::PoseNoise;
 use train::DataError;
 
 use super::config::McmrConfig;
 use super::pose::{CommonLens, Pose};
 use crate::shelf::Stored;
-use crate::synthetic::PoseNoise;
 
 /// A photograph as it was read.
 #[derive(Debug)]
@@ -213,9 +213,9 @@ fn mirror(data: &mut [u8], side: usize) {
 mod tests {
     use mesh_core::primitives::icosphere;
     use rand::SeedableRng;
+    use synth::{RenderOptions, render_views};
 
     use super::*;
-    use crate::synthetic::{RenderOptions, render_views};
 
     /// An ellipsoid, symmetric in x, beside the middle of the picture.
     fn photo() -> Photo {

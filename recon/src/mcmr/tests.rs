@@ -284,8 +284,8 @@ fn a_subdivision_is_not_seen() {
 /// A collection on disk has rough poses beside the true ones; what is made here has noise of its own.
 #[test]
 fn collections_on_disk_have_their_rough_poses() {
-    use crate::generate::{CameraSet, GenerateConfig, OutputLayout, generate, read_rough_poses};
-    use datasets::shapes::Family;
+    use synth::generate::{CameraSet, GenerateConfig, OutputLayout, generate, read_rough_poses};
+    use synth::shapes::Family;
     let place = tempfile::tempdir().unwrap();
     let folder = place.path().join("photos");
     let collection = GenerateConfig {
@@ -323,10 +323,10 @@ fn collections_on_disk_have_their_rough_poses() {
 /// The mesh that is delivered lies where the photograph's camera sees it as the prediction's own camera does.
 #[test]
 fn a_prediction_stands_in_the_world_of_its_photograph() {
-    use crate::synthetic::{Orbit, Procedural};
     use datasets::Dataset as _;
+    use synth::{Orbit, Procedural};
     let orbit = Orbit { count: 1, width: 96, height: 80, seed: 3, ..Procedural::orbit() };
-    let set = Procedural::new(&[datasets::shapes::Family::Car], 1, 0, orbit);
+    let set = Procedural::new(&[synth::shapes::Family::Car], 1, 0, orbit);
     let view =
         set.views(0, None, &datasets::ReadOptions::default(), &|_, _| ()).unwrap().views.remove(0);
     let config = McmrConfig { perturb: 0.3, ..tiny() };

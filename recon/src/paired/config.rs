@@ -1,9 +1,8 @@
 //! Which pictures and surfaces.
 
 use serde::{Deserialize, Serialize};
+use synth::families_named;
 use train::settings::in_toml;
-
-use crate::synthetic::families_named;
 
 /// Options of the data, in one table with those of the system that learns from it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -7,13 +7,13 @@ use mesh_core::{TriMesh, sample_points, sample_surface};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use synth::{Orbit, Placement, Procedural, families_named};
 use train::{DataError, Source};
 
 use super::config::PairsConfig;
 use super::paint::colors_of;
 use super::picture::Picture;
 use crate::shelf::Shelf;
-use crate::synthetic::{Orbit, Placement, Procedural, families_named};
 
 /// Points that are taken from the surface of an object once; each step takes some of them.
 const POOL: usize = 10_000;

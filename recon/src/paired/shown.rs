@@ -1,10 +1,10 @@
 //! A prediction above the picture that it was made from.
 
 use mesh_core::{ByteImage, TriMesh};
+use synth::{Lighting, RenderOptions, render_views};
 use train::report::ViewPair;
 
 use super::picture::Picture;
-use crate::synthetic::{Lighting, RenderOptions, render_views};
 
 /// Side of the pictures that are shown, pixels.
 const SIDE: usize = 192;

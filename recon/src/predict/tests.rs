@@ -1,9 +1,9 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use datasets::{Layout, View, Views};
+use synth::{Orbit, RenderOptions, render_views};
 
 use super::*;
-use crate::synthetic::{Orbit, RenderOptions, render_views};
 
 fn views(names: &[&str], warnings: &[&str]) -> Views {
     let orbit = Orbit { count: names.len(), width: 12, height: 12, ..Orbit::default() };

@@ -6,13 +6,13 @@ use std::path::Path;
 use autodiff_lite::state::State;
 use recon::depth::{DepthPixel2Mesh, MeshRcnn};
 use recon::fit::FitConfig;
-use recon::generate::GenerateConfig;
 use recon::img2mesh::Img2Mesh;
 use recon::mcmr::Mcmr;
 use recon::pixel2mesh::{OdePixel2Mesh, Pixel2Mesh};
-use recon::synthetic::Monocular;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use synth::Monocular;
+use synth::generate::GenerateConfig;
 use toml::{Table, Value};
 
 use super::{read_text, to_toml};

@@ -4,13 +4,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use datasets::shapes::Family;
-use recon::generate::{
+use serde::Serialize;
+use synth::generate::{
     CameraSet, GenerateConfig, GenerateError, Generated, Model, Normalize, OutputLayout,
     UNFINISHED, generate,
 };
-use recon::synthetic::{Lighting, NormalSpace};
-use serde::Serialize;
+use synth::shapes::Family;
+use synth::{Lighting, NormalSpace};
 
 use crate::args::{CamerasName, DepthKind, Frame, Generate, Global, LayoutName, Light, SizeRule};
 use crate::console::{Console, table};
@@ -174,7 +174,7 @@ mod tests {
     use super::*;
     use crate::args::{Arguments, Command, DataVerb};
     use clap::Parser;
-    use recon::synthetic::Monocular;
+    use synth::Monocular;
 
     #[allow(irrefutable_let_patterns, reason = "other verbs are to come")]
     fn config(line: &str) -> Result<GenerateConfig, String> {

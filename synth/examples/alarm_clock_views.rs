@@ -1,12 +1,12 @@
 //! Renders the alarm clock from all around, into kaolin's layout, with depth and true mesh.
 //!
-//! `cargo run --release -p recon --example alarm_clock_views -- [folder] [views] [size] [seed]`
+//! `cargo run --release -p synth --example alarm_clock_views -- [folder] [views] [size] [seed]`
 
 use std::io::Write;
 use std::path::Path;
 
-use datasets::shapes::AlarmClock;
-use recon::synthetic::{Lighting, Orbit, RenderOptions, render_views, write_dataset};
+use synth::shapes::AlarmClock;
+use synth::{Lighting, Orbit, RenderOptions, render_views, write_dataset};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

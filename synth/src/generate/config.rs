@@ -1,10 +1,10 @@
 //! What a dataset is to be.
 
-use datasets::shapes::Family;
 use serde::{Deserialize, Serialize};
 use train::settings::in_toml;
 
-use crate::synthetic::{Lighting, Monocular, NormalSpace, PoseNoise, RenderOptions};
+use crate::shapes::Family;
+use crate::{Lighting, Monocular, NormalSpace, PoseNoise, RenderOptions};
 
 /// What [`generate`](super::generate) makes; the same bytes for the same values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -16,7 +16,7 @@
 //!
 //! ```
 //! use mesh_core::primitives;
-//! use recon::synthetic::{Monocular, R2n2Cameras, RenderOptions, render_views};
+//! use synth::{Monocular, R2n2Cameras, RenderOptions, render_views};
 //!
 //! let mesh = primitives::cuboid([0.5; 3]);
 //! let cameras = R2n2Cameras { count: 1, ..R2n2Cameras::default() }.cameras();
@@ -204,7 +204,7 @@ fn blur_line(line: &[f32], weights: &[f32], mut put: impl FnMut(usize, f32)) {
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
-    use crate::synthetic::{R2n2Cameras, RenderOptions, render_views};
+    use crate::{R2n2Cameras, RenderOptions, render_views};
     use mesh_core::primitives;
 
     fn view() -> View {

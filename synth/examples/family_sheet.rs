@@ -1,14 +1,14 @@
 //! Draws a sheet of procedural objects, one row for each family, without a word on it.
 //!
-//! `cargo run --release -p recon --example family_sheet -- [file.png] [families] [count] [seed] [size]`
+//! `cargo run --release -p synth --example family_sheet -- [file.png] [families] [count] [seed] [size]`
 //!
 //! Families are names with commas between them, or `all`; the seed is that of the first column.
 
 use std::io::Write;
 
-use datasets::shapes::Family;
 use mesh_core::{ByteImage, Camera, write_png};
-use recon::synthetic::{Lighting, RenderOptions, render_views};
+use synth::shapes::Family;
+use synth::{Lighting, RenderOptions, render_views};
 
 /// Azimuths in degrees, taken in turns: mostly three-quarter views of the front.
 const AZIMUTHS: [f64; 6] = [38.0, -42.0, 140.0, 55.0, -35.0, -130.0];

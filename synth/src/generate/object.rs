@@ -1,6 +1,5 @@
 //! One object of a dataset: its mesh, its cameras, its pictures.
 
-use datasets::shapes::Family;
 use diff_raster::FacesError;
 use mesh_core::nalgebra::{Rotation3, Vector3};
 use mesh_core::{Camera, Image, Lens, TriMesh};
@@ -10,7 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{CameraSet, GenerateConfig, OutputLayout};
 use super::model::Model;
-use crate::synthetic::{Collection, Orbit, Placement, R2n2Cameras, Rendering, RoughPose, render};
+use crate::shapes::Family;
+use crate::{Collection, Orbit, Placement, R2n2Cameras, Rendering, RoughPose, render};
 
 /// Vertical angle of view of cameras that are not 3D-R2N2's, degrees.
 const FOV: f64 = 40.0;

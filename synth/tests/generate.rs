@@ -12,14 +12,14 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use datasets::r2n2::R2n2;
-use datasets::shapes::Family;
 use datasets::{Dataset, ReadOptions, View, read_views};
 use mesh_core::{Camera, TriMesh, primitives, read_mesh};
-use recon::generate::{
+use synth::generate::{
     CameraSet, GenerateConfig, GenerateError, Generated, Model, Normalize, OutputLayout, generate,
     read_rough_poses,
 };
-use recon::synthetic::{Monocular, NormalSpace, R2n2Cameras, RenderOptions, render_views};
+use synth::shapes::Family;
+use synth::{Monocular, NormalSpace, R2n2Cameras, RenderOptions, render_views};
 
 /// Two clocks and two tables, small, in pictures that are not square.
 fn small(layout: OutputLayout) -> GenerateConfig {
@@ -92,7 +92,7 @@ fn assert_views_show(mesh: &TriMesh, views: &[View]) {
 }
 
 /// The mesh as the family draws it, from the seed that the manifest has.
-fn drawn_mesh(family: Family, info: &recon::generate::ObjectInfo) -> TriMesh {
+fn drawn_mesh(family: Family, info: &synth::generate::ObjectInfo) -> TriMesh {
     assert_eq!(info.category, family.name());
     family.draw(info.seed).mesh()
 }

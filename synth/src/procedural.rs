@@ -3,11 +3,11 @@
 use std::ops::Range;
 use std::path::Path;
 
-use datasets::shapes::Family;
 use datasets::{Dataset, Entry, Layout, ReadOptions, ReadViewsError, Subset, Truth, Views};
 use mesh_core::{Camera, TriMesh};
 
 use super::{Orbit, Placement, RenderOptions, render_views};
+use crate::shapes::Family;
 
 /// Objects drawn from families, seen by cameras of their own; views are rendered when they are
 /// asked for.
@@ -16,8 +16,9 @@ use super::{Orbit, Placement, RenderOptions, render_views};
 /// for training, the others for tests.
 ///
 /// ```
-/// use datasets::{Dataset, ReadOptions, Subset, shapes::Family};
-/// use recon::synthetic::{Orbit, Procedural};
+/// use datasets::{Dataset, ReadOptions, Subset};
+/// use synth::shapes::Family;
+/// use synth::{Orbit, Procedural};
 ///
 /// let cameras = Orbit { count: 4, width: 32, height: 32, ..Procedural::orbit() };
 /// let set = Procedural::new(&[Family::Car, Family::Lamp], 3, 1, cameras);
@@ -137,7 +138,7 @@ impl Procedural {
 ///
 /// # Errors
 /// If a name is of no family.
-pub(crate) fn families_named(names: &[String]) -> Result<Vec<Family>, String> {
+pub fn families_named(names: &[String]) -> Result<Vec<Family>, String> {
     if names.is_empty() {
         return Ok(Family::ALL.to_vec());
     }

@@ -14,7 +14,7 @@ use super::cameras::{Orbit, Placement};
 /// pose network would give it.
 ///
 /// ```
-/// use recon::synthetic::Collection;
+/// use synth::Collection;
 /// let pose = &Collection { seed: 7, ..Collection::default() }.poses()[0];
 /// assert_eq!(pose.camera.lens, pose.rough.lens);
 /// assert_ne!(pose.camera.rotation, pose.rough.rotation);
@@ -108,7 +108,7 @@ impl Collection {
 
 impl PoseNoise {
     /// The camera as it would be known: a function of a seed and the picture's number.
-    pub(crate) fn drawn(&self, camera: &Camera, seed: u64, picture: u64) -> Camera {
+    pub fn drawn(&self, camera: &Camera, seed: u64, picture: u64) -> Camera {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         // The streams below belong to the orbit.
         rng.set_stream((1 << 32) + picture);

@@ -4,7 +4,7 @@
 //! in scale.
 //!
 //! ```
-//! use datasets::shapes::Family;
+//! use synth::shapes::Family;
 //!
 //! let clock = Family::AlarmClock.draw(7);
 //! assert_eq!(clock.mesh(), Family::AlarmClock.draw(7).mesh());

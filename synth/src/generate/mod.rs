@@ -1,9 +1,9 @@
 //! Datasets of our own making: objects, pictures, truth, in layouts that others read too.
 //!
 //! ```
-//! use datasets::shapes::Family;
+//! use synth::shapes::Family;
 //! use std::ops::ControlFlow;
-//! use recon::generate::{GenerateConfig, generate};
+//! use synth::generate::{GenerateConfig, generate};
 //!
 //! let config = GenerateConfig {
 //!     families: vec![Family::AlarmClock],
@@ -43,7 +43,7 @@
 //! `N_depth.exr`, `N_monocular.exr`, `N_normals.png`; one with a `transforms.json` has `images/`,
 //! `masks/` and as asked `depth/`, `monocular/`, `normals/`. Photo collections have
 //! `rough_poses.json`, see [`read_rough_poses`]. Monocular depth is disparity up to scale and
-//! shift (see [`Monocular`](crate::synthetic::Monocular)), channel `V`, floats; normals are
+//! shift (see [`Monocular`](crate::Monocular)), channel `V`, floats; normals are
 //! `(n + 1) / 2`.
 //!
 //! In 3D-R2N2's layout objects stand where [`datasets::r2n2`] says, under ShapeNet's synsets, with

@@ -5,7 +5,7 @@ use std::path::Path;
 use mesh_core::Camera;
 use serde::{Deserialize, Serialize};
 
-use crate::synthetic::RoughPose;
+use crate::RoughPose;
 
 /// The file's name, in the folder of the pictures.
 pub(super) const FILE: &str = "rough_poses.json";
@@ -78,7 +78,7 @@ pub fn read_rough_poses(folder: &Path) -> Result<Vec<RoughPose>, RoughPosesError
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
-    use crate::synthetic::Collection;
+    use crate::Collection;
 
     #[test]
     fn poses_come_back_and_faults_are_named() {

@@ -484,7 +484,7 @@ mod tests {
 
     #[test]
     fn threads_change_nothing() {
-        let clock = datasets::shapes::AlarmClock::default().build();
+        let clock = crate::shapes::AlarmClock::default().build();
         let cameras = super::super::Orbit { count: 5, ..super::super::Orbit::default() }.cameras();
         let options = RenderOptions { lighting: Lighting::studio(), ..RenderOptions::default() };
         let draw = |threads| {

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::config::GenerateConfig;
 use super::object::Job;
-use crate::synthetic::{Lighting, RenderOptions, render_views};
+use crate::{Lighting, RenderOptions, render_views};
 
 /// Objects of a category that are shown.
 const COLUMNS: usize = 8;

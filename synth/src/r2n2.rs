@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// camera stands 1.75 times the ratio away, its lens has 35 mm on a sensor 32 mm wide.
 ///
 /// ```
-/// use recon::synthetic::R2n2Cameras;
+/// use synth::R2n2Cameras;
 /// let cameras = R2n2Cameras { seed: 7, ..R2n2Cameras::default() }.cameras();
 /// assert_eq!((cameras.len(), cameras[0].width), (24, 137));
 /// assert!((25.0..=30.0).contains(&cameras[23].to_r2n2()?.elevation));

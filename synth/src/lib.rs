@@ -1,8 +1,8 @@
 //! Views of a mesh that we render ourselves: known shape, known cameras, perfect masks.
 //!
 //! ```no_run
-//! use datasets::shapes::AlarmClock;
-//! use recon::synthetic::{Lighting, Orbit, RenderOptions, render_views, write_dataset};
+//! use synth::shapes::AlarmClock;
+//! use synth::{Lighting, Orbit, RenderOptions, render_views, write_dataset};
 //!
 //! let clock = AlarmClock::default().build();
 //! let cameras = Orbit { count: 100, ..Orbit::default() }.cameras();
@@ -15,19 +15,20 @@
 mod cameras;
 mod collection;
 mod dataset;
+pub mod generate;
 mod monocular;
 mod procedural;
 mod r2n2;
 mod render;
 mod rendering;
 mod shade;
+pub mod shapes;
 
 pub use cameras::{Orbit, Placement};
 pub use collection::{Collection, PoseNoise, RoughPose};
 pub use dataset::write_dataset;
 pub use monocular::{Guess, Monocular};
-pub use procedural::Procedural;
-pub(crate) use procedural::families_named;
+pub use procedural::{Procedural, families_named};
 pub use r2n2::R2n2Cameras;
 pub use render::{RenderOptions, render, render_views};
 pub use rendering::{NormalSpace, Rendering};
