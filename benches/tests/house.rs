@@ -35,7 +35,21 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "synth",
         ],
     ),
-    ("cli", &["mesh-core", "datasets", "losses", "train", "synth", "recon"]),
+    (
+        "studies",
+        &[
+            "mesh-core",
+            "autodiff-lite",
+            "datasets",
+            "losses",
+            "nets",
+            "ode-deform",
+            "train",
+            "synth",
+            "recon",
+        ],
+    ),
+    ("cli", &["mesh-core", "datasets", "losses", "train", "synth", "recon", "studies"]),
     (
         "benches",
         &[

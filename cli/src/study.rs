@@ -1,10 +1,10 @@
 //! The studies that can be reproduced, by name.
 
-use recon::depth::DepthStudy;
-use recon::img2mesh::{ClockStudy, UnseenStudy};
-use recon::mcmr::{CubStudy, MeanShapesStudy, PascalStudy, SubdivisionStudy};
-use recon::pixel2mesh::{MemoryStudy, PlanesStudy, SolversStudy};
-use recon::reproduce::Study;
+use studies::Study;
+use studies::depth::DepthStudy;
+use studies::img2mesh::{ClockStudy, UnseenStudy};
+use studies::mcmr::{CubStudy, MeanShapesStudy, PascalStudy, SubdivisionStudy};
+use studies::pixel2mesh::{MemoryStudy, PlanesStudy, SolversStudy};
 
 /// All of them, in the order of the list.
 pub(crate) const STUDIES: &[&dyn Study] = &[

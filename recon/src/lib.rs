@@ -39,7 +39,6 @@
 //! - **the same with depth, and through voxels**: [`depth`], depth-aware Pixel2Mesh and Mesh R-CNN
 //! - **photo collections of many categories to textured meshes**: [`mod@mcmr`], learned from masks and rough poses
 //! - **apply what was trained** to a user's files: [`predict`]
-//! - **make a published table again**: [`mod@reproduce`]
 //!
 //! # Invariants
 //!
@@ -58,7 +57,6 @@ pub mod mcmr;
 pub mod paired;
 pub mod pixel2mesh;
 pub mod predict;
-pub mod reproduce;
 pub mod scene;
 pub mod turntable;
 

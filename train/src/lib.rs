@@ -26,7 +26,7 @@
 //! 2. `impl System`; presets `tiny`, `small` and `paper` in `recon/presets/<name>/`.
 //! 3. `impl Predictor` (`recon::predict`): from a user's files to a mesh.
 //! 4. One line in `cli/src/system.rs`; its studies in `cli/src/study.rs`
-//!    (`recon::reproduce`).
+//!    (`studies`).
 //!
 //! # Invariants
 //!

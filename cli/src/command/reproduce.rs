@@ -4,10 +4,8 @@ use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use recon::reproduce::{
-    Event, Order, ReproduceError, Reproduced, Scale, Study, StudyError, reproduce,
-};
 use serde::Serialize;
+use studies::{Event, Order, ReproduceError, Reproduced, Scale, Study, StudyError, reproduce};
 use train::TrainError;
 
 use crate::args::{Global, Reproduce};

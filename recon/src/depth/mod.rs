@@ -28,7 +28,6 @@ mod rendered;
 mod scenes;
 mod score;
 mod sphere;
-mod study;
 mod surface;
 #[cfg(test)]
 mod tests;
@@ -46,7 +45,6 @@ pub use relief::Relief;
 pub use scenes::{Scene, Scenes};
 pub use score::{Score, Scored};
 pub use sphere::Sphere;
-pub use study::DepthStudy;
 pub use voxels::Voxels;
 
 /// Pixel2Mesh as the poster has it: an icosphere that is refined.

@@ -178,7 +178,7 @@ impl Data {
     }
 
     /// Whether it is a single object.
-    pub(super) fn is_one(&self) -> bool {
+    pub fn is_one(&self) -> bool {
         matches!(self.objects, Objects::One(_))
     }
 

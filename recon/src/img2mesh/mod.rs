@@ -28,7 +28,6 @@ mod offsets;
 mod prepared;
 mod render;
 mod score;
-mod study;
 #[cfg(test)]
 mod tests;
 
@@ -52,7 +51,6 @@ use render::Stage;
 
 pub use config::{AttentionKind, EncoderKind, Img2MeshConfig, SilhouetteKind};
 pub use data::{Data, Sample};
-pub use study::{ClockStudy, UnseenStudy};
 
 /// The system; see the [module](self).
 #[derive(Debug)]

@@ -96,7 +96,10 @@ impl Img2Mesh {
     }
 
     /// One view each of some groups spread over all that are held out, from `views` given.
-    pub(super) fn gallery(&self, data: &Data, views: usize) -> Result<Vec<ViewPair>, DataError> {
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn gallery(&self, data: &Data, views: usize) -> Result<Vec<ViewPair>, DataError> {
         let trials = data.trials(views);
         let shown = GALLERY.min(trials);
         let chosen = (0..shown).map(|i| i * trials / shown);
@@ -108,6 +111,21 @@ impl Img2Mesh {
                 Ok(self.pair(&tape, meshes, &trial.scored[0]))
             })
             .collect()
+    }
+
+    /// The views given in the first group that is scored, prepared.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn scored_sample(&self, data: &Data) -> Result<super::Sample, DataError> {
+        let views = data.trial(&self.config, self.config.views, 0)?.given;
+        Ok(super::Sample { views })
+    }
+
+    /// The mesh from all views of a sample; their features are not kept.
+    pub fn predict_sample(&self, sample: &super::Sample) -> TriMesh {
+        let tape = Tape::eval();
+        self.mesh(self.meshes_uncached(&tape, 1, &sample.views))
     }
 
     fn pair(&self, tape: &Tape, meshes: Meshes<'_>, view: &Prepared) -> ViewPair {

@@ -41,7 +41,6 @@ mod render;
 mod score;
 mod shapes;
 mod size;
-mod study;
 #[cfg(test)]
 mod tests;
 mod texture;
@@ -69,7 +68,6 @@ pub use photo::{Photo, Sample};
 pub use pose::{CommonLens, Pose};
 pub use prediction::McmrPrediction;
 pub use score::{Scored, ScoredObject};
-pub use study::{CubStudy, MeanShapesStudy, PascalStudy, SubdivisionStudy};
 
 /// Below this a weight of the selection has no logarithm.
 const LEAST: f32 = 1e-8;

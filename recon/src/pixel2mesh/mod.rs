@@ -19,7 +19,6 @@ mod deformer;
 mod score;
 mod single_view;
 mod staged;
-mod study;
 mod template;
 #[cfg(test)]
 mod tests;
@@ -33,7 +32,6 @@ pub use deformer::{Deformed, Deformer, Run, Stage};
 pub use score::Scored;
 pub use single_view::SingleView;
 pub use staged::Staged;
-pub use study::{MemoryStudy, PlanesStudy, SolversStudy};
 pub use template::{Level, Template};
 
 /// The deformation in continuous time, and the residual networks that it is compared with.

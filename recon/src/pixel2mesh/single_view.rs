@@ -51,13 +51,19 @@ impl<D: Deformer> Module<f32> for SingleView<D> {
 }
 
 impl<D: Deformer> SingleView<D> {
-    pub(super) fn shared(&self) -> &SharedConfig {
+    /// The options that both ways to deform share.
+    pub fn shared(&self) -> &SharedConfig {
         D::shared(&self.config)
     }
 
     /// The options.
     pub fn config(&self) -> &D::Config {
         &self.config
+    }
+
+    /// What deformation begins with.
+    pub fn template(&self) -> &Template {
+        &self.template
     }
 
     /// What deforms.

@@ -9,9 +9,9 @@ pub use memory::MemoryStudy;
 pub use planes::PlanesStudy;
 pub use solvers::SolversStudy;
 
-use crate::reproduce::{Cell, Row};
+use recon::pixel2mesh::Scored;
 
-use super::score::Scored;
+use crate::{Cell, Row};
 
 /// What makes the quick ones quick.
 const QUICK: &[(&str, &str)] = &[

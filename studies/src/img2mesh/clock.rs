@@ -3,13 +3,12 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use autodiff_lite::Tape;
+use recon::img2mesh::{Data, Img2Mesh};
 use train::{DataError, System as _};
 
 use super::{Config, Jobs};
-use crate::img2mesh::{Data, Img2Mesh};
-use crate::reproduce::preset::{open, planned, preset, scored, settings};
-use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{open, planned, preset, scored, settings};
+use crate::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 /// The name of the table.
 const TABLE: &str = "The paper's setting: a mesh of the clock from held-out views";
@@ -128,12 +127,11 @@ fn counted(config: &Config) -> f64 {
 
 /// From pictures in memory to the mesh, the median.
 fn predict_millis(system: &Img2Mesh, data: &Data) -> Result<f64, StudyError> {
-    let given = data.trial(&system.config, system.config.views, 0)?.given;
+    let sample = system.scored_sample(data)?;
     let mut times = Vec::with_capacity(TIMED);
     for _ in 0..TIMED {
         let start = Instant::now();
-        let tape = Tape::eval();
-        std::hint::black_box(system.mesh(system.meshes_uncached(&tape, 1, &given)));
+        std::hint::black_box(system.predict_sample(&sample));
         times.push(1e3 * start.elapsed().as_secs_f64());
     }
     times.sort_unstable_by(f64::total_cmp);

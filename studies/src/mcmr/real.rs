@@ -2,12 +2,12 @@
 
 use std::ops::ControlFlow;
 
+use recon::mcmr::Mcmr;
 use train::DataError;
 
 use super::{ABOUT, ABOUT_RULE, Published, QUICK, RULE, by_published_rule, with_figures};
-use crate::mcmr::Mcmr;
-use crate::reproduce::preset::{Change, Planned, open, planned, preset, settings};
-use crate::reproduce::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{Change, Planned, open, planned, preset, settings};
+use crate::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 /// The names of the tables.
 const PASCAL: &str = "Pascal3D+";
@@ -151,7 +151,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::reproduce::{Order, ReproduceError, reproduce};
+    use crate::{Order, ReproduceError, reproduce};
 
     /// From files in both layouts to a table; without files it says what is missing.
     #[test]

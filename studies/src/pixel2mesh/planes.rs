@@ -2,13 +2,14 @@
 
 use std::ops::ControlFlow;
 
-use super::{COLUMNS, QUICK, with_scores};
-use crate::paired::Pairs;
-use crate::pixel2mesh::{
+use recon::paired::Pairs;
+use recon::pixel2mesh::{
     Continuous, Deformer, OdePixel2Mesh, Pixel2Mesh, Scored, SingleView, Staged,
 };
-use crate::reproduce::preset::{Change, Planned, planned, preset, settings, train_job};
-use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+
+use super::{COLUMNS, QUICK, with_scores};
+use crate::preset::{Change, Planned, planned, preset, settings, train_job};
+use crate::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 /// The names of the tables.
 const TABLE: &str = "Planes";

@@ -2,13 +2,14 @@
 
 use std::ops::ControlFlow;
 
+use recon::mcmr::{Data, Mcmr, Scored};
+
 use super::{
     ABOUT, ABOUT_RULE, IOU_3D, IOU_3D_STRICT, MASK, Published, QUICK, RULE, animate,
     by_published_rule, with_figures,
 };
-use crate::mcmr::{Data, Mcmr, Scored};
-use crate::reproduce::preset::{Change, Planned, planned, preset, settings, train_job};
-use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{Change, Planned, planned, preset, settings, train_job};
+use crate::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 /// The names of the tables.
 const TABLE: &str = "Mean shapes";

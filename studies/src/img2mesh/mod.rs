@@ -6,10 +6,10 @@ mod unseen;
 pub use clock::ClockStudy;
 pub use unseen::UnseenStudy;
 
+use recon::img2mesh::{Img2Mesh, Img2MeshConfig};
 use train::Configuration;
 
-use super::{Img2Mesh, Img2MeshConfig};
-use crate::reproduce::preset::Planned;
+use crate::preset::Planned;
 
 type Config = Configuration<Img2MeshConfig>;
 type Jobs = Vec<Planned<Img2Mesh>>;

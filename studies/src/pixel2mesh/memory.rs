@@ -11,14 +11,14 @@ use nets::Init;
 use ode_deform::Adjoint;
 use ode_deform::deform::{DeformationField, FieldConfig};
 use ode_deform::solve::{EULER, Problem, StepController};
+use recon::paired::{Pair, Pairs};
+use recon::pixel2mesh::{AdjointKind, OdeConfig, OdePixel2Mesh};
 use train::settings::to_toml;
 use train::{Configuration, DataError, Draw, Moment, System};
 
 use super::QUICK;
-use crate::paired::{Pair, Pairs};
-use crate::pixel2mesh::{AdjointKind, OdeConfig, OdePixel2Mesh};
-use crate::reproduce::preset::{open, preset};
-use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{open, preset};
+use crate::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 const TABLE: &str = "A training step at so many evaluations";
 /// Times that a step is timed; the median counts.

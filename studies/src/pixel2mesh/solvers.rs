@@ -2,11 +2,12 @@
 
 use std::ops::ControlFlow;
 
+use recon::pixel2mesh::OdePixel2Mesh;
+
 use super::integrated::{FINER, adaptively, finer};
 use super::{COLUMNS, QUICK, with_scores};
-use crate::pixel2mesh::OdePixel2Mesh;
-use crate::reproduce::preset::{Change, Planned, planned, preset, settings, train_job};
-use crate::reproduce::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{Change, Planned, planned, preset, settings, train_job};
+use crate::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 /// The names of the tables.
 const TABLE: &str = "Methods of integration beside residual networks, on planes";

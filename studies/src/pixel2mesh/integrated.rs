@@ -1,10 +1,10 @@
 //! One trained field integrated in several ways: to a tolerance, in steps of other sizes, by another method.
 
 use losses::metrics::point_distances;
+use recon::paired::Pairs;
+use recon::pixel2mesh::{Method, OdeConfig, OdePixel2Mesh, Scored};
 
-use crate::paired::Pairs;
-use crate::pixel2mesh::{Method, OdeConfig, OdePixel2Mesh, Scored};
-use crate::reproduce::{Cell, Row, StudyError};
+use crate::{Cell, Row, StudyError};
 
 /// The names of the tables.
 pub(super) const ADAPTIVE: &str = "One trained model, integrated otherwise";
@@ -99,7 +99,7 @@ fn complexities(
     data: &Pairs,
     pictures: usize,
 ) -> Result<Vec<f64>, StudyError> {
-    let ellipsoid = &system.template.finest().mesh.positions;
+    let ellipsoid = &system.template().finest().mesh.positions;
     let views = system.shared().pairs.scored_views;
     let far = |k: usize| {
         let (_, pair) = data.trial(views, k)?;

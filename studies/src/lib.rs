@@ -6,9 +6,7 @@
 //!
 //! ```
 //! use std::ops::ControlFlow;
-//! use recon::reproduce::{
-//!     Cell, Claim, Order, Row, Scale, Study, StudyError, Tables, Tick, Work, reproduce,
-//! };
+//! use studies::{Cell, Claim, Order, Row, Scale, Study, StudyError, Tables, Tick, Work, reproduce};
 //!
 //! /// Does guessing pay? One job a strategy; a real study trains a model in each.
 //! struct Guessing;
@@ -64,9 +62,13 @@
 //! - Results of other settings, scale or data are never mixed: they are refused.
 //! - A spread is the largest less the smallest value over the seeds.
 
+pub mod depth;
 mod error;
+pub mod img2mesh;
 mod markdown;
+pub mod mcmr;
 mod page;
+pub mod pixel2mesh;
 pub(crate) mod preset;
 mod row;
 mod run;

@@ -2,12 +2,12 @@
 
 use std::ops::ControlFlow;
 
+use recon::img2mesh::Img2Mesh;
 use train::DataError;
 
 use super::Jobs;
-use crate::img2mesh::Img2Mesh;
-use crate::reproduce::preset::{Change, open, planned, preset, scored, settings};
-use crate::reproduce::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{Change, open, planned, preset, scored, settings};
+use crate::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 /// The name of the table.
 const TABLE: &str =

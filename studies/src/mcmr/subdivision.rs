@@ -2,10 +2,11 @@
 
 use std::ops::ControlFlow;
 
+use recon::mcmr::Mcmr;
+
 use super::{ABOUT, MASK, Published, QUICK, with_figures};
-use crate::mcmr::Mcmr;
-use crate::reproduce::preset::{Change, Planned, planned, preset, settings, train_job};
-use crate::reproduce::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{Change, Planned, planned, preset, settings, train_job};
+use crate::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 /// The name of the table.
 const TABLE: &str = "Subdivision";

@@ -4,13 +4,12 @@ mod curves;
 
 use std::ops::ControlFlow;
 
-use super::beginning::Beginning;
-use super::config::{DepthKind, RefineConfig};
-use super::refined::Refined;
-use super::score::Score;
-use super::{DepthPixel2Mesh, MeshRcnn, Sphere, Voxels};
-use crate::reproduce::preset::{Change, Planned, planned, preset, settings, train_job};
-use crate::reproduce::{Cell, Claim, Picture, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use recon::depth::{
+    Beginning, DepthKind, DepthPixel2Mesh, MeshRcnn, RefineConfig, Refined, Score, Sphere, Voxels,
+};
+
+use crate::preset::{Change, Planned, planned, preset, settings, train_job};
+use crate::{Cell, Claim, Picture, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
 /// The names of the tables.
 const TRUE: &str = "With true depth";

@@ -8,11 +8,11 @@ use std::sync::Mutex;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use mesh_core::ByteImage;
+use recon::img2mesh::{Img2Mesh, Img2MeshConfig};
 use train::report::ViewPair;
 use train::{Configuration, Source, System, settings};
 
 use super::*;
-use crate::img2mesh::{Img2Mesh, Img2MeshConfig};
 
 /// Colours of what the first job shows.
 const MODEL: [u8; 3] = [210, 90, 40];

@@ -8,9 +8,10 @@ pub use mean_shapes::MeanShapesStudy;
 pub use real::{CubStudy, PascalStudy};
 pub use subdivision::SubdivisionStudy;
 
-use super::{Mcmr, Scored};
-use crate::reproduce::preset::Change;
-use crate::reproduce::{Cell, Row, Trained};
+use recon::mcmr::{Mcmr, Scored};
+
+use crate::preset::Change;
+use crate::{Cell, Row, Trained};
 
 /// What makes the quick ones quick.
 const QUICK: &[Change] = &[
@@ -53,7 +54,7 @@ const ABOUT: &str = "Objects that were not trained on. 3D IoU: the published pro
 
 /// A row with all figures, those of the talk behind them.
 fn with_figures(row: Row, scored: &Scored, published: Option<Published>) -> Row {
-    let mean = |of: fn(&super::ScoredObject) -> Option<f64>| scored.mean(of);
+    let mean = |of: fn(&recon::mcmr::ScoredObject) -> Option<f64>| scored.mean(of);
     let values = [
         mean(|one| one.iou_3d),
         mean(|one| one.iou_3d_strict),
@@ -86,7 +87,7 @@ fn with_figures(row: Row, scored: &Scored, published: Option<Published>) -> Row 
 /// Mask IoU as the published code counts, where any trace of a soft mask is object.
 fn by_published_rule(row: Row, scored: &Scored) -> Row {
     let mean =
-        |of: fn(&super::ScoredObject) -> f64| scored.mean(|one| Some(of(one))).unwrap_or(0.0);
+        |of: fn(&recon::mcmr::ScoredObject) -> f64| scored.mean(|one| Some(of(one))).unwrap_or(0.0);
     row.with(Cell::larger(MASK[0], mean(|one| one.published_iou), 3))
         .with(Cell::larger(MASK[1], mean(|one| one.published_iou_true), 3))
         .with(Cell::smaller("camera, degrees", mean(|one| one.rotation), 1))
@@ -119,14 +120,14 @@ fn animation(folder: &std::path::Path) -> Option<Vec<u8>> {
     let last = frames.last().cloned()?;
     frames.retain(|frame| (frame.width, frame.height) == (last.width, last.height));
     frames.extend(std::iter::repeat_n(last, 12));
-    Some(crate::turntable::encode_gif(&frames, 12))
+    Some(recon::turntable::encode_gif(&frames, 12))
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
-    use crate::reproduce::{Scale, Study};
+    use crate::{Scale, Study};
 
     /// Two sheets, the model red and then green above a blue truth: the truth is not in the animation.
     #[test]
