@@ -4,7 +4,7 @@
 //! attention of width 256, an icosphere of 642 vertices, colours and soft silhouettes.
 
 use benches::{TrainingStep, criterion, pool};
-use recon::img2mesh::{Img2Mesh, Img2MeshConfig, SilhouetteKind};
+use models::img2mesh::{Img2Mesh, Img2MeshConfig, SilhouetteKind};
 
 fn config(batch: usize) -> Img2MeshConfig {
     Img2MeshConfig {

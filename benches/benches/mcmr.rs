@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use benches::{TrainingStep, criterion, pool};
-use recon::mcmr::{Mcmr, McmrConfig};
+use models::mcmr::{Mcmr, McmrConfig};
 use train::settings::read_text;
 use train::{Configuration, System};
 

@@ -23,6 +23,10 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("synth", &["mesh-core", "datasets", "diff-raster", "train"]),
     (
         "recon",
+        &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses", "train", "synth"],
+    ),
+    (
+        "models",
         &[
             "mesh-core",
             "autodiff-lite",
@@ -33,6 +37,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "ode-deform",
             "train",
             "synth",
+            "recon",
         ],
     ),
     (
@@ -47,9 +52,10 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "train",
             "synth",
             "recon",
+            "models",
         ],
     ),
-    ("cli", &["mesh-core", "datasets", "losses", "train", "synth", "recon", "studies"]),
+    ("cli", &["mesh-core", "datasets", "losses", "train", "synth", "recon", "models", "studies"]),
     (
         "benches",
         &[
@@ -63,6 +69,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "train",
             "synth",
             "recon",
+            "models",
         ],
     ),
 ];

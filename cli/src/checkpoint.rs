@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use recon::predict::Predictor;
+use models::predict::Predictor;
 use train::settings::{self, SettingsError};
 use train::{Checkpoint, Configuration, Located, System};
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use clap::ValueEnum;
-use recon::predict::Predictor;
+use models::predict::Predictor;
 use train::settings::{self, SettingsError};
 use train::{Configuration, System};
 
@@ -31,21 +31,21 @@ macro_rules! systems {
 
 systems! {
     /// Several views to one mesh, learned from pictures and masks.
-    Img2mesh => recon::img2mesh::Img2Mesh,
+    Img2mesh => models::img2mesh::Img2Mesh,
     /// One photograph to a textured mesh, learned from photo collections of many categories.
-    Mcmr => recon::mcmr::Mcmr,
+    Mcmr => models::mcmr::Mcmr,
     /// One picture to a mesh in continuous time, learned from true surfaces.
     #[value(name = "ode-pixel2mesh")]
-    OdePixel2mesh => recon::pixel2mesh::OdePixel2Mesh,
+    OdePixel2mesh => models::pixel2mesh::OdePixel2Mesh,
     /// One picture to a mesh in three stages, learned from true surfaces.
     #[value(name = "pixel2mesh")]
-    Pixel2mesh => recon::pixel2mesh::Pixel2Mesh,
+    Pixel2mesh => models::pixel2mesh::Pixel2Mesh,
     /// One picture, with or without depth, to a mesh from a sphere.
     #[value(name = "depth-pixel2mesh")]
-    DepthPixel2mesh => recon::depth::DepthPixel2Mesh,
+    DepthPixel2mesh => models::depth::DepthPixel2Mesh,
     /// One picture, with or without depth, to a mesh through voxels.
     #[value(name = "mesh-rcnn")]
-    MeshRcnn => recon::depth::MeshRcnn,
+    MeshRcnn => models::depth::MeshRcnn,
 }
 
 /// Something that can be done with any system.

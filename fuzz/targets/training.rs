@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use autodiff_lite::state::State;
-use recon::depth::{Refined, Sphere, Voxels};
+use models::depth::{Refined, Sphere, Voxels};
+use models::img2mesh::Img2Mesh;
+use models::mcmr::Mcmr;
+use models::pixel2mesh::{Continuous, SingleView, Staged};
 use recon::fit::FitConfig;
-use recon::img2mesh::Img2Mesh;
-use recon::mcmr::Mcmr;
-use recon::pixel2mesh::{Continuous, SingleView, Staged};
 use train::settings::read_text;
 use train::{Checkpoint, Configuration, System};
 

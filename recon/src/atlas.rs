@@ -3,7 +3,7 @@
 /// How the faces lie in the image: pairs of faces share a square cell, one face in each corner,
 /// with a border of texels that no other face touches, so that filtering never mixes neighbours.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Atlas {
+pub struct Atlas {
     /// Side of the image.
     side: usize,
     /// Side of a cell.
@@ -14,7 +14,7 @@ pub(crate) struct Atlas {
 
 impl Atlas {
     /// Cells for `faces` in an image of `side`; `None` when they would be under 5 texels wide.
-    pub(crate) fn new(faces: usize, side: usize) -> Option<Self> {
+    pub fn new(faces: usize, side: usize) -> Option<Self> {
         let cells = faces.div_ceil(2);
         let columns = (cells as f64).sqrt().ceil() as usize;
         let cell = side / columns.max(1);
@@ -34,7 +34,7 @@ impl Atlas {
 
     /// Calls `visit` with the texel (index in the image) and barycentric coordinates of every texel
     /// that a face may be filtered from. Outside of the face they extend its plane by a texel.
-    pub(crate) fn texels(&self, face: usize, mut visit: impl FnMut(usize, [f32; 3])) {
+    pub fn texels(&self, face: usize, mut visit: impl FnMut(usize, [f32; 3])) {
         let [left, top] = self.origin(face);
         let n = self.legs();
         for j in 0..=n + 1 {
@@ -51,7 +51,7 @@ impl Atlas {
     }
 
     /// Texture coordinates of a face's corners, v up.
-    pub(crate) fn corners(&self, face: usize) -> [[f32; 2]; 3] {
+    pub fn corners(&self, face: usize) -> [[f32; 2]; 3] {
         let [left, top] = self.origin(face);
         let n = self.legs();
         [[0, 0], [n, 0], [0, n]].map(|[i, j]| {

@@ -187,10 +187,10 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
 
 /// Scores a mesh on views, and shows it above them: every so many where there are more than a report
 /// has room for.
-pub(crate) fn compare(
-    mesh: &TriMesh,
-    views: &[&View],
-) -> Result<(ViewScores, Vec<ViewPair>), FacesError> {
+///
+/// # Errors
+/// If the mesh's faces cannot be drawn.
+pub fn compare(mesh: &TriMesh, views: &[&View]) -> Result<(ViewScores, Vec<ViewPair>), FacesError> {
     let stride = views.len().div_ceil(MOST_VIEWS);
     // Renders arrive from any thread; a map keeps their order that of the views.
     let renders = Mutex::new(BTreeMap::new());
@@ -275,7 +275,7 @@ fn report(
 }
 
 /// The cards of mean scores over views.
-pub(crate) fn score_figures(scores: &ViewScores) -> Vec<Figure> {
+pub fn score_figures(scores: &ViewScores) -> Vec<Figure> {
     let figure = |value: String, label: &str| Figure { value, label: label.into() };
     vec![
         figure(format!("{:.4}", scores.mask_iou), "mask IoU"),
@@ -380,7 +380,7 @@ pub fn comparison_rows(comparison: &Comparison) -> Vec<(String, String)> {
 }
 
 /// What there is to say about a mesh by itself.
-pub(crate) fn mesh_table(health: &Health, self_intersections: usize) -> Table {
+pub fn mesh_table(health: &Health, self_intersections: usize) -> Table {
     let row = |name: &str, value: String| (name.to_string(), value);
     let yes = |b: bool| if b { "yes" } else { "no" }.to_string();
     Table {

@@ -33,12 +33,6 @@
 //! - **find out what is wrong with views**: [`inspect`](mod@inspect)
 //! - **make views with a known truth**: the crate `synth`
 //! - **deliver**: [`delivery`] writes what a user keeps, [`turntable`] its GIF
-//! - **several views to one mesh, learned**: [`img2mesh`]
-//! - **one picture to a mesh, learned from true surfaces**: [`mod@pixel2mesh`], in continuous time and in stages; its data:
-//!   [`paired`]
-//! - **the same with depth, and through voxels**: [`depth`], depth-aware Pixel2Mesh and Mesh R-CNN
-//! - **photo collections of many categories to textured meshes**: [`mod@mcmr`], learned from masks and rough poses
-//! - **apply what was trained** to a user's files: [`predict`]
 //!
 //! # Invariants
 //!
@@ -47,21 +41,10 @@
 //! - A fitted mesh is closed, oriented outwards, of Euler number 2, in the coordinates of the cameras.
 //! - Output folders appear whole or not at all.
 
+pub mod atlas;
 pub mod delivery;
-pub mod depth;
 pub mod evaluate;
 pub mod fit;
-pub mod img2mesh;
 pub mod inspect;
-pub mod mcmr;
-pub mod paired;
-pub mod pixel2mesh;
-pub mod predict;
 pub mod scene;
 pub mod turntable;
-
-mod atlas;
-mod shelf;
-mod stacked;
-#[cfg(test)]
-mod testing;

@@ -8,7 +8,7 @@ use std::sync::Mutex;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use mesh_core::ByteImage;
-use recon::img2mesh::{Img2Mesh, Img2MeshConfig};
+use models::img2mesh::{Img2Mesh, Img2MeshConfig};
 use train::report::ViewPair;
 use train::{Configuration, Source, System, settings};
 

@@ -23,8 +23,8 @@
 //!
 //! 1. A configuration (serde, `#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]`)
 //!    beside the model it configures, flat, with no optional fields and no name of [`TrainConfig`]'s.
-//! 2. `impl System`; presets `tiny`, `small` and `paper` in `recon/presets/<name>/`.
-//! 3. `impl Predictor` (`recon::predict`): from a user's files to a mesh.
+//! 2. `impl System`; presets `tiny`, `small` and `paper` in `models/presets/<name>/`.
+//! 3. `impl Predictor` (`models::predict`): from a user's files to a mesh.
 //! 4. One line in `cli/src/system.rs`; its studies in `cli/src/study.rs`
 //!    (`studies`).
 //!

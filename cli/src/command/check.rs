@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use mesh_core::{Health, TriMesh};
+use models::predict::Predictor;
 use recon::fit::FitConfig;
-use recon::predict::Predictor;
 use serde::Serialize;
 use train::{Summary, settings};
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use recon::predict::Predictor;
+use models::predict::Predictor;
 use serde::Serialize;
 use train::{Checkpoint, Noted, Source};
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use recon::predict::{Choice, Delivery, Metrics, Predictor, Request, deliver, milliseconds};
+use models::predict::{Choice, Delivery, Metrics, Predictor, Request, deliver, milliseconds};
 use serde::Serialize;
 use train::Checkpoint;
 use train::output::OutputFolder;

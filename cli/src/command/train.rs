@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use recon::predict::Predictor;
+use models::predict::Predictor;
 use serde::Serialize;
 use train::{
     CHANGEABLE, CheckpointError, Configuration, Event, Job, Noted, Outcome, RunError, RunFolder,

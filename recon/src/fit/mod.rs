@@ -68,8 +68,7 @@ use rand_chacha::ChaCha8Rng;
 pub use config::{ColorKind, FitConfig};
 pub use error::FitError;
 pub use event::{Event, Step};
-pub use placement::Placement;
-pub(crate) use placement::cones;
+pub use placement::{Placement, cones};
 pub use stepper::Stepper;
 
 use hull::Hull;

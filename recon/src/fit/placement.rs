@@ -65,7 +65,10 @@ pub(super) fn place(views: &[&View], targets: &mut [Target]) -> Result<Placement
 }
 
 /// The point nearest to all axes through the masks' boxes, and the largest radius of the cones.
-pub(crate) fn cones(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
+///
+/// # Errors
+/// If the views look along one line, so that no point is nearest.
+pub fn cones(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
     let mut normal = Matrix3::<f64>::zeros();
     let mut right = Vector3::<f64>::zeros();
     for view in views {

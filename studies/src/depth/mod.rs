@@ -4,7 +4,7 @@ mod curves;
 
 use std::ops::ControlFlow;
 
-use recon::depth::{
+use models::depth::{
     Beginning, DepthKind, DepthPixel2Mesh, MeshRcnn, RefineConfig, Refined, Score, Sphere, Voxels,
 };
 

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use recon::img2mesh::{Data, Img2Mesh};
+use models::img2mesh::{Data, Img2Mesh};
 use train::{DataError, System as _};
 
 use super::{Config, Jobs};

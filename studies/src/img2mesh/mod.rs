@@ -6,7 +6,7 @@ mod unseen;
 pub use clock::ClockStudy;
 pub use unseen::UnseenStudy;
 
-use recon::img2mesh::{Img2Mesh, Img2MeshConfig};
+use models::img2mesh::{Img2Mesh, Img2MeshConfig};
 use train::Configuration;
 
 use crate::preset::Planned;

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use recon::img2mesh::Img2Mesh;
+use models::img2mesh::Img2Mesh;
 use train::DataError;
 
 use super::Jobs;

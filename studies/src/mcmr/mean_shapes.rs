@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use recon::mcmr::{Data, Mcmr, Scored};
+use models::mcmr::{Data, Mcmr, Scored};
 
 use super::{
     ABOUT, ABOUT_RULE, IOU_3D, IOU_3D_STRICT, MASK, Published, QUICK, RULE, animate,

@@ -8,7 +8,7 @@ pub use mean_shapes::MeanShapesStudy;
 pub use real::{CubStudy, PascalStudy};
 pub use subdivision::SubdivisionStudy;
 
-use recon::mcmr::{Mcmr, Scored};
+use models::mcmr::{Mcmr, Scored};
 
 use crate::preset::Change;
 use crate::{Cell, Row, Trained};
@@ -54,7 +54,7 @@ const ABOUT: &str = "Objects that were not trained on. 3D IoU: the published pro
 
 /// A row with all figures, those of the talk behind them.
 fn with_figures(row: Row, scored: &Scored, published: Option<Published>) -> Row {
-    let mean = |of: fn(&recon::mcmr::ScoredObject) -> Option<f64>| scored.mean(of);
+    let mean = |of: fn(&models::mcmr::ScoredObject) -> Option<f64>| scored.mean(of);
     let values = [
         mean(|one| one.iou_3d),
         mean(|one| one.iou_3d_strict),
@@ -86,8 +86,9 @@ fn with_figures(row: Row, scored: &Scored, published: Option<Published>) -> Row 
 
 /// Mask IoU as the published code counts, where any trace of a soft mask is object.
 fn by_published_rule(row: Row, scored: &Scored) -> Row {
-    let mean =
-        |of: fn(&recon::mcmr::ScoredObject) -> f64| scored.mean(|one| Some(of(one))).unwrap_or(0.0);
+    let mean = |of: fn(&models::mcmr::ScoredObject) -> f64| {
+        scored.mean(|one| Some(of(one))).unwrap_or(0.0)
+    };
     row.with(Cell::larger(MASK[0], mean(|one| one.published_iou), 3))
         .with(Cell::larger(MASK[1], mean(|one| one.published_iou_true), 3))
         .with(Cell::smaller("camera, degrees", mean(|one| one.rotation), 1))

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use recon::mcmr::Mcmr;
+use models::mcmr::Mcmr;
 use train::DataError;
 
 use super::{ABOUT, ABOUT_RULE, Published, QUICK, RULE, by_published_rule, with_figures};

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use recon::mcmr::Mcmr;
+use models::mcmr::Mcmr;
 
 use super::{ABOUT, MASK, Published, QUICK, with_figures};
 use crate::preset::{Change, Planned, planned, preset, settings, train_job};

@@ -1,8 +1,8 @@
 //! One trained field integrated in several ways: to a tolerance, in steps of other sizes, by another method.
 
 use losses::metrics::point_distances;
-use recon::paired::Pairs;
-use recon::pixel2mesh::{Method, OdeConfig, OdePixel2Mesh, Scored};
+use models::paired::Pairs;
+use models::pixel2mesh::{Method, OdeConfig, OdePixel2Mesh, Scored};
 
 use crate::{Cell, Row, StudyError};
 

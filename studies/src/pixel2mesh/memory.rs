@@ -6,13 +6,13 @@ use std::time::Instant;
 use autodiff_lite::{Activation, Module, Param, SparseMatrix, Tape, Var};
 use mesh_core::Topology;
 use mesh_core::primitives::icosphere;
+use models::paired::{Pair, Pairs};
+use models::pixel2mesh::{AdjointKind, OdeConfig, OdePixel2Mesh};
 use ndarray::{Array3, Array4};
 use nets::Init;
 use ode_deform::Adjoint;
 use ode_deform::deform::{DeformationField, FieldConfig};
 use ode_deform::solve::{EULER, Problem, StepController};
-use recon::paired::{Pair, Pairs};
-use recon::pixel2mesh::{AdjointKind, OdeConfig, OdePixel2Mesh};
 use train::settings::to_toml;
 use train::{Configuration, DataError, Draw, Moment, System};
 

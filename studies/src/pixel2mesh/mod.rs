@@ -9,7 +9,7 @@ pub use memory::MemoryStudy;
 pub use planes::PlanesStudy;
 pub use solvers::SolversStudy;
 
-use recon::pixel2mesh::Scored;
+use models::pixel2mesh::Scored;
 
 use crate::{Cell, Row};
 

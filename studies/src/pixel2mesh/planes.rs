@@ -2,8 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use recon::paired::Pairs;
-use recon::pixel2mesh::{
+use models::paired::Pairs;
+use models::pixel2mesh::{
     Continuous, Deformer, OdePixel2Mesh, Pixel2Mesh, Scored, SingleView, Staged,
 };
 

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use recon::pixel2mesh::OdePixel2Mesh;
+use models::pixel2mesh::OdePixel2Mesh;
 
 use super::integrated::{FINER, adaptively, finer};
 use super::{COLUMNS, QUICK, with_scores};

@@ -4,11 +4,11 @@
 use std::path::Path;
 
 use autodiff_lite::state::State;
-use recon::depth::{DepthPixel2Mesh, MeshRcnn};
+use models::depth::{DepthPixel2Mesh, MeshRcnn};
+use models::img2mesh::Img2Mesh;
+use models::mcmr::Mcmr;
+use models::pixel2mesh::{OdePixel2Mesh, Pixel2Mesh};
 use recon::fit::FitConfig;
-use recon::img2mesh::Img2Mesh;
-use recon::mcmr::Mcmr;
-use recon::pixel2mesh::{OdePixel2Mesh, Pixel2Mesh};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use synth::Monocular;

@@ -4,13 +4,13 @@ use autodiff_lite::Tape;
 use losses::metrics::{Points, Protocol, evaluate};
 use mesh_core::{ByteImage, TriMesh};
 use rayon::prelude::*;
+use recon::scene::scene_of;
 use train::report::ViewPair;
 use train::{DataError, Metric, Shown};
 
 use super::data::{Data, Trial};
 use super::prepared::Prepared;
 use super::{Img2Mesh, Meshes};
-use crate::scene::scene_of;
 
 /// Views shown of one object.
 const MOST_SHOWN: usize = 6;

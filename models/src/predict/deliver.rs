@@ -5,15 +5,15 @@ use std::collections::BTreeMap;
 use datasets::View;
 use mesh_core::io::write_mesh;
 use mesh_core::{Health, TriMesh};
+use recon::delivery::{DeliverError, animation, compare, mesh_table, score_figures, turntable};
+use recon::evaluate::ViewScores;
+use recon::scene::scene_of;
 use serde::Serialize;
 use train::output::{OutputError, OutputFolder};
 use train::report::{Figure, Report, Table, ViewPair};
 
 use super::material::Material;
 use super::predictor::Prediction;
-use crate::delivery::{DeliverError, animation, compare, mesh_table, score_figures, turntable};
-use crate::evaluate::ViewScores;
-use crate::scene::scene_of;
 
 /// A prediction with all that its report says.
 #[derive(Clone, Debug)]

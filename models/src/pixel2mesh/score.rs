@@ -2,13 +2,13 @@
 
 use ode_deform::solve::Stats;
 use rayon::prelude::*;
+use recon::scene::scene_of;
 use train::report::ViewPair;
 use train::{DataError, Metric, Shown};
 
 use super::deformer::Deformer;
 use super::single_view::SingleView;
 use crate::paired::{Pairs, PointScores, picture_above, point_scores};
-use crate::scene::scene_of;
 
 /// Objects shown together.
 const SHOWN: usize = 6;

@@ -2,6 +2,7 @@
 
 use autodiff_lite::Tape;
 use mesh_core::{ByteImage, Camera, TriMesh};
+use recon::scene::scene_of;
 use synth::{Lighting, RenderOptions, render_views};
 use train::report::ViewPair;
 use train::{DataError, Shown};
@@ -10,7 +11,6 @@ use super::data::Data;
 use super::prediction::{pose_of, row};
 use super::score::largest;
 use super::{Mcmr, Sample};
-use crate::scene::scene_of;
 
 /// Objects shown together.
 const SHOWN: usize = 8;

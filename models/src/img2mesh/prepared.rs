@@ -2,10 +2,10 @@
 
 use datasets::View;
 use mesh_core::ByteImage;
+use recon::evaluate::masked;
 use train::{DataError, Fingerprint};
 
 use super::config::Img2MeshConfig;
-use crate::evaluate::masked;
 use crate::shelf::Stored;
 
 /// One view, resized for encoder and losses, in bytes: thousands stay in memory.

@@ -8,13 +8,13 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use recon::fit::cones;
 use synth::shapes::AlarmClock;
 use synth::{Orbit, Procedural, RenderOptions, families_named, render_views};
 use train::{DataError, Fingerprint};
 
 use super::config::Img2MeshConfig;
 use super::prepared::Prepared;
-use crate::fit::cones;
 use crate::shelf::Shelf;
 
 /// Objects whose views say where the frame of many lies.

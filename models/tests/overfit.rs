@@ -8,8 +8,8 @@ use autodiff_lite::Tape;
 use autodiff_lite::optim::Adam;
 use datasets::ReadOptions;
 use losses::metrics::point_distances;
-use recon::paired::{Pair, Pairs, PairsConfig, point_scores};
-use recon::pixel2mesh::{
+use models::paired::{Pair, Pairs, PairsConfig, point_scores};
+use models::pixel2mesh::{
     Continuous, Deformer, Method, OdeConfig, SharedConfig, SingleView, Staged, StagesConfig,
 };
 use train::{Moment, Source, System};

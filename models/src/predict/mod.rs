@@ -5,9 +5,9 @@
 //! report and figures. [`milliseconds`] takes the time, for those who ask.
 //!
 //! ```no_run
-//! use recon::img2mesh::Img2Mesh;
+//! use models::img2mesh::Img2Mesh;
 //! use train::output::OutputFolder;
-//! use recon::predict::{Choice, Delivery, Predictor, Request, deliver};
+//! use models::predict::{Choice, Delivery, Predictor, Request, deliver};
 //! use train::{Checkpoint, Located};
 //!
 //! let found = Located::find("runs/clock".as_ref(), false)?;

@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 
 use autodiff_lite::testkit::CountingAllocator;
 use datasets::ReadOptions;
-use recon::img2mesh::Img2Mesh;
+use models::img2mesh::Img2Mesh;
 use train::{Configuration, Event, Job, Provenance, RunFolder, Source, System, train};
 
 #[global_allocator]

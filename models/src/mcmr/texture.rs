@@ -3,8 +3,7 @@
 use autodiff_lite::{Real, Var};
 use mesh_core::{Image, Texture, TriMesh};
 use ndarray::Array3;
-
-use crate::atlas::Atlas;
+use recon::atlas::Atlas;
 
 /// Part of an image's columns that overlap.
 const OVERLAP: usize = 8;

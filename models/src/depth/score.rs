@@ -3,6 +3,7 @@
 use losses::metrics::{DepthError, Preset, depth_error, evaluate, point_distances};
 use mesh_core::{DepthMap, Image, TriMesh};
 use rayon::prelude::*;
+use recon::scene::scene_of;
 use train::report::ViewPair;
 use train::{DataError, Metric, Shown};
 
@@ -11,7 +12,6 @@ use super::refined::Refined;
 use super::relief::rendered;
 use super::scenes::{Scene, Scenes, overlap};
 use crate::paired::picture_above;
-use crate::scene::scene_of;
 
 /// Objects shown together.
 const SHOWN: usize = 6;

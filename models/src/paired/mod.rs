@@ -4,7 +4,7 @@
 //! factor (Pixel2Mesh: 0.57, which brings ShapeNet's objects about 0.8 before the camera).
 //!
 //! ```
-//! use recon::paired::{Pairs, PairsConfig};
+//! use models::paired::{Pairs, PairsConfig};
 //!
 //! let config = PairsConfig {
 //!     image_size: 32,

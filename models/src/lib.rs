@@ -1,0 +1,41 @@
+//! Systems that learn meshes from images.
+//!
+//! ```
+//! use models::img2mesh::Img2Mesh;
+//! use train::{Configuration, System, settings};
+//!
+//! let (name, preset) = Img2Mesh::PRESETS[0];
+//! let config: Configuration<<Img2Mesh as System>::Config> =
+//!     settings::read_text(name.as_ref(), preset, &[])?;
+//! let summary = Img2Mesh::check(&config.system).expect("presets are in range");
+//! assert!(summary.trainable > 1000);
+//! # Ok::<(), settings::SettingsError>(())
+//! ```
+//!
+//! # By task
+//!
+//! - **several views to one mesh, learned from pictures**: [`img2mesh`]
+//! - **one picture to a mesh, learned from true surfaces**: [`mod@pixel2mesh`], in continuous time and in stages; its data:
+//!   [`paired`]
+//! - **the same with depth, and through voxels**: [`depth`], depth-aware Pixel2Mesh and Mesh R-CNN
+//! - **photo collections of many categories to textured meshes**: [`mod@mcmr`], learned from masks and rough poses
+//! - **apply what was trained** to a user's files: [`predict`]
+//!
+//! Training is [`train`](fn@train::train)'s; a system implements [`train::System`].
+//!
+//! # Invariants
+//!
+//! - Nothing is printed. The same seed gives the same bits whatever the number of threads.
+//! - A checkpoint has all that a prediction needs.
+
+pub mod depth;
+pub mod img2mesh;
+pub mod mcmr;
+pub mod paired;
+pub mod pixel2mesh;
+pub mod predict;
+
+mod shelf;
+mod stacked;
+#[cfg(test)]
+mod testing;
