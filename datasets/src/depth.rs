@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use mesh_core::{ByteImage, DepthMap, decode_depth};
 
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::npy;
+use crate::formats::npy;
 use crate::source::{Opened, Source};
 
 /// Reads planar depth from the first of `names` that exists, EXR or npy.

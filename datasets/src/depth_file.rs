@@ -5,7 +5,7 @@ use std::path::Path;
 use mesh_core::{DepthMap, DisparityMap, read_depth, read_depth_png, read_pfm};
 
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::npy;
+use crate::formats::npy;
 use crate::source::read_file;
 
 /// What the numbers of a file may mean at most: depths from here on are background.

@@ -2,15 +2,15 @@
 
 use std::path::Path;
 
-use crate::bop::{self, Bop};
 use crate::dataset::{Dataset, Entry};
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::generated::{self, Generated};
+use crate::layouts::bop::{self, Bop};
+use crate::layouts::generated::{self, Generated};
+use crate::layouts::photo;
+use crate::layouts::pixel2mesh::{self, Pixel2Mesh};
+use crate::layouts::r2n2::{self, R2n2};
+use crate::layouts::single::SingleObject;
 use crate::options::ReadOptions;
-use crate::photo;
-use crate::pixel2mesh::{self, Pixel2Mesh};
-use crate::r2n2::{self, R2n2};
-use crate::single::SingleObject;
 
 /// What is said where nothing was recognised: every layout by the files that give it away.
 pub(crate) const LOOKED_FOR: &str = "0_rgb.png with 0_metadata.json (kaolin's views), transforms.json \

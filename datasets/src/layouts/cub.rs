@@ -12,9 +12,9 @@ use mesh_core::{ByteImage, Camera, TriMesh};
 use crate::assemble::{assemble, read_picture};
 use crate::dataset::{Dataset, Entry, Subset};
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::mat::{Mat, Node};
+use crate::formats::mat::{Mat, Node};
+use crate::layouts::photo::{Album, Photo, chosen, fitted};
 use crate::options::{MaskSource, ReadOptions};
-use crate::photo::{Album, Photo, chosen, fitted};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 

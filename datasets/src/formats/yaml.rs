@@ -4,7 +4,7 @@
 //! What people write beyond that (anchors and aliases, tags, `{flow}` mappings, block scalars,
 //! several documents) is refused by name. So nothing is ever copied or called into being by a
 //! file: what comes out is no larger than what came in. The result is JSON's tree, so that
-//! [`crate::json::Node`] reads it and names the place of what is wrong.
+//! [`crate::formats::json::Node`] reads it and names the place of what is wrong.
 
 use std::path::Path;
 

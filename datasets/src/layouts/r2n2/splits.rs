@@ -8,7 +8,7 @@ use mesh_core::io::write_atomic;
 use crate::content::over;
 use crate::dataset::Subset;
 use crate::error::{ReadViewsError, WriteViewsError};
-use crate::json::{Node, parse};
+use crate::formats::json::{Node, parse};
 use crate::source::Source;
 
 /// The file that we write.

@@ -8,7 +8,7 @@ use mesh_core::{Camera, DepthMap, decode_depth_png, read_mesh};
 use crate::assemble::{PICTURE_BYTES, Picture, assemble, mask_file, read_picture};
 use crate::dataset::{Dataset, Entry, Subset, Truth};
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::json::{Node, parse};
+use crate::formats::json::{Node, parse};
 use crate::options::ReadOptions;
 use crate::read::{Pending, Reading, read_pending};
 use crate::source::{Opened, Source};

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use mesh_core::{ByteImage, Camera, TriMesh, read_mesh};
 
-use crate::cub::Cub;
 use crate::dataset::Dataset;
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::mcmr::Mcmr;
+use crate::layouts::cub::Cub;
+use crate::layouts::mcmr::Mcmr;
+use crate::layouts::pascal3d::Pascal3d;
+use crate::layouts::pix3d::Pix3d;
 use crate::options::ReadOptions;
-use crate::pascal3d::Pascal3d;
-use crate::pix3d::Pix3d;
 use crate::read::{Pending, Reading, read_pending};
 use crate::source::Source;
 use crate::view::{Layout, Views};

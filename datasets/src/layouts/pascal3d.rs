@@ -13,9 +13,9 @@ use rayon::prelude::*;
 use crate::assemble::{assemble, read_picture};
 use crate::dataset::{Dataset, Entry, Truth};
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::mat::{Mat, Node};
+use crate::formats::mat::{Mat, Node};
+use crate::layouts::photo::{Album, Photo, chosen, fitted, model};
 use crate::options::{MaskSource, ReadOptions};
-use crate::photo::{Album, Photo, chosen, fitted, model};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 

@@ -13,12 +13,12 @@ use crate::assemble::{assemble, mask_from_picture, read_picture};
 use crate::content::over;
 use crate::dataset::{Dataset, Entry, Subset};
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::json::Node;
+use crate::formats::json::Node;
+use crate::formats::yaml;
+use crate::layouts::photo::{Album, Photo, chosen, fitted};
 use crate::options::{MaskSource, ReadOptions};
-use crate::photo::{Album, Photo, chosen, fitted};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
-use crate::yaml;
 
 const ANNOTATIONS: &str = "annotations";
 /// The lists of a class, named `<class>_<this>.txt`.

@@ -9,9 +9,9 @@ use mesh_core::read_mesh;
 
 use crate::dataset::{Dataset, Entry, Subset, Truth};
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::json::{Node, parse};
+use crate::formats::json::{Node, parse};
+use crate::layouts::single::SingleObject;
 use crate::options::ReadOptions;
-use crate::single::SingleObject;
 use crate::source::Source;
 use crate::view::{Layout, Views};
 

@@ -6,10 +6,10 @@ use proptest::prelude::*;
 
 use super::*;
 
-const PLAIN: &[u8] = include_bytes!("../../tests/fixtures/mat/plain.mat");
-const COMPRESSED: &[u8] = include_bytes!("../../tests/fixtures/mat/compressed.mat");
-const BIG_ENDIAN: &[u8] = include_bytes!("../../tests/fixtures/mat/big_endian.mat");
-const VERSION_4: &[u8] = include_bytes!("../../tests/fixtures/mat/version4.mat");
+const PLAIN: &[u8] = include_bytes!("../../../tests/fixtures/mat/plain.mat");
+const COMPRESSED: &[u8] = include_bytes!("../../../tests/fixtures/mat/compressed.mat");
+const BIG_ENDIAN: &[u8] = include_bytes!("../../../tests/fixtures/mat/big_endian.mat");
+const VERSION_4: &[u8] = include_bytes!("../../../tests/fixtures/mat/version4.mat");
 
 fn read(bytes: &[u8]) -> Result<Mat, ReadViewsError> {
     Mat::read(&Content::from(bytes), file())

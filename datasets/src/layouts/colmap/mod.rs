@@ -14,10 +14,10 @@ use crate::assemble::{
 };
 use crate::dataset::{Dataset, Entry};
 use crate::error::{ReadViewsError, ViewsProblem};
+use crate::layouts::single::SingleObject;
 use crate::natural;
 use crate::options::ReadOptions;
 use crate::read::{Pending, Reading};
-use crate::single::SingleObject;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 

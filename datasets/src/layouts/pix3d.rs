@@ -12,10 +12,10 @@ use mesh_core::{Camera, VoxelGrid};
 use crate::assemble::{assemble, mask_from_picture, read_picture};
 use crate::dataset::{Dataset, Entry, Subset, Truth};
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::json::{Node, parse};
-use crate::mat::Mat;
+use crate::formats::json::{Node, parse};
+use crate::formats::mat::Mat;
+use crate::layouts::photo::{Album, Photo, chosen, fitted, model};
 use crate::options::{MaskSource, ReadOptions};
-use crate::photo::{Album, Photo, chosen, fitted, model};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 

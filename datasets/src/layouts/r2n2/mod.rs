@@ -70,7 +70,6 @@ use crate::options::ReadOptions;
 use crate::read::{Pending, Reading, read_pending};
 use crate::source::Source;
 use crate::view::{Layout, Views};
-
 use metadata::{Line, Lines};
 
 pub(crate) use find::recognises;

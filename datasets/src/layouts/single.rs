@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use crate::dataset::{Dataset, Entry};
 use crate::error::{ReadViewsError, ViewsProblem};
+use crate::layouts::{bop, colmap, kaolin, photos, transforms, turntable};
 use crate::options::{MaskSource, ReadOptions, Turntable};
 use crate::read::{Reading, read_chosen};
 use crate::source::Source;
 use crate::view::{Layout, Views};
-use crate::{bop, colmap, kaolin, photos, transforms, turntable};
 
 /// How far above the folder that was opened the files of one object may lie: nerfstudio keeps poses
 /// beside `images/`, and COLMAP its models in `sparse/0/`.

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use crate::assemble::{assemble, mask_from_picture, put, read_picture};
 use crate::depth;
 use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
-use crate::json::{Node, parse};
+use crate::formats::json::{Node, parse};
 use crate::options::{MaskSource, ReadOptions};
 use crate::read::{Pending, Reading};
 use crate::source::{Opened, Source};

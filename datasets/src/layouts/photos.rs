@@ -12,7 +12,7 @@ use crate::assemble::{
 };
 use crate::depth;
 use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
-use crate::json::{Node, parse};
+use crate::formats::json::{Node, parse};
 use crate::options::ReadOptions;
 use crate::read::{Pending, Reading};
 use crate::source::{Opened, Source};
