@@ -63,73 +63,49 @@
 //!
 //! It defines no loss and no optimiser, downloads no weights, and fuses nothing on its own.
 
-mod activation;
-mod batch_norm;
-mod conv2d;
-mod conv_front_end;
-mod conv_transpose2d;
-mod dropout;
-mod graph_bottleneck;
-mod graph_conv;
-mod group_norm;
-mod image_decoder;
-mod inception;
-mod indexed;
+mod backbones;
+mod heads;
 mod init;
-mod layer_norm;
-mod linear;
-mod lpips_weights;
-mod mesh_refinement;
-mod mlp;
-mod multi_head_attention;
-mod norm;
-mod perceptual_pooling;
-mod pixel2mesh_encoder;
-mod point_mlp;
-mod pooling;
-mod resnet;
-mod small_cnn;
+mod layers;
 #[cfg(test)]
 mod testing;
-mod transformer_encoder;
-mod vgg;
-mod voxel_head;
-mod weight_norm;
 mod weights;
 
-pub use activation::activate;
+pub use layers::activation::activate;
 
-pub use batch_norm::{BatchNorm1d, BatchNorm2d, FrozenBatchNorm2d};
-pub use conv_front_end::ConvFrontEnd;
-pub use conv_transpose2d::ConvTranspose2d;
-pub use conv2d::Conv2d;
-pub use dropout::Dropout;
-pub use graph_bottleneck::{GraphBottleneck, GraphResBlock};
-pub use graph_conv::{ChebyshevConv, GraphConv};
-pub use group_norm::GroupNorm;
-pub use image_decoder::{ImageDecoder, PreactivatedBlock};
-pub use inception::{Branch, ConvNormRelu, InceptionKind, InceptionV3, Mixed, MixedPool};
-pub use indexed::Indexed;
+pub use backbones::conv_front_end::ConvFrontEnd;
+pub use backbones::inception::{
+    Branch, ConvNormRelu, InceptionKind, InceptionV3, Mixed, MixedPool,
+};
+pub use backbones::pixel2mesh_encoder::{EncoderInit, Pixel2MeshEncoder};
+pub use backbones::resnet::{BlockKind, ResNet, ResNetConfig, ResidualBlock};
+pub use backbones::small_cnn::SmallCnn;
+pub use backbones::vgg::Vgg16;
+pub use heads::graph_bottleneck::{GraphBottleneck, GraphResBlock};
+pub use heads::image_decoder::{ImageDecoder, PreactivatedBlock};
+pub use heads::mesh_refinement::{MeshRefinementHead, MeshRefinementStage, RefinedVertices};
+pub use heads::voxel_head::VoxelHead;
 pub use init::{FanMode, Init, Nonlinearity, fans};
-pub use layer_norm::LayerNorm;
-pub use linear::Linear;
-pub use lpips_weights::LpipsWeights;
-pub use mesh_refinement::{MeshRefinementHead, MeshRefinementStage, RefinedVertices};
-pub use mlp::Mlp;
-pub use multi_head_attention::MultiHeadAttention;
-pub use norm::{Norm, NormKind};
-pub use perceptual_pooling::{MapSampling, pool_features, pool_linear};
-pub use pixel2mesh_encoder::{EncoderInit, Pixel2MeshEncoder};
-pub use point_mlp::{PointMlp, PointMlpConfig};
-pub use pooling::{AdaptiveAvgPool2d, AvgPool2d, MaxPool2d};
-pub use resnet::{BlockKind, ResNet, ResNetConfig, ResidualBlock};
-pub use small_cnn::SmallCnn;
-pub use transformer_encoder::{
+pub use layers::batch_norm::{BatchNorm1d, BatchNorm2d, FrozenBatchNorm2d};
+pub use layers::conv_transpose2d::ConvTranspose2d;
+pub use layers::conv2d::Conv2d;
+pub use layers::dropout::Dropout;
+pub use layers::graph_conv::{ChebyshevConv, GraphConv};
+pub use layers::group_norm::GroupNorm;
+pub use layers::indexed::Indexed;
+pub use layers::layer_norm::LayerNorm;
+pub use layers::linear::Linear;
+pub use layers::mlp::Mlp;
+pub use layers::multi_head_attention::MultiHeadAttention;
+pub use layers::norm::{Norm, NormKind};
+pub use layers::perceptual_pooling::{MapSampling, pool_features, pool_linear};
+pub use layers::point_mlp::{PointMlp, PointMlpConfig};
+pub use layers::pooling::{AdaptiveAvgPool2d, AvgPool2d, MaxPool2d};
+pub use layers::transformer_encoder::{
     FeedForward, NormPlacement, TransformerConfig, TransformerEncoder, TransformerEncoderLayer,
 };
-pub use vgg::Vgg16;
-pub use voxel_head::VoxelHead;
-pub use weight_norm::{WeightNormLinear, weight_norm};
+pub use layers::weight_norm::{WeightNormLinear, weight_norm};
+pub use weights::lpips_weights::LpipsWeights;
 pub use weights::{
     LoadWeights, MapError, NameMap, WeightsError, freeze, read_weights, unfreeze,
     weights_from_bytes,

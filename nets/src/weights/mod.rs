@@ -20,6 +20,7 @@
 
 mod error;
 mod freeze;
+pub(crate) mod lpips_weights;
 mod map;
 mod pth;
 

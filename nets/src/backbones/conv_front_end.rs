@@ -2,7 +2,8 @@
 
 use autodiff_lite::{Activation, ConvGeometry, PoolGeometry, Real, Var, impl_module};
 
-use crate::{Conv2d, Indexed, Init, vgg};
+use crate::backbones::vgg;
+use crate::{Conv2d, Indexed, Init};
 
 /// The first three blocks of VGG16 and four more convolutions that narrow its 256 channels to
 /// one: the encoder of the *CNN* model of img2mesh.
