@@ -1,6 +1,6 @@
 //! A network with one hidden layer learns a curve; an SVG shows how it came there.
 //!
-//! `cargo run --release -p autodiff-lite --example 01_fit_curve [OUTPUT.svg]`
+//! `cargo run --release -p unsphere-autodiff-lite --example 01_fit_curve [OUTPUT.svg]`
 #![allow(clippy::print_stdout, reason = "an example talks to its reader")]
 
 use std::error::Error;

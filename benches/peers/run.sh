@@ -25,7 +25,7 @@ fi
 
 # Everything is built before anything is timed.
 for bench in "$@"; do
-    cargo bench --quiet -p benches --bench "$bench" --no-run
+    cargo bench --quiet -p unsphere-benches --bench "$bench" --no-run
 done
 rm -f "$out"/round-*.jsonl
 round=1
@@ -33,7 +33,7 @@ while [ "$round" -le "$rounds" ]; do
     echo "round $round of $rounds" >&2
     ${PRIORITY:-} "$PYTHON" benches/peers/peers.py >"$out/round-$round.jsonl"
     for bench in "$@"; do
-        ${PRIORITY:-} cargo bench --quiet -p benches --bench "$bench" -- --quiet
+        ${PRIORITY:-} cargo bench --quiet -p unsphere-benches --bench "$bench" -- --quiet
     done
     round=$((round + 1))
 done

@@ -2,7 +2,7 @@
 //!
 //! Ids end with the number of threads (`1t`, `2t`) and are the same as those of `peers/peers.py`, so
 //! that `peers/run.sh` can put the two side by side. Run one with
-//! `cargo bench -p benches --bench raster`.
+//! `cargo bench -p unsphere-benches --bench raster`.
 
 mod training_step;
 

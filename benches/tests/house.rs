@@ -94,6 +94,14 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_path_buf()
 }
 
+/// The folder of a package: `unsphere-losses` is in `losses`, the program in `cli`.
+fn folder(package: &str) -> String {
+    match package {
+        "unsphere" => "cli".to_owned(),
+        _ => package.strip_prefix("unsphere-").unwrap_or(package).to_owned(),
+    }
+}
+
 /// For each member of the workspace its dependencies (not those of its tests).
 fn members() -> BTreeMap<String, Vec<String>> {
     let output = Command::new(env!("CARGO"))
@@ -106,10 +114,10 @@ fn members() -> BTreeMap<String, Vec<String>> {
     let text = |value: &serde_json::Value| value.as_str().unwrap().to_owned();
     let dependencies = |package: &serde_json::Value| {
         let all = package["dependencies"].as_array().unwrap().iter();
-        all.filter(|d| d["kind"].is_null()).map(|d| text(&d["name"])).collect()
+        all.filter(|d| d["kind"].is_null()).map(|d| folder(&text(&d["name"]))).collect()
     };
     let packages = metadata["packages"].as_array().unwrap().iter();
-    packages.map(|package| (text(&package["name"]), dependencies(package))).collect()
+    packages.map(|package| (folder(&text(&package["name"])), dependencies(package))).collect()
 }
 
 /// All Rust files under a folder, with their text up to the unit tests.

@@ -1,6 +1,6 @@
 //! Puts the views of a folder, zip or `transforms.json` on one sheet, masks outlined in green.
 //!
-//! `cargo run -p datasets --example contact_sheet -- <views> [sheet.png]`; without arguments it
+//! `cargo run -p unsphere-datasets --example contact_sheet -- <views> [sheet.png]`; without arguments it
 //! draws the views of a small scene of its own.
 
 use std::io::Write;

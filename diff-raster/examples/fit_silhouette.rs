@@ -5,7 +5,7 @@
 //! `vase.obj` into the folder given as argument, by default `target/fit_silhouette`.
 //!
 //! ```text
-//! cargo run --release -p diff-raster --example fit_silhouette
+//! cargo run --release -p unsphere-diff-raster --example fit_silhouette
 //! ```
 #![allow(clippy::print_stdout, reason = "a program")]
 

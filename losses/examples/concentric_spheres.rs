@@ -1,6 +1,6 @@
 //! What the presets say about a sphere that is a little too large, as a chart.
 //!
-//! `cargo run --release -p losses --example concentric_spheres` writes `concentric_spheres.svg` to the
+//! `cargo run --release -p unsphere-losses --example concentric_spheres` writes `concentric_spheres.svg` to the
 //! folder for temporary files: one line per preset, the error of the radius along x, the figure of merit along y.
 
 #![allow(clippy::print_stdout, reason = "an example shows what it did")]

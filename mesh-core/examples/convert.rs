@@ -1,5 +1,5 @@
 //! Converts a mesh between OBJ, PLY and GLB:
-//! `cargo run -p mesh-core --example convert -- in.obj out.glb`.
+//! `cargo run -p unsphere-mesh-core --example convert -- in.obj out.glb`.
 //!
 //! Without arguments it makes a coloured sphere and writes it in all three formats.
 

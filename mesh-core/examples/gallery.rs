@@ -1,7 +1,7 @@
 //! Draws all primitives into one SVG picture, and writes each as an OBJ file beside it.
 //!
 //! ```text
-//! cargo run -p mesh-core --example gallery -- gallery.svg
+//! cargo run -p unsphere-mesh-core --example gallery -- gallery.svg
 //! ```
 
 use std::fmt::Write as _;

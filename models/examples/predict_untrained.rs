@@ -1,6 +1,6 @@
 //! What an untrained img2mesh makes of two views: the path from pictures to a mesh, without a training.
 //!
-//! `cargo run --release -p models --example predict_untrained -- [mesh.ply]`
+//! `cargo run --release -p unsphere-models --example predict_untrained -- [mesh.ply]`
 
 use std::io::Write;
 

@@ -1,6 +1,6 @@
 //! Trains the small encoder from scratch to tell where a disc lies and how large it is.
 //!
-//! `cargo run --release -p nets --example 01_train_encoder`
+//! `cargo run --release -p unsphere-nets --example 01_train_encoder`
 
 #![allow(clippy::print_stdout, reason = "an example")]
 

@@ -1,6 +1,6 @@
 //! Lists the arrays of a pickle: where they are, and their shapes.
 //!
-//! `cargo run -p pickle --example list_arrays -- [file]`; without a file, a small pickle of its own.
+//! `cargo run -p unsphere-pickle --example list_arrays -- [file]`; without a file, a small pickle of its own.
 
 use std::io::Write;
 

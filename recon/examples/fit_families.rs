@@ -1,6 +1,6 @@
 //! What a deformed sphere can become: fits objects of every family, and scores them on other views.
 //!
-//! `cargo run --release -p recon --example fit_families -- [families] [seeds] [folder]`
+//! `cargo run --release -p unsphere-recon --example fit_families -- [families] [seeds] [folder]`
 //!
 //! Families are names with commas between them, or `all`; seeds run from 1. Without arguments one
 //! car and one table are fitted; `all 3` takes two minutes and makes the documented table. Each object is fitted,
@@ -134,7 +134,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 fn table(rows: &[Row], arguments: &[String]) -> String {
     let mut text = format!(
         "Fits of procedural objects: 24 views of 256x256 from all around, default configuration, \
-         scored on 8 other views.\n\n`cargo run --release -p recon --example fit_families -- {}`, \
+         scored on 8 other views.\n\n`cargo run --release -p unsphere-recon --example fit_families -- {}`, \
          {} threads.\n\n| family | seed | mask IoU | worst view | Chamfer (occnet) | closed | seconds \
          | drawn |\n|---|---|---|---|---|---|---|---|\n",
         arguments.join(" "),

@@ -1,6 +1,6 @@
 //! Fits a mesh to the alarm clock's views, or to a folder, zip or transforms.json of your own.
 //!
-//! `cargo run --release -p recon --example fit_views -- [views] [mesh.glb]`
+//! `cargo run --release -p unsphere-recon --example fit_views -- [views] [mesh.glb]`
 
 use std::ops::ControlFlow;
 use std::{io::Write, path::Path};

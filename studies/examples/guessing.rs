@@ -1,6 +1,6 @@
 //! A study without a model: does guessing pay? It shows what `reproduce` keeps and writes.
 //!
-//! `cargo run -p studies --example guessing -- [folder]`; without a folder, a temporary one.
+//! `cargo run -p unsphere-studies --example guessing -- [folder]`; without a folder, a temporary one.
 
 use std::io::Write;
 use std::ops::ControlFlow;

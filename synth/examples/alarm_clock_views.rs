@@ -1,6 +1,6 @@
 //! Renders the alarm clock from all around, into kaolin's layout, with depth and true mesh.
 //!
-//! `cargo run --release -p synth --example alarm_clock_views -- [folder] [views] [size] [seed]`
+//! `cargo run --release -p unsphere-synth --example alarm_clock_views -- [folder] [views] [size] [seed]`
 
 use std::io::Write;
 use std::path::Path;

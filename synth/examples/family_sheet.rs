@@ -1,6 +1,6 @@
 //! Draws a sheet of procedural objects, one row for each family, without a word on it.
 //!
-//! `cargo run --release -p synth --example family_sheet -- [file.png] [families] [count] [seed] [size]`
+//! `cargo run --release -p unsphere-synth --example family_sheet -- [file.png] [families] [count] [seed] [size]`
 //!
 //! Families are names with commas between them, or `all`; the seed is that of the first column.
 

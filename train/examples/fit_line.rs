@@ -1,6 +1,6 @@
 //! Fits a line to noisy points: the smallest system, trained into a run folder.
 //!
-//! `cargo run -p train --example fit_line -- [folder]`; without a folder, a temporary one.
+//! `cargo run -p unsphere-train --example fit_line -- [folder]`; without a folder, a temporary one.
 
 use std::io::Write;
 use std::ops::ControlFlow;
