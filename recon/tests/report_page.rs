@@ -96,7 +96,7 @@ fn check(mesh: &TriMesh) -> Option<([f64; 3], f64)> {
 fn a_colored_mesh_is_drawn() {
     let mut mesh = primitives::icosphere(3);
     mesh.colors = Some(vec![[0.8, 0.4, 0.2]; mesh.positions.len()]);
-    let Some((mean, spread)) = check(mesh) else { return };
+    let Some((mean, spread)) = check(&mesh) else { return };
     // As they are, without any light on them.
     let near = mean.iter().zip([204.0, 102.0, 51.0]).all(|(a, b)| (a - b).abs() < 3.0);
     assert!(near && spread < 2.0, "{mean:?}, {spread}");
@@ -104,7 +104,7 @@ fn a_colored_mesh_is_drawn() {
 
 #[test]
 fn a_mesh_without_colours_shows_its_shape() {
-    let Some((mean, spread)) = check(primitives::icosphere(3)) else { return };
+    let Some((mean, spread)) = check(&primitives::icosphere(3)) else { return };
     assert!(mean.iter().all(|v| (80.0..235.0).contains(v)) && spread > 15.0, "{mean:?}, {spread}");
 }
 
@@ -115,7 +115,7 @@ fn a_textured_mesh_is_drawn() {
     let mut image = Image::new(16, 16, 3);
     image.data.chunks_exact_mut(3).for_each(|p| p.copy_from_slice(&[0.2, 0.6, 0.4]));
     mesh.texture = Some(Texture { uvs, faces: mesh.faces.clone(), image });
-    let Some((mean, _)) = check(mesh) else { return };
+    let Some((mean, _)) = check(&mesh) else { return };
     let near = mean.iter().zip([51.0, 153.0, 102.0]).all(|(a, b)| (a - b).abs() < 3.0);
     assert!(near, "{mean:?}");
 }

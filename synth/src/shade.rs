@@ -76,7 +76,7 @@ impl Lighting {
     }
 
     /// Whether colours come out as they are.
-    pub(crate) fn is_flat(&self) -> bool {
+    pub fn is_flat(&self) -> bool {
         self.lamps.is_empty() && self.ambient == 1.0
     }
 

@@ -11,8 +11,8 @@ use ndarray::{Array1, Array2};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 use train::{
-    Configuration, DataError, Draw, Event, Job, Metric, Moment, Provenance, RunFolder, Source,
-    Summary, System, Terms, train,
+    Configuration, DataError, Draw, Event, Job, LossError, Metric, Moment, Provenance, RunFolder,
+    Source, Summary, System, Terms, train,
 };
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -83,12 +83,17 @@ impl System for Line {
         format!("the point at {}", sample[0])
     }
 
-    fn loss<'t>(&self, tape: &'t Tape, batch: &[[f32; 2]], _: Moment) -> Terms<'t> {
+    fn loss<'t>(
+        &self,
+        tape: &'t Tape,
+        batch: &[[f32; 2]],
+        _: Moment,
+    ) -> Result<Terms<'t>, LossError> {
         let column = |k: usize| Array2::from_shape_fn((batch.len(), 1), |(i, _)| batch[i][k]);
         let x = tape.constant(column(0));
         let bias = Some(tape.param(&self.bias));
         let y = x.linear(tape.param(&self.weight), bias, Activation::None);
-        Terms::new().with("squared", 1.0, (y - tape.constant(column(1))).square().mean())
+        Ok(Terms::new().with("squared", 1.0, (y - tape.constant(column(1))).square().mean()))
     }
 
     fn evaluate(&self, (): &()) -> Result<Vec<Metric>, DataError> {

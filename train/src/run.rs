@@ -148,7 +148,7 @@ impl RunFolder {
     }
 
     /// The folder at a path, whatever is in it.
-    pub(crate) fn at(path: &Path) -> Self {
+    pub fn at(path: &Path) -> Self {
         Self { path: path.to_owned(), _lock: None }
     }
 

@@ -1,8 +1,5 @@
 //! Configurations as text: a TOML file, single settings over it, errors that name the field.
 
-#[cfg(test)]
-mod ranges;
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -108,7 +105,7 @@ pub fn to_toml<T: Serialize>(config: &T) -> String {
 }
 
 /// Whether a count can be said in TOML, which has no larger integers than 2^63 - 1.
-pub(crate) fn in_toml(count: impl TryInto<i64>) -> bool {
+pub fn in_toml(count: impl TryInto<i64>) -> bool {
     count.try_into().is_ok()
 }
 

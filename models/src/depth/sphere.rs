@@ -33,10 +33,10 @@ impl Module<f32> for Sphere {
 impl Beginning for Sphere {
     const NAME: &'static str = "depth-pixel2mesh";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
-        ("tiny", include_str!("../../../recon/presets/depth-pixel2mesh/tiny.toml")),
-        ("small", include_str!("../../../recon/presets/depth-pixel2mesh/small.toml")),
-        ("paper", include_str!("../../../recon/presets/depth-pixel2mesh/paper.toml")),
-        ("table", include_str!("../../../recon/presets/depth-pixel2mesh/table.toml")),
+        ("tiny", include_str!("../../presets/depth-pixel2mesh/tiny.toml")),
+        ("small", include_str!("../../presets/depth-pixel2mesh/small.toml")),
+        ("paper", include_str!("../../presets/depth-pixel2mesh/paper.toml")),
+        ("table", include_str!("../../presets/depth-pixel2mesh/table.toml")),
     ];
     const TRAINING: &'static str =
         "`unsphere train depth-pixel2mesh -o runs/mine` trains one on procedural objects";

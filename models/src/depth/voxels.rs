@@ -27,10 +27,10 @@ impl_module!(Voxels: f32 { head } fixed { threshold });
 impl Beginning for Voxels {
     const NAME: &'static str = "mesh-rcnn";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
-        ("tiny", include_str!("../../../recon/presets/mesh-rcnn/tiny.toml")),
-        ("small", include_str!("../../../recon/presets/mesh-rcnn/small.toml")),
-        ("paper", include_str!("../../../recon/presets/mesh-rcnn/paper.toml")),
-        ("table", include_str!("../../../recon/presets/mesh-rcnn/table.toml")),
+        ("tiny", include_str!("../../presets/mesh-rcnn/tiny.toml")),
+        ("small", include_str!("../../presets/mesh-rcnn/small.toml")),
+        ("paper", include_str!("../../presets/mesh-rcnn/paper.toml")),
+        ("table", include_str!("../../presets/mesh-rcnn/table.toml")),
     ];
     const TRAINING: &'static str =
         "`unsphere train mesh-rcnn -o runs/mine` trains one on procedural objects";

@@ -136,13 +136,13 @@ impl Img2Mesh {
 impl System for Img2Mesh {
     const NAME: &'static str = "img2mesh";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
-        ("tiny", include_str!("../../../recon/presets/img2mesh/tiny.toml")),
-        ("small", include_str!("../../../recon/presets/img2mesh/small.toml")),
-        ("paper", include_str!("../../../recon/presets/img2mesh/paper.toml")),
-        ("paper-base", include_str!("../../../recon/presets/img2mesh/paper-base.toml")),
-        ("clock", include_str!("../../../recon/presets/img2mesh/clock.toml")),
-        ("clock-vgg16", include_str!("../../../recon/presets/img2mesh/clock-vgg16.toml")),
-        ("unseen", include_str!("../../../recon/presets/img2mesh/unseen.toml")),
+        ("tiny", include_str!("../../presets/img2mesh/tiny.toml")),
+        ("small", include_str!("../../presets/img2mesh/small.toml")),
+        ("paper", include_str!("../../presets/img2mesh/paper.toml")),
+        ("paper-base", include_str!("../../presets/img2mesh/paper-base.toml")),
+        ("clock", include_str!("../../presets/img2mesh/clock.toml")),
+        ("clock-vgg16", include_str!("../../presets/img2mesh/clock-vgg16.toml")),
+        ("unseen", include_str!("../../presets/img2mesh/unseen.toml")),
     ];
     const BEST: &'static str = "mask-iou";
 

@@ -165,11 +165,11 @@ impl Mcmr {
 impl System for Mcmr {
     const NAME: &'static str = "mcmr";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
-        ("tiny", include_str!("../../../recon/presets/mcmr/tiny.toml")),
-        ("small", include_str!("../../../recon/presets/mcmr/small.toml")),
-        ("table", include_str!("../../../recon/presets/mcmr/table.toml")),
-        ("paper", include_str!("../../../recon/presets/mcmr/paper.toml")),
-        ("paper-cub", include_str!("../../../recon/presets/mcmr/paper-cub.toml")),
+        ("tiny", include_str!("../../presets/mcmr/tiny.toml")),
+        ("small", include_str!("../../presets/mcmr/small.toml")),
+        ("table", include_str!("../../presets/mcmr/table.toml")),
+        ("paper", include_str!("../../presets/mcmr/paper.toml")),
+        ("paper-cub", include_str!("../../presets/mcmr/paper-cub.toml")),
     ];
     const BEST: &'static str = "mask-iou";
 

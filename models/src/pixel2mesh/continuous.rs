@@ -117,10 +117,10 @@ type Flowed<'t> = (Var<'t>, Vec<Var<'t>>, Stats);
 impl Deformer for Continuous {
     const NAME: &'static str = "ode-pixel2mesh";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
-        ("tiny", include_str!("../../../recon/presets/ode-pixel2mesh/tiny.toml")),
-        ("small", include_str!("../../../recon/presets/ode-pixel2mesh/small.toml")),
-        ("paper", include_str!("../../../recon/presets/ode-pixel2mesh/paper.toml")),
-        ("table", include_str!("../../../recon/presets/ode-pixel2mesh/table.toml")),
+        ("tiny", include_str!("../../presets/ode-pixel2mesh/tiny.toml")),
+        ("small", include_str!("../../presets/ode-pixel2mesh/small.toml")),
+        ("paper", include_str!("../../presets/ode-pixel2mesh/paper.toml")),
+        ("table", include_str!("../../presets/ode-pixel2mesh/table.toml")),
     ];
     const TRAINING: &'static str =
         "`unsphere train ode-pixel2mesh -o runs/mine` trains one on procedural airplanes";

@@ -25,10 +25,10 @@ const FIRST_DISPLACEMENT: f32 = 0.05;
 impl Deformer for Staged {
     const NAME: &'static str = "pixel2mesh";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
-        ("tiny", include_str!("../../../recon/presets/pixel2mesh/tiny.toml")),
-        ("small", include_str!("../../../recon/presets/pixel2mesh/small.toml")),
-        ("paper", include_str!("../../../recon/presets/pixel2mesh/paper.toml")),
-        ("table", include_str!("../../../recon/presets/pixel2mesh/table.toml")),
+        ("tiny", include_str!("../../presets/pixel2mesh/tiny.toml")),
+        ("small", include_str!("../../presets/pixel2mesh/small.toml")),
+        ("paper", include_str!("../../presets/pixel2mesh/paper.toml")),
+        ("table", include_str!("../../presets/pixel2mesh/table.toml")),
     ];
     const TRAINING: &'static str =
         "`unsphere train pixel2mesh -o runs/mine` trains one on procedural airplanes";

@@ -30,7 +30,7 @@ pub(super) fn folder_of(path: &Path) -> &Path {
 }
 
 /// Makes a folder and those above it, for good.
-pub(crate) fn make_folders(path: &Path) -> io::Result<()> {
+pub fn make_folders(path: &Path) -> io::Result<()> {
     if path.is_dir() {
         return Ok(());
     }

@@ -12,7 +12,7 @@ const ATTEMPTS: usize = 100;
 
 /// A file that is locked as long as this lives, by the system: a killed process holds no lock.
 #[derive(Debug)]
-pub(crate) struct Lock {
+pub struct Lock {
     path: PathBuf,
     file: File,
     /// Not where the file system knows no locks.
@@ -21,7 +21,7 @@ pub(crate) struct Lock {
 
 /// Why there is no lock.
 #[derive(Debug)]
-pub(crate) enum LockError {
+pub enum LockError {
     /// Another has it: who, in words.
     Busy(String),
     /// The file cannot be had.

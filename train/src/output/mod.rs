@@ -1,6 +1,6 @@
 //! Output folders that appear whole or not at all, and who works in them.
 
-pub(crate) mod disk;
+pub mod disk;
 #[cfg(test)]
 pub(crate) mod journal;
 mod lock;
@@ -10,7 +10,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-pub(crate) use lock::{Lock, LockError};
+pub use lock::{Lock, LockError};
 
 /// Why an output folder cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -194,17 +194,17 @@ fn unfinished_name(target: &Path) -> OsString {
 pub(crate) const LOCK: &str = ".lock";
 
 /// Whether a file in a folder says nothing of what the folder is for: a lock, or what was not finished.
-pub(crate) fn is_incidental(name: &std::ffi::OsStr) -> bool {
+pub fn is_incidental(name: &std::ffi::OsStr) -> bool {
     name == LOCK || name.to_str().is_some_and(disk::is_unfinished)
 }
 
 /// Takes a folder for this process alone, as long as the answer lives.
-pub(crate) fn lock_folder(folder: &Path) -> Result<Lock, LockError> {
+pub fn lock_folder(folder: &Path) -> Result<Lock, LockError> {
     Lock::take(&folder.join(LOCK))
 }
 
 /// Removes what killed processes left in folders that are ours alone.
-pub(crate) fn sweep<'a>(lock: &Lock, folders: impl IntoIterator<Item = &'a Path>) {
+pub fn sweep<'a>(lock: &Lock, folders: impl IntoIterator<Item = &'a Path>) {
     if !lock.is_held() {
         return;
     }

@@ -124,7 +124,7 @@ impl Report {
             );
         }
         // What has no colours is a flat blob without light.
-        let colored = self.mesh.colors.is_some() || self.mesh.texture.is_some();
+        let colored = self.scene.colors.is_some() || self.scene.texture.is_some();
         let colors = "<option value=\"0\">colours as they are</option>\
                       <option value=\"1\">colours, lit</option>";
         let _ = write!(
@@ -241,15 +241,14 @@ mod tests {
 
     #[test]
     fn what_has_no_colours_is_shown_by_its_shape() {
-        let first = |mesh: &TriMesh| {
-            let page = Report { mesh: mesh.clone(), ..Report::default() }.to_html();
+        let first = |scene: Scene| {
+            let page = Report { scene, ..Report::default() }.to_html();
             let options = page.split("<select id=\"shading\"").nth(1).unwrap_or_default();
             options.split("<option value=\"").nth(1).unwrap_or_default().chars().next()
         };
-        let mut mesh = mesh_core::primitives::icosphere(1);
-        assert_eq!(first(&mesh), Some('2'));
-        mesh.colors = Some(vec![[0.5; 3]; mesh.positions.len()]);
-        assert_eq!(first(&mesh), Some('0'));
+        assert_eq!(first(Scene::default()), Some('2'));
+        let colors = Some("AAAA".to_owned());
+        assert_eq!(first(Scene { colors, ..Scene::default() }), Some('0'));
     }
 
     #[test]

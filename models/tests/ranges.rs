@@ -14,9 +14,8 @@ use serde::de::DeserializeOwned;
 use synth::Monocular;
 use synth::generate::GenerateConfig;
 use toml::{Table, Value};
-
-use super::{read_text, to_toml};
-use crate::{Checkpoint, Configuration, System, TrainConfig};
+use train::settings::{read_text, to_toml};
+use train::{Checkpoint, Configuration, System, TrainConfig};
 
 /// Numbers of which each is as good as another, up to the largest of TOML: seeds, and counts after which something
 /// happens, which may be never.
