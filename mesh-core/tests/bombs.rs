@@ -82,18 +82,17 @@ fn devices_and_pipes_are_not_opened() {
 }
 
 #[test]
-fn a_hundred_thousand_materials_are_looked_up_by_name() {
+fn materials_by_the_hundred_thousand_are_looked_up_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let (mut text, mut library) = (format!("mtllib m.mtl\n{TRIANGLE}"), String::new());
-    for k in 0..100_000 {
+    for k in 0..300_000 {
         write!(text, "usemtl a material with number {k}\nf 1 2 3\n").unwrap();
         write!(library, "newmtl a material with number {k}\nKd 1 1 1\n").unwrap();
     }
     std::fs::write(folder.path().join("m.obj"), text).unwrap();
     std::fs::write(folder.path().join("m.mtl"), library).unwrap();
-    let start = Instant::now();
-    assert_eq!(read_obj(folder.path(), &Limits::default()).0.faces.len(), 100_000);
-    assert!(start.elapsed() < Duration::from_secs(3), "{:?}", start.elapsed());
+    let (mesh, _) = quickly(|| read_obj(folder.path(), &Limits::default()));
+    assert_eq!(mesh.faces.len(), 300_000);
 }
 
 // ---------------------------------------------------------------- GLB
