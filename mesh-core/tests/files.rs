@@ -5,7 +5,7 @@ mod samples;
 
 use std::path::Path;
 
-use mesh_core::io::{glb, obj, ply};
+use mesh_core::io::{glb, ply};
 use mesh_core::{TriMesh, read_mesh, write_mesh};
 use samples::{colored, corner_uvs, textured};
 
