@@ -1,6 +1,6 @@
 //! What is killed at any moment goes on to the bits of what is not, and leaves nothing behind.
 #![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
 mod common;
 
