@@ -8,7 +8,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use counting::peak;
+use counting::{alone, peak};
 use mesh_core::io::{ReadMeshError, binvox, glb, obj, off, ply};
 use mesh_core::{
     ImageError, Limits, Remark, TriMesh, decode_depth, decode_image, decode_image_with, decode_pfm,
@@ -42,6 +42,7 @@ fn read_obj(folder: &Path, limits: &Limits) -> (TriMesh, Vec<Remark>) {
 
 #[test]
 fn a_library_that_is_named_two_thousand_times_is_read_once() {
+    let _alone = alone();
     let folder = tempfile::tempdir().unwrap();
     let mut library = String::new();
     while library.len() < 618_000 {
@@ -61,6 +62,7 @@ fn a_library_that_is_named_two_thousand_times_is_read_once() {
 #[cfg(unix)]
 #[test]
 fn devices_and_pipes_are_not_opened() {
+    let _alone = alone();
     let folder = tempfile::tempdir().unwrap();
     let pipe = folder.path().join("pipe.mtl");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
@@ -83,6 +85,7 @@ fn devices_and_pipes_are_not_opened() {
 
 #[test]
 fn materials_by_the_hundred_thousand_are_looked_up_by_name() {
+    let _alone = alone();
     let folder = tempfile::tempdir().unwrap();
     let (mut text, mut library) = (format!("mtllib m.mtl\n{TRIANGLE}"), String::new());
     for k in 0..300_000 {
@@ -129,6 +132,7 @@ fn instances(count: usize, vertices: usize) -> Vec<u8> {
 
 #[test]
 fn a_mesh_that_is_shown_thousands_of_times_ends_at_the_limit() {
+    let _alone = alone();
     let bytes = instances(4190, 12_000);
     assert!(bytes.len() < 230_000);
     let limit = Limits::default().peak(bytes.len() as u64);
@@ -141,6 +145,7 @@ fn a_mesh_that_is_shown_thousands_of_times_ends_at_the_limit() {
 
 #[test]
 fn parts_that_show_nothing_end_too() {
+    let _alone = alone();
     let list = |item: &str| vec![item; 100_000].join(",");
     let json = format!(
         "{{\"nodes\":[{}],\"meshes\":[{{\"primitives\":[{}]}}],\"accessors\":[{{}}]}}",
@@ -152,6 +157,7 @@ fn parts_that_show_nothing_end_too() {
 
 #[test]
 fn empty_objects_of_json_are_counted() {
+    let _alone = alone();
     let limits = Limits::default().with_base_bytes(MB);
     for (list, item) in [
         ("nodes", "{}"),
@@ -174,6 +180,7 @@ fn empty_objects_of_json_are_counted() {
 
 #[test]
 fn a_texture_of_gigabytes_is_refused_by_its_header() {
+    let _alone = alone();
     let png = png(16_384, 16_384, [8, 2], &vec![0; 1_000_000], &[]);
     let json = format!(
         "{{\"asset\":{{\"version\":\"2.0\"}},\"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{{\"mesh\":0}}],\
@@ -244,6 +251,7 @@ fn zeros(count: usize) -> Vec<u8> {
 
 #[test]
 fn a_profile_that_unpacks_to_hundreds_of_megabytes_is_passed_over() {
+    let _alone = alone();
     let profile = [b"bomb\0\0", &zeros(300_000_000)[..]].concat();
     let bytes = png(1, 1, [8, 0], &zeros(2), &[(b"iCCP", &profile)]);
     assert!(bytes.len() < 400_000);
@@ -254,6 +262,7 @@ fn a_profile_that_unpacks_to_hundreds_of_megabytes_is_passed_over() {
 
 #[test]
 fn pictures_are_refused_by_their_header() {
+    let _alone = alone();
     let data = vec![0; 1_100_000];
     for (width, height, kind) in [
         (16_384, 16_384, [8, 6]),  // a gigabyte
@@ -281,6 +290,7 @@ fn pictures_are_refused_by_their_header() {
 
 #[test]
 fn a_jpeg_with_a_thousand_scans_is_refused() {
+    let _alone = alone();
     let mut bytes = b"\xff\xd8\xff\xe0\0\x10JFIF\0\x01\x01\0\0\x01\0\x01\0\0".to_vec();
     bytes.extend(b"\xff\xc2\0\x0b\x08\x10\x00\x10\x00\x01\x01\x11\0");
     (0..1000).for_each(|_| bytes.extend(b"\xff\xda\0\x08\x01\x01\0\0\0\0"));
@@ -290,6 +300,7 @@ fn a_jpeg_with_a_thousand_scans_is_refused() {
 
 #[test]
 fn depth_maps_are_refused_by_their_header() {
+    let _alone = alone();
     let map = mesh_core::DepthMap { height: 2, width: 2, data: vec![1.0; 4] };
     let mut bytes = mesh_core::encode_depth(&map);
     for name in [&b"dataWindow\0box2i\0"[..], b"displayWindow\0box2i\0"] {
@@ -402,6 +413,7 @@ fn decode(format: &str, bytes: &[u8], limits: &Limits) -> Result<usize, ReadMesh
 
 #[test]
 fn every_reader_of_meshes_stays_within_any_limits() {
+    let _alone = alone();
     for (k, (format, bytes)) in dense().into_iter().enumerate() {
         for (base, per_byte) in [(256 * MB, 20), (MB, 20), (0, 20), (0, 5), (0, 0)] {
             let limits = Limits::default().with_base_bytes(base).with_bytes_per_byte(per_byte);
@@ -415,6 +427,7 @@ fn every_reader_of_meshes_stays_within_any_limits() {
 
 #[test]
 fn a_face_of_nine_million_corners_is_a_fan() {
+    let _alone = alone();
     let head = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1";
     let text = format!("{head}{}\n", " 2 3 4".repeat(3_000_000));
     let limit = Limits::default().peak(text.len() as u64);

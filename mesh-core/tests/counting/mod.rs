@@ -3,7 +3,7 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 struct Counting;
 
@@ -51,11 +51,14 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// What `run` gives, and the most bytes that it held at a time. One at a time: tests run side by
-/// side would be counted together.
-pub(crate) fn peak<T>(run: impl FnOnce() -> T) -> (u64, T) {
+/// One test at a time: what others prepare meanwhile would be counted too.
+pub(crate) fn alone() -> MutexGuard<'static, ()> {
     static ALONE: Mutex<()> = Mutex::new(());
-    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The most bytes that `run` held at a time, and what it gives.
+pub(crate) fn peak<T>(run: impl FnOnce() -> T) -> (u64, T) {
     let before = NOW.load(Relaxed);
     MOST.store(before, Relaxed);
     let result = run();
