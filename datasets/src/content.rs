@@ -40,7 +40,7 @@ impl Content {
     /// # Errors
     /// If not.
     pub(crate) fn check_lines(&self, each: usize) -> Result<(), OverLimit> {
-        let lines = 1 + self.bytes.iter().filter(|&&b| b == b'\n').count() as u64;
+        let lines = self.bytes.split(|&b| b == b'\n').count() as u64;
         self.budget().take(lines.saturating_mul(each as u64))
     }
 }

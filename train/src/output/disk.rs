@@ -30,6 +30,9 @@ pub(super) fn folder_of(path: &Path) -> &Path {
 }
 
 /// Makes a folder and those above it, for good.
+///
+/// # Errors
+/// What the system says of the first that cannot be made.
 pub fn make_folders(path: &Path) -> io::Result<()> {
     if path.is_dir() {
         return Ok(());

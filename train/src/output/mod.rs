@@ -199,6 +199,9 @@ pub fn is_incidental(name: &std::ffi::OsStr) -> bool {
 }
 
 /// Takes a folder for this process alone, as long as the answer lives.
+///
+/// # Errors
+/// If another process has it, by name, or the lock cannot be made.
 pub fn lock_folder(folder: &Path) -> Result<Lock, LockError> {
     Lock::take(&folder.join(LOCK))
 }
