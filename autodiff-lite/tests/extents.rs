@@ -107,7 +107,7 @@ fn norms() {
     refused(|| {
         // More rows to write than to read, and no room for their statistics.
         let mut y = [0.0_f32; 8];
-        layer_norm(&y.clone()[..2], [&one, &one], 1e-5, Activation::None, &mut y, &mut [0.0; 4]);
+        layer_norm(&[0.0; 2], [&one, &one], 1e-5, Activation::None, &mut y, &mut [0.0; 4]);
     });
 }
 
