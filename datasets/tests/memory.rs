@@ -100,10 +100,11 @@ fn json() {
     let rendering = root.join("ShapeNetRendering/02958343/a/rendering");
     std::fs::create_dir_all(&rendering).unwrap();
     std::fs::write(rendering.join("rendering_metadata.txt"), "1 2 0 0.7 25\n").unwrap();
-    let objects: String = (0..SIZE / 20).map(|k| format!("\"{k:x}\":{{\"\":[]}},")).collect();
-    let split = format!("{{\"train\":{{{}\"a\":{{}}}}}}", objects);
+    let objects: Vec<u8> =
+        (0..SIZE / 20).flat_map(|k| format!("\"{k:x}\":{{\"\":[]}},").into_bytes()).collect();
+    let split = [b"{\"train\":{", &objects[..], b"\"a\":{}}}"].concat();
     let path = root.join("splits.json");
-    let _ = held(&path, split.as_bytes(), "splits", || R2n2::open(&root));
+    let _ = held(&path, &split, "splits", || R2n2::open(&root));
 }
 
 fn write_png_at(path: &Path) {
@@ -139,8 +140,8 @@ fn lists() {
     let _ = held(&names, &filled("", "a\n", ""), "names", || R2n2::open(&root));
     std::fs::remove_file(&names).unwrap();
     let path = root.join("ShapeNetRendering/02958343/train.lst");
-    let lines: String = (0..SIZE / 7).map(|k| format!("{k:x}\n")).collect();
-    let _ = held(&path, lines.as_bytes(), "a split", || R2n2::open(&root));
+    let lines: Vec<u8> = (0..SIZE / 7).flat_map(|k| format!("{k:x}\n").into_bytes()).collect();
+    let _ = held(&path, &lines, "a split", || R2n2::open(&root));
     std::fs::remove_file(&path).unwrap();
     let path = object.join("model_normal.xyz");
     let _ = held(&path, &filled("", "0 0 0 0 0 1\n", ""), "points", || {
@@ -157,8 +158,9 @@ fn colmap() {
     let open = || datasets::open_with(root, &options).map(drop);
     let (cameras, images) = (root.join("cameras.txt"), root.join("images.txt"));
     std::fs::write(&images, "1 1 0 0 0 0 0 0 1 a\n\n").unwrap();
-    let lines: String = (0..SIZE / 20).map(|k| format!("{k} M 1 1 1\n")).collect();
-    let _ = held(&cameras, lines.as_bytes(), "cameras", open);
+    let lines: Vec<u8> =
+        (0..SIZE / 20).flat_map(|k| format!("{k} M 1 1 1\n").into_bytes()).collect();
+    let _ = held(&cameras, &lines, "cameras", open);
     let _ = held(&cameras, &filled("1 M 1 1 ", "1 ", ""), "parameters", open);
     std::fs::write(&cameras, "1 PINHOLE 4 4 3 3 2 2\n").unwrap();
     let _ = held(&images, &filled("", "1 1 0 0 0 0 0 0 1 a\n\n", ""), "images", open);
@@ -220,12 +222,14 @@ fn head(class: u8, dims: [u32; 2]) -> Vec<u8> {
     out
 }
 
+/// What a variable of little more than a hundredth of it inflates to.
+const INFLATED: u32 = 100_000_000;
+
 #[test]
 fn matlab_variables_that_inflate() {
     let _alone = alone();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("data/train_cub_cleaned.mat");
-    const INFLATED: u32 = 100_000_000;
     let numbers = |class: u8, kind: u8, size: u32, value: u8| {
         let mut body = head(class, [INFLATED / size, 1]);
         body.extend([kind, 0, 0, 0]);

@@ -28,6 +28,9 @@ fn views(path: &Path) -> Result<datasets::Views, datasets::ReadViewsError> {
     read_views(path, &ReadOptions { depth: true, ..ReadOptions::default() }, &|_, _| {})
 }
 
+/// What writes a layout.
+type Write = fn(&[datasets::View], &Path);
+
 /// Puts a pipe in place of a file; not where there are none.
 fn pipe(path: &Path) -> bool {
     let _ = std::fs::remove_file(path);
@@ -41,7 +44,6 @@ fn pipes_are_not_opened() {
     if !pipe(&root.join("probe")) {
         return;
     }
-    type Write = fn(&[datasets::View], &Path);
     let layouts: [(&str, Write, &[&str]); 4] = [
         (
             "kaolin",
