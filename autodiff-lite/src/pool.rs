@@ -1,7 +1,7 @@
 //! Recycled memory.
 //!
 //! A page that the operating system hands out fresh costs more than anything that is computed on
-//! it, so a tape never gives its buffers back: they wait on shelves, by exact length, until a
+//! it, so a tape never gives its buffers back: they wait on free_lists, by exact length, until a
 //! value, a gradient or a saved index list of that length is wanted again.
 
 use std::collections::BTreeMap;
@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ndarray::{ArrayBase, ArrayD, Dimension, IxDyn, OwnedRepr};
 
-/// Shelves that saw no request during this many resets are emptied: sizes change when a mesh is
+/// FreeLists that saw no request during this many resets are emptied: sizes change when a mesh is
 /// subdivided, and the old ones would wait for ever.
 const FORGET_AFTER: u64 = 256;
 
@@ -28,31 +28,31 @@ impl Pooled for f64 {}
 impl Pooled for u32 {}
 
 mod private {
-    use super::{Shelf, Shelves};
+    use super::{FreeList, FreeLists};
 
     pub trait Shelved: Sized {
-        fn shelf(shelves: &mut Shelves) -> &mut Shelf<Self>;
+        fn free_list(free_lists: &mut FreeLists) -> &mut FreeList<Self>;
         /// What debug builds fill a buffer with before they hand it out.
         const POISON: Self;
     }
 
     impl Shelved for f32 {
-        fn shelf(shelves: &mut Shelves) -> &mut Shelf<Self> {
-            &mut shelves.singles
+        fn free_list(free_lists: &mut FreeLists) -> &mut FreeList<Self> {
+            &mut free_lists.singles
         }
         const POISON: Self = Self::NAN;
     }
 
     impl Shelved for f64 {
-        fn shelf(shelves: &mut Shelves) -> &mut Shelf<Self> {
-            &mut shelves.doubles
+        fn free_list(free_lists: &mut FreeLists) -> &mut FreeList<Self> {
+            &mut free_lists.doubles
         }
         const POISON: Self = Self::NAN;
     }
 
     impl Shelved for u32 {
-        fn shelf(shelves: &mut Shelves) -> &mut Shelf<Self> {
-            &mut shelves.indices
+        fn free_list(free_lists: &mut FreeLists) -> &mut FreeList<Self> {
+            &mut free_lists.indices
         }
         const POISON: Self = Self::MAX;
     }
@@ -62,16 +62,16 @@ mod private {
 struct Stack<T> {
     free: Vec<Vec<T>>,
     /// Handed out and not yet returned. Only so many are taken back: a buffer that came from
-    /// elsewhere (a constant that the caller allocated) would else make the shelf grow each step.
+    /// elsewhere (a constant that the caller allocated) would else make the free_list grow each step.
     lent: usize,
     last_used: u64,
 }
 
 #[doc(hidden)]
 #[allow(missing_debug_implementations, reason = "reachable only through a private trait")]
-pub struct Shelf<T>(BTreeMap<usize, Stack<T>>);
+pub struct FreeList<T>(BTreeMap<usize, Stack<T>>);
 
-impl<T> Default for Shelf<T> {
+impl<T> Default for FreeList<T> {
     fn default() -> Self {
         Self(BTreeMap::new())
     }
@@ -80,10 +80,10 @@ impl<T> Default for Shelf<T> {
 #[doc(hidden)]
 #[derive(Default)]
 #[allow(missing_debug_implementations, reason = "reachable only through a private trait")]
-pub struct Shelves {
-    singles: Shelf<f32>,
-    doubles: Shelf<f64>,
-    indices: Shelf<u32>,
+pub struct FreeLists {
+    singles: FreeList<f32>,
+    doubles: FreeList<f64>,
+    indices: FreeList<u32>,
     clock: u64,
     /// Bytes handed out since the last reset.
     handed_out: usize,
@@ -91,7 +91,7 @@ pub struct Shelves {
 
 /// A shared store of buffers. Cloning it gives another handle to the same store.
 #[derive(Clone, Default)]
-pub struct Pool(Arc<Mutex<Shelves>>);
+pub struct Pool(Arc<Mutex<FreeLists>>);
 
 impl fmt::Debug for Pool {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -105,8 +105,8 @@ impl Pool {
         Self::default()
     }
 
-    fn lock(&self) -> MutexGuard<'_, Shelves> {
-        // A panic elsewhere leaves the shelves whole: they only move complete vectors.
+    fn lock(&self) -> MutexGuard<'_, FreeLists> {
+        // A panic elsewhere leaves the free_lists whole: they only move complete vectors.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -119,10 +119,10 @@ impl Pool {
             return Vec::new();
         }
         let recycled = {
-            let mut shelves = self.lock();
-            let clock = shelves.clock;
-            shelves.handed_out += len * mem::size_of::<T>();
-            let stack = T::shelf(&mut shelves).0.entry(len).or_insert_with(|| Stack {
+            let mut free_lists = self.lock();
+            let clock = free_lists.clock;
+            free_lists.handed_out += len * mem::size_of::<T>();
+            let stack = T::free_list(&mut free_lists).0.entry(len).or_insert_with(|| Stack {
                 free: Vec::new(),
                 lent: 0,
                 last_used: clock,
@@ -138,13 +138,13 @@ impl Pool {
         buffer
     }
 
-    /// Puts a vector on its shelf.
+    /// Puts a vector on its free_list.
     pub fn give<T: Pooled>(&self, buffer: Vec<T>) {
         if buffer.is_empty() {
             return;
         }
-        let mut shelves = self.lock();
-        if let Some(stack) = T::shelf(&mut shelves).0.get_mut(&buffer.len())
+        let mut free_lists = self.lock();
+        if let Some(stack) = T::free_list(&mut free_lists).0.get_mut(&buffer.len())
             && stack.lent > 0
         {
             stack.lent -= 1;
@@ -152,7 +152,7 @@ impl Pool {
         }
     }
 
-    /// Puts the memory of an array on its shelf.
+    /// Puts the memory of an array on its free_list.
     pub fn give_array<T: Pooled, D: Dimension>(&self, array: ArrayBase<OwnedRepr<T>, D>) {
         self.give(array.into_raw_vec_and_offset().0);
     }
@@ -168,38 +168,42 @@ impl Pool {
         ArrayD::from_shape_vec(IxDyn(shape), buffer).expect("the buffer has the shape's length")
     }
 
-    /// Bytes that wait on the shelves.
+    /// Bytes that wait on the free_lists.
     pub fn bytes(&self) -> usize {
         self.lock().waiting()
     }
 
-    /// Frees everything that waits on the shelves.
+    /// Frees everything that waits on the free_lists.
     pub fn clear(&self) {
-        let mut shelves = self.lock();
-        shelves.forget(|_| true);
+        let mut free_lists = self.lock();
+        free_lists.forget(|_| true);
     }
 
     /// Notes that a step has ended, and now and then frees lengths that went out of use.
     pub(crate) fn tick(&self) {
-        let mut shelves = self.lock();
-        let handed_out = mem::take(&mut shelves.handed_out);
+        let mut free_lists = self.lock();
+        let handed_out = mem::take(&mut free_lists.handed_out);
         if handed_out == 0 {
             return;
         }
-        let clock = shelves.clock + 1;
-        shelves.clock = clock;
-        if shelves.waiting() > MOST_WAITING * handed_out {
-            shelves.forget(|last_used| last_used + 1 < clock);
+        let clock = free_lists.clock + 1;
+        free_lists.clock = clock;
+        if free_lists.waiting() > MOST_WAITING * handed_out {
+            free_lists.forget(|last_used| last_used + 1 < clock);
         } else if clock.is_multiple_of(FORGET_AFTER) {
-            shelves.forget(|last_used| last_used + FORGET_AFTER < clock);
+            free_lists.forget(|last_used| last_used + FORGET_AFTER < clock);
         }
     }
 }
 
-impl Shelves {
+impl FreeLists {
     fn waiting(&self) -> usize {
-        fn of<T>(shelf: &Shelf<T>) -> usize {
-            shelf.0.iter().map(|(len, stack)| len * stack.free.len() * mem::size_of::<T>()).sum()
+        fn of<T>(free_list: &FreeList<T>) -> usize {
+            free_list
+                .0
+                .iter()
+                .map(|(len, stack)| len * stack.free.len() * mem::size_of::<T>())
+                .sum()
         }
         of(&self.singles) + of(&self.doubles) + of(&self.indices)
     }
@@ -211,7 +215,7 @@ impl Shelves {
     }
 }
 
-impl<T> Shelf<T> {
+impl<T> FreeList<T> {
     fn forget(&mut self, stale: impl Fn(u64) -> bool) {
         for stack in self.0.values_mut().filter(|stack| stale(stack.last_used)) {
             stack.free = Vec::new();

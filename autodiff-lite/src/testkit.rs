@@ -196,12 +196,15 @@ where
                 continue;
             }
             // A NaN anywhere ends in an error too.
-            let verdict =
-                if options.pieces { beside(&mut at, centre, rule, options) } else { Slope::Other };
+            let verdict = if options.pieces {
+                beside(&mut at, centre, rule, options)
+            } else {
+                OneSided::Other
+            };
             match verdict {
-                Slope::Rule => {}
-                Slope::None => undecided += 1,
-                Slope::Other => {
+                OneSided::Rule => {}
+                OneSided::None => undecided += 1,
+                OneSided::Other => {
                     return Err(Mismatch::Element { input, element, rule, differences });
                 }
             }
@@ -222,7 +225,7 @@ const QUARTERINGS: i32 = 3;
 
 /// What the differences on each side of a place say of a rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Slope {
+enum OneSided {
     /// It is the slope of one side.
     Rule,
     /// It is neither.
@@ -240,7 +243,7 @@ fn agree(a: f64, b: f64, tolerance: f64) -> bool {
 /// The differences that straddle a border of pieces are the slope of neither. Those that stay on
 /// one side are, whatever the border is, if there is none on that side; and smaller steps reach
 /// fewer. `at` gives the value at a step from the place, `centre` the value there.
-fn beside(at: &mut impl FnMut(f64) -> f64, centre: f64, rule: f64, options: &Options) -> Slope {
+fn beside(at: &mut impl FnMut(f64) -> f64, centre: f64, rule: f64, options: &Options) -> OneSided {
     let mut slope = |h: f64| (4.0 * at(h / 2.0) - at(h) - 3.0 * centre) / h;
     let mut smooth = false;
     for quartering in 0..=QUARTERINGS {
@@ -249,16 +252,16 @@ fn beside(at: &mut impl FnMut(f64) -> f64, centre: f64, rule: f64, options: &Opt
         for (side, h) in [step, -step].into_iter().enumerate() {
             let whole = slope(h);
             if agree(rule, whole, options.tolerance) {
-                return Slope::Rule;
+                return OneSided::Rule;
             }
             if !whole.is_finite() {
-                return Slope::Other;
+                return OneSided::Other;
             }
             sides[side] = agree(whole, slope(h / 2.0), options.tolerance);
         }
         smooth |= sides == [true; 2];
     }
-    if rule.is_finite() && !smooth { Slope::None } else { Slope::Other }
+    if rule.is_finite() && !smooth { OneSided::None } else { OneSided::Other }
 }
 
 /// Checks the gradient of `f` at random inputs of these shapes.

@@ -3,7 +3,7 @@
 use autodiff_lite::Tape;
 use autodiff_lite::optim::Adam;
 use datasets::ReadOptions;
-use train::{Draw, Moment, Source, System};
+use train::{Draw, Source, StepInfo, System};
 
 /// A system and one batch of its own data, seen again at every step: losses, backward, Adam.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ impl<S: System> TrainingStep<S> {
             Source { path: None, options: &ReadOptions::default(), seed: 0, progress: &|_, _| {} };
         let data = S::open(config, &source).expect("it makes its own data");
         let mut system = S::new(config, 0);
-        system.adopt(&data).expect("data to learn from");
+        system.init_from_data(&data).expect("data to learn from");
         let draw = |item| {
             let draw = Draw { seed: 0, epoch: 0, index: item as u64, item };
             system.draw(&data, &draw).expect("samples are in memory")
@@ -40,7 +40,7 @@ impl<S: System> TrainingStep<S> {
     /// If no term counts, or the loss has no value.
     pub fn run(&mut self) {
         self.tape.reseed(self.at);
-        let moment = Moment { step: self.at, epoch: 0 };
+        let moment = StepInfo { step: self.at, epoch: 0 };
         let terms = self.system.loss(&self.tape, &self.batch, moment);
         let terms = terms.expect("fixed steps come to their end");
         let counted = terms.0.iter().filter(|term| term.weight != 0.0);

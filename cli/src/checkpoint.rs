@@ -4,13 +4,14 @@ use std::path::Path;
 
 use models::predict::Predictor;
 use train::settings::{self, SettingsError};
-use train::{Checkpoint, Configuration, Located, System};
+use train::{Checkpoint, CheckpointPath, Configuration, System};
 
 use crate::failure::Failure;
 
 /// Finds a checkpoint; where there is none, says how one is had.
-pub(crate) fn located<S: Predictor>(path: &Path, last: bool) -> Result<Located, Failure> {
-    Located::find(path, last).map_err(|error| Failure::Input(format!("{error}; {}", S::TRAINING)))
+pub(crate) fn located<S: Predictor>(path: &Path, last: bool) -> Result<CheckpointPath, Failure> {
+    CheckpointPath::find(path, last)
+        .map_err(|error| Failure::Input(format!("{error}; {}", S::TRAINING)))
 }
 
 /// The configuration of a checkpoint under single settings, checked.

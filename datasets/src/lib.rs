@@ -141,7 +141,7 @@ pub use layouts::transforms::write_transforms;
 pub use layouts::{pixel2mesh, r2n2};
 pub use mask::{mask_from_alpha, mask_from_backdrop};
 pub use open::{choose, open, open_with};
-pub use options::{Doubtful, MaskSource, ReadOptions, Turntable};
+pub use options::{MaskSource, OnInconsistent, ReadOptions, Turntable};
 pub use read::read_views;
 pub use split::{Split, split, split_objects};
 pub use validate::{Fault, Validation, validate};

@@ -31,13 +31,13 @@ pub struct ReadOptions {
     #[serde(skip)]
     pub limits: Limits,
     /// What becomes of views whose masks are all empty, or whose cameras look elsewhere.
-    pub doubtful: Doubtful,
+    pub on_inconsistent: OnInconsistent,
 }
 
 /// What becomes of views that together make no sense, although each can be read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Doubtful {
+pub enum OnInconsistent {
     /// They are refused.
     #[default]
     Refuse,
@@ -101,7 +101,7 @@ impl Default for ReadOptions {
             object: None,
             turntable: None,
             limits: Limits::default(),
-            doubtful: Doubtful::Refuse,
+            on_inconsistent: OnInconsistent::Refuse,
         }
     }
 }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::consistency;
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::open::{choose, open_with};
-use crate::options::{Doubtful, MaskSource, ReadOptions};
+use crate::options::{MaskSource, OnInconsistent, ReadOptions};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 
@@ -104,7 +104,7 @@ pub(crate) fn read_chosen(
         )
         .collect();
     let views = results.into_iter().collect::<Result<Vec<_>, _>>()?;
-    if options.doubtful == Doubtful::Refuse
+    if options.on_inconsistent == OnInconsistent::Refuse
         && options.mask != MaskSource::Whole
         && !views.is_empty()
     {

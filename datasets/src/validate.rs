@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::dataset::{Dataset, Entry};
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::options::{Doubtful, ReadOptions};
+use crate::options::{OnInconsistent, ReadOptions};
 
 /// Something in a dataset that cannot be read or cannot be meant.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -126,8 +126,11 @@ fn validate_object(
         found.faults.push(fault(&whole, None));
         return found;
     }
-    let lenient =
-        ReadOptions { allow_missing: true, doubtful: Doubtful::Accept, ..options.clone() };
+    let lenient = ReadOptions {
+        allow_missing: true,
+        on_inconsistent: OnInconsistent::Accept,
+        ..options.clone()
+    };
     let strict = ReadOptions { allow_missing: options.allow_missing, ..lenient.clone() };
     for view in 0..entry.views {
         let error = match read(Some(&[view]), &lenient) {

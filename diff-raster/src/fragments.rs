@@ -30,15 +30,15 @@ pub struct Fragments<F: Real = f32> {
     settings: Settings,
     centres: Centres<F>,
     setups: Vec<Setup<F>>,
-    planes: Spares<Planes<F>>,
+    planes: ScratchPool<Planes<F>>,
     /// Memory that the soft silhouette needs between its passes.
-    pub(crate) silhouettes: Spares<silhouette::State<F>>,
+    pub(crate) silhouettes: ScratchPool<silhouette::State<F>>,
     /// The same for the antialiased one.
-    pub(crate) borders: Spares<antialias::State<F>>,
+    pub(crate) borders: ScratchPool<antialias::State<F>>,
     /// Sums of bands, for the gradient of interpolation.
-    pub(crate) partials: Spares<Vec<F>>,
+    pub(crate) partials: ScratchPool<Vec<F>>,
     /// The same for textures.
-    pub(crate) sorted: Spares<Sorted>,
+    pub(crate) sorted: ScratchPool<Sorted>,
 }
 
 impl<F: Real> Default for Fragments<F> {
@@ -52,11 +52,11 @@ impl<F: Real> Default for Fragments<F> {
             settings: Settings { rule: Rule::Closed, ..Settings::new(0, 0) },
             centres: Centres::default(),
             setups: Vec::new(),
-            planes: Spares::default(),
-            silhouettes: Spares::default(),
-            borders: Spares::default(),
-            partials: Spares::default(),
-            sorted: Spares::default(),
+            planes: ScratchPool::default(),
+            silhouettes: ScratchPool::default(),
+            borders: ScratchPool::default(),
+            partials: ScratchPool::default(),
+            sorted: ScratchPool::default(),
         }
     }
 }
@@ -208,15 +208,15 @@ pub fn rasterize_into<F: Real>(
 
 /// Scratch memory that tasks lend from each other, so that it is allocated once and stays hot.
 #[derive(Debug)]
-pub(crate) struct Spares<T>(Mutex<Vec<T>>);
+pub(crate) struct ScratchPool<T>(Mutex<Vec<T>>);
 
-impl<T> Default for Spares<T> {
+impl<T> Default for ScratchPool<T> {
     fn default() -> Self {
         Self(Mutex::new(Vec::new()))
     }
 }
 
-impl<T: Default> Spares<T> {
+impl<T: Default> ScratchPool<T> {
     /// Calls `f` with scratch of unknown content.
     pub(crate) fn with<R>(&self, f: impl FnOnce(&mut T) -> R) -> R {
         let mut own = self.take();

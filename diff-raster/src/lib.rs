@@ -77,4 +77,4 @@ pub use ops::{
     softras, sphere_texture, texture,
 };
 pub use settings::{Instructions, Rule, Settings};
-pub use softras::{SoftRas, SoftRasSettings, texel_middles};
+pub use softras::{SoftRas, SoftRasSettings, texel_centers};

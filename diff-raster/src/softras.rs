@@ -5,7 +5,7 @@ use std::sync::Arc;
 use autodiff_lite::Real;
 
 use crate::Faces;
-use crate::fragments::Spares;
+use crate::fragments::ScratchPool;
 use crate::kernels::setup::Centres;
 use crate::kernels::softras::State;
 
@@ -80,7 +80,7 @@ pub struct SoftRas<F: Real = f32> {
     pub(crate) faces: Arc<Faces>,
     pub(crate) settings: SoftRasSettings,
     pub(crate) centres: Centres<F>,
-    pub(crate) states: Spares<State<F>>,
+    pub(crate) states: ScratchPool<State<F>>,
 }
 
 impl<F: Real> SoftRas<F> {
@@ -106,7 +106,7 @@ impl<F: Real> SoftRas<F> {
             faces: Arc::clone(faces),
             settings: s.clone(),
             centres,
-            states: Spares::default(),
+            states: ScratchPool::default(),
         })
     }
 
@@ -125,11 +125,11 @@ impl<F: Real> SoftRas<F> {
 /// [`Paint::Texels`](crate::Paint) has them: where to look a texture up.
 ///
 /// ```
-/// let middles = diff_raster::texel_middles(6);
+/// let middles = diff_raster::texel_centers(6);
 /// assert_eq!(middles.len(), 36);
 /// assert!(middles.iter().all(|w| w.iter().all(|&w| w > 0.0)));
 /// ```
-pub fn texel_middles(side: usize) -> Vec<[f64; 3]> {
+pub fn texel_centers(side: usize) -> Vec<[f64; 3]> {
     let size = side as f64;
     let middle = |at: usize| {
         let (i, j) = (at / side, at % side);

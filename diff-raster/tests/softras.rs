@@ -9,7 +9,7 @@ use autodiff_lite::testkit::{Options, check};
 use autodiff_lite::{Real, Tape, Var};
 use common::{Scene, scenes, weights};
 use diff_raster::reference::{self, Coloured};
-use diff_raster::{Faces, Paint, SoftRas, SoftRasSettings, softras, texel_middles};
+use diff_raster::{Faces, Paint, SoftRas, SoftRasSettings, softras, texel_centers};
 use ndarray::{Array3, ArrayD, IxDyn};
 use proptest::prelude::*;
 
@@ -185,7 +185,7 @@ fn the_middle_of_a_texel_falls_on_it() {
         let tape = Tape::<f64>::eval();
         let colours = ArrayD::from_shape_fn(IxDyn(&[1, 1, side * side, 1]), |at| at[2] as f64);
         let colours = tape.constant(colours);
-        for (texel, w) in texel_middles(side).into_iter().enumerate() {
+        for (texel, w) in texel_centers(side).into_iter().enumerate() {
             // The one pixel lies at the origin: put the texel's middle there.
             let corners = [[-0.6, -0.5], [0.8, -0.4], [0.1, 0.9]];
             let at = |axis: usize| (0..3).map(|k| w[k] * corners[k][axis]).sum::<f64>();

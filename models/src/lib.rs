@@ -35,7 +35,7 @@ pub mod paired;
 pub mod pixel2mesh;
 pub mod predict;
 
-mod shelf;
 mod stacked;
 #[cfg(test)]
 mod testing;
+mod view_cache;

@@ -12,7 +12,7 @@ use models::paired::{Pair, Pairs, PairsConfig, point_scores};
 use models::pixel2mesh::{
     Continuous, Deformer, Method, OdeConfig, SharedConfig, SingleView, Staged, StagesConfig,
 };
-use train::{Moment, Source, System};
+use train::{Source, StepInfo, System};
 
 /// Where the files of 3D-R2N2's car are.
 fn car() -> PathBuf {
@@ -44,7 +44,7 @@ fn chamfer(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
 }
 
 /// Trains a system on one picture of the car alone, and compares its mesh with the floor.
-fn learned_by_heart<D: Deformer>(config: &D::Config, learning_rate: f64, steps: u64) {
+fn overfits_one_sample<D: Deformer>(config: &D::Config, learning_rate: f64, steps: u64) {
     let options = ReadOptions::default();
     let path = car();
     let source = Source { path: Some(&path), options: &options, seed: 0, progress: &|_, _| () };
@@ -55,7 +55,7 @@ fn learned_by_heart<D: Deformer>(config: &D::Config, learning_rate: f64, steps: 
     for step in 0..steps {
         let gradients = {
             let terms = system
-                .loss(&tape, std::slice::from_ref(&pair), Moment { step, epoch: 0 })
+                .loss(&tape, std::slice::from_ref(&pair), StepInfo { step, epoch: 0 })
                 .unwrap()
                 .0;
             let total = terms.iter().map(|term| term.value.scale(term.weight as f32));
@@ -93,22 +93,22 @@ fn shared(hidden: usize) -> SharedConfig {
 
 #[test]
 #[ignore = "needs UNSPHERE_DATA"]
-fn pixel2mesh_learns_a_car_by_heart() {
+fn pixel2mesh_overfits_one_car() {
     let config = StagesConfig { shared: shared(128), blocks: 4, ..StagesConfig::default() };
-    learned_by_heart::<Staged>(&config, 1e-3, 1500);
+    overfits_one_sample::<Staged>(&config, 1e-3, 1500);
 }
 
 #[test]
 #[ignore = "needs UNSPHERE_DATA"]
-fn a_flow_learns_a_car_by_heart() {
+fn a_flow_overfits_one_car() {
     let config = OdeConfig {
         shared: shared(128),
-        memory: 8,
+        augment_dim: 8,
         time: 1,
         method: Method::Midpoint,
         start: [0.0, 0.0],
         step: [0.25, 0.25],
         ..OdeConfig::default()
     };
-    learned_by_heart::<Continuous>(&config, 2e-3, 1500);
+    overfits_one_sample::<Continuous>(&config, 2e-3, 1500);
 }

@@ -37,7 +37,7 @@
 //! | a loop of your own, events | [`solve::Stepper`], [`solve::Tableau::attempt`] |
 //! | methods | [`solve::EULER`], [`solve::HEUN`], [`solve::MIDPOINT`], [`solve::RK4`], [`solve::BOSH3`], [`solve::DOPRI5`] |
 //! | step sizes | [`solve::StepController`]: fixed, random, or following the error |
-//! | states at asked times | [`Problem::asking`](solve::Problem::asking) |
+//! | states at asked times | [`Problem::save_at`](solve::Problem::save_at) |
 //! | a field with parameters | [`VectorField`], [`field_fn`] |
 //! | gradients | [`Adjoint`] |
 //!

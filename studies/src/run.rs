@@ -147,9 +147,9 @@ pub fn reproduce(
     let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     assert!(jobs.iter().all(|id| id.chars().all(plain)), "reproduce: names of jobs: {jobs:?}");
     let store = Store::open(out, &identity(study, order), order.force)?;
-    let mut course = Course { study, order, store, jobs, results: Vec::new() };
-    course.recall()?;
-    course.run(watch)
+    let mut runner = StudyRunner { study, order, store, jobs, results: Vec::new() };
+    runner.recall()?;
+    runner.run(watch)
 }
 
 /// What all results of a folder have in common.
@@ -160,7 +160,7 @@ fn identity(study: &dyn Study, order: &Order<'_>) -> String {
     format!("study = {name}\nscale = {scale}\ndata = {data}\n{}\n", settings.trim_end())
 }
 
-struct Course<'a> {
+struct StudyRunner<'a> {
     study: &'a dyn Study,
     order: &'a Order<'a>,
     store: Store,
@@ -169,7 +169,7 @@ struct Course<'a> {
     results: Vec<Vec<Option<Kept>>>,
 }
 
-impl Course<'_> {
+impl StudyRunner<'_> {
     fn recall(&mut self) -> Result<(), ReproduceError> {
         let of_job = |job: &String| {
             self.order.seeds.iter().map(|&seed| self.store.kept(job, seed)).collect()

@@ -11,8 +11,8 @@ use ndarray::{Array1, Array2};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 use train::{
-    Configuration, DataError, Draw, Event, Job, LossError, Metric, Moment, Provenance, RunFolder,
-    Source, Summary, System, Terms, train,
+    Configuration, DataError, Draw, Event, Job, LossError, Metric, Provenance, RunFolder, Source,
+    StepInfo, Summary, System, Terms, train,
 };
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -87,7 +87,7 @@ impl System for Line {
         &self,
         tape: &'t Tape,
         batch: &[[f32; 2]],
-        _: Moment,
+        _: StepInfo,
     ) -> Result<Terms<'t>, LossError> {
         let column = |k: usize| Array2::from_shape_fn((batch.len(), 1), |(i, _)| batch[i][k]);
         let x = tape.constant(column(0));

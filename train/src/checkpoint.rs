@@ -11,7 +11,7 @@ use autodiff_lite::state::{LoadError, SaveError, State};
 
 use super::config::{Configuration, TrainConfig};
 use super::error::CheckpointError;
-use super::optimizer::{AnyOptimizer, Moments};
+use super::optimizer::{AnyOptimizer, OptimizerState};
 use super::run::Fingerprint;
 use super::system::System;
 use crate::output::disk::write_whole;
@@ -26,7 +26,7 @@ const ZEROS: &str = "0000000000000000";
 
 /// Where a run stands, beside its parameters.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Standing {
+pub(super) struct TrainState {
     /// Steps taken.
     pub(super) step: u64,
     /// How often the system was told that an epoch begins.
@@ -137,33 +137,33 @@ impl<'a> Checkpoint<'a> {
         &self,
         config: &Configuration<S::Config>,
         optimizer: &mut AnyOptimizer,
-    ) -> Result<(S, Standing), CheckpointError> {
+    ) -> Result<(S, TrainState), CheckpointError> {
         let system = self.system()?;
         if system != S::NAME {
             return Err(self.wrong("system", system, S::NAME));
         }
-        let standing = self.standing()?;
-        let (begun, epochs) = (standing.epochs_begun, config.train.epochs);
+        let state = self.state()?;
+        let (begun, epochs) = (state.epochs_begun, config.train.epochs);
         if begun > epochs {
             return Err(self.wrong("epochs-begun", &begun.to_string(), &format!("0 to {epochs}")));
         }
         let mut system = S::new(&config.system, config.train.seed);
-        for epoch in 0..standing.epochs_begun {
-            system.begin_epoch(epoch, &mut Moments(optimizer));
+        for epoch in 0..state.epochs_begun {
+            system.begin_epoch(epoch, &mut OptimizerState(optimizer));
         }
         self.state
             .load_module("", &mut system)
             .map_err(|mismatch| LoadError::Mismatch { path: self.path.to_owned(), mismatch })?;
-        Ok((system, standing))
+        Ok((system, state))
     }
 
     /// Everything that a run needs to go on.
     pub(super) fn resume<S: System>(
         &self,
         config: &Configuration<S::Config>,
-    ) -> Result<(S, AnyOptimizer, Standing), CheckpointError> {
+    ) -> Result<(S, AnyOptimizer, TrainState), CheckpointError> {
         let mut scratch = AnyOptimizer::new(&config.train, &[]);
-        let (system, standing) = self.rebuild::<S>(config, &mut scratch)?;
+        let (system, state) = self.rebuild::<S>(config, &mut scratch)?;
         let mut optimizer = AnyOptimizer::new(&config.train, &system.rates());
         optimizer
             .load(&self.state)
@@ -172,10 +172,10 @@ impl<'a> Checkpoint<'a> {
             let found = format!("{found} numbers for `{path}`");
             return Err(self.wrong("optim", &found, &expected.to_string()));
         }
-        Ok((system, optimizer, standing))
+        Ok((system, optimizer, state))
     }
 
-    fn standing(&self) -> Result<Standing, CheckpointError> {
+    fn state(&self) -> Result<TrainState, CheckpointError> {
         let step = self.step()?;
         let epochs_begun: u64 = self.number("epochs-begun")?;
         let best = match self.entry("best")? {
@@ -198,7 +198,7 @@ impl<'a> Checkpoint<'a> {
                 Some(average)
             }
         };
-        Ok(Standing { step, epochs_begun, pending: self.number("pending")?, best, average })
+        Ok(TrainState { step, epochs_begun, pending: self.number("pending")?, best, average })
     }
 
     fn entry(&self, field: &'static str) -> Result<&str, CheckpointError> {
@@ -252,29 +252,29 @@ pub(super) fn save<S: System>(
     path: &Path,
     system: &S,
     optimizer: &AnyOptimizer,
-    standing: &Standing,
+    state: &TrainState,
     config: &Configuration<S::Config>,
 ) -> Result<(), CheckpointError> {
-    let mut state = State::new();
-    state.add_module("", system);
-    optimizer.save(&mut state);
-    let best = standing.best.map(|(value, step)| format!("{value:?} at {step}"));
-    let average = standing.average.map(|average| format!("{average:?}"));
+    let mut file = State::new();
+    file.add_module("", system);
+    optimizer.save(&mut file);
+    let best = state.best.map(|(value, step)| format!("{value:?} at {step}"));
+    let average = state.average.map(|average| format!("{average:?}"));
     for (name, text) in [
         ("format", FORMAT.to_owned()),
         ("checksum", ZEROS.to_owned()),
         ("system", S::NAME.to_owned()),
-        ("step", standing.step.to_string()),
-        ("epochs-begun", standing.epochs_begun.to_string()),
-        ("pending", standing.pending.to_string()),
+        ("step", state.step.to_string()),
+        ("epochs-begun", state.epochs_begun.to_string()),
+        ("pending", state.pending.to_string()),
         ("best", best.unwrap_or_else(|| "none".to_owned())),
         ("average", average.unwrap_or_else(|| "none".to_owned())),
         ("config", crate::settings::to_toml(config)),
     ] {
-        state.metadata.insert(name.to_owned(), text);
+        file.metadata.insert(name.to_owned(), text);
     }
-    let bytes = state.to_bytes();
-    drop(state);
+    let bytes = file.to_bytes();
+    drop(file);
     write_whole(path, &seal(bytes))
         .map_err(|source| SaveError { path: path.to_owned(), source }.into())
 }

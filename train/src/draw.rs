@@ -4,7 +4,7 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::system::Moment;
+use super::system::StepInfo;
 
 /// What a generator is for: two purposes never share a stream.
 #[derive(Clone, Copy)]
@@ -31,7 +31,7 @@ pub struct Draw {
 
 impl Draw {
     /// The seed of what a loss draws at a step, for its `part`-th purpose.
-    pub fn for_loss(seed: u64, at: Moment, part: u64) -> u64 {
+    pub fn for_loss(seed: u64, at: StepInfo, part: u64) -> u64 {
         generator(seed, Purpose::Loss, at.step, part).random()
     }
 
@@ -85,9 +85,9 @@ mod tests {
         assert_ne!(number(draw), number(Draw { index: 4, ..draw }));
         assert_ne!(number(draw), number(Draw { epoch: 3, ..draw }));
         assert_ne!(tape_seed(1, 2, 3), number(draw));
-        let at = |step| Moment { step, epoch: 0 };
+        let at = |step| StepInfo { step, epoch: 0 };
         let loss = Draw::for_loss(1, at(2), 3);
-        assert_eq!(loss, Draw::for_loss(1, Moment { epoch: 5, ..at(2) }, 3));
+        assert_eq!(loss, Draw::for_loss(1, StepInfo { epoch: 5, ..at(2) }, 3));
         // Seeds that agree in their last sixteen bits, neighbours in step and part, other purposes.
         let others = [
             Draw::for_loss(65_537, at(2), 3),

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use autodiff_lite::state::{LoadError, SaveError};
 use ode_deform::solve::SolveError;
 
-use super::blame::NotFinite;
+use super::non_finite::NotFinite;
 use super::system::DataError;
 
 /// What stopped a training.

@@ -10,7 +10,7 @@ use super::system::Metric;
 pub enum Event {
     /// Everything is ready.
     Started {
-        /// Numbers that are trained.
+        /// Trainable parameter count.
         trainable: usize,
         /// Steps of an epoch.
         steps_per_epoch: u64,

@@ -36,15 +36,14 @@
 //!   outlast a power cut.
 //! - There is a checkpoint from before the first step on, and one process at a time in a run's folder.
 
-mod blame;
 mod checkpoint;
+mod checkpoint_path;
 mod config;
-mod course;
 mod draw;
 mod error;
 mod event;
-mod located;
 mod log;
+mod non_finite;
 mod optimizer;
 pub mod output;
 mod page;
@@ -57,15 +56,18 @@ mod system;
 mod tensorboard;
 #[cfg(test)]
 mod tests;
+mod trainer;
 
-pub use blame::{NotFinite, Tensor};
 pub use checkpoint::Checkpoint;
+pub use checkpoint_path::{CheckpointPath, RunMetadata};
 pub use config::{CHANGEABLE, Configuration, OptimizerKind, ScheduleKind, TrainConfig};
-pub use course::{Job, Outcome, train};
 pub use draw::Draw;
 pub use error::{CheckpointError, LossError, RunError, TrainError};
 pub use event::{Event, Step};
-pub use located::{Located, Noted};
-pub use optimizer::Moments;
+pub use non_finite::{NotFinite, Tensor};
+pub use optimizer::OptimizerState;
 pub use run::{Fingerprint, Provenance, RunFolder};
-pub use system::{Better, DataError, Metric, Moment, Shown, Source, Summary, System, Term, Terms};
+pub use system::{
+    Better, DataError, Metric, Shown, Source, StepInfo, Summary, System, Term, Terms,
+};
+pub use trainer::{Job, Outcome, train};

@@ -93,9 +93,9 @@ fn grouped<M: Method>(optimizer: Optimizer<M>, rates: &[(String, f64)]) -> Optim
 
 /// The optimiser's memory of each parameter, for a system that changes its parameters in between.
 #[derive(Debug)]
-pub struct Moments<'a>(pub(super) &'a mut AnyOptimizer);
+pub struct OptimizerState<'a>(pub(super) &'a mut AnyOptimizer);
 
-impl Moments<'_> {
+impl OptimizerState<'_> {
     /// Replaces each array that is kept for the parameter at `path` (means of gradients and of
     /// squared gradients), all of the parameter's length, by what `f` makes of it: new vertices
     /// get the mean of their edge's ends, say. Does nothing before the parameter's first step.

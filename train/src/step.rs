@@ -3,10 +3,10 @@
 use autodiff_lite::{Gradients, Module, Tape, Updates};
 use rayon::prelude::*;
 
-use super::blame::{blame, without_value};
 use super::draw::tape_seed;
 use super::error::{LossError, TrainError};
-use super::system::{Moment, System, Terms};
+use super::non_finite::{locate_non_finite, without_value};
+use super::system::{StepInfo, System, Terms};
 
 /// The tapes of a run, kept so that their memory is.
 #[derive(Debug)]
@@ -14,7 +14,7 @@ pub(super) struct Tapes(Vec<Tape>);
 
 /// What the batches of a step amount to.
 #[derive(Debug)]
-pub(super) struct Slope {
+pub(super) struct StepGradient {
     pub(super) gradients: Gradients,
     /// Weighted terms by name; their sum is the loss.
     pub(super) terms: Vec<(&'static str, f64)>,
@@ -22,7 +22,7 @@ pub(super) struct Slope {
     pub(super) norm: f64,
 }
 
-impl Slope {
+impl StepGradient {
     pub(super) fn loss(&self) -> f64 {
         self.terms.iter().map(|(_, value)| value).sum()
     }
@@ -45,17 +45,17 @@ impl Tapes {
     ///
     /// # Errors
     /// If anything is not finite, or a loss has no value.
-    pub(super) fn slope<S: System>(
+    pub(super) fn gradient<S: System>(
         &mut self,
         system: &mut S,
         samples: &[S::Sample],
         batch: usize,
-        at: Moment,
+        at: StepInfo,
         seed: u64,
         meanwhile: impl FnOnce(&S) + Send,
-    ) -> Result<Slope, TrainError> {
+    ) -> Result<StepGradient, TrainError> {
         let shard = batch.div_ceil(self.0.len());
-        let mut sum: Option<Slope> = None;
+        let mut sum: Option<StepGradient> = None;
         let mut meanwhile = Some(meanwhile);
         for (k, batch) in samples.chunks(batch).enumerate() {
             let first = (k * self.0.len()) as u64;
@@ -81,7 +81,7 @@ impl Tapes {
                 match &mut sum {
                     None => {
                         let Part { gradients, terms, .. } = part;
-                        sum = Some(Slope { gradients, terms, norm: 0.0 });
+                        sum = Some(StepGradient { gradients, terms, norm: 0.0 });
                     }
                     Some(sum) => {
                         sum.gradients.accumulate(&part.gradients);
@@ -92,13 +92,13 @@ impl Tapes {
                 }
             }
         }
-        let mut slope = sum.expect("a step has samples");
-        slope.norm = slope.gradients.norm();
-        if slope.norm.is_finite() && slope.terms.iter().all(|(_, value)| value.is_finite()) {
-            return Ok(slope);
+        let mut gradient = sum.expect("a step has samples");
+        gradient.norm = gradient.gradients.norm();
+        if gradient.norm.is_finite() && gradient.terms.iter().all(|(_, value)| value.is_finite()) {
+            return Ok(gradient);
         }
-        drop(slope);
-        Err(Box::new(blame(&mut self.0[0], system, samples, shard, at)).into())
+        drop(gradient);
+        Err(Box::new(locate_non_finite(&mut self.0[0], system, samples, shard, at)).into())
     }
 }
 
@@ -107,7 +107,7 @@ fn part<S: System>(
     system: &S,
     chunk: &[S::Sample],
     share: f64,
-    at: Moment,
+    at: StepInfo,
 ) -> Result<Part, LossError> {
     let terms = match system.loss(tape, chunk, at) {
         Ok(terms) => terms,
@@ -138,7 +138,7 @@ fn total<'t>(terms: &Terms<'t>, share: f64) -> autodiff_lite::Var<'t> {
 }
 
 /// The path of the first parameter that is not finite.
-pub(super) fn spoiled(module: &impl Module<f32>) -> Option<String> {
+pub(super) fn non_finite_parameter(module: &impl Module<f32>) -> Option<String> {
     let mut found = None;
     module.visit("", &mut |path: &str, param: &autodiff_lite::Param| {
         if found.is_none() && param.as_slice().iter().any(|x| !x.is_finite()) {

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::draw::Draw;
 use super::error::LossError;
-use super::optimizer::Moments;
+use super::optimizer::OptimizerState;
 use crate::report::{Scene, ViewPair};
 
 /// A trainable system: a model, what it is trained to minimise, and what it predicts.
@@ -53,7 +53,7 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     ///
     /// # Errors
     /// If such a file is damaged or does not fit.
-    fn adopt(&mut self, _data: &Self::Data) -> Result<(), DataError> {
+    fn init_from_data(&mut self, _data: &Self::Data) -> Result<(), DataError> {
         Ok(())
     }
 
@@ -91,7 +91,7 @@ pub trait System: Module<f32> + Send + Sync + Sized {
         &self,
         tape: &'t Tape,
         batch: &[Self::Sample],
-        at: Moment,
+        at: StepInfo,
     ) -> Result<Terms<'t>, LossError>;
 
     /// Scores on what is held out. Deterministic; the first call and the thousandth agree.
@@ -111,10 +111,10 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     /// Called before each epoch, the first included; may change parameters, their shapes and which
     /// of them are trained.
     ///
-    /// A parameter that gets another shape takes its moments along ([`Moments::carry`]) or forgets
+    /// A parameter that gets another shape takes its moments along ([`OptimizerState::carry`]) or forgets
     /// them. What the shapes are must follow from the configuration and `epoch`: when a checkpoint
     /// is loaded, a fresh system is led through the same epochs before the values are filled in.
-    fn begin_epoch(&mut self, _epoch: u64, _moments: &mut Moments<'_>) {}
+    fn begin_epoch(&mut self, _epoch: u64, _state: &mut OptimizerState<'_>) {}
 
     /// Whether what is computed for a sample depends on the others of its batch: batch statistics,
     /// attention over the batch. Such a batch cannot be cut into shards.
@@ -167,7 +167,7 @@ pub enum DataError {
 
 /// When something happens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Moment {
+pub struct StepInfo {
     /// Steps taken before.
     pub step: u64,
     /// Epochs finished before.
@@ -249,7 +249,7 @@ impl Better {
 /// What a configuration amounts to.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Summary {
-    /// Numbers that are trained.
+    /// Trainable parameter count.
     pub trainable: usize,
     /// Numbers that are not.
     pub frozen: usize,

@@ -211,9 +211,9 @@ fn a_number_that_is_none_is_traced() {
     let mut spoiled = Blob::new(&Options::default(), 0);
     spoiled.offsets.1.as_slice_mut()[3] = f32::INFINITY;
     let samples: Vec<_> = (0..3).map(|k| silhouette(k, 0.0, k.to_string())).collect();
-    let at = Moment { step: 5, epoch: 1 };
+    let at = StepInfo { step: 5, epoch: 1 };
     let mut tapes = super::step::Tapes::new(1);
-    let error = tapes.slope(&mut spoiled, &samples, 3, at, 0, |_| ()).unwrap_err();
+    let error = tapes.gradient(&mut spoiled, &samples, 3, at, 0, |_| ()).unwrap_err();
     let TrainError::NotFinite(error) = error else { panic!("{error}") };
     assert_eq!(error.tensor, Tensor::Parameter("offsets.1".into()));
     assert_eq!((error.step, error.epoch), (5, 1));

@@ -34,7 +34,16 @@ impl<F: Real> Var<'_, F> {
         let fitting = |x, w| {
             ConvSizes::new(x, w, &geometry).ok_or("the window does not fit the padded input")
         };
-        self.convolution("conv2d", weight, bias, axes, fitting, Way::Forward, geometry, activation)
+        self.convolution(
+            "conv2d",
+            weight,
+            bias,
+            axes,
+            fitting,
+            ConvDirection::Forward,
+            geometry,
+            activation,
+        )
     }
 
     /// Transposed convolution: `x [N, H, W, C]`, `weight [C, O, KH, KW]` (PyTorch's layout),
@@ -66,7 +75,16 @@ impl<F: Real> Var<'_, F> {
                 .ok_or("no output size belongs to this input, window and padding")
         };
         let (name, axes) = ("conv_transpose2d", ["C", "O", "KH", "KW"]);
-        self.convolution(name, weight, bias, axes, fitting, Way::Transposed, geometry, activation)
+        self.convolution(
+            name,
+            weight,
+            bias,
+            axes,
+            fitting,
+            ConvDirection::Transposed,
+            geometry,
+            activation,
+        )
     }
 
     #[track_caller]
@@ -77,7 +95,7 @@ impl<F: Real> Var<'_, F> {
         bias: Option<Self>,
         axes: [&'static str; 4],
         fitting: impl Fn([usize; 4], [usize; 4]) -> Result<ConvSizes, &'static str>,
-        way: Way,
+        direction: ConvDirection,
         geometry: ConvGeometry,
         activation: Activation,
     ) -> Self {
@@ -95,15 +113,16 @@ impl<F: Real> Var<'_, F> {
             Ok(sizes) => sizes,
             Err(error) => error.panic(),
         };
-        let op = Convolution { name, conv: Conv::new(sizes, geometry.algorithm), way, activation };
+        let op =
+            Convolution { name, conv: Conv::new(sizes, geometry.algorithm), direction, activation };
         let mut y = self.tape.array(&op.output_shape());
         op.run(
-            way,
+            direction,
             [&x, &w].map(|a| a.as_slice().expect(CONTIGUOUS)),
             b.as_ref().map(|b| b.as_slice().expect(CONTIGUOUS)),
             activation,
             y.as_slice_mut().expect(CONTIGUOUS),
-            &mut self.tape.buffer(op.scratch::<F>(way)),
+            &mut self.tape.buffer(op.scratch::<F>(direction)),
         );
         match bias {
             Some(bias) => self.tape.record(&[self, weight, bias], y, op),
@@ -114,12 +133,12 @@ impl<F: Real> Var<'_, F> {
 
 /// A convolution, or the gradient of its input: each is the other's gradient.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Way {
+enum ConvDirection {
     Forward,
     Transposed,
 }
 
-impl Way {
+impl ConvDirection {
     fn back(self) -> Self {
         match self {
             Self::Forward => Self::Transposed,
@@ -131,38 +150,38 @@ impl Way {
 struct Convolution {
     name: &'static str,
     conv: Conv,
-    way: Way,
+    direction: ConvDirection,
     activation: Activation,
 }
 
 impl Convolution {
     fn output_shape(&self) -> [usize; 4] {
         let s = &self.conv.sizes;
-        match self.way {
-            Way::Forward => [s.batch, s.output[0], s.output[1], s.out_channels],
-            Way::Transposed => [s.batch, s.input[0], s.input[1], s.in_channels],
+        match self.direction {
+            ConvDirection::Forward => [s.batch, s.output[0], s.output[1], s.out_channels],
+            ConvDirection::Transposed => [s.batch, s.input[0], s.input[1], s.in_channels],
         }
     }
 
-    fn scratch<F: Real>(&self, way: Way) -> usize {
-        match way {
-            Way::Forward => self.conv.forward_scratch::<F>(),
-            Way::Transposed => self.conv.grad_input_scratch::<F>(),
+    fn scratch<F: Real>(&self, direction: ConvDirection) -> usize {
+        match direction {
+            ConvDirection::Forward => self.conv.forward_scratch::<F>(),
+            ConvDirection::Transposed => self.conv.grad_input_scratch::<F>(),
         }
     }
 
     fn run<F: Real>(
         &self,
-        way: Way,
+        direction: ConvDirection,
         [x, w]: [&[F]; 2],
         bias: Option<&[F]>,
         activation: Activation,
         y: &mut [F],
         scratch: &mut [F],
     ) {
-        match way {
-            Way::Forward => self.conv.forward(x, w, bias, activation, y, scratch),
-            Way::Transposed => self.conv.grad_input(x, w, bias, activation, y, scratch),
+        match direction {
+            ConvDirection::Forward => self.conv.forward(x, w, bias, activation, y, scratch),
+            ConvDirection::Transposed => self.conv.grad_input(x, w, bias, activation, y, scratch),
         }
     }
 }
@@ -178,23 +197,23 @@ impl<F: Real> Op<F> for Convolution {
         let (x, w) = (cx.input(0), cx.input(1));
         if cx.needs(0) {
             let mut gx = cx.array(x.shape());
-            let way = self.way.back();
+            let direction = self.direction.back();
             self.run(
-                way,
+                direction,
                 [grad, w.as_slice().expect(CONTIGUOUS)],
                 None,
                 Activation::None,
                 gx.as_slice_mut().expect(CONTIGUOUS),
-                &mut cx.scratch(self.scratch::<F>(way)),
+                &mut cx.scratch(self.scratch::<F>(direction)),
             );
             cx.give(0, gx);
         }
         if cx.needs(1) {
             let mut gw = cx.array(w.shape());
             let x = x.as_slice().expect(CONTIGUOUS);
-            let (input, output) = match self.way {
-                Way::Forward => (x, grad),
-                Way::Transposed => (grad, x),
+            let (input, output) = match self.direction {
+                ConvDirection::Forward => (x, grad),
+                ConvDirection::Transposed => (grad, x),
             };
             let scratch = &mut cx.scratch(self.conv.grad_weight_scratch::<F>());
             self.conv.grad_weight(input, output, gw.as_slice_mut().expect(CONTIGUOUS), scratch);

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use models::predict::Predictor;
 use serde::Serialize;
-use train::{Checkpoint, Noted, Source};
+use train::{Checkpoint, RunMetadata, Source};
 
 use crate::args::{Eval, Global};
 use crate::checkpoint::{configuration, located};
@@ -43,7 +43,7 @@ impl ForSystem for Command<'_> {
 
     fn run<S: Predictor>(self) -> Result<(), Failure> {
         let Self { console, global, arguments } = self;
-        let found = located::<S>(&arguments.checkpoint, arguments.last)?;
+        let found = checkpoint_path::<S>(&arguments.checkpoint, arguments.last)?;
         let checkpoint = Checkpoint::read(&found.file).map_err(Failure::input)?;
         let config = configuration::<S>(&checkpoint, &arguments.set, global.seed)?;
         let system =
@@ -51,7 +51,7 @@ impl ForSystem for Command<'_> {
                 0 => Failure::input(error),
                 _ => Failure::Usage(format!("--set changes the model: {error}")),
             })?;
-        let noted = found.run.as_deref().map(Noted::of).unwrap_or_default();
+        let noted = found.run.as_deref().map(RunMetadata::of).unwrap_or_default();
         let (data, hash) = match &arguments.data {
             Some(path) => (Some(path.clone()), None),
             None => (noted.data.clone(), noted.data.and(noted.data_hash)),

@@ -47,7 +47,7 @@ impl ForSystem for Command<'_> {
             let text = format!("--checkpoint is needed, a trained model: {}", S::TRAINING);
             return Err(Failure::Usage(text));
         };
-        let found = located::<S>(path, arguments.last)?;
+        let found = checkpoint_path::<S>(path, arguments.last)?;
         let target = arguments.output.folder.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
         let folder = OutputFolder::create(&target, arguments.output.force)?;
         let _interrupt = Interrupt::listen(Some(folder.unfinished()))?;
@@ -63,13 +63,13 @@ impl ForSystem for Command<'_> {
             intrinsics: self.intrinsics()?,
             progress: &|done, all| progress.set(done, all),
         };
-        let material = system.gather(&request).map_err(Failure::input)?;
+        let input = system.load(&request).map_err(Failure::input)?;
         progress.finish();
-        material.warnings.iter().for_each(|warning| console.warn(warning));
+        input.warnings.iter().for_each(|warning| console.warn(warning));
         let progress = Progress::new(console, "predict");
-        let refused = |error| Failure::Input(format!("{}: {error}", material.source.display()));
-        let prediction = system.apply(&material).map_err(refused)?;
-        let time = || milliseconds(&system, &material, TIMED).map_err(refused);
+        let refused = |error| Failure::Input(format!("{}: {error}", input.source.display()));
+        let prediction = system.apply(&input).map_err(refused)?;
+        let time = || milliseconds(&system, &input, TIMED).map_err(refused);
         let milliseconds = arguments.time.then(time).transpose()?;
         progress.say("scores, meshes, turntable, report");
         let made = provenance(None);
@@ -85,7 +85,7 @@ impl ForSystem for Command<'_> {
                 row("processor", made.cpu),
                 row("machine", made.machine),
             ],
-            ..Delivery::new(S::NAME, &material, &prediction)
+            ..Delivery::new(S::NAME, &input, &prediction)
         };
         let metrics = deliver(&delivery, &folder).map_err(Failure::other)?;
         let output = folder.commit()?;

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use models::predict::Predictor;
 use serde::Serialize;
 use train::{
-    CHANGEABLE, CheckpointError, Configuration, Event, Job, Noted, Outcome, RunError, RunFolder,
-    Source, System, TrainError, settings, train,
+    CHANGEABLE, CheckpointError, Configuration, Event, Job, Outcome, RunError, RunFolder,
+    RunMetadata, Source, System, TrainError, settings, train,
 };
 
 use crate::args::{Global, Train};
@@ -156,7 +156,7 @@ impl Command<'_> {
             let text = format!("--seed {seed}: the run began with {}", config.train.seed);
             return Err(Failure::Usage(text));
         }
-        let data = self.arguments.data.clone().or_else(|| Noted::of(path).data);
+        let data = self.arguments.data.clone().or_else(|| RunMetadata::of(path).data);
         Ok(Prepared { run: Some(run), config, data })
     }
 }

@@ -16,7 +16,7 @@ use autodiff_lite::Real;
 use rayon::prelude::*;
 
 use crate::faces::{Faces, NONE};
-use crate::fragments::{Fragments, Spares};
+use crate::fragments::{Fragments, ScratchPool};
 use crate::kernels::bits::Bits;
 use crate::kernels::distance::{edge_rows, edges, nearest, squared};
 use crate::kernels::lanes::{Job, Lanes, MAX_LANES, dispatch, three};
@@ -58,12 +58,12 @@ pub struct ImageState<F> {
 #[derive(Debug)]
 pub struct State<F> {
     images: Vec<ImageState<F>>,
-    planes: Spares<Planes<F>>,
+    planes: ScratchPool<Planes<F>>,
 }
 
 impl<F> Default for State<F> {
     fn default() -> Self {
-        Self { images: Vec::new(), planes: Spares::default() }
+        Self { images: Vec::new(), planes: ScratchPool::default() }
     }
 }
 

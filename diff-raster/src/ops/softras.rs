@@ -13,7 +13,7 @@ pub enum Paint<'t, F: Real = f32> {
     /// Colours of vertices `[N, V, C]`, interpolated over faces.
     Vertices(Var<'t, F>),
     /// `side²` texels of each face `[N, F, side², C]`, whose middles are
-    /// [`texel_middles`](crate::texel_middles); the nearest counts, so no gradient goes through them
+    /// [`texel_centers`](crate::texel_centers); the nearest counts, so no gradient goes through them
     /// to where it lies.
     Texels(Var<'t, F>),
 }

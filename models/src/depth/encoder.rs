@@ -50,7 +50,7 @@ fn fill(out: &mut [f32], channels: usize, scene: &Scene) {
         for c in 0..channels {
             let value = match color.get(c) {
                 Some(&byte) => f32::from(byte) / 255.0,
-                None => scene.relief.channel[p],
+                None => scene.depth_targets.channel[p],
             };
             pixel[c] = (value - MEAN[c]) / DEVIATION[c];
         }

@@ -14,16 +14,16 @@
 //! # References
 //! Jolly, Quevedo, Manvi, *Depth-Aware Pixel2Mesh* (poster); Gkioxari, Malik, Johnson 2019, *Mesh R-CNN*, and its code.
 
-mod beginning;
 mod boxes;
 mod config;
+mod depth_targets;
 mod encoder;
 mod guide;
+mod mesh_init;
 mod packed;
 #[cfg(test)]
 mod pix3d_tests;
 mod refined;
-mod relief;
 mod rendered;
 mod scenes;
 mod score;
@@ -33,15 +33,15 @@ mod surface;
 mod tests;
 mod voxels;
 
-pub use beginning::{Beginning, Begun};
 pub use boxes::Boxes;
 pub use config::{
     BackboneKind, DepthKind, DepthLossKind, NormName, PlaceKind, RefineConfig, SphereConfig,
     VoxelConfig,
 };
+pub use depth_targets::DepthTargets;
+pub use mesh_init::{InitialMeshes, MeshInit};
 pub use packed::{Packed, Shape};
 pub use refined::Refined;
-pub use relief::Relief;
 pub use scenes::{Scene, Scenes};
 pub use score::{Score, Scored};
 pub use sphere::Sphere;

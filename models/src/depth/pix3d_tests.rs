@@ -7,7 +7,7 @@ use std::path::Path;
 use mesh_core::primitives::cuboid;
 use mesh_core::{Camera, TriMesh, encode_png, io::write_mesh};
 use synth::{RenderOptions, render_views};
-use train::{Draw, Job, Moment, Provenance, RunFolder, Source, System, TrainConfig, train};
+use train::{Draw, Job, Provenance, RunFolder, Source, StepInfo, System, TrainConfig, train};
 
 use super::*;
 use crate::paired::PairsConfig;
@@ -112,7 +112,7 @@ fn photographs_are_cut_to_their_boxes_and_trained_on() {
         assert!((26..=31).contains(&wide.max(high)), "{wide} x {high}");
         // The camera went with it: the true mesh covers the mask, and the picture is 2 units wide at the middle.
         let surface = data.mesh(object).unwrap();
-        let truth = scene.relief.frame.mesh_placed(surface.mesh.as_ref().unwrap());
+        let truth = scene.depth_targets.frame.mesh_placed(surface.mesh.as_ref().unwrap());
         let depth = score::depth_of(&truth, &scene).unwrap();
         assert!(depth.uncovered < 0.02 && depth.mean < 0.02, "{depth:?}");
         let spread = |k: usize| {
@@ -120,7 +120,7 @@ fn photographs_are_cut_to_their_boxes_and_trained_on() {
             all().fold(f32::NEG_INFINITY, f32::max) - all().fold(f32::INFINITY, f32::min)
         };
         assert!((1.3..2.6).contains(&spread(0).max(spread(1))), "{}", spread(0));
-        assert!(scene.relief.cells.iter().any(|&bit| bit));
+        assert!(scene.depth_targets.cells.iter().any(|&bit| bit));
     }
     let mut config = train::Configuration { train: TrainConfig::default(), system };
     (config.train.max_steps, config.train.batch, config.train.learning_rate) = (6, 2, 1e-3);
@@ -139,7 +139,7 @@ fn photographs_are_cut_to_their_boxes_and_trained_on() {
         .collect();
     let total = |system: &MeshRcnn| -> f64 {
         let tape = autodiff_lite::Tape::train(0);
-        let terms = system.loss(&tape, &batch, Moment { step: 0, epoch: 0 }).unwrap().0;
+        let terms = system.loss(&tape, &batch, StepInfo { step: 0, epoch: 0 }).unwrap().0;
         terms.iter().map(|term| term.weight * f64::from(term.value.item())).sum()
     };
     let (before, after) = (total(&fresh), total(&outcome.system));

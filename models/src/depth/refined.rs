@@ -7,13 +7,13 @@ use datasets::{SurfacePoints, View};
 use mesh_core::TriMesh;
 use ndarray::{Array3, arr0};
 use nets::{Init, MeshRefinementHead};
-use train::{DataError, Draw, LossError, Metric, Moment, Shown, Source, Summary, System, Terms};
+use train::{DataError, Draw, LossError, Metric, Shown, Source, StepInfo, Summary, System, Terms};
 
-use super::beginning::Beginning;
 use super::config::{NormName, RefineConfig};
+use super::depth_targets::{DepthTargets, Known};
 use super::encoder::Encoder;
+use super::mesh_init::MeshInit;
 use super::packed::Packed;
-use super::relief::{Known, Relief};
 use super::rendered::{Drawer, Wanted, depth_difference, picture_difference};
 use super::scenes::{Scene, Scenes};
 use super::surface::{SurfaceTerms, Truth, color_difference, compared};
@@ -25,25 +25,25 @@ const OUTSIDE: f32 = 3.0;
 
 /// A backbone, what gives the first meshes, and the stages that refine them.
 #[derive(Debug)]
-pub struct Refined<B: Beginning> {
+pub struct Refined<B: MeshInit> {
     pub(super) config: B::Config,
     seed: u64,
     encoder: Encoder,
-    pub(super) beginning: B,
+    pub(super) mesh_init: B,
     head: MeshRefinementHead,
     pub(super) drawer: Drawer,
 }
 
-impl<B: Beginning> Module<f32> for Refined<B> {
+impl<B: MeshInit> Module<f32> for Refined<B> {
     fn visit(&self, path: &str, visitor: &mut dyn Visitor<f32>) {
         self.encoder.visit(&join_path(path, "encoder"), visitor);
-        self.beginning.visit(&join_path(path, "beginning"), visitor);
+        self.mesh_init.visit(&join_path(path, "beginning"), visitor);
         self.head.visit(&join_path(path, "mesh_head"), visitor);
     }
 
     fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<f32>) {
         self.encoder.visit_mut(&join_path(path, "encoder"), visitor);
-        self.beginning.visit_mut(&join_path(path, "beginning"), visitor);
+        self.mesh_init.visit_mut(&join_path(path, "beginning"), visitor);
         self.head.visit_mut(&join_path(path, "mesh_head"), visitor);
     }
 }
@@ -74,7 +74,7 @@ impl<'t> Forward<'t> {
     }
 }
 
-impl<B: Beginning> Refined<B> {
+impl<B: MeshInit> Refined<B> {
     pub(super) fn refine(&self) -> &RefineConfig {
         B::refine(&self.config)
     }
@@ -88,13 +88,13 @@ impl<B: Beginning> Refined<B> {
         let lenses = scenes.iter().map(|scene| &scene.picture.lens[..]);
         let cameras = stacked(tape, lenses, &[scenes.len(), 3, 4]);
         let maps = tape.scope("encoder", || self.encoder.maps(tape, scenes));
-        let begun = self.beginning.begin(maps[3], scenes);
-        let first = StageMeshes { packed: begun.packed, positions: begun.positions };
+        let initial = self.mesh_init.init(maps[3], scenes);
+        let first = StageMeshes { packed: initial.packed, positions: initial.positions };
         let mut now = first.clone();
         let (mut hidden, mut colors) = (None, None);
         let mut stages = Vec::new();
         for (i, stage) in self.head.stages.iter().enumerate() {
-            if let Some(finer) = (i > 0).then(|| self.beginning.divided(i - 1)).flatten() {
+            if let Some(finer) = (i > 0).then(|| self.mesh_init.divided(i - 1)).flatten() {
                 let (packed, up) = now.packed.divided(vec![finer; scenes.len()]);
                 now = StageMeshes { packed, positions: now.positions.sparse_matmul(&up) };
                 hidden = hidden.map(|hidden: Var<'t>| hidden.sparse_matmul(&up));
@@ -108,7 +108,7 @@ impl<B: Beginning> Refined<B> {
             now.positions = now.positions + refined.offset;
             stages.push(now.clone());
         }
-        Forward { logits: begun.logits, first, stages, colors, cameras }
+        Forward { logits: initial.logits, first, stages, colors, cameras }
     }
 
     /// The mesh of one picture in the frame of its camera, coloured where the last stage knows colours; and the logits of
@@ -140,10 +140,10 @@ impl<B: Beginning> Refined<B> {
         if config.inputs() == 4 && picture.depth.is_none() {
             return Err("no depth: this network was trained with depth, which --depth gives".into());
         }
-        let relief = Relief::new(&picture, Known::Given, config, 0);
+        let depth_targets = DepthTargets::new(&picture, Known::Given, config, 0);
         Ok(Scene {
             picture: Arc::new(picture),
-            relief: Arc::new(relief),
+            depth_targets: Arc::new(depth_targets),
             truth: SurfacePoints::default(),
             colors: Vec::new(),
         })
@@ -154,7 +154,7 @@ impl<B: Beginning> Refined<B> {
         &self,
         forward: &Forward<'t>,
         scenes: &[&Scene],
-        at: Moment,
+        at: StepInfo,
     ) -> (SurfaceTerms<'t>, Option<Var<'t>>) {
         let tape = forward.cameras.tape();
         let config = self.refine();
@@ -209,13 +209,14 @@ fn places<'t>(packed: &Packed, positions: Var<'t>, cameras: Var<'t>, scenes: &[&
     let seen = packed.spread(positions).project(cameras);
     let column = |of: &dyn Fn([f32; 2]) -> f32| {
         tape.constant(Array3::from_shape_fn((scenes.len(), 1, 1), |(n, _, _)| {
-            of(scenes[n].relief.ends)
+            of(scenes[n].depth_targets.ends)
         }))
     };
     // Linear in one over the depth, as the cells are.
     let factor = column(&|[near, far]| 2.0 / (far.recip() - near.recip()));
     let summand = column(&|[near, far]| -1.0 - 2.0 / near / (far.recip() - near.recip()));
-    let nearest = scenes.iter().map(|scene| scene.relief.ends[0]).fold(f32::INFINITY, f32::min);
+    let nearest =
+        scenes.iter().map(|scene| scene.depth_targets.ends[0]).fold(f32::INFINITY, f32::min);
     let depth = seen.slice_axis(2, 2..3).clamp(0.1 * nearest, f32::INFINITY);
     let depth = depth.recip().mul(factor).add(summand);
     let both = tape.concat(&[seen.slice_axis(2, 0..2), depth], 2);
@@ -231,13 +232,13 @@ fn mesh(meshes: &StageMeshes<'_>, colors: Option<Var<'_>>) -> TriMesh {
 
 /// The cells' binary cross entropy, a mean over all of them.
 fn cell_loss<'t>(logits: Var<'t>, scenes: &[&Scene]) -> Var<'t> {
-    let cells = scenes.iter().flat_map(|scene| &scene.relief.cells);
+    let cells = scenes.iter().flat_map(|scene| &scene.depth_targets.cells);
     let target: Vec<f32> = cells.map(|&bit| f32::from(u8::from(bit))).collect();
     let target = stacked(logits.tape(), std::iter::once(&target[..]), &logits.shape());
     (logits.softplus() - logits * target).mean()
 }
 
-impl<B: Beginning> System for Refined<B> {
+impl<B: MeshInit> System for Refined<B> {
     const NAME: &'static str = B::NAME;
     const PRESETS: &'static [(&'static str, &'static str)] = B::PRESETS;
     const BEST: &'static str = "chamfer";
@@ -289,7 +290,7 @@ impl<B: Beginning> System for Refined<B> {
         }
         Self {
             encoder: Encoder::new(&init.at("encoder"), refine),
-            beginning: B::new(config, &init.at("beginning")),
+            mesh_init: B::new(config, &init.at("beginning")),
             head,
             drawer: Drawer::default(),
             config: config.clone(),
@@ -297,7 +298,7 @@ impl<B: Beginning> System for Refined<B> {
         }
     }
 
-    fn adopt(&mut self, _: &Scenes) -> Result<(), DataError> {
+    fn init_from_data(&mut self, _: &Scenes) -> Result<(), DataError> {
         let path = self.refine().weights.clone();
         if !path.is_empty() {
             let loaded = self.encoder.load(&path);
@@ -331,7 +332,7 @@ impl<B: Beginning> System for Refined<B> {
         &self,
         tape: &'t Tape,
         batch: &[Scene],
-        at: Moment,
+        at: StepInfo,
     ) -> Result<Terms<'t>, LossError> {
         let scenes: Vec<&Scene> = batch.iter().collect();
         let config = self.refine();
@@ -376,6 +377,6 @@ impl<B: Beginning> System for Refined<B> {
     fn predict(&self, views: &[View]) -> Result<TriMesh, String> {
         let scene = self.scene(views)?;
         let (mesh, _) = self.mesh_of(&scene);
-        Ok(scene.relief.frame.mesh_in_world(mesh))
+        Ok(scene.depth_targets.frame.mesh_in_world(mesh))
     }
 }

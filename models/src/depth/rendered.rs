@@ -19,7 +19,7 @@ use crate::stacked::stacked;
 const SCALES: usize = 4;
 /// The half of a common factor that Eigen's loss forgives.
 const LAMBDA: f64 = 0.5;
-/// The correlation below which least squares may not turn a relief inside out.
+/// The correlation below which least squares may not turn a depth_targets inside out.
 const LEAST_CORRELATION: f64 = 0.1;
 
 /// What disparities count, in units of their own deviation, beside depths in lengths of an object, whose deviation is
@@ -122,8 +122,8 @@ pub(super) fn depth_difference<'t>(
     config: &RefineConfig,
 ) -> Var<'t> {
     let tape = drawn.depth.tape();
-    let target = images(tape, scenes, |scene| scene.relief.target.clone());
-    let mask = images(tape, scenes, |scene| floats(&scene.relief.compared));
+    let target = images(tape, scenes, |scene| scene.depth_targets.target.clone());
+    let mask = images(tape, scenes, |scene| floats(&scene.depth_targets.compared));
     let rendered = drawn.depth;
     let (trim, gradients, mean) = (config.depth_trim, config.depth_gradients, DepthMean::Images);
     let invariant = |robustness| {

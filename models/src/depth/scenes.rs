@@ -12,10 +12,10 @@ use train::{DataError, Source};
 
 use super::boxes::Boxes;
 use super::config::RefineConfig;
-use super::relief::{Known, Relief};
+use super::depth_targets::{DepthTargets, Known};
 use crate::paired::{Frame, Pairs, Picture, Surface, some};
 
-/// Bytes of reliefs that are kept at most; what is beyond is made again each time.
+/// Bytes of targets that are kept at most; what is beyond is made again each time.
 const BUDGET: usize = 3 << 30;
 
 /// A picture with what is known of what it shows.
@@ -24,7 +24,7 @@ pub struct Scene {
     /// What the network sees.
     pub picture: Arc<Picture>,
     /// Depth and cells.
-    pub relief: Arc<Relief>,
+    pub depth_targets: Arc<DepthTargets>,
     /// Points of the true surface in the frame of the camera; empty where nothing is known of it.
     pub truth: SurfacePoints,
     /// Their colours; empty where the data has none.
@@ -37,7 +37,7 @@ pub struct Scenes {
     pairs: Pairs,
     config: RefineConfig,
     cells: usize,
-    kept: Vec<Vec<OnceLock<Arc<Relief>>>>,
+    kept: Vec<Vec<OnceLock<Arc<DepthTargets>>>>,
     bytes: AtomicUsize,
     mean: OnceLock<MeanShape>,
 }
@@ -139,12 +139,12 @@ impl Scenes {
         chosen: &[usize],
     ) -> Result<Scene, DataError> {
         let picture = self.pairs.picture(place[0], place[1])?;
-        let relief = self.relief(place, &picture)?;
-        let truth = points_in(&relief.frame, &surface.points, chosen);
+        let depth_targets = self.relief(place, &picture)?;
+        let truth = points_in(&depth_targets.frame, &surface.points, chosen);
         let colored = surface.colors.len() == surface.points.positions.len();
         let colors =
             if colored { chosen.iter().map(|&i| surface.colors[i]).collect() } else { Vec::new() };
-        Ok(Scene { picture, relief, truth, colors })
+        Ok(Scene { picture, depth_targets, truth, colors })
     }
 
     /// The true mesh of an object, in the world.
@@ -166,23 +166,23 @@ impl Scenes {
         &self,
         [object, view]: [usize; 2],
         picture: &Picture,
-    ) -> Result<Arc<Relief>, DataError> {
+    ) -> Result<Arc<DepthTargets>, DataError> {
         let place = &self.kept[object][view];
-        if let Some(relief) = place.get() {
-            return Ok(Arc::clone(relief));
+        if let Some(depth_targets) = place.get() {
+            return Ok(Arc::clone(depth_targets));
         }
         let surface = self.mesh(object)?;
         let mesh: &TriMesh = surface.mesh.as_ref().expect("an object without a mesh is an error");
         // Of this object and view, whatever the run.
         let seed = ((object as u64) << 20) ^ view as u64 ^ (self.config.pairs.data_seed << 44);
         let known = Known::Surface(mesh, seed);
-        let relief = Arc::new(Relief::new(picture, known, &self.config, self.cells));
-        let bytes = relief.bytes();
+        let depth_targets = Arc::new(DepthTargets::new(picture, known, &self.config, self.cells));
+        let bytes = depth_targets.bytes();
         let room = self.bytes.load(Ordering::Relaxed) + bytes <= BUDGET;
-        if room && place.set(Arc::clone(&relief)).is_ok() {
+        if room && place.set(Arc::clone(&depth_targets)).is_ok() {
             self.bytes.fetch_add(bytes, Ordering::Relaxed);
         }
-        Ok(relief)
+        Ok(depth_targets)
     }
 
     /// Which cells the mean shape of the training occupies; the threshold is the best of nine on the training itself.
@@ -193,22 +193,22 @@ impl Scenes {
         if let Some(mean) = self.mean.get() {
             return Ok(&mean.occupied);
         }
-        let reliefs = self.pairs.trained().iter().enumerate().map(|(i, &object)| {
+        let targets = self.pairs.trained().iter().enumerate().map(|(i, &object)| {
             let view = i % self.pairs.views(object);
             self.relief([object, view], &*self.pairs.picture(object, view)?)
         });
-        let reliefs = reliefs.collect::<Result<Vec<_>, DataError>>()?;
+        let targets = targets.collect::<Result<Vec<_>, DataError>>()?;
         let mut shares = vec![0.0; self.cells.pow(3)];
-        for relief in &reliefs {
-            for (share, &bit) in shares.iter_mut().zip(&relief.cells) {
-                *share += f64::from(u8::from(bit)) / reliefs.len() as f64;
+        for depth_targets in &targets {
+            for (share, &bit) in shares.iter_mut().zip(&depth_targets.cells) {
+                *share += f64::from(u8::from(bit)) / targets.len() as f64;
             }
         }
         let at = |tenths: usize| -> Vec<bool> {
             shares.iter().map(|&share| share >= 0.1 * tenths as f64).collect()
         };
         let score = |occupied: &[bool]| -> f64 {
-            reliefs.iter().map(|relief| overlap(occupied, &relief.cells)).sum()
+            targets.iter().map(|targets| overlap(occupied, &targets.cells)).sum()
         };
         let best = (1..=9).map(at).max_by(|a, b| score(a).total_cmp(&score(b)));
         let mean = MeanShape { occupied: best.expect("nine thresholds") };

@@ -7,9 +7,9 @@ use recon::scene::scene_of;
 use train::report::ViewPair;
 use train::{DataError, Metric, Shown};
 
-use super::beginning::Beginning;
+use super::depth_targets::rendered;
+use super::mesh_init::MeshInit;
 use super::refined::Refined;
-use super::relief::rendered;
 use super::scenes::{Scene, Scenes, overlap};
 use crate::paired::picture_above;
 
@@ -98,7 +98,7 @@ impl Scored {
     }
 }
 
-impl<B: Beginning> Refined<B> {
+impl<B: MeshInit> Refined<B> {
     /// Scores on what is held out, picture by picture.
     ///
     /// # Errors
@@ -110,7 +110,7 @@ impl<B: Beginning> Refined<B> {
             let (object, scene) = data.trial(views, k)?;
             let surface = data.mesh(object)?;
             let mesh = surface.mesh.as_ref().expect("an object without a mesh is an error");
-            let truth = scene.relief.frame.mesh_placed(mesh);
+            let truth = scene.depth_targets.frame.mesh_placed(mesh);
             Ok((object, self.score(&scene, &truth, mean_shape)))
         };
         let count = views * data.pairs().held().len();
@@ -121,14 +121,14 @@ impl<B: Beginning> Refined<B> {
     /// Of one scene; `truth` is its mesh in the frame.
     fn score(&self, scene: &Scene, truth: &TriMesh, mean_shape: &[bool]) -> Score {
         let (mesh, logits) = self.mesh_of(scene);
-        let mut score = distances(&mesh, truth, scene.relief.frame.scale());
+        let mut score = distances(&mesh, truth, scene.depth_targets.frame.scale());
         if let Some(error) = depth_of(&mesh, scene) {
             (score.depth, score.uncovered) = (error.mean, error.uncovered);
         }
         score.color = color_error(&mesh, scene);
-        if !scene.relief.cells.is_empty() && !logits.is_empty() {
-            let own = self.beginning.occupied_cells(&logits);
-            let cells = &scene.relief.cells;
+        if !scene.depth_targets.cells.is_empty() && !logits.is_empty() {
+            let own = self.mesh_init.occupied_cells(&logits);
+            let cells = &scene.depth_targets.cells;
             score.iou = Some([overlap(&own, cells), overlap(mean_shape, cells)]);
         }
         score
@@ -145,7 +145,7 @@ impl<B: Beginning> Refined<B> {
             let (object, scene) = data.trial(1, i * held / shown)?;
             let surface = data.mesh(object)?;
             let truth = surface.mesh.as_ref().expect("an object without a mesh is an error");
-            let frame = &scene.relief.frame;
+            let frame = &scene.depth_targets.frame;
             let (mesh, _) = self.mesh_of(&scene);
             let scores = distances(&mesh, &frame.mesh_placed(truth), frame.scale());
             let caption = format!("{}: Chamfer {:.3}", scene.picture.name, scores.chamfer);
@@ -157,7 +157,7 @@ impl<B: Beginning> Refined<B> {
     pub(super) fn shown(&self, data: &Scenes) -> Result<Shown, DataError> {
         let (_, scene) = data.trial(1, 0)?;
         let (mesh, _) = self.mesh_of(&scene);
-        let mesh = scene.relief.frame.mesh_in_world(mesh);
+        let mesh = scene.depth_targets.frame.mesh_in_world(mesh);
         Ok(Shown { views: self.gallery(data)?, scene: Some(scene_of(&mesh)) })
     }
 }
@@ -186,7 +186,7 @@ pub(super) fn depth_of(mesh: &TriMesh, scene: &Scene) -> Option<DepthError> {
     let data = scene.picture.mask.iter().map(|&m| f32::from(m) / 255.0).collect();
     let mask = Image { height: side, width: side, channels: 1, data };
     let found = map(rendered(mesh, &scene.picture));
-    let known = map(scene.relief.depth.clone());
+    let known = map(scene.depth_targets.depth.clone());
     depth_error(&found, &known, &mask, PENALTY)
 }
 

@@ -7,8 +7,8 @@ use mesh_core::primitives::icosphere;
 use ndarray::Array3;
 use nets::Init;
 
-use super::beginning::{Beginning, Begun};
 use super::config::{RefineConfig, SphereConfig};
+use super::mesh_init::{InitialMeshes, MeshInit};
 use super::packed::{Packed, Shape};
 use super::scenes::Scene;
 
@@ -30,7 +30,7 @@ impl Module<f32> for Sphere {
     fn visit_mut(&mut self, _: &str, _: &mut dyn VisitorMut<f32>) {}
 }
 
-impl Beginning for Sphere {
+impl MeshInit for Sphere {
     const NAME: &'static str = "depth-pixel2mesh";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
         ("tiny", include_str!("../../presets/depth-pixel2mesh/tiny.toml")),
@@ -96,15 +96,15 @@ impl Beginning for Sphere {
         Self { shapes, positions: ball.positions, radius, subdivide }
     }
 
-    fn begin<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> Begun<'t> {
+    fn init<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> InitialMeshes<'t> {
         let packed = Packed::new(vec![Arc::clone(&self.shapes[0]); scenes.len()]);
         let count = self.positions.len();
         let place = |(_, i, k): (usize, usize, usize)| {
-            let middle = if k == 2 { -scenes[i / count].relief.middle } else { 0.0 };
+            let middle = if k == 2 { -scenes[i / count].depth_targets.middle } else { 0.0 };
             self.radius * self.positions[i % count][k] + middle
         };
         let positions = Array3::from_shape_fn((1, count * scenes.len(), 3), place);
-        Begun { packed, positions: coarsest.tape().constant(positions), logits: None }
+        InitialMeshes { packed, positions: coarsest.tape().constant(positions), logits: None }
     }
 
     fn occupied_cells(&self, _: &[f32]) -> Vec<bool> {

@@ -4,7 +4,7 @@
 
 use autodiff_lite::{Param, Tape};
 use mesh_core::TriMesh;
-use train::{Configuration, Draw, Moment, System};
+use train::{Configuration, Draw, StepInfo, System};
 
 use super::*;
 use crate::paired::PairsConfig;
@@ -146,7 +146,7 @@ fn step<S: System<Sample = Scene, Data = Scenes>>(
     let draw = |i: u64| Draw { seed: 1, epoch: 0, index: i, item: i as usize };
     let batch: Vec<Scene> = (0..2).map(|i| system.draw(&scenes, &draw(i)).unwrap()).collect();
     let tape = Tape::train(0);
-    let terms = system.loss(&tape, &batch, Moment { step: 3, epoch: 0 }).unwrap().0;
+    let terms = system.loss(&tape, &batch, StepInfo { step: 3, epoch: 0 }).unwrap().0;
     let values = terms.iter().map(|term| (term.name, term.value.item())).collect();
     let total = terms.iter().map(|term| term.value.scale(term.weight as f32));
     let gradients = total.reduce(|a, b| a + b).unwrap().backward();
@@ -199,7 +199,7 @@ fn the_truth_scores_perfectly_and_a_grid_of_it_nearly() {
     let scenes = Scenes::synthetic(&refine(), 24).unwrap();
     let (object, scene) = scenes.trial(1, 0).unwrap();
     let surface = scenes.mesh(object).unwrap();
-    let truth = scene.relief.frame.mesh_placed(surface.mesh.as_ref().unwrap());
+    let truth = scene.depth_targets.frame.mesh_placed(surface.mesh.as_ref().unwrap());
     let found = score::distances(&truth, &truth, 1.0);
     assert_eq!((found.chamfer, found.f_scores[0], found.chamfer_p2m), (0.0, 1.0, 0.0));
     let depth = score::depth_of(&truth, &scene).unwrap();
@@ -210,16 +210,18 @@ fn the_truth_scores_perfectly_and_a_grid_of_it_nearly() {
     let other = score::color_error(&grey, &scene).unwrap();
     assert!(color < 0.2 && color < 0.7 * other, "{color} {other}");
     // The depth of the data is in front of the camera, and about where the middle is said to be.
-    let seen: Vec<f32> = scene.relief.depth.iter().copied().filter(|z| z.is_finite()).collect();
-    assert!(seen.len() > 60 && seen.iter().all(|z| (z - scene.relief.middle).abs() < 0.8));
+    let seen: Vec<f32> =
+        scene.depth_targets.depth.iter().copied().filter(|z| z.is_finite()).collect();
+    assert!(seen.len() > 60 && seen.iter().all(|z| (z - scene.depth_targets.middle).abs() < 0.8));
     // Moved by a tenth of a unit along the axis, depth says so.
     let moved = truth.clone().translated([0.0, 0.0, -0.1]);
     let depth = score::depth_of(&moved, &scene).unwrap();
     assert!((0.05..0.2).contains(&depth.mean), "{}", depth.mean);
 
     // The cells' own surface lies around the object.
-    let volume = scene.relief.volume(&scene.picture);
-    let values: Vec<f32> = scene.relief.cells.iter().map(|&o| f32::from(u8::from(o))).collect();
+    let volume = scene.depth_targets.volume(&scene.picture);
+    let values: Vec<f32> =
+        scene.depth_targets.cells.iter().map(|&o| f32::from(u8::from(o))).collect();
     let bounds = mesh_core::CameraVolume::CUBE;
     let grid = mesh_core::VoxelGrid::from_channels([24; 3], bounds, &values, 0.5);
     let cells: TriMesh = volume.to_world(mesh_core::cubify(&grid, mesh_core::EmptyGrid::Nothing));
@@ -265,21 +267,21 @@ fn depth_channels_are_of_their_kind() {
     let (none, real) = (of(DepthKind::None, false), of(DepthKind::True, false));
     let (guess, raw) = (of(DepthKind::Estimated, false), of(DepthKind::Estimated, true));
     assert_eq!(none.picture.image, guess.picture.image);
-    assert_eq!(none.relief.depth, guess.relief.depth);
-    assert!(none.relief.channel.is_empty());
+    assert_eq!(none.depth_targets.depth, guess.depth_targets.depth);
+    assert!(none.depth_targets.channel.is_empty());
     let object: Vec<bool> = none.picture.mask.iter().map(|&m| m > 127).collect();
     let outside = |scene: &Scene| -> f32 {
-        let pairs = scene.relief.channel.iter().zip(&object);
+        let pairs = scene.depth_targets.channel.iter().zip(&object);
         pairs.filter(|(_, o)| !**o).map(|(c, _)| *c).fold(0.0, f32::max)
     };
     assert_eq!(outside(&guess), 0.0);
     assert!(outside(&raw) > 0.1, "the floor is seen");
     // Nearer is larger in both: they rise together.
     let inside: Vec<usize> = (0..object.len())
-        .filter(|&p| real.relief.compared[p] && guess.relief.compared[p])
+        .filter(|&p| real.depth_targets.compared[p] && guess.depth_targets.compared[p])
         .collect();
     let mean = |x: &[f32]| inside.iter().map(|&p| x[p]).sum::<f32>() / inside.len() as f32;
-    let (a, b) = (&real.relief.channel, &guess.relief.channel);
+    let (a, b) = (&real.depth_targets.channel, &guess.depth_targets.channel);
     let (ma, mb) = (mean(a), mean(b));
     let cov: f32 = inside.iter().map(|&p| (a[p] - ma) * (b[p] - mb)).sum();
     assert!(inside.len() > 40 && cov > 0.0);
@@ -302,10 +304,11 @@ fn rendered_depth_is_compared_as_it_says() {
         let scenes = Scenes::synthetic(&config, 0).unwrap();
         let (object, mut scene) = scenes.trial(1, 0).unwrap();
         let surface = scenes.mesh(object).unwrap();
-        let truth = scene.relief.frame.mesh_placed(surface.mesh.as_ref().unwrap());
+        let truth = scene.depth_targets.frame.mesh_placed(surface.mesh.as_ref().unwrap());
         if nothing.is_some() {
-            let relief = Relief { compared: vec![false; 1024], ..(*scene.relief).clone() };
-            scene.relief = Arc::new(relief);
+            let depth_targets =
+                DepthTargets { compared: vec![false; 1024], ..(*scene.depth_targets).clone() };
+            scene.depth_targets = Arc::new(depth_targets);
         }
         let packed = Packed::new(vec![Arc::new(Shape::of(&truth))]);
         let tape = Tape::train(0);

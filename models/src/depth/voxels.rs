@@ -7,8 +7,8 @@ use mesh_core::{CameraVolume, EmptyGrid, VoxelGrid, cubify};
 use ndarray::Array3;
 use nets::{Init, VoxelHead};
 
-use super::beginning::{Beginning, Begun};
 use super::config::{RefineConfig, VoxelConfig};
+use super::mesh_init::{InitialMeshes, MeshInit};
 use super::packed::{Packed, Shape};
 use super::scenes::Scene;
 
@@ -24,7 +24,7 @@ pub struct Voxels {
 }
 impl_module!(Voxels: f32 { head } fixed { threshold });
 
-impl Beginning for Voxels {
+impl MeshInit for Voxels {
     const NAME: &'static str = "mesh-rcnn";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
         ("tiny", include_str!("../../presets/mesh-rcnn/tiny.toml")),
@@ -103,7 +103,7 @@ impl Beginning for Voxels {
         Self { head, threshold: config.threshold as f32 }
     }
 
-    fn begin<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> Begun<'t> {
+    fn init<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> InitialMeshes<'t> {
         let tape = coarsest.tape();
         let logits = tape.scope("voxels", || self.head.forward(coarsest));
         let (value, cells) = (logits.value(), self.head.cells());
@@ -114,14 +114,14 @@ impl Beginning for Voxels {
                 self.occupied_cells(logits).into_iter().map(|o| f32::from(u8::from(o))).collect();
             let grid = VoxelGrid::from_channels([cells; 3], CameraVolume::CUBE, &occupied, 0.5);
             let surface = cubify(&grid, EmptyGrid::CentralBlock);
-            let mesh = scene.relief.volume(&scene.picture).to_world(surface);
+            let mesh = scene.depth_targets.volume(&scene.picture).to_world(surface);
             shapes.push(Arc::new(Shape::of(&mesh)));
             rows.extend_from_slice(mesh.positions.as_flattened());
         }
         let packed = Packed::new(shapes);
         let positions = Array3::from_shape_vec((1, packed.vertices(), 3), rows);
         let positions = tape.constant(positions.expect("three coordinates a vertex"));
-        Begun { packed, positions, logits: Some(logits) }
+        InitialMeshes { packed, positions, logits: Some(logits) }
     }
 
     fn occupied_cells(&self, logits: &[f32]) -> Vec<bool> {

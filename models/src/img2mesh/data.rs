@@ -15,7 +15,7 @@ use train::{DataError, Fingerprint};
 
 use super::config::Img2MeshConfig;
 use super::prepared::Prepared;
-use crate::shelf::Shelf;
+use crate::view_cache::ViewCache;
 
 /// Objects whose views say where the frame of many lies.
 const FRAME_OBJECTS: usize = 8;
@@ -42,7 +42,7 @@ pub struct Data {
 #[derive(Debug)]
 enum Objects {
     One(Vec<Arc<Prepared>>),
-    Many(Shelf<Prepared>),
+    Many(ViewCache<Prepared>),
 }
 
 /// A group of views that is scored.
@@ -90,19 +90,19 @@ impl Data {
         options: ReadOptions,
         config: &Img2MeshConfig,
     ) -> Result<Self, DataError> {
-        let shelf = Shelf::new(dataset, options);
-        let [train, held] = shelf.split(config.hold_out)?;
-        let hash = shelf.fingerprint();
+        let cache = ViewCache::new(dataset, options);
+        let [train, held] = cache.split(config.hold_out)?;
+        let hash = cache.fingerprint();
         // What is in the files is told by a few objects, which have to be read for the frame.
         let objects = train
             .iter()
             .take(FRAME_OBJECTS)
-            .map(|&i| shelf.whole(i))
+            .map(|&i| cache.whole(i))
             .collect::<Result<Vec<Views>, DataError>>()?;
         let hash = objects.iter().fold(hash, |hash, object| hashed(hash, &object.views));
         let views: Vec<Vec<&View>> = objects.iter().map(|o| o.views.iter().collect()).collect();
         let frame = frame_of(&views);
-        Ok(Self { frame, objects: Objects::Many(shelf), train, held, hash: hash.value() })
+        Ok(Self { frame, objects: Objects::Many(cache), train, held, hash: hash.value() })
     }
 
     /// Procedural objects of the configuration's families, or of the one clock if it asks for none.
@@ -165,8 +165,8 @@ impl Data {
         let group = config.views + config.extra_views;
         let least = match &self.objects {
             Objects::One(_) => self.train.len(),
-            Objects::Many(shelf) => {
-                self.train.iter().map(|&object| shelf.count(object)).min().unwrap_or_default()
+            Objects::Many(cache) => {
+                self.train.iter().map(|&object| cache.count(object)).min().unwrap_or_default()
             }
         };
         if least < group {
@@ -208,12 +208,12 @@ impl Data {
                 let (chosen, _) = choice.partial_shuffle(rng, group);
                 Ok(Sample { views: chosen.iter().map(|&i| Arc::clone(&views[i])).collect() })
             }
-            Objects::Many(shelf) => {
+            Objects::Many(cache) => {
                 let object = self.train[item];
-                let mut choice: Vec<usize> = (0..shelf.count(object)).collect();
+                let mut choice: Vec<usize> = (0..cache.count(object)).collect();
                 let (chosen, _) = choice.partial_shuffle(rng, group);
                 Ok(Sample {
-                    views: shelf.views(object, chosen, &|view| Prepared::new(view, config))?,
+                    views: cache.views(object, chosen, &|view| Prepared::new(view, config))?,
                 })
             }
         }
@@ -243,16 +243,16 @@ impl Data {
                 order.rotate_left(first);
                 (order.iter().map(|&i| Arc::clone(&all[i])).collect::<Vec<_>>(), None)
             }
-            Objects::Many(shelf) => {
+            Objects::Many(cache) => {
                 let object = self.held[k % self.held.len()];
-                let mut order: Vec<usize> = (0..shelf.count(object)).collect();
+                let mut order: Vec<usize> = (0..cache.count(object)).collect();
                 let mut rng = ChaCha8Rng::seed_from_u64(object as u64);
                 rng.set_stream((k / self.held.len()) as u64);
                 order.shuffle(&mut rng);
                 let last = views.max(order.len().saturating_sub(MOST_SCORED));
                 order.drain(views.min(order.len())..last.min(order.len()));
-                let views = shelf.views(object, &order, &|view| Prepared::new(view, config))?;
-                (views, shelf.truth(object)?.mesh)
+                let views = cache.views(object, &order, &|view| Prepared::new(view, config))?;
+                (views, cache.truth(object)?.mesh)
             }
         };
         let (given, others) = all.split_at(views.min(all.len()));

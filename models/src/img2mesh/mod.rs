@@ -39,7 +39,8 @@ use mesh_core::TriMesh;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use train::{
-    DataError, Draw, LossError, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
+    DataError, Draw, LossError, Metric, OptimizerState, Shown, Source, StepInfo, Summary, System,
+    Terms,
 };
 
 use crate::stacked::stacked;
@@ -47,7 +48,7 @@ use encoder::Encoder;
 use feature_cache::FeatureCache;
 use model::{Meshes, Model};
 use prepared::Prepared;
-use render::Stage;
+use render::Renderer;
 
 pub use config::{AttentionKind, EncoderKind, Img2MeshConfig, SilhouetteKind};
 pub use data::{Data, Sample};
@@ -58,7 +59,7 @@ pub struct Img2Mesh {
     config: Img2MeshConfig,
     seed: u64,
     model: Model,
-    stage: Stage,
+    renderer: Renderer,
     features: FeatureCache,
 }
 
@@ -111,7 +112,7 @@ impl Img2Mesh {
     }
 
     /// How many views are given at a step.
-    fn given(&self, at: Moment) -> usize {
+    fn given(&self, at: StepInfo) -> usize {
         if !self.config.vary_views {
             return self.config.views;
         }
@@ -158,11 +159,11 @@ impl System for Img2Mesh {
 
     fn new(config: &Img2MeshConfig, seed: u64) -> Self {
         let (model, template) = Model::new(config, seed);
-        let stage = Stage::new(&template, config);
-        Self { config: config.clone(), seed, model, stage, features: FeatureCache::default() }
+        let renderer = Renderer::new(&template, config);
+        Self { config: config.clone(), seed, model, renderer, features: FeatureCache::default() }
     }
 
-    fn adopt(&mut self, data: &Data) -> Result<(), DataError> {
+    fn init_from_data(&mut self, data: &Data) -> Result<(), DataError> {
         let frame = data.frame(&self.config)?.map(|x| x as f32);
         self.model.frame.as_slice_mut().copy_from_slice(&frame);
         if !self.config.weights.is_empty() {
@@ -172,7 +173,7 @@ impl System for Img2Mesh {
         Ok(())
     }
 
-    fn begin_epoch(&mut self, epoch: u64, _: &mut Moments<'_>) {
+    fn begin_epoch(&mut self, epoch: u64, _: &mut OptimizerState<'_>) {
         self.activate_levels(epoch);
     }
 
@@ -211,7 +212,7 @@ impl System for Img2Mesh {
         &self,
         tape: &'t Tape,
         batch: &[Sample],
-        at: Moment,
+        at: StepInfo,
     ) -> Result<Terms<'t>, LossError> {
         let (n, c) = (batch.len(), &self.config);
         let k = self.given(at);
@@ -222,11 +223,11 @@ impl System for Img2Mesh {
         let (m, side) = (targets().count(), c.render_size);
         let all: Vec<&Prepared> = targets().map(AsRef::as_ref).collect();
         let matrices = self.cameras(tape, &all, &[m, 3, 4]);
-        let rendered = self.stage.render(meshes.positions, meshes.colors, matrices);
+        let rendered = self.renderer.render(meshes.positions, meshes.colors, matrices);
         let image = stacked(tape, targets().map(|view| &view.target[..]), &[m, side, side, 3]);
         let mask = stacked(tape, targets().map(|view| &view.mask[..]), &[m, side, side]);
-        let topology = &self.stage.topology;
-        let flat = losses::face_angle(meshes.raw, &self.stage.corners, &topology.edge_faces);
+        let topology = &self.renderer.topology;
+        let flat = losses::face_angle(meshes.raw, &self.renderer.corners, &topology.edge_faces);
         Ok(Terms::new()
             .with("image", c.image_weight, losses::l1(rendered.image, image, None))
             .with("mask", c.mask_weight, losses::mask_iou(rendered.silhouette, mask))

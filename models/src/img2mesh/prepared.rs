@@ -6,7 +6,7 @@ use recon::evaluate::masked;
 use train::{DataError, Fingerprint};
 
 use super::config::Img2MeshConfig;
-use crate::shelf::Stored;
+use crate::view_cache::Stored;
 
 /// One view, resized for encoder and losses, in bytes: thousands stay in memory.
 #[derive(Debug)]

@@ -14,7 +14,7 @@ use super::config::{Img2MeshConfig, SilhouetteKind};
 
 /// What never changes between renderings, and the memory of those before.
 #[derive(Debug)]
-pub(super) struct Stage {
+pub(super) struct Renderer {
     pub(super) faces: Arc<Faces>,
     pub(super) topology: Topology,
     pub(super) corners: Vec<[u32; 3]>,
@@ -34,7 +34,7 @@ pub(super) struct Rendered<'t> {
     pub(super) fragments: Arc<Fragments<f32>>,
 }
 
-impl Stage {
+impl Renderer {
     pub(super) fn new(template: &TriMesh, config: &Img2MeshConfig) -> Self {
         let faces = Faces::of(template).expect("an icosphere's faces name its vertices");
         let size = config.render_size;

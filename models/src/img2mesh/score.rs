@@ -81,7 +81,7 @@ impl Img2Mesh {
         // On the tape of the meshes, whose lifetime is that of this call.
         let positions = tape.constant(meshes.positions.value());
         let colors = tape.constant(meshes.colors.value());
-        let rendered = self.stage.render(positions, colors, matrices);
+        let rendered = self.renderer.render(positions, colors, matrices);
         (rendered.image.value().iter().copied().collect(), rendered.fragments.mask())
     }
 
@@ -144,7 +144,7 @@ impl Img2Mesh {
         let positions = rows(positions.as_slice().unwrap_or_default());
         let place = |p: [f32; 3]| std::array::from_fn(|k| frame[k] + frame[3] * p[k]);
         let mut mesh =
-            TriMesh::new(positions.into_iter().map(place).collect(), self.stage.corners.clone());
+            TriMesh::new(positions.into_iter().map(place).collect(), self.renderer.corners.clone());
         mesh.colors = Some(rows(colors.as_slice().unwrap_or_default()));
         mesh
     }

@@ -86,7 +86,7 @@ fn every_parameter_gets_a_gradient() {
         };
         let data = Data::one(&ellipsoid([1.0, 0.6, 0.8], 8, 24), &config).unwrap();
         let mut system = Img2Mesh::new(&config, 1);
-        system.adopt(&data).unwrap();
+        system.init_from_data(&data).unwrap();
         let batch: Vec<Sample> = (0..2)
             .map(|item| {
                 let draw = Draw { seed: 0, epoch: 0, index: item as u64, item };
@@ -94,7 +94,7 @@ fn every_parameter_gets_a_gradient() {
             })
             .collect();
         let tape = Tape::train(0);
-        let terms = system.loss(&tape, &batch, Moment { step: 0, epoch: 0 }).unwrap();
+        let terms = system.loss(&tape, &batch, StepInfo { step: 0, epoch: 0 }).unwrap();
         let total = terms.0.iter().map(|t| t.value.scale(t.weight as f32)).reduce(|a, b| a + b);
         let gradients = total.unwrap().backward();
         system.visit("", &mut |path: &str, param: &Param| {
@@ -118,7 +118,7 @@ fn a_tiny_training_finds_the_shape() {
     (config.train.learning_rate, config.train.evaluate_every) = (2e-3, 0);
     let data = Data::one(&ellipsoid([1.2, 0.5, 0.8], 40, 32), &config.system).unwrap();
     let mut fresh = Img2Mesh::new(&config.system, 0);
-    fresh.adopt(&data).unwrap();
+    fresh.init_from_data(&data).unwrap();
     let before = fresh.evaluate(&data).unwrap();
     let run = RunFolder::create(&place.path().join("run"), false).unwrap();
     let provenance = Provenance::default();
@@ -210,7 +210,7 @@ fn many_objects_are_split_by_their_layout_or_by_us() {
     let greedy = Img2MeshConfig { views: 9, ..config.clone() };
     // Nothing can be learned with so many, but what was learned can be scored.
     let few = Data::many(entries(|_| None), ReadOptions::default(), &greedy).unwrap();
-    let error = Img2Mesh::new(&greedy, 0).adopt(&few).unwrap_err().to_string();
+    let error = Img2Mesh::new(&greedy, 0).init_from_data(&few).unwrap_err().to_string();
     assert!(error.contains("5 views") && error.contains('9'), "{error}");
     assert!(system.evaluate_with(&few, 9).is_ok());
 }
@@ -219,7 +219,7 @@ fn many_objects_are_split_by_their_layout_or_by_us() {
 #[test]
 fn the_number_of_views_varies_from_step_to_step() {
     let system = Img2Mesh::new(&Img2MeshConfig { views: 3, vary_views: true, ..tiny() }, 4);
-    let given = |step: u64| system.given(Moment { step, epoch: 0 });
+    let given = |step: u64| system.given(StepInfo { step, epoch: 0 });
     let counts: Vec<usize> = (0..200).map(given).collect();
     assert_eq!(counts, (0..200).map(given).collect::<Vec<_>>());
     for k in 1..=3 {
@@ -274,7 +274,7 @@ fn pretrained_weights_are_loaded_and_frozen_ones_stay() {
     let [a, b] = [&trained, &loaded].map(|system| system.predict(&views).unwrap().positions);
     assert_eq!(a, b);
     let mut fresh = Img2Mesh::new(&config.system, 0);
-    let error = fresh.adopt(&data).unwrap_err().to_string();
+    let error = fresh.init_from_data(&data).unwrap_err().to_string();
     assert!(error.contains("vgg16.safetensors"), "{error}");
 }
 
@@ -287,7 +287,7 @@ fn kept_features_change_nothing() {
     let data = Data::one(&views, &Img2MeshConfig { hold_out: 0, ..config.clone() }).unwrap();
     let [run, kept] = [config, frozen].map(|config| {
         let mut system = Img2Mesh::new(&config, 3);
-        system.adopt(&data).unwrap();
+        system.init_from_data(&data).unwrap();
         // Twice: the second time from what was kept.
         let meshes = [(); 2].map(|()| system.predict(&views.views[..1]).unwrap().positions);
         assert_eq!(meshes[0], meshes[1]);

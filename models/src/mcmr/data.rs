@@ -9,9 +9,9 @@ use synth::{Collection, Orbit, Placement, Procedural, families_named};
 use train::{DataError, Source};
 
 use super::config::McmrConfig;
-use super::judge::Judge;
+use super::perceptual::PerceptualMetrics;
 use super::photo::{Photo, Rough, Sample};
-use crate::shelf::Shelf;
+use crate::view_cache::ViewCache;
 
 /// Photographs whose content is told by the fingerprint.
 const HASHED: usize = 8;
@@ -19,7 +19,7 @@ const HASHED: usize = 8;
 /// A collection, parted into what is trained on and what is scored.
 #[derive(Debug)]
 pub struct Data {
-    shelf: Shelf<Photo>,
+    cache: ViewCache<Photo>,
     rough: Vec<Rough>,
     truths: Vec<OnceLock<Option<Arc<TriMesh>>>>,
     train: Vec<usize>,
@@ -27,7 +27,7 @@ pub struct Data {
     /// Category of each object, as a number.
     kinds: Vec<usize>,
     categories: Vec<String>,
-    judge: Arc<Judge>,
+    perceptual: Arc<PerceptualMetrics>,
     hash: u64,
 }
 
@@ -105,12 +105,12 @@ impl Data {
             }
         }
         let truths = kinds.iter().map(|_| OnceLock::new()).collect();
-        let judge = Arc::new(Judge::open(config)?);
-        let shelf = Shelf::new(dataset, options);
-        let [train, held] = shelf.split(config.hold_out)?;
-        let fingerprint = shelf.fingerprint();
+        let perceptual = Arc::new(PerceptualMetrics::open(config)?);
+        let cache = ViewCache::new(dataset, options);
+        let [train, held] = cache.split(config.hold_out)?;
+        let fingerprint = cache.fingerprint();
         let mut data =
-            Self { shelf, rough, truths, train, held, kinds, categories, judge, hash: 0 };
+            Self { cache, rough, truths, train, held, kinds, categories, perceptual, hash: 0 };
         let first = data.train.iter().take(HASHED);
         let hash = first.map(|&object| Ok(data.photo(object)?.plain(config))).try_fold(
             fingerprint,
@@ -147,8 +147,8 @@ impl Data {
     }
 
     /// Networks that compare pictures.
-    pub(super) fn judge(&self) -> &Arc<Judge> {
-        &self.judge
+    pub(super) fn perceptual(&self) -> &Arc<PerceptualMetrics> {
+        &self.perceptual
     }
 
     pub(super) fn fingerprint(&self) -> u64 {
@@ -159,7 +159,7 @@ impl Data {
     pub(super) fn photo(&self, object: usize) -> Result<Arc<Photo>, DataError> {
         let rough = &self.rough[object];
         let prepare = |view: &datasets::View| Photo::new(view, rough, object);
-        Ok(self.shelf.views(object, &[0], &prepare)?.swap_remove(0))
+        Ok(self.cache.views(object, &[0], &prepare)?.swap_remove(0))
     }
 
     /// The true surface of an object in the world of its camera, where the data knows it.
@@ -168,7 +168,7 @@ impl Data {
         if let Some(truth) = place.get() {
             return Ok(truth.clone());
         }
-        let truth = self.shelf.truth(object)?.mesh.filter(|mesh| !mesh.faces.is_empty());
+        let truth = self.cache.truth(object)?.mesh.filter(|mesh| !mesh.faces.is_empty());
         Ok(place.get_or_init(|| truth.map(Arc::new)).clone())
     }
 }

@@ -32,8 +32,8 @@
 mod config;
 mod data;
 mod gallery;
-mod judge;
 mod model;
+mod perceptual;
 mod photo;
 mod pose;
 mod prediction;
@@ -52,18 +52,19 @@ use datasets::View;
 use mesh_core::cotangent_laplacian;
 use nets::LoadWeights;
 use train::{
-    DataError, Draw, LossError, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
+    DataError, Draw, LossError, Metric, OptimizerState, Shown, Source, StepInfo, Summary, System,
+    Terms,
 };
 
 use crate::stacked::stacked;
 use model::{Model, Predicted};
 use photo::lens_of;
-use render::{Rendered, Stage};
+use render::{Rendered, Renderer};
 use shapes::{Split, Template};
 
 pub use config::{McmrConfig, RendererKind, RotationLoss};
 pub use data::Data;
-pub use judge::Judge;
+pub use perceptual::PerceptualMetrics;
 pub use photo::{Photo, Sample};
 pub use pose::{CommonLens, Pose};
 pub use prediction::McmrPrediction;
@@ -80,7 +81,7 @@ pub struct Mcmr {
     config: McmrConfig,
     model: Model,
     template: Template,
-    stage: Stage,
+    renderer: Renderer,
 }
 
 impl Module<f32> for Mcmr {
@@ -111,14 +112,14 @@ impl Mcmr {
         let lens = lens_of(&self.config);
         let rows: Vec<[f32; 12]> = poses.iter().map(|pose| pose.projection(lens)).collect();
         let matrices = stacked(tape, rows.iter().map(|row| &row[..]), &[poses.len(), 3, 4]);
-        self.stage.render(tape, predicted.positions, predicted.texture, matrices)
+        self.renderer.render(tape, predicted.positions, predicted.texture, matrices)
     }
 
     /// Each face in four.
     fn refine(&mut self) -> Split {
         let (template, split) = self.template.subdivided();
         self.model.shapes = split.shapes(&self.model.shapes);
-        self.stage = Stage::new(&template, &self.config);
+        self.renderer = Renderer::new(&template, &self.config);
         self.template = template;
         split
     }
@@ -175,7 +176,7 @@ impl System for Mcmr {
 
     type Config = McmrConfig;
     type Data = Data;
-    type Sample = (Sample, Arc<Judge>);
+    type Sample = (Sample, Arc<PerceptualMetrics>);
     type Input = [View];
     type Prediction = McmrPrediction;
 
@@ -186,11 +187,11 @@ impl System for Mcmr {
     fn new(config: &McmrConfig, seed: u64) -> Self {
         let template = Template::new(config.level);
         let model = Model::new(config, seed, &template);
-        let stage = Stage::new(&template, config);
-        Self { config: config.clone(), model, template, stage }
+        let renderer = Renderer::new(&template, config);
+        Self { config: config.clone(), model, template, renderer }
     }
 
-    fn adopt(&mut self, _: &Data) -> Result<(), DataError> {
+    fn init_from_data(&mut self, _: &Data) -> Result<(), DataError> {
         if self.config.weights.is_empty() {
             return Ok(());
         }
@@ -212,21 +213,21 @@ impl System for Mcmr {
 
     fn draw(&self, data: &Data, draw: &Draw) -> Result<Self::Sample, DataError> {
         let photo = data.photo(data.trained()[draw.item])?;
-        Ok((photo.random(&self.config, &mut draw.rng()), Arc::clone(data.judge())))
+        Ok((photo.random(&self.config, &mut draw.rng()), Arc::clone(data.perceptual())))
     }
 
     fn name_of((sample, _): &Self::Sample) -> String {
         sample.name.clone()
     }
 
-    fn begin_epoch(&mut self, epoch: u64, moments: &mut Moments<'_>) {
+    fn begin_epoch(&mut self, epoch: u64, state: &mut OptimizerState<'_>) {
         if self.config.subdivide_at > 0 && epoch == self.config.subdivide_at {
             let split = self.refine();
             if self.config.keep_moments {
-                moments.carry(shapes::PATH, |moment| split.finer(moment));
+                state.carry(shapes::PATH, |moment| split.finer(moment));
             } else {
                 // As the published code, which makes its optimiser anew.
-                moments.forget("");
+                state.forget("");
             }
         }
     }
@@ -235,7 +236,7 @@ impl System for Mcmr {
         &self,
         tape: &'t Tape,
         batch: &[Self::Sample],
-        _: Moment,
+        _: StepInfo,
     ) -> Result<Terms<'t>, LossError> {
         let (c, n, side) = (&self.config, batch.len(), self.config.image_size);
         let samples: Vec<&Sample> = batch.iter().map(|(sample, _)| sample).collect();

@@ -9,7 +9,7 @@ use train::DataError;
 
 use super::config::McmrConfig;
 use super::pose::{CommonLens, Pose};
-use crate::shelf::Stored;
+use crate::view_cache::Stored;
 
 /// A photograph as it was read.
 #[derive(Debug)]

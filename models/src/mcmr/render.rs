@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use autodiff_lite::{Tape, Var};
 use diff_raster::{
     Faces, Fragments, Paint, Settings, SoftRas, SoftRasSettings, antialiased_silhouette,
-    interpolate, rasterize_into, soft_silhouette, softras, sphere_texture, texel_middles,
+    interpolate, rasterize_into, soft_silhouette, softras, sphere_texture, texel_centers,
 };
 use ndarray::{Array2, Array3, Ix3};
 
@@ -17,7 +17,7 @@ const TEXELS: usize = 6;
 
 /// A renderer for the meshes of one template.
 #[derive(Debug)]
-pub(super) struct Stage {
+pub(super) struct Renderer {
     faces: Arc<Faces>,
     settings: Settings,
     exact: f64,
@@ -39,7 +39,7 @@ pub(super) struct Rendered<'t> {
     pub(super) mask: Vec<f32>,
 }
 
-impl Stage {
+impl Renderer {
     pub(super) fn new(template: &Template, config: &McmrConfig) -> Self {
         let faces = Faces::new(template.sphere.len(), &template.corners);
         let faces = Arc::new(faces.expect("a template's faces name its vertices"));
@@ -121,7 +121,7 @@ impl Stage {
 
 /// Where the texels of each face lie on the sphere: `[F, 36, 3]`.
 fn directions(template: &Template) -> Array3<f32> {
-    let middles = texel_middles(TEXELS);
+    let middles = texel_centers(TEXELS);
     Array3::from_shape_fn((template.corners.len(), middles.len(), 3), |(face, texel, k)| {
         let at = |c: usize| template.sphere[template.corners[face][c] as usize][k];
         (0..3).map(|c| middles[texel][c] as f32 * at(c)).sum()

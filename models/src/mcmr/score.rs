@@ -179,7 +179,7 @@ impl Mcmr {
         let silhouettes = [0, 1].map(|k| drawn[k].silhouette.value());
         let images = drawn[1].image.value();
         let masks = drawn.map(|rendered| rendered.mask);
-        let judge = |i: usize| {
+        let perceptual = |i: usize| {
             let sample = &samples[i];
             let object = data.held()[first + i];
             let plane = |data: Vec<f32>, channels: usize| Image {
@@ -216,11 +216,11 @@ impl Mcmr {
             (scored, [image, target])
         };
         let all: Vec<(ScoredObject, [Image; 2])> =
-            (0..samples.len()).into_par_iter().map(judge).collect();
+            (0..samples.len()).into_par_iter().map(perceptual).collect();
         let features = [0, 1].map(|which| {
             let images = all.iter().map(|(_, images)| &images[which].data[..]);
             let images = crate::stacked::stacked(tape, images, &[all.len(), side, side, 3]);
-            data.judge().features(tape, images)
+            data.perceptual().features(tape, images)
         });
         all.into_iter()
             .enumerate()

@@ -4,7 +4,7 @@ use train::Summary;
 
 use super::config::McmrConfig;
 
-/// Numbers that are trained, those that are not, and the shapes between the parts.
+/// Trainable parameter count, those that are not, and the shapes between the parts.
 pub(super) fn summary(config: &McmrConfig) -> Summary {
     let linear = |inputs: usize, outputs: usize| outputs * (inputs + 1);
     let normed = |inputs: usize, outputs: usize| linear(inputs, outputs) + 2 * outputs;

@@ -29,12 +29,12 @@ fn samples(config: &McmrConfig, data: &Data) -> Vec<<Mcmr as System>::Sample> {
     data.trained()
         .iter()
         .map(|&object| {
-            (data.photo(object).unwrap().random(config, &mut rng), Arc::clone(data.judge()))
+            (data.photo(object).unwrap().random(config, &mut rng), Arc::clone(data.perceptual()))
         })
         .collect()
 }
 
-const AT: Moment = Moment { step: 0, epoch: 0 };
+const AT: StepInfo = StepInfo { step: 0, epoch: 0 };
 
 #[test]
 fn presets_are_in_range_and_parameters_are_counted() {

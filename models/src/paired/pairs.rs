@@ -13,7 +13,7 @@ use train::{DataError, Source};
 use super::config::PairsConfig;
 use super::paint::colors_of;
 use super::picture::Picture;
-use crate::shelf::Shelf;
+use crate::view_cache::ViewCache;
 
 /// Points that are taken from the surface of an object once; each step takes some of them.
 const POOL: usize = 10_000;
@@ -23,7 +23,7 @@ const HASHED: usize = 8;
 /// A dataset, parted into what is trained on and what is scored.
 #[derive(Debug)]
 pub struct Pairs {
-    shelf: Shelf<Picture>,
+    cache: ViewCache<Picture>,
     surfaces: Vec<OnceLock<Arc<Surface>>>,
     train: Vec<usize>,
     held: Vec<usize>,
@@ -104,12 +104,12 @@ impl Pairs {
         options: ReadOptions,
         config: &PairsConfig,
     ) -> Result<Self, DataError> {
-        let shelf = Shelf::new(dataset, options);
-        let [train, held] = shelf.split(config.hold_out)?;
-        let mut hash = shelf.fingerprint();
-        let surfaces = shelf.entries().iter().map(|_| OnceLock::new()).collect();
+        let cache = ViewCache::new(dataset, options);
+        let [train, held] = cache.split(config.hold_out)?;
+        let mut hash = cache.fingerprint();
+        let surfaces = cache.entries().iter().map(|_| OnceLock::new()).collect();
         let (side, scale) = (config.image_size, config.scale);
-        let mut pairs = Self { shelf, surfaces, train, held, side, scale, hash: 0 };
+        let mut pairs = Self { cache, surfaces, train, held, side, scale, hash: 0 };
         for &object in pairs.train.iter().take(HASHED) {
             let pair = pairs.pair(object, 0)?;
             let points = pair.truth.positions.as_flattened().iter().flat_map(|x| x.to_le_bytes());
@@ -131,13 +131,13 @@ impl Pairs {
 
     /// What an object is called: category and name.
     pub fn name(&self, object: usize) -> [&str; 2] {
-        let entry = &self.shelf.entries()[object];
+        let entry = &self.cache.entries()[object];
         [&entry.category, &entry.name]
     }
 
     /// Views of an object.
     pub fn views(&self, object: usize) -> usize {
-        self.shelf.count(object)
+        self.cache.count(object)
     }
 
     /// See [`Fingerprint`](train::Fingerprint).
@@ -195,7 +195,7 @@ impl Pairs {
     /// If a file cannot be read.
     pub fn picture(&self, object: usize, view: usize) -> Result<Arc<Picture>, DataError> {
         let prepare = |view: &datasets::View| Picture::new(view, self.side, self.scale);
-        let mut found = self.shelf.views(object, &[view], &prepare)?;
+        let mut found = self.cache.views(object, &[view], &prepare)?;
         Ok(found.swap_remove(0))
     }
 
@@ -208,7 +208,7 @@ impl Pairs {
         if let Some(surface) = place.get() {
             return Ok(Arc::clone(surface));
         }
-        let truth = self.shelf.truth(object)?;
+        let truth = self.cache.truth(object)?;
         let (points, colors) = match (&truth.mesh, truth.points) {
             (_, Some(points)) if !points.positions.is_empty() => (points, Vec::new()),
             (Some(mesh), _) if !mesh.faces.is_empty() => {

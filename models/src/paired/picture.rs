@@ -5,7 +5,7 @@ use mesh_core::nalgebra::{Matrix3, Vector3};
 use mesh_core::{ByteImage, Camera, DepthMap, TriMesh};
 use train::DataError;
 
-use crate::shelf::Stored;
+use crate::view_cache::Stored;
 
 /// A picture of `[S, S, 3]`, white outside of the object, with what its camera says.
 #[derive(Clone, Debug)]

@@ -149,16 +149,16 @@ pub struct OdeConfig {
     pub layers: usize,
     /// Columns of the field's state beside positions, 0 to 256: what a vertex remembers of its way. Default 0, as
     /// published.
-    pub memory: usize,
+    pub augment_dim: usize,
     /// Columns in which the time is repeated, 0 to 4096. Default 196, as published; 1 says the same.
     pub time: usize,
     /// Columns that a stacked field reads features through, 1 to 4096. Default 24.
-    pub reading: usize,
+    pub feature_dim: usize,
     /// Parts of the time for which a stacked field has weights of their own, 1 to 64. Default 8.
-    pub pieces: usize,
+    pub segments: usize,
     /// What the sums of a stacked field are multiplied by to be velocities, above 0 to 1000. Default 8: with as many steps
     /// a change of the weights moves vertices as far as in residual blocks.
-    pub speed: f64,
+    pub output_scale: f64,
     /// What the first velocities are multiplied by, more than 0. Default 0.1: of the published size they would crumple
     /// the ellipsoid before the first step.
     pub first_velocity: f64,
@@ -186,11 +186,11 @@ impl Default for OdeConfig {
             deformation: DeformationKind::Ode,
             blocks: 8,
             layers: 2,
-            memory: 0,
+            augment_dim: 0,
             time: 196,
-            reading: 24,
-            pieces: 8,
-            speed: 8.0,
+            feature_dim: 24,
+            segments: 8,
+            output_scale: 8.0,
             first_velocity: 0.1,
             method: Method::Euler,
             start: Schedule::DEEP.start,
@@ -213,7 +213,7 @@ impl OdeConfig {
             features: shared.features(),
             time: if ode { self.time } else { 0 },
             hidden: shared.hidden,
-            memory: if residual { 0 } else { self.memory },
+            augment_dim: if residual { 0 } else { self.augment_dim },
             layers: if ode { self.layers } else { 2 },
             activation: shared.activation.into(),
             sampling: shared.sampling.into(),
@@ -224,11 +224,11 @@ impl OdeConfig {
     pub fn stacked(&self) -> StackedConfig {
         StackedConfig {
             features: self.shared.features(),
-            reading: self.reading,
-            pieces: self.pieces,
+            feature_dim: self.feature_dim,
+            segments: self.segments,
             hidden: self.shared.hidden,
-            memory: self.memory,
-            speed: self.speed,
+            augment_dim: self.augment_dim,
+            output_scale: self.output_scale,
             activation: self.shared.activation.into(),
             sampling: self.shared.sampling.into(),
         }
@@ -277,16 +277,23 @@ impl OdeConfig {
         };
         require((1..=64).contains(&self.blocks), "blocks", self.blocks.to_string(), "1 to 64");
         require((2..=8).contains(&self.layers), "layers", self.layers.to_string(), "2 to 8");
-        require(self.memory <= 256, "memory", self.memory.to_string(), "0 to 256");
+        require(self.augment_dim <= 256, "augment-dim", self.augment_dim.to_string(), "0 to 256");
         require(self.time <= 4096, "time", self.time.to_string(), "0 to 4096");
         require(
-            (1..=4096).contains(&self.reading),
-            "reading",
-            self.reading.to_string(),
+            (1..=4096).contains(&self.feature_dim),
+            "feature-dim",
+            self.feature_dim.to_string(),
             "1 to 4096",
         );
-        require((1..=64).contains(&self.pieces), "pieces", self.pieces.to_string(), "1 to 64");
-        for (factor, field) in [(self.first_velocity, "first-velocity"), (self.speed, "speed")] {
+        require(
+            (1..=64).contains(&self.segments),
+            "segments",
+            self.segments.to_string(),
+            "1 to 64",
+        );
+        for (factor, field) in
+            [(self.first_velocity, "first-velocity"), (self.output_scale, "output-scale")]
+        {
             let sound = factor > 0.0 && factor <= 1e3;
             require(sound, field, factor.to_string(), "above 0 to 1000");
         }

@@ -73,10 +73,10 @@ impl Continuous {
     /// Positions, and beside them a memory in which nothing is yet.
     fn remembering<'t>(&self, before: Var<'t>) -> Var<'t> {
         let [n, v, _] = before.dims();
-        if self.config.memory == 0 {
+        if self.config.augment_dim == 0 {
             return before;
         }
-        let nothing = Array3::zeros((n, v, self.config.memory));
+        let nothing = Array3::zeros((n, v, self.config.augment_dim));
         before.tape().concat(&[before, before.tape().constant(nothing)], 2)
     }
 
@@ -89,7 +89,7 @@ impl Continuous {
                 let problem = self.config.test_problem();
                 let [first, last] = problem.span;
                 let time = |i: usize| first + (last - first) * i as f64 / (frames - 1) as f64;
-                problem.asking((0..frames).map(time))
+                problem.save_at((0..frames).map(time))
             }
         }
     }
@@ -144,8 +144,8 @@ impl Deformer for Continuous {
                 ("field, integrated".to_owned(), inputs, field.layers)
             }
             DeformationKind::Stacked => {
-                let what = format!("stacked field of {} parts, integrated", config.pieces);
-                (what, field.state() + config.reading, 2)
+                let what = format!("stacked field of {} parts, integrated", config.segments);
+                (what, field.state() + config.feature_dim, 2)
             }
             DeformationKind::Residual => {
                 let what = format!("{} residual blocks", config.blocks);
@@ -171,7 +171,7 @@ impl Deformer for Continuous {
                     StackedField::new(&init.at("field"), config.stacked(), graph.clone());
                 let conv = &mut field.conv2;
                 let last = [&mut conv.weight, &mut conv.loop_weight, &mut conv.bias];
-                calm(last, first / config.speed);
+                calm(last, first / config.output_scale);
                 Network::Stacked(Box::new(field))
             }
             DeformationKind::Residual => {

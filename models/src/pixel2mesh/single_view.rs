@@ -6,7 +6,7 @@ use losses::{Directions, Matches};
 use mesh_core::TriMesh;
 use nets::{Init, Pixel2MeshEncoder};
 use ode_deform::solve::{SolveError, Stats};
-use train::{DataError, Draw, LossError, Metric, Moment, Shown, Source, Summary, System, Terms};
+use train::{DataError, Draw, LossError, Metric, Shown, Source, StepInfo, Summary, System, Terms};
 
 use super::config::{EncoderForm, SharedConfig};
 use super::deformer::{Deformed, Deformer, Run, Stage};
@@ -257,7 +257,12 @@ impl<D: Deformer> System for SingleView<D> {
         sample.picture.name.clone()
     }
 
-    fn loss<'t>(&self, tape: &'t Tape, batch: &[Pair], at: Moment) -> Result<Terms<'t>, LossError> {
+    fn loss<'t>(
+        &self,
+        tape: &'t Tape,
+        batch: &[Pair],
+        at: StepInfo,
+    ) -> Result<Terms<'t>, LossError> {
         let pictures: Vec<&Picture> = batch.iter().map(|pair| &*pair.picture).collect();
         let run = Run::Training { seed: self.seed, step: at.step };
         let count = batch[0].truth.positions.len();

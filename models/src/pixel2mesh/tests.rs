@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use autodiff_lite::{Param, Tape};
-use train::{Draw, Moment, System};
+use train::{Draw, StepInfo, System};
 
 use super::*;
 use crate::paired::{Pairs, PairsConfig};
@@ -28,7 +28,13 @@ fn ode() -> OdeConfig {
 }
 
 fn stacked() -> OdeConfig {
-    OdeConfig { deformation: DeformationKind::Stacked, memory: 2, reading: 5, pieces: 3, ..ode() }
+    OdeConfig {
+        deformation: DeformationKind::Stacked,
+        augment_dim: 2,
+        feature_dim: 5,
+        segments: 3,
+        ..ode()
+    }
 }
 
 /// Another encoder under the same field.
@@ -91,15 +97,22 @@ fn what_is_out_of_range_is_named() {
         start: [0.5, 0.2],
         step: [0.0, 0.1],
         tolerance: 1e-3,
-        reading: 0,
-        pieces: 65,
-        speed: 0.0,
+        feature_dim: 0,
+        segments: 65,
+        output_scale: 0.0,
         shared: SharedConfig { level: 7, ..shared() },
         ..ode()
     };
     let problems = OdePixel2Mesh::check(&wrong).unwrap_err().join("; ");
-    for field in ["`start`", "`step`", "`tolerance`", "`level`", "`reading`", "`pieces`", "`speed`"]
-    {
+    for field in [
+        "`start`",
+        "`step`",
+        "`tolerance`",
+        "`level`",
+        "`feature-dim`",
+        "`segments`",
+        "`output-scale`",
+    ] {
         assert!(problems.contains(field), "{field}: {problems}");
     }
 }
@@ -111,7 +124,7 @@ fn step<S: System<Data = Pairs>>(config: &S::Config, step: u64) -> (Vec<f32>, Ve
     let draw = |i: u64| Draw { seed: 1, epoch: 0, index: i, item: i as usize };
     let batch: Vec<S::Sample> = (0..2).map(|i| system.draw(&pairs, &draw(i)).unwrap()).collect();
     let tape = Tape::train(0);
-    let terms = system.loss(&tape, &batch, Moment { step, epoch: 0 }).unwrap().0;
+    let terms = system.loss(&tape, &batch, StepInfo { step, epoch: 0 }).unwrap().0;
     let values = terms.iter().map(|term| term.value.item()).collect();
     let total = terms.iter().map(|term| term.value.scale(term.weight as f32));
     let gradients = total.reduce(|a, b| a + b).unwrap().backward();

@@ -12,7 +12,7 @@ use serde::Serialize;
 use train::output::{OutputError, OutputFolder};
 use train::report::{Figure, Report, Table, ViewPair};
 
-use super::material::Material;
+use super::input::PredictInput;
 use super::predictor::Prediction;
 
 /// A prediction with all that its report says.
@@ -25,7 +25,7 @@ pub struct Delivery<'a> {
     /// Steps that the checkpoint was trained for.
     pub steps: u64,
     /// What the prediction was made from.
-    pub material: &'a Material,
+    pub input: &'a PredictInput,
     /// The prediction.
     pub prediction: &'a Prediction,
     /// How long it took, where that was measured; see [`milliseconds`](super::milliseconds).
@@ -38,12 +38,12 @@ pub struct Delivery<'a> {
 
 impl<'a> Delivery<'a> {
     /// A delivery that says nothing of checkpoint, command and machine.
-    pub fn new(system: &'a str, material: &'a Material, prediction: &'a Prediction) -> Self {
+    pub fn new(system: &'a str, input: &'a PredictInput, prediction: &'a Prediction) -> Self {
         Self {
             system,
             checkpoint: String::new(),
             steps: 0,
-            material,
+            input,
             prediction,
             milliseconds: None,
             command: String::new(),
@@ -87,7 +87,7 @@ pub struct Metrics {
 /// # Errors
 /// If the folder cannot be written or the mesh cannot be scored.
 pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics, DeliverError> {
-    let (material, mesh) = (delivery.material, &delivery.prediction.mesh);
+    let (input, mesh) = (delivery.input, &delivery.prediction.mesh);
     let judge = |views: &[View], kind: &str| -> Result<(ViewScores, Vec<ViewPair>), DeliverError> {
         let (scores, mut pairs) = compare(mesh, &views.iter().collect::<Vec<_>>())?;
         for pair in &mut pairs {
@@ -95,8 +95,8 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
         }
         Ok((scores, pairs))
     };
-    let (given, shown) = judge(&material.given, "given")?;
-    let (held_out, mut pairs) = match material.others.as_slice() {
+    let (given, shown) = judge(&input.given, "given")?;
+    let (held_out, mut pairs) = match input.others.as_slice() {
         [] => (None, Vec::new()),
         others => {
             let (scores, pairs) = judge(others, "other")?;
@@ -120,7 +120,7 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
             .iter()
             .map(|(name, values)| ((*name).to_owned(), values.clone()))
             .collect(),
-        warnings: material.warnings.clone(),
+        warnings: input.warnings.clone(),
     };
     for name in ["mesh.glb", "mesh.obj", "mesh.ply"] {
         write_mesh(folder.path().join(name), mesh)?;
@@ -156,9 +156,9 @@ fn report(
     views: Vec<ViewPair>,
     turntable: Vec<u8>,
 ) -> Report {
-    let material = delivery.material;
-    let given = counted(material.given.len(), "view");
-    let source = material.source.display();
+    let input = delivery.input;
+    let given = counted(input.given.len(), "view");
+    let source = input.source.display();
     let (scores, judged) = match &metrics.held_out {
         Some(scores) => {
             (scores, format!("{} that were not given", counted(scores.views.len(), "camera")))
@@ -204,10 +204,10 @@ fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
         tables.push(Table { title: title.into(), rows });
     }
     tables.push(mesh_table(&metrics.health, metrics.self_intersections));
-    let material = delivery.material;
-    let names: Vec<&str> = material.given.iter().map(|view| view.name.as_str()).collect();
+    let input = delivery.input;
+    let names: Vec<&str> = input.given.iter().map(|view| view.name.as_str()).collect();
     let mut rows = vec![
-        row("input", format!("{} ({})", material.source.display(), material.layout)),
+        row("input", format!("{} ({})", input.source.display(), input.layout)),
         row("given views", names.join(", ")),
         row("checkpoint", format!("{} (step {})", delivery.checkpoint, delivery.steps)),
     ];

@@ -6,29 +6,29 @@ use datasets::{ReadOptions, View, read_depth_file, read_disparity_file};
 use mesh_core::{DepthMap, Lens};
 use train::DataError;
 
-use super::material::{Material, Request};
+use super::input::{PredictInput, Request};
 use super::predictor::{Prediction, Predictor};
-use crate::depth::{Beginning, DepthKind, Refined};
+use crate::depth::{DepthKind, MeshInit, Refined};
 
 /// The least disparity that stands for an estimate's farthest pixel; the nearest is 1.
 const FARTHEST: f32 = 0.1;
 
-impl<B: Beginning> Predictor for Refined<B> {
+impl<B: MeshInit> Predictor for Refined<B> {
     const TRAINING: &'static str = B::TRAINING;
 
-    fn gather(&self, request: &Request<'_>) -> Result<Material, DataError> {
+    fn load(&self, request: &Request<'_>) -> Result<PredictInput, DataError> {
         let options = ReadOptions { depth: true, ..request.options.clone() };
-        let mut material = Material::one(&Request { options, ..request.clone() })?;
-        let view = &mut material.given[0];
+        let mut input = PredictInput::one(&Request { options, ..request.clone() })?;
+        let view = &mut input.given[0];
         if let Some(intrinsics) = request.intrinsics {
             look_through(view, intrinsics)?;
-            material.warnings.retain(|warning| !warning.starts_with("the camera of a single"));
+            input.warnings.retain(|warning| !warning.starts_with("the camera of a single"));
         }
         if let Some(path) = request.depth {
             let estimated = B::refine(self.config()).depth == DepthKind::Estimated;
             view.depth = Some(if estimated { guessed(path, view)? } else { measured(path, view)? });
         }
-        Ok(material)
+        Ok(input)
     }
 
     fn input(config: &B::Config) -> String {
@@ -43,10 +43,10 @@ impl<B: Beginning> Predictor for Refined<B> {
         )
     }
 
-    fn apply(&self, material: &Material) -> Result<Prediction, String> {
-        let scene = self.scene(&material.given)?;
+    fn apply(&self, input: &PredictInput) -> Result<Prediction, String> {
+        let scene = self.scene(&input.given)?;
         let (mesh, stages) = self.mesh_and_stages_of(&scene);
-        let in_world = |mesh| scene.relief.frame.mesh_in_world(mesh);
+        let in_world = |mesh| scene.depth_targets.frame.mesh_in_world(mesh);
         Ok(Prediction {
             mesh: in_world(mesh),
             sequence: stages.into_iter().map(in_world).collect(),
@@ -157,27 +157,27 @@ mod tests {
         let config: train::Configuration<SphereConfig> = toml::from_str(text).unwrap();
         let system = DepthPixel2Mesh::new(&config.system, 0);
         let request = Request::new(&picture);
-        let material = system.gather(&request).unwrap();
-        let error = system.apply(&material).unwrap_err();
+        let input = system.load(&request).unwrap();
+        let error = system.apply(&input).unwrap_err();
         assert!(error.contains("--depth"), "{error}");
         let intrinsics = Some([60.0, 60.0, 16.0, 16.0]);
         let given = Request { depth: Some(&depth), intrinsics, ..request.clone() };
-        let material = system.gather(&given).unwrap();
-        assert!(material.warnings.is_empty());
-        let Prediction { mesh, sequence, .. } = system.apply(&material).unwrap();
+        let input = system.load(&given).unwrap();
+        assert!(input.warnings.is_empty());
+        let Prediction { mesh, sequence, .. } = system.apply(&input).unwrap();
         assert!(
             mesh.colors.is_some() && mesh.positions.as_flattened().iter().all(|x| x.is_finite())
         );
         assert_eq!(sequence.len(), 4);
         assert_eq!(sequence[3].positions, mesh.positions);
-        assert_eq!(mesh, system.predict(&material.given).unwrap());
+        assert_eq!(mesh, system.predict(&input.given).unwrap());
         let wrong = Request { intrinsics: Some([0.0, 1.0, 2.0, 3.0]), ..given.clone() };
-        assert!(system.gather(&wrong).unwrap_err().to_string().contains("--intrinsics"));
+        assert!(system.load(&wrong).unwrap_err().to_string().contains("--intrinsics"));
         // Systems that take no depth say so.
         let (_, text) = Img2Mesh::PRESETS[0];
         let config: train::Configuration<_> = toml::from_str(text).unwrap();
         let other = Img2Mesh::new(&config.system, 0);
-        let error = other.gather(&given).unwrap_err().to_string();
+        let error = other.load(&given).unwrap_err().to_string();
         assert!(error.contains(MeshRcnn::NAME), "{error}");
     }
 }

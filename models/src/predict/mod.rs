@@ -1,6 +1,6 @@
 //! What was trained, applied to a user's files: from views on disk to the folder that a user keeps.
 //!
-//! A [`Predictor`] says how files become its input, and makes of the [`Material`] that was read a [`Prediction`];
+//! A [`Predictor`] says how files become its input, and makes of the [`PredictInput`] that was read a [`Prediction`];
 //! [`deliver`] scores it at the cameras that were given and at those that were not, and writes meshes, turntable,
 //! report and figures. [`milliseconds`] takes the time, for those who ask.
 //!
@@ -8,27 +8,27 @@
 //! use models::img2mesh::Img2Mesh;
 //! use train::output::OutputFolder;
 //! use models::predict::{Choice, Delivery, Predictor, Request, deliver};
-//! use train::{Checkpoint, Located};
+//! use train::{Checkpoint, CheckpointPath};
 //!
-//! let found = Located::find("runs/clock".as_ref(), false)?;
+//! let found = CheckpointPath::find("runs/clock".as_ref(), false)?;
 //! let (system, _) = Checkpoint::read(&found.file)?.load::<Img2Mesh>()?;
 //! let request = Request { choice: Choice::First(3), ..Request::new("views".as_ref()) };
-//! let material = system.gather(&request)?;
-//! let prediction = system.apply(&material)?;
+//! let input = system.load(&request)?;
+//! let prediction = system.apply(&input)?;
 //! let folder = OutputFolder::create("out".as_ref(), false)?;
-//! let delivery = Delivery::new("img2mesh", &material, &prediction);
+//! let delivery = Delivery::new("img2mesh", &input, &prediction);
 //! println!("mask IoU {}", deliver(&delivery, &folder)?.given.mask_iou);
 //! folder.commit()?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 mod deliver;
-mod material;
+mod input;
 mod measured;
 mod predictor;
 #[cfg(test)]
 mod tests;
 
 pub use deliver::{Delivery, Metrics, deliver};
-pub use material::{Choice, Material, Request};
+pub use input::{Choice, PredictInput, Request};
 pub use predictor::{Detail, Prediction, Predictor, milliseconds};

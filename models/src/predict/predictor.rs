@@ -5,14 +5,14 @@ use std::time::Instant;
 use mesh_core::TriMesh;
 use train::{DataError, System};
 
-use super::material::{Material, Request};
+use super::input::{PredictInput, Request};
 use crate::img2mesh::Img2Mesh;
 use crate::mcmr::Mcmr;
 use crate::pixel2mesh::{Deformer, SingleView};
 
 /// A system that makes a mesh from a user's files.
 ///
-/// All material is [`View`](datasets::View)s: a system of a single picture takes the first, with its
+/// All input is [`View`](datasets::View)s: a system of a single picture takes the first, with its
 /// depth where there is one; one that needs no camera gives its own to pictures that have none.
 pub trait Predictor: System {
     /// How a checkpoint is had, for those who have none: a command and how long it takes.
@@ -22,8 +22,8 @@ pub trait Predictor: System {
     ///
     /// # Errors
     /// If they are missing or damaged, or do not serve this system.
-    fn gather(&self, request: &Request<'_>) -> Result<Material, DataError> {
-        Material::read(request)
+    fn load(&self, request: &Request<'_>) -> Result<PredictInput, DataError> {
+        PredictInput::read(request)
     }
 
     /// What a prediction is made from under these options, as one asks a user for it.
@@ -32,11 +32,11 @@ pub trait Predictor: System {
     /// Runs the network, once.
     ///
     /// # Errors
-    /// Why the material does not serve, in one sentence.
-    fn apply(&self, material: &Material) -> Result<Prediction, String>;
+    /// Why the input does not serve, in one sentence.
+    fn apply(&self, input: &PredictInput) -> Result<Prediction, String>;
 }
 
-/// What a system makes of its material.
+/// What a system makes of its input.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Prediction {
     /// The mesh, coloured where the system knows colours, in the world of the given cameras.
@@ -60,16 +60,16 @@ const ONE_PICTURE: &str = "one picture with its mask";
 impl<D: Deformer> Predictor for SingleView<D> {
     const TRAINING: &'static str = D::TRAINING;
 
-    fn gather(&self, request: &Request<'_>) -> Result<Material, DataError> {
-        Material::single(request)
+    fn load(&self, request: &Request<'_>) -> Result<PredictInput, DataError> {
+        PredictInput::single(request)
     }
 
     fn input(_: &D::Config) -> String {
         ONE_PICTURE.to_owned()
     }
 
-    fn apply(&self, material: &Material) -> Result<Prediction, String> {
-        let picture = self.picture(&material.given)?;
+    fn apply(&self, input: &PredictInput) -> Result<Prediction, String> {
+        let picture = self.picture(&input.given)?;
         let (mesh, sequence) =
             self.mesh_and_sequence_of(&picture, FRAMES).map_err(|error| error.to_string())?;
         let in_world = |mesh| picture.frame.mesh_in_world(mesh);
@@ -89,8 +89,8 @@ impl Predictor for Img2Mesh {
         "views of one object: pictures, masks and cameras".to_owned()
     }
 
-    fn apply(&self, material: &Material) -> Result<Prediction, String> {
-        Ok(Prediction { mesh: self.predict(&material.given)?, ..Prediction::default() })
+    fn apply(&self, input: &PredictInput) -> Result<Prediction, String> {
+        Ok(Prediction { mesh: self.predict(&input.given)?, ..Prediction::default() })
     }
 }
 
@@ -98,16 +98,16 @@ impl Predictor for Mcmr {
     const TRAINING: &'static str = "`unsphere train mcmr -o runs/mine` trains one on made photographs, in about five minutes on two cores \
          (a rough one with --preset tiny, in seconds)";
 
-    fn gather(&self, request: &Request<'_>) -> Result<Material, DataError> {
-        Material::single(request)
+    fn load(&self, request: &Request<'_>) -> Result<PredictInput, DataError> {
+        PredictInput::single(request)
     }
 
     fn input(_: &Self::Config) -> String {
         ONE_PICTURE.to_owned()
     }
 
-    fn apply(&self, material: &Material) -> Result<Prediction, String> {
-        let found = self.predict(&material.given)?;
+    fn apply(&self, input: &PredictInput) -> Result<Prediction, String> {
+        let found = self.predict(&input.given)?;
         let [x, y] = found.pose.place;
         let details = vec![
             ("selection", found.weights.iter().map(|&w| f64::from(w)).collect()),
@@ -123,16 +123,16 @@ impl Predictor for Mcmr {
 /// How long a system takes from decoded pictures to the mesh: the median of so many runs, milliseconds.
 ///
 /// # Errors
-/// Why the material does not serve, in one sentence.
+/// Why the input does not serve, in one sentence.
 pub fn milliseconds<S: Predictor>(
     system: &S,
-    material: &Material,
+    input: &PredictInput,
     runs: usize,
 ) -> Result<f64, String> {
     let mut times = (0..runs.max(1))
         .map(|_| {
             let start = Instant::now();
-            system.apply(material)?;
+            system.apply(input)?;
             Ok(1e3 * start.elapsed().as_secs_f64())
         })
         .collect::<Result<Vec<f64>, String>>()?;

@@ -23,29 +23,29 @@ fn names(views: &[View]) -> Vec<&str> {
 fn views_are_chosen_by_number_stem_or_name() {
     let asked = ["7", "a.png", "b", "07"].map(str::to_owned);
     let all = || views(&["00", "07", "a.png", "b.png"], &[]);
-    let material = Material::part(all(), Choice::Named(&asked)).unwrap();
-    assert_eq!(names(&material.given), ["07", "a.png", "b.png"]);
-    assert_eq!(names(&material.others), ["00"]);
-    let first = Material::part(all(), Choice::First(3)).unwrap();
+    let input = PredictInput::part(all(), Choice::Named(&asked)).unwrap();
+    assert_eq!(names(&input.given), ["07", "a.png", "b.png"]);
+    assert_eq!(names(&input.others), ["00"]);
+    let first = PredictInput::part(all(), Choice::First(3)).unwrap();
     assert_eq!((first.given.len(), names(&first.others)), (3, vec!["b.png"]));
-    let many = Material::part(all(), Choice::First(9)).unwrap();
+    let many = PredictInput::part(all(), Choice::First(9)).unwrap();
     assert_eq!((many.given.len(), many.others.len()), (4, 0));
-    assert!(Material::part(all(), Choice::First(0)).is_err());
+    assert!(PredictInput::part(all(), Choice::First(0)).is_err());
 }
 
 #[test]
 fn a_slip_is_an_error_and_a_missing_file_a_warning() {
     let asked = ["0", "3"].map(str::to_owned);
     let whole = views(&["0", "1"], &[]);
-    let error = Material::part(whole, Choice::Named(&asked)).unwrap_err().to_string();
+    let error = PredictInput::part(whole, Choice::Named(&asked)).unwrap_err().to_string();
     assert_eq!(error, "scan: no view 3, expected some of 0, 1");
     let reason = "view 3 is left out: 3_rgb.png is missing";
     let some = views(&["0", "1"], &[reason]);
-    let material = Material::part(some, Choice::Named(&asked)).unwrap();
-    assert_eq!(names(&material.given), ["0"]);
-    assert_eq!(material.warnings.len(), 2);
-    assert!(material.warnings[1].contains("view 3 "), "{:?}", material.warnings);
+    let input = PredictInput::part(some, Choice::Named(&asked)).unwrap();
+    assert_eq!(names(&input.given), ["0"]);
+    assert_eq!(input.warnings.len(), 2);
+    assert!(input.warnings[1].contains("view 3 "), "{:?}", input.warnings);
     let none = views(&["1"], &[reason]);
-    let error = Material::part(none, Choice::Named(&asked[1..])).unwrap_err().to_string();
+    let error = PredictInput::part(none, Choice::Named(&asked[1..])).unwrap_err().to_string();
     assert!(error.contains("no view 3") && error.contains("3_rgb.png is missing"), "{error}");
 }

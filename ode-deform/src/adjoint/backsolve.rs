@@ -38,7 +38,7 @@ pub(super) fn integrate<'t, F: Real, V: VectorField<F>>(
         states,
     };
     let output = tape.record(&vars, value, op);
-    Ok(flow_of(output, problem.asked.len(), times, stats))
+    Ok(flow_of(output, problem.save_at.len(), times, stats))
 }
 
 struct Backsolve<F: Real, V> {
@@ -127,7 +127,7 @@ impl<F: Real, V: VectorField<F>> Backsolve<F, V> {
         &self,
         evaluator: &mut Evaluator<F, V>,
         inputs: &[(Tensor<F>, bool)],
-        (asked, at_end): (Vec<Kept<F>>, Kept<F>),
+        (save_at, at_end): (Vec<Kept<F>>, Kept<F>),
     ) -> Result<Augmented<F>, SolveError> {
         let pool = evaluator.tape.pool().clone();
         let mut sums: Vec<_> = inputs.iter().map(|(x, _)| Kept::zeros(x.shape(), &pool)).collect();
@@ -138,17 +138,17 @@ impl<F: Real, V: VectorField<F>> Backsolve<F, V> {
         let evaluator = RefCell::new(evaluator);
         let back = |state: Augmented<F>, span: [f64; 2]| {
             let ending = Ending::Exact;
-            let problem = Problem { span, ending, asked: Vec::new(), ..self.problem.clone() };
+            let problem = Problem { span, ending, save_at: Vec::new(), ..self.problem.clone() };
             let field =
                 |t: f64, s: &Augmented<F>| self.slope(&mut evaluator.borrow_mut(), inputs, t, s);
             solve(field, state, &problem).map(|solution| solution.end)
         };
-        for (i, seed) in asked.iter().enumerate().rev() {
-            let mut reached = back(state, [time, self.problem.asked[i]])?;
+        for (i, seed) in save_at.iter().enumerate().rev() {
+            let mut reached = back(state, [time, self.problem.save_at[i]])?;
             reached.a = Kept::lincomb(&[(1.0, &reached.a), (1.0, seed)]);
             // The state that was passed is known here: no need to go on from the one found on the way back.
             reached.y = self.states[i].clone();
-            (state, time) = (reached, self.problem.asked[i]);
+            (state, time) = (reached, self.problem.save_at[i]);
         }
         back(state, [time, self.problem.span[0]])
     }
@@ -162,7 +162,7 @@ impl<F: Real, V: VectorField<F>> Op<F> for Backsolve<F, V> {
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let mut evaluator = self.evaluator.lock().unwrap_or_else(PoisonError::into_inner);
         let inputs: Vec<_> = (1..=self.inputs).map(|i| (cx.input(i), cx.needs(i))).collect();
-        let seeds = seeds(cx, self.problem.asked.len());
+        let seeds = seeds(cx, self.problem.save_at.len());
         let Ok(start) = self.solve_back(&mut evaluator, &inputs, seeds) else {
             for i in 0..cx.input_count() {
                 cx.grad_mut(i).fill(F::nan());

@@ -32,7 +32,7 @@ pub(super) fn integrate<'t, F: Real, V: VectorField<F>>(
         times: times.clone(),
     };
     let output = tape.record(&vars, value, op);
-    Ok(flow_of(output, problem.asked.len(), times, stats))
+    Ok(flow_of(output, problem.save_at.len(), times, stats))
 }
 
 struct Replay<F: Real, V> {
@@ -99,16 +99,16 @@ impl<F: Real, V: VectorField<F>> Op<F> for Replay<F, V> {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let mut evaluator = self.evaluator.lock().unwrap_or_else(PoisonError::into_inner);
-        let asked = &self.problem.asked;
-        let (mut waiting, mut gradient) = seeds(cx, asked.len());
+        let save_at = &self.problem.save_at;
+        let (mut waiting, mut gradient) = seeds(cx, save_at.len());
         for n in (0..self.befores.len()).rev() {
             let [from, to] = [self.times[n], self.times[n + 1]];
             let mut within = Vec::new();
             // Those asked for at the beginning belong to the step before, or to the start.
-            while let Some(&time) = waiting.len().checked_sub(1).map(|last| &asked[last])
+            while let Some(&time) = waiting.len().checked_sub(1).map(|last| &save_at[last])
                 && (time - from) * (to - from) > 0.0
             {
-                let seed = waiting.pop().expect("there is one for each asked time");
+                let seed = waiting.pop().expect("there is one for each time of save_at");
                 if time == to {
                     gradient = Kept::lincomb(&[(1.0, &gradient), (1.0, &seed)]);
                 } else {

@@ -85,13 +85,13 @@ pub struct Flow<'t, F: Real = f32> {
 /// Takes apart what [`replay::stacked`] put together.
 fn flow_of<F: Real>(
     output: Var<'_, F>,
-    asked: usize,
+    save_at: usize,
     times: Vec<f64>,
     stats: Stats,
 ) -> Flow<'_, F> {
-    if asked == 0 {
+    if save_at == 0 {
         return Flow { end: output, states: Vec::new(), times, stats };
     }
-    let states = (0..asked).map(|i| output.index_axis(0, i)).collect();
-    Flow { end: output.index_axis(0, asked), states, times, stats }
+    let states = (0..save_at).map(|i| output.index_axis(0, i)).collect();
+    Flow { end: output.index_axis(0, save_at), states, times, stats }
 }

@@ -124,7 +124,7 @@ pub(super) fn stacked<F: Real>(solution: &Solution<Kept<F>>, pool: &Pool) -> Ten
 }
 
 /// The gradients of the asked states and of the end, from that of [`stacked`].
-pub(super) fn seeds<F: Real>(cx: &Backward<'_, F>, asked: usize) -> (Vec<Kept<F>>, Kept<F>) {
+pub(super) fn seeds<F: Real>(cx: &Backward<'_, F>, save_at: usize) -> (Vec<Kept<F>>, Kept<F>) {
     let (gradient, shape) = (cx.grad_out(), cx.input(0).shape().to_vec());
     let part = |i: usize| {
         let len = shape.iter().product::<usize>();
@@ -133,7 +133,7 @@ pub(super) fn seeds<F: Real>(cx: &Backward<'_, F>, asked: usize) -> (Vec<Kept<F>
         own.as_slice_mut().expect(CONTIGUOUS).copy_from_slice(from);
         Kept::new(own.into_shared(), cx.pool())
     };
-    ((0..asked).map(part).collect(), part(asked))
+    ((0..save_at).map(part).collect(), part(save_at))
 }
 
 /// Adds the gradients of one replay to those of the operation's inputs: the first is the state, then the inputs, then

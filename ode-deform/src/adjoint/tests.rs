@@ -63,18 +63,18 @@ fn worst(a: &[ArrayD<f64>], b: &[ArrayD<f64>]) -> f64 {
 #[test]
 fn replaying_gives_the_gradient_of_recording() {
     for tableau in Tableau::ALL {
-        let asked = [0.1, 0.25, 0.3, 0.31, 0.4, 0.99, 1.0];
+        let save_at = [0.1, 0.25, 0.3, 0.31, 0.4, 0.99, 1.0];
         for problem in [
             problem(tableau, 0.1),
-            problem(tableau, 0.15).asking(asked),
-            problem(tableau, 0.2).overshooting().asking(asked),
+            problem(tableau, 0.15).save_at(save_at),
+            problem(tableau, 0.2).overshooting().save_at(save_at),
             Problem::new(
                 [1.0, -0.5],
                 tableau,
                 StepController::Random { low: 0.1, high: 0.3, seed: 1, sample: 2 },
             )
-            .asking([0.5, -0.5]),
-            problem(tableau, 0.1).asking([0.1]),
+            .save_at([0.5, -0.5]),
+            problem(tableau, 0.1).save_at([0.1]),
         ] {
             let (loss, direct) = gradients(Adjoint::Direct, &problem);
             let (same, replayed) = gradients(Adjoint::Checkpointed, &problem);
@@ -90,7 +90,7 @@ fn steps_that_follow_the_error_are_replayed_as_they_were_accepted() {
     for tableau in [&HEUN, &MIDPOINT, &BOSH3, &DOPRI5] {
         let problem =
             Problem { control: StepController::adaptive(1e-5, 1e-5), ..problem(tableau, 1.0) };
-        let problem = problem.asking([0.2, 0.7]);
+        let problem = problem.save_at([0.2, 0.7]);
         let (loss, direct) = gradients(Adjoint::Direct, &problem);
         let (same, replayed) = gradients(Adjoint::Checkpointed, &problem);
         assert_eq!(loss, same);
@@ -108,7 +108,7 @@ gradcheck!(of_recording: |y, x| Adjoint::Direct.integrate(&field(), y, &[x], &pr
 gradcheck!(of_replaying: |y, x| Adjoint::Checkpointed.integrate(&field(), y, &[x], &problem(&RK4, 0.3)).unwrap().end,
     shapes [[[4, 3], [4, 2]], [[1, 3], [1, 2]]]);
 gradcheck!(of_replaying_what_lies_between: |y, x| {
-    let problem = problem(&DOPRI5, 0.3).asking([0.1, 0.2, 0.7, 1.0]);
+    let problem = problem(&DOPRI5, 0.3).save_at([0.1, 0.2, 0.7, 1.0]);
     let flow = Adjoint::Checkpointed.integrate(&field(), y, &[x], &problem).unwrap();
     y.tape().stack(&flow.states, 0)
 }, shapes [[[4, 3], [4, 2]]]);
@@ -153,7 +153,7 @@ fn parameters_that_come_as_inputs_have_the_same_gradient_as_their_own() {
 fn solving_back_is_approximate_and_converges() {
     for (tableau, order) in [(&EULER, 1.0), (&HEUN, 2.0), (&RK4, 4.0)] {
         let errors = [0.09, 0.045, 0.0225].map(|step| {
-            let problem = problem(tableau, step).asking([0.37]);
+            let problem = problem(tableau, step).save_at([0.37]);
             let (_, exact) = gradients(Adjoint::Checkpointed, &problem);
             worst(&exact, &gradients(Adjoint::Backsolve, &problem).1)
         });

@@ -17,7 +17,7 @@ pub struct FieldConfig {
     pub hidden: usize,
     /// Columns of the state beside the three of the position, which begin at 0 and flow with it: what a vertex
     /// remembers of its way (Dupont et al. 2019, *Augmented neural ODEs*). Published: 0.
-    pub memory: usize,
+    pub augment_dim: usize,
     /// Graph convolutions, at least 2, as published: how far a vertex sees along edges at an evaluation.
     pub layers: usize,
     /// After all of them but the last. The paper states none, and the code that it started from has none.
@@ -30,9 +30,9 @@ impl FieldConfig {
     /// As published, on maps of together `features` channels: 196 columns of time, 192 hidden ones.
     /// With a ReLU, without which each evaluation is affine in its features.
     pub fn published(features: usize) -> Self {
-        let (time, hidden, memory, layers) = (196, 192, 0, 2);
+        let (time, hidden, augment_dim, layers) = (196, 192, 0, 2);
         let (activation, sampling) = (Activation::Relu, MapSampling::Bilinear);
-        Self { features, time, hidden, memory, layers, activation, sampling }
+        Self { features, time, hidden, augment_dim, layers, activation, sampling }
     }
 
     /// Parameters of the field.
@@ -46,7 +46,7 @@ impl FieldConfig {
 
     /// Columns of the state: the position, then the memory.
     pub fn state(&self) -> usize {
-        3 + self.memory
+        3 + self.augment_dim
     }
 }
 
@@ -219,11 +219,11 @@ mod tests {
         field_of(time, 2, 0)
     }
 
-    fn field_of(time: usize, layers: usize, memory: usize) -> DeformationField<f64> {
+    fn field_of(time: usize, layers: usize, augment_dim: usize) -> DeformationField<f64> {
         let config = FieldConfig {
             time,
             layers,
-            memory,
+            augment_dim,
             hidden: 6,
             activation: Activation::Tanh,
             ..FieldConfig::published(4)
@@ -265,19 +265,19 @@ mod tests {
     /// To rounding, with and without the time, whichever way maps are read; and the gradients are the same.
     #[test]
     fn maps_reduced_beforehand_give_the_same() {
-        for (time, layers, memory, sampling) in [
+        for (time, layers, augment_dim, sampling) in [
             (3, 2, 0, MapSampling::Bilinear),
             (0, 3, 2, MapSampling::Bilinear),
             (2, 2, 1, MapSampling::Floor),
             (1, 4, 0, MapSampling::Centres),
         ] {
-            let mut field = field_of(time, layers, memory);
+            let mut field = field_of(time, layers, augment_dim);
             field.config.sampling = sampling;
             let problem = Problem::new([0.0, 1.0], &MIDPOINT, StepController::Fixed { step: 0.4 });
             let found = [false, true].map(|reduce| {
                 let tape = Tape::train(0);
                 let (start, maps) =
-                    (tape.leaf(state(memory)), [tape.leaf(map(6, 3)), tape.leaf(map(3, 1))]);
+                    (tape.leaf(state(augment_dim)), [tape.leaf(map(6, 3)), tape.leaf(map(3, 1))]);
                 let camera = tape.constant(cameras());
                 let end = if reduce {
                     let (field, maps) = field.reduced(&maps);

@@ -13,8 +13,8 @@ pub(super) fn mesh() -> Array3<f64> {
     Array3::from_shape_fn((2, 5, 3), |(n, i, k)| ((n * 15 + i * 3 + k) as f64 * 0.7).sin() * 0.4)
 }
 
-pub(super) fn state(memory: usize) -> Array3<f64> {
-    Array3::from_shape_fn((2, 5, 3 + memory), |(n, i, k)| {
+pub(super) fn state(augment_dim: usize) -> Array3<f64> {
+    Array3::from_shape_fn((2, 5, 3 + augment_dim), |(n, i, k)| {
         if k < 3 { mesh()[[n, i, k]] } else { ((n + i + k) as f64).cos() }
     })
 }

@@ -34,7 +34,7 @@ impl_module!(ResidualDeformation { blocks });
 impl<F: Real> ResidualDeformation<F> {
     /// So many blocks, each as `config` says but for the time and the memory.
     pub fn new(init: &Init, blocks: usize, config: FieldConfig, graph: &SparseMatrix<F>) -> Self {
-        let config = FieldConfig { time: 0, memory: 0, ..config };
+        let config = FieldConfig { time: 0, augment_dim: 0, ..config };
         let at = init.at("blocks");
         let block = |i| DeformationField::new(&at.index(i), config, graph.clone());
         Self { blocks: (0..blocks).map(block).collect() }

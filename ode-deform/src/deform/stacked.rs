@@ -17,16 +17,16 @@ pub struct StackedConfig {
     /// Channels of all feature maps together.
     pub features: usize,
     /// Columns that features are reduced to, once an image and the same at all times.
-    pub reading: usize,
+    pub feature_dim: usize,
     /// Parts of equal length from time 0 to 1, each with weights of its own. At least 1.
-    pub pieces: usize,
+    pub segments: usize,
     /// Columns between the two graph convolutions.
     pub hidden: usize,
     /// Columns of the state beside the three of the position, as in [`FieldConfig`](super::FieldConfig).
-    pub memory: usize,
+    pub augment_dim: usize,
     /// What the second graph convolution's sums are multiplied by to be velocities. In `n` steps of `1 / n` a factor of
     /// `n` lets a change of the weights move vertices as far as it would in `n` residual blocks.
-    pub speed: f64,
+    pub output_scale: f64,
     /// After the first graph convolution.
     pub activation: Activation,
     /// How feature maps are read between their pixels.
@@ -36,15 +36,15 @@ pub struct StackedConfig {
 impl StackedConfig {
     /// Columns of the state: the position, then the memory.
     pub fn state(&self) -> usize {
-        3 + self.memory
+        3 + self.augment_dim
     }
 
     /// Parameters of the field.
     pub fn parameters(&self) -> usize {
         let conv = |sent: usize, kept: usize, outputs: usize| (sent + kept + 1) * outputs;
-        let first = conv(self.state(), self.state() + self.reading, self.hidden);
+        let first = conv(self.state(), self.state() + self.feature_dim, self.hidden);
         let second = conv(self.hidden, self.hidden, self.state());
-        self.features * (self.reading + AFFINE) + self.pieces * (first + second)
+        self.features * (self.feature_dim + AFFINE) + self.segments * (first + second)
     }
 }
 
@@ -72,7 +72,7 @@ impl StackedConfig {
 ///
 /// let (activation, sampling) = (Activation::Relu, MapSampling::Bilinear);
 /// let config = StackedConfig {
-///     features: 5, reading: 2, pieces: 4, hidden: 8, memory: 0, speed: 4.0, activation, sampling,
+///     features: 5, feature_dim: 2, segments: 4, hidden: 8, augment_dim: 0, output_scale: 4.0, activation, sampling,
 /// };
 /// let graph = SparseMatrix::from_triplets(2, 2, &[(0, 1, 1.0), (1, 0, 1.0)])?;
 /// let field = StackedField::<f32>::new(&Init::new(0), config, graph);
@@ -120,13 +120,13 @@ pub struct StackedConv<F: Real = f32> {
 impl_module!(StackedConv { weight, loop_weight, bias });
 
 impl<F: Real> StackedConv<F> {
-    fn new(init: &Init, pieces: usize, [sent, kept]: [usize; 2], outputs: usize) -> Self {
+    fn new(init: &Init, segments: usize, [sent, kept]: [usize; 2], outputs: usize) -> Self {
         let bound = 1.0 / (outputs.max(1) as f64).sqrt();
         let weight = |name: &str, shape: &[usize]| init.at(name).uniform(shape, -bound, bound);
         Self {
-            weight: weight("weight", &[pieces, sent, outputs]),
-            loop_weight: weight("loop_weight", &[pieces, kept, outputs]),
-            bias: weight("bias", &[pieces, outputs]),
+            weight: weight("weight", &[segments, sent, outputs]),
+            loop_weight: weight("loop_weight", &[segments, kept, outputs]),
+            bias: weight("bias", &[segments, outputs]),
         }
     }
 
@@ -157,14 +157,14 @@ impl<F: Real> StackedField<F> {
     /// If the field would have no part.
     #[track_caller]
     pub fn new(init: &Init, config: StackedConfig, graph: SparseMatrix<F>) -> Self {
-        assert!(config.pieces >= 1, "StackedField: no pieces, expected 1 or more");
-        let StackedConfig { features, reading, pieces, hidden, .. } = config;
+        assert!(config.segments >= 1, "StackedField: no segments, expected 1 or more");
+        let StackedConfig { features, feature_dim: reading, segments, hidden, .. } = config;
         let (state, bound) = (config.state(), (3.0 / features.max(1) as f64).sqrt());
         let first = [state, state + reading];
         Self {
             reading: init.at("reading").uniform(&[features, reading], -bound, bound),
-            conv1: StackedConv::new(&init.at("conv1"), pieces, first, hidden),
-            conv2: StackedConv::new(&init.at("conv2"), pieces, [hidden, hidden], state),
+            conv1: StackedConv::new(&init.at("conv1"), segments, first, hidden),
+            conv2: StackedConv::new(&init.at("conv2"), segments, [hidden, hidden], state),
             affine: init.at("affine").zeros(&[features, AFFINE]),
             config,
             graph,
@@ -192,10 +192,10 @@ impl<F: Real> StackedField<F> {
         let column = |i: usize| affine.slice_axis(2, 3 * i..3 * i + 3);
         let turned =
             (0..3).fold(column(3), |sum, i| sum + column(i) * from_middle.slice_axis(2, i..i + 1));
-        if self.config.memory == 0 {
+        if self.config.augment_dim == 0 {
             return turned;
         }
-        let nothing = ArrayD::from_elem(vec![n, v, self.config.memory], F::from_f64(0.0));
+        let nothing = ArrayD::from_elem(vec![n, v, self.config.augment_dim], F::from_f64(0.0));
         tape.concat(&[turned, tape.constant(nothing)], 2)
     }
 
@@ -206,7 +206,7 @@ impl<F: Real> StackedField<F> {
         camera: Var<'t, F>,
         maps: &[Var<'t, F>],
     ) -> [Var<'t, F>; 2] {
-        let ([n, v, _], reading) = (y.dims(), self.config.reading);
+        let ([n, v, _], reading) = (y.dims(), self.config.feature_dim);
         let nothing = ArrayD::from_elem(vec![n, v, reading + AFFINE], F::from_f64(0.0));
         let points = project_points(positions(y), camera);
         let seen = add_readings(y.tape().constant(nothing), maps, points, self.config.sampling);
@@ -215,8 +215,8 @@ impl<F: Real> StackedField<F> {
 
     /// The part that a time is in. Sums of steps may end a rounding short of where a part begins.
     fn piece(&self, t: f64) -> usize {
-        let pieces = self.config.pieces;
-        ((t * pieces as f64 + 1e-9).max(0.0) as usize).min(pieces - 1)
+        let segments = self.config.segments;
+        ((t * segments as f64 + 1e-9).max(0.0) as usize).min(segments - 1)
     }
 }
 
@@ -231,7 +231,7 @@ impl<F: Real> VectorField<F> for StackedField<F> {
         let x = y.tape().concat(&[y, seen], 2);
         let hidden = self.conv1.forward(piece, [y, x], graph, self.config.activation);
         let sums = self.conv2.forward(piece, [hidden, hidden], graph, Activation::None);
-        sums * F::from_f64(self.config.speed) + self.turned(y, affine)
+        sums * F::from_f64(self.config.output_scale) + self.turned(y, affine)
     }
 }
 
@@ -246,14 +246,14 @@ mod tests {
     use crate::Adjoint;
     use crate::solve::{EULER, Problem, StepController};
 
-    fn field(pieces: usize, memory: usize, sampling: MapSampling) -> StackedField<f64> {
+    fn field(segments: usize, augment_dim: usize, sampling: MapSampling) -> StackedField<f64> {
         let config = StackedConfig {
             features: 4,
-            reading: 3,
-            pieces,
+            feature_dim: 3,
+            segments,
             hidden: 6,
-            memory,
-            speed: 2.0,
+            augment_dim,
+            output_scale: 2.0,
             activation: Activation::Tanh,
             sampling,
         };
@@ -271,7 +271,7 @@ mod tests {
     fn velocity(field: &StackedField<f64>, t: f64) -> Vec<f64> {
         let tape = Tape::eval();
         let inputs = inputs(field, &[tape.constant(map(6, 3)), tape.constant(map(3, 1))]);
-        let y = tape.constant(state(field.config.memory));
+        let y = tape.constant(state(field.config.augment_dim));
         field.eval(t, y, &inputs).value().iter().copied().collect()
     }
 
@@ -344,12 +344,12 @@ mod tests {
     /// Eighths, tenths and thirds summed up: each step has the part that it begins.
     #[test]
     fn sums_of_steps_meet_the_parts() {
-        for pieces in [3, 8, 10] {
-            let field = field(pieces, 0, MapSampling::Bilinear);
+        for segments in [3, 8, 10] {
+            let field = field(segments, 0, MapSampling::Bilinear);
             let mut t = 0.0;
-            for piece in 0..pieces {
+            for piece in 0..segments {
                 assert_eq!(field.piece(t), piece, "{t}");
-                t += 1.0 / pieces as f64;
+                t += 1.0 / segments as f64;
             }
         }
     }

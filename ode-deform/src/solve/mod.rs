@@ -6,7 +6,7 @@
 //! // A harmonic oscillator, once around, and where it is at a quarter.
 //! let quarter = std::f64::consts::FRAC_PI_2;
 //! let problem = Problem::new([0.0, 4.0 * quarter], &DOPRI5, StepController::adaptive(1e-8, 1e-8))
-//!     .asking([quarter]);
+//!     .save_at([quarter]);
 //! let solution = solve(|_, &[x, v]: &[f64; 2]| [v, -x], [1.0, 0.0], &problem)?;
 //! assert!((solution.end[0] - 1.0).abs() < 1e-6);
 //! assert!((solution.states[0][1] + 1.0).abs() < 1e-6);
@@ -72,16 +72,16 @@ pub fn solve_watched<Y: State>(
     mut watch: impl FnMut(Step<'_, Y>),
 ) -> Result<Solution<Y>, SolveError> {
     let direction = problem.direction();
-    let mut asked = problem.asked.iter().copied().peekable();
-    let mut states = Vec::with_capacity(problem.asked.len());
+    let mut save_at = problem.save_at.iter().copied().peekable();
+    let mut states = Vec::with_capacity(problem.save_at.len());
     let mut stepper = Stepper::new(problem, start)?;
     let mut times = vec![stepper.time()];
-    while asked.next_if_eq(&problem.span[0]).is_some() {
+    while save_at.next_if_eq(&problem.span[0]).is_some() {
         states.push(stepper.state().clone());
     }
     while stepper.advance(&mut field)?.is_some() {
         let reached = stepper.time();
-        while let Some(time) = asked.next_if(|&time| (reached - time) * direction >= 0.0) {
+        while let Some(time) = save_at.next_if(|&time| (reached - time) * direction >= 0.0) {
             states.push(stepper.interpolate(&mut field, time));
         }
         times.push(reached);

@@ -1,4 +1,4 @@
-//! What is to be integrated, and how.
+//! An initial value problem and solver options.
 
 use super::{SolveError, StepController, Tableau};
 
@@ -19,7 +19,7 @@ pub struct Problem {
     pub limits: Limits,
     /// Times at which the state is wanted besides the end, in the order in which they are passed. Steps do not depend
     /// on them: what lies within one is interpolated.
-    pub asked: Vec<f64>,
+    pub save_at: Vec<f64>,
 }
 
 /// What the last step does.
@@ -53,13 +53,13 @@ impl Problem {
     /// Ends exactly, and asks for no time in between.
     pub fn new(span: [f64; 2], tableau: &'static Tableau, control: StepController) -> Self {
         let (ending, limits) = (Ending::default(), Limits::default());
-        Self { span, tableau, control, ending, limits, asked: Vec::new() }
+        Self { span, tableau, control, ending, limits, save_at: Vec::new() }
     }
 
     /// The same problem, asking for the states at these times.
     #[must_use]
-    pub fn asking(mut self, times: impl IntoIterator<Item = f64>) -> Self {
-        self.asked = times.into_iter().collect();
+    pub fn save_at(mut self, times: impl IntoIterator<Item = f64>) -> Self {
+        self.save_at = times.into_iter().collect();
         self
     }
 
@@ -87,11 +87,12 @@ impl Problem {
             }
         }
         let mut before = self.span[0];
-        for &time in &self.asked {
+        for &time in &self.save_at {
             let passed = |a: f64, b: f64| (b - a) * self.direction() >= 0.0;
             if !passed(before, time) || !passed(time, self.span[1]) {
-                let expected = "asked times lie in the span, in the order in which they are passed";
-                return fail("an asked time", time, expected);
+                let expected =
+                    "times of save_at lie in the span, in the order in which they are passed";
+                return fail("a time of save_at", time, expected);
             }
             before = time;
         }

@@ -105,15 +105,15 @@ fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 #[test]
 fn observed_orders_are_those_of_the_tableaux() {
     for t in Tableau::ALL {
-        let asked: Vec<f64> = (1..40).map(|i| 0.05 * i as f64 + 0.0123).collect();
+        let save_at: Vec<f64> = (1..40).map(|i| 0.05 * i as f64 + 0.0123).collect();
         let (mut ends, mut between) = (Vec::new(), Vec::new());
         for steps in [24, 32, 48, 64, 96] {
             let h = 2.1 / steps as f64;
-            let problem = Problem::new([0.0, 2.1], t, fixed(h)).asking(asked.clone());
+            let problem = Problem::new([0.0, 2.1], t, fixed(h)).save_at(save_at.clone());
             let solution = solve(driven, driven_truth(0.0), &problem).unwrap();
             assert_eq!(solution.stats.accepted, steps);
             ends.push((h, distance(&solution.end, &driven_truth(2.1))));
-            let errors = asked.iter().zip(&solution.states);
+            let errors = save_at.iter().zip(&solution.states);
             let worst = errors.map(|(&at, y)| distance(y, &driven_truth(at))).fold(0.0, f64::max);
             between.push((h, worst));
         }
@@ -136,11 +136,11 @@ fn an_oscillator_comes_back() {
 #[test]
 fn logistic_growth() {
     let truth = |t: f64| 1.0 / (1.0 + 9.0 * (-t).exp());
-    let asked: Vec<f64> = (0..=20).map(|i| i as f64 * 0.5).collect();
+    let save_at: Vec<f64> = (0..=20).map(|i| i as f64 * 0.5).collect();
     let problem = Problem::new([0.0, 10.0], &DOPRI5, StepController::adaptive(1e-9, 1e-9))
-        .asking(asked.clone());
+        .save_at(save_at.clone());
     let solution = solve(|_, &y: &f64| y * (1.0 - y), 0.1, &problem).unwrap();
-    for (&t, y) in asked.iter().zip(&solution.states) {
+    for (&t, y) in save_at.iter().zip(&solution.states) {
         assert!((y - truth(t)).abs() < 1e-7, "t = {t}: {y} against {}", truth(t));
     }
     assert_eq!(solution.states[20], solution.end);
@@ -194,7 +194,7 @@ fn time_runs_back_to_where_it_began() {
         let control = StepController::adaptive(1e-8, 1e-8);
         let there =
             solve(driven, driven_truth(0.0), &Problem::new([0.0, 2.0], t, control)).unwrap();
-        let problem = Problem::new([2.0, 0.0], t, control).asking([1.5, 1.0, 0.0]);
+        let problem = Problem::new([2.0, 0.0], t, control).save_at([1.5, 1.0, 0.0]);
         let back = solve(driven, there.end, &problem).unwrap();
         assert!(distance(&back.end, &driven_truth(0.0)) < 1e-5, "{}", t.name);
         assert!(distance(&back.states[0], &driven_truth(1.5)) < 1e-5, "{}", t.name);
@@ -307,8 +307,11 @@ fn every_error_says_the_remedy() {
     for (problem, found) in [
         (Problem::new([0.0, 1.0], &EULER, fixed(0.0)), "the step size is 0:"),
         (Problem::new([0.0, f64::NAN], &EULER, fixed(0.1)), "a time of the span is NaN:"),
-        (Problem::new([0.0, 1.0], &EULER, fixed(0.1)).asking([0.5, 0.4]), "an asked time is 0.4:"),
-        (Problem::new([0.0, 1.0], &EULER, fixed(0.1)).asking([1.5]), "an asked time is 1.5:"),
+        (
+            Problem::new([0.0, 1.0], &EULER, fixed(0.1)).save_at([0.5, 0.4]),
+            "a time of save_at is 0.4:",
+        ),
+        (Problem::new([0.0, 1.0], &EULER, fixed(0.1)).save_at([1.5]), "a time of save_at is 1.5:"),
         (
             Problem::new([0.0, 1.0], &HEUN, StepController::adaptive(1e-3, 0.0)),
             "the absolute tolerance is 0:",
@@ -361,7 +364,7 @@ fn evaluations_are_counted_as_they_are_made() {
             calls += 1;
             driven(t, y)
         };
-        let problem = Problem::new([0.0, 1.0], t, fixed(0.1)).asking([0.55, 1.0]);
+        let problem = Problem::new([0.0, 1.0], t, fixed(0.1)).save_at([0.55, 1.0]);
         let solution = solve(field, driven_truth(0.0), &problem).unwrap();
         assert_eq!(solution.stats.evaluations, calls);
         // The slope at the end of a step, for the asked time, is the first of the next.
@@ -377,7 +380,7 @@ fn all_states_give_the_same() {
         vec![matrix[0][0] * y[0] + matrix[0][1] * y[1], matrix[1][0] * y[0] + matrix[1][1] * y[1]]
     };
     let problem =
-        Problem::new([0.0, 3.0], &DOPRI5, StepController::adaptive(1e-6, 1e-7)).asking([1.3]);
+        Problem::new([0.0, 3.0], &DOPRI5, StepController::adaptive(1e-6, 1e-7)).save_at([1.3]);
     let plain = solve(|_, y: &Vec<f64>| apply(y), vec![1.0, 0.5], &problem).unwrap();
     let array = solve(
         |_, y: &ndarray::Array1<f64>| apply(y.as_slice().unwrap()).into(),
@@ -415,7 +418,7 @@ fn all_states_give_the_same() {
     assert_eq!(plain.times, pair.times);
     assert_eq!(plain.times, var.times);
     for (states, of) in [(&plain.end, 0), (&plain.states[0], 1)] {
-        let pick = |end: [f64; 2], asked: [f64; 2]| if of == 0 { end } else { asked };
+        let pick = |end: [f64; 2], save_at: [f64; 2]| if of == 0 { end } else { save_at };
         let expected = [states[0], states[1]];
         let a = |y: &ndarray::Array1<f64>| [y[0], y[1]];
         assert_eq!(pick(a(&array.end), a(&array.states[0])), expected);

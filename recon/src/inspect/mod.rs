@@ -42,7 +42,7 @@ pub use page::write_report;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use datasets::{Dataset, Doubtful, Entry, ReadOptions, Subset, Truth, Views};
+use datasets::{Dataset, Entry, OnInconsistent, ReadOptions, Subset, Truth, Views};
 use mesh_core::ByteImage;
 use mesh_core::nalgebra::Vector3;
 use serde::Serialize;
@@ -154,7 +154,8 @@ pub fn inspect(
         (0..count).map(|k| k * entries.len() / count).collect()
     };
     // What makes no sense is what this is about.
-    let reading = ReadOptions { doubtful: Doubtful::Accept, depth: true, ..reading.clone() };
+    let reading =
+        ReadOptions { on_inconsistent: OnInconsistent::Accept, depth: true, ..reading.clone() };
     let mut looked_at = Vec::new();
     for (done, &object) in chosen.iter().enumerate() {
         progress(done, chosen.len());

@@ -5,7 +5,7 @@ mod curves;
 use std::ops::ControlFlow;
 
 use models::depth::{
-    Beginning, DepthKind, DepthPixel2Mesh, MeshRcnn, RefineConfig, Refined, Score, Sphere, Voxels,
+    DepthKind, DepthPixel2Mesh, MeshInit, MeshRcnn, RefineConfig, Refined, Score, Sphere, Voxels,
 };
 
 use crate::preset::{Change, Planned, planned, preset, settings, train_job};
@@ -82,7 +82,7 @@ fn variants(scale: Scale) -> impl Iterator<Item = &'static Variant> {
     VARIANTS.iter().enumerate().filter(move |(i, _)| !quick || [0, 2].contains(i)).map(|(_, v)| v)
 }
 
-fn changed<B: Beginning>(
+fn changed<B: MeshInit>(
     scale: Scale,
     variant: &Variant,
     [quick, guessed]: [&[Change]; 2],
@@ -105,7 +105,7 @@ fn changed<B: Beginning>(
     preset::<Refined<B>>("table", &changes)
 }
 
-type Configured<B> = train::Configuration<<B as Beginning>::Config>;
+type Configured<B> = train::Configuration<<B as MeshInit>::Config>;
 
 const SPHERE_IDS: [&str; 5] = [
     "pixel2mesh-rgb",
@@ -118,7 +118,7 @@ const VOXEL_IDS: [&str; 5] =
     ["rcnn-rgb", "rcnn-rgbd", "rcnn-rgbd-loss", "rcnn-estimate", "rcnn-estimate-loss"];
 
 /// The jobs of one system, with what it has beside the common changes for quick ones, and for estimates in the loss.
-fn jobs<B: Beginning>(
+fn jobs<B: MeshInit>(
     scale: Scale,
     ids: [&'static str; 5],
     own: [&[Change]; 2],
@@ -271,7 +271,7 @@ impl Figures<'_> {
     }
 }
 
-fn rows<B: Beginning>(
+fn rows<B: MeshInit>(
     system: usize,
     (_, variant, config): Planned<Refined<B>>,
     work: &Work<'_>,

@@ -14,7 +14,7 @@ use ode_deform::Adjoint;
 use ode_deform::deform::{DeformationField, FieldConfig};
 use ode_deform::solve::{EULER, Problem, StepController};
 use train::settings::to_toml;
-use train::{Configuration, DataError, Draw, Moment, System};
+use train::{Configuration, DataError, Draw, StepInfo, System};
 
 use super::QUICK;
 use crate::preset::{open, preset};
@@ -207,7 +207,7 @@ fn measured(system: &OdePixel2Mesh, batch: &[Pair]) -> (f64, f64) {
 }
 
 fn one_step(system: &OdePixel2Mesh, batch: &[Pair], tape: &Tape) {
-    let terms = system.loss(tape, batch, Moment { step: 0, epoch: 0 });
+    let terms = system.loss(tape, batch, StepInfo { step: 0, epoch: 0 });
     let terms = terms.expect("fixed steps come to their end").0;
     let total = terms.iter().map(|term| term.value.scale(term.weight as f32));
     if let Some(total) = total.reduce(|a, b| a + b) {

@@ -83,9 +83,13 @@ fn jobs(scale: Scale) -> Vec<Planned<OdePixel2Mesh>> {
         // As many evaluations as the deep residual network has blocks, always the same.
         let eighths = [method("euler"), ("start", "[0.0, 0.0]"), ("step", "[0.125, 0.125]")];
         let with = |more: &[Change]| [&eighths, more].concat();
-        jobs.push(("ode-best", MEMORY, with(&[("memory", "8"), ("hidden", "104")])));
-        let stacked =
-            [("deformation", "stacked"), ("memory", "4"), ("hidden", "83"), ("speed", "16.0")];
+        jobs.push(("ode-best", MEMORY, with(&[("augment-dim", "8"), ("hidden", "104")])));
+        let stacked = [
+            ("deformation", "stacked"),
+            ("augment-dim", "4"),
+            ("hidden", "83"),
+            ("output-scale", "16.0"),
+        ];
         let residual = [("deformation", "residual"), ("blocks", "8")];
         jobs.extend([
             ("ode-stacked", BEST, with(&[&stacked[..], &ENCODER].concat())),

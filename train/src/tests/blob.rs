@@ -14,7 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::report::ViewPair;
 use crate::{
-    DataError, Draw, LossError, Metric, Moment, Moments, Shown, Source, Summary, System, Terms,
+    DataError, Draw, LossError, Metric, OptimizerState, Shown, Source, StepInfo, Summary, System,
+    Terms,
 };
 
 const SIDE: usize = 16;
@@ -183,7 +184,7 @@ impl System for Blob {
         &self,
         tape: &'t Tape,
         batch: &[Silhouette],
-        _: Moment,
+        _: StepInfo,
     ) -> Result<Terms<'t>, LossError> {
         let unsolved = format!("object {}", self.options.unsolved);
         if batch.iter().any(|sample| sample.name == unsolved) {
@@ -220,7 +221,7 @@ impl System for Blob {
         Ok(Shown { views: vec![view.clone(), view], scene: None })
     }
 
-    fn begin_epoch(&mut self, epoch: u64, moments: &mut Moments<'_>) {
+    fn begin_epoch(&mut self, epoch: u64, state: &mut OptimizerState<'_>) {
         if epoch as i64 != self.options.grow_at {
             return;
         }
@@ -237,9 +238,9 @@ impl System for Blob {
         self.hidden.0 = shaped(twice(self.hidden.0.as_slice()), &[2 * width, 3]);
         self.hidden.1 = shaped(twice(self.hidden.1.as_slice()), &[2 * width]);
         self.offsets.0 = shaped(halves(self.offsets.0.as_slice()), &[out, 2 * width]);
-        moments.carry("hidden.0", twice);
-        moments.carry("hidden.1", twice);
-        moments.carry("offsets.0", halves);
+        state.carry("hidden.0", twice);
+        state.carry("hidden.1", twice);
+        state.carry("offsets.0", halves);
     }
 
     fn couples_samples(&self) -> bool {

@@ -72,7 +72,7 @@ fn two_do_not_work_in_one_folder() {
                 assert!(error.to_string().contains(&holder), "{error}");
             }
             // Those who only read may.
-            assert!(Located::find(&folder, true).is_ok());
+            assert!(CheckpointPath::find(&folder, true).is_ok());
         }
         ControlFlow::Continue(())
     })

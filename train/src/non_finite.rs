@@ -5,8 +5,8 @@ use std::fmt;
 use autodiff_lite::{Gradients, Param, Tape};
 
 use super::error::{LossError, TrainError};
-use super::step::spoiled;
-use super::system::{Moment, System};
+use super::step::non_finite_parameter;
+use super::system::{StepInfo, System};
 
 /// A value or gradient that became NaN or infinite, and where it did.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -55,19 +55,19 @@ impl fmt::Display for NotFinite {
 impl std::error::Error for NotFinite {}
 
 /// Repeats a step that failed: each sample alone, then shard by shard, each term by itself.
-pub(super) fn blame<S: System>(
+pub(super) fn locate_non_finite<S: System>(
     tape: &mut Tape,
     system: &S,
     samples: &[S::Sample],
     shard: usize,
-    at: Moment,
+    at: StepInfo,
 ) -> NotFinite {
-    let Moment { step, epoch } = at;
-    let parameter = spoiled(system).map(Tensor::Parameter);
+    let StepInfo { step, epoch } = at;
+    let parameter = non_finite_parameter(system).map(Tensor::Parameter);
     let sizes = if shard > 1 { vec![1, shard] } else { vec![1] };
     for chunk in sizes.into_iter().flat_map(|size| samples.chunks(size)) {
         tape.reset();
-        if let Some((term, tensor)) = culprit(tape, system, chunk, at) {
+        if let Some((term, tensor)) = first_non_finite(tape, system, chunk, at) {
             let tensor = parameter.unwrap_or(tensor);
             return NotFinite {
                 step,
@@ -87,10 +87,10 @@ pub(super) fn without_value<S: System>(
     tape: &mut Tape,
     system: &S,
     samples: &[S::Sample],
-    at: Moment,
+    at: StepInfo,
     error: LossError,
 ) -> TrainError {
-    let Moment { step, epoch } = at;
+    let StepInfo { step, epoch } = at;
     for one in samples.chunks(1) {
         tape.reset();
         if let Err(error) = system.loss(tape, one, at) {
@@ -106,11 +106,11 @@ fn named<S: System>(samples: &[S::Sample]) -> String {
     format!("{noun} {}", names.join(", "))
 }
 
-fn culprit<S: System>(
+fn first_non_finite<S: System>(
     tape: &Tape,
     system: &S,
     chunk: &[S::Sample],
-    at: Moment,
+    at: StepInfo,
 ) -> Option<(&'static str, Tensor)> {
     // One without a value is told before it comes to this.
     let terms = system.loss(tape, chunk, at).ok()?;

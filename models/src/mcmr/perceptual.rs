@@ -15,12 +15,12 @@ const POOLS: usize = 5;
 
 /// What the user has weights for.
 #[derive(Debug, Default)]
-pub struct Judge {
+pub struct PerceptualMetrics {
     lpips: Option<(Vgg16, LpipsWeights)>,
     inception: Option<InceptionV3>,
 }
 
-impl Judge {
+impl PerceptualMetrics {
     /// Reads the files that a configuration names.
     ///
     /// # Errors

@@ -13,7 +13,7 @@ use super::packed::{Packed, Shape};
 use super::scenes::Scene;
 
 /// Where the meshes come from that are refined.
-pub trait Beginning: Module<f32> + Debug + Send + Sync + Sized + 'static {
+pub trait MeshInit: Module<f32> + Debug + Send + Sync + Sized + 'static {
     /// The name of its system.
     const NAME: &'static str;
     /// Its system's configurations by name.
@@ -43,7 +43,7 @@ pub trait Beginning: Module<f32> + Debug + Send + Sync + Sized + 'static {
     fn new(config: &Self::Config, init: &Init) -> Self;
 
     /// The first meshes of scenes, from the backbone's last map `[N, S/32, S/32, C]`.
-    fn begin<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> Begun<'t>;
+    fn init<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> InitialMeshes<'t>;
 
     /// Which cells one image's logits say are occupied.
     fn occupied_cells(&self, logits: &[f32]) -> Vec<bool>;
@@ -54,7 +54,7 @@ pub trait Beginning: Module<f32> + Debug + Send + Sync + Sized + 'static {
 
 /// The meshes before the first stage.
 #[derive(Clone, Debug)]
-pub struct Begun<'t> {
+pub struct InitialMeshes<'t> {
     /// Their shapes.
     pub packed: Packed,
     /// `[1, ΣV, 3]`, each in the frame of its camera.

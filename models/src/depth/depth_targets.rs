@@ -18,7 +18,7 @@ use crate::paired::{Frame, Picture};
 
 /// What belongs to one picture, made once.
 #[derive(Clone, Debug)]
-pub struct Relief {
+pub struct DepthTargets {
     /// The frame of the camera, in which everything is predicted.
     pub frame: Frame,
     /// Depth of the middle of an object.
@@ -46,7 +46,7 @@ pub(super) enum Known<'a> {
     Given,
 }
 
-impl Relief {
+impl DepthTargets {
     /// For a picture; cells only with a surface.
     pub(super) fn new(
         picture: &Picture,

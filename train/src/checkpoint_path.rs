@@ -8,7 +8,7 @@ use super::run::RunFolder;
 
 /// A checkpoint that was found, and the run it belongs to.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Located {
+pub struct CheckpointPath {
     /// The file.
     pub file: PathBuf,
     /// The folder of its run; none where the file stands alone.
@@ -17,14 +17,14 @@ pub struct Located {
 
 /// What a run's folder notes about its data.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Noted {
+pub struct RunMetadata {
     /// Where the data was; none where the system made its own.
     pub data: Option<PathBuf>,
     /// Its fingerprint, in hexadecimal digits.
     pub data_hash: Option<String>,
 }
 
-impl Located {
+impl CheckpointPath {
     /// Finds the checkpoint at a path: the file itself; or of a run's folder the best, if there is
     /// one and the last is not asked for, else the last.
     ///
@@ -52,7 +52,7 @@ impl Located {
     }
 }
 
-impl Noted {
+impl RunMetadata {
     /// What a run's folder notes; nothing where it cannot be read.
     pub fn of(run: &Path) -> Self {
         let text = fs::read_to_string(run.join("provenance.json")).unwrap_or_default();
@@ -71,27 +71,27 @@ mod tests {
     fn the_best_is_found_before_the_last() {
         let place = tempfile::tempdir().unwrap();
         let run = place.path().join("run");
-        let error = Located::find(&run, false).unwrap_err().to_string();
+        let error = CheckpointPath::find(&run, false).unwrap_err().to_string();
         assert!(error.contains("nothing is there"), "{error}");
         RunFolder::create(&run, false).unwrap();
-        assert!(Located::find(&run, false).is_err());
+        assert!(CheckpointPath::find(&run, false).is_err());
         let [best, last] =
             ["best", "last"].map(|k| run.join(format!("checkpoints/{k}.safetensors")));
         fs::write(&last, "").unwrap();
-        assert_eq!(Located::find(&run, false).unwrap().file, last);
+        assert_eq!(CheckpointPath::find(&run, false).unwrap().file, last);
         fs::write(&best, "").unwrap();
-        assert_eq!(Located::find(&run, false).unwrap().file, best);
-        assert_eq!(Located::find(&run, true).unwrap().file, last);
+        assert_eq!(CheckpointPath::find(&run, false).unwrap().file, best);
+        assert_eq!(CheckpointPath::find(&run, true).unwrap().file, last);
         assert_eq!(
-            Located::find(&best, true).unwrap(),
-            Located { file: best, run: Some(run.clone()) }
+            CheckpointPath::find(&best, true).unwrap(),
+            CheckpointPath { file: best, run: Some(run.clone()) }
         );
         let alone = place.path().join("model.safetensors");
         fs::write(&alone, "").unwrap();
-        assert_eq!(Located::find(&alone, false).unwrap().run, None);
+        assert_eq!(CheckpointPath::find(&alone, false).unwrap().run, None);
 
-        assert_eq!(Noted::of(&run), Noted::default());
+        assert_eq!(RunMetadata::of(&run), RunMetadata::default());
         fs::write(run.join("provenance.json"), r#"{"data": "", "data_hash": "0a"}"#).unwrap();
-        assert_eq!(Noted::of(&run), Noted { data: None, data_hash: Some("0a".into()) });
+        assert_eq!(RunMetadata::of(&run), RunMetadata { data: None, data_hash: Some("0a".into()) });
     }
 }

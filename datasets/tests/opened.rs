@@ -134,7 +134,8 @@ fn colmap_project(model: &str) -> tempfile::TempDir {
 
 #[test]
 fn what_colmap_wrote_is_read() {
-    let options = ReadOptions { doubtful: datasets::Doubtful::Accept, ..ReadOptions::default() };
+    let options =
+        ReadOptions { on_inconsistent: datasets::OnInconsistent::Accept, ..ReadOptions::default() };
     for model in ["binary", "text", "source"] {
         let folder = colmap_project(model);
         let views = read_views(folder.path(), &options, &|_, _| {}).unwrap().views;

@@ -1,4 +1,4 @@
-//! The course of a training, from its first step to its last.
+//! The trainer: a training, from its first step to its last.
 
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -6,16 +6,16 @@ use std::time::Instant;
 use autodiff_lite::optim::{Schedule, clip_grad_norm};
 use rayon::prelude::*;
 
-use super::checkpoint::{Checkpoint, Standing, save};
+use super::checkpoint::{Checkpoint, TrainState, save};
 use super::config::Configuration;
 use super::draw::{Draw, order};
 use super::error::TrainError;
 use super::event::{Event, Step};
-use super::optimizer::{AnyOptimizer, Moments};
+use super::optimizer::{AnyOptimizer, OptimizerState};
 use super::record::{Heading, Record};
 use super::run::{Provenance, RunFolder};
 use super::step::Tapes;
-use super::system::{Metric, Moment, System};
+use super::system::{Metric, StepInfo, System};
 
 /// Weight of the past in the moving average of losses (Mesh R-CNN's 0.9).
 const MEMORY: f64 = 0.9;
@@ -63,17 +63,17 @@ pub fn train<S: System>(
     job: &Job<'_, S>,
     watch: &mut dyn FnMut(Event) -> ControlFlow<()>,
 ) -> Result<Outcome<S>, TrainError> {
-    let mut course = Course::prepare(job, watch)?;
-    let stopped = course.run()?;
-    course.record.sync()?;
-    course.record.digest::<S>(job.config)?;
-    course.warn();
+    let mut trainer = Trainer::prepare(job, watch)?;
+    let stopped = trainer.run()?;
+    trainer.record.sync()?;
+    trainer.record.digest::<S>(job.config)?;
+    trainer.warn();
     Ok(Outcome {
-        system: course.system,
-        steps: course.standing.step,
+        system: trainer.system,
+        steps: trainer.state.step,
         interrupted: stopped,
-        metrics: course.metrics,
-        best: course.standing.best,
+        metrics: trainer.metrics,
+        best: trainer.state.best,
     })
 }
 
@@ -84,14 +84,14 @@ struct Ahead<T> {
     samples: Result<Vec<T>, TrainError>,
 }
 
-struct Course<'j, 'w, S: System> {
+struct Trainer<'j, 'w, S: System> {
     job: &'j Job<'j, S>,
     watch: &'w mut dyn FnMut(Event) -> ControlFlow<()>,
     system: S,
     optimizer: AnyOptimizer,
     tapes: Tapes,
     record: Record<'j>,
-    standing: Standing,
+    state: TrainState,
     schedule: Schedule,
     /// The order of the items in the present epoch.
     items: Vec<usize>,
@@ -104,7 +104,7 @@ struct Course<'j, 'w, S: System> {
     saved: (u64, Instant),
 }
 
-impl<'j, 'w, S: System> Course<'j, 'w, S> {
+impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
     fn prepare(
         job: &'j Job<'j, S>,
         watch: &'w mut dyn FnMut(Event) -> ControlFlow<()>,
@@ -121,13 +121,13 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
         }
         // What was killed before its first checkpoint goes on from its beginning.
         let resume = job.resume && job.run.last().is_file();
-        let (system, optimizer, standing) = if resume {
+        let (system, optimizer, state) = if resume {
             Checkpoint::read(&job.run.last())?.resume::<S>(config)?
         } else {
             let mut system = S::new(&config.system, train.seed);
-            system.adopt(job.data)?;
+            system.init_from_data(job.data)?;
             let optimizer = AnyOptimizer::new(train, &system.rates());
-            (system, optimizer, Standing::default())
+            (system, optimizer, TrainState::default())
         };
         if system.couples_samples() && train.shards > 1 {
             let text = "`shards` is more than 1, but what this system computes for a sample depends on its whole batch";
@@ -147,11 +147,11 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
             total,
         };
         let record = if resume {
-            Record::resume(job.run, &heading, standing.step, standing.pending)?
+            Record::resume(job.run, &heading, state.step, state.pending)?
         } else {
             Record::begin(job.run, &heading)?
         };
-        let mut course = Self {
+        let mut trainer = Self {
             job,
             watch,
             system,
@@ -165,17 +165,17 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
             total,
             metrics: Vec::new(),
             stop: false,
-            saved: (standing.step, Instant::now()),
-            standing,
+            saved: (state.step, Instant::now()),
+            state,
         };
         if !resume {
             // Whatever happens from here on, the run can go on.
-            course.write(&job.run.last())?;
+            trainer.write(&job.run.last())?;
         }
-        let (trainable, done) = (summary.trainable, course.standing.step);
-        course.tell(Event::Started { trainable, steps_per_epoch, total, done });
-        course.warn();
-        Ok(course)
+        let (trainable, done) = (summary.trainable, trainer.state.step);
+        trainer.tell(Event::Started { trainable, steps_per_epoch, total, done });
+        trainer.warn();
+        Ok(trainer)
     }
 
     fn tell(&mut self, event: Event) {
@@ -192,24 +192,24 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
     /// Returns whether it was stopped before the end.
     fn run(&mut self) -> Result<bool, TrainError> {
         loop {
-            if self.standing.pending && !self.stop {
+            if self.state.pending && !self.stop {
                 let evaluated = self.end_epoch()?;
-                self.standing.pending = false;
+                self.state.pending = false;
                 if evaluated || self.due() {
                     self.save()?;
                 }
             }
-            let ended = self.standing.step >= self.total && !self.standing.pending;
+            let ended = self.state.step >= self.total && !self.state.pending;
             if ended || self.stop {
-                if self.saved.0 != self.standing.step || self.stop {
+                if self.saved.0 != self.state.step || self.stop {
                     self.save()?;
                 }
                 return Ok(!ended);
             }
             self.step()?;
-            let step = self.standing.step;
-            self.standing.pending = step.is_multiple_of(self.steps_per_epoch) || step >= self.total;
-            if !self.standing.pending && !self.stop && self.due() {
+            let step = self.state.step;
+            self.state.pending = step.is_multiple_of(self.steps_per_epoch) || step >= self.total;
+            if !self.state.pending && !self.stop && self.due() {
                 self.save()?;
             }
         }
@@ -218,7 +218,7 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
     fn due(&self) -> bool {
         let train = &self.job.config.train;
         let (step, at) = self.saved;
-        let steps = self.standing.step - step;
+        let steps = self.state.step - step;
         let minutes = at.elapsed().as_secs_f64() / 60.0;
         (train.checkpoint_steps > 0 && steps >= train.checkpoint_steps)
             || (train.checkpoint_minutes > 0.0 && minutes >= train.checkpoint_minutes)
@@ -227,8 +227,7 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
     fn step(&mut self) -> Result<(), TrainError> {
         let start = Instant::now();
         let train = &self.job.config.train;
-        let at =
-            Moment { step: self.standing.step, epoch: self.standing.step / self.steps_per_epoch };
+        let at = StepInfo { step: self.state.step, epoch: self.state.step / self.steps_per_epoch };
         self.enter(at);
         // The whole step in the pool of threads: each entry from outside would cost a hop.
         let (system, tapes) = (&mut self.system, &mut self.tapes);
@@ -236,23 +235,23 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
         let (per_step, steps_per_epoch) = (train.batch * train.accumulate, self.steps_per_epoch);
         let ahead = self.ahead.take().filter(|ahead| ahead.step == at.step);
         // Not beyond the epoch: the next one may change the system, and is scored first.
-        let next = Moment { step: at.step + 1, ..at };
+        let next = StepInfo { step: at.step + 1, ..at };
         let follows = !next.step.is_multiple_of(steps_per_epoch) && next.step < self.total;
         let mut drawn = None;
-        let slope = in_pool(|| -> Result<_, TrainError> {
-            let draw = |system: &S, at: Moment| {
+        let gradient = in_pool(|| -> Result<_, TrainError> {
+            let draw = |system: &S, at: StepInfo| {
                 draw(system, data, items, seed, at, steps_per_epoch, per_step)
             };
             let samples = ahead.map_or_else(|| draw(system, at), |ahead| ahead.samples)?;
-            tapes.slope(system, &samples, train.batch, at, seed, |system| {
+            tapes.gradient(system, &samples, train.batch, at, seed, |system| {
                 drawn = follows.then(|| draw(system, next));
             })
         });
         self.ahead = drawn.map(|samples| Ahead { step: next.step, samples });
-        let mut slope = slope?;
-        self.standing.step += 1;
-        let (step, loss) = (self.standing.step, slope.loss());
-        let average = self.standing.average;
+        let mut gradient = gradient?;
+        self.state.step += 1;
+        let (step, loss) = (self.state.step, gradient.loss());
+        let average = self.state.average;
         if let Some(average) = average
             && train.skip_spikes > 0.0
             && loss > train.skip_spikes * average
@@ -262,26 +261,26 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
             self.tell(Event::Skipped { step, loss, average });
             return Ok(());
         }
-        self.standing.average = Some(average.map_or(loss, |a| MEMORY * a + (1.0 - MEMORY) * loss));
+        self.state.average = Some(average.map_or(loss, |a| MEMORY * a + (1.0 - MEMORY) * loss));
         let factor = self.schedule.factor(at.step);
         let (system, optimizer) = (&mut self.system, &mut self.optimizer);
         in_pool(|| {
-            if train.clip_norm > 0.0 && slope.norm > train.clip_norm {
-                clip_grad_norm(&mut slope.gradients, train.clip_norm);
+            if train.clip_norm > 0.0 && gradient.norm > train.clip_norm {
+                clip_grad_norm(&mut gradient.gradients, train.clip_norm);
             }
-            optimizer.step(system, &slope.gradients, factor);
+            optimizer.step(system, &gradient.gradients, factor);
         });
         let report = Step {
             step,
             total: self.total,
             epoch: at.epoch,
             loss,
-            terms: std::mem::take(&mut slope.terms),
+            terms: std::mem::take(&mut gradient.terms),
             learning_rate: train.learning_rate * factor,
-            gradient_norm: slope.norm,
+            gradient_norm: gradient.norm,
             seconds: start.elapsed().as_secs_f64(),
         };
-        drop(slope);
+        drop(gradient);
         self.record.step(&report);
         self.warn();
         self.tell(Event::Step(report));
@@ -289,10 +288,10 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
     }
 
     /// Tells the system of a new epoch and draws its order.
-    fn enter(&mut self, at: Moment) {
-        if self.standing.epochs_begun <= at.epoch {
-            self.system.begin_epoch(at.epoch, &mut Moments(&mut self.optimizer));
-            self.standing.epochs_begun = at.epoch + 1;
+    fn enter(&mut self, at: StepInfo) {
+        if self.state.epochs_begun <= at.epoch {
+            self.system.begin_epoch(at.epoch, &mut OptimizerState(&mut self.optimizer));
+            self.state.epochs_begun = at.epoch + 1;
             self.items.clear();
         }
         if self.items.is_empty() {
@@ -304,7 +303,7 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
     /// Scores, samples and the best checkpoint; whether it was the turn of scores.
     fn end_epoch(&mut self) -> Result<bool, TrainError> {
         let train = &self.job.config.train;
-        let step = self.standing.step;
+        let step = self.state.step;
         let epoch = step.div_ceil(self.steps_per_epoch);
         let last = step >= self.total;
         let turn = |every: u64| last || (every > 0 && epoch.is_multiple_of(every));
@@ -341,13 +340,13 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
             let metrics = self.metrics.iter().map(|metric| metric.name.clone()).collect();
             return Err(TrainError::NoSuchMetric { name: name.to_owned(), metrics });
         };
-        let best = match self.standing.best {
+        let best = match self.state.best {
             _ if metric.value.is_nan() => false,
             None => true,
             Some((value, _)) => metric.better.improves(metric.value, value),
         };
         if best {
-            self.standing.best = Some((metric.value, self.standing.step));
+            self.state.best = Some((metric.value, self.state.step));
         }
         Ok(best)
     }
@@ -356,14 +355,14 @@ impl<'j, 'w, S: System> Course<'j, 'w, S> {
         let path = self.job.run.last();
         self.record.sync()?;
         self.write(&path)?;
-        self.saved = (self.standing.step, Instant::now());
-        self.tell(Event::Saved { step: self.standing.step, path });
+        self.saved = (self.state.step, Instant::now());
+        self.tell(Event::Saved { step: self.state.step, path });
         Ok(())
     }
 
     fn write(&self, path: &std::path::Path) -> Result<(), TrainError> {
         let job = self.job;
-        Ok(save(path, &self.system, &self.optimizer, &self.standing, job.config)?)
+        Ok(save(path, &self.system, &self.optimizer, &self.state, job.config)?)
     }
 }
 
@@ -373,7 +372,7 @@ fn draw<S: System>(
     data: &S::Data,
     items: &[usize],
     seed: u64,
-    at: Moment,
+    at: StepInfo,
     steps_per_epoch: u64,
     count: usize,
 ) -> Result<Vec<S::Sample>, TrainError> {

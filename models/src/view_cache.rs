@@ -12,7 +12,7 @@ const BUDGET: usize = 6 << 30;
 /// A dataset, and the views of it that were prepared so far. What is returned does not depend on
 /// what is kept.
 #[derive(Debug)]
-pub(crate) struct Shelf<T> {
+pub(crate) struct ViewCache<T> {
     dataset: Box<dyn Dataset>,
     options: ReadOptions,
     kept: Vec<Vec<OnceLock<Arc<T>>>>,
@@ -25,7 +25,7 @@ pub(crate) trait Stored: Sized {
     fn bytes(&self) -> usize;
 }
 
-impl<T: Stored> Shelf<T> {
+impl<T: Stored> ViewCache<T> {
     pub(crate) fn new(dataset: Box<dyn Dataset>, options: ReadOptions) -> Self {
         let places = |views: usize| (0..views).map(|_| OnceLock::new()).collect();
         let kept = dataset.entries().iter().map(|entry| places(entry.views)).collect();

@@ -45,7 +45,7 @@ pub enum Choice<'a> {
 
 /// Views that were read, parted into those that the system is given and those that judge it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Material {
+pub struct PredictInput {
     /// What the system is given, in the order that was asked for; at least one.
     pub given: Vec<View>,
     /// What it is not given.
@@ -74,7 +74,7 @@ impl<'a> Request<'a> {
     }
 }
 
-impl Material {
+impl PredictInput {
     /// Reads views and parts them.
     ///
     /// # Errors
@@ -87,16 +87,16 @@ impl Material {
     fn views(request: &Request<'_>) -> Result<Self, DataError> {
         let lenient = ReadOptions { allow_missing: true, ..request.options.clone() };
         let views = read_views(request.path, &lenient, request.progress)?;
-        let mut material = Self::part(views, request.choice)?;
+        let mut input = Self::part(views, request.choice)?;
         if let Some(path) = request.score {
             let score = read_views(path, &lenient, request.progress)?;
-            material.others.extend(score.views);
-            material.warnings.extend(score.warnings);
+            input.others.extend(score.views);
+            input.warnings.extend(score.warnings);
         }
-        Ok(material)
+        Ok(input)
     }
 
-    /// Material for systems of a single picture: the first of the chosen views is given, all others judge it. A path to
+    /// PredictInput for systems of a single picture: the first of the chosen views is given, all others judge it. A path to
     /// a picture will do; its camera is then assumed.
     ///
     /// # Errors
@@ -116,10 +116,10 @@ impl Material {
         if picture && request.path.is_file() {
             return Self::picture(request.path);
         }
-        let mut material = Self::views(request)?;
-        let rest = material.given.split_off(1);
-        material.others.splice(0..0, rest);
-        Ok(material)
+        let mut input = Self::views(request)?;
+        let rest = input.given.split_off(1);
+        input.others.splice(0..0, rest);
+        Ok(input)
     }
 
     /// A single picture of an object, cut out by its alpha channel or an even backdrop, as if taken by one of 3D-R2N2's
