@@ -7,19 +7,19 @@
 //!
 //! // A model is a plain struct of parameters; how it is called is its own affair.
 //! struct Line {
-//!     slope: Param,
+//!     derivative: Param,
 //!     offset: Param,
 //! }
-//! impl_module!(Line: f32 { slope, offset });
+//! impl_module!(Line: f32 { derivative, offset });
 //!
 //! impl Line {
 //!     fn forward<'t>(&self, x: Var<'t>) -> Var<'t> {
 //!         let tape = x.tape();
-//!         x * tape.param(&self.slope) + tape.param(&self.offset)
+//!         x * tape.param(&self.derivative) + tape.param(&self.offset)
 //!     }
 //! }
 //!
-//! let mut line = Line { slope: Param::new(Array1::zeros(1)), offset: Param::new(Array1::zeros(1)) };
+//! let mut line = Line { derivative: Param::new(Array1::zeros(1)), offset: Param::new(Array1::zeros(1)) };
 //! let x = Array2::from_shape_fn((50, 1), |(i, _)| i as f32 / 50.0).into_shared();
 //! let y = x.mapv(|x| 3.0 * x - 1.0).into_shared();
 //!
@@ -31,7 +31,7 @@
 //!     tape.reset(); // memory goes back to the tape's pool, parameters are unique again
 //!     adam.step(&mut line, &gradients); // and are written in place
 //! }
-//! assert!((line.slope.value[0] - 3.0).abs() < 0.01);
+//! assert!((line.derivative.value[0] - 3.0).abs() < 0.01);
 //! ```
 //!
 //! # Where things are

@@ -37,7 +37,7 @@ pub struct Options {
     pub kinks: Vec<f64>,
     /// Whether the function is smooth in pieces only, at borders that its inputs alone do not
     /// tell: ties of a maximum, the nearest of several edges. Where a piece ends within a step,
-    /// the gradient has to be the slope on one side.
+    /// the gradient has to be the derivative on one side.
     pub pieces: bool,
     /// At most this many elements of each input are probed, evenly spread.
     pub probes: usize,
@@ -116,9 +116,9 @@ pub enum Mismatch {
         differences: f64,
     },
     /// More elements than [`MOST_UNDECIDED`] have borders of pieces so near on both sides that
-    /// there is no slope to compare with.
+    /// there is no derivative to compare with.
     Undecided {
-        /// Elements without a slope.
+        /// Elements without a derivative.
         found: usize,
         /// Elements probed.
         probed: usize,
@@ -133,7 +133,7 @@ impl fmt::Display for Mismatch {
                 "input {input}, element {element}: the rule gives {rule:e}, differences {differences:e}"
             ),
             Self::Undecided { found, probed } => {
-                write!(f, "{found} of {probed} elements have no slope on either side")
+                write!(f, "{found} of {probed} elements have no derivative on either side")
             }
         }
     }
@@ -226,7 +226,7 @@ const QUARTERINGS: i32 = 3;
 /// What the differences on each side of a place say of a rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum OneSided {
-    /// It is the slope of one side.
+    /// It is the derivative of one side.
     Rule,
     /// It is neither.
     Other,
@@ -238,26 +238,26 @@ fn agree(a: f64, b: f64, tolerance: f64) -> bool {
     (a - b).abs() <= tolerance * a.abs().max(b.abs()).max(1.0)
 }
 
-/// Compares a rule with the slopes on each side of a place, of second order.
+/// Compares a rule with the derivatives on each side of a place, of second order.
 ///
-/// The differences that straddle a border of pieces are the slope of neither. Those that stay on
+/// The differences that straddle a border of pieces are the derivative of neither. Those that stay on
 /// one side are, whatever the border is, if there is none on that side; and smaller steps reach
 /// fewer. `at` gives the value at a step from the place, `centre` the value there.
 fn beside(at: &mut impl FnMut(f64) -> f64, centre: f64, rule: f64, options: &Options) -> OneSided {
-    let mut slope = |h: f64| (4.0 * at(h / 2.0) - at(h) - 3.0 * centre) / h;
+    let mut derivative = |h: f64| (4.0 * at(h / 2.0) - at(h) - 3.0 * centre) / h;
     let mut smooth = false;
     for quartering in 0..=QUARTERINGS {
         let step = options.epsilon * 0.25_f64.powi(quartering);
         let mut sides = [false; 2];
         for (side, h) in [step, -step].into_iter().enumerate() {
-            let whole = slope(h);
+            let whole = derivative(h);
             if agree(rule, whole, options.tolerance) {
                 return OneSided::Rule;
             }
             if !whole.is_finite() {
                 return OneSided::Other;
             }
-            sides[side] = agree(whole, slope(h / 2.0), options.tolerance);
+            sides[side] = agree(whole, derivative(h / 2.0), options.tolerance);
         }
         smooth |= sides == [true; 2];
     }
@@ -371,10 +371,10 @@ mod tests {
         check(&poisoned, &options.draw(&[vec![1]]), &options).unwrap_err();
     }
 
-    /// Across a kink the differences are neither one slope nor the other, and the rule of either
-    /// side is right; their mean is not, nor is a slope of elsewhere.
+    /// Across a kink the differences are neither one derivative nor the other, and the rule of either
+    /// side is right; their mean is not, nor is a derivative of elsewhere.
     #[test]
-    fn beside_a_kink_the_rule_is_the_slope_of_one_side() {
+    fn beside_a_kink_the_rule_is_the_derivative_of_one_side() {
         let near = [ndarray::arr1(&[3e-6, 1.0, -1.0, -2e-6]).into_dyn()];
         let kinked = |[low, high]: [f64; 2]| {
             function(move |x| {
@@ -393,7 +393,7 @@ mod tests {
     /// Where borders lie nearer together than any step there is nothing to compare with: one
     /// place in fifty may be so.
     #[test]
-    fn few_places_may_have_no_slope() {
+    fn few_places_may_have_no_derivative() {
         let rough = |x: f64| if x > 0.5 { 1e-6 * (1e10 * x).sin() } else { x };
         let f = function(|x| x[0].map(rough, |x, _| f64::from(x <= 0.5)));
         let options = Options { tolerance: 1e-5, ..Options::default().pieces() };

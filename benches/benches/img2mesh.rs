@@ -1,6 +1,6 @@
 //! A whole training step of img2mesh: three views to one mesh, four losses, backward, Adam.
 //!
-//! The work of the peer's step: pictures and renderings of 128x128, a small CNN, two layers of
+//! The work of the peer's step: images and renderings of 128x128, a small CNN, two layers of
 //! attention of width 256, an icosphere of 642 vertices, colours and soft silhouettes.
 
 use benches::{TrainingStep, criterion, pool};

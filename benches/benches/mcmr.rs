@@ -1,6 +1,6 @@
 //! Whole training steps of MCMR: encoder, selection, deformation, texture, rendering, losses, backward, Adam.
 //!
-//! `small` is the preset of that name before the subdivision; `published` has the published sizes and batch with pictures
+//! `small` is the preset of that name before the subdivision; `published` has the published sizes and batch with images
 //! and textures of 128 pixels, 162 vertices and every loss but the perceptual one.
 
 use std::path::Path;
@@ -10,7 +10,7 @@ use models::mcmr::{Mcmr, McmrConfig};
 use train::settings::read_text;
 use train::{Configuration, System};
 
-/// Objects of each family; two families have more pictures than the larger batch needs.
+/// Objects of each family; two families have more images than the larger batch needs.
 const OBJECTS: usize = 16;
 
 fn preset(name: &str) -> McmrConfig {

@@ -19,7 +19,7 @@ fn vertices() -> Array2<f32> {
     Array2::from_shape_vec((VERTICES, 3), numbers(3 * VERTICES, 1)).expect("three numbers each")
 }
 
-/// A hundred steps whose field hands out a slope that is there already: what is left is the solver.
+/// A hundred steps whose field hands out a derivative that is there already: what is left is the solver.
 fn overhead(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("ode");
     let step = 1.0 / STEPS as f64;
@@ -32,12 +32,12 @@ fn overhead(criterion: &mut Criterion) {
         ("euler-fixed", &EULER, StepController::Fixed { step }),
     ] {
         let problem = Problem::new([0.0, 1.0], tableau, control);
-        let slope = vertices().into_shared();
+        let derivative = vertices().into_shared();
         let start = vertices().into_shared();
         group.bench_function(format!("overhead/{name}/2466x3/{STEPS}-steps/1t"), |b| {
             b.iter(|| {
-                let solution = solve(|_, _| slope.clone(), start.clone(), &problem);
-                let solution = solution.expect("a constant slope");
+                let solution = solve(|_, _| derivative.clone(), start.clone(), &problem);
+                let solution = solution.expect("a constant derivative");
                 assert_eq!(solution.stats.accepted, STEPS);
                 solution
             });
@@ -48,9 +48,9 @@ fn overhead(criterion: &mut Criterion) {
     let mut tape = Tape::eval();
     group.bench_function(format!("overhead/dopri5-adaptive-tape/2466x3/{STEPS}-steps/1t"), |b| {
         b.iter(|| {
-            let (start, slope) = (tape.constant(vertices()), tape.constant(vertices()));
-            let end =
-                solve(|_, _: &Var<'_>| slope, start, &problem).map(|solution| solution.end.value());
+            let (start, derivative) = (tape.constant(vertices()), tape.constant(vertices()));
+            let end = solve(|_, _: &Var<'_>| derivative, start, &problem)
+                .map(|solution| solution.end.value());
             drop(end);
             tape.reset();
         });
@@ -96,7 +96,7 @@ struct Networks {
 }
 impl_module!(Networks: f32 { encoder, field });
 
-/// A step of the deformation in continuous time at the published size: VGG16's maps of a picture of 224 pixels, eight
+/// A step of the deformation in continuous time at the published size: VGG16's maps of an image of 224 pixels, eight
 /// Euler steps of 2,466 vertices over 1,408 features, losses, gradients, Adam.
 #[expect(clippy::print_stdout, reason = "memory is no time, which is all that criterion reports")]
 fn training(criterion: &mut Criterion) {

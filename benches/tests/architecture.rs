@@ -9,7 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What each crate may depend on within the workspace: the picture in ARCHITECTURE.md, as data.
+/// What each crate may depend on within the workspace: the image in ARCHITECTURE.md, as data.
 const MAY_USE: &[(&str, &[&str])] = &[
     ("pickle", &[]),
     ("mesh-core", &[]),

@@ -29,7 +29,7 @@ use crate::system::SystemName;
 
 /// Images of an object in, a triangle mesh out.
 ///
-/// Every mesh starts as a sphere and is deformed until its pictures agree with yours. No GPU, no
+/// Every mesh starts as a sphere and is deformed until its images agree with yours. No GPU, no
 /// display and no network are needed.
 #[derive(Debug, Parser)]
 #[command(name = "unsphere", version, arg_required_else_help = true, max_term_width = 100)]
@@ -73,7 +73,7 @@ pub(crate) struct Global {
 pub(crate) enum Command {
     /// Make views of an alarm clock, fit a mesh to them, and compare it with the true clock.
     Demo(Demo),
-    /// Fit a mesh to views of one object: pictures, masks and cameras.
+    /// Fit a mesh to views of one object: images, masks and cameras.
     Fit(Fit),
     /// Train a system that predicts meshes, or go on with a training.
     Train(Train),
@@ -121,7 +121,7 @@ pub(crate) struct Reading {
     /// Masks mark the background instead of the object.
     #[arg(long)]
     pub(crate) invert_masks: bool,
-    /// Average larger pictures down to this many pixels on their longer side.
+    /// Average larger images down to this many pixels on their longer side.
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(8..))]
     pub(crate) max_size: Option<u32>,
     /// Leave out views whose files are missing, instead of refusing them all.
@@ -180,13 +180,13 @@ pub(crate) struct Demo {
     pub(crate) output: Output,
     #[command(flatten)]
     pub(crate) configuration: Configuration,
-    /// How many pictures are made of the clock.
+    /// How many images are made of the clock.
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(3..=10_000))]
     pub(crate) views: u32,
     /// Their width and height in pixels.
     #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(16..=4096))]
     pub(crate) size: u32,
-    /// Keep the pictures too, in kaolin's layout, as `views/` in the output folder.
+    /// Keep the images too, in kaolin's layout, as `views/` in the output folder.
     #[arg(long)]
     pub(crate) keep_views: bool,
 }
@@ -297,14 +297,14 @@ pub(crate) struct Render {
     /// Only the camera of this view; can be given many times.
     #[arg(long = "view", value_name = "NAME")]
     pub(crate) view: Vec<String>,
-    /// Pictures on the turntable.
+    /// Images on the turntable.
     #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub(crate) frames: u32,
     /// How far above the object the turntable's camera stands, degrees.
     #[arg(long, default_value_t = 20.0, allow_negative_numbers = true, value_name = "DEGREES")]
     #[arg(value_parser = degrees)]
     pub(crate) elevation: f64,
-    /// Width and height of the turntable's pictures.
+    /// Width and height of the turntable's images.
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(8..=8192))]
     pub(crate) size: u32,
     /// Also write planar depth, as EXR.

@@ -9,7 +9,10 @@ use train::{Checkpoint, CheckpointPath, Configuration, System};
 use crate::failure::Failure;
 
 /// Finds a checkpoint; where there is none, says how one is had.
-pub(crate) fn located<S: Predictor>(path: &Path, last: bool) -> Result<CheckpointPath, Failure> {
+pub(crate) fn checkpoint_path<S: Predictor>(
+    path: &Path,
+    last: bool,
+) -> Result<CheckpointPath, Failure> {
     CheckpointPath::find(path, last)
         .map_err(|error| Failure::Input(format!("{error}; {}", S::TRAINING)))
 }

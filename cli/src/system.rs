@@ -30,20 +30,20 @@ macro_rules! systems {
 }
 
 systems! {
-    /// Several views to one mesh, learned from pictures and masks.
+    /// Several views to one mesh, learned from images and masks.
     Img2mesh => models::img2mesh::Img2Mesh,
     /// One photograph to a textured mesh, learned from photo collections of many categories.
     Mcmr => models::mcmr::Mcmr,
-    /// One picture to a mesh in continuous time, learned from true surfaces.
+    /// One image to a mesh in continuous time, learned from true surfaces.
     #[value(name = "ode-pixel2mesh")]
     OdePixel2mesh => models::pixel2mesh::OdePixel2Mesh,
-    /// One picture to a mesh in three stages, learned from true surfaces.
+    /// One image to a mesh in three stages, learned from true surfaces.
     #[value(name = "pixel2mesh")]
     Pixel2mesh => models::pixel2mesh::Pixel2Mesh,
-    /// One picture, with or without depth, to a mesh from a sphere.
+    /// One image, with or without depth, to a mesh from a sphere.
     #[value(name = "depth-pixel2mesh")]
     DepthPixel2mesh => models::depth::DepthPixel2Mesh,
-    /// One picture, with or without depth, to a mesh through voxels.
+    /// One image, with or without depth, to a mesh through voxels.
     #[value(name = "mesh-rcnn")]
     MeshRcnn => models::depth::MeshRcnn,
 }

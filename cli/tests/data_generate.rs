@@ -47,7 +47,7 @@ fn a_mesh_of_the_users_is_seen_and_can_be_fitted() {
     unsphere(place.path(), ["data", "generate", "--from", "none.obj", "-o", "x"])
         .fails(3, &["none.obj"]);
     assert!(!place.path().join("x").exists());
-    // A cloud of points would be forty pictures of nothing.
+    // A cloud of points would be forty images of nothing.
     let cloud = mesh_core::TriMesh::new(mesh.positions, Vec::new());
     mesh_core::write_mesh(place.path().join("cloud.ply"), &cloud).unwrap();
     unsphere(place.path(), ["data", "generate", "--from", "cloud.ply", "-o", "x"])

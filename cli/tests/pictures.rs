@@ -1,4 +1,4 @@
-//! Every picture, animation and page that a command writes, looked at: size, frames, what is behind the object, and the
+//! Every image, animation and page that a command writes, looked at: size, frames, what is behind the object, and the
 //! colour of the object itself.
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![allow(clippy::case_sensitive_file_extension_comparisons, reason = "names that we wrote")]
@@ -349,7 +349,7 @@ fn predictions_turn_and_deform() {
     }
 }
 
-/// Where pictures and pages are made, and the test that looks at them. A file that begins to make them fails the test
+/// Where images and pages are made, and the test that looks at them. A file that begins to make them fails the test
 /// below until somebody looks at those, too.
 const MAKERS: [(&str, &str); 22] = [
     ("cli/src/command/data/depth.rs", "its own unit test: a network is needed to run it"),
@@ -376,7 +376,7 @@ const MAKERS: [(&str, &str); 22] = [
     ("recon/src/train/record.rs", "samples_of_trainings_show_the_model_above_the_truth"),
 ];
 
-/// Calls that make a picture, an animation or a page.
+/// Calls that make an image, an animation or a page.
 const MAKING: [&str; 15] = [
     "encode_png(",
     "write_png(",

@@ -1,4 +1,4 @@
-//! What the systems promise that make a mesh from one picture.
+//! What the systems promise that make a mesh from one image.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod common;

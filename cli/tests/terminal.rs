@@ -86,7 +86,7 @@ fn names_of_what_is_not_written_are_refused() {
     run("render m.ply -o b.x/ --frames 2 --size 16").ok();
     run("render m.ply -o b.x --frames 2 --size 16 --force").ok();
     assert_eq!(files_in(&place.path().join("b.x")).len(), 2);
-    // The depth beside a picture is not written over either.
+    // The depth beside an image is not written over either.
     run("render m.ply -o one.png --depth --size 16").ok();
     std::fs::remove_file(place.path().join("one.png")).unwrap();
     run("render m.ply -o one.png --depth --size 16").fails(1, &["one.exr", "--force"]);

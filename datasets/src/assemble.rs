@@ -11,16 +11,16 @@ use crate::options::{MaskSource, ReadOptions};
 use crate::source::{Opened, Source};
 use crate::view::View;
 
-/// No picture of a view may be a larger file than this.
+/// No image of a view may be a larger file than this.
 pub(crate) const PICTURE_BYTES: u64 = 1 << 28;
 
-/// A decoded picture and where it came from.
+/// A decoded image and where it came from.
 pub(crate) struct Picture {
     pub(crate) path: PathBuf,
     pub(crate) image: ByteImage,
 }
 
-/// Reads and decodes a picture.
+/// Reads and decodes an image.
 pub(crate) fn read_picture(
     opened: &mut Opened<'_>,
     path: PathBuf,
@@ -33,7 +33,7 @@ pub(crate) fn read_picture(
     Ok(Picture { path, image })
 }
 
-/// A mask from a picture file: the alpha where it says something, else the grey value.
+/// A mask from an image file: the alpha where it says something, else the grey value.
 pub(crate) fn mask_from_picture(picture: &ByteImage) -> ByteImage {
     mask_from_alpha(picture).unwrap_or_else(|| {
         let c = picture.channels;
@@ -46,7 +46,7 @@ pub(crate) fn mask_from_picture(picture: &ByteImage) -> ByteImage {
     })
 }
 
-/// What a mask in a folder of its own may end in, where its stem is the picture's.
+/// What a mask in a folder of its own may end in, where its stem is the image's.
 pub(crate) const MASK_EXTENSIONS: [&str; 5] = ["png", "jpg", "jpeg", "PNG", "JPG"];
 
 /// A file's name without its extension, with its folders.
@@ -72,7 +72,7 @@ pub(crate) fn mask_file(
     Ok(Some((mask.path, mask_from_picture(&mask.image))))
 }
 
-/// The camera for the picture that is there, which may be a smaller copy of the one it was
+/// The camera for the image that is there, which may be a smaller copy of the one it was
 /// found with, but of the same shape.
 pub(crate) fn camera_of_size(
     camera: Camera,
@@ -103,7 +103,7 @@ pub(crate) fn put(path: &Path, bytes: &[u8]) -> Result<(), WriteViewsError> {
 /// Puts a view together: chooses the mask, composites the colour, brings all to one size.
 ///
 /// `file_mask` is what the layout's mask file says, with its path, where there is one and it was
-/// asked for. `camera` is for the picture's size.
+/// asked for. `camera` is for the image's size.
 pub(crate) fn assemble(
     name: String,
     picture: Picture,

@@ -38,7 +38,7 @@ pub(crate) fn read(
     Ok(Some((path, depth)))
 }
 
-/// Reads one number per pixel of the picture: `[H, W]` or `[H, W, 1]`.
+/// Reads one number per pixel of the image: `[H, W]` or `[H, W, 1]`.
 pub(crate) fn read_npy(
     source: &Source,
     opened: &mut Opened<'_>,
@@ -59,7 +59,7 @@ pub(crate) fn read_npy(
     Ok(array.data)
 }
 
-/// What one array over the picture may take: eight bytes a pixel, and a header.
+/// What one array over the image may take: eight bytes a pixel, and a header.
 fn most_bytes(picture: &ByteImage) -> u64 {
     8 * (picture.height * picture.width) as u64 + (1 << 20)
 }

@@ -1,4 +1,4 @@
-//! Depth from one picture, by a network in ONNX's form.
+//! Depth from one image, by a network in ONNX's form.
 
 mod check;
 mod wire;
@@ -34,7 +34,7 @@ pub enum DepthModelProblem {
     /// The file is no ONNX model, or needs an operator that the runtime has not.
     #[error("is not an ONNX model that can be loaded: {0}")]
     Load(String),
-    /// The model does not take one picture.
+    /// The model does not take one image.
     #[error("takes {found}, expected one input [1, 3, H, W]")]
     Input {
         /// What it takes.
@@ -71,8 +71,8 @@ pub enum DepthModelProblem {
 /// use datasets::{DepthEstimator, DepthInput};
 ///
 /// let midas = DepthEstimator::open("midas_v21_small_256.onnx", DepthInput::midas_small())?;
-/// let picture = mesh_core::read_image("chair.png")?.over([255; 3]);
-/// let disparity = midas.estimate(&picture)?; // larger is nearer, in no unit
+/// let image = mesh_core::read_image("chair.png")?.over([255; 3]);
+/// let disparity = midas.estimate(&image)?; // larger is nearer, in no unit
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct DepthEstimator {
@@ -94,10 +94,10 @@ impl std::fmt::Debug for DepthEstimator {
 }
 
 impl DepthEstimator {
-    /// Loads a model; what it expects of a picture does not stand in its file.
+    /// Loads a model; what it expects of an image does not stand in its file.
     ///
     /// # Errors
-    /// The file cannot be read, is no model, or the model does not take one picture.
+    /// The file cannot be read, is no model, or the model does not take one image.
     pub fn open(path: impl AsRef<Path>, input: DepthInput) -> Result<Self, DepthModelError> {
         let path = path.as_ref();
         let failed = |problem| DepthModelError { path: path.to_owned(), problem };
@@ -120,17 +120,17 @@ impl DepthEstimator {
         Ok(Self { path: path.to_owned(), input, model, size })
     }
 
-    /// The disparity of a picture, at its size: larger is nearer, up to a scale and a shift that differ from
-    /// picture to picture.
+    /// The disparity of an image, at its size: larger is nearer, up to a scale and a shift that differ from
+    /// image to image.
     ///
     /// Where the model's file fixes the size of its input, that is used in place of the one that the
-    /// [`DepthInput`] would give. Grey pictures are taken as colour, and alpha is ignored: put the object over
+    /// [`DepthInput`] would give. Grey images are taken as colour, and alpha is ignored: put the object over
     /// a background first.
     ///
     /// # Errors
     /// The model fails, or answers with something else than a number per pixel.
     /// # Panics
-    /// If the picture has no pixels.
+    /// If the image has no pixels.
     pub fn estimate(&self, picture: &ByteImage) -> Result<DisparityMap, DepthModelError> {
         let failed = |problem| DepthModelError { path: self.path.clone(), problem };
         let wanted = self.input.size(picture.height, picture.width);

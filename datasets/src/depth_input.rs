@@ -1,8 +1,8 @@
-//! What depth estimators expect of a picture, and what becomes of their answer.
+//! What depth estimators expect of an image, and what becomes of their answer.
 
 use mesh_core::{ByteImage, DisparityMap};
 
-/// How the size of a picture is brought near the one that an estimator was trained at.
+/// How the size of an image is brought near the one that an estimator was trained at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SizeFit {
     /// The longer side becomes `side`; the shape is kept.
@@ -19,7 +19,7 @@ pub enum SizeFit {
 ///
 /// ```
 /// use datasets::DepthInput;
-/// // A picture of 640 x 480: MiDaS small sees it at 256 x 192, Depth Anything at 686 x 518.
+/// // An image of 640 x 480: MiDaS small sees it at 256 x 192, Depth Anything at 686 x 518.
 /// assert_eq!(DepthInput::midas_small().size(480, 640), [192, 256]);
 /// assert_eq!(DepthInput::depth_anything().size(480, 640), [518, 686]);
 /// ```
@@ -35,7 +35,7 @@ pub struct DepthInput {
     pub mean: [f32; 3],
     /// What they are divided by then.
     pub deviation: [f32; 3],
-    /// How the answer is brought back to the size of the picture: bilinear between the centres of the corner
+    /// How the answer is brought back to the size of the image: bilinear between the centres of the corner
     /// pixels (Depth Anything) or else bicubic (MiDaS).
     pub aligned_corners: bool,
 }
@@ -68,13 +68,13 @@ impl DepthInput {
         Self { side: 518, multiple: 14, fit, aligned_corners: true, ..Self::midas() }
     }
 
-    /// Rows and columns that a picture of this size is given to the estimator in.
+    /// Rows and columns that an image of this size is given to the estimator in.
     ///
-    /// The nearest multiples, but none beyond `side` where the picture must fit within it, and none below
+    /// The nearest multiples, but none beyond `side` where the image must fit within it, and none below
     /// where it must cover it.
     ///
     /// # Panics
-    /// If the picture has no pixels.
+    /// If the image has no pixels.
     pub fn size(&self, height: usize, width: usize) -> [usize; 2] {
         assert!(height * width > 0, "DepthInput: a picture of {height} x {width} pixels");
         let side = self.side as f64;
@@ -103,7 +103,7 @@ impl DepthInput {
         (rounded as usize).max(self.multiple)
     }
 
-    /// The picture as the estimator sees it, `[3, height, width]`: bicubic to that size, less the mean, over
+    /// The image as the estimator sees it, `[3, height, width]`: bicubic to that size, less the mean, over
     /// the deviation. Grey is repeated; where there is alpha, give [`ByteImage::over`] a background first.
     ///
     /// # Panics
@@ -119,7 +119,7 @@ impl DepthInput {
         (0..3).flat_map(channel).collect()
     }
 
-    /// The answer of the estimator, `[rows, columns]`, at the size of the picture.
+    /// The answer of the estimator, `[rows, columns]`, at the size of the image.
     ///
     /// # Panics
     /// If either has no pixels, or the values are not as many as rows times columns.
@@ -270,9 +270,9 @@ mod tests {
             }
         }
 
-        /// Away from the border slopes stay, but for the twentieth of a pixel's step by which this kernel bends them.
+        /// Away from the border derivatives stay, but for the twentieth of a pixel's step by which this kernel bends them.
         #[test]
-        fn slopes_stay(from in 6usize..20, to in 6usize..40, a in -2.0f32..2.0, b in -2.0f32..2.0) {
+        fn derivatives_stay(from in 6usize..20, to in 6usize..40, a in -2.0f32..2.0, b in -2.0f32..2.0) {
             let line: Vec<f32> = (0..from).map(|i| a + b * (i as f32 + 0.5) / from as f32).collect();
             let found = resample(&line, [1, from, 1], [1, to], cubic);
             for (k, value) in found.iter().enumerate() {

@@ -69,7 +69,7 @@ pub enum ViewsProblem {
         /// What would have been right.
         expected: String,
     },
-    /// The picture cannot be decoded.
+    /// The image cannot be decoded.
     #[error("{0}")]
     Image(#[source] mesh_core::ImageError),
     /// The mesh or the voxels cannot be decoded.
@@ -125,7 +125,7 @@ impl ReadViewsError {
         Self::new(path, ViewsProblem::Field { field: field.into(), found, expected })
     }
 
-    /// The messages of pictures and meshes begin with their file.
+    /// The messages of images and meshes begin with their file.
     fn message(&self) -> String {
         match &self.problem {
             ViewsProblem::Image(error) => error.to_string(),

@@ -1,13 +1,13 @@
 //! Views of objects from the layouts that people have.
 //!
-//! A view is a picture, a mask of the object, and the camera; all layouts become the same
+//! A view is an image, a mask of the object, and the camera; all layouts become the same
 //! [`Views`]:
 //!
 //! ```
 //! use datasets::{ReadOptions, View, read_views, split, write_transforms};
 //! use mesh_core::{ByteImage, Camera};
 //!
-//! // Four pictures of a grey disc, from four sides.
+//! // Four images of a grey disc, from four sides.
 //! let views: Vec<View> = (0..4)
 //!     .map(|i| {
 //!         let (sin, cos) = (f64::from(i) * 1.6).sin_cos();
@@ -41,9 +41,9 @@
 //! | write for other tools | [`write_kaolin`], [`write_transforms`], [`write_colmap`], [`write_photos`], [`r2n2::write_object`] |
 //! | read many objects | [`Dataset`]: [`r2n2::R2n2`], [`pixel2mesh::Pixel2Mesh`], [`Bop`], [`Pix3d`], [`Pascal3d`], [`Cub`], [`Mcmr`] |
 //! | keep views or objects back for judging | [`split()`], [`split_objects`] |
-//! | train on them | [`Batches`] loads ahead on a thread, [`ViewCache`] keeps decoded pictures |
+//! | train on them | [`Batches`] loads ahead on a thread, [`ViewCache`] keeps decoded images |
 //! | read one depth map, or a disparity | [`read_depth_file`], [`read_disparity_file`] |
-//! | estimate depth from a picture | `DepthEstimator` (feature `onnx`) with a [`DepthInput`] |
+//! | estimate depth from an image | `DepthEstimator` (feature `onnx`) with a [`DepthInput`] |
 //!
 //! # Layouts
 //!
@@ -55,7 +55,7 @@
 //!   wins over the top level; extensions may be missing; masks are alpha, `mask_path` or
 //!   `masks/<stem>.png`. Lenses with distortion are refused: undistort the images first.
 //! - **COLMAP** ([`Colmap`]): cameras and images, `.bin` before `.txt`, in `sparse/0`, `sparse` or the
-//!   folder itself; pictures in `images`; models `SIMPLE_PINHOLE` and `PINHOLE`; masks are alpha,
+//!   folder itself; images in `images`; models `SIMPLE_PINHOLE` and `PINHOLE`; masks are alpha,
 //!   `masks/<picture>.png` as COLMAP has them, or `masks/<stem>.png`; dense depth maps where asked.
 //!   [`Colmap::points`] are the sparse points. A folder or a zip.
 //! - **Photographs with `cameras.json`** ([`write_photos`] has its form): any camera can be said. A
@@ -68,9 +68,9 @@
 //! - **Pix3D** ([`Pix3d`]): `pix3d.json`, or Mesh R-CNN's `pix3d_s{1,2}_{train,test}.json`; an
 //!   object is a model, its views the photographs of it.
 //! - **Pascal3D+** ([`Pascal3d`]): `Annotations/<class>_{imagenet,pascal}/*.mat`; an object is what
-//!   is annotated in a picture. Masks only where VOC has them.
+//!   is annotated in an image. Masks only where VOC has them.
 //! - **CUB with CMR's cache** ([`Cub`]): `data/{train,val,test}_cub_cleaned.mat` and `sfm`;
-//!   weak-perspective cameras in pixels of the whole picture.
+//!   weak-perspective cameras in pixels of the whole image.
 //! - **MCMR's form of Pascal3D+** ([`Mcmr`]): `<class>/annotations/*.yaml` and the masks beside.
 //!
 //! # Conventions
@@ -86,8 +86,8 @@
 //! first view in order, whatever the number of threads. Nothing here knows of tapes or training.
 //!
 //! What a file makes its reader take is held to [`mesh_core::Limits`], 256 MB and 20 bytes for each of
-//! its own by default: a denser content is refused with what it would have taken. Pictures are held
-//! to a number of pixels by their header, arrays of depth and masks to the pictures that they belong
+//! its own by default: a denser content is refused with what it would have taken. Images are held
+//! to a number of pixels by their header, arrays of depth and masks to the images that they belong
 //! to, and an archive's entry to half of what its stored bytes may take.
 //!
 //! Files name others. Of those only regular files are opened, no pipes and no devices, and only below

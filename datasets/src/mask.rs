@@ -2,7 +2,7 @@
 
 use mesh_core::ByteImage;
 
-/// The mask that a picture's alpha gives, 255 = object; `None` where there is no alpha to speak
+/// The mask that an image's alpha gives, 255 = object; `None` where there is no alpha to speak
 /// of: no such channel, or one that is opaque everywhere.
 pub fn mask_from_alpha(picture: &ByteImage) -> Option<ByteImage> {
     let c = picture.channels;
@@ -25,7 +25,7 @@ pub fn mask_from_alpha(picture: &ByteImage) -> Option<ByteImage> {
 /// stay: a handle may have one.
 ///
 /// # Panics
-/// If the picture has fewer than 3 channels or no pixel.
+/// If the image has fewer than 3 channels or no pixel.
 pub fn mask_from_backdrop(picture: &ByteImage, color: Option<[u8; 3]>, tolerance: u8) -> ByteImage {
     let (height, width, c) = (picture.height, picture.width, picture.channels);
     assert!(c >= 3 && height * width > 0, "a backdrop needs a colour picture, got {c} channels");

@@ -75,7 +75,7 @@ pub enum MaskSource {
     Auto,
     /// The alpha channel: at least half opaque is object.
     Alpha,
-    /// Every pixel is object, and nothing is checked: for when only pictures or cameras matter.
+    /// Every pixel is object, and nothing is checked: for when only images or cameras matter.
     Whole,
     /// Files of the layout: `_semantic.npy`, `mask_path`, or `masks/` beside the images.
     Files,

@@ -32,7 +32,7 @@ pub(crate) struct Reading<'a> {
 /// views are done, of how many, from any thread.
 ///
 /// # Memory
-/// Four bytes a pixel for all views, and a few decoded pictures while it reads.
+/// Four bytes a pixel for all views, and a few decoded images while it reads.
 /// # Errors
 /// The first view, in the order of the layout, that cannot be read, whatever the number of
 /// threads; then what no single view shows: masks empty in every view, cameras that look

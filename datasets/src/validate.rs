@@ -72,7 +72,7 @@ pub fn validate(
         None => (0..entries.len()).collect(),
     };
     let done = AtomicUsize::new(0);
-    // One object at a time in each thread: their pictures do not pile up.
+    // One object at a time in each thread: their images do not pile up.
     let parts: Vec<Validation> = chosen
         .par_iter()
         .map(|&object| {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use mesh_core::{ByteImage, Camera, DepthMap};
 
-/// One picture of the object, where it was taken from, and which pixels are the object.
+/// One image of the object, where it was taken from, and which pixels are the object.
 ///
 /// `color`, `mask`, `depth` and `camera` always have the same size.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,7 +15,7 @@ pub struct View {
     pub color: ByteImage,
     /// The object, `[H, W, 1]`: 255 where it is seen, 0 elsewhere, nothing in between.
     pub mask: ByteImage,
-    /// Where the picture was taken from.
+    /// Where the image was taken from.
     pub camera: Camera,
     /// Planar depth, where the source has it and was asked for it.
     pub depth: Option<DepthMap>,

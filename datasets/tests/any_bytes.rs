@@ -201,7 +201,7 @@ proptest! {
 fn every_length_of_every_file() {
     for file in 0..OBJECT.1.len() {
         let length = std::fs::metadata(&OBJECT.1[file]).unwrap().len() as usize;
-        // Pictures are cut at every third byte: their readers have tests of their own.
+        // Images are cut at every third byte: their readers have tests of their own.
         let step = if (2..5).contains(&file) { 3 } else { 1 };
         for cut in (0..length).step_by(step) {
             object_with(file, |mut bytes| {
@@ -242,7 +242,7 @@ fn claims_and_bombs_cost_nothing() {
         [&b"c_codecs\nencode\nq\x02"[..], &b"h\x02h\0h\x01\x86R".repeat(9000), b"."].concat();
     read_pickle(&[text.clone(), encode].concat());
     read_pickle(&[&text[..], &b"h\0h\0\x93".repeat(9000), b"."].concat());
-    // A sample whose picture claims to be empty, and one with more than there is.
+    // A sample whose image claims to be empty, and one with more than there is.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.dat");
     let points = SurfacePoints { positions: vec![[0.0; 3]], normals: vec![[0.0; 3]] };

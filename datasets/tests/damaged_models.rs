@@ -58,7 +58,7 @@ fn projects() -> Vec<(tempfile::TempDir, Vec<PathBuf>)> {
     made
 }
 
-/// A scene of one object in two pictures.
+/// A scene of one object in two images.
 fn bop_scene(folder: &Path) -> Vec<PathBuf> {
     for noun in ["rgb", "mask_visib"] {
         std::fs::create_dir_all(folder.join(noun)).unwrap();

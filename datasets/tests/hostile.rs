@@ -75,7 +75,7 @@ impl Door {
         out
     }
 
-    /// Opens it and asks for everything that one can ask for, for pictures where they are meant;
+    /// Opens it and asks for everything that one can ask for, for images where they are meant;
     /// how much memory that took.
     fn walk(&self, folder: &Path, pictures: bool) -> usize {
         peak(|| {

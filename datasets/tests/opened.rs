@@ -46,7 +46,7 @@ fn colmap_projects_round_trip_in_both_forms() {
     for form in [ColmapForm::Text, ColmapForm::Binary] {
         let folder = tempfile::tempdir().unwrap();
         write_colmap(&written, folder.path(), form).unwrap();
-        // The project, and the model's own folder with the pictures above it.
+        // The project, and the model's own folder with the images above it.
         for path in ["", "sparse/0"] {
             let views = read_views(&folder.path().join(path), &with_depth(), &|_, _| {}).unwrap();
             assert_eq!(views.layout, Layout::Colmap);
@@ -109,7 +109,7 @@ fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/colmap").join(name)
 }
 
-/// COLMAP's own files beside pictures of the sizes that they name.
+/// COLMAP's own files beside images of the sizes that they name.
 fn colmap_project(model: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let sparse = folder.path().join("sparse");
@@ -156,7 +156,7 @@ fn what_colmap_wrote_is_read() {
         let (x, y, z) = (0.28 + 0.24 - 1.0, 0.5 + 0.125, -0.96 + 0.07 + 3.5);
         assert!((p.column - (38.0 * x / z + 21.5)).abs() < 1e-9, "{model}");
         assert!((p.row - (35.5 * y / z + 14.25)).abs() < 1e-9);
-        // The points, which the pictures' second lines and the tracks frame.
+        // The points, which the images' second lines and the tracks frame.
         let colmap = Colmap::open(folder.path()).unwrap();
         let points = colmap.points().unwrap();
         assert_eq!(points.len(), 2);
@@ -273,7 +273,7 @@ fn bop_scenes_are_views_in_the_frame_of_the_model() {
 #[test]
 fn bop_depth_is_in_units_of_the_scene() {
     let folder = bop(&off_centre(1));
-    // A grey picture of 16 bits: 40 x 30, every pixel 1500 units of half a millimetre but one hole.
+    // A grey image of 16 bits: 40 x 30, every pixel 1500 units of half a millimetre but one hole.
     let mut values = vec![1500u16; 1200];
     values[0] = 0;
     let png = grey16(40, 30, &values);

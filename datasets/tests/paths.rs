@@ -109,7 +109,7 @@ fn names_that_leave_the_folder_are_refused() {
         let error = with(name).unwrap_err().to_string();
         assert!(error.contains("outside of the folder") && error.contains("views[0]"), "{error}");
     }
-    // Two folders up is as far as poses beside their pictures need.
+    // Two folders up is as far as poses beside their images need.
     with("../../near.png").unwrap();
     // The same names, in a dataset whose files are all below it.
     let photos =

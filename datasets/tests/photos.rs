@@ -79,7 +79,7 @@ mod pix3d {
     #[test]
     fn what_is_left_of_the_model_is_left_in_the_picture() {
         // Upright, unturned, in front of the camera: the object is seen from its front, its left
-        // (+x) is left in the picture, up is up, and what lies inward (+z) is farther.
+        // (+x) is left in the image, up is up, and what lies inward (+z) is farther.
         let mut annotation = Pix3d::open(&folder("pix3d")).unwrap().annotations(0)[0].clone();
         annotation.rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         annotation.translation = [0.0, 0.0, 3.0];
@@ -257,7 +257,7 @@ mod pascal3d {
         for point in [[0.3, -0.2, 0.5], [-0.7, 0.1, 0.2], [0.0, 0.4, -0.6]] {
             let p = upright.rotation * Vector3::from(point) + upright.translation;
             let flat = [90.0 * p.x / -p.z, 90.0 * p.y / -p.z];
-            // Counter-clockwise in a picture whose y goes up.
+            // Counter-clockwise in an image whose y goes up.
             let turned = [cos * flat[0] - sin * flat[1], sin * flat[0] + cos * flat[1]];
             let found = camera.project(point);
             assert!((found.column - (30.0 + turned[0])).abs() < 1e-9, "{found:?}");

@@ -151,7 +151,7 @@ fn any_folder_of_it_can_be_opened() {
     assert_eq!(one.unwrap().len(), 4);
     let error = read_views(root.path(), &ReadOptions::default(), &|_, _| {}).unwrap_err();
     assert!(error.to_string().contains("3 objects"), "{error}");
-    // A folder alone, with everything beside the pictures.
+    // A folder alone, with everything beside the images.
     let alone = tempfile::tempdir().unwrap();
     let copy = |from: PathBuf, to: &str| std::fs::copy(from, alone.path().join(to)).unwrap();
     std::fs::rename(renderings.join("02958343/a/rendering"), alone.path().join("rendering"))

@@ -301,7 +301,7 @@ pub fn interpolate_grad(
         let corners = faces[face as usize].map(|v| v as usize);
         let v = corners.map(|v| points[v]);
         let w = image.screen[pixel];
-        let slopes = barycentric_slopes(v, w);
+        let derivatives = barycentric_derivatives(v, w);
         for c in 0..channels {
             let g = grad[pixel * channels + c];
             let f = corners.map(|v| attributes[v * channels + c]);
@@ -314,8 +314,10 @@ pub fn interpolate_grad(
             let value: f64 = (0..3).map(|k| w[k] * u[k] * f[k]).sum::<f64>() / down;
             for j in 0..3 {
                 for axis in 0..2 {
-                    let slope = |k: usize| slopes[k][j][axis] * u[k] * (f[k] - value) / down;
-                    of_points[corners[j]][axis] += g * (slope(0) + slope(1) + slope(2));
+                    let derivative =
+                        |k: usize| derivatives[k][j][axis] * u[k] * (f[k] - value) / down;
+                    of_points[corners[j]][axis] +=
+                        g * (derivative(0) + derivative(1) + derivative(2));
                 }
                 if settings.perspective {
                     let of_u = w[j] * (f[j] - value) / down;
@@ -329,7 +331,7 @@ pub fn interpolate_grad(
 
 /// Derivatives of the three screen barycentrics of a fixed pixel by `x` and `y` of each corner:
 /// `[k][corner][axis]`, from the quotients `w1 = k1 / k3` and `w2 = k2 / k3`.
-fn barycentric_slopes(v: [Point; 3], w: [f64; 3]) -> [[[f64; 2]; 3]; 3] {
+fn barycentric_derivatives(v: [Point; 3], w: [f64; 3]) -> [[[f64; 2]; 3]; 3] {
     let pixel = [0, 1].map(|axis| w[0] * v[0][axis] + w[1] * v[1][axis] + w[2] * v[2][axis]);
     let [m, p] = sub(flat(v[1]), flat(v[0]));
     let [n, q] = sub(flat(v[2]), flat(v[0]));

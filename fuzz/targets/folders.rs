@@ -79,7 +79,7 @@ fn file_of(files: &[(String, Vec<u8>)], name: &str) -> Vec<u8> {
         .unwrap_or_default()
 }
 
-/// Opens the bytes as this file, beside a picture that is one.
+/// Opens the bytes as this file, beside an image that is one.
 fn beside_picture(name: &str, bytes: &[u8]) {
     let png = encode_png(&ByteImage::new(6, 8, 3));
     let files = [(name, bytes), ("images/0000.png", &png), ("images/0001.png", &png)];
@@ -177,7 +177,7 @@ pub(crate) fn yaml_seeds() -> Vec<Vec<u8>> {
     files.map(<[u8]>::to_vec).to_vec()
 }
 
-/// A model of COLMAP's: its files among packed ones, beside pictures.
+/// A model of COLMAP's: its files among packed ones, beside images.
 fn colmap(bytes: &[u8]) {
     let png = encode_png(&ByteImage::new(6, 8, 3));
     let mut files = unpacked(bytes);
@@ -212,7 +212,7 @@ pub(crate) fn colmap_binary_seeds() -> Vec<Vec<u8>> {
     colmap_seed(ColmapForm::Binary)
 }
 
-/// A scene of BOP's: its files among packed ones, beside a picture.
+/// A scene of BOP's: its files among packed ones, beside an image.
 pub(crate) fn bop(bytes: &[u8]) {
     let png = encode_png(&ByteImage::new(6, 8, 3));
     let mut files = unpacked(bytes);

@@ -1,8 +1,8 @@
-//! Pictures and maps of depth.
+//! Images and maps of depth.
 
 use mesh_core::{ByteImage, DepthMap, Image};
 
-/// A picture that is not the same everywhere.
+/// An image that is not the same everywhere.
 fn small() -> ByteImage {
     let data = (0..5 * 7 * 3).map(|k| (k * 37 % 256) as u8).collect();
     ByteImage { height: 5, width: 7, channels: 3, data }

@@ -11,7 +11,7 @@ use crate::scalar::same_shape;
 /// # Shapes
 /// `rotation` and `target` `[N, 4]` of the same order of components → a scalar in `[0, 1]`.
 /// # Gradient
-/// To both; `q` and `-q` are the same rotation, and at right angles between them the slope jumps.
+/// To both; `q` and `-q` are the same rotation, and at right angles between them the derivative jumps.
 /// # Panics
 /// If the shapes differ or are others.
 /// # References

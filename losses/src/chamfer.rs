@@ -166,7 +166,7 @@ pub fn chamfer_normals<'t, F: Real>(
     })
 }
 
-/// Averages `f(a, b)` over both lists of matched pairs; `f` gives its value and its slopes by `a` and `b`.
+/// Averages `f(a, b)` over both lists of matched pairs; `f` gives its value and its derivatives by `a` and `b`.
 #[track_caller]
 fn both_ways<'t, F: Real>(
     name: &'static str,
@@ -204,7 +204,7 @@ fn both_ways<'t, F: Real>(
     record(name, [x, y], total, [at_x, at_y])
 }
 
-/// `Σ_i f(a_i, b_near(i))`; adds the weighted slopes, in the order of the points.
+/// `Σ_i f(a_i, b_near(i))`; adds the weighted derivatives, in the order of the points.
 fn one_way<F: Real>(
     a: &[[F; 3]],
     b: &[[F; 3]],
@@ -218,13 +218,13 @@ fn one_way<F: Real>(
     let mut total = 0.0;
     for (i, (&from, &j)) in a.iter().zip(near).enumerate() {
         let j = j as usize;
-        let (value, slope_a, slope_b) = f(from, b[j]);
+        let (value, derivative_a, derivative_b) = f(from, b[j]);
         total += Real::to_f64(value);
         if let Some(at_a) = &mut at_a {
-            at_a[i] = add(at_a[i], scale(slope_a, weight));
+            at_a[i] = add(at_a[i], scale(derivative_a, weight));
         }
         if let Some(at_b) = &mut at_b {
-            at_b[j] = add(at_b[j], scale(slope_b, weight));
+            at_b[j] = add(at_b[j], scale(derivative_b, weight));
         }
     }
     total

@@ -76,9 +76,9 @@ pub fn laplacian_cotangent<'t, F: Real>(
             if let Some(out) = &mut out
                 && length > F::zero()
             {
-                let slope = scale(apart, F::from_f64(weight) / length);
-                out[row] = sub(out[row], slope);
-                entries().for_each(|(j, w)| accumulate(&mut out[j], scale(slope, share(w))));
+                let derivative = scale(apart, F::from_f64(weight) / length);
+                out[row] = sub(out[row], derivative);
+                entries().for_each(|(j, w)| accumulate(&mut out[j], scale(derivative, share(w))));
             }
         }
     }

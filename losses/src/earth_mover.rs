@@ -55,12 +55,12 @@ pub fn earth_mover<'t, F: Real>(x: Var<'t, F>, y: Var<'t, F>, method: Assignment
                 continue;
             }
             for axis in 0..3 {
-                let slope = weight * (from[axis] - to[axis]) / length;
+                let derivative = weight * (from[axis] - to[axis]) / length;
                 if let Some(at_x) = &mut at_x {
-                    points_mut(at_x)[k * p + i][axis] += F::from_f64(slope);
+                    points_mut(at_x)[k * p + i][axis] += F::from_f64(derivative);
                 }
                 if let Some(at_y) = &mut at_y {
-                    points_mut(at_y)[k * p + j as usize][axis] -= F::from_f64(slope);
+                    points_mut(at_y)[k * p + j as usize][axis] -= F::from_f64(derivative);
                 }
             }
         }

@@ -59,12 +59,12 @@ pub fn edge_length<'t, F: Real>(
     over_edges("edge_length", positions, edges, weight, |square| {
         let length = square.sqrt();
         let excess = length - goal;
-        let slope = if length > F::zero() { two * excess / length } else { F::zero() };
-        (Real::to_f64(excess * excess), slope)
+        let derivative = if length > F::zero() { two * excess / length } else { F::zero() };
+        (Real::to_f64(excess * excess), derivative)
     })
 }
 
-/// `weight Σ f(‖d‖²)`, where `f` gives its value and its slope along `d`, as a factor of `d`.
+/// `weight Σ f(‖d‖²)`, where `f` gives its value and its derivative along `d`, as a factor of `d`.
 #[track_caller]
 fn over_edges<'t, F: Real>(
     name: &'static str,
@@ -84,10 +84,10 @@ fn over_edges<'t, F: Real>(
         for &[i, j] in edges {
             let (i, j) = (i as usize, j as usize);
             let d = sub(mesh[i], mesh[j]);
-            let (part, slope) = f(dot(d, d));
+            let (part, derivative) = f(dot(d, d));
             total += part;
             if let Some(out) = &mut out {
-                let g = scale(d, slope * factor);
+                let g = scale(d, derivative * factor);
                 out[i] = add(out[i], g);
                 out[j] = sub(out[j], g);
             }
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn a_vanished_edge_has_no_slope() {
+    fn a_vanished_edge_has_no_derivative() {
         let tape = autodiff_lite::Tape::<f64>::train(0);
         let x = tape.leaf(ndarray::Array2::zeros((2, 3)));
         let gradients = edge_length(x, &[[0, 1]], 0.5).backward();

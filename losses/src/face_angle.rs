@@ -72,9 +72,9 @@ pub fn face_angle<'t, F: Real>(
         for [f, g] in pairs {
             let away = dot(normals[f], normals[g]) - F::one();
             total += Real::to_f64(away * away);
-            let slope = two * away * weight;
-            accumulate(&mut pulls[f], scale(normals[g], slope));
-            accumulate(&mut pulls[g], scale(normals[f], slope));
+            let derivative = two * away * weight;
+            accumulate(&mut pulls[f], scale(normals[g], derivative));
+            accumulate(&mut pulls[g], scale(normals[f], derivative));
         }
         let out = &mut points_mut(gradient)[k * v..(k + 1) * v];
         for (f, &face) in faces.iter().enumerate() {

@@ -60,7 +60,7 @@ trait Distance: Send + 'static {
     const NAME: &'static str;
     fn value<F: Real>(a: F, b: F) -> F;
     /// The derivative of the value by `a`; that by `b` is its negative.
-    fn slope<F: Real>(a: F, b: F) -> F;
+    fn derivative<F: Real>(a: F, b: F) -> F;
 }
 
 struct Absolute;
@@ -74,7 +74,7 @@ impl Distance for Absolute {
     }
 
     #[inline]
-    fn slope<F: Real>(a: F, b: F) -> F {
+    fn derivative<F: Real>(a: F, b: F) -> F {
         let one = |yes: bool| if yes { F::one() } else { F::zero() };
         one(a > b) - one(a < b)
     }
@@ -91,7 +91,7 @@ impl Distance for Squared {
     }
 
     #[inline]
-    fn slope<F: Real>(a: F, b: F) -> F {
+    fn derivative<F: Real>(a: F, b: F) -> F {
         (a - b) + (a - b)
     }
 }
@@ -164,10 +164,18 @@ impl<F: Real, D: Distance> Op<F> for ImageLoss<D> {
             let out = gradient.as_slice_mut().expect(CONTIGUOUS);
             let scale = if i == 0 { scale } else { -scale };
             match &mask {
-                None => compare::slopes(x, y, scale, out, D::slope),
+                None => compare::derivatives(x, y, scale, out, D::derivative),
                 Some(mask) => {
                     let mask = mask.as_slice().expect(CONTIGUOUS);
-                    compare::weighted_slopes(x, y, mask, self.channels, scale, out, D::slope);
+                    compare::weighted_derivatives(
+                        x,
+                        y,
+                        mask,
+                        self.channels,
+                        scale,
+                        out,
+                        D::derivative,
+                    );
                 }
             }
             cx.give(i, gradient);
@@ -249,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_values_have_no_slope() {
+    fn equal_values_have_no_derivative() {
         let tape = Tape::<f32>::train(0);
         let x = tape.leaf(ndarray::arr1(&[0.5, 0.25]));
         let gradients = l1(x, x.detach(), None).backward();

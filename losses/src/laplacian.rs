@@ -34,9 +34,9 @@ use crate::scalar::{record, vertices, wanted};
 pub fn laplacian_squared<'t, F: Real>(offsets: Var<'t, F>, neighbours: &Csr) -> Var<'t, F> {
     let [n, _] = vertices("laplacian_squared", "offsets", offsets);
     let weight = 1.0 / n.max(1) as f64;
-    let slope = F::from_f64(2.0 * weight);
+    let derivative = F::from_f64(2.0 * weight);
     over_rows("laplacian_squared", offsets, neighbours, weight, |square| {
-        (Real::to_f64(square), slope)
+        (Real::to_f64(square), derivative)
     })
 }
 
@@ -50,7 +50,7 @@ pub fn laplacian_squared<'t, F: Real>(offsets: Var<'t, F>, neighbours: &Csr) -> 
 /// `positions [V, 3]` or `[N, V, 3]`, `neighbours` with V rows (`mesh_core::Topology::vertex_vertices`,
 /// symmetric) → a scalar.
 /// # Gradient
-/// Zero at a vertex whose Laplacian is zero, where the norm has no slope.
+/// Zero at a vertex whose Laplacian is zero, where the norm has no derivative.
 /// # Cost
 /// `O(N (V + E))`; the gradient is made in the same pass.
 /// # Panics
@@ -64,12 +64,12 @@ pub fn laplacian_norm<'t, F: Real>(positions: Var<'t, F>, neighbours: &Csr) -> V
     let factor = F::from_f64(weight);
     over_rows("laplacian_norm", positions, neighbours, weight, |square| {
         let length = square.sqrt();
-        let slope = if length > F::zero() { factor / length } else { F::zero() };
-        (Real::to_f64(length), slope)
+        let derivative = if length > F::zero() { factor / length } else { F::zero() };
+        (Real::to_f64(length), derivative)
     })
 }
 
-/// `weight Σ_i f(‖(L x)_i‖²)`, where `f` gives its value and the weighted slope along `(L x)_i`, as a factor.
+/// `weight Σ_i f(‖(L x)_i‖²)`, where `f` gives its value and the weighted derivative along `(L x)_i`, as a factor.
 #[track_caller]
 fn over_rows<'t, F: Real>(
     name: &'static str,
@@ -88,14 +88,14 @@ fn over_rows<'t, F: Real>(
     let value = x.value();
     let value = value.as_slice().expect(CONTIGUOUS);
     let mut gradient = wanted(x);
-    // For each row the slope of the loss by (L x)_i, divided by the number of neighbours.
-    let mut slopes = gradient.as_ref().map(|_| x.tape().buffer(3 * v));
+    // For each row the derivative of the loss by (L x)_i, divided by the number of neighbours.
+    let mut derivatives = gradient.as_ref().map(|_| x.tape().buffer(3 * v));
     let mut total = 0.0;
     for (k, mesh) in points(value).chunks(v.max(1)).enumerate() {
-        let mut slopes = slopes.as_mut().map(|s| points_mut(s));
+        let mut derivatives = derivatives.as_mut().map(|s| points_mut(s));
         let mut out = gradient.as_mut().map(|g| &mut points_mut(g)[k * v..(k + 1) * v]);
         for (i, row) in neighbours.rows().enumerate() {
-            let mut row_slope = [F::zero(); 3];
+            let mut row_derivative = [F::zero(); 3];
             if !row.is_empty() {
                 let share = F::one() / F::from_f64(row.len() as f64);
                 let mut sum = [F::zero(); 3];
@@ -103,21 +103,22 @@ fn over_rows<'t, F: Real>(
                     accumulate(&mut sum, mesh[j as usize]);
                 }
                 let laplacian = sub(scale(sum, share), mesh[i]);
-                let (part, slope) = f(dot(laplacian, laplacian));
+                let (part, derivative) = f(dot(laplacian, laplacian));
                 total += part;
-                row_slope = scale(laplacian, slope * share);
+                row_derivative = scale(laplacian, derivative * share);
                 if let Some(out) = &mut out {
-                    out[i] = sub(out[i], scale(laplacian, slope));
+                    out[i] = sub(out[i], scale(laplacian, derivative));
                 }
             }
-            if let Some(slopes) = &mut slopes {
-                slopes[i] = row_slope;
+            if let Some(derivatives) = &mut derivatives {
+                derivatives[i] = row_derivative;
             }
         }
         // The transposed product: neighbourhood is mutual, so each vertex gathers from its own row.
-        if let (Some(slopes), Some(out)) = (slopes, out) {
+        if let (Some(derivatives), Some(out)) = (derivatives, out) {
             for (out, row) in out.iter_mut().zip(neighbours.rows()) {
-                let sum = row.iter().fold([F::zero(); 3], |sum, &j| add(sum, slopes[j as usize]));
+                let sum =
+                    row.iter().fold([F::zero(); 3], |sum, &j| add(sum, derivatives[j as usize]));
                 accumulate(out, sum);
             }
         }

@@ -87,8 +87,8 @@ impl<F: Real> Op<F> for MaskIou<F> {
             {
                 let (both, either) = (self.sums[2 * n], self.sums[2 * n + 1]);
                 let constant = scale * both / (either * either);
-                let slope = scale / either + constant;
-                compare::slopes(other, other, F::one(), out, |b, _| b * slope - constant);
+                let derivative = scale / either + constant;
+                compare::derivatives(other, other, F::one(), out, |b, _| b * derivative - constant);
             }
             cx.give(i, gradient);
         }
@@ -101,7 +101,7 @@ impl<F: Real> Op<F> for MaskIou<F> {
 /// -mean(t ln p + (1 - t) ln(1 - p))
 /// ```
 ///
-/// Logarithms are cut off at -100, and the slope where `p (1 - p) < 1e-12`, so that `p` of exactly 0 or 1
+/// Logarithms are cut off at -100, and the derivative where `p (1 - p) < 1e-12`, so that `p` of exactly 0 or 1
 /// gives finite figures.
 ///
 /// # Shapes
@@ -145,7 +145,7 @@ impl<F: Real> Op<F> for MaskBce {
         let scale = seed(cx) / F::from_f64(p.len().max(1) as f64);
         let least = F::from_f64(1e-12);
         let mut gradient = cx.array(p.shape());
-        compare::slopes(
+        compare::derivatives(
             p.as_slice().expect(CONTIGUOUS),
             t.as_slice().expect(CONTIGUOUS),
             scale,

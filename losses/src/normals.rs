@@ -14,7 +14,7 @@ use crate::scalar::vertices;
 /// # Shapes
 /// `positions [V, 3]` or `[N, V, 3]`, `faces [F]` → `[F, 3]` or `[N, F, 3]`.
 /// # Gradient
-/// A face of (nearly) no area has a normal shorter than one, and a finite slope.
+/// A face of (nearly) no area has a normal shorter than one, and a finite derivative.
 /// # Cost
 /// `O(N F)`; backward computes the normals again.
 /// # Panics

@@ -235,7 +235,7 @@ mod tests {
         );
         let loss = lpips(&[a], &[b], &[&[0.25, 4.0][..]]);
         assert!((loss.item() - 4.25 / 2.0).abs() < 1e-9);
-        // Along its own direction a feature may grow for nothing; a pixel of zeros has no slope.
+        // Along its own direction a feature may grow for nothing; a pixel of zeros has no derivative.
         let gradients = loss.backward();
         let found: Vec<_> = gradients.wrt(a).expect("a leaf").iter().copied().collect();
         let expected = [0.0, -4.0 / 3.0, 0.0, 0.0];

@@ -2,7 +2,7 @@
 
 use autodiff_lite::{Backward, CONTIGUOUS, Op, PoolVec, Real, Shapes, Var};
 
-use crate::kernels::ssim::{self, Plane, SLOPES};
+use crate::kernels::ssim::{self, DERIVATIVES, Plane};
 use crate::scalar::{same_shape, scalar, seed};
 
 /// One minus the mean structural similarity: 0 for equal images.
@@ -34,20 +34,21 @@ pub fn ssim_loss<'t, F: Real>(image: Var<'t, F>, target: Var<'t, F>) -> Var<'t, 
     let [images, height, width, channels] = axes.unwrap_or_else(|error| error.panic());
     let plane = Plane { images, height, width, channels };
     let (x, y) = (image.value(), target.value());
-    let mut slopes = tape.wants_grad(&[image, target]).then(|| tape.buffer(SLOPES * plane.len()));
+    let mut derivatives =
+        tape.wants_grad(&[image, target]).then(|| tape.buffer(DERIVATIVES * plane.len()));
     let similarity = if plane.is_empty() {
         1.0
     } else {
         let mut scratch = tape.buffer(plane.scratch_len());
         let (x, y) = (x.as_slice().expect(CONTIGUOUS), y.as_slice().expect(CONTIGUOUS));
-        ssim::ssim(x, y, plane, &mut scratch, slopes.as_deref_mut())
+        ssim::ssim(x, y, plane, &mut scratch, derivatives.as_deref_mut())
     };
-    tape.record(&[image, target], scalar(tape, 1.0 - similarity), SsimLoss { plane, slopes })
+    tape.record(&[image, target], scalar(tape, 1.0 - similarity), SsimLoss { plane, derivatives })
 }
 
 struct SsimLoss<F: Real> {
     plane: Plane,
-    slopes: Option<PoolVec<F>>,
+    derivatives: Option<PoolVec<F>>,
 }
 
 impl<F: Real> Op<F> for SsimLoss<F> {
@@ -56,7 +57,8 @@ impl<F: Real> Op<F> for SsimLoss<F> {
     }
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let Some(slopes) = self.slopes.as_deref().filter(|_| !self.plane.is_empty()) else {
+        let Some(derivatives) = self.derivatives.as_deref().filter(|_| !self.plane.is_empty())
+        else {
             return;
         };
         let inputs = [cx.input(0), cx.input(1)];
@@ -69,7 +71,7 @@ impl<F: Real> Op<F> for SsimLoss<F> {
                     inputs[i].as_slice().expect(CONTIGUOUS),
                     inputs[1 - i].as_slice().expect(CONTIGUOUS),
                     self.plane,
-                    slopes,
+                    derivatives,
                     i,
                     scale,
                     &mut scratch,

@@ -1,4 +1,4 @@
-//! Draws all primitives into one SVG picture, and writes each as an OBJ file beside it.
+//! Draws all primitives into one SVG image, and writes each as an OBJ file beside it.
 //!
 //! ```text
 //! cargo run -p unsphere-mesh-core --example gallery -- gallery.svg
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 use mesh_core::{Camera, TriMesh, face_normals, primitives, write_mesh};
 
-/// Pixels per picture.
+/// Pixels per image.
 const SIZE: usize = 220;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

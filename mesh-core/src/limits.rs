@@ -1,11 +1,11 @@
 //! How much memory reading may take, and which other files it may open.
 
-/// What readers of files are held to: memory in proportion to the file, pictures of a sane size, no
+/// What readers of files are held to: memory in proportion to the file, images of a sane size, no
 /// way out of the file's folder.
 ///
-/// A file of a few kB can ask for gigabytes: a scene that shows one part a million times, a picture
+/// A file of a few kB can ask for gigabytes: a scene that shows one part a million times, an image
 /// of one colour. Readers count what they hold and stop with an error before it is more than
-/// [`peak`](Self::peak). Pictures, also those inside meshes, are held to
+/// [`peak`](Self::peak). Images, also those inside meshes, are held to
 /// [`max_pixels`](Self::max_pixels) instead, before anything is unpacked.
 ///
 /// ```
@@ -26,9 +26,9 @@ pub struct Limits {
     pub base_bytes: u64,
     /// Bytes that it may hold beyond that for each byte of the file; 20 by default.
     pub bytes_per_byte: u64,
-    /// Pixels that the header of a picture may claim; 128 million by default.
+    /// Pixels that the header of an image may claim; 128 million by default.
     ///
-    /// What is unpacked may take 4 bytes for each of them: a picture of 16 bits and 4 channels may
+    /// What is unpacked may take 4 bytes for each of them: an image of 16 bits and 4 channels may
     /// have half as many pixels. The texture of a mesh takes up to 16 bytes a pixel while it is read.
     pub max_pixels: u64,
     /// Whether an OBJ, MTL or PLY file may name files outside its own folder, by `..`, by an absolute

@@ -203,7 +203,7 @@ fn a_texture_of_gigabytes_is_refused_by_its_header() {
     assert!(width == 16_384 && held < 10 * MB, "{held} bytes");
 }
 
-// ---------------------------------------------------------------- pictures
+// ---------------------------------------------------------------- images
 
 /// A PNG with these bits and this type of colour, this data, and chunks before it.
 fn png(

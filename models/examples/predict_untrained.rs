@@ -1,4 +1,4 @@
-//! What an untrained img2mesh makes of two views: the path from pictures to a mesh, without a training.
+//! What an untrained img2mesh makes of two views: the path from images to a mesh, without a training.
 //!
 //! `cargo run --release -p unsphere-models --example predict_untrained -- [mesh.ply]`
 

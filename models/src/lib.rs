@@ -14,8 +14,8 @@
 //!
 //! # By task
 //!
-//! - **several views to one mesh, learned from pictures**: [`img2mesh`]
-//! - **one picture to a mesh, learned from true surfaces**: [`mod@pixel2mesh`], in continuous time and in stages; its data:
+//! - **several views to one mesh, learned from images**: [`img2mesh`]
+//! - **one image to a mesh, learned from true surfaces**: [`mod@pixel2mesh`], in continuous time and in stages; its data:
 //!   [`paired`]
 //! - **the same with depth, and through voxels**: [`depth`], depth-aware Pixel2Mesh and Mesh R-CNN
 //! - **photo collections of many categories to textured meshes**: [`mod@mcmr`], learned from masks and rough poses

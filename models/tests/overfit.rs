@@ -1,4 +1,4 @@
-//! One picture of a real car, learned by heart: the whole pipeline from the render to the mesh.
+//! One image of a real car, learned by heart: the whole pipeline from the render to the mesh.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -43,7 +43,7 @@ fn chamfer(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
     1e3 * (there + back)
 }
 
-/// Trains a system on one picture of the car alone, and compares its mesh with the floor.
+/// Trains a system on one image of the car alone, and compares its mesh with the floor.
 fn overfits_one_sample<D: Deformer>(config: &D::Config, learning_rate: f64, steps: u64) {
     let options = ReadOptions::default();
     let path = car();

@@ -98,7 +98,7 @@ pub struct Numbers {
     pub shape: Vec<usize>,
     /// The numbers.
     pub data: Vec<f64>,
-    /// Whether they are stored as single bytes without a sign, as pictures are.
+    /// Whether they are stored as single bytes without a sign, as images are.
     pub bytes: bool,
 }
 

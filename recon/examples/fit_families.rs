@@ -8,7 +8,7 @@
 //! 8 others. The folder gets `table.md`, and `sheet.png` with each fitted mesh above the true one.
 //!
 //! The true meshes are made of parts that sink into each other. Chamfer distances count what is
-//! hidden inside as well, which no picture shows: they are upper bounds.
+//! hidden inside as well, which no image shows: they are upper bounds.
 
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
@@ -70,7 +70,7 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Cameras at distances at which an object whose box has the diagonal 1 fills most of the picture.
+/// Cameras at distances at which an object whose box has the diagonal 1 fills most of the image.
 fn orbit(count: usize, placement: Placement) -> Orbit {
     Orbit { count, placement, target: [0.0; 3], distance: [1.6, 1.8], ..Orbit::default() }
 }

@@ -21,7 +21,7 @@ use crate::turntable::{encode_gif, orbit};
 
 /// Views shown in the report; more make it long, not clearer.
 const MOST_VIEWS: usize = 15;
-/// Side of the report's pictures and of the turntable, pixels.
+/// Side of the report's images and of the turntable, pixels.
 const PICTURE: usize = 256;
 /// Frames of the turntable, a full turn.
 const FRAMES: usize = 36;
@@ -91,7 +91,7 @@ pub enum DeliverError {
 
 /// Scores a fit and writes everything that a user keeps of it into the folder.
 ///
-/// The files are `mesh.glb`, `mesh.obj` (with `mesh.mtl` and its picture where there is a texture),
+/// The files are `mesh.glb`, `mesh.obj` (with `mesh.mtl` and its image where there is a texture),
 /// `mesh.ply`, `turntable.gif`, `report.html`, `metrics.json` and `config.toml`.
 ///
 /// # Errors

@@ -7,7 +7,7 @@
 //! use recon::fit::{Event, FitConfig, fit};
 //! use synth::{Orbit, RenderOptions, render_views};
 //!
-//! // A dozen small pictures of a clock, with masks and cameras.
+//! // A dozen small images of a clock, with masks and cameras.
 //! let cameras = Orbit { count: 12, width: 48, height: 48, ..Orbit::default() }.cameras();
 //! let clock = AlarmClock::default().build();
 //! let views = render_views(&clock, &cameras, &RenderOptions::default(), &|_, _| {})?;

@@ -127,7 +127,7 @@ fn inverted_masks_are_named() {
 #[test]
 fn wrong_focal_lengths_are_named() {
     for factor in [0.6, 1.8] {
-        // On smaller pictures the width of a pixel hides what perspective tells.
+        // On smaller images the width of a pixel hides what perspective tells.
         is_named("focal_length", [192, 170], |view| {
             if let Lens::Perspective { fx, fy, .. } = &mut view.camera.lens {
                 (*fx, *fy) = (factor * *fx, factor * *fy);

@@ -81,7 +81,7 @@ fn check(mesh: &TriMesh) -> Option<([f64; 3], f64)> {
     assert_eq!(attribute(&document, "data-status").as_deref(), Some("drawn"), "{log}");
     let pixels: usize = attribute(&document, "data-pixels").unwrap().parse().unwrap();
     assert!(pixels > 10_000, "the mesh covers {pixels} pixels");
-    // The driver remarks that reading the picture back, which the check itself asks for, is slow.
+    // The driver remarks that reading the image back, which the check itself asks for, is slow.
     let complaints: Vec<&str> = log
         .lines()
         .filter(|l| l.contains("CONSOLE") && !l.contains("GL Driver Message (OpenGL, Performance"))

@@ -1,4 +1,4 @@
-//! The tables as one HTML page with their pictures.
+//! The tables as one HTML page with their images.
 
 use std::fmt::Write as _;
 
@@ -84,7 +84,7 @@ fn write_table(table: &Table, body: &mut String) {
     body.push_str("</table></div>");
 }
 
-/// The pictures of each row, of the first seed that has it.
+/// The images of each row, of the first seed that has it.
 fn write_pictures(digest: &Digest<'_>, table: &str, body: &mut String) {
     let first = digest.order.seeds.first();
     let kept = digest.kept.iter().filter(|kept| Some(&kept.seed) == first);

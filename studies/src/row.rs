@@ -33,12 +33,12 @@ pub struct Cell {
     pub decimals: usize,
 }
 
-/// A picture with what it shows.
+/// An image with what it shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// The caption.
     pub caption: String,
-    /// The picture.
+    /// The image.
     pub image: ByteImage,
 }
 
@@ -62,7 +62,7 @@ impl Row {
         self
     }
 
-    /// With one picture of all pairs, the model above the truth. None are no picture. The page puts
+    /// With one image of all pairs, the model above the truth. None are no image. The page puts
     /// the row's label before the caption, unless they are the same.
     #[must_use]
     pub fn showing(mut self, caption: impl Into<String>, pairs: &[ViewPair]) -> Self {

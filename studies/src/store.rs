@@ -56,7 +56,7 @@ pub(super) struct KeptRow {
     pub(super) pictures: Vec<KeptPicture>,
 }
 
-/// A picture in the folder.
+/// An image in the folder.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct KeptPicture {
     pub(super) caption: String,
@@ -117,7 +117,7 @@ impl Store {
         }
     }
 
-    /// Keeps the rows of a finished job. Its pictures come first, so that a result has them all.
+    /// Keeps the rows of a finished job. Its images come first, so that a result has them all.
     pub(super) fn keep(
         &self,
         (job, seed): (&str, u64),
@@ -156,7 +156,7 @@ impl Store {
         Ok(kept)
     }
 
-    /// The bytes of a picture; none if someone removed it.
+    /// The bytes of an image; none if someone removed it.
     pub(super) fn picture(&self, picture: &KeptPicture) -> Option<Vec<u8>> {
         fs::read(self.root.join(&picture.file)).ok()
     }

@@ -126,7 +126,7 @@ fn the_table_has_means_spreads_and_claims() {
     let page = fs::read_to_string(place.path().join("report.html")).unwrap();
     assert!(page.contains("nothing &lt;much&gt;") && page.contains("data:image/png;base64,iVB"));
     assert!(!page.contains("http://") && !page.contains("https://"));
-    // The one picture that is shown is the one that is kept: the model above the truth, in their colours.
+    // The one image that is shown is the one that is kept: the model above the truth, in their colours.
     let kept = fs::read(place.path().join("pictures/one-seed-0-0.png")).unwrap();
     assert!(page.contains(&BASE64.encode(&kept)) && page.matches("<img ").count() == 1);
     let sheet = mesh_core::decode_image(&kept, "kept").unwrap();

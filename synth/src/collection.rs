@@ -1,4 +1,4 @@
-//! Photo collections: one picture of each object, and a pose that is only roughly known.
+//! Photo collections: one image of each object, and a pose that is only roughly known.
 
 use mesh_core::nalgebra::{Rotation3, Vector3};
 use mesh_core::{Camera, Lens};
@@ -10,7 +10,7 @@ use super::cameras::{Orbit, Placement};
 
 /// Cameras as in collections of photographs, around an object whose box has diagonal 1.
 ///
-/// Each view has the true camera, which made the picture, and a rough one, as keypoints or a
+/// Each view has the true camera, which made the image, and a rough one, as keypoints or a
 /// pose network would give it.
 ///
 /// ```
@@ -22,7 +22,7 @@ use super::cameras::{Orbit, Placement};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Collection {
-    /// Pictures of an object.
+    /// Images of an object.
     pub count: usize,
     /// Least and greatest distance from its middle.
     pub distance: [f64; 2],
@@ -46,13 +46,13 @@ pub struct Collection {
 pub struct PoseNoise {
     /// Of the rotation about each axis of the camera, through the world's origin, degrees.
     pub rotation: f64,
-    /// Of the logarithm of the object's size in the picture.
+    /// Of the logarithm of the object's size in the image.
     pub scale: f64,
-    /// Of the object's place along each axis of the picture, world units.
+    /// Of the object's place along each axis of the image, world units.
     pub translation: f64,
 }
 
-/// The camera that made a picture, and what is known of it.
+/// The camera that made an image, and what is known of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RoughPose {
     /// The true camera.
@@ -107,7 +107,7 @@ impl Collection {
 }
 
 impl PoseNoise {
-    /// The camera as it would be known: a function of a seed and the picture's number.
+    /// The camera as it would be known: a function of a seed and the image's number.
     pub fn drawn(&self, camera: &Camera, seed: u64, picture: u64) -> Camera {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         // The streams below belong to the orbit.
@@ -124,7 +124,7 @@ impl PoseNoise {
         rough.translation.x += shift[0];
         rough.translation.y += shift[1];
         match &mut rough.lens {
-            // A larger picture of the same object: nearer by as much.
+            // A larger image of the same object: nearer by as much.
             Lens::Perspective { .. } => rough.translation /= grow,
             Lens::Orthographic { sx, sy, .. } => (*sx, *sy) = (*sx * grow, *sy * grow),
         }

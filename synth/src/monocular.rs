@@ -1,7 +1,7 @@
-//! Depth as a network guesses it from one picture: inverse, of unknown scale, blurred, with a floor.
+//! Depth as a network guesses it from one image: inverse, of unknown scale, blurred, with a floor.
 //!
 //! Networks such as MiDaS answer with inverse depth (disparity) up to a scale and a shift that
-//! differ from picture to picture, with soft outlines, and they see a ground plane under objects
+//! differ from image to image, with soft outlines, and they see a ground plane under objects
 //! that stand on nothing (issues of "depth-aware" Pixel2Mesh and Mesh R-CNN). This makes such a
 //! channel from true depth, so that a system can be trained and tested on it:
 //!
@@ -41,7 +41,7 @@ pub struct Monocular {
     pub scale: [f64; 2],
     /// Range of what is added after it.
     pub shift: [f64; 2],
-    /// Range of the Gaussian blur's deviation, in hundredths of the picture's width; 0 is sharp.
+    /// Range of the Gaussian blur's deviation, in hundredths of the image's width; 0 is sharp.
     pub blur: [f64; 2],
     /// Range of how much of the floor's disparity is seen: 1 a floor where the object stands, 0
     /// none.
@@ -138,13 +138,13 @@ impl Plane {
         // With eye `e` and rays `e + z r(p)` of planar depth z, the plane y = h is met at
         // 1/z = r_y(p) / (h - e_y), and r is affine in the pixel. Parallel rays have no such form.
         let below = height - camera.center().y;
-        let slope = |column: f64, row: f64| {
+        let derivative = |column: f64, row: f64| {
             (camera.unproject(column, row, 1.0)[1] - camera.center().y) / below
         };
         let usable = camera.is_perspective() && below < 0.0;
         let affine = usable.then(|| {
-            let corner = slope(0.0, 0.0);
-            [corner, slope(1.0, 0.0) - corner, slope(0.0, 1.0) - corner]
+            let corner = derivative(0.0, 0.0);
+            [corner, derivative(1.0, 0.0) - corner, derivative(0.0, 1.0) - corner]
         });
         Self { affine }
     }

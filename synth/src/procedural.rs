@@ -88,7 +88,7 @@ impl Procedural {
 
     /// The same objects, each set down beside the middle by a vector of its own, uniform in a cube that reaches
     /// `reach` each way. The cameras stand so much farther away that they still see all of it. Where an object is, one
-    /// picture does not tell: its size and its distance look alike.
+    /// image does not tell: its size and its distance look alike.
     #[must_use]
     pub fn placed(mut self, reach: f64) -> Self {
         let farther = 1.0 + 2.0 * 3.0_f64.sqrt() * reach;

@@ -1,4 +1,4 @@
-//! A mesh and cameras in, pictures out.
+//! A mesh and cameras in, images out.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -27,7 +27,7 @@ pub struct RenderOptions {
     pub supersample: usize,
     /// Whether depth is kept.
     pub depth: bool,
-    /// Whether a picture with alpha is kept too.
+    /// Whether an image with alpha is kept too.
     pub alpha: bool,
     /// Whether normals are kept, and in which frame.
     pub normals: Option<NormalSpace>,
@@ -361,7 +361,7 @@ mod tests {
         assert!(soft.color.data.iter().any(|&v| v > 0 && v < 255));
     }
 
-    /// Over any background the picture with alpha is the picture that was drawn over it.
+    /// Over any background the image with alpha is the image that was drawn over it.
     #[test]
     fn alpha_is_the_mask_at_one_half_and_composites_to_the_picture() {
         let ball = primitives::icosphere(3).colored([0.8, 0.4, 0.2]);

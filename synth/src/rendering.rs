@@ -1,4 +1,4 @@
-//! One picture of a mesh, and all that is known of its pixels.
+//! One image of a mesh, and all that is known of its pixels.
 
 use datasets::View;
 use mesh_core::{ByteImage, Image};
@@ -14,12 +14,12 @@ pub enum NormalSpace {
     World,
 }
 
-/// All that is kept of one picture of a mesh.
+/// All that is kept of one image of a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendering {
-    /// The picture over its background, the mask, the camera, and depth where it was asked for.
+    /// The image over its background, the mask, the camera, and depth where it was asked for.
     pub view: View,
-    /// The picture with straight alpha, `[H, W, 4]`, sRGB: where [`RenderOptions::alpha`](super::RenderOptions::alpha) is set.
+    /// The image with straight alpha, `[H, W, 4]`, sRGB: where [`RenderOptions::alpha`](super::RenderOptions::alpha) is set.
     ///
     /// Alpha is the share of the samples that show the object, kept on the mask's side of one half,
     /// so that `alpha >= 128` is the mask exactly. Under alpha 0 stands the background.

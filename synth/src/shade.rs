@@ -60,7 +60,7 @@ impl Lighting {
         }
     }
 
-    /// What a picture of this mesh is to be lit by: its colours as they are, since light was in them when they were
+    /// What an image of this mesh is to be lit by: its colours as they are, since light was in them when they were
     /// taken; and where it has none, light that shows its shape.
     pub fn for_mesh(mesh: &TriMesh) -> Self {
         if mesh.colors.is_some() || mesh.texture.is_some() { Self::flat() } else { Self::shape() }

@@ -21,7 +21,7 @@ use synth::generate::{
 use synth::shapes::Family;
 use synth::{Monocular, NormalSpace, R2n2Cameras, RenderOptions, render_views};
 
-/// Two clocks and two tables, small, in pictures that are not square.
+/// Two clocks and two tables, small, in images that are not square.
 fn small(layout: OutputLayout) -> GenerateConfig {
     GenerateConfig {
         families: vec![Family::AlarmClock, Family::Table],

@@ -56,7 +56,7 @@ pub struct TrainConfig {
     pub skip_spikes: f64,
     /// Epochs between two evaluations; 0 evaluates only at the end. Default 1.
     pub evaluate_every: u64,
-    /// Epochs between two sheets of pictures; 0 draws them only at the end. Default 1.
+    /// Epochs between two sheets of images; 0 draws them only at the end. Default 1.
     pub samples_every: u64,
     /// Steps between two checkpoints; 0 writes them only at evaluations and at the end. Default 0.
     pub checkpoint_steps: u64,

@@ -100,7 +100,7 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     /// If a file cannot be read.
     fn evaluate(&self, data: &Self::Data) -> Result<Vec<Metric>, DataError>;
 
-    /// Pictures to look at: the model above the truth.
+    /// Images to look at: the model above the truth.
     ///
     /// # Errors
     /// If a file cannot be read.

@@ -67,7 +67,7 @@ impl Events {
         self.append(&event)
     }
 
-    /// A picture of one step.
+    /// An image of one step.
     pub(super) fn picture(
         &mut self,
         wall_time: f64,

@@ -4,15 +4,15 @@ use crate::kernels::lane::Lane;
 
 /// What is applied to the output of a linear layer, a convolution or a norm, in the same pass.
 ///
-/// Each one's slope can be told from its output, so backward keeps no second array.
+/// Each one's derivative can be told from its output, so backward keeps no second array.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Activation {
     /// `y = x`.
     #[default]
     None,
-    /// `y = max(x, 0)`; slope 0 at 0.
+    /// `y = max(x, 0)`; derivative 0 at 0.
     Relu,
-    /// `y = x` above 0, `slope x` below; the slope lies in (0, 1].
+    /// `y = x` above 0, `derivative x` below; the derivative lies in (0, 1].
     LeakyRelu(f64),
     /// `y = 1 / (1 + exp(-x))`.
     Sigmoid,
@@ -53,7 +53,7 @@ impl Activation {
 
     /// `dy/dx` where the output is `y`.
     #[inline(always)]
-    pub fn slope<F: Lane>(self, y: F) -> F {
+    pub fn derivative<F: Lane>(self, y: F) -> F {
         let (zero, one) = (F::zero(), F::one());
         match self {
             Self::None => one,

@@ -39,26 +39,26 @@ struct Corners<F> {
     down: F,
     over: F,
     /// d pixel / d coordinate, zero where the border holds it.
-    slope: [F; 2],
+    derivative: [F; 2],
 }
 
 impl Sampling {
-    /// The pixel coordinate of one in [-1, 1], its slope, and the two pixels around it.
+    /// The pixel coordinate of one in [-1, 1], its derivative, and the two pixels around it.
     #[inline(always)]
     fn axis<F: Real>(&self, coordinate: F, size: usize) -> (F, F, [Option<usize>; 2]) {
         let (half, n) = (F::from_f64(0.5), F::from_f64(size as f64));
         let one = F::one();
-        let (mut at, mut slope) = if self.align_corners {
+        let (mut at, mut derivative) = if self.align_corners {
             ((coordinate + one) * half * (n - one), half * (n - one))
         } else {
             (((coordinate + one) * n - one) * half, half * n)
         };
         if self.padding == Padding::Border {
             let (low, high) = (F::zero(), n - one);
-            // At the bounds themselves the value still moves inwards; the slope there is a
+            // At the bounds themselves the value still moves inwards; the derivative there is a
             // choice, and it is PyTorch's: none.
             if at <= low || at >= high {
-                slope = F::zero();
+                derivative = F::zero();
             }
             at = if at > low { at.min(high) } else { low };
         }
@@ -69,15 +69,15 @@ impl Sampling {
         let first = at.floor();
         let index = Real::to_f64(first) as isize;
         let exists = |i: isize| (i >= 0 && i < size as isize).then_some(i as usize);
-        (at - first, slope, [exists(index), exists(index + 1)])
+        (at - first, derivative, [exists(index), exists(index + 1)])
     }
 
     #[inline(always)]
     fn corners<F: Real>(&self, point: &[F]) -> Corners<F> {
         let [_, h, w, _] = self.image;
-        let (over, slope_x, columns) = self.axis(point[0], w);
-        let (down, slope_y, rows) = self.axis(point[1], h);
-        Corners { rows, columns, down, over, slope: [slope_x, slope_y] }
+        let (over, derivative_x, columns) = self.axis(point[0], w);
+        let (down, derivative_y, rows) = self.axis(point[1], h);
+        Corners { rows, columns, down, over, derivative: [derivative_x, derivative_y] }
     }
 
     fn check<F>(&self, x: &[F], points: &[F], y: &[F]) {
@@ -88,7 +88,7 @@ impl Sampling {
     }
 }
 
-/// A pixel of an image with its weight, and the slopes of that over each coordinate.
+/// A pixel of an image with its weight, and the derivatives of that over each coordinate.
 #[derive(Clone, Copy)]
 struct Corner<F> {
     pixel: usize,
@@ -251,8 +251,8 @@ fn grad_points_body<F: Real>(
             over += dot * corner.d_over;
             down += dot * corner.d_down;
         }
-        gp[0] += over * around.slope[0];
-        gp[1] += down * around.slope[1];
+        gp[0] += over * around.derivative[0];
+        gp[1] += down * around.derivative[1];
     }
 }
 

@@ -89,7 +89,7 @@ pub(crate) fn before_activation<F: Real>(
                 let slope = F::from_f64(slope);
                 elementwise::update(g, y, y, |g, y, _| if y > F::zero() { g } else { g * slope });
             }
-            _ => elementwise::update(g, y, y, |g, y, _| g * activation.slope(y)),
+            _ => elementwise::update(g, y, y, |g, y, _| g * activation.derivative(y)),
         }
     }
     g

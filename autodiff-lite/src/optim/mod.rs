@@ -209,7 +209,7 @@ mod tests {
         Pair { a: Param::new(arr1(&[1.0])), b: Param::new(arr1(&[1.0])) }
     }
 
-    fn slope_of_one(pair: &Pair) -> Gradients<f64> {
+    fn derivative_of_one(pair: &Pair) -> Gradients<f64> {
         let tape = Tape::train(0);
         (tape.param(&pair.a) + tape.param(&pair.b)).sum().backward()
     }
@@ -218,7 +218,7 @@ mod tests {
     fn groups_have_their_own_numbers() {
         let mut pair = pair();
         let mut sgd = Sgd::new(0.1).group("b", |group| group.lr = 0.5);
-        let gradients = slope_of_one(&pair);
+        let gradients = derivative_of_one(&pair);
         sgd.step(&mut pair, &gradients);
         assert_eq!([pair.a.value[0], pair.b.value[0]], [0.9, 0.5]);
         sgd.set_factor(0.0);
@@ -230,7 +230,7 @@ mod tests {
     fn what_is_not_trainable_stays() {
         let mut pair = pair();
         pair.set_trainable("a", false);
-        let gradients = slope_of_one(&pair);
+        let gradients = derivative_of_one(&pair);
         assert!(gradients.of(&pair.a).is_none());
         Sgd::new(0.1).step(&mut pair, &gradients);
         assert_eq!([pair.a.value[0], pair.b.value[0]], [1.0, 0.9]);

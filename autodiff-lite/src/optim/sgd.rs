@@ -53,7 +53,7 @@ impl Method for SgdMethod {
 mod tests {
     use super::*;
 
-    /// Values worked out by hand with w = 1, g = w² slope 2w, lr = 0.1, momentum = 0.9,
+    /// Values worked out by hand with w = 1, g = w² derivative 2w, lr = 0.1, momentum = 0.9,
     /// decay = 0.5:
     /// step 1: g = 2 + 0.5 = 2.5, v = 2.5, w = 0.75;
     /// step 2: g = 1.5 + 0.375 = 1.875, v = 2.25 + 1.875 = 4.125, w = 0.3375.

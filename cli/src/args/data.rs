@@ -24,7 +24,7 @@ pub(crate) enum DataVerb {
     Validate(Validate),
     /// Write a dataset in another layout.
     Convert(Convert),
-    /// Estimate the depth of pictures with a network of yours, in ONNX's form.
+    /// Estimate the depth of images with a network of yours, in ONNX's form.
     Depth(Depth),
 }
 

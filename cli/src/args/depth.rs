@@ -23,13 +23,13 @@ Examples:
 )]
 #[cfg_attr(not(feature = "onnx"), allow(dead_code, reason = "said, and refused"))]
 pub(crate) struct Depth {
-    /// Pictures, PNG or JPEG.
+    /// Images, PNG or JPEG.
     #[arg(required = true, value_name = "PICTURES")]
     pub(crate) pictures: Vec<PathBuf>,
     /// The network, in ONNX's form.
     #[arg(long, value_name = "FILE")]
     pub(crate) model: PathBuf,
-    /// How pictures are made ready for it.
+    /// How images are made ready for it.
     #[arg(long, value_enum, default_value_t = DepthModelKind::MidasSmall)]
     pub(crate) kind: DepthModelKind,
     /// Folder for the results; new or empty.
@@ -38,12 +38,12 @@ pub(crate) struct Depth {
     /// Write into a folder that exists already, replacing files of the same names.
     #[arg(long)]
     pub(crate) force: bool,
-    /// What is put behind transparent pictures.
+    /// What is put behind transparent images.
     #[arg(long, value_name = "RRGGBB", default_value = "ffffff", value_parser = hex_color)]
     pub(crate) background: [u8; 3],
 }
 
-/// Families of networks, by what they expect of a picture.
+/// Families of networks, by what they expect of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DepthModelKind {
     /// MiDaS 2.1 small: within 256 pixels.

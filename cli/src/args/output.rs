@@ -21,9 +21,9 @@ pub(crate) struct Output {
 pub(crate) enum Picture {
     /// The turntable, animated.
     Gif,
-    /// One picture.
+    /// One image.
     Png,
-    /// A folder with a picture for each camera.
+    /// A folder with an image for each camera.
     Folder,
 }
 

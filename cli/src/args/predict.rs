@@ -43,10 +43,10 @@ pub(crate) struct Predict {
     /// How many views are given, from the first on.
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) first: Option<u32>,
-    /// Depth of the picture (EXR, PFM, npy, PNG): planar, or, for a model of estimates, disparity of any scale.
+    /// Depth of the image (EXR, PFM, npy, PNG): planar, or, for a model of estimates, disparity of any scale.
     #[arg(long, value_name = "FILE")]
     pub(crate) depth: Option<PathBuf>,
-    /// Focal lengths and principal point of the picture, pixels.
+    /// Focal lengths and principal point of the image, pixels.
     #[arg(
         long,
         value_name = "FX,FY,CX,CY",

@@ -72,7 +72,7 @@ struct ViewsReport<'a> {
     views: usize,
     width: [usize; 2],
     height: [usize; 2],
-    /// Least, mean and greatest share of a picture that the object covers.
+    /// Least, mean and greatest share of an image that the object covers.
     coverage: [f64; 3],
     warnings: Vec<String>,
 }

@@ -9,7 +9,7 @@ use serde::Serialize;
 use train::{Checkpoint, RunMetadata, Source};
 
 use crate::args::{Eval, Global};
-use crate::checkpoint::{configuration, located};
+use crate::checkpoint::{checkpoint_path, configuration};
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::progress::Progress;

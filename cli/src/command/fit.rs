@@ -96,7 +96,7 @@ impl Job<'_> {
         self.interrupt.worthwhile();
         let fitted = self.fit(console)?;
         if !fitted.held_out_views.is_empty() {
-            // Only these are looked at again; the pictures of the others make room.
+            // Only these are looked at again; the images of the others make room.
             for &i in &fitted.train_views {
                 let view = &mut self.views.views[i];
                 (view.color, view.mask) = (ByteImage::default(), ByteImage::default());

@@ -8,7 +8,7 @@ use train::Checkpoint;
 use train::output::OutputFolder;
 
 use crate::args::{Global, Predict};
-use crate::checkpoint::located;
+use crate::checkpoint::checkpoint_path;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;

@@ -1,4 +1,4 @@
-//! `unsphere render`: a mesh and cameras in, pictures out.
+//! `unsphere render`: a mesh and cameras in, images out.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use crate::failure::Failure;
 use crate::mesh_file::read_mesh;
 use crate::progress::Progress;
 
-/// Hundredths of a second for each picture of a GIF.
+/// Hundredths of a second for each image of a GIF.
 const DELAY: u16 = 6;
 
 /// What is printed with `--json`.
@@ -81,7 +81,7 @@ pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
     })
 }
 
-/// Cameras and what their pictures are called.
+/// Cameras and what their images are called.
 fn cameras(
     console: Console,
     mesh: &TriMesh,

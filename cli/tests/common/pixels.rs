@@ -1,4 +1,4 @@
-//! Pictures as they were delivered, and what is to be seen on them.
+//! Images as they were delivered, and what is to be seen on them.
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ pub(crate) fn frames_in(path: &Path) -> Vec<ByteImage> {
     frames(&std::fs::read(path).unwrap())
 }
 
-/// A picture in a file.
+/// An image in a file.
 pub(crate) fn picture(path: &Path) -> ByteImage {
     mesh_core::read_image(path).unwrap()
 }
@@ -45,7 +45,7 @@ pub(crate) fn carried(page: &str, kind: &str) -> Vec<Vec<u8>> {
     page.split(mark.as_str()).skip(1).map(part).collect()
 }
 
-/// The pictures that a page carries.
+/// The images that a page carries.
 pub(crate) fn pictures_on(page: &str) -> Vec<ByteImage> {
     let carried = carried(page, "image/png");
     carried.iter().map(|png| mesh_core::decode_image(png, "page").unwrap()).collect()
@@ -70,7 +70,7 @@ pub(crate) fn mean<'a>(pixels: impl Iterator<Item = &'a [u8]>) -> [f64; 3] {
     sum.map(|sum| sum / f64::max(count, 1.0))
 }
 
-/// What is to be seen on a picture before what is behind it. Colours are those within the object: at its rim both mix.
+/// What is to be seen on an image before what is behind it. Colours are those within the object: at its rim both mix.
 #[derive(Debug)]
 pub(crate) struct Look {
     /// The share of pixels that are not of the background's colour.
@@ -82,7 +82,7 @@ pub(crate) struct Look {
 }
 
 impl Look {
-    /// Looks at a picture of three channels before this colour.
+    /// Looks at an image of three channels before this colour.
     pub(crate) fn at(image: &ByteImage, background: [u8; 3]) -> Self {
         assert_eq!(image.channels, 3);
         let [height, width] = [image.height, image.width];
@@ -131,12 +131,12 @@ impl Look {
     }
 }
 
-/// The corner of a picture.
+/// The corner of an image.
 pub(crate) fn corner(image: &ByteImage) -> [u8; 3] {
     [image.data[0], image.data[1], image.data[2]]
 }
 
-/// A part of a picture.
+/// A part of an image.
 pub(crate) fn part(
     image: &ByteImage,
     [top, left]: [usize; 2],

@@ -1,4 +1,4 @@
-//! Models of a few bytes, written here, and what they say about pictures.
+//! Models of a few bytes, written here, and what they say about images.
 
 use std::path::PathBuf;
 
@@ -109,7 +109,7 @@ fn normalised(input: &DepthInput, value: f32, c: usize) -> f32 {
     (value - input.mean[c]) / input.deviation[c]
 }
 
-/// Channels come in the order and normalisation of the convention, and back at the size of the picture.
+/// Channels come in the order and normalisation of the convention, and back at the size of the image.
 #[test]
 fn a_model_sees_what_it_was_trained_on() {
     let folder = tempfile::tempdir().unwrap();

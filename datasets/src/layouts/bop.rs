@@ -17,17 +17,17 @@ use crate::view::{Layout, View, Views};
 const CAMERAS: &str = "scene_camera.json";
 const POSES: &str = "scene_gt.json";
 const INFO: &str = "scene_gt_info.json";
-/// Scenes of thousands of pictures with dozens of objects fit.
+/// Scenes of thousands of images with dozens of objects fit.
 const JSON_BYTES: u64 = 1 << 30;
 /// The benchmarks do not ask for an object of which less than this share is seen.
 const LEAST_VISIBLE: f64 = 0.1;
 const PICTURE_EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "JPG"];
 
-/// A BOP dataset, split or scene: every object of every split, with all pictures that show it.
+/// A BOP dataset, split or scene: every object of every split, with all images that show it.
 ///
-/// The world of an object's views is the frame of its model, in millimetres, so that all pictures
+/// The world of an object's views is the frame of its model, in millimetres, so that all images
 /// of it fit together whatever scene they are from. Entries are named by `obj_id`, their category
-/// is the split. A picture that shows two instances is two views. Masks are `mask_visib`, what is
+/// is the split. An image that shows two instances is two views. Masks are `mask_visib`, what is
 /// seen of the object and not what hides it; instances of which less than a tenth is seen are
 /// left out. Principal points count from the centre of the first pixel, as OpenCV's do.
 #[derive(Debug)]
@@ -42,13 +42,13 @@ pub struct Bop {
     warnings: Vec<String>,
 }
 
-/// One instance of an object in one picture.
+/// One instance of an object in one image.
 #[derive(Debug)]
 struct Shot {
     /// The folder of the scene, with its slash, from the path that was opened.
     scene: String,
     image: u64,
-    /// Where the instance stands in the picture's list, which names its mask.
+    /// Where the instance stands in the image's list, which names its mask.
     instance: usize,
     /// What the view is called.
     name: String,
@@ -117,7 +117,7 @@ impl Bop {
     /// Opens a dataset (`train/000001/scene_camera.json`), a split, or a single scene.
     ///
     /// # Errors
-    /// If a scene's JSON is damaged, or no picture shows any object.
+    /// If a scene's JSON is damaged, or no image shows any object.
     pub fn open(path: &Path) -> Result<Self, ReadViewsError> {
         let scenes = scenes(path);
         if scenes.is_empty() {
@@ -247,7 +247,7 @@ fn whole(node: &Node<'_>) -> Result<u64, ReadViewsError> {
 }
 
 impl Shot {
-    /// The picture among `rgb` and `gray`.
+    /// The image among `rgb` and `gray`.
     fn picture(&self, source: &Source) -> Result<String, ReadViewsError> {
         let names = ["rgb", "gray"].iter().flat_map(|folder| {
             PICTURE_EXTENSIONS.map(|end| format!("{}{folder}/{:06}.{end}", self.scene, self.image))

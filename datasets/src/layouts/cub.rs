@@ -2,7 +2,7 @@
 //!
 //! Wah et al., "The Caltech-UCSD Birds-200-2011 Dataset"; Kanazawa, Tulsiani, Efros, Malik,
 //! "Learning Category-Specific Mesh Reconstruction from Image Collections" (ECCV 2018), whose
-//! structure from motion gives a scale, a shift and a rotation to each picture.
+//! structure from motion gives a scale, a shift and a rotation to each image.
 
 use std::path::{Path, PathBuf};
 
@@ -23,14 +23,14 @@ const SPLITS: [(&str, Subset); 3] =
     [("train", Subset::Train), ("val", Subset::Validation), ("test", Subset::Test)];
 /// Where the cache may be, from the folder that is opened.
 const CACHES: [&str; 5] = ["", "cachedir/cub", "cub", "UCMR_CUB_data/cub", "cmr/cachedir/cub"];
-/// Where the pictures may be, from that folder, the cache and the folders around it.
+/// Where the images may be, from that folder, the cache and the folders around it.
 const PICTURES: [&str; 2] = ["CUB_200_2011/images", "CUB_200_2011/CUB_200_2011/images"];
 /// No annotations of a split are longer.
 const CACHE_BYTES: u64 = 1 << 30;
 /// How many parts of a bird have a name.
 const PARTS: usize = 15;
 
-/// CUB on disk: the objects are the birds, one picture each.
+/// CUB on disk: the objects are the birds, one image each.
 ///
 /// The world is that of CMR's structure from motion. Boxes, keypoints and poses are in
 /// [`Cub::annotation`], the mean bird in [`Cub::mean_shape`].
@@ -46,16 +46,16 @@ pub struct Cub {
     warnings: Vec<String>,
 }
 
-/// What CUB and CMR's cache say about one picture.
+/// What CUB and CMR's cache say about one image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CubAnnotation {
-    /// The picture, relative to `CUB_200_2011/images`.
+    /// The image, relative to `CUB_200_2011/images`.
     pub image: String,
     /// The bird's kind, from 1.
     pub class: usize,
-    /// The bird's box: left, top, right, bottom, pixels from the picture's top-left corner.
+    /// The bird's box: left, top, right, bottom, pixels from the image's top-left corner.
     pub bounds: [f64; 4],
-    /// The visible parts, pixels from the picture's top-left corner.
+    /// The visible parts, pixels from the image's top-left corner.
     pub parts: [Option<[f64; 2]>; PARTS],
     /// Pixels per unit of the model.
     pub scale: f64,
@@ -88,7 +88,7 @@ impl CubMeanShape {
 }
 
 impl CubAnnotation {
-    /// The camera for a picture of this size: `x = s (R X)_{xy} + t`, y down.
+    /// The camera for an image of this size: `x = s (R X)_{xy} + t`, y down.
     pub fn camera(&self, width: usize, height: usize) -> Camera {
         // CMR's own constructor counts in halves of the image; a square one has the same half on
         // both axes, and the lens is in pixels from then on.
@@ -103,7 +103,7 @@ impl CubAnnotation {
         Camera { width, height, ..camera }
     }
 
-    /// Where each part goes when the picture is mirrored: left and right change places.
+    /// Where each part goes when the image is mirrored: left and right change places.
     ///
     /// CMR's `kp_perm`, from 0: part `i` of a mirrored bird is part `MIRRORED[i]` of the bird.
     pub const MIRRORED: [usize; PARTS] = [0, 1, 2, 3, 4, 5, 10, 11, 12, 9, 6, 7, 8, 13, 14];
@@ -218,7 +218,7 @@ fn annotations_of(split: &str) -> String {
     format!("data/{split}_cub_cleaned.mat")
 }
 
-/// The folder of pictures, near the path or around the cache; where it should be if it is nowhere.
+/// The folder of images, near the path or around the cache; where it should be if it is nowhere.
 fn pictures(path: &Path, cache: &Path) -> PathBuf {
     let around = [path].into_iter().chain(cache.ancestors().take(4));
     let mut places = around.flat_map(|base| PICTURES.iter().map(|inner| base.join(inner)));
@@ -232,11 +232,11 @@ impl Cub {
     }
 
     /// Opens CMR's cache (the folder with `data` and `sfm`), or a folder with it as `cachedir/cub`,
-    /// `cub` or `UCMR_CUB_data/cub`. The pictures are looked for in `CUB_200_2011/images` there and
-    /// in the folders around. Annotations are read and checked, pictures are not.
+    /// `cub` or `UCMR_CUB_data/cub`. The images are looked for in `CUB_200_2011/images` there and
+    /// in the folders around. Annotations are read and checked, images are not.
     ///
     /// # Memory
-    /// The masks of all pictures, one bit a pixel: 140 MB for the whole of CUB.
+    /// The masks of all images, one bit a pixel: 140 MB for the whole of CUB.
     /// # Errors
     /// If there is no cache, or an annotation is incomplete or cannot be meant.
     pub fn open(path: &Path) -> Result<Self, ReadViewsError> {

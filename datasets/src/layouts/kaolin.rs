@@ -149,7 +149,7 @@ fn read_camera(
     let (width, height) = (picture.image.width, picture.image.height);
     if let Some(resolution) = camera.get("resolution") {
         let (w, h) = (resolution.need("width")?.pixels()?, resolution.need("height")?.pixels()?);
-        // Resampled pictures keep their metadata; the lens fits as long as the shape does.
+        // Resampled images keep their metadata; the lens fits as long as the shape does.
         if (w * height).abs_diff(h * width) > w.max(h) {
             let expected = format!("the shape of {}, {width}x{height}", picture.path.display());
             return Err(ReadViewsError::field(

@@ -33,7 +33,7 @@ const LIST_BYTES: u64 = 1 << 26;
 /// What a line of a list takes while its annotation is read.
 const LINE: usize = 1000;
 
-/// MCMR's form of Pascal3D+ on disk: the objects are what is annotated, one picture each.
+/// MCMR's form of Pascal3D+ on disk: the objects are what is annotated, one image each.
 ///
 /// The world is that of Pascal3D+'s models: +z up, the front at -y. Boxes, flags and keypoints
 /// are in [`Mcmr::annotation`].
@@ -49,26 +49,26 @@ pub struct Mcmr {
 /// What one file of annotations says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct McmrAnnotation {
-    /// The picture, relative to the root.
+    /// The image, relative to the root.
     pub image: String,
     /// The mask, relative to the root: the first of VOC's, Hariharan's, CMR's, PointRend's and
     /// Mask R-CNN's that is there; for what is tested on, only the first three count.
     pub mask: String,
     /// `aeroplane`, `bicycle`, ..
     pub class: String,
-    /// Width and height of the picture, pixels.
+    /// Width and height of the image, pixels.
     pub size: [usize; 2],
     /// Which of the class's models is nearest, from 0.
     pub model: usize,
     /// Whether something hides part of the object.
     pub occluded: bool,
-    /// Whether the picture's border cuts the object.
+    /// Whether the image's border cuts the object.
     pub truncated: bool,
     /// Whether VOC calls the object difficult.
     pub difficult: bool,
-    /// The object's box: left, top, right, bottom, pixels from the picture's top-left corner.
+    /// The object's box: left, top, right, bottom, pixels from the image's top-left corner.
     pub bounds: [f64; 4],
-    /// The keypoints of the class, where they are visible, pixels from the picture's top-left
+    /// The keypoints of the class, where they are visible, pixels from the image's top-left
     /// corner. MCMR's own loader leaves objects out of which at most 3 are.
     pub keypoints: Vec<Option<[f64; 2]>>,
     /// By rows; the principal point is Pascal3D+'s, the first pixel's centre at (1, 1).
@@ -79,7 +79,7 @@ pub struct McmrAnnotation {
 }
 
 impl McmrAnnotation {
-    /// The camera of the whole picture.
+    /// The camera of the whole image.
     ///
     /// MCMR drops the roll (`theta`) of Pascal3D+; all else is the same camera.
     ///
@@ -243,7 +243,7 @@ impl Mcmr {
     }
 
     /// Opens the folder with the classes (`PASCAL_final`), or a single class. All annotations that
-    /// the lists name are read and checked, in parallel; pictures are not.
+    /// the lists name are read and checked, in parallel; images are not.
     ///
     /// # Errors
     /// If there is no such class, or an annotation cannot be read; the first in their order.

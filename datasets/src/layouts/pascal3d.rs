@@ -20,18 +20,18 @@ use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 
 const ANNOTATIONS: &str = "Annotations";
-/// Where pictures come from: the second half of a folder's name, and what its pictures end in.
+/// Where images come from: the second half of a folder's name, and what its images end in.
 const SOURCES: [(&str, &str); 2] = [("imagenet", "JPEG"), ("pascal", "jpg")];
 /// Where VOC's masks of single objects are, from the root of the release.
 const VOC_MASKS: [&str; 2] = ["PASCAL/VOCdevkit/VOC2012/SegmentationObject", "SegmentationObject"];
-/// No record of a picture is longer, nor the models of a class.
+/// No record of an image is longer, nor the models of a class.
 const RECORD_BYTES: u64 = 1 << 24;
 const MODELS_BYTES: u64 = 1 << 28;
 
-/// Pascal3D+ on disk: the objects are what is annotated in the pictures, one view each.
+/// Pascal3D+ on disk: the objects are what is annotated in the images, one view each.
 ///
 /// The world is that of the models: +z up, the front at -y. Boxes, flags and viewpoints are in
-/// [`Pascal3d::annotation`]. Only the pictures of VOC's segmentation have masks; the others are
+/// [`Pascal3d::annotation`]. Only the images of VOC's segmentation have masks; the others are
 /// read with the mask source `whole` or `backdrop`.
 #[derive(Debug)]
 pub struct Pascal3d {
@@ -42,20 +42,20 @@ pub struct Pascal3d {
     warnings: Vec<String>,
 }
 
-/// What Pascal3D+ says about one object in a picture.
+/// What Pascal3D+ says about one object in an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pascal3dAnnotation {
-    /// The picture, relative to the root.
+    /// The image, relative to the root.
     pub image: String,
     /// `aeroplane`, `bicycle`, ..
     pub class: String,
-    /// Width and height of the picture, pixels, where the record says them.
+    /// Width and height of the image, pixels, where the record says them.
     pub size: Option<[usize; 2]>,
-    /// The object's box: left, top, right, bottom, pixels from the picture's top-left corner.
+    /// The object's box: left, top, right, bottom, pixels from the image's top-left corner.
     pub bounds: [f64; 4],
     /// Which of the class's models is nearest, from 0.
     pub model: usize,
-    /// Whether the picture's border cuts the object.
+    /// Whether the image's border cuts the object.
     pub truncated: bool,
     /// Whether something hides part of the object.
     pub occluded: bool,
@@ -63,7 +63,7 @@ pub struct Pascal3dAnnotation {
     pub difficult: bool,
     /// Where the camera is.
     pub viewpoint: Viewpoint,
-    /// The visible anchor points by name, pixels from the picture's top-left corner.
+    /// The visible anchor points by name, pixels from the image's top-left corner.
     pub anchors: BTreeMap<String, [f64; 2]>,
     /// The object's place in the record, from 0; VOC numbers its masks so.
     pub place: usize,
@@ -78,7 +78,7 @@ pub struct Viewpoint {
     pub azimuth: f64,
     /// Degrees above the model's ground.
     pub elevation: f64,
-    /// Roll of the camera, degrees: the picture turns counter-clockwise by it.
+    /// Roll of the camera, degrees: the image turns counter-clockwise by it.
     pub theta: f64,
     /// Distance from the model's origin.
     pub distance: f64,
@@ -86,13 +86,13 @@ pub struct Viewpoint {
     pub focal: f64,
     /// Pixels per unit of the focal length. Always 3000.
     pub viewport: f64,
-    /// Where the camera's axis meets the picture, as MATLAB counts: the first pixel's centre is
+    /// Where the camera's axis meets the image, as MATLAB counts: the first pixel's centre is
     /// at (1, 1).
     pub principal: [f64; 2],
 }
 
 impl Viewpoint {
-    /// The camera for a picture of this size, in the world of the model.
+    /// The camera for an image of this size, in the world of the model.
     ///
     /// With `C = d (cos e sin a, -cos e cos a, sin e)` and
     /// `R = Rz(theta) Rx(-(90 - e)) Rz(-a)`, a point is at `R (X - C)`, x right, y up, looking
@@ -133,7 +133,7 @@ impl Viewpoint {
 }
 
 impl Pascal3dAnnotation {
-    /// The camera of the picture, of which the record may leave the size open.
+    /// The camera of the image, of which the record may leave the size open.
     fn camera(&self, picture: &ByteImage) -> Result<Camera, ReadViewsError> {
         let [w, h] = self.size.unwrap_or([picture.width, picture.height]);
         fitted(self.viewpoint.camera(w, h), picture, &self.file, &self.field)
@@ -155,7 +155,7 @@ impl Pascal3dAnnotation {
         assemble(name.to_owned(), picture, mask, camera, None, options)
     }
 
-    /// The object's own colour in VOC's picture of objects.
+    /// The object's own colour in VOC's image of objects.
     fn mask(
         &self,
         source: &Source,
@@ -164,7 +164,7 @@ impl Pascal3dAnnotation {
         let file = Path::new(&self.image).with_extension("png");
         let name = file.file_name().and_then(|n| n.to_str()).unwrap_or_default();
         let masks = VOC_MASKS.iter().map(|folder| format!("{folder}/{name}"));
-        // Pictures of ImageNet have none, and VOC's folder has none of theirs.
+        // Images of ImageNet have none, and VOC's folder has none of theirs.
         let Some(mask) = { masks }.find(|mask| source.has(mask)) else {
             let expected = "an entry in VOC's SegmentationObject, or the mask source `whole`";
             let at = source.locate(&self.image);
@@ -183,7 +183,7 @@ impl Pascal3dAnnotation {
     }
 }
 
-/// The colour of an object's number in VOC's pictures: its bits, dealt to red, green, blue in
+/// The colour of an object's number in VOC's images: its bits, dealt to red, green, blue in
 /// turn, each from the highest bit down.
 fn voc_color(number: usize) -> [u8; 3] {
     let mut color = [0u8; 3];
@@ -258,7 +258,7 @@ fn read_record(source: &Source, folder: &str, name: &str) -> Result<Record, Read
     Ok((out, without))
 }
 
-/// The picture's name, which ends as its source has it.
+/// The image's name, which ends as its source has it.
 fn image_of(source: &Source, folder: &str, stem: &str) -> String {
     let own = SOURCES.iter().find(|(name, _)| folder.ends_with(name)).map_or("jpg", |(_, e)| e);
     let name = |extension: &str| format!("Images/{folder}/{stem}.{extension}");
@@ -300,7 +300,7 @@ impl Pascal3d {
     }
 
     /// Opens the folder of the release, in which `Annotations`, `Images` and `CAD` are. All
-    /// records are read and checked, in parallel; pictures are not.
+    /// records are read and checked, in parallel; images are not.
     ///
     /// # Errors
     /// If there are no annotations, or one cannot be read; the first in their order.

@@ -1,4 +1,4 @@
-//! What the readers of annotated photographs share: one file lists many pictures, each a view.
+//! What the readers of annotated photographs share: one file lists many images, each a view.
 
 use std::path::Path;
 
@@ -34,7 +34,7 @@ pub(crate) fn find(path: &Path) -> Result<Option<Box<dyn Dataset>>, ReadViewsErr
 pub(crate) struct Photo<'a> {
     /// What the view is called.
     pub(crate) name: &'a str,
-    /// The picture, relative to the root.
+    /// The image, relative to the root.
     pub(crate) image: &'a str,
     /// Reads the view.
     pub(crate) read: Pending<'a>,
@@ -50,7 +50,7 @@ pub(crate) struct Album<'a> {
 }
 
 impl Album<'_> {
-    /// Reads the photographs in parallel; those without a picture are left out where that is
+    /// Reads the photographs in parallel; those without an image are left out where that is
     /// allowed.
     pub(crate) fn read(
         &self,
@@ -94,7 +94,7 @@ pub(crate) fn chosen(count: usize, which: Option<&[usize]>) -> Vec<usize> {
     }
 }
 
-/// The camera of an annotation for the picture that is really there, which may have been resized.
+/// The camera of an annotation for the image that is really there, which may have been resized.
 pub(crate) fn fitted(
     camera: Camera,
     picture: &ByteImage,

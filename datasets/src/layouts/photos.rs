@@ -28,7 +28,7 @@ pub(crate) fn recognises(source: &Source) -> bool {
     source.has(CAMERAS)
 }
 
-/// One view of the file, checked, before its picture is read.
+/// One view of the file, checked, before its image is read.
 struct Shot {
     image: String,
     masks: Vec<String>,
@@ -172,10 +172,10 @@ fn lens(node: &Node<'_>) -> Result<Lens, ReadViewsError> {
 /// ```
 ///
 /// `rotation` (rows) and `translation` take the world to the camera, whose axes are x right, y up,
-/// looking along -z. Pixels count from the top-left corner of the picture as it is seen, after the
+/// looking along -z. Pixels count from the top-left corner of the image as it is seen, after the
 /// orientation that EXIF notes. `lens` is `perspective`, or `orthographic` with `sx`, `sy`, `cx`,
 /// `cy` in pixels per unit and pixels. Names are relative to the file. `mask` may be left away
-/// (then `masks/<stem>.png` or .jpg, or alpha), `depth` too. A picture of another size but the
+/// (then `masks/<stem>.png` or .jpg, or alpha), `depth` too. An image of another size but the
 /// same shape is a resized copy.
 ///
 /// The folder is made where it does not exist; files of the same name are replaced, each

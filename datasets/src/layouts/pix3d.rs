@@ -24,7 +24,7 @@ const WHOLE: &str = "pix3d.json";
 /// Mesh R-CNN's: split by image (`s1`) and by model (`s2`).
 const SPLITS: [[&str; 2]; 2] =
     [["pix3d_s2_train.json", "pix3d_s2_test.json"], ["pix3d_s1_train.json", "pix3d_s1_test.json"]];
-/// Their masks have another size than the pictures; Mesh R-CNN leaves them out too.
+/// Their masks have another size than the images; Mesh R-CNN leaves them out too.
 const MISMATCHED: [&str; 2] = ["img/table/1749.jpg", "img/table/0045.png"];
 /// Width of the sensor that focal lengths in millimetres are for.
 const SENSOR: f64 = 32.0;
@@ -52,7 +52,7 @@ pub struct Pix3d {
 /// What Pix3D says about one photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pix3dAnnotation {
-    /// The picture, relative to the root, as all paths are.
+    /// The image, relative to the root, as all paths are.
     pub image: String,
     /// Its mask.
     pub mask: String,
@@ -62,9 +62,9 @@ pub struct Pix3dAnnotation {
     pub voxels: Option<String>,
     /// What is shown: `chair`, `sofa`, ..
     pub category: String,
-    /// Width and height of the picture, pixels.
+    /// Width and height of the image, pixels.
     pub size: [usize; 2],
-    /// The object's box: left, top, right, bottom, pixels from the picture's top-left corner.
+    /// The object's box: left, top, right, bottom, pixels from the image's top-left corner.
     pub bounds: [f64; 4],
     /// Focal length, pixels.
     pub focal: f64,
@@ -72,7 +72,7 @@ pub struct Pix3dAnnotation {
     pub rotation: [[f64; 3]; 3],
     /// Translation of the model into the camera.
     pub translation: [f64; 3],
-    /// Whether the picture's border cuts the object.
+    /// Whether the image's border cuts the object.
     pub truncated: bool,
     /// Whether something hides much of the object.
     pub occluded: bool,
@@ -227,7 +227,7 @@ impl Pix3d {
     }
 
     /// Opens a folder with `pix3d.json` or Mesh R-CNN's `pix3d_s{1,2}_{train,test}.json`, or one
-    /// of these files. The annotations are read and checked, pictures are not.
+    /// of these files. The annotations are read and checked, images are not.
     ///
     /// # Errors
     /// If there is no such file, or an annotation is incomplete or cannot be meant.

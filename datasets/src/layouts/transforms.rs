@@ -61,7 +61,7 @@ pub(crate) fn list<'a>(
     Ok(Reading { layout: Layout::Transforms, pending, warnings, poses: "transform_matrix" })
 }
 
-/// What the JSON says about one frame, checked, before its picture is read.
+/// What the JSON says about one frame, checked, before its image is read.
 struct Frame {
     /// The JSON file.
     file: std::path::PathBuf,
@@ -154,7 +154,7 @@ impl Frame {
         })
     }
 
-    /// The picture's name with the extension that `file_path` may have left away.
+    /// The image's name with the extension that `file_path` may have left away.
     fn image_in(&self, source: &Source) -> Result<String, ReadViewsError> {
         EXTENSIONS
             .iter()
@@ -215,7 +215,7 @@ impl Frame {
         assemble(self.name.clone(), picture, mask, camera, depth, options)
     }
 
-    /// The camera for a picture of this size.
+    /// The camera for an image of this size.
     fn camera(&self, width: usize, height: usize) -> Result<Camera, ReadViewsError> {
         let [w, h] = [self.size[0].unwrap_or(width), self.size[1].unwrap_or(height)];
         if (w * height).abs_diff(h * width) > w.max(h) {
@@ -240,7 +240,7 @@ impl Frame {
             let field = format!("{}.transform_matrix", self.field);
             ReadViewsError::new(&self.file, ViewsProblem::Camera { field, source: error })
         })?;
-        // Pictures are often smaller than what the poses were found with.
+        // Images are often smaller than what the poses were found with.
         Ok(if (w, h) == (width, height) { camera } else { camera.resized(width, height) })
     }
 }

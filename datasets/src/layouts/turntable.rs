@@ -72,14 +72,14 @@ pub(crate) fn list<'a>(
 }
 
 impl Turntable {
-    /// The camera of one photograph, for pictures of this size.
+    /// The camera of one photograph, for images of this size.
     pub fn camera(&self, index: usize, width: usize, height: usize) -> Camera {
         let turn = std::f64::consts::TAU * index as f64 / self.count.max(1) as f64;
         let (sin, cos) = if self.reverse { -turn } else { turn }.sin_cos();
         let (up, along) = self.elevation.to_radians().sin_cos();
         let d = self.distance;
         let eye = [d * along * sin, d * up, d * along * cos];
-        // Straight from above the picture's top still points away from the first camera.
+        // Straight from above the image's top still points away from the first camera.
         let up = if along.abs() < 1e-9 { [-sin, 0.0, -cos] } else { [0.0, 1.0, 0.0] };
         Camera::look_at(eye, [0.0; 3], up, self.fov.to_radians(), width, height)
     }
@@ -128,7 +128,7 @@ mod tests {
         let seen = table.camera(3, 40, 30).project([0.0; 3]);
         assert!((seen.column - 20.0).abs() + (seen.row - 15.0).abs() < 1e-9);
         let above = Turntable { elevation: 90.0, ..table };
-        // From straight above, +X is at the picture's right in the first photograph, and at its
+        // From straight above, +X is at the image's right in the first photograph, and at its
         // bottom after a quarter of a turn.
         let p = above.camera(0, 40, 30).project([0.1, 0.0, 0.0]);
         assert!(p.column > 20.0 && (p.row - 15.0).abs() < 1e-9);

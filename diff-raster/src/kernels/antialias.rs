@@ -39,7 +39,7 @@ struct Crossing<F> {
     share: F,
     /// Derivative of the pixel's coverage by `x` and `y` of the two vertices, times what is left
     /// of the pixel in the other direction.
-    slopes: [[F; 2]; 2],
+    derivatives: [[F; 2]; 2],
     /// Whether the pixels of the pair are in a column.
     column: bool,
 }
@@ -135,10 +135,10 @@ pub fn antialiased_silhouette_grad<F: Real>(
         for crossing in &state.crossings {
             let pixel = crossing.pixel as usize;
             let pull = grad[pixel] * state.left[usize::from(!crossing.column)][pixel];
-            for (&vertex, slopes) in crossing.vertices.iter().zip(crossing.slopes) {
+            for (&vertex, derivatives) in crossing.vertices.iter().zip(crossing.derivatives) {
                 let out = &mut out[3 * vertex as usize..][..2];
-                out[0] += pull * slopes[0];
-                out[1] += pull * slopes[1];
+                out[0] += pull * derivatives[0];
+                out[1] += pull * derivatives[1];
             }
         }
     });
@@ -224,14 +224,14 @@ impl<F: Real> Walk<'_, F> {
         }
         let s = s.max(F::zero()).min(F::one());
         let weights = [F::one() - t, t];
-        let slopes = weights.map(|weight| {
-            let mut slope = [F::zero(); 2];
-            slope[across] = weight * step;
-            slope[along] = -weight * shear * step;
-            slope
+        let derivatives = weights.map(|weight| {
+            let mut derivative = [F::zero(); 2];
+            derivative[across] = weight * step;
+            derivative[along] = -weight * shear * step;
+            derivative
         });
         let (pixel, share) = if s < half { (covered, half - s) } else { (open, s - half) };
-        Some(Crossing { pixel, vertices: [a, b], share, slopes, column })
+        Some(Crossing { pixel, vertices: [a, b], share, derivatives, column })
     }
 
     /// Walks from the face seen at `p` over the surface towards `q`, until it turns back or ends.

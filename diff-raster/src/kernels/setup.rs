@@ -151,7 +151,7 @@ pub struct Triangle<F> {
     /// The key of corner 0; the largest key is nearest. `1/z` with perspective, else `-z`.
     pub key: F,
     /// How the key grows with `e1` and `e2`.
-    pub slopes: [F; 2],
+    pub derivatives: [F; 2],
     /// Smallest and largest key of a corner: rounding on slivers must not leave them.
     pub bounds: [F; 2],
     /// Multiply `e1` and `e2` to give the second and third barycentric, over the key if perspective.
@@ -226,7 +226,7 @@ fn prepare_face<F: Real>(
     *triangle = Triangle {
         edges: [edge(b, c), edge(c, a), edge(a, b)],
         key: keys[0],
-        slopes: [(keys[1] - keys[0]) * inverse, (keys[2] - keys[0]) * inverse],
+        derivatives: [(keys[1] - keys[0]) * inverse, (keys[2] - keys[0]) * inverse],
         bounds: [min3(keys[0], keys[1], keys[2]), -min3(-keys[0], -keys[1], -keys[2])],
         scales: [scale(keys[1]), scale(keys[2])],
     };

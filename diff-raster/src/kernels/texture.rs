@@ -31,7 +31,7 @@ pub struct Texture<'a, F> {
 struct Tap<F> {
     texels: [usize; 2],
     weight: F,
-    slope: F,
+    derivative: F,
 }
 
 /// `x` from 0 to 1 in the direction of the texels.
@@ -43,14 +43,14 @@ fn tap<F: Real>(x: F, size: usize) -> Tap<F> {
     let limit = F::from_f64(last as f64);
     // Not a number falls on texel 0.
     if at.is_nan() || at <= F::zero() {
-        return Tap { texels: [0, 0], weight: F::zero(), slope: F::zero() };
+        return Tap { texels: [0, 0], weight: F::zero(), derivative: F::zero() };
     }
     if at >= limit {
-        return Tap { texels: [last, last], weight: F::zero(), slope: F::zero() };
+        return Tap { texels: [last, last], weight: F::zero(), derivative: F::zero() };
     }
     let first = Real::to_f64(at) as usize;
     let weight = at - F::from_f64(first as f64);
-    Tap { texels: [first, (first + 1).min(last)], weight, slope: scale }
+    Tap { texels: [first, (first + 1).min(last)], weight, derivative: scale }
 }
 
 impl<'a, F: Real> Texture<'a, F> {
@@ -127,8 +127,8 @@ pub fn texture_grad_uv<F: Real>(
             du += g * ((b - a) + r.weight * ((e - d) - (b - a)));
             dv -= g * (below - above);
         }
-        out[0] += du * c.slope;
-        out[1] += dv * r.slope;
+        out[0] += du * c.derivative;
+        out[1] += dv * r.derivative;
     });
 }
 

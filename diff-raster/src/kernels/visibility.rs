@@ -82,7 +82,7 @@ impl<F: Real> Job<F> for Draw<'_, F> {
             let pixels = setup.boxes[face as usize];
             let along_x = three!(k => l.splat(t.edges[k][0]));
             let key = l.splat(t.key);
-            let slopes = [l.splat(t.slopes[0]), l.splat(t.slopes[1])];
+            let derivatives = [l.splat(t.derivatives[0]), l.splat(t.derivatives[1])];
             let bounds = [l.splat(t.bounds[0]), l.splat(t.bounds[1])];
             let scales = [l.splat(t.scales[0]), l.splat(t.scales[1])];
             let id = l.splat_u(face);
@@ -97,7 +97,7 @@ impl<F: Real> Job<F> for Draw<'_, F> {
                     let x = l.load(&centres.x[column..]);
                     let e = three!(k => l.fma(along_x[k], x, start[k]));
                     let inside = l.le(zero, l.min(l.min(e[0], e[1]), e[2]));
-                    let k = l.fma(e[1], slopes[0], l.fma(e[2], slopes[1], zero));
+                    let k = l.fma(e[1], derivatives[0], l.fma(e[2], derivatives[1], zero));
                     let k = l.max(l.min(l.add(key, k), bounds[1]), bounds[0]);
                     let at = base + column;
                     let nearest = l.load(&planes.key[at..]);

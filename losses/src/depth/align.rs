@@ -27,7 +27,7 @@ pub fn disparity<F: Real>(depth: Var<'_, F>) -> Var<'_, F> {
 ///
 /// - **A prediction turned inside out** (near is far) has a negative scale under least squares, and aligns
 ///   as well as the right one. `least_correlation` in place of a smaller `ρ` forbids that: above it nothing
-///   changes; below, the squared distance keeps falling as `ρ` grows, and value and slope meet where the two
+///   changes; below, the squared distance keeps falling as `ρ` grows, and value and derivative meet where the two
 ///   meet. Least squares with `s ≥ 0`, a floor of 0, would leave such a prediction without any gradient.
 ///   With -1 the floor is never reached: the published form.
 /// - **A constant prediction**, or one pixel, has no best scale: the aligned image is the mean of the target
@@ -105,9 +105,9 @@ impl<F: Real> Op<F> for AlignScaleShift {
             mean /= places.len() as f64;
             for &p in places {
                 let (x, y, g) = at(p);
-                let slope = if fit.floored { -fit.scale * x } else { y - 2.0 * fit.scale * x };
-                let slope = fit.scale * (g - mean) + at_scale * slope / fit.spread_x;
-                out[p as usize] += F::from_f64(slope);
+                let derivative = if fit.floored { -fit.scale * x } else { y - 2.0 * fit.scale * x };
+                let derivative = fit.scale * (g - mean) + at_scale * derivative / fit.spread_x;
+                out[p as usize] += F::from_f64(derivative);
             }
         }
     }

@@ -5,7 +5,7 @@ use autodiff_lite::{CONTIGUOUS, Real, Var};
 use super::pixels::{DepthMean, Pixels};
 use crate::scalar::{record, wanted};
 
-/// The mean absolute slope of the difference of two depth maps, at several scales.
+/// The mean absolute derivative of the difference of two depth maps, at several scales.
 ///
 /// ```text
 /// Σ_k (1/M_k) Σ_i ( |R_i,right - R_i| + |R_i,below - R_i| ),       R = a - b
@@ -61,12 +61,12 @@ pub fn depth_gradients<'t, F: Real>(
                 let below = (row + step < height).then_some(p + step * width);
                 for q in [right, below].into_iter().flatten().filter(|&q| counts[q] == 1) {
                     let away = |p: usize| Real::to_f64(x[p]) - Real::to_f64(y[p]);
-                    let slope = away(q) - away(p);
-                    total += weight * slope.abs();
+                    let derivative = away(q) - away(p);
+                    total += weight * derivative.abs();
                     if let Some(gradient) = &mut gradient
-                        && slope != 0.0
+                        && derivative != 0.0
                     {
-                        let push = F::from_f64(weight.copysign(slope));
+                        let push = F::from_f64(weight.copysign(derivative));
                         gradient[q] += push;
                         gradient[p] -= push;
                     }

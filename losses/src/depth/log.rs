@@ -59,8 +59,8 @@ pub fn log_depth<'t, F: Real>(
         total += weight * (squares - lambda * sum * middle);
         if let Some(gradient) = &mut gradient {
             for &p in places.iter().filter(measured) {
-                let slope = 2.0 * weight * (away(p) - lambda * middle);
-                gradient[p as usize] = F::from_f64(slope / Real::to_f64(x[p as usize]));
+                let derivative = 2.0 * weight * (away(p) - lambda * middle);
+                gradient[p as usize] = F::from_f64(derivative / Real::to_f64(x[p as usize]));
             }
         }
     }

@@ -82,8 +82,8 @@ pub fn depth_l1_trimmed<'t, F: Real>(
             total += weight * away.abs();
             if let Some(gradient) = &mut gradient {
                 // Not a number keeps its sign, zero has none.
-                let slope = if away == 0.0 { 0.0 } else { weight.copysign(away) };
-                gradient[p as usize] = F::from_f64(slope);
+                let derivative = if away == 0.0 { 0.0 } else { weight.copysign(away) };
+                gradient[p as usize] = F::from_f64(derivative);
             }
         }
     }

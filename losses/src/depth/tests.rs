@@ -59,13 +59,13 @@ proptest! {
     fn gradients(shape in (1usize..3, 4usize..8, 4usize..8).prop_map(|(n, h, w)| [n, h, w]), share in 0.3f64..1.0, floor in prop_oneof![Just(-1.0), Just(0.4)], mean in mean(), seed: u64) {
         let [x, y, mask] = scene(shape, share, seed);
         let options = testing::options(seed);
-        // Of very few pixels the spread may be next to nothing, and slopes as steep as it is small; and any change
+        // Of very few pixels the spread may be next to nothing, and derivatives as steep as it is small; and any change
         // reorders them.
         prop_assume!(mask.outer_iter().all(|m| m.sum() == 0.0 || m.sum() >= 6.0));
         let checked = |f: &Configured<'_>| {
             let whole = function(|v| {
                 let tape = v[0].tape();
-                // As a sum rather than a mean, so that the slope of one pixel is not small.
+                // As a sum rather than a mean, so that the derivative of one pixel is not small.
                 let loss = f(v[0], tape.constant(y.clone()), tape.constant(mask.clone()));
                 loss.scale(x.len() as f64)
             });
@@ -215,7 +215,7 @@ fn the_floor_turns_a_relief_back() {
         -gradient.iter().zip(&relief).map(|(g, v)| g * (v - 3.0)).sum::<f64>()
     };
     assert!(pull(ScaleShiftInvariant::published()).abs() < 1e-9);
-    // A relief that is exactly inverted is at the far pole, where the slope along the right one is zero:
+    // A relief that is exactly inverted is at the far pole, where the derivative along the right one is zero:
     // a step off it is enough.
     let tilted = tape.leaf(Array3::from_shape_fn((1, 4, 4), |(_, i, j)| {
         1.0 - 0.1 * relief[[0, i, j]] + 0.05 * (i as f64 - j as f64)

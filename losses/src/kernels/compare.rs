@@ -68,38 +68,38 @@ fn pixel<F: Real>(a: &[F], b: &[F], channels: usize, p: usize, f: &impl Fn(F, F)
     a[range.clone()].iter().zip(&b[range]).fold(F::zero(), |sum, (&a, &b)| sum + f(a, b))
 }
 
-/// `out = scale slope(a, b)`.
-pub fn slopes<F: Real>(
+/// `out = scale derivative(a, b)`.
+pub fn derivatives<F: Real>(
     a: &[F],
     b: &[F],
     scale: F,
     out: &mut [F],
-    slope: impl Fn(F, F) -> F + Sync,
+    derivative: impl Fn(F, F) -> F + Sync,
 ) {
     chunks::fill(out, CHUNK, 1, |first, out| {
         let (a, b) = (&a[first..first + out.len()], &b[first..first + out.len()]);
         for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
-            *out = scale * slope(a, b);
+            *out = scale * derivative(a, b);
         }
     });
 }
 
-/// `out_pc = scale w_p slope(a_pc, b_pc)`.
-pub fn weighted_slopes<F: Real>(
+/// `out_pc = scale w_p derivative(a_pc, b_pc)`.
+pub fn weighted_derivatives<F: Real>(
     a: &[F],
     b: &[F],
     weights: &[F],
     channels: usize,
     scale: F,
     out: &mut [F],
-    slope: impl Fn(F, F) -> F + Sync,
+    derivative: impl Fn(F, F) -> F + Sync,
 ) {
     chunks::fill_pixels(out, channels, CHUNK / 4, |first, out| {
         for (p, out) in out.chunks_mut(channels).enumerate() {
             let w = scale * weights[first + p];
             let range = (first + p) * channels..(first + p + 1) * channels;
             for ((out, &a), &b) in out.iter_mut().zip(&a[range.clone()]).zip(&b[range]) {
-                *out = w * slope(a, b);
+                *out = w * derivative(a, b);
             }
         }
     });

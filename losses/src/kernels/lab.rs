@@ -20,7 +20,7 @@ const WHITE: [f64; 3] = [0.950456, 1.0, 1.088754];
 /// Where the cube root takes over: 6/29.
 const KNEE: f64 = 6.0 / 29.0;
 
-/// Linear light of an sRGB value, and its slope; none outside `[0, 1]`.
+/// Linear light of an sRGB value, and its derivative; none outside `[0, 1]`.
 #[inline]
 fn linear<F: Real>(v: F) -> (F, F) {
     let c = F::from_f64;
@@ -36,7 +36,7 @@ fn linear<F: Real>(v: F) -> (F, F) {
     }
 }
 
-/// `f(t)` and its slope.
+/// `f(t)` and its derivative.
 #[inline]
 fn compressed<F: Real>(t: F) -> (F, F) {
     let c = F::from_f64;
@@ -44,12 +44,12 @@ fn compressed<F: Real>(t: F) -> (F, F) {
         let root = t.cbrt();
         (root, c(1.0 / 3.0) / (root * root))
     } else {
-        let slope = 1.0 / (3.0 * KNEE * KNEE);
-        (t * c(slope) + c(4.0 / 29.0), c(slope))
+        let derivative = 1.0 / (3.0 * KNEE * KNEE);
+        (t * c(derivative) + c(4.0 / 29.0), c(derivative))
     }
 }
 
-/// `f` of X, Y, Z over white with their slopes, and the slopes of linear light.
+/// `f` of X, Y, Z over white with their derivatives, and the derivatives of linear light.
 #[inline]
 fn stages<F: Real>(rgb: [F; 3]) -> ([(F, F); 3], [F; 3]) {
     let light = rgb.map(linear);

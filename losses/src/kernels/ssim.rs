@@ -1,4 +1,4 @@
-//! Structural similarity and the slopes of it, row by row.
+//! Structural similarity and the derivatives of it, row by row.
 //!
 //! With `G` the Gaussian window (zero padding), `m = G x`, `n = G y`, `p = G x²`, `r = G y²`, `q = G xy`:
 //!
@@ -8,7 +8,7 @@
 //!
 //! The gradient of `Σ S` with respect to `x` is `G ∂S/∂m + 2 x G ∂S/∂p + y G ∂S/∂q`, and `G` is its own
 //! transpose. A row of window sums is made by eleven weighted rows and one horizontal pass, so no
-//! image-sized buffer is needed but the slopes themselves.
+//! image-sized buffer is needed but the derivatives themselves.
 
 use std::ops::Range;
 
@@ -70,22 +70,22 @@ impl Plane {
 }
 
 /// `∂S/∂m, ∂S/∂n, ∂S/∂p (= ∂S/∂r), ∂S/∂q` per value: four maps of [`Plane::len`] values one after another.
-pub const SLOPES: usize = 4;
+pub const DERIVATIVES: usize = 4;
 
-/// The mean of S over all values of two batches of images; writes the slopes of S when asked.
+/// The mean of S over all values of two batches of images; writes the derivatives of S when asked.
 ///
-/// `scratch` has [`Plane::scratch_len`] values, `slopes` has [`SLOPES`] maps.
+/// `scratch` has [`Plane::scratch_len`] values, `derivatives` has [`DERIVATIVES`] maps.
 pub fn ssim<F: Real>(
     x: &[F],
     y: &[F],
     plane: Plane,
     scratch: &mut [F],
-    slopes: Option<&mut [F]>,
+    derivatives: Option<&mut [F]>,
 ) -> f64 {
     let row = plane.row();
     let band_rows = chunks::chunk_len(plane.rows(), BAND);
     let taps = taps::<F>();
-    let work = |band: usize, scratch: &mut [F], mut maps: [&mut [F]; SLOPES]| -> f64 {
+    let work = |band: usize, scratch: &mut [F], mut maps: [&mut [F]; DERIVATIVES]| -> f64 {
         let (sums, column) = scratch.split_at_mut(SUMS * row);
         let mut total = 0.0;
         let rows = band * band_rows..((band + 1) * band_rows).min(plane.rows());
@@ -104,14 +104,14 @@ pub fn ssim<F: Real>(
     let mut partial = [0.0f64; 256];
     let scratch = scratch[..plane.scratch_len()].par_chunks_mut(2 * SUMS * row);
     let partial = &mut partial[..count];
-    match slopes {
+    match derivatives {
         None => {
             partial.par_iter_mut().zip(scratch).enumerate().for_each(|(band, (total, scratch))| {
                 *total = work(band, scratch, [&mut [], &mut [], &mut [], &mut []]);
             });
         }
-        Some(slopes) => {
-            let (a, rest) = slopes.split_at_mut(plane.len());
+        Some(derivatives) => {
+            let (a, rest) = derivatives.split_at_mut(plane.len());
             let (b, rest) = rest.split_at_mut(plane.len());
             let (c, d) = rest.split_at_mut(plane.len());
             let size = band_rows * row;
@@ -129,15 +129,15 @@ pub fn ssim<F: Real>(
     partial.iter().sum::<f64>() / plane.len() as f64
 }
 
-/// Writes `scale * ∂(Σ S)/∂x` into `out`, from the slopes that [`ssim`] wrote.
+/// Writes `scale * ∂(Σ S)/∂x` into `out`, from the derivatives that [`ssim`] wrote.
 ///
-/// `mean` is the map of the slope by the mean of `x` (0 when `x` was the first image, 1 when the second);
+/// `mean` is the map of the derivative by the mean of `x` (0 when `x` was the first image, 1 when the second);
 /// `x` is the image that the gradient is for, `y` the other.
 pub fn ssim_grad<F: Real>(
     x: &[F],
     y: &[F],
     plane: Plane,
-    slopes: &[F],
+    derivatives: &[F],
     mean: usize,
     scale: F,
     scratch: &mut [F],
@@ -146,7 +146,7 @@ pub fn ssim_grad<F: Real>(
     let row = plane.row();
     let band_rows = chunks::chunk_len(plane.rows(), BAND);
     let taps = taps::<F>();
-    let map = |k: usize| &slopes[k * plane.len()..(k + 1) * plane.len()];
+    let map = |k: usize| &derivatives[k * plane.len()..(k + 1) * plane.len()];
     let maps = [map(mean), map(2), map(3)];
     let two = F::one() + F::one();
     out.par_chunks_mut(band_rows * row)
@@ -256,18 +256,18 @@ fn axpy<F: Real>(out: &mut [F], g: F, src: &[F]) {
     }
 }
 
-/// The sum of S along one row; fills the slopes when the maps are not empty.
-fn similarity<F: Real>(sums: &[F], row: usize, maps: &mut [&mut [F]; SLOPES]) -> f64 {
+/// The sum of S along one row; fills the derivatives when the maps are not empty.
+fn similarity<F: Real>(sums: &[F], row: usize, maps: &mut [&mut [F]; DERIVATIVES]) -> f64 {
     let (c1, c2, two) = (F::from_f64(C1), F::from_f64(C2), F::one() + F::one());
     let mut total = 0.0;
-    let slopes = !maps[0].is_empty();
+    let derivatives = !maps[0].is_empty();
     for j in 0..row {
         let [m, n, p, r, q] = std::array::from_fn(|k| sums[k * row + j]);
         let (a1, a2) = (two * m * n + c1, two * (q - m * n) + c2);
         let (b1, b2) = (m * m + n * n + c1, p - m * m + r - n * n + c2);
         let s = a1 * a2 / (b1 * b2);
         total += s.to_f64();
-        if slopes {
+        if derivatives {
             let inverse = F::one() / (b1 * b2);
             let cross = two * (a2 - a1) * inverse;
             let own = two * s * (b2 - b1) * inverse; // 2 S (1/B1 - 1/B2)

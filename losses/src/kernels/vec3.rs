@@ -2,7 +2,7 @@
 
 use autodiff_lite::Real;
 
-/// Lengths below this count as this: a degenerate face has a short normal instead of an infinite slope.
+/// Lengths below this count as this: a degenerate face has a short normal instead of an infinite derivative.
 pub const TINY: f64 = 1e-12;
 
 /// A slice of coordinates as points; what is left over is cut off.

@@ -83,7 +83,7 @@ pub fn decode_depth_with(
     })?;
     let (_, layer, samples) = &channels[chosen];
 
-    // A layer may cover a part of the picture, or more than it.
+    // A layer may cover a part of the image, or more than it.
     let window = image.attributes.display_window;
     let (width, height) = (window.size.width(), window.size.height());
     check((width, height), (width as u64).saturating_mul(height as u64), bytes, path, limits)?;

@@ -17,7 +17,7 @@ use crate::io::{WriteError, regular, write_atomic};
 
 /// What else than pixels a PNG may unpack to: colour profiles are compressed, and not used here.
 const BESIDE: u64 = 8 << 20;
-/// Scans of a progressive JPEG; each goes over the whole picture, and real ones have about ten.
+/// Scans of a progressive JPEG; each goes over the whole image, and real ones have about ten.
 const SCANS: usize = 256;
 /// Deflate makes at most 1032 bytes of one.
 const DEFLATE_RATIO: u64 = 1032;

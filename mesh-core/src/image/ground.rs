@@ -1,4 +1,4 @@
-//! A ground plane beneath an object, where the picture has none.
+//! A ground plane beneath an object, where the image has none.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -5,7 +5,7 @@ use std::path::Path;
 use datasets::{Dataset, Entry, Layout, Pix3d, ReadOptions, ReadViewsError, Truth, View, Views};
 use mesh_core::{ByteImage, Camera, DepthMap, Lens};
 
-/// What a box is widened by, so that the object does not touch the picture's border.
+/// What a box is widened by, so that the object does not touch the image's border.
 const MARGIN: f64 = 1.1;
 
 /// Pix3D with every photograph cut to a square around the object's given box, the camera with it.
@@ -72,7 +72,7 @@ impl Dataset for Boxes {
     }
 }
 
-/// The square around the part of a box that is in the picture: left, top, right, bottom.
+/// The square around the part of a box that is in the image: left, top, right, bottom.
 fn cut(view: View, [left, top, right, bottom]: [f64; 4]) -> View {
     let [width, height] = [view.color.width as f64, view.color.height as f64];
     let [left, right] = [left, right].map(|x| x.clamp(0.0, width));
@@ -108,7 +108,7 @@ fn cut(view: View, [left, top, right, bottom]: [f64; 4]) -> View {
     }
 }
 
-/// The camera of a part of its picture, which may reach beyond it.
+/// The camera of a part of its image, which may reach beyond it.
 fn moved(camera: &Camera, [x, y]: [i64; 2], side: usize) -> Camera {
     let (x, y) = (x as f64, y as f64);
     let lens = match camera.lens {
@@ -171,7 +171,7 @@ mod tests {
             camera: camera.clone(),
             depth: None,
         };
-        // Inside of the picture, and beyond its lower right corner.
+        // Inside of the image, and beyond its lower right corner.
         for bounds in [[3.0, 2.0, 8.0, 6.0], [14.0, 5.0, 20.0, 12.0]] {
             let found = cut(view.clone(), bounds);
             assert_eq!(

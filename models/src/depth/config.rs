@@ -49,7 +49,7 @@ pub struct RefineConfig {
     pub normal_weight: f64,
     /// Weight of the mean squared edge length. Default 0.2.
     pub edge_weight: f64,
-    /// Weight of the rendered-depth loss: the last mesh's depth from the picture's camera against what is known of it.
+    /// Weight of the rendered-depth loss: the last mesh's depth from the image's camera against what is known of it.
     /// Default 0.
     pub depth_weight: f64,
     /// How depths are compared. Default `"auto"`.
@@ -61,7 +61,7 @@ pub struct RefineConfig {
     /// What a pixel of the silhouette without any depth counts in the rendered-depth loss, through a silhouette that is
     /// soft at its outline; compare with errors of depth, which are below half an object. Default 0.
     pub coverage: f64,
-    /// Weight of the colours against those of the nearest true points, and of the rendered colours against the picture.
+    /// Weight of the colours against those of the nearest true points, and of the rendered colours against the image.
     /// Default 0.1.
     pub color_weight: f64,
 }
@@ -97,7 +97,7 @@ impl Default for RefineConfig {
 }
 
 impl RefineConfig {
-    /// Channels of the network's pictures.
+    /// Channels of the network's images.
     pub fn inputs(&self) -> usize {
         if self.depth == DepthKind::None { 3 } else { 4 }
     }
@@ -327,8 +327,8 @@ impl<'de> Deserialize<'de> for DepthKind {
 pub enum PlaceKind {
     /// Lengths are those of the data times `scale`, objects about `middle` away: 3D-R2N2's renderings.
     Fixed,
-    /// The depth of the world's origin is known, and lengths are such that the picture is 2 units wide there: Pix3D, whose
-    /// cameras and boxes differ from picture to picture.
+    /// The depth of the world's origin is known, and lengths are such that the image is 2 units wide there: Pix3D, whose
+    /// cameras and boxes differ from image to image.
     Known,
 }
 

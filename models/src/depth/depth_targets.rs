@@ -1,4 +1,4 @@
-//! What a picture is compared with beside its surface: depth, and the cells of what its camera sees.
+//! What an image is compared with beside its surface: depth, and the cells of what its camera sees.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use super::config::{DepthKind, DepthLossKind, PlaceKind, RefineConfig};
 use super::guide;
 use crate::paired::{Frame, Picture};
 
-/// What belongs to one picture, made once.
+/// What belongs to one image, made once.
 #[derive(Clone, Debug)]
 pub struct DepthTargets {
     /// The frame of the camera, in which everything is predicted.
@@ -37,17 +37,17 @@ pub struct DepthTargets {
     pub cells: Vec<bool>,
 }
 
-/// What is known of a picture's depth.
+/// What is known of an image's depth.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Known<'a> {
     /// The true surface, in the world, and a seed for what is estimated of it.
     Surface(&'a TriMesh, u64),
-    /// No more than what came with the picture.
+    /// No more than what came with the image.
     Given,
 }
 
 impl DepthTargets {
-    /// For a picture; cells only with a surface.
+    /// For an image; cells only with a surface.
     pub(super) fn new(
         picture: &Picture,
         known: Known<'_>,
@@ -118,7 +118,7 @@ impl DepthTargets {
     }
 }
 
-/// Where a picture's object is.
+/// Where an image's object is.
 struct Placed {
     frame: Frame,
     middle: f32,
@@ -131,7 +131,7 @@ impl Placed {
             PlaceKind::Fixed => (picture.frame, config.middle),
             PlaceKind::Known => {
                 let camera = &picture.camera;
-                // Focal length over half of the picture.
+                // Focal length over half of the image.
                 let focal = match camera.lens {
                     Lens::Perspective { fx, .. } => 2.0 * fx / camera.width as f64,
                     Lens::Orthographic { .. } => 1.0,
@@ -152,7 +152,7 @@ fn volume(picture: &Picture, [near, far]: [f32; 2]) -> CameraVolume {
     CameraVolume::new(here, f64::from(near), f64::from(far))
 }
 
-/// Planar depth of a mesh of the frame at the picture's pixels.
+/// Planar depth of a mesh of the frame at the image's pixels.
 pub(super) fn rendered(mesh: &TriMesh, picture: &Picture) -> Vec<f32> {
     let side = picture.camera.width;
     let seen = |p: &[f32; 3]| -> [f32; 3] {
@@ -172,7 +172,7 @@ pub(super) fn rendered(mesh: &TriMesh, picture: &Picture) -> Vec<f32> {
     rasterize(projected.view(), &Arc::new(faces), &Settings::new(side, side)).depth.clone()
 }
 
-/// Disparity as a network would guess it from this picture.
+/// Disparity as a network would guess it from this image.
 fn estimated(
     depth: &[f32],
     picture: &Picture,

@@ -1,4 +1,4 @@
-//! The backbone, as it takes pictures with and without depth.
+//! The backbone, as it takes images with and without depth.
 
 use autodiff_lite::{Tape, Var, impl_module};
 use nets::{Init, LoadWeights, ResNet, WeightsError};
@@ -6,7 +6,7 @@ use nets::{Init, LoadWeights, ResNet, WeightsError};
 use super::config::RefineConfig;
 use super::scenes::Scene;
 
-/// Mean and deviation of ImageNet's pictures, as torchvision's weights expect them, and of the depth channel.
+/// Mean and deviation of ImageNet's images, as torchvision's weights expect them, and of the depth channel.
 const MEAN: [f32; 4] = [0.485, 0.456, 0.406, 0.5];
 const DEVIATION: [f32; 4] = [0.229, 0.224, 0.225, 0.25];
 
@@ -31,7 +31,7 @@ impl Encoder {
         loading.load(path, &mut self.resnet).map(|_| ())
     }
 
-    /// The maps of scenes' pictures.
+    /// The maps of scenes' images.
     pub(super) fn maps<'t>(&self, tape: &'t Tape, scenes: &[&Scene]) -> [Var<'t>; 4] {
         let side = scenes[0].picture.camera.width;
         let channels = self.resnet.conv1.weight.shape()[1];

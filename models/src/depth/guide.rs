@@ -13,9 +13,9 @@ pub(super) fn of_depth(depth: &[f32], [near, far]: [f32; 2]) -> Vec<f32> {
     depth.iter().map(value).collect()
 }
 
-/// A disparity of unknown scale and shift, brought to the same statistics in every picture: the median over the object at
+/// A disparity of unknown scale and shift, brought to the same statistics in every image: the median over the object at
 /// one half, the mean distance from it 1/8. What is not the object is 0, unless all is wanted `raw`; then 0 to 1 are the
-/// least and greatest value of the picture.
+/// least and greatest value of the image.
 pub(super) fn of_disparity(disparity: &[f32], object: &[bool], raw: bool) -> Vec<f32> {
     if raw {
         let finite = || disparity.iter().copied().filter(|d| d.is_finite());

@@ -1,14 +1,14 @@
-//! Depth-aware Pixel2Mesh and Mesh R-CNN: one picture, with or without depth, to a mesh.
+//! Depth-aware Pixel2Mesh and Mesh R-CNN: one image, with or without depth, to a mesh.
 //!
 //! ```text
-//! picture [N, S, S, 3 or 4] -> ResNet -> maps of 1/4 to 1/32 of its side
+//! image [N, S, S, 3 or 4] -> ResNet -> maps of 1/4 to 1/32 of its side
 //! an icosphere in front of the camera                                            (`depth-pixel2mesh`)
 //! the last map -> voxel branch -> occupied cells of what the camera sees -> their surface  (`mesh-rcnn`)
 //!   -> where each vertex is seen, the maps there -> graph convolutions -> offsets    three times
 //! ```
 //!
 //! Depth goes two ways: as a fourth channel into the network (`depth`), and into the loss (`depth-weight`), which renders
-//! the predicted mesh's depth from the picture's camera and compares it with what is known; see [`DepthLossKind`]. The last
+//! the predicted mesh's depth from the image's camera and compares it with what is known; see [`DepthLossKind`]. The last
 //! stage may give each vertex a colour (`colors`).
 //!
 //! # References

@@ -103,14 +103,14 @@ fn photographs_are_cut_to_their_boxes_and_trained_on() {
     assert_eq!((data.pairs().trained().len(), data.pairs().held().len()), (2, 1));
     for k in 0..2 {
         let (object, scene) = data.trial(2, k).unwrap();
-        // The object fills the picture but for the margin, wherever it was in the photograph.
+        // The object fills the image but for the margin, wherever it was in the photograph.
         let inside: Vec<usize> = (0..1024).filter(|&p| scene.picture.mask[p] > 127).collect();
         let columns = || inside.iter().map(|p| p % 32);
         let rows = || inside.iter().map(|p| p / 32);
         let wide = columns().max().unwrap() - columns().min().unwrap() + 1;
         let high = rows().max().unwrap() - rows().min().unwrap() + 1;
         assert!((26..=31).contains(&wide.max(high)), "{wide} x {high}");
-        // The camera went with it: the true mesh covers the mask, and the picture is 2 units wide at the middle.
+        // The camera went with it: the true mesh covers the mask, and the image is 2 units wide at the middle.
         let surface = data.mesh(object).unwrap();
         let truth = scene.depth_targets.frame.mesh_placed(surface.mesh.as_ref().unwrap());
         let depth = score::depth_of(&truth, &scene).unwrap();

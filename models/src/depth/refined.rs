@@ -1,4 +1,4 @@
-//! A system that refines meshes by what a picture shows, whatever they begin with.
+//! A system that refines meshes by what an image shows, whatever they begin with.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ use super::surface::{SurfaceTerms, Truth, color_difference, compared};
 use crate::paired::Picture;
 use crate::stacked::stacked;
 
-/// Places beyond so many half-widths of the picture say no more than that they are outside.
+/// Places beyond so many half-widths of the image say no more than that they are outside.
 const OUTSIDE: f32 = 3.0;
 
 /// A backbone, what gives the first meshes, and the stages that refine them.
@@ -111,7 +111,7 @@ impl<B: MeshInit> Refined<B> {
         Forward { logits: initial.logits, first, stages, colors, cameras }
     }
 
-    /// The mesh of one picture in the frame of its camera, coloured where the last stage knows colours; and the logits of
+    /// The mesh of one image in the frame of its camera, coloured where the last stage knows colours; and the logits of
     /// its cells.
     pub fn mesh_of(&self, scene: &Scene) -> (TriMesh, Vec<f32>) {
         let tape = Tape::eval();
@@ -120,7 +120,7 @@ impl<B: MeshInit> Refined<B> {
         (mesh(forward.last(), forward.colors), logits.unwrap_or_default())
     }
 
-    /// The mesh of one picture as [`mesh_of`](Self::mesh_of) has it, and the meshes before and after each stage, without
+    /// The mesh of one image as [`mesh_of`](Self::mesh_of) has it, and the meshes before and after each stage, without
     /// colours; all in the frame of the camera.
     pub fn mesh_and_stages_of(&self, scene: &Scene) -> (TriMesh, Vec<TriMesh>) {
         let tape = Tape::eval();
@@ -203,7 +203,7 @@ impl<B: MeshInit> Refined<B> {
     }
 }
 
-/// Where vertices are seen, right and up over the picture, and how deep in the volume, -1 to 1 each: `[N, Vmax, 3]`.
+/// Where vertices are seen, right and up over the image, and how deep in the volume, -1 to 1 each: `[N, Vmax, 3]`.
 fn places<'t>(packed: &Packed, positions: Var<'t>, cameras: Var<'t>, scenes: &[&Scene]) -> Var<'t> {
     let tape = positions.tape();
     let seen = packed.spread(positions).project(cameras);

@@ -1,4 +1,4 @@
-//! The rendered-depth loss: what the predicted mesh's depth from the picture's camera says about it.
+//! The rendered-depth loss: what the predicted mesh's depth from the image's camera says about it.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -26,7 +26,7 @@ const LEAST_CORRELATION: f64 = 0.1;
 /// about a tenth: one weight then serves both.
 const DEVIATIONS: f32 = 0.1;
 
-/// How soft outlines are where coverage counts, NDC: uncovered pixels pull from a tenth of the picture away. The
+/// How soft outlines are where coverage counts, NDC: uncovered pixels pull from a tenth of the image away. The
 /// rasteriser's own default reaches less than a pixel at 64 pixels.
 const SOFTNESS: f64 = 300.0;
 const REACH: f64 = 0.2;
@@ -46,7 +46,7 @@ pub(super) struct Wanted<'t> {
     pub(super) colors: Option<Var<'t>>,
 }
 
-/// Drawings of a batch, each from the camera of its picture.
+/// Drawings of a batch, each from the camera of its image.
 pub(super) struct Drawn<'t> {
     /// `[N, S, S]`, `+∞` where nothing is seen.
     pub(super) depth: Var<'t>,
@@ -168,7 +168,7 @@ fn uncovered<'t>(silhouette: Var<'t>, scenes: &[&Scene]) -> Var<'t> {
     (silhouette * weights).sum().neg().add_scalar(1.0)
 }
 
-/// The mean absolute difference of rendered colours from the picture, where both show the object.
+/// The mean absolute difference of rendered colours from the image, where both show the object.
 pub(super) fn picture_difference<'t>(drawn: &Drawn<'t>, scenes: &[&Scene]) -> Option<Var<'t>> {
     let image = drawn.image?;
     let tape = image.tape();

@@ -1,4 +1,4 @@
-//! Pictures with their surfaces, depths and cells.
+//! Images with their surfaces, depths and cells.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -18,7 +18,7 @@ use crate::paired::{Frame, Pairs, Picture, Surface, some};
 /// Bytes of targets that are kept at most; what is beyond is made again each time.
 const BUDGET: usize = 3 << 30;
 
-/// A picture with what is known of what it shows.
+/// An image with what is known of what it shows.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// What the network sees.
@@ -42,15 +42,15 @@ pub struct Scenes {
     mean: OnceLock<MeanShape>,
 }
 
-/// The shape that says nothing of the picture: how often each cell is occupied in training.
+/// The shape that says nothing of the image: how often each cell is occupied in training.
 #[derive(Clone, Debug)]
 struct MeanShape {
     occupied: Vec<bool>,
 }
 
 impl Scenes {
-    /// Reads what the layout at a path offers, or makes procedural objects. Pix3D's pictures are cut to their given boxes.
-    /// `cells` along each axis are made of each picture's volume; 0 for none.
+    /// Reads what the layout at a path offers, or makes procedural objects. Pix3D's images are cut to their given boxes.
+    /// `cells` along each axis are made of each image's volume; 0 for none.
     ///
     /// # Errors
     /// If files are damaged or there is no true mesh.
@@ -105,7 +105,7 @@ impl Scenes {
         &self.pairs
     }
 
-    /// A random picture of an object and `points` random points of its surface.
+    /// A random image of an object and `points` random points of its surface.
     ///
     /// # Errors
     /// If a file cannot be read.

@@ -18,7 +18,7 @@ const SHOWN: usize = 6;
 /// What a pixel of the object costs where the mesh is not seen, in the unit of the frame: half of an object.
 const PENALTY: f64 = 0.5;
 
-/// The scores of one picture.
+/// The scores of one image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Score {
     /// Mesh R-CNN's protocol: the truth's longest edge is 10, 10,000 points each, mean squared distances of both ways.
@@ -44,10 +44,10 @@ pub struct Score {
     pub iou: Option<[f64; 2]>,
 }
 
-/// The scores of all pictures that are held out.
+/// The scores of all images that are held out.
 #[derive(Clone, Debug, Default)]
 pub struct Scored {
-    /// One a picture: its object and its scores.
+    /// One an image: its object and its scores.
     pub each: Vec<(usize, Score)>,
 }
 
@@ -99,7 +99,7 @@ impl Scored {
 }
 
 impl<B: MeshInit> Refined<B> {
-    /// Scores on what is held out, picture by picture.
+    /// Scores on what is held out, image by image.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -134,7 +134,7 @@ impl<B: MeshInit> Refined<B> {
         score
     }
 
-    /// Some pictures spread over all that are held out: the mesh from the picture's camera above the picture.
+    /// Some images spread over all that are held out: the mesh from the image's camera above the image.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -179,7 +179,7 @@ pub(super) fn distances(mesh: &TriMesh, truth: &TriMesh, scale: f64) -> Score {
     score
 }
 
-/// At the picture's camera, over the pixels of its mask.
+/// At the image's camera, over the pixels of its mask.
 pub(super) fn depth_of(mesh: &TriMesh, scene: &Scene) -> Option<DepthError> {
     let side = scene.picture.camera.width;
     let map = |data: Vec<f32>| DepthMap { height: side, width: side, data };

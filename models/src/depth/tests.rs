@@ -237,7 +237,7 @@ fn an_empty_grid_is_the_central_block() {
     let system = MeshRcnn::new(&voxels(), 0);
     let (mesh, logits) = system.mesh_of(&scene);
     assert_eq!(logits.len(), 512);
-    assert!(!system.beginning.occupied_cells(&logits).contains(&true));
+    assert!(!system.mesh_init.occupied_cells(&logits).contains(&true));
     // Four cells along each axis: the surface of 4³ has 98 corners.
     assert_eq!((mesh.positions.len(), mesh.faces.len()), (98, 192));
     assert!(mesh.positions.iter().all(|p| p[2] < 0.0) && mesh.colors.is_some());
@@ -321,17 +321,17 @@ fn rendered_depth_is_compared_as_it_says() {
         let loss = depth_difference(&drawn, &[&scene], &config);
         let value = loss.item();
         let gradients = loss.backward();
-        let slope =
+        let derivative =
             gradients.wrt(positions).map_or(0.0, |g| g.iter().map(|x| x.abs()).sum::<f32>());
-        (value, slope)
+        (value, derivative)
     };
     for kind in [Aligned, Trimmed, Log, Plain] {
         let (value, _) = of(True, kind, 1.0, None);
         assert!(value.abs() < 1e-3, "{kind:?} of the truth: {value}");
-        let (value, slope) = of(True, kind, 2.0, None);
+        let (value, derivative) = of(True, kind, 2.0, None);
         let has_unit = matches!(kind, Log | Plain);
         assert_eq!(value > 0.1, has_unit, "{kind:?} twice as far: {value}");
-        assert!(slope > 0.0 && slope.is_finite());
+        assert!(derivative > 0.0 && derivative.is_finite());
         assert_eq!(of(True, kind, 2.0, Some(0.0)), (0.0, 0.0), "{kind:?} of nothing");
         // The truth covers its own silhouette but for pixels that its outline halves.
         let (value, _) = of(True, kind, 1.0, Some(0.5));

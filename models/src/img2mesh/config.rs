@@ -11,22 +11,22 @@ use train::settings::in_toml;
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 #[expect(clippy::struct_excessive_bools, reason = "each is a switch of its own")]
 pub struct Img2MeshConfig {
-    /// What turns a picture into features. Default `"small"`.
+    /// What turns an image into features. Default `"small"`.
     pub encoder: EncoderKind,
     /// FeatureCache of the encoders `small` and `none`, 1 to 8192; the others' follow from their layers.
     /// Default 256.
     pub features: usize,
     /// Whether the encoder stays as it begins, of `cnn` the part that is VGG16's: sensible with
-    /// `weights`, else it is a random projection. FeatureCache of a picture are then computed once,
+    /// `weights`, else it is a random projection. FeatureCache of an image are then computed once,
     /// but for `cnn`. Default false.
     pub freeze_encoder: bool,
     /// A file with weights for the encoder (`vgg16`, `cnn`): torchvision's `vgg16` as `.pth` or
     /// safetensors. Empty for none: the encoder begins at random. Default empty.
     pub weights: String,
-    /// Whether `vgg16` and `cnn` see pictures less ImageNet's mean colour over its deviation, as
+    /// Whether `vgg16` and `cnn` see images less ImageNet's mean colour over its deviation, as
     /// torchvision's weights expect. The published code does not. Default true.
     pub normalize: bool,
-    /// Side of the encoder's pictures, pixels, 16 (`vgg16`: 32) to 1024. Default 128.
+    /// Side of the encoder's images, pixels, 16 (`vgg16`: 32) to 1024. Default 128.
     pub image_size: usize,
     /// Side of the renderings that are compared, pixels, 8 to 2048. Default 128.
     pub render_size: usize,
@@ -100,7 +100,7 @@ pub struct Img2MeshConfig {
     pub families: Vec<String>,
 }
 
-/// What turns a picture into features.
+/// What turns an image into features.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EncoderKind {
@@ -110,7 +110,7 @@ pub enum EncoderKind {
     Cnn,
     /// The published base model's: VGG16 to its first 4,096 features.
     Vgg16,
-    /// Looks at no picture: the mean shape that the losses settle on, to compare with.
+    /// Looks at no image: the mean shape that the losses settle on, to compare with.
     None,
 }
 
@@ -185,7 +185,7 @@ impl Default for Img2MeshConfig {
 }
 
 impl Img2MeshConfig {
-    /// FeatureCache of a picture: `D`.
+    /// FeatureCache of an image: `D`.
     pub fn width(&self) -> usize {
         match self.encoder {
             EncoderKind::Small | EncoderKind::None => self.features,

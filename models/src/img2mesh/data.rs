@@ -274,7 +274,7 @@ fn frame_of(objects: &[Vec<&View>]) -> Result<[f64; 4], String> {
     Ok(frame)
 }
 
-/// With the pictures, masks and cameras of these views.
+/// With the images, masks and cameras of these views.
 fn hashed(hash: Fingerprint, views: &[View]) -> Fingerprint {
     views.iter().fold(hash, |hash, view| {
         let camera = view.camera.projection();

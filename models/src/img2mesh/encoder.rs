@@ -1,4 +1,4 @@
-//! What turns pictures into features.
+//! What turns images into features.
 
 use autodiff_lite::{Var, impl_module};
 use ndarray::{Array1, Array2};
@@ -6,7 +6,7 @@ use nets::{ConvFrontEnd, Init, LoadWeights, SmallCnn, Vgg16, WeightsError, freez
 
 use super::config::{EncoderKind, Img2MeshConfig};
 
-/// Mean and deviation of ImageNet's pictures, as torchvision's weights expect them.
+/// Mean and deviation of ImageNet's images, as torchvision's weights expect them.
 const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 

@@ -1,4 +1,4 @@
-//! FeatureCache of pictures under an encoder that does not change.
+//! FeatureCache of images under an encoder that does not change.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,8 +12,8 @@ use crate::stacked::stacked;
 /// Numbers that are kept at most.
 const MOST: usize = 1 << 28;
 
-/// FeatureCache that were computed before, by picture. The encoder must be the one that computed them:
-/// frozen, and filled with its weights before the first picture.
+/// FeatureCache that were computed before, by image. The encoder must be the one that computed them:
+/// frozen, and filled with its weights before the first image.
 #[derive(Debug, Default)]
 pub(super) struct FeatureCache(Mutex<HashMap<u64, Arc<[f32]>>>);
 
@@ -31,7 +31,7 @@ impl FeatureCache {
         stacked(tape, rows.iter().map(|row| &row[..]), &[views.len(), width])
     }
 
-    /// Each picture by itself: beside others its last bits might differ.
+    /// Each image by itself: beside others its last bits might differ.
     fn one(&self, model: &Model, side: usize, view: &Arc<Prepared>) -> Arc<[f32]> {
         let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner).get(&view.key).cloned();
         kept.unwrap_or_else(|| {

@@ -1,4 +1,4 @@
-//! img2mesh: several views of an object, attention between them, one mesh; learned from pictures
+//! img2mesh: several views of an object, attention between them, one mesh; learned from images
 //! alone.
 //!
 //! ```text
@@ -13,7 +13,7 @@
 //!
 //! Encoders learn from scratch unless a file with pretrained weights is named (`weights`). One that
 //! stays as it begins (`freeze-encoder`), as VGG16 does in the published base model, computes the
-//! features of each picture once.
+//! features of each image once.
 //!
 //! # References
 //! The img2mesh paper and its code; losses and renderer: Chen et al. 2019, *Learning to Predict 3D Objects with
@@ -83,7 +83,7 @@ impl Img2Mesh {
         self.model.forward(n, features, self.cameras(tape, views, &[views.len(), 12]))
     }
 
-    /// The same from pictures that are not looked at again: no features are kept.
+    /// The same from images that are not looked at again: no features are kept.
     fn meshes_uncached<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
         let features = self.model.encode(pictures(tape, self.config.image_size, views));
         self.model.forward(n, features, self.cameras(tape, views, &[views.len(), 12]))
@@ -266,7 +266,7 @@ impl System for Img2Mesh {
     }
 }
 
-/// Pictures for the encoder: `[M, S, S, 3]`.
+/// Images for the encoder: `[M, S, S, 3]`.
 fn pictures<'t>(tape: &'t Tape, side: usize, views: &[Arc<Prepared>]) -> Var<'t> {
     let images = views.iter().map(|view| &view.image[..]);
     stacked(tape, images, &[views.len(), side, side, 3])

@@ -89,7 +89,7 @@ impl Model {
         (model, template)
     }
 
-    /// Pictures `[M, S, S, 3]` to features `[M, D]`.
+    /// Images `[M, S, S, 3]` to features `[M, D]`.
     pub(super) fn encode<'t>(&self, images: Var<'t>) -> Var<'t> {
         images.tape().scope("encoder", || self.encoder.forward(images))
     }

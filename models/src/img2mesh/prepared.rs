@@ -20,7 +20,7 @@ pub(super) struct Prepared {
     pub(super) mask: Vec<u8>,
     /// From the world, which the frame of a model is in, to the image plane: `[3, 4]`.
     camera: [[f64; 4]; 3],
-    /// What tells pictures apart: features of frozen encoders are kept under it.
+    /// What tells images apart: features of frozen encoders are kept under it.
     pub(super) key: u64,
 }
 
@@ -31,7 +31,7 @@ impl Stored for Prepared {
 }
 
 impl Prepared {
-    /// Pictures that are not square are squeezed, for the encoder and for the losses; the cameras
+    /// Images that are not square are squeezed, for the encoder and for the losses; the cameras
     /// are told of neither, since their image plane reaches from -1 to 1 both ways.
     pub(super) fn new(view: &View, config: &Img2MeshConfig) -> Result<Self, DataError> {
         if !view.camera.is_perspective() {

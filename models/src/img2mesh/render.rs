@@ -1,4 +1,4 @@
-//! Meshes into pictures: projection, visibility, colours and silhouettes.
+//! Meshes into images: projection, visibility, colours and silhouettes.
 
 use std::sync::{Arc, Mutex, PoisonError};
 

@@ -193,7 +193,7 @@ fn score(color: &[f32], mask: &[f32], truth: &Prepared) -> Score {
         }
     }
     let iou = if any > 0.0 { both / any } else { 1.0 };
-    // Two pictures that agree have no finite PSNR; 100 dB stands for that, and for no mask.
+    // Two images that agree have no finite PSNR; 100 dB stands for that, and for no mask.
     let error: f64 = if inside > 0.0 { squares / inside } else { 0.0 };
     let l1 = l1 / color.len().max(1) as f64;
     Score { iou, l1, psnr: -10.0 * error.max(1e-10).log10(), surface: None }

@@ -130,7 +130,7 @@ fn a_tiny_training_finds_the_shape() {
     // From 0.66 and 8.6 dB to 0.93 and 15.9 dB.
     assert!(after[0].value > before[0].value + 0.2, "{before:?} {after:?}");
     assert!(after[0].value > 0.9 && after[2].value > before[2].value + 5.0, "{before:?} {after:?}");
-    // Any number of views, any size of picture.
+    // Any number of views, any size of image.
     let views = ellipsoid([1.2, 0.5, 0.8], 9, 40).views;
     for count in [1, 3, 8] {
         let mesh = outcome.system.predict(&views[..count]).unwrap();

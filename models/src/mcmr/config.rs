@@ -11,11 +11,11 @@ use super::size::summary;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, rename_all = "kebab-case")]
 pub struct McmrConfig {
-    /// Side of the cropped pictures, of the renderings and of the texture, pixels: a multiple of 64 up to 512. Default 64.
+    /// Side of the cropped images, of the renderings and of the texture, pixels: a multiple of 64 up to 512. Default 64.
     pub image_size: usize,
     /// Channels of the first stage of the ResNet-18; 64 in the published one. Default 32.
     pub width: usize,
-    /// Numbers in the code of a picture; 256 published. Default 128.
+    /// Numbers in the code of an image; 256 published. Default 128.
     pub features: usize,
     /// Width of the texture decoder, which begins with 16 times as many channels; 16 published. Default 4.
     pub texture_width: usize,
@@ -71,7 +71,7 @@ pub struct McmrConfig {
     pub softras_sigma: f64,
     /// SoftRas's softness in depth. Default 1e-4.
     pub softras_gamma: f64,
-    /// Focal length of the camera that all pictures are thought to be taken with, in halves of a picture. MCMR's are 23.44
+    /// Focal length of the camera that all images are thought to be taken with, in halves of an image. MCMR's are 23.44
     /// (Pascal3D+) and 7.81 (CUB). Default 4.5.
     pub focal: f64,
     /// How far it stands from objects of size 1; 5 published. Default 2.4.
@@ -105,11 +105,11 @@ pub struct McmrConfig {
     /// Weight of what keeps all mean shapes in use: `ln N` less the entropy of the weights' mean over a batch. Not
     /// published. Default 0.
     pub balance_weight: f64,
-    /// Weight of the mean entropy of the weights of one picture, which makes up the selection's mind. Not published. Default 0.
+    /// Weight of the mean entropy of the weights of one image, which makes up the selection's mind. Not published. Default 0.
     pub decision_weight: f64,
-    /// Probability that a picture is mirrored, with its camera; 0.5 published. Default 0.5.
+    /// Probability that an image is mirrored, with its camera; 0.5 published. Default 0.5.
     pub flip: f64,
-    /// Probability that a prediction is compared with the mirrored picture, which makes shapes symmetric in x; 0.5
+    /// Probability that a prediction is compared with the mirrored image, which makes shapes symmetric in x; 0.5
     /// published. Default 0.5.
     pub prediction_flip: f64,
     /// How far the crop is jittered in training, in lengths of the box: its size and its place; 0.05 published. Default 0.05.
@@ -132,7 +132,7 @@ pub struct McmrConfig {
     pub pose_noise: [f64; 3],
 }
 
-/// What turns a mesh and a camera into a picture.
+/// What turns a mesh and a camera into an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RendererKind {
     /// DIB-R: the nearest face, and a silhouette that reaches out.

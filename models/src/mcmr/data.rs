@@ -53,7 +53,7 @@ impl Data {
     pub fn synthetic(config: &McmrConfig) -> Result<Self, DataError> {
         let families = families_named(&config.families).map_err(DataError::Unfit)?;
         let collection = Collection::default();
-        // Objects fill about half of such a picture, so a crop has the size of the network's.
+        // Objects fill about half of such an image, so a crop has the size of the network's.
         let side = 2 * config.image_size;
         let orbit = Orbit {
             count: 1,
@@ -146,7 +146,7 @@ impl Data {
         &self.categories
     }
 
-    /// Networks that compare pictures.
+    /// Networks that compare images.
     pub(super) fn perceptual(&self) -> &Arc<PerceptualMetrics> {
         &self.perceptual
     }

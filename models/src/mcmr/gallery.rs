@@ -14,7 +14,7 @@ use super::{Mcmr, Sample};
 
 /// Objects shown together.
 const SHOWN: usize = 8;
-/// Side of the pictures that are shown, pixels.
+/// Side of the images that are shown, pixels.
 const SIDE: usize = 160;
 
 impl Mcmr {
@@ -89,7 +89,7 @@ impl Mcmr {
         Ok(shapes.map(pair).collect())
     }
 
-    /// A picture of the network's size.
+    /// An image of the network's size.
     fn bytes(&self, data: Vec<u8>) -> ByteImage {
         let side = self.config.image_size;
         ByteImage { height: side, width: side, channels: 3, data }

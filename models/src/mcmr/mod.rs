@@ -1,16 +1,16 @@
 //! MCMR: photographs of many kinds of objects, one of each object, with a mask and a rough pose, to textured meshes.
 //!
 //! ```text
-//! picture [B, S, S, 3] -> ResNet-18 -> map -> code [B, D]
+//! image [B, S, S, 3] -> ResNet-18 -> map -> code [B, D]
 //!   code -> selection w [B, N] (softmax)      mean shape = Σ w_i V_i, the V_i learned, spheres at first
 //!   [code, w, vertex] -> offset of the vertex, one network for all      shape = mean shape + offsets
 //!   code -> camera (size, place, quaternion)      map -> texture around the sphere
 //! shape, texture, rough camera -> DIB-R or SoftRas -> masks, colours, smoothness
 //! ```
 //!
-//! Nobody says which picture shows what: mean shapes specialise because it pays. What the network knows of a
+//! Nobody says which image shows what: mean shapes specialise because it pays. What the network knows of a
 //! vertex is where it is, so the mesh can be [subdivided](McmrConfig::subdivide_at) in the middle of the
-//! training. Half of the predictions are compared with mirrored pictures, so shapes become symmetric in x.
+//! training. Half of the predictions are compared with mirrored images, so shapes become symmetric in x.
 //!
 //! # What differs from the published code
 //!
@@ -18,7 +18,7 @@
 //! - The texture has no seam: its last columns fade into its first, poles are one colour, and it is looked up by
 //!   direction at every pixel.
 //! - The optimiser's moments survive the subdivision ([`McmrConfig::keep_moments`]).
-//! - LPIPS is given pictures in the range that it expects; without its weights a pyramid of differences stands in.
+//! - LPIPS is given images in the range that it expects; without its weights a pyramid of differences stands in.
 //! - Spheres may differ at first, and two terms can keep a selection from collapsing ([`McmrConfig::perturb`],
 //!   [`McmrConfig::balance_weight`], [`McmrConfig::decision_weight`]).
 //! - Rotations may be compared by the sine of half their angle, which decides between front and back
@@ -100,7 +100,7 @@ impl Mcmr {
         &self.config
     }
 
-    /// What becomes of pictures.
+    /// What becomes of images.
     fn predicted<'t>(&self, tape: &'t Tape, samples: &[&Sample]) -> Predicted<'t> {
         let side = self.config.image_size;
         let images = samples.iter().map(|sample| &sample.image[..]);

@@ -1,4 +1,4 @@
-//! Networks that compare pictures and are not trained.
+//! Networks that compare images and are not trained.
 
 use autodiff_lite::{Module, Tape, Var};
 use nets::{
@@ -49,8 +49,8 @@ impl PerceptualMetrics {
         Ok(Self { lpips, inception })
     }
 
-    /// How unlike pictures `[N, S, S, 3]` in `[0, 1]` look: LPIPS, or a pyramid of differences without its
-    /// weights. LPIPS is given pictures in `[-1, 1]`, as it expects; the published code gives it `[0, 1]`.
+    /// How unlike images `[N, S, S, 3]` in `[0, 1]` look: LPIPS, or a pyramid of differences without its
+    /// weights. LPIPS is given images in `[-1, 1]`, as it expects; the published code gives it `[0, 1]`.
     pub(super) fn distance<'t>(&self, image: Var<'t>, target: Var<'t>) -> Var<'t> {
         let Some((vgg, weights)) = &self.lpips else {
             return losses::pyramid(image, target, None, LEVELS);
@@ -62,7 +62,7 @@ impl PerceptualMetrics {
         losses::lpips(&maps(image), &maps(target), &weights.vectors())
     }
 
-    /// Inception's features `[N, 2048]` of pictures `[N, S, S, 3]` in `[0, 1]`; none without its weights.
+    /// Inception's features `[N, 2048]` of images `[N, S, S, 3]` in `[0, 1]`; none without its weights.
     pub(super) fn features(&self, tape: &Tape, images: Var<'_>) -> Option<Vec<f32>> {
         let net = self.inception.as_ref()?;
         let side = InceptionV3::<f32>::SIDE;

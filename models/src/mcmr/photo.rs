@@ -88,7 +88,7 @@ impl Photo {
         self.cut([x, y, larger], flips, config)
     }
 
-    /// A square of the picture, mirrored or not before the network sees it, and once more or not before its
+    /// A square of the image, mirrored or not before the network sees it, and once more or not before its
     /// prediction is compared.
     fn cut(&self, square: [f64; 3], [flip, turned]: [bool; 2], config: &McmrConfig) -> Sample {
         let side = config.image_size;
@@ -115,7 +115,7 @@ impl Photo {
     }
 }
 
-/// The lens that a configuration thinks all pictures are taken with.
+/// The lens that a configuration thinks all images are taken with.
 pub(super) fn lens_of(config: &McmrConfig) -> CommonLens {
     CommonLens { focal: config.focal, distance: config.distance }
 }
@@ -139,7 +139,7 @@ pub struct Sample {
     pub(super) true_pose: Pose,
 }
 
-/// The camera of a square of its picture, resized to `side`.
+/// The camera of a square of its image, resized to `side`.
 pub(super) fn cropped(camera: &Camera, [left, top, square]: [f64; 3], side: usize) -> Camera {
     let k = side as f64 / square;
     let at = |cx: f64, cy: f64| [(cx - left) * k, (cy - top) * k];
@@ -156,7 +156,7 @@ pub(super) fn cropped(camera: &Camera, [left, top, square]: [f64; 3], side: usiz
     Camera { lens, width: side, height: side, ..camera.clone() }
 }
 
-/// A square of a picture as `[side, side, C]`: means of bilinear samples, black beyond the border.
+/// A square of an image as `[side, side, C]`: means of bilinear samples, black beyond the border.
 fn cut(picture: &ByteImage, [left, top, square]: [f64; 3], side: usize) -> Vec<u8> {
     let step = square / side as f64;
     // As many samples a pixel and axis as there are pixels under it, up to four.
@@ -217,7 +217,7 @@ mod tests {
 
     use super::*;
 
-    /// An ellipsoid, symmetric in x, beside the middle of the picture.
+    /// An ellipsoid, symmetric in x, beside the middle of the image.
     fn photo() -> Photo {
         let mesh = icosphere(3).scaled([0.3, 0.2, 0.5]).colored([0.9, 0.3, 0.1]);
         let camera =

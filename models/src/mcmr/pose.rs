@@ -1,13 +1,13 @@
-//! Cameras as the network predicts them: a size, a place in the picture, a rotation.
+//! Cameras as the network predicts them: a size, a place in the image, a rotation.
 
 use mesh_core::nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use mesh_core::{Camera, Lens};
 
-/// The lens that all pictures are thought to be taken with; what a picture's own camera differs from it is
+/// The lens that all images are thought to be taken with; what an image's own camera differs from it is
 /// in the size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CommonLens {
-    /// Focal length, in halves of a picture.
+    /// Focal length, in halves of an image.
     pub focal: f64,
     /// From the camera to the object's middle, for a size of 1.
     pub distance: f64,
@@ -19,7 +19,7 @@ pub struct CommonLens {
 /// p = scale R v + (0, 0, -distance)        x = focal p_x / -p_z + cx,  y = focal p_y / -p_z + cy
 /// ```
 ///
-/// x right, y up, both in `[-1, 1]` over the picture; the camera looks along -z. The published code has y
+/// x right, y up, both in `[-1, 1]` over the image; the camera looks along -z. The published code has y
 /// down, and shapes mirrored for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
@@ -65,7 +65,7 @@ impl Pose {
         Self { scale: at(0), place: [at(1), at(2)], rotation: [at(3), at(4), at(5), at(6)] }
     }
 
-    /// What the mirrored picture of the mirrored object has: `D R D` with `D = diag(-1, 1, 1)`.
+    /// What the mirrored image of the mirrored object has: `D R D` with `D = diag(-1, 1, 1)`.
     #[must_use]
     pub fn flipped(self) -> Self {
         let [w, x, y, z] = self.rotation;
@@ -152,7 +152,7 @@ mod tests {
             prop_assert!((found[1] - (1.0 - expected.row / 40.0)).abs() < 1e-5);
         }
 
-        /// Mirrored object, mirrored pose: mirrored picture.
+        /// Mirrored object, mirrored pose: mirrored image.
         #[test]
         fn a_flip_mirrors(angle in -3.0f64..3.0, shift in -0.3f64..0.3, p in prop::array::uniform3(-0.5f64..0.5)) {
             let camera = camera([3.0 * angle.sin(), 0.8, 3.0 * angle.cos()], [shift, 0.1, 0.0], 0.7);

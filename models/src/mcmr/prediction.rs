@@ -19,12 +19,12 @@ pub struct McmrPrediction {
     pub weights: Vec<f32>,
     /// Where the square around the object shows it.
     pub pose: Pose,
-    /// From the mesh's frame to the world of the picture's camera: rows of `[3, 4]`.
+    /// From the mesh's frame to the world of the image's camera: rows of `[3, 4]`.
     pub to_world: [[f64; 4]; 3],
 }
 
 impl McmrPrediction {
-    /// The mesh in the world of the picture's camera, where that camera sees it as the picture shows it.
+    /// The mesh in the world of the image's camera, where that camera sees it as the image shows it.
     pub fn mesh_in_world(&self) -> TriMesh {
         self.mesh.clone().transformed(&self.to_world)
     }
@@ -48,7 +48,7 @@ impl Mcmr {
         })
     }
 
-    /// The textured mesh of one picture of a batch, in its own frame.
+    /// The textured mesh of one image of a batch, in its own frame.
     pub(super) fn mesh_of(&self, predicted: &Predicted<'_>, index: usize) -> TriMesh {
         let mesh = self.bare_mesh_of(predicted, index);
         Globe::of(predicted.texture, index).on(mesh, &self.template.sphere)
@@ -90,7 +90,7 @@ impl Mcmr {
     }
 }
 
-/// The camera that was predicted for one picture of a batch.
+/// The camera that was predicted for one image of a batch.
 pub(super) fn pose_of(predicted: &Predicted<'_>, index: usize) -> Pose {
     let place = row(&predicted.place.value(), index);
     let rotation = row(&predicted.rotation.value(), index);

@@ -1,4 +1,4 @@
-//! Meshes and textures into pictures.
+//! Meshes and textures into images.
 
 use std::sync::{Arc, Mutex, PoisonError};
 

@@ -14,7 +14,7 @@ use super::model::Predicted;
 use super::prediction::{pose_of, row};
 use super::{Mcmr, Sample};
 
-/// Pictures that go through the network together.
+/// Images that go through the network together.
 const BATCH: usize = 16;
 /// Cells along the longest edge for the strict 3D IoU; the published one has as many.
 const CELLS: usize = 32;

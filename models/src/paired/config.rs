@@ -1,4 +1,4 @@
-//! Which pictures and surfaces.
+//! Which images and surfaces.
 
 use serde::{Deserialize, Serialize};
 use synth::families_named;
@@ -8,7 +8,7 @@ use train::settings::in_toml;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, rename_all = "kebab-case")]
 pub struct PairsConfig {
-    /// Side of the pictures, pixels, 32 to 1024; others are resized. Default 64.
+    /// Side of the images, pixels, 32 to 1024; others are resized. Default 64.
     pub image_size: usize,
     /// What lengths are multiplied by. Default 0.57, as published for ShapeNet's objects.
     pub scale: f64,

@@ -1,6 +1,6 @@
-//! One picture and the surface that it shows: what systems of a single view learn from.
+//! One image and the surface that it shows: what systems of a single view learn from.
 //!
-//! Everything lives in the frame of the picture's camera: the object in front of it, -z ahead, lengths multiplied by a
+//! Everything lives in the frame of the image's camera: the object in front of it, -z ahead, lengths multiplied by a
 //! factor (Pixel2Mesh: 0.57, which brings ShapeNet's objects about 0.8 before the camera).
 //!
 //! ```

@@ -1,4 +1,4 @@
-//! Objects with their pictures and surfaces.
+//! Objects with their images and surfaces.
 
 use std::sync::{Arc, OnceLock};
 
@@ -43,7 +43,7 @@ pub struct Surface {
     pub mesh: Option<TriMesh>,
 }
 
-/// A picture and the surface that it shows, in the frame of its camera.
+/// An image and the surface that it shows, in the frame of its camera.
 #[derive(Clone, Debug)]
 pub struct Pair {
     /// What the network sees.
@@ -145,7 +145,7 @@ impl Pairs {
         self.hash
     }
 
-    /// One picture of an object and all points of its surface that are kept.
+    /// One image of an object and all points of its surface that are kept.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -156,7 +156,7 @@ impl Pairs {
         Ok(Pair { picture, truth })
     }
 
-    /// A random picture of an object and `points` random points of its surface.
+    /// A random image of an object and `points` random points of its surface.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -189,7 +189,7 @@ impl Pairs {
         [object, (nth * count / views.min(count) + object) % count]
     }
 
-    /// One picture of an object.
+    /// One image of an object.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -228,7 +228,7 @@ impl Pairs {
     }
 }
 
-/// Points of a surface in the frame of a picture: distinct ones while there are enough.
+/// Points of a surface in the frame of an image: distinct ones while there are enough.
 fn some_of(
     picture: &Picture,
     surface: &Surface,

@@ -1,4 +1,4 @@
-//! One picture as a network takes it, and the frame of its camera.
+//! One image as a network takes it, and the frame of its camera.
 
 use datasets::View;
 use mesh_core::nalgebra::{Matrix3, Vector3};
@@ -7,7 +7,7 @@ use train::DataError;
 
 use crate::view_cache::Stored;
 
-/// A picture of `[S, S, 3]`, white outside of the object, with what its camera says.
+/// An image of `[S, S, 3]`, white outside of the object, with what its camera says.
 #[derive(Clone, Debug)]
 pub struct Picture {
     /// What it is called in messages.
@@ -20,7 +20,7 @@ pub struct Picture {
     pub depth: Option<Vec<f32>>,
     /// From the camera's frame to the image plane, `[3, 4]` in a row: normalised device coordinates, y up, then depth.
     pub lens: [f32; 12],
-    /// Where the camera stands, with the size of the picture.
+    /// Where the camera stands, with the size of the image.
     pub camera: Camera,
     /// The camera's frame.
     pub frame: Frame,

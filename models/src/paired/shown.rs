@@ -1,4 +1,4 @@
-//! A prediction above the picture that it was made from.
+//! A prediction above the image that it was made from.
 
 use mesh_core::{ByteImage, TriMesh};
 use synth::{Lighting, RenderOptions, render_views};
@@ -6,10 +6,10 @@ use train::report::ViewPair;
 
 use super::picture::Picture;
 
-/// Side of the pictures that are shown, pixels.
+/// Side of the images that are shown, pixels.
 const SIDE: usize = 192;
 
-/// A mesh of the world, lit and seen from the picture's camera, above the picture.
+/// A mesh of the world, lit and seen from the image's camera, above the image.
 pub(crate) fn picture_above(picture: &Picture, mesh: &TriMesh, caption: String) -> ViewPair {
     let side = picture.camera.width;
     let truth = ByteImage { height: side, width: side, channels: 3, data: picture.image.clone() };

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::paired::PairsConfig;
 
-/// What both have: pictures, encoder, template, losses.
+/// What both have: images, encoder, template, losses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, rename_all = "kebab-case")]
 pub struct SharedConfig {
@@ -21,7 +21,7 @@ pub struct SharedConfig {
     /// Channels of the encoder's six stages, 1 to 2048 each; maps are read from the last four.
     /// Default a quarter of the published `[16, 32, 64, 128, 256, 512]`.
     pub channels: [usize; 6],
-    /// How the encoder's weights begin. Default `"he"`; published deviations of 0.02 let the picture fade on its way.
+    /// How the encoder's weights begin. Default `"he"`; published deviations of 0.02 let the image fade on its way.
     pub encoder_init: EncoderInitKind,
     /// Whether the encoder's layers are plain or residual. Default `"plain"`, as published.
     pub encoder_form: EncoderForm,

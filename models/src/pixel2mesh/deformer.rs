@@ -1,4 +1,4 @@
-//! What the systems of a single picture differ in.
+//! What the systems of a single image differ in.
 
 use std::fmt::Debug;
 

@@ -1,7 +1,7 @@
-//! Pixel2Mesh: one picture to a mesh, learned from true surfaces; in stages as published, and in continuous time.
+//! Pixel2Mesh: one image to a mesh, learned from true surfaces; in stages as published, and in continuous time.
 //!
 //! ```text
-//! picture [N, S, S, 3] -> encoder -> maps of 1/4 to 1/32 of its side
+//! image [N, S, S, 3] -> encoder -> maps of 1/4 to 1/32 of its side
 //! ellipsoid [N, V, 3] in front of the camera -> where each vertex is seen, features of the maps there
 //!   -> graph convolutions -> displacements        three times, from 156 to 2,466 vertices   (`pixel2mesh`)
 //!   -> graph convolutions -> velocities           integrated from a random time to 1        (`ode-pixel2mesh`)

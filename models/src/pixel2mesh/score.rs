@@ -13,10 +13,10 @@ use crate::paired::{Pairs, PointScores, picture_above, point_scores};
 /// Objects shown together.
 const SHOWN: usize = 6;
 
-/// The scores of all pictures that are held out.
+/// The scores of all images that are held out.
 #[derive(Clone, Debug, Default)]
 pub struct Scored {
-    /// One a picture: its object, its scores, the work that its mesh took.
+    /// One an image: its object, its scores, the work that its mesh took.
     pub each: Vec<(usize, PointScores, Stats)>,
 }
 
@@ -56,7 +56,7 @@ impl Scored {
 }
 
 impl<D: Deformer> SingleView<D> {
-    /// Scores on what is held out, picture by picture.
+    /// Scores on what is held out, image by image.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -72,7 +72,7 @@ impl<D: Deformer> SingleView<D> {
         Ok(Scored { each: all.into_iter().collect::<Result<_, _>>()? })
     }
 
-    /// Some pictures spread over all that are held out: the mesh from the picture's camera above the picture.
+    /// Some images spread over all that are held out: the mesh from the image's camera above the image.
     ///
     /// # Errors
     /// If a file cannot be read.

@@ -1,4 +1,4 @@
-//! A system that makes a mesh from one picture, whatever deforms it.
+//! A system that makes a mesh from one image, whatever deforms it.
 
 use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut};
 use datasets::View;
@@ -92,7 +92,7 @@ impl<D: Deformer> SingleView<D> {
         other
     }
 
-    /// Meshes of pictures, in the frames of their cameras.
+    /// Meshes of images, in the frames of their cameras.
     pub(super) fn deformed<'t>(
         &self,
         tape: &'t Tape,
@@ -111,7 +111,7 @@ impl<D: Deformer> SingleView<D> {
         self.deformer.deform(&self.template, &inputs, run)
     }
 
-    /// The mesh of one picture in the frame of its camera, and the work that it took.
+    /// The mesh of one image in the frame of its camera, and the work that it took.
     ///
     /// # Errors
     /// If an integration does not come to its end.
@@ -122,7 +122,7 @@ impl<D: Deformer> SingleView<D> {
         Ok((self.mesh(last.level, last.positions), deformed.stats))
     }
 
-    /// The mesh of one picture as [`mesh_of`](Self::mesh_of) has it, and meshes on the way from the ellipsoid to it, in
+    /// The mesh of one image as [`mesh_of`](Self::mesh_of) has it, and meshes on the way from the ellipsoid to it, in
     /// the frame of the camera.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! What the systems of a single picture do.
+//! What the systems of a single image do.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 

@@ -71,7 +71,7 @@ pub struct Metrics {
     pub health: Health,
     /// Pairs of faces that cut through each other.
     pub self_intersections: usize,
-    /// From decoded pictures to the mesh. Absent where it was not measured: all else is the same each time.
+    /// From decoded images to the mesh. Absent where it was not measured: all else is the same each time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub milliseconds: Option<f64>,
     /// What else the system knows of its prediction, by name; empty for most.

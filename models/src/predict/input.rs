@@ -17,9 +17,9 @@ pub struct Request<'a> {
     pub choice: Choice<'a>,
     /// More views that judge it.
     pub score: Option<&'a Path>,
-    /// Depth of the picture, for systems that take it: a file of planar depth, or of disparity as estimators leave it.
+    /// Depth of the image, for systems that take it: a file of planar depth, or of disparity as estimators leave it.
     pub depth: Option<&'a Path>,
-    /// Focal lengths and principal point of the picture, pixels, instead of what the views say: `fx, fy, cx, cy`.
+    /// Focal lengths and principal point of the image, pixels, instead of what the views say: `fx, fy, cx, cy`.
     pub intrinsics: Option<[f64; 4]>,
     /// Told how much is read, of how much, from any thread.
     pub progress: &'a (dyn Fn(usize, usize) + Sync),
@@ -96,11 +96,11 @@ impl PredictInput {
         Ok(input)
     }
 
-    /// PredictInput for systems of a single picture: the first of the chosen views is given, all others judge it. A path to
-    /// a picture will do; its camera is then assumed.
+    /// PredictInput for systems of a single image: the first of the chosen views is given, all others judge it. A path to
+    /// an image will do; its camera is then assumed.
     ///
     /// # Errors
-    /// As [`read`](Self::read); if the picture cannot be decoded or shows no object.
+    /// As [`read`](Self::read); if the image cannot be decoded or shows no object.
     pub fn single(request: &Request<'_>) -> Result<Self, DataError> {
         refuse(request)?;
         Self::one(request)
@@ -122,7 +122,7 @@ impl PredictInput {
         Ok(input)
     }
 
-    /// A single picture of an object, cut out by its alpha channel or an even backdrop, as if taken by one of 3D-R2N2's
+    /// A single image of an object, cut out by its alpha channel or an even backdrop, as if taken by one of 3D-R2N2's
     /// cameras.
     fn picture(path: &Path) -> Result<Self, DataError> {
         /// Middle of the elevations and of the distances of 3D-R2N2's renderings.

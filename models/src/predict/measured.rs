@@ -1,4 +1,4 @@
-//! Depth and intrinsics beside a picture.
+//! Depth and intrinsics beside an image.
 
 use std::path::Path;
 
@@ -88,7 +88,7 @@ fn guessed(path: &Path, view: &View) -> Result<DepthMap, DataError> {
     Ok(fitted(&DepthMap { height: map.height, width: map.width, data }, view))
 }
 
-/// The nearest pixels, in the size of the picture.
+/// The nearest pixels, in the size of the image.
 fn fitted(depth: &DepthMap, view: &View) -> DepthMap {
     let (height, width) = (view.color.height, view.color.width);
     let at = |i: usize, from: usize, to: usize| (2 * i + 1) * from / (2 * to);
@@ -123,7 +123,7 @@ mod tests {
         path
     }
 
-    /// Depth comes in the size of the picture; an estimate means the same in any scale and with any shift.
+    /// Depth comes in the size of the image; an estimate means the same in any scale and with any shift.
     #[test]
     fn depth_is_fitted_and_estimates_have_no_unit() {
         let folder = tempfile::tempdir().unwrap();

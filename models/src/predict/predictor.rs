@@ -12,8 +12,8 @@ use crate::pixel2mesh::{Deformer, SingleView};
 
 /// A system that makes a mesh from a user's files.
 ///
-/// All input is [`View`](datasets::View)s: a system of a single picture takes the first, with its
-/// depth where there is one; one that needs no camera gives its own to pictures that have none.
+/// All input is [`View`](datasets::View)s: a system of a single image takes the first, with its
+/// depth where there is one; one that needs no camera gives its own to images that have none.
 pub trait Predictor: System {
     /// How a checkpoint is had, for those who have none: a command and how long it takes.
     const TRAINING: &'static str;
@@ -54,7 +54,7 @@ pub type Detail = (&'static str, Vec<f64>);
 /// Meshes of a deformation through time.
 const FRAMES: usize = 25;
 
-/// What systems ask for that see one picture and nothing else.
+/// What systems ask for that see one image and nothing else.
 const ONE_PICTURE: &str = "one picture with its mask";
 
 impl<D: Deformer> Predictor for SingleView<D> {
@@ -120,7 +120,7 @@ impl Predictor for Mcmr {
     }
 }
 
-/// How long a system takes from decoded pictures to the mesh: the median of so many runs, milliseconds.
+/// How long a system takes from decoded images to the mesh: the median of so many runs, milliseconds.
 ///
 /// # Errors
 /// Why the input does not serve, in one sentence.

@@ -49,7 +49,7 @@ pub enum EncoderInit {
     He,
     /// Deviation 0.02 whatever the layer, as published. Each of the 18 layers divides what passes by `√(9 C / 2) 0.02`
     /// for `C` channels, a factor of 6 for 16 of them: with the published widths the coarsest map begins at about
-    /// 1e-7 of the picture, with narrower ones at nothing that a float can say.
+    /// 1e-7 of the image, with narrower ones at nothing that a float can say.
     Published,
 }
 
@@ -270,7 +270,7 @@ mod tests {
         });
     }
 
-    /// What the two first deviations leave of a picture in the coarsest map. He's is not 1: of a map of 2 x 2 pixels most
+    /// What the two first deviations leave of an image in the coarsest map. He's is not 1: of a map of 2 x 2 pixels most
     /// of a kernel sees the zeros around it.
     #[test]
     fn the_published_deviation_fades() {

@@ -98,24 +98,24 @@ pub fn weight_norm<'t, F: Real>(v: Var<'t, F>, g: Var<'t, F>) -> Var<'t, F> {
         out.iter_mut().zip(row).for_each(|(out, &v)| *out = factor * v);
     }
     tape.record_fn("weight_norm", &[v, g], y, move |cx: &mut Backward<'_, F>| {
-        let (v, g, slope) = (cx.input(0), cx.input(1), cx.grad_out());
-        let [v, g, slope] = [&v, &g, &slope].map(|x| x.as_slice().expect(CONTIGUOUS));
-        let rows = v.chunks(width).zip(slope.chunks(width));
+        let (v, g, derivative) = (cx.input(0), cx.input(1), cx.grad_out());
+        let [v, g, derivative] = [&v, &g, &derivative].map(|x| x.as_slice().expect(CONTIGUOUS));
+        let rows = v.chunks(width).zip(derivative.chunks(width));
         if cx.needs(0) {
             let of_v = cx.grad_slice_mut(0).chunks_mut(width);
-            for (((v, slope), &g), of_v) in rows.clone().zip(g).zip(of_v) {
+            for (((v, derivative), &g), of_v) in rows.clone().zip(g).zip(of_v) {
                 // (g / ‖v‖) (s - u (u · s)) with u = v / ‖v‖.
                 let inverse = inverse_length(v);
                 let factor = g * inverse;
-                let along = product(v, slope) * inverse * inverse;
-                for ((of_v, &v), &slope) in of_v.iter_mut().zip(v).zip(slope) {
-                    *of_v += factor * (slope - v * along);
+                let along = product(v, derivative) * inverse * inverse;
+                for ((of_v, &v), &derivative) in of_v.iter_mut().zip(v).zip(derivative) {
+                    *of_v += factor * (derivative - v * along);
                 }
             }
         }
         if cx.needs(1) {
-            for ((v, slope), of_g) in rows.zip(cx.grad_slice_mut(1)) {
-                *of_g += product(v, slope) * inverse_length(v);
+            for ((v, derivative), of_g) in rows.zip(cx.grad_slice_mut(1)) {
+                *of_g += product(v, derivative) * inverse_length(v);
             }
         }
     })

@@ -80,8 +80,8 @@ impl<F: Real> State for Augmented<F> {
 }
 
 impl<F: Real, V: VectorField<F>> Backsolve<F, V> {
-    /// The slope of the augmented state.
-    fn slope(
+    /// The derivative of the augmented state.
+    fn derivative(
         &self,
         evaluator: &mut Evaluator<F, V>,
         inputs: &[(Tensor<F>, bool)],
@@ -89,15 +89,15 @@ impl<F: Real, V: VectorField<F>> Backsolve<F, V> {
         state: &Augmented<F>,
     ) -> Augmented<F> {
         let pool = evaluator.tape.pool().clone();
-        let slopes = {
+        let derivatives = {
             let (evaluator, tape) = (&*evaluator, &*evaluator.tape);
             let y = tape.leaf(state.y.tensor().clone());
             let on_tape = |(value, needed): &(Tensor<F>, bool)| {
                 if *needed { tape.leaf(value.clone()) } else { tape.constant(value.clone()) }
             };
             let inputs: Vec<_> = inputs.iter().map(on_tape).collect();
-            let slope = evaluator.slope(t, y, &inputs);
-            let gradients = slope.backward_with(state.a.tensor().clone());
+            let derivative = evaluator.derivative(t, y, &inputs);
+            let gradients = derivative.backward_with(state.a.tensor().clone());
             let negative = |gradient: Option<ndarray::ArrayViewD<'_, F>>, like: &Kept<F>| {
                 let mut own = pool.array(like.tensor().shape());
                 match gradient {
@@ -110,7 +110,7 @@ impl<F: Real, V: VectorField<F>> Backsolve<F, V> {
             let inputs = inputs.iter().zip(of_inputs).map(|(&x, like)| (gradients.wrt(x), like));
             let params = self.params.iter().zip(of_params).map(|(p, like)| (gradients.of(p), like));
             Augmented {
-                y: Kept::new(slope.value(), &pool),
+                y: Kept::new(derivative.value(), &pool),
                 a: negative(gradients.wrt(y), &state.a),
                 sums: inputs
                     .chain(params)
@@ -119,7 +119,7 @@ impl<F: Real, V: VectorField<F>> Backsolve<F, V> {
             }
         };
         evaluator.tape.reset();
-        slopes
+        derivatives
     }
 
     /// Back from the end to the beginning, where the gradients are complete.
@@ -139,8 +139,9 @@ impl<F: Real, V: VectorField<F>> Backsolve<F, V> {
         let back = |state: Augmented<F>, span: [f64; 2]| {
             let ending = Ending::Exact;
             let problem = Problem { span, ending, save_at: Vec::new(), ..self.problem.clone() };
-            let field =
-                |t: f64, s: &Augmented<F>| self.slope(&mut evaluator.borrow_mut(), inputs, t, s);
+            let field = |t: f64, s: &Augmented<F>| {
+                self.derivative(&mut evaluator.borrow_mut(), inputs, t, s)
+            };
             solve(field, state, &problem).map(|solution| solution.end)
         };
         for (i, seed) in save_at.iter().enumerate().rev() {

@@ -60,8 +60,8 @@ impl<F: Real, V: VectorField<F>> Replay<F, V> {
             let (evaluator, tape) = (&*evaluator, &*evaluator.tape);
             let y = tape.leaf(self.befores[n].tensor().clone());
             let inputs = inputs_on(tape, cx, self.inputs);
-            let mut field = over(y, |t, y| evaluator.slope(t, *y, &inputs));
-            // The first slope is computed anew even where it was the last of the step before: of this state it is the
+            let mut field = over(y, |t, y| evaluator.derivative(t, *y, &inputs));
+            // The first derivative is computed anew even where it was the last of the step before: of this state it is the
             // same function.
             let tableau = self.problem.tableau;
             let step = tableau.attempt(&mut field, times, &y, None, !within.is_empty());
@@ -69,7 +69,8 @@ impl<F: Real, V: VectorField<F>> Replay<F, V> {
             let mut terms = vec![(step.after, at_end)];
             for (time, seed) in within {
                 let theta = (time - from) / (to - from);
-                let state = tableau.interpolate(theta, to - from, &y, &step.slopes, end.as_ref());
+                let state =
+                    tableau.interpolate(theta, to - from, &y, &step.derivatives, end.as_ref());
                 terms.push((state, seed));
             }
             let total = weighted(terms).expect("there is a term for the end");

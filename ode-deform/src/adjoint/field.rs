@@ -9,7 +9,7 @@ use autodiff_lite::{Module, Real, Var, Visitor, VisitorMut};
 /// that a field holds would be refused there. The field is a function: what it draws (dropout) is the same at every
 /// evaluation of one integration, but for [`Direct`](crate::Adjoint::Direct).
 pub trait VectorField<F: Real = f32>: Module<F> + Clone + Send + 'static {
-    /// The slope, of the shape of `y`, on the tape of `y`.
+    /// The derivative, of the shape of `y`, on the tape of `y`.
     fn eval<'t>(&self, t: f64, y: Var<'t, F>, inputs: &[Var<'t, F>]) -> Var<'t, F>;
 }
 

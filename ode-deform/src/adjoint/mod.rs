@@ -53,7 +53,7 @@ impl Adjoint {
     /// As [`solve`](crate::solve::solve).
     ///
     /// # Panics
-    /// If the field gives a slope of another shape than the state.
+    /// If the field gives a derivative of another shape than the state.
     pub fn integrate<'t, F: Real, V: VectorField<F>>(
         self,
         field: &V,

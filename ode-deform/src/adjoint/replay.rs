@@ -69,14 +69,14 @@ impl<F: Real, V: VectorField<F>> Evaluator<F, V> {
         frozen.set_trainable("", false);
         let field = |t: f64, y: &Kept<F>| {
             self.tape.reseed(self.seed);
-            let slope = {
+            let derivative = {
                 let y = self.tape.constant(y.tensor().clone());
                 let inputs: Vec<_> =
                     inputs.iter().map(|input| self.tape.constant(input.clone())).collect();
-                slope_of(&frozen, t, y, &inputs).value()
+                derivative_of(&frozen, t, y, &inputs).value()
             };
             self.tape.reset();
-            Kept::new(slope, &pool)
+            Kept::new(derivative, &pool)
         };
         let solution = solve_watched(field, Kept::new(start, &pool), problem, |step| {
             if wanted {
@@ -87,24 +87,29 @@ impl<F: Real, V: VectorField<F>> Evaluator<F, V> {
     }
 
     /// The field on this evaluator's tape, drawing what it drew before.
-    pub(super) fn slope<'t>(&'t self, t: f64, y: Var<'t, F>, inputs: &[Var<'t, F>]) -> Var<'t, F> {
+    pub(super) fn derivative<'t>(
+        &'t self,
+        t: f64,
+        y: Var<'t, F>,
+        inputs: &[Var<'t, F>],
+    ) -> Var<'t, F> {
         self.tape.reseed(self.seed);
-        slope_of(&self.field, t, y, inputs)
+        derivative_of(&self.field, t, y, inputs)
     }
 }
 
-/// The slope, checked.
+/// The derivative, checked.
 #[track_caller]
-pub(super) fn slope_of<'t, F: Real, V: VectorField<F>>(
+pub(super) fn derivative_of<'t, F: Real, V: VectorField<F>>(
     field: &V,
     t: f64,
     y: Var<'t, F>,
     inputs: &[Var<'t, F>],
 ) -> Var<'t, F> {
-    let slope = field.eval(t, y, inputs);
-    let (found, expected) = (slope.shape(), y.shape());
-    assert!(found == expected, "a field gave a slope {found:?} for a state {expected:?}");
-    slope
+    let derivative = field.eval(t, y, inputs);
+    let (found, expected) = (derivative.shape(), y.shape());
+    assert!(found == expected, "a field gave a derivative {found:?} for a state {expected:?}");
+    derivative
 }
 
 /// `[K, ..]` of all asked states and the end, or the end alone.

@@ -239,8 +239,8 @@ fn a_tape_is_walked_twice_and_reset() {
 }
 
 #[test]
-#[should_panic(expected = "a field gave a slope [4] for a state [4, 3]")]
-fn slopes_have_the_shape_of_the_state() {
+#[should_panic(expected = "a field gave a derivative [4] for a state [4, 3]")]
+fn derivatives_have_the_shape_of_the_state() {
     let tape = Tape::<f64>::eval();
     let wrong = field_fn((), |(): &(), _, y: Var<'_, f64>, _| y.sum_axis(1));
     let _ = Adjoint::Checkpointed.integrate(

@@ -55,7 +55,7 @@ impl StackedConfig {
 ///   a vertex and of its neighbours. Here the matrix that reads is shared, and neighbours send their states alone, since
 ///   what they see differs little.
 /// - An affine flow about the mean vertex `v̄`: `A` and `b` are linear in the features where a vertex is seen, by the same matrix at all times.
-///   Coarse maps, which see the whole picture, so turn, stretch and move the whole, fine ones its parts: products of picture
+///   Coarse maps, which see the whole image, so turn, stretch and move the whole, fine ones its parts: products of image
 ///   and place that a network with few hidden columns is slow to learn.
 ///
 /// States and inputs are those of a [`DeformationField`](super::DeformationField), but for what is made of the maps by

@@ -44,16 +44,16 @@ pub enum SolveError {
         /// The least one allowed.
         least: f64,
     },
-    /// The state or a slope is infinite or not a number.
+    /// The state or a derivative is infinite or not a number.
     #[error(
         "the {} at t = {t} is infinite or not a number: take smaller steps, or bound the field (its last layer, its \
          learning rate)",
-        stage.map_or_else(|| "state".to_owned(), |stage| format!("slope of stage {stage}"))
+        stage.map_or_else(|| "state".to_owned(), |stage| format!("derivative of stage {stage}"))
     )]
     NonFinite {
         /// Where the step began.
         t: f64,
-        /// The first stage whose slope is not finite, counted from 1; none if only the state is not.
+        /// The first stage whose derivative is not finite, counted from 1; none if only the state is not.
         stage: Option<usize>,
     },
 }

@@ -51,7 +51,7 @@ pub struct Solution<Y> {
 /// Integrates `dy/dt = field(t, y)` from the state at the beginning.
 ///
 /// # Errors
-/// If the problem makes no sense, the step size underflows, there are too many steps, or the state or a slope is not
+/// If the problem makes no sense, the step size underflows, there are too many steps, or the state or a derivative is not
 /// finite.
 pub fn solve<Y: State>(
     field: impl FnMut(f64, &Y) -> Y,

@@ -24,8 +24,8 @@ pub struct Step<'s, Y> {
     pub before: &'s Y,
     /// The state at its end.
     pub after: &'s Y,
-    /// The slopes at its stages.
-    pub slopes: &'s [Y],
+    /// The derivatives at its stages.
+    pub derivatives: &'s [Y],
 }
 
 /// What the last step left. Its states are moved on, never copied: at small fields copies would cost as much as all
@@ -34,7 +34,7 @@ pub struct Step<'s, Y> {
 struct Made<Y> {
     times: [f64; 2],
     after: Y,
-    slopes: Vec<Y>,
+    derivatives: Vec<Y>,
 }
 
 /// An integration that is under way.
@@ -62,8 +62,8 @@ pub struct Stepper<'p, Y> {
     /// The state at the beginning of the last step.
     y: Y,
     last: Option<Made<Y>>,
-    /// The slope at `t`, where it is known and not among those of the last step.
-    slope: Option<Y>,
+    /// The derivative at `t`, where it is known and not among those of the last step.
+    derivative: Option<Y>,
     memory: Memory,
     /// Size of the next attempt; none before the first.
     size: Option<f64>,
@@ -79,7 +79,7 @@ impl<'p, Y: State> Stepper<'p, Y> {
         problem.check()?;
         let memory = Memory::new(&problem.control, problem.tableau.order);
         let (t, stats) = (problem.span[0], Stats::default());
-        Ok(Self { problem, t, y, last: None, slope: None, memory, size: None, stats })
+        Ok(Self { problem, t, y, last: None, derivative: None, memory, size: None, stats })
     }
 
     /// The time reached.
@@ -104,14 +104,14 @@ impl<'p, Y: State> Stepper<'p, Y> {
 
     /// The step made last.
     pub fn last_step(&self) -> Option<Step<'_, Y>> {
-        let Made { times, after, slopes } = self.last.as_ref()?;
-        Some(Step { times: *times, before: &self.y, after, slopes })
+        let Made { times, after, derivatives } = self.last.as_ref()?;
+        Some(Step { times: *times, before: &self.y, after, derivatives })
     }
 
     /// Makes one step; none at the end.
     ///
     /// # Errors
-    /// Underflow of the step size, too many attempts, or a state or slope that is not finite. The stepper stays at the
+    /// Underflow of the step size, too many attempts, or a state or derivative that is not finite. The stepper stays at the
     /// last good state.
     pub fn advance(
         &mut self,
@@ -122,9 +122,9 @@ impl<'p, Y: State> Stepper<'p, Y> {
         }
         self.settle();
         let tolerance = self.problem.control.tolerance();
-        if self.slope.is_none() {
+        if self.derivative.is_none() {
             self.stats.evaluations += 1;
-            self.slope = Some(field(self.t, &self.y));
+            self.derivative = Some(field(self.t, &self.y));
         }
         if self.size.is_none() {
             self.size = Some(self.first(field)?);
@@ -134,11 +134,11 @@ impl<'p, Y: State> Stepper<'p, Y> {
             let size = self.size.expect("decided above");
             let next = self.next_time(size);
             self.check_limits(size, next, failure)?;
-            let (times, slope) = ([self.t, next], self.slope.take());
-            let attempt = self.problem.tableau.attempt(field, times, &self.y, slope, true);
+            let (times, derivative) = ([self.t, next], self.derivative.take());
+            let attempt = self.problem.tableau.attempt(field, times, &self.y, derivative, true);
             self.stats.evaluations += attempt.evaluations;
             let finite = is_finite(&attempt.after);
-            failure = (!finite).then(|| self.non_finite(&attempt.slopes));
+            failure = (!finite).then(|| self.non_finite(&attempt.derivatives));
             let error = match (tolerance, &failure) {
                 (None, Some(failure)) => return Err(failure.clone()),
                 (None, None) => 0.0,
@@ -150,14 +150,14 @@ impl<'p, Y: State> Stepper<'p, Y> {
                     self.size = Some(following);
                     self.stats.accepted += 1;
                     self.t = next;
-                    let Attempt { after, slopes, .. } = attempt;
-                    self.last = Some(Made { times, after, slopes });
+                    let Attempt { after, derivatives, .. } = attempt;
+                    self.last = Some(Made { times, after, derivatives });
                     return Ok(self.last_step());
                 }
                 Verdict::Reject { retry } => {
                     self.stats.rejected += 1;
                     self.size = Some(retry);
-                    self.slope = attempt.slopes.into_iter().next();
+                    self.derivative = attempt.derivatives.into_iter().next();
                 }
             }
         }
@@ -171,13 +171,13 @@ impl<'p, Y: State> Stepper<'p, Y> {
         if time == to {
             return last.after.clone();
         }
-        if self.slope.is_none() && !tableau.is_fsal() {
+        if self.derivative.is_none() && !tableau.is_fsal() {
             // The next step begins with it, so it is not lost.
             self.stats.evaluations += 1;
-            self.slope = Some(field(to, &last.after));
+            self.derivative = Some(field(to, &last.after));
         }
         let theta = (time - from) / (to - from);
-        tableau.interpolate(theta, to - from, &self.y, &last.slopes, self.slope.as_ref())
+        tableau.interpolate(theta, to - from, &self.y, &last.derivatives, self.derivative.as_ref())
     }
 
     /// Makes the end of the last step the beginning of the next.
@@ -185,13 +185,13 @@ impl<'p, Y: State> Stepper<'p, Y> {
         if let Some(mut last) = self.last.take() {
             self.y = last.after;
             if self.problem.tableau.is_fsal() {
-                self.slope = last.slopes.pop();
+                self.derivative = last.derivatives.pop();
             }
         }
     }
 
     fn error(&self, times: [f64; 2], attempt: &Attempt<Y>, tolerance: Tolerance) -> f64 {
-        let error = self.problem.tableau.error_of(times[1] - times[0], &attempt.slopes);
+        let error = self.problem.tableau.error_of(times[1] - times[0], &attempt.derivatives);
         let error = error.expect("the problem was checked for it");
         Y::error_squares(&error, &self.y, &attempt.after, tolerance).rms()
     }
@@ -234,8 +234,9 @@ impl<'p, Y: State> Stepper<'p, Y> {
         Ok(())
     }
 
-    fn non_finite(&self, slopes: &[Y]) -> SolveError {
-        let stage = slopes.iter().position(|slope| !is_finite(slope)).map(|stage| stage + 1);
+    fn non_finite(&self, derivatives: &[Y]) -> SolveError {
+        let stage =
+            derivatives.iter().position(|derivative| !is_finite(derivative)).map(|stage| stage + 1);
         SolveError::NonFinite { t: self.t, stage }
     }
 
@@ -245,7 +246,7 @@ impl<'p, Y: State> Stepper<'p, Y> {
         }
         let tolerance =
             self.problem.control.tolerance().expect("only what follows the error guesses");
-        if !self.slope.as_ref().is_some_and(is_finite) {
+        if !self.derivative.as_ref().is_some_and(is_finite) {
             return Err(SolveError::NonFinite { t: self.t, stage: Some(1) });
         }
         Ok(self.guess(field, tolerance))
@@ -254,17 +255,17 @@ impl<'p, Y: State> Stepper<'p, Y> {
     /// A first step whose error is about a hundredth of the tolerance (Hairer, Nørsett, Wanner 1993, II.4).
     fn guess(&mut self, field: &mut impl FnMut(f64, &Y) -> Y, tolerance: Tolerance) -> f64 {
         let (y, direction) = (&self.y, self.problem.direction());
-        let slope = self.slope.as_ref().expect("known before the first step");
+        let derivative = self.derivative.as_ref().expect("known before the first step");
         let norm = |x: &Y| Y::error_squares(x, y, y, tolerance).rms();
-        let (of_state, of_slope) = (norm(y), norm(slope));
+        let (of_state, of_derivative) = (norm(y), norm(derivative));
         let least = 1e-6 * (self.problem.span[1] - self.problem.span[0]).abs();
-        let small = of_state < 1e-5 || of_slope < 1e-5;
-        let trial = if small { least } else { 0.01 * of_state / of_slope };
-        let there = Y::lincomb(&[(1.0, y), (direction * trial, slope)]);
+        let small = of_state < 1e-5 || of_derivative < 1e-5;
+        let trial = if small { least } else { 0.01 * of_state / of_derivative };
+        let there = Y::lincomb(&[(1.0, y), (direction * trial, derivative)]);
         self.stats.evaluations += 1;
         let bent = field(self.t + direction * trial, &there);
-        let curvature = norm(&Y::lincomb(&[(1.0, &bent), (-1.0, slope)])) / trial;
-        let largest = of_slope.max(curvature);
+        let curvature = norm(&Y::lincomb(&[(1.0, &bent), (-1.0, derivative)])) / trial;
+        let largest = of_derivative.max(curvature);
         let order = self.problem.tableau.order as f64;
         let by_curvature = if largest <= 1e-15 {
             (trial * 1e-3).max(least)

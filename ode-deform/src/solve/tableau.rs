@@ -35,8 +35,8 @@ pub struct Tableau {
 pub struct Attempt<Y> {
     /// The state at the end.
     pub after: Y,
-    /// The slopes at the stages.
-    pub slopes: Vec<Y>,
+    /// The derivatives at the stages.
+    pub derivatives: Vec<Y>,
     /// How often the field was evaluated.
     pub evaluations: usize,
 }
@@ -78,7 +78,7 @@ impl Tableau {
 
     /// One step from `t` to `next`: manual stepping.
     ///
-    /// `first` is the slope at `t`, if it is known. With `closing` false the slope at the end of a step whose last
+    /// `first` is the derivative at `t`, if it is known. With `closing` false the derivative at the end of a step whose last
     /// stage is the first of the next is left out: the state does not depend on it.
     pub fn attempt<Y: State>(
         &self,
@@ -90,34 +90,34 @@ impl Tableau {
     ) -> Attempt<Y> {
         let (h, fsal) = (next - t, self.is_fsal());
         let mut evaluations = usize::from(first.is_none());
-        let mut slopes = Vec::with_capacity(self.stages());
-        slopes.push(first.unwrap_or_else(|| field(t, y)));
+        let mut derivatives = Vec::with_capacity(self.stages());
+        derivatives.push(first.unwrap_or_else(|| field(t, y)));
         for stage in 1..self.stages() {
-            let at = shifted(y, h, self.a[stage], &slopes);
+            let at = shifted(y, h, self.a[stage], &derivatives);
             let last = fsal && stage + 1 == self.stages();
             if !last || closing {
                 // Rounded otherwise than `next`, the last stage would not be the first of the next step.
                 let time = if self.c[stage] == 1.0 { next } else { t + self.c[stage] * h };
-                slopes.push(field(time, &at));
+                derivatives.push(field(time, &at));
                 evaluations += 1;
             }
             if last {
-                return Attempt { after: at, slopes, evaluations };
+                return Attempt { after: at, derivatives, evaluations };
             }
         }
-        Attempt { after: shifted(y, h, self.b, &slopes), slopes, evaluations }
+        Attempt { after: shifted(y, h, self.b, &derivatives), derivatives, evaluations }
     }
 
     /// The estimated error of a step of size `h`, if the method has an estimate.
-    pub fn error_of<Y: State>(&self, h: f64, slopes: &[Y]) -> Option<Y> {
+    pub fn error_of<Y: State>(&self, h: f64, derivatives: &[Y]) -> Option<Y> {
         let weights = self.error?;
-        Some(Y::lincomb(&weighted(h, weights, slopes)))
+        Some(Y::lincomb(&weighted(h, weights, derivatives)))
     }
 
-    /// The state at `t + θ h`, `θ` in `[0, 1]`: the cubic through both ends with their slopes, and for Dormand-Prince
+    /// The state at `t + θ h`, `θ` in `[0, 1]`: the cubic through both ends with their derivatives, and for Dormand-Prince
     /// its own quartic.
     ///
-    /// `end` is the slope at the end of the step; none is needed where the last stage lies there.
+    /// `end` is the derivative at the end of the step; none is needed where the last stage lies there.
     ///
     /// # References
     /// Hairer, Nørsett, Wanner 1993, *Solving Ordinary Differential Equations I*, II.6.
@@ -129,7 +129,7 @@ impl Tableau {
         theta: f64,
         h: f64,
         before: &Y,
-        slopes: &[Y],
+        derivatives: &[Y],
         end: Option<&Y>,
     ) -> Y {
         let rest = 1.0 - theta;
@@ -146,24 +146,24 @@ impl Tableau {
             weights[self.stages() - 1] += closing;
         }
         let mut terms = vec![(1.0, before)];
-        terms.extend(weighted(h, &weights, slopes));
+        terms.extend(weighted(h, &weights, derivatives));
         if !self.is_fsal() {
-            terms.push((h * closing, end.expect("the slope at the end of the step")));
+            terms.push((h * closing, end.expect("the derivative at the end of the step")));
         }
         Y::lincomb(&terms)
     }
 }
 
 /// `y + h Σ w k`.
-fn shifted<Y: State>(y: &Y, h: f64, weights: &[f64], slopes: &[Y]) -> Y {
-    let mut terms = Vec::with_capacity(slopes.len() + 1);
+fn shifted<Y: State>(y: &Y, h: f64, weights: &[f64], derivatives: &[Y]) -> Y {
+    let mut terms = Vec::with_capacity(derivatives.len() + 1);
     terms.push((1.0, y));
-    terms.extend(weighted(h, weights, slopes));
+    terms.extend(weighted(h, weights, derivatives));
     Y::lincomb(&terms)
 }
 
 /// Those terms `(h w, k)` whose weight is not zero.
-fn weighted<'y, Y>(h: f64, weights: &[f64], slopes: &'y [Y]) -> Vec<(f64, &'y Y)> {
-    let all = weights.iter().zip(slopes);
+fn weighted<'y, Y>(h: f64, weights: &[f64], derivatives: &'y [Y]) -> Vec<(f64, &'y Y)> {
+    let all = weights.iter().zip(derivatives);
     all.filter(|(w, _)| **w != 0.0).map(|(w, k)| (h * w, k)).collect()
 }

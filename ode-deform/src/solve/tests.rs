@@ -70,7 +70,7 @@ fn tableaux_satisfy_the_conditions_of_their_order_and_of_no_higher() {
             check(&embedded, t.order - 1, "embedded weights");
         }
         if let Some(dense) = t.dense {
-            assert!(dense.iter().sum::<f64>().abs() < 1e-13, "a constant slope stays one");
+            assert!(dense.iter().sum::<f64>().abs() < 1e-13, "a constant derivative stays one");
         }
         assert_eq!(t.is_fsal(), ["bosh3", "dopri5"].contains(&t.name));
         assert_eq!(Tableau::named(t.name), Some(t));
@@ -117,8 +117,12 @@ fn observed_orders_are_those_of_the_tableaux() {
             let worst = errors.map(|(&at, y)| distance(y, &driven_truth(at))).fold(0.0, f64::max);
             between.push((h, worst));
         }
-        let (slope, dense) = (regress(&ends), regress(&between));
-        assert!((slope - t.order as f64).abs() < 0.3, "{}: observed order {slope}", t.name);
+        let (derivative, dense) = (regress(&ends), regress(&between));
+        assert!(
+            (derivative - t.order as f64).abs() < 0.3,
+            "{}: observed order {derivative}",
+            t.name
+        );
         // The cubic has order 3 in itself, which means an error of fourth order at the step's scale.
         let expected = if t.dense.is_some() { t.order as f64 } else { t.order.min(4) as f64 };
         assert!((dense - expected).abs() < 0.35, "{} between: observed order {dense}", t.name);
@@ -291,7 +295,7 @@ fn every_error_says_the_remedy() {
     .unwrap_err();
     assert_eq!(error, SolveError::NonFinite { t: 0.4, stage: Some(2) });
     assert!(
-        error.to_string().contains("slope of stage 2 at t = 0.4")
+        error.to_string().contains("derivative of stage 2 at t = 0.4")
             && error.to_string().contains("smaller steps")
     );
     let error =
@@ -367,7 +371,7 @@ fn evaluations_are_counted_as_they_are_made() {
         let problem = Problem::new([0.0, 1.0], t, fixed(0.1)).save_at([0.55, 1.0]);
         let solution = solve(field, driven_truth(0.0), &problem).unwrap();
         assert_eq!(solution.stats.evaluations, calls);
-        // The slope at the end of a step, for the asked time, is the first of the next.
+        // The derivative at the end of a step, for the asked time, is the first of the next.
         assert_eq!(calls, usize::from(t.is_fsal()) + 10 * t.evaluations_per_step(), "{}", t.name);
     }
 }

@@ -1,6 +1,6 @@
-//! The vertex colours that best explain all pictures at once.
+//! The vertex colours that best explain all images at once.
 //!
-//! A picture of a mesh with fixed shape is linear in its vertex colours: each pixel is the
+//! An image of a mesh with fixed shape is linear in its vertex colours: each pixel is the
 //! barycentric mix of three of them. The best colours are the solution of one weighted linear
 //! least squares problem over all pixels of all views. Its matrix has an entry per vertex and one per
 //! edge, so it is summed pixel by pixel and solved by conjugate gradients in milliseconds; what

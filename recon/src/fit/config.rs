@@ -38,7 +38,7 @@ pub struct FitConfig {
     /// How far they slide, 0 to 1 of the way to their neighbours' centre. Default 0.3.
     pub relax: f32,
     /// How far from a mask's edge its pull still grows, as a share of the object's size in that
-    /// picture. Default 0.15.
+    /// image. Default 0.15.
     pub reach: f32,
     /// Blur of the masks' signed distance in pixels: what makes their edges known between pixels.
     /// Default 1.
@@ -49,7 +49,7 @@ pub struct FitConfig {
     /// Where colours are kept: `"vertex"`, or `"texture"`, which has them per vertex as well.
     /// Default `"vertex"`.
     pub color: ColorKind,
-    /// Side of the texture in pixels, 64 to 8192, or 0: as fine as the pictures. Default 0.
+    /// Side of the texture in pixels, 64 to 8192, or 0: as fine as the images. Default 0.
     pub texture_size: usize,
 }
 

@@ -16,7 +16,7 @@ pub enum FitError {
         /// How many views there were.
         views: usize,
     },
-    /// A view's picture, mask and camera disagree in size.
+    /// A view's image, mask and camera disagree in size.
     #[error(
         "view {view}: {field} is {found:?} (height, width), but the camera's image is {expected:?}"
     )]

@@ -1,10 +1,10 @@
-//! `fit`: one object from its pictures, by optimising one mesh until its pictures agree.
+//! `fit`: one object from its images, by optimising one mesh until its images agree.
 //!
 //! A sphere is placed where the masks allow an object ([`Placement`]), and moved by small steps
 //! until its outline in every view lies on the edge of that view's mask: coarse first, then with
 //! each face in four. Where the object is too slender for that, a ball is first grown inside the
 //! visual hull (the private module `hull` says how). Colours are then the ones that best explain all
-//! pictures at once.
+//! images at once.
 //!
 //! What keeps the surface whole: steps are preconditioned by `(I + lambda L)^-1`, so that a pull
 //! on one vertex moves its neighbourhood; a weak bending energy; vertices that slide along the
@@ -12,7 +12,7 @@
 //! surface still passes through itself.
 //!
 //! The outline of a closed mesh is found without drawing it (the private module `outline` says
-//! how), at sub-pixel level and in time that follows its length rather than the picture's size.
+//! how), at sub-pixel level and in time that follows its length rather than the image's size.
 //! That is why a step can afford all views, and why there is no noise to average away.
 //!
 //! ```
@@ -22,7 +22,7 @@
 //! use recon::fit::{FitConfig, fit};
 //! use synth::{Orbit, RenderOptions, render_views};
 //!
-//! // Twelve pictures of a red ellipsoid.
+//! // Twelve images of a red ellipsoid.
 //! let object = primitives::icosphere(3).scaled([1.0, 0.6, 0.8]).colored([0.8, 0.1, 0.1]);
 //! let cameras = Orbit { count: 12, width: 48, height: 48, ..Orbit::default() }.cameras();
 //! let views = render_views(&object, &cameras, &RenderOptions::default(), &|_, _| {})?;

@@ -85,7 +85,7 @@ impl Measure {
 /// lies on the mask's edge, points outwards wherever the mask goes on and inwards where it does not,
 /// whatever the distance, and grows with the distance up to the target's reach. The integral along the
 /// outline is taken at its crossings with every `stride`-th row, weighted by `|n_x|`, and column,
-/// weighted by `|n_y|`: together one sample per pixel of arc length, whatever the slope.
+/// weighted by `|n_y|`: together one sample per pixel of arc length, whatever the derivative.
 ///
 /// `None`, and nothing added, when a vertex is not in front of the camera.
 ///
@@ -114,12 +114,12 @@ pub(super) fn outline(
             let across = 1 - axis;
             let line = crossing.line as f32 + 0.5;
             let t = (line - a[across]) / (b[across] - a[across]);
-            let slope = (b[axis] - a[axis]) / (b[across] - a[across]);
+            let derivative = (b[axis] - a[axis]) / (b[across] - a[across]);
             // Outward unit normal: along the line, and across it.
-            let along = outward / (1.0 + slope * slope).sqrt();
+            let along = outward / (1.0 + derivative * derivative).sqrt();
             let mut normal = [0.0; 2];
             normal[axis] = along;
-            normal[across] = -slope * along;
+            normal[across] = -derivative * along;
             let point = if axis == 0 { [crossing.at, line] } else { [line, crossing.at] };
             let distance = target.distance(point[0], point[1]);
             if distance < 0.0 && !(0.0..=limit as f32).contains(&crossing.at) {
@@ -194,12 +194,12 @@ fn cross(edges: &Edges, axis: usize, lines: usize, stride: usize, scratch: &mut 
         if begin >= end {
             continue;
         }
-        let slope = (b[axis] - a[axis]) / (b[across] - a[across]);
+        let derivative = (b[axis] - a[axis]) / (b[across] - a[across]);
         let along_front = front[first as usize] == edges.forward[e as usize];
         let layers = if upwards == along_front { 1 } else { -1 };
         let mut line = begin + (phase + stride - begin % stride) % stride;
         while line < end {
-            let at = a[axis] + (line as f32 + 0.5 - a[across]) * slope;
+            let at = a[axis] + (line as f32 + 0.5 - a[across]) * derivative;
             crossings.push(Crossing { line: line as u32, edge: e, at, layers });
             starts[line] += 1;
             line += stride;

@@ -7,7 +7,7 @@ use super::distance::signed_distance;
 /// One view as the shape sees it: the mask's signed distance around the object, and the camera.
 ///
 /// Only the box around the object is kept, so that memory and time follow the object's size in
-/// the picture rather than the picture's.
+/// the image rather than the image's.
 #[derive(Clone, Debug)]
 pub(super) struct Target {
     /// What the view is called in its source.
@@ -157,7 +157,7 @@ impl Target {
     }
 
     /// How many lines apart the outline is sampled so that an edge of this length is met about four
-    /// times: large pictures cost a coarse mesh no more than small ones.
+    /// times: large images cost a coarse mesh no more than small ones.
     pub(super) fn lines_between_samples(&self, edge: f32) -> usize {
         let depth = self.project([0.0; 3])[2];
         let pixels = edge * self.pixels_per_unit(depth);

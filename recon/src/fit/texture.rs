@@ -31,7 +31,7 @@ fn side_for(targets: &[Target], positions: &[[f32; 3]], faces: &[[u32; 3]]) -> u
 /// mesh is in front. In a second round views that differ from the mean of the first count less:
 /// highlights are in few views.
 ///
-/// A `side` of 0 gives an edge as many texels as it has pixels in the picture that is nearest.
+/// A `side` of 0 gives an edge as many texels as it has pixels in the image that is nearest.
 /// `None` if `side` has no room for the faces. `views` and `targets` correspond.
 pub(super) fn bake(
     views: &[&View],
@@ -129,7 +129,7 @@ fn seen(sight: &Sight, target: &Target, view: &View, q: [f32; 3]) -> Option<([f3
     if !within || inside <= 0.0 {
         return None;
     }
-    // A pixel's depth is the surface's within what the surface can slope in a pixel and a half.
+    // A pixel's depth is the surface's within what the surface can derivative in a pixel and a half.
     let nearest = row as usize * target.width + column as usize;
     let slack = 3.0 * target.depth_per_unit() / target.pixels_per_unit(depth);
     if depth > sight.fragments.depth[nearest] + slack {

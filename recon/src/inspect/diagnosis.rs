@@ -98,7 +98,7 @@ fn points_in(eyes: &[Eye], points: &[[f32; 3]]) -> Vec<Landing> {
                     ];
                 }
             }
-            // What is outside of the picture has no mask to agree with.
+            // What is outside of the image has no mask to agree with.
             let (w, h) = (eye.camera.width as f64, eye.camera.height as f64);
             let landed = [
                 landed[0].clamp(0.0, w),

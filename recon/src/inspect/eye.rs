@@ -12,11 +12,11 @@ const LONGEST: usize = 192;
 pub(crate) enum Reading {
     /// As they are.
     AsGiven,
-    /// The pictures are upside down.
+    /// The images are upside down.
     FlippedY,
-    /// The pictures are mirrored.
+    /// The images are mirrored.
     FlippedX,
-    /// The pictures are turned by half.
+    /// The images are turned by half.
     Turned,
     /// The cameras' axes are y down, z forward.
     OpenCvAxes,
@@ -37,7 +37,7 @@ pub(crate) struct Eye {
     mask: Vec<bool>,
     /// The mask and the pixels next to it: what rounding may have taken away.
     grown: Vec<bool>,
-    /// Whether the object leaves the picture, so that what is outside is not known.
+    /// Whether the object leaves the image, so that what is outside is not known.
     open: bool,
 }
 
@@ -72,7 +72,7 @@ impl Eye {
         Self { rows: camera.projection(), camera, mask, grown, open }
     }
 
-    /// The same picture under another reading.
+    /// The same image under another reading.
     pub(crate) fn under(&self, reading: Reading) -> Self {
         let (h, w) = (self.camera.height, self.camera.width);
         let mut camera = self.camera.clone();
@@ -110,7 +110,7 @@ impl Eye {
         Self::from_parts(camera, mask)
     }
 
-    /// Whether a point may be of the object, for all that this picture says.
+    /// Whether a point may be of the object, for all that this image says.
     pub(crate) fn allows(&self, p: [f64; 3]) -> bool {
         let [x, y, depth] = self.rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3]);
         let over = if self.camera.is_perspective() {
@@ -130,7 +130,7 @@ impl Eye {
         }
     }
 
-    /// Whether the object touches the border of the picture.
+    /// Whether the object touches the border of the image.
     pub(crate) fn is_open(&self) -> bool {
         self.open
     }
@@ -144,7 +144,7 @@ impl Eye {
         (across + down) as f64 / (2 * (w + h)) as f64
     }
 
-    /// At most so many pixels of the mask, evenly spread, as positions in the picture.
+    /// At most so many pixels of the mask, evenly spread, as positions in the image.
     pub(crate) fn pixels(&self, most: usize) -> Vec<[f64; 2]> {
         let w = self.camera.width;
         let inside: Vec<usize> = (0..self.mask.len()).filter(|&k| self.mask[k]).collect();

@@ -2,7 +2,7 @@
 //!
 //! Cameras are judged by the visual hull: the body that all masks allow covers every mask if the
 //! cameras are right, and less where they are not. Where the true surface is known, its points
-//! must land in the masks, which is the stronger check. Suppositions (pictures upside down, axes
+//! must land in the masks, which is the stronger check. Suppositions (images upside down, axes
 //! of another tool, another focal length) are tried, and one is named where it explains clearly
 //! more than the files do as they are.
 //!
@@ -93,13 +93,13 @@ pub struct ObjectInspection {
     pub name: String,
     /// How many views were read.
     pub views: usize,
-    /// Widths of the pictures.
+    /// Widths of the images.
     pub width: [usize; 2],
-    /// Heights of the pictures.
+    /// Heights of the images.
     pub height: [usize; 2],
     /// Bytes of the colours inside the masks.
     pub colors: [u8; 2],
-    /// Share of a picture that the object covers.
+    /// Share of an image that the object covers.
     pub coverage: [f64; 2],
     /// Horizontal angles of view, degrees; none for parallel rays.
     pub fov: Option<[f64; 2]>,
@@ -139,7 +139,7 @@ pub struct ObjectInspection {
 ///
 /// # Cost
 /// About a second for an object of a hundred views, most of it for the suppositions that are
-/// tried; the pictures of one object are in memory at a time.
+/// tried; the images of one object are in memory at a time.
 pub fn inspect(
     dataset: &dyn Dataset,
     most_objects: usize,

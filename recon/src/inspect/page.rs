@@ -1,4 +1,4 @@
-//! An inspection as a page that carries all it shows, with its pictures beside it.
+//! An inspection as a page that carries all it shows, with its images beside it.
 
 use std::fmt::Write as _;
 

@@ -7,9 +7,9 @@ use mesh_core::{ByteImage, Camera, VoxelGrid};
 
 use super::hull::Ball;
 
-/// Longest side of a picture on the sheet.
+/// Longest side of an image on the sheet.
 const TILE: usize = 144;
-/// Pictures on the sheet; of more, evenly chosen ones.
+/// Images on the sheet; of more, evenly chosen ones.
 const MOST_TILES: usize = 48;
 /// Side of one drawing of the cameras.
 const PANEL: f64 = 420.0;

@@ -1,11 +1,11 @@
-//! Two losses over the steps of their trainings, in one picture.
+//! Two losses over the steps of their trainings, in one image.
 
 use std::path::Path;
 
 use mesh_core::ByteImage;
 use train::RunFolder;
 
-/// Size of the picture, pixels.
+/// Size of the image, pixels.
 const SIZE: [usize; 2] = [240, 420];
 /// Pixels around the curves.
 const MARGIN: usize = 12;

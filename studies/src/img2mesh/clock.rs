@@ -125,7 +125,7 @@ fn counted(config: &Config) -> f64 {
     Img2Mesh::check(&config.system).map_or(0, |summary| summary.trainable) as f64 / 1e6
 }
 
-/// From pictures in memory to the mesh, the median.
+/// From images in memory to the mesh, the median.
 fn predict_millis(system: &Img2Mesh, data: &Data) -> Result<f64, StudyError> {
     let sample = system.scored_sample(data)?;
     let mut times = Vec::with_capacity(TIMED);

@@ -93,7 +93,7 @@ pub(super) fn adaptively(
     Ok(rows)
 }
 
-/// How far the true surface of each scored picture is from the ellipsoid: Pixel2Mesh's Chamfer distance.
+/// How far the true surface of each scored image is from the ellipsoid: Pixel2Mesh's Chamfer distance.
 fn complexities(
     system: &OdePixel2Mesh,
     data: &Pairs,

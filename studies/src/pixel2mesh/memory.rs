@@ -123,10 +123,10 @@ impl Study for MemoryStudy {
         let all = |column: &str| -> Vec<f64> { counts.iter().map(|&n| value(n, column)).collect() };
         let (flat, grows) = (all("checkpointed, MB"), all("direct, MB"));
         let (first, last) = (flat[0], flat[flat.len() - 1]);
-        let slope = |i: usize| (grows[i + 1] - grows[i]) / (counts[i + 1] - counts[i]) as f64;
-        let slopes: Vec<f64> = (0..counts.len() - 1).map(slope).collect();
-        let least = slopes.iter().copied().fold(f64::INFINITY, f64::min);
-        let most = slopes.iter().copied().fold(0.0, f64::max);
+        let derivative = |i: usize| (grows[i + 1] - grows[i]) / (counts[i + 1] - counts[i]) as f64;
+        let derivatives: Vec<f64> = (0..counts.len() - 1).map(derivative).collect();
+        let least = derivatives.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = derivatives.iter().copied().fold(0.0, f64::max);
         let same = all("log10 of their difference").into_iter().fold(f64::NEG_INFINITY, f64::max);
         let backsolve = all("log10 of Backsolve's error");
         vec![

@@ -21,14 +21,14 @@ pub struct GenerateConfig {
     pub cameras: CameraSet,
     /// Views of each object. Default 24.
     pub views: usize,
-    /// Width of the pictures. Default 137.
+    /// Width of the images. Default 137.
     pub width: usize,
-    /// Height of the pictures. Default 137.
+    /// Height of the images. Default 137.
     pub height: usize,
     /// Where the principal point is off the middle, as a share of width and height: right and
     /// down. Only `transforms.json` can say it. Default 0, 0.
     pub principal: [f64; 2],
-    /// What is behind the object, sRGB; under alpha 0 where pictures have alpha. Default black.
+    /// What is behind the object, sRGB; under alpha 0 where images have alpha. Default black.
     pub background: [f32; 3],
     /// Samples per pixel and axis; odd. Default 3.
     pub supersample: usize,
@@ -175,7 +175,7 @@ impl GenerateConfig {
         wrong
     }
 
-    /// How pictures are drawn.
+    /// How images are drawn.
     pub(super) fn render_options(&self) -> RenderOptions {
         RenderOptions {
             lighting: self.lighting.clone(),

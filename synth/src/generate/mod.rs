@@ -1,4 +1,4 @@
-//! Datasets of our own making: objects, pictures, truth, in layouts that others read too.
+//! Datasets of our own making: objects, images, truth, in layouts that others read too.
 //!
 //! ```
 //! use synth::shapes::Family;
@@ -48,7 +48,7 @@
 //!
 //! In 3D-R2N2's layout objects stand where [`datasets::r2n2`] says, under ShapeNet's synsets, with
 //! points, voxels and meshes; `NN_monocular.exr`, `object.json` and `rough_poses.json` are beside
-//! the pictures.
+//! the images.
 //!
 //! # Promises
 //!
@@ -147,7 +147,7 @@ pub enum GenerateError {
     /// Views cannot be written.
     #[error(transparent)]
     Views(#[from] WriteViewsError),
-    /// A mesh, a picture or a table cannot be written.
+    /// A mesh, an image or a table cannot be written.
     #[error(transparent)]
     File(#[from] mesh_core::WriteError),
     /// The file system refused.
@@ -178,7 +178,7 @@ impl GenerateError {
 /// faces are wrong; files that cannot be written.
 ///
 /// # Cost
-/// Dominated by drawing: about 5 ms per core for a view of 137 x 137. Memory: the pictures of one
+/// Dominated by drawing: about 5 ms per core for a view of 137 x 137. Memory: the images of one
 /// object per thread.
 pub fn generate(
     config: &GenerateConfig,

@@ -46,7 +46,7 @@ pub enum ReadModelError {
     },
 }
 
-/// Refuses what would make pictures of nothing.
+/// Refuses what would make images of nothing.
 fn check(path: &Path, mesh: &TriMesh) -> Result<(), ReadModelError> {
     let path = path.to_owned();
     if mesh.faces.is_empty() {

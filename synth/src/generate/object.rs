@@ -1,4 +1,4 @@
-//! One object of a dataset: its mesh, its cameras, its pictures.
+//! One object of a dataset: its mesh, its cameras, its images.
 
 use diff_raster::FacesError;
 use mesh_core::nalgebra::{Rotation3, Vector3};
@@ -255,7 +255,7 @@ fn nearest(config: &GenerateConfig, fov_y: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Whatever the shape of the picture, every vertex is in it.
+    /// Whatever the shape of the image, every vertex is in it.
     #[test]
     fn objects_are_in_view() {
         let mesh = Family::Chair.draw(3).mesh().scaled([3.0; 3]).translated([1.0, -2.0, 0.5]);

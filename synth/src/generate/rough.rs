@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::RoughPose;
 
-/// The file's name, in the folder of the pictures.
+/// The file's name, in the folder of the images.
 pub(super) const FILE: &str = "rough_poses.json";
 
 /// Matrices are camera to world with OpenGL's axes; lengths of the lens are pixels.
@@ -49,7 +49,7 @@ pub(super) fn text(pairs: &[(&Camera, &Camera)]) -> String {
     serde_json::to_string_pretty(&entries).expect("numbers and names")
 }
 
-/// Reads the poses of a photo collection from the folder of its pictures, in their order.
+/// Reads the poses of a photo collection from the folder of its images, in their order.
 ///
 /// # Errors
 /// If the file is missing or is not as `generate` writes it.

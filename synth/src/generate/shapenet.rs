@@ -10,7 +10,7 @@ use super::config::GenerateConfig;
 use super::object::{Made, ObjectInfo};
 use super::store::{put, put_rough};
 
-/// Folders of the layout that hold an object's files, the one with the pictures last.
+/// Folders of the layout that hold an object's files, the one with the images last.
 pub(super) const PARTS: [&str; 3] = ["ShapeNetVox32", "ShapeNetCore.v1", "ShapeNetRendering"];
 
 /// Writes an object below a root; `pictures` is the folder of its renderings there.

@@ -10,9 +10,9 @@ use crate::{Lighting, RenderOptions, render_views};
 
 /// Objects of a category that are shown.
 const COLUMNS: usize = 8;
-/// Width and height of each picture.
+/// Width and height of each image.
 const SIDE: usize = 160;
-/// Pixels between pictures.
+/// Pixels between images.
 const GAP: usize = 4;
 const BACKDROP: [f32; 3] = [0.92; 3];
 

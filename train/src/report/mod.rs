@@ -77,7 +77,7 @@ pub struct Table {
 impl Report {
     /// The page.
     ///
-    /// Its size is that of the scene (about 60 bytes a vertex in all) and the PNGs; pictures should be
+    /// Its size is that of the scene (about 60 bytes a vertex in all) and the PNGs; images should be
     /// at most a few hundred pixels wide. All texts are escaped.
     pub fn to_html(&self) -> String {
         let mut page = String::with_capacity(1 << 20);

@@ -1,10 +1,10 @@
-//! Model above truth, as one picture.
+//! Model above truth, as one image.
 
 use mesh_core::ByteImage;
 
 use super::ViewPair;
 
-/// Pictures in a sheet; more make it wide, not clearer.
+/// Images in a sheet; more make it wide, not clearer.
 const MOST_PICTURES: usize = 9;
 
 /// The model above the truth, pair beside pair, all as high as the first.

@@ -26,9 +26,9 @@ const OBJECTS: usize = 12;
 pub(super) struct Options {
     pub(super) hidden: usize,
     pub(super) dropout: f64,
-    /// The object whose picture is not a number, if any.
+    /// The object whose image is not a number, if any.
     pub(super) poisoned: i64,
-    /// The object whose picture cannot be read, if any.
+    /// The object whose image cannot be read, if any.
     pub(super) unreadable: i64,
     /// The object whose loss has no value, if any.
     pub(super) unsolved: i64,

@@ -1,4 +1,4 @@
-//! `unsphere data depth`: the disparity of pictures, by a network in ONNX's form.
+//! `unsphere data depth`: the disparity of images, by a network in ONNX's form.
 
 use crate::args::Depth;
 use crate::console::Console;
@@ -46,7 +46,7 @@ mod estimate {
         file: String,
         /// The smallest and the largest disparity.
         range: [f32; 2],
-        /// Whether the object seems to stand on a floor; `null` where the picture has no mask.
+        /// Whether the object seems to stand on a floor; `null` where the image has no mask.
         floor: Option<bool>,
     }
 
@@ -100,7 +100,7 @@ mod estimate {
         text
     }
 
-    /// A name for each result: that of the picture without its extension.
+    /// A name for each result: that of the image without its extension.
     fn names(pictures: &[PathBuf]) -> Result<Vec<String>, Failure> {
         let mut seen = BTreeSet::new();
         let name = |path: &PathBuf| {

@@ -1,4 +1,4 @@
-//! COLMAP's sparse model with its pictures.
+//! COLMAP's sparse model with its images.
 
 mod binary;
 mod model;
@@ -26,7 +26,7 @@ pub use write::{ColmapForm, write_colmap};
 
 use model::{Model, ModelImage, robust_bounds};
 
-/// Models of tens of thousands of pictures fit.
+/// Models of tens of thousands of images fit.
 const MODEL_BYTES: u64 = 1 << 33;
 
 /// A sparse model and where its files are.
@@ -37,12 +37,12 @@ pub(crate) struct Project {
     form: ColmapForm,
     /// The folder that `images/` and `masks/` are in, with its slash, or nothing.
     base: String,
-    /// The folder of the pictures, with its slash.
+    /// The folder of the images, with its slash.
     images: String,
     model: Model,
 }
 
-/// Where the model is, its form, and in which folders its pictures may be.
+/// Where the model is, its form, and in which folders its images may be.
 type Found = (&'static str, ColmapForm);
 
 /// The model among the files of a source: binary before text, as COLMAP does.
@@ -80,7 +80,7 @@ impl Project {
         source.locate(&format!("{}{noun}.{}", self.folder, self.form.extension()))
     }
 
-    /// The views, in the natural order of the pictures' names.
+    /// The views, in the natural order of the images' names.
     pub(crate) fn list<'a>(
         &'a self,
         source: &'a Source,
@@ -124,7 +124,7 @@ impl Project {
         let field = format!("camera {} WIDTH, HEIGHT", image.camera);
         let camera = camera_of_size(camera, &picture, &files[0], &field)?;
         let stem = without_extension(&image.name);
-        // COLMAP's own masks append to the whole name of the picture.
+        // COLMAP's own masks append to the whole name of the image.
         let masks: Vec<String> = std::iter::once(format!("{}masks/{}.png", self.base, image.name))
             .chain(MASK_EXTENSIONS.map(|end| format!("{}masks/{stem}.{end}", self.base)))
             .collect();
@@ -179,9 +179,9 @@ fn depth_map(bytes: &[u8]) -> Option<DepthMap> {
     Some(DepthMap { height, width, data })
 }
 
-/// The folder with `images/` and `masks/`, and that of the pictures, each with its slash.
+/// The folder with `images/` and `masks/`, and that of the images, each with its slash.
 ///
-/// Where the folder of the model itself was opened, the pictures are above it.
+/// Where the folder of the model itself was opened, the images are above it.
 fn pictures(source: &Source, folder: &str, model: &Model) -> (String, String) {
     let bases: &[&str] = if folder.is_empty() { &["", "../", "../../"] } else { &[""] };
     let first = model.images.first().map_or("", |image| image.name.as_str());
@@ -191,7 +191,7 @@ fn pictures(source: &Source, folder: &str, model: &Model) -> (String, String) {
     ((*base).to_owned(), format!("{base}{images}"))
 }
 
-/// A COLMAP project: a sparse model with its pictures, as a dataset of one object.
+/// A COLMAP project: a sparse model with its images, as a dataset of one object.
 ///
 /// Views are those of [`crate::read_views`]; this type also offers the sparse points, which have
 /// no normals and so are not a [`crate::Truth`]. In a reconstruction of a scene they are on the

@@ -45,7 +45,7 @@ pub struct ColmapPoint {
     pub color: [u8; 3],
     /// Mean reprojection error, pixels; negative where COLMAP did not compute it.
     pub error: f64,
-    /// In how many pictures it was found.
+    /// In how many images it was found.
     pub observations: usize,
 }
 
@@ -106,7 +106,7 @@ impl Model {
 
 /// The box that holds the middle of the points along each axis; `None` without a finite point.
 ///
-/// Points found in fewer than three pictures are left out where enough others remain, then one
+/// Points found in fewer than three images are left out where enough others remain, then one
 /// percent at either end: COLMAP's models have strays far from everything.
 pub(crate) fn robust_bounds(points: &[ColmapPoint]) -> Option<[[f64; 3]; 2]> {
     let finite = |p: &&ColmapPoint| p.position.iter().all(|x| x.is_finite());

@@ -113,7 +113,7 @@ pub(super) fn images(bytes: &[u8], file: &Path, model: &mut Model) -> Result<(),
             return Err(line.wrong("NAME", line.text.trim(), "the name of the picture"));
         }
         model.images.push(ModelImage { id, quaternion, translation, camera, name });
-        // The points that the picture saw, which nothing here needs.
+        // The points that the image saw, which nothing here needs.
         lines.next();
     }
     Ok(())

@@ -1,13 +1,13 @@
 //! Pixel2Mesh's training samples (`.dat`) and its ellipsoid (`info_ellipsoid.dat`).
 //!
 //! A sample is a pickle, as Python 2 wrote it: in the original an array `[N, 6]` of points and
-//! normals, with the picture in a `.png` of the same name; in the PyTorch ports a list of the
-//! picture, bytes `[H, W, 3]` over white, and that array. Points are in the camera's frame (x right,
+//! normals, with the image in a `.png` of the same name; in the PyTorch ports a list of the
+//! image, bytes `[H, W, 3]` over white, and that array. Points are in the camera's frame (x right,
 //! y up, looking along -z), of the object scaled so that its distance is the metadata's ratio. So
 //! every sample is an entry of its own, `<model>/<view>`, with one view whose camera stands at the
 //! origin.
 //!
-//! Where a picture has no alpha the mask is what is not white. Some ports keep the channels in
+//! Where an image has no alpha the mask is what is not white. Some ports keep the channels in
 //! the order of OpenCV, which no file says.
 
 mod ellipsoid;

@@ -1,4 +1,4 @@
-//! One `.dat`: points with normals and, in the ports, the picture.
+//! One `.dat`: points with normals and, in the ports, the image.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ const MOST_BYTES: u64 = 1 << 26;
 /// What stands in a `.dat`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sample {
-    /// The picture, where it is in the file: `[H, W, 3]` or `[H, W, 4]`, as it is.
+    /// The image, where it is in the file: `[H, W, 3]` or `[H, W, 4]`, as it is.
     pub picture: Option<ByteImage>,
     /// Points and normals in the camera's frame. The originals' normals point inwards where the
     /// faces of the models are wound so.
@@ -72,12 +72,12 @@ fn image(item: &Item<'_, '_>) -> Result<ByteImage, PickleError> {
     }
 }
 
-/// Writes a sample as the PyTorch ports read it, or without a picture as the original does,
+/// Writes a sample as the PyTorch ports read it, or without an image as the original does,
 /// atomically: a pickle of protocol 2 that Python 2 and 3 load (`encoding="latin1"`), points as
 /// 32-bit floats.
 ///
 /// # Errors
-/// If the file cannot be written, there are not as many normals as points, or the picture is empty.
+/// If the file cannot be written, there are not as many normals as points, or the image is empty.
 pub fn write_sample(path: &Path, sample: &Sample) -> Result<(), WriteViewsError> {
     let SurfacePoints { positions, normals } = &sample.points;
     if positions.len() != normals.len() {

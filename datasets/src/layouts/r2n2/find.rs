@@ -53,7 +53,7 @@ pub(super) fn objects(path: &Path) -> Result<Found, ReadViewsError> {
     let name = |folder: &Path| {
         folder.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
     };
-    // The folder of the pictures stands for its object.
+    // The folder of the images stands for its object.
     let folder = match folder.parent() {
         Some(object) if folder.join(metadata::FILE).is_file() && is_object(object) => {
             object.to_owned()

@@ -6,7 +6,7 @@ use super::metadata::Line;
 
 /// Intrinsics for 3D-R2N2's renderings: the true ones, and those that others computed with.
 ///
-/// All are for pictures of any size `W` x `H`; published numbers for 224 pixels are scaled by
+/// All are for images of any size `W` x `H`; published numbers for 224 pixels are scaled by
 /// `W / 224`. Pixel2Mesh's principal points are indices of pixels, whose centres are at +0.5 here.
 ///
 /// | lens | focal length | principal point | by whom |
@@ -17,7 +17,7 @@ use super::metadata::Line;
 /// | `Metadata` | W/2 / tan(fov/2) | centre | the last column of the metadata, 25 in the originals, which is wrong |
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum R2n2Lens {
-    /// What the pictures were rendered with.
+    /// What the images were rendered with.
     #[default]
     True,
     /// 248 pixels at 224, centred.
@@ -29,7 +29,7 @@ pub enum R2n2Lens {
 }
 
 impl R2n2Lens {
-    /// The lens for a picture of this size; `fov` is the metadata's own, degrees.
+    /// The lens for an image of this size; `fov` is the metadata's own, degrees.
     pub(crate) fn intrinsics(self, fov: f64, width: usize, height: usize) -> Lens {
         let (w, h) = (width as f64, height as f64);
         // Multiplied first: what was published comes out to the last bit.
@@ -42,7 +42,7 @@ impl R2n2Lens {
         Lens::Perspective { fx: f, fy: f, cx, cy }
     }
 
-    /// The camera that took a picture.
+    /// The camera that took an image.
     pub(super) fn camera(self, line: &Line, width: usize, height: usize) -> Camera {
         let view = line.view;
         let pose =

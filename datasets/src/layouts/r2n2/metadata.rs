@@ -1,4 +1,4 @@
-//! `rendering_metadata.txt` and `renderings.txt`: where each picture was taken from.
+//! `rendering_metadata.txt` and `renderings.txt`: where each image was taken from.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ const LINE: usize = 400;
 /// One view as the metadata has it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Line {
-    /// The picture's file, beside the metadata.
+    /// The image's file, beside the metadata.
     pub(super) picture: String,
     pub(super) view: R2n2View,
     /// The last column, degrees: said to be the field of view.
@@ -30,7 +30,7 @@ pub(super) struct Line {
 pub(super) struct Lines(pub(super) Vec<Line>);
 
 impl Lines {
-    /// Reads them from the folder of the pictures.
+    /// Reads them from the folder of the images.
     pub(super) fn read(source: &Source) -> Result<Self, ReadViewsError> {
         let mut opened = source.open()?;
         let path = source.locate(FILE);

@@ -5,7 +5,7 @@
 //! use datasets::{Dataset, ReadOptions, Truth};
 //! use mesh_core::{ByteImage, R2n2View, primitives};
 //!
-//! // A white square in the middle of each picture, and a ball that is said to be it.
+//! // A white square in the middle of each image, and a ball that is said to be it.
 //! let mut rgba = ByteImage::new(64, 64, 4);
 //! for k in 0..64 * 64 {
 //!     if (16..48).contains(&(k / 64)) && (16..48).contains(&(k % 64)) {
@@ -38,8 +38,8 @@
 //! | file | what |
 //! |---|---|
 //! | `ShapeNetRendering/../rendering/{00..23}.png` | RGBA, 137 x 137, alpha is the silhouette |
-//! | `ShapeNetRendering/../rendering/renderings.txt` | the pictures' names, one a line; may be missing |
-//! | `ShapeNetRendering/../rendering/rendering_metadata.txt` | per picture azimuth, elevation, 0, distance ratio, field of view |
+//! | `ShapeNetRendering/../rendering/renderings.txt` | the images' names, one a line; may be missing |
+//! | `ShapeNetRendering/../rendering/rendering_metadata.txt` | per image azimuth, elevation, 0, distance ratio, field of view |
 //! | `ShapeNetRendering/../rendering/NN_depth.exr`, `NN_normal.png` | ours: planar depth; normals in the camera's frame, `round(127.5 (n + 1))` |
 //! | `ShapeNetRendering/../model_normal.xyz` | points and their normals, six numbers a line |
 //! | `ShapeNetVox32/../model.binvox` | the solid |
@@ -47,7 +47,7 @@
 //! | `*splits*.json` or `{train,val,test}.lst` | the split, see [`Splits`] |
 //!
 //! The world is that of the models, +Y up, unscaled. The field of view in the metadata, 25, is
-//! wrong: see [`R2n2Lens`]. Colours where alpha is 0 are not clean, so pictures are always put
+//! wrong: see [`R2n2Lens`]. Colours where alpha is 0 are not clean, so images are always put
 //! over [`ReadOptions::background`](crate::ReadOptions).
 
 mod find;
@@ -77,7 +77,7 @@ pub use lens::R2n2Lens;
 pub use splits::{ObjectSplit, Splits, write_splits};
 pub use write::{Rendering, is_complete, write_object};
 
-/// The folder of the pictures, below that of the object.
+/// The folder of the images, below that of the object.
 const RENDERING: &str = "rendering";
 /// The points with normals, below the folder of the object.
 const POINTS: &str = "model_normal.xyz";
@@ -261,7 +261,7 @@ impl Dataset for R2n2 {
 }
 
 impl Line {
-    /// The picture's name without its ending: what depth and normals are called after.
+    /// The image's name without its ending: what depth and normals are called after.
     fn stem(&self) -> &str {
         self.picture.rsplit_once('.').map_or(&self.picture, |(stem, _)| stem)
     }

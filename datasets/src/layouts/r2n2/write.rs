@@ -11,10 +11,10 @@ use crate::dataset::Truth;
 use crate::error::WriteViewsError;
 use crate::view::View;
 
-/// One picture of an object and what goes with it.
+/// One image of an object and what goes with it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendering {
-    /// The picture, `[H, W, 4]`, sRGB with straight alpha: how much of each pixel is the object.
+    /// The image, `[H, W, 4]`, sRGB with straight alpha: how much of each pixel is the object.
     pub rgba: ByteImage,
     /// Where it was taken from, with the lens of 35 mm on 32 mm, centred.
     pub camera: R2n2View,
@@ -60,7 +60,7 @@ impl Rendering {
     }
 }
 
-/// Writes one object below `root`: its pictures and, as far as they are there, its true surface
+/// Writes one object below `root`: its images and, as far as they are there, its true surface
 /// (`ShapeNetCore.v1`), points (`model_normal.xyz`) and voxels (`ShapeNetVox32`).
 ///
 /// Folders are made where they do not exist. Every file is written atomically, and the metadata
@@ -69,7 +69,7 @@ impl Rendering {
 /// column of the metadata is the lens's true field of view, 49.13 degrees, unlike the originals'.
 ///
 /// # Errors
-/// If a file cannot be written, a name is not that of a folder, there is no view, a picture, depth
+/// If a file cannot be written, a name is not that of a folder, there is no view, an image, depth
 /// or normals are not of the stated shape, or the voxels do not fill a cube.
 pub fn write_object(
     root: &Path,

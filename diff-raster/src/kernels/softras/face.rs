@@ -55,7 +55,7 @@ pub(super) struct Touch<F> {
     pub(super) covered: F,
     pub(super) clear: F,
     /// `± 1 / σ`
-    pub(super) slope: F,
+    pub(super) derivative: F,
     /// From the nearest point of the border to the pixel, and that point as weights of the corners.
     pub(super) away: [F; 2],
     pub(super) nearest: [F; 3],
@@ -124,9 +124,10 @@ impl<F: Real> Ready<F> {
         if !inside && best >= k.threshold {
             return None;
         }
-        let slope = if inside { k.per_sigma } else { -k.per_sigma };
-        let (covered, clear) = ((slope * best).fast_sigmoid(), (-slope * best).fast_sigmoid());
-        Some(Touch { covered, clear, slope, away, nearest, raw })
+        let derivative = if inside { k.per_sigma } else { -k.per_sigma };
+        let (covered, clear) =
+            ((derivative * best).fast_sigmoid(), (-derivative * best).fast_sigmoid());
+        Some(Touch { covered, clear, derivative, away, nearest, raw })
     }
 
     /// None where the depth is out of range.

@@ -153,7 +153,7 @@ fn pull_face<F: Real>(
                 pull_weights(k, ready, &touch, &shown, of_blend, of_depth, &mut out);
             }
             // d(d²) = -2 away · (nearest point).
-            let pull = -(of_argument * touch.slope) * F::from_f64(2.0);
+            let pull = -(of_argument * touch.derivative) * F::from_f64(2.0);
             for corner in 0..3 {
                 for axis in 0..2 {
                     out[3 * corner + axis] += pull * touch.nearest[corner] * touch.away[axis];
@@ -188,25 +188,25 @@ fn pull_weights<F: Real>(
     }
     // depth = 1 / Σ c / z
     for i in 0..3 {
-        let slope = of_depth * depth * depth / z[i];
-        of_cut[i] += -slope;
-        out[3 * i + 2] += slope * cut[i] / z[i];
+        let derivative = of_depth * depth * depth / z[i];
+        of_cut[i] += -derivative;
+        out[3 * i + 2] += derivative * cut[i] / z[i];
     }
     let guarded = shown.sum <= F::from_f64(SUM_GUARD);
     let mean =
         if guarded { zero } else { of_cut[0] * cut[0] + of_cut[1] * cut[1] + of_cut[2] * cut[2] };
     // How the coordinates grow with x and y, times what is pulled.
-    let mut slope = [zero; 2];
+    let mut derivative = [zero; 2];
     for i in 0..3 {
         if touch.raw[i] > zero && touch.raw[i] < one {
             let of_raw = (of_cut[i] - mean) / shown.sum;
-            slope[0] += of_raw * ready.weights[i][0];
-            slope[1] += of_raw * ready.weights[i][1];
+            derivative[0] += of_raw * ready.weights[i][0];
+            derivative[1] += of_raw * ready.weights[i][1];
         }
     }
     for corner in 0..3 {
         for axis in 0..2 {
-            out[3 * corner + axis] += -(touch.raw[corner] * slope[axis]);
+            out[3 * corner + axis] += -(touch.raw[corner] * derivative[axis]);
         }
     }
 }
