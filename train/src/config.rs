@@ -262,9 +262,10 @@ impl<'de, C: DeserializeOwned + Serialize + Default> Deserialize<'de> for Config
         let table = Table::deserialize(deserializer)?;
         let known = Table::try_from(TrainConfig::default()).map_err(D::Error::custom)?;
         let own = Table::try_from(C::default()).map_err(D::Error::custom)?;
-        if let Some(key) =
-            table.keys().find(|key| !known.contains_key(*key) && !own.contains_key(*key))
-        {
+        let unknown = |key: &String| {
+            !known.contains_key(key) && !own.contains_key(key) && !is_alias::<C>(key)
+        };
+        if let Some(key) = table.keys().find(|key| unknown(key)) {
             let mut names: Vec<&str> = own.keys().chain(known.keys()).map(String::as_str).collect();
             names.sort_unstable();
             let names = names.join(", ");
@@ -279,6 +280,19 @@ impl<'de, C: DeserializeOwned + Serialize + Default> Deserialize<'de> for Config
             system: part(system).map_err(D::Error::custom)?,
         })
     }
+}
+
+/// Whether a configuration reads a key that it does not write: a name that a field had before.
+///
+/// No field can hold a date, so that one in its place is an error where the key is read and passes where it is not.
+fn is_alias<T: DeserializeOwned>(key: &str) -> bool {
+    let date = Value::Datetime(toml::value::Datetime {
+        date: Some(toml::value::Date { year: 1970, month: 1, day: 1 }),
+        time: None,
+        offset: None,
+    });
+    T::deserialize(Value::Table([(key.to_owned(), date)].into_iter().collect()))
+        .is_err_and(|error| !error.message().contains("unknown field"))
 }
 
 /// One half of the table. A value that does not fit is named, which `toml` alone does not do.

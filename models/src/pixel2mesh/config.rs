@@ -149,15 +149,19 @@ pub struct OdeConfig {
     pub layers: usize,
     /// Columns of the field's state beside positions, 0 to 256: what a vertex remembers of its way. Default 0, as
     /// published.
+    #[serde(alias = "memory")]
     pub augment_dim: usize,
     /// Columns in which the time is repeated, 0 to 4096. Default 196, as published; 1 says the same.
     pub time: usize,
     /// Columns that a stacked field reads features through, 1 to 4096. Default 24.
+    #[serde(alias = "reading")]
     pub feature_dim: usize,
     /// Parts of the time for which a stacked field has weights of their own, 1 to 64. Default 8.
+    #[serde(alias = "pieces")]
     pub segments: usize,
     /// What the sums of a stacked field are multiplied by to be velocities, above 0 to 1000. Default 8: with as many steps
     /// a change of the weights moves vertices as far as in residual blocks.
+    #[serde(alias = "speed")]
     pub output_scale: f64,
     /// What the first velocities are multiplied by, more than 0. Default 0.1: of the published size they would crumple
     /// the ellipsoid before the first step.

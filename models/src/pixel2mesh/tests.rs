@@ -3,7 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use autodiff_lite::{Param, Tape};
-use train::{Draw, StepInfo, System};
+use train::settings::read_text;
+use train::{Configuration, Draw, StepInfo, System};
 
 use super::*;
 use crate::paired::{Pairs, PairsConfig};
@@ -89,6 +90,20 @@ fn the_field_is_a_fraction_of_the_residual_network() {
     let one = OdeConfig { time: 1, ..field };
     let share = deep.deformation_parameters() as f64 / one.deformation_parameters() as f64;
     assert!((share - 8.0).abs() < 0.02, "{share}");
+}
+
+/// Checkpoints carry the configuration that they were trained with.
+#[test]
+fn fields_are_known_by_their_former_names() {
+    let former = "deformation = \"stacked\"\nmemory = 2\nreading = 5\npieces = 3\nspeed = 4.0";
+    let config: Configuration<OdeConfig> =
+        read_text("former".as_ref(), former, &[("memory".into(), "6".into())]).unwrap();
+    let config = config.system;
+    let found = (config.augment_dim, config.feature_dim, config.segments, config.output_scale);
+    assert_eq!(found, (6, 5, 3, 4.0));
+    let error =
+        read_text::<Configuration<OdeConfig>>("bad".as_ref(), "piece = 3", &[]).unwrap_err();
+    assert!(error.to_string().contains("unknown field `piece`"), "{error}");
 }
 
 #[test]
