@@ -354,26 +354,26 @@ fn predictions_turn_and_deform() {
 const MAKERS: [(&str, &str); 22] = [
     ("cli/src/command/data/depth.rs", "its own unit test: a network is needed to run it"),
     ("cli/src/command/render.rs", "renderings_have_the_colour_of_the_mesh"),
-    ("datasets/src/colmap/write.rs", "converted_pictures_are_the_same"),
-    ("datasets/src/kaolin.rs", "datasets_show_their_objects"),
-    ("datasets/src/photos.rs", "converted_pictures_are_the_same"),
-    ("datasets/src/r2n2/write.rs", "datasets_show_their_objects"),
-    ("datasets/src/transforms.rs", "datasets_show_their_objects"),
+    ("datasets/src/layouts/colmap/write.rs", "converted_pictures_are_the_same"),
+    ("datasets/src/layouts/kaolin.rs", "datasets_show_their_objects"),
+    ("datasets/src/layouts/photos.rs", "converted_pictures_are_the_same"),
+    ("datasets/src/layouts/r2n2/write.rs", "datasets_show_their_objects"),
+    ("datasets/src/layouts/transforms.rs", "datasets_show_their_objects"),
     ("mesh-core/src/io/glb/write.rs", "textures_have_the_colours_of_the_views"),
     ("mesh-core/src/io/obj/write.rs", "textures_have_the_colours_of_the_views"),
     ("recon/src/delivery.rs", "a_fit_is_delivered_in_the_colours_of_its_views"),
-    ("recon/src/generate/shapenet.rs", "datasets_show_their_objects"),
-    ("recon/src/generate/store.rs", "datasets_show_their_objects"),
+    ("synth/src/generate/shapenet.rs", "datasets_show_their_objects"),
+    ("synth/src/generate/store.rs", "datasets_show_their_objects"),
     ("recon/src/inspect/mod.rs", "inspections_show_views_masks_and_cameras"),
     ("recon/src/inspect/page.rs", "inspections_show_views_masks_and_cameras"),
-    ("recon/src/mcmr/study/mod.rs", "its own unit test: a study takes minutes"),
-    ("recon/src/predict/deliver.rs", "predictions_turn_and_deform"),
-    ("recon/src/report/mod.rs", "a_fit_is_delivered_in_the_colours_of_its_views"),
-    ("recon/src/report/scene.rs", "textures_have_the_colours_of_the_views"),
-    ("recon/src/reproduce/page.rs", "recon's tests of studies: a study takes minutes"),
-    ("recon/src/reproduce/store.rs", "recon's tests of studies: a study takes minutes"),
-    ("recon/src/reproduce/run.rs", "recon's tests of studies: a study takes minutes"),
-    ("recon/src/train/record.rs", "samples_of_trainings_show_the_model_above_the_truth"),
+    ("studies/src/mcmr/mod.rs", "its own unit test: a study takes minutes"),
+    ("models/src/predict/deliver.rs", "predictions_turn_and_deform"),
+    ("train/src/report/mod.rs", "a_fit_is_delivered_in_the_colours_of_its_views"),
+    ("recon/src/scene.rs", "textures_have_the_colours_of_the_views"),
+    ("studies/src/page.rs", "the tests of studies: a study takes minutes"),
+    ("studies/src/store.rs", "the tests of studies: a study takes minutes"),
+    ("studies/src/run.rs", "the tests of studies: a study takes minutes"),
+    ("train/src/record.rs", "samples_of_trainings_show_the_model_above_the_truth"),
 ];
 
 /// Calls that make an image, an animation or a page.
@@ -399,7 +399,17 @@ const MAKING: [&str; 15] = [
 fn every_maker_of_pictures_is_looked_at() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut found = Vec::new();
-    for package in ["mesh-core/src/io", "datasets/src", "recon/src", "cli/src"] {
+    let packages = [
+        "mesh-core/src/io",
+        "datasets/src",
+        "synth/src",
+        "train/src",
+        "recon/src",
+        "models/src",
+        "studies/src",
+        "cli/src",
+    ];
+    for package in packages {
         for file in files_in(&root.join(package)) {
             let text = std::fs::read_to_string(&file).unwrap_or_default();
             // Tests stand at the end of their file; a definition is no call.
