@@ -1,10 +1,11 @@
 //! Why a training ends without its result.
 
+use std::error::Error;
 use std::io;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use autodiff_lite::state::{LoadError, SaveError};
-use ode_deform::solve::SolveError;
 
 use super::non_finite::NotFinite;
 use super::system::DataError;
@@ -54,12 +55,19 @@ pub enum TrainError {
 }
 
 /// Why a loss has no value.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LossError {
     /// A differential equation could not be solved.
     #[error(transparent)]
-    Solve(#[from] SolveError),
+    Solve(Arc<dyn Error + Send + Sync>),
+}
+
+impl LossError {
+    /// A solver's error, whichever solver it is: the loop knows none.
+    pub fn solve(error: impl Error + Send + Sync + 'static) -> Self {
+        Self::Solve(Arc::new(error))
+    }
 }
 
 /// Why a run's folder cannot be used.

@@ -283,7 +283,7 @@ impl<D: Deformer> System for SingleView<D> {
             Err(SolveError::NonFinite { .. }) => {
                 sums.chamfer = Some(tape.constant(ndarray::arr0(f32::NAN)));
             }
-            Err(error) => return Err(error.into()),
+            Err(error) => return Err(LossError::solve(error)),
         }
         let shared = self.shared();
         let mut terms = Terms::new();

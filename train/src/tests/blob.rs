@@ -188,7 +188,8 @@ impl System for Blob {
     ) -> Result<Terms<'t>, LossError> {
         let unsolved = format!("object {}", self.options.unsolved);
         if batch.iter().any(|sample| sample.name == unsolved) {
-            return Err(SolveError::StepUnderflow { t: 0.5, step: 1e-9, least: 1e-8 }.into());
+            let error = SolveError::StepUnderflow { t: 0.5, step: 1e-9, least: 1e-8 };
+            return Err(LossError::solve(error));
         }
         let [masks, offsets] = self.masks(tape, batch);
         let wanted = batch.iter().flat_map(|s| s.mask.clone()).collect();
