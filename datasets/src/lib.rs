@@ -41,7 +41,6 @@
 //! | write for other tools | [`write_kaolin`], [`write_transforms`], [`write_colmap`], [`write_photos`], [`r2n2::write_object`] |
 //! | read many objects | [`Dataset`]: [`r2n2::R2n2`], [`pixel2mesh::Pixel2Mesh`], [`Bop`], [`Pix3d`], [`Pascal3d`], [`Cub`], [`Mcmr`] |
 //! | keep views or objects back for judging | [`split()`], [`split_objects`] |
-//! | train on them | [`Batches`] loads ahead on a thread, [`ViewCache`] keeps decoded images |
 //! | read one depth map, or a disparity | [`read_depth_file`], [`read_disparity_file`] |
 //! | estimate depth from an image | `DepthEstimator` (feature `onnx`) with a [`DepthInput`] |
 //!
@@ -97,8 +96,6 @@
 //! followed: whoever made them could as well have copied what they lead to.
 
 mod assemble;
-mod batches;
-mod cache;
 mod consistency;
 mod content;
 mod dataset;
@@ -120,8 +117,6 @@ mod split;
 mod validate;
 mod view;
 
-pub use batches::{BatchPlan, Batches, shuffled};
-pub use cache::ViewCache;
 pub use dataset::{Dataset, Entry, Subset, SurfacePoints, Truth};
 #[cfg(feature = "onnx")]
 pub use depth_estimator::{DepthEstimator, DepthModelError, DepthModelProblem};
