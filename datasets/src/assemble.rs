@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use mesh_core::io::write_atomic;
-use mesh_core::{ByteImage, Camera, DepthMap, decode_image};
+use mesh_core::{ByteImage, Camera, DepthMap, decode_image_with};
 
 use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
 use crate::mask::{invert, mask_from_alpha, mask_from_backdrop};
@@ -28,7 +28,7 @@ pub(crate) fn read_picture(
     field: &str,
 ) -> Result<Picture, ReadViewsError> {
     let bytes = opened.read(name, field, PICTURE_BYTES)?;
-    let image = decode_image(&bytes, &path)
+    let image = decode_image_with(&bytes, &path, opened.limits())
         .map_err(|error| ReadViewsError::new(&path, ViewsProblem::Image(error)))?;
     Ok(Picture { path, image })
 }

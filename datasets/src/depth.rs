@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use mesh_core::{ByteImage, DepthMap, decode_depth};
+use mesh_core::{ByteImage, DepthMap, decode_depth_with};
 
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::formats::npy;
@@ -24,7 +24,7 @@ pub(crate) fn read(
         .is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
     let mut depth = if exr {
         let bytes = opened.read(name, "depth", most_bytes(picture))?;
-        decode_depth(&bytes, &path)
+        decode_depth_with(&bytes, &path, opened.limits())
             .map_err(|error| ReadViewsError::new(&path, ViewsProblem::Image(error)))?
     } else {
         let data = read_npy(source, opened, name, "depth", picture)?;

@@ -161,6 +161,11 @@ impl Source {
 }
 
 impl Opened<'_> {
+    /// What each file may make its reader take.
+    pub(crate) fn limits(&self) -> &Limits {
+        &self.source.limits
+    }
+
     /// The bytes of a file, of which there may be at most `limit`.
     ///
     /// What an entry claims about its size is believed only when it refuses; the limit also holds

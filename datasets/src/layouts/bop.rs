@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use mesh_core::{Camera, DepthMap, decode_depth_png, read_mesh};
+use mesh_core::{Camera, DepthMap, decode_depth_png_with, read_mesh};
 
 use crate::assemble::{PICTURE_BYTES, Picture, assemble, mask_file, read_picture};
 use crate::dataset::{Dataset, Entry, Subset, Truth};
@@ -312,7 +312,8 @@ impl Shot {
         }
         let path = source.locate(&name);
         let bytes = opened.read(&name, "depth", PICTURE_BYTES)?;
-        let depth = decode_depth_png(&bytes, &path, self.depth_scale as f32)
+        let unit = self.depth_scale as f32;
+        let depth = decode_depth_png_with(&bytes, &path, unit, opened.limits())
             .map_err(|error| ReadViewsError::new(&path, ViewsProblem::Image(error)))?;
         Ok(Some((path, depth)))
     }
