@@ -195,8 +195,15 @@ fn check_claims(bytes: &[u8], path: &Path, limits: &Limits) -> Result<(), ImageE
     for header in &meta.headers {
         let Vec2(width, height) = header.layer_size;
         let pixels = (width as u64).saturating_mul(height as u64);
-        total = total.saturating_add(pixels.saturating_mul(header.channels.bytes_per_pixel as u64));
+        let depth = header.channels.bytes_per_pixel as u64;
+        total = total.saturating_add(pixels.saturating_mul(depth));
         check((width, height), total, bytes, path, limits)?;
+        // A tile may be larger than its image, and its bytes are made room for before they are there.
+        if let exr::meta::BlockDescription::Tiles(tiles) = header.blocks {
+            let Vec2(width, height) = tiles.tile_size;
+            let tile = (width as u64).saturating_mul(height as u64).saturating_mul(depth);
+            too_many(path, (width, height), tile, limits)?;
+        }
     }
     Ok(())
 }
@@ -216,8 +223,10 @@ fn check(
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use super::*;
+    use exr::prelude::Blocks;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn map() -> DepthMap {
         let data = vec![1.0, 2.5, f32::INFINITY, 4.25, 1e-3, 208.125];
@@ -241,6 +250,27 @@ mod tests {
         let mut bytes = Cursor::new(Vec::new());
         image.write().non_parallel().to_buffered(&mut bytes).unwrap();
         bytes.into_inner()
+    }
+
+    /// Room for a whole tile is made before its bytes are read.
+    #[test]
+    fn tiles_are_held_to_the_limits() {
+        let list = vec![AnyChannel::new(Text::from("Z"), FlatSamples::F32(vec![1.0; 4]))];
+        let encoding = Encoding { blocks: Blocks::Tiles(Vec2(4, 4)), ..Encoding::UNCOMPRESSED };
+        let channels = AnyChannels::sort(list.into_iter().collect());
+        let layer = Layer::new((2, 2), LayerAttributes::default(), encoding, channels);
+        let mut bytes = Cursor::new(Vec::new());
+        let image = exr::prelude::Image::from_layer(layer);
+        image.write().non_parallel().to_buffered(&mut bytes).unwrap();
+        let mut bytes = bytes.into_inner();
+        assert_eq!(decode_depth(&bytes, "tiles.exr").unwrap().data, [1.0; 4]);
+
+        // Behind the attribute's name, its type and its length.
+        let name = b"tiledesc\0";
+        let at = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
+        bytes[at + 4..at + 8].copy_from_slice(&0x2000_0040_u32.to_le_bytes());
+        let error = decode_depth(&bytes, "tiles.exr").unwrap_err();
+        assert!(matches!(error, ImageError::OverLimit { .. }), "{error}");
     }
 
     #[test]
