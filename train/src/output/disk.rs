@@ -1,6 +1,6 @@
 //! Writes that outlast a kill and a power cut.
 //!
-//! A file is whole once [`write_whole`] returns: its bytes are on the disk before it gets its name, and its name is on
+//! A file is whole once `write_whole` returns: its bytes are on the disk before it gets its name, and its name is on
 //! the disk before it is called done. All files of runs and studies are changed through here, so that a test can record
 //! the changes and replay them, cut off anywhere (`journal`).
 
