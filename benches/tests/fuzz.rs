@@ -4,7 +4,7 @@
 //! by a fixed stream of random numbers. `FUZZ_SECONDS` makes it longer, `FUZZ_SEED` another one.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-#[path = "../../datasets/tests/counting/mod.rs"]
+#[path = "../../mesh-core/tests/counting/mod.rs"]
 mod counting;
 #[path = "../../fuzz/targets/mod.rs"]
 mod targets;

@@ -2,6 +2,7 @@
 //! 64 MB for files of a few kB.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+#[path = "../../mesh-core/tests/counting/mod.rs"]
 mod counting;
 
 use std::path::{Path, PathBuf};

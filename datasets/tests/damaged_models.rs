@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod common;
+#[path = "../../mesh-core/tests/counting/mod.rs"]
 mod counting;
 
 use std::path::{Path, PathBuf};

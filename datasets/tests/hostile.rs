@@ -2,6 +2,7 @@
 //! with absurd counts. What comes back is an error or a value, and little memory is taken for it.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+#[path = "../../mesh-core/tests/counting/mod.rs"]
 mod counting;
 
 use std::io::Write;

@@ -2,6 +2,7 @@
 //! own. The densest contents of each format are tried at a size where more would show.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+#[path = "../../mesh-core/tests/counting/mod.rs"]
 mod counting;
 
 use std::io::Write;

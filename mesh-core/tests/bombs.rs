@@ -1,6 +1,7 @@
 //! Small files that ask for much: memory stays within the limits, and time in proportion.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+mod common;
 mod counting;
 
 use std::fmt::Write as _;
@@ -8,16 +9,17 @@ use std::io::Write as _;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use common::glb_of;
 use counting::{alone, peak};
 use mesh_core::io::{ReadMeshError, binvox, glb, obj, off, ply};
 use mesh_core::{
     ImageError, Limits, Remark, TriMesh, decode_depth, decode_image, decode_image_with, decode_pfm,
 };
 
-const MB: u64 = 1_000_000;
+const MB: usize = 1_000_000;
 
 /// What a test program holds beside the reader: messages, the harness's own lists.
-const SLACK: u64 = MB / 4;
+const SLACK: usize = MB / 4;
 
 fn quickly<T>(run: impl FnOnce() -> T) -> T {
     let start = Instant::now();
@@ -100,20 +102,6 @@ fn materials_by_the_hundred_thousand_are_looked_up_by_name() {
 
 // ---------------------------------------------------------------- GLB
 
-fn glb_of(json: &str, bin: &[u8]) -> Vec<u8> {
-    let json = format!("{json}{}", " ".repeat(json.len().next_multiple_of(4) - json.len()));
-    let mut bytes = Vec::new();
-    let total = 28 + json.len() + bin.len();
-    for word in [0x4654_6c67, 2, total as u32, json.len() as u32, 0x4e4f_534a] {
-        bytes.extend(u32::to_le_bytes(word));
-    }
-    bytes.extend(json.as_bytes());
-    bytes.extend((bin.len() as u32).to_le_bytes());
-    bytes.extend(0x004e_4942_u32.to_le_bytes());
-    bytes.extend(bin);
-    bytes
-}
-
 fn instances(count: usize, vertices: usize) -> Vec<u8> {
     let nodes = "{\"mesh\":0},".repeat(count);
     let children: Vec<String> = (1..=count).map(|k| k.to_string()).collect();
@@ -135,7 +123,7 @@ fn a_mesh_that_is_shown_thousands_of_times_ends_at_the_limit() {
     let _alone = alone();
     let bytes = instances(4190, 12_000);
     assert!(bytes.len() < 230_000);
-    let limit = Limits::default().peak(bytes.len() as u64);
+    let limit = Limits::default().peak(bytes.len() as u64) as usize;
     let (held, result) = peak(|| quickly(|| glb::decode(&bytes, "a.glb")));
     assert!(held <= limit, "{held} of {limit} bytes: {result:?}");
     assert!(is_over_limit(&result));
@@ -158,7 +146,7 @@ fn parts_that_show_nothing_end_too() {
 #[test]
 fn empty_objects_of_json_are_counted() {
     let _alone = alone();
-    let limits = Limits::default().with_base_bytes(MB);
+    let limits = Limits::default().with_base_bytes(MB as u64);
     for (list, item) in [
         ("nodes", "{}"),
         ("accessors", "{}"),
@@ -170,7 +158,7 @@ fn empty_objects_of_json_are_counted() {
         let items = format!("{item},").repeat(700_000);
         let json = format!("{{\"{list}\":[{}]}}", items.trim_end_matches(','));
         let bytes = glb_of(&json, &[]);
-        let limit = limits.peak(bytes.len() as u64);
+        let limit = limits.peak(bytes.len() as u64) as usize;
         let (held, result) =
             peak(|| quickly(|| glb::decode_with(&bytes, "a.glb", &limits, &mut Vec::new())));
         assert!(held <= limit, "{list}: {held} of {limit} bytes");
@@ -416,8 +404,9 @@ fn every_reader_of_meshes_stays_within_any_limits() {
     let _alone = alone();
     for (k, (format, bytes)) in dense().into_iter().enumerate() {
         for (base, per_byte) in [(256 * MB, 20), (MB, 20), (0, 20), (0, 5), (0, 0)] {
-            let limits = Limits::default().with_base_bytes(base).with_bytes_per_byte(per_byte);
-            let limit = limits.peak(bytes.len() as u64);
+            let limits =
+                Limits::default().with_base_bytes(base as u64).with_bytes_per_byte(per_byte);
+            let limit = limits.peak(bytes.len() as u64) as usize;
             let (held, result) = peak(|| quickly(|| decode(format, &bytes, &limits)));
             let what = format!("file {k} ({format}, {} bytes): {result:?}", bytes.len());
             assert!(held <= limit + SLACK, "{what}: {held} of {limit} bytes");
@@ -430,7 +419,7 @@ fn a_face_of_nine_million_corners_is_a_fan() {
     let _alone = alone();
     let head = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1";
     let text = format!("{head}{}\n", " 2 3 4".repeat(3_000_000));
-    let limit = Limits::default().peak(text.len() as u64);
+    let limit = Limits::default().peak(text.len() as u64) as usize;
     let (held, mesh) = peak(|| quickly(|| obj::decode(text.as_bytes(), "a.obj").unwrap()));
     assert_eq!(mesh.faces.len(), 8_999_999);
     assert!(held < limit, "{held} of {limit} bytes");

@@ -1,10 +1,12 @@
 //! Mesh files as people and their programs write them: what is read, what is left out, what is refused.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+mod common;
 mod samples;
 
 use std::fs;
 
+use common::glb_of;
 use mesh_core::io::{glb, obj, ply};
 use mesh_core::{Limits, TriMesh, read_mesh};
 use samples::{colored, corner_uvs, textured};
@@ -347,22 +349,6 @@ fn headers_that_claim_terabytes_are_refused_at_once() {
     let mut bytes = glb::encode(&colored()).unwrap();
     bytes[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
     assert!(glb::decode(&bytes, "huge.glb").unwrap_err().to_string().contains("4294967295"));
-}
-
-/// A GLB of the given JSON and binary chunk.
-fn glb_of(json: &str, bin: &[u8]) -> Vec<u8> {
-    let json = format!("{json:<width$}", width = json.len().next_multiple_of(4));
-    let mut bytes = Vec::new();
-    for word in
-        [0x4654_6c67, 2, (28 + json.len() + bin.len()) as u32, json.len() as u32, 0x4e4f_534a]
-    {
-        bytes.extend(u32::to_le_bytes(word));
-    }
-    bytes.extend(json.as_bytes());
-    bytes.extend((bin.len() as u32).to_le_bytes());
-    bytes.extend(0x004e_4942_u32.to_le_bytes());
-    bytes.extend(bin);
-    bytes
 }
 
 #[test]

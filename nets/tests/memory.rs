@@ -2,7 +2,7 @@
 //! each of its own. The densest contents are tried at a size where more would show.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-#[path = "../../datasets/tests/counting/mod.rs"]
+#[path = "../../mesh-core/tests/counting/mod.rs"]
 mod counting;
 
 use std::io::Write;

@@ -1,66 +1,70 @@
-//! An allocator that knows how much this test program holds, over all its threads.
-#![allow(unsafe_code, reason = "an allocator")]
+//! Counts the memory that a test holds, over all threads of its process.
+#![allow(unsafe_code, reason = "a counting allocator")]
+#![allow(dead_code, reason = "each test takes of it what it needs")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// What hostile files of a few kB may take.
+pub(crate) const LIMIT: usize = 64 << 20;
+
+/// What any file of so many bytes may take: 256 MB, and 20 bytes for each of its own.
+pub(crate) fn limit(bytes: usize) -> usize {
+    256_000_000 + 20 * bytes
+}
 
 struct Counting;
 
-static NOW: AtomicU64 = AtomicU64::new(0);
-static MOST: AtomicU64 = AtomicU64::new(0);
+static HELD: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
 
-fn more(bytes: usize) {
-    let now = NOW.fetch_add(bytes as u64, Relaxed) + bytes as u64;
-    MOST.fetch_max(now, Relaxed);
+fn grown(size: usize) {
+    let held = HELD.fetch_add(size, Ordering::Relaxed) + size;
+    PEAK.fetch_max(held, Ordering::Relaxed);
 }
 
-fn less(bytes: usize) {
-    NOW.fetch_sub(bytes as u64, Relaxed);
-}
-
-// SAFETY: memory comes from the system's allocator, and goes back to it, with the same layouts.
+// SAFETY: every call is handed to the system's allocator as it is.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        more(layout.size());
-        // SAFETY: as of the caller.
+        grown(layout.size());
+        // SAFETY: the caller keeps the contract.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        more(layout.size());
-        // SAFETY: as of the caller.
+        grown(layout.size());
+        // SAFETY: the caller keeps the contract.
         unsafe { System.alloc_zeroed(layout) }
     }
 
-    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
-        less(layout.size());
-        // SAFETY: as of the caller.
-        unsafe { System.dealloc(block, layout) }
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        grown(size);
+        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
+        // SAFETY: the caller keeps the contract.
+        unsafe { System.realloc(block, layout, size) }
     }
 
-    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // Old and new may be there at the same time.
-        more(size);
-        less(layout.size());
-        // SAFETY: as of the caller.
-        unsafe { System.realloc(block, layout, size) }
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
+        // SAFETY: the caller keeps the contract.
+        unsafe { System.dealloc(block, layout) }
     }
 }
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// One test at a time: what others prepare meanwhile would be counted too.
+/// One test at a time, or they would count each other's memory.
 pub(crate) fn alone() -> MutexGuard<'static, ()> {
-    static ALONE: Mutex<()> = Mutex::new(());
-    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+    static LOCK: Mutex<()> = Mutex::new(());
+    LOCK.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The most bytes that `run` held at a time, and what it gives.
-pub(crate) fn peak<T>(run: impl FnOnce() -> T) -> (u64, T) {
-    let before = NOW.load(Relaxed);
-    MOST.store(before, Relaxed);
-    let result = run();
-    (MOST.load(Relaxed).saturating_sub(before), result)
+/// The most memory that was held beyond what was held before, and the result.
+pub(crate) fn peak<T>(run: impl FnOnce() -> T) -> (usize, T) {
+    let before = HELD.load(Ordering::Relaxed);
+    PEAK.store(before, Ordering::Relaxed);
+    let out = run();
+    (PEAK.load(Ordering::Relaxed).saturating_sub(before), out)
 }
