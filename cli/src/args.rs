@@ -275,7 +275,7 @@ pub(crate) struct SystemSettings {
 #[derive(Args, Debug)]
 #[command(after_help = "What is written follows from the name after -o:
   turn.gif     the turntable, animated
-  front.png    one picture: the first camera, or the one that --view names
+  front.png    one image: the first camera, or the one that --view names
   folder       one PNG per camera; with --depth also NAME_depth.exr (planar depth, channel Z)
 
 Examples:

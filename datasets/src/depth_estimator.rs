@@ -41,7 +41,7 @@ pub enum DepthModelProblem {
         found: String,
     },
     /// The model failed on the way.
-    #[error("fails on a picture of {height} x {width}: {what}")]
+    #[error("fails on an image of {height} x {width}: {what}")]
     Run {
         /// Rows that it was given.
         height: usize,

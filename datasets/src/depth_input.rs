@@ -76,7 +76,7 @@ impl DepthInput {
     /// # Panics
     /// If the image has no pixels.
     pub fn size(&self, height: usize, width: usize) -> [usize; 2] {
-        assert!(height * width > 0, "DepthInput: a picture of {height} x {width} pixels");
+        assert!(height * width > 0, "DepthInput: an image of {height} x {width} pixels");
         let side = self.side as f64;
         let scales = [side / height as f64, side / width as f64];
         let [low, high] = [scales[0].min(scales[1]), scales[0].max(scales[1])];

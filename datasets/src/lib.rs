@@ -55,7 +55,7 @@
 //!   `masks/<stem>.png`. Lenses with distortion are refused: undistort the images first.
 //! - **COLMAP** ([`Colmap`]): cameras and images, `.bin` before `.txt`, in `sparse/0`, `sparse` or the
 //!   folder itself; images in `images`; models `SIMPLE_PINHOLE` and `PINHOLE`; masks are alpha,
-//!   `masks/<picture>.png` as COLMAP has them, or `masks/<stem>.png`; dense depth maps where asked.
+//!   `masks/<image>.png` as COLMAP has them, or `masks/<stem>.png`; dense depth maps where asked.
 //!   [`Colmap::points`] are the sparse points. A folder or a zip.
 //! - **Photographs with `cameras.json`** ([`write_photos`] has its form): any camera can be said. A
 //!   folder or a zip.

@@ -35,7 +35,7 @@ pub(super) fn page(digest: &Digest<'_>) -> String {
     if digest.order.seeds.len() > 1 {
         body.push_str(
             "<p class=\"note\">Means over the seeds; in brackets the spread, largest less smallest. \
-             Pictures are of the first seed.</p>",
+             Images are of the first seed.</p>",
         );
     }
     let facts = digest.facts().into_iter();

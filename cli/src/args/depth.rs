@@ -9,7 +9,7 @@ use super::output::folder;
 
 #[derive(Args, Debug)]
 #[command(
-    after_help = "Any network that takes one picture and answers with one number per pixel will do. It is exported
+    after_help = "Any network that takes one image and answers with one number per pixel will do. It is exported
 to ONNX by its authors or with torch.onnx; nothing is downloaded. Each picture NAME.png becomes
 NAME.pfm, the disparity as the network gives it (larger is nearer, in no unit), and NAME.png, the
 same in shades of grey. Where a picture has transparency it is put before --background, and a floor
@@ -24,7 +24,7 @@ Examples:
 #[cfg_attr(not(feature = "onnx"), allow(dead_code, reason = "said, and refused"))]
 pub(crate) struct Depth {
     /// Images, PNG or JPEG.
-    #[arg(required = true, value_name = "PICTURES")]
+    #[arg(required = true, value_name = "IMAGES")]
     pub(crate) pictures: Vec<PathBuf>,
     /// The network, in ONNX's form.
     #[arg(long, value_name = "FILE")]

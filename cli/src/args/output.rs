@@ -35,7 +35,7 @@ impl Picture {
             Some("gif") => Ok(Self::Gif),
             Some("png") => Ok(Self::Png),
             Some(other) => Err(format!(
-                ".{other} is not written: a name ends in .gif (the turntable) or .png (one picture), or is a folder's \
+                ".{other} is not written: a name ends in .gif (the turntable) or .png (one image), or is a folder's \
                  (one .png a camera), {FOLDERS}"
             )),
         }

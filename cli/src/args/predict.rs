@@ -9,7 +9,7 @@ use crate::system::SystemName;
 
 #[derive(Args, Debug)]
 #[command(
-    after_help = "VIEWS is whatever `unsphere fit` reads: pictures with masks and cameras, of any size and number. A
+    after_help = "VIEWS is whatever `unsphere fit` reads: images with masks and cameras, of any size and number. A
 view whose file is missing is left out with a warning. Views that are not given judge the mesh.
 
 The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html and metrics.json. The mesh
@@ -21,7 +21,7 @@ Examples:
   unsphere predict img2mesh views/ --checkpoint runs/clock -o out  from all views
   unsphere predict img2mesh views/ -c runs/clock --views 4,9,14    from three, judged by the others
   unsphere predict img2mesh three/ -c runs/clock --score views/    from all of three/
-  unsphere predict mesh-rcnn chair.png -c runs/chairs --depth chair.pfm    from a picture and its depth"
+  unsphere predict mesh-rcnn chair.png -c runs/chairs --depth chair.pfm    from an image and its depth"
 )]
 pub(crate) struct Predict {
     /// What was trained.

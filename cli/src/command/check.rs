@@ -207,7 +207,7 @@ fn describe(checked: &Checked<'_>) -> String {
         parts.push(table([
             ("  width", range(views.width)),
             ("  height", range(views.height)),
-            ("  object", format!("{least:.1} to {greatest:.1} % of a picture, mean {mean:.1} %")),
+            ("  object", format!("{least:.1} to {greatest:.1} % of an image, mean {mean:.1} %")),
         ]));
         parts.extend(views.warnings.iter().map(|warning| {
             format!(

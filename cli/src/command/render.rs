@@ -77,7 +77,7 @@ pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
     let rendered = Rendered { output, pictures: views.len() };
     console.result(&rendered, |r| {
         let plural = if r.pictures == 1 { "" } else { "s" };
-        format!("{} picture{plural} in {}", r.pictures, r.output.display())
+        format!("{} image{plural} in {}", r.pictures, r.output.display())
     })
 }
 

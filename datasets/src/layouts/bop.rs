@@ -135,7 +135,7 @@ impl Bop {
             read_scene(&source, &split, &scene, several, &mut objects, &mut warnings)?;
         }
         if objects.is_empty() {
-            let expected = "at least one object in one picture";
+            let expected = "at least one object in one image";
             return Err(ReadViewsError::field(path.join(POSES), "obj_id", "none", expected));
         }
         let (mut entries, mut shots) = (Vec::new(), Vec::new());

@@ -133,7 +133,7 @@ impl<B: MeshInit> Refined<B> {
     /// The first view as the network takes it. Its depth is what the network is given: planar depth, or, of a network for
     /// estimates, one over a disparity of any scale and shift.
     pub(crate) fn scene(&self, views: &[View]) -> Result<Scene, String> {
-        let view = views.first().ok_or("no view: a mesh is made from one picture")?;
+        let view = views.first().ok_or("no view: a mesh is made from one image")?;
         let (config, pairs) = (self.refine(), &self.refine().pairs);
         let picture = Picture::new(view, pairs.image_size, pairs.scale);
         let picture = picture.map_err(|error| error.to_string())?;

@@ -19,7 +19,7 @@ use crate::stacked::stacked;
 const SCALES: usize = 4;
 /// The half of a common factor that Eigen's loss forgives.
 const LAMBDA: f64 = 0.5;
-/// The correlation below which least squares may not turn a depth_targets inside out.
+/// The correlation below which least squares may not turn the depths inside out.
 const LEAST_CORRELATION: f64 = 0.1;
 
 /// What disparities count, in units of their own deviation, beside depths in lengths of an object, whose deviation is

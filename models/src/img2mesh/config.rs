@@ -13,11 +13,11 @@ use train::settings::in_toml;
 pub struct Img2MeshConfig {
     /// What turns an image into features. Default `"small"`.
     pub encoder: EncoderKind,
-    /// FeatureCache of the encoders `small` and `none`, 1 to 8192; the others' follow from their layers.
+    /// Features of the encoders `small` and `none`, 1 to 8192; the others' follow from their layers.
     /// Default 256.
     pub features: usize,
     /// Whether the encoder stays as it begins, of `cnn` the part that is VGG16's: sensible with
-    /// `weights`, else it is a random projection. FeatureCache of an image are then computed once,
+    /// `weights`, else it is a random projection. Features of an image are then computed once,
     /// but for `cnn`. Default false.
     pub freeze_encoder: bool,
     /// A file with weights for the encoder (`vgg16`, `cnn`): torchvision's `vgg16` as `.pth` or
@@ -185,7 +185,7 @@ impl Default for Img2MeshConfig {
 }
 
 impl Img2MeshConfig {
-    /// FeatureCache of an image: `D`.
+    /// Features of an image: `D`.
     pub fn width(&self) -> usize {
         match self.encoder {
             EncoderKind::Small | EncoderKind::None => self.features,
@@ -320,7 +320,7 @@ impl Img2MeshConfig {
         };
         let trainable = encoder - frozen + attention + camera + linear(d, d) + heads;
         let shapes = [
-            ("pictures", format!("[N V, {0}, {0}, 3]", self.image_size)),
+            ("images", format!("[N V, {0}, {0}, 3]", self.image_size)),
             ("features", format!("[N, V, {d}]")),
             ("mesh", format!("[N, {v}, 3] positions and colours, {} faces", 2 * v - 4)),
             ("renderings", format!("[N V, {0}, {0}, 3]", self.render_size)),

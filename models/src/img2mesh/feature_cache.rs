@@ -1,4 +1,4 @@
-//! FeatureCache of images under an encoder that does not change.
+//! Features of images under an encoder that does not change.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,13 +12,13 @@ use crate::stacked::stacked;
 /// Numbers that are kept at most.
 const MOST: usize = 1 << 28;
 
-/// FeatureCache that were computed before, by image. The encoder must be the one that computed them:
+/// Features that were computed before, by image. The encoder must be the one that computed them:
 /// frozen, and filled with its weights before the first image.
 #[derive(Debug, Default)]
 pub(super) struct FeatureCache(Mutex<HashMap<u64, Arc<[f32]>>>);
 
 impl FeatureCache {
-    /// FeatureCache of views, `[M, D]`, as constants.
+    /// Features of views, `[M, D]`, as constants.
     pub(super) fn of<'t>(
         &self,
         tape: &'t Tape,

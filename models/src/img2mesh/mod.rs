@@ -254,7 +254,7 @@ impl System for Img2Mesh {
     /// A coloured mesh in the world of the cameras, from any number of views.
     fn predict(&self, views: &[View]) -> Result<TriMesh, String> {
         if views.is_empty() {
-            return Err("no views: a mesh takes at least one picture with its camera".to_owned());
+            return Err("no views: a mesh takes at least one image with its camera".to_owned());
         }
         let prepared = views
             .iter()

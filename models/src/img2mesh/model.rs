@@ -94,7 +94,7 @@ impl Model {
         images.tape().scope("encoder", || self.encoder.forward(images))
     }
 
-    /// FeatureCache `[N V, D]` and cameras `[N V, 12]` of `n` objects to their meshes.
+    /// Features `[N V, D]` and cameras `[N V, 12]` of `n` objects to their meshes.
     pub(super) fn forward<'t>(&self, n: usize, features: Var<'t>, cameras: Var<'t>) -> Meshes<'t> {
         let tape = features.tape();
         let features = match &self.camera {

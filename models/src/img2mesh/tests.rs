@@ -278,7 +278,7 @@ fn pretrained_weights_are_loaded_and_frozen_ones_stay() {
     assert!(error.contains("vgg16.safetensors"), "{error}");
 }
 
-/// FeatureCache that are kept give the same bits as an encoder that is run each time.
+/// Features that are kept give the same bits as an encoder that is run each time.
 #[test]
 fn kept_features_change_nothing() {
     let config = Img2MeshConfig { dropout: 0.0, ..tiny() };

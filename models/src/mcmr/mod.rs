@@ -298,7 +298,7 @@ impl System for Mcmr {
     /// A textured mesh, its camera and the selection, from the first view; of the view's own camera only the lens counts,
     /// to put the mesh into its world.
     fn predict(&self, views: &[View]) -> Result<McmrPrediction, String> {
-        let view = views.first().ok_or("no view: a mesh is made from one picture")?;
+        let view = views.first().ok_or("no view: a mesh is made from one image")?;
         self.predict_view(view)
     }
 }

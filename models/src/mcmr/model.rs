@@ -13,7 +13,7 @@ use super::texture::closed;
 
 /// Slope of negative numbers, as published.
 const LEAKY: Activation = Activation::LeakyRelu(0.2);
-/// Mean and deviation of ImageNet's pictures, as torchvision's weights expect them.
+/// Mean and deviation of ImageNet's images, as torchvision's weights expect them.
 const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 
@@ -61,7 +61,7 @@ impl_module!(Model: f32 {
     encoder, enc_conv, enc_norm, enc_fc, selection, selection_out, shapes, deformation, camera, camera_out, texture
 } fixed { temperature, vertex_scale, camera_dropout });
 
-/// What becomes of a batch of `B` pictures.
+/// What becomes of a batch of `B` images.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Predicted<'t> {
     /// How much of each mean shape, `[B, N]`: rows add up to 1.
@@ -70,7 +70,7 @@ pub(super) struct Predicted<'t> {
     pub(super) offsets: Var<'t>,
     /// `[B, V, 3]`.
     pub(super) positions: Var<'t>,
-    /// Scale and place in the picture, `[B, 3]`.
+    /// Scale and place in the image, `[B, 3]`.
     pub(super) place: Var<'t>,
     /// Quaternions w, x, y, z before they are normalised, `[B, 4]`.
     pub(super) raw_rotation: Var<'t>,
@@ -116,7 +116,7 @@ impl Model {
         }
     }
 
-    /// Pictures `[B, S, S, 3]` in `[0, 1]`.
+    /// Images `[B, S, S, 3]` in `[0, 1]`.
     pub(super) fn forward<'t>(&self, tape: &'t Tape, images: Var<'t>) -> Predicted<'t> {
         let map = tape.scope("encoder", || self.map(images));
         let [b, h, w, c] = map.dims();
@@ -142,7 +142,7 @@ impl Model {
         }
     }
 
-    /// Pictures to the maps that code and texture are made from, `[B, S/64, S/64, 16 texture-width]`.
+    /// Images to the maps that code and texture are made from, `[B, S/64, S/64, 16 texture-width]`.
     fn map<'t>(&self, images: Var<'t>) -> Var<'t> {
         let tape = images.tape();
         let shift = tape.constant(Array1::from(MEAN.to_vec()));

@@ -44,7 +44,7 @@ pub(super) fn summary(config: &McmrConfig) -> Summary {
     let vertices = config.vertices();
     let finest = if config.subdivide_at > 0 { 4 * vertices - 6 } else { vertices };
     let shapes = [
-        ("pictures", format!("[N, {0}, {0}, 3]", config.image_size)),
+        ("images", format!("[N, {0}, {0}, 3]", config.image_size)),
         ("code", format!("[N, {features}]")),
         ("mean shapes", format!("[{shapes}, {vertices}, 3]")),
         ("mesh", format!("[N, {finest}, 3], {} faces", 2 * finest - 4)),

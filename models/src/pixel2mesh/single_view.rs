@@ -210,7 +210,7 @@ impl<D: Deformer> System for SingleView<D> {
             .collect();
         let (deformer, inside) = D::size(config);
         let mut shapes = vec![
-            ("picture".to_owned(), format!("[N, {side}, {side}, 3]")),
+            ("image".to_owned(), format!("[N, {side}, {side}, 3]")),
             ("maps".to_owned(), maps.join(", ")),
         ];
         shapes.extend(inside);
@@ -320,7 +320,7 @@ impl<D: Deformer> System for SingleView<D> {
 impl<D: Deformer> SingleView<D> {
     /// The first view as the network takes it.
     pub(crate) fn picture(&self, views: &[View]) -> Result<Picture, String> {
-        let view = views.first().ok_or("no view: a mesh is made from one picture")?;
+        let view = views.first().ok_or("no view: a mesh is made from one image")?;
         let pairs = &self.shared().pairs;
         Picture::new(view, pairs.image_size, pairs.scale).map_err(|error| error.to_string())
     }

@@ -96,7 +96,7 @@ impl PredictInput {
         Ok(input)
     }
 
-    /// PredictInput for systems of a single image: the first of the chosen views is given, all others judge it. A path to
+    /// Input for systems of a single image: the first of the chosen views is given, all others judge it. A path to
     /// an image will do; its camera is then assumed.
     ///
     /// # Errors
@@ -144,7 +144,7 @@ impl PredictInput {
         let camera = Camera::from_r2n2(0.0, ELEVATION, DISTANCE, picture.width, picture.height);
         let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
         let view = View { name, color: picture.to_rgb(), mask, camera, depth: None };
-        let warning = "the camera of a single picture is assumed: 35 mm on a sensor 32 mm wide, the object in the middle \
+        let warning = "the camera of a single image is assumed: 35 mm on a sensor 32 mm wide, the object in the middle \
                        and seen from 27.5 degrees above";
         Ok(Self {
             given: vec![view],

@@ -33,12 +33,12 @@ impl<B: MeshInit> Predictor for Refined<B> {
 
     fn input(config: &B::Config) -> String {
         let depth = match B::refine(config).depth {
-            DepthKind::None => return "one picture with its mask, without depth".to_owned(),
+            DepthKind::None => return "one image with its mask, without depth".to_owned(),
             DepthKind::True => "measured",
             DepthKind::Estimated => "estimated",
         };
         format!(
-            "one picture with its mask and its {depth} depth, which `predict` takes as --depth (--set depth=false \
+            "one image with its mask and its {depth} depth, which `predict` takes as --depth (--set depth=false \
              trains without)"
         )
     }

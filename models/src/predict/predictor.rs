@@ -55,7 +55,7 @@ pub type Detail = (&'static str, Vec<f64>);
 const FRAMES: usize = 25;
 
 /// What systems ask for that see one image and nothing else.
-const ONE_PICTURE: &str = "one picture with its mask";
+const ONE_PICTURE: &str = "one image with its mask";
 
 impl<D: Deformer> Predictor for SingleView<D> {
     const TRAINING: &'static str = D::TRAINING;
@@ -86,7 +86,7 @@ impl Predictor for Img2Mesh {
          cores (a rough one with --preset tiny, in seconds)";
 
     fn input(_: &Self::Config) -> String {
-        "views of one object: pictures, masks and cameras".to_owned()
+        "views of one object: images, masks and cameras".to_owned()
     }
 
     fn apply(&self, input: &PredictInput) -> Result<Prediction, String> {

@@ -85,7 +85,7 @@ impl Measure {
 /// lies on the mask's edge, points outwards wherever the mask goes on and inwards where it does not,
 /// whatever the distance, and grows with the distance up to the target's reach. The integral along the
 /// outline is taken at its crossings with every `stride`-th row, weighted by `|n_x|`, and column,
-/// weighted by `|n_y|`: together one sample per pixel of arc length, whatever the derivative.
+/// weighted by `|n_y|`: together one sample per pixel of arc length, whatever the direction.
 ///
 /// `None`, and nothing added, when a vertex is not in front of the camera.
 ///

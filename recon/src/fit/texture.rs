@@ -129,7 +129,7 @@ fn seen(sight: &Sight, target: &Target, view: &View, q: [f32; 3]) -> Option<([f3
     if !within || inside <= 0.0 {
         return None;
     }
-    // A pixel's depth is the surface's within what the surface can derivative in a pixel and a half.
+    // A pixel's depth is the surface's within what the surface can slope in a pixel and a half.
     let nearest = row as usize * target.width + column as usize;
     let slack = 3.0 * target.depth_per_unit() / target.pixels_per_unit(depth);
     if depth > sight.fragments.depth[nearest] + slack {

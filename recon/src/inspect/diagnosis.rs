@@ -183,7 +183,7 @@ fn masks(views: &[View], eyes: &[Eye], problems: &mut Vec<Problem>) {
     let shown = eyes.len() - empty.len();
     let background = |eye: &Eye| eye.border_share() > 0.75;
     if shown > 0 && 5 * eyes.iter().filter(|eye| background(eye)).count() >= 4 * shown {
-        let message = "the masks look inverted: they cover the border of the pictures; read them \
+        let message = "the masks look inverted: they cover the border of the images; read them \
                        with --invert-masks"
             .to_owned();
         problems.push(Problem { kind: "inverted_masks", message });
@@ -203,7 +203,7 @@ fn masks(views: &[View], eyes: &[Eye], problems: &mut Vec<Problem>) {
     let tiny: Vec<&str> = tiny.map(|view| view.name.as_str()).collect();
     if 2 * tiny.len() > shown {
         let message = format!(
-            "the object is less than 16 pixels large in {}: crop the pictures or take larger ones",
+            "the object is less than 16 pixels large in {}: crop the images or take larger ones",
             some_of(&tiny, views.len())
         );
         problems.push(Problem { kind: "tiny", message });
@@ -279,14 +279,14 @@ fn middle_of_the_best(focal: &[[f64; 2]], given: f64) -> f64 {
 fn words(name: &str) -> &'static str {
     match name {
         "flipped_y" => {
-            "y is flipped: the pictures are upside down for these cameras, or the cameras' y points \
+            "y is flipped: the images are upside down for these cameras, or the cameras' y points \
              down where up was expected"
         }
         "flipped_x" => {
-            "x is flipped: the pictures are mirrored for these cameras (or the turntable turns the \
+            "x is flipped: the images are mirrored for these cameras (or the turntable turns the \
              other way: --turntable-reverse)"
         }
-        "turned" => "the pictures are turned by half for these cameras",
+        "turned" => "the images are turned by half for these cameras",
         "opencv_axes" => {
             "the cameras look away from the object: their axes look like OpenCV's (y down, z \
              forward) where OpenGL's (y up, looking along -z) were expected"

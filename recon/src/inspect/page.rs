@@ -143,7 +143,7 @@ impl ObjectInspection {
         row("views", self.views.to_string());
         row("width, height", format!("{}, {}", sizes(self.width), sizes(self.height)));
         let [low, high] = self.coverage.map(|share| 100.0 * share);
-        row("object", format!("{low:.1} to {high:.1} % of a picture"));
+        row("object", format!("{low:.1} to {high:.1} % of an image"));
         row("colours on it", format!("{} to {}", self.colors[0], self.colors[1]));
         let spread = |[low, high]: [f64; 2]| {
             if high - low < 1e-3 * high.abs().max(1e-9) {

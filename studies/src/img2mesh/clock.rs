@@ -112,7 +112,7 @@ impl Study for ClockStudy {
         let inputs = "Inputs are held-out views; scores are means over all held-out cameras that were not given.";
         let weights = "No pretrained weights: all encoders train from scratch, VGG16 too, which the paper takes frozen \
                        from ImageNet; its steps take longer, so it has fewer of them (see `steps`). Encoder input 128 px (paper: 224 and 1024), \
-                       attention over the views. \"predict\" is from resized pictures to the mesh.";
+                       attention over the views. \"predict\" is from resized images to the mesh.";
         match scale {
             Scale::Full => format!("{inputs} {weights}"),
             Scale::Quick => inputs.to_owned(),

@@ -19,7 +19,7 @@ pub(super) fn caption(table: &str) -> Option<&'static str> {
     match table {
         ADAPTIVE => Some(
             "The model of the row \"ODE, Dormand-Prince\". Complexity: the Chamfer distance of the true surface from the ellipsoid \
-             that every deformation begins with. Correlations are of ranks, over all test pictures.",
+             that every deformation begins with. Correlations are of ranks, over all test images.",
         ),
         FINER => Some(
             "CD of the models of the first table, by the method that each was trained by, in steps of the size above the column; in the last column by \

@@ -93,7 +93,7 @@ mod estimate {
                 estimated.output.join(file).display()
             );
             text += match floor {
-                Some(true) => "; a floor beneath the object, which the picture has not\n",
+                Some(true) => "; a floor beneath the object, which the image has not\n",
                 _ => "\n",
             };
         }
@@ -106,7 +106,7 @@ mod estimate {
         let name = |path: &PathBuf| {
             let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
             let stem = stem.filter(|stem| seen.insert(stem.clone()));
-            let twice = || format!("{}: a second picture of that name", path.display());
+            let twice = || format!("{}: a second image of that name", path.display());
             stem.ok_or_else(|| Failure::Usage(twice()))
         };
         pictures.iter().map(name).collect()

@@ -43,7 +43,7 @@ impl Lines {
             let line = |(i, (view, fov))| Line { picture: format!("{i:02}.png"), view, fov };
             return Ok(Self(views.into_iter().enumerate().map(line).collect()));
         }
-        let names = opened.read(NAMES, "names of the pictures", MOST_BYTES)?;
+        let names = opened.read(NAMES, "names of the images", MOST_BYTES)?;
         let lines = names.check_lines(LINE);
         lines.map_err(|limit| over(&source.locate(NAMES), "lines", limit))?;
         let names = String::from_utf8_lossy(&names);
@@ -86,7 +86,7 @@ fn parse(text: &str, path: &Path) -> Result<Vec<(R2n2View, f64)>, ReadViewsError
         views.push((view, fov));
     }
     if views.is_empty() {
-        return Err(ReadViewsError::field(path, "lines", "none", "one for each picture"));
+        return Err(ReadViewsError::field(path, "lines", "none", "one for each image"));
     }
     Ok(views)
 }

@@ -42,17 +42,17 @@ impl Rendering {
         let ByteImage { height, width, channels, ref data } = self.rgba;
         let pixels = height * width;
         if channels != 4 || pixels == 0 || data.len() != 4 * pixels {
-            return Some("a picture must be [H, W, 4] and not empty");
+            return Some("an image must be [H, W, 4] and not empty");
         }
         let same = |h: usize, w: usize| (h, w) == (height, width);
         if self.depth.as_ref().is_some_and(|d| !same(d.height, d.width) || d.data.len() != pixels) {
-            return Some("depth must have the size of its picture");
+            return Some("depth must have the size of its image");
         }
         let normals = self.normals.as_ref();
         if normals.is_some_and(|n| {
             !same(n.height, n.width) || n.channels != 3 || n.data.len() != 3 * pixels
         }) {
-            return Some("normals must be [H, W, 3] of the size of their picture");
+            return Some("normals must be [H, W, 3] of the size of their image");
         }
         let R2n2View { azimuth, elevation, distance_ratio } = self.camera;
         let sound = azimuth.is_finite() && elevation.abs() < 90.0 && distance_ratio > 0.0;

@@ -192,7 +192,7 @@ impl Clock {
         self.on_dial("hub", hub, 0.0);
     }
 
-    /// Where the shell's upper side is over a place, and its derivative there in degrees.
+    /// Where the shell's upper side is over a place, and how steep it is there, degrees.
     fn roof(&self, x: f64) -> (f64, f64) {
         if self.body == "square" {
             (1.0, -0.25 * x.asin().to_degrees())
