@@ -25,8 +25,6 @@ pub(crate) use output::{Output, Picture};
 pub(crate) use predict::Predict;
 pub(crate) use reproduce::Reproduce;
 
-use crate::system::SystemName;
-
 /// Images of an object in, a triangle mesh out.
 ///
 /// Every mesh starts as a sphere and is deformed until its images agree with yours. No GPU, no
@@ -104,7 +102,7 @@ pub(crate) struct Configuration {
     pub(crate) config: Option<PathBuf>,
     /// One setting, over the configuration file; can be given many times.
     ///
-    /// For example `--set level=4 --set color=texture`. `unsphere check --config -` lists them all.
+    /// For example `--set level=4 --set color=texture`. `unsphere check --options` lists them all.
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
     pub(crate) set: Vec<(String, String)>,
 }
@@ -198,7 +196,7 @@ pub(crate) struct Demo {
   a COLMAP project with undistorted images (sparse/0, images), or photographs with a cameras.json
   photographs from a turntable (--turntable), a BOP scene, or a dataset of many (--object)
 
-Every fifth view (4, 9, 14, ..) is kept out of the fit and scores the result; --set hold-out=0
+Every fifth view (4, 9, 14, ..) is kept out of the fit and scores the result; --set hold-out=none
 uses all. The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html, metrics.json
 and config.toml. The mesh is in the coordinates of the cameras. Ctrl-C ends the fit early and
 writes what there is.
@@ -227,7 +225,7 @@ pub(crate) struct Fit {
     after_help = "The folder describes itself: config.toml, provenance.json, metrics.jsonl and .csv, tensorboard/,
 checkpoints/ (best and last), samples/ and report.html. Ctrl-C writes a checkpoint; a run that was
 stopped or killed goes on with --resume, and its result is that of a run that was not, bit by bit.
-`unsphere check --system img2mesh` says what a configuration amounts to and lists all settings.
+`unsphere check --system img2mesh` says what a configuration amounts to, with --options what can be set.
 
 Examples:
   unsphere train img2mesh -o runs/look --preset tiny       a procedural clock, in seconds
@@ -238,8 +236,7 @@ Examples:
 )]
 pub(crate) struct Train {
     /// What is trained.
-    #[arg(value_enum)]
-    pub(crate) system: SystemName,
+    pub(crate) system: String,
     /// What it learns from; without it the system makes its own.
     pub(crate) data: Option<PathBuf>,
     /// Folder for the run; made if it does not exist.
@@ -359,6 +356,7 @@ Examples:
   unsphere check --config fit.toml --set level=6
   unsphere check --config -                        print every setting with its default
   unsphere check --system img2mesh --preset paper  shapes, parameters and settings of a system
+  unsphere check --system img2mesh --options       what each setting means, its range and published value
   unsphere check --views rendered_clock.zip"
 )]
 #[command(arg_required_else_help = true)]
@@ -372,8 +370,11 @@ pub(crate) struct Check {
     #[arg(long, value_name = "VIEWS")]
     pub(crate) views: Option<PathBuf>,
     /// The configuration is of this system, instead of a fit's.
-    #[arg(long, value_enum, value_name = "SYSTEM")]
-    pub(crate) system: Option<SystemName>,
+    #[arg(long, value_name = "SYSTEM")]
+    pub(crate) system: Option<String>,
+    /// List every setting of a fit or of the system: range, default, meaning, published value and its source.
+    #[arg(long, conflicts_with_all = ["mesh", "views", "config", "set", "preset"])]
+    pub(crate) options: bool,
     /// A configuration that comes with the system: tiny, small or paper.
     #[arg(long, value_name = "NAME", requires = "system", conflicts_with = "config")]
     pub(crate) preset: Option<String>,

@@ -35,7 +35,6 @@ pub(crate) fn configuration<S: System>(
     if let Some(seed) = seed {
         config.train.seed = seed;
     }
-    let mut problems = config.train.check();
-    problems.extend(S::check(&config.system).err().unwrap_or_default());
+    let problems = config.check::<S>();
     if problems.is_empty() { Ok(config) } else { Err(Failure::Usage(problems.join("; "))) }
 }

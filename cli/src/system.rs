@@ -1,60 +1,101 @@
-//! The systems that can be trained, by name.
+//! The systems that the commands can be told.
 
+use std::fmt::Debug;
+use std::marker::PhantomData;
 use std::path::Path;
 
-use clap::ValueEnum;
+use clap::builder::{PossibleValue, PossibleValuesParser};
+use models::Registry;
 use models::predict::Predictor;
 use train::settings::{self, SettingsError};
 use train::{Configuration, System};
 
-use crate::args::{Global, SystemSettings};
+use crate::args::{Eval, Global, Predict, SystemSettings, Train};
+use crate::command::check::SystemReport;
+use crate::command::{check, eval, predict, train as training};
+use crate::console::Console;
 use crate::failure::Failure;
+use crate::options::{self, ListedOption};
 
-macro_rules! systems {
-    ($($(#[$attribute:meta])+ $name:ident => $system:ty,)+) => {
-        /// A system on the command line.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-        pub(crate) enum SystemName {
-            $($(#[$attribute])+ $name,)+
-        }
-
-        impl SystemName {
-            /// Does something with the system of this name.
-            pub(crate) fn visit<F: ForSystem>(self, work: F) -> F::Output {
-                match self {
-                    $(Self::$name => work.run::<$system>(),)+
-                }
-            }
-        }
-    };
+/// The commands that every system has.
+pub(crate) trait SystemCommands: Debug + Sync {
+    fn name(&self) -> &'static str;
+    fn about(&self) -> &'static str;
+    fn train(&self, console: Console, global: Global, asked: &Train) -> Result<(), Failure>;
+    fn eval(&self, console: Console, global: Global, asked: &Eval) -> Result<(), Failure>;
+    fn predict(&self, console: Console, asked: &Predict) -> Result<(), Failure>;
+    fn check(&self, asked: &SystemSettings, global: Global) -> Result<SystemReport, Failure>;
+    fn options(&self) -> Vec<ListedOption>;
 }
 
-systems! {
-    /// Several views to one mesh, learned from images and masks.
-    Img2mesh => models::img2mesh::Img2Mesh,
-    /// One photograph to a textured mesh, learned from photo collections of many categories.
-    Mcmr => models::mcmr::Mcmr,
-    /// One image to a mesh in continuous time, learned from true surfaces.
-    #[value(name = "ode-pixel2mesh")]
-    OdePixel2mesh => models::pixel2mesh::OdePixel2Mesh,
-    /// One image to a mesh in three stages, learned from true surfaces.
-    #[value(name = "pixel2mesh")]
-    Pixel2mesh => models::pixel2mesh::Pixel2Mesh,
-    /// One image, with or without depth, to a mesh from a sphere.
-    #[value(name = "depth-pixel2mesh")]
-    DepthPixel2mesh => models::depth::DepthPixel2Mesh,
-    /// One image, with or without depth, to a mesh through voxels.
-    #[value(name = "mesh-rcnn")]
-    MeshRcnn => models::depth::MeshRcnn,
+/// A system by its type alone.
+struct Of<S>(PhantomData<fn() -> S>);
+
+impl<S: System> Debug for Of<S> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(S::NAME)
+    }
 }
 
-/// Something that can be done with any system.
-pub(crate) trait ForSystem {
-    /// What comes of it.
-    type Output;
+impl<S: Predictor> SystemCommands for Of<S> {
+    fn name(&self) -> &'static str {
+        S::NAME
+    }
 
-    /// Does it.
-    fn run<S: Predictor>(self) -> Self::Output;
+    fn about(&self) -> &'static str {
+        S::ABOUT
+    }
+
+    fn train(&self, console: Console, global: Global, asked: &Train) -> Result<(), Failure> {
+        training::run::<S>(console, global, asked)
+    }
+
+    fn eval(&self, console: Console, global: Global, asked: &Eval) -> Result<(), Failure> {
+        eval::run::<S>(console, global, asked)
+    }
+
+    fn predict(&self, console: Console, asked: &Predict) -> Result<(), Failure> {
+        predict::run::<S>(console, asked)
+    }
+
+    fn check(&self, asked: &SystemSettings, global: Global) -> Result<SystemReport, Failure> {
+        check::system_report::<S>(asked, global)
+    }
+
+    fn options(&self) -> Vec<ListedOption> {
+        options::of_system::<S>()
+    }
+}
+
+/// The systems that there are, in the order of lists.
+#[derive(Debug, Default)]
+pub(crate) struct Systems(Vec<Box<dyn SystemCommands>>);
+
+impl Registry for Systems {
+    fn register<S: Predictor>(&mut self) {
+        self.0.push(Box::new(Of::<S>(PhantomData)));
+    }
+}
+
+impl Systems {
+    /// The system of a name that clap let pass.
+    pub(crate) fn named(&self, name: &str) -> &dyn SystemCommands {
+        let found = self.0.iter().find(|system| system.name() == name);
+        &**found.expect("the command line takes no other name")
+    }
+
+    /// A command line that takes their names wherever a system is asked for.
+    pub(crate) fn named_in(&self, command: clap::Command) -> clap::Command {
+        let value = |system: &Box<dyn SystemCommands>| {
+            PossibleValue::new(system.name()).help(system.about())
+        };
+        let names = || PossibleValuesParser::new(self.0.iter().map(value));
+        ["train", "eval", "predict", "check"].into_iter().fold(command, |command, verb| {
+            command.mut_subcommand(verb, |verb| {
+                verb.mut_arg("system", |argument| argument.value_parser(names()))
+            })
+        })
+    }
 }
 
 /// The configuration that the command line asks for, read but not yet checked as a whole.
@@ -84,8 +125,7 @@ pub(crate) fn configuration<S: System>(
     if let Some(seed) = global.seed {
         config.train.seed = seed;
     }
-    let mut problems = config.train.check();
-    problems.extend(S::check(&config.system).err().unwrap_or_default());
+    let problems = config.check::<S>();
     match (problems.is_empty(), &asked.config) {
         (true, _) => Ok(config),
         (false, Some(path)) if asked.set.is_empty() => {

@@ -205,7 +205,8 @@ fn a_disk_that_may_only_be_read_is_an_error_before_the_work() {
 fn a_training_goes_on_while_the_disk_is_full() {
     let Some(disk) = Disk::new("64m") else { return };
     let place = tempfile::tempdir().unwrap();
-    let settings = ["epochs=150", "evaluate-every=0", "samples-every=0", "checkpoint-minutes=0"];
+    let settings =
+        ["epochs=150", "evaluate-every=none", "samples-every=none", "checkpoint-minutes=none"];
     unsphere_with(place.path(), &training("whole", &settings)).ok();
     let out = format!("{}/run", disk.path());
     let mut child = Command::new(env!("CARGO_BIN_EXE_unsphere"))

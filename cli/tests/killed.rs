@@ -31,7 +31,7 @@ const IMG2MESH: Training = Training {
         "synthetic-views=20",
         "epochs=20",
         "evaluate-every=4",
-        "samples-every=0",
+        "samples-every=none",
         "checkpoint-steps=3",
         "tensorboard=false",
         // What must be carried over a kill: moments, the moving average of the losses, the place in

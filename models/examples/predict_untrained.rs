@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (name, preset) = Img2Mesh::PRESETS[0];
     let config: Configuration<<Img2Mesh as System>::Config> =
         settings::read_text(name.as_ref(), preset, &[])?;
-    let summary = Img2Mesh::check(&config.system).map_err(|problems| problems.join("; "))?;
+    let summary = Img2Mesh::summary(&config.system);
 
     let cameras = Orbit { count: 2, width: 64, height: 64, ..Orbit::default() }.cameras();
     let clock = AlarmClock::default().build();

@@ -8,10 +8,20 @@ use train::{Configuration, System};
 pub(crate) fn assert_presets<S: System>() {
     for (name, text) in S::PRESETS {
         let config: Configuration<S::Config> = read_text(name.as_ref(), text, &[]).unwrap();
-        assert_eq!(config.train.check(), Vec::<String>::new(), "{name}");
-        S::check(&config.system).unwrap();
+        assert_eq!(config.check::<S>(), Vec::<String>::new(), "{name}");
         let again: Configuration<S::Config> =
             read_text(name.as_ref(), &to_toml(&config), &[]).unwrap();
         assert_eq!(again, config, "{name}");
+    }
+    assert_sources::<S>();
+}
+
+/// Every value of a published configuration has its source beside it.
+fn assert_sources<S: System>() {
+    let published = S::PRESETS.iter().filter(|(name, _)| name.starts_with("paper"));
+    for (name, text) in published {
+        let values = text.lines().filter(|line| !line.starts_with('#') && line.contains('='));
+        let unsaid: Vec<&str> = values.filter(|line| !line.contains(" # ")).collect();
+        assert!(unsaid.is_empty(), "{}, {name}: {unsaid:?}", S::NAME);
     }
 }

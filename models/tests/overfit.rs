@@ -74,7 +74,7 @@ fn overfits_one_sample<D: Deformer>(config: &D::Config, learning_rate: f64, step
 }
 
 fn pairs() -> PairsConfig {
-    PairsConfig { image_size: 64, hold_out: 0, ..PairsConfig::default() }
+    PairsConfig { image_size: 64, hold_out: None, ..PairsConfig::default() }
 }
 
 /// Few rules but the distance: what is learned by heart is already regular enough.

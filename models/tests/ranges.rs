@@ -4,17 +4,16 @@
 use std::path::Path;
 
 use autodiff_lite::state::State;
-use models::depth::{DepthPixel2Mesh, MeshRcnn};
-use models::img2mesh::Img2Mesh;
-use models::mcmr::Mcmr;
-use models::pixel2mesh::{OdePixel2Mesh, Pixel2Mesh};
+use models::depth::DepthPixel2Mesh;
+use models::predict::Predictor;
+use models::{Registry, register};
 use recon::fit::FitConfig;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use synth::Monocular;
 use synth::generate::GenerateConfig;
 use toml::{Table, Value};
-use train::settings::{read_text, to_toml};
+use train::settings::{optional, read_text, to_toml};
 use train::{Checkpoint, Configuration, System, TrainConfig};
 
 /// Numbers of which each is as good as another, up to the largest of TOML: seeds, and counts after which something
@@ -85,6 +84,13 @@ fn assert_ranges<C: Serialize>(what: &str, default: &C, check: Check<'_>) -> usi
     assert_eq!(check(&to_toml(default)), None, "{what}");
     let mut places = Vec::new();
     numbers(&Value::Table(table.clone()), &Vec::new(), &mut places);
+    // What is absent and would be a number if it were there.
+    for (field, _) in table.iter().filter(|(_, value)| value.as_str() == Some(optional::NONE)) {
+        let one = to_toml(&replaced(&table, &vec![field.clone()], Value::Integer(1)));
+        if check(&one).is_none_or(|text| !text.contains("invalid type")) {
+            places.push(vec![field.clone()]);
+        }
+    }
     let (large, none) = (1_000_000_000_000, f64::NAN);
     for place in &places {
         let field = name(place);
@@ -154,27 +160,25 @@ fn assert_system<S: System>() {
         let config = read_text::<Configuration<S::Config>>(Path::new("test"), text, &[]);
         match config {
             Err(error) => Some(error.to_string()),
-            Ok(config) => {
-                let mut problems = config.train.check();
-                problems.extend(S::check(&config.system).err().unwrap_or_default());
-                joined(&problems)
-            }
+            Ok(config) => joined(&config.check::<S>()),
         }
     });
     assert!(count > 30, "{}: {count}", S::NAME);
-    assert_largest::<S::Config>(S::NAME, &|config| {
-        S::check(config).err().and_then(|problems| joined(&problems))
-    });
+    assert_largest::<S::Config>(S::NAME, &|config| joined(&S::check(config)));
+}
+
+/// Asserts the same of every system.
+struct All;
+
+impl Registry for All {
+    fn register<S: Predictor>(&mut self) {
+        assert_system::<S>();
+    }
 }
 
 #[test]
 fn of_systems() {
-    assert_system::<Img2Mesh>();
-    assert_system::<Mcmr>();
-    assert_system::<OdePixel2Mesh>();
-    assert_system::<Pixel2Mesh>();
-    assert_system::<DepthPixel2Mesh>();
-    assert_system::<MeshRcnn>();
+    register(&mut All);
     assert_largest::<TrainConfig>("train", &|config| joined(&config.check()));
 }
 

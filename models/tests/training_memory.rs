@@ -18,7 +18,7 @@ fn steps_of_a_training_take_no_large_fresh_block() {
     config.train.epochs = 1;
     config.train.batch = 2;
     config.train.shards = 2;
-    config.train.checkpoint_minutes = 0.0;
+    config.train.checkpoint_minutes = None;
     config.system.image_size = 32;
     config.system.render_size = 32;
     config.system.synthetic_views = 160;

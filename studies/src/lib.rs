@@ -54,7 +54,7 @@
 //!    it after an interruption.
 //! 2. [`Study::settings`] holds all that another value of which would make kept results wrong:
 //!    the configurations as TOML, sizes and counts.
-//! 3. One line in `cli/src/study.rs`.
+//! 3. One line in the `STUDIES` of its system's module.
 //!
 //! # Invariants
 //!
@@ -70,6 +70,7 @@ pub mod mcmr;
 mod page;
 pub mod pixel2mesh;
 pub(crate) mod preset;
+mod registry;
 mod row;
 mod run;
 mod store;
@@ -80,6 +81,7 @@ mod tests;
 mod work;
 
 pub use error::{ReproduceError, StudyError};
+pub use registry::studies;
 pub use row::{Cell, Picture, Row};
 pub use run::{Event, Order, Reproduced, reproduce};
 pub use study::{Claim, Scale, Study};

@@ -9,22 +9,16 @@ use std::path::PathBuf;
 use autodiff_lite::{Activation, Param, Tape, impl_module};
 use ndarray::{Array1, Array2};
 use rand::RngExt;
-use serde::{Deserialize, Serialize};
 use train::{
-    Configuration, DataError, Draw, Event, Job, LossError, Metric, Provenance, RunFolder, Source,
-    StepInfo, Summary, System, Terms, train,
+    Configuration, DataError, Draw, Event, Job, LossError, Metric, PredictError, Provenance,
+    RunFolder, Source, StepInfo, Summary, System, Terms, options, train,
 };
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-struct LineConfig {
-    /// How far points are from the line, at most.
-    noise: f32,
-}
-
-impl Default for LineConfig {
-    fn default() -> Self {
-        Self { noise: 0.1 }
+options! {
+    /// How the points lie.
+    struct LineConfig {
+        /// How far points are from the line, at most.
+        noise: f32 = 0.1, in 0.0..=1.0;
     }
 }
 
@@ -48,11 +42,8 @@ impl System for Line {
     type Input = f32;
     type Prediction = f32;
 
-    fn check(config: &LineConfig) -> Result<Summary, Vec<String>> {
-        if config.noise < 0.0 {
-            return Err(vec![format!("`noise` is {}, expected at least 0", config.noise)]);
-        }
-        Ok(Summary { trainable: 2, ..Summary::default() })
+    fn summary(_: &LineConfig) -> Summary {
+        Summary { trainable: 2, ..Summary::default() }
     }
 
     fn new(config: &LineConfig, _seed: u64) -> Self {
@@ -101,7 +92,7 @@ impl System for Line {
         Ok(vec![Metric::smaller("error", f64::from(error.into_iter().fold(0.0, f32::max)))])
     }
 
-    fn predict(&self, x: &f32) -> Result<f32, String> {
+    fn predict(&self, x: &f32) -> Result<f32, PredictError> {
         Ok(self.at(*x))
     }
 }

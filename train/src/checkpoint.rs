@@ -102,8 +102,7 @@ impl<'a> Checkpoint<'a> {
         let text = self.entry("config")?;
         let config: Configuration<S::Config> = toml::from_str(text)
             .map_err(|error| self.wrong("config", "damaged", error.message()))?;
-        let mut problems = config.train.check();
-        problems.extend(S::check(&config.system).err().unwrap_or_default());
+        let problems = config.check::<S>();
         if problems.is_empty() {
             return Ok(config);
         }

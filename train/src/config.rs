@@ -6,66 +6,76 @@ use serde::ser::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::{Table, Value};
 
-use crate::settings::in_toml;
+use crate::System;
+use crate::settings::{LARGEST, Options as _, above_to};
 
-/// Options of the training loop, each with the default that [`TrainConfig::default`] gives.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct TrainConfig {
-    /// Seed of everything random: first weights, order, samples, dropout. Default 0.
-    pub seed: u64,
-    /// Passes over the data. Default 10.
-    pub epochs: u64,
-    /// Ends earlier, after so many steps; 0 does not. Default 0.
-    pub max_steps: u64,
-    /// Samples in a batch. Default 4.
-    pub batch: usize,
-    /// Batches whose gradients are averaged for one step. Default 1.
-    pub accumulate: usize,
-    /// Parts that a batch is cut into, each on a tape of its own at the same time. Results depend
-    /// on it (in the last bits), on the number of threads they do not. Default 1.
-    pub shards: usize,
-    /// The optimiser. Default `"adam"`.
-    pub optimizer: OptimizerKind,
-    /// Step length. Default 1e-4.
-    pub learning_rate: f64,
-    /// Decay of the mean of gradients (Adam). Default 0.9.
-    pub beta1: f64,
-    /// Decay of the mean of squared gradients (Adam). Default 0.999.
-    pub beta2: f64,
-    /// Part of the velocity that is kept (SGD). Default 0.9.
-    pub momentum: f64,
-    /// Pull of the weights towards zero. Default 0.
-    pub weight_decay: f64,
-    /// How the step length changes. Default `"constant"`.
-    pub schedule: ScheduleKind,
-    /// Epochs between two drops (`step`). Default 5.
-    pub drop_every: u64,
-    /// Epochs, counted from 0, before which the step length drops (`milestones`). Default none.
-    pub milestones: Vec<u64>,
-    /// What a drop multiplies the step length by (`step`, `milestones`). Default 0.5.
-    pub drop: f64,
-    /// Steps in which the step length rises at the start (`cosine`). Default 0.
-    pub warmup: u64,
-    /// The share of the step length that is left at the end (`cosine`). Default 0.
-    pub floor: f64,
-    /// Limit on the Euclidean norm of all gradients together; 0 is none. Default 0.
-    pub clip_norm: f64,
-    /// Leaves out a step whose loss is more than so many times the moving average of the losses;
-    /// 0 leaves out none. Mesh R-CNN uses 50. Default 0.
-    pub skip_spikes: f64,
-    /// Epochs between two evaluations; 0 evaluates only at the end. Default 1.
-    pub evaluate_every: u64,
-    /// Epochs between two sheets of images; 0 draws them only at the end. Default 1.
-    pub samples_every: u64,
-    /// Steps between two checkpoints; 0 writes them only at evaluations and at the end. Default 0.
-    pub checkpoint_steps: u64,
-    /// Minutes after which a checkpoint is due; 0 is never. Default 10.
-    pub checkpoint_minutes: f64,
-    /// The metric that chooses the best checkpoint; empty for the system's own. Default empty.
-    pub best: String,
-    /// Whether TensorBoard's event files are written. Default true.
-    pub tensorboard: bool,
+crate::options! {
+    /// Options of the training loop, each with the default that [`TrainConfig::default`] gives.
+    #[serde(deny_unknown_fields)]
+    pub struct TrainConfig {
+        /// Seed of everything random: first weights, order, samples, dropout.
+        pub seed: u64 = 0, in ..=LARGEST;
+        /// Passes over the data.
+        pub epochs: u64 = 10, in 1..=1_000_000;
+        /// Ends earlier, after so many steps.
+        #[serde(with = "crate::settings::optional")]
+        pub max_steps: Option<u64> = None, in 1..=LARGEST;
+        /// Samples in a batch.
+        pub batch: usize = 4, in 1..=65536;
+        /// Batches whose gradients are averaged for one step.
+        pub accumulate: usize = 1, in 1..=65536;
+        /// Parts that a batch is cut into, each on a tape of its own at the same time. Results depend on it (in the
+        /// last bits), on the number of threads they do not.
+        pub shards: usize = 1, in 1..=65536;
+        /// The optimiser.
+        pub optimizer: OptimizerKind = OptimizerKind::Adam;
+        /// Learning rate.
+        pub learning_rate: f64 = 1e-4, in 0.0..=1e6;
+        /// Decay of the mean of gradients (Adam).
+        pub beta1: f64 = 0.9, in 0.0..1.0;
+        /// Decay of the mean of squared gradients (Adam).
+        pub beta2: f64 = 0.999, in 0.0..1.0;
+        /// Part of the velocity that is kept (SGD).
+        pub momentum: f64 = 0.9, in 0.0..1.0;
+        /// Pull of the weights towards zero.
+        pub weight_decay: f64 = 0.0, in 0.0..=1e3;
+        /// How the learning rate changes.
+        pub schedule: ScheduleKind = ScheduleKind::Constant;
+        /// Epochs between two drops (`step`).
+        pub drop_every: u64 = 5, in 1..=LARGEST;
+        /// Epochs, counted from 0, before which the learning rate drops (`milestones`).
+        pub milestones: Vec<u64> = Vec::new(), in ..=LARGEST;
+        /// What a drop multiplies the learning rate by (`step`, `milestones`).
+        pub drop: f64 = 0.5, in 0.0..=1e3;
+        /// Steps in which the learning rate rises at the start (`cosine`).
+        pub warmup: u64 = 0, in ..=LARGEST;
+        /// The share of the learning rate that is left at the end (`cosine`).
+        pub floor: f64 = 0.0, in 0.0..=1.0;
+        /// Limit on the Euclidean norm of all gradients together.
+        #[serde(with = "crate::settings::optional")]
+        pub clip_norm: Option<f64> = None, in above_to(0.0, f64::MAX);
+        /// Leaves out a step whose loss is more than so many times the moving average of the losses. Mesh R-CNN uses
+        /// 50.
+        #[serde(with = "crate::settings::optional")]
+        pub skip_spikes: Option<f64> = None, in 1.0..=f64::MAX;
+        /// Epochs between two evaluations; without, only at the end.
+        #[serde(with = "crate::settings::optional")]
+        pub evaluate_every: Option<u64> = Some(1), in 1..=LARGEST;
+        /// Epochs between two sheets of images; without, only at the end.
+        #[serde(with = "crate::settings::optional")]
+        pub samples_every: Option<u64> = Some(1), in 1..=LARGEST;
+        /// Steps between two checkpoints; without, only at evaluations and at the end.
+        #[serde(with = "crate::settings::optional")]
+        pub checkpoint_steps: Option<u64> = None, in 1..=LARGEST;
+        /// Minutes after which a checkpoint is due.
+        #[serde(with = "crate::settings::optional")]
+        pub checkpoint_minutes: Option<f64> = Some(10.0), in above_to(0.0, 1e6);
+        /// The metric that chooses the best checkpoint; without, the system's own.
+        #[serde(with = "crate::settings::optional")]
+        pub best: Option<String> = None;
+        /// Whether TensorBoard's event files are written.
+        pub tensorboard: bool = true;
+    }
 }
 
 /// The optimisers that a training can use.
@@ -94,39 +104,6 @@ pub enum ScheduleKind {
     Cosine,
 }
 
-impl Default for TrainConfig {
-    fn default() -> Self {
-        Self {
-            seed: 0,
-            epochs: 10,
-            max_steps: 0,
-            batch: 4,
-            accumulate: 1,
-            shards: 1,
-            optimizer: OptimizerKind::Adam,
-            learning_rate: 1e-4,
-            beta1: 0.9,
-            beta2: 0.999,
-            momentum: 0.9,
-            weight_decay: 0.0,
-            schedule: ScheduleKind::Constant,
-            drop_every: 5,
-            milestones: Vec::new(),
-            drop: 0.5,
-            warmup: 0,
-            floor: 0.0,
-            clip_norm: 0.0,
-            skip_spikes: 0.0,
-            evaluate_every: 1,
-            samples_every: 1,
-            checkpoint_steps: 0,
-            checkpoint_minutes: 10.0,
-            best: String::new(),
-            tensorboard: true,
-        }
-    }
-}
-
 /// What may be changed when a run goes on: it leaves the steps that were taken as they are.
 pub const CHANGEABLE: &[&str] = &[
     "epochs",
@@ -141,73 +118,16 @@ pub const CHANGEABLE: &[&str] = &[
 impl TrainConfig {
     /// What is wrong with these options, one sentence each; empty when nothing is.
     pub fn check(&self) -> Vec<String> {
-        let mut problems = Vec::new();
-        let mut require = |holds: bool, field: &str, found: &dyn std::fmt::Display, what: &str| {
-            if !holds {
-                problems.push(format!("`{field}` is {found}, expected {what}"));
-            }
-        };
-        for (count, field) in [
-            (self.seed, "seed"),
-            (self.max_steps, "max-steps"),
-            (self.drop_every, "drop-every"),
-            (self.warmup, "warmup"),
-            (self.evaluate_every, "evaluate-every"),
-            (self.samples_every, "samples-every"),
-            (self.checkpoint_steps, "checkpoint-steps"),
-        ] {
-            require(in_toml(count), field, &count, "at most 2^63 - 1");
+        let mut problems = self.out_of_range();
+        let (batch, shards) = (self.batch, self.shards);
+        if shards > batch {
+            let what = format!("1 to `batch`, {batch}: each part of a batch has a sample");
+            problems.push(format!("`shards` is {shards}, expected {what}"));
         }
-        require((1..=1_000_000).contains(&self.epochs), "epochs", &self.epochs, "1 to 1000000");
-        require((1..=65536).contains(&self.batch), "batch", &self.batch, "1 to 65536");
-        require(
-            (1..=65536).contains(&self.accumulate),
-            "accumulate",
-            &self.accumulate,
-            "1 to 65536",
-        );
-        require(
-            (1..=self.batch).contains(&self.shards),
-            "shards",
-            &self.shards,
-            "1 to `batch`: each part of a batch has a sample",
-        );
-        let within = |v: f64, low: f64, high: f64| v >= low && v <= high;
-        let rate = self.learning_rate;
-        require(within(rate, 0.0, 1e6), "learning-rate", &rate, "0 to 1000000");
-        let mut fraction = |value: f64, field: &str| {
-            require((0.0..1.0).contains(&value), field, &value, "0 to less than 1");
-        };
-        fraction(self.beta1, "beta1");
-        fraction(self.beta2, "beta2");
-        fraction(self.momentum, "momentum");
-        require(
-            within(self.weight_decay, 0.0, 1e3),
-            "weight-decay",
-            &self.weight_decay,
-            "0 to 1000",
-        );
-        require(self.drop_every >= 1, "drop-every", &self.drop_every, "at least 1");
-        let milestones = &self.milestones;
-        let ascending = milestones.is_sorted() && milestones.iter().all(|&epoch| in_toml(epoch));
-        require(
-            ascending,
-            "milestones",
-            &format!("{:?}", self.milestones),
-            "ascending epochs, at most 2^63 - 1",
-        );
-        require(within(self.drop, 0.0, 1e3), "drop", &self.drop, "0 to 1000");
-        require(within(self.floor, 0.0, 1.0), "floor", &self.floor, "0 to 1");
-        require(within(self.clip_norm, 0.0, f64::MAX), "clip-norm", &self.clip_norm, "at least 0");
-        let spikes = self.skip_spikes;
-        require(
-            spikes == 0.0 || within(spikes, 1.0, f64::MAX),
-            "skip-spikes",
-            &spikes,
-            "0 or at least 1",
-        );
-        let minutes = self.checkpoint_minutes;
-        require(within(minutes, 0.0, 1e6), "checkpoint-minutes", &minutes, "0 to 1000000");
+        if !self.milestones.is_sorted() {
+            problems
+                .push(format!("`milestones` is {:?}, expected ascending epochs", self.milestones));
+        }
         problems
     }
 
@@ -232,8 +152,7 @@ impl TrainConfig {
 /// All options of a training: those of the loop and those of the system, in one flat table.
 ///
 /// In TOML both stand side by side, so that `--set batch=8` and an option of the system are said
-/// alike; no system may have an option that is named like one of the loop. Options never are
-/// optional fields: what may be absent has a value that says so.
+/// alike; no system may have an option that is named like one of the loop.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Configuration<C> {
     /// The loop's options.
@@ -243,6 +162,13 @@ pub struct Configuration<C> {
 }
 
 impl<C: Serialize> Configuration<C> {
+    /// What is wrong with the options of the loop and of the system, one sentence each; empty when nothing is.
+    pub fn check<S: System<Config = C>>(&self) -> Vec<String> {
+        let mut problems = self.train.check();
+        problems.extend(S::check(&self.system));
+        problems
+    }
+
     /// The one table.
     pub(super) fn to_table(&self) -> Result<Table, toml::ser::Error> {
         let mut table = Table::try_from(&self.train)?;

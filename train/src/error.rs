@@ -70,6 +70,36 @@ impl LossError {
     }
 }
 
+/// Why a system cannot be applied to an input.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PredictError {
+    /// There is nothing to predict from.
+    #[error("no view: a mesh is made from at least one image")]
+    NoView,
+    /// The input lacks what the system needs.
+    #[error("no {what}: {remedy}")]
+    Missing {
+        /// What it lacks.
+        what: &'static str,
+        /// Where it comes from.
+        remedy: &'static str,
+    },
+    /// The input cannot be read, or has what the system cannot take.
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// A differential equation could not be solved.
+    #[error(transparent)]
+    Solve(Arc<dyn Error + Send + Sync>),
+}
+
+impl PredictError {
+    /// A solver's error, whichever solver it is.
+    pub fn solve(error: impl Error + Send + Sync + 'static) -> Self {
+        Self::Solve(Arc::new(error))
+    }
+}
+
 /// Why a run's folder cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]

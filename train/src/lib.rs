@@ -62,7 +62,7 @@ pub use checkpoint::Checkpoint;
 pub use checkpoint_path::{CheckpointPath, RunMetadata};
 pub use config::{CHANGEABLE, Configuration, OptimizerKind, ScheduleKind, TrainConfig};
 pub use draw::Draw;
-pub use error::{CheckpointError, LossError, RunError, TrainError};
+pub use error::{CheckpointError, LossError, PredictError, RunError, TrainError};
 pub use event::{Event, Step};
 pub use non_finite::{NotFinite, Tensor};
 pub use optimizer::OptimizerState;

@@ -7,6 +7,14 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
+pub mod optional;
+
+mod options;
+mod ranged;
+
+pub use options::{Declared, OptionInfo, Options};
+pub use ranged::{LARGEST, Ranged, above_to, out_of_range, range_of};
+
 /// Why a configuration cannot be had.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -49,7 +57,7 @@ pub enum SettingsError {
 ///
 /// let set = [("max_steps".to_string(), "400".to_string())];
 /// let config: TrainConfig = settings::read(None, &set)?;
-/// assert_eq!(config.max_steps, 400);
+/// assert_eq!(config.max_steps, Some(400));
 /// # Ok::<(), settings::SettingsError>(())
 /// ```
 ///
@@ -102,11 +110,6 @@ pub fn read_text<T: DeserializeOwned>(
 /// If the type cannot be said in TOML, which no configuration of this crate is.
 pub fn to_toml<T: Serialize>(config: &T) -> String {
     toml::to_string_pretty(config).expect("configurations are plain tables")
-}
-
-/// Whether a count can be said in TOML, which has no larger integers than 2^63 - 1.
-pub fn in_toml(count: impl TryInto<i64>) -> bool {
-    count.try_into().is_ok()
 }
 
 /// Every value of a configuration as text, under its full name (`table.key`); nothing of what is no TOML.

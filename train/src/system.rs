@@ -5,13 +5,13 @@ use std::path::Path;
 
 use autodiff_lite::{Module, Tape, Var};
 use datasets::{ReadOptions, ReadViewsError};
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::draw::Draw;
-use super::error::LossError;
+use super::error::{LossError, PredictError};
 use super::optimizer::OptimizerState;
 use crate::report::{Scene, ViewPair};
+use crate::settings::Options;
 
 /// A trainable system: a model, what it is trained to minimise, and what it predicts.
 ///
@@ -28,7 +28,7 @@ pub trait System: Module<f32> + Send + Sync + Sized {
 
     /// The system's options. Beside them in the same table stand those of
     /// [`TrainConfig`](super::TrainConfig).
-    type Config: Clone + Debug + Default + PartialEq + Serialize + DeserializeOwned + Send + Sync;
+    type Config: Options + Clone + Debug + PartialEq + Send + Sync;
     /// What samples are drawn from.
     type Data: Send + Sync;
     /// One sample, ready for the tape.
@@ -38,11 +38,14 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     /// What is predicted.
     type Prediction;
 
-    /// Examines options, in milliseconds and without the arrays: ranges, shapes, parameter count.
-    ///
-    /// # Errors
-    /// What is wrong, one sentence each.
-    fn check(config: &Self::Config) -> Result<Summary, Vec<String>>;
+    /// What is wrong with options, one sentence each; empty when nothing is. Beside ranges what several must agree on.
+    fn check(config: &Self::Config) -> Vec<String> {
+        config.out_of_range()
+    }
+
+    /// What options amount to, in milliseconds and without the arrays: shapes, parameter count. `config` passed
+    /// [`check`](Self::check).
+    fn summary(config: &Self::Config) -> Summary;
 
     /// A fresh system. `config` passed [`check`](Self::check); all first weights follow from `seed`.
     fn new(config: &Self::Config, seed: u64) -> Self;
@@ -130,8 +133,8 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     /// Applies the system.
     ///
     /// # Errors
-    /// Why it cannot be applied to this input, in one sentence.
-    fn predict(&self, input: &Self::Input) -> Result<Self::Prediction, String>;
+    /// Why it cannot be applied to this input.
+    fn predict(&self, input: &Self::Input) -> Result<Self::Prediction, PredictError>;
 }
 
 /// Where data comes from.

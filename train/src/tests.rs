@@ -27,7 +27,7 @@ fn config(change: impl FnOnce(&mut Config)) -> Config {
     config.train.batch = 3;
     config.train.learning_rate = 0.02;
     config.train.schedule = ScheduleKind::Cosine;
-    config.train.clip_norm = 0.5;
+    config.train.clip_norm = Some(0.5);
     change(&mut config);
     config
 }
@@ -102,9 +102,9 @@ fn it_learns() {
 fn a_run_that_was_stopped_goes_on_as_if_it_had_not() {
     let place = tempfile::tempdir().unwrap();
     let config = config(|c| {
-        c.train.skip_spikes = 1.02;
+        c.train.skip_spikes = Some(1.02);
         c.train.shards = 2;
-        c.system.grow_at = 1;
+        c.system.grow_at = Some(1);
     });
     let whole = place.path().join("whole");
     let expected = weights(&run_in(&whole, &config, false, &mut on).unwrap().system);
@@ -133,7 +133,7 @@ fn a_run_that_was_stopped_goes_on_as_if_it_had_not() {
 #[test]
 fn a_run_that_was_killed_goes_on_as_if_it_had_not() {
     let place = tempfile::tempdir().unwrap();
-    let config = config(|c| c.train.checkpoint_steps = 3);
+    let config = config(|c| c.train.checkpoint_steps = Some(3));
     let whole = place.path().join("whole");
     let expected = weights(&run_in(&whole, &config, false, &mut on).unwrap().system);
     for at in [4, 7, 10] {
@@ -179,7 +179,7 @@ fn batches_may_be_cut_or_accumulated() {
             (c.train.batch, c.train.accumulate, c.train.shards) = (batch, accumulate, shards);
             // Dropout draws per tape, and clipping and Adam make much of little.
             c.system.dropout = 0.0;
-            (c.train.clip_norm, c.train.optimizer) = (0.0, OptimizerKind::Sgd);
+            (c.train.clip_norm, c.train.optimizer) = (None, OptimizerKind::Sgd);
         });
         let folder = place.path().join(name);
         weights(&run_in(&folder, &config, false, &mut on).unwrap().system)
@@ -198,9 +198,9 @@ fn batches_may_be_cut_or_accumulated() {
 fn a_number_that_is_none_is_traced() {
     let place = tempfile::tempdir().unwrap();
     let config = config(|c| {
-        c.system.poisoned = 4;
+        c.system.poisoned = Some(4);
         c.train.shards = 2;
-        c.train.checkpoint_steps = 1;
+        c.train.checkpoint_steps = Some(1);
     });
     let error = run_in(&place.path().join("run"), &config, false, &mut on).unwrap_err();
     let TrainError::NotFinite(found) = &error else { panic!("{error}") };
@@ -225,7 +225,7 @@ fn a_sample_that_cannot_be_read_ends_its_own_step() {
     let place = tempfile::tempdir().unwrap();
     let order = super::draw::order(0, 0, 12);
     for at in [0, 1, 3] {
-        let config = config(|c| c.system.unreadable = order[3 * at + 1] as i64);
+        let config = config(|c| c.system.unreadable = Some(order[3 * at + 1] as u64));
         let mut steps = 0;
         let folder = place.path().join(format!("failed-{at}"));
         let error = run_in(&folder, &config, false, &mut |event| {
@@ -257,7 +257,7 @@ fn what_cannot_be_is_refused() {
     let both = fails(&|c| (c.train.epochs, c.system.hidden) = (0, 0));
     assert!(both.contains("`epochs`") && both.contains("`hidden`"), "{both}");
     assert!(fails(&|c| (c.train.shards, c.system.coupled) = (2, true)).contains("`shards`"));
-    let best = fails(&|c| c.train.best = "psnr".into());
+    let best = fails(&|c| c.train.best = Some("psnr".into()));
     assert!(best.contains("psnr") && best.contains("mask-iou"), "{best}");
 }
 

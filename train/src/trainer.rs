@@ -111,14 +111,11 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
     ) -> Result<Self, TrainError> {
         let config = job.config;
         let train = &config.train;
-        let mut problems = train.check();
-        let summary = S::check(&config.system).unwrap_or_else(|more| {
-            problems.extend(more);
-            super::Summary::default()
-        });
+        let problems = config.check::<S>();
         if !problems.is_empty() {
             return Err(TrainError::Config(problems));
         }
+        let summary = S::summary(&config.system);
         // What was killed before its first checkpoint goes on from its beginning.
         let resume = job.resume && job.run.last().is_file();
         let (system, optimizer, state) = if resume {
@@ -136,7 +133,7 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         let per_step = (train.batch * train.accumulate) as u64;
         let steps_per_epoch = (system.epoch_len(job.data) as u64 / per_step).max(1);
         let all = train.epochs.saturating_mul(steps_per_epoch);
-        let total = if train.max_steps > 0 { all.min(train.max_steps) } else { all };
+        let total = train.max_steps.map_or(all, |most| all.min(most));
         let heading = Heading {
             system: S::NAME,
             config,
@@ -220,8 +217,8 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         let (step, at) = self.saved;
         let steps = self.state.step - step;
         let minutes = at.elapsed().as_secs_f64() / 60.0;
-        (train.checkpoint_steps > 0 && steps >= train.checkpoint_steps)
-            || (train.checkpoint_minutes > 0.0 && minutes >= train.checkpoint_minutes)
+        train.checkpoint_steps.is_some_and(|due| steps >= due)
+            || train.checkpoint_minutes.is_some_and(|due| minutes >= due)
     }
 
     fn step(&mut self) -> Result<(), TrainError> {
@@ -252,9 +249,8 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         self.state.step += 1;
         let (step, loss) = (self.state.step, gradient.loss());
         let average = self.state.average;
-        if let Some(average) = average
-            && train.skip_spikes > 0.0
-            && loss > train.skip_spikes * average
+        if let (Some(average), Some(spike)) = (average, train.skip_spikes)
+            && loss > spike * average
         {
             self.record.skipped([step, at.epoch], loss, average);
             self.warn();
@@ -265,8 +261,8 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         let factor = self.schedule.factor(at.step);
         let (system, optimizer) = (&mut self.system, &mut self.optimizer);
         in_pool(|| {
-            if train.clip_norm > 0.0 && gradient.norm > train.clip_norm {
-                clip_grad_norm(&mut gradient.gradients, train.clip_norm);
+            if let Some(limit) = train.clip_norm.filter(|&limit| gradient.norm > limit) {
+                clip_grad_norm(&mut gradient.gradients, limit);
             }
             optimizer.step(system, &gradient.gradients, factor);
         });
@@ -306,7 +302,8 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         let step = self.state.step;
         let epoch = step.div_ceil(self.steps_per_epoch);
         let last = step >= self.total;
-        let turn = |every: u64| last || (every > 0 && epoch.is_multiple_of(every));
+        let turn =
+            |every: Option<u64>| last || every.is_some_and(|every| epoch.is_multiple_of(every));
         let place = [step, epoch];
         if turn(train.evaluate_every) {
             let (system, data) = (&self.system, self.job.data);
@@ -334,8 +331,7 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
     }
 
     fn is_best(&mut self) -> Result<bool, TrainError> {
-        let chosen = &self.job.config.train.best;
-        let name = if chosen.is_empty() { S::BEST } else { chosen };
+        let name = self.job.config.train.best.as_deref().unwrap_or(S::BEST);
         let Some(metric) = self.metrics.iter().find(|metric| metric.name == name) else {
             let metrics = self.metrics.iter().map(|metric| metric.name.clone()).collect();
             return Err(TrainError::NoSuchMetric { name: name.to_owned(), metrics });

@@ -5,8 +5,6 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{Reading, key_value};
-use crate::system::SystemName;
-
 #[derive(Args, Debug)]
 #[command(
     after_help = "The scores are those of the training's own evaluation: of what is held out, in what the model was
@@ -21,8 +19,7 @@ Examples:
 )]
 pub(crate) struct Eval {
     /// What was trained.
-    #[arg(value_enum)]
-    pub(crate) system: SystemName,
+    pub(crate) system: String,
     /// What it is scored on; without it, what the run was trained on.
     pub(crate) data: Option<PathBuf>,
     /// A run's folder, of which the best checkpoint is taken, or a checkpoint's file.

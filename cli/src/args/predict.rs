@@ -5,8 +5,6 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{Output, Reading};
-use crate::system::SystemName;
-
 #[derive(Args, Debug)]
 #[command(
     after_help = "VIEWS is whatever `unsphere fit` reads: images with masks and cameras, of any size and number. A
@@ -25,8 +23,7 @@ Examples:
 )]
 pub(crate) struct Predict {
     /// What was trained.
-    #[arg(value_enum)]
-    pub(crate) system: SystemName,
+    pub(crate) system: String,
     /// Views of one object.
     pub(crate) views: PathBuf,
     /// A run's folder, of which the best checkpoint is taken, or a checkpoint's file.

@@ -13,8 +13,9 @@ use crate::command::fit::configuration;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::mesh_file::read_mesh;
+use crate::options::{self, ListedOption};
 use crate::progress::Progress;
-use crate::system::{self, ForSystem};
+use crate::system::{self, Systems};
 
 /// What is printed with `--json`.
 #[derive(Debug, Default, Serialize)]
@@ -27,11 +28,13 @@ struct Checked<'a> {
     config: Option<FitConfig>,
     #[serde(skip_serializing_if = "Option::is_none")]
     system: Option<SystemReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    options: Option<Vec<ListedOption>>,
 }
 
 /// What a system's configuration amounts to.
 #[derive(Debug, Serialize)]
-struct SystemReport {
+pub(crate) struct SystemReport {
     name: &'static str,
     #[serde(flatten)]
     summary: Summary,
@@ -40,19 +43,16 @@ struct SystemReport {
     text: String,
 }
 
-struct CheckSystem<'a>(&'a SystemSettings, Global);
-
-impl ForSystem for CheckSystem<'_> {
-    type Output = Result<SystemReport, Failure>;
-
-    fn run<S: Predictor>(self) -> Self::Output {
-        let config = system::configuration::<S>(self.0, self.1)?;
-        let summary =
-            S::check(&config.system).map_err(|problems| Failure::Usage(problems.join("; ")))?;
-        let text = settings::to_toml(&config);
-        let config = serde_json::to_value(&config).map_err(Failure::other)?;
-        Ok(SystemReport { name: S::NAME, summary, config, text })
-    }
+/// What the configuration of a system amounts to that the command line asks for.
+pub(crate) fn system_report<S: Predictor>(
+    asked: &SystemSettings,
+    global: Global,
+) -> Result<SystemReport, Failure> {
+    let config = system::configuration::<S>(asked, global)?;
+    let summary = S::summary(&config.system);
+    let text = settings::to_toml(&config);
+    let config = serde_json::to_value(&config).map_err(Failure::other)?;
+    Ok(SystemReport { name: S::NAME, summary, config, text })
 }
 
 #[derive(Debug, Serialize)]
@@ -77,14 +77,25 @@ struct ViewsReport<'a> {
     warnings: Vec<String>,
 }
 
-pub(crate) fn run(console: Console, global: Global, arguments: &Check) -> Result<(), Failure> {
+pub(crate) fn run(
+    console: Console,
+    global: Global,
+    arguments: &Check,
+    systems: &Systems,
+) -> Result<(), Failure> {
     let mut checked = Checked::default();
+    if arguments.options {
+        let system = arguments.system.as_deref();
+        let options = system.map_or_else(options::of_fit, |name| systems.named(name).options());
+        checked.options = Some(options);
+        return console.result(&checked, describe);
+    }
     let asked = &arguments.configuration;
-    if let Some(name) = arguments.system {
+    if let Some(name) = &arguments.system {
         let preset = arguments.preset.clone().unwrap_or_else(|| "small".to_owned());
         let (config, set) = (asked.config.clone(), asked.set.clone());
         let asked = SystemSettings { preset, config, set };
-        checked.system = Some(name.visit(CheckSystem(&asked, global))?);
+        checked.system = Some(systems.named(name).check(&asked, global)?);
     } else if asked.config.is_some() || !asked.set.is_empty() {
         // `-` stands for no file at all: the defaults.
         let mut asked = asked.clone();
@@ -227,5 +238,6 @@ fn describe(checked: &Checked<'_>) -> String {
     if let Some(config) = &checked.config {
         parts.push(settings::to_toml(config));
     }
+    parts.extend(checked.options.as_deref().map(options::text));
     parts.concat()
 }

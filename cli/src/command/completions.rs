@@ -5,9 +5,11 @@ use clap::CommandFactory;
 use crate::args::{Arguments, Completions};
 use crate::console::print;
 use crate::failure::Failure;
+use crate::system::Systems;
 
-pub(crate) fn run(arguments: &Completions) -> Result<(), Failure> {
+pub(crate) fn run(arguments: &Completions, systems: &Systems) -> Result<(), Failure> {
     let mut script = Vec::new();
-    clap_complete::generate(arguments.shell, &mut Arguments::command(), "unsphere", &mut script);
+    let mut command = systems.named_in(Arguments::command());
+    clap_complete::generate(arguments.shell, &mut command, "unsphere", &mut script);
     print(&script)
 }

@@ -13,7 +13,6 @@ use crate::checkpoint::{checkpoint_path, configuration};
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::progress::Progress;
-use crate::system::ForSystem;
 
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
@@ -28,8 +27,12 @@ struct Evaluated<'a> {
     metrics: BTreeMap<String, f64>,
 }
 
-pub(crate) fn run(console: Console, global: Global, arguments: &Eval) -> Result<(), Failure> {
-    arguments.system.visit(Command { console, global, arguments })
+pub(crate) fn run<S: Predictor>(
+    console: Console,
+    global: Global,
+    arguments: &Eval,
+) -> Result<(), Failure> {
+    Command { console, global, arguments }.run::<S>()
 }
 
 struct Command<'a> {
@@ -38,9 +41,7 @@ struct Command<'a> {
     arguments: &'a Eval,
 }
 
-impl ForSystem for Command<'_> {
-    type Output = Result<(), Failure>;
-
+impl Command<'_> {
     fn run<S: Predictor>(self) -> Result<(), Failure> {
         let Self { console, global, arguments } = self;
         let found = checkpoint_path::<S>(&arguments.checkpoint, arguments.last)?;

@@ -1,23 +1,24 @@
 //! The commands, one file each.
 
-mod check;
+pub(crate) mod check;
 mod completions;
 mod data;
 mod demo;
-mod eval;
+pub(crate) mod eval;
 mod fit;
 mod metrics;
-mod predict;
+pub(crate) mod predict;
 mod render;
 mod reproduce;
-mod train;
+pub(crate) mod train;
 
 use crate::args::{Arguments, Command};
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::system::Systems;
 
 /// Does what the command line asks, with one pool of threads around all of it.
-pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
+pub(crate) fn run(arguments: Arguments, systems: &Systems) -> Result<(), Failure> {
     let Arguments { global, command } = arguments;
     let console = Console { json: global.json, quiet: global.quiet };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(global.threads.into()).build().map_err(
@@ -26,14 +27,20 @@ pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
     pool.install(|| match command {
         Command::Demo(arguments) => demo::run(console, global, &arguments),
         Command::Fit(arguments) => fit::run(console, global, &arguments),
-        Command::Train(arguments) => train::run(console, global, &arguments),
-        Command::Eval(arguments) => eval::run(console, global, &arguments),
-        Command::Predict(arguments) => predict::run(console, global, &arguments),
+        Command::Train(arguments) => {
+            systems.named(&arguments.system).train(console, global, &arguments)
+        }
+        Command::Eval(arguments) => {
+            systems.named(&arguments.system).eval(console, global, &arguments)
+        }
+        Command::Predict(arguments) => {
+            systems.named(&arguments.system).predict(console, &arguments)
+        }
         Command::Render(arguments) => render::run(console, &arguments),
         Command::Metrics(arguments) => metrics::run(console, global, &arguments),
-        Command::Check(arguments) => check::run(console, global, &arguments),
+        Command::Check(arguments) => check::run(console, global, &arguments, systems),
         Command::Data(arguments) => data::run(console, global, &arguments),
         Command::Reproduce(arguments) => reproduce::run(console, global, &arguments),
-        Command::Completions(arguments) => completions::run(&arguments),
+        Command::Completions(arguments) => completions::run(&arguments, systems),
     })
 }

@@ -7,14 +7,13 @@ use serde::Serialize;
 use train::Checkpoint;
 use train::output::OutputFolder;
 
-use crate::args::{Global, Predict};
+use crate::args::Predict;
 use crate::checkpoint::checkpoint_path;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 use crate::provenance::provenance;
-use crate::system::ForSystem;
 
 /// Where the results go when nothing is said.
 const FOLDER: &str = "unsphere-predict";
@@ -29,8 +28,8 @@ struct Outcome<'a> {
     metrics: &'a Metrics,
 }
 
-pub(crate) fn run(console: Console, _: Global, arguments: &Predict) -> Result<(), Failure> {
-    arguments.system.visit(Command { console, arguments })
+pub(crate) fn run<S: Predictor>(console: Console, arguments: &Predict) -> Result<(), Failure> {
+    Command { console, arguments }.run::<S>()
 }
 
 struct Command<'a> {
@@ -38,9 +37,7 @@ struct Command<'a> {
     arguments: &'a Predict,
 }
 
-impl ForSystem for Command<'_> {
-    type Output = Result<(), Failure>;
-
+impl Command<'_> {
     fn run<S: Predictor>(self) -> Result<(), Failure> {
         let Self { console, arguments } = self;
         let Some(path) = &arguments.checkpoint else {

@@ -5,7 +5,9 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use studies::{Event, Order, ReproduceError, Reproduced, Scale, Study, StudyError, reproduce};
+use studies::{
+    Event, Order, ReproduceError, Reproduced, Scale, Study, StudyError, reproduce, studies,
+};
 use train::TrainError;
 
 use crate::args::{Global, Reproduce};
@@ -14,7 +16,6 @@ use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 use crate::provenance::provenance;
-use crate::study::{STUDIES, study};
 
 /// Steps of the progress bar in a job.
 const TICKS: usize = 1000;
@@ -40,21 +41,20 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Reproduce) -> Re
     if arguments.list {
         return list(console);
     }
-    let names = STUDIES.iter().map(|study| study.name()).collect::<Vec<_>>().join(", ");
+    let names = studies().map(|study| study.name()).collect::<Vec<_>>().join(", ");
     let Some(name) = &arguments.name else {
         let text =
             format!("no study is named, expected one of: {names} (--list says what they show)");
         return Err(Failure::Usage(text));
     };
-    let Some(study) = study(name) else {
+    let Some(study) = studies().find(|study| study.name() == name) else {
         return Err(Failure::Usage(format!("{name}: no such study, expected one of: {names}")));
     };
     make(console, global, arguments, study)
 }
 
 fn list(console: Console) -> Result<(), Failure> {
-    let known: Vec<Known> =
-        STUDIES.iter().map(|s| Known { name: s.name(), about: s.about() }).collect();
+    let known: Vec<Known> = studies().map(|s| Known { name: s.name(), about: s.about() }).collect();
     console.result(&known, |known| {
         table(known.iter().map(|study| (study.name, study.about.to_owned())))
     })

@@ -18,7 +18,7 @@ use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::progress::{Progress, spoken};
 use crate::provenance::provenance;
-use crate::system::{self, ForSystem};
+use crate::system;
 
 /// Steps and time after which the pace of a training is worth telling.
 const PACE_KNOWN: (u64, Duration) = (3, Duration::from_secs(4));
@@ -41,8 +41,12 @@ struct Best {
     step: u64,
 }
 
-pub(crate) fn run(console: Console, global: Global, arguments: &Train) -> Result<(), Failure> {
-    arguments.system.visit(Command { console, global, arguments })
+pub(crate) fn run<S: Predictor>(
+    console: Console,
+    global: Global,
+    arguments: &Train,
+) -> Result<(), Failure> {
+    Command { console, global, arguments }.run::<S>()
 }
 
 #[derive(Clone, Copy)]
@@ -60,9 +64,7 @@ struct Prepared<C> {
     data: Option<PathBuf>,
 }
 
-impl ForSystem for Command<'_> {
-    type Output = Result<(), Failure>;
-
+impl Command<'_> {
     fn run<S: Predictor>(self) -> Result<(), Failure> {
         let Self { console, global, arguments } = self;
         let start = Instant::now();

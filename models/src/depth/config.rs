@@ -4,95 +4,64 @@ use nets::{NormKind, ResNetConfig};
 use serde::de::{self, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
+use train::settings::above_to;
+
 use crate::paired::PairsConfig;
 
-/// What both have: data, backbone, refinement, losses. Lengths are in the frame of the camera.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, rename_all = "kebab-case")]
-pub struct RefineConfig {
-    /// The data. `scale` is 1 in the published code of Mesh R-CNN.
-    #[serde(flatten)]
-    pub pairs: PairsConfig,
-    /// What the network is given beside the colours. Default `"none"`.
-    pub depth: DepthKind,
-    /// Whether depth is given as it was estimated, floor and background included, as on the poster. Default false:
-    /// inside of the silhouette alone.
-    pub raw_depth: bool,
-    /// Where the object is along the camera's axis. Default `"fixed"`.
-    pub place: PlaceKind,
-    /// The depth of the middle of an object; where `place` is `"known"` the middle is known. Default 1.4, of 3D-R2N2's
-    /// renderings.
-    pub middle: f64,
-    /// Nearest and farthest depth that voxels and the network's depth channel reach, in terms of the middle. Default
-    /// [0.42, 1.72].
-    pub reach: [f64; 2],
-    /// The backbone. Default `"resnet18"`.
-    pub backbone: BackboneKind,
-    /// Its width, 1 to 512: channels of its stem. Default 32, half of the published one.
-    pub width: usize,
-    /// Its norms. Default `"batch"`: what learns from scratch needs them.
-    pub norm: NormName,
-    /// A file with torchvision's weights for the backbone, `.pth` or safetensors; the filters for depth stay fresh. Empty
-    /// for none. Default empty.
-    pub weights: String,
-    /// Refinement stages, 1 to 8. Default 3.
-    pub stages: usize,
-    /// Features inside of them. Default 64; published 128.
-    pub hidden: usize,
-    /// Graph convolutions in each, 1 to 8. Default 3.
-    pub graph_convolutions: usize,
-    /// Whether the last stage predicts six numbers a vertex, with a colour. Default false.
-    pub colors: bool,
-    /// Weight of the Chamfer distance between sampled points. Default 1.
-    pub chamfer_weight: f64,
-    /// Weight of the distance of normals at nearest points. Default 0, as released.
-    pub normal_weight: f64,
-    /// Weight of the mean squared edge length. Default 0.2.
-    pub edge_weight: f64,
-    /// Weight of the rendered-depth loss: the last mesh's depth from the image's camera against what is known of it.
-    /// Default 0.
-    pub depth_weight: f64,
-    /// How depths are compared. Default `"auto"`.
-    pub depth_loss: DepthLossKind,
-    /// The share of the pixels that are left out where the comparison is trimmed, 0 to 0.9. Default 0.2.
-    pub depth_trim: f64,
-    /// Weight of the gradients of the difference at four scales, inside of the rendered-depth loss. Default 0.5.
-    pub depth_gradients: f64,
-    /// What a pixel of the silhouette without any depth counts in the rendered-depth loss, through a silhouette that is
-    /// soft at its outline; compare with errors of depth, which are below half an object. Default 0.
-    pub coverage: f64,
-    /// Weight of the colours against those of the nearest true points, and of the rendered colours against the image.
-    /// Default 0.1.
-    pub color_weight: f64,
-}
-
-impl Default for RefineConfig {
-    fn default() -> Self {
-        Self {
-            pairs: PairsConfig { scale: 1.0, points: 1000, ..PairsConfig::default() },
-            depth: DepthKind::None,
-            raw_depth: false,
-            place: PlaceKind::Fixed,
-            middle: 1.4,
-            reach: [0.42, 1.72],
-            backbone: BackboneKind::Resnet18,
-            width: 32,
-            norm: NormName::Batch,
-            weights: String::new(),
-            stages: 3,
-            hidden: 64,
-            graph_convolutions: 3,
-            colors: false,
-            chamfer_weight: 1.0,
-            normal_weight: 0.0,
-            edge_weight: 0.2,
-            depth_weight: 0.0,
-            depth_loss: DepthLossKind::Auto,
-            depth_trim: 0.2,
-            depth_gradients: 0.5,
-            coverage: 0.0,
-            color_weight: 0.1,
-        }
+train::options! {
+    /// What both have: data, backbone, refinement, losses. Lengths are in the frame of the camera.
+    pub struct RefineConfig extends pairs: PairsConfig = PairsConfig { scale: 1.0, points: 1000, ..PairsConfig::default() } => {
+        /// What the network is given beside the colours.
+        pub depth: DepthKind = DepthKind::None;
+        /// Whether depth is given as it was estimated, floor and background included, as on the poster; else inside
+        /// of the silhouette alone.
+        pub raw_depth: bool = false;
+        /// Where the object is along the camera's axis.
+        pub place: PlaceKind = PlaceKind::Fixed;
+        /// The depth of the middle of an object; where `place` is `"known"` the middle is known. 1.4 is that of
+        /// 3D-R2N2's renderings.
+        pub middle: f64 = 1.4, in 1e-3..=1e6;
+        /// Nearest and farthest depth that voxels and the network's depth channel reach, in terms of the middle.
+        pub reach: [f64; 2] = [0.42, 1.72];
+        /// The backbone.
+        pub backbone: BackboneKind = BackboneKind::Resnet18;
+        /// Its width: channels of its stem. Published: 64.
+        pub width: usize = 32, in 1..=512;
+        /// Its norms: what learns from scratch needs them.
+        pub norm: NormName = NormName::Batch;
+        /// A file with torchvision's weights for the backbone, `.pth` or safetensors; the filters for depth stay
+        /// fresh.
+        #[serde(with = "train::settings::optional")]
+        pub weights: Option<String> = None;
+        /// Refinement stages.
+        pub stages: usize = 3, in 1..=8;
+        /// Features inside of them; published 128.
+        pub hidden: usize = 64, in 1..=4096;
+        /// Graph convolutions in each.
+        pub graph_convolutions: usize = 3, in 1..=8;
+        /// Whether the last stage predicts six numbers a vertex, with a colour.
+        pub colors: bool = false;
+        /// Weight of the Chamfer distance between sampled points.
+        pub chamfer_weight: f64 = 1.0, in above_to(0.0, 1e9);
+        /// Weight of the distance of normals at nearest points. Released: 0.
+        pub normal_weight: f64 = 0.0, in 0.0..=1e9;
+        /// Weight of the mean squared edge length.
+        pub edge_weight: f64 = 0.2, in 0.0..=1e9;
+        /// Weight of the rendered-depth loss: the last mesh's depth from the image's camera against what is known of
+        /// it.
+        pub depth_weight: f64 = 0.0, in 0.0..=1e9;
+        /// How depths are compared.
+        pub depth_loss: DepthLossKind = DepthLossKind::Auto;
+        /// The share of the pixels that are left out where the comparison is trimmed.
+        pub depth_trim: f64 = 0.2, in 0.0..=0.9;
+        /// Weight of the gradients of the difference at four scales, inside of the rendered-depth loss.
+        pub depth_gradients: f64 = 0.5, in 0.0..=1e9;
+        /// What a pixel of the silhouette without any depth counts in the rendered-depth loss, through a silhouette
+        /// that is soft at its outline; compare with errors of depth, which are below half an object.
+        pub coverage: f64 = 0.0, in 0.0..=1e9;
+        /// Weight of the colours against those of the nearest true points, and of the rendered colours against the
+        /// image.
+        pub color_weight: f64 = 0.1, in 0.0..=1e9;
     }
 }
 
@@ -169,71 +138,34 @@ impl RefineConfig {
         }
     }
 
-    pub(super) fn check(&self) -> Vec<String> {
-        let mut problems = self.pairs.check();
-        let mut require = |holds: bool, field: &str, found: String, what: &str| {
-            if !holds {
-                problems.push(format!("`{field}` is {found}, expected {what}"));
-            }
-        };
-        let mut count = |n: usize, most: usize, field: &str| {
-            require((1..=most).contains(&n), field, n.to_string(), &format!("1 to {most}"));
-        };
-        count(self.width, 512, "width");
-        count(self.stages, 8, "stages");
-        count(self.hidden, 4096, "hidden");
-        count(self.graph_convolutions, 8, "graph-convolutions");
-        let sound = (1e-3..=1e6).contains(&self.middle);
-        require(sound, "middle", self.middle.to_string(), "0.001 to 1e6");
+    /// What is wrong beside ranges, one sentence each.
+    pub(super) fn conflicts(&self) -> Vec<String> {
+        let mut problems = self.pairs.conflicts();
         let [near, far] = self.reach;
-        let sound = (0.01..1.0).contains(&near) && far > 1.0 && far <= 100.0;
-        require(sound, "reach", format!("{:?}", self.reach), "0.01 to 1, then 1 to 100");
-        let sound = (0.0..=0.9).contains(&self.depth_trim);
-        require(sound, "depth-trim", self.depth_trim.to_string(), "0 to 0.9");
-        for (weight, field) in [
-            (self.chamfer_weight, "chamfer-weight"),
-            (self.normal_weight, "normal-weight"),
-            (self.edge_weight, "edge-weight"),
-            (self.depth_weight, "depth-weight"),
-            (self.depth_gradients, "depth-gradients"),
-            (self.coverage, "coverage"),
-            (self.color_weight, "color-weight"),
-        ] {
-            require((0.0..=1e9).contains(&weight), field, weight.to_string(), "0 to 1e9");
+        if !((0.01..1.0).contains(&near) && far > 1.0 && far <= 100.0) {
+            problems.push(format!("`reach` is [{near}, {far}], expected 0.01 to 1, then 1 to 100"));
         }
-        let sound = self.chamfer_weight > 0.0;
-        require(sound, "chamfer-weight", self.chamfer_weight.to_string(), "more than 0");
         let metric = matches!(self.depth_loss, DepthLossKind::Log | DepthLossKind::Plain);
-        require(
-            !(metric && self.depth == DepthKind::Estimated),
-            "depth-loss",
-            format!("{:?}", self.depth_loss).to_lowercase(),
-            "auto, aligned or trimmed: an estimate has no unit",
-        );
+        if metric && self.depth == DepthKind::Estimated {
+            let found = format!("{:?}", self.depth_loss).to_lowercase();
+            let what = "auto, aligned or trimmed: an estimate has no unit";
+            problems.push(format!("`depth-loss` is {found}, expected {what}"));
+        }
         problems
     }
 }
 
-/// The options of depth-aware Pixel2Mesh.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, rename_all = "kebab-case")]
-pub struct SphereConfig {
-    /// What both systems have.
-    #[serde(flatten)]
-    pub refine: RefineConfig,
-    /// Subdivision level of the icosphere that the first stage moves, 0 to 6. Default 1: 42 vertices; published 2, and 4
-    /// in the form that is not subdivided.
-    pub level: u32,
-    /// Whether each stage but the last hands its mesh on with four faces for each. Default true; false is the published
-    /// "sphere init".
-    pub subdivide: bool,
-    /// Radius of the icosphere. Default 0.35. (As published it is 1, around the camera.)
-    pub radius: f64,
-}
-
-impl Default for SphereConfig {
-    fn default() -> Self {
-        Self { refine: RefineConfig::default(), level: 1, subdivide: true, radius: 0.35 }
+train::options! {
+    /// The options of depth-aware Pixel2Mesh.
+    pub struct SphereConfig extends refine: RefineConfig = RefineConfig::default() => {
+        /// Subdivision level of the icosphere that the first stage moves; 1 has 42 vertices; published 2, and 4 in
+        /// the form that is not subdivided.
+        pub level: u32 = 1, in 0..=6;
+        /// Whether each stage but the last hands its mesh on with four faces for each; false is the published "sphere
+        /// init".
+        pub subdivide: bool = true;
+        /// Radius of the icosphere. (As published it is 1, around the camera.)
+        pub radius: f64 = 0.35, in 1e-3..=1e3;
     }
 }
 
@@ -245,39 +177,22 @@ impl SphereConfig {
     }
 }
 
-/// The options of Mesh R-CNN.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, rename_all = "kebab-case")]
-pub struct VoxelConfig {
-    /// What both systems have.
-    #[serde(flatten)]
-    pub refine: RefineConfig,
-    /// Cells along each axis, even, 4 to 96. Default 24; published 48.
-    pub cells: usize,
-    /// Channels inside of the voxel branch. Default 64; published 256.
-    pub voxel_hidden: usize,
-    /// Its convolutions, 0 to 16. Default 4.
-    pub voxel_convolutions: usize,
-    /// Probability from which on a cell is occupied. Default 0.2.
-    pub threshold: f64,
-    /// The probability that all cells begin with. Default 0.05; published 0.5, with which the first meshes are the whole
-    /// volume's border.
-    pub prior: f64,
-    /// Weight of the cells' cross entropy. Default 1.
-    pub voxel_weight: f64,
-}
-
-impl Default for VoxelConfig {
-    fn default() -> Self {
-        Self {
-            refine: RefineConfig::default(),
-            cells: 24,
-            voxel_hidden: 64,
-            voxel_convolutions: 4,
-            threshold: 0.2,
-            prior: 0.05,
-            voxel_weight: 1.0,
-        }
+train::options! {
+    /// The options of Mesh R-CNN.
+    pub struct VoxelConfig extends refine: RefineConfig = RefineConfig::default() => {
+        /// Cells along each axis, even; published 48.
+        pub cells: usize = 24, in 4..=96;
+        /// Channels inside of the voxel branch; published 256.
+        pub voxel_hidden: usize = 64, in 1..=2048;
+        /// Its convolutions.
+        pub voxel_convolutions: usize = 4, in 0..=16;
+        /// Probability from which on a cell is occupied.
+        pub threshold: f64 = 0.2, in 0.001..=0.999;
+        /// The probability that all cells begin with; published 0.5, with which the first meshes are the whole
+        /// volume's border.
+        pub prior: f64 = 0.05, in 0.001..=0.999;
+        /// Weight of the cells' cross entropy.
+        pub voxel_weight: f64 = 1.0, in above_to(0.0, 1e9);
     }
 }
 

@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use autodiff_lite::{Module, Var};
 use nets::Init;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
+use train::settings::Options;
 
 use super::config::RefineConfig;
 use super::packed::{Packed, Shape};
@@ -20,9 +19,11 @@ pub trait MeshInit: Module<f32> + Debug + Send + Sync + Sized + 'static {
     const PRESETS: &'static [(&'static str, &'static str)];
     /// How a checkpoint is had.
     const TRAINING: &'static str;
+    /// What its system does, in one sentence.
+    const ABOUT: &'static str;
 
     /// Its system's options.
-    type Config: Clone + Debug + Default + PartialEq + Serialize + DeserializeOwned + Send + Sync;
+    type Config: Options + Clone + Debug + PartialEq + Send + Sync;
 
     /// The options that both have.
     fn refine(config: &Self::Config) -> &RefineConfig;

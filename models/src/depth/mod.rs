@@ -23,6 +23,7 @@ mod mesh_init;
 mod packed;
 #[cfg(test)]
 mod pix3d_tests;
+mod predictor;
 mod refined;
 mod rendered;
 mod scenes;

@@ -71,7 +71,7 @@ fn refine() -> RefineConfig {
             image_size: 32,
             scale: 1.0,
             points: 60,
-            hold_out: 3,
+            hold_out: Some(3),
             scored_views: 2,
             ..PairsConfig::default()
         },
@@ -123,7 +123,7 @@ fn photographs_are_cut_to_their_boxes_and_trained_on() {
         assert!(scene.depth_targets.cells.iter().any(|&bit| bit));
     }
     let mut config = train::Configuration { train: TrainConfig::default(), system };
-    (config.train.max_steps, config.train.batch, config.train.learning_rate) = (6, 2, 1e-3);
+    (config.train.max_steps, config.train.batch, config.train.learning_rate) = (Some(6), 2, 1e-3);
     (config.train.epochs, config.train.tensorboard) = (6, false);
     let (out, provenance) = (tempfile::tempdir().unwrap(), Provenance::default());
     let run = RunFolder::create(&out.path().join("run"), true).unwrap();

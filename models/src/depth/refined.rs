@@ -7,7 +7,10 @@ use datasets::{SurfacePoints, View};
 use mesh_core::TriMesh;
 use ndarray::{Array3, arr0};
 use nets::{Init, MeshRefinementHead};
-use train::{DataError, Draw, LossError, Metric, Shown, Source, StepInfo, Summary, System, Terms};
+use train::{
+    DataError, Draw, LossError, Metric, PredictError, Shown, Source, StepInfo, Summary, System,
+    Terms,
+};
 
 use super::config::{NormName, RefineConfig};
 use super::depth_targets::{DepthTargets, Known};
@@ -132,13 +135,13 @@ impl<B: MeshInit> Refined<B> {
 
     /// The first view as the network takes it. Its depth is what the network is given: planar depth, or, of a network for
     /// estimates, one over a disparity of any scale and shift.
-    pub(crate) fn scene(&self, views: &[View]) -> Result<Scene, String> {
-        let view = views.first().ok_or("no view: a mesh is made from one image")?;
+    pub(crate) fn scene(&self, views: &[View]) -> Result<Scene, PredictError> {
+        let view = views.first().ok_or(PredictError::NoView)?;
         let (config, pairs) = (self.refine(), &self.refine().pairs);
-        let picture = Picture::new(view, pairs.image_size, pairs.scale);
-        let picture = picture.map_err(|error| error.to_string())?;
+        let picture = Picture::new(view, pairs.image_size, pairs.scale)?;
         if config.inputs() == 4 && picture.depth.is_none() {
-            return Err("no depth: this network was trained with depth, which --depth gives".into());
+            let remedy = "this network was trained with depth, which --depth gives";
+            return Err(PredictError::Missing { what: "depth", remedy });
         }
         let depth_targets = DepthTargets::new(&picture, Known::Given, config, 0);
         Ok(Scene {
@@ -249,11 +252,11 @@ impl<B: MeshInit> System for Refined<B> {
     type Input = [View];
     type Prediction = TriMesh;
 
-    fn check(config: &B::Config) -> Result<Summary, Vec<String>> {
-        let problems = B::check(config);
-        if !problems.is_empty() {
-            return Err(problems);
-        }
+    fn check(config: &B::Config) -> Vec<String> {
+        B::check(config)
+    }
+
+    fn summary(config: &B::Config) -> Summary {
         let refine = B::refine(config);
         let (side, channels) = (refine.pairs.image_size, refine.resnet().channels());
         let blocks = refine.resnet().blocks;
@@ -275,7 +278,7 @@ impl<B: MeshInit> System for Refined<B> {
         }
         let [backbone, frozen] = refine.backbone_parameters();
         let trainable = backbone + beginning + refine.refinement_parameters();
-        Ok(Summary { trainable, frozen, shapes })
+        Summary { trainable, frozen, shapes }
     }
 
     fn new(config: &B::Config, seed: u64) -> Self {
@@ -299,8 +302,7 @@ impl<B: MeshInit> System for Refined<B> {
     }
 
     fn init_from_data(&mut self, _: &Scenes) -> Result<(), DataError> {
-        let path = self.refine().weights.clone();
-        if !path.is_empty() {
+        if let Some(path) = self.refine().weights.clone() {
             let loaded = self.encoder.load(&path);
             loaded.map_err(|error| DataError::Unfit(error.to_string()))?;
         }
@@ -374,7 +376,7 @@ impl<B: MeshInit> System for Refined<B> {
     }
 
     /// The mesh in the world of the camera, from the first view.
-    fn predict(&self, views: &[View]) -> Result<TriMesh, String> {
+    fn predict(&self, views: &[View]) -> Result<TriMesh, PredictError> {
         let scene = self.scene(views)?;
         let (mesh, _) = self.mesh_of(&scene);
         Ok(scene.depth_targets.frame.mesh_in_world(mesh))

@@ -6,6 +6,7 @@ use autodiff_lite::{Module, Var, Visitor, VisitorMut};
 use mesh_core::primitives::icosphere;
 use ndarray::Array3;
 use nets::Init;
+use train::settings::Options as _;
 
 use super::config::{RefineConfig, SphereConfig};
 use super::mesh_init::{InitialMeshes, MeshInit};
@@ -33,11 +34,12 @@ impl Module<f32> for Sphere {
 impl MeshInit for Sphere {
     const NAME: &'static str = "depth-pixel2mesh";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
-        ("tiny", include_str!("../../presets/depth-pixel2mesh/tiny.toml")),
-        ("small", include_str!("../../presets/depth-pixel2mesh/small.toml")),
-        ("paper", include_str!("../../presets/depth-pixel2mesh/paper.toml")),
-        ("table", include_str!("../../presets/depth-pixel2mesh/table.toml")),
+        ("tiny", include_str!("presets/depth-pixel2mesh/tiny.toml")),
+        ("small", include_str!("presets/depth-pixel2mesh/small.toml")),
+        ("paper", include_str!("presets/depth-pixel2mesh/paper.toml")),
+        ("table", include_str!("presets/depth-pixel2mesh/table.toml")),
     ];
+    const ABOUT: &'static str = "One image, with or without depth, to a mesh from a sphere";
     const TRAINING: &'static str =
         "`unsphere train depth-pixel2mesh -o runs/mine` trains one on procedural objects";
 
@@ -56,16 +58,12 @@ impl MeshInit for Sphere {
     }
 
     fn check(config: &SphereConfig) -> Vec<String> {
-        let mut problems = config.refine.check();
-        // Stages first: there is a level for each of them.
-        let sound = problems.is_empty() && config.level <= 6;
-        let last = sound.then(|| config.levels().last().copied()).flatten();
-        if config.level > 6 || last.is_some_and(|last| last > 6) {
-            problems
-                .push(format!("`level` is {}, expected at most 6 in the last stage", config.level));
-        }
-        if !(config.radius >= 1e-3 && config.radius <= 1e3) {
-            problems.push(format!("`radius` is {}, expected 0.001 to 1000", config.radius));
+        let mut problems = config.out_of_range();
+        problems.extend(config.refine.conflicts());
+        // Ranges first: there is a level for each stage.
+        if problems.is_empty() && config.levels().last().is_some_and(|&last| last > 6) {
+            let what = "at most 6 in the last stage";
+            problems.push(format!("`level` is {}, expected {what}", config.level));
         }
         problems
     }

@@ -6,6 +6,7 @@ use autodiff_lite::{Var, impl_module};
 use mesh_core::{CameraVolume, EmptyGrid, VoxelGrid, cubify};
 use ndarray::Array3;
 use nets::{Init, VoxelHead};
+use train::settings::Options as _;
 
 use super::config::{RefineConfig, VoxelConfig};
 use super::mesh_init::{InitialMeshes, MeshInit};
@@ -27,11 +28,12 @@ impl_module!(Voxels: f32 { head } fixed { threshold });
 impl MeshInit for Voxels {
     const NAME: &'static str = "mesh-rcnn";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
-        ("tiny", include_str!("../../presets/mesh-rcnn/tiny.toml")),
-        ("small", include_str!("../../presets/mesh-rcnn/small.toml")),
-        ("paper", include_str!("../../presets/mesh-rcnn/paper.toml")),
-        ("table", include_str!("../../presets/mesh-rcnn/table.toml")),
+        ("tiny", include_str!("presets/mesh-rcnn/tiny.toml")),
+        ("small", include_str!("presets/mesh-rcnn/small.toml")),
+        ("paper", include_str!("presets/mesh-rcnn/paper.toml")),
+        ("table", include_str!("presets/mesh-rcnn/table.toml")),
     ];
+    const ABOUT: &'static str = "One image, with or without depth, to a mesh through voxels";
     const TRAINING: &'static str =
         "`unsphere train mesh-rcnn -o runs/mine` trains one on procedural objects";
 
@@ -50,25 +52,11 @@ impl MeshInit for Voxels {
     }
 
     fn check(config: &VoxelConfig) -> Vec<String> {
-        let mut problems = config.refine.check();
-        let mut require = |holds: bool, field: &str, found: String, what: &str| {
-            if !holds {
-                problems.push(format!("`{field}` is {found}, expected {what}"));
-            }
-        };
-        let sound = (4..=96).contains(&config.cells) && config.cells.is_multiple_of(2);
-        require(sound, "cells", config.cells.to_string(), "an even number, 4 to 96");
-        let hidden = config.voxel_hidden;
-        require((1..=2048).contains(&hidden), "voxel-hidden", hidden.to_string(), "1 to 2048");
-        let depth = config.voxel_convolutions;
-        require(depth <= 16, "voxel-convolutions", depth.to_string(), "0 to 16");
-        for (value, field) in [(config.threshold, "threshold"), (config.prior, "prior")] {
-            let sound = (0.001..=0.999).contains(&value);
-            require(sound, field, value.to_string(), "0.001 to 0.999");
+        let mut problems = config.out_of_range();
+        problems.extend(config.refine.conflicts());
+        if !config.cells.is_multiple_of(2) {
+            problems.push(format!("`cells` is {}, expected an even number", config.cells));
         }
-        let weight = config.voxel_weight;
-        let sound = weight > 0.0 && weight <= 1e9;
-        require(sound, "voxel-weight", weight.to_string(), "above 0 to 1e9");
         problems
     }
 

@@ -68,7 +68,8 @@ impl Data {
     /// # Errors
     /// If a camera cannot be used.
     pub fn one(views: &Views, config: &Img2MeshConfig) -> Result<Self, DataError> {
-        let parts = split(views.len(), config.hold_out, config.hold_out.saturating_sub(1));
+        let every = config.hold_out.unwrap_or(0);
+        let parts = split(views.len(), every, every.saturating_sub(1));
         let fitted: Vec<&View> = parts.fit.iter().map(|&i| &views.views[i]).collect();
         let frame = frame_of(&[fitted]);
         let prepared: Vec<Result<Prepared, DataError>> =
@@ -91,7 +92,7 @@ impl Data {
         config: &Img2MeshConfig,
     ) -> Result<Self, DataError> {
         let cache = ViewCache::new(dataset, options);
-        let [train, held] = cache.split(config.hold_out)?;
+        let [train, held] = cache.split(config.hold_out.unwrap_or(0))?;
         let hash = cache.fingerprint();
         // What is in the files is told by a few objects, which have to be read for the frame.
         let objects = train
@@ -110,9 +111,9 @@ impl Data {
     /// # Errors
     /// As [`many`](Self::many) and [`one`](Self::one).
     pub fn synthetic(config: &Img2MeshConfig) -> Result<Self, DataError> {
-        if config.objects == 0 {
+        let Some(objects) = config.objects else {
             return Self::clock(config);
-        }
+        };
         let families = families_named(&config.families).map_err(DataError::Unfit)?;
         let side = config.image_size.max(config.render_size);
         let orbit = Orbit {
@@ -122,7 +123,7 @@ impl Data {
             seed: config.data_seed,
             ..Procedural::orbit()
         };
-        let set = Procedural::new(&families, config.objects, config.test_objects, orbit);
+        let set = Procedural::new(&families, objects, config.test_objects, orbit);
         let set = if config.turned { set.turned() } else { set }.placed(config.placed);
         Self::many(Box::new(set), ReadOptions::default(), config)
     }

@@ -25,6 +25,7 @@ mod encoder;
 mod feature_cache;
 mod model;
 mod offsets;
+mod predictor;
 mod prepared;
 mod render;
 mod score;
@@ -39,8 +40,8 @@ use mesh_core::TriMesh;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use train::{
-    DataError, Draw, LossError, Metric, OptimizerState, Shown, Source, StepInfo, Summary, System,
-    Terms,
+    DataError, Draw, LossError, Metric, OptimizerState, PredictError, Shown, Source, StepInfo,
+    Summary, System, Terms,
 };
 
 use crate::stacked::stacked;
@@ -104,7 +105,7 @@ impl Img2Mesh {
     /// Takes in the levels that are due.
     fn activate_levels(&mut self, epoch: u64) {
         let levels = self.model.mesh_fc.levels();
-        let more = epoch.checked_div(self.config.refine_every).map(usize::try_from);
+        let more = self.config.refine_every.map(|every| usize::try_from(epoch / every));
         self.model.mesh_fc.active = match more {
             Some(Ok(more)) => levels.min(1 + more),
             _ => levels,
@@ -137,13 +138,13 @@ impl Img2Mesh {
 impl System for Img2Mesh {
     const NAME: &'static str = "img2mesh";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
-        ("tiny", include_str!("../../presets/img2mesh/tiny.toml")),
-        ("small", include_str!("../../presets/img2mesh/small.toml")),
-        ("paper", include_str!("../../presets/img2mesh/paper.toml")),
-        ("paper-base", include_str!("../../presets/img2mesh/paper-base.toml")),
-        ("clock", include_str!("../../presets/img2mesh/clock.toml")),
-        ("clock-vgg16", include_str!("../../presets/img2mesh/clock-vgg16.toml")),
-        ("unseen", include_str!("../../presets/img2mesh/unseen.toml")),
+        ("tiny", include_str!("presets/tiny.toml")),
+        ("small", include_str!("presets/small.toml")),
+        ("paper", include_str!("presets/paper.toml")),
+        ("paper-base", include_str!("presets/paper-base.toml")),
+        ("clock", include_str!("presets/clock.toml")),
+        ("clock-vgg16", include_str!("presets/clock-vgg16.toml")),
+        ("unseen", include_str!("presets/unseen.toml")),
     ];
     const BEST: &'static str = "mask-iou";
 
@@ -153,8 +154,12 @@ impl System for Img2Mesh {
     type Input = [View];
     type Prediction = TriMesh;
 
-    fn check(config: &Img2MeshConfig) -> Result<Summary, Vec<String>> {
+    fn check(config: &Img2MeshConfig) -> Vec<String> {
         config.check()
+    }
+
+    fn summary(config: &Img2MeshConfig) -> Summary {
+        config.summary()
     }
 
     fn new(config: &Img2MeshConfig, seed: u64) -> Self {
@@ -166,8 +171,8 @@ impl System for Img2Mesh {
     fn init_from_data(&mut self, data: &Data) -> Result<(), DataError> {
         let frame = data.frame(&self.config)?.map(|x| x as f32);
         self.model.frame.as_slice_mut().copy_from_slice(&frame);
-        if !self.config.weights.is_empty() {
-            let loaded = self.model.encoder.load(&self.config.weights);
+        if let Some(path) = &self.config.weights {
+            let loaded = self.model.encoder.load(path);
             loaded.map_err(|error| DataError::Unfit(error.to_string()))?;
         }
         Ok(())
@@ -252,15 +257,14 @@ impl System for Img2Mesh {
     }
 
     /// A coloured mesh in the world of the cameras, from any number of views.
-    fn predict(&self, views: &[View]) -> Result<TriMesh, String> {
+    fn predict(&self, views: &[View]) -> Result<TriMesh, PredictError> {
         if views.is_empty() {
-            return Err("no views: a mesh takes at least one image with its camera".to_owned());
+            return Err(PredictError::NoView);
         }
         let prepared = views
             .iter()
             .map(|view| Prepared::new(view, &self.config).map(Arc::new))
-            .collect::<Result<Vec<_>, _>>()
-            .map_err(|error| error.to_string())?;
+            .collect::<Result<Vec<_>, _>>()?;
         let tape = Tape::eval();
         Ok(self.mesh(self.meshes_uncached(&tape, 1, &prepared)))
     }

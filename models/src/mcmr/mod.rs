@@ -37,6 +37,7 @@ mod perceptual;
 mod photo;
 mod pose;
 mod prediction;
+mod predictor;
 mod render;
 mod score;
 mod shapes;
@@ -52,8 +53,8 @@ use datasets::View;
 use mesh_core::cotangent_laplacian;
 use nets::LoadWeights;
 use train::{
-    DataError, Draw, LossError, Metric, OptimizerState, Shown, Source, StepInfo, Summary, System,
-    Terms,
+    DataError, Draw, LossError, Metric, OptimizerState, PredictError, Shown, Source, StepInfo,
+    Summary, System, Terms,
 };
 
 use crate::stacked::stacked;
@@ -166,11 +167,11 @@ impl Mcmr {
 impl System for Mcmr {
     const NAME: &'static str = "mcmr";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
-        ("tiny", include_str!("../../presets/mcmr/tiny.toml")),
-        ("small", include_str!("../../presets/mcmr/small.toml")),
-        ("table", include_str!("../../presets/mcmr/table.toml")),
-        ("paper", include_str!("../../presets/mcmr/paper.toml")),
-        ("paper-cub", include_str!("../../presets/mcmr/paper-cub.toml")),
+        ("tiny", include_str!("presets/tiny.toml")),
+        ("small", include_str!("presets/small.toml")),
+        ("table", include_str!("presets/table.toml")),
+        ("paper", include_str!("presets/paper.toml")),
+        ("paper-cub", include_str!("presets/paper-cub.toml")),
     ];
     const BEST: &'static str = "mask-iou";
 
@@ -180,8 +181,12 @@ impl System for Mcmr {
     type Input = [View];
     type Prediction = McmrPrediction;
 
-    fn check(config: &McmrConfig) -> Result<Summary, Vec<String>> {
+    fn check(config: &McmrConfig) -> Vec<String> {
         config.check()
+    }
+
+    fn summary(config: &McmrConfig) -> Summary {
+        size::summary(config)
     }
 
     fn new(config: &McmrConfig, seed: u64) -> Self {
@@ -192,10 +197,8 @@ impl System for Mcmr {
     }
 
     fn init_from_data(&mut self, _: &Data) -> Result<(), DataError> {
-        if self.config.weights.is_empty() {
-            return Ok(());
-        }
-        let loaded = LoadWeights::partial().load(&self.config.weights, &mut self.model.encoder);
+        let Some(path) = &self.config.weights else { return Ok(()) };
+        let loaded = LoadWeights::partial().load(path, &mut self.model.encoder);
         loaded.map(|_| ()).map_err(|error| DataError::Unfit(error.to_string()))
     }
 
@@ -221,7 +224,7 @@ impl System for Mcmr {
     }
 
     fn begin_epoch(&mut self, epoch: u64, state: &mut OptimizerState<'_>) {
-        if self.config.subdivide_at > 0 && epoch == self.config.subdivide_at {
+        if self.config.subdivide_at == Some(epoch) {
             let split = self.refine();
             if self.config.keep_moments {
                 state.carry(shapes::PATH, |moment| split.finer(moment));
@@ -297,8 +300,8 @@ impl System for Mcmr {
 
     /// A textured mesh, its camera and the selection, from the first view; of the view's own camera only the lens counts,
     /// to put the mesh into its world.
-    fn predict(&self, views: &[View]) -> Result<McmrPrediction, String> {
-        let view = views.first().ok_or("no view: a mesh is made from one image")?;
+    fn predict(&self, views: &[View]) -> Result<McmrPrediction, PredictError> {
+        let view = views.first().ok_or(PredictError::NoView)?;
         self.predict_view(view)
     }
 }

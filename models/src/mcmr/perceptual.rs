@@ -33,18 +33,16 @@ impl PerceptualMetrics {
             Ok(net)
         }
         let init = Init::new(0);
-        let lpips = (!config.vgg_weights.is_empty())
-            .then(|| {
-                let vgg = Vgg16::features_until_pool(&init, POOLS);
-                let vgg = loaded(vgg, &config.vgg_weights)?;
-                Ok::<_, DataError>((vgg, loaded(LpipsWeights::uniform(), &config.lpips_weights)?))
+        let files = config.vgg_weights.as_ref().zip(config.lpips_weights.as_ref());
+        let lpips = files
+            .map(|(vgg, lpips)| {
+                let vgg = loaded(Vgg16::features_until_pool(&init, POOLS), vgg)?;
+                Ok::<_, DataError>((vgg, loaded(LpipsWeights::uniform(), lpips)?))
             })
             .transpose()?;
-        let inception = (!config.inception_weights.is_empty())
-            .then(|| {
-                let net = InceptionV3::new(&init, InceptionKind::Fid);
-                loaded(net, &config.inception_weights)
-            })
+        let inception = config.inception_weights.as_ref();
+        let inception = inception
+            .map(|path| loaded(InceptionV3::new(&init, InceptionKind::Fid), path))
             .transpose()?;
         Ok(Self { lpips, inception })
     }

@@ -4,6 +4,8 @@ use autodiff_lite::Tape;
 use datasets::View;
 use mesh_core::{Camera, TriMesh};
 
+use train::PredictError;
+
 use super::model::Predicted;
 use super::photo::{Photo, Rough, cropped, lens_of};
 use super::pose::Pose;
@@ -32,8 +34,8 @@ impl McmrPrediction {
 
 impl Mcmr {
     /// Applies the network to one photograph, cropped to its mask.
-    pub(super) fn predict_view(&self, view: &View) -> Result<McmrPrediction, String> {
-        let photo = Photo::new(view, &Rough::Exact, 0).map_err(|error| error.to_string())?;
+    pub(super) fn predict_view(&self, view: &View) -> Result<McmrPrediction, PredictError> {
+        let photo = Photo::new(view, &Rough::Exact, 0)?;
         let sample = photo.plain(&self.config);
         let tape = Tape::eval();
         let predicted = self.predicted(&tape, &[&sample]);

@@ -42,7 +42,7 @@ pub(super) fn summary(config: &McmrConfig) -> Summary {
         width + stages + map + features + 2 * head
     };
     let vertices = config.vertices();
-    let finest = if config.subdivide_at > 0 { 4 * vertices - 6 } else { vertices };
+    let finest = if config.subdivide_at.is_some() { 4 * vertices - 6 } else { vertices };
     let shapes = [
         ("images", format!("[N, {0}, {0}, 3]", config.image_size)),
         ("code", format!("[N, {features}]")),

@@ -40,7 +40,7 @@ const AT: StepInfo = StepInfo { step: 0, epoch: 0 };
 fn presets_are_in_range_and_parameters_are_counted() {
     crate::testing::assert_presets::<Mcmr>();
     for config in [tiny(), McmrConfig { shapes: 5, image_size: 128, level: 2, ..tiny() }] {
-        let summary = config.check().unwrap();
+        let summary = super::size::summary(&config);
         let (mut trained, mut all) = (0, 0);
         Mcmr::new(&config, 0).visit("", &mut |_: &str, param: &Param| {
             all += param.len();
@@ -48,9 +48,14 @@ fn presets_are_in_range_and_parameters_are_counted() {
         });
         assert_eq!((trained, all), (summary.trainable, summary.trainable + summary.frozen));
     }
-    let wrong =
-        McmrConfig { shapes: 0, image_size: 100, mask_weight: f64::NAN, hold_out: 1, ..tiny() };
-    let problems = wrong.check().unwrap_err().join("; ");
+    let wrong = McmrConfig {
+        shapes: 0,
+        image_size: 100,
+        mask_weight: f64::NAN,
+        hold_out: Some(1),
+        ..tiny()
+    };
+    let problems = wrong.check().join("; ");
     for field in ["`shapes`", "`image-size`", "`mask-weight`", "`hold-out`"] {
         assert!(problems.contains(field), "{problems}");
     }
@@ -89,7 +94,7 @@ fn both_sets_of_published_weights() {
     assert_eq!(weights("paper"), [100.0, 20.0, 0.1, 0.05, 6.0, 1.8, 0.0, 0.8, 0.03, 0.005]);
     assert_eq!(weights("paper-cub"), [20.0, 2.0, 0.1, 0.005, 1.2, 0.18, 0.0, 3.2, 0.12, 0.02]);
     // 162 vertices that become 642, four layers of 512, twice the code of the small one.
-    let paper = preset("paper").system.check().unwrap();
+    let paper = super::size::summary(&preset("paper").system);
     assert!(paper.shapes.iter().any(|(_, shape)| shape.contains("642, 3], 1280 faces")));
     assert!((13_000_000..20_000_000).contains(&paper.trainable), "{}", paper.trainable);
 }
@@ -235,8 +240,9 @@ fn a_checkpoint_resumes_across_the_subdivision() {
     let place = tempfile::tempdir().unwrap();
     let mut config = preset("tiny");
     config.train.epochs = 3;
-    config.train.evaluate_every = 0;
-    config.system = McmrConfig { objects: 4, test_objects: 1, subdivide_at: 2, ..config.system };
+    config.train.evaluate_every = None;
+    config.system =
+        McmrConfig { objects: 4, test_objects: 1, subdivide_at: Some(2), ..config.system };
     let whole = run_in(&place.path().join("whole"), &config, false, u64::MAX);
     let folder = place.path().join("parts");
     let part = run_in(&folder, &config, false, 3);
@@ -258,7 +264,7 @@ fn a_checkpoint_resumes_across_the_subdivision() {
 /// A subdivision changes neither the surface nor what is drawn of it.
 #[test]
 fn a_subdivision_is_not_seen() {
-    let config = McmrConfig { subdivide_at: 1, hidden: 8, perturb: 0.3, ..tiny() };
+    let config = McmrConfig { subdivide_at: Some(1), hidden: 8, perturb: 0.3, ..tiny() };
     let data = Data::synthetic(&config).unwrap();
     let mut system = Mcmr::new(&config, 1);
     let drawn = |system: &Mcmr| {

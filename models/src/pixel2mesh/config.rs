@@ -9,66 +9,43 @@ use ode_deform::solve::{
 };
 use serde::{Deserialize, Serialize};
 
+use train::settings::above_to;
+
 use crate::paired::PairsConfig;
 
-/// What both have: images, encoder, template, losses.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, rename_all = "kebab-case")]
-pub struct SharedConfig {
-    /// The data.
-    #[serde(flatten)]
-    pub pairs: PairsConfig,
-    /// Channels of the encoder's six stages, 1 to 2048 each; maps are read from the last four.
-    /// Default a quarter of the published `[16, 32, 64, 128, 256, 512]`.
-    pub channels: [usize; 6],
-    /// How the encoder's weights begin. Default `"he"`; published deviations of 0.02 let the image fade on its way.
-    pub encoder_init: EncoderInitKind,
-    /// Whether the encoder's layers are plain or residual. Default `"plain"`, as published.
-    pub encoder_form: EncoderForm,
-    /// What maps are multiplied by before they are read, above 0 to 1000. Default 1. Residual encoders put out features of about 1, and a
-    /// step of Adam changes what is read linearly from many such at once too much; 0.1 serves them.
-    pub feature_scale: f64,
-    /// How often the ellipsoid of 156 vertices is subdivided, 0 to 3. Default 1: 618 vertices.
-    pub level: u32,
-    /// Columns inside of the graph convolutions. Default 96; published 192.
-    pub hidden: usize,
-    /// After graph convolutions. Default `"relu"`; the version that the ODE paper started from has none.
-    pub activation: ActivationKind,
-    /// How feature maps are read. Default `"bilinear"`; published `"floor"`, by a slip.
-    pub sampling: SamplingKind,
-    /// Weight of the Chamfer distance: the mean squared distances of both ways. Default 100.
-    pub chamfer_weight: f64,
-    /// What its way from prediction to truth counts beside the other. Default 1; 0.55 in the original Pixel2Mesh.
-    pub chamfer_back: f64,
-    /// Weight of the mean squared edge length. Default 5.
-    pub edge_weight: f64,
-    /// Weight of edges against the true normals. Default 0.
-    pub normal_weight: f64,
-    /// Weight of the change of Laplacian coordinates, a mean over vertices. Default 0.
-    pub laplacian_weight: f64,
-    /// Weight of the mean squared displacement. Default 0.
-    pub move_weight: f64,
-}
-
-impl Default for SharedConfig {
-    fn default() -> Self {
-        Self {
-            pairs: PairsConfig::default(),
-            channels: [8, 8, 16, 32, 64, 64],
-            encoder_init: EncoderInitKind::He,
-            encoder_form: EncoderForm::Plain,
-            feature_scale: 1.0,
-            level: 1,
-            hidden: 96,
-            activation: ActivationKind::Relu,
-            sampling: SamplingKind::Bilinear,
-            chamfer_weight: 100.0,
-            chamfer_back: 1.0,
-            edge_weight: 5.0,
-            normal_weight: 0.0,
-            laplacian_weight: 0.0,
-            move_weight: 0.0,
-        }
+train::options! {
+    /// What both have: images, encoder, template, losses.
+    pub struct SharedConfig extends pairs: PairsConfig = PairsConfig::default() => {
+        /// Channels of the encoder's six stages; maps are read from the last four. Published are `[16, 32, 64, 128,
+        /// 256, 512]`.
+        pub channels: [usize; 6] = [8, 8, 16, 32, 64, 64], in 1..=2048;
+        /// How the encoder's weights begin; published deviations of 0.02 let the image fade on its way.
+        pub encoder_init: EncoderInitKind = EncoderInitKind::He;
+        /// Whether the encoder's layers are plain or residual. Published: plain.
+        pub encoder_form: EncoderForm = EncoderForm::Plain;
+        /// What maps are multiplied by before they are read. Residual encoders put out features of about 1, and a
+        /// step of Adam changes what is read linearly from many such at once too much; 0.1 serves them.
+        pub feature_scale: f64 = 1.0, in above_to(0.0, 1e3);
+        /// How often the ellipsoid of 156 vertices is subdivided; 1 gives 618 vertices.
+        pub level: u32 = 1, in 0..=3;
+        /// Columns inside of the graph convolutions; published 192.
+        pub hidden: usize = 96, in 1..=4096;
+        /// After graph convolutions; the version that the ODE paper started from has none.
+        pub activation: ActivationKind = ActivationKind::Relu;
+        /// How feature maps are read; published `"floor"`, by a slip.
+        pub sampling: SamplingKind = SamplingKind::Bilinear;
+        /// Weight of the Chamfer distance: the mean squared distances of both ways.
+        pub chamfer_weight: f64 = 100.0, in above_to(0.0, 1e9);
+        /// What its way from prediction to truth counts beside the other; 0.55 in the original Pixel2Mesh.
+        pub chamfer_back: f64 = 1.0, in 0.0..=1e9;
+        /// Weight of the mean squared edge length.
+        pub edge_weight: f64 = 5.0, in 0.0..=1e9;
+        /// Weight of edges against the true normals.
+        pub normal_weight: f64 = 0.0, in 0.0..=1e9;
+        /// Weight of the change of Laplacian coordinates, a mean over vertices.
+        pub laplacian_weight: f64 = 0.0, in 0.0..=1e9;
+        /// Weight of the mean squared displacement.
+        pub move_weight: f64 = 0.0, in 0.0..=1e9;
     }
 }
 
@@ -76,34 +53,6 @@ impl SharedConfig {
     /// Channels of the four maps together.
     pub fn features(&self) -> usize {
         self.channels[2..].iter().sum()
-    }
-
-    pub(super) fn check(&self) -> Vec<String> {
-        let mut problems = self.pairs.check();
-        let mut require = |holds: bool, field: &str, found: &dyn std::fmt::Display, what: &str| {
-            if !holds {
-                problems.push(format!("`{field}` is {found}, expected {what}"));
-            }
-        };
-        let all = format!("{:?}", self.channels);
-        let sound = self.channels.iter().all(|c| (1..=2048).contains(c));
-        require(sound, "channels", &all, "1 to 2048 each");
-        require(self.level <= 3, "level", &self.level, "0 to 3");
-        let scale = self.feature_scale;
-        require(scale > 0.0 && scale <= 1e3, "feature-scale", &scale, "above 0 to 1000");
-        require((1..=4096).contains(&self.hidden), "hidden", &self.hidden, "1 to 4096");
-        for (weight, field) in [
-            (self.chamfer_weight, "chamfer-weight"),
-            (self.chamfer_back, "chamfer-back"),
-            (self.edge_weight, "edge-weight"),
-            (self.normal_weight, "normal-weight"),
-            (self.laplacian_weight, "laplacian-weight"),
-            (self.move_weight, "move-weight"),
-        ] {
-            require((0.0..=1e9).contains(&weight), field, &weight, "0 to 1e9");
-        }
-        require(self.chamfer_weight > 0.0, "chamfer-weight", &self.chamfer_weight, "more than 0");
-        problems
     }
 
     /// Numbers in the encoder.
@@ -134,76 +83,50 @@ pub enum EncoderForm {
     Residual,
 }
 
-/// The options of a deformation in continuous time, and of the residual networks that it is compared with.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, rename_all = "kebab-case")]
-pub struct OdeConfig {
-    /// What both systems have.
-    #[serde(flatten)]
-    pub shared: SharedConfig,
-    /// What deforms. Default `"ode"`.
-    pub deformation: DeformationKind,
-    /// Blocks of the residual network, 1 to 64. Default 8.
-    pub blocks: usize,
-    /// Graph convolutions of the field, 2 to 8; residual blocks and stacked fields have two. Default 2, as published.
-    pub layers: usize,
-    /// Columns of the field's state beside positions, 0 to 256: what a vertex remembers of its way. Default 0, as
-    /// published.
-    #[serde(alias = "memory")]
-    pub augment_dim: usize,
-    /// Columns in which the time is repeated, 0 to 4096. Default 196, as published; 1 says the same.
-    pub time: usize,
-    /// Columns that a stacked field reads features through, 1 to 4096. Default 24.
-    #[serde(alias = "reading")]
-    pub feature_dim: usize,
-    /// Parts of the time for which a stacked field has weights of their own, 1 to 64. Default 8.
-    #[serde(alias = "pieces")]
-    pub segments: usize,
-    /// What the sums of a stacked field are multiplied by to be velocities, above 0 to 1000. Default 8: with as many steps
-    /// a change of the weights moves vertices as far as in residual blocks.
-    #[serde(alias = "speed")]
-    pub output_scale: f64,
-    /// What the first velocities are multiplied by, more than 0. Default 0.1: of the published size they would crumple
-    /// the ellipsoid before the first step.
-    pub first_velocity: f64,
-    /// The method. Default `"euler"`.
-    pub method: Method,
-    /// Least and greatest start in training, in [0, 1). Default [0, 0.25].
-    pub start: [f64; 2],
-    /// Least and greatest step in training; elsewhere all have their mean. Default [0.05, 0.2].
-    pub step: [f64; 2],
-    /// Where a test starts; -1 stands for the middle of `start`. Default -1.
-    pub test_start: f64,
-    /// Relative and absolute error of methods that estimate it (`bosh3`, `dopri5`) outside of training; 0 keeps the
-    /// fixed steps. Default 0.
-    pub tolerance: f64,
-    /// Whether the last step may go past 1, as in the published loop. Default false.
-    pub overshoot: bool,
-    /// How gradients are found. Default `"checkpointed"`.
-    pub adjoint: AdjointKind,
-}
-
-impl Default for OdeConfig {
-    fn default() -> Self {
-        Self {
-            shared: SharedConfig::default(),
-            deformation: DeformationKind::Ode,
-            blocks: 8,
-            layers: 2,
-            augment_dim: 0,
-            time: 196,
-            feature_dim: 24,
-            segments: 8,
-            output_scale: 8.0,
-            first_velocity: 0.1,
-            method: Method::Euler,
-            start: Schedule::DEEP.start,
-            step: Schedule::DEEP.step,
-            test_start: -1.0,
-            tolerance: 0.0,
-            overshoot: false,
-            adjoint: AdjointKind::Checkpointed,
-        }
+train::options! {
+    /// The options of a deformation in continuous time, and of the residual networks that it is compared with.
+    pub struct OdeConfig extends shared: SharedConfig = SharedConfig::default() => {
+        /// What deforms.
+        pub deformation: DeformationKind = DeformationKind::Ode;
+        /// Blocks of the residual network.
+        pub blocks: usize = 8, in 1..=64;
+        /// Graph convolutions of the field; residual blocks and stacked fields have two. Published: 2.
+        pub layers: usize = 2, in 2..=8;
+        /// Columns of the field's state beside positions: what a vertex remembers of its way. Published: 0.
+        #[serde(alias = "memory")]
+        pub augment_dim: usize = 0, in 0..=256;
+        /// Columns in which the time is repeated. Published: 196; 1 says the same.
+        pub time: usize = 196, in 0..=4096;
+        /// Columns that a stacked field reads features through.
+        #[serde(alias = "reading")]
+        pub feature_dim: usize = 24, in 1..=4096;
+        /// Parts of the time for which a stacked field has weights of their own.
+        #[serde(alias = "pieces")]
+        pub segments: usize = 8, in 1..=64;
+        /// What the sums of a stacked field are multiplied by to be velocities; at 8 with as many steps a change of
+        /// the weights moves vertices as far as in residual blocks.
+        #[serde(alias = "speed")]
+        pub output_scale: f64 = 8.0, in above_to(0.0, 1e3);
+        /// What the first velocities are multiplied by: of the published size they would crumple the ellipsoid before
+        /// the first step.
+        pub first_velocity: f64 = 0.1, in above_to(0.0, 1e3);
+        /// The method.
+        pub method: Method = Method::Euler;
+        /// Least and greatest start in training.
+        pub start: [f64; 2] = Schedule::DEEP.start, in 0.0..1.0;
+        /// Least and greatest step in training; elsewhere all have their mean.
+        pub step: [f64; 2] = Schedule::DEEP.step, in 1e-4..=1.0;
+        /// Where a test starts; without, at the middle of `start`.
+        #[serde(with = "middle")]
+        pub test_start: Option<f64> = None, in 0.0..1.0;
+        /// Relative and absolute error of methods that estimate it (`bosh3`, `dopri5`) outside of training; without,
+        /// steps are fixed.
+        #[serde(with = "train::settings::optional")]
+        pub tolerance: Option<f64> = None, in 1e-10..=1.0;
+        /// Whether the last step may go past 1, as in the published loop.
+        pub overshoot: bool = false;
+        /// How gradients are found.
+        pub adjoint: AdjointKind = AdjointKind::Checkpointed;
     }
 }
 
@@ -255,11 +178,11 @@ impl OdeConfig {
     /// The steps everywhere else.
     pub fn test_problem(&self) -> Problem {
         let mut problem = self.ending(self.schedule().fixed(self.method.tableau()));
-        if self.test_start >= 0.0 {
-            problem.span[0] = self.test_start;
+        if let Some(start) = self.test_start {
+            problem.span[0] = start;
         }
-        if self.tolerance > 0.0 {
-            problem.control = StepController::adaptive(self.tolerance, self.tolerance);
+        if let Some(tolerance) = self.tolerance {
+            problem.control = StepController::adaptive(tolerance, tolerance);
         }
         problem
     }
@@ -272,82 +195,45 @@ impl OdeConfig {
         if self.overshoot { problem.overshooting() } else { problem }
     }
 
-    pub(super) fn check(&self) -> Vec<String> {
-        let mut problems = self.shared.check();
-        let mut require = |holds: bool, field: &str, found: String, what: &str| {
-            if !holds {
-                problems.push(format!("`{field}` is {found}, expected {what}"));
+    /// What is wrong beside ranges, one sentence each.
+    pub(super) fn conflicts(&self) -> Vec<String> {
+        let mut problems = self.shared.pairs.conflicts();
+        for ([low, high], key) in [(self.start, "start"), (self.step, "step")] {
+            if low > high {
+                problems
+                    .push(format!("`{key}` is [{low}, {high}], expected two numbers that rise"));
             }
-        };
-        require((1..=64).contains(&self.blocks), "blocks", self.blocks.to_string(), "1 to 64");
-        require((2..=8).contains(&self.layers), "layers", self.layers.to_string(), "2 to 8");
-        require(self.augment_dim <= 256, "augment-dim", self.augment_dim.to_string(), "0 to 256");
-        require(self.time <= 4096, "time", self.time.to_string(), "0 to 4096");
-        require(
-            (1..=4096).contains(&self.feature_dim),
-            "feature-dim",
-            self.feature_dim.to_string(),
-            "1 to 4096",
-        );
-        require(
-            (1..=64).contains(&self.segments),
-            "segments",
-            self.segments.to_string(),
-            "1 to 64",
-        );
-        for (factor, field) in
-            [(self.first_velocity, "first-velocity"), (self.output_scale, "output-scale")]
-        {
-            let sound = factor > 0.0 && factor <= 1e3;
-            require(sound, field, factor.to_string(), "above 0 to 1000");
         }
-        let [low, high] = self.start;
-        let sound = (0.0..1.0).contains(&low) && low <= high && high < 1.0;
-        require(
-            sound,
-            "start",
-            format!("{:?}", self.start),
-            "two numbers that rise, from 0 to below 1",
-        );
-        let [low, high] = self.step;
-        let sound = low >= 1e-4 && low <= high && high <= 1.0;
-        require(sound, "step", format!("{:?}", self.step), "two numbers that rise, from 1e-4 to 1");
-        let sound = self.test_start == -1.0 || (0.0..1.0).contains(&self.test_start);
-        require(sound, "test-start", self.test_start.to_string(), "-1, or 0 to below 1");
-        let estimates = self.method.tableau().error.is_some();
-        let sound = self.tolerance == 0.0 || (estimates && (1e-10..=1.0).contains(&self.tolerance));
-        let what = "0, or 1e-10 to 1 with the methods `bosh3` and `dopri5`";
-        require(sound, "tolerance", self.tolerance.to_string(), what);
+        if self.tolerance.is_some() && self.method.tableau().error.is_none() {
+            let what = "\"none\": only the methods `bosh3` and `dopri5` estimate their error";
+            problems
+                .push(format!("`tolerance` is {}, expected {what}", self.tolerance.unwrap_or(0.0)));
+        }
         problems
     }
 }
 
-/// The options of Pixel2Mesh in three stages.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, rename_all = "kebab-case")]
-pub struct StagesConfig {
-    /// What both systems have; `level` is that of the last of `level + 1` stages.
-    #[serde(flatten)]
-    pub shared: SharedConfig,
-    /// Residual blocks of each stage, 0 to 64. Default 6.
-    pub blocks: usize,
-    /// Whether stages put out displacements of the mesh that they are given instead of new places, as published.
-    /// Default true: nothing has to learn to reproduce the ellipsoid.
-    pub offsets: bool,
-    /// What the Laplacian term of the first stage counts beside the others'. Default 0.2.
-    pub first_laplacian: f64,
+train::options! {
+    /// The options of Pixel2Mesh in three stages.
+    pub struct StagesConfig extends shared: SharedConfig = staged() => {
+        /// Residual blocks of each stage.
+        pub blocks: usize = 6, in 0..=64;
+        /// Whether stages put out displacements of the mesh that they are given instead of new places, as published:
+        /// nothing has to learn to reproduce the ellipsoid.
+        pub offsets: bool = true;
+        /// What the Laplacian term of the first stage counts beside the others'.
+        pub first_laplacian: f64 = 0.2, in 0.0..=1e9;
+    }
 }
 
-impl Default for StagesConfig {
-    fn default() -> Self {
-        let shared = SharedConfig {
-            level: 2,
-            normal_weight: 0.02,
-            laplacian_weight: 5.0,
-            move_weight: 1.0,
-            ..SharedConfig::default()
-        };
-        Self { shared, blocks: 6, offsets: true, first_laplacian: 0.2 }
+/// The options of both, as the stages have them.
+fn staged() -> SharedConfig {
+    SharedConfig {
+        level: 2,
+        normal_weight: 0.02,
+        laplacian_weight: 5.0,
+        move_weight: 1.0,
+        ..SharedConfig::default()
     }
 }
 
@@ -374,18 +260,6 @@ impl StagesConfig {
         let sizes = self.sizes();
         let last = if sizes.len() > 1 { conv(self.shared.hidden, 3) } else { 0 };
         sizes.into_iter().map(chain).sum::<usize>() + last
-    }
-
-    pub(super) fn check(&self) -> Vec<String> {
-        let mut problems = self.shared.check();
-        if self.blocks > 64 {
-            problems.push(format!("`blocks` is {}, expected 0 to 64", self.blocks));
-        }
-        if !(0.0..=1e9).contains(&self.first_laplacian) {
-            let found = self.first_laplacian;
-            problems.push(format!("`first-laplacian` is {found}, expected 0 to 1e9"));
-        }
-        problems
     }
 }
 
@@ -477,4 +351,33 @@ pub enum DeformationKind {
     Stacked,
     /// Separate blocks with skips: the paper's RES.
     Residual,
+}
+
+/// `test-start`: 0 is a value of it; configurations of before said -1 for the middle of `start`.
+mod middle {
+    use serde::{Deserialize, Deserializer, Serializer};
+    use train::settings::optional;
+
+    pub(super) fn serialize<S: Serializer>(start: &Option<f64>, to: S) -> Result<S::Ok, S::Error> {
+        optional::serialize(start, to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged, expecting = "a number, or \"none\"")]
+        enum Start {
+            At(f64),
+            #[serde(deserialize_with = "none")]
+            Middle(()),
+        }
+        fn none<'de, D: Deserializer<'de>>(from: D) -> Result<(), D::Error> {
+            let word = String::deserialize(from)?;
+            let other = || serde::de::Error::custom("another word");
+            (word == optional::NONE).then_some(()).ok_or_else(other)
+        }
+        Ok(match Start::deserialize(from)? {
+            Start::At(start) if start >= 0.0 => Some(start),
+            Start::At(_) | Start::Middle(()) => None,
+        })
+    }
 }

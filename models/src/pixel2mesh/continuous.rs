@@ -6,6 +6,7 @@ use nets::Init;
 use ode_deform::deform::{DeformationField, ResidualDeformation, StackedField, positions};
 use ode_deform::solve::{Problem, SolveError, Stats};
 use ode_deform::{Adjoint, VectorField};
+use train::settings::Options as _;
 
 use super::config::{DeformationKind, OdeConfig, SharedConfig};
 use super::deformer::{Deformed, Deformer, Run, Stage};
@@ -117,11 +118,13 @@ type Flowed<'t> = (Var<'t>, Vec<Var<'t>>, Stats);
 impl Deformer for Continuous {
     const NAME: &'static str = "ode-pixel2mesh";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
-        ("tiny", include_str!("../../presets/ode-pixel2mesh/tiny.toml")),
-        ("small", include_str!("../../presets/ode-pixel2mesh/small.toml")),
-        ("paper", include_str!("../../presets/ode-pixel2mesh/paper.toml")),
-        ("table", include_str!("../../presets/ode-pixel2mesh/table.toml")),
+        ("tiny", include_str!("presets/ode-pixel2mesh/tiny.toml")),
+        ("small", include_str!("presets/ode-pixel2mesh/small.toml")),
+        ("paper", include_str!("presets/ode-pixel2mesh/paper.toml")),
+        ("table", include_str!("presets/ode-pixel2mesh/table.toml")),
     ];
+    const ABOUT: &'static str =
+        "One image to a mesh in continuous time, learned from true surfaces";
     const TRAINING: &'static str =
         "`unsphere train ode-pixel2mesh -o runs/mine` trains one on procedural airplanes";
 
@@ -132,7 +135,9 @@ impl Deformer for Continuous {
     }
 
     fn check(config: &OdeConfig) -> Vec<String> {
-        config.check()
+        let mut problems = config.out_of_range();
+        problems.extend(config.conflicts());
+        problems
     }
 
     fn size(config: &OdeConfig) -> (usize, Vec<(String, String)>) {

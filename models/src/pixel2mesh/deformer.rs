@@ -5,8 +5,7 @@ use std::fmt::Debug;
 use autodiff_lite::{Module, Var};
 use nets::Init;
 use ode_deform::solve::{SolveError, Stats};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
+use train::settings::Options;
 
 use super::config::SharedConfig;
 use super::template::Template;
@@ -19,9 +18,11 @@ pub trait Deformer: Module<f32> + Debug + Send + Sync + Sized + 'static {
     const PRESETS: &'static [(&'static str, &'static str)];
     /// How a checkpoint is had.
     const TRAINING: &'static str;
+    /// What its system does, in one sentence.
+    const ABOUT: &'static str;
 
     /// Its system's options.
-    type Config: Clone + Debug + Default + PartialEq + Serialize + DeserializeOwned + Send + Sync;
+    type Config: Options + Clone + Debug + PartialEq + Send + Sync;
 
     /// The options that all have.
     fn shared(config: &Self::Config) -> &SharedConfig;

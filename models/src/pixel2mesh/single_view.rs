@@ -6,7 +6,10 @@ use losses::{Directions, Matches};
 use mesh_core::TriMesh;
 use nets::{Init, Pixel2MeshEncoder};
 use ode_deform::solve::{SolveError, Stats};
-use train::{DataError, Draw, LossError, Metric, Shown, Source, StepInfo, Summary, System, Terms};
+use train::{
+    DataError, Draw, LossError, Metric, PredictError, Shown, Source, StepInfo, Summary, System,
+    Terms,
+};
 
 use super::config::{EncoderForm, SharedConfig};
 use super::deformer::{Deformed, Deformer, Run, Stage};
@@ -195,11 +198,11 @@ impl<D: Deformer> System for SingleView<D> {
     type Input = [View];
     type Prediction = TriMesh;
 
-    fn check(config: &D::Config) -> Result<Summary, Vec<String>> {
-        let problems = D::check(config);
-        if !problems.is_empty() {
-            return Err(problems);
-        }
+    fn check(config: &D::Config) -> Vec<String> {
+        D::check(config)
+    }
+
+    fn summary(config: &D::Config) -> Summary {
         let shared = D::shared(config);
         let (side, channels) = (shared.pairs.image_size, &shared.channels);
         let maps: Vec<String> = (2..6)
@@ -219,7 +222,7 @@ impl<D: Deformer> System for SingleView<D> {
         let encoder = shared.encoder_parameters();
         shapes.push(("trained in the encoder".to_owned(), encoder.to_string()));
         shapes.push(("trained in the deformation".to_owned(), deformer.to_string()));
-        Ok(Summary { trainable: encoder + deformer, frozen: 0, shapes })
+        Summary { trainable: encoder + deformer, frozen: 0, shapes }
     }
 
     fn new(config: &D::Config, seed: u64) -> Self {
@@ -310,18 +313,18 @@ impl<D: Deformer> System for SingleView<D> {
     }
 
     /// The mesh in the world of the camera, from the first view.
-    fn predict(&self, views: &[View]) -> Result<TriMesh, String> {
+    fn predict(&self, views: &[View]) -> Result<TriMesh, PredictError> {
         let picture = self.picture(views)?;
-        let (mesh, _) = self.mesh_of(&picture).map_err(|error| error.to_string())?;
+        let (mesh, _) = self.mesh_of(&picture).map_err(PredictError::solve)?;
         Ok(picture.frame.mesh_in_world(mesh))
     }
 }
 
 impl<D: Deformer> SingleView<D> {
     /// The first view as the network takes it.
-    pub(crate) fn picture(&self, views: &[View]) -> Result<Picture, String> {
-        let view = views.first().ok_or("no view: a mesh is made from one image")?;
+    pub(crate) fn picture(&self, views: &[View]) -> Result<Picture, PredictError> {
+        let view = views.first().ok_or(PredictError::NoView)?;
         let pairs = &self.shared().pairs;
-        Picture::new(view, pairs.image_size, pairs.scale).map_err(|error| error.to_string())
+        Ok(Picture::new(view, pairs.image_size, pairs.scale)?)
     }
 }

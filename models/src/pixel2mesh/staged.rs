@@ -4,6 +4,7 @@ use autodiff_lite::{Activation, Var, impl_module};
 use nets::{ChebyshevConv, GraphBottleneck, Init, pool_features};
 use ode_deform::deform::project_points;
 use ode_deform::solve::{SolveError, Stats};
+use train::settings::Options as _;
 
 use super::config::{SharedConfig, StagesConfig};
 use super::continuous::start;
@@ -25,11 +26,12 @@ const FIRST_DISPLACEMENT: f32 = 0.05;
 impl Deformer for Staged {
     const NAME: &'static str = "pixel2mesh";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
-        ("tiny", include_str!("../../presets/pixel2mesh/tiny.toml")),
-        ("small", include_str!("../../presets/pixel2mesh/small.toml")),
-        ("paper", include_str!("../../presets/pixel2mesh/paper.toml")),
-        ("table", include_str!("../../presets/pixel2mesh/table.toml")),
+        ("tiny", include_str!("presets/pixel2mesh/tiny.toml")),
+        ("small", include_str!("presets/pixel2mesh/small.toml")),
+        ("paper", include_str!("presets/pixel2mesh/paper.toml")),
+        ("table", include_str!("presets/pixel2mesh/table.toml")),
     ];
+    const ABOUT: &'static str = "One image to a mesh in three stages, learned from true surfaces";
     const TRAINING: &'static str =
         "`unsphere train pixel2mesh -o runs/mine` trains one on procedural airplanes";
 
@@ -40,7 +42,9 @@ impl Deformer for Staged {
     }
 
     fn check(config: &StagesConfig) -> Vec<String> {
-        config.check()
+        let mut problems = config.out_of_range();
+        problems.extend(config.shared.pairs.conflicts());
+        problems
     }
 
     fn size(config: &StagesConfig) -> (usize, Vec<(String, String)>) {

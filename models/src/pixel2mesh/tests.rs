@@ -67,7 +67,7 @@ fn parameters_are_counted_without_making_them() {
     fn counted<S: System>(config: &S::Config) {
         let mut all = 0;
         S::new(config, 0).visit("", &mut |_: &str, param: &Param| all += param.value.len());
-        assert_eq!(all, S::check(config).unwrap().trainable);
+        assert_eq!(all, S::summary(config).trainable);
     }
     counted::<OdePixel2Mesh>(&ode());
     counted::<OdePixel2Mesh>(&stacked());
@@ -111,14 +111,14 @@ fn what_is_out_of_range_is_named() {
     let wrong = OdeConfig {
         start: [0.5, 0.2],
         step: [0.0, 0.1],
-        tolerance: 1e-3,
+        tolerance: Some(1e-3),
         feature_dim: 0,
         segments: 65,
         output_scale: 0.0,
         shared: SharedConfig { level: 7, ..shared() },
         ..ode()
     };
-    let problems = OdePixel2Mesh::check(&wrong).unwrap_err().join("; ");
+    let problems = OdePixel2Mesh::check(&wrong).join("; ");
     for field in [
         "`start`",
         "`step`",
@@ -185,7 +185,7 @@ fn a_sequence_goes_from_the_ellipsoid_to_the_prediction() {
     assert_eq!(sequence.len(), 5);
     assert_eq!(sequence[0].positions, system.template.finest().mesh.positions);
     assert_eq!(sequence[4].positions, mesh.positions);
-    let finer = OdeConfig { method: Method::Dopri5, tolerance: 1e-6, ..ode() };
+    let finer = OdeConfig { method: Method::Dopri5, tolerance: Some(1e-6), ..ode() };
     let (exact, _) = system.with_config(&finer).mesh_of(&pair.picture).unwrap();
     let far = |a: &[[f32; 3]], b: &[[f32; 3]]| {
         let pairs = a.as_flattened().iter().zip(b.as_flattened());

@@ -24,7 +24,6 @@
 
 mod deliver;
 mod input;
-mod measured;
 mod predictor;
 #[cfg(test)]
 mod tests;

@@ -40,8 +40,8 @@ pub enum FitError {
     },
     /// Too few views remain to learn a shape from.
     #[error(
-        "{remaining} of {views} views remain with the object in their mask after holding out every \
-         {hold_out}th; at least 2 are needed"
+        "{remaining} of {views} views remain with the object in their mask{}; at least 2 are needed",
+        held_out(*.hold_out)
     )]
     TooFewViews {
         /// Views with a mask that are not held out.
@@ -49,7 +49,7 @@ pub enum FitError {
         /// All views.
         views: usize,
         /// The `hold-out` of the configuration.
-        hold_out: usize,
+        hold_out: Option<usize>,
     },
     /// The cameras and masks leave no place for an object.
     #[error("the cameras do not see one object: {reason}")]
@@ -69,4 +69,8 @@ pub enum FitError {
         /// Name of the first view in which it is so.
         view: String,
     },
+}
+
+fn held_out(every: Option<usize>) -> String {
+    every.map(|every| format!(" after holding out every {every}th")).unwrap_or_default()
 }

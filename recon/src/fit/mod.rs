@@ -157,7 +157,7 @@ impl<'a> Run<'a> {
         for (index, view) in views.iter().enumerate() {
             if view.mask.data.iter().all(|&m| m == 0) {
                 empty.push(view.name.as_str());
-            } else if config.hold_out > 0 && index % config.hold_out == config.hold_out - 1 {
+            } else if config.hold_out.is_some_and(|every| index % every == every - 1) {
                 held_out_views.push(index);
             } else {
                 train_views.push(index);
@@ -296,7 +296,7 @@ impl<'a> Run<'a> {
                 rate,
                 step,
             )?;
-            if config.relax_every > 0 && (k + 1).is_multiple_of(config.relax_every) {
+            if config.relax_every.is_some_and(|every| (k + 1).is_multiple_of(every)) {
                 shape.relax(config.relax);
             }
             let rms = terms.outline.rms();
@@ -349,11 +349,8 @@ impl<'a> Run<'a> {
             self.tell(Event::Stage { name: "texture".into(), vertices, faces: count });
             texture =
                 texture::bake(&seen, &self.train, positions, faces, &colors, config.texture_size);
-            if texture.is_none() {
-                self.warn(format!(
-                    "no texture: {} x {} has no room for {count} faces",
-                    config.texture_size, config.texture_size
-                ));
+            if let (None, Some(side)) = (&texture, config.texture_size) {
+                self.warn(format!("no texture: {side} x {side} has no room for {count} faces"));
             }
             self.lap("texture");
         }
@@ -380,10 +377,7 @@ struct Order {
 
 impl Order {
     fn new(count: usize, config: &FitConfig) -> Self {
-        let per_step = match config.views_per_step {
-            0 => count,
-            n => n.min(count),
-        };
+        let per_step = config.views_per_step.map_or(count, |views| views.min(count));
         let mut order =
             Self { views: (0..count).collect(), next: 0, per_step, seed: config.seed, pass: 0 };
         order.shuffle();

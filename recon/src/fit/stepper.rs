@@ -38,7 +38,7 @@ impl Stepper {
             return Err(FitError::TooFewViews {
                 remaining: targets.len(),
                 views: views.len(),
-                hold_out: 0,
+                hold_out: None,
             });
         }
         let placement = placement::place(&seen, &mut targets)?;
@@ -67,7 +67,7 @@ impl Stepper {
             self.config.learning_rate,
             self.steps,
         )?;
-        if self.config.relax_every > 0 && self.steps.is_multiple_of(self.config.relax_every) {
+        if self.config.relax_every.is_some_and(|every| self.steps.is_multiple_of(every)) {
             self.shape.relax(self.config.relax);
         }
         Ok(terms.outline.rms())

@@ -31,7 +31,7 @@ fn side_for(targets: &[Target], positions: &[[f32; 3]], faces: &[[u32; 3]]) -> u
 /// mesh is in front. In a second round views that differ from the mean of the first count less:
 /// highlights are in few views.
 ///
-/// A `side` of 0 gives an edge as many texels as it has pixels in the image that is nearest.
+/// Without a `side` an edge gets as many texels as it has pixels in the image that is nearest.
 /// `None` if `side` has no room for the faces. `views` and `targets` correspond.
 pub(super) fn bake(
     views: &[&View],
@@ -39,9 +39,9 @@ pub(super) fn bake(
     positions: &[[f32; 3]],
     faces: &[[u32; 3]],
     colors: &[[f32; 3]],
-    side: usize,
+    side: Option<usize>,
 ) -> Option<Texture> {
-    let side = if side == 0 { side_for(targets, positions, faces) } else { side };
+    let side = side.unwrap_or_else(|| side_for(targets, positions, faces));
     let atlas = Atlas::new(faces.len(), side)?;
     let drawn = Arc::new(
         Faces::new(positions.len(), faces).expect("the faces of a fitted mesh name its vertices"),

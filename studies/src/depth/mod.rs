@@ -11,6 +11,9 @@ use models::depth::{
 use crate::preset::{Change, Planned, planned, preset, settings, train_job};
 use crate::{Cell, Claim, Picture, Row, Scale, Study, StudyError, Tables, Tick, Work};
 
+/// The studies of this module, in the order of lists.
+pub const STUDIES: &[&dyn Study] = &[&DepthStudy];
+
 /// The names of the tables.
 const TRUE: &str = "With true depth";
 const ESTIMATED: &str = "With estimated depth";

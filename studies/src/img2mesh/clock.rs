@@ -37,8 +37,8 @@ fn jobs(scale: Scale) -> Jobs {
         ],
         Scale::Quick => {
             let steps = [("max-steps", "120"), ("synthetic-views", "40"), ("features", "128")];
-            let sizes = [("image-size", "64"), ("render-size", "64"), ("samples-every", "0")];
-            let rest = [("epochs", "1000"), ("evaluate-every", "0"), ("warmup", "10")];
+            let sizes = [("image-size", "64"), ("render-size", "64"), ("samples-every", "none")];
+            let rest = [("epochs", "1000"), ("evaluate-every", "none"), ("warmup", "10")];
             let changes: Vec<_> = steps.into_iter().chain(sizes).chain(rest).collect();
             vec![("small-2", "small CNN, 2 views", preset::<Img2Mesh>("small", &changes))]
         }
@@ -122,7 +122,7 @@ impl Study for ClockStudy {
 
 /// Millions of trained numbers.
 fn counted(config: &Config) -> f64 {
-    Img2Mesh::check(&config.system).map_or(0, |summary| summary.trainable) as f64 / 1e6
+    Img2Mesh::summary(&config.system).trainable as f64 / 1e6
 }
 
 /// From images in memory to the mesh, the median.

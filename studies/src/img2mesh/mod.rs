@@ -9,7 +9,11 @@ pub use unseen::UnseenStudy;
 use models::img2mesh::{Img2Mesh, Img2MeshConfig};
 use train::Configuration;
 
+use crate::Study;
 use crate::preset::Planned;
+
+/// The studies of this module, in the order of lists.
+pub const STUDIES: &[&dyn Study] = &[&ClockStudy, &UnseenStudy];
 
 type Config = Configuration<Img2MeshConfig>;
 type Jobs = Vec<Planned<Img2Mesh>>;

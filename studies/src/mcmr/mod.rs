@@ -11,15 +11,18 @@ pub use subdivision::SubdivisionStudy;
 use models::mcmr::{Mcmr, Scored};
 
 use crate::preset::Change;
-use crate::{Cell, Row, Trained};
+use crate::{Cell, Row, Study, Trained};
+
+/// The studies of this module, in the order of lists.
+pub const STUDIES: &[&dyn Study] = &[&MeanShapesStudy, &SubdivisionStudy, &PascalStudy, &CubStudy];
 
 /// What makes the quick ones quick.
 const QUICK: &[Change] = &[
     ("max-steps", "70"),
     ("epochs", "1000"),
     ("warmup", "5"),
-    ("evaluate-every", "0"),
-    ("samples-every", "0"),
+    ("evaluate-every", "none"),
+    ("samples-every", "none"),
     ("width", "8"),
     ("features", "32"),
     ("texture-width", "2"),

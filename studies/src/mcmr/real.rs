@@ -45,7 +45,7 @@ fn jobs(plans: [Plan; 2], name: &str, scale: Scale) -> Vec<Planned<Mcmr>> {
         if scale == Scale::Quick {
             changes.extend(QUICK);
             changes.extend([("max-steps", "20"), ("batch", "2"), ("image-size", "64")]);
-            changes.push(("subdivide-at", "0"));
+            changes.push(("subdivide-at", "none"));
         }
         (id, label, preset::<Mcmr>(name, &changes))
     };

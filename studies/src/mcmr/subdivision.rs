@@ -24,7 +24,7 @@ const QUICK_FLOOR: f64 = 0.42;
 pub struct SubdivisionStudy;
 
 fn jobs(scale: Scale) -> Vec<Planned<Mcmr>> {
-    let never: Change = ("subdivide-at", "0");
+    let never: Change = ("subdivide-at", "none");
     let all: Vec<(&str, &str, Vec<Change>)> = match scale {
         Scale::Full => vec![
             ("v162", COARSE, vec![never]),

@@ -60,8 +60,8 @@ pub(super) fn adaptively(
     for (label, tolerance) in
         [("tolerance 1e-2", 1e-2), ("tolerance 1e-3", 1e-3), ("tolerance 1e-4", 1e-4)]
     {
-        let other = OdeConfig { tolerance, ..config.clone() };
-        let found = if tolerance.to_bits() == config.tolerance.to_bits() {
+        let other = OdeConfig { tolerance: Some(tolerance), ..config.clone() };
+        let found = if other == *config {
             scored.clone()
         } else {
             system.with_config(&other).scored(data)?
@@ -82,8 +82,12 @@ pub(super) fn adaptively(
             ));
         rows.push(row);
     }
-    let small =
-        OdeConfig { method: Method::Euler, step: [0.001, 0.005], tolerance: 0.0, ..config.clone() };
+    let small = OdeConfig {
+        method: Method::Euler,
+        step: [0.001, 0.005],
+        tolerance: None,
+        ..config.clone()
+    };
     let found = system.with_config(&small).scored(data)?;
     rows.push(
         Row::new(ADAPTIVE, "Euler, steps of U(0.001, 0.005)'s mean")

@@ -11,7 +11,10 @@ pub use solvers::SolversStudy;
 
 use models::pixel2mesh::Scored;
 
-use crate::{Cell, Row};
+use crate::{Cell, Row, Study};
+
+/// The studies of this module, in the order of lists.
+pub const STUDIES: &[&dyn Study] = &[&PlanesStudy, &SolversStudy, &MemoryStudy];
 
 /// What makes the quick ones quick.
 const QUICK: &[(&str, &str)] = &[

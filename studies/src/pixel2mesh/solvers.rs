@@ -281,8 +281,8 @@ mod tests {
     fn jobs_are_sound_and_the_best_is_small() {
         for scale in [Scale::Full, Scale::Quick] {
             for (id, _, config) in jobs(scale) {
-                let problems = <OdePixel2Mesh as train::System>::check(&config.system).err();
-                assert_eq!(problems, None, "{id}");
+                let problems = <OdePixel2Mesh as train::System>::check(&config.system);
+                assert_eq!(problems, Vec::<String>::new(), "{id}");
             }
         }
         let all = jobs(Scale::Full);

@@ -1,55 +1,56 @@
 //! What a dataset is to be.
 
 use serde::{Deserialize, Serialize};
-use train::settings::in_toml;
+use train::settings::{LARGEST, Options as _};
 
 use crate::shapes::Family;
 use crate::{Lighting, Monocular, NormalSpace, PoseNoise, RenderOptions};
 
-/// What [`generate`](super::generate) makes; the same bytes for the same values.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct GenerateConfig {
-    /// Families of shapes; not used where a model is given. Default: all.
-    #[serde(with = "names")]
-    pub families: Vec<Family>,
-    /// Objects of each family. Default 20.
-    pub objects: usize,
-    /// How files are laid out. Default `"kaolin"`.
-    pub layout: OutputLayout,
-    /// How cameras are distributed. Default `"r2n2"`.
-    pub cameras: CameraSet,
-    /// Views of each object. Default 24.
-    pub views: usize,
-    /// Width of the images. Default 137.
-    pub width: usize,
-    /// Height of the images. Default 137.
-    pub height: usize,
-    /// Where the principal point is off the middle, as a share of width and height: right and
-    /// down. Only `transforms.json` can say it. Default 0, 0.
-    pub principal: [f64; 2],
-    /// What is behind the object, sRGB; under alpha 0 where images have alpha. Default black.
-    pub background: [f32; 3],
-    /// Samples per pixel and axis; odd. Default 3.
-    pub supersample: usize,
-    /// Whether true planar depth is written. Default false.
-    pub depth: bool,
-    /// Whether and in which frame normals are written. Default not.
-    pub normals: Option<NormalSpace>,
-    /// Points on the surface with normals, where the layout has a place for them. Default 10,000.
-    pub points: usize,
-    /// Cells along each side of the voxel grid, where the layout has a place for it. Default 32.
-    pub voxels: usize,
-    /// Shares of objects for training, validation and test. Default 0.7, 0.1, 0.2.
-    pub split: [f64; 3],
-    /// Seed of everything that is drawn. Default 0.
-    pub seed: u64,
-    /// The light. Default: a bright room.
-    pub lighting: Lighting,
-    /// How far rough poses are from the true ones, for photo collections.
-    pub noise: PoseNoise,
-    /// Whether and how depth is guessed as a network would. Default not.
-    pub monocular: Option<Monocular>,
+train::options! {
+    /// What [`generate`](super::generate) makes; the same bytes for the same values.
+    #[serde(deny_unknown_fields)]
+    pub struct GenerateConfig {
+        /// Families of shapes; not used where a model is given.
+        #[serde(with = "names")]
+        pub families: Vec<Family> = Family::ALL.to_vec();
+        /// Objects of each family.
+        pub objects: usize = 20, in 1..=1_000_000;
+        /// How files are laid out.
+        pub layout: OutputLayout = OutputLayout::Kaolin;
+        /// How cameras are distributed.
+        pub cameras: CameraSet = CameraSet::R2n2;
+        /// Views of each object.
+        pub views: usize = 24, in 1..=10_000;
+        /// Width of the images.
+        pub width: usize = 137, in 8..=8192;
+        /// Height of the images.
+        pub height: usize = 137, in 8..=8192;
+        /// Where the principal point is off the middle, as a share of width and height: right and down. Only
+        /// `transforms.json` can say it.
+        pub principal: [f64; 2] = [0.0; 2], in -0.4..=0.4;
+        /// What is behind the object, sRGB; under alpha 0 where images have alpha.
+        pub background: [f32; 3] = [0.0; 3], in 0.0..=1.0;
+        /// Samples per pixel and axis; odd.
+        pub supersample: usize = 3, in 1..=15;
+        /// Whether true planar depth is written.
+        pub depth: bool = false;
+        /// Whether and in which frame normals are written.
+        pub normals: Option<NormalSpace> = None;
+        /// Points on the surface with normals, where the layout has a place for them.
+        pub points: usize = 10_000, in 0..=10_000_000;
+        /// Cells along each side of the voxel grid, where the layout has a place for it.
+        pub voxels: usize = 32, in 0..=512;
+        /// Shares of objects for training, validation and test.
+        pub split: [f64; 3] = [0.7, 0.1, 0.2], in 0.0..=1.0;
+        /// Seed of everything that is drawn.
+        pub seed: u64 = 0, in ..=LARGEST;
+        /// The light.
+        pub lighting: Lighting = Lighting::studio();
+        /// How far rough poses are from the true ones, for photo collections.
+        pub noise: PoseNoise = PoseNoise::default();
+        /// Whether and how depth is guessed as a network would.
+        pub monocular: Option<Monocular> = None;
+    }
 }
 
 /// How a generated dataset is laid out.
@@ -78,90 +79,45 @@ pub enum CameraSet {
     Collection,
 }
 
-impl Default for GenerateConfig {
-    fn default() -> Self {
-        Self {
-            families: Family::ALL.to_vec(),
-            objects: 20,
-            layout: OutputLayout::Kaolin,
-            cameras: CameraSet::R2n2,
-            views: 24,
-            width: 137,
-            height: 137,
-            principal: [0.0; 2],
-            background: [0.0; 3],
-            supersample: 3,
-            depth: false,
-            normals: None,
-            points: 10_000,
-            voxels: 32,
-            split: [0.7, 0.1, 0.2],
-            seed: 0,
-            lighting: Lighting::studio(),
-            noise: PoseNoise::default(),
-            monocular: None,
-        }
-    }
-}
-
 impl GenerateConfig {
     /// What is wrong with the values, one sentence each.
     pub fn check(&self) -> Vec<String> {
-        let mut wrong = Vec::new();
+        let mut wrong = self.out_of_range();
         let mut expect = |fits: bool, text: String| {
             if !fits {
                 wrong.push(text);
             }
         };
-        let within = |n: usize, least: usize, most: usize| (least..=most).contains(&n);
         let twice =
             (1..self.families.len()).any(|i| self.families[..i].contains(&self.families[i]));
-        expect(!self.families.is_empty(), "families: none, expected at least one".into());
-        expect(!twice, "families: one is named twice".into());
-        for (name, value, least, most) in [
-            ("objects", self.objects, 1, 1_000_000),
-            ("views", self.views, 1, 10_000),
-            ("width", self.width, 8, 8192),
-            ("height", self.height, 8, 8192),
-            ("supersample", self.supersample, 1, 15),
-            ("points", self.points, 0, 10_000_000),
-            ("voxels", self.voxels, 0, 512),
-        ] {
-            let text = format!("{name}: found {value}, expected {least} to {most}");
-            expect(within(value, least, most), text);
-        }
-        expect(self.supersample % 2 == 1, format!("supersample: {} is even", self.supersample));
-        let [x, y] = self.principal;
-        expect(
-            x.abs() < 0.4 && y.abs() < 0.4,
-            format!("principal: found [{x}, {y}], expected below 0.4 in size"),
-        );
+        expect(!self.families.is_empty(), "`families`: none, expected at least one".into());
+        expect(!twice, "`families`: one is named twice".into());
+        expect(self.supersample % 2 == 1, format!("`supersample`: {} is even", self.supersample));
         expect(
             self.principal == [0.0; 2] || self.layout == OutputLayout::Transforms,
-            "principal: only the layout `transforms` can say it".into(),
+            "`principal`: only the layout `transforms` can say it".into(),
         );
         expect(
             self.normals != Some(NormalSpace::World) || self.layout != OutputLayout::R2n2,
-            "normals: the layout `r2n2` keeps those of the camera's frame".into(),
+            "`normals`: the layout `r2n2` keeps those of the camera's frame".into(),
         );
-        let colors = self.background.iter().all(|v| (0.0..=1.0).contains(v));
-        expect(colors, format!("background: found {:?}, expected 0 to 1", self.background));
-        let shares = self.split.iter().all(|s| (0.0..=1.0).contains(s));
         let whole = (self.split.iter().sum::<f64>() - 1.0).abs() < 1e-9;
-        expect(shares && whole, format!("split: found {:?}, expected the sum 1", self.split));
+        expect(whole, format!("`split`: found {:?}, expected the sum 1", self.split));
         let PoseNoise { rotation, scale, translation } = self.noise;
         let noise = [rotation, scale, translation].iter().all(|v| (0.0..=180.0).contains(v));
-        expect(noise, format!("noise: found {:?}, expected 0 to 180 each", self.noise));
-        expect(in_toml(self.seed), format!("seed: found {}, expected at most 2^63 - 1", self.seed));
+        expect(noise, format!("`noise`: found {:?}, expected 0 to 180 each", self.noise));
         let Lighting { ambient, lamps, crease } = &self.lighting;
         let bright = |strength: f32| (0.0..=1000.0).contains(&strength);
-        expect(bright(*ambient), format!("lighting.ambient: found {ambient}, expected 0 to 1000"));
+        expect(
+            bright(*ambient),
+            format!("`lighting.ambient`: found {ambient}, expected 0 to 1000"),
+        );
         expect(
             (0.0..=180.0).contains(crease),
-            format!("lighting.crease: found {crease}, expected 0 to 180"),
+            format!("`lighting.crease`: found {crease}, expected 0 to 180"),
         );
         for lamp in lamps {
-            let found = format!("lighting.lamps: found {lamp:?}, expected");
+            let found = format!("`lighting.lamps`: found {lamp:?}, expected");
             let length: f32 = lamp.direction.iter().map(|x| x * x).sum();
             expect(bright(lamp.strength), format!("{found} a strength of 0 to 1000"));
             expect(
@@ -170,7 +126,7 @@ impl GenerateConfig {
             );
         }
         for text in self.monocular.iter().flat_map(Monocular::check) {
-            wrong.push(format!("monocular.{text}"));
+            wrong.push(format!("`monocular`: {text}"));
         }
         wrong
     }
@@ -241,8 +197,9 @@ mod tests {
             ..GenerateConfig::default()
         };
         let wrong = wrong.check();
-        let names = ["families", "views", "supersample", "principal", "split", "monocular.ground"];
+        let names = ["views", "families", "supersample", "principal", "split", "monocular"];
         assert_eq!(wrong.len(), names.len(), "{wrong:?}");
-        assert!(wrong.iter().zip(names).all(|(text, name)| text.starts_with(name)), "{wrong:?}");
+        let named = |(text, name): (&String, &str)| text.starts_with(&format!("`{name}`"));
+        assert!(wrong.iter().zip(names).all(named), "{wrong:?}");
     }
 }

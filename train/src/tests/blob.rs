@@ -10,39 +10,38 @@ use ndarray::{Array2, ArrayD, Ix3, IxDyn};
 use ode_deform::solve::SolveError;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use serde::{Deserialize, Serialize};
 
 use crate::report::ViewPair;
 use crate::{
-    DataError, Draw, LossError, Metric, OptimizerState, Shown, Source, StepInfo, Summary, System,
-    Terms,
+    DataError, Draw, LossError, Metric, OptimizerState, PredictError, Shown, Source, StepInfo,
+    Summary, System, Terms,
 };
 
 const SIDE: usize = 16;
 const OBJECTS: usize = 12;
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub(super) struct Options {
-    pub(super) hidden: usize,
-    pub(super) dropout: f64,
-    /// The object whose image is not a number, if any.
-    pub(super) poisoned: i64,
-    /// The object whose image cannot be read, if any.
-    pub(super) unreadable: i64,
-    /// The object whose loss has no value, if any.
-    pub(super) unsolved: i64,
-    /// The epoch before which the hidden layer doubles, if any.
-    pub(super) grow_at: i64,
-    /// Couples the samples of a batch, to be refused with shards.
-    pub(super) coupled: bool,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        let (poisoned, unreadable, unsolved) = (-1, -1, -1);
-        let (grow_at, coupled) = (-1, false);
-        Self { hidden: 8, dropout: 0.1, poisoned, unreadable, unsolved, grow_at, coupled }
+crate::options! {
+    /// How the network is made, and what goes wrong.
+    #[serde(deny_unknown_fields)]
+    pub(super) struct Options {
+        /// Columns inside.
+        pub(super) hidden: usize = 8, in 1..=64;
+        /// Share of the hidden columns that is dropped.
+        pub(super) dropout: f64 = 0.1, in 0.0..1.0;
+        /// The object whose image is not a number.
+        #[serde(with = "crate::settings::optional")]
+        pub(super) poisoned: Option<u64> = None;
+        /// The object whose image cannot be read.
+        #[serde(with = "crate::settings::optional")]
+        pub(super) unreadable: Option<u64> = None;
+        /// The object whose loss has no value.
+        #[serde(with = "crate::settings::optional")]
+        pub(super) unsolved: Option<u64> = None;
+        /// The epoch before which the hidden layer doubles.
+        #[serde(with = "crate::settings::optional")]
+        pub(super) grow_at: Option<u64> = None;
+        /// Couples the samples of a batch, to be refused with shards.
+        pub(super) coupled: bool = false;
     }
 }
 
@@ -124,12 +123,9 @@ impl System for Blob {
     type Input = [f32; 3];
     type Prediction = Vec<f32>;
 
-    fn check(config: &Options) -> Result<Summary, Vec<String>> {
-        if config.hidden == 0 {
-            return Err(vec!["`hidden` is 0, expected at least 1".into()]);
-        }
+    fn summary(config: &Options) -> Summary {
         let trainable = 4 * config.hidden + 126 * (config.hidden + 1);
-        Ok(Summary { trainable, ..Summary::default() })
+        Summary { trainable, ..Summary::default() }
     }
 
     fn new(config: &Options, seed: u64) -> Self {
@@ -165,12 +161,12 @@ impl System for Blob {
     }
 
     fn draw(&self, (): &(), draw: &Draw) -> Result<Silhouette, DataError> {
-        if draw.item as i64 == self.options.unreadable {
+        if Some(draw.item as u64) == self.options.unreadable {
             return Err(DataError::Unfit(format!("object {} cannot be read", draw.item)));
         }
         let angle = draw.rng().random::<f64>() * std::f64::consts::TAU;
         let mut sample = silhouette(draw.item, angle, format!("object {}", draw.item));
-        if draw.item as i64 == self.options.poisoned {
+        if Some(draw.item as u64) == self.options.poisoned {
             sample.mask[5] = f32::NAN;
         }
         Ok(sample)
@@ -186,8 +182,8 @@ impl System for Blob {
         batch: &[Silhouette],
         _: StepInfo,
     ) -> Result<Terms<'t>, LossError> {
-        let unsolved = format!("object {}", self.options.unsolved);
-        if batch.iter().any(|sample| sample.name == unsolved) {
+        let unsolved = self.options.unsolved.map(|item| format!("object {item}"));
+        if batch.iter().any(|sample| Some(&sample.name) == unsolved.as_ref()) {
             let error = SolveError::StepUnderflow { t: 0.5, step: 1e-9, least: 1e-8 };
             return Err(LossError::solve(error));
         }
@@ -223,7 +219,7 @@ impl System for Blob {
     }
 
     fn begin_epoch(&mut self, epoch: u64, state: &mut OptimizerState<'_>) {
-        if epoch as i64 != self.options.grow_at {
+        if Some(epoch) != self.options.grow_at {
             return;
         }
         // Each unit twice, at half the weight behind: the function stays as it is.
@@ -252,7 +248,7 @@ impl System for Blob {
         vec![("offsets".to_owned(), 0.5)]
     }
 
-    fn predict(&self, radii: &[f32; 3]) -> Result<Vec<f32>, String> {
+    fn predict(&self, radii: &[f32; 3]) -> Result<Vec<f32>, PredictError> {
         let sample =
             Silhouette { name: String::new(), radii: *radii, matrix: camera(0.0), mask: vec![] };
         Ok(self.masks(&Tape::eval(), &[sample])[1].value().iter().copied().collect())

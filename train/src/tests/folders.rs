@@ -157,7 +157,7 @@ fn files_are_as_the_umask_has_it() {
 fn a_loss_without_a_value_is_told_as_that() {
     let place = tempfile::tempdir().unwrap();
     for shards in [1, 3] {
-        let config = config(|c| (c.system.unsolved, c.train.shards) = (4, shards));
+        let config = config(|c| (c.system.unsolved, c.train.shards) = (Some(4), shards));
         let folder = place.path().join(format!("run-{shards}"));
         let error = run_in(&folder, &config, false, &mut on).unwrap_err();
         let TrainError::Loss { samples, error: reason, .. } = &error else { panic!("{error}") };

@@ -27,8 +27,9 @@ fn a_training_outlasts_a_cut_at_every_change() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path().join("whole");
     let config = config(|c| {
-        (c.train.epochs, c.train.checkpoint_steps) = (2, 3);
-        (c.train.evaluate_every, c.train.samples_every, c.train.tensorboard) = (2, 2, false);
+        (c.train.epochs, c.train.checkpoint_steps) = (2, Some(3));
+        (c.train.evaluate_every, c.train.samples_every, c.train.tensorboard) =
+            (Some(2), Some(2), false);
         c.system.hidden = 2;
     });
     let (outcome, changes) = recorded(|| {

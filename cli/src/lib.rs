@@ -1,0 +1,32 @@
+//! The program `unsphere`, and how a system of one's own joins it.
+//!
+//! This crate knows arguments, progress bars, printing and exit codes, and nothing else; the work
+//! is done by the crates below it. Whoever wrote a system gets `train`, `eval`, `predict` and `check` for it,
+//! with run folders, reports and all, by one line (`examples/ellipsoid.rs` is a whole one):
+//!
+//! ```no_run
+//! use std::process::ExitCode;
+//!
+//! use unsphere::Program;
+//! # use models::img2mesh::Img2Mesh as MySystem;
+//!
+//! fn main() -> ExitCode {
+//!     Program::new().with::<MySystem>().main()
+//! }
+//! ```
+
+mod args;
+mod checkpoint;
+mod command;
+mod console;
+mod failure;
+mod interrupt;
+mod mesh_file;
+mod options;
+mod printable;
+mod program;
+mod progress;
+mod provenance;
+mod system;
+
+pub use program::Program;

@@ -1,0 +1,30 @@
+//! A textured mesh, its camera and the mean shapes that it is mixed from, from a user's photograph.
+
+use train::{DataError, PredictError, System as _};
+
+use super::Mcmr;
+use crate::predict::{PredictInput, Prediction, Predictor, Request};
+
+impl Predictor for Mcmr {
+    const ABOUT: &'static str =
+        "One photograph to a textured mesh, learned from photo collections of many categories";
+    const TRAINING: &'static str = "`unsphere train mcmr -o runs/mine` trains one on made photographs, in about five minutes on two cores \
+         (a rough one with --preset tiny, in seconds)";
+
+    fn load(&self, request: &Request<'_>) -> Result<PredictInput, DataError> {
+        PredictInput::single(request)
+    }
+
+    fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
+        let found = self.predict(&input.given)?;
+        let [x, y] = found.pose.place;
+        let details = vec![
+            ("selection", found.weights.iter().map(|&w| f64::from(w)).collect()),
+            ("camera-scale", vec![found.pose.scale]),
+            ("camera-place", vec![x, y]),
+            ("camera-quaternion", found.pose.rotation.to_vec()),
+            ("mesh-to-world", found.to_world.concat()),
+        ];
+        Ok(Prediction { mesh: found.mesh_in_world(), sequence: Vec::new(), details })
+    }
+}

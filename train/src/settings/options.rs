@@ -1,0 +1,183 @@
+//! An option said once: its name, type, default, range and meaning.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use toml::{Table, Value};
+
+use super::settings_of;
+
+/// A configuration that [`options!`](crate::options) declared.
+pub trait Options: Default + Serialize + DeserializeOwned {
+    /// Keys, meanings and ranges in their order, those of the base first.
+    fn declared() -> Vec<Declared>;
+
+    /// What is out of its range, one sentence each; what several options must agree on is the configuration's own affair.
+    fn out_of_range(&self) -> Vec<String>;
+
+    /// All there is to say about the options: what `--help`, the pages of documentation and `check` are made from.
+    fn describe() -> Vec<OptionInfo> {
+        let defaults = Table::try_from(Self::default()).expect("configurations are plain tables");
+        let defaults = settings_of(&defaults.to_string());
+        Self::declared().into_iter().map(|declared| info::<Self>(declared, &defaults)).collect()
+    }
+}
+
+/// What a declaration says of an option.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Declared {
+    /// Its key in TOML.
+    pub key: String,
+    /// What it means.
+    pub meaning: String,
+    /// Its range in words, if it is a number with one.
+    pub range: Option<String>,
+}
+
+/// An option, for people.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct OptionInfo {
+    /// Its key in TOML and behind `--set`.
+    pub key: String,
+    /// What it may be: a range or a list.
+    pub expected: String,
+    /// The value that it has if nothing is said, as TOML.
+    pub default: String,
+    /// What it means.
+    pub meaning: String,
+}
+
+fn info<T: DeserializeOwned>(
+    declared: Declared,
+    defaults: &BTreeMap<String, String>,
+) -> OptionInfo {
+    let Declared { key, meaning, range } = declared;
+    let expected = range.unwrap_or_else(|| expected::<T>(&key));
+    let default = defaults.get(&key).cloned().unwrap_or_default();
+    let optional = default == "\"none\"" || meaning.contains("`\"none\"`");
+    let expected = if optional && !expected.contains("none") {
+        format!("{expected}, or \"none\"")
+    } else {
+        expected
+    };
+    OptionInfo { key, expected, default, meaning }
+}
+
+/// What the type of an option says when it is given what no option is: a date.
+fn expected<T: DeserializeOwned>(key: &str) -> String {
+    let date = Value::Datetime(toml::value::Datetime {
+        date: Some(toml::value::Date { year: 1970, month: 1, day: 1 }),
+        time: None,
+        offset: None,
+    });
+    let text = |value: Value| {
+        let error = T::deserialize(Value::Table([(key.to_owned(), value)].into_iter().collect()));
+        let message = error.err().map(|error| error.message().to_owned())?;
+        message.rsplit_once("expected ").map(|(_, what)| what.trim_end().to_owned())
+    };
+    // Of choices a text that is none of them tells all.
+    let choices = text(Value::String(String::from("?"))).filter(|what| what.contains('`'));
+    let what = choices.or_else(|| text(date)).unwrap_or_default();
+    let what = what.strip_prefix("one of ").unwrap_or(&what);
+    match what {
+        "a boolean" => "true or false".to_owned(),
+        "a string" | "a string or map" => "text".to_owned(),
+        "a sequence" => "a list".to_owned(),
+        "usize" | "u64" | "u32" => "an integer".to_owned(),
+        "f64" | "f32" => "a number".to_owned(),
+        what => what.replace('`', ""),
+    }
+}
+
+/// Declares a configuration: each option once, with its meaning, type, default and range.
+///
+/// What follows from it: the struct with its documentation, `Default`, serde in TOML's keys with dashes,
+/// [`Options::out_of_range`], and [`Options::describe`] for `--help` and tables. `extends` names a configuration whose
+/// options stand in the same table.
+///
+/// ```
+/// use train::settings::Options;
+///
+/// train::options! {
+///     /// How a sphere is made.
+///     pub struct SphereConfig {
+///         /// Subdivision level.
+///         pub level: u32 = 3, in 0..=6;
+///         /// Radius, in lengths of an object.
+///         pub radius: f64 = 0.5, in 1e-3..=1e3;
+///         /// Colours are left out.
+///         pub plain: bool = false;
+///     }
+/// }
+///
+/// assert_eq!(SphereConfig::default().level, 3);
+/// let wrong = SphereConfig { level: 7, ..SphereConfig::default() };
+/// assert_eq!(wrong.out_of_range(), ["`level` is 7, expected 0 to 6"]);
+/// let [level, radius, plain] = &SphereConfig::describe()[..] else { unreachable!() };
+/// assert_eq!((&*level.key, &*level.expected, &*level.default), ("level", "0 to 6", "3"));
+/// assert_eq!((&*plain.expected, &*radius.meaning), ("true or false", "Radius, in lengths of an object."));
+/// ```
+#[macro_export]
+macro_rules! options {
+    (
+        $(#[$container:meta])*
+        $public:vis struct $name:ident $(extends $base:ident: $base_type:ty = $base_default:expr =>)? {
+            $(
+                $(#[doc = $doc:literal])+
+                $(#[serde($($serde:tt)+)])*
+                $field_public:vis $field:ident: $type:ty = $default:expr $(, in $range:expr)?;
+            )*
+        }
+    ) => {
+        #[derive(Clone, Debug, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
+        $(#[$container])*
+        #[serde(default, rename_all = "kebab-case")]
+        $public struct $name {
+            $(
+                #[doc = concat!("The options of [`", stringify!($base_type), "`], in the same table.")]
+                #[serde(flatten)]
+                pub $base: $base_type,
+            )?
+            $(
+                $(#[doc = $doc])+
+                #[doc = concat!("\n\nDefault `", stringify!($default), "`", $("; range `", stringify!($range), "`",)? ".")]
+                $(#[serde($($serde)+)])*
+                $field_public $field: $type,
+            )*
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($base: $base_default,)? $($field: $default,)* }
+            }
+        }
+
+        impl $crate::settings::Options for $name {
+            fn declared() -> Vec<$crate::settings::Declared> {
+                #[allow(unused_variables, reason = "where no option has a range")]
+                let defaults = Self::default();
+                #[allow(unused_mut, reason = "where nothing is extended")]
+                let mut declared = Vec::new();
+                $(declared.extend(<$base_type as $crate::settings::Options>::declared());)?
+                declared.extend([$($crate::settings::Declared {
+                    key: stringify!($field).replace('_', "-"),
+                    meaning: concat!($($doc, "\n"),+).lines().map(str::trim).collect::<Vec<_>>().join(" ").trim().to_owned(),
+                    range: [$($crate::settings::range_of(&defaults.$field, &$range))?].into_iter().next(),
+                }),*]);
+                declared
+            }
+
+            fn out_of_range(&self) -> Vec<String> {
+                #[allow(unused_mut, reason = "where nothing is extended")]
+                let mut problems: Vec<String> = Vec::new();
+                $(problems.extend($crate::settings::Options::out_of_range(&self.$base));)?
+                $($(
+                    let key = stringify!($field).replace('_', "-");
+                    problems.extend($crate::settings::out_of_range(&key, &self.$field, &$range));
+                )?)*
+                problems
+            }
+        }
+    };
+}
