@@ -126,6 +126,18 @@ pub enum RunError {
         /// The file that a run has.
         missing: &'static str,
     },
+    /// A run that is beyond its beginning lacks a file: it could only begin anew.
+    #[error(
+        "{}: {missing} is missing, though the run has taken steps: it cannot go on without it; put the file back from a \
+         copy, or train into another folder, or into this one with --force, which removes what is left of the run",
+        path.display()
+    )]
+    Lost {
+        /// The folder.
+        path: PathBuf,
+        /// The file that is not there.
+        missing: &'static str,
+    },
     /// The path leads to no checkpoint.
     #[error("{}: {found}, expected a run's folder with a checkpoint, or a .safetensors file", path.display())]
     NoCheckpoint {

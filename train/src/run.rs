@@ -26,11 +26,14 @@ use crate::output::{
 
 /// What says that a folder is a run's: the first file of a run, and the last that is removed.
 const PROVENANCE: &str = "provenance.json";
+const CONFIG: &str = "config.toml";
+const LOG: &str = "metrics.jsonl";
+const LAST: &str = "checkpoints/last.safetensors";
 
 /// Everything in a run's folder, for those who overwrite one.
 const ENTRIES: &[&str] = &[
-    "config.toml",
-    "metrics.jsonl",
+    CONFIG,
+    LOG,
     "metrics.csv",
     "tensorboard",
     "checkpoints",
@@ -88,7 +91,7 @@ impl RunFolder {
             return Err(io(std::io::Error::other("not a folder; choose another path")));
         }
         let run = Self::at(path);
-        if run.is_bare().map_err(io)? {
+        if run.is_bare()? {
             return Ok(());
         }
         if !overwrite {
@@ -130,19 +133,24 @@ impl RunFolder {
     /// The folder of a run that can go on, for this process alone.
     ///
     /// # Errors
-    /// If it is none, or another process works in it.
+    /// If it is none, it has lost a file without which it cannot go on, or another process works in it.
     pub fn resume(path: &Path) -> Result<Self, RunError> {
         let run = Self::at(path);
-        let missing = |missing| Err(RunError::NoRun { path: path.to_owned(), missing });
-        if !run.log().is_file() {
-            return missing("metrics.jsonl");
-        }
-        if !run.config().is_file() {
-            return missing("config.toml");
+        let last = run.checkpoint()?.is_some();
+        let begun = last || run.has_begun()?;
+        for (name, file) in [(LOG, run.log()), (CONFIG, run.config())] {
+            if !file.is_file() {
+                let path = path.to_owned();
+                return Err(if begun {
+                    RunError::Lost { path, missing: name }
+                } else {
+                    RunError::NoRun { path, missing: name }
+                });
+            }
         }
         // One that was killed before its first checkpoint goes on from its beginning.
-        if !run.last().is_file() && !run.is_known() {
-            return missing("checkpoints/last.safetensors");
+        if !last && !run.is_known() {
+            return Err(RunError::NoRun { path: path.to_owned(), missing: LAST });
         }
         Self::locked(path)
     }
@@ -190,10 +198,10 @@ impl RunFolder {
     }
 
     /// Whether there is nothing, or nothing but what a run has before its first checkpoint and step.
-    fn is_bare(&self) -> std::io::Result<bool> {
+    fn is_bare(&self) -> Result<bool, RunError> {
         let mut empty = true;
-        for entry in fs::read_dir(&self.path)? {
-            let name = entry?.file_name();
+        for entry in fs::read_dir(&self.path).map_err(|source| io((self.path.clone(), source)))? {
+            let name = entry.map_err(|source| io((self.path.clone(), source)))?.file_name();
             if is_incidental(&name) {
                 continue;
             }
@@ -202,11 +210,37 @@ impl RunFolder {
             }
             empty = false;
         }
-        let text = fs::read(self.log()).unwrap_or_default();
-        let steps = text.split(|&byte| byte == b'\n').nth(2).is_some();
-        let mut inside = fs::read_dir(self.checkpoints()).into_iter().flatten().flatten();
-        let checkpoints = inside.any(|entry| !is_incidental(&entry.file_name()));
-        Ok(empty || (self.is_beginning() && !steps && !checkpoints))
+        Ok(empty || (self.is_beginning() && !self.has_begun()?))
+    }
+
+    /// The checkpoint that the run goes on from; none if it stands at its beginning.
+    ///
+    /// # Errors
+    /// If the run is beyond its beginning and has none, or the folder cannot be read.
+    pub(super) fn checkpoint(&self) -> Result<Option<PathBuf>, RunError> {
+        let last = self.last();
+        if last.is_file() {
+            return Ok(Some(last));
+        }
+        if self.has_begun()? {
+            return Err(RunError::Lost { path: self.path.clone(), missing: LAST });
+        }
+        Ok(None)
+    }
+
+    /// Whether it is beyond its beginning: something is logged behind the header, or there is a checkpoint of any name.
+    fn has_begun(&self) -> Result<bool, RunError> {
+        let log = self.log();
+        let text = present(fs::read(&log)).map_err(|source| io((log, source)))?;
+        let logged = text.is_some_and(|text| text.split(|&byte| byte == b'\n').nth(2).is_some());
+        let folder = self.checkpoints();
+        let failed = |source| io((folder.clone(), source));
+        for entry in present(fs::read_dir(&folder)).map_err(failed)?.into_iter().flatten() {
+            if !is_incidental(&entry.map_err(failed)?.file_name()) {
+                return Ok(true);
+            }
+        }
+        Ok(logged)
     }
 
     /// Whether what stands where provenance should is that of a run, or was about to be.
@@ -222,17 +256,17 @@ impl RunFolder {
 
     /// `config.toml`.
     pub fn config(&self) -> PathBuf {
-        self.path.join("config.toml")
+        self.path.join(CONFIG)
     }
 
     /// `metrics.jsonl`.
     pub fn log(&self) -> PathBuf {
-        self.path.join("metrics.jsonl")
+        self.path.join(LOG)
     }
 
     /// `checkpoints/last.safetensors`.
     pub fn last(&self) -> PathBuf {
-        self.checkpoints().join("last.safetensors")
+        self.path.join(LAST)
     }
 
     /// `checkpoints/best.safetensors`.
@@ -263,6 +297,15 @@ impl RunFolder {
     /// Writes a file, whole or not at all, with the folders above it.
     pub(super) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), RunError> {
         write_within(&self.path, name, bytes).map_err(io)
+    }
+}
+
+/// What is not there is none.
+fn present<T>(found: std::io::Result<T>) -> std::io::Result<Option<T>> {
+    match found {
+        Ok(found) => Ok(Some(found)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
     }
 }
 

@@ -117,9 +117,10 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         }
         let summary = S::summary(&config.system);
         // What was killed before its first checkpoint goes on from its beginning.
-        let resume = job.resume && job.run.last().is_file();
-        let (system, optimizer, state) = if resume {
-            Checkpoint::read(&job.run.last())?.resume::<S>(config)?
+        let last = if job.resume { job.run.checkpoint()? } else { None };
+        let resume = last.is_some();
+        let (system, optimizer, state) = if let Some(last) = last {
+            Checkpoint::read(&last)?.resume::<S>(config)?
         } else {
             let mut system = S::new(&config.system, train.seed);
             system.init_from_data(job.data)?;

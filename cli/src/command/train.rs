@@ -265,7 +265,9 @@ fn named<'a>(values: impl Iterator<Item = (&'a str, f64)>) -> String {
 
 fn failed(error: RunError) -> Failure {
     match error {
-        RunError::NoRun { .. } | RunError::Log { .. } => Failure::input(error),
+        RunError::NoRun { .. } | RunError::Lost { .. } | RunError::Log { .. } => {
+            Failure::input(error)
+        }
         error => Failure::other(error),
     }
 }

@@ -8,6 +8,24 @@ fn read(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap()
 }
 
+/// Every file with its bytes.
+fn contents(folder: &Path) -> Vec<(std::path::PathBuf, Vec<u8>)> {
+    let (mut all, mut pending) = (Vec::new(), vec![folder.to_owned()]);
+    while let Some(folder) = pending.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                pending.push(path);
+            } else {
+                let bytes = std::fs::read(&path).unwrap();
+                all.push((path, bytes));
+            }
+        }
+    }
+    all.sort();
+    all
+}
+
 #[test]
 fn what_was_logged_stays_to_the_byte() {
     let place = tempfile::tempdir().unwrap();
@@ -53,6 +71,34 @@ fn there_is_a_checkpoint_before_the_first_step() {
         let begun = run_in(&bare, &config, resume, &mut on).unwrap();
         assert_eq!(weights(&begun.system), expected);
         assert_eq!(logged(&bare), logged(&whole));
+    }
+}
+
+/// A run that lost a file does not begin anew over what is left of it.
+#[test]
+fn a_run_that_lost_a_file_is_left_alone() {
+    let place = tempfile::tempdir().unwrap();
+    let config = config(|c| c.train.epochs = 2);
+    for lost in ["checkpoints/last.safetensors", "config.toml", "metrics.jsonl"] {
+        let folder = place.path().join(lost.replace('/', "-"));
+        run_in(&folder, &config, false, &mut on).unwrap();
+        std::fs::remove_file(folder.join(lost)).unwrap();
+        let before = contents(&folder);
+        let error = run_in(&folder, &config, true, &mut on).unwrap_err();
+        assert!(matches!(error, TrainError::Run(RunError::Lost { .. })), "{error}");
+        assert!(error.to_string().contains(lost), "{error}");
+        assert!(contents(&folder) == before, "{lost}");
+        // Not even where the folder was taken before the file was lost.
+        let run = RunFolder::at(&folder);
+        let provenance = Provenance::default();
+        let job =
+            Job { config: &config, data: &(), run: &run, provenance: &provenance, resume: true };
+        if lost.starts_with("checkpoints") {
+            train::<Blob>(&job, &mut on).unwrap_err();
+            assert!(contents(&folder) == before, "{lost}");
+        }
+        assert!(matches!(RunFolder::examine(&folder, false), Err(RunError::Exists { .. })));
+        RunFolder::create(&folder, true).unwrap();
     }
 }
 
