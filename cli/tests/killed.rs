@@ -4,9 +4,11 @@
 
 mod common;
 
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use common::TINY;
 
@@ -44,7 +46,14 @@ const IMG2MESH: Training = Training {
     ],
 };
 
-/// All systems, each for a second or less.
+/// Of systems that learn from surfaces.
+const SURFACES: &[&str] =
+    &["test-objects=1", "synthetic-views=2", "epochs=6", "checkpoint-steps=3", "samples-every=3"];
+
+/// How often one training is killed at most in the long test, before it comes to its end and is compared.
+const IN_ONE_RUN: usize = 24;
+
+/// All systems, each for half a second: most of the long test is starting them.
 const ALL: [Training; 6] = [
     Training {
         system: "img2mesh",
@@ -59,23 +68,21 @@ const ALL: [Training; 6] = [
             "vary-views=true",
         ],
     },
-    Training { system: "mcmr", settings: &["epochs=4", "checkpoint-steps=1", "samples-every=4"] },
     Training {
-        system: "ode-pixel2mesh",
-        settings: &["epochs=6", "checkpoint-steps=3", "samples-every=3"],
+        system: "mcmr",
+        settings: &[
+            "batch=2",
+            "objects=4",
+            "test-objects=2",
+            "epochs=4",
+            "checkpoint-steps=3",
+            "samples-every=4",
+        ],
     },
-    Training {
-        system: "pixel2mesh",
-        settings: &["epochs=6", "checkpoint-steps=3", "samples-every=3"],
-    },
-    Training {
-        system: "depth-pixel2mesh",
-        settings: &["epochs=6", "checkpoint-steps=3", "samples-every=3"],
-    },
-    Training {
-        system: "mesh-rcnn",
-        settings: &["epochs=6", "checkpoint-steps=3", "samples-every=3"],
-    },
+    Training { system: "ode-pixel2mesh", settings: SURFACES },
+    Training { system: "pixel2mesh", settings: SURFACES },
+    Training { system: "depth-pixel2mesh", settings: SURFACES },
+    Training { system: "mesh-rcnn", settings: SURFACES },
 ];
 
 impl Training {
@@ -94,35 +101,54 @@ impl Training {
     }
 }
 
+/// The program, or the copy of it that `UNSPHERE_PROGRAM` names, which no later build replaces.
+fn program() -> PathBuf {
+    let copy = std::env::var_os("UNSPHERE_PROGRAM");
+    copy.map_or_else(|| env!("CARGO_BIN_EXE_unsphere").into(), PathBuf::from)
+}
+
 fn start(place: &Path, arguments: &[&str]) -> Child {
-    spawn(Command::new(env!("CARGO_BIN_EXE_unsphere")).args(arguments).current_dir(place))
+    spawn(Command::new(program()).args(arguments).current_dir(place))
 }
 
 fn spawn(command: &mut Command) -> Child {
     command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
 }
 
-/// The program under strace, which kills it as it makes its `call`-th change.
-fn start_until(place: &Path, arguments: &[&str], call: usize) -> Child {
-    let inject = format!("inject={CALLS}:signal=KILL:when={call}");
-    let trace = format!("trace={CALLS}");
+/// strace, which sees changes alone. Not with --seccomp-bpf: its version 6.1 then kills at the first call or never.
+fn tracer() -> Command {
     let mut command = Command::new("strace");
-    command.args(["-f", "-qq", "-o", "/dev/null", "-e", &trace, "-e", &inject]);
-    spawn(command.arg(env!("CARGO_BIN_EXE_unsphere")).args(arguments).current_dir(place))
+    command.args(["-f", "-qq", "-e", &format!("trace={CALLS}")]);
+    command
 }
 
-/// How many changes of files the program makes; none where it cannot be traced.
-fn changes(place: &Path, arguments: &[&str]) -> Option<usize> {
-    let (list, trace) = (place.join("trace.txt"), format!("trace={CALLS}"));
-    let mut command = Command::new("strace");
-    command.args(["-f", "-qq", "-o", list.to_str()?, "-e", &trace]);
-    let command = command.arg(env!("CARGO_BIN_EXE_unsphere")).args(arguments).current_dir(place);
+/// The program under strace, which kills it as it makes a call for the `count`-th time. (strace counts each call by
+/// itself.)
+fn start_until(place: &Path, arguments: &[&str], call: &str, count: usize) -> Child {
+    let inject = format!("inject={call}:signal=KILL:when={count}");
+    let mut command = tracer();
+    command.args(["-o", "/dev/null", "-e", &inject]).arg(program());
+    spawn(command.args(arguments).current_dir(place))
+}
+
+/// Which calls that change files the program makes, and how often; none where it cannot be traced.
+fn changes(place: &Path, arguments: &[&str]) -> Option<Vec<(String, usize)>> {
+    let list = place.join("trace.txt");
+    let mut command = tracer();
+    command.arg("-o").arg(&list).arg(program()).args(arguments).current_dir(place);
     let status = command.stdout(Stdio::null()).stderr(Stdio::null()).status();
     status.ok().filter(std::process::ExitStatus::success)?;
     let text = std::fs::read_to_string(list).unwrap();
+    let mut counts = BTreeMap::new();
     // The first thread makes them all.
     let main = text.split_whitespace().next()?;
-    Some(text.lines().filter(|line| line.split_whitespace().next() == Some(main)).count())
+    for line in text.lines() {
+        let (thread, line) = line.split_once(' ')?;
+        if let Some((call, _)) = line.trim_start().split_once('(').filter(|_| thread == main) {
+            *counts.entry(call.to_owned()).or_default() += 1;
+        }
+    }
+    Some(counts.into_iter().collect())
 }
 
 /// The lines of the log.
@@ -131,12 +157,16 @@ fn log(run: &Path) -> Vec<String> {
     text.lines().map(str::to_owned).collect()
 }
 
+/// Steps in the log.
+fn steps(run: &Path) -> usize {
+    log(run).iter().filter(|line| line.contains("\"kind\":\"step\"")).count()
+}
+
 /// Kills the training once its log says so many steps, as nothing can be caught that does. Whether
 /// it was still going.
 fn kill_at(mut child: Child, run: &Path, step: usize) -> bool {
-    let reached = || log(run).iter().filter(|line| line.contains("\"kind\":\"step\"")).count();
     while child.try_wait().unwrap().is_none() {
-        if reached() >= step {
+        if steps(run) >= step {
             child.kill().unwrap();
             return child.wait().unwrap().code().is_none();
         }
@@ -184,6 +214,12 @@ impl Random {
             self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) as usize % limit.max(1)
     }
+
+    /// From 1 to `most`, each order of magnitude as likely as the others.
+    fn skewed(&mut self, most: usize) -> usize {
+        let share = self.below(1 << 20) as f64 / f64::from(1 << 20);
+        (most as f64).powf(share) as usize
+    }
 }
 
 #[test]
@@ -191,8 +227,7 @@ fn kills_leave_no_trace() {
     let place = tempfile::tempdir().unwrap();
     let folder = |run: &str| -> PathBuf { place.path().join(run) };
     assert!(start(place.path(), &IMG2MESH.begin("whole")).wait().unwrap().success());
-    let steps = |line: &&String| line.contains("\"kind\":\"step\"");
-    let total = figures(&folder("whole")).iter().filter(steps).count();
+    let total = steps(&folder("whole"));
     assert!(total >= 60, "{total} steps are too few to be killed in");
 
     let run = folder("killed");
@@ -211,43 +246,106 @@ fn kills_leave_no_trace() {
     assert_same(&run, &folder("whole"));
 }
 
-/// A training that was killed goes on; whether it came to its end is answered before the next kill.
+/// A training, and what it comes to if nothing happens to it.
 struct Victim<'a> {
-    place: &'a Path,
+    place: PathBuf,
     training: &'a Training,
     /// Changes and time of the whole.
-    changes: Option<usize>,
+    changes: Option<Vec<(String, usize)>>,
     time: Duration,
+    /// How often it was killed so far.
+    kills: usize,
+    /// In which quarter of the steps.
+    quarters: [usize; 4],
 }
 
-impl Victim<'_> {
-    /// Kills one run again and again, at most `limit` times, until it comes to its end. How often it was killed.
-    fn killed_to_its_end(&self, name: &str, random: &mut Random, limit: usize) -> usize {
-        let run = self.place.join(name);
-        let mut kills = 0;
+impl<'a> Victim<'a> {
+    /// Trains once to the end.
+    fn new(place: PathBuf, training: &'a Training) -> Self {
+        let changes = changes(&place, &training.begin("traced"));
+        let begun = Instant::now();
+        assert!(start(&place, &training.begin("whole")).wait().unwrap().success());
+        let time = begun.elapsed();
+        if let Some(changes) = &changes {
+            assert_same(&place.join("traced"), &place.join("whole"));
+            let status = {
+                let (call, count) = changes.last().unwrap();
+                start_until(&place, &training.begin("probed"), call, *count).wait().unwrap()
+            };
+            assert_eq!(status.code(), None, "strace does not kill");
+        } else {
+            println!("no strace here: kills are drawn over time alone");
+        }
+        println!("{}: {changes:?} changes in {time:?}", training.system);
+        Self { place, training, changes, time, kills: 0, quarters: [0; 4] }
+    }
+
+    /// Kills one run again and again, at most `limit` times, until it comes to its end, and compares it. How often it
+    /// was killed.
+    fn killed_to_its_end(&mut self, random: &mut Random, limit: usize) -> usize {
+        let run = self.place.join("killed");
+        let _ = std::fs::remove_dir_all(&run);
+        let (mut kills, mut story) = (0, String::new());
+        let total = steps(&self.place.join("whole"));
         loop {
             // What has no folder yet begins again by the command that it began by.
             let resumable = run.join("config.toml").exists();
-            let arguments =
-                if resumable { self.training.resume(name) } else { self.training.begin(name) };
-            let mut child = match self.changes {
-                _ if kills >= limit => start(self.place, &arguments),
-                Some(changes) if random.below(2) == 0 => {
-                    start_until(self.place, &arguments, 1 + random.below(changes / 2))
-                }
-                _ => {
-                    let child = start(self.place, &arguments);
-                    let most = self.time.as_micros() as usize;
-                    killed_after(child, Duration::from_micros(random.below(most) as u64))
-                }
+            let mut arguments = if resumable {
+                self.training.resume("killed")
+            } else {
+                self.training.begin("killed")
+            };
+            // Their number changes nothing either.
+            arguments.extend(["--threads", if random.below(4) == 0 { "2" } else { "1" }]);
+            let mut child = if kills < limit {
+                self.doomed(&arguments, random, &mut story)
+            } else {
+                start(&self.place, &arguments)
             };
             let status = child.wait().unwrap();
             if status.success() {
-                return kills;
+                break;
             }
-            assert_eq!(status.code(), None, "{arguments:?} failed");
+            assert_eq!(status.code(), None, "{arguments:?} failed, killed{story}");
             kills += 1;
+            self.quarters[(4 * steps(&run) / total).min(3)] += 1;
         }
+        println!("{}, killed{story}", self.training.system);
+        assert_same(&run, &self.place.join("whole"));
+        kills
+    }
+
+    /// Starts the program and kills it somewhere, unless it ends before. Most come early, counted from where it went on:
+    /// a run is killed many times before its end, and as often near it as elsewhere.
+    fn doomed(&self, arguments: &[&str], random: &mut Random, story: &mut String) -> Child {
+        if let Some(changes) = &self.changes
+            && random.below(3) > 0
+        {
+            let (call, most) = &changes[random.below(changes.len())];
+            let count = random.skewed(*most);
+            let _ = write!(story, " at {call} {count},");
+            return start_until(&self.place, arguments, call, count);
+        }
+        let time = self.time.as_millis() as usize;
+        // From the start it is mostly killed before it changed anything.
+        if random.below(4) == 0 {
+            let delay = Duration::from_millis(random.below(time) as u64);
+            let _ = write!(story, " after {delay:?},");
+            return killed_after(start(&self.place, arguments), delay);
+        }
+        let delay = Duration::from_millis(random.skewed(time) as u64);
+        let _ = write!(story, " {delay:?} after it logged,");
+        let log = self.place.join("killed/metrics.jsonl");
+        let state = || -> Option<(u64, SystemTime)> {
+            let facts = std::fs::metadata(&log).ok()?;
+            Some((facts.len(), facts.modified().ok()?))
+        };
+        let before = state();
+        let mut child = start(&self.place, arguments);
+        while state() == before && child.try_wait().unwrap().is_none() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        killed_after(child, delay)
     }
 }
 
@@ -258,49 +356,78 @@ fn killed_after(mut child: Child, time: Duration) -> Child {
     child
 }
 
-/// Kills all systems in turn until there were so many kills.
-fn killed(kills: usize, in_one_run: usize) {
-    let mut random = Random(SEED);
-    let mut done = 0;
-    let places: Vec<_> = ALL.iter().map(|_| tempfile::tempdir().unwrap()).collect();
-    let victims: Vec<Victim<'_>> = ALL
-        .iter()
-        .zip(&places)
-        .map(|(training, place)| {
-            let place = place.path();
-            let changes = changes(place, &training.begin("traced"));
-            let begun = Instant::now();
-            assert!(start(place, &training.begin("whole")).wait().unwrap().success());
-            let time = begun.elapsed();
-            if changes.is_some() {
-                assert_same(&place.join("traced"), &place.join("whole"));
-            } else {
-                println!("no strace here: kills are drawn over time alone");
-            }
-            println!("{}: {changes:?} changes in {time:?}", training.system);
-            Victim { place, training, changes, time }
-        })
-        .collect();
-    for round in 0.. {
-        let victim = &victims[round % victims.len()];
-        let name = format!("killed-{round}");
-        done += victim.killed_to_its_end(&name, &mut random, in_one_run.min(kills - done));
-        assert_same(&victim.place.join(&name), &victim.place.join("whole"));
-        std::fs::remove_dir_all(victim.place.join(&name)).unwrap();
-        println!("{done} kills of {kills}, {} runs: all as if there had been none", round + 1);
-        if done >= kills {
-            return;
+/// What was done so far, in a file if there is one: a line for each run, its system and how often it was killed.
+struct Tally(Option<PathBuf>);
+
+impl Tally {
+    fn read(&self) -> Vec<(String, usize)> {
+        let text = self.0.as_ref().and_then(|file| std::fs::read_to_string(file).ok());
+        let text = text.unwrap_or_default();
+        let of = |line: &str| {
+            let (system, kills) = line.split_once(' ')?;
+            Some((system.to_owned(), kills.parse().ok()?))
+        };
+        text.lines().filter_map(of).collect()
+    }
+
+    fn add(&self, system: &str, kills: usize) {
+        use std::io::Write as _;
+        if let Some(path) = &self.0 {
+            let mut file = std::fs::File::options().create(true).append(true).open(path).unwrap();
+            writeln!(file, "{system} {kills}").unwrap();
         }
     }
 }
 
-/// Of each system a few; `KILLS=1000` kills so often.
+/// Kills all systems until there were so many kills, each as often as the others.
+fn killed(kills: usize, in_one_run: usize, tally: &Tally) {
+    // It stays if something fails.
+    let place = tempfile::tempdir().unwrap().keep();
+    let folder = |training: &Training| {
+        let folder = place.join(training.system);
+        std::fs::create_dir(&folder).unwrap();
+        folder
+    };
+    let mut victims = ALL.each_ref().map(|training| Victim::new(folder(training), training));
+    let before = tally.read();
+    for victim in &mut victims {
+        let own = before.iter().filter(|(system, _)| system == victim.training.system);
+        victim.kills = own.map(|(_, kills)| kills).sum();
+    }
+    let begun = Instant::now();
+    let mut here = 0;
+    for run in before.len() + 1.. {
+        let done: usize = victims.iter().map(|victim| victim.kills).sum();
+        if done >= kills {
+            break;
+        }
+        let victim = victims.iter_mut().min_by_key(|victim| victim.kills).unwrap();
+        let mut random = Random(SEED ^ (run as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        let limit = in_one_run.min(kills - done);
+        let more = victim.killed_to_its_end(&mut random, limit);
+        victim.kills += more;
+        tally.add(victim.training.system, more);
+        here += more;
+        let (done, rate) = (done + more, here as f64 / begun.elapsed().as_secs_f64() * 60.0);
+        println!(
+            "{done} kills of {kills}, {run} runs: all as if there had been none ({rate:.0} a minute)"
+        );
+    }
+    for victim in &victims {
+        let Victim { training, kills, quarters, .. } = victim;
+        println!("{}: {kills} kills, in the quarters of its steps {quarters:?}", training.system);
+    }
+    std::fs::remove_dir_all(place).unwrap();
+}
+
+/// Of each system a few; `KILLS=1000` kills so often. With `KILLS_TALLY=FILE` it can be stopped and goes on.
 #[test]
 #[ignore = "long: KILLS says how many"]
 fn every_system_outlasts_many_kills() {
     let kills = std::env::var("KILLS").ok().and_then(|text| text.parse().ok());
     let kills = kills.unwrap_or(18);
-    killed(kills, (kills / ALL.len()).clamp(1, 8));
+    let tally = Tally(std::env::var_os("KILLS_TALLY").map(PathBuf::from));
+    killed(kills, (kills / ALL.len()).clamp(1, IN_ONE_RUN), &tally);
 }
 
 /// What a killed demo leaves is gone after the next one, and never stands in its way.
