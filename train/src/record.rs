@@ -11,15 +11,18 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::config::Configuration;
-use super::error::RunError;
+use super::error::{RunError, TrainError};
 use super::event::Step;
 use super::log::{History, Line, Log};
 use super::page;
 use super::run::{Provenance, RunFolder};
-use super::system::{Metric, Shown, Summary, System};
+use super::system::{DataError, Metric, Shown, Summary, System};
 use super::tensorboard::Events;
 use crate::report::sheet;
 use crate::settings::to_toml;
+
+const TABLE: &str = "metrics.csv";
+const PAGE: &str = "report.html";
 
 /// The open files of a run.
 #[derive(Debug)]
@@ -27,7 +30,10 @@ pub(super) struct Record<'a> {
     run: &'a RunFolder,
     log: Log,
     events: Option<Events>,
-    shown: Shown,
+    /// The last samples; none where an earlier part of the run drew them.
+    shown: Option<Shown>,
+    /// Whether the table and the page say all that is in the log.
+    digested: bool,
     /// What could not be written so far.
     failed: BTreeSet<&'static str>,
     warnings: Vec<String>,
@@ -109,19 +115,30 @@ impl<'a> Record<'a> {
                 )
             })
             .collect();
+        let config = to_toml(heading.config);
+        let digested = is_digested(run, &config);
         let mut log = Log::resume(run.log(), kept)?;
         log.append(&Line::Resumed {
             step,
             unix_seconds: wall_time() as u64,
             threads: rayon::current_num_threads(),
         })?;
-        run.write("config.toml", to_toml(heading.config).as_bytes())?;
-        Ok(Self { warnings, ..Self::open(run, log, heading.config.train.tensorboard, step) })
+        run.write("config.toml", config.as_bytes())?;
+        let shown = (!run.path().join("samples").is_dir()).then(Shown::default);
+        let record = Self::open(run, log, heading.config.train.tensorboard, step);
+        Ok(Self { warnings, shown, digested, ..record })
     }
 
     fn open(run: &'a RunFolder, log: Log, tensorboard: bool, step: u64) -> Self {
-        let (shown, failed, warnings) = (Shown::default(), BTreeSet::new(), Vec::new());
-        let mut record = Self { run, log, events: None, shown, failed, warnings };
+        let mut record = Self {
+            run,
+            log,
+            events: None,
+            shown: Some(Shown::default()),
+            digested: false,
+            failed: BTreeSet::new(),
+            warnings: Vec::new(),
+        };
         if tensorboard {
             let events = Events::create(&run.path().join("tensorboard"), wall_time(), step);
             record.events = record.optional("the file for TensorBoard", events);
@@ -164,6 +181,7 @@ impl<'a> Record<'a> {
 
     /// A line of the log. One that does not fit waits until the next, at the latest until the next checkpoint.
     fn log(&mut self, line: &Line) {
+        self.digested = false;
         let appended = self.log.append(line);
         self.optional("the log", appended);
     }
@@ -217,20 +235,41 @@ impl<'a> Record<'a> {
                 events.picture(wall_time(), step, "samples", size, &png)
             });
         }
-        self.shown = shown;
+        self.shown = Some(shown);
     }
 
-    /// Writes the table and the page, from the log.
+    /// Writes the table and the page, from the log, if they do not say all of it. The page shows the last samples; those
+    /// that an earlier part of the run drew are drawn again, by `show`.
     pub(super) fn digest<S: System>(
         &mut self,
         config: &Configuration<S::Config>,
-    ) -> Result<(), RunError> {
+        show: impl FnOnce() -> Result<Shown, DataError>,
+    ) -> Result<(), TrainError> {
+        if self.digested {
+            return Ok(());
+        }
+        let shown = match self.shown.take() {
+            Some(shown) => shown,
+            None => show()?,
+        };
         let history = History::read(&self.run.log())?;
-        let table = self.run.write("metrics.csv", history.to_csv().as_bytes());
-        self.optional("the table", table);
-        let page = page::report(S::NAME, &to_toml(config), &history, &self.shown).to_html();
-        let written = self.run.write("report.html", page.as_bytes());
-        self.optional("the report", written);
+        let table = self.run.write(TABLE, history.to_csv().as_bytes());
+        let table = self.optional("the table", table);
+        let page = page::report(S::NAME, &to_toml(config), &history, &shown).to_html();
+        let page = self.run.write(PAGE, page.as_bytes());
+        let page = self.optional("the report", page);
+        self.digested = table.is_some() && page.is_some();
+        self.shown = Some(shown);
         Ok(())
     }
+}
+
+/// Whether a run's table and page are whole, and say all that is in its log and this configuration. The page is written
+/// behind the table.
+fn is_digested(run: &RunFolder, config: &str) -> bool {
+    let read = |path| std::fs::read(path).unwrap_or_default();
+    let (table, page) = (read(run.path().join(TABLE)), read(run.path().join(PAGE)));
+    read(run.config()) == config.as_bytes()
+        && page.trim_ascii_end().ends_with(b"</html>")
+        && History::read(&run.log()).is_ok_and(|log| log.to_csv().as_bytes() == table)
 }

@@ -66,7 +66,7 @@ pub fn train<S: System>(
     let mut trainer = Trainer::prepare(job, watch)?;
     let stopped = trainer.run()?;
     trainer.record.sync()?;
-    trainer.record.digest::<S>(job.config)?;
+    trainer.digest()?;
     trainer.warn();
     Ok(Outcome {
         system: trainer.system,
@@ -325,10 +325,16 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         }
         let evaluated = turn(train.evaluate_every);
         if evaluated {
-            self.record.digest::<S>(self.job.config)?;
+            self.digest()?;
         }
         self.warn();
         Ok(evaluated)
+    }
+
+    /// Writes the table and the page, if something is to be added.
+    fn digest(&mut self) -> Result<(), TrainError> {
+        let (system, data) = (&self.system, self.job.data);
+        self.record.digest::<S>(self.job.config, || in_pool(|| system.show(data)))
     }
 
     fn is_best(&mut self) -> Result<bool, TrainError> {

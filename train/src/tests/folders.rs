@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::*;
+use crate::output::journal::{Change, recorded};
 
 fn read(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap()
@@ -39,6 +40,45 @@ fn what_was_logged_stays_to_the_byte() {
     assert!(after.starts_with(&before));
     let more = String::from_utf8(after[before.len()..].to_vec()).unwrap();
     assert!(more.lines().count() == 1 && more.contains("resumed"), "{more}");
+}
+
+/// The page of a finished run stays, and a page that is written in a later part of a run has its pictures.
+#[test]
+fn pages_keep_their_pictures() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("run");
+    let config = config(|c| c.train.epochs = 2);
+    let (_, changes) = recorded(|| run_in(&folder, &config, false, &mut on).unwrap());
+    // One for each evaluation.
+    assert_eq!(changes.iter().filter(|change| is_page(change)).count(), 2);
+    let (page, table) = (read(&folder, "report.html"), read(&folder, "metrics.csv"));
+    let pictures = |page: &[u8]| String::from_utf8_lossy(page).matches("data:image/png").count();
+    assert!(pictures(&page) > 0);
+    let (_, changes) = recorded(|| run_in(&folder, &config, true, &mut on).unwrap());
+    assert_eq!(changes.iter().filter(|change| is_page(change)).count(), 0);
+    assert!(read(&folder, "report.html") == page && read(&folder, "metrics.csv") == table);
+    // What a kill or a power cut took of them comes back.
+    for (name, whole) in [("report.html", &page), ("metrics.csv", &table)] {
+        std::fs::write(folder.join(name), &whole[..whole.len() / 2]).unwrap();
+        run_in(&folder, &config, true, &mut on).unwrap();
+        assert_eq!(pictures(&read(&folder, "report.html")), pictures(&page), "{name}");
+        assert!(read(&folder, "metrics.csv") == table, "{name}");
+    }
+    // A part of a run that ends before its next samples.
+    let mut longer = config.clone();
+    longer.train.epochs = 4;
+    run_in(&folder, &longer, true, &mut |event| match event {
+        Event::Step(_) => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    })
+    .unwrap();
+    assert!(read(&folder, "metrics.csv").len() > table.len());
+    assert_eq!(pictures(&read(&folder, "report.html")), pictures(&page));
+}
+
+/// Whether a change brings a new page.
+fn is_page(change: &Change) -> bool {
+    matches!(change, Change::Rename(_, to) if to.ends_with("report.html"))
 }
 
 #[test]
