@@ -126,7 +126,7 @@ impl<'a> Record<'a> {
         run.write("config.toml", config.as_bytes())?;
         let shown = (!run.path().join("samples").is_dir()).then(Shown::default);
         let record = Self::open(run, log, heading.config.train.tensorboard, step);
-        Ok(Self { warnings, shown, digested, ..record })
+        Ok(Self { shown, digested, warnings, ..record })
     }
 
     fn open(run: &'a RunFolder, log: Log, tensorboard: bool, step: u64) -> Self {

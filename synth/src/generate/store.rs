@@ -2,13 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use datasets::{Subset, View, write_kaolin, write_transforms};
 use mesh_core::io::{write_atomic, write_mesh};
 use mesh_core::{ByteImage, Camera, TriMesh, encode_exr, write_png};
 use serde::Serialize;
-use train::output::{Lock, LockError, disk, is_incidental, lock_folder};
+use train::output::{Lock, LockError, disk, is_incidental, lock_folder, own_folder};
 use train::settings::settings_of;
 use train::settings::to_toml;
 
@@ -21,7 +22,7 @@ use super::{rough, shapenet};
 /// The configuration, in the root of the dataset.
 pub(super) const MANIFEST: &str = "dataset.toml";
 /// The folder, in the root of a dataset, of objects that are being written; a run that was killed
-/// leaves it, and the next one removes it.
+/// leaves it, and the next one removes it. On a file system without locks each run has its own, whose name goes on.
 pub const UNFINISHED: &str = ".unfinished";
 /// What is known of an object; in the folder that is moved to its place last.
 const OBJECT: &str = "object.json";
@@ -40,7 +41,8 @@ struct Manifest<'a> {
 #[derive(Debug)]
 pub(super) struct Store {
     root: PathBuf,
-    /// What is unfinished is this process's own.
+    /// The folder of what is unfinished, this process's own.
+    unfinished: PathBuf,
     _lock: Lock,
     layout: OutputLayout,
 }
@@ -75,15 +77,14 @@ impl Store {
             }
             write_atomic(&manifest, |w| w.write_all(asked.as_bytes()))?;
         }
-        let store = Self { root: root.to_owned(), _lock: lock, layout: config.layout };
-        store.clear();
-        Ok(store)
+        let unfinished = unfinished(root, lock.is_held()).map_err(GenerateError::io(root))?;
+        Ok(Self { root: root.to_owned(), unfinished, _lock: lock, layout: config.layout })
     }
 
-    /// Removes what a run left unfinished.
+    /// Removes what this run left unfinished.
     pub(super) fn clear(&self) {
         // There may be none; one that resists is in nobody's way.
-        let _ = fs::remove_dir_all(self.root.join(UNFINISHED));
+        let _ = fs::remove_dir_all(&self.unfinished);
     }
 
     /// What is known of an object that is there as a whole.
@@ -116,7 +117,7 @@ impl Store {
     ) -> Result<ObjectInfo, GenerateError> {
         let ObjectInfo { category, synset, name, .. } = &made.info;
         let folders = self.folders(category, synset, name);
-        let work = self.root.join(UNFINISHED).join(format!("{category}-{name}"));
+        let work = self.unfinished.join(format!("{category}-{name}"));
         fs::create_dir_all(&work).map_err(GenerateError::io(&work))?;
         let last = work.join(folders.last().expect("every layout has a folder"));
         fs::create_dir_all(&last).map_err(GenerateError::io(&last))?;
@@ -164,6 +165,16 @@ impl Store {
         write_png(self.root.join("contact_sheet.png"), sheet)?;
         Ok(())
     }
+}
+
+/// The folder of what is unfinished. Of a dataset that is locked for this process, what lies there is nobody's.
+fn unfinished(root: &Path, locked: bool) -> io::Result<PathBuf> {
+    if !locked {
+        return own_folder(root, UNFINISHED.as_ref());
+    }
+    let folder = root.join(UNFINISHED);
+    let _ = fs::remove_dir_all(&folder);
+    Ok(folder)
 }
 
 /// How a layout of one folder for each object names what it has besides views.
@@ -268,6 +279,23 @@ fn first_difference(found: &str, asked: &str) -> Option<(String, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_who_holds_the_lock_removes_what_others_left() {
+        let place = tempfile::tempdir().expect("a folder");
+        let left = place.path().join(UNFINISHED).join("table-0001");
+        fs::create_dir_all(&left).expect("a folder");
+        let own = unfinished(place.path(), false).expect("a folder of its own");
+        let other = unfinished(place.path(), false).expect("another");
+        assert!(left.is_dir() && own.is_dir() && other.is_dir() && own != other);
+        let names = [&own, &other].map(|folder| folder.file_name().expect("it has a name"));
+        assert!(names.iter().all(|name| is_incidental(name)), "{names:?}");
+        assert_eq!(
+            unfinished(place.path(), true).expect("the place"),
+            place.path().join(UNFINISHED)
+        );
+        assert!(!left.exists() && own.is_dir());
+    }
 
     #[test]
     fn the_setting_that_differs_is_named() {

@@ -41,14 +41,21 @@ pub fn make_folders(path: &Path) -> io::Result<()> {
     if above != path {
         make_folders(above)?;
     }
-    match fs::create_dir(path) {
+    match make_folder(path) {
         // Someone else was quicker.
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists && path.is_dir() => {}
-        made => made?,
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists && path.is_dir() => {
+            sync_folder(above)
+        }
+        made => made,
     }
+}
+
+/// Makes a folder that was not there, for good.
+pub(super) fn make_folder(path: &Path) -> io::Result<()> {
+    fs::create_dir(path)?;
     #[cfg(test)]
     note(Change::Folder(path.to_owned()));
-    sync_folder(above)
+    sync_folder(folder_of(path))
 }
 
 /// Writes a file, whole or not at all, for good; what stood under its name stays until then.

@@ -17,6 +17,8 @@ pub struct Lock {
     file: File,
     /// Not where the file system knows no locks.
     held: bool,
+    /// Whether the file was not there before.
+    made: bool,
 }
 
 /// Why there is no lock.
@@ -33,13 +35,15 @@ impl Lock {
     /// [held](Self::is_held).
     pub(crate) fn take(path: &Path) -> Result<Self, LockError> {
         for _ in 0..ATTEMPTS {
-            let mut options = OpenOptions::new();
-            let options = options.read(true).write(true).create(true).truncate(false);
-            let file = options.open(path).map_err(LockError::Io)?;
-            let mut lock = Self { path: path.to_owned(), file, held: false };
-            match lock.file.try_lock() {
+            let (file, made) = open(path).map_err(LockError::Io)?;
+            let mut lock = Self { path: path.to_owned(), file, held: false, made };
+            match try_lock(&lock.file) {
                 Ok(()) => lock.held = true,
-                Err(TryLockError::WouldBlock) => return Err(LockError::Busy(lock.holder())),
+                Err(TryLockError::WouldBlock) => {
+                    // Its holder removes it.
+                    lock.made = false;
+                    return Err(LockError::Busy(lock.holder()));
+                }
                 Err(TryLockError::Error(_)) => return Ok(lock),
             }
             // Its last holder may have removed the file between the two lines above.
@@ -48,13 +52,14 @@ impl Lock {
                 let _ = lock.sign();
                 return Ok(lock);
             }
-            lock.held = false;
+            (lock.held, lock.made) = (false, false);
         }
         Err(LockError::Busy("others".into()))
     }
 
-    /// Whether no other process can have it: what lies around in the folder is nobody's.
-    pub(crate) fn is_held(&self) -> bool {
+    /// Whether no other process can have it: what lies around in the folder is nobody's. Where it is false, on a file
+    /// system without locks, others may be at work beside this process, and only what it made itself is its own.
+    pub fn is_held(&self) -> bool {
         self.held
     }
 
@@ -96,11 +101,33 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // As long as it is held, it is ours to remove. What resists is taken over by the next.
-        if self.held && self.is_at_its_path() {
+        // As long as it is held, it is ours to remove; and where nobody can hold it, if we made it. What resists is taken
+        // over by the next.
+        if (self.held || self.made) && self.is_at_its_path() {
             let _ = std::fs::remove_file(&self.path);
         }
     }
+}
+
+/// Opens a lock's file, and whether it was not there before.
+fn open(path: &Path) -> io::Result<(File, bool)> {
+    let mut options = OpenOptions::new();
+    options.read(true).write(true);
+    match options.clone().create_new(true).open(path) {
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+            // It may go at this moment.
+            Ok((options.create(true).truncate(false).open(path)?, false))
+        }
+        file => Ok((file?, true)),
+    }
+}
+
+fn try_lock(file: &File) -> Result<(), TryLockError> {
+    #[cfg(test)]
+    if tests::LOCKLESS.get() {
+        return Err(TryLockError::Error(io::ErrorKind::Unsupported.into()));
+    }
+    file.try_lock()
 }
 
 /// The name of this machine, where the system tells it in a file.
@@ -139,8 +166,32 @@ fn utc(seconds: u64) -> String {
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
-mod tests {
+pub(crate) mod tests {
+    use std::cell::Cell;
+
     use super::*;
+
+    thread_local! {
+        /// Whether this thread's file system knows no locks.
+        pub(crate) static LOCKLESS: Cell<bool> = const { Cell::new(false) };
+    }
+
+    #[test]
+    fn without_locks_nobody_is_kept_out_and_nothing_is_left() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join(".lock");
+        LOCKLESS.set(true);
+        let [first, second] = [(); 2].map(|()| Lock::take(&path).unwrap());
+        assert!(!first.is_held() && !second.is_held());
+        drop(second);
+        assert!(path.exists());
+        drop(first);
+        assert!(!path.exists());
+        // What others made is theirs.
+        std::fs::write(&path, "").unwrap();
+        drop(Lock::take(&path).unwrap());
+        assert!(path.exists());
+    }
 
     #[test]
     fn one_at_a_time_and_nothing_is_left() {

@@ -5,7 +5,7 @@ pub mod disk;
 pub(crate) mod journal;
 mod lock;
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -51,7 +51,8 @@ pub enum OutputError {
 /// Files are written into [`OutputFolder::path`]; [`OutputFolder::commit`] moves them to the final
 /// place. Dropped before that, it leaves nothing behind and whatever stood at the final place as it was.
 /// A process that is killed leaves its unfinished folder, which the next one for the same place removes: the
-/// folder's name carries the place, and a lock in it tells whether anyone is still at work.
+/// folder's name carries the place, and a lock in it tells whether anyone is still at work. On a file system without locks
+/// each process has an unfinished folder of its own, and that of a killed one stays.
 ///
 /// ```
 /// use train::output::OutputFolder;
@@ -103,8 +104,16 @@ impl OutputFolder {
                 }
             }
         };
+        let (lock, unfinished) = if lock.is_held() {
+            (Some(lock), unfinished)
+        } else {
+            drop(lock);
+            // Another process may be about to do the same.
+            let _ = fs::remove_dir(&unfinished);
+            (None, own_folder(parent, &unfinished_name(target)).map_err(io)?)
+        };
         let files = unfinished.join("files");
-        let folder = Self { target: target.into(), unfinished, files, lock: Some(lock) };
+        let folder = Self { target: target.into(), unfinished, files, lock };
         if folder.files.exists() {
             fs::remove_dir_all(&folder.files).map_err(io)?;
         }
@@ -190,11 +199,30 @@ fn unfinished_name(target: &Path) -> OsString {
     name
 }
 
+/// Makes a folder that no other process has, where there are no locks: its name has the process's number, and that may be
+/// another machine's too.
+///
+/// # Errors
+/// If it cannot be made.
+pub fn own_folder(parent: &Path, name: &OsStr) -> io::Result<PathBuf> {
+    let id = std::process::id();
+    for k in 0_u32.. {
+        let mut own = name.to_owned();
+        own.push(if k == 0 { format!("-{id}") } else { format!("-{id}-{k}") });
+        let path = parent.join(own);
+        match disk::make_folder(&path) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            made => return made.map(|()| path),
+        }
+    }
+    Err(io::ErrorKind::AlreadyExists.into())
+}
+
 /// The file in a folder that whoever works in it holds locked.
 pub(crate) const LOCK: &str = ".lock";
 
 /// Whether a file in a folder says nothing of what the folder is for: a lock, or what was not finished.
-pub fn is_incidental(name: &std::ffi::OsStr) -> bool {
+pub fn is_incidental(name: &OsStr) -> bool {
     name == LOCK || name.to_str().is_some_and(disk::is_unfinished)
 }
 
@@ -262,6 +290,24 @@ mod tests {
         folder.write("a", b"1").unwrap();
         drop(folder);
         assert_eq!(fs::read_dir(place.path()).unwrap().count(), 0);
+    }
+
+    /// Two processes at once on a file system without locks, as far as one can tell.
+    #[test]
+    fn without_locks_nobody_touches_anothers_files() {
+        lock::tests::LOCKLESS.set(true);
+        let place = tempfile::tempdir().unwrap();
+        let target = place.path().join("out");
+        let first = OutputFolder::create(&target, true).unwrap();
+        first.write("first", b"1").unwrap();
+        let second = OutputFolder::create(&target, true).unwrap();
+        second.write("second", b"2").unwrap();
+        let path = first.commit().unwrap();
+        assert_eq!(fs::read(path.join("first")).unwrap(), b"1");
+        second.commit().unwrap();
+        assert_eq!(fs::read(path.join("first")).unwrap(), b"1");
+        assert_eq!(fs::read(path.join("second")).unwrap(), b"2");
+        assert_eq!(fs::read_dir(place.path()).unwrap().count(), 1);
     }
 
     #[test]
