@@ -33,7 +33,8 @@
 //! - The loop prints nothing; each [`Event`] can stop it, and a checkpoint is then written.
 //! - The sum of shards is taken in their order; their number is an option, never that of threads.
 //! - Files appear whole or not at all, but for logs, which lose at most their last line; a checkpoint and the log up to it
-//!   outlast a power cut.
+//!   outlast a power cut. The table and the page are made again if it took them; sheets of samples and TensorBoard's
+//!   file are not.
 //! - There is a checkpoint from before the first step on, and one process at a time in a run's folder.
 
 mod checkpoint;

@@ -228,7 +228,7 @@ impl<'a> Record<'a> {
     pub(super) fn samples(&mut self, [step, epoch]: [u64; 2], shown: Shown) {
         if let Some(sheet) = sheet(&shown.views) {
             let png = encode_png(&sheet);
-            let written = self.run.write(&format!("samples/epoch-{epoch:05}.png"), &png);
+            let written = self.run.write_derived(&format!("samples/epoch-{epoch:05}.png"), &png);
             self.optional("the sheet of samples", written);
             self.tensorboard(|events| {
                 let size = [sheet.height, sheet.width];
@@ -253,10 +253,10 @@ impl<'a> Record<'a> {
             None => show()?,
         };
         let history = History::read(&self.run.log())?;
-        let table = self.run.write(TABLE, history.to_csv().as_bytes());
+        let table = self.run.write_derived(TABLE, history.to_csv().as_bytes());
         let table = self.optional("the table", table);
         let page = page::report(S::NAME, &to_toml(config), &history, &shown).to_html();
-        let page = self.run.write(PAGE, page.as_bytes());
+        let page = self.run.write_derived(PAGE, page.as_bytes());
         let page = self.optional("the report", page);
         self.digested = table.is_some() && page.is_some();
         self.shown = Some(shown);

@@ -21,7 +21,8 @@ use serde::Serialize;
 use super::error::RunError;
 use super::log::History;
 use crate::output::{
-    LOCK, Lock, LockError, disk, is_incidental, lock_folder, remove_within, sweep, write_within,
+    LOCK, Lock, LockError, disk, is_incidental, lock_folder, remove_within, sweep,
+    write_derived_within, write_within,
 };
 
 /// What says that a folder is a run's: the first file of a run, and the last that is removed.
@@ -297,6 +298,11 @@ impl RunFolder {
     /// Writes a file, whole or not at all, with the folders above it.
     pub(super) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), RunError> {
         write_within(&self.path, name, bytes).map_err(io)
+    }
+
+    /// Writes a file that can be made again, or be done without: a power cut may take it.
+    pub(super) fn write_derived(&self, name: &str, bytes: &[u8]) -> Result<(), RunError> {
+        write_derived_within(&self.path, name, bytes).map_err(io)
     }
 }
 

@@ -52,8 +52,8 @@
 //!
 //! # Promises
 //!
-//! - An object's files appear together or not at all; a run that was stopped is taken up by running
-//!   it again.
+//! - An object's files appear together or not at all, and what has appeared outlasts a power cut; a run that was stopped
+//!   is taken up by running it again.
 //! - The bytes are a function of the configuration alone, whatever the number of threads, however
 //!   often it was stopped. Adding objects or families moves no other.
 

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 
 use datasets::{Subset, View, write_kaolin, write_transforms};
 use mesh_core::io::{write_atomic, write_mesh};
-use mesh_core::{ByteImage, Camera, TriMesh, encode_exr, write_png};
+use mesh_core::{ByteImage, Camera, TriMesh, encode_exr, encode_png};
 use serde::Serialize;
-use train::output::{Lock, LockError, disk, is_incidental, lock_folder, own_folder};
+use train::output::{Lock, LockError, disk, is_incidental, lock_folder, own_folder, write_within};
 use train::settings::settings_of;
 use train::settings::to_toml;
 
@@ -75,7 +75,7 @@ impl Store {
             if !entries.flatten().all(|entry| is_incidental(&entry.file_name())) {
                 return Err(GenerateError::Foreign { path: root.to_owned() });
             }
-            write_atomic(&manifest, |w| w.write_all(asked.as_bytes()))?;
+            put_for_good(root, MANIFEST, asked.as_bytes())?;
         }
         let unfinished = unfinished(root, lock.is_held()).map_err(GenerateError::io(root))?;
         Ok(Self { root: root.to_owned(), unfinished, _lock: lock, layout: config.layout })
@@ -130,7 +130,8 @@ impl Store {
         write_atomic(last.join(OBJECT), |w| w.write_all(text.as_bytes()))?;
         // Without voxels there is no folder for them.
         for folder in folders.iter().filter(|folder| work.join(folder).is_dir()) {
-            publish(&work.join(folder), &self.root.join(folder))?;
+            let place = self.root.join(folder);
+            disk::publish(&work.join(folder), &place).map_err(GenerateError::io(&place))?;
         }
         fs::remove_dir_all(&work).map_err(GenerateError::io(&work))?;
         Ok(info)
@@ -144,7 +145,7 @@ impl Store {
         sheet: &ByteImage,
     ) -> Result<(), GenerateError> {
         let text = serde_json::to_string_pretty(objects).expect("numbers and names");
-        write_atomic(self.root.join("objects.json"), |w| w.write_all(text.as_bytes()))?;
+        put_for_good(&self.root, "objects.json", text.as_bytes())?;
         let mut splits: BTreeMap<&str, BTreeMap<&str, BTreeMap<&str, Vec<usize>>>> =
             ["train", "val", "test"].map(|name| (name, BTreeMap::new())).into();
         for (object, subset) in objects.iter().zip(subsets) {
@@ -161,9 +162,8 @@ impl Store {
             of.insert(&object.name, (0..object.views).collect());
         }
         let text = serde_json::to_string(&splits).expect("numbers and names");
-        write_atomic(self.root.join("splits.json"), |w| w.write_all(text.as_bytes()))?;
-        write_png(self.root.join("contact_sheet.png"), sheet)?;
-        Ok(())
+        put_for_good(&self.root, "splits.json", text.as_bytes())?;
+        put_for_good(&self.root, "contact_sheet.png", &encode_png(sheet))
     }
 }
 
@@ -209,7 +209,7 @@ fn write_folder(
     }
     for (i, rendering) in renderings.iter().enumerate() {
         if let Some(picture) = rendering.normal_picture() {
-            put(&folder.join((names.normals)(i)), &mesh_core::encode_png(&picture))?;
+            put(&folder.join((names.normals)(i)), &encode_png(&picture))?;
         }
     }
     let views: Vec<View> = renderings
@@ -253,15 +253,9 @@ pub(super) fn put(path: &Path, bytes: &[u8]) -> Result<(), GenerateError> {
     Ok(write_atomic(path, |w| w.write_all(bytes))?)
 }
 
-/// Moves a folder to its place; what is left there of an unfinished object goes.
-fn publish(from: &Path, to: &Path) -> Result<(), GenerateError> {
-    if let Some(parent) = to.parent() {
-        fs::create_dir_all(parent).map_err(GenerateError::io(parent))?;
-    }
-    if to.exists() {
-        fs::remove_dir_all(to).map_err(GenerateError::io(to))?;
-    }
-    fs::rename(from, to).map_err(GenerateError::io(to))
+/// Writes a file that a power cut does not take. Files of objects need that only together, when they are published.
+fn put_for_good(root: &Path, name: &str, bytes: &[u8]) -> Result<(), GenerateError> {
+    write_within(root, name, bytes).map_err(|(path, source)| GenerateError::io(&path)(source))
 }
 
 /// The first setting that differs, as it is found and as it is asked for.

@@ -60,20 +60,31 @@ pub(super) fn make_folder(path: &Path) -> io::Result<()> {
 
 /// Writes a file, whole or not at all, for good; what stood under its name stays until then.
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    replace(path, bytes, true)?;
+    sync_folder(folder_of(path))
+}
+
+/// Writes a file that can be made again: whole or not at all for who reads it and after a kill, but a power cut may take
+/// its content. Waiting for the disk would cost more than making it again.
+pub(crate) fn write_derived(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    replace(path, bytes, false)
+}
+
+/// Puts a file in the place of what stood under its name.
+fn replace(path: &Path, bytes: &[u8], sync: bool) -> io::Result<()> {
     let mut name = OsString::from(UNFINISHED);
     name.push(path.file_name().ok_or(io::ErrorKind::InvalidFilename)?);
     let unfinished = path.with_file_name(name);
-    let written = write_new(&unfinished, bytes).and_then(|()| rename(&unfinished, path));
+    let written = write_new(&unfinished, bytes, sync).and_then(|()| rename(&unfinished, path));
     if written.is_err() {
         // It may be the reason: a full disk.
         let _ = remove_file(&unfinished);
     }
-    written?;
-    sync_folder(folder_of(path))
+    written
 }
 
-/// Writes a file that nobody sees yet, and brings it to the disk.
-fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
+/// Writes a file that nobody sees yet.
+fn write_new(path: &Path, bytes: &[u8], sync: bool) -> io::Result<()> {
     match remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
         _ => {}
@@ -82,7 +93,7 @@ fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
     #[cfg(test)]
     note(Change::Write(path.to_owned(), bytes.to_owned()));
     file.write_all(bytes)?;
-    sync_file(&file, path)
+    if sync { sync_file(&file, path) } else { Ok(()) }
 }
 
 /// Gives a file or folder another name; [`sync_folder`] makes it last.
@@ -107,6 +118,21 @@ pub(super) fn remove_folder(path: &Path) -> io::Result<()> {
     #[cfg(test)]
     note(Change::Remove(path.to_owned()));
     Ok(())
+}
+
+/// Moves a folder that others wrote to its place, for good: all that is in it is on the disk before it gets its name, and
+/// its name before it is called done. What stood at the place is removed.
+///
+/// # Errors
+/// What the system says of the first step that fails. What stood at the place may then be gone.
+pub fn publish(from: &Path, to: &Path) -> io::Result<()> {
+    sync_tree(from)?;
+    make_folders(folder_of(to))?;
+    if to.exists() {
+        remove_folder(to)?;
+    }
+    rename(from, to)?;
+    sync_folder(folder_of(to))
 }
 
 /// Brings the names in a folder to the disk.

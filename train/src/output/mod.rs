@@ -277,6 +277,17 @@ pub fn write_within(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), (Path
     made.and_then(|()| disk::write_whole(&path, bytes)).map_err(|source| (path, source))
 }
 
+/// The same for a file that can be made again: a power cut may take its content.
+pub(crate) fn write_derived_within(
+    folder: &Path,
+    name: &str,
+    bytes: &[u8],
+) -> Result<(), (PathBuf, io::Error)> {
+    let path = folder.join(name);
+    let made = disk::make_folders(disk::folder_of(&path));
+    made.and_then(|()| disk::write_derived(&path, bytes)).map_err(|source| (path, source))
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {

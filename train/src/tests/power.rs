@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 
 use super::*;
 use crate::output::OutputFolder;
+use crate::output::disk::{make_folders, publish};
 use crate::output::journal::{Change, Disk, Loss, note, recorded};
 
 /// A run as it is left: gone on with if it is one, and begun anew if it is none.
@@ -18,6 +19,11 @@ fn finish(folder: &Path, config: &Config, at_least: u64) -> Outcome<Blob> {
     };
     let resume = RunFolder::resume(folder).is_ok();
     let outcome = run_in(folder, config, resume, &mut watch).unwrap();
+    // What was not synced is made again.
+    let history = History::read(&folder.join("metrics.jsonl")).unwrap();
+    let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
+    assert!(read("metrics.csv") == history.to_csv());
+    assert!(read("report.html").ends_with("</html>\n"));
     assert!(first.unwrap() >= at_least, "{first:?} of {at_least} steps that were called done");
     outcome
 }
@@ -42,6 +48,14 @@ fn a_training_outlasts_a_cut_at_every_change() {
     });
     let expected = weights(&outcome.unwrap().system);
     assert!(changes.len() > 60, "{}", changes.len());
+    // Waiting for the disk is for what the run goes on from.
+    let synced = |change: &&Change| matches!(change, Change::Sync(_) | Change::SyncFolder(_));
+    let syncs = changes.iter().filter(synced).count();
+    assert!(syncs <= 40, "{syncs}");
+    for derived in ["metrics.csv", "report.html", "epoch-00001.png"] {
+        let of = |change: &Change| matches!(change, Change::Sync(path) if path.ends_with(derived));
+        assert!(!changes.iter().any(of), "{derived}");
+    }
     let mut disk = Disk::new(place.path());
     let (mut said, mut seen) = (0, BTreeSet::new());
     for (k, change) in changes.iter().enumerate() {
@@ -70,6 +84,49 @@ fn a_training_outlasts_a_cut_at_every_change() {
         let checkpoint = after.join("whole/checkpoints/last.safetensors");
         assert_eq!(Checkpoint::read(&checkpoint).unwrap().step().unwrap(), 8);
         assert_eq!(logged(&after.join("whole")), logged(&folder));
+    }
+}
+
+/// A folder that others wrote is at its place with all that is in it, or not there, when one of another content was before.
+#[test]
+fn what_is_published_outlasts_a_cut_at_every_change() {
+    let place = tempfile::tempdir().unwrap();
+    let (from, to) = (place.path().join("unfinished"), place.path().join("category/0001"));
+    let made = |text: &str| {
+        make_folders(&from.join("images")).unwrap();
+        std::fs::write(from.join("images/0.png"), text).unwrap();
+        std::fs::write(from.join("object.json"), text).unwrap();
+    };
+    let ((), changes) = recorded(|| {
+        for (text, said) in [("first", 1), ("second", 2)] {
+            made(text);
+            publish(&from, &to).unwrap();
+            note(Change::Said(said));
+        }
+    });
+    let mut disk = Disk::new(place.path());
+    let mut said = 0;
+    for (k, change) in changes.iter().enumerate() {
+        disk.apply(change);
+        if let Change::Said(now) = change {
+            said = *now;
+        }
+        for loss in Loss::ALL {
+            let after = tempfile::tempdir().unwrap();
+            disk.restore(after.path(), loss);
+            let object = after.path().join("category/0001");
+            let text = |name: &str| std::fs::read_to_string(object.join(name)).unwrap_or_default();
+            let [image, facts] = ["images/0.png", "object.json"].map(text);
+            let expected = match (said, object.exists()) {
+                (_, false) => "",
+                (0, true) => "first",
+                (1, true) if image == "first" => "first",
+                _ => "second",
+            };
+            assert_eq!((&*image, &*facts), (expected, expected), "{k} {change:?} {loss:?}");
+            let done = matches!(change, Change::Said(_));
+            assert!(object.exists() || !done, "{k} {change:?} {loss:?}");
+        }
     }
 }
 
