@@ -68,7 +68,7 @@ pub struct Provenance {
 }
 
 impl RunFolder {
-    /// Whether a new run may be made at a path; nothing is changed.
+    /// Whether a new run may be made at a path; nothing is changed, but that the lock's file of a killed process goes.
     ///
     /// # Errors
     /// If something stands there and `overwrite` is false, what stands there is no run, or another process works in it. A
@@ -77,7 +77,7 @@ impl RunFolder {
         Self::admit(path, overwrite)?;
         // Without its file there is no lock.
         if path.join(LOCK).exists() {
-            Self::locked(path)?;
+            Self::lock(path)?;
         }
         Ok(())
     }
@@ -163,19 +163,23 @@ impl RunFolder {
 
     /// The folder at a path, for this process alone, without what killed ones left unfinished.
     fn locked(path: &Path) -> Result<Self, RunError> {
-        let path = path.to_owned();
-        let lock = match lock_folder(&path) {
-            Ok(lock) => lock,
-            Err(LockError::Busy(holder)) => return Err(RunError::Busy { path, holder }),
-            Err(LockError::Io(source)) => return Err(RunError::Io { path, source }),
-        };
-        let run = Self { path, _lock: None };
+        let lock = Self::lock(path)?;
+        let run = Self::at(path);
         let within = [run.path.clone(), run.checkpoints(), run.path.join("samples")];
         sweep(&lock, within.iter().map(PathBuf::as_path));
         if lock.is_held() {
             run.sweep_temporaries();
         }
         Ok(Self { _lock: Some(Arc::new(lock)), ..run })
+    }
+
+    /// Takes the folder at a path for this process alone, if no other has it.
+    fn lock(path: &Path) -> Result<Lock, RunError> {
+        let path = path.to_owned();
+        lock_folder(&path).map_err(|error| match error {
+            LockError::Busy(holder) => RunError::Busy { path, holder },
+            LockError::Io(source) => RunError::Io { path, source },
+        })
     }
 
     /// Removes what earlier versions left in the folder of checkpoints, under names that were drawn.

@@ -185,6 +185,9 @@ fn what_killed_ones_left_is_swept() {
     for name in left.iter().chain(&mine) {
         std::fs::write(folder.join(name), "x").unwrap();
     }
+    // Who only asks removes nothing but the lock's file.
+    RunFolder::examine(&folder, true).unwrap();
+    assert!(left[1..].iter().all(|name| folder.join(name).exists()));
     run_in(&folder, &config, true, &mut on).unwrap();
     assert!(left.iter().all(|name| !folder.join(name).exists()));
     assert!(mine.iter().all(|name| folder.join(name).exists()));
