@@ -1,12 +1,13 @@
-//! Writes that outlast a kill and a power cut.
+//! Writes that outlast a kill, and where it matters a power cut.
 //!
-//! A file is whole once `write_whole` returns: its bytes are on the disk before it gets its name, and its name is on
-//! the disk before it is called done. All files of runs and studies are changed through here, so that a test can record
-//! the changes and replay them, cut off anywhere (`journal`).
+//! A file is whole at any moment: it is written under another name first. One of `write_whole` is on the disk, with its
+//! name, before the function returns; one of `write_derived` may be lost in a power cut. What runs, studies and datasets
+//! go on from is changed through here alone, so that a test can record the changes and replay them, cut off anywhere
+//! (`journal`).
 
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 #[cfg(test)]
@@ -183,27 +184,36 @@ fn lenient(synced: io::Result<()>) -> io::Result<()> {
     }
 }
 
-/// A file that grows at its end, and is never rewritten.
+/// A file that grows at its end; what was added is never rewritten.
 #[derive(Debug)]
 pub(crate) struct Growing {
     path: PathBuf,
     file: File,
     length: u64,
+    /// Whether there may be something behind its end: a part of what did not fit, which could not be cut off.
+    torn: bool,
 }
 
 impl Growing {
     /// Opens a file that is there, and goes on behind so many of its bytes; the others are cut off.
     pub(crate) fn open(path: PathBuf, length: u64) -> io::Result<Self> {
-        let file = OpenOptions::new().append(true).open(&path)?;
-        let growing = Self { path, file, length };
+        // Not to append: Windows cuts no file that was opened so.
+        let file = OpenOptions::new().write(true).open(&path)?;
+        let mut growing = Self { path, file, length, torn: true };
         growing.cut()?;
         Ok(growing)
     }
 
-    /// Adds bytes in one write. If they do not fit, none of them is left.
+    /// Adds bytes in one write. If they do not fit, none of them is left; where not even that can be had, at the latest
+    /// the next bytes do not follow a part of them.
     pub(crate) fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
-        if let Err(error) = self.file.write_all(bytes) {
-            // Where even this fails, a part of a line is left, which readers leave out.
+        if self.torn {
+            self.cut()?;
+        }
+        let end = SeekFrom::Start(self.length);
+        let written = self.file.seek(end).and_then(|_| self.file.write_all(bytes));
+        if let Err(error) = written {
+            self.torn = true;
             let _ = self.cut();
             return Err(error);
         }
@@ -223,10 +233,36 @@ impl Growing {
         &self.path
     }
 
-    fn cut(&self) -> io::Result<()> {
+    fn cut(&mut self) -> io::Result<()> {
         self.file.set_len(self.length)?;
+        self.torn = false;
         #[cfg(test)]
         note(Change::Cut(self.path.clone(), self.length as usize));
         Ok(())
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    /// A part of what did not fit stays in the file, since it cannot be cut either.
+    #[test]
+    fn nothing_follows_what_could_not_be_cut_off() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("log");
+        fs::write(&path, "").unwrap();
+        let mut log = Growing::open(path.clone(), 0).unwrap();
+        log.append(b"one\n").unwrap();
+        let sound = std::mem::replace(&mut log.file, File::open(&path).unwrap());
+        fs::write(&path, "one\nthe beginning of a long line").unwrap();
+        assert!(log.append(b"a long line\n").is_err());
+        // Still: nothing may be added.
+        assert!(log.append(b"two\n").is_err());
+        log.file = sound;
+        log.append(b"two\n").unwrap();
+        log.append(b"three\n").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"one\ntwo\nthree\n");
     }
 }

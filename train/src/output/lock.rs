@@ -92,7 +92,10 @@ impl Lock {
         }
     }
 
-    /// A file that is open cannot be removed there.
+    /// Taken to be so elsewhere, where std tells two files of one name apart in no stable way. Should the system give the
+    /// name of an open file that was removed away at once, as some versions of Windows do, then two processes that start in
+    /// the very moment in which a third ends could both have the lock. (On Windows, too, nobody can read what the holder
+    /// of a lock noted: it is called "another process".)
     #[cfg(not(unix))]
     fn is_at_its_path(&self) -> bool {
         true
