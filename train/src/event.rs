@@ -65,7 +65,7 @@ pub struct Step {
     pub loss: f64,
     /// The parts of the loss by name, each already weighted.
     pub terms: Vec<(&'static str, f64)>,
-    /// The step length.
+    /// The learning rate.
     pub learning_rate: f64,
     /// Euclidean norm of all gradients, before any limit.
     pub gradient_norm: f64,

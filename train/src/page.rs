@@ -99,7 +99,7 @@ fn charts(history: &History) -> Vec<Chart> {
     let mut charts = vec![
         chart("Loss and its weighted terms", true, all),
         chart("Norm of the gradients", true, vec![series("norm", norm)]),
-        chart("Step length", true, vec![series("step length", rate)]),
+        chart("Learning rate", true, vec![series("learning rate", rate)]),
     ];
     // Scores differ in unit: one chart each.
     charts.extend(

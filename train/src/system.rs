@@ -125,7 +125,7 @@ pub trait System: Module<f32> + Send + Sync + Sized {
         false
     }
 
-    /// Parameters, by the beginning of their path, whose step length is multiplied by a factor.
+    /// Parameters, by the beginning of their path, whose learning rate is multiplied by a factor.
     fn rates(&self) -> Vec<(String, f64)> {
         Vec::new()
     }

@@ -305,7 +305,9 @@ fn all_logs_say_the_same() {
     let sheet = mesh_core::read_image(folder.join("samples/epoch-00002.png")).unwrap();
     assert_eq!((sheet.width, sheet.height), (16, 16));
     let page = std::fs::read_to_string(folder.join("report.html")).unwrap();
-    assert!(page.contains("mask-iou") && page.contains("dropout"));
+    assert!(
+        page.contains("mask-iou") && page.contains("dropout") && page.contains("Learning rate")
+    );
     let read: Config = crate::settings::read(Some(&folder.join("config.toml")), &[]).unwrap();
     assert_eq!(read, config);
 }
