@@ -282,3 +282,34 @@ fn a_training_that_was_stopped_goes_on_to_the_same_bits() {
         |out: &Path| fs::read(out.join("work/model-seed-3/checkpoints/last.safetensors")).unwrap();
     assert!(last(stopped.path()) == last(whole.path()));
 }
+
+/// A training that lost a file is not begun anew over what is left of it.
+#[test]
+fn a_training_that_cannot_go_on_is_left_alone() {
+    let place = tempfile::tempdir().unwrap();
+    let stop = &mut |event: Event| match event {
+        Event::Working { tick, .. } if tick.text.starts_with("step 3") => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    };
+    assert!(reproduce(&Training, place.path(), &order(&[3]), stop).unwrap().interrupted);
+    let named = |name: &str| {
+        let mut pending = vec![place.path().to_owned()];
+        while let Some(folder) = pending.pop() {
+            for entry in fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.ends_with(name) {
+                    return path;
+                }
+                pending.extend(path.is_dir().then_some(path));
+            }
+        }
+        panic!("{name} is nowhere")
+    };
+    let (log, last) = (named("metrics.jsonl"), named("last.safetensors"));
+    let before = fs::read(&log).unwrap();
+    fs::remove_file(last).unwrap();
+    let on = &mut |_| ControlFlow::Continue(());
+    let error = reproduce(&Training, place.path(), &order(&[3]), on).unwrap_err().to_string();
+    assert!(error.contains("last.safetensors"), "{error}");
+    assert!(fs::read(&log).unwrap() == before);
+}

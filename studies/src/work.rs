@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use train::{Configuration, Job, Provenance, RunFolder, System, train};
+use train::{Configuration, Job, Provenance, RunError, RunFolder, System, train};
 
 use super::error::StudyError;
 use super::study::Scale;
@@ -71,7 +71,8 @@ impl Work<'_> {
     /// The bits of the result do not depend on interruptions.
     ///
     /// # Errors
-    /// As [`train`](fn@train::train); [`StudyError::Stopped`] if it is to stop, after a checkpoint.
+    /// As [`train`](fn@train::train); [`StudyError::Stopped`] if it is to stop, after a checkpoint. A training that is there
+    /// and cannot go on is an error too: it is never replaced.
     pub fn train<S: System>(
         &self,
         config: &Configuration<S::Config>,
@@ -80,10 +81,12 @@ impl Work<'_> {
     ) -> Result<Trained<S>, StudyError> {
         let mut config = config.clone();
         config.train.seed = self.seed;
-        let kept = RunFolder::resume(self.folder);
-        let resume = kept.is_ok();
-        // What stopped before its first checkpoint is nothing.
-        let run = kept.or_else(|_| RunFolder::create(self.folder, true))?;
+        let (run, resume) = match RunFolder::resume(self.folder) {
+            Ok(run) => (run, true),
+            // What stopped before its first checkpoint is nothing.
+            Err(RunError::NoRun { .. }) => (RunFolder::create(self.folder, true)?, false),
+            Err(error) => return Err(error.into()),
+        };
         let provenance = self.provenance;
         let job = Job { config: &config, data, run: &run, provenance, resume };
         let outcome = train(&job, &mut |event| match event {
