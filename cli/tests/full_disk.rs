@@ -103,11 +103,55 @@ const COMMANDS: &[(&str, &[&str])] = &[
     ("out", &["reproduce", "img2mesh", "--quick", "-o", "OUT"]),
 ];
 
+/// Where networks can be run.
+const WITH_NETWORKS: &[(&str, &[&str])] =
+    &[("out", &["data", "depth", "one.png", "--model", "tiny.onnx", "-o", "OUT"])];
+
+/// A network in ONNX's form that adds up the colours of each pixel.
+fn tiny_network() -> Vec<u8> {
+    // Messages of protocol buffers, shorter than 2^14 bytes.
+    let part = |field: u8, value: &[u8]| {
+        let length = value.len();
+        let length = [length as u8 & 127 | if length > 127 { 128 } else { 0 }, (length >> 7) as u8];
+        let length = &length[..1 + usize::from(length[1] > 0)];
+        [&[field << 3 | 2], length, value].concat()
+    };
+    let int = |field: u8, value: u8| vec![field << 3, value];
+    // Floats of a shape; 0 stands for an axis of any length.
+    let info = |name: &str, shape: &[u8]| {
+        let axis = |&n: &u8| part(1, &if n > 0 { int(1, n) } else { part(2, b"any") });
+        let axes = shape.iter().flat_map(axis).collect::<Vec<_>>();
+        let tensor = [int(1, 1), part(2, &axes)].concat();
+        [part(1, name.as_bytes()), part(2, &part(1, &tensor))].concat()
+    };
+    let weights: Vec<u8> = [1.0_f32; 3].iter().flat_map(|weight| weight.to_le_bytes()).collect();
+    let sizes = [1, 3, 1, 1].map(|n| int(1, n)).concat();
+    let weights = [sizes, int(2, 1), part(8, b"weights"), part(9, &weights)].concat();
+    // Its type, integers, is in field 20.
+    let ones = |name: &str| {
+        part(5, &[part(1, name.as_bytes()), int(8, 1), int(8, 1), vec![0xa0, 1, 7]].concat())
+    };
+    let shape = ["kernel_shape", "strides", "dilations"].map(ones).concat();
+    let (from, to) = ([part(1, b"picture"), part(1, b"weights")].concat(), part(2, b"depth"));
+    let graph = [
+        part(1, &[from, to, part(4, b"Conv"), shape].concat()),
+        part(2, b"tiny"),
+        part(5, &weights),
+        part(11, &info("picture", &[1, 3, 0, 0])),
+        part(12, &info("depth", &[])),
+    ];
+    let operators = [part(1, b""), int(2, 12)].concat();
+    [int(1, 7), part(7, &graph.concat()), part(8, &operators)].concat()
+}
+
 /// A folder with views, a mesh and a trained run; and the commands for a disk.
 fn prepared(disk: &Disk) -> (tempfile::TempDir, Vec<(Vec<String>, PathBuf)>) {
     let place = tempfile::tempdir().unwrap();
     clock_views(place.path());
     unsphere_with(place.path(), &training("run", &["epochs=1"])).ok();
+    let picture = ["render", "made/mesh.glb", "--size", "128", "--view", "1", "-o", "one.png"];
+    unsphere_with(place.path(), &picture).ok();
+    fs::write(place.path().join("tiny.onnx"), tiny_network()).unwrap();
     let of = |(name, words): &(&str, &[&str])| {
         let out = disk.0.path().join(name);
         let mut arguments = Vec::new();
@@ -126,7 +170,8 @@ fn prepared(disk: &Disk) -> (tempfile::TempDir, Vec<(Vec<String>, PathBuf)>) {
         arguments.push("-q".into());
         (arguments, out)
     };
-    (place, COMMANDS.iter().map(of).collect())
+    let networks = if cfg!(feature = "onnx") { WITH_NETWORKS } else { &[] };
+    (place, COMMANDS.iter().chain(networks).map(of).collect())
 }
 
 /// Runs a command that cannot write.
@@ -198,6 +243,36 @@ fn a_disk_that_may_only_be_read_is_an_error_before_the_work() {
     unsphere_with(place.path(), &predict).ok();
     unsphere_with(place.path(), &["train", "img2mesh", "--resume", &there])
         .fails(1, &["run", "Read-only file system"]);
+}
+
+/// `eval` writes nothing but what it prints.
+#[test]
+fn scores_need_room_only_where_they_are_printed() {
+    let Some(disk) = Disk::new("64m") else { return };
+    let place = tempfile::tempdir().unwrap();
+    let there = format!("{}/run", disk.path());
+    unsphere_with(place.path(), &training(&there, &["epochs=1"])).ok();
+    let eval = ["eval", "img2mesh", "--checkpoint", &there, "-q"];
+    for form in [&[][..], &["--json"]] {
+        disk.fill();
+        let scores = disk.0.path().join("scores.txt");
+        let output = Command::new(env!("CARGO_BIN_EXE_unsphere"))
+            .args(eval.iter().chain(form))
+            .stdout(File::create(&scores).unwrap())
+            .output()
+            .unwrap();
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{text}");
+        assert!(text.contains("stdout: No space left") && text.lines().count() <= 3, "{text}");
+        fs::remove_file(scores).unwrap();
+        // Elsewhere there is room.
+        unsphere_with(place.path(), &eval).ok();
+        disk.free();
+    }
+    let before = disk.files();
+    assert!(run("mount", &["-o", "remount,ro", disk.path()]));
+    unsphere_with(place.path(), &eval).ok();
+    assert_eq!(disk.files(), before);
 }
 
 /// The disk runs full in the middle of a training, and there is room again before its next checkpoint.
