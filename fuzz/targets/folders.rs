@@ -1,5 +1,6 @@
 //! Data sets: one file of a layout among sound ones, and whole folders.
 
+use std::io::{Cursor, Write as _};
 use std::path::Path;
 
 use datasets::r2n2::{Rendering, write_object};
@@ -264,40 +265,16 @@ pub(crate) fn zip(bytes: &[u8]) {
     with_files(&[("views.zip", bytes)], |root| walked(&root.join("views.zip")));
 }
 
-/// An archive of files that are not compressed.
+/// An archive whose files are stored, so that a change of a byte is one of a file's.
 pub(crate) fn zip_seeds() -> Vec<Vec<u8>> {
-    let files = written(|folder| drop(write_kaolin(&views(), folder)));
-    let (mut body, mut list) = (Vec::new(), Vec::new());
-    for (name, bytes) in &files {
-        let place = (body.len() as u32).to_le_bytes();
-        let length = (bytes.len() as u32).to_le_bytes();
-        // Version, flags, method, time, date, the sum, both lengths, the name's, the extra's.
-        let common = [
-            &[20, 0, 0, 0, 0, 0, 0, 0, 0, 0][..],
-            &crc32(bytes).to_le_bytes(),
-            &length,
-            &length,
-            &(name.len() as u16).to_le_bytes(),
-            &[0, 0],
-        ]
-        .concat();
-        body.extend([b"PK\x03\x04", &common[..], name.as_bytes(), bytes].concat());
-        let rest = [&[0; 10][..], &place].concat();
-        list.extend([b"PK\x01\x02\x14\0", &common[..], &rest[..], name.as_bytes()].concat());
+    use ::zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
+    let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+    let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
+    for (name, bytes) in written(|folder| drop(write_kaolin(&views(), folder))) {
+        archive.start_file(name, stored).expect("a name of ours");
+        archive.write_all(&bytes).expect("memory");
     }
-    let (count, start) = ((files.len() as u16).to_le_bytes(), body.len() as u32);
-    let lengths = [(list.len() as u32).to_le_bytes(), start.to_le_bytes()].concat();
-    let end = [b"PK\x05\x06\0\0\0\0", &count[..], &count, &lengths, &[0, 0]].concat();
-    vec![[body, list, end].concat()]
-}
-
-/// The sum that archives hold of each file.
-fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(!0_u32, |sum, &byte| {
-        (0..8).fold(sum ^ u32::from(byte), |sum, _| {
-            (sum >> 1) ^ (0xedb8_8320 & (sum & 1).wrapping_neg())
-        })
-    })
+    vec![archive.finish().expect("memory").into_inner()]
 }
 
 /// Any files at all.
