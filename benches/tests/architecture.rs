@@ -9,7 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What each crate may depend on within the workspace: the image in ARCHITECTURE.md, as data.
+/// What each crate may depend on within the workspace: "Who may know whom" of ARCHITECTURE.md, as data.
 const MAY_USE: &[(&str, &[&str])] = &[
     ("pickle", &[]),
     ("mesh-core", &[]),
@@ -291,6 +291,7 @@ fn files_and_names_stay_small_and_plain() {
 #[test]
 fn the_words_are_those_of_the_field() {
     for (folder, word, instead) in REPLACED {
+        assert!(root().join(folder).is_dir(), "{folder} has moved: so must its words");
         for (path, text) in sources(&root().join(folder)) {
             for (line, code) in code(&text) {
                 let mut words = code.split(|c: char| !c.is_alphanumeric() && c != '_');

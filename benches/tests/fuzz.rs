@@ -37,7 +37,6 @@ const WORDS: [&[u8]; 16] = [
 ];
 
 /// What an image of 128 megapixels may take beyond that: it is unpacked, and put into another form.
-/// Nearly every target can be made to read one.
 const IMAGE: usize = 2 * 4 * 128_000_000;
 
 /// One or a few changes of a seed, which a part of another may follow.
@@ -90,7 +89,7 @@ fn variable(name: &str, otherwise: f64) -> f64 {
 /// Runs a target once: what it did wrong, and where the bytes are that made it do so.
 fn tried(target: &Target, bytes: &[u8]) -> Result<(), String> {
     let (taken, result) = peak(|| std::panic::catch_unwind(|| (target.run)(bytes)));
-    let most = limit(bytes.len()) + IMAGE;
+    let most = limit(bytes.len()) + if target.images { IMAGE } else { 0 };
     let what = match result {
         Err(_) => "a panic".to_owned(),
         Ok(()) if taken > most => format!("{taken} bytes of memory, at most {most}"),
