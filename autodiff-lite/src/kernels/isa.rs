@@ -36,8 +36,11 @@ impl Isa {
         all.into_iter().filter(|isa| isa.is_available()).collect()
     }
 
-    /// Whether this machine can run it.
+    /// Whether this machine can run it. Built with `--cfg scalar_kernels` it is one without vectors.
     pub fn is_available(self) -> bool {
+        if cfg!(scalar_kernels) {
+            return self == Self::Scalar;
+        }
         match self {
             Self::Scalar => true,
             #[cfg(target_arch = "x86_64")]

@@ -38,6 +38,7 @@ pub(crate) use clones;
 
 /// Instruction sets that [`clones!`] distinguishes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(scalar_kernels, allow(dead_code, reason = "the baseline alone"))]
 pub(crate) enum Level {
     #[cfg(target_arch = "x86_64")]
     Avx512,
@@ -47,11 +48,12 @@ pub(crate) enum Level {
     Base,
 }
 
-/// The best level of this machine. The standard library caches the answer.
+/// The best level of this machine. The standard library caches the answer. Built with
+/// `--cfg scalar_kernels`, as proofs are, it is the baseline.
 #[inline]
 #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code, reason = "nothing to choose there"))]
 pub(crate) fn level() -> Level {
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(all(target_arch = "x86_64", not(scalar_kernels)))]
     {
         if std::is_x86_feature_detected!("avx512f")
             && std::is_x86_feature_detected!("avx512vl")
