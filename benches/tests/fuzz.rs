@@ -11,7 +11,7 @@ mod targets;
 
 use std::time::{Duration, Instant};
 
-use counting::{limit, peak};
+use counting::{alone, limit, peak};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use targets::{TARGETS, Target};
@@ -116,7 +116,23 @@ fn fuzzed(target: &Target, stream: u64, seeds: &[Vec<u8>], time: Duration) -> Re
 }
 
 #[test]
+fn only_readers_of_images_may_take_an_images_memory() {
+    let _alone = alone();
+    let greedy = |images| Target {
+        name: "greedy",
+        run: |_| drop(std::hint::black_box(Vec::<u8>::with_capacity(500_000_000))),
+        seeds: Vec::new,
+        images,
+    };
+    assert_eq!(tried(&greedy(true), b"any"), Ok(()));
+    let error = tried(&greedy(false), b"any").unwrap_err();
+    assert!(error.contains("500000000 bytes of memory, at most 256000060"), "{error}");
+    std::fs::remove_file(std::env::temp_dir().join("fuzz-greedy")).unwrap();
+}
+
+#[test]
 fn every_reader_survives_what_its_seeds_are_changed_into() {
+    let _alone = alone();
     let time = Duration::from_secs_f64(variable("FUZZ_SECONDS", 0.3));
     let (mut seeds_of_all, mut runs, mut wrong) = (0, 0, Vec::new());
     for (stream, target) in TARGETS.iter().enumerate() {
