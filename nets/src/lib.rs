@@ -107,6 +107,6 @@ pub use layers::transformer_encoder::{
 pub use layers::weight_norm::{WeightNormLinear, weight_norm};
 pub use weights::lpips_weights::LpipsWeights;
 pub use weights::{
-    LoadWeights, MapError, NameMap, WeightsError, freeze, read_weights, unfreeze,
-    weights_from_bytes,
+    FormatError, LoadWeights, MapError, NameMap, PthError, WeightsError, freeze, read_weights,
+    unfreeze, weights_from_bytes,
 };

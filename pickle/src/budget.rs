@@ -1,14 +1,13 @@
 //! How much memory a file may make its reader take.
 
-/// What any file of weights may take beside its own bytes, however short it is; with what is not
-/// counted, 256 MB.
+use std::cell::Cell;
+use std::rc::Rc;
+
+/// What any file may take beside its own bytes, however short it is; with what is not counted,
+/// 256 MB.
 const BASE: u64 = 200_000_000;
-/// What each byte of a file of weights adds; its own bytes are one more.
+/// What each byte of a file adds; its own bytes are one more.
 const PER_BYTE: u64 = 16;
-/// What reading any pickle of numbers may hold, however short it is.
-const PICKLE_BASE: u64 = 256_000_000;
-/// What each byte of it adds.
-const PICKLE_PER_BYTE: u64 = 20;
 
 /// More memory was asked for than a file of its length may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -20,48 +19,38 @@ pub struct OverLimit {
     pub most: u64,
 }
 
-impl From<OverLimit> for String {
-    fn from(over: OverLimit) -> Self {
-        over.to_string()
-    }
-}
-
 /// What is held of the memory that one file may take. A reader counts before it allocates.
-#[derive(Clone, Copy, Debug)]
+///
+/// Clones count together: all of them are about the same file.
+#[derive(Clone, Debug)]
 pub struct Budget {
     most: u64,
-    held: u64,
+    held: Rc<Cell<u64>>,
 }
 
 impl Budget {
-    /// What a file of weights of so many bytes may take.
+    /// What a file of so many bytes may take.
     pub fn of(bytes: usize) -> Self {
         let most = (bytes as u64).saturating_mul(PER_BYTE).saturating_add(BASE);
-        Self { most, held: 0 }
-    }
-
-    /// What a pickle of numbers of so many bytes may take.
-    pub fn of_pickle(bytes: usize) -> Self {
-        let most = (bytes as u64).saturating_mul(PICKLE_PER_BYTE).saturating_add(PICKLE_BASE);
-        Self { most, held: 0 }
+        Self { most, held: Rc::default() }
     }
 
     /// Counts bytes that are about to be held.
     ///
     /// # Errors
     /// If that is more than there may be; nothing is counted then.
-    pub fn take(&mut self, bytes: impl TryInto<u64>) -> Result<(), OverLimit> {
-        let needed = self.held.saturating_add(bytes.try_into().unwrap_or(u64::MAX));
+    pub fn take(&self, bytes: impl TryInto<u64>) -> Result<(), OverLimit> {
+        let needed = self.held.get().saturating_add(bytes.try_into().unwrap_or(u64::MAX));
         if needed > self.most {
             return Err(OverLimit { needed, most: self.most });
         }
-        self.held = needed;
+        self.held.set(needed);
         Ok(())
     }
 
     /// Counts bytes that are no longer held.
-    pub fn give_back(&mut self, bytes: impl TryInto<u64>) {
-        self.held = self.held.saturating_sub(bytes.try_into().unwrap_or(u64::MAX));
+    pub fn give_back(&self, bytes: impl TryInto<u64>) {
+        self.held.set(self.held.get().saturating_sub(bytes.try_into().unwrap_or(u64::MAX)));
     }
 
     /// Makes room in a list for so many values more. While it moves, the old and the new list are
@@ -69,14 +58,15 @@ impl Budget {
     ///
     /// # Errors
     /// As [`Budget::take`]; the list is as it was.
-    pub fn reserve<T>(&mut self, list: &mut Vec<T>, more: usize) -> Result<(), OverLimit> {
+    pub fn reserve<T>(&self, list: &mut Vec<T>, more: usize) -> Result<(), OverLimit> {
         let (needed, old) = (list.len().saturating_add(more), list.capacity());
         if needed <= old {
             return Ok(());
         }
         let size = size_of::<T>().max(1);
         // Twice as long where there is room for it, so that pushing stays cheap.
-        let room = usize::try_from((self.most - self.held) / size as u64).unwrap_or(usize::MAX);
+        let room = (self.most - self.held.get()) / size as u64;
+        let room = usize::try_from(room).unwrap_or(usize::MAX);
         let new = needed.max(room.min(old.saturating_mul(2).max(4)));
         self.take(new.saturating_mul(size))?;
         list.reserve_exact(new - list.len());
@@ -91,14 +81,14 @@ mod tests {
 
     #[test]
     fn lists_grow_within_the_budget() {
-        let mut budget = Budget { most: 1000, held: 0 };
+        let budget = Budget { most: 1000, held: Rc::default() };
         let mut list: Vec<u64> = Vec::new();
         while budget.reserve(&mut list, 1).is_ok() {
             list.push(0);
         }
         // While a list moves, both are there: it ends at about half of the budget.
         assert!((50..=125).contains(&list.len()), "{}", list.len());
-        assert_eq!(budget.held, 8 * list.capacity() as u64);
+        assert_eq!(budget.clone().held.get(), 8 * list.capacity() as u64);
         assert!(budget.take(1000_usize).is_err());
     }
 }

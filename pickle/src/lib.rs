@@ -17,8 +17,8 @@
 //! # Ok::<(), pickle::PickleError>(())
 //! ```
 //!
-//! [`torch`] reads the pickles inside PyTorch's weight files, whose tensors are views of storages that
-//! lie elsewhere in the file.
+//! Calls that make neither are not made: what they would have made is an object of which nothing can be
+//! asked. In PyTorch's weight files tensors are views of storages that lie elsewhere: [`Item::tensor`].
 //!
 //! # Invariants
 //!
@@ -30,13 +30,16 @@
 
 pub mod budget;
 mod machine;
-pub mod torch;
-
-use std::borrow::Cow;
-use std::cell::RefCell;
+mod numpy;
+mod text;
+mod torch;
+mod value;
 
 use crate::budget::{Budget, OverLimit};
-use machine::Machine;
+use crate::value::Value;
+
+pub use numpy::Numbers;
+pub use torch::{Storage, Tensor};
 
 /// What is wrong with a pickle, and where: the place of the instruction, or the value's path.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -54,61 +57,14 @@ fn error(field: impl Into<String>, found: impl Into<String>, expected: &str) -> 
     PickleError { field: field.into(), found: found.into(), expected: expected.to_owned() }
 }
 
-/// A value; indices point into the table of all values.
-#[derive(Clone, Debug)]
-enum Value<'a> {
-    None,
-    Number(f64),
-    /// Text or bytes: Python 2 does not tell them apart.
-    Bytes(Cow<'a, [u8]>),
-    /// Bytes that Python 3 wrote for Python 2, as the characters of a text; translated only when
-    /// they are asked for, because a file may ask to translate one text many times.
-    Latin(u32),
-    /// A list, tuple or dictionary (keys and values in turns).
-    Sequence(Vec<u32>),
-    /// A function or class, by module and name.
-    Global(Cow<'a, [u8]>),
-    Dtype(Dtype),
-    Array(Option<Box<RawArray>>),
-    Mark,
-}
-
-/// How one number of an array is stored.
-#[derive(Clone, Copy, Debug)]
-struct Dtype {
-    /// `f`, `i`, `u` or `b`, as NumPy calls them.
-    kind: u8,
-    size: usize,
-    big_endian: bool,
-}
-
-#[derive(Clone, Debug)]
-struct RawArray {
-    shape: Vec<usize>,
-    dtype: Dtype,
-    fortran: bool,
-    /// The value that holds its bytes.
-    data: u32,
-}
-
-/// An array of numbers, row-major.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Numbers {
-    /// Lengths of the axes.
-    pub shape: Vec<usize>,
-    /// The numbers.
-    pub data: Vec<f64>,
-    /// Whether they are stored as single bytes without a sign, as images are.
-    pub bytes: bool,
-}
-
 /// A parsed pickle.
 #[derive(Debug)]
 pub struct Pickle<'a> {
     values: Vec<Value<'a>>,
     root: u32,
+    length: usize,
     /// Memory that may still be taken for the numbers of arrays.
-    budget: RefCell<Budget>,
+    budget: Budget,
 }
 
 /// A value of a pickle and where it stands, like `[1][0]`.
@@ -126,20 +82,22 @@ impl<'a> Pickle<'a> {
     /// # Errors
     /// What was found instead, and where.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, PickleError> {
-        let (values, root, budget) = Machine::new(bytes).run()?;
-        Ok(Self { values, root, budget: RefCell::new(budget) })
+        Self::parse_within(bytes, &Budget::of(bytes.len()))
     }
 
-    /// The bytes that a value stands for.
-    fn bytes(&self, index: u32) -> Option<Cow<'_, [u8]>> {
-        match &self.values[index as usize] {
-            Value::Bytes(bytes) => Some(Cow::Borrowed(bytes)),
-            Value::Latin(text) => match &self.values[*text as usize] {
-                Value::Bytes(text) => latin(text).map(Cow::Owned),
-                _ => None,
-            },
-            _ => None,
-        }
+    /// [`parse`](Self::parse) of a pickle that is a part of a file: its values, and the arrays that
+    /// are made of it later, count as memory of that file's.
+    ///
+    /// # Errors
+    /// What was found instead, and where.
+    pub fn parse_within(bytes: &'a [u8], budget: &Budget) -> Result<Self, PickleError> {
+        let machine::Finished { values, root, length } = machine::run(bytes, budget)?;
+        Ok(Self { values, root, length, budget: budget.clone() })
+    }
+
+    /// How many bytes the pickle took.
+    pub fn length(&self) -> usize {
+        self.length
     }
 
     /// The value that the whole pickle stands for.
@@ -153,178 +111,126 @@ impl<'p, 'a> Item<'p, 'a> {
         &self.pickle.values[self.index as usize]
     }
 
-    /// Whether it is an array of numbers.
-    pub fn is_array(&self) -> bool {
-        matches!(self.value(), Value::Array(_))
+    fn part(&self, index: u32, place: impl std::fmt::Display) -> Self {
+        Item { pickle: self.pickle, index, field: format!("{}[{place}]", self.field) }
+    }
+
+    /// The error where it is something else than was expected.
+    fn wrong(&self, expected: &str) -> PickleError {
+        let found = match self.value() {
+            Value::Foreign(function) => match &self.pickle.values[*function as usize] {
+                Value::Global(name) => format!("a call of {name}"),
+                other => format!("a call of {}", other.kind()),
+            },
+            other => other.kind().to_owned(),
+        };
+        error(&self.field, found, expected)
+    }
+
+    /// Takes memory for what is made of this value, and keeps it taken: several arrays may have
+    /// the same bytes.
+    fn take(&self, bytes: usize) -> Result<(), PickleError> {
+        self.pickle.budget.take(bytes).map_err(|OverLimit { needed, most }| {
+            let expected = format!("arrays that take at most {most}");
+            error(&self.field, format!("{needed} bytes of memory"), &expected)
+        })
+    }
+
+    /// The elements of a list or tuple, in order.
+    ///
+    /// # Errors
+    /// What was found instead, and where.
+    pub fn sequence(&self) -> Result<impl ExactSizeIterator<Item = Self>, PickleError> {
+        match self.value() {
+            Value::Sequence(items) => {
+                Ok(items.iter().enumerate().map(|(i, &index)| self.part(index, i)))
+            }
+            _ => Err(self.wrong("a list or tuple")),
+        }
     }
 
     /// The elements of a list or tuple that has this many.
     ///
     /// # Errors
     /// What was found instead, and where.
-    pub fn elements(&self, count: usize) -> Result<Vec<Item<'p, 'a>>, PickleError> {
-        let expected = format!("a list or tuple of {count}");
-        match self.value() {
-            Value::Sequence(items) if items.len() == count => Ok(items
-                .iter()
-                .enumerate()
-                .map(|(i, &index)| Item {
-                    pickle: self.pickle,
-                    index,
-                    field: format!("{}[{i}]", self.field),
-                })
-                .collect()),
-            Value::Sequence(items) => {
-                Err(error(&self.field, format!("{} elements", items.len()), &expected))
-            }
-            _ => Err(error(&self.field, self.value().kind(), &expected)),
+    pub fn elements(&self, count: usize) -> Result<Vec<Self>, PickleError> {
+        let items = self.sequence()?;
+        if items.len() != count {
+            let expected = format!("a list or tuple of {count}");
+            return Err(error(&self.field, format!("{} elements", items.len()), &expected));
         }
+        Ok(items.collect())
     }
 
-    /// Takes memory for what is made of this value, and keeps it taken: several arrays may have
-    /// the same bytes.
-    fn take(&self, bytes: usize) -> Result<(), PickleError> {
-        let taken = self.pickle.budget.borrow_mut().take(bytes as u64);
-        taken.map_err(|OverLimit { needed, most }| {
-            let expected = format!("arrays that take at most {most}");
-            error(&self.field, format!("{needed} bytes of memory"), &expected)
+    /// The values of a dictionary whose keys are texts, in order; none of anything else.
+    pub fn entries(&self) -> impl Iterator<Item = (&'p str, Self)> {
+        let pairs: &[u32] = match self.value() {
+            Value::Dictionary(pairs) => pairs,
+            _ => &[],
+        };
+        pairs.as_chunks().0.iter().filter_map(|&[key, value]| {
+            let key = self.pickle.values[key as usize].text()?;
+            // Keys may be long, and stand in many dictionaries.
+            let shown = key.char_indices().nth(60).map_or(key, |(end, _)| &key[..end]);
+            Some((key, self.part(value, format_args!("{shown:?}"))))
         })
     }
 
-    /// The numbers of an array.
-    ///
-    /// # Errors
-    /// What was found instead, and where.
-    pub fn numbers(&self) -> Result<Numbers, PickleError> {
-        let wrong = |found: String, expected: &str| Err(error(&self.field, found, expected));
-        let Value::Array(Some(array)) = self.value() else {
-            return wrong(self.value().kind().to_owned(), "an array of numbers");
-        };
-        // What stands for bytes becomes a copy of them.
-        if let Value::Latin(text) = self.pickle.values[array.data as usize]
-            && let Value::Bytes(text) = &self.pickle.values[text as usize]
-        {
-            self.take(2 * text.len())?;
-        }
-        let Some(data) = self.pickle.bytes(array.data) else {
-            return wrong("an array without bytes".to_owned(), "an array of numbers");
-        };
-        let RawArray { shape, dtype, fortran, .. } = &**array;
-        let count = shape.iter().try_fold(1_usize, |n, &d| n.checked_mul(d));
-        if count.and_then(|n| n.checked_mul(dtype.size)) != Some(data.len()) {
-            let expected = format!("{shape:?} numbers of {} bytes", dtype.size);
-            return wrong(format!("{} bytes", data.len()), &expected);
-        }
-        let turned = *fortran && shape.len() > 1;
-        let copies = if turned { 2 } else { 1 };
-        self.take(data.len() / dtype.size * copies * size_of::<f64>())?;
-        let values: Vec<f64> = data.chunks_exact(dtype.size).map(|b| dtype.number(b)).collect();
-        let data = if turned { row_major(&values, shape) } else { values };
-        Ok(Numbers { shape: shape.clone(), data, bytes: dtype.kind == b'u' && dtype.size == 1 })
+    /// The text that it is, if it is one.
+    pub fn text(&self) -> Option<&'p str> {
+        self.value().text()
     }
 
-    /// An array of rows of `N` finite numbers; a plain vector where `N` is 1.
-    ///
-    /// # Errors
-    /// What was found instead, and where.
-    pub fn rows<const N: usize>(&self) -> Result<Vec<[f64; N]>, PickleError> {
-        let numbers = self.numbers()?;
-        let fits = match numbers.shape.as_slice() {
-            [_] => N == 1,
-            [_, columns] => *columns == N,
-            _ => false,
-        };
-        if !fits {
-            let found = format!("an array {:?}", numbers.shape);
-            return Err(error(&self.field, found, &format!("one of rows of {N}")));
-        }
-        if let Some(i) = numbers.data.iter().position(|x| !x.is_finite()) {
-            let field = format!("{}[{}]", self.field, i / N);
-            return Err(error(field, numbers.data[i].to_string(), "a finite number"));
-        }
-        // A copy, and what the caller makes of it, which is no larger.
-        self.take(2 * size_of_val(&numbers.data[..]))?;
-        Ok(numbers.data.as_chunks().0.to_vec())
-    }
-}
-
-impl Value<'_> {
-    fn kind(&self) -> &'static str {
-        match self {
-            Self::None => "None",
-            Self::Number(_) => "a number",
-            Self::Bytes(_) | Self::Latin(_) => "text or bytes",
-            Self::Sequence(_) => "a list, tuple or dictionary",
-            Self::Global(_) => "a class or function",
-            Self::Dtype(_) => "a dtype",
-            Self::Array(_) => "an array",
-            Self::Mark => "a mark",
+    /// The truth value that it is, if it is one.
+    pub fn truth(&self) -> Option<bool> {
+        match *self.value() {
+            Value::Bool(truth) => Some(truth),
+            _ => None,
         }
     }
 }
 
-impl RawArray {
-    /// What it takes beside its bytes.
-    fn memory(&self) -> usize {
-        size_of::<Self>() + size_of_val(&self.shape[..])
-    }
-}
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
 
-impl Dtype {
-    /// From a name such as `f4`, `<i8`, `|u1`.
-    fn named(name: &[u8]) -> Option<Self> {
-        let (order, rest) = match name {
-            [order @ (b'<' | b'>' | b'|' | b'='), rest @ ..] => (*order, rest),
-            rest => (b'=', rest),
-        };
-        let (&kind, size) = rest.split_first()?;
-        let size: usize = std::str::from_utf8(size).ok()?.parse().ok()?;
-        let known = match kind {
-            b'f' => matches!(size, 4 | 8),
-            b'i' | b'u' => matches!(size, 1 | 2 | 4 | 8),
-            b'b' => size == 1,
-            _ => false,
-        };
-        known.then_some(Self { kind, size, big_endian: order == b'>' })
+    #[test]
+    fn objects_without_a_meaning_are_passed_over() {
+        // {"a": object(state), "n": [2 ** 72, frozenset((1.5,))], "t": (None, True)}
+        let bytes = b"\x80\x04}(\x8c\x01acmodel\nNet\n)\x81}\x8c\x01xK\x01sb\x8c\x01n](\
+            \x8a\x0a\0\0\0\0\0\0\0\0\0\x01(G?\xf8\0\0\0\0\0\0\x91e\x8c\x01tN\x88\x86u.rest";
+        let pickle = Pickle::parse(bytes).unwrap();
+        assert_eq!(pickle.length(), bytes.len() - 4);
+        let entries: Vec<_> = pickle.root().entries().collect();
+        assert_eq!(entries.iter().map(|(name, _)| *name).collect::<Vec<_>>(), ["a", "n", "t"]);
+        let error = entries[0].1.numbers().unwrap_err().to_string();
+        assert!(error.starts_with("pickle[\"a\"]: found a call of model.Net"), "{error}");
+        let [long, set] = &entries[1].1.elements(2).unwrap()[..] else { unreachable!() };
+        assert_eq!(long.elements(0).unwrap_err().found, "a number");
+        assert_eq!(set.sequence().unwrap().len(), 1);
+        assert_eq!(entries[2].1.elements(2).unwrap()[1].truth(), Some(true));
     }
 
-    fn number(self, bytes: &[u8]) -> f64 {
-        let mut raw = [0_u8; 8];
-        for (k, &b) in bytes.iter().enumerate() {
-            raw[if self.big_endian { self.size - 1 - k } else { k }] = b;
-        }
-        let bits = u64::from_le_bytes(raw);
-        match (self.kind, self.size) {
-            (b'f', 4) => f64::from(f32::from_bits(bits as u32)),
-            (b'f', _) => f64::from_bits(bits),
-            (b'i', 1) => f64::from(bits as i8),
-            (b'i', 2) => f64::from(bits as i16),
-            (b'i', 4) => f64::from(bits as i32),
-            (b'i', _) => bits as i64 as f64,
-            _ => bits as f64,
+    #[test]
+    fn marks_hold_the_stack_up() {
+        // What is below a mark is out of reach until the mark is gone.
+        assert!(Pickle::parse(b"N(0.").is_ok() && Pickle::parse(b"N(N1.").is_ok());
+        for program in [&b"N(."[..], b"N(\x85.", b"N(Na.", b"0.", b"1."] {
+            let error = Pickle::parse(program).unwrap_err();
+            assert!(error.found.contains("empty stack") || error.found.contains("mark"), "{error}");
         }
     }
-}
 
-/// Fortran order to row-major.
-fn row_major(values: &[f64], shape: &[usize]) -> Vec<f64> {
-    let mut index = vec![0; shape.len()];
-    let mut out = Vec::with_capacity(values.len());
-    for _ in values {
-        let offset = index.iter().zip(shape).rev().fold(0, |at, (&i, &n)| at * n + i);
-        out.push(values[offset]);
-        for axis in (0..shape.len()).rev() {
-            index[axis] += 1;
-            if index[axis] < shape[axis] {
-                break;
-            }
-            index[axis] = 0;
-        }
+    #[test]
+    fn tensors_are_views_of_storages() {
+        let bytes = b"\x80\x02}X\x01\0\0\0wctorch._utils\n_rebuild_tensor_v2\n((X\x07\0\0\0storage\
+            ctorch\nFloatStorage\nX\x01\0\0\0kX\x03\0\0\0cpuK\x06tQK\x01(K\x02K\x02t(K\x01K\x02t\x89}tRs.";
+        let pickle = Pickle::parse(bytes).unwrap();
+        let storage = Storage { kind: "FloatStorage", key: "k", elements: 6 };
+        assert_eq!(pickle.storages().collect::<Vec<_>>(), [storage]);
+        let (name, item) = pickle.root().entries().next().unwrap();
+        let view = Tensor { storage, offset: 1, shape: vec![2, 2], strides: vec![1, 2] };
+        assert_eq!((name, item.tensor()), ("w", Some(view)));
     }
-    out
-}
-
-/// UTF-8 whose characters stand for bytes.
-fn latin(text: &[u8]) -> Option<Vec<u8>> {
-    std::str::from_utf8(text).ok()?.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect()
 }

@@ -1,151 +1,179 @@
-//! The instructions of a pickle.
+//! The stack machine that a pickle is a program for.
+//!
+//! It builds plain data and calls nothing. Values stand in one table and refer to each other by
+//! index, so no input can make it recurse, and each instruction, which is at least a byte, adds at
+//! most one value and takes time for what it takes off the stack.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use crate::budget::{Budget, OverLimit};
+use crate::text::{quoted, unicode};
+use crate::value::{Made, Value, bytes, call, complete, storage};
+use crate::{PickleError, error};
 
-use super::{Dtype, PickleError, RawArray, Value, error};
-
-/// Of the memory that a pickle may take, what nobody counts.
-const UNCOUNTED: u64 = 16_000_000;
 /// No module, class or function has a longer name; names are copied, and may be used many times.
-const LONGEST_NAME: usize = 64;
+const LONGEST_NAME: usize = 200;
 /// What remembering a value takes, in a tree whose nodes are half full.
 const MEMO: usize = 24;
 
-/// The stack machine that a pickle is a program for.
-pub(super) struct Machine<'a> {
+type Step<T = ()> = Result<T, PickleError>;
+
+pub(crate) struct Machine<'a> {
     bytes: &'a [u8],
+    /// Where the instruction begins, and where reading goes on.
+    start: usize,
     at: usize,
     values: Vec<Value<'a>>,
     stack: Vec<u32>,
+    /// Heights of the stack.
+    marks: Vec<usize>,
     memo: BTreeMap<u32, u32>,
-    /// Memory that may still be taken.
     budget: Budget,
 }
 
-type Step<T = ()> = Result<T, PickleError>;
+/// What is left at the end.
+pub(crate) struct Finished<'a> {
+    pub(crate) values: Vec<Value<'a>>,
+    pub(crate) root: u32,
+    /// Bytes that were read.
+    pub(crate) length: usize,
+}
+
+/// Runs the pickle at the front of the bytes.
+pub(crate) fn run<'a>(bytes: &'a [u8], budget: &Budget) -> Step<Finished<'a>> {
+    let (values, stack, marks) = (Vec::new(), Vec::new(), Vec::new());
+    let (memo, budget) = (BTreeMap::new(), budget.clone());
+    let mut machine = Machine { bytes, start: 0, at: 0, values, stack, marks, memo, budget };
+    loop {
+        machine.start = machine.at;
+        if let Some(root) = machine.step()? {
+            machine.budget.give_back(machine.stack.capacity() * size_of::<u32>());
+            machine.budget.give_back(machine.marks.capacity() * size_of::<usize>());
+            machine.budget.give_back(machine.memo.len() * MEMO);
+            return Ok(Finished { values: machine.values, root, length: machine.at });
+        }
+    }
+}
 
 impl<'a> Machine<'a> {
-    pub(super) fn new(bytes: &'a [u8]) -> Self {
-        let (values, stack, memo) = (Vec::new(), Vec::new(), BTreeMap::new());
-        let mut budget = Budget::of_pickle(bytes.len());
-        let _ = budget.take(bytes.len() as u64 + UNCOUNTED);
-        Self { bytes, at: 0, values, stack, memo, budget }
-    }
-
-    /// Runs to the end: the table of values, which of them is the result, what may still be taken. Each instruction
-    /// takes at least a byte, and time for what it takes off the stack.
-    pub(super) fn run(mut self) -> Step<(Vec<Value<'a>>, u32, Budget)> {
-        loop {
-            let op = self.take(1)?[0];
-            match op {
-                b'.' => {
-                    let root = self.pop()?;
-                    return Ok((self.values, root, self.budget));
+    /// Runs one instruction; the result at the end. Names are those of Python's `pickletools`.
+    fn step(&mut self) -> Step<Option<u32>> {
+        let op = self.take(1)?[0];
+        match op {
+            b'.' => return self.pop().map(Some),                // STOP
+            0x80 => drop(self.take(1)?),                        // PROTO
+            0x95 => drop(self.take(8)?),                        // FRAME
+            b'N' => self.push(Value::None)?,                    // NONE
+            0x88 | 0x89 => self.push(Value::Bool(op == 0x88))?, // NEWTRUE, NEWFALSE
+            b']' | b')' | 0x8f => self.push(Value::Sequence(Vec::new()))?, // EMPTY_LIST, _TUPLE, _SET
+            b'}' => self.push(Value::Dictionary(Vec::new()))?,             // EMPTY_DICT
+            b'K' | b'M' | b'J' | b'I' | b'L' | 0x8a | 0x8b => self.integer(op)?,
+            b'G' => drop((self.take(8)?, self.push(Value::Number)?)), // BINFLOAT
+            b'F' => drop((self.number_in_line()?, self.push(Value::Number)?)), // FLOAT
+            b'U' | b'T' | b'X' | b'C' | b'B' | 0x8c | 0x8d | 0x8e | 0x96 | b'S' | b'V' => {
+                self.text(op)?;
+            }
+            b'(' => {
+                let height = self.stack.len();
+                let room = self.budget.reserve(&mut self.marks, 1);
+                self.held(room)?;
+                self.marks.push(height);
+            } // MARK
+            b't' | b'l' | 0x91 => {
+                let items = self.above_mark()?;
+                self.push(Value::Sequence(items))?;
+            } // TUPLE, LIST, FROZENSET
+            b'd' => {
+                let items = self.above_mark()?;
+                self.push(Value::Dictionary(items))?;
+            } // DICT
+            0x85..=0x87 => {
+                let floor = self.floor();
+                let start = self.stack.len().checked_sub(usize::from(op - 0x84));
+                let start = start.filter(|&start| start >= floor);
+                let start = start.ok_or_else(|| self.wrong("an empty stack", "values"))?;
+                let items = self.split(start)?;
+                self.push(Value::Sequence(items))?;
+            } // TUPLE1, TUPLE2, TUPLE3
+            b'a' => {
+                let item = self.pop()?;
+                self.extend(&[item])?;
+            } // APPEND
+            b's' => {
+                let (value, key) = (self.pop()?, self.pop()?);
+                self.extend(&[key, value])?;
+            } // SETITEM
+            b'e' | b'u' | 0x90 => {
+                let items = self.above_mark()?;
+                self.extend(&items)?;
+                self.budget.give_back(size_of_val(&items[..]));
+            } // APPENDS, SETITEMS, ADDITEMS
+            b'0' if self.marks.last() == Some(&self.stack.len()) => drop(self.marks.pop()), // POP of a mark
+            b'0' => drop(self.pop()?),                                                      // POP
+            b'1' => {
+                let items = self.above_mark()?;
+                self.budget.give_back(size_of_val(&items[..]));
+            } // POP_MARK
+            b'2' => self.top().and_then(|top| self.push_index(top))?,                       // DUP
+            b'p' | b'q' | b'r' | 0x94 | b'g' | b'h' | b'j' => self.memory(op)?,
+            b'c' | 0x93 => self.global(op)?,
+            b'R' | 0x81 => {
+                let (arguments, function) = (self.pop()?, self.pop()?);
+                match call(&self.values, function, arguments) {
+                    Made::New(value) => self.push(value)?,
+                    Made::Argument(index) => self.push_index(index)?,
                 }
-                0x80 => drop(self.take(1)?), // protocol
-                0x95 => drop(self.take(8)?), // frame
-                b'(' => self.push(Value::Mark)?,
-                b'N' => self.push(Value::None)?,
-                0x88 | 0x89 => self.push(Value::Number(f64::from(op == 0x88)))?,
-                b']' | b')' | b'}' => self.push(Value::Sequence(Vec::new()))?,
-                b'K' | b'M' | b'J' | b'G' | 0x8a | b'I' | b'L' | b'F' => self.number(op)?,
-                b'U' | b'T' | b'X' | b'C' | b'B' | 0x8c | 0x8d | 0x8e | 0x96 | b'S' | b'V' => {
-                    self.text(op)?;
+            } // REDUCE, NEWOBJ
+            b'b' => {
+                let (state, target) = (self.pop()?, self.top()?);
+                if !complete(&mut self.values, target, state) {
+                    return Err(self.wrong("another state", "that of an array"));
                 }
-                b't' | b'l' | b'd' => {
-                    let items = self.above_mark()?;
-                    self.push(Value::Sequence(items))?;
-                }
-                0x85..=0x87 => {
-                    let count = usize::from(op - 0x84);
-                    let Some(start) = self.stack.len().checked_sub(count) else {
-                        return Err(self.wrong("an empty stack", "values for a tuple"));
-                    };
-                    self.take_memory(count * size_of::<u32>())?;
-                    let items = self.stack.split_off(start);
-                    self.push(Value::Sequence(items))?;
-                }
-                b'a' => {
-                    let item = self.pop()?;
-                    self.extend(&[item])?;
-                }
-                b's' => {
-                    let (value, key) = (self.pop()?, self.pop()?);
-                    self.extend(&[key, value])?;
-                }
-                b'e' | b'u' => {
-                    let items = self.above_mark()?;
-                    self.extend(&items)?;
-                    self.budget.give_back(size_of_val(&items[..]) as u64);
-                }
-                b'0' => drop(self.pop()?),
-                b'1' => {
-                    let items = self.above_mark()?;
-                    self.budget.give_back(size_of_val(&items[..]) as u64);
-                }
-                b'2' => {
-                    let top = self.pop()?;
-                    self.push_index(top)?;
-                    self.push_index(top)?;
-                }
-                b'p' | b'q' | b'r' | 0x94 | b'g' | b'h' | b'j' => self.memory(op)?,
-                b'c' => {
-                    let (module, name) = (self.line()?, self.line()?);
-                    self.take_memory(module.len() + name.len() + 1)?;
-                    self.push(Value::Global([module, b".", name].concat().into()))?;
-                }
-                0x93 => {
-                    let (name, module) = (self.pop_bytes()?, self.pop_bytes()?);
-                    self.take_memory(module.len() + name.len() + 1)?;
-                    self.push(Value::Global([&module[..], b".", &name].concat().into()))?;
-                }
-                b'R' => self.reduce()?,
-                b'b' => self.build()?,
-                _ => {
-                    return Err(self.wrong(
-                        &format!("instruction {op:#04x}"),
-                        "one for numbers, lists and arrays",
-                    ));
-                }
+            } // BUILD
+            b'Q' => {
+                let id = self.pop()?;
+                self.push(storage(&self.values, id))?;
+            } // BINPERSID
+            _ => {
+                let found = format!("instruction {op:#04x}");
+                return Err(self.wrong(&found, "one for numbers, lists and arrays"));
             }
         }
+        Ok(None)
     }
 
     fn wrong(&self, found: &str, expected: &str) -> PickleError {
-        error(format!("byte {}", self.at.saturating_sub(1)), found, expected)
+        error(format!("byte {}", self.start), found, expected)
     }
 
     fn take(&mut self, count: usize) -> Step<&'a [u8]> {
-        let end = self.at.checked_add(count).filter(|&end| end <= self.bytes.len());
-        let Some(end) = end else {
-            return Err(error(
-                format!("byte {}", self.at),
-                "the end of the file",
-                "more of the pickle",
-            ));
-        };
-        let taken = &self.bytes[self.at..end];
-        self.at = end;
+        let taken = self.bytes[self.at..].get(..count).ok_or_else(|| {
+            let found = format!("{} bytes before the end", self.bytes.len() - self.at);
+            error(format!("byte {}", self.at), found, &format!("{count}"))
+        })?;
+        self.at += count;
         Ok(taken)
     }
 
     /// The rest of a line, without its end.
     fn line(&mut self) -> Step<&'a [u8]> {
         let rest = &self.bytes[self.at..];
-        let length = rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
-        let line = self.take(length)?;
+        let line = self.take(rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len()))?;
         self.take(1)?;
         Ok(line)
     }
 
-    /// A little-endian count of this many bytes.
-    fn count(&mut self, size: usize) -> Step<u64> {
+    /// A little-endian number of this many bytes, at most eight.
+    fn number(&mut self, size: usize) -> Step<u64> {
         let mut raw = [0_u8; 8];
         raw[..size].copy_from_slice(self.take(size)?);
         Ok(u64::from_le_bytes(raw))
+    }
+
+    /// As many bytes as a number of this many bytes says.
+    fn counted(&mut self, size: usize) -> Step<&'a [u8]> {
+        let count = self.number(size)?;
+        self.take(usize::try_from(count).unwrap_or(usize::MAX))
     }
 
     /// The error where the values would take more memory than a file of this length may.
@@ -156,11 +184,7 @@ impl<'a> Machine<'a> {
         })
     }
 
-    fn take_memory(&mut self, bytes: usize) -> Step {
-        let taken = self.budget.take(bytes as u64);
-        self.held(taken)
-    }
-
+    /// Adds a value, whose memory beside its place was counted before.
     fn push(&mut self, value: Value<'a>) -> Step {
         let index = u32::try_from(self.values.len());
         let index = index.map_err(|_| self.wrong("ever more values", "fewer than 2^32"))?;
@@ -177,248 +201,151 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    fn pop(&mut self) -> Step<u32> {
-        self.stack.pop().ok_or_else(|| self.wrong("an empty stack", "a value"))
+    /// Where what is above the last mark begins.
+    fn floor(&self) -> usize {
+        self.marks.last().copied().unwrap_or(0)
     }
 
-    fn pop_bytes(&mut self) -> Step<Cow<'a, [u8]>> {
-        let index = self.pop()?;
-        match &self.values[index as usize] {
-            Value::Bytes(bytes) if bytes.len() <= LONGEST_NAME => Ok(bytes.clone()),
-            Value::Bytes(_) => Err(self.wrong("a long text", "a name")),
-            other => Err(self.wrong(other.kind(), "text")),
-        }
+    fn top(&self) -> Step<u32> {
+        let top = self.stack[self.floor()..].last();
+        top.copied().ok_or_else(|| self.wrong("an empty stack", "a value"))
+    }
+
+    fn pop(&mut self) -> Step<u32> {
+        let top = self.top()?;
+        self.stack.pop();
+        Ok(top)
+    }
+
+    fn split(&mut self, start: usize) -> Step<Vec<u32>> {
+        self.held(self.budget.take(size_of_val(&self.stack[start..])))?;
+        Ok(self.stack.drain(start..).collect())
     }
 
     /// What lies above the last mark, which is taken away too.
     fn above_mark(&mut self) -> Step<Vec<u32>> {
-        let mark = self.stack.iter().rposition(|&i| matches!(self.values[i as usize], Value::Mark));
-        let mark = mark.ok_or_else(|| self.wrong("no mark on the stack", "one"))?;
-        self.take_memory(size_of_val(&self.stack[mark + 1..]))?;
-        let items = self.stack.split_off(mark + 1);
-        self.stack.pop();
-        Ok(items)
+        let mark = self.marks.pop().ok_or_else(|| self.wrong("no mark on the stack", "one"))?;
+        self.split(mark)
     }
 
     fn extend(&mut self, items: &[u32]) -> Step {
-        let top = self.stack.last().copied();
-        let Some(Value::Sequence(list)) = top.map(|top| &mut self.values[top as usize]) else {
-            return Err(self.wrong("something else", "a list or dictionary to put values into"));
-        };
-        let room = self.budget.reserve(list, items.len());
-        if room.is_ok() {
-            list.extend(items);
+        let top = self.top()? as usize;
+        match &mut self.values[top] {
+            Value::Sequence(list) | Value::Dictionary(list) => {
+                let room = self.budget.reserve(list, items.len());
+                if room.is_ok() {
+                    list.extend(items);
+                }
+                self.held(room)
+            }
+            Value::Foreign(_) => Ok(()),
+            other => Err(error(
+                format!("byte {}", self.start),
+                other.kind(),
+                "a list or dictionary to put values into",
+            )),
         }
-        self.held(room)
     }
 
-    fn number(&mut self, op: u8) -> Step {
+    fn integer(&mut self, op: u8) -> Step {
         let value = match op {
-            b'K' => self.count(1)? as f64,
-            b'M' => self.count(2)? as f64,
-            b'J' => f64::from(self.count(4)? as u32 as i32),
-            b'G' => f64::from_be_bytes(self.take(8)?.try_into().expect("eight bytes")),
-            0x8a => {
-                let size = self.count(1)? as usize;
-                if size > 8 {
-                    return Err(self.wrong(&format!("an integer of {size} bytes"), "at most 8"));
+            b'K' => Value::Integer(self.number(1)? as i64), // BININT1
+            b'M' => Value::Integer(self.number(2)? as i64), // BININT2
+            b'J' => Value::Integer(i64::from(self.number(4)? as u32 as i32)), // BININT
+            0x8a | 0x8b => {
+                let bytes = self.counted(if op == 0x8a { 1 } else { 4 })?;
+                let mut raw =
+                    [if bytes.last().is_some_and(|b| b & 0x80 != 0) { 0xff } else { 0 }; 8];
+                match raw.get_mut(..bytes.len()) {
+                    Some(low) => low.copy_from_slice(bytes),
+                    None => return self.push(Value::Number),
                 }
-                let raw = self.count(size)?;
-                let unused = 64 - 8 * size as u32;
-                // The highest bit that is there is the sign.
-                if size == 0 { 0.0 } else { ((raw << unused) as i64 >> unused) as f64 }
-            }
-            _ => {
-                let line = String::from_utf8_lossy(self.line()?).into_owned();
-                let text = line.trim_end_matches('L');
-                let number: Option<f64> = text.parse().ok();
-                number.ok_or_else(|| {
-                    let found: String = line.chars().take(40).collect();
-                    self.wrong(&found, "a number")
-                })?
-            }
+                Value::Integer(i64::from_le_bytes(raw))
+            } // LONG1, LONG4
+            _ => match self.number_in_line()? {
+                "00" | "01" if op == b'I' => Value::Bool(self.bytes[self.at - 2] == b'1'),
+                digits => digits.parse().map_or(Value::Number, Value::Integer),
+            }, // INT, LONG
         };
-        self.push(Value::Number(value))
+        self.push(value)
+    }
+
+    /// A line with a number, without the `L` of a long one.
+    fn number_in_line(&mut self) -> Step<&'a str> {
+        let line = self.line()?;
+        let text = std::str::from_utf8(line).unwrap_or_default().trim_end_matches('L');
+        if text.parse::<f64>().is_err() {
+            let found: String = String::from_utf8_lossy(line).chars().take(40).collect();
+            return Err(self.wrong(&found, "a number"));
+        }
+        Ok(text)
     }
 
     fn text(&mut self, op: u8) -> Step {
         let size = match op {
-            b'U' | b'C' | 0x8c => self.count(1)?,
-            b'T' | b'X' | b'B' => self.count(4)?,
-            0x8d | 0x8e | 0x96 => self.count(8)?,
+            b'U' | b'C' | 0x8c => 1, // SHORT_BINSTRING, SHORT_BINBYTES, SHORT_BINUNICODE
+            b'T' | b'X' | b'B' => 4, // BINSTRING, BINUNICODE, BINBYTES
+            0x8d | 0x8e | 0x96 => 8, // BINUNICODE8, BINBYTES8, BYTEARRAY8
             _ => {
                 let line = self.line()?;
                 // Of a byte of Latin-1 UTF-8 makes two; a growing text moves into twice the room.
-                self.take_memory(line.len().saturating_mul(4))?;
-                let text = if op == b'S' { unquoted(line) } else { unicode(line) };
-                return self.push(Value::Bytes(text.into()));
-            }
+                self.held(self.budget.take(line.len().saturating_mul(4)))?;
+                let text =
+                    if op == b'S' { quoted(line) } else { Value::Text(unicode(line).into()) };
+                return self.push(text);
+            } // STRING, UNICODE
         };
-        let bytes = self.take(usize::try_from(size).unwrap_or(usize::MAX))?;
-        self.push(Value::Bytes(bytes.into()))
+        let bytes = self.counted(size)?;
+        // Python 2 does not tell texts and bytes apart.
+        let text = if matches!(op, b'C' | b'B' | 0x8e | 0x96) {
+            None
+        } else {
+            std::str::from_utf8(bytes).ok()
+        };
+        self.push(match text {
+            Some(text) => Value::Text(text.into()),
+            None => Value::Bytes(bytes.into()),
+        })
     }
 
     /// Remembers the top of the stack, or brings back what was remembered.
     fn memory(&mut self, op: u8) -> Step {
         let key = match op {
             b'p' | b'g' => {
-                let line = String::from_utf8_lossy(self.line()?).into_owned();
+                let line = std::str::from_utf8(self.line()?).unwrap_or_default();
                 line.trim().parse().map_err(|_| self.wrong("another word", "a number"))?
             }
-            b'q' | b'h' => self.count(1)? as u32,
-            b'r' | b'j' => self.count(4)? as u32,
+            b'q' | b'h' => self.number(1)? as u32,
+            b'r' | b'j' => self.number(4)? as u32,
             _ => self.memo.len() as u32,
         };
         if matches!(op, b'g' | b'h' | b'j') {
             let value = self.memo.get(&key).copied();
-            self.push_index(value.ok_or_else(|| self.wrong("a value never remembered", "one"))?)
-        } else {
-            let top = self.pop()?;
-            self.stack.push(top);
-            self.take_memory(MEMO)?;
-            self.memo.insert(key, top);
-            Ok(())
+            return self
+                .push_index(value.ok_or_else(|| self.wrong("a value never remembered", "one"))?);
         }
-    }
-
-    /// Calls: of all functions only those that make arrays.
-    fn reduce(&mut self) -> Step {
-        let (arguments, function) = (self.pop()?, self.pop()?);
-        let Value::Global(name) = &self.values[function as usize] else {
-            return Err(self.wrong("something else", "a function"));
-        };
-        let Value::Sequence(arguments) = &self.values[arguments as usize] else {
-            return Err(self.wrong("something else", "a tuple of arguments"));
-        };
-        let argument = |i: usize| arguments.get(i).map(|&i| (i, &self.values[i as usize]));
-        let result = match (&**name, argument(0), argument(1)) {
-            (b"numpy.dtype", Some((_, Value::Bytes(name))), _) => {
-                Dtype::named(name).map(Value::Dtype)
-            }
-            (
-                b"numpy.core.multiarray._reconstruct" | b"numpy._core.multiarray._reconstruct",
-                ..,
-            ) => Some(Value::Array(None)),
-            // Python 3 writes bytes so for Python 2.
-            (b"_codecs.encode", Some((text, Value::Bytes(_))), _) => Some(Value::Latin(text)),
-            (
-                b"numpy.core.numeric._frombuffer" | b"numpy._core.numeric._frombuffer",
-                Some((data, Value::Bytes(_) | Value::Latin(_))),
-                Some((_, &Value::Dtype(dtype))),
-            ) => {
-                let fortran =
-                    matches!(argument(3), Some((_, Value::Bytes(order))) if **order == *b"F");
-                let shape = argument(2).and_then(|(_, shape)| self.shape(shape));
-                shape.map(|shape| {
-                    Value::Array(Some(Box::new(RawArray { shape, dtype, fortran, data })))
-                })
-            }
-            _ => None,
-        };
-        let Some(result) = result else {
-            let name: String = String::from_utf8_lossy(name).chars().take(60).collect();
-            return Err(
-                self.wrong(&format!("a call of {name}"), "one that makes an array of numbers")
-            );
-        };
-        if let Value::Array(Some(array)) = &result {
-            self.take_memory(array.memory())?;
+        let top = self.top()?;
+        if self.memo.insert(key, top).is_none() {
+            self.held(self.budget.take(MEMO))?;
         }
-        self.push(result)
-    }
-
-    /// Fills an array or a dtype with its state.
-    fn build(&mut self) -> Step {
-        let (state, target) = (self.pop()?, self.pop()?);
-        self.stack.push(target);
-        let Value::Sequence(state) = &self.values[state as usize] else {
-            return Err(self.wrong("something else", "a tuple of state"));
-        };
-        let part = |i: usize| state.get(i).map(|&i| &self.values[i as usize]);
-        let filled = match &self.values[target as usize] {
-            // (version, byte order, ..)
-            &Value::Dtype(dtype) => match part(1) {
-                Some(Value::Bytes(order)) => {
-                    Some(Value::Dtype(Dtype { big_endian: **order == *b">", ..dtype }))
-                }
-                _ => None,
-            },
-            // (version, shape, dtype, Fortran order, bytes)
-            Value::Array(_) => match (part(1), part(2), part(3), state.get(4)) {
-                (
-                    Some(shape),
-                    Some(&Value::Dtype(dtype)),
-                    Some(&Value::Number(order)),
-                    Some(&data),
-                ) => {
-                    let fortran = order != 0.0;
-                    self.shape(shape).map(|shape| {
-                        Value::Array(Some(Box::new(RawArray { shape, dtype, fortran, data })))
-                    })
-                }
-                _ => None,
-            },
-            _ => None,
-        };
-        let filled = filled.ok_or_else(|| self.wrong("another state", "that of an array"))?;
-        if let Value::Array(Some(array)) = &filled {
-            self.take_memory(array.memory())?;
-        }
-        self.values[target as usize] = filled;
         Ok(())
     }
 
-    /// At most 8 axes.
-    fn shape(&self, value: &Value<'_>) -> Option<Vec<usize>> {
-        let Value::Sequence(axes) = value else { return None };
-        let axis = |&i: &u32| match self.values[i as usize] {
-            Value::Number(n) if (0.0..1e15).contains(&n) && n.fract() == 0.0 => Some(n as usize),
-            _ => None,
-        };
-        if axes.len() > 8 { None } else { axes.iter().map(axis).collect() }
-    }
-}
-
-/// A line of protocol 0, Unicode: Latin-1 with `\uXXXX` for the rest; as UTF-8.
-fn unicode(line: &[u8]) -> Vec<u8> {
-    let (mut out, mut rest) = (String::with_capacity(line.len()), line);
-    while let Some((&b, after)) = rest.split_first() {
-        let digits = rest.strip_prefix(b"\\u").and_then(|d| d.get(..4));
-        let code = digits.and_then(|d| u32::from_str_radix(std::str::from_utf8(d).ok()?, 16).ok());
-        if let Some(c) = code.and_then(char::from_u32) {
-            out.push(c);
-            rest = &rest[6..];
+    /// A class or function: its module and name follow, or are on the stack.
+    fn global(&mut self, op: u8) -> Step {
+        let parts = if op == b'c' {
+            [Some(self.line()?.into()), Some(self.line()?.into())]
         } else {
-            out.push(char::from(b));
-            rest = after;
-        }
-    }
-    out.into_bytes()
-}
-
-/// A line of protocol 0, quoted, with the escapes of Python's literals.
-fn unquoted(line: &[u8]) -> Vec<u8> {
-    let inner = if line.len() >= 2 { &line[1..line.len() - 1] } else { line };
-    let (mut out, mut rest) = (Vec::with_capacity(inner.len()), inner);
-    while let Some((&b, after)) = rest.split_first() {
-        rest = after;
-        if b != b'\\' {
-            out.push(b);
-            continue;
-        }
-        let Some((&escape, after)) = rest.split_first() else { break };
-        rest = after;
-        let hex = |d: &[u8]| u8::from_str_radix(std::str::from_utf8(d).ok()?, 16).ok();
-        match escape {
-            b'n' => out.push(b'\n'),
-            b'r' => out.push(b'\r'),
-            b't' => out.push(b'\t'),
-            b'x' if rest.len() >= 2 => {
-                out.extend(hex(&rest[..2]));
-                rest = &rest[2..];
+            let (name, module) = (self.pop()?, self.pop()?);
+            [module, name].map(|index| bytes(&self.values, index))
+        };
+        let name = match &parts {
+            [Some(module), Some(name)] if module.len() + name.len() <= LONGEST_NAME => {
+                [module, name].map(|part| String::from_utf8_lossy(part)).join(".")
             }
-            other => out.push(other),
-        }
+            _ => return Err(self.wrong("a long text, or none", "a name")),
+        };
+        self.held(self.budget.take(name.capacity()))?;
+        self.push(Value::Global(name))
     }
-    out
 }

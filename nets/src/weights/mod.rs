@@ -29,7 +29,7 @@ use std::path::Path;
 use autodiff_lite::state::{Mismatch, State};
 use autodiff_lite::{Module, Param, Real};
 
-pub use error::WeightsError;
+pub use error::{FormatError, PthError, WeightsError};
 pub use freeze::{freeze, unfreeze};
 pub use map::{MapError, NameMap};
 
@@ -47,7 +47,7 @@ pub fn read_weights(path: impl AsRef<Path>) -> Result<State, WeightsError> {
     let bytes =
         std::fs::read(path).map_err(|source| WeightsError::Io { path: path.to_owned(), source })?;
     weights_from_bytes(&bytes)
-        .map_err(|reason| WeightsError::Format { path: path.to_owned(), reason })
+        .map_err(|source| WeightsError::Format { path: path.to_owned(), source })
 }
 
 /// [`read_weights`] of bytes. Memory is taken only for numbers that are there: at most 256 MB and 20
@@ -55,12 +55,11 @@ pub fn read_weights(path: impl AsRef<Path>) -> Result<State, WeightsError> {
 ///
 /// # Errors
 /// What is wrong with the bytes.
-pub fn weights_from_bytes(bytes: &[u8]) -> Result<State, String> {
+pub fn weights_from_bytes(bytes: &[u8]) -> Result<State, FormatError> {
     if pth::recognises(bytes) {
-        pth::read(bytes).map_err(|reason| format!("not a sound PyTorch file: {reason}"))
+        Ok(pth::read(bytes)?)
     } else {
-        State::from_bytes(bytes)
-            .map_err(|reason| format!("neither safetensors nor a PyTorch file: {reason}"))
+        State::from_bytes(bytes).map_err(FormatError::Safetensors)
     }
 }
 

@@ -15,7 +15,9 @@ use std::io::Cursor;
 use autodiff_lite::state::State;
 use autodiff_lite::state::{from_bfloat, from_half};
 use pickle::budget::Budget;
-use pickle::torch::{self, Id, Pickle, TensorView, Value};
+use pickle::{Item, Pickle, Storage, Tensor};
+
+use super::error::PthError;
 
 /// Keys under which training programs keep the weights among other things.
 const NESTED: [&str; 3] = ["state_dict", "model_state_dict", "model"];
@@ -35,9 +37,9 @@ pub(super) fn recognises(bytes: &[u8]) -> bool {
 }
 
 /// Reads the bytes of a `.pth` file.
-pub(super) fn read(bytes: &[u8]) -> Result<State, String> {
-    let mut budget = Budget::of(bytes.len());
-    if bytes.starts_with(&MAGIC) { old(bytes, &mut budget) } else { archive(bytes, &mut budget) }
+pub(super) fn read(bytes: &[u8]) -> Result<State, PthError> {
+    let budget = Budget::of(bytes.len());
+    if bytes.starts_with(&MAGIC) { old(bytes, &budget) } else { archive(bytes, &budget) }
 }
 
 /// Where the list of an archive's files begins: its last record.
@@ -46,37 +48,38 @@ const END_OF_ARCHIVE: &[u8] = b"PK\x05\x06";
 const ENTRY: usize = 1200;
 
 /// Takes the memory for the list of an archive's files, each of which has at least 46 bytes there.
-fn listed(bytes: &[u8], budget: &mut Budget) -> Result<(), String> {
+fn listed(bytes: &[u8], budget: &Budget) -> Result<(), PthError> {
     let files = bytes.windows(4).filter(|&w| w == b"PK\x01\x02").count();
     let end = bytes.windows(4).rposition(|w| w == END_OF_ARCHIVE);
-    end.ok_or("it has no list of its files")?;
+    end.ok_or_else(|| PthError::Archive("it has no list of its files".to_owned()))?;
     Ok(budget.take(files.saturating_mul(ENTRY))?)
 }
 
-fn archive(bytes: &[u8], budget: &mut Budget) -> Result<State, String> {
+fn archive(bytes: &[u8], budget: &Budget) -> Result<State, PthError> {
     listed(bytes, budget)?;
-    let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|error| error.to_string())?;
+    let mut zip = zip::ZipArchive::new(Cursor::new(bytes))
+        .map_err(|error| PthError::Archive(error.to_string()))?;
     let name = zip
         .file_names()
         .filter_map(Result::ok)
         .find(|name| name.ends_with("/data.pkl") || *name == "data.pkl")
-        .map(std::borrow::Cow::into_owned);
-    let name =
-        name.ok_or("the archive holds no data.pkl: is it a TorchScript or other zip file?")?;
+        .map(std::borrow::Cow::into_owned)
+        .ok_or(PthError::NoPickle)?;
     let folder = name.trim_end_matches("data.pkl").to_owned();
     if entry(&mut zip, bytes, &format!("{folder}byteorder"))?.is_some_and(|o| o != b"little") {
-        return Err("its numbers are big-endian".to_owned());
+        return Err(PthError::BigEndian);
     }
     let main = entry(&mut zip, bytes, &name)?.unwrap_or_default();
-    let pickle = torch::read(main, budget).map_err(|reason| format!("{name}: {reason}"))?;
+    let pickle = Pickle::parse_within(main, budget)
+        .map_err(|source| PthError::Pickle { part: name, source })?;
     let mut storages = BTreeMap::new();
-    for value in &pickle.values {
-        let Value::Storage { key, .. } = value else { continue };
-        if !storages.contains_key(key.as_str()) {
+    for Storage { key, .. } in pickle.storages() {
+        if !storages.contains_key(key) {
             budget.take(STORAGE + key.len() + folder.len())?;
-            let data = entry(&mut zip, bytes, &format!("{folder}data/{key}"))?;
-            let data = data.ok_or_else(|| format!("the archive lacks {folder}data/{key}"))?;
-            storages.insert(key.clone(), data);
+            let name = format!("{folder}data/{key}");
+            let data = entry(&mut zip, bytes, &name)?;
+            let reason = "is missing from the archive";
+            storages.insert(key, data.ok_or(PthError::Entry { name, reason })?);
         }
     }
     collect(&pickle, &storages, budget)
@@ -87,67 +90,74 @@ fn entry<'a>(
     zip: &mut zip::ZipArchive<Cursor<&[u8]>>,
     bytes: &'a [u8],
     name: &str,
-) -> Result<Option<&'a [u8]>, String> {
+) -> Result<Option<&'a [u8]>, PthError> {
     let file = match zip.by_name(name) {
         Ok(file) => file,
         Err(zip::result::ZipError::FileNotFound) => return Ok(None),
-        Err(error) => return Err(format!("{name}: {error}")),
+        Err(error) => return Err(PthError::Archive(format!("{name}: {error}"))),
     };
+    let wrong = |reason| PthError::Entry { name: name.to_owned(), reason };
     if file.compression() != zip::CompressionMethod::Stored || file.encrypted() {
-        return Err(format!("{name} is compressed or encrypted, which PyTorch does not do"));
+        return Err(wrong("is compressed or encrypted, which PyTorch does not do"));
     }
     let range = file.data_start().and_then(|start| {
         let start = usize::try_from(start).ok()?;
         Some(start..start.checked_add(usize::try_from(file.size()).ok()?)?)
     });
     let found = range.and_then(|range| bytes.get(range));
-    found.map(Some).ok_or_else(|| format!("{name} reaches past the end of the file"))
+    found.map(Some).ok_or_else(|| wrong("reaches past the end of the file"))
 }
 
-fn old(bytes: &[u8], budget: &mut Budget) -> Result<State, String> {
+fn old(bytes: &[u8], budget: &Budget) -> Result<State, PthError> {
     let mut at = 0;
     let mut next = |what: &str| {
-        let pickle = torch::read(&bytes[at..], budget)
-            .map_err(|reason| format!("{what}, which begins at byte {at}: {reason}"))?;
-        at += pickle.length;
-        Ok::<_, String>((pickle, at))
+        let pickle = Pickle::parse_within(&bytes[at..], budget).map_err(|source| {
+            PthError::Pickle { part: format!("{what}, which begins at byte {at}"), source }
+        })?;
+        at += pickle.length();
+        Ok::<_, PthError>((pickle, at))
     };
     next("the magic number")?;
     next("the version")?;
     let (system, _) = next("the system's sizes")?;
-    let little = system.entries(system.root).find(|(name, _)| *name == "little_endian");
-    if little.is_some_and(|(_, id)| *system.get(id) == Value::Bool(false)) {
-        return Err("its numbers are big-endian".to_owned());
+    let little = system.root().entries().find(|(name, _)| *name == "little_endian");
+    if little.is_some_and(|(_, item)| item.truth() == Some(false)) {
+        return Err(PthError::BigEndian);
     }
     let (object, _) = next("the object")?;
-    let (keys, mut at) = next("the list of storages")?;
-    budget.take(object.values.len().saturating_mul(STORAGE))?;
-    let kinds: BTreeMap<&str, &str> = object
-        .values
-        .iter()
-        .filter_map(|value| match value {
-            Value::Storage { kind, key, .. } => Some((key.as_str(), kind.as_str())),
-            _ => None,
-        })
-        .collect();
-    let mut storages = BTreeMap::new();
-    let Value::Sequence(order) = keys.get(keys.root) else {
-        return Err("the list of storages is none".to_owned());
-    };
-    for &id in order {
-        let key = keys.text(id).ok_or("the key of a storage is no text")?;
-        let missing = || format!("storage {key} reaches past the end of the file");
-        let count = bytes.get(at..at + 8).ok_or_else(missing)?;
-        let count = u64::from_le_bytes(count.try_into().map_err(|_| missing())?);
-        let size = kinds.get(key).and_then(|kind| element_size(kind));
-        let size = size.ok_or_else(|| format!("storage {key} has a type of unknown size"))?;
-        let length = usize::try_from(count).ok().and_then(|n| n.checked_mul(size));
-        let end = length.and_then(|length| (at + 8).checked_add(length)).ok_or_else(missing)?;
-        budget.take(STORAGE + key.len())?;
-        storages.insert(key.to_owned(), bytes.get(at + 8..end).ok_or_else(missing)?);
-        at = end;
-    }
+    let (keys, at) = next("the list of storages")?;
+    let storages = storages(bytes, at, &object, &keys, budget)?;
     collect(&object, &storages, budget)
+}
+
+/// The storages of an old file: from `at` on, in the order of the list of their keys.
+fn storages<'k, 'a>(
+    bytes: &'a [u8],
+    mut at: usize,
+    object: &Pickle<'_>,
+    keys: &'k Pickle<'_>,
+    budget: &Budget,
+) -> Result<BTreeMap<&'k str, &'a [u8]>, PthError> {
+    let kinds: BTreeMap<&str, &str> = object
+        .storages()
+        .map(|Storage { key, kind, .. }| budget.take(STORAGE).map(|()| (key, kind)))
+        .collect::<Result<_, _>>()?;
+    let list = |source| PthError::Pickle { part: "the list of storages".to_owned(), source };
+    let mut storages = BTreeMap::new();
+    for item in keys.root().sequence().map_err(list)? {
+        let wrong = |key: &str, reason| PthError::Storage { key: key.to_owned(), reason };
+        let key = item.text().ok_or_else(|| wrong(&item.field, "is not named by a text"))?;
+        let missing = || wrong(key, "reaches past the end of the file");
+        let (count, rest) = bytes[at..].split_first_chunk().ok_or_else(missing)?;
+        let size = kinds.get(key).and_then(|kind| element_size(kind));
+        let size = size.ok_or_else(|| wrong(key, "has a type of unknown size"))?;
+        let length = usize::try_from(u64::from_le_bytes(*count)).ok();
+        let length = length.and_then(|n| n.checked_mul(size)).ok_or_else(missing)?;
+        budget.take(STORAGE + key.len())?;
+        storages.insert(key, rest.get(..length).ok_or_else(missing)?);
+        at += size_of_val(count) + length;
+    }
+    Ok(storages)
 }
 
 fn element_size(kind: &str) -> Option<usize> {
@@ -162,19 +172,17 @@ fn element_size(kind: &str) -> Option<usize> {
 
 /// All tensors of the dictionary of weights.
 fn collect(
-    pickle: &Pickle,
-    storages: &BTreeMap<String, &[u8]>,
-    budget: &mut Budget,
-) -> Result<State, String> {
-    let weights = weights_of(pickle);
+    pickle: &Pickle<'_>,
+    storages: &BTreeMap<&str, &[u8]>,
+    budget: &Budget,
+) -> Result<State, PthError> {
     let mut state = State::new();
-    for (name, id) in pickle.entries(weights) {
-        let Value::Tensor(view) = pickle.get(id) else { continue };
-        let about = |reason: String| format!("{name}: {reason}");
-        let Value::Storage { kind, key, elements } = pickle.get(view.storage) else { continue };
-        let data =
-            storages.get(key.as_str()).ok_or_else(|| about("its storage is missing".into()))?;
-        let plan = Plan::new(view, *elements).map_err(about)?;
+    for (name, item) in weights_of(pickle).entries() {
+        let Some(tensor) = item.tensor() else { continue };
+        let about = |reason: String| PthError::Tensor { name: name.to_owned(), reason };
+        let Storage { kind, key, elements } = tensor.storage;
+        let data = storages.get(key).ok_or_else(|| about("its storage is missing".into()))?;
+        let plan = Plan::new(&tensor, elements).map_err(about)?;
         // Tensors may share a storage: what they take is counted each time. Numbers are gathered,
         // then copied into the state.
         let numbers = element_size(kind).unwrap_or(0).max(4).saturating_mul(plan.len());
@@ -183,7 +191,7 @@ fn collect(
             .and_then(|()| budget.take(numbers))
             .map_err(|reason| about(format!("{reason}: do tensors share storages too often?")))?;
         let short = || about(format!("its storage has {} bytes, too few", data.len()));
-        match kind.as_str() {
+        match kind {
             "FloatStorage" => {
                 let numbers = plan.gather(data, f32::from_le_bytes).ok_or_else(short)?;
                 state.insert(name, &plan.shape, &numbers);
@@ -205,22 +213,22 @@ fn collect(
         budget.give_back(numbers);
     }
     if state.names().next().is_none() {
-        return Err("it holds no tensor under a name: save `model.state_dict()`".to_owned());
+        return Err(PthError::Empty);
     }
     Ok(state)
 }
 
 /// The dictionary of weights: the object itself if it holds a tensor, or what it holds under one
 /// of the usual names.
-fn weights_of(pickle: &Pickle) -> Id {
-    let holds_tensors =
-        |id: Id| pickle.entries(id).any(|(_, id)| matches!(pickle.get(id), Value::Tensor(_)));
-    if holds_tensors(pickle.root) {
-        return pickle.root;
+fn weights_of<'p, 'a>(pickle: &'p Pickle<'a>) -> Item<'p, 'a> {
+    let holds_tensors = |item: &Item<'_, '_>| item.entries().any(|(_, e)| e.tensor().is_some());
+    let root = pickle.root();
+    if holds_tensors(&root) {
+        return root;
     }
-    let nested = |name: &&str| pickle.entries(pickle.root).find(|(key, _)| key == name);
-    let found = NESTED.iter().filter_map(nested).map(|(_, id)| id).find(|&id| holds_tensors(id));
-    found.unwrap_or(pickle.root)
+    let nested = |name: &&str| root.entries().find(|(key, _)| key == name);
+    let mut found = NESTED.iter().filter_map(nested).map(|(_, item)| item);
+    found.find(holds_tensors).unwrap_or(root)
 }
 
 /// Where the elements of a tensor lie in its storage; all of them were seen to lie in it.
@@ -231,7 +239,7 @@ struct Plan {
 }
 
 impl Plan {
-    fn new(view: &TensorView, elements: u64) -> Result<Self, String> {
+    fn new(view: &Tensor<'_>, elements: u64) -> Result<Self, String> {
         let overflow = || format!("a shape of {:?} is too large", view.shape);
         // Whatever axes are empty: the others together have to be fewer bytes than memory has
         // addresses, or there is no such array.
