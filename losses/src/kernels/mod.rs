@@ -6,6 +6,5 @@ pub mod chunks;
 pub mod compare;
 pub mod lab;
 pub mod matching;
-pub mod singular;
 pub mod ssim;
 pub mod vec3;
