@@ -28,7 +28,7 @@
 //!     assert!(done <= total); // for a progress bar
 //! })?;
 //! assert_eq!(read.views[2].mask, views[2].mask);
-//! assert_eq!(split(read.len(), 4, 3).held_out, [3]);
+//! assert_eq!(split(read.len(), Some(4)).held_out, [3]);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -40,7 +40,7 @@
 //! | choose where masks come from | [`MaskSource`] |
 //! | write for other tools | [`write_kaolin`], [`write_transforms`], [`write_colmap`], [`write_photos`], [`r2n2::write_object`] |
 //! | read many objects | [`Dataset`]: [`r2n2::R2n2`], [`pixel2mesh::Pixel2Mesh`], [`Bop`], [`Pix3d`], [`Pascal3d`], [`Cub`], [`Mcmr`] |
-//! | keep views or objects back for judging | [`split()`], [`split_objects`] |
+//! | keep views or objects back for judging | [`split()`], [`split_objects`], [`is_held_out`] |
 //! | read one depth map, or a disparity | [`read_depth_file`], [`read_disparity_file`] |
 //! | estimate depth from an image | `DepthEstimator` (feature `onnx`) with a [`DepthInput`] |
 //!
@@ -138,6 +138,6 @@ pub use mask::{mask_from_alpha, mask_from_backdrop};
 pub use open::{choose, open, open_with};
 pub use options::{MaskSource, OnInconsistent, ReadOptions, Turntable};
 pub use read::read_views;
-pub use split::{Split, split, split_objects};
+pub use split::{Split, is_held_out, split, split_objects};
 pub use validate::{Fault, Validation, validate};
 pub use view::{Layout, View, Views};

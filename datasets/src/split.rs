@@ -1,6 +1,10 @@
 //! Which views are fitted and which are kept back to judge the result; which objects are trained
 //! on.
 
+use std::hash::Hasher;
+
+use fnv::FnvHasher;
+
 use crate::dataset::{Entry, Subset};
 
 /// Indices of views, each list ascending.
@@ -12,21 +16,25 @@ pub struct Split {
     pub held_out: Vec<usize>,
 }
 
-/// Holds back every view whose index leaves the remainder `offset` when divided by `every`.
+/// Whether the view or object of this index is held back, of every `every` the last; without, none is.
 ///
-/// `split(100, 5, 4)` holds back 4, 9, 14, .., 99. With `every` 0, and where nothing would remain
-/// to fit, nothing is held back.
+/// The one rule of all that is not told what to hold back: views of an object, objects of a dataset.
+pub fn is_held_out(index: usize, every: Option<usize>) -> bool {
+    every.is_some_and(|every| every > 0 && index % every == every - 1)
+}
+
+/// Holds back views by [`is_held_out`].
+///
+/// `split(100, Some(5))` holds back 4, 9, 14, .., 99. Where nothing would remain to fit, nothing is held
+/// back.
 ///
 /// ```
-/// let split = datasets::split(10, 5, 4);
+/// let split = datasets::split(10, Some(5));
 /// assert_eq!(split.held_out, [4, 9]);
 /// assert_eq!(split.fit, [0, 1, 2, 3, 5, 6, 7, 8]);
 /// ```
-pub fn split(count: usize, every: usize, offset: usize) -> Split {
-    if every == 0 {
-        return Split { fit: (0..count).collect(), held_out: Vec::new() };
-    }
-    let (held_out, fit): (Vec<_>, Vec<_>) = (0..count).partition(|i| i % every == offset % every);
+pub fn split(count: usize, every: Option<usize>) -> Split {
+    let (held_out, fit): (Vec<_>, Vec<_>) = (0..count).partition(|&i| is_held_out(i, every));
     if fit.is_empty() {
         Split { fit: held_out, held_out: Vec::new() }
     } else {
@@ -75,13 +83,13 @@ pub fn split_objects(entries: &[Entry], shares: [f64; 3], seed: u64) -> Vec<Subs
 /// A number in `[0, 1)` that looks random: FNV-1a, then the finaliser of SplitMix64, because the
 /// last letters alone would move only FNV's low bits.
 fn fraction(seed: u64, words: &[&str]) -> f64 {
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    let mut feed = |byte: u8| hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-    seed.to_le_bytes().into_iter().for_each(&mut feed);
+    let mut hash = FnvHasher::default();
+    hash.write(&seed.to_le_bytes());
     for word in words {
-        word.bytes().for_each(&mut feed);
-        feed(0xff); // no byte of UTF-8, so that words cannot flow into each other
+        hash.write(word.as_bytes());
+        hash.write(&[0xff]); // no byte of UTF-8, so that words cannot flow into each other
     }
+    let mut hash = hash.finish();
     hash = (hash ^ (hash >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     hash = (hash ^ (hash >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     hash ^= hash >> 31;
@@ -134,13 +142,11 @@ mod tests {
     fn every_view_is_on_exactly_one_side() {
         for count in 0..30 {
             for every in 0..7 {
-                for offset in 0..9 {
-                    let s = split(count, every, offset);
-                    let mut all = [s.fit.clone(), s.held_out].concat();
-                    all.sort_unstable();
-                    assert_eq!(all, (0..count).collect::<Vec<_>>());
-                    assert!(count == 0 || !s.fit.is_empty());
-                }
+                let s = split(count, every);
+                let mut all = [s.fit.clone(), s.held_out].concat();
+                all.sort_unstable();
+                assert_eq!(all, (0..count).collect::<Vec<_>>());
+                assert!(count == 0 || !s.fit.is_empty());
             }
         }
     }

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use datasets::{Dataset, Entry, ReadOptions, Subset, Truth, View, Views};
+use datasets::{Dataset, Entry, ReadOptions, Subset, Truth, View, Views, is_held_out};
 use train::{DataError, Fingerprint};
 
 /// Bytes of views that are kept at most; what is beyond is read again each time.
@@ -96,7 +96,7 @@ impl<T: Stored> ViewCache<T> {
     ///
     /// # Errors
     /// If no object has a view.
-    pub(crate) fn split(&self, every: usize) -> Result<[Vec<usize>; 2], DataError> {
+    pub(crate) fn split(&self, every: Option<usize>) -> Result<[Vec<usize>; 2], DataError> {
         let entries = self.dataset.entries();
         let usable: Vec<usize> = (0..entries.len()).filter(|&i| entries[i].views > 0).collect();
         if usable.is_empty() {
@@ -108,7 +108,7 @@ impl<T: Stored> ViewCache<T> {
             usable.iter().partition(|&&i| match entries[i].subset {
                 Some(subset) if said => subset != Subset::Train,
                 _ if said => false,
-                _ => every > 0 && i % every == every - 1,
+                _ => is_held_out(i, every),
             });
         let or = |part: &Vec<usize>, other: &Vec<usize>| {
             if part.is_empty() { other.clone() } else { part.clone() }

@@ -90,7 +90,7 @@ pub enum OptimizerKind {
     Sgd,
 }
 
-/// How the step length changes over time.
+/// How the learning rate changes over time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ScheduleKind {

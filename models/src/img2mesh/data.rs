@@ -68,8 +68,7 @@ impl Data {
     /// # Errors
     /// If a camera cannot be used.
     pub fn one(views: &Views, config: &Img2MeshConfig) -> Result<Self, DataError> {
-        let every = config.hold_out.unwrap_or(0);
-        let parts = split(views.len(), every, every.saturating_sub(1));
+        let parts = split(views.len(), config.hold_out);
         let fitted: Vec<&View> = parts.fit.iter().map(|&i| &views.views[i]).collect();
         let frame = frame_of(&[fitted]);
         let prepared: Vec<Result<Prepared, DataError>> =
@@ -92,7 +91,7 @@ impl Data {
         config: &Img2MeshConfig,
     ) -> Result<Self, DataError> {
         let cache = ViewCache::new(dataset, options);
-        let [train, held] = cache.split(config.hold_out.unwrap_or(0))?;
+        let [train, held] = cache.split(config.hold_out)?;
         let hash = cache.fingerprint();
         // What is in the files is told by a few objects, which have to be read for the frame.
         let objects = train

@@ -107,7 +107,7 @@ impl Data {
         let truths = kinds.iter().map(|_| OnceLock::new()).collect();
         let perceptual = Arc::new(PerceptualMetrics::open(config)?);
         let cache = ViewCache::new(dataset, options);
-        let [train, held] = cache.split(config.hold_out.unwrap_or(0))?;
+        let [train, held] = cache.split(config.hold_out)?;
         let fingerprint = cache.fingerprint();
         let mut data =
             Self { cache, rough, truths, train, held, kinds, categories, perceptual, hash: 0 };

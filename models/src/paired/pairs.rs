@@ -105,7 +105,7 @@ impl Pairs {
         config: &PairsConfig,
     ) -> Result<Self, DataError> {
         let cache = ViewCache::new(dataset, options);
-        let [train, held] = cache.split(config.hold_out.unwrap_or(0))?;
+        let [train, held] = cache.split(config.hold_out)?;
         let mut hash = cache.fingerprint();
         let surfaces = cache.entries().iter().map(|_| OnceLock::new()).collect();
         let (side, scale) = (config.image_size, config.scale);

@@ -60,7 +60,7 @@ mod untangle;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use datasets::{View, Views};
+use datasets::{View, Views, is_held_out};
 use mesh_core::{Health, TriMesh};
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
@@ -157,7 +157,7 @@ impl<'a> Run<'a> {
         for (index, view) in views.iter().enumerate() {
             if view.mask.data.iter().all(|&m| m == 0) {
                 empty.push(view.name.as_str());
-            } else if config.hold_out.is_some_and(|every| index % every == every - 1) {
+            } else if is_held_out(index, config.hold_out) {
                 held_out_views.push(index);
             } else {
                 train_views.push(index);
