@@ -88,16 +88,20 @@ impl System for Ellipsoid {
 
     fn open(config: &EllipsoidConfig, source: &Source<'_>) -> Result<Vec<Sample>, DataError> {
         if source.path.is_some() {
-            return Err(DataError::Unfit("ellipsoid makes its own data: leave the path out".into()));
+            return Err(DataError::Unfit(
+                "ellipsoid makes its own data: leave the path out".into(),
+            ));
         }
         let total = config.objects + config.objects / 5;
         let camera = Camera::look_at([1.6, 1.3, 2.2], [0.0; 3], [0.0, 1.0, 0.0], 0.8, SIDE, SIDE);
         let mut samples = Vec::new();
         for number in 0..total {
-            let mut rng = Draw { seed: source.seed, epoch: 0, index: number as u64, item: number }.rng();
+            let mut rng =
+                Draw { seed: source.seed, epoch: 0, index: number as u64, item: number }.rng();
             let logs = [(); 3].map(|()| -1.2 + rng.random::<f32>());
             let mesh = icosphere(3).scaled(logs.map(f32::exp));
-            let made = render_views(&mesh, &[camera.clone()], &RenderOptions::default(), &|_, _| ());
+            let made =
+                render_views(&mesh, &[camera.clone()], &RenderOptions::default(), &|_, _| ());
             let views = made.map_err(|error| DataError::Unfit(error.to_string()))?;
             samples.push(Sample { number, cells: cells(&views[0]), logs });
             (source.progress)(number + 1, total);
@@ -132,7 +136,8 @@ impl System for Ellipsoid {
         _: StepInfo,
     ) -> Result<Terms<'t>, LossError> {
         let truth = Array2::from_shape_fn((batch.len(), 3), |(i, k)| batch[i].logs[k]);
-        let error = self.logs(tape, batch.iter().map(|sample| &sample.cells[..])) - tape.constant(truth);
+        let error =
+            self.logs(tape, batch.iter().map(|sample| &sample.cells[..])) - tape.constant(truth);
         Ok(Terms::new().with("radii", 1.0, error.square().mean()))
     }
 

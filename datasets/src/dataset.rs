@@ -1,7 +1,7 @@
 //! Many objects under one roof: what is there, and each object when it is asked for.
 
 use std::fmt::Debug;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use mesh_core::{TriMesh, VoxelGrid};
 
@@ -15,14 +15,28 @@ use crate::view::{Layout, Views};
 /// Every layout is one implementation, and its own type offers what only it knows (boxes,
 /// keypoints, rough poses). A folder with the views of a single object is a dataset of one.
 pub trait Dataset: Debug + Send + Sync {
+    /// What is there, as opening has found it.
+    fn catalog(&self) -> &Catalog;
+
     /// How the files are laid out.
-    fn layout(&self) -> Layout;
+    fn layout(&self) -> Layout {
+        self.catalog().layout
+    }
 
     /// The folder or file that was opened.
-    fn root(&self) -> &Path;
+    fn root(&self) -> &Path {
+        &self.catalog().root
+    }
 
     /// The objects, in the order of the layout; at least one.
-    fn entries(&self) -> &[Entry];
+    fn entries(&self) -> &[Entry] {
+        &self.catalog().entries
+    }
+
+    /// What a user should know although it stopped nothing, one sentence each.
+    fn warnings(&self) -> &[String] {
+        &self.catalog().warnings
+    }
 
     /// Reads views of one object: all, or those with the given indices, in the order given.
     ///
@@ -53,10 +67,25 @@ pub trait Dataset: Debug + Send + Sync {
         assert!(object < self.entries().len(), "truth: object {object} does not exist");
         Ok(Truth::default())
     }
+}
 
+/// What a [`Dataset`] knows before anything large is read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Catalog {
+    /// How the files are laid out.
+    pub layout: Layout,
+    /// The folder or file that was opened.
+    pub root: PathBuf,
+    /// The objects, in the order of the layout.
+    pub entries: Vec<Entry>,
     /// What a user should know although it stopped nothing, one sentence each.
-    fn warnings(&self) -> &[String] {
-        &[]
+    pub warnings: Vec<String>,
+}
+
+impl Catalog {
+    /// Of no objects yet.
+    pub fn new(layout: Layout, root: impl Into<PathBuf>) -> Self {
+        Self { layout, root: root.into(), entries: Vec::new(), warnings: Vec::new() }
     }
 }
 

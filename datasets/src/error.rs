@@ -2,6 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+/// What is said where nothing was recognised: every layout by the files that give it away.
+const LOOKED_FOR: &str = "0_rgb.png with 0_metadata.json (kaolin's views), transforms.json \
+    or transforms_{train,val,test}.json, cameras.json (photographs), cameras and images as .bin or \
+    .txt in sparse/0, sparse or here (COLMAP), each in a folder or a zip; scene_camera.json in the \
+    folders of scenes (BOP); rendering/rendering_metadata.txt (R2N2); .dat (Pixel2Mesh); pix3d.json; \
+    Annotations (Pascal3D+); CMR's cache for CUB; annotations/*.yaml (MCMR); for pictures from a \
+    turntable say so (--turntable)";
+
 /// Why views could not be read. The message names the file, the field and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[error("{}", self.message())]
@@ -38,7 +46,7 @@ pub enum ViewsProblem {
     #[error("is a folder, a pipe or a device, expected a file")]
     Irregular,
     /// No known layout fits what is there.
-    #[error("no known layout of views: {found}; looked for {}", crate::open::LOOKED_FOR)]
+    #[error("no known layout of views: {found}; looked for {}", LOOKED_FOR)]
     UnknownLayout {
         /// What was there.
         found: String,

@@ -117,7 +117,7 @@ mod split;
 mod validate;
 mod view;
 
-pub use dataset::{Dataset, Entry, Subset, SurfacePoints, Truth};
+pub use dataset::{Catalog, Dataset, Entry, Subset, SurfacePoints, Truth};
 #[cfg(feature = "onnx")]
 pub use depth_estimator::{DepthEstimator, DepthModelError, DepthModelProblem};
 pub use depth_file::{read_depth_file, read_disparity_file};
@@ -135,9 +135,8 @@ pub use layouts::pix3d::{Pix3d, Pix3dAnnotation};
 pub use layouts::transforms::write_transforms;
 pub use layouts::{pixel2mesh, r2n2};
 pub use mask::{mask_from_alpha, mask_from_backdrop};
-pub use open::{choose, open, open_with};
+pub use open::{choose, open, open_with, read_views};
 pub use options::{MaskSource, OnInconsistent, ReadOptions, Turntable};
-pub use read::read_views;
 pub use split::{Split, is_held_out, split, split_objects};
 pub use validate::{Fault, Validation, validate};
 pub use view::{Layout, View, Views};

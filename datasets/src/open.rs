@@ -11,14 +11,7 @@ use crate::layouts::pixel2mesh::{self, Pixel2Mesh};
 use crate::layouts::r2n2::{self, R2n2};
 use crate::layouts::single::SingleObject;
 use crate::options::ReadOptions;
-
-/// What is said where nothing was recognised: every layout by the files that give it away.
-pub(crate) const LOOKED_FOR: &str = "0_rgb.png with 0_metadata.json (kaolin's views), transforms.json \
-    or transforms_{train,val,test}.json, cameras.json (photographs), cameras and images as .bin or \
-    .txt in sparse/0, sparse or here (COLMAP), each in a folder or a zip; scene_camera.json in the \
-    folders of scenes (BOP); rendering/rendering_metadata.txt (R2N2); .dat (Pixel2Mesh); pix3d.json; \
-    Annotations (Pascal3D+); CMR's cache for CUB; annotations/*.yaml (MCMR); for pictures from a \
-    turntable say so (--turntable)";
+use crate::view::Views;
 
 /// Opens a dataset of whatever layout is at the path; nothing large is read.
 ///
@@ -47,6 +40,28 @@ pub fn open_with(path: &Path, options: &ReadOptions) -> Result<Box<dyn Dataset>,
         Some(single) => Ok(Box::new(single)),
         None => Err(unknown(path)),
     }
+}
+
+/// Reads the views of one object from whatever is there: a folder, a zip archive, a JSON file.
+///
+/// The layout is recognised by what is there; the crate's documentation lists them all. In a
+/// dataset of many objects [`ReadOptions::object`] says which one. `progress` is told how many
+/// views are done, of how many, from any thread.
+///
+/// # Memory
+/// Four bytes a pixel for all views, and a few decoded images while it reads.
+/// # Errors
+/// The first view, in the order of the layout, that cannot be read, whatever the number of
+/// threads; then what no single view shows: masks empty in every view, cameras that look
+/// elsewhere than at the object. Every error names the file and the field.
+pub fn read_views(
+    path: &Path,
+    options: &ReadOptions,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Views, ReadViewsError> {
+    let dataset = open_with(path, options)?;
+    let object = choose(path, dataset.entries(), options.object.as_deref())?;
+    dataset.views(object, None, options, progress)
 }
 
 /// The dataset of many objects at the path, where it is one.

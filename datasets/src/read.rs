@@ -7,7 +7,6 @@ use rayon::prelude::*;
 
 use crate::consistency;
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::open::{choose, open_with};
 use crate::options::{MaskSource, OnInconsistent, ReadOptions};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
@@ -23,28 +22,6 @@ pub(crate) struct Reading<'a> {
     pub(crate) warnings: Vec<String>,
     /// The field that holds the poses, for messages.
     pub(crate) poses: &'static str,
-}
-
-/// Reads the views of one object from whatever is there: a folder, a zip archive, a JSON file.
-///
-/// The layout is recognised by what is there; the crate's documentation lists them all. In a
-/// dataset of many objects [`ReadOptions::object`] says which one. `progress` is told how many
-/// views are done, of how many, from any thread.
-///
-/// # Memory
-/// Four bytes a pixel for all views, and a few decoded images while it reads.
-/// # Errors
-/// The first view, in the order of the layout, that cannot be read, whatever the number of
-/// threads; then what no single view shows: masks empty in every view, cameras that look
-/// elsewhere than at the object. Every error names the file and the field.
-pub fn read_views(
-    path: &Path,
-    options: &ReadOptions,
-    progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Views, ReadViewsError> {
-    let dataset = open_with(path, options)?;
-    let object = choose(path, dataset.entries(), options.object.as_deref())?;
-    dataset.views(object, None, options, progress)
 }
 
 /// Reads what a layout has listed, in parallel, and checks that the whole makes sense.

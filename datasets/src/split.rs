@@ -142,7 +142,7 @@ mod tests {
     fn every_view_is_on_exactly_one_side() {
         for count in 0..30 {
             for every in 0..7 {
-                let s = split(count, every);
+                let s = split(count, Some(every));
                 let mut all = [s.fit.clone(), s.held_out].concat();
                 all.sort_unstable();
                 assert_eq!(all, (0..count).collect::<Vec<_>>());

@@ -1,70 +1,11 @@
 //! Changing the triangles of a closed surface while keeping its shape.
 
+mod error;
 mod improve;
 mod isotropic;
+mod shape;
 mod surface;
 
+pub use error::RemeshError;
 pub use improve::{ImproveOptions, Improvement, improve};
 pub use isotropic::{RemeshOptions, Remeshed, remesh};
-
-use crate::MeshError;
-use crate::vector::{Vec3, angle, sub};
-
-/// Why a mesh cannot be remeshed.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum RemeshError {
-    /// The mesh is not valid.
-    #[error(transparent)]
-    Invalid(#[from] MeshError),
-    /// An edge has not two faces.
-    #[error("edge {edge:?} has {faces} face(s), expected 2 (a closed mesh)")]
-    NotClosed {
-        /// Its vertices.
-        edge: [u32; 2],
-        /// How many faces it has.
-        faces: usize,
-    },
-    /// The two faces on an edge run along it in the same direction.
-    #[error("the faces on edge {edge:?} are oriented against each other")]
-    NotOriented {
-        /// Its vertices.
-        edge: [u32; 2],
-    },
-    /// Several fans of faces meet in one vertex.
-    #[error("several parts of the surface meet in vertex {vertex}, expected one")]
-    NotManifold {
-        /// The vertex.
-        vertex: usize,
-    },
-    /// A vertex has no faces.
-    #[error("vertex {vertex} has no faces")]
-    Isolated {
-        /// The vertex.
-        vertex: usize,
-    },
-    /// The length that edges should have is of no use.
-    #[error("edges should be {found} long, expected a positive length of at most 20 million faces")]
-    EdgeLength {
-        /// The length.
-        found: f64,
-    },
-    /// The mesh has a texture, which would not fit the new faces.
-    #[error("the mesh has a texture, expected none (make the texture after remeshing)")]
-    Textured,
-}
-
-/// What decides how good a triangle is.
-struct Shape {
-    /// Its smallest angle in radians; 0 for a triangle without area.
-    smallest: f64,
-}
-
-impl Shape {
-    fn of([a, b, c]: [Vec3; 3]) -> Self {
-        let (u, v, w) = (sub(b, a), sub(c, b), sub(a, c));
-        let turned = |p: Vec3| p.map(|x| -x);
-        let smallest = angle(u, turned(w)).min(angle(v, turned(u))).min(angle(w, turned(v)));
-        Self { smallest }
-    }
-}

@@ -29,6 +29,8 @@
 //! CPython, *Lib/pickletools.py*, for the instructions; NumPy, `ndarray.__reduce__`.
 
 pub mod budget;
+mod dtype;
+mod error;
 mod machine;
 mod numpy;
 mod text;
@@ -36,26 +38,12 @@ mod torch;
 mod value;
 
 use crate::budget::{Budget, OverLimit};
+use crate::error::error;
 use crate::value::Value;
 
+pub use error::PickleError;
 pub use numpy::Numbers;
 pub use torch::{Storage, Tensor};
-
-/// What is wrong with a pickle, and where: the place of the instruction, or the value's path.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{field}: found {found}, expected {expected}")]
-pub struct PickleError {
-    /// The place of the instruction, or the path of the value.
-    pub field: String,
-    /// What is there.
-    pub found: String,
-    /// What was expected.
-    pub expected: String,
-}
-
-fn error(field: impl Into<String>, found: impl Into<String>, expected: &str) -> PickleError {
-    PickleError { field: field.into(), found: found.into(), expected: expected.to_owned() }
-}
 
 /// A parsed pickle.
 #[derive(Debug)]

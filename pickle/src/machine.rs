@@ -7,9 +7,9 @@
 use std::collections::BTreeMap;
 
 use crate::budget::{Budget, OverLimit};
+use crate::error::{PickleError, error};
 use crate::text::{quoted, unicode};
 use crate::value::{Made, Value, bytes, call, complete, storage};
-use crate::{PickleError, error};
 
 /// No module, class or function has a longer name; names are copied, and may be used many times.
 const LONGEST_NAME: usize = 200;

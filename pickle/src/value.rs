@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::numpy::{Array, Dtype};
+use crate::dtype::{Array, Dtype};
 use crate::text::latin;
 
 /// No array or tensor has more axes, and no storage a longer name: both are read again and again.

@@ -63,10 +63,12 @@
 //! - A spread is the largest less the smallest value over the seeds.
 
 pub mod depth;
+mod digest;
 mod error;
 pub mod img2mesh;
 mod markdown;
 pub mod mcmr;
+mod order;
 mod page;
 pub mod pixel2mesh;
 pub(crate) mod preset;
@@ -81,9 +83,10 @@ mod tests;
 mod work;
 
 pub use error::{ReproduceError, StudyError};
+pub use order::Order;
 pub use registry::studies;
 pub use row::{Cell, Picture, Row};
-pub use run::{Event, Order, Reproduced, reproduce};
+pub use run::{Event, Reproduced, reproduce};
 pub use study::{Claim, Scale, Study};
 pub use table::{Column, Line, Table, Tables};
 pub use work::{Tick, Trained, Work};

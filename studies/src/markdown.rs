@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::run::Digest;
+use super::digest::Digest;
 use super::table::Table;
 
 /// The file `table.md`.

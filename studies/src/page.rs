@@ -6,7 +6,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use train::report::{self, escape};
 
-use super::run::Digest;
+use super::digest::Digest;
 use super::table::Table;
 
 /// The file `report.html`.

@@ -1,43 +1,21 @@
 //! The course of a study: job after job, seed after seed.
 
-use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
 use serde::Serialize;
 use serde_json::json;
-use train::Provenance;
 
+use super::digest::Digest;
 use super::error::{ReproduceError, StudyError};
 use super::markdown::markdown;
+use super::order::Order;
 use super::page::page;
 use super::store::{Kept, Store};
-use super::study::{Claim, Scale, Study};
+use super::study::{Claim, Study};
 use super::table::Tables;
 use super::work::{Tick, Work};
-
-/// What is to be done.
-#[derive(Clone, Debug)]
-pub struct Order<'a> {
-    /// How much.
-    pub scale: Scale,
-    /// With which seeds, in this order.
-    pub seeds: Vec<u64>,
-    /// Data that the user has, instead of what the study makes.
-    pub data: Option<&'a Path>,
-    /// Whether results of other settings are dropped.
-    pub force: bool,
-    /// What tables and runs say about their making.
-    pub provenance: Provenance,
-}
-
-impl Default for Order<'_> {
-    fn default() -> Self {
-        let provenance = Provenance::default();
-        Self { scale: Scale::Full, seeds: vec![0], data: None, force: false, provenance }
-    }
-}
 
 /// What happened, in the order in which it does.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,43 +65,6 @@ pub struct Reproduced {
     pub interrupted: bool,
     /// What the jobs took that were done now.
     pub seconds: f64,
-}
-
-/// Everything that the pages say.
-pub(super) struct Digest<'a> {
-    pub(super) study: &'a dyn Study,
-    pub(super) order: &'a Order<'a>,
-    pub(super) store: &'a Store,
-    pub(super) kept: &'a [Kept],
-    pub(super) tables: &'a Tables,
-    pub(super) claims: &'a [Claim],
-    /// Jobs that are still to be done.
-    pub(super) left: usize,
-}
-
-impl Digest<'_> {
-    /// How the results were made: names and values.
-    pub(super) fn facts(&self) -> Vec<(&'static str, String)> {
-        let all = |value: &dyn Fn(&Kept) -> String| {
-            let values: BTreeSet<String> = self.kept.iter().map(value).collect();
-            values.into_iter().filter(|v| !v.is_empty()).collect::<Vec<_>>().join(" and ")
-        };
-        let seeds: Vec<String> = self.order.seeds.iter().map(u64::to_string).collect();
-        let seconds: f64 = self.kept.iter().map(|kept| kept.seconds).sum();
-        let facts = [
-            ("command", self.order.provenance.command.clone()),
-            ("scale", self.order.scale.name().to_owned()),
-            ("seeds", seeds.join(", ")),
-            ("data", self.order.data.map(|d| d.display().to_string()).unwrap_or_default()),
-            ("cpu", all(&|kept| kept.cpu.clone())),
-            ("machine", all(&|kept| kept.machine.clone())),
-            ("threads", all(&|kept| kept.threads.to_string())),
-            ("version", all(&|kept| kept.version.clone())),
-            ("commit", all(&|kept| kept.commit.clone())),
-            ("time", format!("{seconds:.0} s")),
-        ];
-        facts.into_iter().filter(|(_, value)| !value.is_empty()).collect()
-    }
 }
 
 /// Makes a study's tables in a folder, and goes on with what is there.

@@ -1,9 +1,10 @@
 //! Procedural objects as a dataset that is on no disk.
 
 use std::ops::Range;
-use std::path::Path;
 
-use datasets::{Dataset, Entry, Layout, ReadOptions, ReadViewsError, Subset, Truth, Views};
+use datasets::{
+    Catalog, Dataset, Entry, Layout, ReadOptions, ReadViewsError, Subset, Truth, Views,
+};
 use mesh_core::{Camera, TriMesh};
 
 use super::{Orbit, Placement, RenderOptions, render_views};
@@ -34,7 +35,7 @@ pub struct Procedural {
     turned: bool,
     placed: f64,
     drawn: Vec<(Family, u64)>,
-    entries: Vec<Entry>,
+    catalog: Catalog,
 }
 
 impl Procedural {
@@ -71,7 +72,10 @@ impl Procedural {
         };
         Self {
             drawn: each.clone().map(|one| (one.0, seed(one))).collect(),
-            entries: each.map(entry).collect(),
+            catalog: Catalog {
+                entries: each.map(entry).collect(),
+                ..Catalog::new(Layout::Memory, "procedural objects")
+            },
             turned: false,
             placed: 0.0,
             orbit,
@@ -155,16 +159,8 @@ fn mixed(a: u64, b: u64) -> u64 {
 }
 
 impl Dataset for Procedural {
-    fn layout(&self) -> Layout {
-        Layout::Memory
-    }
-
-    fn root(&self) -> &Path {
-        Path::new("procedural objects")
-    }
-
-    fn entries(&self) -> &[Entry] {
-        &self.entries
+    fn catalog(&self) -> &Catalog {
+        &self.catalog
     }
 
     fn views(
@@ -183,7 +179,7 @@ impl Dataset for Procedural {
         for (view, i) in views.iter_mut().zip(chosen) {
             view.name = i.to_string();
         }
-        let source = self.root().join(&self.entries[object].name);
+        let source = self.root().join(&self.catalog.entries[object].name);
         Ok(Views { views, source, layout: Layout::Memory, warnings: Vec::new() })
     }
 

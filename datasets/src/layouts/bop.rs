@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use mesh_core::{Camera, DepthMap, decode_depth_png_with, read_mesh};
 
 use crate::assemble::{PICTURE_BYTES, Picture, assemble, mask_file, read_picture};
-use crate::dataset::{Dataset, Entry, Subset, Truth};
+use crate::dataset::{Catalog, Dataset, Entry, Subset, Truth};
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::formats::json::{Node, parse};
 use crate::options::ReadOptions;
@@ -32,14 +32,12 @@ const PICTURE_EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "JPG"];
 /// left out. Principal points count from the centre of the first pixel, as OpenCV's do.
 #[derive(Debug)]
 pub struct Bop {
-    path: PathBuf,
+    catalog: Catalog,
     source: Source,
-    entries: Vec<Entry>,
     /// For each entry its views.
     shots: Vec<Vec<Shot>>,
     /// The folder with the models.
     models: Option<PathBuf>,
-    warnings: Vec<String>,
 }
 
 /// One instance of an object in one image.
@@ -149,7 +147,8 @@ impl Bop {
             .iter()
             .flat_map(|up| ["models", "models_cad", "models_eval"].map(|m| path.join(up).join(m)))
             .find(|folder| folder.is_dir());
-        Ok(Self { path: path.to_owned(), source, entries, shots, models, warnings })
+        let catalog = Catalog { entries, warnings, ..Catalog::new(Layout::Bop, path) };
+        Ok(Self { catalog, source, shots, models })
     }
 }
 
@@ -320,16 +319,8 @@ impl Shot {
 }
 
 impl Dataset for Bop {
-    fn layout(&self) -> Layout {
-        Layout::Bop
-    }
-
-    fn root(&self) -> &Path {
-        &self.path
-    }
-
-    fn entries(&self) -> &[Entry] {
-        &self.entries
+    fn catalog(&self) -> &Catalog {
+        &self.catalog
     }
 
     fn views(
@@ -357,12 +348,12 @@ impl Dataset for Bop {
         }
         let poses = "cam_R_m2c, cam_t_m2c";
         let reading = Reading { layout: Layout::Bop, pending, warnings, poses };
-        read_pending(&self.path, &self.source, reading, options, progress)
+        read_pending(&self.catalog.root, &self.source, reading, options, progress)
     }
 
     /// The model, in millimetres.
     fn truth(&self, object: usize) -> Result<Truth, ReadViewsError> {
-        let id: u64 = self.entries[object].name.parse().unwrap_or(0);
+        let id: u64 = self.catalog.entries[object].name.parse().unwrap_or(0);
         let Some(models) = &self.models else { return Ok(Truth::default()) };
         let path = models.join(format!("obj_{id:06}.ply"));
         if !path.is_file() {
@@ -371,9 +362,5 @@ impl Dataset for Bop {
         let mesh = read_mesh(&path)
             .map_err(|error| ReadViewsError::new(&path, ViewsProblem::Mesh(Box::new(error))))?;
         Ok(Truth { mesh: Some(mesh), ..Truth::default() })
-    }
-
-    fn warnings(&self) -> &[String] {
-        &self.warnings
     }
 }

@@ -10,10 +10,10 @@ use mesh_core::nalgebra::Matrix3;
 use mesh_core::{ByteImage, Camera, TriMesh};
 
 use crate::assemble::{assemble, read_picture};
-use crate::dataset::{Dataset, Entry, Subset};
+use crate::dataset::{Catalog, Dataset, Entry, Subset};
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::formats::mat::{Mat, Node};
-use crate::layouts::photo::{Album, Photo, chosen, fitted};
+use crate::layouts::album::{Album, fitted};
 use crate::options::{MaskSource, ReadOptions};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
@@ -36,14 +36,12 @@ const PARTS: usize = 15;
 /// [`Cub::annotation`], the mean bird in [`Cub::mean_shape`].
 #[derive(Debug)]
 pub struct Cub {
-    root: PathBuf,
+    catalog: Catalog,
     pictures: Source,
-    entries: Vec<Entry>,
     annotations: Vec<CubAnnotation>,
     /// The splits' files, which hold the masks, one bit a pixel.
     files: Vec<(PathBuf, Mat)>,
     mean_shape: Option<CubMeanShape>,
-    warnings: Vec<String>,
 }
 
 /// What CUB and CMR's cache say about one image.
@@ -252,13 +250,11 @@ impl Cub {
             Ok((file, mat))
         };
         let mut out = Self {
-            root: path.to_owned(),
+            catalog: Catalog::new(Layout::Cub, path),
             pictures: Source::folder(&pictures(path, &cache)),
-            entries: Vec::new(),
             annotations: Vec::new(),
             files: Vec::new(),
             mean_shape: None,
-            warnings: Vec::new(),
         };
         for (split, subset) in SPLITS {
             let name = annotations_of(split);
@@ -303,12 +299,14 @@ impl Cub {
             let stem = annotation.image.rsplit_once('.').map_or(&*annotation.image, |(s, _)| s);
             let (category, name) = stem.rsplit_once('/').unwrap_or(("", stem));
             let (category, name) = (category.to_owned(), name.to_owned());
-            self.entries.push(Entry { category, name, views: 1, subset: Some(subset) });
+            self.catalog.entries.push(Entry { category, name, views: 1, subset: Some(subset) });
             self.annotations.push(annotation);
         }
         if empty > 0 {
             let file = images.file().display();
-            self.warnings.push(format!("{empty} birds of {file} are left out: empty masks"));
+            self.catalog
+                .warnings
+                .push(format!("{empty} birds of {file} are left out: empty masks"));
         }
         Ok(())
     }
@@ -328,16 +326,8 @@ impl Cub {
 }
 
 impl Dataset for Cub {
-    fn layout(&self) -> Layout {
-        Layout::Cub
-    }
-
-    fn root(&self) -> &Path {
-        &self.root
-    }
-
-    fn entries(&self) -> &[Entry] {
-        &self.entries
+    fn catalog(&self) -> &Catalog {
+        &self.catalog
     }
 
     fn views(
@@ -347,22 +337,13 @@ impl Dataset for Cub {
         options: &ReadOptions,
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Views, ReadViewsError> {
-        let (annotation, name) = (&self.annotations[object], self.entries[object].name.as_str());
-        let pictures = &self.pictures;
+        let (annotation, name) =
+            (&self.annotations[object], self.catalog.entries[object].name.as_str());
         let (file, mat) = &self.files[annotation.place.0];
-        let photos = chosen(1, which).into_iter().map(|_| {
-            let read = Box::new(move |opened: &mut Opened<'_>| {
-                let image = mat.need("images", file)?.element(annotation.place.1)?;
-                annotation.read(name, &image.need("mask")?, pictures, opened, options)
-            });
-            Photo { name, image: &annotation.image, read }
-        });
-        let layout = Layout::Cub;
-        let album = Album { root: &self.root, source: pictures, layout, poses: "sfm_anno" };
-        album.read(photos.collect(), options, progress)
-    }
-
-    fn warnings(&self) -> &[String] {
-        &self.warnings
+        let album = Album { catalog: &self.catalog, source: &self.pictures, poses: "sfm_anno" };
+        album.read_only((name, &annotation.image), which, options, progress, |opened| {
+            let image = mat.need("images", file)?.element(annotation.place.1)?;
+            annotation.read(name, &image.need("mask")?, &self.pictures, opened, options)
+        })
     }
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use mesh_core::read_mesh;
 
-use crate::dataset::{Dataset, Entry, Subset, Truth};
+use crate::dataset::{Catalog, Dataset, Entry, Subset, Truth};
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::formats::json::{Node, parse};
 use crate::layouts::single::SingleObject;
@@ -23,9 +23,7 @@ const MOST_BYTES: u64 = 1 << 30;
 /// Objects of our own making.
 #[derive(Clone, Debug)]
 pub struct Generated {
-    path: PathBuf,
-    layout: Layout,
-    entries: Vec<Entry>,
+    catalog: Catalog,
 }
 
 /// Whether the folder was written by `unsphere data generate`.
@@ -72,12 +70,12 @@ impl Generated {
         };
         let transforms = path.join(&first.category).join(&first.name).join("transforms.json");
         let layout = if transforms.is_file() { Layout::Transforms } else { Layout::KaolinFolder };
-        Ok(Self { path: path.to_owned(), layout, entries })
+        Ok(Self { catalog: Catalog { entries, ..Catalog::new(layout, path) } })
     }
 
     fn folder(&self, object: usize) -> PathBuf {
-        let Entry { category, name, .. } = &self.entries[object];
-        self.path.join(category).join(name)
+        let Entry { category, name, .. } = &self.catalog.entries[object];
+        self.catalog.root.join(category).join(name)
     }
 }
 
@@ -92,16 +90,8 @@ fn folder_name(object: &Node<'_>, field: &str) -> Result<String, ReadViewsError>
 }
 
 impl Dataset for Generated {
-    fn layout(&self) -> Layout {
-        self.layout
-    }
-
-    fn root(&self) -> &Path {
-        &self.path
-    }
-
-    fn entries(&self) -> &[Entry] {
-        &self.entries
+    fn catalog(&self) -> &Catalog {
+        &self.catalog
     }
 
     fn views(

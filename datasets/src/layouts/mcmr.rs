@@ -11,11 +11,11 @@ use rayon::prelude::*;
 
 use crate::assemble::{assemble, mask_from_picture, read_picture};
 use crate::content::over;
-use crate::dataset::{Dataset, Entry, Subset};
+use crate::dataset::{Catalog, Dataset, Entry, Subset};
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::formats::json::Node;
 use crate::formats::yaml;
-use crate::layouts::photo::{Album, Photo, chosen, fitted};
+use crate::layouts::album::{Album, fitted};
 use crate::options::{MaskSource, ReadOptions};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
@@ -39,11 +39,9 @@ const LINE: usize = 1000;
 /// are in [`Mcmr::annotation`].
 #[derive(Debug)]
 pub struct Mcmr {
-    root: PathBuf,
+    catalog: Catalog,
     source: Source,
-    entries: Vec<Entry>,
     annotations: Vec<McmrAnnotation>,
-    warnings: Vec<String>,
 }
 
 /// What one file of annotations says.
@@ -288,7 +286,8 @@ impl Mcmr {
             let found = "none with a mask and a pose";
             return Err(ReadViewsError::field(path, ANNOTATIONS, found, "at least one"));
         }
-        Ok(Self { root: path.to_owned(), source, entries, annotations, warnings })
+        let catalog = Catalog { entries, warnings, ..Catalog::new(Layout::Mcmr, path) };
+        Ok(Self { catalog, source, annotations })
     }
 
     /// The annotation of an object.
@@ -301,16 +300,8 @@ impl Mcmr {
 }
 
 impl Dataset for Mcmr {
-    fn layout(&self) -> Layout {
-        Layout::Mcmr
-    }
-
-    fn root(&self) -> &Path {
-        &self.root
-    }
-
-    fn entries(&self) -> &[Entry] {
-        &self.entries
+    fn catalog(&self) -> &Catalog {
+        &self.catalog
     }
 
     fn views(
@@ -320,20 +311,11 @@ impl Dataset for Mcmr {
         options: &ReadOptions,
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Views, ReadViewsError> {
-        let (annotation, name) = (&self.annotations[object], self.entries[object].name.as_str());
-        let source = &self.source;
-        let photos = chosen(1, which).into_iter().map(|_| {
-            let read = Box::new(move |opened: &mut Opened<'_>| {
-                annotation.read(name, source, opened, options)
-            });
-            Photo { name, image: &annotation.image, read }
-        });
-        let layout = Layout::Mcmr;
-        let album = Album { root: &self.root, source, layout, poses: "extrinsic" };
-        album.read(photos.collect(), options, progress)
-    }
-
-    fn warnings(&self) -> &[String] {
-        &self.warnings
+        let (annotation, name) =
+            (&self.annotations[object], self.catalog.entries[object].name.as_str());
+        let album = Album { catalog: &self.catalog, source: &self.source, poses: "extrinsic" };
+        album.read_only((name, &annotation.image), which, options, progress, |opened| {
+            annotation.read(name, &self.source, opened, options)
+        })
     }
 }

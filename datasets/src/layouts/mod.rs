@@ -1,5 +1,6 @@
 //! The layouts that people have, one a file: each becomes plain [`View`](crate::View)s, or a typed error.
 
+pub(crate) mod album;
 pub(crate) mod bop;
 pub(crate) mod colmap;
 pub(crate) mod cub;

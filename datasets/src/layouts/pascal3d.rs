@@ -11,10 +11,10 @@ use mesh_core::{ByteImage, Camera, Lens, TriMesh};
 use rayon::prelude::*;
 
 use crate::assemble::{assemble, read_picture};
-use crate::dataset::{Dataset, Entry, Truth};
+use crate::dataset::{Catalog, Dataset, Entry, Truth};
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::formats::mat::{Mat, Node};
-use crate::layouts::photo::{Album, Photo, chosen, fitted, model};
+use crate::layouts::album::{Album, fitted, model};
 use crate::options::{MaskSource, ReadOptions};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
@@ -35,11 +35,9 @@ const MODELS_BYTES: u64 = 1 << 28;
 /// read with the mask source `whole` or `backdrop`.
 #[derive(Debug)]
 pub struct Pascal3d {
-    root: PathBuf,
+    catalog: Catalog,
     source: Source,
-    entries: Vec<Entry>,
     annotations: Vec<Pascal3dAnnotation>,
-    warnings: Vec<String>,
 }
 
 /// What Pascal3D+ says about one object in an image.
@@ -354,7 +352,8 @@ impl Pascal3d {
             let found = "none with a viewpoint";
             return Err(ReadViewsError::field(path, "objects", found, "at least one"));
         }
-        Ok(Self { root: path.to_owned(), source, entries, annotations, warnings })
+        let catalog = Catalog { entries, warnings, ..Catalog::new(Layout::Pascal3d, path) };
+        Ok(Self { catalog, source, annotations })
     }
 
     /// The annotation of an object.
@@ -406,16 +405,8 @@ impl Pascal3d {
 }
 
 impl Dataset for Pascal3d {
-    fn layout(&self) -> Layout {
-        Layout::Pascal3d
-    }
-
-    fn root(&self) -> &Path {
-        &self.root
-    }
-
-    fn entries(&self) -> &[Entry] {
-        &self.entries
+    fn catalog(&self) -> &Catalog {
+        &self.catalog
     }
 
     fn views(
@@ -425,17 +416,12 @@ impl Dataset for Pascal3d {
         options: &ReadOptions,
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Views, ReadViewsError> {
-        let (annotation, name) = (&self.annotations[object], self.entries[object].name.as_str());
-        let source = &self.source;
-        let photos = chosen(1, which).into_iter().map(|_| {
-            let read = Box::new(move |opened: &mut Opened<'_>| {
-                annotation.read(name, source, opened, options)
-            });
-            Photo { name, image: &annotation.image, read }
-        });
-        let layout = Layout::Pascal3d;
-        let album = Album { root: &self.root, source, layout, poses: "viewpoint" };
-        album.read(photos.collect(), options, progress)
+        let (annotation, name) =
+            (&self.annotations[object], self.catalog.entries[object].name.as_str());
+        let album = Album { catalog: &self.catalog, source: &self.source, poses: "viewpoint" };
+        album.read_only((name, &annotation.image), which, options, progress, |opened| {
+            annotation.read(name, &self.source, opened, options)
+        })
     }
 
     /// The nearest model of the class, which is not the very object: `CAD/<class>/<number>.off`,
@@ -448,9 +434,5 @@ impl Dataset for Pascal3d {
             None => self.model_in_mat(class, *index)?,
         };
         Ok(Truth { mesh, ..Truth::default() })
-    }
-
-    fn warnings(&self) -> &[String] {
-        &self.warnings
     }
 }

@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 use mesh_core::{Camera, VoxelGrid};
 
 use crate::assemble::{assemble, mask_from_picture, read_picture};
-use crate::dataset::{Dataset, Entry, Subset, Truth};
+use crate::dataset::{Catalog, Dataset, Entry, Subset, Truth};
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::formats::json::{Node, parse};
 use crate::formats::mat::Mat;
-use crate::layouts::photo::{Album, Photo, chosen, fitted, model};
+use crate::layouts::album::{Album, Photo, chosen, fitted, model};
 use crate::options::{MaskSource, ReadOptions};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
@@ -41,12 +41,10 @@ const VOXEL_SIDE: usize = 1024;
 /// from its front. Boxes, flags and focal lengths are in [`Pix3d::annotations`].
 #[derive(Debug)]
 pub struct Pix3d {
-    root: PathBuf,
+    catalog: Catalog,
     source: Source,
-    entries: Vec<Entry>,
     /// The annotations of each object.
     objects: Vec<Vec<Pix3dAnnotation>>,
-    warnings: Vec<String>,
 }
 
 /// What Pix3D says about one photograph.
@@ -277,7 +275,8 @@ impl Pix3d {
             objects.push(annotations);
         }
         drop(opened);
-        Ok(Self { root, source, entries, objects, warnings })
+        let catalog = Catalog { entries, warnings, ..Catalog::new(Layout::Pix3d, &root) };
+        Ok(Self { catalog, source, objects })
     }
 
     /// The annotations of an object, in the order of its views.
@@ -352,16 +351,8 @@ fn object_name(annotation: &Pix3dAnnotation) -> String {
 }
 
 impl Dataset for Pix3d {
-    fn layout(&self) -> Layout {
-        Layout::Pix3d
-    }
-
-    fn root(&self) -> &Path {
-        &self.root
-    }
-
-    fn entries(&self) -> &[Entry] {
-        &self.entries
+    fn catalog(&self) -> &Catalog {
+        &self.catalog
     }
 
     fn views(
@@ -379,8 +370,7 @@ impl Dataset for Pix3d {
                 Box::new(move |opened: &mut Opened<'_>| annotation.read(source, opened, options));
             Photo { name: &annotation.image, image: &annotation.image, read }
         });
-        let album =
-            Album { root: &self.root, source, layout: Layout::Pix3d, poses: "rot_mat, trans_mat" };
+        let album = Album { catalog: &self.catalog, source, poses: "rot_mat, trans_mat" };
         album.read(photos.collect(), options, progress)
     }
 
@@ -398,9 +388,5 @@ impl Dataset for Pix3d {
             _ => None,
         };
         Ok(Truth { mesh, voxels, points: None })
-    }
-
-    fn warnings(&self) -> &[String] {
-        &self.warnings
     }
 }

@@ -1,14 +1,14 @@
 //! The layouts whose folder, archive or file holds the views of one object.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use crate::dataset::{Dataset, Entry};
+use crate::dataset::{Catalog, Dataset, Entry};
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::layouts::{bop, colmap, kaolin, photos, transforms, turntable};
 use crate::options::{MaskSource, ReadOptions, Turntable};
 use crate::read::{Reading, read_chosen};
 use crate::source::Source;
-use crate::view::{Layout, Views};
+use crate::view::Views;
 
 /// How far above the folder that was opened the files of one object may lie: nerfstudio keeps poses
 /// beside `images/`, and COLMAP its models in `sparse/0/`.
@@ -17,12 +17,9 @@ const ABOVE: usize = 2;
 /// A dataset of one object.
 #[derive(Debug)]
 pub(crate) struct SingleObject {
-    path: PathBuf,
+    catalog: Catalog,
     source: Source,
     kind: Kind,
-    layout: Layout,
-    entries: [Entry; 1],
-    warnings: Vec<String>,
 }
 
 /// What was recognised, with what is read of it once.
@@ -63,7 +60,9 @@ impl SingleObject {
         let name = stem.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
         let entry = Entry { name, views: pending.len(), ..Entry::default() };
         drop(pending);
-        Ok(Self { path: path.to_owned(), source, kind, layout, entries: [entry], warnings })
+        let entries = vec![entry];
+        let catalog = Catalog { entries, warnings, ..Catalog::new(layout, path) };
+        Ok(Self { catalog, source, kind })
     }
 
     /// The COLMAP project, where it is one.
@@ -82,21 +81,13 @@ impl SingleObject {
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Views, ReadViewsError> {
         let reading = list(&self.kind, &self.source, options)?;
-        read_chosen(&self.path, &self.source, reading, which, options, progress)
+        read_chosen(&self.catalog.root, &self.source, reading, which, options, progress)
     }
 }
 
 impl Dataset for SingleObject {
-    fn layout(&self) -> Layout {
-        self.layout
-    }
-
-    fn root(&self) -> &Path {
-        &self.path
-    }
-
-    fn entries(&self) -> &[Entry] {
-        &self.entries
+    fn catalog(&self) -> &Catalog {
+        &self.catalog
     }
 
     fn views(
@@ -108,10 +99,6 @@ impl Dataset for SingleObject {
     ) -> Result<Views, ReadViewsError> {
         assert!(object == 0, "views: object {object} does not exist");
         self.read(which, options, progress)
-    }
-
-    fn warnings(&self) -> &[String] {
-        &self.warnings
     }
 }
 

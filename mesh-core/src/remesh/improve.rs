@@ -1,7 +1,8 @@
 //! Better triangles from the same vertices and the same number of faces.
 
+use super::error::RemeshError;
+use super::shape::Shape;
 use super::surface::{Surface, next, previous};
-use super::{RemeshError, Shape};
 use crate::TriMesh;
 use crate::vector::{Vec3, add, angle, area_vector, dot, narrow, norm, scale, sub, unit, widen};
 

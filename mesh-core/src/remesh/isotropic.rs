@@ -3,9 +3,10 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use super::error::RemeshError;
 use super::improve::{ImproveOptions, flip_sweep, keeps_facing, relax_sweep};
+use super::shape::Shape;
 use super::surface::{Surface, next, previous};
-use super::{RemeshError, Shape};
 use crate::vector::{Vec3, add, area_vector, dot, narrow, norm, scale, sub, widen};
 use crate::{ClosestPoint, SurfacePoint, TriMesh};
 

@@ -1,6 +1,6 @@
 //! A closed surface that can be changed: faces and, for each corner, the corner across its edge.
 
-use super::RemeshError;
+use super::error::RemeshError;
 use crate::{Topology, TriMesh};
 
 /// Corner `3 f + i` is the one of face `f` at its `i`-th vertex. "The edge of a corner" is the one

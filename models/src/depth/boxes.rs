@@ -1,8 +1,6 @@
 //! Pix3D's photographs cut to their given boxes.
 
-use std::path::Path;
-
-use datasets::{Dataset, Entry, Layout, Pix3d, ReadOptions, ReadViewsError, Truth, View, Views};
+use datasets::{Catalog, Dataset, Pix3d, ReadOptions, ReadViewsError, Truth, View, Views};
 use mesh_core::{ByteImage, Camera, DepthMap, Lens};
 
 /// What a box is widened by, so that the object does not touch the image's border.
@@ -24,16 +22,8 @@ impl Boxes {
 }
 
 impl Dataset for Boxes {
-    fn layout(&self) -> Layout {
-        self.inner.layout()
-    }
-
-    fn root(&self) -> &Path {
-        self.inner.root()
-    }
-
-    fn entries(&self) -> &[Entry] {
-        self.inner.entries()
+    fn catalog(&self) -> &Catalog {
+        self.inner.catalog()
     }
 
     fn views(
@@ -65,10 +55,6 @@ impl Dataset for Boxes {
 
     fn truth(&self, object: usize) -> Result<Truth, ReadViewsError> {
         self.inner.truth(object)
-    }
-
-    fn warnings(&self) -> &[String] {
-        self.inner.warnings()
     }
 }
 

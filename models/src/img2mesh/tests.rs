@@ -1,10 +1,9 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::ops::ControlFlow;
-use std::path::Path;
 
 use autodiff_lite::Param;
-use datasets::{Dataset, Entry, Layout, ReadOptions, ReadViewsError, Subset, Views};
+use datasets::{Catalog, Dataset, Entry, Layout, ReadOptions, ReadViewsError, Subset, Views};
 use mesh_core::primitives::icosphere;
 use synth::{Orbit, RenderOptions, render_views};
 use train::{Better, Configuration, Event, Job, Provenance, RunFolder, train};
@@ -152,18 +151,10 @@ fn a_tiny_training_finds_the_shape() {
 
 /// Ellipsoids of several shapes, in memory.
 #[derive(Debug)]
-struct Ellipsoids(Vec<Entry>);
+struct Ellipsoids(Catalog);
 
 impl Dataset for Ellipsoids {
-    fn layout(&self) -> Layout {
-        Layout::Memory
-    }
-
-    fn root(&self) -> &Path {
-        Path::new("memory")
-    }
-
-    fn entries(&self) -> &[Entry] {
+    fn catalog(&self) -> &Catalog {
         &self.0
     }
 
@@ -191,7 +182,8 @@ fn many_objects_are_split_by_their_layout_or_by_us() {
             subset: subset(k),
             ..Entry::default()
         };
-        Box::new(Ellipsoids((0..6).map(entry).collect()))
+        let entries = (0..6).map(entry).collect();
+        Box::new(Ellipsoids(Catalog { entries, ..Catalog::new(Layout::Memory, "memory") }))
     };
     let config = Img2MeshConfig { hold_out: Some(3), ..tiny() };
     let open = |dataset| Data::many(dataset, ReadOptions::default(), &config).unwrap();

@@ -6,6 +6,9 @@ use train::settings::{LARGEST, Options as _};
 use crate::shapes::Family;
 use crate::{Lighting, Monocular, NormalSpace, PoseNoise, RenderOptions};
 
+/// The configuration, in the root of the dataset.
+pub(super) const MANIFEST: &str = "dataset.toml";
+
 train::options! {
     /// What [`generate`](super::generate) makes; the same bytes for the same values.
     #[serde(deny_unknown_fields)]

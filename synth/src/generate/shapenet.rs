@@ -5,8 +5,8 @@ use std::path::Path;
 use datasets::{SurfacePoints, Truth, r2n2};
 use mesh_core::{TriMesh, VoxelGrid, encode_exr, sample_points, voxelize_enclosed, voxelize_solid};
 
-use super::GenerateError;
 use super::config::GenerateConfig;
+use super::error::GenerateError;
 use super::object::{Made, ObjectInfo};
 use super::store::{put, put_rough};
 

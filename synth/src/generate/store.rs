@@ -13,14 +13,12 @@ use train::output::{Lock, LockError, disk, is_incidental, lock_folder, own_folde
 use train::settings::settings_of;
 use train::settings::to_toml;
 
-use super::GenerateError;
-use super::config::{GenerateConfig, OutputLayout};
+use super::config::{GenerateConfig, MANIFEST, OutputLayout};
+use super::error::GenerateError;
 use super::model::Model;
 use super::object::{Job, Made, ObjectInfo};
 use super::{rough, shapenet};
 
-/// The configuration, in the root of the dataset.
-pub(super) const MANIFEST: &str = "dataset.toml";
 /// The folder, in the root of a dataset, of objects that are being written; a run that was killed
 /// leaves it, and the next one removes it. On a file system without locks each run has its own, whose name goes on.
 pub const UNFINISHED: &str = ".unfinished";

@@ -2,8 +2,9 @@
 
 use mesh_core::TriMesh;
 
+use super::family::Family;
+use super::shape::{Part, Shape};
 use super::solid::{Point, mirrored};
-use super::{Family, Part, Shape};
 
 /// The parts so far.
 #[derive(Debug, Default)]

@@ -6,9 +6,10 @@ use std::f64::consts::{PI, TAU};
 
 use super::assembly::Assembly;
 use super::draw::Draw;
+use super::family::Family;
+use super::shape::Shape;
 use super::solid::{self, Point, add, mix, scale, sub};
 use super::wheel::{RUBBER, mudguard};
-use super::{Family, Shape};
 
 const STEEL: [f32; 3] = [0.72, 0.73, 0.75];
 const DARK: [f32; 3] = [0.12, 0.12, 0.13];

@@ -5,9 +5,10 @@ mod extras;
 use super::assembly::Assembly;
 use super::coachwork::cut_arches;
 use super::draw::Draw;
+use super::family::Family;
+use super::shape::Shape;
 use super::solid::{self, Point};
 use super::wheel::{RUBBER, Wheel};
-use super::{Family, Shape};
 
 const GLASS: [f32; 3] = [0.13, 0.17, 0.21];
 const TRIM: [f32; 3] = [0.10, 0.10, 0.11];

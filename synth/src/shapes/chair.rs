@@ -3,13 +3,14 @@
 use mesh_core::TriMesh;
 
 use super::draw::Draw;
+use super::family::Family;
 use super::joinery::{
     Point, add, ball, beam, bent, block, curve, ellipse, flat, moved, pitched, plate, rod, turned,
     yawed,
 };
 use super::paint::Paint;
+use super::shape::Shape;
 use super::workpiece::Workpiece;
-use super::{Family, Shape};
 
 /// What it stands on.
 const BASES: [&str; 5] = ["four legs", "three legs", "star", "sled", "cantilever"];

@@ -3,12 +3,13 @@
 use mesh_core::TriMesh;
 
 use super::draw::{Draw, hsv};
+use super::family::Family;
 use super::joinery::{
     Point, add, ball, block, curve, moved, profile, rod, scale, sub, turned, unit, yawed,
 };
 use super::paint::{Color, Paint};
+use super::shape::Shape;
 use super::workpiece::Workpiece;
-use super::{Family, Shape};
 
 /// How its arms are made.
 const ARMS: [&str; 3] = ["straight", "arc", "jointed"];

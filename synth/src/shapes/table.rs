@@ -1,12 +1,13 @@
 //! Tables: tops of four outlines on legs, trestles, columns, crosses or cabinets.
 
 use super::draw::Draw;
+use super::family::Family;
 use super::joinery::{
     Point, ball, beam, bent, block, curve, ellipse, flat, moved, plate, profile, rod, turned, yawed,
 };
 use super::paint::Paint;
+use super::shape::Shape;
 use super::workpiece::Workpiece;
-use super::{Family, Shape};
 
 /// The outline of its top.
 const TOPS: [&str; 4] = ["round", "square", "rectangular", "oval"];

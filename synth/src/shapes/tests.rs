@@ -2,7 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use super::{Family, Shape};
+use super::family::Family;
+use super::shape::Shape;
 
 /// Draws of a family are sound; `styles` are traits with all values that must occur in 200 draws.
 #[track_caller]

@@ -2,7 +2,8 @@
 
 use mesh_core::{TriMesh, subdivide};
 
-use super::{Family, Part, Shape};
+use super::family::Family;
+use super::shape::{Part, Shape};
 
 /// The fewest faces that a finished thing has.
 const FACES: usize = 2_000;

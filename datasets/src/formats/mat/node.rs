@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Array, StructArray, Value, sizes};
+use super::value::{Array, StructArray, Value, sizes};
 use crate::error::ReadViewsError;
 
 /// A value and where it stands.

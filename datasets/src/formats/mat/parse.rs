@@ -5,7 +5,7 @@ use std::path::Path;
 use flate2::read::ZlibDecoder;
 
 use super::stream::{Stream, Tag};
-use super::{Array, Data, StructArray, Value, sizes};
+use super::value::{Array, Data, StructArray, Value, sizes};
 use crate::content::Content;
 use crate::error::ReadViewsError;
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use mesh_core::{Budget, OverLimit};
 
-use super::Data;
+use super::value::Data;
 use crate::content::over;
 use crate::error::ReadViewsError;
 

@@ -12,7 +12,7 @@ use mesh_core::DepthMap;
 use crate::assemble::{
     MASK_EXTENSIONS, Picture, assemble, camera_of_size, mask_file, read_picture, without_extension,
 };
-use crate::dataset::{Dataset, Entry};
+use crate::dataset::{Catalog, Dataset};
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::layouts::single::SingleObject;
 use crate::natural;
@@ -244,16 +244,8 @@ impl Colmap {
 }
 
 impl Dataset for Colmap {
-    fn layout(&self) -> Layout {
-        self.single.layout()
-    }
-
-    fn root(&self) -> &Path {
-        self.single.root()
-    }
-
-    fn entries(&self) -> &[Entry] {
-        self.single.entries()
+    fn catalog(&self) -> &Catalog {
+        self.single.catalog()
     }
 
     fn views(
@@ -264,10 +256,6 @@ impl Dataset for Colmap {
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Views, ReadViewsError> {
         self.single.views(object, which, options, progress)
-    }
-
-    fn warnings(&self) -> &[String] {
-        self.single.warnings()
     }
 }
 

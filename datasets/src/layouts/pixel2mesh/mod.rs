@@ -22,7 +22,7 @@ pub use sample::{Sample, read_sample, write_sample};
 
 use crate::assemble::{Picture, assemble, read_picture};
 use crate::content::over;
-use crate::dataset::{Dataset, Entry, Truth};
+use crate::dataset::{Catalog, Dataset, Entry, Truth};
 use crate::error::ReadViewsError;
 use crate::layouts::r2n2::R2n2Lens;
 use crate::mask::{mask_from_alpha, mask_from_backdrop};
@@ -39,9 +39,8 @@ const ENTRY: usize = 400;
 /// Pixel2Mesh's samples: a list of them, a folder of them, or one.
 #[derive(Clone, Debug)]
 pub struct Pixel2Mesh {
-    path: PathBuf,
+    catalog: Catalog,
     files: Vec<PathBuf>,
-    entries: Vec<Entry>,
     lens: R2n2Lens,
 }
 
@@ -67,7 +66,8 @@ impl Pixel2Mesh {
             return Err(ReadViewsError::field(path, "samples", "none", "files that end in .dat"));
         }
         let entries = files.iter().map(|file| entry(file)).collect();
-        Ok(Self { path: path.to_owned(), files, entries, lens: R2n2Lens::default() })
+        let catalog = Catalog { entries, ..Catalog::new(Layout::Pixel2Mesh, path) };
+        Ok(Self { catalog, files, lens: R2n2Lens::default() })
     }
 
     /// The same samples seen through another lens: [`R2n2Lens::Pixel2Mesh250`] is that of the
@@ -160,16 +160,8 @@ fn entry(file: &Path) -> Entry {
 }
 
 impl Dataset for Pixel2Mesh {
-    fn layout(&self) -> Layout {
-        Layout::Pixel2Mesh
-    }
-
-    fn root(&self) -> &Path {
-        &self.path
-    }
-
-    fn entries(&self) -> &[Entry] {
-        &self.entries
+    fn catalog(&self) -> &Catalog {
+        &self.catalog
     }
 
     fn views(
@@ -204,7 +196,7 @@ impl Dataset for Pixel2Mesh {
                 let auto = options.mask == MaskSource::Auto;
                 let mask = (auto && mask_from_alpha(&picture.image).is_none())
                     .then(|| (file.clone(), not_white(&picture.image)));
-                let name = self.entries[object].name.clone();
+                let name = self.catalog.entries[object].name.clone();
                 let name = name.rsplit('/').next().unwrap_or(&name).to_owned();
                 assemble(name, picture, mask, camera, None, options)
             }));

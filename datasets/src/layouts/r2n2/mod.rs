@@ -63,7 +63,7 @@ use mesh_core::{ByteImage, io::binvox, read_mesh};
 use rayon::prelude::*;
 
 use crate::assemble::{assemble, read_picture};
-use crate::dataset::{Dataset, Entry, Truth};
+use crate::dataset::{Catalog, Dataset, Entry, Truth};
 use crate::depth;
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::options::ReadOptions;
@@ -89,15 +89,13 @@ const MESHES: &str = "ShapeNetCore.v1";
 /// Objects of ShapeNet as 3D-R2N2 rendered them, or ours in that layout.
 #[derive(Clone, Debug)]
 pub struct R2n2 {
-    path: PathBuf,
+    catalog: Catalog,
     /// Where the other folders are, where it is known.
     root: Option<PathBuf>,
     /// The folder of each object, beside its entry.
     folders: Vec<PathBuf>,
-    entries: Vec<Entry>,
     splits: Splits,
     lens: R2n2Lens,
-    warnings: Vec<String>,
 }
 
 impl R2n2 {
@@ -126,7 +124,8 @@ impl R2n2 {
             entries.push(Entry { category: object.category, name: object.name, views, subset });
         }
         let (path, lens) = (path.to_owned(), R2n2Lens::default());
-        Ok(Self { path, root: found.root, folders, entries, splits, lens, warnings })
+        let catalog = Catalog { entries, warnings, ..Catalog::new(Layout::R2n2, &path) };
+        Ok(Self { catalog, root: found.root, folders, splits, lens })
     }
 
     /// The same objects through another lens.
@@ -164,7 +163,7 @@ impl R2n2 {
     }
 
     fn mesh_file(&self, object: usize) -> Option<PathBuf> {
-        let Entry { category, name, .. } = &self.entries[object];
+        let Entry { category, name, .. } = &self.catalog.entries[object];
         let endings = ["model.obj", "models/model_normalized.obj"];
         let below = self.root.iter().flat_map(|root| {
             [MESHES, "ShapeNetCore.v2", ""].map(|f| root.join(f).join(category).join(name))
@@ -174,7 +173,7 @@ impl R2n2 {
     }
 
     fn voxel_file(&self, object: usize) -> Option<PathBuf> {
-        let Entry { category, name, .. } = &self.entries[object];
+        let Entry { category, name, .. } = &self.catalog.entries[object];
         let below = self.root.iter().map(|root| root.join(VOXELS).join(category).join(name));
         let folders = below.chain([self.folders[object].clone()]);
         Self::first_of(folders.map(|f| f.join("model.binvox")))
@@ -182,16 +181,8 @@ impl R2n2 {
 }
 
 impl Dataset for R2n2 {
-    fn layout(&self) -> Layout {
-        Layout::R2n2
-    }
-
-    fn root(&self) -> &Path {
-        &self.path
-    }
-
-    fn entries(&self) -> &[Entry] {
-        &self.entries
+    fn catalog(&self) -> &Catalog {
+        &self.catalog
     }
 
     fn views(
@@ -253,10 +244,6 @@ impl Dataset for R2n2 {
         let points = self.folders[object].join(POINTS);
         let points = if points.is_file() { Some(points::read(&points)?) } else { None };
         Ok(Truth { mesh, points, voxels })
-    }
-
-    fn warnings(&self) -> &[String] {
-        &self.warnings
     }
 }
 

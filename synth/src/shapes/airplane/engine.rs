@@ -7,8 +7,8 @@ use mesh_core::TriMesh;
 use super::super::assembly::Assembly;
 use super::super::draw::Draw;
 use super::super::solid::{self, Point, add};
+use super::plan::{Colors, DARK, METAL, Plane, Style};
 use super::wing::Wing;
-use super::{Colors, DARK, METAL, Plane, Style};
 
 /// Adds the engines; returns their arrangement.
 pub(super) fn engines(

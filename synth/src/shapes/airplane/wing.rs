@@ -5,7 +5,7 @@ use mesh_core::TriMesh;
 use super::super::assembly::Assembly;
 use super::super::draw::Draw;
 use super::super::solid::{self, Point, add};
-use super::{Colors, Plane, Style, WHITE};
+use super::plan::{Colors, Plane, Style, WHITE};
 
 /// A wing or fin as a tapered plate with a rounded leading edge.
 pub(super) struct Wing {

@@ -5,12 +5,13 @@ use std::f64::consts::PI;
 use mesh_core::{TriMesh, primitives};
 
 use crate::shapes::draw::{Draw, hsv};
+use crate::shapes::family::Family;
 use crate::shapes::joinery::{
     Point, ball, block, curve, ellipse, moved, pitched, plate, rectangle, rod, rolled, turned,
 };
 use crate::shapes::paint::{Color, Paint};
+use crate::shapes::shape::Shape;
 use crate::shapes::workpiece::Workpiece;
-use crate::shapes::{Family, Shape};
 
 /// The outline of its body.
 const BODIES: [&str; 3] = ["round", "square", "arched"];

@@ -3,7 +3,7 @@
 use super::super::assembly::Assembly;
 use super::super::draw::Draw;
 use super::super::solid;
-use super::{Bus, Stretch, Style, TRIM, WHITE};
+use super::plan::{Bus, Stretch, Style, TRIM, WHITE};
 
 /// What the bus is painted with.
 pub(super) struct Colors {

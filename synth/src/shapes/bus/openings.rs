@@ -2,7 +2,7 @@
 
 use super::super::assembly::Assembly;
 use super::super::draw::Draw;
-use super::{Bus, GLASS, Stretch, Style, TRIM};
+use super::plan::{Bus, GLASS, Stretch, Style, TRIM};
 
 /// Middles of the doors, front to rear.
 pub(super) fn doors(bus: &Bus) -> Vec<f64> {

@@ -3,7 +3,7 @@
 use super::super::assembly::Assembly;
 use super::super::draw::Draw;
 use super::super::solid;
-use super::{AMBER, Bus, RED, Stretch, Style, TRIM};
+use super::plan::{AMBER, Bus, RED, Stretch, Style, TRIM};
 
 /// Adds what is on the roof; returns its name.
 pub(super) fn roof(

@@ -3,7 +3,7 @@
 use super::super::assembly::Assembly;
 use super::super::draw::Draw;
 use super::super::solid::{self, mix};
-use super::{Bike, CHROME, DARK, ENGINE, STEEL, Style, X};
+use super::plan::{Bike, CHROME, DARK, ENGINE, STEEL, Style, X};
 
 /// Adds the engine; returns its kind.
 pub(super) fn engine(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> &'static str {

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use super::super::assembly::Assembly;
 use super::super::draw::Draw;
 use super::super::solid::{self, Point, add};
-use super::{Bike, DARK, ENGINE, GLASS, LIGHT, RED, STEEL, Style, X, hull};
+use super::plan::{Bike, DARK, ENGINE, GLASS, LIGHT, RED, STEEL, Style, X, hull};
 
 /// Adds what keeps off the wind; returns its kind.
 pub(super) fn fairing(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> &'static str {
