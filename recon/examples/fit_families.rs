@@ -85,7 +85,7 @@ fn measure(shape: Shape) -> Result<Row, Failure> {
     let views = Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] };
     let others = render(&truth, &Orbit { seed: 1, ..orbit(8, Placement::Random) })?;
 
-    let config = FitConfig { hold_out: 0, ..FitConfig::default() };
+    let config = FitConfig { hold_out: None, ..FitConfig::default() };
     let start = Instant::now();
     let Fitted { mesh, health, .. } = fit(&views, &config, &mut |_| ControlFlow::Continue(()))?;
     let seconds = start.elapsed().as_secs_f64();

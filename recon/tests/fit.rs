@@ -105,7 +105,7 @@ fn a_table_grows_its_legs_and_a_ring_stays_a_sphere_with_a_slit() {
 
 #[test]
 fn a_few_views_at_a_time_work_too() {
-    let config = FitConfig { views_per_step: 4, ..config() };
+    let config = FitConfig { views_per_step: Some(4), ..config() };
     let (iou, _) = score(&placed(primitives::icosphere(4)), &config);
     assert!(iou > 0.98, "mask IoU {iou}");
 }
@@ -113,7 +113,7 @@ fn a_few_views_at_a_time_work_too() {
 #[test]
 fn the_number_of_threads_changes_nothing() {
     let views = views_of(&placed(primitives::cuboid([1.0, 1.3, 0.8])), 12);
-    let config = FitConfig { steps: 30, views_per_step: 7, color: ColorKind::Texture, ..config() };
+    let config = FitConfig { steps: 30, views_per_step: Some(7), color: ColorKind::Texture, ..config() };
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let fitted = pool.install(|| run(&views, &config));
