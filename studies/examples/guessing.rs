@@ -6,7 +6,9 @@ use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use studies::{Cell, Claim, Order, Row, Scale, Study, StudyError, Tables, Tick, Work, reproduce};
+use studies::{
+    Cell, Claim, Order, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work, reproduce,
+};
 
 struct Guessing;
 
@@ -19,19 +21,11 @@ impl Study for Guessing {
         "two ways to guess"
     }
 
-    fn settings(&self, _: Scale) -> String {
-        "strategies = 2\n".into()
+    fn plan(&self, _: Scale) -> Plan {
+        Plan { jobs: vec!["low".into(), "high".into()], settings: "strategies = 2\n".into() }
     }
 
-    fn jobs(&self, _: Scale) -> Vec<String> {
-        vec!["low".into(), "high".into()]
-    }
-
-    fn run(
-        &self,
-        work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
-    ) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
         work.tell(watch, 0.5, "half of it")?;
         let won = if work.id == "high" { 0.75 } else { 0.5 } + 0.01 * work.seed as f64;
         Ok(vec![Row::new("Guesses", &work.id).with(Cell::larger("won", won, 2))])

@@ -6,7 +6,7 @@
 //!
 //! ```
 //! use std::ops::ControlFlow;
-//! use studies::{Cell, Claim, Order, Row, Scale, Study, StudyError, Tables, Tick, Work, reproduce};
+//! use studies::{Cell, Claim, Order, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work, reproduce};
 //!
 //! /// Does guessing pay? One job a strategy; a real study trains a model in each.
 //! struct Guessing;
@@ -18,17 +18,10 @@
 //!     fn about(&self) -> &'static str {
 //!         "two ways to guess"
 //!     }
-//!     fn settings(&self, _: Scale) -> String {
-//!         "strategies = 2\n".into()
+//!     fn plan(&self, _: Scale) -> Plan {
+//!         Plan { jobs: vec!["low".into(), "high".into()], settings: "strategies = 2\n".into() }
 //!     }
-//!     fn jobs(&self, _: Scale) -> Vec<String> {
-//!         vec!["low".into(), "high".into()]
-//!     }
-//!     fn run(
-//!         &self,
-//!         work: &Work<'_>,
-//!         watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
-//!     ) -> Result<Vec<Row>, StudyError> {
+//!     fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
 //!         work.tell(watch, 0.5, "half of it")?;
 //!         let won = if work.id == "high" { 0.75 } else { 0.5 } + 0.01 * work.seed as f64;
 //!         Ok(vec![Row::new("Guesses", &work.id).with(Cell::larger("won", won, 2))])
@@ -52,7 +45,7 @@
 //!
 //! 1. `impl Study` in the system's module; a job is one model, [`Work::train`] trains it and goes on with
 //!    it after an interruption.
-//! 2. [`Study::settings`] holds all that another value of which would make kept results wrong:
+//! 2. [`Plan::settings`] holds all that another value of which would make kept results wrong:
 //!    the configurations as TOML, sizes and counts.
 //! 3. One line in the `STUDIES` of its system's module.
 //!
@@ -87,6 +80,6 @@ pub use order::Order;
 pub use registry::studies;
 pub use row::{Cell, Picture, Row};
 pub use run::{Event, Reproduced, reproduce};
-pub use study::{Claim, Scale, Study};
+pub use study::{Claim, Plan, Scale, Study};
 pub use table::{Column, Line, Table, Tables};
-pub use work::{Tick, Trained, Work};
+pub use work::{Tick, Trained, Watch, Work};

@@ -1,14 +1,14 @@
 //! What studies that train share: configurations with changes, and their data.
 
 use std::fmt::Write as _;
-use std::ops::ControlFlow;
 
 use train::settings::{read_text, to_toml};
 use train::{Configuration, DataError, Metric, Source, System};
 
 use super::error::StudyError;
 use super::row::{Cell, Row};
-use super::work::{Tick, Trained, Work};
+use super::study::Plan;
+use super::work::{Trained, Watch, Work};
 
 /// A setting over a preset.
 pub(crate) type Change = (&'static str, &'static str);
@@ -25,15 +25,16 @@ pub(crate) fn preset<S: System>(name: &str, changes: &[Change]) -> Configuration
     read_text(name.as_ref(), text, &changes).expect("presets and their changes are sound")
 }
 
-/// All that decides the results of these jobs.
-pub(crate) fn settings<S: System>(jobs: &[Planned<S>]) -> String {
-    let mut text = String::new();
+/// These jobs, and all that decides their results.
+pub(crate) fn plan<S: System>(jobs: &[Planned<S>]) -> Plan {
+    let mut plan = Plan::default();
     for (job, _, config) in jobs {
+        plan.jobs.push((*job).to_owned());
         for line in to_toml(config).lines() {
-            let _ = writeln!(text, "{job}.{line}");
+            let _ = writeln!(plan.settings, "{job}.{line}");
         }
     }
-    text
+    plan
 }
 
 /// The job that is to be done.
@@ -57,7 +58,7 @@ pub(crate) fn open<S: System>(
 pub(crate) fn train_job<S: System>(
     config: &Configuration<S::Config>,
     work: &Work<'_>,
-    watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
+    watch: Watch<'_>,
 ) -> Result<(S::Data, Trained<S>), StudyError> {
     let data = open::<S>(work, config)?;
     let trained = work.train::<S>(config, &data, watch)?;

@@ -13,7 +13,7 @@ use super::markdown::markdown;
 use super::order::Order;
 use super::page::page;
 use super::store::{Kept, Store};
-use super::study::{Claim, Study};
+use super::study::{Claim, Plan, Study};
 use super::table::Tables;
 use super::work::{Tick, Work};
 
@@ -84,20 +84,19 @@ pub fn reproduce(
     order: &Order<'_>,
     watch: &mut dyn FnMut(Event) -> ControlFlow<()>,
 ) -> Result<Reproduced, ReproduceError> {
-    let jobs = study.jobs(order.scale);
+    let Plan { jobs, settings } = study.plan(order.scale);
     let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     assert!(jobs.iter().all(|id| id.chars().all(plain)), "reproduce: names of jobs: {jobs:?}");
-    let store = Store::open(out, &identity(study, order), order.force)?;
+    let store = Store::open(out, &identity(study, &settings, order), order.force)?;
     let mut runner = StudyRunner { study, order, store, jobs, results: Vec::new() };
     runner.recall()?;
     runner.run(watch)
 }
 
 /// What all results of a folder have in common.
-fn identity(study: &dyn Study, order: &Order<'_>) -> String {
+fn identity(study: &dyn Study, settings: &str, order: &Order<'_>) -> String {
     let data = order.data.map_or_else(|| "its own".to_owned(), |path| path.display().to_string());
     let (name, scale) = (study.name(), order.scale.name());
-    let settings = study.settings(order.scale);
     format!("study = {name}\nscale = {scale}\ndata = {data}\n{}\n", settings.trim_end())
 }
 

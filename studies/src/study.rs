@@ -1,13 +1,11 @@
 //! What a study is.
 
-use std::ops::ControlFlow;
-
 use serde::Serialize;
 
 use super::error::StudyError;
 use super::row::Row;
 use super::table::Tables;
-use super::work::{Tick, Work};
+use super::work::{Watch, Work};
 
 /// A published table, or several, as jobs that make its rows.
 pub trait Study: Sync {
@@ -17,25 +15,15 @@ pub trait Study: Sync {
     /// What it shows, in a line of the help.
     fn about(&self) -> &'static str;
 
-    /// Everything that decides the results beside seed, data and the code itself, as lines of
-    /// `name = value`. Kept results of other settings are refused, and the first line that differs
-    /// is named.
-    fn settings(&self, scale: Scale) -> String;
-
-    /// The jobs in the order of the rows, each a name of small letters, digits and dashes. A job
-    /// trains one model and may give several rows.
-    fn jobs(&self, scale: Scale) -> Vec<String>;
+    /// What is to be done, and what decides its results.
+    fn plan(&self, scale: Scale) -> Plan;
 
     /// Does one job. Rows of one job have different labels within a table, and every seed gives
     /// the same ones.
     ///
     /// # Errors
-    /// [`StudyError::Stopped`] as soon as `watch` answers [`ControlFlow::Break`], and whatever prevents the rows.
-    fn run(
-        &self,
-        work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
-    ) -> Result<Vec<Row>, StudyError>;
+    /// [`StudyError::Stopped`] as soon as `watch` answers [`Break`](std::ops::ControlFlow::Break), and whatever prevents the rows.
+    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError>;
 
     /// What the tables are to show. Asked once every job has a result of every seed.
     fn claims(&self, tables: &Tables, scale: Scale) -> Vec<Claim>;
@@ -43,6 +31,33 @@ pub trait Study: Sync {
     /// What stands above a table: its setting, what differs from the paper.
     fn caption(&self, _table: &str, _scale: Scale) -> String {
         String::new()
+    }
+}
+
+/// The jobs of a study, and all that decides their results beside seed, data and the code itself.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Plan {
+    /// The jobs in the order of the rows, each a name of small letters, digits and dashes. A job
+    /// trains one model and may give several rows.
+    pub jobs: Vec<String>,
+    /// Lines of `name = value`. Kept results of other settings are refused, and the first line that
+    /// differs is named.
+    pub settings: String,
+}
+
+impl Plan {
+    /// This and then another one.
+    #[must_use]
+    pub fn and(mut self, other: Self) -> Self {
+        self.jobs.extend(other.jobs);
+        self.with(&other.settings)
+    }
+
+    /// This with more settings.
+    #[must_use]
+    pub fn with(mut self, settings: &str) -> Self {
+        self.settings += settings;
+        self
     }
 }
 

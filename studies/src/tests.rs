@@ -43,19 +43,11 @@ impl Study for Toy {
         "nothing <much>"
     }
 
-    fn settings(&self, _: Scale) -> String {
-        self.settings.to_owned()
+    fn plan(&self, _: Scale) -> Plan {
+        Plan { jobs: vec!["one".into(), "two".into()], settings: self.settings.to_owned() }
     }
 
-    fn jobs(&self, _: Scale) -> Vec<String> {
-        vec!["one".into(), "two".into()]
-    }
-
-    fn run(
-        &self,
-        work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
-    ) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
         self.begun.lock().unwrap().push(format!("{} {}", work.id, work.seed));
         work.tell(watch, 0.25, "thinking")?;
         let seed = work.seed as f64;
@@ -226,19 +218,11 @@ impl Study for Training {
         "one model"
     }
 
-    fn settings(&self, _: Scale) -> String {
-        settings::to_toml(&configuration())
+    fn plan(&self, _: Scale) -> Plan {
+        Plan { jobs: vec!["model".into()], settings: settings::to_toml(&configuration()) }
     }
 
-    fn jobs(&self, _: Scale) -> Vec<String> {
-        vec!["model".into()]
-    }
-
-    fn run(
-        &self,
-        work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
-    ) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let config = configuration();
         let source = Source {
             path: work.data,

@@ -11,7 +11,7 @@ use super::study::Scale;
 /// A job of one seed.
 #[derive(Clone, Debug)]
 pub struct Work<'a> {
-    /// Which of [`Study::jobs`](super::Study::jobs).
+    /// Which of the plan's [`jobs`](super::Plan::jobs).
     pub id: String,
     /// Seed of everything in it.
     pub seed: u64,
@@ -35,6 +35,9 @@ pub struct Tick {
     pub text: String,
 }
 
+/// Whom a job tells how far it is; stops it by answering [`ControlFlow::Break`].
+pub type Watch<'a> = &'a mut (dyn FnMut(Tick) -> ControlFlow<()> + 'a);
+
 /// A model that a job trained.
 #[derive(Debug)]
 pub struct Trained<S> {
@@ -55,7 +58,7 @@ impl Work<'_> {
     /// [`StudyError::Stopped`] if it is to stop.
     pub fn tell(
         &self,
-        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
+        watch: Watch<'_>,
         done: f64,
         text: impl Into<String>,
     ) -> Result<(), StudyError> {
@@ -77,7 +80,7 @@ impl Work<'_> {
         &self,
         config: &Configuration<S::Config>,
         data: &S::Data,
-        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
+        watch: Watch<'_>,
     ) -> Result<Trained<S>, StudyError> {
         let mut config = config.clone();
         config.train.seed = self.seed;

@@ -11,7 +11,7 @@
 use std::path::Path;
 use std::str::FromStr;
 
-use super::open::read_bytes;
+use super::open::Contents;
 use super::{ReadMeshError, WriteError, write_atomic};
 use crate::{Budget, Limits, VoxelGrid};
 
@@ -27,8 +27,8 @@ const LONGEST_LINE: usize = 4096;
 /// The file cannot be read or is not as the format says; dimensions that the bytes after the
 /// header cannot fill are refused before anything is allocated.
 pub fn read(path: impl AsRef<Path>) -> Result<VoxelGrid, ReadMeshError> {
-    let path = path.as_ref();
-    let (bytes, mut budget) = read_bytes(path, &Limits::default())?;
+    let limits = Limits::default();
+    let Contents { bytes, path, mut budget, .. } = Contents::of_file(path.as_ref(), &limits)?;
     parse(&bytes, path, &mut budget)
 }
 

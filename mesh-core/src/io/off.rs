@@ -1,69 +1,31 @@
 //! OFF, Geomview's text format: a count, the vertices, the faces. Read, never written.
 
-use std::path::Path;
-
-use super::open::read_bytes;
+use super::open::{Contents, readers};
 use super::remark::counted;
 use super::{ReadMeshError, Remark};
-use crate::{Budget, Limits, TriMesh};
+use crate::TriMesh;
 
-/// Reads an OFF file; polygons become fans of triangles, colours and normals are passed over, faces of
-/// one or two corners and triangles that name a vertex twice left out.
-///
-/// # Errors
-/// The file cannot be read or ends early, a number is unreadable or not finite, or an index is out
-/// of range.
-pub fn read(path: impl AsRef<Path>) -> Result<TriMesh, ReadMeshError> {
-    read_with(path, &Limits::default(), &mut Vec::new())
+readers! {
+    /// Reads an OFF file; polygons become fans of triangles, colours and normals are passed over, faces of
+    /// one or two corners and triangles that name a vertex twice left out.
+    ///
+    /// # Errors
+    /// The file cannot be read or ends early, a number is unreadable or not finite, or an index is out
+    /// of range.
+    read,
+    /// The mesh in the bytes of an OFF file.
+    decode,
+    parse
 }
 
-/// The same within other limits, and what the mesh does not hold of the file in `remarks`.
-///
-/// # Errors
-/// As [`read`].
-pub fn read_with(
-    path: impl AsRef<Path>,
-    limits: &Limits,
-    remarks: &mut Vec<Remark>,
-) -> Result<TriMesh, ReadMeshError> {
-    let path = path.as_ref();
-    let (bytes, mut budget) = read_bytes(path, limits)?;
-    parse(&bytes, path, &mut budget, remarks)
-}
-
-/// The mesh in the bytes of an OFF file; `name` stands for the file in errors.
-///
-/// # Errors
-/// As [`read`], less those of files.
-pub fn decode(bytes: &[u8], name: impl AsRef<Path>) -> Result<TriMesh, ReadMeshError> {
-    decode_with(bytes, name, &Limits::default(), &mut Vec::new())
-}
-
-/// The same within other limits, and what the mesh does not hold of the file in `remarks`.
-///
-/// # Errors
-/// As [`decode`].
-pub fn decode_with(
-    bytes: &[u8],
-    name: impl AsRef<Path>,
-    limits: &Limits,
-    remarks: &mut Vec<Remark>,
-) -> Result<TriMesh, ReadMeshError> {
-    parse(bytes, name.as_ref(), &mut limits.budget(bytes.len() as u64), remarks)
-}
-
-fn parse(
-    bytes: &[u8],
-    path: &Path,
-    budget: &mut Budget,
-    remarks: &mut Vec<Remark>,
-) -> Result<TriMesh, ReadMeshError> {
+fn parse(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, ReadMeshError> {
+    let Contents { bytes, path, mut budget, .. } = contents;
     let over = ReadMeshError::over_limit(path);
-    if std::str::from_utf8(bytes).is_err() {
+    if std::str::from_utf8(&bytes).is_err() {
         // The copy has a replacement character, of three bytes, for each that is wrong.
         budget.take(6 * bytes.len() as u64).map_err(&over)?;
     }
-    let text = String::from_utf8_lossy(bytes);
+    let text = String::from_utf8_lossy(&bytes);
     let lines = text.lines().enumerate().map(|(k, line)| {
         let line = line.split('#').next().unwrap_or_default();
         (k + 1, line.trim())
@@ -133,6 +95,7 @@ fn parse(
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
+    use crate::Limits;
 
     fn message(text: &str) -> String {
         decode(text.as_bytes(), "a.off").unwrap_err().to_string()

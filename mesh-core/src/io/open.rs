@@ -1,21 +1,101 @@
 //! Opening files: regular ones only, and those that a file names only below its own folder.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::{NotRead, ReadMeshError};
-use crate::{Budget, Limits};
+use crate::{Budget, Image, Limits, read_image_with};
 
-/// The bytes of a regular file, and what reading it may hold, the bytes themselves counted.
-pub(super) fn read_bytes(path: &Path, limits: &Limits) -> Result<(Vec<u8>, Budget), ReadMeshError> {
-    let bytes =
-        regular(path).map_err(|source| ReadMeshError::Io { path: path.to_owned(), source })?;
-    let mut budget = limits.budget(bytes.len() as u64);
-    budget
-        .take(bytes.len() as u64)
-        .map_err(|source| ReadMeshError::OverLimit { path: path.to_owned(), source })?;
-    Ok((bytes, budget))
+/// A mesh file, or its bytes alone, and what reading it may hold and open.
+pub(super) struct Contents<'a> {
+    pub(super) bytes: Cow<'a, [u8]>,
+    /// The file, or what stands for it in errors.
+    pub(super) path: &'a Path,
+    pub(super) limits: &'a Limits,
+    pub(super) budget: Budget,
+    /// Where files that it names may be; bytes alone name none.
+    pub(super) root: Option<Root>,
+}
+
+impl<'a> Contents<'a> {
+    /// Of a regular file; its bytes count.
+    pub(super) fn of_file(path: &'a Path, limits: &'a Limits) -> Result<Self, ReadMeshError> {
+        let bytes =
+            regular(path).map_err(|source| ReadMeshError::Io { path: path.to_owned(), source })?;
+        let root = Some(Root::of(path, limits));
+        let mut contents = Self { root, ..Self::of_bytes(Cow::Owned(bytes), path, limits) };
+        let length = contents.bytes.len() as u64;
+        contents.budget.take(length).map_err(ReadMeshError::over_limit(path))?;
+        Ok(contents)
+    }
+
+    pub(super) fn of_bytes(bytes: Cow<'a, [u8]>, path: &'a Path, limits: &'a Limits) -> Self {
+        let budget = limits.budget(bytes.len() as u64);
+        Self { bytes, path, limits, budget, root: None }
+    }
+}
+
+/// The public functions of a format that is read: of a file or of bytes, within the default limits or
+/// others.
+macro_rules! readers {
+    ($(#[$read:meta])* read, $(#[$decode:meta])* decode, $reader:path) => {
+        $(#[$read])*
+        pub fn read(
+            path: impl AsRef<std::path::Path>,
+        ) -> Result<crate::TriMesh, crate::io::ReadMeshError> {
+            read_with(path, &crate::Limits::default(), &mut Vec::new())
+        }
+
+        /// The same within other limits, and what the mesh does not hold of the file in `remarks`.
+        ///
+        /// # Errors
+        /// As [`read`].
+        pub fn read_with(
+            path: impl AsRef<std::path::Path>,
+            limits: &crate::Limits,
+            remarks: &mut Vec<crate::io::Remark>,
+        ) -> Result<crate::TriMesh, crate::io::ReadMeshError> {
+            $reader(crate::io::open::Contents::of_file(path.as_ref(), limits)?, remarks)
+        }
+
+        $(#[$decode])*
+        ///
+        /// `name` stands for the file in errors.
+        ///
+        /// # Errors
+        /// As [`read`], less those of files.
+        pub fn decode(
+            bytes: &[u8],
+            name: impl AsRef<std::path::Path>,
+        ) -> Result<crate::TriMesh, crate::io::ReadMeshError> {
+            decode_with(bytes, name, &crate::Limits::default(), &mut Vec::new())
+        }
+
+        /// The same within other limits, and what the mesh does not hold of the file in `remarks`.
+        ///
+        /// # Errors
+        /// As [`decode`].
+        pub fn decode_with(
+            bytes: &[u8],
+            name: impl AsRef<std::path::Path>,
+            limits: &crate::Limits,
+            remarks: &mut Vec<crate::io::Remark>,
+        ) -> Result<crate::TriMesh, crate::io::ReadMeshError> {
+            let contents =
+                crate::io::open::Contents::of_bytes(bytes.into(), name.as_ref(), limits);
+            $reader(contents, remarks)
+        }
+    };
+}
+pub(super) use readers;
+
+/// The image that lies on a mesh.
+pub(super) fn texture(path: &Path, file: &Path, limits: &Limits) -> Result<Image, ReadMeshError> {
+    let image = read_image_with(file, limits)
+        .map_err(|source| ReadMeshError::Texture { path: path.to_owned(), source })?;
+    Ok(image.to_rgb_floats())
 }
 
 /// The bytes of a regular file. Devices and pipes may never end, and opening a pipe may never

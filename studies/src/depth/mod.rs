@@ -2,14 +2,12 @@
 
 mod curves;
 
-use std::ops::ControlFlow;
-
 use models::depth::{
     DepthKind, DepthPixel2Mesh, MeshInit, MeshRcnn, RefineConfig, Refined, Score, Sphere, Voxels,
 };
 
-use crate::preset::{Change, Planned, planned, preset, settings, train_job};
-use crate::{Cell, Claim, Picture, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{Change, Planned, plan, planned, preset, train_job};
+use crate::{Cell, Claim, Picture, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
 
 /// The studies of this module, in the order of lists.
 pub const STUDIES: &[&dyn Study] = &[&DepthStudy];
@@ -150,20 +148,11 @@ impl Study for DepthStudy {
         "Pixel2Mesh and Mesh R-CNN with depth given and rendered depth in the loss"
     }
 
-    fn settings(&self, scale: Scale) -> String {
-        settings::<DepthPixel2Mesh>(&spheres(scale)) + &settings::<MeshRcnn>(&voxels(scale))
+    fn plan(&self, scale: Scale) -> Plan {
+        plan::<DepthPixel2Mesh>(&spheres(scale)).and(plan::<MeshRcnn>(&voxels(scale)))
     }
 
-    fn jobs(&self, scale: Scale) -> Vec<String> {
-        let own = spheres(scale).into_iter().map(|(id, ..)| id.to_owned());
-        own.chain(voxels(scale).into_iter().map(|(id, ..)| id.to_owned())).collect()
-    }
-
-    fn run(
-        &self,
-        work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
-    ) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
         if work.id.starts_with("pixel2mesh") {
             rows::<Sphere>(0, planned::<DepthPixel2Mesh>(spheres(work.scale), work), work, watch)
         } else {
@@ -278,7 +267,7 @@ fn rows<B: MeshInit>(
     system: usize,
     (_, variant, config): Planned<Refined<B>>,
     work: &Work<'_>,
-    watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
+    watch: Watch<'_>,
 ) -> Result<Vec<Row>, StudyError> {
     let variant = VARIANTS.iter().find(|other| other.id == variant).expect("one of them");
     let (data, trained) = train_job::<Refined<B>>(&config, work, watch)?;
@@ -342,12 +331,12 @@ mod tests {
     #[test]
     fn jobs_are_named_once_and_labels_are_their_own() {
         for (scale, count) in [(Scale::Full, 10), (Scale::Quick, 4)] {
-            let jobs = DepthStudy.jobs(scale);
+            let jobs = DepthStudy.plan(scale).jobs;
             let mut sorted = jobs.clone();
             sorted.sort();
             sorted.dedup();
             assert_eq!((jobs.len(), sorted.len()), (count, count));
-            assert!(!DepthStudy.settings(scale).is_empty());
+            assert!(!DepthStudy.plan(scale).settings.is_empty());
         }
         let labels: Vec<String> = VARIANTS[..3].iter().map(|v| label("X", v)).collect();
         assert_eq!(labels, ["X, RGB", "X, RGB-D", "X, RGB-D + rendered-depth loss"]);

@@ -1,14 +1,13 @@
 //! The paper's own setting: one clock, views that were held out.
 
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 use models::img2mesh::{Data, Img2Mesh};
 use train::{DataError, System as _};
 
 use super::{Config, Jobs};
-use crate::preset::{open, planned, preset, scored, settings};
-use crate::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{open, plan, planned, preset, scored};
+use crate::{Cell, Claim, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
 
 /// The name of the table.
 const TABLE: &str = "The paper's setting: a mesh of the clock from held-out views";
@@ -54,19 +53,11 @@ impl Study for ClockStudy {
         "the paper's own setting: CNN and VGG16 encoders on views of one clock"
     }
 
-    fn settings(&self, scale: Scale) -> String {
-        settings::<Img2Mesh>(&jobs(scale))
+    fn plan(&self, scale: Scale) -> Plan {
+        plan::<Img2Mesh>(&jobs(scale))
     }
 
-    fn jobs(&self, scale: Scale) -> Vec<String> {
-        jobs(scale).into_iter().map(|(id, ..)| id.to_owned()).collect()
-    }
-
-    fn run(
-        &self,
-        work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
-    ) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (_, label, config) = planned::<Img2Mesh>(jobs(work.scale), work);
         let data = open::<Img2Mesh>(work, &config)?;
         if !data.is_one() {

@@ -1,13 +1,11 @@
 //! What the paper could not show: objects that were never seen.
 
-use std::ops::ControlFlow;
-
 use models::img2mesh::Img2Mesh;
 use train::DataError;
 
 use super::Jobs;
-use crate::preset::{Change, open, planned, preset, scored, settings};
-use crate::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{Change, open, plan, planned, preset, scored};
+use crate::{Claim, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
 
 /// The name of the table.
 const TABLE: &str =
@@ -91,20 +89,12 @@ impl Study for UnseenStudy {
         "img2mesh beyond the paper: unseen objects from 1, 2, 3 and 5 views, attention against averaging"
     }
 
-    fn settings(&self, scale: Scale) -> String {
-        settings::<Img2Mesh>(&jobs(scale))
-            + &format!("views = {VIEWS:?}\nscored = 8 cameras, 3 draws, 10000 points\n")
+    fn plan(&self, scale: Scale) -> Plan {
+        let scored = format!("views = {VIEWS:?}\nscored = 8 cameras, 3 draws, 10000 points\n");
+        plan::<Img2Mesh>(&jobs(scale)).with(&scored)
     }
 
-    fn jobs(&self, scale: Scale) -> Vec<String> {
-        jobs(scale).into_iter().map(|(id, ..)| id.to_owned()).collect()
-    }
-
-    fn run(
-        &self,
-        work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
-    ) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (_, model, config) = planned::<Img2Mesh>(jobs(work.scale), work);
         let data = open::<Img2Mesh>(work, &config)?;
         if data.is_one() {

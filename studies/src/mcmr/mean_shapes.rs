@@ -1,15 +1,13 @@
 //! How many mean shapes, of how many categories; trained together or one by one; what the selection finds.
 
-use std::ops::ControlFlow;
-
 use models::mcmr::{Data, Mcmr, Scored};
 
 use super::{
     ABOUT, ABOUT_RULE, IOU_3D, IOU_3D_STRICT, MASK, Published, QUICK, RULE, animate,
     by_published_rule, with_figures,
 };
-use crate::preset::{Change, Planned, planned, preset, settings, train_job};
-use crate::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{Change, Planned, plan, planned, preset, train_job};
+use crate::{Cell, Claim, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
 
 /// The names of the tables.
 const TABLE: &str = "Mean shapes";
@@ -130,19 +128,11 @@ impl Study for MeanShapesStudy {
         "MCMR: one mean shape and several, of two, four and nine categories; does the selection find them?"
     }
 
-    fn settings(&self, scale: Scale) -> String {
-        settings::<Mcmr>(&jobs(scale))
+    fn plan(&self, scale: Scale) -> Plan {
+        plan::<Mcmr>(&jobs(scale))
     }
 
-    fn jobs(&self, scale: Scale) -> Vec<String> {
-        jobs(scale).into_iter().map(|(id, ..)| id.to_owned()).collect()
-    }
-
-    fn run(
-        &self,
-        work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
-    ) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (id, label, config) = planned::<Mcmr>(jobs(work.scale), work);
         let (data, trained) = train_job::<Mcmr>(&config, work, watch)?;
         let scored = trained.system.scored(&data)?;

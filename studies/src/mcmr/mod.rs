@@ -166,9 +166,9 @@ mod tests {
             [&MeanShapesStudy, &SubdivisionStudy, &PascalStudy, &CubStudy];
         for study in studies {
             for scale in [Scale::Quick, Scale::Full] {
-                let mut jobs = study.jobs(scale);
+                let mut jobs = study.plan(scale).jobs;
                 let count = jobs.len();
-                assert!(study.settings(scale).lines().count() > count, "{}", study.name());
+                assert!(study.plan(scale).settings.lines().count() > count, "{}", study.name());
                 jobs.sort();
                 jobs.dedup();
                 assert_eq!(jobs.len(), count, "{}", study.name());

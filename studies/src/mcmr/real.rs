@@ -1,13 +1,11 @@
 //! The talk's tables on the data that they were made with, for those who have it.
 
-use std::ops::ControlFlow;
-
 use models::mcmr::Mcmr;
 use train::DataError;
 
 use super::{ABOUT, ABOUT_RULE, Published, QUICK, RULE, by_published_rule, with_figures};
-use crate::preset::{Change, Planned, open, planned, preset, settings};
-use crate::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{Change, Planned, open, plan, planned, preset};
+use crate::{Claim, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
 
 /// The names of the tables.
 const PASCAL: &str = "Pascal3D+";
@@ -28,19 +26,19 @@ pub struct PascalStudy;
 pub struct CubStudy;
 
 /// A job, its label, its number of mean shapes, the talk's figures.
-type Plan = (&'static str, &'static str, &'static str, Option<Published>);
+type RowPlan = (&'static str, &'static str, &'static str, Option<Published>);
 
-const PASCAL_PLANS: [Plan; 2] = [
+const PASCAL_PLANS: [RowPlan; 2] = [
     ("pascal-1", "1 mean shape", "1", Some([0.409, 0.602, 0.670, 0.660, 0.088, 357.51])),
     ("pascal-12", "12 mean shapes", "12", Some([0.425, 0.620, 0.685, 0.665, 0.086, 345.90])),
 ];
-const CUB_PLANS: [Plan; 2] = [
+const CUB_PLANS: [RowPlan; 2] = [
     ("cub-1", "1 mean shape", "1", Some([f64::NAN, 0.658, 0.721, 0.717, 0.064, 227.24])),
     ("cub-14", "14 mean shapes", "14", Some([f64::NAN, 0.642, 0.723, 0.715, 0.065, 231.95])),
 ];
 
-fn jobs(plans: [Plan; 2], name: &str, scale: Scale) -> Vec<Planned<Mcmr>> {
-    let made = |(id, label, shapes, _): Plan| {
+fn jobs(plans: [RowPlan; 2], name: &str, scale: Scale) -> Vec<Planned<Mcmr>> {
+    let made = |(id, label, shapes, _): RowPlan| {
         let mut changes: Vec<Change> = vec![("shapes", shapes)];
         if scale == Scale::Quick {
             changes.extend(QUICK);
@@ -54,9 +52,9 @@ fn jobs(plans: [Plan; 2], name: &str, scale: Scale) -> Vec<Planned<Mcmr>> {
 
 fn run(
     table: &str,
-    (plans, jobs): ([Plan; 2], Vec<Planned<Mcmr>>),
+    (plans, jobs): ([RowPlan; 2], Vec<Planned<Mcmr>>),
     work: &Work<'_>,
-    watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
+    watch: Watch<'_>,
 ) -> Result<Vec<Row>, StudyError> {
     let (id, label, config) = planned::<Mcmr>(jobs, work);
     if work.data.is_none() {
@@ -77,7 +75,7 @@ fn run(
 }
 
 /// That every row is there; which one is better is for the data to say.
-fn made(table: &str, plans: [Plan; 2], tables: &Tables) -> Vec<Claim> {
+fn made(table: &str, plans: [RowPlan; 2], tables: &Tables) -> Vec<Claim> {
     let column = super::MASK[0];
     let found = plans.map(|(_, label, ..)| tables.mean(table, label, column).unwrap_or(f64::NAN));
     let text = format!("both rows have a {column}");
@@ -96,19 +94,11 @@ macro_rules! study {
                 $about
             }
 
-            fn settings(&self, scale: Scale) -> String {
-                settings::<Mcmr>(&jobs($plans, $preset, scale))
+            fn plan(&self, scale: Scale) -> Plan {
+                plan::<Mcmr>(&jobs($plans, $preset, scale))
             }
 
-            fn jobs(&self, _: Scale) -> Vec<String> {
-                $plans.iter().map(|(id, ..)| (*id).to_owned()).collect()
-            }
-
-            fn run(
-                &self,
-                work: &Work<'_>,
-                watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
-            ) -> Result<Vec<Row>, StudyError> {
+            fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
                 run($table, ($plans, jobs($plans, $preset, work.scale)), work, watch)
             }
 
@@ -149,6 +139,8 @@ study!(
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use std::path::Path;
+
+    use std::ops::ControlFlow;
 
     use super::*;
     use crate::{Order, ReproduceError, reproduce};

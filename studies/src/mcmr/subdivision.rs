@@ -1,12 +1,10 @@
 //! 162 vertices, 642, and from the one to the other in the middle of the training.
 
-use std::ops::ControlFlow;
-
 use models::mcmr::Mcmr;
 
 use super::{ABOUT, MASK, Published, QUICK, with_figures};
-use crate::preset::{Change, Planned, planned, preset, settings, train_job};
-use crate::{Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{Change, Planned, plan, planned, preset, train_job};
+use crate::{Claim, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
 
 /// The name of the table.
 const TABLE: &str = "Subdivision";
@@ -74,19 +72,11 @@ impl Study for SubdivisionStudy {
         "MCMR: 162 vertices, 642, and a subdivision in the middle of the training"
     }
 
-    fn settings(&self, scale: Scale) -> String {
-        settings::<Mcmr>(&jobs(scale))
+    fn plan(&self, scale: Scale) -> Plan {
+        plan::<Mcmr>(&jobs(scale))
     }
 
-    fn jobs(&self, scale: Scale) -> Vec<String> {
-        jobs(scale).into_iter().map(|(id, ..)| id.to_owned()).collect()
-    }
-
-    fn run(
-        &self,
-        work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
-    ) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (_, label, config) = planned::<Mcmr>(jobs(work.scale), work);
         let (data, trained) = train_job::<Mcmr>(&config, work, watch)?;
         let scored = trained.system.scored(&data)?;

@@ -1,6 +1,5 @@
 //! Constant memory: a training step at more and more evaluations, by each adjoint.
 
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 use autodiff_lite::{Activation, Module, Param, SparseMatrix, Tape, Var};
@@ -18,7 +17,7 @@ use train::{Configuration, DataError, Draw, StepInfo, System};
 
 use super::QUICK;
 use crate::preset::{open, preset};
-use crate::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::{Cell, Claim, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
 
 const TABLE: &str = "A training step at so many evaluations";
 /// Times that a step is timed; the median counts.
@@ -64,19 +63,13 @@ impl Study for MemoryStudy {
         "deformation in continuous time: memory and gradients at 4 to 64 evaluations"
     }
 
-    fn settings(&self, scale: Scale) -> String {
-        format!("{}counts = {:?}\n", to_toml(&config(scale)), counts(scale))
+    fn plan(&self, scale: Scale) -> Plan {
+        let jobs = counts(scale).iter().map(|count| format!("evaluations-{count}")).collect();
+        let settings = format!("{}counts = {:?}\n", to_toml(&config(scale)), counts(scale));
+        Plan { jobs, settings }
     }
 
-    fn jobs(&self, scale: Scale) -> Vec<String> {
-        counts(scale).iter().map(|count| format!("evaluations-{count}")).collect()
-    }
-
-    fn run(
-        &self,
-        work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
-    ) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let wanted = |count: &&usize| format!("evaluations-{count}") == work.id;
         let count = *counts(work.scale).iter().find(wanted).expect("one of the jobs");
         let config = config(work.scale);

@@ -1,15 +1,13 @@
 //! Table 1: Pixel2Mesh in stages beside the deformation in continuous time.
 
-use std::ops::ControlFlow;
-
 use models::paired::Pairs;
 use models::pixel2mesh::{
     Continuous, Deformer, OdePixel2Mesh, Pixel2Mesh, Scored, SingleView, Staged,
 };
 
 use super::{COLUMNS, QUICK, with_scores};
-use crate::preset::{Change, Planned, planned, preset, settings, train_job};
-use crate::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{Change, Planned, plan, planned, preset, train_job};
+use crate::{Cell, Claim, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
 
 /// The names of the tables.
 const TABLE: &str = "Planes";
@@ -65,24 +63,13 @@ impl Study for PlanesStudy {
         "Pixel2Mesh in stages beside the deformation in continuous time, on planes and all categories"
     }
 
-    fn settings(&self, scale: Scale) -> String {
+    fn plan(&self, scale: Scale) -> Plan {
         let (staged, continuous) = jobs(scale);
-        settings::<Pixel2Mesh>(&staged)
-            + &settings::<OdePixel2Mesh>(&continuous)
-            + "emd = 512 points\n"
+        let continuous = plan::<OdePixel2Mesh>(&continuous);
+        plan::<Pixel2Mesh>(&staged).and(continuous).with("emd = 512 points\n")
     }
 
-    fn jobs(&self, scale: Scale) -> Vec<String> {
-        let (staged, continuous) = jobs(scale);
-        let staged = staged.into_iter().map(|(id, ..)| id.to_owned());
-        staged.chain(continuous.into_iter().map(|(id, ..)| id.to_owned())).collect()
-    }
-
-    fn run(
-        &self,
-        work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
-    ) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (staged, continuous) = jobs(work.scale);
         if staged.iter().any(|(id, ..)| *id == work.id) {
             rows::<Staged>(planned::<Pixel2Mesh>(staged, work), work, watch)
@@ -129,7 +116,7 @@ impl Study for PlanesStudy {
 fn rows<D: Deformer>(
     (_, label, config): Planned<SingleView<D>>,
     work: &Work<'_>,
-    watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
+    watch: Watch<'_>,
 ) -> Result<Vec<Row>, StudyError> {
     let (data, trained) = train_job::<SingleView<D>>(&config, work, watch)?;
     let scored = trained.system.scored(&data)?;

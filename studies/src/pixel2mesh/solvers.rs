@@ -1,13 +1,11 @@
 //! Table 2: the same field by several methods, beside residual networks.
 
-use std::ops::ControlFlow;
-
 use models::pixel2mesh::OdePixel2Mesh;
 
 use super::integrated::{FINER, adaptively, finer};
 use super::{COLUMNS, QUICK, with_scores};
-use crate::preset::{Change, Planned, planned, preset, settings, train_job};
-use crate::{Cell, Claim, Row, Scale, Study, StudyError, Tables, Tick, Work};
+use crate::preset::{Change, Planned, plan, planned, preset, train_job};
+use crate::{Cell, Claim, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
 
 /// The names of the tables.
 const TABLE: &str = "Methods of integration beside residual networks, on planes";
@@ -133,19 +131,11 @@ impl Study for SolversStudy {
         "deformation in continuous time: methods and steps beside residual networks"
     }
 
-    fn settings(&self, scale: Scale) -> String {
-        settings::<OdePixel2Mesh>(&jobs(scale)) + "emd = 512 points\n"
+    fn plan(&self, scale: Scale) -> Plan {
+        plan::<OdePixel2Mesh>(&jobs(scale)).with("emd = 512 points\n")
     }
 
-    fn jobs(&self, scale: Scale) -> Vec<String> {
-        jobs(scale).into_iter().map(|(id, ..)| id.to_owned()).collect()
-    }
-
-    fn run(
-        &self,
-        work: &Work<'_>,
-        watch: &mut dyn FnMut(Tick) -> ControlFlow<()>,
-    ) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (_, label, config) = planned::<OdePixel2Mesh>(jobs(work.scale), work);
         let (data, trained) = train_job::<OdePixel2Mesh>(&config, work, watch)?;
         let system = trained.system;

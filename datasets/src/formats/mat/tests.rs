@@ -4,6 +4,7 @@ use std::path::Path;
 
 use proptest::prelude::*;
 
+use super::value::Data;
 use super::*;
 
 const PLAIN: &[u8] = include_bytes!("../../../tests/fixtures/mat/plain.mat");

@@ -8,60 +8,27 @@ use super::accessor::Items;
 use super::document::{Document, Node, PER_ITEM, PER_OBJECT, Primitive};
 use super::soup::Soup;
 use super::{BIN, JSON, MAGIC};
-use crate::io::open::read_bytes;
+use crate::io::open::{Contents, readers};
 use crate::io::remark::counted;
 use crate::io::{ReadMeshError, Remark};
 use crate::{Budget, Image, Limits, TriMesh, decode_image_with, linear_to_srgb};
 
-/// Reads the triangles of a GLB file's scene as one mesh, nodes' transforms applied.
-///
-/// Vertices that files split at seams of normals or texture coordinates are joined again where
-/// position and colour are the same bits; what this crate wrote without a texture has no such seams
-/// and stays as it is. Vertex colours come back as sRGB. One texture is kept, lines and triangles that
-/// name a vertex twice are left out: see [`read_with`].
-///
-/// # Errors
-/// The file cannot be read, is no GLB 2.0, needs an extension that changes its geometry
-/// (compression), keeps data in other files, or holds an index or a length out of range, or a
-/// position that is not finite; or the default [`Limits`] are not enough.
-pub fn read(path: impl AsRef<Path>) -> Result<TriMesh, ReadMeshError> {
-    read_with(path, &Limits::default(), &mut Vec::new())
-}
-
-/// The same within other limits, and what the mesh does not hold of the file in `remarks`.
-///
-/// # Errors
-/// As [`read`].
-pub fn read_with(
-    path: impl AsRef<Path>,
-    limits: &Limits,
-    remarks: &mut Vec<Remark>,
-) -> Result<TriMesh, ReadMeshError> {
-    let path = path.as_ref();
-    let (bytes, mut budget) = read_bytes(path, limits)?;
-    assemble(&bytes, path, limits, &mut budget, remarks)
-}
-
-/// The mesh in the bytes of a GLB file; `name` stands for the file in errors.
-///
-/// # Errors
-/// As [`read`].
-pub fn decode(bytes: &[u8], name: impl AsRef<Path>) -> Result<TriMesh, ReadMeshError> {
-    decode_with(bytes, name, &Limits::default(), &mut Vec::new())
-}
-
-/// The same within other limits, and what the mesh does not hold of the file in `remarks`.
-///
-/// # Errors
-/// As [`read`].
-pub fn decode_with(
-    bytes: &[u8],
-    name: impl AsRef<Path>,
-    limits: &Limits,
-    remarks: &mut Vec<Remark>,
-) -> Result<TriMesh, ReadMeshError> {
-    let mut budget = limits.budget(bytes.len() as u64);
-    assemble(bytes, name.as_ref(), limits, &mut budget, remarks)
+readers! {
+    /// Reads the triangles of a GLB file's scene as one mesh, nodes' transforms applied.
+    ///
+    /// Vertices that files split at seams of normals or texture coordinates are joined again where
+    /// position and colour are the same bits; what this crate wrote without a texture has no such seams
+    /// and stays as it is. Vertex colours come back as sRGB. One texture is kept, lines and triangles that
+    /// name a vertex twice are left out: see [`read_with`].
+    ///
+    /// # Errors
+    /// The file cannot be read, is no GLB 2.0, needs an extension that changes its geometry
+    /// (compression), keeps data in other files, or holds an index or a length out of range, or a
+    /// position that is not finite; or the default [`Limits`](crate::Limits) are not enough.
+    read,
+    /// The mesh in the bytes of a GLB file.
+    decode,
+    assemble
 }
 
 /// What showing a part of a mesh is counted as, beside its vertices and triangles.
@@ -85,15 +52,11 @@ struct LeftOut {
     textures: usize,
 }
 
-fn assemble(
-    bytes: &[u8],
-    path: &Path,
-    limits: &Limits,
-    budget: &mut Budget,
-    remarks: &mut Vec<Remark>,
-) -> Result<TriMesh, ReadMeshError> {
+fn assemble(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, ReadMeshError> {
+    let Contents { bytes, path, limits, mut budget, .. } = contents;
+    let budget = &mut budget;
     let over = ReadMeshError::over_limit(path);
-    let glb = Glb::open(bytes, path, budget)?;
+    let glb = Glb::open(&bytes, path, budget)?;
     let mut soup = Soup::default();
     let mut left_out = LeftOut::default();
     for (node, transform) in glb.placed(budget)? {

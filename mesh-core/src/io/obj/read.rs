@@ -1,86 +1,49 @@
 //! Reading OBJ as people have it.
 
-use std::path::Path;
-
 use super::mtl::Materials;
 use super::parse::{NONE, Parsed, parse};
-use crate::io::open::{Root, read_bytes};
+use crate::io::open::{self, Contents, readers};
 use crate::io::remark::counted;
 use crate::io::{ReadMeshError, Remark};
-use crate::{Budget, Image, Limits, Texture, TriMesh, read_image_with};
+use crate::{Budget, Image, Texture, TriMesh};
 
-/// Reads an OBJ file and the texture of its material library.
-///
-/// Vertices keep their order, used or not. Polygons become fans of triangles. Indices may be
-/// negative, corners may be `v`, `v/vt`, `v//vn` or `v/vt/vn` in any mixture, lines may end in LF, CR
-/// LF or CR or continue after a backslash, and `v` may carry a weight (ignored) or a colour. Where
-/// only some vertices have a colour the others are white.
-///
-/// What other programs pass over is left out here too: points, lines, faces of one or two corners,
-/// triangles that name a vertex twice, texture coordinates that are not in the file, a texture or a
-/// library that is not there. [`read_with`] says what it was.
-///
-/// Files that the mesh names (`mtllib`, and `map_Kd` in the library) are opened only if they are
-/// regular files in the mesh's folder or below it, wherever links lead; see
-/// [`Limits::outside_links`].
-///
-/// # Errors
-/// The file cannot be read; a number is missing, unreadable or not finite; an index of a vertex is 0
-/// or out of range; an image that is there cannot be read; the default [`Limits`] are not enough.
-pub fn read(path: impl AsRef<Path>) -> Result<TriMesh, ReadMeshError> {
-    read_with(path, &Limits::default(), &mut Vec::new())
+readers! {
+    /// Reads an OBJ file and the texture of its material library.
+    ///
+    /// Vertices keep their order, used or not. Polygons become fans of triangles. Indices may be
+    /// negative, corners may be `v`, `v/vt`, `v//vn` or `v/vt/vn` in any mixture, lines may end in LF, CR
+    /// LF or CR or continue after a backslash, and `v` may carry a weight (ignored) or a colour. Where
+    /// only some vertices have a colour the others are white.
+    ///
+    /// What other programs pass over is left out here too: points, lines, faces of one or two corners,
+    /// triangles that name a vertex twice, texture coordinates that are not in the file, a texture or a
+    /// library that is not there. [`read_with`] says what it was.
+    ///
+    /// Files that the mesh names (`mtllib`, and `map_Kd` in the library) are opened only if they are
+    /// regular files in the mesh's folder or below it, wherever links lead; see
+    /// [`Limits::outside_links`](crate::Limits::outside_links).
+    ///
+    /// # Errors
+    /// The file cannot be read; a number is missing, unreadable or not finite; an index of a vertex is 0
+    /// or out of range; an image that is there cannot be read; the default [`Limits`](crate::Limits) are not enough.
+    read,
+    /// The mesh in the bytes of an OBJ file; no other file is looked at, so it has no texture.
+    decode,
+    mesh
 }
 
-/// The same within other limits, and what the mesh does not hold of the file in `remarks`.
-///
-/// # Errors
-/// As [`read`].
-pub fn read_with(
-    path: impl AsRef<Path>,
-    limits: &Limits,
-    remarks: &mut Vec<Remark>,
-) -> Result<TriMesh, ReadMeshError> {
-    let path = path.as_ref();
-    let (bytes, mut budget) = read_bytes(path, limits)?;
+fn mesh(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, ReadMeshError> {
+    let Contents { bytes, path, limits, mut budget, root } = contents;
     let parsed = parse(&bytes, path, &mut budget, remarks)?;
     drop(bytes);
-    let root = Root::of(path, limits);
-    let materials = Materials::read(&parsed, &root, path, limits, remarks)?;
-    let image = match materials.image(&parsed, &root, remarks) {
-        Some(file) => Some(
-            read_image_with(file, limits)
-                .map_err(|source| ReadMeshError::Texture { path: path.to_owned(), source })?
-                .to_rgb_floats(),
-        ),
-        None => None,
-    };
+    let mut image = None;
+    if let Some(root) = root {
+        let materials = Materials::read(&parsed, &root, path, limits, remarks)?;
+        if let Some(file) = materials.image(&parsed, &root, remarks) {
+            image = Some(open::texture(path, &file, limits)?);
+        }
+    }
     mesh_of(parsed, image, &mut budget, remarks).map_err(ReadMeshError::over_limit(path))
-}
-
-/// The mesh in the bytes of an OBJ file; no other file is looked at, so it has no texture.
-///
-/// `name` stands for the file in errors.
-///
-/// # Errors
-/// As [`read`], less those of files.
-pub fn decode(bytes: &[u8], name: impl AsRef<Path>) -> Result<TriMesh, ReadMeshError> {
-    decode_with(bytes, name, &Limits::default(), &mut Vec::new())
-}
-
-/// The same within other limits, and what the mesh does not hold of the file in `remarks`.
-///
-/// # Errors
-/// As [`decode`].
-pub fn decode_with(
-    bytes: &[u8],
-    name: impl AsRef<Path>,
-    limits: &Limits,
-    remarks: &mut Vec<Remark>,
-) -> Result<TriMesh, ReadMeshError> {
-    let path = name.as_ref();
-    let mut budget = limits.budget(bytes.len() as u64);
-    let parsed = parse(bytes, path, &mut budget, remarks)?;
-    mesh_of(parsed, None, &mut budget, remarks).map_err(ReadMeshError::over_limit(path))
 }
 
 fn mesh_of(

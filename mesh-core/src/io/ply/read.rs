@@ -5,86 +5,48 @@ use std::path::Path;
 use super::faces::{faces, strips};
 use super::header::{Element, Header, parse};
 use super::numbers::Numbers;
-use crate::io::open::{Root, read_bytes};
+use crate::io::open::{Contents, readers, texture};
 use crate::io::remark::{counted, not_read};
 use crate::io::{ReadMeshError, Remark};
-use crate::{Budget, Limits, Texture, TriMesh, read_image_with};
+use crate::{Budget, Texture, TriMesh};
 
-/// Reads a PLY file: ASCII or binary, any order and type of properties.
-///
-/// Vertices need `x`, `y` and `z`; colours are `red`, `green`, `blue` (bytes, or floats in
-/// `[0, 1]`); faces are `vertex_indices` or `vertex_index`, polygons become fans of triangles;
-/// `tristrips` are strips of triangles, which -1 ends. A texture is read where a comment
-/// `TextureFile` names one in the file's folder or below it and vertices (`s t`, `u v` or
-/// `texture_u texture_v`) or faces (`texcoord`) place it. Faces of one or two corners and triangles
-/// that name a vertex twice are left out. Everything else is passed over.
-///
-/// # Errors
-/// The file cannot be read, ends early, or holds a number that is not finite, an index out of
-/// range, or a texture that is no image; the default [`Limits`] are not enough. A texture that is
-/// not there is left out.
-pub fn read(path: impl AsRef<Path>) -> Result<TriMesh, ReadMeshError> {
-    read_with(path, &Limits::default(), &mut Vec::new())
+readers! {
+    /// Reads a PLY file: ASCII or binary, any order and type of properties.
+    ///
+    /// Vertices need `x`, `y` and `z`; colours are `red`, `green`, `blue` (bytes, or floats in
+    /// `[0, 1]`); faces are `vertex_indices` or `vertex_index`, polygons become fans of triangles;
+    /// `tristrips` are strips of triangles, which -1 ends. A texture is read where a comment
+    /// `TextureFile` names one in the file's folder or below it and vertices (`s t`, `u v` or
+    /// `texture_u texture_v`) or faces (`texcoord`) place it. Faces of one or two corners and triangles
+    /// that name a vertex twice are left out. Everything else is passed over.
+    ///
+    /// # Errors
+    /// The file cannot be read, ends early, or holds a number that is not finite, an index out of
+    /// range, or a texture that is no image; the default [`Limits`](crate::Limits) are not enough. A texture that is
+    /// not there is left out.
+    read,
+    /// The mesh in the bytes of a PLY file; no other file is looked at, so it has no texture.
+    decode,
+    mesh
 }
 
-/// The same within other limits, and what the mesh does not hold of the file in `remarks`.
-///
-/// # Errors
-/// As [`read`].
-pub fn read_with(
-    path: impl AsRef<Path>,
-    limits: &Limits,
-    remarks: &mut Vec<Remark>,
-) -> Result<TriMesh, ReadMeshError> {
-    let path = path.as_ref();
-    let (bytes, mut budget) = read_bytes(path, limits)?;
+fn mesh(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, ReadMeshError> {
+    let Contents { bytes, path, limits, mut budget, root } = contents;
     let header = parse(&bytes, path, &mut budget)?;
     let parts = parts(&bytes, &header, path, &mut budget)?;
     drop(bytes);
     let (mesh, placed) = parts.mesh(path, &mut budget, remarks)?;
-    let root = Root::of(path, limits);
-    let texture = match (header.texture, placed) {
-        (Some(name), Some((uvs, faces))) => match root.find(root.folder(), &name) {
-            Ok(file) => {
-                let image = read_image_with(file, limits)
-                    .map_err(|source| ReadMeshError::Texture { path: path.to_owned(), source })?;
-                Some(Texture { uvs, faces, image: image.to_rgb_floats() })
-            }
-            Err(why) => {
-                not_read(remarks, &name, why);
-                None
-            }
-        },
-        _ => None,
+    let (Some(root), Some(name), Some((uvs, faces))) = (root, header.texture, placed) else {
+        return Ok(mesh);
+    };
+    let texture = match root.find(root.folder(), &name) {
+        Ok(file) => Some(Texture { uvs, faces, image: texture(path, &file, limits)? }),
+        Err(why) => {
+            not_read(remarks, &name, why);
+            None
+        }
     };
     Ok(TriMesh { texture, ..mesh })
-}
-
-/// The mesh in the bytes of a PLY file; no other file is looked at, so it has no texture.
-///
-/// `name` stands for the file in errors.
-///
-/// # Errors
-/// As [`read`], less those of files.
-pub fn decode(bytes: &[u8], name: impl AsRef<Path>) -> Result<TriMesh, ReadMeshError> {
-    decode_with(bytes, name, &Limits::default(), &mut Vec::new())
-}
-
-/// The same within other limits, and what the mesh does not hold of the file in `remarks`.
-///
-/// # Errors
-/// As [`decode`].
-pub fn decode_with(
-    bytes: &[u8],
-    name: impl AsRef<Path>,
-    limits: &Limits,
-    remarks: &mut Vec<Remark>,
-) -> Result<TriMesh, ReadMeshError> {
-    let path = name.as_ref();
-    let mut budget = limits.budget(bytes.len() as u64);
-    let header = parse(bytes, path, &mut budget)?;
-    let parts = parts(bytes, &header, path, &mut budget)?;
-    Ok(parts.mesh(path, &mut budget, remarks)?.0)
 }
 
 /// What the file gives, before it is a mesh.
