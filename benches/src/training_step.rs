@@ -15,7 +15,7 @@ pub struct TrainingStep<S: System> {
     at: u64,
 }
 
-impl<S: System> TrainingStep<S> {
+impl<S: System<ReadOptions = ReadOptions>> TrainingStep<S> {
     /// On the first samples of what the system makes itself.
     ///
     /// # Panics

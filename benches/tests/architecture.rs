@@ -19,7 +19,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("losses", &["mesh-core", "autodiff-lite"]),
     ("nets", &["pickle", "autodiff-lite"]),
     ("ode-deform", &["mesh-core", "autodiff-lite", "nets"]),
-    ("train", &["mesh-core", "autodiff-lite", "datasets"]),
+    ("train", &["mesh-core", "autodiff-lite"]),
     ("synth", &["mesh-core", "datasets", "diff-raster", "train"]),
     (
         "recon",

@@ -9,7 +9,7 @@
 use std::process::ExitCode;
 
 use autodiff_lite::{Activation, Tape, Var, impl_module};
-use datasets::View;
+use datasets::{ReadOptions, View};
 use mesh_core::{Camera, TriMesh, primitives::icosphere};
 use models::predict::{PredictInput, Prediction, Predictor, Request};
 use ndarray::Array2;
@@ -62,6 +62,7 @@ impl System for Ellipsoid {
     ];
     const BEST: &'static str = "radius-error";
     type Config = EllipsoidConfig;
+    type ReadOptions = ReadOptions;
     type Data = Vec<Sample>;
     type Sample = Sample;
     type Input = [View];
@@ -86,7 +87,10 @@ impl System for Ellipsoid {
         }
     }
 
-    fn open(config: &EllipsoidConfig, source: &Source<'_>) -> Result<Vec<Sample>, DataError> {
+    fn open(
+        config: &EllipsoidConfig,
+        source: &Source<'_, ReadOptions>,
+    ) -> Result<Vec<Sample>, DataError> {
         if source.path.is_some() {
             return Err(DataError::Unfit(
                 "ellipsoid makes its own data: leave the path out".into(),

@@ -51,7 +51,10 @@ impl<T: Stored> ViewCache<T> {
         let missing: Vec<usize> = (0..which.len()).filter(|&i| found[i].is_none()).collect();
         if !missing.is_empty() {
             let asked: Vec<usize> = missing.iter().map(|&i| which[i]).collect();
-            let views = self.dataset.views(object, Some(&asked), &self.options, &|_, _| ())?;
+            let views = self
+                .dataset
+                .views(object, Some(&asked), &self.options, &|_, _| ())
+                .map_err(DataError::read)?;
             let name = &self.dataset.entries()[object].name;
             if views.len() < asked.len() {
                 let text = format!(
@@ -82,12 +85,12 @@ impl<T: Stored> ViewCache<T> {
 
     /// All views of an object as they are, without what is kept.
     pub(crate) fn whole(&self, object: usize) -> Result<Views, DataError> {
-        Ok(self.dataset.views(object, None, &self.options, &|_, _| ())?)
+        self.dataset.views(object, None, &self.options, &|_, _| ()).map_err(DataError::read)
     }
 
     /// What is known of the true shape, in the world of the cameras.
     pub(crate) fn truth(&self, object: usize) -> Result<Truth, DataError> {
-        Ok(self.dataset.truth(object)?)
+        self.dataset.truth(object).map_err(DataError::read)
     }
 
     /// Objects with views, parted into those that are trained on and those that are scored: what the

@@ -113,7 +113,8 @@ fn a_few_views_at_a_time_work_too() {
 #[test]
 fn the_number_of_threads_changes_nothing() {
     let views = views_of(&placed(primitives::cuboid([1.0, 1.3, 0.8])), 12);
-    let config = FitConfig { steps: 30, views_per_step: Some(7), color: ColorKind::Texture, ..config() };
+    let config =
+        FitConfig { steps: 30, views_per_step: Some(7), color: ColorKind::Texture, ..config() };
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let fitted = pool.install(|| run(&views, &config));

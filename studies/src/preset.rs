@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use datasets::ReadOptions;
 use train::settings::{read_text, to_toml};
 use train::{Configuration, DataError, Metric, Source, System};
 
@@ -44,18 +45,18 @@ pub(crate) fn planned<S: System>(jobs: Vec<Planned<S>>, work: &Work<'_>) -> Plan
 
 /// The user's data, or what the configuration makes: the same for all seeds (`data-seed`), so that
 /// the spread is that of training alone.
-pub(crate) fn open<S: System>(
+pub(crate) fn open<S: System<ReadOptions = ReadOptions>>(
     work: &Work<'_>,
     config: &Configuration<S::Config>,
 ) -> Result<S::Data, DataError> {
-    let options = datasets::ReadOptions::default();
+    let options = ReadOptions::default();
     let source =
         Source { path: work.data, options: &options, seed: work.seed, progress: &|_, _| () };
     S::open(&config.system, &source)
 }
 
 /// Opens a job's data and trains its system, as far as scoring.
-pub(crate) fn train_job<S: System>(
+pub(crate) fn train_job<S: System<ReadOptions = ReadOptions>>(
     config: &Configuration<S::Config>,
     work: &Work<'_>,
     watch: Watch<'_>,

@@ -36,6 +36,7 @@ impl System for Line {
     const PRESETS: &'static [(&'static str, &'static str)] = &[];
     const BEST: &'static str = "error";
     type Config = LineConfig;
+    type ReadOptions = ();
     type Data = ();
     /// A point.
     type Sample = [f32; 2];

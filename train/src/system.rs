@@ -1,10 +1,10 @@
 //! What a trainable system is.
 
+use std::error::Error;
 use std::fmt::Debug;
 use std::path::Path;
 
 use autodiff_lite::{Module, Tape, Var};
-use datasets::{ReadOptions, ReadViewsError};
 use serde::{Deserialize, Serialize};
 
 use super::draw::Draw;
@@ -29,6 +29,8 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     /// The system's options. Beside them in the same table stand those of
     /// [`TrainConfig`](super::TrainConfig).
     type Config: Options + Clone + Debug + PartialEq + Send + Sync;
+    /// How a user may ask for files to be read, beside the configuration; `()` if there is no choice.
+    type ReadOptions;
     /// What samples are drawn from.
     type Data: Send + Sync;
     /// One sample, ready for the tape.
@@ -64,7 +66,10 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     ///
     /// # Errors
     /// If files are missing or damaged, or the data does not serve this system.
-    fn open(config: &Self::Config, source: &Source<'_>) -> Result<Self::Data, DataError>;
+    fn open(
+        config: &Self::Config,
+        source: &Source<'_, Self::ReadOptions>,
+    ) -> Result<Self::Data, DataError>;
 
     /// A number that another content of the data changes; see [`Fingerprint`](super::Fingerprint).
     fn fingerprint(data: &Self::Data) -> u64;
@@ -138,19 +143,26 @@ pub trait System: Module<f32> + Send + Sync + Sized {
 }
 
 /// Where data comes from.
-#[derive(Clone, Copy)]
-pub struct Source<'a> {
+pub struct Source<'a, O = ()> {
     /// A file or folder; none for what the system makes itself.
     pub path: Option<&'a Path>,
-    /// How views are read.
-    pub options: &'a ReadOptions,
+    /// How it is read: the system's [`ReadOptions`](System::ReadOptions).
+    pub options: &'a O,
     /// Seed of the run, for data that is made and for splits.
     pub seed: u64,
     /// Told how much is done, of how much, from any thread.
     pub progress: &'a (dyn Fn(usize, usize) + Sync),
 }
 
-impl Debug for Source<'_> {
+impl<O> Clone for Source<'_, O> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<O> Copy for Source<'_, O> {}
+
+impl<O> Debug for Source<'_, O> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Source").field("path", &self.path).finish_non_exhaustive()
     }
@@ -160,12 +172,19 @@ impl Debug for Source<'_> {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DataError {
-    /// A file is missing or damaged.
+    /// A file is missing or damaged: the reader's own error, which names it.
     #[error(transparent)]
-    Views(#[from] ReadViewsError),
+    Read(Box<dyn Error + Send + Sync>),
     /// The data is sound and does not serve.
     #[error("{0}")]
     Unfit(String),
+}
+
+impl DataError {
+    /// A reader's error, whichever reader it is: the loop knows none.
+    pub fn read(error: impl Error + Send + Sync + 'static) -> Self {
+        Self::Read(Box::new(error))
+    }
 }
 
 /// When something happens.

@@ -12,7 +12,6 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use autodiff_lite::{Module, Param};
-use datasets::ReadOptions;
 
 use super::log::{History, Line};
 use super::*;
@@ -324,7 +323,6 @@ fn resuming_takes_a_run() {
     let mut longer = config.clone();
     longer.train.epochs = 2;
     assert_eq!(run_in(&folder, &longer, true, &mut on).unwrap().steps, 8);
-    let options = ReadOptions::default();
     let (path, progress) = (None, &|_, _| ());
-    Blob::open(&longer.system, &Source { path, options: &options, seed: 0, progress }).unwrap();
+    Blob::open(&longer.system, &Source { path, options: &(), seed: 0, progress }).unwrap();
 }

@@ -70,13 +70,13 @@ fn look_through(view: &mut View, [fx, fy, cx, cy]: [f64; 4]) -> Result<(), DataE
 }
 
 fn measured(path: &Path, view: &View) -> Result<DepthMap, DataError> {
-    let depth = read_depth_file(path, 1.0)?;
+    let depth = read_depth_file(path, 1.0).map_err(DataError::read)?;
     Ok(fitted(&depth, view))
 }
 
 /// An estimate as a depth: one over a disparity that was brought to 0.1 to 1. Scale and shift mean nothing to the network.
 fn guessed(path: &Path, view: &View) -> Result<DepthMap, DataError> {
-    let map = read_disparity_file(path)?;
+    let map = read_disparity_file(path).map_err(DataError::read)?;
     let finite = || map.data.iter().copied().filter(|d| d.is_finite());
     let low = finite().fold(f32::INFINITY, f32::min);
     let span = finite().fold(f32::NEG_INFINITY, f32::max) - low;

@@ -247,6 +247,7 @@ impl<B: MeshInit> System for Refined<B> {
     const BEST: &'static str = "chamfer";
 
     type Config = B::Config;
+    type ReadOptions = datasets::ReadOptions;
     type Data = Scenes;
     type Sample = Scene;
     type Input = [View];
@@ -309,7 +310,10 @@ impl<B: MeshInit> System for Refined<B> {
         Ok(())
     }
 
-    fn open(config: &B::Config, source: &Source<'_>) -> Result<Scenes, DataError> {
+    fn open(
+        config: &B::Config,
+        source: &Source<'_, Self::ReadOptions>,
+    ) -> Result<Scenes, DataError> {
         Scenes::open(B::refine(config), B::cells(config), source)
     }
 

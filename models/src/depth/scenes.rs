@@ -57,7 +57,7 @@ impl Scenes {
     pub fn open(
         config: &RefineConfig,
         cells: usize,
-        source: &Source<'_>,
+        source: &Source<'_, ReadOptions>,
     ) -> Result<Self, DataError> {
         let options = ReadOptions { depth: true, ..source.options.clone() };
         let dataset = match source.path {
@@ -224,9 +224,9 @@ pub(super) fn overlap(a: &[bool], b: &[bool]) -> f64 {
 }
 
 fn opened(path: &Path, options: &ReadOptions) -> Result<Box<dyn Dataset>, DataError> {
-    let dataset = datasets::open_with(path, options)?;
+    let dataset = datasets::open_with(path, options).map_err(DataError::read)?;
     if dataset.layout() == datasets::Layout::Pix3d {
-        return Ok(Box::new(Boxes::new(Pix3d::open(path)?)));
+        return Ok(Box::new(Boxes::new(Pix3d::open(path).map_err(DataError::read)?)));
     }
     Ok(dataset)
 }

@@ -149,6 +149,7 @@ impl System for Img2Mesh {
     const BEST: &'static str = "mask-iou";
 
     type Config = Img2MeshConfig;
+    type ReadOptions = datasets::ReadOptions;
     type Data = Data;
     type Sample = Sample;
     type Input = [View];
@@ -182,13 +183,17 @@ impl System for Img2Mesh {
         self.activate_levels(epoch);
     }
 
-    fn open(config: &Img2MeshConfig, source: &Source<'_>) -> Result<Data, DataError> {
+    fn open(
+        config: &Img2MeshConfig,
+        source: &Source<'_, Self::ReadOptions>,
+    ) -> Result<Data, DataError> {
         match source.path {
             None => Data::synthetic(config),
             Some(path) => {
-                let dataset = datasets::open_with(path, source.options)?;
+                let dataset = datasets::open_with(path, source.options).map_err(DataError::read)?;
                 if dataset.entries().len() == 1 || source.options.object.is_some() {
-                    let views = datasets::read_views(path, source.options, source.progress)?;
+                    let views = datasets::read_views(path, source.options, source.progress)
+                        .map_err(DataError::read)?;
                     return Data::one(&views, config);
                 }
                 Data::many(dataset, source.options.clone(), config)

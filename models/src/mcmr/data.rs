@@ -36,11 +36,11 @@ impl Data {
     ///
     /// # Errors
     /// If files are damaged, or nothing shows an object.
-    pub fn open(config: &McmrConfig, source: &Source<'_>) -> Result<Self, DataError> {
+    pub fn open(config: &McmrConfig, source: &Source<'_, ReadOptions>) -> Result<Self, DataError> {
         match source.path {
             None => Self::synthetic(config),
             Some(path) => {
-                let dataset = datasets::open_with(path, source.options)?;
+                let dataset = datasets::open_with(path, source.options).map_err(DataError::read)?;
                 Self::of(dataset, source.options.clone(), config)
             }
         }

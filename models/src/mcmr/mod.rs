@@ -176,6 +176,7 @@ impl System for Mcmr {
     const BEST: &'static str = "mask-iou";
 
     type Config = McmrConfig;
+    type ReadOptions = datasets::ReadOptions;
     type Data = Data;
     type Sample = (Sample, Arc<PerceptualMetrics>);
     type Input = [View];
@@ -202,7 +203,10 @@ impl System for Mcmr {
         loaded.map(|_| ()).map_err(|error| DataError::Unfit(error.to_string()))
     }
 
-    fn open(config: &McmrConfig, source: &Source<'_>) -> Result<Data, DataError> {
+    fn open(
+        config: &McmrConfig,
+        source: &Source<'_, Self::ReadOptions>,
+    ) -> Result<Data, DataError> {
         Data::open(config, source)
     }
 

@@ -57,11 +57,11 @@ impl Pairs {
     ///
     /// # Errors
     /// If files are damaged or there is no surface.
-    pub fn open(config: &PairsConfig, source: &Source<'_>) -> Result<Self, DataError> {
+    pub fn open(config: &PairsConfig, source: &Source<'_, ReadOptions>) -> Result<Self, DataError> {
         match source.path {
             None => Self::synthetic(config),
             Some(path) => {
-                let dataset = datasets::open_with(path, source.options)?;
+                let dataset = datasets::open_with(path, source.options).map_err(DataError::read)?;
                 Self::of(dataset, source.options.clone(), config)
             }
         }

@@ -193,6 +193,7 @@ impl<D: Deformer> System for SingleView<D> {
     const BEST: &'static str = "chamfer";
 
     type Config = D::Config;
+    type ReadOptions = datasets::ReadOptions;
     type Data = Pairs;
     type Sample = Pair;
     type Input = [View];
@@ -239,7 +240,10 @@ impl<D: Deformer> System for SingleView<D> {
         Self { config: config.clone(), seed, encoder, deformer, template }
     }
 
-    fn open(config: &D::Config, source: &Source<'_>) -> Result<Pairs, DataError> {
+    fn open(
+        config: &D::Config,
+        source: &Source<'_, Self::ReadOptions>,
+    ) -> Result<Pairs, DataError> {
         Pairs::open(&D::shared(config).pairs, source)
     }
 

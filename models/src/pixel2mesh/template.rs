@@ -40,7 +40,7 @@ impl Template {
     /// # Errors
     /// If a file is damaged, or the faces are missing.
     pub fn read(path: &str, level: u32) -> Result<Self, DataError> {
-        let ellipsoid = Ellipsoid::open(path)?;
+        let ellipsoid = Ellipsoid::open(path).map_err(DataError::read)?;
         let levels = (level as usize + 1).min(ellipsoid.levels.len());
         if ellipsoid.levels.iter().take(levels).any(|level| level.faces.is_empty()) {
             let text = format!("{path}: no faces, expected face1.obj to face3.obj beside it");

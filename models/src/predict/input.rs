@@ -86,10 +86,11 @@ impl PredictInput {
 
     fn views(request: &Request<'_>) -> Result<Self, DataError> {
         let lenient = ReadOptions { allow_missing: true, ..request.options.clone() };
-        let views = read_views(request.path, &lenient, request.progress)?;
+        let views =
+            read_views(request.path, &lenient, request.progress).map_err(DataError::read)?;
         let mut input = Self::part(views, request.choice)?;
         if let Some(path) = request.score {
-            let score = read_views(path, &lenient, request.progress)?;
+            let score = read_views(path, &lenient, request.progress).map_err(DataError::read)?;
             input.others.extend(score.views);
             input.warnings.extend(score.warnings);
         }

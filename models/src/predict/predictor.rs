@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use datasets::ReadOptions;
 use mesh_core::TriMesh;
 use train::{DataError, PredictError, System};
 
@@ -11,7 +12,7 @@ use super::input::{PredictInput, Request};
 ///
 /// All input is [`View`](datasets::View)s: a system of a single image takes the first, with its
 /// depth where there is one; one that needs no camera gives its own to images that have none.
-pub trait Predictor: System + 'static {
+pub trait Predictor: System<ReadOptions = ReadOptions> + 'static {
     /// What it does, in one sentence, for lists.
     const ABOUT: &'static str;
     /// How a checkpoint is had, for those who have none: a command and how long it takes.

@@ -118,6 +118,7 @@ impl System for Blob {
     const PRESETS: &'static [(&'static str, &'static str)] = &[];
     const BEST: &'static str = "mask-iou";
     type Config = Options;
+    type ReadOptions = ();
     type Data = ();
     type Sample = Silhouette;
     type Input = [f32; 3];
