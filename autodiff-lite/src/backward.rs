@@ -1,19 +1,15 @@
 //! The reverse walk, and what a rule may see and do in it.
 
-use ndarray::{ArrayD, ArrayViewMutD};
-
 use crate::tape::Node;
-use crate::{CONTIGUOUS, Gradients, IntoTensor, Pool, PoolVec, Real, ShapeError, Tape, Tensor};
+use crate::{Gradients, Pool, PoolVec, Real, ShapeError, Tape, Tensor};
 
 /// What a rule may see and do: read values, and accumulate gradients in place.
-///
-/// All arrays are row-major and contiguous.
 pub struct Backward<'a, F: Real> {
     nodes: &'a [Node<F>],
     inputs: &'a [u32],
     node: usize,
     grad_out: Option<Tensor<F>>,
-    slots: &'a mut [Option<ArrayD<F>>],
+    slots: &'a mut [Option<Tensor<F>>],
     pool: &'a Pool,
 }
 
@@ -58,34 +54,17 @@ impl<F: Real> Backward<'_, F> {
     ///
     /// # Panics
     /// If it was taken before.
-    pub fn take_grad_out(&mut self) -> ArrayD<F> {
+    pub fn take_grad_out(&mut self) -> Tensor<F> {
         let shared = self.grad_out.take().expect("the gradient of the output was taken");
-        match shared.try_into_owned_nocopy() {
-            Ok(own) => own,
-            Err(shared) => {
-                let mut own = self.pool.array(shared.shape());
-                own.assign(&shared);
-                own
-            }
-        }
+        self.pool.own(shared)
     }
 
     /// The gradient of input `i`, to be added to. Zero when it is touched first.
-    pub fn grad_mut(&mut self, i: usize) -> ArrayViewMutD<'_, F> {
+    pub fn grad_slice_mut(&mut self, i: usize) -> &mut [F] {
         let id = self.inputs[i] as usize;
         let (nodes, pool) = (self.nodes, self.pool);
-        self.slots[id]
-            .get_or_insert_with(|| {
-                let mut zeros = pool.array(nodes[id].value().shape());
-                zeros.fill(F::zero());
-                zeros
-            })
-            .view_mut()
-    }
-
-    /// [`grad_mut`](Self::grad_mut) as a slice.
-    pub fn grad_slice_mut(&mut self, i: usize) -> &mut [F] {
-        self.grad_mut(i).into_slice().expect(CONTIGUOUS)
+        let zeros = || pool.filled(nodes[id].value().shape(), F::zero());
+        self.slots[id].get_or_insert_with(zeros).as_slice_mut()
     }
 
     /// Whether input `i` has no gradient yet, so that one that is [given](Self::give) is moved
@@ -99,8 +78,8 @@ impl<F: Real> Backward<'_, F> {
     ///
     /// # Panics
     /// If its shape is not that of the input.
-    pub fn give(&mut self, i: usize, gradient: impl IntoTensor<F>) {
-        let gradient = gradient.into_tensor();
+    pub fn give(&mut self, i: usize, gradient: impl Into<Tensor<F>>) {
+        let gradient = gradient.into();
         let id = self.inputs[i] as usize;
         let expected = self.nodes[id].value().shape();
         if gradient.shape() != expected {
@@ -116,35 +95,28 @@ impl<F: Real> Backward<'_, F> {
             self.recycle(gradient);
             return;
         }
-        let own = match gradient.try_into_owned_nocopy() {
-            Ok(own) if own.is_standard_layout() => own,
-            Ok(strided) => {
-                let mut own = self.pool.array(strided.shape());
-                own.assign(&strided);
-                self.pool.give_array(strided);
-                own
-            }
-            Err(shared) => {
-                let mut own = self.pool.array(shared.shape());
-                own.assign(&shared);
-                own
-            }
-        };
         match &mut self.slots[id] {
             Some(sum) => {
-                let target = sum.as_slice_mut().expect(CONTIGUOUS);
-                crate::kernels::elementwise::add_to(own.as_slice().expect(CONTIGUOUS), target);
-                self.pool.give_array(own);
+                crate::kernels::elementwise::add_to(gradient.as_slice(), sum.as_slice_mut());
+                self.pool.recycle(gradient);
             }
-            empty => *empty = Some(own),
+            empty => *empty = Some(self.pool.own(gradient)),
         }
     }
 
-    /// Gives an array's memory to the pool.
-    pub fn recycle(&self, array: impl IntoTensor<F>) {
-        if let Ok(own) = array.into_tensor().try_into_owned_nocopy() {
-            self.pool.give_array(own);
+    /// [Gives](Self::give) input `i` the gradient that `write` puts into a stale slice of its length, every element
+    /// of it. Does nothing when the input wants none.
+    pub fn give_with(&mut self, i: usize, write: impl FnOnce(&mut [F])) {
+        if self.needs(i) {
+            let mut gradient = self.pool.array(self.nodes[self.inputs[i] as usize].value().shape());
+            write(gradient.as_slice_mut());
+            self.give(i, gradient);
         }
+    }
+
+    /// Gives the memory of an array to the pool, if nobody else holds it.
+    pub fn recycle(&self, array: impl Into<Tensor<F>>) {
+        self.pool.recycle(array.into());
     }
 
     /// Working memory, stale but initialised.
@@ -152,8 +124,8 @@ impl<F: Real> Backward<'_, F> {
         self.pool.vec(len)
     }
 
-    /// An array from the pool, stale but initialised: to be written whole and [given](Self::give).
-    pub fn array(&self, shape: &[usize]) -> ArrayD<F> {
+    /// A tensor from the pool, stale but initialised: to be written whole and [given](Self::give).
+    pub fn array(&self, shape: &[usize]) -> Tensor<F> {
         self.pool.array(shape)
     }
 
@@ -167,7 +139,7 @@ impl<F: Real> Tape<F> {
     /// Walks from node `root` to the leaves. Gradients in between go back to the pool as soon as
     /// their rule has run.
     #[track_caller]
-    pub(crate) fn backward_from(&self, root: u32, seed: ArrayD<F>) -> Gradients<F> {
+    pub(crate) fn backward_from(&self, root: u32, seed: Tensor<F>) -> Gradients<F> {
         assert!(self.is_training(), "backward on an eval tape: nothing was recorded");
         let nodes = self.nodes.borrow();
         let edges = self.edges.borrow();
@@ -182,7 +154,7 @@ impl<F: Real> Tape<F> {
                 if node.needs_grad {
                     gradients.push(id as u32, node.param, gradient);
                 } else {
-                    self.pool.give_array(gradient);
+                    self.pool.recycle(gradient);
                 }
                 continue;
             };
@@ -191,13 +163,13 @@ impl<F: Real> Tape<F> {
                 nodes: &nodes,
                 inputs: &edges[first..first + node.edge_count as usize],
                 node: id,
-                grad_out: Some(gradient.into_shared()),
+                grad_out: Some(gradient),
                 slots: &mut slots[..id],
                 pool: &self.pool,
             };
             op.pullback(&mut cx);
             if let Some(rest) = cx.grad_out.take() {
-                cx.recycle(rest);
+                self.pool.recycle(rest);
             }
         }
         *self.slots.borrow_mut() = slots;

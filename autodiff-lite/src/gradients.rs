@@ -3,9 +3,9 @@
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use ndarray::{ArrayD, ArrayViewD, ArrayViewMutD};
+use ndarray::ArrayViewMutD;
 
-use crate::{CONTIGUOUS, Param, ParamId, Pool, Real, Tape, Var};
+use crate::{Param, ParamId, Pool, Real, Tape, Tensor, Var};
 
 /// Gradients of one scalar with respect to leaves and trainable parameters.
 ///
@@ -22,7 +22,7 @@ pub struct Gradients<F: Real = f32> {
 pub(crate) struct Entry<F> {
     param: Option<ParamId>,
     node: u32,
-    gradient: ArrayD<F>,
+    gradient: Tensor<F>,
 }
 
 impl<F: Real> fmt::Debug for Gradients<F> {
@@ -39,7 +39,7 @@ impl<F: Real> Gradients<F> {
         Self { entries: entries.unwrap_or_default(), spare, pool, epoch }
     }
 
-    pub(crate) fn push(&mut self, node: u32, param: Option<ParamId>, gradient: ArrayD<F>) {
+    pub(crate) fn push(&mut self, node: u32, param: Option<ParamId>, gradient: Tensor<F>) {
         self.entries.push(Entry { param, node, gradient });
     }
 
@@ -52,13 +52,13 @@ impl<F: Real> Gradients<F> {
     }
 
     /// The gradient of a parameter, if the scalar depends on it.
-    pub fn of(&self, param: &Param<F>) -> Option<ArrayViewD<'_, F>> {
-        self.find(param.id()).map(|i| self.entries[i].gradient.view())
+    pub fn of(&self, param: &Param<F>) -> Option<&Tensor<F>> {
+        self.find(param.id()).map(|i| &self.entries[i].gradient)
     }
 
     /// The gradient of a parameter as a slice.
     pub fn slice_of(&self, param: &Param<F>) -> Option<&[F]> {
-        self.find(param.id()).map(|i| self.entries[i].gradient.as_slice().expect(CONTIGUOUS))
+        self.of(param).map(Tensor::as_slice)
     }
 
     /// The gradient of a parameter, to be changed: clipped, preconditioned.
@@ -72,9 +72,9 @@ impl<F: Real> Gradients<F> {
     /// # Panics
     /// If the tape was reset since.
     #[track_caller]
-    pub fn wrt(&self, var: Var<'_, F>) -> Option<ArrayViewD<'_, F>> {
+    pub fn wrt(&self, var: Var<'_, F>) -> Option<&Tensor<F>> {
         assert_eq!(var.tape.epoch.get(), self.epoch, "these gradients are of an earlier step");
-        self.entries.iter().find(|e| e.node == var.id).map(|entry| entry.gradient.view())
+        self.entries.iter().find(|e| e.node == var.id).map(|entry| &entry.gradient)
     }
 
     /// Adds the gradients of another backward pass, parameter by parameter: shards of one batch,
@@ -84,14 +84,11 @@ impl<F: Real> Gradients<F> {
     pub fn accumulate(&mut self, other: &Self) {
         for entry in &other.entries {
             let Some(param) = entry.param else { continue };
-            let source = entry.gradient.as_slice().expect(CONTIGUOUS);
             if let Some(i) = self.find(param) {
-                let target = self.entries[i].gradient.as_slice_mut().expect(CONTIGUOUS);
-                crate::kernels::elementwise::add_to(source, target);
+                let target = self.entries[i].gradient.as_slice_mut();
+                crate::kernels::elementwise::add_to(entry.gradient.as_slice(), target);
             } else {
-                let mut gradient = self.pool.array(entry.gradient.shape());
-                gradient.assign(&entry.gradient);
-                self.push(u32::MAX, Some(param), gradient);
+                self.push(u32::MAX, Some(param), self.pool.copy(&entry.gradient));
                 self.sort();
             }
         }
@@ -99,8 +96,8 @@ impl<F: Real> Gradients<F> {
 
     /// Multiplies all of them by `factor`.
     pub fn scale(&mut self, factor: F) {
-        for entry in &mut self.entries {
-            entry.gradient.map_inplace(|g| *g *= factor);
+        for g in self.slices_mut().flatten() {
+            *g *= factor;
         }
     }
 
@@ -109,7 +106,7 @@ impl<F: Real> Gradients<F> {
     pub fn norm(&self) -> f64 {
         let squares = |entry: &Entry<F>| {
             let square = |g: F| Real::to_f64(g) * Real::to_f64(g);
-            let (blocks, rest) = entry.gradient.as_slice().expect(CONTIGUOUS).as_chunks::<16>();
+            let (blocks, rest) = entry.gradient.as_slice().as_chunks::<16>();
             // Sixteen sums side by side: one alone would wait for each addition.
             let mut sums = [0.0; 16];
             for block in blocks {
@@ -128,7 +125,7 @@ impl<F: Real> Gradients<F> {
     }
 
     pub(crate) fn slices_mut(&mut self) -> impl Iterator<Item = &mut [F]> {
-        self.entries.iter_mut().map(|e| e.gradient.as_slice_mut().expect(CONTIGUOUS))
+        self.entries.iter_mut().map(|e| e.gradient.as_slice_mut())
     }
 }
 
@@ -136,7 +133,7 @@ impl<F: Real> Drop for Gradients<F> {
     fn drop(&mut self) {
         let mut entries = std::mem::take(&mut self.entries);
         for entry in entries.drain(..) {
-            self.pool.give_array(entry.gradient);
+            self.pool.recycle(entry.gradient);
         }
         self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(entries);
     }
@@ -169,7 +166,7 @@ mod tests {
         let tape = Tape::<f64>::train(0);
         let x = tape.leaf(arr1(&[1.0, 2.0, 3.0]));
         let gradients = x.square().backward_with(arr1(&[1.0, 0.0, -1.0]));
-        assert_eq!(gradients.wrt(x).unwrap().as_slice(), Some(&[2.0, 0.0, -6.0][..]));
+        assert_eq!(gradients.wrt(x).unwrap().as_slice(), [2.0, 0.0, -6.0]);
     }
 
     #[test]

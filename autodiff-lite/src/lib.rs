@@ -7,19 +7,19 @@
 //!
 //! // A model is a plain struct of parameters; how it is called is its own affair.
 //! struct Line {
-//!     derivative: Param,
+//!     slope: Param,
 //!     offset: Param,
 //! }
-//! impl_module!(Line: f32 { derivative, offset });
+//! impl_module!(Line: f32 { slope, offset });
 //!
 //! impl Line {
 //!     fn forward<'t>(&self, x: Var<'t>) -> Var<'t> {
 //!         let tape = x.tape();
-//!         x * tape.param(&self.derivative) + tape.param(&self.offset)
+//!         x * tape.param(&self.slope) + tape.param(&self.offset)
 //!     }
 //! }
 //!
-//! let mut line = Line { derivative: Param::new(Array1::zeros(1)), offset: Param::new(Array1::zeros(1)) };
+//! let mut line = Line { slope: Param::new(Array1::zeros(1)), offset: Param::new(Array1::zeros(1)) };
 //! let x = Array2::from_shape_fn((50, 1), |(i, _)| i as f32 / 50.0).into_shared();
 //! let y = x.mapv(|x| 3.0 * x - 1.0).into_shared();
 //!
@@ -31,7 +31,7 @@
 //!     tape.reset(); // memory goes back to the tape's pool, parameters are unique again
 //!     adam.step(&mut line, &gradients); // and are written in place
 //! }
-//! assert!((line.derivative.value[0] - 3.0).abs() < 0.01);
+//! assert!((line.slope.value[0] - 3.0).abs() < 0.01);
 //! ```
 //!
 //! # Where things are
@@ -49,7 +49,7 @@
 //!
 //! # Conventions
 //!
-//! - Values are row-major and contiguous, features last: images `[N, H, W, C]`, vertices
+//! - Values are row-major without gaps, features last: images `[N, H, W, C]`, vertices
 //!   `[N, V, 3]`, tokens `[N, T, D]`.
 //! - Two operands broadcast by NumPy's rules.
 //! - A wrong shape is a mistake in the program: it panics at the caller, naming the operation,
@@ -119,6 +119,6 @@ pub use scope::Handles;
 pub use shape::{ShapeError, Shapes, broadcast_shape};
 pub use sparse::{SparseError, SparseMatrix};
 pub use tape::Tape;
-pub use tensor::{CONTIGUOUS, IntoTensor, Tensor};
+pub use tensor::Tensor;
 pub use updates::{BufferUpdate, Updates};
 pub use var::Var;

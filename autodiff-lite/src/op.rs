@@ -8,7 +8,7 @@ use crate::{Backward, Real};
 ///
 /// The struct holds exactly what backward needs and forward knew; inputs and the output itself
 /// are read from the tape. Any crate may define operations: [`Tape::record`](crate::Tape::record)
-/// is the only door.
+/// is the only way to record an op.
 ///
 /// ```
 /// use autodiff_lite::{Backward, Op, Real, Tape, Var};
@@ -21,7 +21,7 @@ use crate::{Backward, Real};
 ///     }
 ///     fn pullback(&self, cx: &mut Backward<'_, F>) {
 ///         let (x, mut g) = (cx.input(0), cx.take_grad_out());
-///         g.zip_mut_with(&x, |g, &x| *g *= F::from_f64(3.0) * x * x);
+///         g.view_mut().zip_mut_with(&x, |g, &x| *g *= F::from_f64(3.0) * x * x);
 ///         cx.give(0, g);
 ///     }
 /// }

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::{IntoTensor, Real, Tensor};
+use crate::{Real, Tensor};
 
 /// Identifies a parameter for as long as the program runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -26,7 +26,7 @@ impl ParamId {
 #[derive(Clone, Debug)]
 pub struct Param<F: Real = f32> {
     id: ParamId,
-    /// The present value, row-major.
+    /// The present value.
     pub value: Tensor<F>,
     /// Whether gradients are wanted and optimisers may write.
     pub trainable: bool,
@@ -34,18 +34,12 @@ pub struct Param<F: Real = f32> {
 
 impl<F: Real> Param<F> {
     /// A trainable parameter with a new identity.
-    pub fn new(value: impl IntoTensor<F>) -> Self {
-        let value = value.into_tensor();
-        let value = if value.is_standard_layout() {
-            value
-        } else {
-            value.as_standard_layout().into_owned().into_shared()
-        };
-        Self { id: ParamId::fresh(), value, trainable: true }
+    pub fn new(value: impl Into<Tensor<F>>) -> Self {
+        Self { id: ParamId::fresh(), value: value.into(), trainable: true }
     }
 
     /// A parameter that is saved but not trained.
-    pub fn buffer(value: impl IntoTensor<F>) -> Self {
+    pub fn buffer(value: impl Into<Tensor<F>>) -> Self {
         Self { trainable: false, ..Self::new(value) }
     }
 
@@ -71,7 +65,7 @@ impl<F: Real> Param<F> {
 
     /// Its elements.
     pub fn as_slice(&self) -> &[F] {
-        self.value.as_slice().expect(crate::CONTIGUOUS)
+        self.value.as_slice()
     }
 
     /// Its elements, to be written.
@@ -79,6 +73,6 @@ impl<F: Real> Param<F> {
     /// In place when nobody else holds the value, that is, after the tape was reset; else the
     /// parameter gets a copy of its own first.
     pub fn as_slice_mut(&mut self) -> &mut [F] {
-        self.value.as_slice_mut().expect(crate::CONTIGUOUS)
+        self.value.as_slice_mut()
     }
 }

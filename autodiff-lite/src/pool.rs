@@ -1,7 +1,7 @@
 //! Recycled memory.
 //!
 //! A page that the operating system hands out fresh costs more than anything that is computed on
-//! it, so a tape never gives its buffers back: they wait on free_lists, by exact length, until a
+//! it, so a tape never gives its buffers back: they wait on free lists, by exact length, until a
 //! value, a gradient or a saved index list of that length is wanted again.
 
 use std::collections::BTreeMap;
@@ -10,9 +10,11 @@ use std::mem;
 use std::ops::{Deref, DerefMut};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use ndarray::{ArrayBase, ArrayD, Dimension, IxDyn, OwnedRepr};
+use ndarray::{ArrayD, IxDyn};
 
-/// FreeLists that saw no request during this many resets are emptied: sizes change when a mesh is
+use crate::Tensor;
+
+/// Free lists that saw no request during this many resets are emptied: sizes change when a mesh is
 /// subdivided, and the old ones would wait for ever.
 const FORGET_AFTER: u64 = 256;
 
@@ -21,7 +23,7 @@ const FORGET_AFTER: u64 = 256;
 const MOST_WAITING: usize = 3;
 
 /// What the pool keeps: `f32`, `f64` and `u32`.
-pub trait Pooled: Copy + Default + Send + 'static + private::Shelved {}
+pub trait Pooled: Copy + Default + Send + 'static + private::Listed {}
 
 impl Pooled for f32 {}
 impl Pooled for f64 {}
@@ -30,27 +32,27 @@ impl Pooled for u32 {}
 mod private {
     use super::{FreeList, FreeLists};
 
-    pub trait Shelved: Sized {
+    pub trait Listed: Sized {
         fn free_list(free_lists: &mut FreeLists) -> &mut FreeList<Self>;
         /// What debug builds fill a buffer with before they hand it out.
         const POISON: Self;
     }
 
-    impl Shelved for f32 {
+    impl Listed for f32 {
         fn free_list(free_lists: &mut FreeLists) -> &mut FreeList<Self> {
             &mut free_lists.singles
         }
         const POISON: Self = Self::NAN;
     }
 
-    impl Shelved for f64 {
+    impl Listed for f64 {
         fn free_list(free_lists: &mut FreeLists) -> &mut FreeList<Self> {
             &mut free_lists.doubles
         }
         const POISON: Self = Self::NAN;
     }
 
-    impl Shelved for u32 {
+    impl Listed for u32 {
         fn free_list(free_lists: &mut FreeLists) -> &mut FreeList<Self> {
             &mut free_lists.indices
         }
@@ -62,7 +64,7 @@ mod private {
 struct Stack<T> {
     free: Vec<Vec<T>>,
     /// Handed out and not yet returned. Only so many are taken back: a buffer that came from
-    /// elsewhere (a constant that the caller allocated) would else make the free_list grow each step.
+    /// elsewhere (a constant that the caller allocated) would else make the free list grow each step.
     lent: usize,
     last_used: u64,
 }
@@ -106,7 +108,7 @@ impl Pool {
     }
 
     fn lock(&self) -> MutexGuard<'_, FreeLists> {
-        // A panic elsewhere leaves the free_lists whole: they only move complete vectors.
+        // A panic elsewhere leaves the free lists whole: they only move complete vectors.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -138,7 +140,7 @@ impl Pool {
         buffer
     }
 
-    /// Puts a vector on its free_list.
+    /// Puts a vector on its free list.
     pub fn give<T: Pooled>(&self, buffer: Vec<T>) {
         if buffer.is_empty() {
             return;
@@ -152,9 +154,11 @@ impl Pool {
         }
     }
 
-    /// Puts the memory of an array on its free_list.
-    pub fn give_array<T: Pooled, D: Dimension>(&self, array: ArrayBase<OwnedRepr<T>, D>) {
-        self.give(array.into_raw_vec_and_offset().0);
+    /// Puts the memory of a tensor on its free list, if nobody else holds it.
+    pub fn recycle<T: Pooled>(&self, tensor: Tensor<T>) {
+        if let Some(buffer) = tensor.try_into_vec() {
+            self.give(buffer);
+        }
     }
 
     /// A [`PoolVec`] of `len` elements, stale but initialised.
@@ -162,18 +166,38 @@ impl Pool {
         PoolVec { buffer: self.take(len), pool: self.clone() }
     }
 
-    /// A row-major array of this shape, stale but initialised.
-    pub fn array<T: Pooled>(&self, shape: &[usize]) -> ArrayD<T> {
+    /// A tensor of this shape, stale but initialised.
+    pub fn array<T: Pooled>(&self, shape: &[usize]) -> Tensor<T> {
         let buffer = self.take(shape.iter().product());
-        ArrayD::from_shape_vec(IxDyn(shape), buffer).expect("the buffer has the shape's length")
+        let array = ArrayD::from_shape_vec(IxDyn(shape), buffer);
+        array.expect("the buffer has the shape's length").into()
     }
 
-    /// Bytes that wait on the free_lists.
+    /// A tensor of this shape, all of whose elements are `value`.
+    pub fn filled<T: Pooled>(&self, shape: &[usize], value: T) -> Tensor<T> {
+        let mut tensor = self.array(shape);
+        tensor.as_slice_mut().fill(value);
+        tensor
+    }
+
+    /// A tensor of one's own with the elements of another.
+    pub fn copy<T: Pooled>(&self, tensor: &Tensor<T>) -> Tensor<T> {
+        let mut own = self.array(tensor.shape());
+        own.as_slice_mut().copy_from_slice(tensor.as_slice());
+        own
+    }
+
+    /// The tensor itself if nobody else holds it, else a copy.
+    pub(crate) fn own<T: Pooled>(&self, tensor: Tensor<T>) -> Tensor<T> {
+        if tensor.is_unique() { tensor } else { self.copy(&tensor) }
+    }
+
+    /// Bytes that wait on the free lists.
     pub fn bytes(&self) -> usize {
         self.lock().waiting()
     }
 
-    /// Frees everything that waits on the free_lists.
+    /// Frees everything that waits on the free lists.
     pub fn clear(&self) {
         let mut free_lists = self.lock();
         free_lists.forget(|_| true);

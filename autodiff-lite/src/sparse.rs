@@ -17,7 +17,7 @@ use crate::kernels::sparse::CsrRows;
 /// let a = SparseMatrix::from_triplets(2, 3, &[(0, 0, 0.5), (0, 2, 0.5), (1, 1, 1.0)])?;
 /// let tape = Tape::<f32>::eval();
 /// let x = tape.constant(ndarray::arr2(&[[1.0], [2.0], [3.0]]));
-/// assert_eq!(x.sparse_matmul(&a).value(), ndarray::arr2(&[[2.0], [2.0]]).into_dyn());
+/// assert_eq!(x.sparse_matmul(&a).value(), ndarray::arr2(&[[2.0], [2.0]]));
 /// # Ok::<(), autodiff_lite::SparseError>(())
 /// ```
 #[derive(Clone, Debug)]

@@ -4,7 +4,6 @@ use std::cell::{Cell, Ref, RefCell};
 use std::collections::HashMap;
 use std::fmt;
 
-use ndarray::ArrayD;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -12,8 +11,7 @@ use crate::gradients::Entry;
 use crate::nested::Nests;
 use crate::op::FnOp;
 use crate::{
-    Backward, BufferUpdate, IntoTensor, Op, Param, ParamId, Pool, PoolVec, Real, Tensor, Updates,
-    Var,
+    Backward, BufferUpdate, Op, Param, ParamId, Pool, PoolVec, Real, Tensor, Updates, Var,
 };
 
 /// Everything computed in one evaluation of a model, in the order of computation.
@@ -32,7 +30,7 @@ pub struct Tape<F: Real = f32> {
     /// Inputs of all nodes, one after the other.
     pub(crate) edges: RefCell<Vec<u32>>,
     /// Gradient slots, kept for the next backward pass: the vector itself is several pages.
-    pub(crate) slots: RefCell<Vec<Option<ArrayD<F>>>>,
+    pub(crate) slots: RefCell<Vec<Option<Tensor<F>>>>,
     /// A spent vector of a [`Gradients`](crate::Gradients), for the same reason.
     pub(crate) spare: std::sync::Arc<std::sync::Mutex<Vec<Vec<Entry<F>>>>>,
     params: RefCell<HashMap<ParamId, u32>>,
@@ -141,14 +139,14 @@ impl<F: Real> Tape<F> {
 
     /// A value without gradient.
     #[track_caller]
-    pub fn constant(&self, x: impl IntoTensor<F>) -> Var<'_, F> {
-        self.push("constant", x.into_tensor(), &[], None, false, None)
+    pub fn constant(&self, x: impl Into<Tensor<F>>) -> Var<'_, F> {
+        self.push("constant", x.into(), &[], None, false, None)
     }
 
     /// A differentiable input; its gradient is [`Gradients::wrt`](crate::Gradients::wrt).
     #[track_caller]
-    pub fn leaf(&self, x: impl IntoTensor<F>) -> Var<'_, F> {
-        self.push("leaf", x.into_tensor(), &[], None, self.is_training(), None)
+    pub fn leaf(&self, x: impl Into<Tensor<F>>) -> Var<'_, F> {
+        self.push("leaf", x.into(), &[], None, self.is_training(), None)
     }
 
     /// A parameter, by reference count; the same parameter twice is the same node.
@@ -169,21 +167,20 @@ impl<F: Real> Tape<F> {
         var
     }
 
-    /// Puts the result of an operation on the tape: the only door for all crates.
+    /// Puts the result of an operation on the tape: the only way to record an op, for all crates.
     ///
-    /// The operation is kept only if a gradient can flow through it. A value that is not row-major
-    /// is copied once.
+    /// The operation is kept only if a gradient can flow through it.
     #[track_caller]
     pub fn record(
         &self,
         inputs: &[Var<'_, F>],
-        value: impl IntoTensor<F>,
+        value: impl Into<Tensor<F>>,
         op: impl Op<F>,
     ) -> Var<'_, F> {
         let name = op.name();
         let wanted = self.wants_grad(inputs);
         let op: Option<Box<dyn Op<F>>> = if wanted { Some(Box::new(op)) } else { None };
-        self.push(name, value.into_tensor(), inputs, op, wanted, None)
+        self.push(name, value.into(), inputs, op, wanted, None)
     }
 
     /// [`record`](Self::record) with a closure as the rule, for rules of three lines.
@@ -192,7 +189,7 @@ impl<F: Real> Tape<F> {
         &self,
         name: &'static str,
         inputs: &[Var<'_, F>],
-        value: impl IntoTensor<F>,
+        value: impl Into<Tensor<F>>,
         pullback: impl Fn(&mut Backward<'_, F>) + Send + 'static,
     ) -> Var<'_, F> {
         self.record(inputs, value, FnOp { name, pullback })
@@ -217,14 +214,6 @@ impl<F: Real> Tape<F> {
         for input in inputs {
             assert!(std::ptr::eq(input.tape, self), "`{name}` was given values of another tape");
         }
-        let value = if value.is_standard_layout() {
-            value
-        } else {
-            let mut own = self.array(value.shape());
-            own.assign(&value);
-            self.recycle(value);
-            own.into_shared()
-        };
         let mut nodes = self.nodes.borrow_mut();
         let mut edges = self.edges.borrow_mut();
         let first_edge = edges.len() as u32;
@@ -294,16 +283,14 @@ impl<F: Real> Tape<F> {
         self.pool.vec(len)
     }
 
-    /// An array from the pool, stale but initialised: to be written whole and recorded.
-    pub fn array(&self, shape: &[usize]) -> ArrayD<F> {
+    /// A tensor from the pool, stale but initialised: to be written whole and recorded.
+    pub fn array(&self, shape: &[usize]) -> Tensor<F> {
         self.pool.array(shape)
     }
 
     /// Gives the memory of a value to the pool, if nobody else holds it.
-    pub fn recycle(&self, value: impl IntoTensor<F>) {
-        if let Ok(array) = value.into_tensor().try_into_owned_nocopy() {
-            self.pool.give_array(array);
-        }
+    pub fn recycle(&self, value: impl Into<Tensor<F>>) {
+        self.pool.recycle(value.into());
     }
 
     /// Notes a change of a buffer (a running statistic), to be applied by the owner of the module.
@@ -371,7 +358,7 @@ mod tests {
         let tape = Tape::<f32>::eval();
         let x = arr2(&[[1.0, 2.0], [3.0, 4.0]]).reversed_axes();
         let x = tape.constant(x).value();
-        assert_eq!(x.as_slice(), Some(&[1.0, 3.0, 2.0, 4.0][..]));
+        assert_eq!(x.as_slice(), [1.0, 3.0, 2.0, 4.0]);
     }
 
     #[test]

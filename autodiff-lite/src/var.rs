@@ -24,7 +24,7 @@ impl<'t, F: Real> Var<'t, F> {
         self.tape
     }
 
-    /// The value, shared by reference count, row-major.
+    /// The value, shared by reference count.
     ///
     /// # Panics
     /// If the value was freed at the end of a scope of an eval tape.
@@ -42,13 +42,13 @@ impl<'t, F: Real> Var<'t, F> {
     /// The number of its axes.
     #[track_caller]
     pub fn rank(self) -> usize {
-        self.tape.with_value(self.id, Tensor::ndim)
+        self.tape.with_value(self.id, |value| value.ndim())
     }
 
     /// The number of its elements.
     #[track_caller]
     pub fn len(self) -> usize {
-        self.tape.with_value(self.id, Tensor::len)
+        self.tape.with_value(self.id, |value| value.len())
     }
 
     /// Whether it has no element.
@@ -75,7 +75,7 @@ impl<'t, F: Real> Var<'t, F> {
     pub fn item(self) -> F {
         let value = self.value();
         match value.as_slice() {
-            Some(&[only]) => only,
+            &[only] => only,
             _ => ShapeError::new("item", "exactly one element expected")
                 .operand("value", value.shape(), "")
                 .at(self.tape.path())
@@ -107,9 +107,7 @@ impl<'t, F: Real> Var<'t, F> {
                 .at(self.tape.path())
                 .panic();
         }
-        let mut seed = self.tape.array(&shape);
-        seed.fill(F::one());
-        self.tape.backward_from(self.id, seed)
+        self.tape.backward_from(self.id, self.tape.pool.filled(&shape, F::one()))
     }
 
     /// Gradients of `Σ seed ⊙ self`: a product of a vector with the Jacobian.
@@ -117,8 +115,8 @@ impl<'t, F: Real> Var<'t, F> {
     /// # Panics
     /// If the shape of `seed` is another, or the tape is an eval tape.
     #[track_caller]
-    pub fn backward_with(self, seed: impl crate::IntoTensor<F>) -> Gradients<F> {
-        let seed = seed.into_tensor();
+    pub fn backward_with(self, seed: impl Into<Tensor<F>>) -> Gradients<F> {
+        let seed = seed.into();
         let shape = self.shape();
         if seed.shape() != shape {
             ShapeError::new("backward_with", "the seed needs the shape of the value")
@@ -127,8 +125,6 @@ impl<'t, F: Real> Var<'t, F> {
                 .at(self.tape.path())
                 .panic();
         }
-        let mut own = self.tape.array(&shape);
-        own.assign(&seed);
-        self.tape.backward_from(self.id, own)
+        self.tape.backward_from(self.id, self.tape.pool.copy(&seed))
     }
 }

@@ -32,7 +32,7 @@ impl Model {
             };
         }
         let mut seen = tape.buffer(self.mean.len());
-        seen.copy_from_slice(y.value().as_slice().unwrap());
+        seen.copy_from_slice(y.value().as_slice());
         tape.push_update(BufferUpdate::new(&self.mean, seen, 0.1));
         let y = y.dropout(0.1);
         let picked = y.gather_rows(faces).scatter_add_rows(faces, ROWS);
@@ -43,16 +43,15 @@ impl Model {
             "twice",
             &[far],
             {
-                let mut out = tape.array(&far.shape());
-                out.assign(&far.value());
-                out.map_inplace(|x| *x *= 2.0);
+                let mut out = tape.pool().copy(&far.value());
+                out.as_slice_mut().iter_mut().for_each(|x| *x *= 2.0);
                 out
             },
             |cx: &mut Backward<'_, f32>| {
                 let scratch = cx.scratch(cx.output().len());
                 drop(scratch);
                 let mut g = cx.take_grad_out();
-                g.map_inplace(|g| *g *= 2.0);
+                g.as_slice_mut().iter_mut().for_each(|g| *g *= 2.0);
                 cx.give(0, g);
             },
         );

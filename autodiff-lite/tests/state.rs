@@ -39,7 +39,7 @@ impl Model {
                 x = x + tape.param(bias);
             }
             let mut seen = tape.buffer(3);
-            seen.copy_from_slice(x.value().as_slice().unwrap());
+            seen.copy_from_slice(x.value().as_slice());
             tape.push_update(BufferUpdate::new(&layer.running_mean, seen, 0.1));
             x = x.tanh().dropout(0.2);
         }

@@ -2,7 +2,7 @@
 
 use std::hint::black_box;
 
-use autodiff_lite::Tape;
+use autodiff_lite::{Tape, Tensor};
 use benches::{criterion, pool, sphere_points};
 use losses::{Directions, Matches, chamfer_distance, chamfer_normals};
 
@@ -10,7 +10,7 @@ fn main() {
     let mut criterion = criterion();
     let mut group = criterion.benchmark_group("chamfer");
     let (p, q) = (2466, 9000);
-    let [x, y] = [(p, 1), (q, 2)].map(|(n, seed)| sphere_points(n, seed).into_dyn().into_shared());
+    let [x, y] = [(p, 1), (q, 2)].map(|(n, seed)| Tensor::from(sphere_points(n, seed)));
     let pool = pool(2);
 
     group.bench_function(format!("{p}x{q}/nearest/2t"), |bencher| {

@@ -16,7 +16,7 @@ impl_module!(Weights: f32 { w });
 
 fn array(shape: &[usize], seed: u32) -> Tensor {
     let values = numbers(shape.iter().product(), seed);
-    ArrayD::from_shape_vec(shape, values).expect("as many numbers as the shape has").into_shared()
+    ArrayD::from_shape_vec(shape, values).expect("as many numbers as the shape has").into()
 }
 
 fn main() {

@@ -66,7 +66,7 @@ fn adjoints(criterion: &mut Criterion) {
     let problem = Problem::new([0.0, 1.0], &EULER, StepController::Fixed { step: 0.125 });
     let start: Tensor = ArrayD::from_shape_vec(vec![VERTICES, 3], numbers(3 * VERTICES, 1))
         .expect("three numbers each")
-        .into_shared();
+        .into();
     for adjoint in Adjoint::ALL {
         let mut tape = Tape::train(0);
         group.bench_function(
@@ -117,15 +117,15 @@ fn training(criterion: &mut Criterion) {
         field: DeformationField::new(&init.at("field"), FieldConfig::published(1408), graph),
     };
     let image = ArrayD::from_shape_vec(vec![1, SIDE, SIDE, 3], numbers(SIDE * SIDE * 3, 1));
-    let image: Tensor = image.expect("three numbers a pixel").into_shared();
+    let image: Tensor = image.expect("three numbers a pixel").into();
     let truth = ArrayD::from_shape_vec(vec![1, 9000, 3], numbers(27_000, 2));
-    let truth: Tensor = truth.expect("three numbers a point").into_shared();
+    let truth: Tensor = truth.expect("three numbers a point").into();
     let start =
         ArrayD::from_shape_vec(vec![1, VERTICES, 3], template.positions.as_flattened().to_vec());
-    let start: Tensor = start.expect("three numbers a vertex").into_shared();
+    let start: Tensor = start.expect("three numbers a vertex").into();
     let rows = [2.2, 0.0, 0.0, 0.0, 0.0, 2.2, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0];
     let camera = ArrayD::from_shape_vec(vec![1, 3, 4], rows.to_vec()).expect("twelve numbers");
-    let camera: Tensor = camera.into_shared();
+    let camera: Tensor = camera.into();
     let problem = Problem::new([0.0, 1.0], &EULER, StepController::Fixed { step: 0.125 });
     let (mut tape, mut adam) = (Tape::train(0), Adam::new(1e-5));
     let mut step = || {

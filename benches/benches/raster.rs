@@ -40,11 +40,11 @@ impl Scene {
         let colour_grad = ndarray::Array4::from_elem((images, size, size, 3), 0.01_f32);
         let mask_grad = Array3::from_elem((images, size, size), 0.02_f32);
         Self {
-            positions: positions.into_dyn().into_shared(),
-            colours: colours.into_dyn().into_shared(),
+            positions: positions.into(),
+            colours: colours.into(),
             faces: Arc::new(Faces::of(&mesh).expect("an icosphere is sound")),
             settings: Settings::new(size, size),
-            grads: [colour_grad.into_dyn().into_shared(), mask_grad.into_dyn().into_shared()],
+            grads: [colour_grad.into(), mask_grad.into()],
         }
     }
 

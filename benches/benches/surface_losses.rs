@@ -41,7 +41,7 @@ fn main() {
     let pairs = topology.face_pairs(&ball.faces);
     let flat = ball.positions.as_flattened().to_vec();
     let positions = Array2::from_shape_vec((ball.positions.len(), 3), flat).expect("three each");
-    let mesh = [positions.into_dyn().into_shared()];
+    let mesh = [positions.into()];
     let rings = &topology.vertex_vertices;
     let mut group = criterion.benchmark_group("surface/icosphere4");
     step(&mut group, "edge_length", &mesh, |x| losses::edge_length(x[0], &topology.edges, 0.0));
@@ -60,7 +60,7 @@ fn main() {
         let values =
             numbers(4 * 256 * 256 * 3, seed).into_iter().map(|v| 0.5 * (v + 1.0)).collect();
         let image = Array4::from_shape_vec((4, 256, 256, 3), values).expect("as many as that");
-        image.into_dyn().into_shared()
+        image.into()
     };
     let images = [image(1), image(2)];
     let mut group = criterion.benchmark_group("images/4x256x256x3");

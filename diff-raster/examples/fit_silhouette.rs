@@ -46,8 +46,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let target = {
         let projected =
             tape.constant(flat(&vase.positions)).project(tape.constant(cameras.clone()));
-        let positions = projected.value().into_dimensionality::<Ix3>()?;
-        rasterize_into(positions.view(), &Arc::new(Faces::of(&vase)?), &settings, &mut fragments);
+        let values = projected.value();
+        let positions = values.view().into_dimensionality::<Ix3>()?;
+        rasterize_into(positions, &Arc::new(Faces::of(&vase)?), &settings, &mut fragments);
         antialiased_silhouette(projected, &fragments).value()
     };
     tape.reset();
@@ -67,8 +68,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     for step in 0..=STEPS {
         let positions = tape.leaf(flat(&mesh.positions));
         let projected = positions.project(tape.constant(cameras.clone()));
-        let values = projected.value().into_dimensionality::<Ix3>()?;
-        rasterize_into(values.view(), &faces, &settings, &mut fragments);
+        let values = projected.value();
+        let values = values.view().into_dimensionality::<Ix3>()?;
+        rasterize_into(values, &faces, &settings, &mut fragments);
         // The soft silhouette sees from afar, the antialiased one is exact.
         let wanted = tape.constant(target.clone());
         let sharp = antialiased_silhouette(projected, &fragments);
@@ -82,7 +84,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         let gradients = loss.backward();
         let gradient = gradients.wrt(positions).ok_or("the loss does not see the mesh")?;
-        let gradient = gradient.as_slice().ok_or("row-major")?.as_chunks::<3>().0;
+        let gradient = gradient.as_slice().as_chunks::<3>().0;
         solver.solve(gradient, &mut smooth, 1e-4, 50);
         drop(gradients);
         tape.reset();
@@ -108,7 +110,7 @@ fn cameras() -> Tensor<f32> {
         })
         .map(|x| x as f32)
         .collect();
-    Array3::from_shape_vec((VIEWS, 3, 4), rows).expect("12 numbers each").into_dyn().into_shared()
+    Array3::from_shape_vec((VIEWS, 3, 4), rows).expect("12 numbers each").into()
 }
 
 fn flat(positions: &[[f32; 3]]) -> Array2<f32> {

@@ -27,12 +27,11 @@ fn steps_recycle_their_memory() {
             let depth = 4.0 - z * cos + x * sin;
             [(x * cos + z * sin) * 3.0 / depth, y * 3.0 / depth, depth][k]
         };
-        Array3::from_shape_fn((images, vertices, 3), corner).into_dyn().into_shared()
+        Array3::from_shape_fn((images, vertices, 3), corner).into()
     };
-    let colours: Tensor<f32> = Array2::from_shape_fn((vertices, 3), |(v, k)| mesh.positions[v][k])
-        .into_dyn()
-        .into_shared();
-    let image: Tensor<f32> = Array3::from_elem((32, 32, 3), 0.5).into_dyn().into_shared();
+    let colours: Tensor<f32> =
+        Array2::from_shape_fn((vertices, 3), |(v, k)| mesh.positions[v][k]).into();
+    let image: Tensor<f32> = Array3::from_elem((32, 32, 3), 0.5).into();
 
     // One thread: which task finds spare scratch is then the same in every step.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();

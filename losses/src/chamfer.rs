@@ -3,7 +3,7 @@
 //! Which point is nearest to which is not differentiable, so it is a plain value, [`Matches`], that
 //! distance and normals share.
 
-use autodiff_lite::{CONTIGUOUS, Real, ShapeError, Var};
+use autodiff_lite::{Real, ShapeError, Var};
 
 use crate::kernels::matching::{Scratch, nearest_indices};
 use crate::kernels::vec3::{add, dot, points, points_mut, scale, sub, unit, unit_grad};
@@ -47,7 +47,7 @@ impl Matches {
         self.x_to_y.clear();
         self.y_to_x.clear();
         let (x, y) = (x.value(), y.value());
-        let (x, y) = (x.as_slice().expect(CONTIGUOUS), y.as_slice().expect(CONTIGUOUS));
+        let (x, y) = (x.as_slice(), y.as_slice());
         for k in 0..n {
             let (x, y) = (&x[3 * k * p..3 * (k + 1) * p], &y[3 * k * q..3 * (k + 1) * q]);
             nearest_indices(x, y, &mut self.scratch, &mut self.x_to_y);
@@ -186,7 +186,7 @@ fn both_ways<'t, F: Real>(
             .panic();
     }
     let (a, b) = (x.value(), y.value());
-    let (a, b) = (a.as_slice().expect(CONTIGUOUS), b.as_slice().expect(CONTIGUOUS));
+    let (a, b) = (a.as_slice(), b.as_slice());
     let (mut at_x, mut at_y) = (wanted(x), wanted(y));
     let weight_x = directions.x_to_y / (n * p) as f64;
     let weight_y = directions.y_to_x / (n * q) as f64;
@@ -273,8 +273,7 @@ mod tests {
 
     /// Whether the nearest point of `y` is nearer than the second to each point of `x`, by enough.
     fn decided(x: &ArrayD<f64>, y: &ArrayD<f64>, sets: usize) -> bool {
-        let (x, y) =
-            (points(x.as_slice().expect(CONTIGUOUS)), points(y.as_slice().expect(CONTIGUOUS)));
+        let [x, y] = [x, y].map(|x| points(x.as_slice().expect("drawn row-major")));
         let (p, q) = (x.len() / sets, y.len() / sets);
         (0..x.len()).all(|i| {
             let set = &y[i / p * q..][..q];

@@ -1,6 +1,6 @@
 //! The cotangent Laplacian: a surface should bend little, however its vertices are spread on it.
 
-use autodiff_lite::{CONTIGUOUS, Real, ShapeError, Var};
+use autodiff_lite::{Real, ShapeError, Var};
 use mesh_core::SparseRows;
 
 use crate::kernels::vec3::{accumulate, dot, points, points_mut, scale, sub};
@@ -46,7 +46,7 @@ pub fn laplacian_cotangent<'t, F: Real>(
             .panic();
     }
     let value = positions.value();
-    let value = value.as_slice().expect(CONTIGUOUS);
+    let value = value.as_slice();
     let mut gradient = wanted(positions);
     let weight = 1.0 / (n * v).max(1) as f64;
     let mut total = 0.0;

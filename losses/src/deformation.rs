@@ -1,6 +1,6 @@
 //! Deformation size: vertices should not move further than they must.
 
-use autodiff_lite::{CONTIGUOUS, Real, Var};
+use autodiff_lite::{Real, Var};
 
 use crate::kernels::vec3::{dot, points, points_mut, scale};
 use crate::scalar::{record, vertices, wanted};
@@ -21,7 +21,7 @@ pub fn deformation_norm<F: Real>(offsets: Var<'_, F>) -> Var<'_, F> {
     let count = (n * v).max(1) as f64;
     let weight = F::from_f64(1.0 / count);
     let value = offsets.value();
-    let value = value.as_slice().expect(CONTIGUOUS);
+    let value = value.as_slice();
     let mut gradient = wanted(offsets);
     let mut total = 0.0;
     for (i, &d) in points(value).iter().enumerate() {

@@ -1,6 +1,6 @@
 //! The earth mover's distance: what it takes to carry one point set onto another.
 
-use autodiff_lite::{CONTIGUOUS, Real, Var};
+use autodiff_lite::{Real, Var};
 
 use crate::kernels::assignment::{Assignment, assign, distance};
 use crate::kernels::vec3::{points, points_mut};
@@ -38,7 +38,7 @@ pub fn earth_mover<'t, F: Real>(x: Var<'t, F>, y: Var<'t, F>, method: Assignment
     let [n, p] = vertices("earth_mover", "x", x);
     same_shape("earth_mover", ["x", "y"], x, y);
     let (a, b) = (x.value(), y.value());
-    let (a, b) = (a.as_slice().expect(CONTIGUOUS), b.as_slice().expect(CONTIGUOUS));
+    let (a, b) = (a.as_slice(), b.as_slice());
     let (mut at_x, mut at_y) = (wanted(x), wanted(y));
     let weight = 1.0 / (n * p).max(1) as f64;
     let mut total = 0.0;

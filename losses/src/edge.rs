@@ -1,6 +1,6 @@
 //! Edge length: keeps edges short, or near a length.
 
-use autodiff_lite::{CONTIGUOUS, Real, Var};
+use autodiff_lite::{Real, Var};
 
 use crate::kernels::vec3::{add, dot, points, points_mut, scale, sub};
 use crate::scalar::{record, vertices, wanted};
@@ -75,7 +75,7 @@ fn over_edges<'t, F: Real>(
 ) -> Var<'t, F> {
     let [_, v] = vertices(name, "positions", positions);
     let value = positions.value();
-    let value = value.as_slice().expect(CONTIGUOUS);
+    let value = value.as_slice();
     let mut gradient = wanted(positions);
     let factor = F::from_f64(weight);
     let mut total = 0.0;

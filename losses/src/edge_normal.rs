@@ -1,6 +1,6 @@
 //! Edges against the normals of the surface that they should lie in.
 
-use autodiff_lite::{CONTIGUOUS, Real, ShapeError, Var};
+use autodiff_lite::{Real, ShapeError, Var};
 
 use crate::kernels::vec3::{add, dot, points, points_mut, scale, sub, unit, unit_grad};
 use crate::scalar::{record, vertices, wanted};
@@ -49,7 +49,7 @@ pub fn edge_normal<'t, F: Real>(
             .panic();
     }
     let x = positions.value();
-    let x = points(x.as_slice().expect(CONTIGUOUS));
+    let x = points(x.as_slice());
     let mut gradient = wanted(positions);
     let weight = 1.0 / (2 * n * edges.len()).max(1) as f64;
     let mut total = 0.0;
@@ -101,7 +101,7 @@ mod tests {
             // Where an edge is nearly perpendicular, differences would cross the kink; a short one
             // turns far within a difference.
             let x = options.draw(&shape);
-            let x = points(x[0].as_slice().expect(CONTIGUOUS));
+            let x = points(x[0].as_slice().expect("drawn row-major"));
             let smooth = (0..n).all(|k| {
                 edges.iter().flat_map(|&[a, b]| [(a, b), (b, a)]).all(|(a, b)| {
                     let (a, b) = (k * v + a as usize, k * v + b as usize);

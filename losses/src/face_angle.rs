@@ -1,6 +1,6 @@
 //! Face angle and normal consistency: neighbouring faces should lie flat.
 
-use autodiff_lite::{CONTIGUOUS, PoolVec, Real, Var};
+use autodiff_lite::{PoolVec, Real, Var};
 use mesh_core::{FacePair, Topology};
 
 use crate::kernels::vec3::{
@@ -40,7 +40,7 @@ pub fn face_angle<'t, F: Real>(
     let [n, v] = vertices(name, "positions", positions);
     let tape = positions.tape();
     let value = positions.value();
-    let value = value.as_slice().expect(CONTIGUOUS);
+    let value = value.as_slice();
     let mut gradient = wanted(positions);
     let weight = F::from_f64(1.0 / n.max(1) as f64);
     let two = F::one() + F::one();
@@ -112,7 +112,7 @@ pub fn normal_consistency<'t, F: Real>(
     let name = "normal_consistency";
     let [n, v] = vertices(name, "positions", positions);
     let value = positions.value();
-    let value = value.as_slice().expect(CONTIGUOUS);
+    let value = value.as_slice();
     let mut gradient = wanted(positions);
     let count = (n.max(1) * pairs.len().max(1)) as f64;
     let weight = F::from_f64(1.0 / count);

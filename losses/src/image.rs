@@ -2,7 +2,7 @@
 
 use std::marker::PhantomData;
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, Real, ShapeError, Var};
+use autodiff_lite::{Backward, Op, Real, ShapeError, Var};
 
 use crate::kernels::compare;
 use crate::scalar::{same_shape, scalar, seed};
@@ -29,7 +29,7 @@ use crate::scalar::{same_shape, scalar, seed};
 /// let target = tape.constant(ndarray::arr1(&[0.5, 0.5]));
 /// let loss = losses::l1(image, target, None);
 /// assert!((loss.item() - 0.35).abs() < 1e-6);
-/// assert_eq!(loss.backward().wrt(image).unwrap().as_slice(), Some(&[-0.5, 0.5][..]));
+/// assert_eq!(loss.backward().wrt(image).unwrap().as_slice(), [-0.5, 0.5]);
 /// ```
 #[track_caller]
 pub fn l1<'t, F: Real>(
@@ -106,12 +106,12 @@ fn compare<'t, F: Real, D: Distance>(
     let channels = mask.map_or(1, |mask| channels(D::NAME, image, mask));
     let op = ImageLoss::<D> { channels, distance: PhantomData };
     let (a, b) = (image.value(), target.value());
-    let (a, b) = (a.as_slice().expect(CONTIGUOUS), b.as_slice().expect(CONTIGUOUS));
+    let (a, b) = (a.as_slice(), b.as_slice());
     let total = match mask {
         None => compare::sum(a, b, D::value),
         Some(mask) => {
             let mask = mask.value();
-            compare::weighted_sum(a, b, mask.as_slice().expect(CONTIGUOUS), channels, D::value)
+            compare::weighted_sum(a, b, mask.as_slice(), channels, D::value)
         }
     };
     let tape = image.tape();
@@ -153,40 +153,21 @@ impl<F: Real, D: Distance> Op<F> for ImageLoss<D> {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let (a, b) = (cx.input(0), cx.input(1));
-        let (x, y) = (a.as_slice().expect(CONTIGUOUS), b.as_slice().expect(CONTIGUOUS));
+        let (x, y) = (a.as_slice(), b.as_slice());
         let mask = (cx.input_count() == 3).then(|| cx.input(2));
         let scale = seed(cx) / F::from_f64(x.len().max(1) as f64);
-        for i in 0..2 {
-            if !cx.needs(i) {
-                continue;
-            }
-            let mut gradient = cx.array(a.shape());
-            let out = gradient.as_slice_mut().expect(CONTIGUOUS);
-            let scale = if i == 0 { scale } else { -scale };
-            match &mask {
-                None => compare::derivatives(x, y, scale, out, D::derivative),
+        let (channels, pull) = (self.channels, D::derivative);
+        for (i, scale) in [scale, -scale].into_iter().enumerate() {
+            cx.give_with(i, |out| match &mask {
+                None => compare::derivatives(x, y, scale, out, pull),
                 Some(mask) => {
-                    let mask = mask.as_slice().expect(CONTIGUOUS);
-                    compare::weighted_derivatives(
-                        x,
-                        y,
-                        mask,
-                        self.channels,
-                        scale,
-                        out,
-                        D::derivative,
-                    );
+                    let mask = mask.as_slice();
+                    compare::weighted_derivatives(x, y, mask, channels, scale, out, pull);
                 }
-            }
-            cx.give(i, gradient);
+            });
         }
-        if let Some(mask) = mask
-            && cx.needs(2)
-        {
-            let mut gradient = cx.array(mask.shape());
-            let out = gradient.as_slice_mut().expect(CONTIGUOUS);
-            compare::pixel_sums(x, y, self.channels, scale, out, D::value);
-            cx.give(2, gradient);
+        if mask.is_some() {
+            cx.give_with(2, |out| compare::pixel_sums(x, y, channels, scale, out, D::value));
         }
     }
 }
@@ -261,7 +242,7 @@ mod tests {
         let tape = Tape::<f32>::train(0);
         let x = tape.leaf(ndarray::arr1(&[0.5, 0.25]));
         let gradients = l1(x, x.detach(), None).backward();
-        assert_eq!(gradients.wrt(x).expect("a leaf").as_slice(), Some(&[0.0, 0.0][..]));
+        assert_eq!(gradients.wrt(x).expect("a leaf").as_slice(), [0.0, 0.0]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Colours as CIE Lab, and losses of lightness and colour in it.
 
-use autodiff_lite::{Backward, CONTIGUOUS, Real, ShapeError, Var};
+use autodiff_lite::{Backward, Real, ShapeError, Var};
 
 use crate::kernels::{chunks, lab};
 use crate::l2;
@@ -41,15 +41,15 @@ pub fn rgb_to_lab<F: Real>(image: Var<'_, F>) -> Var<'_, F> {
             .panic();
     }
     let mut y = image.tape().array(x.shape());
-    let pixels = x.as_slice().expect(CONTIGUOUS).as_chunks::<3>().0;
-    let out = y.as_slice_mut().expect(CONTIGUOUS).as_chunks_mut::<3>().0;
+    let pixels = x.as_slice().as_chunks::<3>().0;
+    let out = y.as_slice_mut().as_chunks_mut::<3>().0;
     chunks::fill(out, CHUNK, COST, |first, out| {
         let pixels = &pixels[first..first + out.len()];
         out.iter_mut().zip(pixels).for_each(|(out, &rgb)| *out = lab::lab(rgb));
     });
     image.tape().record_fn("rgb_to_lab", &[image], y, |cx: &mut Backward<'_, F>| {
         let (x, g) = (cx.input(0), cx.grad_out());
-        let [pixels, g] = [&x, &g].map(|x| x.as_slice().expect(CONTIGUOUS).as_chunks::<3>().0);
+        let [pixels, g] = [&x, &g].map(|x| x.as_slice().as_chunks::<3>().0);
         let out = cx.grad_slice_mut(0).as_chunks_mut::<3>().0;
         chunks::fill(out, CHUNK, COST, |first, out| {
             for (i, out) in out.iter_mut().enumerate() {

@@ -6,7 +6,7 @@
 //!
 //! A vertex without neighbours has a zero row.
 
-use autodiff_lite::{CONTIGUOUS, Real, ShapeError, Var};
+use autodiff_lite::{Real, ShapeError, Var};
 use mesh_core::Csr;
 
 use crate::kernels::vec3::{accumulate, add, dot, points, points_mut, scale, sub};
@@ -86,7 +86,7 @@ fn over_rows<'t, F: Real>(
             .panic();
     }
     let value = x.value();
-    let value = value.as_slice().expect(CONTIGUOUS);
+    let value = value.as_slice();
     let mut gradient = wanted(x);
     // For each row the derivative of the loss by (L x)_i, divided by the number of neighbours.
     let mut derivatives = gradient.as_ref().map(|_| x.tape().buffer(3 * v));

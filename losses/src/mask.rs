@@ -1,6 +1,6 @@
 //! Losses between a soft silhouette and a mask.
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Var};
+use autodiff_lite::{Backward, Op, PoolVec, Real, ShapeError, Var};
 
 use crate::kernels::compare;
 use crate::scalar::{same_shape, scalar, seed};
@@ -44,7 +44,7 @@ pub fn mask_iou<'t, F: Real>(prediction: Var<'t, F>, target: Var<'t, F>) -> Var<
             .panic();
     };
     let (a, b) = (prediction.value(), target.value());
-    let (a, b) = (a.as_slice().expect(CONTIGUOUS), b.as_slice().expect(CONTIGUOUS));
+    let (a, b) = (a.as_slice(), b.as_slice());
     let len = (a.len() / images.max(1)).max(1);
     let mut sums = tape.buffer(2 * images);
     let mut total = 0.0;
@@ -75,22 +75,16 @@ impl<F: Real> Op<F> for MaskIou<F> {
         let inputs = [cx.input(0), cx.input(1)];
         let scale = -seed(cx) / F::from_f64((self.sums.len() / 2).max(1) as f64);
         for i in 0..2 {
-            if !cx.needs(i) {
-                continue;
-            }
-            let mut gradient = cx.array(inputs[i].shape());
-            let out = gradient.as_slice_mut().expect(CONTIGUOUS);
-            let other = inputs[1 - i].as_slice().expect(CONTIGUOUS);
-            // d(I/U) = (b U - I (1 - b)) / U² = b (1/U + I/U²) - I/U²
-            for (n, (out, other)) in
-                out.chunks_mut(self.len).zip(other.chunks(self.len)).enumerate()
-            {
-                let (both, either) = (self.sums[2 * n], self.sums[2 * n + 1]);
-                let constant = scale * both / (either * either);
-                let derivative = scale / either + constant;
-                compare::derivatives(other, other, F::one(), out, |b, _| b * derivative - constant);
-            }
-            cx.give(i, gradient);
+            let images = inputs[1 - i].as_slice().chunks(self.len);
+            cx.give_with(i, |out| {
+                // d(I/U) = (b U - I (1 - b)) / U² = b (1/U + I/U²) - I/U²
+                for (n, (out, image)) in out.chunks_mut(self.len).zip(images).enumerate() {
+                    let (both, either) = (self.sums[2 * n], self.sums[2 * n + 1]);
+                    let constant = scale * both / (either * either);
+                    let factor = scale / either + constant;
+                    compare::derivatives(image, image, F::one(), out, |b, _| b * factor - constant);
+                }
+            });
         }
     }
 }
@@ -118,7 +112,7 @@ pub fn mask_bce<'t, F: Real>(prediction: Var<'t, F>, target: Var<'t, F>) -> Var<
     let tape = prediction.tape();
     same_shape(name, ["prediction", "target"], prediction, target);
     let (p, t) = (prediction.value(), target.value());
-    let (p, t) = (p.as_slice().expect(CONTIGUOUS), t.as_slice().expect(CONTIGUOUS));
+    let (p, t) = (p.as_slice(), t.as_slice());
     let floor = F::from_f64(-100.0);
     let total = compare::sum(p, t, |p, t| {
         let (yes, no) = (p.ln(), (F::one() - p).ln());
@@ -138,24 +132,16 @@ impl<F: Real> Op<F> for MaskBce {
     }
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
-        if !cx.needs(0) {
-            return;
-        }
         let (p, t) = (cx.input(0), cx.input(1));
         let scale = seed(cx) / F::from_f64(p.len().max(1) as f64);
         let least = F::from_f64(1e-12);
-        let mut gradient = cx.array(p.shape());
-        compare::derivatives(
-            p.as_slice().expect(CONTIGUOUS),
-            t.as_slice().expect(CONTIGUOUS),
-            scale,
-            gradient.as_slice_mut().expect(CONTIGUOUS),
-            |p, t| {
-                let variance = p * (F::one() - p);
-                (p - t) / if variance > least { variance } else { least }
-            },
-        );
-        cx.give(0, gradient);
+        let pull = |p: F, t: F| {
+            let variance = p * (F::one() - p);
+            (p - t) / if variance > least { variance } else { least }
+        };
+        cx.give_with(0, |out| {
+            compare::derivatives(p.as_slice(), t.as_slice(), scale, out, pull);
+        });
     }
 }
 

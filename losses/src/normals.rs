@@ -2,7 +2,7 @@
 //!
 //! The plain twins, over meshes without a tape, are in mesh-core.
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, PoolVec, Real, Tape, Var};
+use autodiff_lite::{Backward, Op, PoolVec, Real, Tape, Var};
 
 use crate::kernels::vec3::{
     accumulate, add, area_vector, area_vector_grad, points, points_mut, unit, unit_grad,
@@ -63,9 +63,9 @@ fn normals<'t, F: Real>(
     let count = shape[shape.len() - 2];
     let value = positions.value();
     let mut normals = tape.array(&shape);
-    let out = points_mut(normals.as_slice_mut().expect(CONTIGUOUS));
+    let out = points_mut(normals.as_slice_mut());
     if count > 0 {
-        let meshes = points(value.as_slice().expect(CONTIGUOUS)).chunks(v.max(1));
+        let meshes = points(value.as_slice()).chunks(v.max(1));
         for (mesh, out) in meshes.zip(out.chunks_mut(count)) {
             sums(mesh, faces, site, out);
             for normal in out {
@@ -124,8 +124,8 @@ impl<F: Real> Op<F> for Normals {
             return;
         }
         let (positions, grad) = (cx.input(0), cx.grad_out());
-        let meshes = points(positions.as_slice().expect(CONTIGUOUS)).chunks(self.v);
-        let grads = points(grad.as_slice().expect(CONTIGUOUS)).chunks(count);
+        let meshes = points(positions.as_slice()).chunks(self.v);
+        let grads = points(grad.as_slice()).chunks(count);
         let mut pulls = cx.scratch(3 * count);
         let pulls = points_mut(&mut pulls);
         for (k, (mesh, grads)) in meshes.zip(grads).enumerate() {

@@ -1,6 +1,6 @@
 //! How alike two images look: by the maps of a network, or without one.
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Shapes, Var};
+use autodiff_lite::{Backward, Op, PoolVec, Real, ShapeError, Shapes, Tensor, Var};
 
 use crate::kernels::chunks;
 use crate::scalar::{same_shape, scalar, seed};
@@ -61,7 +61,7 @@ fn map_distance<'t, F: Real>(a: Var<'t, F>, b: Var<'t, F>, weights: &[F]) -> Var
             .panic();
     }
     let (x, y) = (a.value(), b.value());
-    let [x, y] = [&x, &y].map(|x| x.as_slice().expect(CONTIGUOUS));
+    let [x, y] = [&x, &y].map(Tensor::as_slice);
     let mut kept = tape.buffer(channels);
     kept.copy_from_slice(weights);
     let pixels = x.len() / channels.max(1);
@@ -104,21 +104,16 @@ impl<F: Real> Op<F> for MapDistance<F> {
         let channels = weights.len();
         let scale = seed(cx) * F::from_f64(2.0 / self.count);
         for i in 0..2 {
-            if !cx.needs(i) {
-                continue;
-            }
-            let mut gradient = cx.array(inputs[i].shape());
-            let [x, y] = [i, 1 - i].map(|i| inputs[i].as_slice().expect(CONTIGUOUS));
-            let out = gradient.as_slice_mut().expect(CONTIGUOUS);
-            chunks::fill_pixels(out, channels, CHUNK, |first, out| {
+            let [x, y] = [i, 1 - i].map(|i| inputs[i].as_slice());
+            let pixels = |first: usize, out: &mut [F]| {
                 let range = first * channels..first * channels + out.len();
                 let rows = x[range.clone()].chunks_exact(channels);
                 let rows = rows.zip(y[range].chunks_exact(channels));
                 for ((x, y), out) in rows.zip(out.chunks_exact_mut(channels)) {
                     pull(x, y, weights, scale, out);
                 }
-            });
-            cx.give(i, gradient);
+            };
+            cx.give_with(i, |out| chunks::fill_pixels(out, channels, CHUNK, pixels));
         }
     }
 }

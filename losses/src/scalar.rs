@@ -8,9 +8,7 @@ use autodiff_lite::{Backward, Op, PoolVec, Real, ShapeError, Shapes, Tape, Tenso
 
 /// A tensor of no axes from the tape's pool.
 pub(crate) fn scalar<F: Real>(tape: &Tape<F>, value: f64) -> Tensor<F> {
-    let mut out = tape.array(&[]);
-    out.fill(F::from_f64(value));
-    out.into_shared()
+    tape.pool().filled(&[], F::from_f64(value))
 }
 
 /// A buffer of zeros for the gradient of `var`; `None` when nobody wants it.

@@ -1,6 +1,6 @@
 //! Structural similarity as a loss.
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, PoolVec, Real, Shapes, Var};
+use autodiff_lite::{Backward, Op, PoolVec, Real, Shapes, Var};
 
 use crate::kernels::ssim::{self, DERIVATIVES, Plane};
 use crate::scalar::{same_shape, scalar, seed};
@@ -40,7 +40,7 @@ pub fn ssim_loss<'t, F: Real>(image: Var<'t, F>, target: Var<'t, F>) -> Var<'t, 
         1.0
     } else {
         let mut scratch = tape.buffer(plane.scratch_len());
-        let (x, y) = (x.as_slice().expect(CONTIGUOUS), y.as_slice().expect(CONTIGUOUS));
+        let (x, y) = (x.as_slice(), y.as_slice());
         ssim::ssim(x, y, plane, &mut scratch, derivatives.as_deref_mut())
     };
     tape.record(&[image, target], scalar(tape, 1.0 - similarity), SsimLoss { plane, derivatives })
@@ -65,20 +65,10 @@ impl<F: Real> Op<F> for SsimLoss<F> {
         let scale = -seed(cx) / F::from_f64(self.plane.len() as f64);
         let mut scratch = cx.scratch(self.plane.scratch_len());
         for i in 0..2 {
-            if cx.needs(i) {
-                let mut gradient = cx.array(inputs[i].shape());
-                ssim::ssim_grad(
-                    inputs[i].as_slice().expect(CONTIGUOUS),
-                    inputs[1 - i].as_slice().expect(CONTIGUOUS),
-                    self.plane,
-                    derivatives,
-                    i,
-                    scale,
-                    &mut scratch,
-                    gradient.as_slice_mut().expect(CONTIGUOUS),
-                );
-                cx.give(i, gradient);
-            }
+            let [x, y] = [i, 1 - i].map(|i| inputs[i].as_slice());
+            cx.give_with(i, |out| {
+                ssim::ssim_grad(x, y, self.plane, derivatives, i, scale, &mut scratch, out);
+            });
         }
     }
 }

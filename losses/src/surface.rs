@@ -3,7 +3,7 @@
 //! mesh-core draws a surface point as a face and three weights; [`surface_points`] makes positions of them,
 //! [`surface_normals`] the normals there.
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Var};
+use autodiff_lite::{Backward, Op, PoolVec, Real, ShapeError, Var};
 use mesh_core::SurfacePoint;
 
 use crate::kernels::vec3::{accumulate, add, points, points_mut, scale};
@@ -38,9 +38,9 @@ pub fn surface_points<'t, F: Real>(
             .panic();
     }
     let value = positions.value();
-    let mesh = points(value.as_slice().expect(CONTIGUOUS));
+    let mesh = points(value.as_slice());
     let mut out = tape.array(&[samples.len(), 3]);
-    let found = points_mut(out.as_slice_mut().expect(CONTIGUOUS));
+    let found = points_mut(out.as_slice_mut());
     let mut corners = tape.indices(3 * samples.len());
     let mut weights = tape.buffer(3 * samples.len());
     let kept = corners.as_chunks_mut::<3>().0.iter_mut().zip(points_mut(&mut weights));
@@ -123,7 +123,7 @@ impl<F: Real> Op<F> for SurfacePoints<F> {
         let grad = cx.grad_out();
         let out = points_mut(cx.grad_slice_mut(0));
         let corners = self.corners.as_chunks::<3>().0;
-        let grads = points(grad.as_slice().expect(CONTIGUOUS));
+        let grads = points(grad.as_slice());
         for ((corners, weights), &g) in corners.iter().zip(points(&self.weights)).zip(grads) {
             for (&v, &w) in corners.iter().zip(weights) {
                 accumulate(&mut out[v as usize], scale(g, w));

@@ -28,25 +28,22 @@ impl Scene {
     fn new() -> Self {
         let ball = primitives::icosphere(4);
         let topology = Topology::new(ball.positions.len(), &ball.faces);
-        let array = |points: &[[f32; 3]], scale: f32| {
-            Array2::from_shape_fn((points.len(), 3), |(i, k)| scale * points[i][k])
-                .into_dyn()
-                .into_shared()
+        let array = |points: &[[f32; 3]], scale: f32| -> Tensor {
+            Array2::from_shape_fn((points.len(), 3), |(i, k)| scale * points[i][k]).into()
         };
-        let image = |seed: usize| {
+        let image = |seed: usize| -> Tensor {
             Array4::from_shape_fn((2, 96, 160, 3), |(n, i, j, k)| {
                 ((n * 31 + i * 7 + j * 13 + k * 5 + seed) % 101) as f32 / 100.0
             })
-            .into_dyn()
-            .into_shared()
+            .into()
         };
         Self {
             positions: array(&ball.positions, 1.0),
             cloud: array(&primitives::torus(1.0, 0.4, 60, 40).positions, 0.8),
             image: image(0),
             target: image(17),
-            mask: image(5).slice(s![.., .., .., 0]).to_owned().into_dyn().into_shared(),
-            depth: image(9).slice(s![.., .., .., 0]).mapv(|v| 1.1 - v).into_dyn().into_shared(),
+            mask: image(5).slice(s![.., .., .., 0]).to_owned().into(),
+            depth: image(9).slice(s![.., .., .., 0]).mapv(|v| 1.1 - v).into(),
             pairs: topology.face_pairs(&ball.faces),
             samples: sample_surface(&ball, 3000, 1),
             faces: ball.faces,

@@ -1,7 +1,6 @@
 //! Samples into the arrays of a batch.
 
 use autodiff_lite::{Tape, Var};
-use ndarray::{ArrayD, IxDyn};
 
 /// Parts of equal length, one after the other, as an array on the tape.
 pub(crate) fn stacked<'t, 'a, T: Stackable>(
@@ -9,14 +8,14 @@ pub(crate) fn stacked<'t, 'a, T: Stackable>(
     parts: impl Iterator<Item = &'a [T]>,
     shape: &[usize],
 ) -> Var<'t> {
-    let mut array: ArrayD<f32> = tape.array(shape);
-    let mut rest = array.as_slice_mut().expect("arrays of a tape are contiguous");
+    let mut array = tape.array(shape);
+    let mut rest = array.as_slice_mut();
     for part in parts {
         let (here, after) = rest.split_at_mut(part.len());
         T::write(part, here);
         rest = after;
     }
-    debug_assert!(rest.is_empty(), "the parts fill {:?}", IxDyn(shape));
+    debug_assert!(rest.is_empty(), "the parts fill {shape:?}");
     tape.constant(array)
 }
 

@@ -19,7 +19,7 @@ fn adjacency<F: Real>(all: &State) -> SparseMatrix<F> {
 
 fn chebyshev<F: Real>(all: &State) -> SparseMatrix<F> {
     let dense: Tensor<F> = all.array("chebyshev").unwrap();
-    let entries = dense.as_slice().unwrap().iter().enumerate().map(|(k, &x)| (k / 6, k % 6, x));
+    let entries = dense.as_slice().iter().enumerate().map(|(k, &x)| (k / 6, k % 6, x));
     SparseMatrix::from_triplets(6, 6, &entries.collect::<Vec<_>>()).unwrap()
 }
 
@@ -53,11 +53,15 @@ fn check<F: Real, M: Module<F>>(
         F::from_f64(f64::cos(k))
     });
     let gradients = y.backward_with(seed);
-    let of_x = gradients.wrt(x).unwrap().to_owned().into_shared();
-    close("x", &of_x, &all.array(&format!("{name}.grad.x")).unwrap(), tolerance);
+    close(
+        "x",
+        gradients.wrt(x).unwrap(),
+        &all.array(&format!("{name}.grad.x")).unwrap(),
+        tolerance,
+    );
     module.visit("", &mut |path: &str, param: &Param<F>| {
-        let found = gradients.of(param).unwrap().to_owned().into_shared();
-        close(path, &found, &all.array(&format!("{name}.grads.{path}")).unwrap(), tolerance);
+        let found = gradients.of(param).unwrap();
+        close(path, found, &all.array(&format!("{name}.grads.{path}")).unwrap(), tolerance);
     });
 }
 

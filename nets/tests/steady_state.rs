@@ -35,7 +35,7 @@ fn train(threads: usize) -> (Vec<u8>, usize) {
     let image: Tensor = ArrayD::from_shape_fn(vec![3, 32, 32, 3], |at| {
         ((at[0] * 31 + at[1] * 7 + at[2] * 13 + at[3]) as f32 * 0.1).sin()
     })
-    .into_shared();
+    .into();
     let (mut tape, mut adam) = (Tape::train(0), Adam::new(1e-3));
     let mut before = 0;
     pool.install(|| {

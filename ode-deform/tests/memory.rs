@@ -21,7 +21,7 @@ fn field() -> impl VectorField {
 fn step(adjoint: Adjoint, evaluations: usize) -> (usize, usize) {
     let control = StepController::Fixed { step: 1.0 / evaluations as f64 };
     let problem = Problem::new([0.0, 1.0], &EULER, control);
-    let vertices: Tensor = ArrayD::zeros(vec![618, 3]).into_shared();
+    let vertices: Tensor = ArrayD::zeros(vec![618, 3]).into();
     let field = field();
     let mut tape = Tape::train(0);
     let mut run = || {

@@ -7,7 +7,7 @@ use crate::kernels::attention::{
     AttentionGradients, AttentionOperands, AttentionSizes, attention, attention_grad,
 };
 use crate::kernels::dropout::Kept;
-use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Shapes, Tensor, Var};
+use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, Tensor, Var};
 
 use super::dropout::{keep_mask, keep_scale};
 
@@ -113,22 +113,21 @@ fn attend<'t, F: Real>(
     let mut probabilities = tape.buffer(sizes.probabilities());
     let mut y = tape.array(&[sizes.batch, sizes.queries, sizes.width]);
     let values: Vec<_> = inputs.iter().map(|input| input.value()).collect();
-    let mask = mask.map(|mask| mask.as_standard_layout());
     attention(
         &sizes,
         operands(&values),
-        mask.as_ref().map(|mask| mask.as_slice().expect(CONTIGUOUS)),
+        mask.map(Tensor::as_slice),
         kept.as_ref().map(|bits| Kept { bits, scale }),
         &mut probabilities,
-        y.as_slice_mut().expect(CONTIGUOUS),
+        y.as_slice_mut(),
     );
     tape.record(inputs, y, Attention { sizes, probabilities, kept, scale })
 }
 
 fn operands<F: Real>(values: &[Tensor<F>]) -> AttentionOperands<'_, F> {
     match values {
-        [q, k, v] => AttentionOperands::Apart([q, k, v].map(|x| x.as_slice().expect(CONTIGUOUS))),
-        values => AttentionOperands::Packed(values[0].as_slice().expect(CONTIGUOUS)),
+        [q, k, v] => AttentionOperands::Apart([q, k, v].map(Tensor::as_slice)),
+        values => AttentionOperands::Packed(values[0].as_slice()),
     }
 }
 
@@ -148,10 +147,8 @@ impl<F: Real> Op<F> for Attention<F> {
         let values: Vec<_> = (0..cx.input_count()).map(|i| cx.input(i)).collect();
         let mut gradients: Vec<_> = values.iter().map(|x| cx.array(x.shape())).collect();
         let targets = match gradients.as_mut_slice() {
-            [q, k, v] => {
-                AttentionGradients::Apart([q, k, v].map(|x| x.as_slice_mut().expect(CONTIGUOUS)))
-            }
-            all => AttentionGradients::Packed(all[0].as_slice_mut().expect(CONTIGUOUS)),
+            [q, k, v] => AttentionGradients::Apart([q, k, v].map(Tensor::as_slice_mut)),
+            all => AttentionGradients::Packed(all[0].as_slice_mut()),
         };
         let g = cx.grad_out();
         attention_grad(
@@ -159,7 +156,7 @@ impl<F: Real> Op<F> for Attention<F> {
             operands(&values),
             self.kept.as_ref().map(|bits| Kept { bits, scale: self.scale }),
             &self.probabilities,
-            g.as_slice().expect(CONTIGUOUS),
+            g.as_slice(),
             targets,
         );
         for (i, gradient) in gradients.into_iter().enumerate() {
@@ -178,7 +175,7 @@ mod tests {
 
     fn lower(tokens: usize) -> Tensor<f64> {
         let at = |(i, j)| if j > i { f64::NEG_INFINITY } else { 0.1 * j as f64 };
-        Array2::from_shape_fn((tokens, tokens), at).into_dyn().into_shared()
+        Array2::from_shape_fn((tokens, tokens), at).into()
     }
 
     gradcheck!(one_head: |q, k, v| q.attention(k, v, 1, None, 0.0),
@@ -193,7 +190,7 @@ mod tests {
     fn noise(shape: &[usize], seed: f32) -> Tensor<f32> {
         let n = shape.iter().product::<usize>();
         let values = (0..n).map(|i| (i as f32 * 0.37 + seed).sin()).collect();
-        ArrayD::from_shape_vec(shape, values).unwrap().into_shared()
+        ArrayD::from_shape_vec(shape, values).unwrap().into()
     }
 
     /// The same from the operations it is made of.
@@ -218,8 +215,8 @@ mod tests {
         };
         close(&fused.value(), &parts.value());
         let seed = noise(&[3, 5, 8], 1.0);
-        let a = fused.backward_with(seed.clone()).wrt(x).unwrap().to_shared();
-        let b = parts.backward_with(seed).wrt(x).unwrap().to_shared();
+        let a = fused.backward_with(seed.clone()).wrt(x).unwrap().clone();
+        let b = parts.backward_with(seed).wrt(x).unwrap().clone();
         close(&a, &b);
     }
 
@@ -228,10 +225,10 @@ mod tests {
         let tape = Tape::<f32>::eval();
         let x = noise(&[1, 3, 6], 0.0);
         let mut other = x.clone();
-        other[[0, 2, 3]] = 50.0;
+        other.view_mut()[[0, 2, 3]] = 50.0;
         let mut mask = Array3::zeros((1, 3, 3));
         mask.slice_mut(ndarray::s![.., .., 2]).fill(f32::NEG_INFINITY);
-        let mask = mask.into_dyn().into_shared();
+        let mask = Tensor::from(mask);
         let run = |x: &Tensor| tape.constant(x.clone()).self_attention(1, Some(&mask), 0.0).value();
         assert_eq!(
             run(&x).slice(ndarray::s![.., ..2, ..]),

@@ -2,7 +2,7 @@
 
 use crate::kernels::activation::Activation;
 use crate::kernels::conv::{Conv, ConvGeometry, ConvSizes};
-use crate::{Backward, CONTIGUOUS, Op, Real, Shapes, Var};
+use crate::{Backward, Op, Real, Shapes, Tensor, Var};
 
 use super::linear::{before_activation, give_bias};
 
@@ -118,10 +118,10 @@ impl<F: Real> Var<'_, F> {
         let mut y = self.tape.array(&op.output_shape());
         op.run(
             direction,
-            [&x, &w].map(|a| a.as_slice().expect(CONTIGUOUS)),
-            b.as_ref().map(|b| b.as_slice().expect(CONTIGUOUS)),
+            [&x, &w].map(Tensor::as_slice),
+            b.as_ref().map(Tensor::as_slice),
             activation,
-            y.as_slice_mut().expect(CONTIGUOUS),
+            y.as_slice_mut(),
             &mut self.tape.buffer(op.scratch::<F>(direction)),
         );
         match bias {
@@ -193,30 +193,30 @@ impl<F: Real> Op<F> for Convolution {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let g = before_activation(cx, self.activation);
-        let grad = g.as_slice().expect(CONTIGUOUS);
+        let grad = g.as_slice();
         let (x, w) = (cx.input(0), cx.input(1));
         if cx.needs(0) {
             let mut gx = cx.array(x.shape());
             let direction = self.direction.back();
             self.run(
                 direction,
-                [grad, w.as_slice().expect(CONTIGUOUS)],
+                [grad, w.as_slice()],
                 None,
                 Activation::None,
-                gx.as_slice_mut().expect(CONTIGUOUS),
+                gx.as_slice_mut(),
                 &mut cx.scratch(self.scratch::<F>(direction)),
             );
             cx.give(0, gx);
         }
         if cx.needs(1) {
             let mut gw = cx.array(w.shape());
-            let x = x.as_slice().expect(CONTIGUOUS);
+            let x = x.as_slice();
             let (input, output) = match self.direction {
                 ConvDirection::Forward => (x, grad),
                 ConvDirection::Transposed => (grad, x),
             };
             let scratch = &mut cx.scratch(self.conv.grad_weight_scratch::<F>());
-            self.conv.grad_weight(input, output, gw.as_slice_mut().expect(CONTIGUOUS), scratch);
+            self.conv.grad_weight(input, output, gw.as_slice_mut(), scratch);
             cx.give(1, gw);
         }
         give_bias(cx, 2, grad);

@@ -1,7 +1,7 @@
 //! Rows by index: taking them, and adding to them.
 
 use crate::kernels::rows;
-use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Var};
+use crate::{Backward, Op, PoolVec, Real, ShapeError, Var};
 
 impl<F: Real> Var<'_, F> {
     /// Row `indices[k]` as row `k`: `[.., V, D] -> [.., K, D]`, the same indices for each batch.
@@ -18,12 +18,7 @@ impl<F: Real> Var<'_, F> {
         shape[axis] = indices.len();
         let x = self.value();
         let mut y = self.tape.array(&shape);
-        rows::gather(
-            [n, width],
-            x.as_slice().expect(CONTIGUOUS),
-            indices,
-            y.as_slice_mut().expect(CONTIGUOUS),
-        );
+        rows::gather([n, width], x.as_slice(), indices, y.as_slice_mut());
         let indices = self.saved(indices);
         self.tape.record(&[self], y, Gather { rows: n, width, indices })
     }
@@ -41,14 +36,8 @@ impl<F: Real> Var<'_, F> {
         let axis = shape.len() - 2;
         shape[axis] = rows;
         let x = self.value();
-        let mut y = self.tape.array(&shape);
-        y.fill(F::zero());
-        rows::scatter_add(
-            [rows, width],
-            x.as_slice().expect(CONTIGUOUS),
-            indices,
-            y.as_slice_mut().expect(CONTIGUOUS),
-        );
+        let mut y = self.tape.pool.filled(&shape, F::zero());
+        rows::scatter_add([rows, width], x.as_slice(), indices, y.as_slice_mut());
         let indices = self.saved(indices);
         self.tape.record(&[self], y, ScatterAdd { rows, width, indices })
     }
@@ -104,7 +93,7 @@ impl<F: Real> Op<F> for Gather {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let g = cx.grad_out();
-        let g = g.as_slice().expect(CONTIGUOUS);
+        let g = g.as_slice();
         rows::scatter_add([self.rows, self.width], g, &self.indices, cx.grad_slice_mut(0));
     }
 }
@@ -122,14 +111,8 @@ impl<F: Real> Op<F> for ScatterAdd {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let g = cx.grad_out();
-        let mut gx = cx.array(cx.input(0).shape());
-        rows::gather(
-            [self.rows, self.width],
-            g.as_slice().expect(CONTIGUOUS),
-            &self.indices,
-            gx.as_slice_mut().expect(CONTIGUOUS),
-        );
-        cx.give(0, gx);
+        let sizes = [self.rows, self.width];
+        cx.give_with(0, |gx| rows::gather(sizes, g.as_slice(), &self.indices, gx));
     }
 }
 
@@ -166,9 +149,9 @@ mod tests {
         let tape = Tape::<f32>::eval();
         let x = tape.constant(arr2(&[[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]));
         let y = x.gather_rows(&[2, 0]).value();
-        assert_eq!(y.as_slice(), Some(&[5.0, 6.0, 1.0, 2.0][..]));
+        assert_eq!(y.as_slice(), [5.0, 6.0, 1.0, 2.0]);
         let y = x.scatter_add_rows(&[1, 0, 1], 3).value();
-        assert_eq!(y.as_slice(), Some(&[3.0, 4.0, 6.0, 8.0, 0.0, 0.0][..]));
+        assert_eq!(y.as_slice(), [3.0, 4.0, 6.0, 8.0, 0.0, 0.0]);
     }
 
     #[test]

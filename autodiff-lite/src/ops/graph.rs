@@ -1,13 +1,12 @@
 //! The fused graph convolution.
 
 use crate::kernels::activation::Activation;
-use crate::kernels::columns::column_sums;
 use crate::kernels::gemm::{Matrix, gemm, gemm_then};
 use crate::kernels::isa::Isa;
 use crate::kernels::sparse::{csr_add_rows, csr_times_rows};
-use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Shapes, SparseMatrix, Var};
+use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, SparseMatrix, Tensor, Var};
 
-use super::linear::before_activation;
+use super::linear::{before_activation, give_bias};
 
 /// The parameters of a [graph convolution](Var::graph_conv).
 #[derive(Clone, Copy, Debug)]
@@ -72,16 +71,15 @@ impl<'t, F: Real> Var<'t, F> {
         }
         let mut y = tape.array(&shape);
         let mut z = tape.buffer(y.len());
-        let x = x.as_slice().expect(CONTIGUOUS);
-        let parts =
-            [(&across, &sent, &mut z[..]), (&own, &bias, y.as_slice_mut().expect(CONTIGUOUS))];
+        let x = x.as_slice();
+        let parts = [(&across, &sent, &mut z[..]), (&own, &bias, y.as_slice_mut())];
         for (weight, bias, out) in parts {
-            let bias = bias.as_ref().map(|b| b.as_slice().expect(CONTIGUOUS));
+            let bias = bias.as_ref().map(Tensor::as_slice);
             gemm_then(
                 [sizes.rows(), sizes.d, sizes.o],
                 F::one(),
                 Matrix::rows(x, sizes.d),
-                sizes.weight(weight.as_slice().expect(CONTIGUOUS)),
+                sizes.weight(weight.as_slice()),
                 F::zero(),
                 out,
                 |row, column| {
@@ -98,7 +96,7 @@ impl<'t, F: Real> Var<'t, F> {
             sizes.batch,
             sizes.o,
             &z,
-            y.as_slice_mut().expect(CONTIGUOUS),
+            y.as_slice_mut(),
             activation,
         );
         let mut inputs = vec![self, weights.own, weights.across];
@@ -146,30 +144,18 @@ struct GraphConv<F: Real> {
 impl<F: Real> GraphConv<F> {
     /// Gives a weight its gradient: the inputs' transpose times `g`, the gradient of what it gave.
     fn give_weight(&self, cx: &mut Backward<'_, F>, i: usize, g: &[F]) {
-        if !cx.needs(i) {
-            return;
-        }
         let (Sizes { d, o, output_first, .. }, rows) = (self.sizes, self.sizes.rows());
-        let (x, mut gw) = (cx.input(0), cx.array(cx.input(i).shape()));
-        let x = x.as_slice().expect(CONTIGUOUS);
-        let out = gw.as_slice_mut().expect(CONTIGUOUS);
-        let (one, zero) = (F::one(), F::zero());
-        if output_first {
-            let (g, x) = (Matrix::transposed(g, o), Matrix::rows(x, d));
-            gemm([o, rows, d], one, g, x, zero, out);
-        } else {
-            let (x, g) = (Matrix::transposed(x, d), Matrix::rows(g, o));
-            gemm([d, rows, o], one, x, g, zero, out);
-        }
-        cx.give(i, gw);
-    }
-
-    fn give_bias(&self, cx: &mut Backward<'_, F>, i: usize, g: &[F]) {
-        if cx.needs(i) {
-            let mut gb = cx.array(&[self.sizes.o]);
-            column_sums(g, gb.as_slice_mut().expect(CONTIGUOUS));
-            cx.give(i, gb);
-        }
+        let (x, one, zero) = (cx.input(0), F::one(), F::zero());
+        let x = x.as_slice();
+        cx.give_with(i, |gw| {
+            if output_first {
+                let (g, x) = (Matrix::transposed(g, o), Matrix::rows(x, d));
+                gemm([o, rows, d], one, g, x, zero, gw);
+            } else {
+                let (x, g) = (Matrix::transposed(x, d), Matrix::rows(g, o));
+                gemm([d, rows, o], one, x, g, zero, gw);
+            }
+        });
     }
 }
 
@@ -181,28 +167,25 @@ impl<F: Real> Op<F> for GraphConv<F> {
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let sizes @ Sizes { batch, v, d, o, .. } = self.sizes;
         let whole = before_activation(cx, self.activation);
-        let g = whole.as_slice().expect(CONTIGUOUS);
+        let g = whole.as_slice();
         // The gradient of what the vertices sent.
         let mut sent: PoolVec<F> = cx.scratch(g.len());
         csr_times_rows(Isa::best(), self.transpose.view(), v, batch, o, g, &mut sent);
-        if cx.needs(0) {
-            let mut gx = cx.array(cx.input(0).shape());
-            for (i, g, beta) in [(1, g, F::zero()), (2, &sent[..], F::one())] {
-                let w = cx.input(i);
-                let w = sizes.weight_turned(w.as_slice().expect(CONTIGUOUS));
-                let out = gx.as_slice_mut().expect(CONTIGUOUS);
-                gemm([sizes.rows(), o, d], F::one(), Matrix::rows(g, o), w, beta, out);
+        let (own, across) = (cx.input(1), cx.input(2));
+        cx.give_with(0, |gx| {
+            for (w, g, beta) in [(own, g, F::zero()), (across, &sent[..], F::one())] {
+                let w = sizes.weight_turned(w.as_slice());
+                gemm([sizes.rows(), o, d], F::one(), Matrix::rows(g, o), w, beta, gx);
             }
-            cx.give(0, gx);
-        }
+        });
         self.give_weight(cx, 1, g);
         self.give_weight(cx, 2, &sent);
         let [bias, across_bias] = self.biases;
         if bias {
-            self.give_bias(cx, 3, g);
+            give_bias(cx, 3, g);
         }
         if across_bias {
-            self.give_bias(cx, 3 + usize::from(bias), &sent);
+            give_bias(cx, 3 + usize::from(bias), &sent);
         }
         cx.recycle(whole);
     }

@@ -1,12 +1,11 @@
 //! The part of a graph convolution that follows its weights.
 
 use crate::kernels::activation::Activation;
-use crate::kernels::columns::column_sums;
 use crate::kernels::isa::Isa;
 use crate::kernels::sparse::{csr_add_rows, csr_times_rows};
-use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Shapes, SparseMatrix, Var};
+use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, SparseMatrix, Var};
 
-use super::linear::before_activation;
+use super::linear::{before_activation, give_bias};
 
 impl<F: Real> Var<'_, F> {
     /// `activation(x_own + b + A x_sent)` for `x [.., V, 2 O]`, whose first `O` columns stay at their vertex and whose
@@ -52,14 +51,14 @@ impl<F: Real> Var<'_, F> {
         }
         let mut y = tape.array(&shape);
         let mut sent = tape.buffer(y.len());
-        let out = y.as_slice_mut().expect(CONTIGUOUS);
+        let out = y.as_slice_mut();
         let rows = out.chunks_exact_mut(o.max(1)).zip(sent.chunks_exact_mut(o.max(1)));
-        let x = x.as_slice().expect(CONTIGUOUS).chunks_exact((2 * o).max(1));
+        let x = x.as_slice().chunks_exact((2 * o).max(1));
         for ((y, sent), x) in rows.zip(x) {
             y.copy_from_slice(&x[..o]);
             sent.copy_from_slice(&x[o..]);
             if let Some(bias) = &bias_value {
-                let bias = bias.as_slice().expect(CONTIGUOUS);
+                let bias = bias.as_slice();
                 y.iter_mut().zip(bias).for_each(|(y, &b)| *y += b);
             }
         }
@@ -92,24 +91,20 @@ impl<F: Real> Op<F> for GraphSum<F> {
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let Sizes { batch, v, o } = self.sizes;
         let whole = before_activation(cx, self.activation);
-        let g = whole.as_slice().expect(CONTIGUOUS);
+        let g = whole.as_slice();
         if cx.needs(0) {
             let mut sent: PoolVec<F> = cx.scratch(g.len());
             csr_times_rows(Isa::best(), self.transpose.view(), v, batch, o, g, &mut sent);
-            let mut gx = cx.array(cx.input(0).shape());
-            let rows = gx.as_slice_mut().expect(CONTIGUOUS).chunks_exact_mut((2 * o).max(1));
-            let parts = g.chunks_exact(o.max(1)).zip(sent.chunks_exact(o.max(1)));
-            for (row, (own, sent)) in rows.zip(parts) {
-                row[..o].copy_from_slice(own);
-                row[o..].copy_from_slice(sent);
-            }
-            cx.give(0, gx);
+            cx.give_with(0, |gx| {
+                let rows = gx.chunks_exact_mut((2 * o).max(1));
+                let parts = g.chunks_exact(o.max(1)).zip(sent.chunks_exact(o.max(1)));
+                for (row, (own, sent)) in rows.zip(parts) {
+                    row[..o].copy_from_slice(own);
+                    row[o..].copy_from_slice(sent);
+                }
+            });
         }
-        if cx.input_count() > 1 && cx.needs(1) {
-            let mut gb = cx.array(&[o]);
-            column_sums(g, gb.as_slice_mut().expect(CONTIGUOUS));
-            cx.give(1, gb);
-        }
+        give_bias(cx, 1, g);
         cx.recycle(whole);
     }
 }

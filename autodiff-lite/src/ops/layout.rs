@@ -2,13 +2,8 @@
 
 use std::ops::Range;
 
-use ndarray::IxDyn;
-
 use crate::kernels::rows;
-use crate::{Backward, CONTIGUOUS, Op, Real, ShapeError, Tape, Var};
-
-/// Why a reshape of a checked, contiguous array cannot fail.
-const SAME_LENGTH: &str = "the lengths were compared, and the array is row-major";
+use crate::{Backward, Op, Real, ShapeError, Tape, Var};
 
 impl<F: Real> Var<'_, F> {
     /// The same elements in row-major order under another shape. Nothing is copied.
@@ -25,10 +20,9 @@ impl<F: Real> Var<'_, F> {
                 .at(self.tape.path())
                 .panic();
         }
-        let y = x.into_shape_with_order(IxDyn(shape)).expect(SAME_LENGTH);
+        let y = x.into_shape(shape);
         self.tape.record_fn("reshape", &[self], y, |cx: &mut Backward<'_, F>| {
-            let shape = cx.input(0).raw_dim();
-            let g = cx.take_grad_out().into_shape_with_order(shape).expect(SAME_LENGTH);
+            let g = cx.take_grad_out().into_shape(cx.input(0).shape());
             cx.give(0, g);
         })
     }
@@ -64,22 +58,14 @@ impl<F: Real> Var<'_, F> {
         }
         let shape: Vec<usize> = order.iter().map(|&axis| x.shape()[axis]).collect();
         let mut y = self.tape.array(&shape);
-        rows::permute(
-            x.shape(),
-            order,
-            x.as_slice().expect(CONTIGUOUS),
-            y.as_slice_mut().expect(CONTIGUOUS),
-        );
+        rows::permute(x.shape(), order, x.as_slice(), y.as_slice_mut());
         let mut back = vec![0; order.len()];
         for (k, &axis) in order.iter().enumerate() {
             back[axis] = k;
         }
         self.tape.record_fn("permute", &[self], y, move |cx: &mut Backward<'_, F>| {
             let g = cx.grad_out();
-            let mut gx = cx.array(cx.input(0).shape());
-            let target = gx.as_slice_mut().expect(CONTIGUOUS);
-            rows::permute(g.shape(), &back, g.as_slice().expect(CONTIGUOUS), target);
-            cx.give(0, gx);
+            cx.give_with(0, |gx| rows::permute(g.shape(), &back, g.as_slice(), gx));
         })
     }
 
@@ -103,8 +89,8 @@ impl<F: Real> Var<'_, F> {
         wanted[axis] = range.len();
         let mut y = self.tape.array(&wanted);
         if part > 0 {
-            let source = x.as_slice().expect(CONTIGUOUS).chunks_exact(full);
-            let target = y.as_slice_mut().expect(CONTIGUOUS).chunks_exact_mut(part);
+            let source = x.as_slice().chunks_exact(full);
+            let target = y.as_slice_mut().chunks_exact_mut(part);
             for (x, y) in source.zip(target) {
                 y.copy_from_slice(&x[offset..offset + part]);
             }
@@ -141,7 +127,7 @@ impl<F: Real> Op<F> for SliceAxis {
             return;
         }
         let g = cx.grad_out();
-        let parts = g.as_slice().expect(CONTIGUOUS).chunks_exact(self.part);
+        let parts = g.as_slice().chunks_exact(self.part);
         let target = cx.grad_slice_mut(0).chunks_exact_mut(self.full);
         for (g, target) in parts.zip(target) {
             let target = &mut target[self.offset..self.offset + self.part];
@@ -187,11 +173,11 @@ impl<F: Real> Tape<F> {
         let full = shape[axis] * inner;
         let widths: Vec<usize> = values.iter().map(|v| v.shape()[axis] * inner).collect();
         let mut y = self.array(&shape);
-        let out = y.as_slice_mut().expect(CONTIGUOUS);
+        let out = y.as_slice_mut();
         let mut offset = 0;
         for (value, &width) in values.iter().zip(&widths) {
             if width > 0 {
-                let source = value.as_slice().expect(CONTIGUOUS).chunks_exact(width);
+                let source = value.as_slice().chunks_exact(width);
                 for (x, y) in source.zip(out.chunks_exact_mut(full)) {
                     y[offset..offset + width].copy_from_slice(x);
                 }
@@ -224,16 +210,15 @@ impl<F: Real> Op<F> for Concat {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let g = cx.grad_out();
-        let g = g.as_slice().expect(CONTIGUOUS);
+        let g = g.as_slice();
         let mut offset = 0;
         for (i, &width) in self.widths.iter().enumerate() {
-            if width > 0 && cx.needs(i) {
-                let mut part = cx.array(cx.input(i).shape());
-                let target = part.as_slice_mut().expect(CONTIGUOUS).chunks_exact_mut(width);
-                for (t, g) in target.zip(g.chunks_exact(self.full)) {
-                    t.copy_from_slice(&g[offset..offset + width]);
-                }
-                cx.give(i, part);
+            if width > 0 {
+                cx.give_with(i, |part| {
+                    for (t, g) in part.chunks_exact_mut(width).zip(g.chunks_exact(self.full)) {
+                        t.copy_from_slice(&g[offset..offset + width]);
+                    }
+                });
             }
             offset += width;
         }

@@ -4,7 +4,7 @@ use crate::kernels::activation::Activation;
 use crate::kernels::columns::column_sums;
 use crate::kernels::elementwise;
 use crate::kernels::gemm::{Matrix, gemm, gemm_then};
-use crate::{Backward, CONTIGUOUS, Op, Real, ShapeError, Shapes, Var};
+use crate::{Backward, Op, Real, ShapeError, Shapes, Tensor, Var};
 
 impl<F: Real> Var<'_, F> {
     /// `activation(x Wᵀ + b)`: `x [.., D]`, `weight [O, D]` (PyTorch's layout), `bias [O]` to
@@ -39,14 +39,14 @@ impl<F: Real> Var<'_, F> {
             *last = o;
         }
         let mut y = self.tape.array(&shape);
-        let bias_slice = b.as_ref().map(|b| b.as_slice().expect(CONTIGUOUS));
+        let bias_slice = b.as_ref().map(Tensor::as_slice);
         gemm_then(
             [rows, d, o],
             F::one(),
-            Matrix::rows(x.as_slice().expect(CONTIGUOUS), d),
-            Matrix::transposed(w.as_slice().expect(CONTIGUOUS), d),
+            Matrix::rows(x.as_slice(), d),
+            Matrix::transposed(w.as_slice(), d),
             F::zero(),
-            y.as_slice_mut().expect(CONTIGUOUS),
+            y.as_slice_mut(),
             |row, column| finish(row, bias_slice.map(|b| &b[column..]), activation),
         );
         let op = Linear { rows, d, o, activation };
@@ -74,12 +74,12 @@ fn finish<F: Real>(row: &mut [F], bias: Option<&[F]>, activation: Activation) {
 pub(crate) fn before_activation<F: Real>(
     cx: &mut Backward<'_, F>,
     activation: Activation,
-) -> ndarray::ArrayD<F> {
+) -> Tensor<F> {
     let mut g = cx.take_grad_out();
     if activation != Activation::None {
         let y = cx.output();
-        let y = y.as_slice().expect(CONTIGUOUS);
-        let g = g.as_slice_mut().expect(CONTIGUOUS);
+        let y = y.as_slice();
+        let g = g.as_slice_mut();
         match activation {
             // Named one by one, so that each loop vectorises.
             Activation::Relu => {
@@ -97,11 +97,8 @@ pub(crate) fn before_activation<F: Real>(
 
 /// Gives input `i` the sums of `g`'s rows, as long as the last axis.
 pub(crate) fn give_bias<F: Real>(cx: &mut Backward<'_, F>, i: usize, g: &[F]) {
-    if cx.input_count() > i && cx.needs(i) {
-        let shape = cx.input(i).shape().to_vec();
-        let mut gb = cx.array(&shape);
-        column_sums(g, gb.as_slice_mut().expect(CONTIGUOUS));
-        cx.give(i, gb);
+    if i < cx.input_count() {
+        cx.give_with(i, |gb| column_sums(g, gb));
     }
 }
 
@@ -120,32 +117,11 @@ impl<F: Real> Op<F> for Linear {
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let Self { rows, d, o, activation } = *self;
         let g = before_activation(cx, activation);
-        let grad = g.as_slice().expect(CONTIGUOUS);
-        let (x, w) = (cx.input(0), cx.input(1));
-        if cx.needs(0) {
-            let mut gx = cx.array(x.shape());
-            gemm(
-                [rows, o, d],
-                F::one(),
-                Matrix::rows(grad, o),
-                Matrix::rows(w.as_slice().expect(CONTIGUOUS), d),
-                F::zero(),
-                gx.as_slice_mut().expect(CONTIGUOUS),
-            );
-            cx.give(0, gx);
-        }
-        if cx.needs(1) {
-            let mut gw = cx.array(w.shape());
-            gemm(
-                [o, rows, d],
-                F::one(),
-                Matrix::transposed(grad, o),
-                Matrix::rows(x.as_slice().expect(CONTIGUOUS), d),
-                F::zero(),
-                gw.as_slice_mut().expect(CONTIGUOUS),
-            );
-            cx.give(1, gw);
-        }
+        let grad = g.as_slice();
+        let (x, w, one, zero) = (cx.input(0), cx.input(1), F::one(), F::zero());
+        let (x, w) = (Matrix::rows(x.as_slice(), d), Matrix::rows(w.as_slice(), d));
+        cx.give_with(0, |gx| gemm([rows, o, d], one, Matrix::rows(grad, o), w, zero, gx));
+        cx.give_with(1, |gw| gemm([o, rows, d], one, Matrix::transposed(grad, o), x, zero, gw));
         give_bias(cx, 2, grad);
         cx.recycle(g);
     }
@@ -171,11 +147,11 @@ mod tests {
         let b = tape.leaf(ndarray::arr1(&[-2.0, 0.5]));
         // 3 - 2 - 2 = -1 and 0.5 - 2 + 0.5 = -1; then +1 with another bias.
         let y = x.linear(w, Some(b), Activation::LeakyRelu(0.1));
-        assert_eq!(y.value().as_slice(), Some(&[-0.1, -0.1][..]));
+        assert_eq!(y.value().as_slice(), [-0.1, -0.1]);
         let gradients = y.backward_with(ndarray::arr2(&[[1.0, 2.0]]));
         assert_eq!(gradients.wrt(b).map(|g| g.sum()), Some(0.1 + 0.2));
         let y = x.linear(w, Some(tape.constant(ndarray::arr1(&[2.0, 0.0]))), Activation::Relu);
-        assert_eq!(y.value().as_slice(), Some(&[3.0, 0.0][..]));
+        assert_eq!(y.value().as_slice(), [3.0, 0.0]);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::kernels::blocks::{SERIAL_BELOW, for_each_part};
 use crate::kernels::gemm::{Matrix, gemm};
-use crate::{Backward, CONTIGUOUS, Op, Real, ShapeError, Var};
+use crate::{Backward, Op, Real, ShapeError, Var};
 
 impl<F: Real> Var<'_, F> {
     /// `A B`: `[.., M, K] x [.., K, N] -> [.., M, N]`.
@@ -37,11 +37,7 @@ impl<F: Real> Var<'_, F> {
             plan.n,
         ]);
         let mut y = self.tape.array(&shape);
-        plan.forward(
-            a.as_slice().expect(CONTIGUOUS),
-            b.as_slice().expect(CONTIGUOUS),
-            y.as_slice_mut().expect(CONTIGUOUS),
-        );
+        plan.forward(a.as_slice(), b.as_slice(), y.as_slice_mut());
         self.tape.record(&[self, other], y, plan)
     }
 }
@@ -151,25 +147,9 @@ impl<F: Real> Op<F> for Product {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let (a, b, g) = (cx.input(0), cx.input(1), cx.grad_out());
-        let g = g.as_slice().expect(CONTIGUOUS);
-        if cx.needs(0) {
-            let mut ga = cx.array(a.shape());
-            self.grad_left(
-                b.as_slice().expect(CONTIGUOUS),
-                g,
-                ga.as_slice_mut().expect(CONTIGUOUS),
-            );
-            cx.give(0, ga);
-        }
-        if cx.needs(1) {
-            let mut gb = cx.array(b.shape());
-            self.grad_right(
-                a.as_slice().expect(CONTIGUOUS),
-                g,
-                gb.as_slice_mut().expect(CONTIGUOUS),
-            );
-            cx.give(1, gb);
-        }
+        let g = g.as_slice();
+        cx.give_with(0, |ga| self.grad_left(b.as_slice(), g, ga));
+        cx.give_with(1, |gb| self.grad_right(a.as_slice(), g, gb));
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::kernels::activation::Activation;
 use crate::kernels::norm::{self, NormSizes, Statistics};
-use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Shapes, Var};
+use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, Tensor, Var};
 
 use super::linear::before_activation;
 
@@ -41,11 +41,11 @@ impl<F: Real> Var<'_, F> {
         let mut y = self.tape.array(x.shape());
         let mut stats = self.tape.buffer(2 * rows);
         norm::layer_norm(
-            x.as_slice().expect(CONTIGUOUS),
-            [w.as_slice().expect(CONTIGUOUS), b.as_slice().expect(CONTIGUOUS)],
+            x.as_slice(),
+            [w.as_slice(), b.as_slice()],
             F::from_f64(epsilon),
             activation,
-            y.as_slice_mut().expect(CONTIGUOUS),
+            y.as_slice_mut(),
             &mut stats,
         );
         self.tape.record(&[self, weight, bias], y, LayerNorm { stats, activation })
@@ -146,7 +146,7 @@ impl<F: Real> Var<'_, F> {
         activation: Activation,
     ) -> (Self, PoolVec<F>, PoolVec<F>) {
         let (x, w, b) = (self.value(), weight.value(), bias.value());
-        let xs = x.as_slice().expect(CONTIGUOUS);
+        let xs = x.as_slice();
         let count = sizes.sets * sizes.groups;
         let [mut mean, mut variance, mut inverse, mut kept] =
             [(); 4].map(|()| self.tape.buffer(count));
@@ -160,9 +160,9 @@ impl<F: Real> Var<'_, F> {
             sizes,
             xs,
             &Statistics { mean: &mean, inverse: &inverse },
-            [w.as_slice().expect(CONTIGUOUS), b.as_slice().expect(CONTIGUOUS)],
+            [w.as_slice(), b.as_slice()],
             activation,
-            y.as_slice_mut().expect(CONTIGUOUS),
+            y.as_slice_mut(),
         );
         let op = Norm { name, sizes, mean: kept, inverse, activation };
         (self.tape.record(&[self, weight, bias], y, op), mean, variance)
@@ -172,17 +172,11 @@ impl<F: Real> Var<'_, F> {
 /// Gives weight and bias their gradients, which `f` adds to zeros, and `g` to the input.
 fn give_all<F: Real>(
     cx: &mut Backward<'_, F>,
-    mut g: ndarray::ArrayD<F>,
+    mut g: Tensor<F>,
     f: impl FnOnce(&mut [F], [&mut [F]; 2]),
 ) {
-    let shape = cx.input(1).shape().to_vec();
-    let (mut gw, mut gb) = (cx.array(&shape), cx.array(&shape));
-    gw.fill(F::zero());
-    gb.fill(F::zero());
-    f(
-        g.as_slice_mut().expect(CONTIGUOUS),
-        [gw.as_slice_mut().expect(CONTIGUOUS), gb.as_slice_mut().expect(CONTIGUOUS)],
-    );
+    let [mut gw, mut gb] = [1, 2].map(|i| cx.pool().filled(cx.input(i).shape(), F::zero()));
+    f(g.as_slice_mut(), [gw.as_slice_mut(), gb.as_slice_mut()]);
     cx.give(0, g);
     cx.give(1, gw);
     cx.give(2, gb);
@@ -202,7 +196,7 @@ impl<F: Real> Op<F> for LayerNorm<F> {
         let (x, w) = (cx.input(0), cx.input(1));
         let g = before_activation(cx, self.activation);
         give_all(cx, g, |g, grads| {
-            let (x, w) = (x.as_slice().expect(CONTIGUOUS), w.as_slice().expect(CONTIGUOUS));
+            let (x, w) = (x.as_slice(), w.as_slice());
             norm::layer_norm_grad(x, &self.stats, w, g, grads);
         });
     }
@@ -229,7 +223,7 @@ impl<F: Real> Op<F> for Norm<F> {
         let g = if relu { cx.take_grad_out() } else { before_activation(cx, self.activation) };
         let statistics = Statistics { mean: &self.mean, inverse: &self.inverse };
         give_all(cx, g, |g, grads| {
-            let [x, w, b] = [&x, &w, &b].map(|x| x.as_slice().expect(CONTIGUOUS));
+            let [x, w, b] = [&x, &w, &b].map(Tensor::as_slice);
             norm::normalize_grad(self.sizes, x, &statistics, [w, b], relu, g, grads);
         });
     }

@@ -3,7 +3,7 @@
 
 use crate::kernels::broadcast::Broadcast;
 use crate::kernels::elementwise;
-use crate::{Backward, CONTIGUOUS, Op, Real, ShapeError, Tape, Var, broadcast_shape};
+use crate::{Backward, Op, Real, ShapeError, Tape, Tensor, Var, broadcast_shape};
 
 macro_rules! pairwise {
     ($($(#[$doc:meta])* $name:ident: |$a:ident, $b:ident| $f:expr, |$da:pat_param, $db:pat_param, $dy:pat_param| $df:expr;)*) => {
@@ -78,12 +78,7 @@ impl<F: Real> Var<'_, F> {
         };
         let plan = Broadcast::new(a.shape(), b.shape());
         let mut y = self.tape.array(&shape);
-        plan.zip(
-            a.as_slice().expect(CONTIGUOUS),
-            b.as_slice().expect(CONTIGUOUS),
-            y.as_slice_mut().expect(CONTIGUOUS),
-            f,
-        );
+        plan.zip(a.as_slice(), b.as_slice(), y.as_slice_mut(), f);
         self.tape.record(&[self, other], y, Zip { name, plan, df })
     }
 }
@@ -101,22 +96,18 @@ impl<F: Real, D: Fn(F, F, F) -> (F, F) + Sync + Send + 'static> Op<F> for Zip<D>
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let (a, b, y, g) = (cx.input(0), cx.input(1), cx.output(), cx.grad_out());
-        let operands = [&g, &a, &b, &y].map(|x| x.as_slice().expect(CONTIGUOUS));
+        let operands = [&g, &a, &b, &y].map(Tensor::as_slice);
         let pull_a = |g: F, a: F, b: F, y: F| g * (self.df)(a, b, y).0;
         let pull_b = |g: F, a: F, b: F, y: F| g * (self.df)(a, b, y).1;
         // Without repetition a gradient is written once and moved; else it is summed into place.
         let plain = self.plan.is_plain();
-        if cx.needs(0) && plain {
-            let mut ga = cx.array(a.shape());
-            elementwise::pull(operands, ga.as_slice_mut().expect(CONTIGUOUS), pull_a);
-            cx.give(0, ga);
+        if plain {
+            cx.give_with(0, |ga| elementwise::pull(operands, ga, pull_a));
         } else if cx.needs(0) {
             self.plan.accumulate(0, operands, cx.grad_slice_mut(0), pull_a);
         }
-        if cx.needs(1) && plain {
-            let mut gb = cx.array(b.shape());
-            elementwise::pull(operands, gb.as_slice_mut().expect(CONTIGUOUS), pull_b);
-            cx.give(1, gb);
+        if plain {
+            cx.give_with(1, |gb| elementwise::pull(operands, gb, pull_b));
         } else if cx.needs(1) {
             self.plan.accumulate(1, operands, cx.grad_slice_mut(1), pull_b);
         }
@@ -142,12 +133,9 @@ impl<F: Real> Tape<F> {
                 .panic();
         }
         let mut y = self.array(first.shape());
-        let slices: Vec<(F, &[F])> = terms
-            .iter()
-            .zip(&values)
-            .map(|(&(c, _), x)| (c, x.as_slice().expect(CONTIGUOUS)))
-            .collect();
-        elementwise::lincomb(&slices, y.as_slice_mut().expect(CONTIGUOUS));
+        let slices: Vec<(F, &[F])> =
+            terms.iter().zip(&values).map(|(&(c, _), x)| (c, x.as_slice())).collect();
+        elementwise::lincomb(&slices, y.as_slice_mut());
         let inputs: Vec<_> = terms.iter().map(|&(_, x)| x).collect();
         let factors = terms.iter().map(|&(c, _)| c).collect();
         self.record(&inputs, y, Lincomb { factors })
@@ -165,15 +153,13 @@ impl<F: Real> Op<F> for Lincomb<F> {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let g = cx.grad_out();
-        let g = g.as_slice().expect(CONTIGUOUS);
+        let g = g.as_slice();
         for (i, &c) in self.factors.iter().enumerate() {
             if !cx.needs(i) {
                 continue;
             }
             if cx.is_first(i) {
-                let mut gx = cx.array(cx.input(i).shape());
-                elementwise::map(g, gx.as_slice_mut().expect(CONTIGUOUS), |g| c * g);
-                cx.give(i, gx);
+                cx.give_with(i, |gx| elementwise::map(g, gx, |g| c * g));
             } else {
                 elementwise::update(cx.grad_slice_mut(i), g, g, |x, g, _| x + c * g);
             }
@@ -304,7 +290,7 @@ mod tests {
         let tape = Tape::<f32>::train(0);
         let (x, c) = (tape.leaf(arr1(&[2.0, 3.0])), tape.constant(arr2(&[[4.0, 5.0], [6.0, 7.0]])));
         let gradients = (x * c).sum().backward();
-        assert_eq!(gradients.wrt(x).unwrap().as_slice(), Some(&[10.0, 12.0][..]));
+        assert_eq!(gradients.wrt(x).unwrap().as_slice(), [10.0, 12.0]);
         assert!(gradients.wrt(c).is_none());
     }
 

@@ -1,7 +1,7 @@
 //! Points through cameras.
 
 use crate::kernels::project::{self, Projection};
-use crate::{Backward, CONTIGUOUS, Op, Real, ShapeError, Shapes, Var};
+use crate::{Backward, Op, Real, ShapeError, Shapes, Tensor, Var};
 
 impl<F: Real> Var<'_, F> {
     /// Perspective projection: points `[N, V, 3]` (or `[1, V, 3]` or `[V, 3]`, shared by all
@@ -60,13 +60,7 @@ impl<F: Real> Var<'_, F> {
             Err(error) => error.panic(),
         };
         let mut y = self.tape.array(&[n, v, 3]);
-        project::project(
-            projection,
-            [n, v],
-            points.as_slice().expect(CONTIGUOUS),
-            m.as_slice().expect(CONTIGUOUS),
-            y.as_slice_mut().expect(CONTIGUOUS),
-        );
+        project::project(projection, [n, v], points.as_slice(), m.as_slice(), y.as_slice_mut());
         self.tape.record(&[self, matrices], y, Project { projection, n, v })
     }
 }
@@ -84,7 +78,7 @@ impl<F: Real> Op<F> for Project {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let (points, m, g) = (cx.input(0), cx.input(1), cx.grad_out());
-        let [points, m, g] = [&points, &m, &g].map(|x| x.as_slice().expect(CONTIGUOUS));
+        let [points, m, g] = [&points, &m, &g].map(Tensor::as_slice);
         let sizes = [self.n, self.v];
         if cx.needs(0) {
             project::grad_points(self.projection, sizes, points, m, g, cx.grad_slice_mut(0));
@@ -118,8 +112,8 @@ mod tests {
             [0.0, 0.0, -1.0, 0.0],
         ]]));
         let p = tape.constant(arr2(&[[1.0, 2.0, -4.0]]));
-        assert_eq!(p.project(m).value().as_slice(), Some(&[0.75, 1.5, 4.0][..]));
-        assert_eq!(p.project_affine(m).value().as_slice(), Some(&[3.0, 6.0, 4.0][..]));
+        assert_eq!(p.project(m).value().as_slice(), [0.75, 1.5, 4.0]);
+        assert_eq!(p.project_affine(m).value().as_slice(), [3.0, 6.0, 4.0]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Sums, means and maxima, over everything or along one axis.
 
 use crate::kernels::{elementwise, reduce};
-use crate::{Backward, CONTIGUOUS, Op, PoolVec, Real, ShapeError, Var};
+use crate::{Backward, Op, PoolVec, Real, ShapeError, Var};
 
 impl<F: Real> Var<'_, F> {
     /// The sum of all elements, a scalar `[]`.
@@ -29,8 +29,7 @@ impl<F: Real> Var<'_, F> {
     #[track_caller]
     fn total(self, name: &'static str, factor: F) -> Self {
         let x = self.value();
-        let mut y = self.tape.array(&[]);
-        y.fill(factor * reduce::sum(x.as_slice().expect(CONTIGUOUS)));
+        let y = self.tape.pool.filled(&[], factor * reduce::sum(x.as_slice()));
         self.tape.record_fn(name, &[self], y, move |cx: &mut Backward<'_, F>| {
             let g = factor * *cx.grad_out().first().expect("a scalar has one element");
             spread(cx, |target| target.fill(g), |target| target.iter_mut().for_each(|t| *t += g));
@@ -58,8 +57,8 @@ impl<F: Real> Var<'_, F> {
         let (shape, dims) = self.split_at_axis(name, axis, false);
         let x = self.value();
         let mut y = self.tape.array(&shape);
-        let out = y.as_slice_mut().expect(CONTIGUOUS);
-        reduce::sum_axis(dims, x.as_slice().expect(CONTIGUOUS), out);
+        let out = y.as_slice_mut();
+        reduce::sum_axis(dims, x.as_slice(), out);
         if factor != F::one() {
             elementwise::scale_in_place(out, factor);
         }
@@ -69,7 +68,7 @@ impl<F: Real> Var<'_, F> {
                 return;
             }
             let g = cx.grad_out();
-            let g = g.as_slice().expect(CONTIGUOUS);
+            let g = g.as_slice();
             let rows = |target: &mut [F], write: fn(&mut F, F)| {
                 for (target, g) in target.chunks_exact_mut(n * inner).zip(g.chunks_exact(inner)) {
                     for row in target.chunks_exact_mut(inner) {
@@ -92,12 +91,7 @@ impl<F: Real> Var<'_, F> {
         let x = self.value();
         let mut y = self.tape.array(&shape);
         let mut argument = self.tape.indices(y.len());
-        reduce::max_axis(
-            dims,
-            x.as_slice().expect(CONTIGUOUS),
-            y.as_slice_mut().expect(CONTIGUOUS),
-            &mut argument,
-        );
+        reduce::max_axis(dims, x.as_slice(), y.as_slice_mut(), &mut argument);
         self.tape.record(&[self], y, MaxAxis { dims, argument })
     }
 
@@ -142,9 +136,7 @@ pub(crate) fn spread<F: Real>(
     add: impl FnOnce(&mut [F]),
 ) {
     if cx.is_first(0) {
-        let mut gradient = cx.array(cx.input(0).shape());
-        write(gradient.as_slice_mut().expect(CONTIGUOUS));
-        cx.give(0, gradient);
+        cx.give_with(0, write);
     } else {
         add(cx.grad_slice_mut(0));
     }
@@ -205,7 +197,7 @@ mod tests {
             };
             prop_assert!(close(&x.sum_axis(axis).value()));
             let expected = inputs[0].map_axis(Axis(axis), |x| x.fold(f64::MIN, |a, &b| a.max(b)));
-            prop_assert_eq!(x.max_axis(axis).value(), expected.into_shared());
+            prop_assert_eq!(x.max_axis(axis).value(), expected);
             check(&|x: &[Var<'_, f64>]| x[0].mean_axis(axis).square(), &inputs, &options).unwrap();
             check(&|x: &[Var<'_, f64>]| x[0].max_axis(axis), &inputs, &options).unwrap();
         }
@@ -216,7 +208,7 @@ mod tests {
         let tape = Tape::<f32>::train(0);
         let x = tape.leaf(arr2(&[[1.0, 3.0, 3.0]]));
         let gradients = x.max_axis(1).sum().backward();
-        assert_eq!(gradients.wrt(x).unwrap().as_slice(), Some(&[0.0, 1.0, 0.0][..]));
+        assert_eq!(gradients.wrt(x).unwrap().as_slice(), [0.0, 1.0, 0.0]);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::kernels::resample::{self, resize_blends};
 use crate::kernels::sampling::{self, Padding, Sampling};
-use crate::{Backward, CONTIGUOUS, Op, Real, ShapeError, Shapes, Var};
+use crate::{Backward, Op, Real, ShapeError, Shapes, Tensor, Var};
 
 impl<F: Real> Var<'_, F> {
     /// `[N, H, W, C]` to `[N, height, width, C]`, bilinear, without antialiasing, as PyTorch's
@@ -30,16 +30,10 @@ impl<F: Real> Var<'_, F> {
         let rows = resize_blends::<F>(sizes[1], height, align_corners);
         let columns = resize_blends::<F>(sizes[2], width, align_corners);
         let mut y = self.tape.array(&[sizes[0], height, width, sizes[3]]);
-        resample::resize(
-            sizes,
-            &rows,
-            &columns,
-            x.as_slice().expect(CONTIGUOUS),
-            y.as_slice_mut().expect(CONTIGUOUS),
-        );
+        resample::resize(sizes, &rows, &columns, x.as_slice(), y.as_slice_mut());
         self.tape.record_fn("resize_bilinear", &[self], y, move |cx: &mut Backward<'_, F>| {
             let g = cx.grad_out();
-            let g = g.as_slice().expect(CONTIGUOUS);
+            let g = g.as_slice();
             resample::resize_grad(sizes, &rows, &columns, g, cx.grad_slice_mut(0));
         })
     }
@@ -70,12 +64,7 @@ impl<F: Real> Var<'_, F> {
             Err(error) => error.panic(),
         };
         let mut y = self.tape.array(&[sampling.image[0], sampling.points, sampling.image[3]]);
-        sampling::sample(
-            &sampling,
-            x.as_slice().expect(CONTIGUOUS),
-            p.as_slice().expect(CONTIGUOUS),
-            y.as_slice_mut().expect(CONTIGUOUS),
-        );
+        sampling::sample(&sampling, x.as_slice(), p.as_slice(), y.as_slice_mut());
         self.tape.record(&[self, points], y, BilinearSample(sampling))
     }
 }
@@ -122,11 +111,11 @@ impl<F: Real> Var<'_, F> {
             Err(error) => error.panic(),
         };
         let mut y = self.tape.array(&self.shape());
-        let out = y.as_slice_mut().expect(CONTIGUOUS);
-        out.copy_from_slice(self.value().as_slice().expect(CONTIGUOUS));
+        let out = y.as_slice_mut();
+        out.copy_from_slice(self.value().as_slice());
         for (sampling, image) in samplings.iter().zip(images) {
-            let (x, p) = (image.value(), p.as_slice().expect(CONTIGUOUS));
-            sampling::sample_add(sampling, x.as_slice().expect(CONTIGUOUS), p, out);
+            let (x, p) = (image.value(), p.as_slice());
+            sampling::sample_add(sampling, x.as_slice(), p, out);
         }
         let mut inputs = vec![self, points];
         inputs.extend(images);
@@ -143,14 +132,14 @@ impl<F: Real> Op<F> for BilinearSamples {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let (p, whole) = (cx.input(1), cx.take_grad_out());
-        let (p, g) = (p.as_slice().expect(CONTIGUOUS), whole.as_slice().expect(CONTIGUOUS));
+        let (p, g) = (p.as_slice(), whole.as_slice());
         for (i, sampling) in self.0.iter().enumerate() {
             if cx.needs(2 + i) {
                 sampling::sample_grad_image(sampling, p, g, cx.grad_slice_mut(2 + i));
             }
             if cx.needs(1) {
                 let x = cx.input(2 + i);
-                let x = x.as_slice().expect(CONTIGUOUS);
+                let x = x.as_slice();
                 sampling::sample_grad_points(sampling, x, p, g, cx.grad_slice_mut(1));
             }
         }
@@ -167,7 +156,7 @@ impl<F: Real> Op<F> for BilinearSample {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let (x, p, g) = (cx.input(0), cx.input(1), cx.grad_out());
-        let [x, p, g] = [&x, &p, &g].map(|x| x.as_slice().expect(CONTIGUOUS));
+        let [x, p, g] = [&x, &p, &g].map(Tensor::as_slice);
         if cx.needs(0) {
             sampling::sample_grad_image(&self.0, p, g, cx.grad_slice_mut(0));
         }
@@ -238,7 +227,7 @@ mod tests {
         let p = tape.constant(Array3::from_shape_fn((1, 4, 2), |(_, k, axis)| far[k][axis]));
         let zeros = x.bilinear_sample(p, Padding::Zeros, false).value();
         // (-1, -1) is the corner of the image, where a quarter of the first pixel (0) is read.
-        assert_eq!(zeros.as_slice(), Some(&[0.0, 0.0, 0.0, 0.0][..]));
+        assert_eq!(zeros.as_slice(), [0.0, 0.0, 0.0, 0.0]);
         let border = x.bilinear_sample(p, Padding::Border, false).value();
         assert_eq!(border.iter().take(2).copied().collect::<Vec<_>>(), [0.0, 11.0]);
         assert!(border.iter().all(|y| y.is_finite()));

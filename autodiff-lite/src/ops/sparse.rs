@@ -2,7 +2,7 @@
 
 use crate::kernels::isa::Isa;
 use crate::kernels::sparse::csr_times_rows;
-use crate::{Backward, CONTIGUOUS, Op, Real, ShapeError, SparseMatrix, Var};
+use crate::{Backward, Op, Real, ShapeError, SparseMatrix, Var};
 
 impl<F: Real> Var<'_, F> {
     /// `A x` for each batch element: `A` of `K` rows and `V` columns, `x [.., V, D]` to
@@ -34,15 +34,7 @@ impl<F: Real> Var<'_, F> {
         let batch = shape[..axis].iter().product();
         shape[axis] = matrix.rows();
         let mut y = self.tape.array(&shape);
-        csr_times_rows(
-            Isa::best(),
-            matrix.view(),
-            v,
-            batch,
-            d,
-            x.as_slice().expect(CONTIGUOUS),
-            y.as_slice_mut().expect(CONTIGUOUS),
-        );
+        csr_times_rows(Isa::best(), matrix.view(), v, batch, d, x.as_slice(), y.as_slice_mut());
         self.tape.record(&[self], y, SparseProduct { batch, d, transpose: matrix.transposed() })
     }
 }
@@ -60,17 +52,10 @@ impl<F: Real> Op<F> for SparseProduct<F> {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let g = cx.grad_out();
-        let mut gx = cx.array(cx.input(0).shape());
-        csr_times_rows(
-            Isa::best(),
-            self.transpose.view(),
-            self.transpose.columns(),
-            self.batch,
-            self.d,
-            g.as_slice().expect(CONTIGUOUS),
-            gx.as_slice_mut().expect(CONTIGUOUS),
-        );
-        cx.give(0, gx);
+        let (transpose, columns) = (self.transpose.view(), self.transpose.columns());
+        cx.give_with(0, |gx| {
+            csr_times_rows(Isa::best(), transpose, columns, self.batch, self.d, g.as_slice(), gx);
+        });
     }
 }
 

@@ -42,7 +42,7 @@ fn network<F: Real>() -> Vec<Tensor<F>> {
     let gradients = out.backward_with(array::<F>(&out.shape(), 11));
     let leaves = [x, w, b, points, v, c, gamma, beta];
     let mut all = vec![out.value()];
-    all.extend(leaves.iter().map(|&leaf| gradients.wrt(leaf).unwrap().to_owned().into_shared()));
+    all.extend(leaves.iter().map(|&leaf| gradients.wrt(leaf).unwrap().clone()));
     all
 }
 

@@ -135,7 +135,7 @@ impl State {
         let mut numbers = vec![F::zero(); stored.numbers.len()];
         stored.numbers.copy_to(&mut numbers);
         let array = ndarray::ArrayD::from_shape_vec(stored.shape.as_slice(), numbers).ok()?;
-        Some(array.into_shared())
+        Some(array.into())
     }
 
     /// Adds an array, row-major, in place of one of that name.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, Real, Var};
+use autodiff_lite::{Backward, Op, Real, Tensor, Var};
 
 use crate::faces::NONE;
 use crate::fragments::Fragments;
@@ -32,7 +32,7 @@ pub fn depth<'t, F: Real>(
     check_projected("depth", projected, fragments);
     let mut out = projected.tape().array(&fragments.shape());
     let pixels = fragments.depth.iter().zip(&fragments.face);
-    for (out, (&z, &face)) in out.as_slice_mut().expect(CONTIGUOUS).iter_mut().zip(pixels) {
+    for (out, (&z, &face)) in out.as_slice_mut().iter_mut().zip(pixels) {
         *out = if face == NONE { background } else { z };
     }
     projected.tape().record(&[projected], out, Depth { fragments: Arc::clone(fragments) })
@@ -52,8 +52,7 @@ impl<F: Real> Op<F> for Depth<F> {
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let fragments = &self.fragments;
         let (projected, output, grad) = (cx.input(0), cx.output(), cx.grad_out());
-        let [projected, output, grad] =
-            [&projected, &output, &grad].map(|x| x.as_slice().expect(CONTIGUOUS));
+        let [projected, output, grad] = [&projected, &output, &grad].map(Tensor::as_slice);
         let mut depths = cx.scratch(projected.len() / 3);
         depths.iter_mut().zip(projected.as_chunks().0).for_each(|(z, &[_, _, p])| *z = p);
         let attributes = Attributes { data: &depths, channels: 1, layout: Layout::Batched };

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, Real, ShapeError, Var};
+use autodiff_lite::{Backward, Op, Real, ShapeError, Var};
 
 use crate::Fragments;
 use crate::kernels::gather::gather;
@@ -82,9 +82,9 @@ fn record<'t, F: Real>(
     let channels = values.shape()[values.ndim() - 1];
     let [n, h, w] = fragments.shape();
     let mut out = projected.tape().array(&[n, h, w, channels]);
-    let data = values.as_slice().expect(CONTIGUOUS);
+    let data = values.as_slice();
     let source = Attributes { data, channels, layout };
-    forward(fragments, source, out.as_slice_mut().expect(CONTIGUOUS));
+    forward(fragments, source, out.as_slice_mut());
     let op = Interpolate { fragments: Arc::clone(fragments), channels, layout };
     projected.tape().record(&[projected, attributes], out, op)
 }
@@ -108,14 +108,14 @@ impl<F: Real> Op<F> for Interpolate<F> {
         let [batch, ..] = fragments.shape();
         let incoming = Incoming {
             fragments,
-            projected: projected.as_slice().expect(CONTIGUOUS),
+            projected: projected.as_slice(),
             attributes: Attributes {
-                data: values.as_slice().expect(CONTIGUOUS),
+                data: values.as_slice(),
                 channels: *channels,
                 layout: *layout,
             },
-            output: output.as_slice().expect(CONTIGUOUS),
-            grad: grad.as_slice().expect(CONTIGUOUS),
+            output: output.as_slice(),
+            grad: grad.as_slice(),
         };
         let mut of_attributes = cx.scratch(batch * faces.len() * 3 * channels);
         let mut of_positions = cx.needs(0).then(|| cx.scratch(batch * faces.len() * 9));

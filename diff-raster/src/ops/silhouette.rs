@@ -4,7 +4,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, Real, Var};
+use autodiff_lite::{Backward, Op, Real, Var};
 
 use crate::Fragments;
 use crate::kernels::{antialias, silhouette};
@@ -40,12 +40,7 @@ pub fn soft_silhouette<'t, F: Real>(
     let positions = projected.value();
     let mut out = tape.array(&fragments.shape());
     let mut state = fragments.silhouettes.take();
-    silhouette::soft_silhouette(
-        fragments,
-        positions.as_slice().expect(CONTIGUOUS),
-        &mut state,
-        out.as_slice_mut().expect(CONTIGUOUS),
-    );
+    silhouette::soft_silhouette(fragments, positions.as_slice(), &mut state, out.as_slice_mut());
     let op = SoftSilhouette { fragments: Arc::clone(fragments), state: Mutex::new(Some(state)) };
     tape.record(&[projected], out, op)
 }
@@ -63,7 +58,7 @@ impl<F: Real> Op<F> for SoftSilhouette<F> {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let grad = cx.grad_out();
-        let grad = grad.as_slice().expect(CONTIGUOUS);
+        let grad = grad.as_slice();
         let mut state = self.state.lock().expect("no rule panics while it holds the state");
         let state = state.as_mut().expect("there until drop");
         silhouette::soft_silhouette_grad(&self.fragments, state, grad, cx.grad_slice_mut(0));
@@ -112,9 +107,9 @@ pub fn antialiased_silhouette<'t, F: Real>(
     let mut state = fragments.borders.take();
     antialias::antialiased_silhouette(
         fragments,
-        positions.as_slice().expect(CONTIGUOUS),
+        positions.as_slice(),
         &mut state,
-        out.as_slice_mut().expect(CONTIGUOUS),
+        out.as_slice_mut(),
     );
     let op = AntialiasedSilhouette { fragments: Arc::clone(fragments), state };
     tape.record(&[projected], out, op)
@@ -132,7 +127,7 @@ impl<F: Real> Op<F> for AntialiasedSilhouette<F> {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let grad = cx.grad_out();
-        let grad = grad.as_slice().expect(CONTIGUOUS);
+        let grad = grad.as_slice();
         let out = cx.grad_slice_mut(0);
         antialias::antialiased_silhouette_grad(&self.fragments, &self.state, grad, out);
     }

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, Real, ShapeError, Var};
+use autodiff_lite::{Backward, Op, Real, ShapeError, Tensor, Var};
 
 use crate::kernels::softras::{self, Colours, State};
 use crate::softras::SoftRas;
@@ -80,17 +80,17 @@ pub fn softras<'t, F: Real>(
     let (mode, channels) = paint.map_or((Mode::Vertices, 0), |paint| check(paint, batch, renderer));
     let painted = paint.map(|(Paint::Vertices(x) | Paint::Texels(x))| x);
     let colours = painted.map(Var::value);
-    let colours = colours.as_ref().map_or(&[][..], |x| x.as_slice().expect(CONTIGUOUS));
+    let colours = colours.as_ref().map_or(&[][..], Tensor::as_slice);
     let settings = &renderer.settings;
     let mut out = tape.array(&[batch, settings.height, settings.width, channels + 1]);
     let mut state = renderer.states.take();
     softras::softras(
         renderer,
-        positions.as_slice().expect(CONTIGUOUS),
+        positions.as_slice(),
         mode.of(colours),
         channels,
         &mut state,
-        out.as_slice_mut().expect(CONTIGUOUS),
+        out.as_slice_mut(),
     );
     let state = Mutex::new(Some(state));
     let op = Aggregation { renderer: Arc::clone(renderer), mode, channels, state };
@@ -164,16 +164,13 @@ impl<F: Real> Op<F> for Aggregation<F> {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let (image, grad) = (cx.output(), cx.grad_out());
-        let planes = [&image, &grad].map(|x| x.as_slice().expect(CONTIGUOUS));
+        let planes = [&image, &grad].map(Tensor::as_slice);
         let colours = (cx.input_count() == 2).then(|| cx.input(1));
-        let colours = colours.as_ref().map_or(&[][..], |x| x.as_slice().expect(CONTIGUOUS));
+        let colours = colours.as_ref().map_or(&[][..], Tensor::as_slice);
         let mut state = self.state.lock().expect("no rule panics while it holds the state");
         let state = state.as_mut().expect("there until drop");
-        let zeros = |cx: &Backward<'_, F>, i: usize| {
-            let mut zeros = cx.array(cx.input(i).shape());
-            zeros.fill(F::zero());
-            zeros
-        };
+        let zeros =
+            |cx: &Backward<'_, F>, i: usize| cx.pool().filled(cx.input(i).shape(), F::zero());
         let mut of_projected = zeros(cx, 0);
         let wanted = cx.input_count() == 2 && cx.needs(1);
         let mut of_colours = wanted.then(|| zeros(cx, 1));
@@ -183,8 +180,8 @@ impl<F: Real> Op<F> for Aggregation<F> {
             self.channels,
             state,
             planes,
-            of_projected.as_slice_mut().expect(CONTIGUOUS),
-            of_colours.as_mut().map_or(&mut [], |x| x.as_slice_mut().expect(CONTIGUOUS)),
+            of_projected.as_slice_mut(),
+            of_colours.as_mut().map_or(&mut [], Tensor::as_slice_mut),
         );
         cx.give(0, of_projected);
         if let Some(of_colours) = of_colours {

@@ -1,6 +1,6 @@
 //! Textures around a sphere. The rule stands in [`kernels::sphere`](crate::kernels::sphere).
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, Real, ShapeError, Var};
+use autodiff_lite::{Backward, Op, Real, ShapeError, Tensor, Var};
 use rayon::prelude::*;
 
 use crate::kernels::sphere::{
@@ -54,9 +54,9 @@ pub fn sphere_texture<'t, F: Real>(directions: Var<'t, F>, image: Var<'t, F>) ->
     result[last] = texels[3];
     let mut out = directions.tape().array(&result);
     let (d, x) = (directions.value(), image.value());
-    let [d, x] = [&d, &x].map(|x| x.as_slice().expect(CONTIGUOUS));
+    let [d, x] = [&d, &x].map(Tensor::as_slice);
     let sizes = Sizes::of(texels[0], d.len(), &texels);
-    let images = out.as_slice_mut().expect(CONTIGUOUS).par_chunks_mut(sizes.out.max(1));
+    let images = out.as_slice_mut().par_chunks_mut(sizes.out.max(1));
     images.enumerate().for_each(|(i, out)| {
         forward(sizes.texture(x, i), sizes.directions(d, i), out);
     });
@@ -106,7 +106,7 @@ impl<F: Real> Op<F> for Wrapped {
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let sizes = self.sizes;
         let (d, x, grad) = (cx.input(0), cx.input(1), cx.grad_out());
-        let [d, x, grad] = [&d, &x, &grad].map(|x| x.as_slice().expect(CONTIGUOUS));
+        let [d, x, grad] = [&d, &x, &grad].map(Tensor::as_slice);
         let grads = |i: usize| &grad[i * sizes.out..][..sizes.out];
         if cx.needs(0) {
             let all = cx.grad_slice_mut(0).par_chunks_mut(sizes.directions.max(1));

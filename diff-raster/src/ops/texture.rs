@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, Real, ShapeError, Var};
+use autodiff_lite::{Backward, Op, Real, ShapeError, Tensor, Var};
 
 use crate::Fragments;
 use crate::kernels::texture::{Texture, texture as forward, texture_grad_texels, texture_grad_uv};
@@ -34,14 +34,9 @@ pub fn texture<'t, F: Real>(
             .at(uv.tape().path())
             .panic();
     }
-    let source = source(texels.shape(), texels.as_slice().expect(CONTIGUOUS));
+    let source = source(texels.shape(), texels.as_slice());
     let mut out = uv.tape().array(&[n, h, w, source.channels]);
-    forward(
-        source,
-        coordinates.as_slice().expect(CONTIGUOUS),
-        &fragments.face,
-        out.as_slice_mut().expect(CONTIGUOUS),
-    );
+    forward(source, coordinates.as_slice(), &fragments.face, out.as_slice_mut());
     uv.tape().record(&[uv, image], out, Lookup { fragments: Arc::clone(fragments) })
 }
 
@@ -60,8 +55,8 @@ impl<F: Real> Op<F> for Lookup<F> {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let (coordinates, texels, grad) = (cx.input(0), cx.input(1), cx.grad_out());
-        let source = source(texels.shape(), texels.as_slice().expect(CONTIGUOUS));
-        let [uv, grad] = [&coordinates, &grad].map(|x| x.as_slice().expect(CONTIGUOUS));
+        let source = source(texels.shape(), texels.as_slice());
+        let [uv, grad] = [&coordinates, &grad].map(Tensor::as_slice);
         let face = &self.fragments.face;
         if cx.needs(0) {
             texture_grad_uv(source, uv, face, grad, cx.grad_slice_mut(0));

@@ -1,6 +1,6 @@
 //! Disparity, and one disparity brought onto another.
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, Real, Var};
+use autodiff_lite::{Backward, Op, Real, Tensor, Var};
 
 use super::pixels::Pixels;
 use crate::kernels::alignment::ScaleShift;
@@ -53,10 +53,9 @@ pub fn align_scale_shift<'t, F: Real>(
     let tape = prediction.tape();
     let pixels = Pixels::new("align_scale_shift", prediction, Some(target), mask);
     let (x, y) = (prediction.value(), target.value());
-    let (x, y) = (x.as_slice().expect(CONTIGUOUS), y.as_slice().expect(CONTIGUOUS));
-    let mut aligned = tape.array(&prediction.shape());
-    aligned.fill(F::infinity());
-    let out = aligned.as_slice_mut().expect(CONTIGUOUS);
+    let (x, y) = (x.as_slice(), y.as_slice());
+    let mut aligned = tape.pool().filled(&prediction.shape(), F::infinity());
+    let out = aligned.as_slice_mut();
     let mut fits = Vec::with_capacity(pixels.images());
     for places in pixels.each() {
         let fit = ScaleShift::fit(x, y, places, least_correlation);
@@ -84,7 +83,7 @@ impl<F: Real> Op<F> for AlignScaleShift {
             return;
         }
         let (x, y, g) = (cx.input(0), cx.input(1), cx.grad_out());
-        let [x, y, g] = [&x, &y, &g].map(|v| v.as_slice().expect(CONTIGUOUS));
+        let [x, y, g] = [&x, &y, &g].map(Tensor::as_slice);
         let out = cx.grad_slice_mut(0);
         for (places, fit) in self.pixels.each().zip(&self.fits) {
             if fit.is_flat() {

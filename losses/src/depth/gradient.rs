@@ -1,11 +1,11 @@
 //! Steps in depth should lie where the target has them.
 
-use autodiff_lite::{CONTIGUOUS, Real, Var};
+use autodiff_lite::{Real, Var};
 
 use super::pixels::{DepthMean, Pixels};
 use crate::scalar::{record, wanted};
 
-/// The mean absolute derivative of the difference of two depth maps, at several scales.
+/// The mean absolute gradient of the difference of two depth maps, at several scales.
 ///
 /// ```text
 /// Σ_k (1/M_k) Σ_i ( |R_i,right - R_i| + |R_i,below - R_i| ),       R = a - b
@@ -40,7 +40,7 @@ pub fn depth_gradients<'t, F: Real>(
     let pixels = Pixels::new("depth_gradients", prediction, Some(target), mask);
     let [height, width] = pixels.size;
     let (x, y) = (prediction.value(), target.value());
-    let (x, y) = (x.as_slice().expect(CONTIGUOUS), y.as_slice().expect(CONTIGUOUS));
+    let (x, y) = (x.as_slice(), y.as_slice());
     let mut counts = tape.indices(x.len());
     counts.fill(0);
     pixels.each().flatten().for_each(|&p| counts[p as usize] = 1);

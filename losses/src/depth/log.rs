@@ -1,6 +1,6 @@
 //! Depth up to a scale.
 
-use autodiff_lite::{CONTIGUOUS, Real, Var};
+use autodiff_lite::{Real, Var};
 
 use super::pixels::{DepthMean, Pixels};
 use crate::scalar::{record, wanted};
@@ -37,7 +37,7 @@ pub fn log_depth<'t, F: Real>(
 ) -> Var<'t, F> {
     let pixels = Pixels::new("log_depth", prediction, Some(target), mask);
     let (x, y) = (prediction.value(), target.value());
-    let (x, y) = (x.as_slice().expect(CONTIGUOUS), y.as_slice().expect(CONTIGUOUS));
+    let (x, y) = (x.as_slice(), y.as_slice());
     let measured = |&&p: &&u32| y[p as usize] > F::zero();
     let away = |p: u32| Real::to_f64(x[p as usize]).ln() - Real::to_f64(y[p as usize]).ln();
     let all = pixels.each().flatten().filter(measured).count();

@@ -1,6 +1,6 @@
 //! Depth of no scale and shift, robust against outliers.
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, PoolVec, Real, Tape, Var};
+use autodiff_lite::{Backward, Op, PoolVec, Real, Tape, Var};
 
 use super::pixels::Pixels;
 use crate::kernels::alignment::is_constant;
@@ -30,10 +30,9 @@ pub fn normalize_depth<'t, F: Real>(image: Var<'t, F>, mask: Var<'t, F>) -> Var<
     let tape = image.tape();
     let pixels = Pixels::new("normalize_depth", image, None, mask);
     let value = image.value();
-    let x = value.as_slice().expect(CONTIGUOUS);
-    let mut normal = tape.array(&image.shape());
-    normal.fill(F::infinity());
-    let out = normal.as_slice_mut().expect(CONTIGUOUS);
+    let x = value.as_slice();
+    let mut normal = tape.pool().filled(&image.shape(), F::infinity());
+    let out = normal.as_slice_mut();
     let mut medians = tape.indices(pixels.images());
     let mut inverses = tape.buffer(pixels.images());
     for ((places, middle), inverse) in
@@ -86,7 +85,7 @@ impl<F: Real> Op<F> for NormalizeDepth<F> {
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let (z, g) = (cx.output(), cx.grad_out());
-        let (z, g) = (z.as_slice().expect(CONTIGUOUS), g.as_slice().expect(CONTIGUOUS));
+        let (z, g) = (z.as_slice(), g.as_slice());
         let out = cx.grad_slice_mut(0);
         let images = self.pixels.each().zip(self.medians.iter()).zip(self.inverses.iter());
         for ((places, &median), &inverse) in images {

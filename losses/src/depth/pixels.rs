@@ -1,6 +1,6 @@
 //! Which pixels count.
 
-use autodiff_lite::{CONTIGUOUS, PoolVec, Real, ShapeError, Var};
+use autodiff_lite::{PoolVec, Real, ShapeError, Tensor, Var};
 
 /// How the pixels of a batch are averaged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -60,7 +60,7 @@ impl Pixels {
         let len = size[0] * size[1];
         let (mut places, mut ends) = (tape.indices(prediction.len()), tape.indices(shape[0]));
         let values = [prediction.value(), mask.value(), target.unwrap_or(prediction).value()];
-        let [x, m, y] = values.each_ref().map(|v| v.as_slice().expect(CONTIGUOUS));
+        let [x, m, y] = values.each_ref().map(Tensor::as_slice);
         let half = F::from_f64(0.5);
         let mut count = 0;
         for (n, end) in ends.iter_mut().enumerate() {
@@ -105,9 +105,8 @@ pub(super) fn common_mask<'t, F: Real>(
 ) -> Var<'t, F> {
     let tape = prediction.tape();
     let pixels = Pixels::new("ScaleShiftInvariant", prediction, Some(target), mask);
-    let mut common = tape.array(&mask.shape());
-    common.fill(F::zero());
-    let values = common.as_slice_mut().expect(CONTIGUOUS);
+    let mut common = tape.pool().filled(&mask.shape(), F::zero());
+    let values = common.as_slice_mut();
     pixels.each().flatten().for_each(|&p| values[p as usize] = F::one());
     tape.constant(common)
 }

@@ -1,6 +1,6 @@
 //! How far two aligned depth maps are apart.
 
-use autodiff_lite::{CONTIGUOUS, Real, Tape, Var};
+use autodiff_lite::{Real, Tape, Var};
 
 use super::pixels::{DepthMean, Pixels};
 use crate::scalar::{record, wanted};
@@ -22,7 +22,7 @@ pub fn depth_l2<'t, F: Real>(
 ) -> Var<'t, F> {
     let pixels = Pixels::new("depth_l2", prediction, Some(target), mask);
     let (x, y) = (prediction.value(), target.value());
-    let (x, y) = (x.as_slice().expect(CONTIGUOUS), y.as_slice().expect(CONTIGUOUS));
+    let (x, y) = (x.as_slice(), y.as_slice());
     let mut gradient = wanted(prediction);
     let mut total = 0.0;
     for places in pixels.each() {
@@ -65,7 +65,7 @@ pub fn depth_l1_trimmed<'t, F: Real>(
     assert!((0.0..=1.0).contains(&trim), "depth_l1_trimmed: trim {trim}, expected 0 to 1");
     let pixels = Pixels::new("depth_l1_trimmed", prediction, Some(target), mask);
     let (x, y) = (prediction.value(), target.value());
-    let (x, y) = (x.as_slice().expect(CONTIGUOUS), y.as_slice().expect(CONTIGUOUS));
+    let (x, y) = (x.as_slice(), y.as_slice());
     let away = |p: u32| Real::to_f64(x[p as usize]) - Real::to_f64(y[p as usize]);
     let mut gradient = wanted(prediction);
     let mut total = 0.0;

@@ -228,7 +228,7 @@ fn places<'t>(packed: &Packed, positions: Var<'t>, cameras: Var<'t>, scenes: &[&
 
 /// The only mesh of a batch.
 fn mesh(meshes: &StageMeshes<'_>, colors: Option<Var<'_>>) -> TriMesh {
-    let rows = |x: Var<'_>| x.value().as_slice().unwrap_or_default().as_chunks::<3>().0.to_vec();
+    let rows = |x: Var<'_>| x.value().as_slice().as_chunks::<3>().0.to_vec();
     let faces = meshes.packed.shapes[0].faces.clone();
     TriMesh { colors: colors.map(rows), ..TriMesh::new(rows(meshes.positions), faces) }
 }

@@ -80,7 +80,7 @@ pub(super) fn compared<'t>(
 /// Points by area; of a mesh that has none, its first corner as often.
 fn drawn(positions: Var<'_>, faces: &[[u32; 3]], count: usize, seed: u64) -> Vec<SurfacePoint> {
     let value = positions.value();
-    let rows = value.as_slice().unwrap_or_default().as_chunks::<3>().0.to_vec();
+    let rows = value.as_slice().as_chunks::<3>().0.to_vec();
     let samples = sample_surface(&TriMesh::new(rows, faces.to_vec()), count, seed);
     if samples.len() == count {
         return samples;

@@ -95,7 +95,7 @@ impl MeshInit for Voxels {
         let tape = coarsest.tape();
         let logits = tape.scope("voxels", || self.head.forward(coarsest));
         let (value, cells) = (logits.value(), self.head.cells());
-        let value = value.as_slice().unwrap_or_default();
+        let value = value.as_slice();
         let (mut shapes, mut rows) = (Vec::new(), Vec::new());
         for (scene, logits) in scenes.iter().zip(value.chunks_exact(cells.pow(3))) {
             let occupied: Vec<f32> =

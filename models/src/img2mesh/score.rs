@@ -141,11 +141,11 @@ impl Img2Mesh {
         let frame = self.model.frame.as_slice();
         let rows = |x: &[f32]| x.as_chunks::<3>().0.to_vec();
         let (positions, colors) = (meshes.positions.value(), meshes.colors.value());
-        let positions = rows(positions.as_slice().unwrap_or_default());
+        let positions = rows(positions.as_slice());
         let place = |p: [f32; 3]| std::array::from_fn(|k| frame[k] + frame[3] * p[k]);
         let mut mesh =
             TriMesh::new(positions.into_iter().map(place).collect(), self.renderer.corners.clone());
-        mesh.colors = Some(rows(colors.as_slice().unwrap_or_default()));
+        mesh.colors = Some(rows(colors.as_slice()));
         mesh
     }
 }

@@ -139,7 +139,7 @@ impl Mcmr {
         if c.cotangent_weight > 0.0 {
             let Template { corners, topology, .. } = &self.template;
             let values = positions.value();
-            let values = values.as_slice().unwrap_or_default().as_chunks::<3>().0;
+            let values = values.as_slice().as_chunks::<3>().0;
             let matrices: Vec<_> = values
                 .chunks_exact(self.template.sphere.len())
                 .map(|shape| cotangent_laplacian(shape, corners, topology))

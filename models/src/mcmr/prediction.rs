@@ -105,5 +105,5 @@ pub(super) fn pose_of(predicted: &Predicted<'_>, index: usize) -> Pose {
 /// One row of an array whose first axis is the batch.
 pub(super) fn row(values: &autodiff_lite::Tensor<f32>, index: usize) -> Vec<f32> {
     let width = values.len() / values.shape()[0].max(1);
-    values.as_slice().unwrap_or_default()[index * width..][..width].to_vec()
+    values.as_slice()[index * width..][..width].to_vec()
 }

@@ -55,7 +55,7 @@ impl Globe {
         let [_, rows, columns, channels] = texture.dims();
         let size = rows * columns * channels;
         let value = texture.value();
-        let data = value.as_slice().unwrap_or_default()[index * size..][..size].to_vec();
+        let data = value.as_slice()[index * size..][..size].to_vec();
         Self { rows, columns, data }
     }
 

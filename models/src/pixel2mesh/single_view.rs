@@ -150,7 +150,7 @@ impl<D: Deformer> SingleView<D> {
 
     fn mesh(&self, level: usize, positions: Var<'_>) -> TriMesh {
         let value = positions.value();
-        let rows = value.as_slice().unwrap_or_default().as_chunks::<3>().0.to_vec();
+        let rows = value.as_slice().as_chunks::<3>().0.to_vec();
         TriMesh::new(rows, self.template.levels[level].mesh.faces.clone())
     }
 

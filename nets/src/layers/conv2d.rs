@@ -85,7 +85,7 @@ mod tests {
         let x = tape.constant(image);
         let y = conv.forward(x).value();
         let expected = [-8.0, 1.0, -4.0, 7.0, 25.0, 13.0, 4.0, 19.0, 8.0];
-        assert_eq!(y.as_slice(), Some(&expected[..]));
+        assert_eq!(y.as_slice(), expected);
         let y = conv.without_bias().forward_then(x, Activation::LeakyRelu(0.1)).value();
         assert_eq!(y[[0, 0, 0, 0]], 12.0);
     }

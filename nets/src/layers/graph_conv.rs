@@ -151,9 +151,9 @@ mod tests {
         let x = tape.constant(arr2(&[[1.0], [2.0], [-40.0]]));
         let y = conv.forward_then(x, &graph, Activation::Relu).value();
         // 10 + 0.5 + (2 + 0.25); 20 + 0.5 + (1 + 0.25) + (-40 + 0.25), rectified; -400 + .., rectified.
-        assert_eq!(y.as_slice(), Some(&[12.75, 0.0, 0.0][..]));
+        assert_eq!(y.as_slice(), [12.75, 0.0, 0.0]);
         let y = conv.forward(x, &graph).value();
-        assert_eq!(y.as_slice(), Some(&[12.75, -18.0, -397.25][..]));
+        assert_eq!(y.as_slice(), [12.75, -18.0, -397.25]);
     }
 
     #[test]

@@ -69,9 +69,9 @@ mod tests {
         linear.bias = Some(Param::new(arr1(&[0.5])));
         let tape = Tape::eval();
         let x = tape.constant(arr2(&[[1.0, 2.0], [0.0, 4.0]]));
-        assert_eq!(linear.forward(x).value().as_slice(), Some(&[0.5, -3.5][..]));
+        assert_eq!(linear.forward(x).value().as_slice(), [0.5, -3.5]);
         let y = linear.forward_then(x, Activation::Relu).value();
-        assert_eq!(y.as_slice(), Some(&[0.5, 0.0][..]));
+        assert_eq!(y.as_slice(), [0.5, 0.0]);
         assert_eq!(linear.parameter_count(), 3);
         assert_eq!(linear.without_bias().parameter_count(), 2);
     }

@@ -56,7 +56,7 @@ mod tests {
         let tape = Tape::eval();
         let y = mlp.forward(tape.constant(ndarray::arr2(&[[2.0], [-2.0]]))).value();
         // -2 is rectified to 0 in between; the last layer may be negative.
-        assert_eq!(y.as_slice(), Some(&[0.0, -2.0][..]));
+        assert_eq!(y.as_slice(), [0.0, -2.0]);
         let mut paths = Vec::new();
         mlp.visit("", &mut |path: &str, _: &_| paths.push(path.to_owned()));
         assert_eq!(paths, ["layers.0.weight", "layers.1.weight"]);

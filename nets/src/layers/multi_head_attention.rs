@@ -108,8 +108,7 @@ mod tests {
 
     fn tokens(seed: f64) -> Tensor<f64> {
         Array3::from_shape_fn((2, 3, 8), |(n, t, d)| (seed + (n * 24 + t * 8 + d) as f64).sin())
-            .into_dyn()
-            .into_shared()
+            .into()
     }
 
     #[test]

@@ -102,7 +102,7 @@ mod tests {
         norm.visit_mut("", &mut |_: &str, param: &mut autodiff_lite::Param<f64>| {
             k += 1.0;
             let wavy = Array1::from_shape_fn(3, |i| 1.0 + 0.4 * (k + 2.0 * i as f64).sin());
-            param.value = wavy.into_dyn().into_shared();
+            param.value = wavy.into();
         });
         (conv, norm)
     }

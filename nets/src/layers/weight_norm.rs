@@ -1,6 +1,6 @@
 //! Weight norm: the length of each row of a weight apart from its direction.
 
-use autodiff_lite::{Activation, Backward, CONTIGUOUS, Param, Real, ShapeError, Var, impl_module};
+use autodiff_lite::{Activation, Backward, Param, Real, ShapeError, Tensor, Var, impl_module};
 
 use crate::Init;
 
@@ -91,31 +91,31 @@ pub fn weight_norm<'t, F: Real>(v: Var<'t, F>, g: Var<'t, F>) -> Var<'t, F> {
     }
     let mut y = tape.array(direction.shape());
     let width = direction.len().checked_div(rows).unwrap_or(0).max(1);
-    let (d, l) = (direction.as_slice().expect(CONTIGUOUS), length.as_slice().expect(CONTIGUOUS));
-    let out = y.as_slice_mut().expect(CONTIGUOUS).chunks_mut(width);
+    let (d, l) = (direction.as_slice(), length.as_slice());
+    let out = y.as_slice_mut().chunks_mut(width);
     for ((out, row), &g) in out.zip(d.chunks(width)).zip(l) {
         let factor = g * inverse_length(row);
         out.iter_mut().zip(row).for_each(|(out, &v)| *out = factor * v);
     }
     tape.record_fn("weight_norm", &[v, g], y, move |cx: &mut Backward<'_, F>| {
-        let (v, g, derivative) = (cx.input(0), cx.input(1), cx.grad_out());
-        let [v, g, derivative] = [&v, &g, &derivative].map(|x| x.as_slice().expect(CONTIGUOUS));
-        let rows = v.chunks(width).zip(derivative.chunks(width));
+        let (v, g, grad) = (cx.input(0), cx.input(1), cx.grad_out());
+        let [v, g, grad] = [&v, &g, &grad].map(Tensor::as_slice);
+        let rows = v.chunks(width).zip(grad.chunks(width));
         if cx.needs(0) {
             let of_v = cx.grad_slice_mut(0).chunks_mut(width);
-            for (((v, derivative), &g), of_v) in rows.clone().zip(g).zip(of_v) {
+            for (((v, grad), &g), of_v) in rows.clone().zip(g).zip(of_v) {
                 // (g / ‖v‖) (s - u (u · s)) with u = v / ‖v‖.
                 let inverse = inverse_length(v);
                 let factor = g * inverse;
-                let along = product(v, derivative) * inverse * inverse;
-                for ((of_v, &v), &derivative) in of_v.iter_mut().zip(v).zip(derivative) {
-                    *of_v += factor * (derivative - v * along);
+                let along = product(v, grad) * inverse * inverse;
+                for ((of_v, &v), &grad) in of_v.iter_mut().zip(v).zip(grad) {
+                    *of_v += factor * (grad - v * along);
                 }
             }
         }
         if cx.needs(1) {
-            for ((v, derivative), of_g) in rows.zip(cx.grad_slice_mut(1)) {
-                *of_g += product(v, derivative) * inverse_length(v);
+            for ((v, grad), of_g) in rows.zip(cx.grad_slice_mut(1)) {
+                *of_g += product(v, grad) * inverse_length(v);
             }
         }
     })
@@ -162,7 +162,7 @@ mod tests {
         layer.bias = None;
         let tape = Tape::train(0);
         let y = layer.forward(tape.constant(arr2(&[[1.0, 2.0]])));
-        assert_eq!(y.value().as_slice(), Some(&[22.0, 0.0][..]));
+        assert_eq!(y.value().as_slice(), [22.0, 0.0]);
         assert!(y.sum().backward().is_finite());
     }
 

@@ -190,9 +190,9 @@ fn widen<F: Real>(state: &mut State, name: &str, module: &(impl Module<F> + ?Siz
         let (file, own) = (stored.shape(), param.shape());
         let fits = path == name && file.len() == own.len() && file.len() > 1;
         if fits && file[0] == own[0] && file[1] < own[1] && file[2..] == own[2..] {
-            let mut filled = param.value.to_owned();
-            filled.slice_axis_mut(ndarray::Axis(1), (..file[1]).into()).assign(&stored);
-            state.insert(name, own, filled.as_slice().expect("parameters are row-major"));
+            let mut filled = param.value.clone();
+            filled.view_mut().slice_axis_mut(ndarray::Axis(1), (..file[1]).into()).assign(&stored);
+            state.insert(name, own, filled.as_slice());
         }
     });
 }

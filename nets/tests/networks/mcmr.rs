@@ -32,7 +32,7 @@ fn fill<F: Real>(module: &mut impl Module<F>) {
         };
         let all = numbers(order[path], param.len());
         let all: Vec<F> = all.into_iter().map(|u| F::from_f64(value(u))).collect();
-        param.value = ArrayD::from_shape_vec(shape, all).unwrap().into_shared();
+        param.value = ArrayD::from_shape_vec(shape, all).unwrap().into();
     });
 }
 
@@ -71,15 +71,15 @@ fn points<F: Real>(tolerance: f64) {
         let found: Vec<_> = found.iter().map(|&x| Real::to_f64(x)).collect();
         close(what, &found, &golden(&all, &format!("points.{what}")), tolerance, 1.0);
     };
-    close("output", y.value().as_slice().unwrap());
+    close("output", y.value().as_slice());
     let mut k = -1.0;
     let seed = y.value().mapv(|_| {
         k += 1.0;
         F::from_f64(f64::cos(k))
     });
     let gradients = y.backward_with(seed);
-    close("code", gradients.wrt(code).unwrap().as_slice().unwrap());
-    close("points", gradients.wrt(points).unwrap().as_slice().unwrap());
+    close("code", gradients.wrt(code).unwrap().as_slice());
+    close("points", gradients.wrt(points).unwrap().as_slice());
     check_gradients(&all, "points", &net, &gradients, tolerance);
 }
 

@@ -22,7 +22,7 @@ fn fill<F: Real>(module: &mut impl Module<F>) {
         };
         let values: Vec<F> =
             numbers(k, param.len()).into_iter().map(|u| F::from_f64(value(u))).collect();
-        param.value = ArrayD::from_shape_vec(shape, values).unwrap().into_shared();
+        param.value = ArrayD::from_shape_vec(shape, values).unwrap().into();
         k += 1;
     });
 }
@@ -65,7 +65,7 @@ fn check<F: Real>(name: &str, config: ResNetConfig, tolerance: f64) {
     let images = tape.constant(image.clone());
     for (k, map) in net.forward_maps(images).iter().enumerate() {
         let expected = golden.array(&format!("map{}", k + 1));
-        let expected = expected.as_slice().unwrap();
+        let expected = expected.as_slice();
         golden.close("map", &sums(channels_first(&map.value()).iter()), expected, expected[1]);
     }
     drop(tape.take_updates());
@@ -73,7 +73,7 @@ fn check<F: Real>(name: &str, config: ResNetConfig, tolerance: f64) {
 
     let logits = net.forward(tape.constant(image));
     let found: Vec<f64> = logits.value().iter().map(|&x| Real::to_f64(x)).collect();
-    golden.close("logits", &found, golden.array("logits").as_slice().unwrap(), 1.0);
+    golden.close("logits", &found, golden.array("logits").as_slice(), 1.0);
     let seed = ArrayD::from_shape_fn(vec![2, 3], |i| F::from_f64(((3 * i[0] + i[1]) as f64).cos()));
     let gradients = logits.backward_with(seed);
     let expected = golden.array("grads");
@@ -97,7 +97,7 @@ fn check<F: Real>(name: &str, config: ResNetConfig, tolerance: f64) {
         last.visit("", &mut |path: &str, param: &Param<F>| {
             if path.contains("running_") {
                 let found: Vec<f64> = param.as_slice().iter().map(|&x| Real::to_f64(x)).collect();
-                golden.close(path, &found, golden.array(path).as_slice().unwrap(), 1.0);
+                golden.close(path, &found, golden.array(path).as_slice(), 1.0);
             }
         });
     }

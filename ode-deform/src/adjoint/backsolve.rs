@@ -7,7 +7,8 @@
 use std::cell::RefCell;
 use std::sync::{Mutex, PoisonError};
 
-use autodiff_lite::{Backward, CONTIGUOUS, Op, Param, Real, Tensor, Var};
+use autodiff_lite::kernels::elementwise;
+use autodiff_lite::{Backward, Op, Param, Real, Tensor, Var};
 
 use super::kept::Kept;
 use super::replay::{Evaluator, seeds, sources, stacked};
@@ -98,13 +99,13 @@ impl<F: Real, V: VectorField<F>> Backsolve<F, V> {
             let inputs: Vec<_> = inputs.iter().map(on_tape).collect();
             let derivative = evaluator.derivative(t, y, &inputs);
             let gradients = derivative.backward_with(state.a.tensor().clone());
-            let negative = |gradient: Option<ndarray::ArrayViewD<'_, F>>, like: &Kept<F>| {
-                let mut own = pool.array(like.tensor().shape());
-                match gradient {
-                    Some(gradient) => own.zip_mut_with(&gradient, |own, &g| *own = -g),
-                    None => own.fill(F::zero()),
-                }
-                Kept::new(own.into_shared(), &pool)
+            let negative = |gradient: Option<&Tensor<F>>, like: &Kept<F>| {
+                let Some(gradient) = gradient else {
+                    return Kept::zeros(like.tensor().shape(), &pool);
+                };
+                let mut own = pool.array(gradient.shape());
+                elementwise::map(gradient.as_slice(), own.as_slice_mut(), |g| -g);
+                Kept::new(own, &pool)
             };
             let (of_inputs, of_params) = state.sums.split_at(inputs.len());
             let inputs = inputs.iter().zip(of_inputs).map(|(&x, like)| (gradients.wrt(x), like));
@@ -166,16 +167,14 @@ impl<F: Real, V: VectorField<F>> Op<F> for Backsolve<F, V> {
         let seeds = seeds(cx, self.problem.save_at.len());
         let Ok(start) = self.solve_back(&mut evaluator, &inputs, seeds) else {
             for i in 0..cx.input_count() {
-                cx.grad_mut(i).fill(F::nan());
+                cx.grad_slice_mut(i).fill(F::nan());
             }
             return;
         };
         cx.give(0, start.a.tensor().clone());
         for (i, sum) in start.sums.iter().enumerate() {
             if cx.needs(1 + i) {
-                let target = cx.grad_slice_mut(1 + i);
-                debug_assert_eq!(target.len(), sum.slice().len(), "{CONTIGUOUS}");
-                target.iter_mut().zip(sum.slice()).for_each(|(g, &sum)| *g += sum);
+                elementwise::add_to(sum.tensor().as_slice(), cx.grad_slice_mut(1 + i));
             }
         }
     }

@@ -76,12 +76,10 @@ impl<F: Real, V: VectorField<F>> Replay<F, V> {
             let total = weighted(terms).expect("there is a term for the end");
             let gradients = total.backward();
             pass_on(cx, &gradients, &inputs, &self.params);
-            let mut before = cx.array(self.befores[n].tensor().shape());
             match gradients.wrt(y) {
-                Some(gradient) => before.assign(&gradient),
-                None => before.fill(F::zero()),
+                Some(gradient) => Kept::new(gradient.clone(), cx.pool()),
+                None => Kept::zeros(self.befores[n].tensor().shape(), cx.pool()),
             }
-            Kept::new(before.into_shared(), cx.pool())
         };
         evaluator.tape.reset();
         before

@@ -1,6 +1,6 @@
 //! States outside of any tape, whose memory is the tape's.
 
-use autodiff_lite::{CONTIGUOUS, Pool, Real, Tensor};
+use autodiff_lite::{Pool, Real, Tensor};
 
 use crate::solve::{Squares, State, Tolerance, combine, slice_squares};
 
@@ -18,24 +18,18 @@ impl<F: Real> Kept<F> {
     }
 
     pub(super) fn zeros(shape: &[usize], pool: &Pool) -> Self {
-        let mut zeros = pool.array(shape);
-        zeros.fill(F::zero());
-        Self::new(zeros.into_shared(), pool)
+        Self::new(pool.filled(shape, F::zero()), pool)
     }
 
     pub(super) fn tensor(&self) -> &Tensor<F> {
         self.value.as_ref().expect("there until it is dropped")
     }
-
-    pub(super) fn slice(&self) -> &[F] {
-        self.tensor().as_slice().expect(CONTIGUOUS)
-    }
 }
 
 impl<F: Real> Drop for Kept<F> {
     fn drop(&mut self) {
-        if let Some(Ok(own)) = self.value.take().map(Tensor::try_into_owned_nocopy) {
-            self.pool.give_array(own);
+        if let Some(value) = self.value.take() {
+            self.pool.recycle(value);
         }
     }
 }
@@ -45,12 +39,13 @@ impl<F: Real> State for Kept<F> {
         let (first, pool) = (terms[0].1, &terms[0].1.pool);
         let mut out = pool.array(first.tensor().shape());
         let factors: Vec<f64> = terms.iter().map(|&(c, _)| c).collect();
-        let slices: Vec<&[F]> = terms.iter().map(|(_, y)| y.slice()).collect();
-        combine(&factors, &slices, out.as_slice_mut().expect(CONTIGUOUS));
-        Self::new(out.into_shared(), pool)
+        let slices: Vec<&[F]> = terms.iter().map(|(_, y)| y.tensor().as_slice()).collect();
+        combine(&factors, &slices, out.as_slice_mut());
+        Self::new(out, pool)
     }
 
     fn error_squares(error: &Self, before: &Self, after: &Self, tolerance: Tolerance) -> Squares {
-        slice_squares(error.slice(), before.slice(), after.slice(), tolerance)
+        let [error, before, after] = [error, before, after].map(|y| y.tensor().as_slice());
+        slice_squares(error, before, after, tolerance)
     }
 }

@@ -1,8 +1,8 @@
 //! Evaluations on tapes of their own: what the operations of this crate share.
 
+use autodiff_lite::kernels::elementwise;
 use autodiff_lite::{
-    Backward, CONTIGUOUS, Gradients, Module, NestedTape, Param, ParamId, Pool, Real, Tape, Tensor,
-    Var,
+    Backward, Gradients, Module, NestedTape, Param, ParamId, Pool, Real, Tape, Tensor, Var,
 };
 use rand::Rng;
 
@@ -121,11 +121,11 @@ pub(super) fn stacked<F: Real>(solution: &Solution<Kept<F>>, pool: &Pool) -> Ten
     let mut shape = vec![solution.states.len() + 1];
     shape.extend(solution.end.tensor().shape());
     let mut out = pool.array(&shape);
-    let parts = out.as_slice_mut().expect(CONTIGUOUS).chunks_mut(solution.end.slice().len().max(1));
+    let parts = out.as_slice_mut().chunks_mut(solution.end.tensor().len().max(1));
     for (part, state) in parts.zip(all) {
-        part.copy_from_slice(state.slice());
+        part.copy_from_slice(state.tensor().as_slice());
     }
-    out.into_shared()
+    out
 }
 
 /// The gradients of the asked states and of the end, from that of [`stacked`].
@@ -134,9 +134,9 @@ pub(super) fn seeds<F: Real>(cx: &Backward<'_, F>, save_at: usize) -> (Vec<Kept<
     let part = |i: usize| {
         let len = shape.iter().product::<usize>();
         let mut own = cx.array(&shape);
-        let from = &gradient.as_slice().expect(CONTIGUOUS)[i * len..(i + 1) * len];
-        own.as_slice_mut().expect(CONTIGUOUS).copy_from_slice(from);
-        Kept::new(own.into_shared(), cx.pool())
+        let from = &gradient.as_slice()[i * len..(i + 1) * len];
+        own.as_slice_mut().copy_from_slice(from);
+        Kept::new(own, cx.pool())
     };
     ((0..save_at).map(part).collect(), part(save_at))
 }
@@ -149,19 +149,13 @@ pub(super) fn pass_on<F: Real>(
     inputs: &[Var<'_, F>],
     params: &[Param<F>],
 ) {
-    for (i, &input) in inputs.iter().enumerate() {
+    let of_inputs = inputs.iter().map(|&input| gradients.wrt(input));
+    let of_params = params.iter().map(|param| gradients.of(param));
+    for (i, gradient) in of_inputs.chain(of_params).enumerate() {
         if cx.needs(1 + i)
-            && let Some(gradient) = gradients.wrt(input)
+            && let Some(gradient) = gradient
         {
-            cx.grad_mut(1 + i).zip_mut_with(&gradient, |sum, &g| *sum += g);
-        }
-    }
-    for (i, param) in params.iter().enumerate() {
-        let slot = 1 + inputs.len() + i;
-        if cx.needs(slot)
-            && let Some(gradient) = gradients.of(param)
-        {
-            cx.grad_mut(slot).zip_mut_with(&gradient, |sum, &g| *sum += g);
+            elementwise::add_to(gradient.as_slice(), cx.grad_slice_mut(1 + i));
         }
     }
 }
@@ -170,8 +164,7 @@ pub(super) fn pass_on<F: Real>(
 pub(super) fn weighted<F: Real>(terms: Vec<(Var<'_, F>, Kept<F>)>) -> Option<Var<'_, F>> {
     let tape = terms.first()?.0.tape();
     let (vars, seeds): (Vec<_>, Vec<_>) = terms.into_iter().unzip();
-    let mut zero = tape.array(&[]);
-    zero.fill(F::zero());
+    let zero = tape.pool().filled(&[], F::zero());
     Some(tape.record_fn("seeds", &vars, zero, move |cx: &mut Backward<'_, F>| {
         for (i, seed) in seeds.iter().enumerate() {
             cx.give(i, seed.tensor().clone());

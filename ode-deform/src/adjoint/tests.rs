@@ -137,7 +137,7 @@ fn parameters_that_come_as_inputs_have_the_same_gradient_as_their_own() {
             .square()
             .sum()
             .backward();
-        let difference = &a.of(own.module()).unwrap() - &b.wrt(w).unwrap();
+        let difference = a.of(own.module()).unwrap().to_owned() - &**b.wrt(w).unwrap();
         assert!(difference.iter().all(|d| d.abs() < 1e-12), "{adjoint:?}: {difference}");
     }
     let options = Options::default();

@@ -1,8 +1,8 @@
 //! What can be integrated.
 
 use autodiff_lite::kernels::elementwise;
-use autodiff_lite::{CONTIGUOUS, Real, Var};
-use ndarray::{ArcArray, Array, Dimension};
+use autodiff_lite::{Real, Tensor, Var};
+use ndarray::{ArrayBase, DataMut, DataOwned, Dimension, RawDataClone};
 
 use super::Tolerance;
 
@@ -90,6 +90,9 @@ pub(crate) fn combine<F: Real>(factors: &[f64], slices: &[&[F]], out: &mut [F]) 
     elementwise::lincomb(&terms, out);
 }
 
+/// Why these arrays have slices.
+const STANDARD: &str = "it was just made in standard layout";
+
 macro_rules! number_state {
     ($($number:ty),*) => {$(
         impl State for $number {
@@ -141,37 +144,24 @@ impl<F: Real> State for Vec<F> {
     }
 }
 
-impl<F: Real, D: Dimension> State for Array<F, D> {
+/// Owned and shared arrays.
+impl<F: Real, S, D: Dimension> State for ArrayBase<S, D>
+where
+    S: DataOwned<Elem = F> + DataMut + RawDataClone,
+{
     fn lincomb(terms: &[(f64, &Self)]) -> Self {
         let standard: Vec<_> = terms.iter().map(|(_, y)| y.as_standard_layout()).collect();
-        let slices: Vec<&[F]> = standard.iter().map(|y| y.as_slice().expect(CONTIGUOUS)).collect();
+        let slices: Vec<&[F]> = standard.iter().map(|y| y.as_slice().expect(STANDARD)).collect();
         let factors: Vec<f64> = terms.iter().map(|&(c, _)| c).collect();
         let mut out = Self::zeros(terms[0].1.raw_dim());
-        combine(&factors, &slices, out.as_slice_mut().expect(CONTIGUOUS));
+        combine(&factors, &slices, out.as_slice_mut().expect(STANDARD));
         out
     }
 
     fn error_squares(error: &Self, before: &Self, after: &Self, tolerance: Tolerance) -> Squares {
-        let [e, b, a] = [error, before, after].map(|y| y.as_standard_layout());
-        let slices = [&e, &b, &a].map(|y| y.as_slice().expect(CONTIGUOUS));
-        slice_squares(slices[0], slices[1], slices[2], tolerance)
-    }
-}
-
-impl<F: Real, D: Dimension> State for ArcArray<F, D> {
-    fn lincomb(terms: &[(f64, &Self)]) -> Self {
-        let standard: Vec<_> = terms.iter().map(|(_, y)| y.as_standard_layout()).collect();
-        let slices: Vec<&[F]> = standard.iter().map(|y| y.as_slice().expect(CONTIGUOUS)).collect();
-        let factors: Vec<f64> = terms.iter().map(|&(c, _)| c).collect();
-        let mut out = Array::zeros(terms[0].1.raw_dim());
-        combine(&factors, &slices, out.as_slice_mut().expect(CONTIGUOUS));
-        out.into_shared()
-    }
-
-    fn error_squares(error: &Self, before: &Self, after: &Self, tolerance: Tolerance) -> Squares {
-        let [e, b, a] = [error, before, after].map(|y| y.as_standard_layout());
-        let slices = [&e, &b, &a].map(|y| y.as_slice().expect(CONTIGUOUS));
-        slice_squares(slices[0], slices[1], slices[2], tolerance)
+        let standard = [error, before, after].map(|y| y.as_standard_layout());
+        let [e, b, a] = standard.each_ref().map(|y| y.as_slice().expect(STANDARD));
+        slice_squares(e, b, a, tolerance)
     }
 }
 
@@ -184,7 +174,7 @@ impl<F: Real> State for Var<'_, F> {
 
     fn error_squares(error: &Self, before: &Self, after: &Self, tolerance: Tolerance) -> Squares {
         let values = [error, before, after].map(|y| y.value());
-        let [e, b, a] = [0, 1, 2].map(|i| values[i].as_slice().expect(CONTIGUOUS));
+        let [e, b, a] = values.each_ref().map(Tensor::as_slice);
         slice_squares(e, b, a, tolerance)
     }
 }

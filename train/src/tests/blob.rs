@@ -84,9 +84,9 @@ pub(super) fn silhouette(index: usize, angle: f64, name: String) -> Silhouette {
     let matrix = camera(angle);
     let cameras = ArrayD::from_shape_vec(IxDyn(&[1, 3, 4]), matrix.clone()).unwrap();
     let projected = tape.constant(positions).project(tape.constant(cameras)).value();
-    let projected = projected.into_dimensionality::<Ix3>().unwrap();
+    let projected = projected.view().into_dimensionality::<Ix3>().unwrap();
     let faces = Arc::new(Faces::of(&mesh).unwrap());
-    let mask = rasterize(projected.view(), &faces, &Settings::new(SIDE, SIDE)).mask();
+    let mask = rasterize(projected, &faces, &Settings::new(SIDE, SIDE)).mask();
     Silhouette { name, radii, matrix, mask }
 }
 
@@ -106,9 +106,10 @@ impl Blob {
         let matrices = batch.iter().flat_map(|s| s.matrix.clone()).collect();
         let matrices = ArrayD::from_shape_vec(IxDyn(&[count, 3, 4]), matrices).unwrap();
         let projected = positions.project(tape.constant(matrices));
-        let values = projected.value().into_dimensionality::<Ix3>().unwrap();
+        let values = projected.value();
+        let values = values.view().into_dimensionality::<Ix3>().unwrap();
         let settings = Settings::new(SIDE, SIDE);
-        let fragments = rasterize(values.view(), &self.faces, &settings);
+        let fragments = rasterize(values, &self.faces, &settings);
         [antialiased_silhouette(projected, &fragments), offsets]
     }
 }

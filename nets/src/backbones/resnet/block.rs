@@ -1,7 +1,7 @@
 //! Residual blocks.
 
 use autodiff_lite::kernels::elementwise;
-use autodiff_lite::{Activation, Backward, CONTIGUOUS, ConvGeometry, Real, Var, impl_module};
+use autodiff_lite::{Activation, Backward, ConvGeometry, Real, Tensor, Var, impl_module};
 
 use crate::{Conv2d, FanMode, Init, Nonlinearity, Norm, NormKind};
 
@@ -132,20 +132,17 @@ fn add_relu<'t, F: Real>(a: Var<'t, F>, b: Var<'t, F>) -> Var<'t, F> {
     let (tape, x, y) = (a.tape(), a.value(), b.value());
     assert_eq!(x.shape(), y.shape(), "a block and its shortcut differ in shape");
     let mut sum = tape.array(x.shape());
-    let [x, y] = [&x, &y].map(|x| x.as_slice().expect(CONTIGUOUS));
+    let [x, y] = [&x, &y].map(Tensor::as_slice);
     let positive = |x: F| if x > F::zero() { x } else { F::zero() };
-    elementwise::zip(x, y, sum.as_slice_mut().expect(CONTIGUOUS), |x, y| positive(x + y));
+    elementwise::zip(x, y, sum.as_slice_mut(), |x, y| positive(x + y));
     tape.record_fn("add_relu", &[a, b], sum, |cx: &mut Backward<'_, F>| {
         let y = cx.output();
-        let y = y.as_slice().expect(CONTIGUOUS);
+        let y = y.as_slice();
         let mut g = cx.take_grad_out();
-        let own = g.as_slice_mut().expect(CONTIGUOUS);
+        let own = g.as_slice_mut();
         elementwise::update(own, y, y, |g, y, _| if y > F::zero() { g } else { F::zero() });
         if cx.needs(0) && cx.needs(1) {
-            let mut other = cx.array(g.shape());
-            let to = other.as_slice_mut().expect(CONTIGUOUS);
-            elementwise::map(g.as_slice().expect(CONTIGUOUS), to, |g| g);
-            cx.give(1, other);
+            cx.give_with(1, |other| elementwise::map(g.as_slice(), other, |g| g));
             cx.give(0, g);
         } else {
             cx.give(usize::from(cx.needs(1)), g);
