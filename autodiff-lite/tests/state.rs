@@ -91,6 +91,19 @@ fn a_resumed_run_is_the_same_bit_for_bit() {
     assert!(model.layers[0].running_mean.value.iter().any(|&x| x != 0.0));
 }
 
+/// Others may read it, as they may any file that the user makes.
+#[test]
+#[cfg(unix)]
+fn a_file_has_the_usual_permissions() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let [ours, usual] = ["model.safetensors", "usual"].map(|name| folder.path().join(name));
+    State::new().write(&ours).unwrap();
+    std::fs::write(&usual, "").unwrap();
+    let mode = |path| std::fs::metadata(path).unwrap().permissions().mode();
+    assert_eq!(mode(ours), mode(usual));
+}
+
 #[test]
 fn names_are_paths() {
     let mut state = State::new();

@@ -108,9 +108,20 @@ impl Numbers {
     }
 }
 
-/// The numbers in an array of this shape, if there can be one: whatever axes are empty, the others
-/// together have to be fewer bytes than memory has addresses, as for ndarray.
-fn length(shape: &[usize]) -> Option<usize> {
+/// The number of elements in an array of this shape, if there can be one: whatever axes are empty, the
+/// others together have to be fewer bytes than memory has addresses, as for ndarray.
+///
+/// Shapes that come from files are checked with it before anything is allocated.
+///
+/// ```
+/// use autodiff_lite::state::length;
+///
+/// assert_eq!(length(&[2, 3]), Some(6));
+/// assert_eq!(length(&[2, 0]), Some(0));
+/// assert_eq!(length(&[usize::MAX, 2]), None);
+/// assert_eq!(length(&[usize::MAX, 0]), None);
+/// ```
+pub fn length(shape: &[usize]) -> Option<usize> {
     let others = shape.iter().filter(|&&size| size > 0);
     let most = others.copied().try_fold(size_of::<f64>(), usize::checked_mul)?;
     isize::try_from(most).ok()?;

@@ -10,7 +10,8 @@ use std::path::Path;
 use super::{Numbers, SaveError, State};
 
 impl State {
-    /// Writes a safetensors file, whole or not at all: first beside it, then renamed.
+    /// Writes a safetensors file, whole or not at all: first beside it, then renamed. Its data is
+    /// on the disk when this returns, and others may read it as the umask has it.
     ///
     /// # Errors
     /// If the folder or the disk refuses; an earlier file of that name is then untouched.
@@ -24,7 +25,14 @@ impl State {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
+        let mut builder = tempfile::Builder::new();
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            // Temporary files are private; this one becomes an ordinary file.
+            builder.permissions(std::fs::Permissions::from_mode(0o666));
+        }
+        let mut file = builder.tempfile_in(folder)?;
         {
             let mut out = BufWriter::new(file.as_file_mut());
             self.write_to(&mut out)?;
@@ -32,6 +40,11 @@ impl State {
         }
         file.as_file().sync_all()?;
         file.persist(path).map_err(|error| error.error)?;
+        // The new name is in the folder. A folder that cannot be opened or synced is no failure: the file is there.
+        #[cfg(unix)]
+        if let Ok(folder) = std::fs::File::open(folder) {
+            folder.sync_all().ok();
+        }
         Ok(())
     }
 

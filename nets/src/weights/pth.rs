@@ -12,8 +12,7 @@
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
-use autodiff_lite::state::State;
-use autodiff_lite::state::{from_bfloat, from_half};
+use autodiff_lite::state::{State, from_bfloat, from_half, length};
 use pickle::budget::Budget;
 use pickle::{Item, Pickle, Storage, Tensor};
 
@@ -241,12 +240,12 @@ struct Plan {
 impl Plan {
     fn new(view: &Tensor<'_>, elements: u64) -> Result<Self, String> {
         let overflow = || format!("a shape of {:?} is too large", view.shape);
-        // Whatever axes are empty: the others together have to be fewer bytes than memory has
-        // addresses, or there is no such array.
-        let full = view.shape.iter().filter(|&&size| size > 0);
-        let most = full.copied().try_fold(size_of::<f64>() as u64, u64::checked_mul);
-        let most = most.filter(|&bytes| isize::try_from(bytes).is_ok()).ok_or_else(overflow)?;
-        let count = if view.shape.contains(&0) { 0 } else { most / size_of::<f64>() as u64 };
+        let sizes = |x: &[u64]| {
+            let sizes = x.iter().map(|&n| usize::try_from(n));
+            sizes.collect::<Result<Vec<_>, _>>().map_err(|_| overflow())
+        };
+        let shape = sizes(&view.shape)?;
+        let count = length(&shape).ok_or_else(overflow)? as u64;
         // A tensor with more elements than its storage repeats them, which weights do not.
         if count > elements {
             return Err(overflow());
@@ -259,14 +258,8 @@ impl Plan {
         if count > 0 && last >= elements {
             return Err(format!("element {last} of a storage of {elements}"));
         }
-        let sizes = |x: &[u64]| {
-            x.iter()
-                .map(|&n| usize::try_from(n))
-                .collect::<Result<Vec<_>, _>>()
-                .map_err(|_| overflow())
-        };
         Ok(Self {
-            shape: sizes(&view.shape)?,
+            shape,
             strides: sizes(&view.strides)?,
             offset: usize::try_from(view.offset).map_err(|_| overflow())?,
         })
