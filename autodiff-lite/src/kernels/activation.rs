@@ -12,7 +12,7 @@ pub enum Activation {
     None,
     /// `y = max(x, 0)`; derivative 0 at 0.
     Relu,
-    /// `y = x` above 0, `derivative x` below; the derivative lies in (0, 1].
+    /// `y = x` above 0, `slope x` below; the slope lies in (0, 1].
     LeakyRelu(f64),
     /// `y = 1 / (1 + exp(-x))`.
     Sigmoid,

@@ -38,7 +38,7 @@ pub enum Robustness {
 /// use losses::{ScaleShiftInvariant, disparity};
 /// use ndarray::Array3;
 ///
-/// // Depth of a derivative, and its disparity as an estimator may give it: in another scale, and shifted.
+/// // Depth of a tilted plane, and its disparity as an estimator may give it: in another scale, and shifted.
 /// let depth = Array3::from_shape_fn((1, 8, 8), |(_, i, j)| 2.0 + 0.1 * (i + 2 * j) as f64);
 /// let estimate = depth.mapv(|z| 40.0 / z + 7.0);
 /// let tape = Tape::<f64>::train(0);

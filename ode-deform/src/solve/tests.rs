@@ -117,12 +117,8 @@ fn observed_orders_are_those_of_the_tableaux() {
             let worst = errors.map(|(&at, y)| distance(y, &driven_truth(at))).fold(0.0, f64::max);
             between.push((h, worst));
         }
-        let (derivative, dense) = (regress(&ends), regress(&between));
-        assert!(
-            (derivative - t.order as f64).abs() < 0.3,
-            "{}: observed order {derivative}",
-            t.name
-        );
+        let (order, dense) = (regress(&ends), regress(&between));
+        assert!((order - t.order as f64).abs() < 0.3, "{}: observed order {order}", t.name);
         // The cubic has order 3 in itself, which means an error of fourth order at the step's scale.
         let expected = if t.dense.is_some() { t.order as f64 } else { t.order.min(4) as f64 };
         assert!((dense - expected).abs() < 0.35, "{} between: observed order {dense}", t.name);
