@@ -6,6 +6,11 @@ use crate::kernels::lane::Lane;
 ///
 /// Each one's derivative can be told from its output, so backward keeps no second array.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 pub enum Activation {
     /// `y = x`.
     #[default]

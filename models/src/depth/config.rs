@@ -28,7 +28,7 @@ train::options! {
         /// Its width: channels of its stem. Published: 64.
         pub width: usize = 32, in 1..=512;
         /// Its norms: what learns from scratch needs them.
-        pub norm: NormName = NormName::Batch;
+        pub norm: NormKind = NormKind::Batch;
         /// A file with torchvision's weights for the backbone, `.pth` or safetensors; the filters for depth stay
         /// fresh.
         #[serde(with = "train::settings::optional")]
@@ -78,11 +78,7 @@ impl RefineConfig {
             BackboneKind::Resnet34 => ResNetConfig::resnet34(),
             BackboneKind::Resnet50 => ResNetConfig::resnet50(),
         };
-        let norm = match self.norm {
-            NormName::Batch => NormKind::Batch,
-            NormName::Frozen => NormKind::Frozen,
-        };
-        ResNetConfig { width: self.width, inputs: self.inputs(), norm, ..base }
+        ResNetConfig { width: self.width, inputs: self.inputs(), norm: self.norm, ..base }
     }
 
     /// Sides of the backbone's four maps.
@@ -257,16 +253,6 @@ pub enum BackboneKind {
     Resnet34,
     /// Three to six bottlenecks: the published one.
     Resnet50,
-}
-
-/// The backbone's norms.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum NormName {
-    /// Statistics of the batch, which cannot be cut into shards then.
-    Batch,
-    /// Frozen: with `weights`.
-    Frozen,
 }
 
 /// How a rendered depth is compared with what is known.

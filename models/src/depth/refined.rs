@@ -6,13 +6,13 @@ use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut, join_path};
 use datasets::{SurfacePoints, View};
 use mesh_core::TriMesh;
 use ndarray::{Array3, arr0};
-use nets::{Init, MeshRefinementHead};
+use nets::{Init, MeshRefinementHead, NormKind};
 use train::{
     DataError, Draw, LossError, Metric, PredictError, Shown, Source, StepInfo, Summary, System,
     Terms,
 };
 
-use super::config::{NormName, RefineConfig};
+use super::config::RefineConfig;
 use super::depth_targets::{DepthTargets, Known};
 use super::encoder::Encoder;
 use super::mesh_init::MeshInit;
@@ -376,7 +376,7 @@ impl<B: MeshInit> System for Refined<B> {
     }
 
     fn couples_samples(&self) -> bool {
-        self.refine().norm == NormName::Batch
+        self.refine().norm == NormKind::Batch
     }
 
     /// The mesh in the world of the camera, from the first view.

@@ -4,6 +4,7 @@
 
 use autodiff_lite::{Param, Tape};
 use mesh_core::TriMesh;
+use nets::NormKind;
 use train::{Configuration, Draw, StepInfo, System};
 
 use super::*;
@@ -95,7 +96,7 @@ fn numbers_are_counted_without_making_them() {
     counted::<MeshRcnn>(&voxels());
     let other = RefineConfig {
         backbone: BackboneKind::Resnet50,
-        norm: NormName::Frozen,
+        norm: NormKind::Frozen,
         depth: DepthKind::None,
         colors: false,
         stages: 2,

@@ -20,7 +20,7 @@ train::options! {
         /// 256, 512]`.
         pub channels: [usize; 6] = [8, 8, 16, 32, 64, 64], in 1..=2048;
         /// How the encoder's weights begin; published deviations of 0.02 let the image fade on its way.
-        pub encoder_init: EncoderInitKind = EncoderInitKind::He;
+        pub encoder_init: EncoderInit = EncoderInit::He;
         /// Whether the encoder's layers are plain or residual. Published: plain.
         pub encoder_form: EncoderForm = EncoderForm::Plain;
         /// What maps are multiplied by before they are read. Residual encoders put out features of about 1, and a
@@ -31,9 +31,9 @@ train::options! {
         /// Columns inside of the graph convolutions; published 192.
         pub hidden: usize = 96, in 1..=4096;
         /// After graph convolutions; the version that the ODE paper started from has none.
-        pub activation: ActivationKind = ActivationKind::Relu;
+        pub activation: Activation = Activation::Relu;
         /// How feature maps are read; published `"floor"`, by a slip.
-        pub sampling: SamplingKind = SamplingKind::Bilinear;
+        pub sampling: MapSampling = MapSampling::Bilinear;
         /// Weight of the Chamfer distance: the mean squared distances of both ways.
         pub chamfer_weight: f64 = 100.0, in above_to(0.0, 1e9);
         /// What its way from prediction to truth counts beside the other; 0.55 in the original Pixel2Mesh.
@@ -53,6 +53,17 @@ impl SharedConfig {
     /// Channels of the four maps together.
     pub fn features(&self) -> usize {
         self.channels[2..].iter().sum()
+    }
+
+    /// What is wrong beside ranges, one sentence each.
+    pub(super) fn conflicts(&self) -> Vec<String> {
+        let mut problems = self.pairs.conflicts();
+        if let Activation::LeakyRelu(slope) = self.activation
+            && !(slope > 0.0 && slope <= 1.0)
+        {
+            problems.push(format!("`activation`: the slope is {slope}, expected above 0 to 1"));
+        }
+        problems
     }
 
     /// Numbers in the encoder.
@@ -126,7 +137,7 @@ train::options! {
         /// Whether the last step may go past 1, as in the published loop.
         pub overshoot: bool = false;
         /// How gradients are found.
-        pub adjoint: AdjointKind = AdjointKind::Checkpointed;
+        pub adjoint: Adjoint = Adjoint::Checkpointed;
     }
 }
 
@@ -142,8 +153,8 @@ impl OdeConfig {
             hidden: shared.hidden,
             augment_dim: if residual { 0 } else { self.augment_dim },
             layers: if ode { self.layers } else { 2 },
-            activation: shared.activation.into(),
-            sampling: shared.sampling.into(),
+            activation: shared.activation,
+            sampling: shared.sampling,
         }
     }
 
@@ -156,8 +167,8 @@ impl OdeConfig {
             hidden: self.shared.hidden,
             augment_dim: self.augment_dim,
             output_scale: self.output_scale,
-            activation: self.shared.activation.into(),
-            sampling: self.shared.sampling.into(),
+            activation: self.shared.activation,
+            sampling: self.shared.sampling,
         }
     }
 
@@ -197,7 +208,7 @@ impl OdeConfig {
 
     /// What is wrong beside ranges, one sentence each.
     pub(super) fn conflicts(&self) -> Vec<String> {
-        let mut problems = self.shared.pairs.conflicts();
+        let mut problems = self.shared.conflicts();
         for ([low, high], key) in [(self.start, "start"), (self.step, "step")] {
             if low > high {
                 problems
@@ -263,81 +274,35 @@ impl StagesConfig {
     }
 }
 
-macro_rules! choices {
-    ($($(#[$doc:meta])* $name:ident => $of:ty { $($(#[$one:meta])* $variant:ident => $value:expr,)+ })+) => {
-        $(
-            $(#[$doc])*
-            #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-            #[serde(rename_all = "lowercase")]
-            pub enum $name {
-                $($(#[$one])* $variant,)+
-            }
-
-            impl From<$name> for $of {
-                fn from(choice: $name) -> Self {
-                    match choice {
-                        $($name::$variant => $value,)+
-                    }
-                }
-            }
-        )+
-    };
-}
-
-choices! {
-    /// How the encoder's weights begin.
-    EncoderInitKind => EncoderInit {
-        /// As large behind a layer as before it.
-        He => EncoderInit::He,
-        /// Deviation 0.02.
-        Published => EncoderInit::Published,
-    }
-    /// After graph convolutions.
-    ActivationKind => Activation {
-        /// None: each evaluation is affine in its features.
-        None => Activation::None,
-        /// The larger of 0 and the value.
-        Relu => Activation::Relu,
-        /// Smooth: methods of higher order reach their order.
-        Tanh => Activation::Tanh,
-    }
-    /// How feature maps are read.
-    SamplingKind => MapSampling {
-        /// Between pixels.
-        Bilinear => MapSampling::Bilinear,
-        /// At the pixel that a point lies in.
-        Floor => MapSampling::Floor,
-    }
-    /// How gradients of an integration are found.
-    AdjointKind => Adjoint {
-        /// Everything is kept.
-        Direct => Adjoint::Direct,
-        /// States are kept, steps are computed once more.
-        Checkpointed => Adjoint::Checkpointed,
-        /// Nothing is kept; approximate.
-        Backsolve => Adjoint::Backsolve,
-    }
-    /// Methods of integration.
-    Method => &'static Tableau {
-        /// Order 1, one evaluation a step.
-        Euler => &EULER,
-        /// Order 2, two.
-        Heun => &HEUN,
-        /// Order 2, two.
-        Midpoint => &MIDPOINT,
-        /// Order 4, four.
-        Rk4 => &RK4,
-        /// Bogacki and Shampine's, order 3, three, estimates its error.
-        Bosh3 => &BOSH3,
-        /// Dormand and Prince's, order 5, six, estimates its error.
-        Dopri5 => &DOPRI5,
-    }
+/// Methods of integration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// Order 1, one evaluation a step.
+    Euler,
+    /// Order 2, two.
+    Heun,
+    /// Order 2, two.
+    Midpoint,
+    /// Order 4, four.
+    Rk4,
+    /// Bogacki and Shampine's, order 3, three, estimates its error.
+    Bosh3,
+    /// Dormand and Prince's, order 5, six, estimates its error.
+    Dopri5,
 }
 
 impl Method {
     /// Its coefficients.
     pub fn tableau(self) -> &'static Tableau {
-        self.into()
+        match self {
+            Self::Euler => &EULER,
+            Self::Heun => &HEUN,
+            Self::Midpoint => &MIDPOINT,
+            Self::Rk4 => &RK4,
+            Self::Bosh3 => &BOSH3,
+            Self::Dopri5 => &DOPRI5,
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use ndarray::Array3;
 use nets::Init;
 use ode_deform::deform::{DeformationField, ResidualDeformation, StackedField, positions};
 use ode_deform::solve::{Problem, SolveError, Stats};
-use ode_deform::{Adjoint, VectorField};
+use ode_deform::VectorField;
 use train::settings::Options as _;
 
 use super::config::{DeformationKind, OdeConfig, SharedConfig};
@@ -103,7 +103,7 @@ impl Continuous {
         [camera, maps]: [&[Var<'t>]; 2],
         run: Run,
     ) -> Result<Flowed<'t>, SolveError> {
-        let adjoint: Adjoint = self.config.adjoint.into();
+        let adjoint = self.config.adjoint;
         let inputs = [camera, maps].concat();
         let flow =
             adjoint.integrate(field, self.remembering(before), &inputs, &self.problem(run))?;

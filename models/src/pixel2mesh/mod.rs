@@ -24,10 +24,7 @@ mod template;
 #[cfg(test)]
 mod tests;
 
-pub use config::{
-    ActivationKind, AdjointKind, DeformationKind, EncoderForm, EncoderInitKind, Method, OdeConfig,
-    SamplingKind, SharedConfig, StagesConfig,
-};
+pub use config::{DeformationKind, EncoderForm, Method, OdeConfig, SharedConfig, StagesConfig};
 pub use continuous::Continuous;
 pub use deformer::{Deformed, Deformer, Run, Stage};
 pub use score::Scored;

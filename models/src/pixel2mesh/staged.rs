@@ -43,7 +43,7 @@ impl Deformer for Staged {
 
     fn check(config: &StagesConfig) -> Vec<String> {
         let mut problems = config.out_of_range();
-        problems.extend(config.shared.pairs.conflicts());
+        problems.extend(config.shared.conflicts());
         problems
     }
 

@@ -43,6 +43,11 @@ pub struct Pixel2MeshEncoder<F: Real = f32> {
 
 /// How the encoder's weights begin; biases are 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 pub enum EncoderInit {
     /// Deviation `√(2 / inputs)`, inputs of the kernel: as large behind a layer as before it.
     #[default]

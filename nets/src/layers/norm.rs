@@ -16,6 +16,11 @@ pub enum Norm<F: Real = f32> {
 
 /// Which [`Norm`] a network has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 pub enum NormKind {
     /// [`BatchNorm2d`]: to train from scratch, or to go on training with batches of many images.
     #[default]

@@ -6,6 +6,11 @@ use crate::Linear;
 
 /// How a map is read between its pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 pub enum MapSampling {
     /// Bilinear between pixel centres, the border repeated outwards; gradients to maps and points.
     #[default]

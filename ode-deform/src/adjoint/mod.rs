@@ -20,6 +20,11 @@ use crate::solve::{Problem, SolveError, Stats};
 /// Steps are constants to all of them: no gradient flows into step sizes, times or tolerances, and replayed steps are
 /// those that were accepted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 pub enum Adjoint {
     /// Every operation of every evaluation is recorded: exact, and the memory grows with the evaluations.
     Direct,

@@ -6,7 +6,7 @@ use autodiff_lite::{Activation, Module, Param, SparseMatrix, Tape, Var};
 use mesh_core::Topology;
 use mesh_core::primitives::icosphere;
 use models::paired::{Pair, Pairs};
-use models::pixel2mesh::{AdjointKind, OdeConfig, OdePixel2Mesh};
+use models::pixel2mesh::{OdeConfig, OdePixel2Mesh};
 use ndarray::{Array3, Array4};
 use nets::Init;
 use ode_deform::Adjoint;
@@ -77,7 +77,7 @@ impl Study for MemoryStudy {
         let start = Instant::now();
         let mut row = Row::new(TABLE, label(count));
         for (name, adjoint) in
-            [("checkpointed", AdjointKind::Checkpointed), ("direct", AdjointKind::Direct)]
+            [("checkpointed", Adjoint::Checkpointed), ("direct", Adjoint::Direct)]
         {
             work.tell(watch, 0.5, name)?;
             let step = 1.0 / count as f64;
