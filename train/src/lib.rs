@@ -21,12 +21,12 @@
 //!
 //! # Adding a system
 //!
-//! 1. A configuration (serde, `#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]`)
-//!    beside the model it configures, flat, with no optional fields and no name of [`TrainConfig`]'s.
-//! 2. `impl System`; presets `tiny`, `small` and `paper` in `models/presets/<name>/`.
+//! 1. A configuration ([`options!`]) beside the model it configures: each option once, with default, range and
+//!    meaning; none named like one of [`TrainConfig`]'s.
+//! 2. `impl System`; presets `tiny`, `small` and `paper` beside it, each published value with its source.
 //! 3. `impl Predictor` (`models::predict`): from a user's files to a mesh.
-//! 4. One line in `cli/src/system.rs`; its studies in `cli/src/study.rs`
-//!    (`studies`).
+//! 4. One line: `Registry::register` (`models::register`, or a program of its own, as
+//!    `cli/examples/ellipsoid.rs`). Commands, help, `check --options` and `docs/options.md` follow.
 //!
 //! # Invariants
 //!

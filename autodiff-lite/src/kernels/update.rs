@@ -51,7 +51,7 @@ pub fn adam<F: Real>(h: &AdamStep<F>, w: &mut [F], g: &[F], m: &mut [F], v: &mut
 /// The numbers of one SGD step.
 #[derive(Clone, Copy, Debug)]
 pub struct SgdStep<F> {
-    /// Step length.
+    /// Learning rate.
     pub lr: F,
     /// Decay of the velocity.
     pub momentum: F,

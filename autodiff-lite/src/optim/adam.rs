@@ -25,13 +25,13 @@ pub type Adam<F = f32> = Optimizer<AdamMethod, F>;
 /// Loshchilov and Hutter 2019, *Decoupled weight decay regularization*, algorithm 2.
 pub type AdamW<F = f32> = Optimizer<AdamWMethod, F>;
 
-/// Adam with one step length for all entries of a tensor:
+/// Adam with one learning rate for all entries of a tensor:
 ///
 /// ```text
 /// w ← w - lr (m / (1 - β₁ᵗ)) / (max sqrt(v / (1 - β₂ᵗ)) + ε)
 /// ```
 ///
-/// Each entry having its own step length, Adam bends the direction of the step; for vertex
+/// Each entry having its own learning rate, Adam bends the direction of the step; for vertex
 /// positions that undoes a preconditioned gradient's smoothness and depends on the axes.
 ///
 /// # References

@@ -55,7 +55,7 @@ pub trait Method: Clone + fmt::Debug {
 /// What differs for parameters below a path.
 #[derive(Clone, Debug)]
 pub struct Group<M> {
-    /// Step length before the factor of the schedule.
+    /// Learning rate before the factor of the schedule.
     pub lr: f64,
     /// Whether these parameters are left alone.
     pub frozen: bool,
@@ -84,7 +84,7 @@ pub(crate) struct State<F> {
 }
 
 impl<M: Method, F: Real> Optimizer<M, F> {
-    /// An optimiser that uses `method` with step length `lr`.
+    /// An optimiser that uses `method` with learning rate `lr`.
     pub fn with_method(method: M, lr: f64) -> Self {
         let base = Group { lr, frozen: false, method };
         Self { base, groups: Vec::new(), factor: 1.0, states: BTreeMap::new() }
@@ -107,18 +107,18 @@ impl<M: Method, F: Real> Optimizer<M, F> {
         self
     }
 
-    /// The step length, before the factor.
+    /// The learning rate, before the factor.
     pub fn lr(&self) -> f64 {
         self.base.lr
     }
 
-    /// Sets the step length of all parameters outside of groups.
+    /// Sets the learning rate of all parameters outside of groups.
     pub fn set_lr(&mut self, lr: f64) {
         self.base.lr = lr;
     }
 
-    /// Sets what all step lengths are multiplied by, groups included: the door for a
-    /// [`Schedule`].
+    /// Sets what all learning rates are multiplied by, groups included; a [`Schedule`]
+    /// says it.
     pub fn set_factor(&mut self, factor: f64) {
         self.factor = factor;
     }

@@ -1,6 +1,6 @@
-//! Step lengths over time.
+//! Learning rates over time.
 
-/// A factor for the step length as a function of the step: nothing to save, nothing to resume.
+/// A factor for the learning rate as a function of the step: nothing to save, nothing to resume.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Schedule {
     /// Always 1.
@@ -62,7 +62,7 @@ impl Schedule {
     }
 }
 
-/// Drops the step length when a loss no longer falls. As `ReduceLROnPlateau` with a relative
+/// Drops the learning rate when a loss no longer falls. As `ReduceLROnPlateau` with a relative
 /// threshold.
 ///
 /// Its state is its public fields: save them with the run.

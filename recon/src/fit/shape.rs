@@ -45,10 +45,10 @@ struct Chunk {
     blind: usize,
 }
 
-/// Adam with one step length for all coordinates, on the variables `u = (I + lambda L) x`.
+/// Adam with one learning rate for all coordinates, on the variables `u = (I + lambda L) x`.
 ///
 /// A gradient step on `u` moves the vertices by the gradient smoothed twice, which is what lets
-/// steps be large without tearing the surface; one step length for all coordinates keeps the
+/// steps be large without tearing the surface; one learning rate for all coordinates keeps the
 /// direction that the smoothing made.
 #[derive(Debug)]
 struct Optimizer {
