@@ -73,6 +73,11 @@ unary! {
     gelu(): |x| x * normal_distribution(x), |x, _| {
         normal_distribution(x) + x * (c::<F>(-0.5) * x * x).fast_exp() * c(0.3989422804014327)
     };
+    /// `x / (1 + e⁻ˣ)`: SiLU, also called Swish.
+    silu(): |x| x * x.fast_sigmoid(), |x, _| {
+        let s = x.fast_sigmoid();
+        s + x * s * (F::one() - s)
+    };
     /// `clamp(x / 6 + 1/2, 0, 1)`, as in PyTorch.
     hardsigmoid(): |x| (x / c(6.0) + c(0.5)).max(F::zero()).min(F::one()),
         |x, _| if x > c(-3.0) && x < c(3.0) { c(1.0 / 6.0) } else { F::zero() };
@@ -187,6 +192,7 @@ mod tests {
     gradcheck!(sigmoid: |x| x.sigmoid(), shapes [[[3, 5]]]);
     gradcheck!(tanh: |x| x.tanh(), shapes [[[3, 5]]]);
     gradcheck!(gelu: |x| x.gelu(), shapes [[[3, 5]], [[40]]], options Options::default().range(-4.0, 4.0));
+    gradcheck!(silu: |x| x.silu(), shapes [[[3, 5]], [[40]]]);
     gradcheck!(hardsigmoid: |x| x.hardsigmoid(), shapes [[[30]]], options kinks(&[-3.0, 3.0]).range(-5.0, 5.0));
     gradcheck!(clamp: |x| x.clamp(-0.5, 0.7), shapes [[[30]]], options kinks(&[-0.5, 0.7]));
     gradcheck!(powi: |x| x.powi(3), shapes [[[3, 5]]]);
@@ -209,7 +215,7 @@ mod tests {
                 let (a, b) = (x.scale(0.3).add_scalar(0.1), x.leaky_relu(0.1).neg());
                 let terms = [
                     x.exp(), x.square(), x.sin(), x.cos(), x.abs(), x.relu(), b, x.elu(), a,
-                    x.softplus(), x.sigmoid(), x.tanh(), x.hardsigmoid(), x.clamp(-0.5, 0.7), x.powi(3),
+                    x.softplus(), x.sigmoid(), x.tanh(), x.silu(), x.hardsigmoid(), x.clamp(-0.5, 0.7), x.powi(3),
                 ];
                 let weighted: Vec<_> =
                     terms.iter().enumerate().map(|(k, &t)| (1.0 + 0.1 * k as f64, t)).collect();
@@ -238,6 +244,8 @@ mod tests {
         check(x.abs(), [4.0, 0.5, 0.0, 2.0]);
         // x erfc(-x / √2) / 2 by Python's math module.
         check(x.gelu(), [-0.00012668496733247986, -0.15426876936299344, 0.0, 1.9544997361036416]);
+        // x / (1 + exp(-x)) by Python's math module.
+        check(x.silu(), [-0.07194483984836623, -0.1887703343990727, 0.0, 1.7615941559557646]);
         check(x.powi(3), [-64.0, -0.125, 0.0, 8.0]);
         // ln(1 + e⁻⁴) = 0.018149927917809...
         check(
