@@ -46,31 +46,7 @@
 //!
 //! # Layouts
 //!
-//! - **kaolin's synthetic views**: `{i}_rgb.png`, `{i}_metadata.json` and, for masks,
-//!   `{i}_semantic.npy` (any number type; above 0 is object); depth as `{i}_depth.exr` or
-//!   `{i}_depth_linear.npy`. A folder, or the zip as it is shipped.
-//! - **`transforms.json`** of NeRF, instant-ngp and nerfstudio: one file, or those of
-//!   `transforms_{train,val,test}.json` that are there; in a folder or a zip. What a frame says
-//!   wins over the top level; extensions may be missing; masks are alpha, `mask_path` or
-//!   `masks/<stem>.png`. Lenses with distortion are refused: undistort the images first.
-//! - **COLMAP** ([`Colmap`]): cameras and images, `.bin` before `.txt`, in `sparse/0`, `sparse` or the
-//!   folder itself; images in `images`; models `SIMPLE_PINHOLE` and `PINHOLE`; masks are alpha,
-//!   `masks/<image>.png` as COLMAP has them, or `masks/<stem>.png`; dense depth maps where asked.
-//!   [`Colmap::points`] are the sparse points. A folder or a zip.
-//! - **Photographs with `cameras.json`** ([`write_photos`] has its form): any camera can be said. A
-//!   folder or a zip.
-//! - **Photographs from a turntable** ([`Turntable`]): no cameras at all.
-//! - **BOP** ([`Bop`]): a scene, a split or a dataset; objects by `obj_id`, in the frame of their
-//!   model, millimetres. BlenderProc's `.hdf5` is refused: let it write BOP.
-//! - **ShapeNet with 3D-R2N2's renderings**: see [`r2n2`].
-//! - **Pixel2Mesh's samples**, and its ellipsoid: see [`pixel2mesh`].
-//! - **Pix3D** ([`Pix3d`]): `pix3d.json`, or Mesh R-CNN's `pix3d_s{1,2}_{train,test}.json`; an
-//!   object is a model, its views the photographs of it.
-//! - **Pascal3D+** ([`Pascal3d`]): `Annotations/<class>_{imagenet,pascal}/*.mat`; an object is what
-//!   is annotated in an image. Masks only where VOC has them.
-//! - **CUB with CMR's cache** ([`Cub`]): `data/{train,val,test}_cub_cleaned.mat` and `sfm`;
-//!   weak-perspective cameras in pixels of the whole image.
-//! - **MCMR's form of Pascal3D+** ([`Mcmr`]): `<class>/annotations/*.yaml` and the masks beside.
+//! [`Layout`] says of each what it is recognised by and what of it is read.
 //!
 //! # Conventions
 //!

@@ -37,31 +37,44 @@ pub struct Views {
 /// A way of laying views out on disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
-    /// kaolin's synthetic views in a folder.
+    /// **kaolin's synthetic views**: `{i}_rgb.png`, `{i}_metadata.json` and, for masks, `{i}_semantic.npy` (any
+    /// number type; above 0 is object); depth as `{i}_depth.exr` or `{i}_depth_linear.npy`. A folder, or the zip as
+    /// it is shipped.
     KaolinFolder,
-    /// kaolin's synthetic views in a zip archive.
+    /// The same in a zip archive.
     KaolinZip,
-    /// NeRF's or nerfstudio's `transforms.json`.
+    /// **`transforms.json`** of NeRF, instant-ngp and nerfstudio: one file, or those of
+    /// `transforms_{train,val,test}.json` that are there; in a folder or a zip. What a frame says wins over the top
+    /// level; extensions may be missing; masks are alpha, `mask_path` or `masks/<stem>.png`. Lenses with distortion
+    /// are refused: undistort the images first.
     Transforms,
-    /// 3D-R2N2's renderings of ShapeNet, or ours in their layout.
+    /// **ShapeNet with 3D-R2N2's renderings**: see [`r2n2`](crate::r2n2).
     R2n2,
-    /// COLMAP's sparse model with its images.
+    /// **COLMAP** ([`Colmap`](crate::Colmap)): cameras and images, `.bin` before `.txt`, in `sparse/0`, `sparse` or
+    /// the folder itself; images in `images`; models `SIMPLE_PINHOLE` and `PINHOLE`; masks are alpha,
+    /// `masks/<image>.png` as COLMAP has them, or `masks/<stem>.png`; dense depth maps where asked.
+    /// [`Colmap::points`](crate::Colmap::points) are the sparse points. A folder or a zip.
     Colmap,
-    /// A scene of the BOP benchmarks, as BlenderProc writes it.
+    /// **BOP** ([`Bop`](crate::Bop)): a scene, a split or a dataset; objects by `obj_id`, in the frame of their
+    /// model, millimetres. BlenderProc's `.hdf5` is refused: let it write BOP.
     Bop,
-    /// Loose photographs with a `cameras.json` of ours.
+    /// **Photographs with `cameras.json`** ([`write_photos`](crate::write_photos) has its form): any camera can be
+    /// said. A folder or a zip.
     Photos,
-    /// Loose photographs from a turntable, whose cameras follow from its geometry.
+    /// **Photographs from a turntable** ([`Turntable`](crate::Turntable)): no cameras at all.
     Turntable,
-    /// Pixel2Mesh's `.dat` files.
+    /// **Pixel2Mesh's samples**, and its ellipsoid: see [`pixel2mesh`](crate::pixel2mesh).
     Pixel2Mesh,
-    /// Pix3D, its own annotations or those of Mesh R-CNN.
+    /// **Pix3D** ([`Pix3d`](crate::Pix3d)): `pix3d.json`, or Mesh R-CNN's `pix3d_s{1,2}_{train,test}.json`; an object
+    /// is a model, its views the photographs of it.
     Pix3d,
-    /// Pascal3D+.
+    /// **Pascal3D+** ([`Pascal3d`](crate::Pascal3d)): `Annotations/<class>_{imagenet,pascal}/*.mat`; an object is
+    /// what is annotated in an image. Masks only where VOC has them.
     Pascal3d,
-    /// CUB with the cache of CMR.
+    /// **CUB with CMR's cache** ([`Cub`](crate::Cub)): `data/{train,val,test}_cub_cleaned.mat` and `sfm`;
+    /// weak-perspective cameras in pixels of the whole image.
     Cub,
-    /// The preprocessed form of Pascal3D+ that MCMR trains on.
+    /// **MCMR's form of Pascal3D+** ([`Mcmr`](crate::Mcmr)): `<class>/annotations/*.yaml` and the masks beside.
     Mcmr,
     /// Made in memory, never on disk.
     Memory,
