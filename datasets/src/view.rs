@@ -61,6 +61,9 @@ pub enum Layout {
     /// **Photographs with `cameras.json`** ([`write_photos`](crate::write_photos) has its form): any camera can be
     /// said. A folder or a zip.
     Photos,
+    /// **Middlebury's multi-view stereo**: photographs with a `<name>_par.txt`; no skew. Masks are alpha,
+    /// `masks/<stem>.png`, or the black backdrop ([`Backdrop`](crate::MaskSource::Backdrop)). A folder or a zip.
+    Middlebury,
     /// **Photographs from a turntable** ([`Turntable`](crate::Turntable)): no cameras at all.
     Turntable,
     /// **Pixel2Mesh's samples**, and its ellipsoid: see [`pixel2mesh`](crate::pixel2mesh).
@@ -90,6 +93,7 @@ impl std::fmt::Display for Layout {
             Self::Colmap => "COLMAP model",
             Self::Bop => "BOP scene",
             Self::Photos => "photographs with cameras.json",
+            Self::Middlebury => "Middlebury multi-view stereo",
             Self::Turntable => "turntable photographs",
             Self::Pixel2Mesh => "Pixel2Mesh .dat",
             Self::Pix3d => "Pix3D",

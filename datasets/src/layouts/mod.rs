@@ -7,6 +7,7 @@ pub(crate) mod cub;
 pub(crate) mod generated;
 pub(crate) mod kaolin;
 pub(crate) mod mcmr;
+pub(crate) mod middlebury;
 pub(crate) mod pascal3d;
 pub(crate) mod photo;
 pub(crate) mod photos;

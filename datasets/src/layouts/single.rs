@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::dataset::{Catalog, Dataset, Entry};
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::layouts::{bop, colmap, kaolin, photos, transforms, turntable};
+use crate::layouts::{bop, colmap, kaolin, middlebury, photos, transforms, turntable};
 use crate::options::{MaskSource, ReadOptions, Turntable};
 use crate::read::{Reading, read_chosen};
 use crate::source::Source;
@@ -30,6 +30,8 @@ enum Kind {
     Transforms(Vec<String>),
     Colmap(colmap::Project),
     Photos,
+    /// The file of cameras.
+    Middlebury(String),
     Turntable(Turntable),
 }
 
@@ -173,6 +175,9 @@ fn recognise(
     if photos::recognises(source) {
         return Ok(Some(Kind::Photos));
     }
+    if let Some(file) = middlebury::parameters(&names) {
+        return Ok(Some(Kind::Middlebury(file)));
+    }
     match colmap::recognises(source) {
         Some(found) => Ok(Some(Kind::Colmap(colmap::Project::read(source, found)?))),
         None => Ok(None),
@@ -189,6 +194,7 @@ fn list<'a>(
         Kind::Transforms(files) => transforms::list(source, files, options),
         Kind::Colmap(project) => project.list(source, options),
         Kind::Photos => photos::list(source, options),
+        Kind::Middlebury(file) => middlebury::list(source, options, file),
         Kind::Turntable(table) => turntable::list(source, options, *table),
     }
 }

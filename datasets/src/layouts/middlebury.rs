@@ -1,0 +1,184 @@
+//! Multi-view stereo in Middlebury's form: photographs, and a `<name>_par.txt` with the camera of each.
+//!
+//! ```text
+//! 312
+//! temple0001.png k11 k12 k13 k21 k22 k23 k31 k32 k33 r11 r12 .. r33 t1 t2 t3
+//! ```
+//!
+//! A pixel is `K (R x + t)` of a point `x` of the world, from the middle of the first pixel on, x right and y down.
+//!
+//! # References
+//! Seitz, Curless, Diebel, Scharstein, Szeliski 2006, *A Comparison and Evaluation of Multi-View Stereo Reconstruction
+//! Algorithms*, and the readme of its data.
+
+use std::path::Path;
+
+use mesh_core::Camera;
+
+use crate::assemble::{MASK_EXTENSIONS, assemble, mask_file, read_picture, without_extension};
+use crate::error::{ReadViewsError, ViewsProblem};
+use crate::options::ReadOptions;
+use crate::read::{Pending, Reading};
+use crate::source::{Opened, Source};
+use crate::view::{Layout, View};
+
+/// How names of parameter files end.
+const END: &str = "_par.txt";
+/// Hundreds of thousands of views fit.
+const BYTES: u64 = 1 << 26;
+/// Numbers of a camera.
+const NUMBERS: usize = 21;
+
+/// The parameter file, where there is one and no other.
+pub(crate) fn parameters(names: &[String]) -> Option<String> {
+    let mut found = names.iter().filter(|name| name.ends_with(END) && !name.contains('/'));
+    found.next().filter(|_| found.next().is_none()).cloned()
+}
+
+/// A line of the file.
+struct Shot {
+    image: String,
+    numbers: [f64; NUMBERS],
+    /// The line's place in the file.
+    field: String,
+}
+
+/// The views in the order of the file.
+pub(crate) fn list<'a>(
+    source: &'a Source,
+    options: &'a ReadOptions,
+    file: &str,
+) -> Result<Reading<'a>, ReadViewsError> {
+    let path = source.locate(file);
+    let content = source.open()?.read(file, "cameras", BYTES)?;
+    let text = String::from_utf8_lossy(&content);
+    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    let wrong = |field: &str, found: &str, expected: &str| {
+        ReadViewsError::field(&path, field, found.to_owned(), expected)
+    };
+    let (_, first) = lines.next().unwrap_or_default();
+    let count = first.trim().parse::<usize>();
+    let count = count.map_err(|_| wrong("line 1", first, "the number of images"))?;
+    let (mut pending, mut warnings) = (Vec::<Pending<'a>>::new(), Vec::new());
+    let mut listed = 0;
+    for (index, line) in lines {
+        listed += 1;
+        let shot = Shot::new(line, index + 1, &path)?;
+        if source.has(&shot.image) {
+            let path = path.clone();
+            pending.push(Box::new(move |opened| shot.read(source, opened, &path, options)));
+            continue;
+        }
+        let wanted_by = format!("{} of {} names it", shot.field, path.display());
+        let error = source.missing(&shot.image, wanted_by);
+        if !options.allow_missing {
+            return Err(error);
+        }
+        warnings.push(format!("view {} is left out: {error}", shot.image));
+    }
+    if listed != count {
+        let found = format!("{listed} lines with cameras");
+        return Err(wrong("line 1", &found, &format!("{count}, as it says")));
+    }
+    Ok(Reading { layout: Layout::Middlebury, pending, warnings, poses: "r, t" })
+}
+
+impl Shot {
+    fn new(line: &str, number: usize, file: &Path) -> Result<Self, ReadViewsError> {
+        let field = format!("line {number}");
+        let mut words = line.split_whitespace();
+        let image = words.next().unwrap_or_default().to_owned();
+        let numbers: Vec<f64> = words.map_while(|word| word.parse().ok()).collect();
+        let count = line.split_whitespace().count() - 1;
+        let finite = count == NUMBERS && numbers.iter().all(|number| number.is_finite());
+        let numbers = <[f64; NUMBERS]>::try_from(numbers).ok().filter(|_| finite);
+        let expected = "a name and 21 numbers: K and R by rows, then t";
+        let found = || format!("{count} words behind the name");
+        let numbers =
+            numbers.ok_or_else(|| ReadViewsError::field(file, field.clone(), found(), expected))?;
+        Ok(Self { image, numbers, field })
+    }
+
+    fn camera(&self, width: usize, height: usize, file: &Path) -> Result<Camera, ReadViewsError> {
+        let rows = |from: usize| -> [[f64; 3]; 3] {
+            std::array::from_fn(|i| std::array::from_fn(|k| self.numbers[from + 3 * i + k]))
+        };
+        let (mut intrinsics, rotation) = (rows(0), rows(9));
+        // From the middle of the first pixel to its corner.
+        intrinsics[0][2] += 0.5;
+        intrinsics[1][2] += 0.5;
+        let translation = [18, 19, 20].map(|k| self.numbers[k]);
+        let camera = Camera::from_opencv(rotation, translation, intrinsics, width, height);
+        camera.and_then(|camera| camera.validate().map(|()| camera)).map_err(|source| {
+            let field = format!("{}, camera", self.field);
+            ReadViewsError::new(file, ViewsProblem::Camera { field, source })
+        })
+    }
+
+    fn read(
+        &self,
+        source: &Source,
+        opened: &mut Opened<'_>,
+        file: &Path,
+        options: &ReadOptions,
+    ) -> Result<View, ReadViewsError> {
+        let picture = read_picture(opened, source.locate(&self.image), &self.image, "image")?;
+        let camera = self.camera(picture.image.width, picture.image.height, file)?;
+        let stem = without_extension(&self.image);
+        let masks = MASK_EXTENSIONS.map(|end| format!("masks/{stem}.{end}"));
+        let mask = mask_file(source, opened, &masks, options)?;
+        assemble(stem.to_owned(), picture, mask, camera, None, options)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use mesh_core::{ByteImage, encode_png};
+
+    use crate::{Layout, ReadOptions, read_views};
+
+    /// A camera 4 in front of the origin, which looks along the world's z: focal length 20, the middle of an image of
+    /// 16 x 12 at pixel (7.5, 5.5).
+    const LINE: &str = "a.png 20 0 7.5 0 20 5.5 0 0 1  1 0 0 0 1 0 0 0 1  0 0 4";
+
+    fn folder(text: &str) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("ball_par.txt"), text).unwrap();
+        let mut image = ByteImage::new(12, 16, 4);
+        image.data.chunks_exact_mut(4).take(40).for_each(|pixel| pixel.fill(255));
+        for name in ["a.png", "b.png"] {
+            std::fs::write(folder.path().join(name), encode_png(&image)).unwrap();
+        }
+        folder
+    }
+
+    #[test]
+    fn cameras_are_those_of_the_file() {
+        let text = format!("2\n{LINE}\n{}\n", LINE.replace("a.png", "b.png"));
+        let folder = folder(&text);
+        let views = read_views(folder.path(), &ReadOptions::default(), &|_, _| ()).unwrap();
+        assert_eq!((views.layout, views.len()), (Layout::Middlebury, 2));
+        let camera = &views.views[0].camera;
+        // A point right of and below the axis (y is down here), 4 away: 20 x 0.5 / 4 = 2.5 pixels from the middle.
+        let at = camera.project([0.5, 0.25, 0.0]);
+        assert_eq!([at.column, at.row, at.depth], [8.0 + 2.5, 6.0 + 1.25, 4.0]);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_by_its_line() {
+        let skewed = LINE.replacen("20 0 7.5", "20 1 7.5", 1);
+        for (text, words) in [
+            ("many\n".to_owned(), "line 1"),
+            (format!("2\n{LINE}\n"), "1 lines with cameras"),
+            ("1\na.png 20 0\n".to_owned(), "line 2"),
+            (format!("1\n{}\n", LINE.replace("0 0 4", "0 0 x")), "line 2"),
+            (format!("1\n{skewed}\n"), "skew"),
+            (format!("1\n{}\n", LINE.replace("a.png", "c.png")), "c.png"),
+        ] {
+            let folder = folder(&text);
+            let error = read_views(folder.path(), &ReadOptions::default(), &|_, _| ()).unwrap_err();
+            assert!(error.to_string().contains(words), "{words}: {error}");
+        }
+    }
+}
