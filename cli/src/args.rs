@@ -236,8 +236,10 @@ Examples:
 )]
 pub(crate) struct Train {
     /// What is trained.
+    #[arg(index = 1)]
     pub(crate) system: String,
     /// What it learns from; without it the system makes its own.
+    #[arg(index = 2)]
     pub(crate) data: Option<PathBuf>,
     /// Folder for the run; made if it does not exist.
     #[arg(long, short, value_name = "RUN", required_unless_present = "resume")]

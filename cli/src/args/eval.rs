@@ -19,8 +19,10 @@ Examples:
 )]
 pub(crate) struct Eval {
     /// What was trained.
+    #[arg(index = 1)]
     pub(crate) system: String,
     /// What it is scored on; without it, what the run was trained on.
+    #[arg(index = 2)]
     pub(crate) data: Option<PathBuf>,
     /// A run's folder, of which the best checkpoint is taken, or a checkpoint's file.
     #[arg(long, short, value_name = "RUN|FILE")]

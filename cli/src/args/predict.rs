@@ -23,8 +23,10 @@ Examples:
 )]
 pub(crate) struct Predict {
     /// What was trained.
+    #[arg(index = 1)]
     pub(crate) system: String,
     /// Views of one object.
+    #[arg(index = 2)]
     pub(crate) views: PathBuf,
     /// A run's folder, of which the best checkpoint is taken, or a checkpoint's file.
     #[arg(long, short, value_name = "RUN|FILE")]

@@ -3,9 +3,9 @@
 use autodiff_lite::{Module, Param, Var, Visitor, VisitorMut, join_path};
 use ndarray::Array3;
 use nets::Init;
+use ode_deform::VectorField;
 use ode_deform::deform::{DeformationField, ResidualDeformation, StackedField, positions};
 use ode_deform::solve::{Problem, SolveError, Stats};
-use ode_deform::VectorField;
 use train::settings::Options as _;
 
 use super::config::{DeformationKind, OdeConfig, SharedConfig};

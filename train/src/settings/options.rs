@@ -54,14 +54,24 @@ fn info<T: DeserializeOwned>(
 ) -> OptionInfo {
     let Declared { key, meaning, range } = declared;
     let expected = range.unwrap_or_else(|| expected::<T>(&key));
-    let default = defaults.get(&key).cloned().unwrap_or_default();
-    let optional = default == "\"none\"" || meaning.contains("`\"none\"`");
+    let default = defaults.get(&key).map(|text| short(text)).unwrap_or_default();
+    let none = Value::String(super::optional::NONE.to_owned());
+    let optional =
+        T::deserialize(Value::Table([(key.clone(), none)].into_iter().collect())).is_ok();
     let expected = if optional && !expected.contains("none") {
         format!("{expected}, or \"none\"")
     } else {
         expected
     };
     OptionInfo { key, expected, default, meaning }
+}
+
+/// A number in single precision with the digits that it was written with.
+fn short(text: &str) -> String {
+    let single = text.parse::<f64>().ok().filter(|number| f64::from(*number as f32) == *number);
+    single
+        .filter(|_| text.contains('.'))
+        .map_or_else(|| text.to_owned(), |x| format!("{:?}", x as f32))
 }
 
 /// What the type of an option says when it is given what no option is: a date.
