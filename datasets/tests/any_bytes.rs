@@ -4,18 +4,20 @@
 
 #[path = "../../mesh-core/tests/counting/mod.rs"]
 mod counting;
+#[path = "../../mesh-core/tests/damage/mod.rs"]
+mod damage;
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use counting::{LIMIT, alone, peak};
+use damage::{change, damaged};
 use datasets::pixel2mesh::{Ellipsoid, Pixel2Mesh, Sample, read_sample, write_sample};
 use datasets::r2n2::{self, R2n2, Rendering};
 use datasets::{Dataset, ReadOptions, SurfacePoints, Truth};
 use mesh_core::io::binvox;
 use mesh_core::{ByteImage, DepthMap, R2n2View, TriMesh, VoxelGrid};
 use proptest::prelude::*;
-use proptest::sample::Index;
 
 /// Runs a reader and holds what it takes on top of what is there below 64 MB.
 fn sparing<T>(what: &str, read: impl FnOnce() -> T) -> T {
@@ -24,74 +26,20 @@ fn sparing<T>(what: &str, read: impl FnOnce() -> T) -> T {
     result
 }
 
-#[derive(Clone, Debug)]
-enum Change {
-    Set(Index, u8),
-    Insert(Index, Vec<u8>),
-    Remove(Index, usize),
-    Cut(Index),
-    Digit(Index, u8),
-    /// Four bytes that claim much.
-    Huge(Index),
-}
-
-fn change() -> impl Strategy<Value = Change> {
-    let at = any::<Index>;
-    let words = [
-        "\n",
-        "-1",
-        "99999999999999",
-        "nan",
-        "1e39",
-        "../",
-        "[[[[",
-        "{\"a\":",
-        "((((",
-        "h\0R",
-        "\u{94}2222",
-    ];
-    let words: Vec<Vec<u8>> = words.map(|s| s.as_bytes().to_vec()).to_vec();
-    prop_oneof![
-        (at(), any::<u8>()).prop_map(|(i, v)| Change::Set(i, v)),
-        (at(), prop::sample::select(words)).prop_map(|(i, v)| Change::Insert(i, v)),
-        (at(), 1..9_usize).prop_map(|(i, n)| Change::Remove(i, n)),
-        at().prop_map(Change::Cut),
-        (at(), b'0'..=b'9').prop_map(|(i, v)| Change::Digit(i, v)),
-        at().prop_map(Change::Huge),
-    ]
-}
-
-fn damaged(mut bytes: Vec<u8>, changes: &[Change]) -> Vec<u8> {
-    for change in changes {
-        let n = bytes.len();
-        if n == 0 {
-            break;
-        }
-        match change {
-            Change::Set(i, v) => bytes[i.index(n)] = *v,
-            Change::Insert(i, v) => {
-                let i = i.index(n);
-                bytes.splice(i..i, v.iter().copied());
-            }
-            Change::Remove(i, k) => {
-                let i = i.index(n);
-                bytes.drain(i..(i + k).min(n));
-            }
-            Change::Cut(i) => bytes.truncate(i.index(n)),
-            Change::Digit(i, v) => {
-                let digits: Vec<usize> = (0..n).filter(|&k| bytes[k].is_ascii_digit()).collect();
-                if !digits.is_empty() {
-                    bytes[digits[i.index(digits.len())]] = *v;
-                }
-            }
-            Change::Huge(i) => {
-                let i = i.index(n);
-                bytes[i..(i + 4).min(n)].fill(0x7f);
-            }
-        }
-    }
-    bytes
-}
+/// What the formats trip over.
+const WORDS: &[&str] = &[
+    "\n",
+    "-1",
+    "99999999999999",
+    "nan",
+    "1e39",
+    "../",
+    "[[[[",
+    "{\"a\":",
+    "((((",
+    "h\0R",
+    "\u{94}2222",
+];
 
 /// The files of one small object, below a folder that lives as long as the process.
 static OBJECT: LazyLock<(tempfile::TempDir, Vec<PathBuf>)> = LazyLock::new(|| {
@@ -181,12 +129,12 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
     #[test]
-    fn objects(file in 0_usize..9, changes in prop::collection::vec(change(), 1..4)) {
+    fn objects(file in 0_usize..9, changes in prop::collection::vec(change(WORDS), 1..4)) {
         object_with(file, |bytes| damaged(bytes, &changes));
     }
 
     #[test]
-    fn samples(which in 0_usize..8, changes in prop::collection::vec(change(), 1..4)) {
+    fn samples(which in 0_usize..8, changes in prop::collection::vec(change(WORDS), 1..4)) {
         read_pickle(&damaged(pickles().swap_remove(which), &changes));
     }
 

@@ -67,11 +67,18 @@ impl VoxelGrid {
         values: &[f32],
         threshold: f32,
     ) -> Self {
+        Self::gathered(dims, bounds, values, |cell| values[cell] >= threshold)
+    }
+
+    fn gathered(
+        dims: [usize; 3],
+        bounds: ([f32; 3], [f32; 3]),
+        values: &[f32],
+        occupied: impl Fn(usize) -> bool,
+    ) -> Self {
         let mut grid = Self::new(dims, bounds);
         assert_eq!(values.len(), grid.bits.len(), "VoxelGrid: values of {dims:?} cells");
-        for (bit, &value) in grid.bits.iter_mut().zip(values) {
-            *bit = value >= threshold;
-        }
+        grid.bits.iter_mut().enumerate().for_each(|(cell, bit)| *bit = occupied(cell));
         grid
     }
 
@@ -86,12 +93,8 @@ impl VoxelGrid {
         values: &[f32],
         threshold: f32,
     ) -> Self {
-        let mut grid = Self::new(dims, bounds);
-        assert_eq!(values.len(), grid.bits.len(), "VoxelGrid: values of {dims:?} cells");
-        for (bit, &place) in grid.bits.iter_mut().zip(&channel_order(dims)) {
-            *bit = values[place] >= threshold;
-        }
-        grid
+        let order = channel_order(dims);
+        Self::gathered(dims, bounds, values, |cell| values[order[cell]] >= threshold)
     }
 
     /// 1 where a cell is occupied, in the order of [`from_channels`](Self::from_channels).

@@ -1,8 +1,14 @@
-//! How arrays of NumPy's are stored.
+//! How NumPy stores numbers.
 
 /// How one number of an array is stored.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Dtype {
+///
+/// ```
+/// let short = pickle::Dtype::named(">i2").unwrap();
+/// assert_eq!((short.size(), short.number(&[1, 2])), (2, 258.0));
+/// assert!(pickle::Dtype::named("c8").is_none());
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Dtype {
     /// `f`, `i`, `u` or `b`, as NumPy calls them.
     pub(crate) kind: u8,
     pub(crate) size: u8,
@@ -21,8 +27,8 @@ pub(crate) struct Array {
 }
 
 impl Dtype {
-    /// From a name such as `f4`, `<i8`, `|u1`.
-    pub(crate) fn named(name: &str) -> Option<Self> {
+    /// From a name such as `f4`, `<i8`, `|u1`: whole numbers, truth values, floats of 4 or 8 bytes.
+    pub fn named(name: &str) -> Option<Self> {
         let rest = name.strip_prefix(['<', '>', '|', '=']).unwrap_or(name);
         let kind = *rest.as_bytes().first().filter(|kind| b"fiub".contains(kind))?;
         let size = rest[1..].parse().ok()?;
@@ -34,12 +40,20 @@ impl Dtype {
         sizes.contains(&size).then_some(Self { kind, size, big_endian: name.starts_with('>') })
     }
 
-    /// The number in as many bytes as it has.
-    pub(crate) fn number(self, bytes: &[u8]) -> f64 {
+    /// Bytes of a number.
+    pub fn size(self) -> usize {
+        usize::from(self.size)
+    }
+
+    /// The number in these bytes.
+    ///
+    /// # Panics
+    /// If they are not as many as it has.
+    pub fn number(self, bytes: &[u8]) -> f64 {
         let mut raw = [0_u8; 8];
-        raw[..bytes.len()].copy_from_slice(bytes);
+        raw[..self.size()].copy_from_slice(bytes);
         if self.big_endian {
-            raw[..bytes.len()].reverse();
+            raw[..self.size()].reverse();
         }
         let bits = u64::from_le_bytes(raw);
         match (self.kind, self.size) {

@@ -41,8 +41,9 @@ use crate::budget::{Budget, OverLimit};
 use crate::error::error;
 use crate::value::Value;
 
+pub use dtype::Dtype;
 pub use error::PickleError;
-pub use numpy::Numbers;
+pub use numpy::{Numbers, row_major};
 pub use torch::{Storage, Tensor};
 
 /// A parsed pickle.

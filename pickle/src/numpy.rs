@@ -32,7 +32,7 @@ impl Item<'_, '_> {
             return Err(self.wrong("an array of numbers"));
         };
         let wrong = |found: String, expected: &str| error(&self.field, found, expected);
-        let size = usize::from(dtype.size);
+        let size = dtype.size();
         let axes = wholes(values, shape)
             .and_then(|axes| axes.into_iter().map(|n| n.try_into().ok()).collect());
         let shape: Vec<usize> = axes.ok_or_else(|| wrong("no shape".into(), "that of an array"))?;
@@ -79,8 +79,11 @@ impl Item<'_, '_> {
     }
 }
 
-/// Fortran order to row-major.
-fn row_major(values: &[f64], shape: &[usize]) -> Vec<f64> {
+/// Values in Fortran order, the first axis fastest, as row-major ones.
+///
+/// # Panics
+/// If there are more of them than the shape has.
+pub fn row_major<T: Copy>(values: &[T], shape: &[usize]) -> Vec<T> {
     let mut index = vec![0; shape.len()];
     let mut out = Vec::with_capacity(values.len());
     for _ in values {

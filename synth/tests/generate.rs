@@ -21,6 +21,12 @@ use synth::generate::{
 use synth::shapes::Family;
 use synth::{Monocular, NormalSpace, R2n2Cameras, RenderOptions, render_views};
 
+/// The cameras of an object of [`small`].
+fn r2n2_cameras(info: &synth::generate::ObjectInfo) -> Vec<Camera> {
+    let seed = info.view_seed;
+    R2n2Cameras { count: 3, width: 48, height: 36, seed, ..R2n2Cameras::default() }.cameras()
+}
+
 /// Two clocks and two tables, small, in images that are not square.
 fn small(layout: OutputLayout) -> GenerateConfig {
     GenerateConfig {
@@ -199,14 +205,7 @@ fn kaolin_views_come_back() {
         let options = ReadOptions { depth: true, ..ReadOptions::default() };
         let read = read_views(&folder, &options, &|_, _| {}).unwrap();
         assert!(read.is_kaolin() && read.len() == 3);
-        let set = R2n2Cameras {
-            count: 3,
-            width: 48,
-            height: 36,
-            seed: info.view_seed,
-            ..R2n2Cameras::default()
-        };
-        for (view, camera) in read.views.iter().zip(set.cameras()) {
+        for (view, camera) in read.views.iter().zip(r2n2_cameras(info)) {
             assert_same_camera(&view.camera, &camera);
         }
         let mesh = drawn_mesh(info.category.parse().unwrap(), info);
@@ -231,14 +230,7 @@ fn shapenets_layout_comes_back() {
         let object = read.entries().iter().position(same).unwrap();
         subsets += usize::from(read.entries()[object].subset.is_some());
         let views = read.views(object, None, &options, &|_, _| {}).unwrap();
-        let set = R2n2Cameras {
-            count: 3,
-            width: 48,
-            height: 36,
-            seed: info.view_seed,
-            ..R2n2Cameras::default()
-        };
-        for (view, camera) in views.views.iter().zip(set.cameras()) {
+        for (view, camera) in views.views.iter().zip(r2n2_cameras(info)) {
             assert_same_camera(&view.camera, &camera);
         }
         let mesh = drawn_mesh(info.category.parse().unwrap(), info);

@@ -2,6 +2,8 @@
 
 use std::io::Write;
 
+use pickle::{Dtype, row_major};
+
 /// An array read from a `.npy` file, converted to `f32`, row-major.
 ///
 /// Labels, masks and depths all fit: integers above 2^24 lose their last digits, which none of
@@ -86,16 +88,16 @@ fn read_if(
     let shape = parse_shape(shape_text)
         .filter(|shape| accepts(shape.as_slice()))
         .ok_or_else(|| error("shape", shape_text, expected()))?;
-    let kind = Kind::parse(&descr).ok_or_else(|| error("descr", descr.as_str(), DTYPES))?;
+    let kind = dtype(&descr).ok_or_else(|| error("descr", descr.as_str(), DTYPES))?;
     let data = &bytes[start + length..];
-    let needed = shape.iter().try_fold(kind.size, |n, &axis| n.checked_mul(axis));
+    let needed = shape.iter().try_fold(kind.size(), |n, &axis| n.checked_mul(axis));
     if needed != Some(data.len()) {
         let wanted = needed.map_or_else(|| "too many".to_owned(), |n| n.to_string());
         let wanted = format!("{wanted} ({shape_text} of {descr})");
         return Err(error("data, in bytes", data.len().to_string(), wanted));
     }
-    let values: Vec<f32> = data.chunks_exact(kind.size).map(|b| kind.value(b)).collect();
-    let data = if fortran { transposed(&values, &shape) } else { values };
+    let values: Vec<f32> = data.chunks_exact(kind.size()).map(|b| kind.number(b) as f32).collect();
+    let data = if fortran { row_major(&values, &shape) } else { values };
     Ok(NpyArray { shape, data })
 }
 
@@ -121,65 +123,12 @@ fn parse_shape(text: &str) -> Option<Vec<usize>> {
         .collect()
 }
 
-/// How one number is stored.
-#[derive(Clone, Copy)]
-struct Kind {
-    big_endian: bool,
-    letter: u8,
-    size: usize,
-}
-
-impl Kind {
-    fn parse(descr: &str) -> Option<Self> {
-        let bytes = descr.as_bytes();
-        let (order, letter, size) = match bytes {
-            [order, letter, size] => (*order, *letter, size.checked_sub(b'0')? as usize),
-            _ => return None,
-        };
-        let known = match letter {
-            b'b' => size == 1,
-            b'i' | b'u' => matches!(size, 1 | 2 | 4 | 8),
-            b'f' => matches!(size, 4 | 8),
-            _ => false,
-        };
-        let ordered = matches!(order, b'<' | b'>' | b'=') || (order == b'|' && size == 1);
-        (known && ordered).then_some(Self { big_endian: order == b'>', letter, size })
-    }
-
-    fn value(self, bytes: &[u8]) -> f32 {
-        let mut raw = [0u8; 8];
-        for (k, &b) in bytes.iter().enumerate() {
-            raw[if self.big_endian { self.size - 1 - k } else { k }] = b;
-        }
-        let bits = u64::from_le_bytes(raw);
-        match (self.letter, self.size) {
-            (b'f', 4) => f32::from_bits(bits as u32),
-            (b'f', _) => f64::from_bits(bits) as f32,
-            (b'i', 1) => bits as i8 as f32,
-            (b'i', 2) => bits as i16 as f32,
-            (b'i', 4) => bits as i32 as f32,
-            (b'i', _) => bits as i64 as f32,
-            _ => bits as f32,
-        }
-    }
-}
-
-/// Fortran order to row-major.
-fn transposed(values: &[f32], shape: &[usize]) -> Vec<f32> {
-    let mut out = Vec::with_capacity(values.len());
-    let mut index = vec![0usize; shape.len()];
-    for _ in 0..values.len() {
-        let offset = index.iter().zip(shape).rev().fold(0, |at, (&i, &n)| at * n + i);
-        out.push(values[offset]);
-        for axis in (0..shape.len()).rev() {
-            index[axis] += 1;
-            if index[axis] < shape[axis] {
-                break;
-            }
-            index[axis] = 0;
-        }
-    }
-    out
+/// Files say the order of bytes, where there is one.
+fn dtype(descr: &str) -> Option<Dtype> {
+    let ordered = descr.starts_with(['<', '>', '=']);
+    let dtype = Dtype::named(descr)?;
+    (descr.len() == 3 && (ordered || (descr.starts_with('|') && dtype.size() == 1)))
+        .then_some(dtype)
 }
 
 /// Writes 32-bit integers, version 1.0, row-major, as kaolin's writer does.
