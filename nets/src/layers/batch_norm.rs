@@ -61,25 +61,20 @@ impl<F: Real> BatchNorm2d<F> {
         }
     }
 
-    /// `x [.., C]` to `[.., C]`.
-    #[track_caller]
-    pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
-        self.forward_then(x, Activation::None)
-    }
-
-    /// [`forward`](Self::forward) and an activation; in the same pass while training.
-    #[track_caller]
-    pub fn forward_then<'t>(&self, x: Var<'t, F>, activation: Activation) -> Var<'t, F> {
-        let tape = x.tape();
-        let (weight, bias) = (tape.param(&self.weight), tape.param(&self.bias));
-        if !tape.is_training() {
-            return affine(x, self.scale_and_shift(), activation);
+    forward! {
+        /// `x [.., C]` to `[.., C]`.
+        |self, x, activation| {
+            let tape = x.tape();
+            let (weight, bias) = (tape.param(&self.weight), tape.param(&self.bias));
+            if !tape.is_training() {
+                return affine(x, self.scale_and_shift(), activation);
+            }
+            let (y, seen) = x.batch_norm(weight, bias, self.eps, activation);
+            let momentum = F::from_f64(self.momentum);
+            tape.push_update(BufferUpdate::new(&self.running_mean, seen.mean, momentum));
+            tape.push_update(BufferUpdate::new(&self.running_var, seen.variance, momentum));
+            y
         }
-        let (y, seen) = x.batch_norm(weight, bias, self.eps, activation);
-        let momentum = F::from_f64(self.momentum);
-        tape.push_update(BufferUpdate::new(&self.running_mean, seen.mean, momentum));
-        tape.push_update(BufferUpdate::new(&self.running_var, seen.variance, momentum));
-        y
     }
 
     /// What it is with its running statistics: `x scale + shift`.
@@ -122,16 +117,11 @@ impl<F: Real> FrozenBatchNorm2d<F> {
         }
     }
 
-    /// `x [.., C]` to `[.., C]`; the gradient goes to `x` alone.
-    #[track_caller]
-    pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
-        self.forward_then(x, Activation::None)
-    }
-
-    /// [`forward`](Self::forward) and an activation.
-    #[track_caller]
-    pub fn forward_then<'t>(&self, x: Var<'t, F>, activation: Activation) -> Var<'t, F> {
-        affine(x, self.scale_and_shift(), activation)
+    forward! {
+        /// `x [.., C]` to `[.., C]`; the gradient goes to `x` alone.
+        |self, x, activation| {
+            affine(x, self.scale_and_shift(), activation)
+        }
     }
 
     /// What it is: `x scale + shift`.

@@ -54,19 +54,14 @@ impl<F: Real> ConvTranspose2d<F> {
         Self { bias: None, ..self }
     }
 
-    /// `x [N, H, W, I]` to `[N, H', W', O]`.
-    #[track_caller]
-    pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
-        self.forward_then(x, Activation::None)
-    }
-
-    /// [`forward`](Self::forward) and an activation in the same pass.
-    #[track_caller]
-    pub fn forward_then<'t>(&self, x: Var<'t, F>, activation: Activation) -> Var<'t, F> {
-        let tape = x.tape();
-        let bias = self.bias.as_ref().map(|bias| tape.param(bias));
-        let weight = tape.param(&self.weight);
-        x.conv_transpose2d(weight, bias, self.geometry, self.output_padding, activation)
+    forward! {
+        /// `x [N, H, W, I]` to `[N, H', W', O]`.
+        |self, x, activation| {
+            let tape = x.tape();
+            let bias = self.bias.as_ref().map(|bias| tape.param(bias));
+            let weight = tape.param(&self.weight);
+            x.conv_transpose2d(weight, bias, self.geometry, self.output_padding, activation)
+        }
     }
 }
 

@@ -41,18 +41,13 @@ impl<F: Real> GroupNorm<F> {
         }
     }
 
-    /// `x [N, .., C]` to `[N, .., C]`.
-    #[track_caller]
-    pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
-        self.forward_then(x, Activation::None)
-    }
-
-    /// [`forward`](Self::forward) and an activation in the same pass.
-    #[track_caller]
-    pub fn forward_then<'t>(&self, x: Var<'t, F>, activation: Activation) -> Var<'t, F> {
-        let tape = x.tape();
-        let (weight, bias) = (tape.param(&self.weight), tape.param(&self.bias));
-        x.group_norm(self.groups, weight, bias, self.eps, activation)
+    forward! {
+        /// `x [N, .., C]` to `[N, .., C]`.
+        |self, x, activation| {
+            let tape = x.tape();
+            let (weight, bias) = (tape.param(&self.weight), tape.param(&self.bias));
+            x.group_norm(self.groups, weight, bias, self.eps, activation)
+        }
     }
 }
 

@@ -40,18 +40,13 @@ impl<F: Real> Linear<F> {
         Self { bias: None, ..self }
     }
 
-    /// `x [.., in]` to `[.., out]`.
-    #[track_caller]
-    pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
-        self.forward_then(x, Activation::None)
-    }
-
-    /// [`forward`](Self::forward) and an activation in the same pass.
-    #[track_caller]
-    pub fn forward_then<'t>(&self, x: Var<'t, F>, activation: Activation) -> Var<'t, F> {
-        let tape = x.tape();
-        let bias = self.bias.as_ref().map(|bias| tape.param(bias));
-        x.linear(tape.param(&self.weight), bias, activation)
+    forward! {
+        /// `x [.., in]` to `[.., out]`.
+        |self, x, activation| {
+            let tape = x.tape();
+            let bias = self.bias.as_ref().map(|bias| tape.param(bias));
+            x.linear(tape.param(&self.weight), bias, activation)
+        }
     }
 }
 

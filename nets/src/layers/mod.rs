@@ -1,5 +1,20 @@
 //! Layers, one a file, with their equations.
 
+/// `forward` and `forward_then` of a layer whose last step may be fused with an activation.
+macro_rules! forward {
+    ($(#[$doc:meta])+ |$self:ident, $x:ident, $activation:ident| $body:block) => {
+        $(#[$doc])+
+        #[track_caller]
+        pub fn forward<'t>(&$self, $x: Var<'t, F>) -> Var<'t, F> {
+            $self.forward_then($x, Activation::None)
+        }
+
+        /// [`forward`](Self::forward) and an activation, in the same pass where that is possible.
+        #[track_caller]
+        pub fn forward_then<'t>(&$self, $x: Var<'t, F>, $activation: Activation) -> Var<'t, F> $body
+    };
+}
+
 pub(crate) mod activation;
 pub(crate) mod batch_norm;
 pub(crate) mod conv2d;

@@ -56,17 +56,12 @@ impl<F: Real> WeightNormLinear<F> {
         weight_norm(tape.param(&self.weight_v), tape.param(&self.weight_g))
     }
 
-    /// `x [.., in]` to `[.., out]`.
-    #[track_caller]
-    pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
-        self.forward_then(x, Activation::None)
-    }
-
-    /// [`forward`](Self::forward) and an activation in the same pass.
-    #[track_caller]
-    pub fn forward_then<'t>(&self, x: Var<'t, F>, activation: Activation) -> Var<'t, F> {
-        let bias = self.bias.as_ref().map(|bias| x.tape().param(bias));
-        x.linear(self.weight(x), bias, activation)
+    forward! {
+        /// `x [.., in]` to `[.., out]`.
+        |self, x, activation| {
+            let bias = self.bias.as_ref().map(|bias| x.tape().param(bias));
+            x.linear(self.weight(x), bias, activation)
+        }
     }
 }
 
