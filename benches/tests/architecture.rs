@@ -10,67 +10,27 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// What each crate may depend on within the workspace: "Who may know whom" of ARCHITECTURE.md, as data.
-const MAY_USE: &[(&str, &[&str])] = &[
-    ("pickle", &[]),
-    ("mesh-core", &[]),
-    ("autodiff-lite", &[]),
-    ("datasets", &["pickle", "mesh-core"]),
-    ("diff-raster", &["mesh-core", "autodiff-lite"]),
-    ("losses", &["mesh-core", "autodiff-lite"]),
-    ("nets", &["pickle", "autodiff-lite"]),
-    ("ode-deform", &["mesh-core", "autodiff-lite", "nets"]),
-    ("train", &["mesh-core", "autodiff-lite"]),
-    ("synth", &["mesh-core", "datasets", "diff-raster", "train"]),
-    (
-        "recon",
-        &["mesh-core", "autodiff-lite", "datasets", "diff-raster", "losses", "train", "synth"],
-    ),
+const MAY_USE: &[(&str, &str)] = &[
+    ("pickle", ""),
+    ("mesh-core", ""),
+    ("autodiff-lite", ""),
+    ("datasets", "pickle mesh-core"),
+    ("diff-raster", "mesh-core autodiff-lite"),
+    ("losses", "mesh-core autodiff-lite"),
+    ("nets", "pickle autodiff-lite"),
+    ("ode-deform", "mesh-core autodiff-lite nets"),
+    ("train", "mesh-core autodiff-lite"),
+    ("synth", "mesh-core datasets diff-raster train"),
+    ("recon", "mesh-core autodiff-lite datasets diff-raster losses train synth"),
     (
         "models",
-        &[
-            "mesh-core",
-            "autodiff-lite",
-            "datasets",
-            "diff-raster",
-            "losses",
-            "nets",
-            "ode-deform",
-            "train",
-            "synth",
-            "recon",
-        ],
+        "mesh-core autodiff-lite datasets diff-raster losses nets ode-deform train synth recon",
     ),
-    (
-        "studies",
-        &[
-            "mesh-core",
-            "autodiff-lite",
-            "datasets",
-            "losses",
-            "nets",
-            "ode-deform",
-            "train",
-            "synth",
-            "recon",
-            "models",
-        ],
-    ),
-    ("cli", &["mesh-core", "datasets", "losses", "train", "synth", "recon", "models", "studies"]),
+    ("studies", "mesh-core autodiff-lite datasets losses nets ode-deform train synth recon models"),
+    ("cli", "mesh-core datasets losses train synth recon models studies"),
     (
         "benches",
-        &[
-            "mesh-core",
-            "autodiff-lite",
-            "datasets",
-            "diff-raster",
-            "losses",
-            "nets",
-            "ode-deform",
-            "train",
-            "synth",
-            "recon",
-            "models",
-        ],
+        "mesh-core autodiff-lite datasets diff-raster losses nets ode-deform train synth recon models",
     ),
 ];
 
@@ -200,7 +160,10 @@ fn dependencies_point_one_way() {
     assert!(members.keys().all(|m| named.contains(m)), "a new crate: place it in MAY_USE");
     for (member, allowed) in MAY_USE {
         for dependency in members[*member].iter().filter(|d| members.contains_key(*d)) {
-            assert!(allowed.contains(&dependency.as_str()), "{member} must not use {dependency}");
+            assert!(
+                allowed.split(' ').any(|name| name == dependency),
+                "{member} must not use {dependency}"
+            );
         }
     }
 }

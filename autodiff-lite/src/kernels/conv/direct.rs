@@ -7,9 +7,8 @@ use crate::kernels::isa::Isa;
 use crate::kernels::lane::Lane;
 use crate::kernels::tile::{Rows, Tile, Tiles, balanced};
 
-use super::ConvSizes;
-use super::finish;
 use super::pack::{Frame, Roles, Tap, pack, packed_len};
+use super::{ConvSizes, Operands, finish};
 
 /// One product over a grid of output pixels.
 struct Sweep<'a, F> {
@@ -168,16 +167,8 @@ pub(super) fn forward_scratch<F: Lane>(s: &ConvSizes, isa: Isa) -> usize {
     forward_frame(s).len() + packed_len(s.kernel[0] * s.kernel[1], &forward_roles(s), columns)
 }
 
-pub(super) fn forward<F: Lane>(
-    s: &ConvSizes,
-    isa: Isa,
-    x: &[F],
-    w: &[F],
-    bias: Option<&[F]>,
-    activation: Activation,
-    y: &mut [F],
-    scratch: &mut [F],
-) {
+pub(super) fn forward<F: Lane>(s: &ConvSizes, isa: Isa, operands: Operands<'_, F>) {
+    let Operands { from: x, w, bias, activation, to: y, scratch } = operands;
     let tiles = Tiles::new::<F>(isa);
     let columns = tiles.columns();
     let frame = forward_frame(s);
@@ -282,16 +273,8 @@ pub(super) fn grad_input_scratch<F: Lane>(s: &ConvSizes, isa: Isa) -> usize {
     grad_frame(s, &classes).len() + packed_len(most(0) * most(1), &grad_roles(s), columns)
 }
 
-pub(super) fn grad_input<F: Lane>(
-    s: &ConvSizes,
-    isa: Isa,
-    gy: &[F],
-    w: &[F],
-    bias: Option<&[F]>,
-    activation: Activation,
-    gx: &mut [F],
-    scratch: &mut [F],
-) {
+pub(super) fn grad_input<F: Lane>(s: &ConvSizes, isa: Isa, operands: Operands<'_, F>) {
+    let Operands { from: gy, w, bias, activation, to: gx, scratch } = operands;
     let tiles = Tiles::new::<F>(isa);
     let columns = tiles.columns();
     let classes = [classes(s, 0), classes(s, 1)];

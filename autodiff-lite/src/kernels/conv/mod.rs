@@ -32,6 +32,17 @@ pub struct Conv {
     pub isa: Isa,
 }
 
+/// What a pass reads, and where its result goes: of the convolution from `x` to `y`, of the gradient of its input from
+/// the gradient of `y` to that of `x`.
+struct Operands<'a, F> {
+    from: &'a [F],
+    w: &'a [F],
+    bias: Option<&'a [F]>,
+    activation: Activation,
+    to: &'a mut [F],
+    scratch: &'a mut [F],
+}
+
 /// What is wrong with sizes whose [windows do not fit](ConvSizes::fits).
 const OUTSIDE: &str = "a window of the output lies outside of the padded input";
 
@@ -116,7 +127,7 @@ impl Conv {
             Form::Winograd => winograd::forward,
             Form::Direct => direct::forward,
         };
-        run(s, self.isa, x, w, bias, activation, y, scratch);
+        run(s, self.isa, Operands { from: x, w, bias, activation, to: y, scratch });
     }
 
     /// Numbers of scratch that [`grad_input`](Self::grad_input) needs.
@@ -158,7 +169,7 @@ impl Conv {
             Form::Winograd => winograd::grad_input,
             Form::Direct => direct::grad_input,
         };
-        run(s, self.isa, gy, w, bias, activation, gx, scratch);
+        run(s, self.isa, Operands { from: gy, w, bias, activation, to: gx, scratch });
     }
 
     /// Numbers of scratch that [`grad_weight`](Self::grad_weight) needs.

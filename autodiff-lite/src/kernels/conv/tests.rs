@@ -1,7 +1,7 @@
 //! Every path against a naive sum in `f64`, and against itself on other numbers of threads.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use super::{Conv, ConvAlgorithm, ConvGeometry, ConvSizes, wide, winograd};
+use super::{Conv, ConvAlgorithm, ConvGeometry, ConvSizes, Operands, wide, winograd};
 use crate::kernels::activation::Activation;
 use crate::kernels::isa::Isa;
 use crate::kernels::lane::Lane;
@@ -172,11 +172,33 @@ fn wide_winograd_is_exact_but_for_rounding() {
             let mut memory = vec![f64::NAN; 3 << 20];
             let (mut a, mut b) = (vec![0.0; s.output_len()], vec![f64::NAN; s.output_len()]);
             direct.forward(&x, &w, Some(&bias), Activation::Relu, &mut a, &mut memory);
-            wide::forward(&s, isa, &x, &w, Some(&bias), Activation::Relu, &mut b, &mut memory);
+            wide::forward(
+                &s,
+                isa,
+                Operands {
+                    from: &x,
+                    w: &w,
+                    bias: Some(&bias),
+                    activation: Activation::Relu,
+                    to: &mut b,
+                    scratch: &mut memory,
+                },
+            );
             close(&b, &a, 1e-11, "y");
             let (mut a, mut b) = (vec![0.0; s.input_len()], vec![f64::NAN; s.input_len()]);
             direct.grad_input(&g, &w, None, Activation::None, &mut a, &mut memory);
-            wide::grad_input(&s, isa, &g, &w, None, Activation::None, &mut b, &mut memory);
+            wide::grad_input(
+                &s,
+                isa,
+                Operands {
+                    from: &g,
+                    w: &w,
+                    bias: None,
+                    activation: Activation::None,
+                    to: &mut b,
+                    scratch: &mut memory,
+                },
+            );
             close(&b, &a, 1e-11, "gx");
             let (mut a, mut b) = (vec![0.0; s.weight_len()], vec![f64::NAN; s.weight_len()]);
             direct.grad_weight(&x, &g, &mut a, &mut memory);
@@ -203,11 +225,33 @@ fn winograd_is_exact_but_for_rounding() {
             let mut memory = vec![f64::NAN; 1 << 20];
             let (mut a, mut b) = (vec![0.0; s.output_len()], vec![0.0; s.output_len()]);
             direct.forward(&x, &w, None, Activation::Relu, &mut a, &mut memory);
-            winograd::forward(&s, isa, &x, &w, None, Activation::Relu, &mut b, &mut memory);
+            winograd::forward(
+                &s,
+                isa,
+                Operands {
+                    from: &x,
+                    w: &w,
+                    bias: None,
+                    activation: Activation::Relu,
+                    to: &mut b,
+                    scratch: &mut memory,
+                },
+            );
             close(&b, &a, 1e-12, "y");
             let (mut a, mut b) = (vec![0.0; s.input_len()], vec![0.0; s.input_len()]);
             direct.grad_input(&g, &w, None, Activation::None, &mut a, &mut memory);
-            winograd::grad_input(&s, isa, &g, &w, None, Activation::None, &mut b, &mut memory);
+            winograd::grad_input(
+                &s,
+                isa,
+                Operands {
+                    from: &g,
+                    w: &w,
+                    bias: None,
+                    activation: Activation::None,
+                    to: &mut b,
+                    scratch: &mut memory,
+                },
+            );
             close(&b, &a, 1e-12, "gx");
             let (mut a, mut b) = (vec![0.0; s.weight_len()], vec![0.0; s.weight_len()]);
             direct.grad_weight(&x, &g, &mut a, &mut memory);

@@ -16,7 +16,7 @@ use crate::kernels::workspace;
 
 use super::transform::{GatherTiles, ScatterTiles, TransformWeights, WeightGradient, WeightPanel};
 use super::winograd::{Grid, POINTS, applies};
-use super::{ConvSizes, finish};
+use super::{ConvSizes, Operands, finish};
 
 /// Channels that lie together in a block of transformed tiles.
 const WIDTH: usize = 64;
@@ -67,33 +67,13 @@ pub(super) fn grad_weight_scratch(s: &ConvSizes) -> usize {
 }
 
 /// As [`Conv::forward`](super::Conv::forward).
-pub(super) fn forward<F: Lane>(
-    s: &ConvSizes,
-    isa: Isa,
-    x: &[F],
-    w: &[F],
-    bias: Option<&[F]>,
-    activation: Activation,
-    y: &mut [F],
-    scratch: &mut [F],
-) {
-    let weights = TransformWeights::forward(s, w);
-    sweep(s, isa, x, &weights, bias, activation, y, scratch);
+pub(super) fn forward<F: Lane>(s: &ConvSizes, isa: Isa, operands: Operands<'_, F>) {
+    sweep(s, isa, &TransformWeights::forward(s, operands.w), operands);
 }
 
 /// As [`Conv::grad_input`](super::Conv::grad_input).
-pub(super) fn grad_input<F: Lane>(
-    s: &ConvSizes,
-    isa: Isa,
-    gy: &[F],
-    w: &[F],
-    bias: Option<&[F]>,
-    activation: Activation,
-    gx: &mut [F],
-    scratch: &mut [F],
-) {
-    let weights = TransformWeights::grad_input(s, w);
-    sweep(&s.transposed(), isa, gy, &weights, bias, activation, gx, scratch);
+pub(super) fn grad_input<F: Lane>(s: &ConvSizes, isa: Isa, operands: Operands<'_, F>) {
+    sweep(&s.transposed(), isa, &TransformWeights::grad_input(s, operands.w), operands);
 }
 
 /// An image that is read tile by tile.
@@ -137,13 +117,10 @@ impl<F: Lane> Read<'_, F> {
 fn sweep<F: Lane>(
     s: &ConvSizes,
     isa: Isa,
-    x: &[F],
     weights: &TransformWeights<'_, F>,
-    bias: Option<&[F]>,
-    activation: Activation,
-    y: &mut [F],
-    scratch: &mut [F],
+    operands: Operands<'_, F>,
 ) {
+    let Operands { from: x, bias, activation, to: y, scratch, .. } = operands;
     let tiles = Tiles::new::<F>(isa);
     let columns = tiles.columns();
     let (ci, co) = (s.in_channels, s.out_channels);

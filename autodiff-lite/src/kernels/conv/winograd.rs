@@ -19,7 +19,7 @@ use crate::kernels::tile::{Rows, Tile, Tiles, balanced};
 use crate::kernels::workspace;
 
 use super::transform::{GatherTiles, ScatterTiles, TransformWeights, WeightGradient};
-use super::{ConvSizes, finish, grad_weight as direct};
+use super::{ConvSizes, Operands, finish, grad_weight as direct};
 
 /// Products of one tile.
 pub(super) const POINTS: usize = 36;
@@ -101,46 +101,18 @@ pub(super) fn grad_weight_scratch(s: &ConvSizes) -> usize {
 }
 
 /// As [`Conv::forward`](super::Conv::forward).
-pub(super) fn forward<F: Lane>(
-    s: &ConvSizes,
-    isa: Isa,
-    x: &[F],
-    w: &[F],
-    bias: Option<&[F]>,
-    activation: Activation,
-    y: &mut [F],
-    scratch: &mut [F],
-) {
-    let weights = TransformWeights::forward(s, w);
-    sweep(s, isa, x, &weights, bias, activation, y, scratch);
+pub(super) fn forward<F: Lane>(s: &ConvSizes, isa: Isa, operands: Operands<'_, F>) {
+    sweep(s, isa, &TransformWeights::forward(s, operands.w), operands);
 }
 
 /// As [`Conv::grad_input`](super::Conv::grad_input): the forward form with sides exchanged and
 /// the window turned by half a circle.
-pub(super) fn grad_input<F: Lane>(
-    s: &ConvSizes,
-    isa: Isa,
-    gy: &[F],
-    w: &[F],
-    bias: Option<&[F]>,
-    activation: Activation,
-    gx: &mut [F],
-    scratch: &mut [F],
-) {
-    let weights = TransformWeights::grad_input(s, w);
-    sweep(&s.transposed(), isa, gy, &weights, bias, activation, gx, scratch);
+pub(super) fn grad_input<F: Lane>(s: &ConvSizes, isa: Isa, operands: Operands<'_, F>) {
+    sweep(&s.transposed(), isa, &TransformWeights::grad_input(s, operands.w), operands);
 }
 
-fn sweep<F: Lane>(
-    s: &ConvSizes,
-    isa: Isa,
-    x: &[F],
-    w: &TransformWeights<'_, F>,
-    bias: Option<&[F]>,
-    activation: Activation,
-    y: &mut [F],
-    scratch: &mut [F],
-) {
+fn sweep<F: Lane>(s: &ConvSizes, isa: Isa, w: &TransformWeights<'_, F>, operands: Operands<'_, F>) {
+    let Operands { from: x, bias, activation, to: y, scratch, .. } = operands;
     let tiles = Tiles::new::<F>(isa);
     let columns = tiles.columns();
     let (ci, co) = (s.in_channels, s.out_channels);
