@@ -88,8 +88,10 @@ fn expected<T: DeserializeOwned>(key: &str) -> String {
     };
     // Of choices a text that is none of them tells all.
     let choices = text(Value::String(String::from("?"))).filter(|what| what.contains('`'));
-    let what = choices.or_else(|| text(date)).unwrap_or_default();
-    let what = what.strip_prefix("one of ").unwrap_or(&what);
+    let what = choices.or_else(|| text(date)).or_else(|| text(Value::Boolean(true)));
+    let what = what.unwrap_or_default();
+    let what = what.split(", or \"").next().unwrap_or_default();
+    let what = what.strip_prefix("one of ").unwrap_or(what);
     match what {
         "a boolean" => "true or false".to_owned(),
         "a string" | "a string or map" => "text".to_owned(),
@@ -190,4 +192,39 @@ macro_rules! options {
             }
         }
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Options as _;
+
+    crate::options! {
+        /// One of each kind.
+        struct Kinds {
+            /// A text that may be absent.
+            #[serde(with = "crate::settings::optional")]
+            file: Option<String> = None;
+            /// A count that may be absent.
+            #[serde(with = "crate::settings::optional")]
+            every: Option<usize> = Some(5), in 2..;
+            /// A number without a range, in single precision.
+            share: f32 = 0.1;
+            /// A list.
+            names: Vec<String> = Vec::new();
+        }
+    }
+
+    #[test]
+    fn types_have_words() {
+        let described = Kinds::describe();
+        let all: Vec<[&str; 3]> =
+            described.iter().map(|o| [&*o.key, &*o.expected, &*o.default]).collect();
+        let expected = [
+            ["file", "text, or \"none\"", "\"none\""],
+            ["every", "at least 2, or \"none\"", "5"],
+            ["share", "a number", "0.1"],
+            ["names", "a list", "[]"],
+        ];
+        assert_eq!(all, expected);
+    }
 }
