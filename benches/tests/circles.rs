@@ -193,7 +193,9 @@ fn scan(text: &str, module: Vec<String>, gathers: bool) -> File {
                 let public = i > 0 && matches!(word(i - 1), "pub" | ")");
                 let mut found = Vec::new();
                 i = imports(&tokens, i + 1, &[], &mut found);
-                found.iter_mut().for_each(|(path, _)| outside(path, inner.len()));
+                for (path, _) in &mut found {
+                    outside(path, inner.len());
+                }
                 if !(public && gathers) {
                     file.used.extend(found.iter().map(|(path, _)| path.clone()));
                 }
@@ -253,7 +255,9 @@ impl Crate {
         }
         let tests: BTreeSet<Vec<String>> = files
             .iter()
-            .flat_map(|(_, f)| f.tests.iter().map(|name| [&f.module[..], &[name.clone()]].concat()))
+            .flat_map(|(_, f)| {
+                f.tests.iter().map(|name| [&f.module[..], std::slice::from_ref(name)].concat())
+            })
             .collect();
         files.retain(|(_, file)| {
             !(1..=file.module.len()).any(|k| tests.contains(&file.module[..k]))

@@ -104,8 +104,12 @@ impl System for Ellipsoid {
                 Draw { seed: source.seed, epoch: 0, index: number as u64, item: number }.rng();
             let logs = [(); 3].map(|()| -1.2 + rng.random::<f32>());
             let mesh = icosphere(3).scaled(logs.map(f32::exp));
-            let made =
-                render_views(&mesh, &[camera.clone()], &RenderOptions::default(), &|_, _| ());
+            let made = render_views(
+                &mesh,
+                std::slice::from_ref(&camera),
+                &RenderOptions::default(),
+                &|_, _| (),
+            );
             let views = made.map_err(|error| DataError::Unfit(error.to_string()))?;
             samples.push(Sample { number, cells: cells(&views[0]), logs });
             (source.progress)(number + 1, total);

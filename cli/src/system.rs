@@ -86,10 +86,10 @@ impl Systems {
 
     /// A command line that takes their names wherever a system is asked for.
     pub(crate) fn named_in(&self, command: clap::Command) -> clap::Command {
-        let value = |system: &Box<dyn SystemCommands>| {
-            PossibleValue::new(system.name()).help(system.about())
-        };
-        let names = || PossibleValuesParser::new(self.0.iter().map(value));
+        let values = self.0.iter();
+        let values: Vec<_> =
+            values.map(|system| PossibleValue::new(system.name()).help(system.about())).collect();
+        let names = || PossibleValuesParser::new(values.clone());
         ["train", "eval", "predict", "check"].into_iter().fold(command, |command, verb| {
             command.mut_subcommand(verb, |verb| {
                 verb.mut_arg("system", |argument| argument.value_parser(names()))

@@ -113,7 +113,7 @@ fn tiny_network() -> Vec<u8> {
     let part = |field: u8, value: &[u8]| {
         let length = value.len();
         let length = [length as u8 & 127 | if length > 127 { 128 } else { 0 }, (length >> 7) as u8];
-        let length = &length[..1 + usize::from(length[1] > 0)];
+        let length = &length[..=usize::from(length[1] > 0)];
         [&[field << 3 | 2], length, value].concat()
     };
     let int = |field: u8, value: u8| vec![field << 3, value];

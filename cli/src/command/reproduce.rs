@@ -41,7 +41,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Reproduce) -> Re
     if arguments.list {
         return list(console);
     }
-    let names = studies().map(|study| study.name()).collect::<Vec<_>>().join(", ");
+    let names = studies().map(Study::name).collect::<Vec<_>>().join(", ");
     let Some(name) = &arguments.name else {
         let text =
             format!("no study is named, expected one of: {names} (--list says what they show)");

@@ -8,7 +8,6 @@ use train::settings::{LARGEST, Options as _};
 train::options! {
     /// Options of the model, its losses and its data. Lengths are relative to the frame of the data, in
     /// which the object has about radius 1.
-    #[expect(clippy::struct_excessive_bools, reason = "each is a switch of its own")]
     #[serde(deny_unknown_fields)]
     pub struct Img2MeshConfig {
         /// What turns an image into features.

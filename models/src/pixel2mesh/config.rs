@@ -7,7 +7,7 @@ use ode_deform::deform::{FieldConfig, Schedule, StackedConfig};
 use ode_deform::solve::{
     BOSH3, DOPRI5, EULER, HEUN, MIDPOINT, Problem, RK4, StepController, Tableau,
 };
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use train::settings::above_to;
 
@@ -128,7 +128,7 @@ train::options! {
         /// Least and greatest step in training; elsewhere all have their mean.
         pub step: [f64; 2] = Schedule::DEEP.step, in 1e-4..=1.0;
         /// Where a test starts; without, at the middle of `start`.
-        #[serde(with = "middle")]
+        #[serde(serialize_with = "train::settings::optional::serialize", deserialize_with = "test_start")]
         pub test_start: Option<f64> = None, in 0.0..1.0;
         /// Relative and absolute error of methods that estimate it (`bosh3`, `dopri5`) outside of training; without,
         /// steps are fixed.
@@ -319,30 +319,20 @@ pub enum DeformationKind {
 }
 
 /// `test-start`: 0 is a value of it; configurations of before said -1 for the middle of `start`.
-mod middle {
-    use serde::{Deserialize, Deserializer, Serializer};
-    use train::settings::optional;
-
-    pub(super) fn serialize<S: Serializer>(start: &Option<f64>, to: S) -> Result<S::Ok, S::Error> {
-        optional::serialize(start, to)
+fn test_start<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "a number, or \"none\"")]
+    enum Start {
+        At(f64),
+        Middle(Middle),
     }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
-        #[derive(Deserialize)]
-        #[serde(untagged, expecting = "a number, or \"none\"")]
-        enum Start {
-            At(f64),
-            #[serde(deserialize_with = "none")]
-            Middle(()),
-        }
-        fn none<'de, D: Deserializer<'de>>(from: D) -> Result<(), D::Error> {
-            let word = String::deserialize(from)?;
-            let other = || serde::de::Error::custom("another word");
-            (word == optional::NONE).then_some(()).ok_or_else(other)
-        }
-        Ok(match Start::deserialize(from)? {
-            Start::At(start) if start >= 0.0 => Some(start),
-            Start::At(_) | Start::Middle(()) => None,
-        })
+    #[derive(Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    enum Middle {
+        None,
     }
+    Ok(match Start::deserialize(from)? {
+        Start::At(start) if start >= 0.0 => Some(start),
+        Start::At(_) | Start::Middle(Middle::None) => None,
+    })
 }

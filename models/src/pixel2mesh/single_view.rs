@@ -231,7 +231,7 @@ impl<D: Deformer> System for SingleView<D> {
         let shared = D::shared(config);
         let template = Template::new(shared.level);
         let at = init.at("encoder");
-        let plain = Pixel2MeshEncoder::new(&at, shared.channels, shared.encoder_init.into());
+        let plain = Pixel2MeshEncoder::new(&at, shared.channels, shared.encoder_init);
         let encoder = match shared.encoder_form {
             EncoderForm::Plain => plain,
             EncoderForm::Residual => plain.residual(&at),

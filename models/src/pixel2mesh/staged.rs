@@ -60,7 +60,7 @@ impl Deformer for Staged {
     }
 
     fn new(config: &StagesConfig, init: &Init, _: &Template) -> Self {
-        let activation: Activation = config.shared.activation.into();
+        let activation: Activation = config.shared.activation;
         let sizes = config.sizes();
         let at = init.at("gcns");
         let chain = |(i, size): (usize, &[usize; 3])| {
@@ -98,7 +98,7 @@ impl Deformer for Staged {
         for (i, gcn) in self.gcns.iter().enumerate() {
             // Features are read on the coarser mesh; new vertices take the mean of their ends', as published.
             let points = project_points(mesh, *camera);
-            let features = pool_features(maps, points, self.config.shared.sampling.into());
+            let features = pool_features(maps, points, self.config.shared.sampling);
             let mut x = tape.concat(&[mesh, features], 2);
             let mut before = mesh;
             if let Some(hidden) = hidden {
@@ -111,7 +111,7 @@ impl Deformer for Staged {
             let last = i + 1 == self.gcns.len();
             let out = match &self.gconv {
                 Some(gconv) if last => {
-                    let activation = self.config.shared.activation.into();
+                    let activation = self.config.shared.activation;
                     gconv.forward(nets::activate(out, activation), graph)
                 }
                 _ => out,

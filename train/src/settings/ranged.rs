@@ -120,16 +120,16 @@ pub fn out_of_range<T: Ranged>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use Bound::{Excluded, Included};
 
     #[test]
     fn ranges_have_names_and_hold_lists_and_options() {
         let of = |range: (Bound<f64>, Bound<f64>)| range_of(&0.5, &range);
-        use Bound::{Excluded, Included, Unbounded};
         assert_eq!(of((Included(0.0), Excluded(1.0))), "0 to less than 1");
         assert_eq!(of(above_to(0.0, 1e3)), "above 0 to 1000");
         assert_eq!(of(above_to(0.0, f64::MAX)), "above 0");
         assert_eq!(range_of(&1_u64, &(2..=LARGEST)), "2 to 2^63 - 1");
-        assert_eq!(of((Excluded(0.0), Unbounded)), "above 0");
+        assert_eq!(of((Excluded(0.0), Bound::Unbounded)), "above 0");
         assert_eq!(range_of(&Some(3_usize), &(2..)), "at least 2");
         assert_eq!(out_of_range("a", &None::<u64>, &(2..=5)), None);
         let found = out_of_range("channels", &[1_usize, 9], &(2..=5));
