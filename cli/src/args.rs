@@ -6,12 +6,14 @@ mod depth;
 mod eval;
 mod output;
 mod predict;
+mod reading;
 mod reproduce;
+mod settings;
+mod values;
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
-use datasets::{MaskSource, ReadOptions, Turntable};
+use clap::{Args, Parser, Subcommand};
 
 pub(crate) use data::{
     CamerasName, Data, DataVerb, DepthKind, Frame, Generate, LayoutName, SizeRule,
@@ -23,7 +25,11 @@ pub(crate) use depth::DepthModelKind;
 pub(crate) use eval::Eval;
 pub(crate) use output::{Output, Picture};
 pub(crate) use predict::Predict;
+pub(crate) use reading::Reading;
 pub(crate) use reproduce::Reproduce;
+pub(crate) use settings::{Configuration, SystemSettings};
+pub(crate) use values::Light;
+use values::{degrees, hex_color};
 
 /// Images of an object in, a triangle mesh out.
 ///
@@ -91,80 +97,6 @@ pub(crate) enum Command {
     Reproduce(Reproduce),
     /// Print a completion script for a shell.
     Completions(Completions),
-}
-
-/// How a fit is configured.
-#[derive(Args, Clone, Debug)]
-pub(crate) struct Configuration {
-    /// A configuration file; what it leaves out has its default. `config.toml` of an earlier
-    /// result is one.
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
-    /// One setting, over the configuration file; can be given many times.
-    ///
-    /// For example `--set level=4 --set color=texture`. `unsphere check --options` lists them all.
-    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
-    pub(crate) set: Vec<(String, String)>,
-}
-
-/// How views are read.
-#[derive(Args, Clone, Debug)]
-pub(crate) struct Reading {
-    /// Where masks come from: auto, alpha, files, backdrop, or backdrop:RRGGBB:TOLERANCE.
-    ///
-    /// `auto` takes mask files where the layout has them, else alpha. `backdrop` takes all that
-    /// differs from a plain background, whose colour is found at the border unless it is given.
-    #[arg(long, value_name = "SOURCE", default_value = "auto", value_parser = mask_source)]
-    pub(crate) mask: MaskSource,
-    /// Masks mark the background instead of the object.
-    #[arg(long)]
-    pub(crate) invert_masks: bool,
-    /// Average larger images down to this many pixels on their longer side.
-    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(8..))]
-    pub(crate) max_size: Option<u32>,
-    /// Leave out views whose files are missing, instead of refusing them all.
-    #[arg(long)]
-    pub(crate) allow_missing: bool,
-    /// Which object of a dataset of many: its name, or CATEGORY/NAME.
-    #[arg(long, value_name = "NAME")]
-    pub(crate) object: Option<String>,
-    /// Photographs without cameras, one after another on a turntable: so many make a full turn.
-    #[arg(long, value_name = "N", requires = "fov")]
-    #[arg(value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    pub(crate) turntable: Option<u32>,
-    /// How far above the object the turntable's camera stood, degrees.
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true)]
-    #[arg(value_parser = degrees)]
-    pub(crate) elevation: f64,
-    /// How far from the turntable's axis the camera stood; the mesh is in the same unit.
-    #[arg(long, value_name = "LENGTH", default_value_t = 1.0)]
-    pub(crate) distance: f64,
-    /// The turntable's full vertical angle of view, degrees.
-    #[arg(long, value_name = "DEGREES", requires = "turntable")]
-    pub(crate) fov: Option<f64>,
-    /// The object turns counter-clockwise seen from above, not clockwise.
-    #[arg(long, requires = "turntable")]
-    pub(crate) turntable_reverse: bool,
-}
-
-impl Reading {
-    pub(crate) fn options(&self) -> ReadOptions {
-        ReadOptions {
-            mask: self.mask,
-            invert: self.invert_masks,
-            max_size: self.max_size.map(|n| n as usize),
-            allow_missing: self.allow_missing,
-            object: self.object.clone(),
-            turntable: self.turntable.zip(self.fov).map(|(count, fov)| Turntable {
-                count: count as usize,
-                elevation: self.elevation,
-                distance: self.distance,
-                fov,
-                reverse: self.turntable_reverse,
-            }),
-            ..ReadOptions::default()
-        }
-    }
 }
 
 #[derive(Args, Debug)]
@@ -257,20 +189,6 @@ pub(crate) struct Train {
     pub(crate) reading: Reading,
 }
 
-/// How a system is configured.
-#[derive(Args, Clone, Debug)]
-pub(crate) struct SystemSettings {
-    /// A configuration that comes with the system: tiny, small or paper.
-    #[arg(long, value_name = "NAME", default_value = "small", conflicts_with = "config")]
-    pub(crate) preset: String,
-    /// A configuration file instead of a preset, `config.toml` of an earlier run for example.
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
-    /// One setting, over the preset or file; can be given many times.
-    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
-    pub(crate) set: Vec<(String, String)>,
-}
-
 #[derive(Args, Debug)]
 #[command(after_help = "What is written follows from the name after -o:
   turn.gif     the turntable, animated
@@ -315,17 +233,6 @@ pub(crate) struct Render {
     /// What is behind the object.
     #[arg(long, value_name = "RRGGBB", default_value = "000000", value_parser = hex_color)]
     pub(crate) background: [u8; 3],
-}
-
-/// Light for a rendering.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Light {
-    /// Colours as they are.
-    Flat,
-    /// A bright room with a key light.
-    Studio,
-    /// Strong light from two sides: shows the shape from all around.
-    Shape,
 }
 
 #[derive(Args, Debug)]
@@ -395,54 +302,6 @@ pub(crate) struct Completions {
     pub(crate) shell: clap_complete::Shell,
 }
 
-fn key_value(text: &str) -> Result<(String, String), String> {
-    match text.split_once('=') {
-        Some((key, value)) if !key.trim().is_empty() => {
-            Ok((key.trim().to_owned(), value.trim().to_owned()))
-        }
-        _ => Err("expected KEY=VALUE, for example level=4".to_owned()),
-    }
-}
-
-fn degrees(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|angle| (-90.0..=90.0).contains(angle))
-        .ok_or_else(|| "expected -90 to 90".to_owned())
-}
-
-fn hex_color(text: &str) -> Result<[u8; 3], String> {
-    let digits = text.trim_start_matches('#');
-    let byte = |k: usize| digits.get(2 * k..2 * k + 2).and_then(|d| u8::from_str_radix(d, 16).ok());
-    match (digits.len(), byte(0), byte(1), byte(2)) {
-        (6, Some(r), Some(g), Some(b)) => Ok([r, g, b]),
-        _ => Err("expected six hexadecimal digits, for example ffffff".to_owned()),
-    }
-}
-
-fn mask_source(text: &str) -> Result<MaskSource, String> {
-    let mut parts = text.split(':');
-    let source = match parts.next() {
-        Some("auto") => MaskSource::Auto,
-        Some("alpha") => MaskSource::Alpha,
-        Some("files") => MaskSource::Files,
-        Some("backdrop") => MaskSource::Backdrop {
-            color: parts.next().filter(|c| !c.is_empty()).map(hex_color).transpose()?,
-            tolerance: match parts.next() {
-                None => 24,
-                Some(number) => number.parse().map_err(|_| "tolerance: 0 to 255".to_owned())?,
-            },
-        },
-        _ => {
-            return Err("expected auto, alpha, files, backdrop or backdrop:RRGGBB:TOLERANCE".into());
-        }
-    };
-    match parts.next() {
-        None => Ok(source),
-        Some(rest) => Err(format!("nothing expected after the source, found {rest:?}")),
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
@@ -455,18 +314,6 @@ mod tests {
     }
 
     #[test]
-    fn sources_of_masks_are_read() {
-        assert_eq!(mask_source("alpha"), Ok(MaskSource::Alpha));
-        let backdrop = |color, tolerance| Ok(MaskSource::Backdrop { color, tolerance });
-        assert_eq!(mask_source("backdrop"), backdrop(None, 24));
-        assert_eq!(mask_source("backdrop:00ff10:9"), backdrop(Some([0, 255, 16]), 9));
-        assert_eq!(mask_source("backdrop::9"), backdrop(None, 9));
-        for wrong in ["", "green", "alpha:1", "backdrop:red", "backdrop:000000:999"] {
-            assert!(mask_source(wrong).is_err(), "{wrong}");
-        }
-    }
-
-    #[test]
     fn numbers_that_make_no_sense_are_refused() {
         let parses = |line: &str| Arguments::try_parse_from(line.split(' ')).is_ok();
         assert!(parses("unsphere check mesh.ply --threads 1024"));
@@ -475,12 +322,5 @@ mod tests {
         assert!(parses("unsphere render m.ply -o a.png --elevation -90"));
         assert!(!parses("unsphere render m.ply -o a.png --elevation nan"));
         assert!(!parses("unsphere render m.ply -o a.png --elevation 1e308"));
-    }
-
-    #[test]
-    fn settings_have_a_key_and_a_value() {
-        assert_eq!(key_value("level = 4").unwrap(), ("level".into(), "4".into()));
-        assert_eq!(key_value("a=b=c").unwrap().1, "b=c");
-        assert!(key_value("level").is_err() && key_value("=4").is_err());
     }
 }

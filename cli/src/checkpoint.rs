@@ -35,6 +35,6 @@ pub(crate) fn configuration<S: System>(
     if let Some(seed) = seed {
         config.train.seed = seed;
     }
-    let problems = config.check::<S>();
+    let problems = S::problems(&config);
     if problems.is_empty() { Ok(config) } else { Err(Failure::Usage(problems.join("; "))) }
 }

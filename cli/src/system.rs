@@ -125,7 +125,7 @@ pub(crate) fn configuration<S: System>(
     if let Some(seed) = global.seed {
         config.train.seed = seed;
     }
-    let problems = config.check::<S>();
+    let problems = S::problems(&config);
     match (problems.is_empty(), &asked.config) {
         (true, _) => Ok(config),
         (false, Some(path)) if asked.set.is_empty() => {

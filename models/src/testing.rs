@@ -8,7 +8,7 @@ use train::{Configuration, System};
 pub(crate) fn assert_presets<S: System>() {
     for (name, text) in S::PRESETS {
         let config: Configuration<S::Config> = read_text(name.as_ref(), text, &[]).unwrap();
-        assert_eq!(config.check::<S>(), Vec::<String>::new(), "{name}");
+        assert_eq!(S::problems(&config), Vec::<String>::new(), "{name}");
         let again: Configuration<S::Config> =
             read_text(name.as_ref(), &to_toml(&config), &[]).unwrap();
         assert_eq!(again, config, "{name}");

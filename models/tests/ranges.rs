@@ -160,7 +160,7 @@ fn assert_system<S: System>() {
         let config = read_text::<Configuration<S::Config>>(Path::new("test"), text, &[]);
         match config {
             Err(error) => Some(error.to_string()),
-            Ok(config) => joined(&config.check::<S>()),
+            Ok(config) => joined(&S::problems(&config)),
         }
     });
     assert!(count > 30, "{}: {count}", S::NAME);

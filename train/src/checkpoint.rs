@@ -102,7 +102,7 @@ impl<'a> Checkpoint<'a> {
         let text = self.entry("config")?;
         let config: Configuration<S::Config> = toml::from_str(text)
             .map_err(|error| self.wrong("config", "damaged", error.message()))?;
-        let problems = config.check::<S>();
+        let problems = S::problems(&config);
         if problems.is_empty() {
             return Ok(config);
         }

@@ -6,7 +6,6 @@ use serde::ser::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::{Table, Value};
 
-use crate::System;
 use crate::settings::{LARGEST, Options as _, above_to};
 
 crate::options! {
@@ -162,13 +161,6 @@ pub struct Configuration<C> {
 }
 
 impl<C: Serialize> Configuration<C> {
-    /// What is wrong with the options of the loop and of the system, one sentence each; empty when nothing is.
-    pub fn check<S: System<Config = C>>(&self) -> Vec<String> {
-        let mut problems = self.train.check();
-        problems.extend(S::check(&self.system));
-        problems
-    }
-
     /// The one table.
     pub(super) fn to_table(&self) -> Result<Table, toml::ser::Error> {
         let mut table = Table::try_from(&self.train)?;

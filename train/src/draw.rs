@@ -4,7 +4,7 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::system::StepInfo;
+use super::step_info::StepInfo;
 
 /// What a generator is for: two purposes never share a stream.
 #[derive(Clone, Copy)]

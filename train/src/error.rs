@@ -7,8 +7,7 @@ use std::sync::Arc;
 
 use autodiff_lite::state::{LoadError, SaveError};
 
-use super::non_finite::NotFinite;
-use super::system::DataError;
+use super::not_finite::NotFinite;
 
 /// What stopped a training.
 #[derive(Debug, thiserror::Error)]
@@ -52,6 +51,25 @@ pub enum TrainError {
         /// The names there are.
         metrics: Vec<String>,
     },
+}
+
+/// Why data cannot be had.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DataError {
+    /// A file is missing or damaged: the reader's own error, which names it.
+    #[error(transparent)]
+    Read(Box<dyn Error + Send + Sync>),
+    /// The data is sound and does not serve.
+    #[error("{0}")]
+    Unfit(String),
+}
+
+impl DataError {
+    /// A reader's error, whichever reader it is: the loop knows none.
+    pub fn read(error: impl Error + Send + Sync + 'static) -> Self {
+        Self::Read(Box::new(error))
+    }
 }
 
 /// Why a loss has no value.

@@ -45,6 +45,7 @@ mod error;
 mod event;
 mod log;
 mod non_finite;
+mod not_finite;
 mod optimizer;
 pub mod output;
 mod page;
@@ -53,6 +54,7 @@ pub mod report;
 mod run;
 pub mod settings;
 mod step;
+mod step_info;
 mod system;
 mod tensorboard;
 #[cfg(test)]
@@ -63,12 +65,11 @@ pub use checkpoint::Checkpoint;
 pub use checkpoint_path::{CheckpointPath, RunMetadata};
 pub use config::{CHANGEABLE, Configuration, OptimizerKind, ScheduleKind, TrainConfig};
 pub use draw::Draw;
-pub use error::{CheckpointError, LossError, PredictError, RunError, TrainError};
+pub use error::{CheckpointError, DataError, LossError, PredictError, RunError, TrainError};
 pub use event::{Event, Step};
-pub use non_finite::{NotFinite, Tensor};
+pub use not_finite::{NotFinite, Tensor};
 pub use optimizer::OptimizerState;
 pub use run::{Fingerprint, Provenance, RunFolder};
-pub use system::{
-    Better, DataError, Metric, Shown, Source, StepInfo, Summary, System, Term, Terms,
-};
+pub use step_info::StepInfo;
+pub use system::{Better, Metric, Shown, Source, Summary, System, Term, Terms};
 pub use trainer::{Job, Outcome, train};

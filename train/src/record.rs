@@ -11,12 +11,13 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::config::Configuration;
+use super::error::DataError;
 use super::error::{RunError, TrainError};
 use super::event::Step;
 use super::log::{History, Line, Log};
 use super::page;
 use super::run::{Provenance, RunFolder};
-use super::system::{DataError, Metric, Shown, Summary, System};
+use super::system::{Metric, Shown, Summary, System};
 use super::tensorboard::Events;
 use crate::report::sheet;
 use crate::settings::to_toml;

@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use super::draw::tape_seed;
 use super::error::{LossError, TrainError};
 use super::non_finite::{locate_non_finite, without_value};
-use super::system::{StepInfo, System, Terms};
+use super::step_info::StepInfo;
+use super::system::{System, Terms};
 
 /// The tapes of a run, kept so that their memory is.
 #[derive(Debug)]

@@ -1,15 +1,16 @@
 //! What a trainable system is.
 
-use std::error::Error;
 use std::fmt::Debug;
 use std::path::Path;
 
 use autodiff_lite::{Module, Tape, Var};
 use serde::{Deserialize, Serialize};
 
+use super::config::Configuration;
 use super::draw::Draw;
-use super::error::{LossError, PredictError};
+use super::error::{DataError, LossError, PredictError};
 use super::optimizer::OptimizerState;
+use super::step_info::StepInfo;
 use crate::report::{Scene, ViewPair};
 use crate::settings::Options;
 
@@ -43,6 +44,13 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     /// What is wrong with options, one sentence each; empty when nothing is. Beside ranges what several must agree on.
     fn check(config: &Self::Config) -> Vec<String> {
         config.out_of_range()
+    }
+
+    /// The same of the loop's options and the system's together.
+    fn problems(config: &Configuration<Self::Config>) -> Vec<String> {
+        let mut problems = config.train.check();
+        problems.extend(Self::check(&config.system));
+        problems
     }
 
     /// What options amount to, in milliseconds and without the arrays: shapes, parameter count. `config` passed
@@ -166,34 +174,6 @@ impl<O> Debug for Source<'_, O> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Source").field("path", &self.path).finish_non_exhaustive()
     }
-}
-
-/// Why data cannot be had.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum DataError {
-    /// A file is missing or damaged: the reader's own error, which names it.
-    #[error(transparent)]
-    Read(Box<dyn Error + Send + Sync>),
-    /// The data is sound and does not serve.
-    #[error("{0}")]
-    Unfit(String),
-}
-
-impl DataError {
-    /// A reader's error, whichever reader it is: the loop knows none.
-    pub fn read(error: impl Error + Send + Sync + 'static) -> Self {
-        Self::Read(Box::new(error))
-    }
-}
-
-/// When something happens.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct StepInfo {
-    /// Steps taken before.
-    pub step: u64,
-    /// Epochs finished before.
-    pub epoch: u64,
 }
 
 /// One part of a loss.

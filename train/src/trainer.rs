@@ -15,7 +15,8 @@ use super::optimizer::{AnyOptimizer, OptimizerState};
 use super::record::{Heading, Record};
 use super::run::{Provenance, RunFolder};
 use super::step::Tapes;
-use super::system::{Metric, StepInfo, System};
+use super::step_info::StepInfo;
+use super::system::{Metric, System};
 
 /// Weight of the past in the moving average of losses (Mesh R-CNN's 0.9).
 const MEMORY: f64 = 0.9;
@@ -111,7 +112,7 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
     ) -> Result<Self, TrainError> {
         let config = job.config;
         let train = &config.train;
-        let problems = config.check::<S>();
+        let problems = S::problems(config);
         if !problems.is_empty() {
             return Err(TrainError::Config(problems));
         }

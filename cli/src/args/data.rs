@@ -4,8 +4,11 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
+use super::dataset::{Convert, Inspect, Validate};
+use super::depth::Depth;
 use super::output::folder;
-use super::{Configuration, Convert, Depth, Inspect, Light, Validate, hex_color};
+use super::settings::Configuration;
+use super::values::{Light, hex_color};
 
 #[derive(Args, Debug)]
 #[command(arg_required_else_help = true)]

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::output::folder;
-use super::{Output, Reading};
+use super::output::{Output, folder};
+use super::reading::Reading;
 
 #[derive(Args, Debug)]
 #[command(

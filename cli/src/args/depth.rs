@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::hex_color;
 use super::output::folder;
+use super::values::hex_color;
 
 #[derive(Args, Debug)]
 #[command(

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{Reading, key_value};
+use super::reading::Reading;
+use super::settings::key_value;
+
 #[derive(Args, Debug)]
 #[command(
     after_help = "The scores are those of the training's own evaluation: of what is held out, in what the model was

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{Output, Reading};
+use super::output::Output;
+use super::reading::Reading;
+
 #[derive(Args, Debug)]
 #[command(
     after_help = "VIEWS is whatever `unsphere fit` reads: images with masks and cameras, of any size and number. A

@@ -1,0 +1,107 @@
+//! How views are read.
+
+use clap::Args;
+use datasets::{MaskSource, ReadOptions, Turntable};
+
+use super::values::{degrees, hex_color};
+
+/// How views are read.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct Reading {
+    /// Where masks come from: auto, alpha, files, backdrop, or backdrop:RRGGBB:TOLERANCE.
+    ///
+    /// `auto` takes mask files where the layout has them, else alpha. `backdrop` takes all that
+    /// differs from a plain background, whose colour is found at the border unless it is given.
+    #[arg(long, value_name = "SOURCE", default_value = "auto", value_parser = mask_source)]
+    pub(crate) mask: MaskSource,
+    /// Masks mark the background instead of the object.
+    #[arg(long)]
+    pub(crate) invert_masks: bool,
+    /// Average larger images down to this many pixels on their longer side.
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(8..))]
+    pub(crate) max_size: Option<u32>,
+    /// Leave out views whose files are missing, instead of refusing them all.
+    #[arg(long)]
+    pub(crate) allow_missing: bool,
+    /// Which object of a dataset of many: its name, or CATEGORY/NAME.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) object: Option<String>,
+    /// Photographs without cameras, one after another on a turntable: so many make a full turn.
+    #[arg(long, value_name = "N", requires = "fov")]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub(crate) turntable: Option<u32>,
+    /// How far above the object the turntable's camera stood, degrees.
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(value_parser = degrees)]
+    pub(crate) elevation: f64,
+    /// How far from the turntable's axis the camera stood; the mesh is in the same unit.
+    #[arg(long, value_name = "LENGTH", default_value_t = 1.0)]
+    pub(crate) distance: f64,
+    /// The turntable's full vertical angle of view, degrees.
+    #[arg(long, value_name = "DEGREES", requires = "turntable")]
+    pub(crate) fov: Option<f64>,
+    /// The object turns counter-clockwise seen from above, not clockwise.
+    #[arg(long, requires = "turntable")]
+    pub(crate) turntable_reverse: bool,
+}
+
+impl Reading {
+    pub(crate) fn options(&self) -> ReadOptions {
+        ReadOptions {
+            mask: self.mask,
+            invert: self.invert_masks,
+            max_size: self.max_size.map(|n| n as usize),
+            allow_missing: self.allow_missing,
+            object: self.object.clone(),
+            turntable: self.turntable.zip(self.fov).map(|(count, fov)| Turntable {
+                count: count as usize,
+                elevation: self.elevation,
+                distance: self.distance,
+                fov,
+                reverse: self.turntable_reverse,
+            }),
+            ..ReadOptions::default()
+        }
+    }
+}
+
+fn mask_source(text: &str) -> Result<MaskSource, String> {
+    let mut parts = text.split(':');
+    let source = match parts.next() {
+        Some("auto") => MaskSource::Auto,
+        Some("alpha") => MaskSource::Alpha,
+        Some("files") => MaskSource::Files,
+        Some("backdrop") => MaskSource::Backdrop {
+            color: parts.next().filter(|c| !c.is_empty()).map(hex_color).transpose()?,
+            tolerance: match parts.next() {
+                None => 24,
+                Some(number) => number.parse().map_err(|_| "tolerance: 0 to 255".to_owned())?,
+            },
+        },
+        _ => {
+            return Err("expected auto, alpha, files, backdrop or backdrop:RRGGBB:TOLERANCE".into());
+        }
+    };
+    match parts.next() {
+        None => Ok(source),
+        Some(rest) => Err(format!("nothing expected after the source, found {rest:?}")),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources_of_masks_are_read() {
+        assert_eq!(mask_source("alpha"), Ok(MaskSource::Alpha));
+        let backdrop = |color, tolerance| Ok(MaskSource::Backdrop { color, tolerance });
+        assert_eq!(mask_source("backdrop"), backdrop(None, 24));
+        assert_eq!(mask_source("backdrop:00ff10:9"), backdrop(Some([0, 255, 16]), 9));
+        assert_eq!(mask_source("backdrop::9"), backdrop(None, 9));
+        for wrong in ["", "green", "alpha:1", "backdrop:red", "backdrop:000000:999"] {
+            assert!(mask_source(wrong).is_err(), "{wrong}");
+        }
+    }
+}
