@@ -8,8 +8,7 @@ use autodiff_lite::{Tape, Tensor};
 use benches::{criterion, pool};
 use criterion::BenchmarkId;
 use diff_raster::{
-    Faces, Fragments, Paint, Settings, SoftRas, SoftRasSettings, antialiased_silhouette,
-    interpolate, rasterize_into, soft_silhouette, softras,
+    Faces, Fragments, Frame, Paint, Renderer, Scratch, Settings, SoftRas, SoftRasSettings, softras,
 };
 use mesh_core::primitives::icosphere;
 use ndarray::Array3;
@@ -19,8 +18,7 @@ use ndarray::Array3;
 struct Scene {
     positions: Tensor<f32>,
     colours: Tensor<f32>,
-    faces: Arc<Faces>,
-    settings: Settings,
+    renderer: Renderer,
     grads: [Tensor<f32>; 2],
 }
 
@@ -37,24 +35,21 @@ impl Scene {
             [(x * cos + z * sin) * focal / depth, y * focal / depth, depth][k]
         });
         let colours = ndarray::Array2::from_shape_fn((count, 3), |(v, k)| mesh.positions[v][k]);
+        let faces = Faces::of(&mesh).expect("an icosphere is sound");
         let colour_grad = ndarray::Array4::from_elem((images, size, size, 3), 0.01_f32);
         let mask_grad = Array3::from_elem((images, size, size), 0.02_f32);
         Self {
             positions: positions.into(),
             colours: colours.into(),
-            faces: Arc::new(Faces::of(&mesh).expect("an icosphere is sound")),
-            settings: Settings::new(size, size),
+            renderer: Renderer::new(Arc::new(faces), Settings::new(size, size)),
             grads: [colour_grad.into(), mask_grad.into()],
         }
     }
 
-    fn step(&self, tape: &mut Tape<f32>, fragments: &mut Arc<Fragments>, backward: bool) {
-        let view = self.positions.view().into_dimensionality().expect("three axes");
-        rasterize_into(view, &self.faces, &self.settings, fragments);
-        let projected = tape.leaf(self.positions.clone());
-        let colours = tape.leaf(self.colours.clone());
-        let image = interpolate(projected, colours, fragments);
-        let mask = soft_silhouette(projected, fragments);
+    fn step(&self, tape: &mut Tape<f32>, backward: bool) {
+        let frame = self.renderer.frame(tape.leaf(self.positions.clone()));
+        let image = frame.interpolate(tape.leaf(self.colours.clone()));
+        let mask = frame.soft_silhouette();
         if backward {
             black_box(image.backward_with(self.grads[0].clone()));
             black_box(mask.backward_with(self.grads[1].clone()));
@@ -71,9 +66,10 @@ impl Scene {
         tape.reset();
     }
 
-    fn border(&self, tape: &mut Tape<f32>, fragments: &Arc<Fragments>) {
+    fn border(&self, tape: &mut Tape<f32>, fragments: &Arc<Fragments>, scratch: &Scratch) {
         let projected = tape.leaf(self.positions.clone());
-        let mask = antialiased_silhouette(projected, fragments);
+        let frame = Frame::new(projected, Arc::clone(fragments), scratch.clone());
+        let mask = frame.antialiased_silhouette();
         black_box(mask.backward_with(self.grads[1].clone()));
         tape.reset();
     }
@@ -89,22 +85,24 @@ fn main() {
         for (what, backward) in [("forward", false), ("forward-backward", true)] {
             group.bench_function(BenchmarkId::new(what, &name), |bencher| {
                 pool.install(|| {
-                    let (mut tape, mut fragments) = (Tape::train(0), Arc::default());
-                    bencher.iter(|| scene.step(&mut tape, &mut fragments, backward));
+                    let mut tape = Tape::train(0);
+                    bencher.iter(|| scene.step(&mut tape, backward));
                 });
             });
         }
         group.bench_function(BenchmarkId::new("antialiased-silhouette", &name), |bencher| {
             pool.install(|| {
-                let (mut tape, mut fragments) = (Tape::train(0), Arc::default());
-                scene.step(&mut tape, &mut fragments, false);
-                bencher.iter(|| scene.border(&mut tape, &fragments));
+                let (mut tape, scratch) = (Tape::train(0), Scratch::default());
+                let frame = scene.renderer.frame(tape.constant(scene.positions.clone()));
+                let fragments = Arc::clone(frame.fragments());
+                tape.reset();
+                bencher.iter(|| scene.border(&mut tape, &fragments, &scratch));
             });
         });
         group.bench_function(BenchmarkId::new("softras-forward-backward", &name), |bencher| {
             pool.install(|| {
                 let settings = SoftRasSettings::published(size, size);
-                let renderer = SoftRas::new(&scene.faces, &settings);
+                let renderer = SoftRas::new(scene.renderer.faces(), &settings);
                 let mut tape = Tape::train(0);
                 bencher.iter(|| scene.clouds(&mut tape, &renderer));
             });

@@ -15,13 +15,11 @@ use std::sync::Arc;
 
 use autodiff_lite::optim::AdamUniform;
 use autodiff_lite::{Tape, Tensor};
-use diff_raster::{
-    Faces, Fragments, Settings, antialiased_silhouette, rasterize_into, soft_silhouette,
-};
+use diff_raster::{Faces, Renderer, Settings};
 use mesh_core::{
     ByteImage, Camera, DiffusionSolver, Topology, TriMesh, primitives, write_mesh, write_png,
 };
-use ndarray::{Array2, Array3, Ix3};
+use ndarray::{Array2, Array3};
 
 const SIZE: usize = 128;
 const VIEWS: usize = 8;
@@ -35,7 +33,6 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let cameras = cameras();
     let mut tape = Tape::<f32>::train(0);
-    let mut fragments = Arc::<Fragments>::default();
     let settings = Settings::new(SIZE, SIZE);
 
     // What is to be seen.
@@ -46,10 +43,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let target = {
         let projected =
             tape.constant(flat(&vase.positions)).project(tape.constant(cameras.clone()));
-        let values = projected.value();
-        let positions = values.view().into_dimensionality::<Ix3>()?;
-        rasterize_into(positions, &Arc::new(Faces::of(&vase)?), &settings, &mut fragments);
-        antialiased_silhouette(projected, &fragments).value()
+        let renderer = Renderer::new(Arc::new(Faces::of(&vase)?), settings.clone());
+        renderer.frame(projected).antialiased_silhouette().value()
     };
     tape.reset();
 
@@ -60,6 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let faces = Arc::new(Faces::of(&mesh)?);
     let mut solver =
         DiffusionSolver::factored(&Topology::new(faces.vertex_count(), &mesh.faces), 25.0);
+    let renderer = Renderer::new(faces, settings);
     let mut u = mesh.positions.clone();
     solver.apply(&mesh.positions, &mut u);
     let mut smooth = vec![[0.0; 3]; u.len()];
@@ -67,20 +63,17 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     for step in 0..=STEPS {
         let positions = tape.leaf(flat(&mesh.positions));
-        let projected = positions.project(tape.constant(cameras.clone()));
-        let values = projected.value();
-        let values = values.view().into_dimensionality::<Ix3>()?;
-        rasterize_into(values, &faces, &settings, &mut fragments);
+        let frame = renderer.frame(positions.project(tape.constant(cameras.clone())));
         // The soft silhouette sees from afar, the antialiased one is exact.
         let wanted = tape.constant(target.clone());
-        let sharp = antialiased_silhouette(projected, &fragments);
-        let soft = soft_silhouette(projected, &fragments);
+        let sharp = frame.antialiased_silhouette();
+        let soft = frame.soft_silhouette();
         let error = (sharp - wanted).square().mean();
         let loss = error + (soft - wanted).square().mean();
         if step % 50 == 0 {
             println!("step {step:3}: mean squared error {:.5}", error.item());
-            let frame = frame(&target, &sharp.value());
-            write_png(folder.join(format!("frame_{step:03}.png")), &frame)?;
+            let views = side_by_side(&target, &sharp.value());
+            write_png(folder.join(format!("frame_{step:03}.png")), &views)?;
         }
         let gradients = loss.backward();
         let gradient = gradients.wrt(positions).ok_or("the loss does not see the mesh")?;
@@ -119,7 +112,7 @@ fn flat(positions: &[[f32; 3]]) -> Array2<f32> {
 }
 
 /// The views side by side, in two rows.
-fn frame(target: &Tensor<f32>, current: &Tensor<f32>) -> ByteImage {
+fn side_by_side(target: &Tensor<f32>, current: &Tensor<f32>) -> ByteImage {
     let mut image = ByteImage::new(2 * SIZE, VIEWS / 2 * SIZE, 3);
     for (at, pixel) in image.data.chunks_exact_mut(3).enumerate() {
         let (i, j) = (at / (VIEWS / 2 * SIZE), at % (VIEWS / 2 * SIZE));

@@ -48,6 +48,15 @@ pub enum FacesError {
     },
 }
 
+/// Whether the same vertices make the same faces.
+impl PartialEq for Faces {
+    fn eq(&self, other: &Self) -> bool {
+        self.vertex_count == other.vertex_count && self.corners == other.corners
+    }
+}
+
+impl Eq for Faces {}
+
 impl std::fmt::Display for FacesError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {

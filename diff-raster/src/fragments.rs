@@ -1,6 +1,6 @@
 //! What is seen at each pixel.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use autodiff_lite::Real;
 use ndarray::ArrayView3;
@@ -8,15 +8,13 @@ use rayon::prelude::*;
 
 use crate::faces::{Faces, NONE};
 use crate::kernels::setup::{BAND_ROWS, Centres, Setup};
-use crate::kernels::texture::Sorted;
-use crate::kernels::visibility::{BandOutput, Planes, draw_band};
-use crate::kernels::{antialias, silhouette};
-use crate::{Rule, Settings};
+use crate::kernels::visibility::{BandOutput, draw_band};
+use crate::{Rule, Scratch, Settings};
 
 /// What is seen at each pixel of a batch of images: plain values, shared by the operations.
 ///
 /// Visibility has no derivative; the operations that take fragments hold it fixed.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Fragments<F: Real = f32> {
     /// The nearest face, [`NONE`] at background. `[N, H, W]`
     pub face: Vec<u32>,
@@ -30,15 +28,6 @@ pub struct Fragments<F: Real = f32> {
     settings: Settings,
     centres: Centres<F>,
     setups: Vec<Setup<F>>,
-    planes: ScratchPool<Planes<F>>,
-    /// Memory that the soft silhouette needs between its passes.
-    pub(crate) silhouettes: ScratchPool<silhouette::State<F>>,
-    /// The same for the antialiased one.
-    pub(crate) borders: ScratchPool<antialias::State<F>>,
-    /// Sums of bands, for the gradient of interpolation.
-    pub(crate) partials: ScratchPool<Vec<F>>,
-    /// The same for textures.
-    pub(crate) sorted: ScratchPool<Sorted>,
 }
 
 impl<F: Real> Default for Fragments<F> {
@@ -52,12 +41,19 @@ impl<F: Real> Default for Fragments<F> {
             settings: Settings { rule: Rule::Closed, ..Settings::new(0, 0) },
             centres: Centres::default(),
             setups: Vec::new(),
-            planes: ScratchPool::default(),
-            silhouettes: ScratchPool::default(),
-            borders: ScratchPool::default(),
-            partials: ScratchPool::default(),
-            sorted: ScratchPool::default(),
         }
+    }
+}
+
+/// Whether the same is seen of the same faces under the same settings.
+impl<F: Real> PartialEq for Fragments<F> {
+    fn eq(&self, other: &Self) -> bool {
+        self.face == other.face
+            && self.barycentric == other.barycentric
+            && self.depth == other.depth
+            && self.batch == other.batch
+            && self.settings == other.settings
+            && self.faces == other.faces
     }
 }
 
@@ -127,25 +123,41 @@ pub fn rasterize<F: Real>(
     faces: &Arc<Faces>,
     settings: &Settings,
 ) -> Arc<Fragments<F>> {
-    let mut fragments = Arc::default();
-    rasterize_into(projected, faces, settings, &mut fragments);
-    fragments
+    let mut fragments = Fragments::default();
+    rasterize_into(projected, faces, settings, &Scratch::default(), &mut fragments);
+    Arc::new(fragments)
 }
 
-/// [`rasterize`] into the memory of earlier fragments.
+/// [`rasterize`] into the memory of earlier fragments, for those who draw without a tape.
 ///
-/// Nothing is allocated if `fragments` is not shared any more (the tape was reset) and was as large
-/// before. If it is still shared, new fragments take its place. Start from
-/// `Arc::<Fragments>::default()`.
+/// Nothing is allocated if `fragments` were as large before and `scratch` is the same. On a tape a
+/// [`Renderer`](crate::Renderer) does all that.
 ///
 /// # Panics
 /// As [`rasterize`].
+///
+/// # Examples
+/// ```
+/// use std::sync::Arc;
+/// use diff_raster::{Faces, Fragments, Scratch, Settings, rasterize, rasterize_into};
+///
+/// let faces = Arc::new(Faces::new(3, &[[0, 1, 2]])?);
+/// let settings = Settings::new(8, 8);
+/// let (scratch, mut fragments) = (Scratch::default(), Fragments::default());
+/// for depth in [2.0_f32, 3.0] {
+///     let corners = ndarray::arr3(&[[[-1.0, -1.0, depth], [1.0, -1.0, depth], [-1.0, 1.0, depth]]]);
+///     rasterize_into(corners.view(), &faces, &settings, &scratch, &mut fragments);
+///     assert_eq!(fragments, *rasterize(corners.view(), &faces, &settings));
+/// }
+/// # Ok::<(), diff_raster::FacesError>(())
+/// ```
 #[allow(clippy::needless_pass_by_value, reason = "views are passed like slices")]
 pub fn rasterize_into<F: Real>(
     projected: ArrayView3<'_, F>,
     faces: &Arc<Faces>,
     settings: &Settings,
-    fragments: &mut Arc<Fragments<F>>,
+    scratch: &Scratch<F>,
+    fragments: &mut Fragments<F>,
 ) {
     let (batch, vertices, axes) = projected.dim();
     assert!(
@@ -155,10 +167,7 @@ pub fn rasterize_into<F: Real>(
         projected.shape(),
         faces.vertex_count()
     );
-    if Arc::get_mut(fragments).is_none() {
-        *fragments = Arc::default();
-    }
-    let own = Arc::get_mut(fragments).expect("just made, or not shared");
+    let own = fragments;
     let pixels = settings.pixels();
     own.batch = batch;
     own.faces.clone_from(faces);
@@ -174,7 +183,7 @@ pub fn rasterize_into<F: Real>(
 
     let positions = projected.as_standard_layout();
     let positions = positions.as_slice().expect("standard layout");
-    let (centres, planes) = (&own.centres, &own.planes);
+    let (centres, planes) = (&own.centres, &scratch.planes);
     let image = |(n, setup, face, barycentric, depth): (
         usize,
         &mut Setup<F>,
@@ -204,39 +213,4 @@ pub fn rasterize_into<F: Real>(
         .for_each(|(n, (((setup, face), barycentric), depth))| {
             image((n, setup, face, barycentric, depth));
         });
-}
-
-/// Scratch memory that tasks lend from each other, so that it is allocated once and stays hot.
-#[derive(Debug)]
-pub(crate) struct ScratchPool<T>(Mutex<Vec<T>>);
-
-impl<T> Default for ScratchPool<T> {
-    fn default() -> Self {
-        Self(Mutex::new(Vec::new()))
-    }
-}
-
-impl<T: Default> ScratchPool<T> {
-    /// Calls `f` with scratch of unknown content.
-    pub(crate) fn with<R>(&self, f: impl FnOnce(&mut T) -> R) -> R {
-        let mut own = self.take();
-        let result = f(&mut own);
-        self.give(own);
-        result
-    }
-
-    /// Scratch of unknown content.
-    pub(crate) fn take(&self) -> T {
-        self.lock().pop().unwrap_or_default()
-    }
-
-    /// Keeps scratch for the next task.
-    pub(crate) fn give(&self, spare: T) {
-        self.lock().push(spare);
-    }
-
-    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<T>> {
-        // A panic elsewhere does not make scratch memory any worse.
-        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
-    }
 }

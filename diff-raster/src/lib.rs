@@ -4,19 +4,20 @@
 //! use std::sync::Arc;
 //!
 //! use autodiff_lite::Tape;
-//! use diff_raster::{Faces, Settings, interpolate, rasterize, soft_silhouette};
+//! use diff_raster::{Faces, Renderer, Settings};
 //! use ndarray::{arr2, arr3};
+//!
+//! let faces = Arc::new(Faces::new(3, &[[0, 1, 2]])?);
+//! let renderer = Renderer::new(faces, Settings::new(64, 64)); // once, for all steps
 //!
 //! // One triangle: NDC x (right), NDC y (up), planar depth.
 //! let corners = arr3(&[[[-0.5_f32, -0.5, 2.0], [0.5, -0.5, 2.0], [0.0, 0.5, 3.0]]]);
-//! let faces = Arc::new(Faces::new(3, &[[0, 1, 2]])?);
-//! let fragments = rasterize(corners.view(), &faces, &Settings::new(64, 64));
-//!
 //! let tape = Tape::train(0);
 //! let projected = tape.leaf(corners);
 //! let colours = tape.leaf(arr2(&[[1.0_f32, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]));
-//! let image = interpolate(projected, colours, &fragments); // [1, 64, 64, 3]
-//! let mask = soft_silhouette(projected, &fragments); // [1, 64, 64]
+//! let frame = renderer.frame(projected);
+//! let image = frame.interpolate(colours); // [1, 64, 64, 3]
+//! let mask = frame.soft_silhouette(); // [1, 64, 64]
 //!
 //! // Which way must the corners move for the silhouette to grow? Down, down, and up.
 //! let gradients = mask.sum().backward();
@@ -30,8 +31,10 @@
 //!
 //! | for | see |
 //! |---|---|
-//! | what is seen at each pixel | [`rasterize`], [`rasterize_into`], [`Fragments`] |
+//! | images on a tape, step after step | [`Renderer`], [`Frame`] |
+//! | what is seen at each pixel | [`rasterize`], [`Fragments`]; in the memory of earlier ones [`rasterize_into`] |
 //! | how it is drawn | [`Settings`], [`Settings::published`] for DIB-R with its accidents |
+//! | memory that several renderers share | [`Scratch`] |
 //! | colours, normals, texture coordinates | [`interpolate`], [`interpolate_corners`] |
 //! | textures | [`texture`], around a sphere [`sphere_texture`] |
 //! | silhouettes | [`soft_silhouette`] pulls from afar, [`antialiased_silhouette`] is exact |
@@ -39,6 +42,8 @@
 //! | the other way: every face a cloud | [`fn@softras`], [`SoftRas`], [`Paint`] |
 //! | the loops, without a tape | [`kernels`] |
 //! | a slow twin to check against | [`mod@reference`] |
+//!
+//! What takes [`Fragments`] is also a method of [`Frame`], which works in memory that is used again.
 //!
 //! # Conventions
 //!
@@ -57,7 +62,8 @@
 //!   dropped whole.
 //! - No limit on faces, faces per pixel or image size, other than [`Settings::max_faces`], which
 //!   only [`Settings::published`] sets, and 32-bit indices.
-//! - Operations take their numbers from the fragments: give them the positions that were rasterised.
+//! - Operations take their numbers from the fragments: give them the positions that were rasterised
+//!   (a [`Frame`] does).
 //!
 //! Shape mistakes panic at the caller. There are no second derivatives.
 
@@ -67,14 +73,20 @@ pub mod reference;
 
 mod faces;
 mod fragments;
+mod frame;
+mod renderer;
+mod scratch;
 mod settings;
 mod softras;
 
 pub use faces::{Faces, FacesError, NONE};
 pub use fragments::{Fragments, rasterize, rasterize_into};
+pub use frame::Frame;
 pub use ops::{
     Paint, antialiased_silhouette, depth, interpolate, interpolate_corners, soft_silhouette,
     softras, sphere_texture, texture,
 };
+pub use renderer::Renderer;
+pub use scratch::Scratch;
 pub use settings::{Instructions, Rule, Settings};
 pub use softras::{SoftRas, SoftRasSettings, texel_centers};

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use autodiff_lite::Real;
 
 use crate::Faces;
-use crate::fragments::ScratchPool;
 use crate::kernels::setup::Centres;
 use crate::kernels::softras::State;
+use crate::scratch::ScratchPool;
 
 /// Size of the image and the two temperatures of SoftRas.
 ///

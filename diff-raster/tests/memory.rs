@@ -5,10 +5,7 @@ use std::sync::Arc;
 
 use autodiff_lite::testkit::CountingAllocator;
 use autodiff_lite::{Tape, Tensor};
-use diff_raster::{
-    Faces, Fragments, Settings, antialiased_silhouette, depth, interpolate, rasterize_into,
-    soft_silhouette, texture,
-};
+use diff_raster::{Faces, Fragments, Renderer, Scratch, Settings, rasterize_into};
 use mesh_core::primitives::icosphere;
 use ndarray::{Array2, Array3};
 
@@ -20,7 +17,7 @@ fn steps_recycle_their_memory() {
     let mesh = icosphere(3);
     let faces = Arc::new(Faces::of(&mesh).unwrap());
     let (images, size, vertices) = (2, 96, mesh.positions.len());
-    let settings = Settings::new(size, size);
+    let renderer = Renderer::new(faces, Settings::new(size, size));
     let positions = |turn: f32| -> Tensor<f32> {
         let corner = |(n, v, k): (usize, usize, usize)| {
             let ([x, y, z], (sin, cos)) = (mesh.positions[v], (turn + n as f32).sin_cos());
@@ -37,30 +34,38 @@ fn steps_recycle_their_memory() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| {
         let mut tape = Tape::<f32>::train(0);
-        let mut fragments = Arc::<Fragments>::default();
         // The positions turn back and forth, so that sizes do not stay the same.
         let turns = [0.0, 0.1, 0.2].map(positions);
         for step in 0..40 {
             let before = ALLOCATOR.blocks();
             let values = &turns[step % 3];
-            let view = values.view().into_dimensionality().unwrap();
-            rasterize_into(view, &faces, &settings, &mut fragments);
             let projected = tape.leaf(values.clone());
             let attributes = tape.leaf(colours.clone());
-            let colour = interpolate(projected, attributes, &fragments);
-            let uv = interpolate(projected, attributes.slice_axis(1, 0..2), &fragments);
+            let frame = renderer.frame(projected);
+            let colour = frame.interpolate(attributes);
+            let uv = frame.interpolate(attributes.slice_axis(1, 0..2));
             let texels = tape.leaf(image.clone());
             let loss = colour.square().mean()
-                + soft_silhouette(projected, &fragments).square().mean()
-                + antialiased_silhouette(projected, &fragments).square().mean()
-                + depth(projected, &fragments, 0.0).square().mean()
-                + texture(uv, texels, &fragments).square().mean();
+                + frame.soft_silhouette().square().mean()
+                + frame.antialiased_silhouette().square().mean()
+                + frame.depth(0.0).square().mean()
+                + frame.texture(uv, texels).square().mean();
             let gradients = loss.backward();
             assert!(gradients.wrt(projected).is_some() && gradients.wrt(texels).is_some());
-            drop(gradients);
+            drop((gradients, frame));
             tape.reset();
             let fresh = ALLOCATOR.blocks() - before;
             assert!(step < 9 || fresh == 0, "step {step} took {fresh} large blocks");
+        }
+        // And without a tape.
+        let (scratch, mut fragments) = (Scratch::default(), Fragments::default());
+        for step in 0..9 {
+            let before = ALLOCATOR.blocks();
+            let view = turns[step % 3].view().into_dimensionality().unwrap();
+            let (faces, settings) = (renderer.faces(), renderer.settings());
+            rasterize_into(view, faces, settings, &scratch, &mut fragments);
+            let fresh = ALLOCATOR.blocks() - before;
+            assert!(step < 6 || fresh == 0, "drawing {step} took {fresh} large blocks");
         }
     });
 }

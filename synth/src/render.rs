@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use datasets::View;
-use diff_raster::{Faces, FacesError, Fragments, NONE, Settings, rasterize_into};
+use diff_raster::{Faces, FacesError, Fragments, NONE, Scratch, Settings, rasterize_into};
 use mesh_core::{ByteImage, Camera, DepthMap, Image, TriMesh, srgb_to_linear};
 use ndarray::ArrayView3;
 use rayon::prelude::*;
@@ -128,7 +128,8 @@ struct Scene<'a> {
 #[derive(Default)]
 struct Sketch {
     projected: Vec<f32>,
-    fragments: Arc<Fragments>,
+    fragments: Fragments,
+    scratch: Scratch,
 }
 
 impl Scene<'_> {
@@ -183,12 +184,13 @@ impl Scene<'_> {
         let projected =
             ArrayView3::from_shape((1, self.mesh.positions.len(), 3), &sketch.projected)
                 .expect("three numbers per vertex");
-        rasterize_into(projected, &self.faces, &settings, &mut sketch.fragments);
+        let Sketch { fragments, scratch, .. } = sketch;
+        rasterize_into(projected, &self.faces, &settings, scratch, fragments);
     }
 
     /// Makes pixels of samples, in the part of the view that was sampled.
     fn resolve(&self, sketch: &Sketch, part: [usize; 4], rendering: &mut Rendering) {
-        let fragments = &*sketch.fragments;
+        let fragments = &sketch.fragments;
         let [top, left, rows, columns] = part;
         let (times, linear) = (self.options.supersample, self.light.is_some());
         let stride = columns * times;

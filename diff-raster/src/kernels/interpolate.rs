@@ -27,9 +27,9 @@ use autodiff_lite::Real;
 use rayon::prelude::*;
 
 use crate::faces::NONE;
-use crate::fragments::Fragments;
 use crate::kernels::lanes::{Job, Lanes, dispatch};
 use crate::kernels::setup::{BAND_ROWS, corner_positions};
+use crate::{Fragments, Scratch};
 
 /// Faces per parallel task of the gradient.
 const CHUNK: usize = 512;
@@ -180,6 +180,7 @@ pub struct Incoming<'a, F: Real> {
 /// written.
 pub fn interpolate_grad<F: Real>(
     incoming: Incoming<'_, F>,
+    scratch: &Scratch<F>,
     of_attributes: &mut [F],
     of_positions: Option<&mut [F]>,
 ) {
@@ -192,7 +193,7 @@ pub fn interpolate_grad<F: Real>(
         return;
     }
     let image = |image: usize, attributes: &mut [F], positions: Option<&mut [F]>| {
-        fragments.partials.with(|partials| {
+        scratch.partials.with(|partials| {
             let bands = &fragments.setup(image).bands;
             let settings = fragments.settings();
             partials.resize(bands.places() * 3 * (channels + 1), F::zero());

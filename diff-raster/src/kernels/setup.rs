@@ -18,7 +18,7 @@ pub const BAND_ROWS: usize = 16;
 const CHUNK: usize = 512;
 
 /// Coordinates of pixel centres, ascending.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Centres<F> {
     /// `(2j + 1 - W) / W` for each column, and [`MAX_LANES`] more.
     pub x: Vec<F>,
@@ -159,7 +159,7 @@ pub struct Triangle<F> {
 }
 
 /// The faces of one image, ready to be drawn.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Setup<F> {
     /// Per face; stale where the box is empty.
     pub triangles: Vec<Triangle<F>>,
@@ -246,7 +246,7 @@ pub fn extent<F: Real>(a: F, b: F, c: F) -> [F; 2] {
 }
 
 /// Items by the bands of rows that they touch, in their own order within each band.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Bands {
     offsets: Vec<u32>,
     next: Vec<u32>,

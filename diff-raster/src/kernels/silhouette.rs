@@ -16,12 +16,12 @@ use autodiff_lite::Real;
 use rayon::prelude::*;
 
 use crate::faces::{Faces, NONE};
-use crate::fragments::{Fragments, ScratchPool};
 use crate::kernels::bits::Bits;
 use crate::kernels::distance::{edge_rows, edges, nearest, squared};
 use crate::kernels::lanes::{Job, Lanes, MAX_LANES, dispatch, three};
 use crate::kernels::setup::{BAND_ROWS, Bands, PixelBox, extent, near, visible_corners};
-use crate::{Rule, Settings};
+use crate::scratch::ScratchPool;
+use crate::{Fragments, Rule, Settings};
 
 /// Faces per parallel task when looking for those near the background.
 const CHUNK: usize = 512;

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use autodiff_lite::{Backward, Op, Real, Tensor, Var};
 
 use crate::faces::NONE;
-use crate::fragments::Fragments;
 use crate::kernels::gather::gather;
 use crate::kernels::interpolate::{Attributes, Incoming, Layout, interpolate_grad};
 use crate::ops::check_projected;
+use crate::{Fragments, Scratch};
 
 /// Planar depth at each pixel, and `background` where nothing is seen.
 ///
@@ -29,17 +29,29 @@ pub fn depth<'t, F: Real>(
     fragments: &Arc<Fragments<F>>,
     background: F,
 ) -> Var<'t, F> {
+    draw(projected, fragments, background, &Scratch::default())
+}
+
+#[track_caller]
+pub(crate) fn draw<'t, F: Real>(
+    projected: Var<'t, F>,
+    fragments: &Arc<Fragments<F>>,
+    background: F,
+    scratch: &Scratch<F>,
+) -> Var<'t, F> {
     check_projected("depth", projected, fragments);
     let mut out = projected.tape().array(&fragments.shape());
     let pixels = fragments.depth.iter().zip(&fragments.face);
     for (out, (&z, &face)) in out.as_slice_mut().iter_mut().zip(pixels) {
         *out = if face == NONE { background } else { z };
     }
-    projected.tape().record(&[projected], out, Depth { fragments: Arc::clone(fragments) })
+    let op = Depth { fragments: Arc::clone(fragments), scratch: scratch.clone() };
+    projected.tape().record(&[projected], out, op)
 }
 
 struct Depth<F: Real> {
     fragments: Arc<Fragments<F>>,
+    scratch: Scratch<F>,
 }
 
 impl<F: Real> Op<F> for Depth<F> {
@@ -61,7 +73,7 @@ impl<F: Real> Op<F> for Depth<F> {
         let corners = 3 * faces.len();
         let mut of_depths = cx.scratch(fragments.shape()[0] * corners);
         let mut of_positions = cx.scratch(3 * of_depths.len());
-        interpolate_grad(incoming, &mut of_depths, Some(&mut of_positions));
+        interpolate_grad(incoming, &self.scratch, &mut of_depths, Some(&mut of_positions));
         for (position, &own) in of_positions.chunks_exact_mut(3).zip(&*of_depths) {
             position[2] += own;
         }

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use autodiff_lite::{Backward, Op, Real, ShapeError, Var};
 
-use crate::Fragments;
 use crate::kernels::gather::gather;
 use crate::kernels::interpolate::{Attributes, Incoming, Layout};
 use crate::kernels::interpolate::{interpolate as forward, interpolate_grad};
 use crate::ops::check_projected;
+use crate::{Fragments, Scratch};
 
 /// Attributes of the vertices at each pixel: zero at background.
 ///
@@ -32,6 +32,16 @@ pub fn interpolate<'t, F: Real>(
     attributes: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
+    of_vertices(projected, attributes, fragments, &Scratch::default())
+}
+
+#[track_caller]
+pub(crate) fn of_vertices<'t, F: Real>(
+    projected: Var<'t, F>,
+    attributes: Var<'t, F>,
+    fragments: &Arc<Fragments<F>>,
+    scratch: &Scratch<F>,
+) -> Var<'t, F> {
     let shape = attributes.shape();
     let [batch, ..] = fragments.shape();
     let vertices = fragments.faces().vertex_count();
@@ -44,7 +54,7 @@ pub fn interpolate<'t, F: Real>(
             .at(projected.tape().path())
             .panic(),
     };
-    record(projected, attributes, layout, fragments)
+    record(projected, attributes, layout, fragments, scratch)
 }
 
 /// [`interpolate`] with attributes of their own for each face corner, `[F, 3, C]`: texture
@@ -58,6 +68,16 @@ pub fn interpolate_corners<'t, F: Real>(
     attributes: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
+    of_corners(projected, attributes, fragments, &Scratch::default())
+}
+
+#[track_caller]
+pub(crate) fn of_corners<'t, F: Real>(
+    projected: Var<'t, F>,
+    attributes: Var<'t, F>,
+    fragments: &Arc<Fragments<F>>,
+    scratch: &Scratch<F>,
+) -> Var<'t, F> {
     let shape = attributes.shape();
     let faces = fragments.faces().len();
     if !matches!(*shape, [f, 3, _] if f == faces) {
@@ -67,7 +87,7 @@ pub fn interpolate_corners<'t, F: Real>(
             .at(projected.tape().path())
             .panic();
     }
-    record(projected, attributes, Layout::Corners, fragments)
+    record(projected, attributes, Layout::Corners, fragments, scratch)
 }
 
 #[track_caller]
@@ -76,6 +96,7 @@ fn record<'t, F: Real>(
     attributes: Var<'t, F>,
     layout: Layout,
     fragments: &Arc<Fragments<F>>,
+    scratch: &Scratch<F>,
 ) -> Var<'t, F> {
     check_projected("interpolate", projected, fragments);
     let values = attributes.value();
@@ -85,12 +106,14 @@ fn record<'t, F: Real>(
     let data = values.as_slice();
     let source = Attributes { data, channels, layout };
     forward(fragments, source, out.as_slice_mut());
-    let op = Interpolate { fragments: Arc::clone(fragments), channels, layout };
+    let (fragments, scratch) = (Arc::clone(fragments), scratch.clone());
+    let op = Interpolate { fragments, scratch, channels, layout };
     projected.tape().record(&[projected, attributes], out, op)
 }
 
 struct Interpolate<F: Real> {
     fragments: Arc<Fragments<F>>,
+    scratch: Scratch<F>,
     channels: usize,
     layout: Layout,
 }
@@ -101,7 +124,7 @@ impl<F: Real> Op<F> for Interpolate<F> {
     }
 
     fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let Self { fragments, channels, layout } = self;
+        let Self { fragments, scratch, channels, layout } = self;
         let (projected, values) = (cx.input(0), cx.input(1));
         let (output, grad) = (cx.output(), cx.grad_out());
         let faces = fragments.faces();
@@ -119,7 +142,7 @@ impl<F: Real> Op<F> for Interpolate<F> {
         };
         let mut of_attributes = cx.scratch(batch * faces.len() * 3 * channels);
         let mut of_positions = cx.needs(0).then(|| cx.scratch(batch * faces.len() * 9));
-        interpolate_grad(incoming, &mut of_attributes, of_positions.as_deref_mut());
+        interpolate_grad(incoming, scratch, &mut of_attributes, of_positions.as_deref_mut());
         if let Some(of_positions) = of_positions {
             gather_batch(fragments, 3, &of_positions, cx.grad_slice_mut(0), false);
         }

@@ -1,11 +1,11 @@
 //! The differentiable operations: thin glue between the tape and the kernels.
 
-mod depth;
-mod interpolate;
-mod silhouette;
+pub(crate) mod depth;
+pub(crate) mod interpolate;
+pub(crate) mod silhouette;
 mod softras;
 mod sphere_texture;
-mod texture;
+pub(crate) mod texture;
 
 pub use depth::depth;
 pub use interpolate::{interpolate, interpolate_corners};

@@ -2,13 +2,15 @@
 //! [`kernels::silhouette`](crate::kernels::silhouette) and
 //! [`kernels::antialias`](crate::kernels::antialias).
 
-use std::sync::{Arc, Mutex};
+use std::cell::RefCell;
+use std::sync::Arc;
 
 use autodiff_lite::{Backward, Op, Real, Var};
 
-use crate::Fragments;
 use crate::kernels::{antialias, silhouette};
 use crate::ops::check_projected;
+use crate::scratch::Lent;
+use crate::{Fragments, Scratch};
 
 /// DIB-R's soft silhouette: 1 where a face is seen, and around it the probability that any face
 /// reaches the pixel.
@@ -35,20 +37,28 @@ pub fn soft_silhouette<'t, F: Real>(
     projected: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
+    soft(projected, fragments, &Scratch::default())
+}
+
+#[track_caller]
+pub(crate) fn soft<'t, F: Real>(
+    projected: Var<'t, F>,
+    fragments: &Arc<Fragments<F>>,
+    scratch: &Scratch<F>,
+) -> Var<'t, F> {
     check_projected("soft_silhouette", projected, fragments);
     let tape = projected.tape();
     let positions = projected.value();
     let mut out = tape.array(&fragments.shape());
-    let mut state = fragments.silhouettes.take();
+    let mut state = scratch.silhouettes.lend();
     silhouette::soft_silhouette(fragments, positions.as_slice(), &mut state, out.as_slice_mut());
-    let op = SoftSilhouette { fragments: Arc::clone(fragments), state: Mutex::new(Some(state)) };
+    let op = SoftSilhouette { fragments: Arc::clone(fragments), state: RefCell::new(state) };
     tape.record(&[projected], out, op)
 }
 
 struct SoftSilhouette<F: Real> {
     fragments: Arc<Fragments<F>>,
-    /// There until drop, which gives it back to the fragments.
-    state: Mutex<Option<silhouette::State<F>>>,
+    state: RefCell<Lent<silhouette::State<F>>>,
 }
 
 impl<F: Real> Op<F> for SoftSilhouette<F> {
@@ -59,19 +69,8 @@ impl<F: Real> Op<F> for SoftSilhouette<F> {
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let grad = cx.grad_out();
         let grad = grad.as_slice();
-        let mut state = self.state.lock().expect("no rule panics while it holds the state");
-        let state = state.as_mut().expect("there until drop");
+        let state = &mut *self.state.borrow_mut();
         silhouette::soft_silhouette_grad(&self.fragments, state, grad, cx.grad_slice_mut(0));
-    }
-}
-
-impl<F: Real> Drop for SoftSilhouette<F> {
-    fn drop(&mut self) {
-        if let Ok(state) = self.state.get_mut()
-            && let Some(state) = state.take()
-        {
-            self.fragments.silhouettes.give(state);
-        }
     }
 }
 
@@ -100,11 +99,20 @@ pub fn antialiased_silhouette<'t, F: Real>(
     projected: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
+    antialiased(projected, fragments, &Scratch::default())
+}
+
+#[track_caller]
+pub(crate) fn antialiased<'t, F: Real>(
+    projected: Var<'t, F>,
+    fragments: &Arc<Fragments<F>>,
+    scratch: &Scratch<F>,
+) -> Var<'t, F> {
     check_projected("antialiased_silhouette", projected, fragments);
     let tape = projected.tape();
     let positions = projected.value();
     let mut out = tape.array(&fragments.shape());
-    let mut state = fragments.borders.take();
+    let mut state = scratch.borders.lend();
     antialias::antialiased_silhouette(
         fragments,
         positions.as_slice(),
@@ -117,7 +125,7 @@ pub fn antialiased_silhouette<'t, F: Real>(
 
 struct AntialiasedSilhouette<F: Real> {
     fragments: Arc<Fragments<F>>,
-    state: antialias::State<F>,
+    state: Lent<antialias::State<F>>,
 }
 
 impl<F: Real> Op<F> for AntialiasedSilhouette<F> {
@@ -130,11 +138,5 @@ impl<F: Real> Op<F> for AntialiasedSilhouette<F> {
         let grad = grad.as_slice();
         let out = cx.grad_slice_mut(0);
         antialias::antialiased_silhouette_grad(&self.fragments, &self.state, grad, out);
-    }
-}
-
-impl<F: Real> Drop for AntialiasedSilhouette<F> {
-    fn drop(&mut self) {
-        self.fragments.borders.give(std::mem::take(&mut self.state));
     }
 }

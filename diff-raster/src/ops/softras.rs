@@ -1,10 +1,12 @@
 //! SoftRas's images. The rules stand in [`kernels::softras`](crate::kernels::softras).
 
-use std::sync::{Arc, Mutex};
+use std::cell::RefCell;
+use std::sync::Arc;
 
 use autodiff_lite::{Backward, Op, Real, ShapeError, Tensor, Var};
 
 use crate::kernels::softras::{self, Colours, State};
+use crate::scratch::Lent;
 use crate::softras::SoftRas;
 
 /// What SoftRas paints faces with.
@@ -83,7 +85,7 @@ pub fn softras<'t, F: Real>(
     let colours = colours.as_ref().map_or(&[][..], Tensor::as_slice);
     let settings = &renderer.settings;
     let mut out = tape.array(&[batch, settings.height, settings.width, channels + 1]);
-    let mut state = renderer.states.take();
+    let mut state = renderer.states.lend();
     softras::softras(
         renderer,
         positions.as_slice(),
@@ -92,7 +94,7 @@ pub fn softras<'t, F: Real>(
         &mut state,
         out.as_slice_mut(),
     );
-    let state = Mutex::new(Some(state));
+    let state = RefCell::new(state);
     let op = Aggregation { renderer: Arc::clone(renderer), mode, channels, state };
     match painted {
         Some(painted) => tape.record(&[projected, painted], out, op),
@@ -153,8 +155,7 @@ struct Aggregation<F: Real> {
     renderer: Arc<SoftRas<F>>,
     mode: Mode,
     channels: usize,
-    /// There until drop, which gives it back.
-    state: Mutex<Option<State<F>>>,
+    state: RefCell<Lent<State<F>>>,
 }
 
 impl<F: Real> Op<F> for Aggregation<F> {
@@ -167,8 +168,7 @@ impl<F: Real> Op<F> for Aggregation<F> {
         let planes = [&image, &grad].map(Tensor::as_slice);
         let colours = (cx.input_count() == 2).then(|| cx.input(1));
         let colours = colours.as_ref().map_or(&[][..], Tensor::as_slice);
-        let mut state = self.state.lock().expect("no rule panics while it holds the state");
-        let state = state.as_mut().expect("there until drop");
+        let state = &mut *self.state.borrow_mut();
         let zeros =
             |cx: &Backward<'_, F>, i: usize| cx.pool().filled(cx.input(i).shape(), F::zero());
         let mut of_projected = zeros(cx, 0);
@@ -186,16 +186,6 @@ impl<F: Real> Op<F> for Aggregation<F> {
         cx.give(0, of_projected);
         if let Some(of_colours) = of_colours {
             cx.give(1, of_colours);
-        }
-    }
-}
-
-impl<F: Real> Drop for Aggregation<F> {
-    fn drop(&mut self) {
-        if let Ok(state) = self.state.get_mut()
-            && let Some(state) = state.take()
-        {
-            self.renderer.states.give(state);
         }
     }
 }

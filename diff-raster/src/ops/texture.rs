@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use autodiff_lite::{Backward, Op, Real, ShapeError, Tensor, Var};
 
-use crate::Fragments;
 use crate::kernels::texture::{Texture, texture as forward, texture_grad_texels, texture_grad_uv};
+use crate::{Fragments, Scratch};
 
 /// Colours of a texture at each pixel, bilinear; zero at background.
 ///
@@ -24,6 +24,16 @@ pub fn texture<'t, F: Real>(
     image: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
+    draw(uv, image, fragments, &Scratch::default())
+}
+
+#[track_caller]
+pub(crate) fn draw<'t, F: Real>(
+    uv: Var<'t, F>,
+    image: Var<'t, F>,
+    fragments: &Arc<Fragments<F>>,
+    scratch: &Scratch<F>,
+) -> Var<'t, F> {
     let [n, h, w] = fragments.shape();
     let (coordinates, texels) = (uv.value(), image.value());
     if coordinates.shape() != [n, h, w, 2] || texels.ndim() != 3 {
@@ -37,7 +47,8 @@ pub fn texture<'t, F: Real>(
     let source = source(texels.shape(), texels.as_slice());
     let mut out = uv.tape().array(&[n, h, w, source.channels]);
     forward(source, coordinates.as_slice(), &fragments.face, out.as_slice_mut());
-    uv.tape().record(&[uv, image], out, Lookup { fragments: Arc::clone(fragments) })
+    let op = Lookup { fragments: Arc::clone(fragments), scratch: scratch.clone() };
+    uv.tape().record(&[uv, image], out, op)
 }
 
 fn source<'a, F: Real>(shape: &[usize], data: &'a [F]) -> Texture<'a, F> {
@@ -46,6 +57,7 @@ fn source<'a, F: Real>(shape: &[usize], data: &'a [F]) -> Texture<'a, F> {
 
 struct Lookup<F: Real> {
     fragments: Arc<Fragments<F>>,
+    scratch: Scratch<F>,
 }
 
 impl<F: Real> Op<F> for Lookup<F> {
@@ -62,7 +74,7 @@ impl<F: Real> Op<F> for Lookup<F> {
             texture_grad_uv(source, uv, face, grad, cx.grad_slice_mut(0));
         }
         if cx.needs(1) {
-            self.fragments.sorted.with(|sorted| {
+            self.scratch.sorted.with(|sorted| {
                 texture_grad_texels(source, uv, face, grad, sorted, cx.grad_slice_mut(1));
             });
         }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut, join_path};
 use datasets::{SurfacePoints, View};
+use diff_raster::Scratch;
 use mesh_core::TriMesh;
 use ndarray::{Array3, arr0};
 use nets::{Init, MeshRefinementHead, NormKind};
@@ -17,7 +18,7 @@ use super::depth_targets::{DepthTargets, Known};
 use super::encoder::Encoder;
 use super::mesh_init::MeshInit;
 use super::packed::Packed;
-use super::rendered::{Drawer, Wanted, depth_difference, picture_difference};
+use super::rendered::{Wanted, depth_difference, draw, picture_difference};
 use super::scenes::{Scene, Scenes};
 use super::surface::{SurfaceTerms, Truth, color_difference, compared};
 use crate::paired::Picture;
@@ -34,7 +35,7 @@ pub struct Refined<B: MeshInit> {
     encoder: Encoder,
     pub(super) mesh_init: B,
     head: MeshRefinementHead,
-    pub(super) drawer: Drawer,
+    pub(super) scratch: Scratch,
 }
 
 impl<B: MeshInit> Module<f32> for Refined<B> {
@@ -198,7 +199,7 @@ impl<B: MeshInit> Refined<B> {
             colors: forward.colors.filter(|_| config.color_weight > 0.0),
         };
         let (cameras, side) = (forward.cameras, config.pairs.image_size);
-        let drawn = self.drawer.draw(&last.packed, last.positions, cameras, side, wanted);
+        let drawn = draw(&self.scratch, &last.packed, last.positions, cameras, side, wanted);
         (
             depth.then(|| depth_difference(&drawn, scenes, config)),
             picture_difference(&drawn, scenes),
@@ -296,7 +297,7 @@ impl<B: MeshInit> System for Refined<B> {
             encoder: Encoder::new(&init.at("encoder"), refine),
             mesh_init: B::new(config, &init.at("beginning")),
             head,
-            drawer: Drawer::default(),
+            scratch: Scratch::default(),
             config: config.clone(),
             seed,
         }

@@ -1,14 +1,14 @@
 //! The rendered-depth loss: what the predicted mesh's depth from the image's camera says about it.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use autodiff_lite::{Tape, Var};
-use diff_raster::{Fragments, NONE, Settings, depth, interpolate, rasterize_into, soft_silhouette};
+use diff_raster::{Renderer, Scratch, Settings};
 use losses::{
     DepthMean, Robustness, ScaleShiftInvariant, depth_gradients, depth_l1_trimmed, disparity,
     log_depth,
 };
-use ndarray::{Array3, Ix3};
+use ndarray::Array3;
 
 use super::config::{DepthKind, DepthLossKind, RefineConfig};
 use super::packed::Packed;
@@ -31,13 +31,6 @@ const DEVIATIONS: f32 = 0.1;
 const SOFTNESS: f64 = 300.0;
 const REACH: f64 = 0.2;
 
-/// Draws predicted meshes; keeps the memory of earlier drawings.
-#[derive(Debug, Default)]
-pub(super) struct Drawer {
-    /// Fragments that nobody else holds are used again.
-    spare: Mutex<Vec<Arc<Fragments<f32>>>>,
-}
-
 /// What is to be drawn beside depth.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wanted<'t> {
@@ -58,56 +51,39 @@ pub(super) struct Drawn<'t> {
     covered: Vec<f32>,
 }
 
-impl Drawer {
-    /// Meshes `[1, ΣV, 3]`, seen by cameras `[N, 3, 4]`.
-    pub(super) fn draw<'t>(
-        &self,
-        packed: &Packed,
-        positions: Var<'t>,
-        cameras: Var<'t>,
-        side: usize,
-        wanted: Wanted<'t>,
-    ) -> Drawn<'t> {
-        let tape = positions.tape();
-        let (mut depths, mut silhouettes, mut images) = (Vec::new(), Vec::new(), Vec::new());
-        let mut covered = Vec::new();
-        for (k, shape) in packed.shapes.iter().enumerate() {
-            let own = packed.part(positions, k).insert_axis(0);
-            let projected = own.project(cameras.slice_axis(0, k..k + 1));
-            let values = projected.value();
-            let values = values.view().into_dimensionality::<Ix3>().expect("[1, V, 3]");
-            let mut fragments = self.take();
-            let settings =
-                Settings { sigma_inv: SOFTNESS, box_length: REACH, ..Settings::new(side, side) };
-            rasterize_into(values, shape.drawn(), &settings, &mut fragments);
-            self.keep(&fragments);
-            depths.push(depth(projected, &fragments, f32::INFINITY));
-            if wanted.silhouette {
-                silhouettes.push(soft_silhouette(projected, &fragments));
-            }
-            if let Some(colors) = wanted.colors {
-                let own = packed.part(colors, k).insert_axis(0);
-                images.push(interpolate(projected, own, &fragments));
-                covered.extend(fragments.face.iter().map(|&f| if f == NONE { 0.0 } else { 1.0 }));
-            }
+/// Draws predicted meshes `[1, ΣV, 3]`, seen by cameras `[N, 3, 4]`, in the memory of earlier drawings.
+pub(super) fn draw<'t>(
+    scratch: &Scratch,
+    packed: &Packed,
+    positions: Var<'t>,
+    cameras: Var<'t>,
+    side: usize,
+    wanted: Wanted<'t>,
+) -> Drawn<'t> {
+    let tape = positions.tape();
+    let (mut depths, mut silhouettes, mut images) = (Vec::new(), Vec::new(), Vec::new());
+    let mut covered = Vec::new();
+    let settings = Settings { sigma_inv: SOFTNESS, box_length: REACH, ..Settings::new(side, side) };
+    for (k, shape) in packed.shapes.iter().enumerate() {
+        let own = packed.part(positions, k).insert_axis(0);
+        let projected = own.project(cameras.slice_axis(0, k..k + 1));
+        let renderer = Renderer::new(Arc::clone(shape.drawn()), settings.clone());
+        let frame = renderer.with_scratch(scratch).frame(projected);
+        depths.push(frame.depth(f32::INFINITY));
+        if wanted.silhouette {
+            silhouettes.push(frame.soft_silhouette());
         }
-        let joined = |parts: &[Var<'t>]| (!parts.is_empty()).then(|| tape.concat(parts, 0));
-        Drawn {
-            depth: tape.concat(&depths, 0),
-            silhouette: joined(&silhouettes),
-            image: joined(&images),
-            covered,
+        if let Some(colors) = wanted.colors {
+            images.push(frame.interpolate(packed.part(colors, k).insert_axis(0)));
+            covered.extend(frame.mask());
         }
     }
-
-    fn take(&self) -> Arc<Fragments<f32>> {
-        let mut spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner);
-        let free = spare.iter().position(|fragments| Arc::strong_count(fragments) == 1);
-        free.map_or_else(Arc::default, |i| spare.swap_remove(i))
-    }
-
-    fn keep(&self, fragments: &Arc<Fragments<f32>>) {
-        self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::clone(fragments));
+    let joined = |parts: &[Var<'t>]| (!parts.is_empty()).then(|| tape.concat(parts, 0));
+    Drawn {
+        depth: tape.concat(&depths, 0),
+        silhouette: joined(&silhouettes),
+        image: joined(&images),
+        covered,
     }
 }
 

@@ -294,9 +294,10 @@ fn depth_channels_are_of_their_kind() {
 fn rendered_depth_is_compared_as_it_says() {
     use std::sync::Arc;
 
-    use super::rendered::{Drawer, Wanted, depth_difference};
+    use super::rendered::{Wanted, depth_difference, draw};
     use DepthKind::{Estimated, True};
     use DepthLossKind::{Aligned, Auto, Log, Plain, Trimmed};
+    use diff_raster::Scratch;
 
     let of = |depth: DepthKind, depth_loss: DepthLossKind, times: f32, nothing: Option<f64>| {
         // Nothing is compared, but coverage may count.
@@ -318,7 +319,8 @@ fn rendered_depth_is_compared_as_it_says() {
         let positions = tape.leaf(rows);
         let lens = ndarray::Array3::from_shape_vec((1, 3, 4), scene.picture.lens.to_vec()).unwrap();
         let wanted = Wanted { silhouette: coverage > 0.0, colors: None };
-        let drawn = Drawer::default().draw(&packed, positions, tape.constant(lens), 32, wanted);
+        let lens = tape.constant(lens);
+        let drawn = draw(&Scratch::default(), &packed, positions, lens, 32, wanted);
         let loss = depth_difference(&drawn, &[&scene], &config);
         let value = loss.item();
         let gradients = loss.backward();

@@ -49,7 +49,7 @@ use encoder::Encoder;
 use feature_cache::FeatureCache;
 use model::{Meshes, Model};
 use prepared::Prepared;
-use render::Renderer;
+use render::ViewRenderer;
 
 pub use config::{AttentionKind, EncoderKind, Img2MeshConfig, SilhouetteKind};
 pub use data::{Data, Sample};
@@ -60,7 +60,7 @@ pub struct Img2Mesh {
     config: Img2MeshConfig,
     seed: u64,
     model: Model,
-    renderer: Renderer,
+    renderer: ViewRenderer,
     features: FeatureCache,
 }
 
@@ -165,7 +165,7 @@ impl System for Img2Mesh {
 
     fn new(config: &Img2MeshConfig, seed: u64) -> Self {
         let (model, template) = Model::new(config, seed);
-        let renderer = Renderer::new(&template, config);
+        let renderer = ViewRenderer::new(&template, config);
         Self { config: config.clone(), seed, model, renderer, features: FeatureCache::default() }
     }
 

@@ -82,7 +82,7 @@ impl Img2Mesh {
         let positions = tape.constant(meshes.positions.value());
         let colors = tape.constant(meshes.colors.value());
         let rendered = self.renderer.render(positions, colors, matrices);
-        (rendered.image.value().iter().copied().collect(), rendered.fragments.mask())
+        (rendered.image.value().iter().copied().collect(), rendered.frame.mask())
     }
 
     /// The first group: the model above the truth, and the mesh.

@@ -60,7 +60,7 @@ use train::{
 use crate::stacked::stacked;
 use model::{Model, Predicted};
 use photo::lens_of;
-use render::{Rendered, Renderer};
+use render::{Rendered, TexturedRenderer};
 use shapes::{Split, Template};
 
 pub use config::{McmrConfig, RendererKind, RotationLoss};
@@ -82,7 +82,7 @@ pub struct Mcmr {
     config: McmrConfig,
     model: Model,
     template: Template,
-    renderer: Renderer,
+    renderer: TexturedRenderer,
 }
 
 impl Module<f32> for Mcmr {
@@ -120,7 +120,7 @@ impl Mcmr {
     fn refine(&mut self) -> Split {
         let (template, split) = self.template.subdivided();
         self.model.shapes = split.shapes(&self.model.shapes);
-        self.renderer = Renderer::new(&template, &self.config);
+        self.renderer = TexturedRenderer::new(&template, &self.config);
         self.template = template;
         split
     }
@@ -193,7 +193,7 @@ impl System for Mcmr {
     fn new(config: &McmrConfig, seed: u64) -> Self {
         let template = Template::new(config.level);
         let model = Model::new(config, seed, &template);
-        let renderer = Renderer::new(&template, config);
+        let renderer = TexturedRenderer::new(&template, config);
         Self { config: config.clone(), model, template, renderer }
     }
 

@@ -1,13 +1,13 @@
 //! Meshes and textures into images.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use autodiff_lite::{Tape, Var};
 use diff_raster::{
-    Faces, Fragments, Paint, Settings, SoftRas, SoftRasSettings, antialiased_silhouette,
-    interpolate, rasterize_into, soft_silhouette, softras, sphere_texture, texel_centers,
+    Faces, Frame, Paint, Renderer, Settings, SoftRas, SoftRasSettings, softras, sphere_texture,
+    texel_centers,
 };
-use ndarray::{Array2, Array3, Ix3};
+use ndarray::{Array2, Array3};
 
 use super::config::{McmrConfig, RendererKind};
 use super::shapes::Template;
@@ -15,17 +15,14 @@ use super::shapes::Template;
 /// Texels along an edge of a face under SoftRas, as published.
 const TEXELS: usize = 6;
 
-/// A renderer for the meshes of one template.
+/// A renderer for the textured meshes of one template.
 #[derive(Debug)]
-pub(super) struct Renderer {
-    faces: Arc<Faces>,
-    settings: Settings,
+pub(super) struct TexturedRenderer {
+    renderer: Renderer,
     exact: f64,
     sphere: Array2<f32>,
     /// With SoftRas, and the directions of its texels `[F, 36, 3]`.
     clouds: Option<(Arc<SoftRas>, Array3<f32>)>,
-    /// Fragments of earlier steps; one that nobody else holds is used again.
-    spare: Mutex<Vec<Arc<Fragments<f32>>>>,
 }
 
 /// A rendering of `N` meshes.
@@ -39,7 +36,7 @@ pub(super) struct Rendered<'t> {
     pub(super) mask: Vec<f32>,
 }
 
-impl Renderer {
+impl TexturedRenderer {
     pub(super) fn new(template: &Template, config: &McmrConfig) -> Self {
         let faces = Faces::new(template.sphere.len(), &template.corners);
         let faces = Arc::new(faces.expect("a template's faces name its vertices"));
@@ -58,12 +55,10 @@ impl Renderer {
             (SoftRas::new(&faces, &settings), directions(template))
         });
         Self {
-            settings,
             exact: config.exact,
             sphere: Array2::from(template.sphere.clone()),
-            faces,
             clouds,
-            spare: Mutex::default(),
+            renderer: Renderer::new(faces, settings),
         }
     }
 
@@ -76,8 +71,8 @@ impl Renderer {
         matrices: Var<'t>,
     ) -> Rendered<'t> {
         let projected = positions.project(matrices);
-        let fragments = self.fragments(projected);
-        let mask = fragments.mask();
+        let frame = self.renderer.frame(projected);
+        let mask = frame.mask();
         if let Some((renderer, middles)) = &self.clouds {
             let [n, ..] = texture.dims::<4>();
             let [f, texels, _] = [middles.shape()[0], middles.shape()[1], 3];
@@ -90,32 +85,19 @@ impl Renderer {
             let silhouette = both.slice_axis(3, 3..4).reshape(&[n, h, w]);
             return Rendered { image: both.slice_axis(3, 0..3), silhouette, mask };
         }
-        let directions = interpolate(projected, tape.constant(self.sphere.clone()), &fragments);
+        let directions = frame.interpolate(tape.constant(self.sphere.clone()));
         let image = sphere_texture(directions, texture);
-        Rendered { image, silhouette: self.silhouette(projected, &fragments), mask }
+        Rendered { image, silhouette: self.silhouette(&frame), mask }
     }
 
-    fn silhouette<'t>(&self, projected: Var<'t>, fragments: &Arc<Fragments<f32>>) -> Var<'t> {
-        let soft = |share: f64| soft_silhouette(projected, fragments).scale(share as f32);
-        let exact = |share: f64| antialiased_silhouette(projected, fragments).scale(share as f32);
+    fn silhouette<'t>(&self, frame: &Frame<'t>) -> Var<'t> {
+        let soft = |share: f64| frame.soft_silhouette().scale(share as f32);
+        let exact = |share: f64| frame.antialiased_silhouette().scale(share as f32);
         match self.exact {
             0.0 => soft(1.0),
             1.0 => exact(1.0),
             share => soft(1.0 - share).add(exact(share)),
         }
-    }
-
-    fn fragments(&self, projected: Var<'_>) -> Arc<Fragments<f32>> {
-        let values = projected.value();
-        let values = values.view().into_dimensionality::<Ix3>().expect("[N, V, 3]");
-        let mut spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner);
-        let free = spare.iter().position(|fragments| Arc::strong_count(fragments) == 1);
-        let mut fragments = free.map_or_else(Arc::default, |i| spare.swap_remove(i));
-        drop(spare);
-        rasterize_into(values, &self.faces, &self.settings, &mut fragments);
-        let mut spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner);
-        spare.push(Arc::clone(&fragments));
-        fragments
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use datasets::View;
-use diff_raster::{Faces, Fragments, NONE, Settings, rasterize_into};
+use diff_raster::{Faces, Fragments, NONE, Scratch, Settings, rasterize_into};
 use ndarray::ArrayView3;
 
 use super::target::Target;
@@ -13,7 +13,8 @@ use super::target::Target;
 pub(super) struct Sight {
     ndc: Vec<f32>,
     pub(super) projected: Vec<[f32; 3]>,
-    pub(super) fragments: Arc<Fragments>,
+    pub(super) fragments: Fragments,
+    scratch: Scratch,
 }
 
 /// A pixel that shows the surface.
@@ -44,7 +45,7 @@ impl Sight {
         };
         let ndc = ArrayView3::from_shape((1, positions.len(), 3), &self.ndc)
             .expect("three numbers per vertex");
-        rasterize_into(ndc, faces, &settings, &mut self.fragments);
+        rasterize_into(ndc, faces, &settings, &self.scratch, &mut self.fragments);
     }
 
     /// How squarely a face is seen, 0 to 1.

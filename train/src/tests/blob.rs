@@ -4,9 +4,9 @@
 use std::sync::Arc;
 
 use autodiff_lite::{Activation, Param, Tape, impl_module};
-use diff_raster::{Faces, Settings, antialiased_silhouette, rasterize};
-use mesh_core::{ByteImage, Camera, Topology, primitives};
-use ndarray::{Array2, ArrayD, Ix3, IxDyn};
+use diff_raster::{Faces, Renderer, Settings};
+use mesh_core::{ByteImage, Camera, Topology, TriMesh, primitives};
+use ndarray::{Array2, ArrayD, IxDyn};
 use ode_deform::solve::SolveError;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -50,11 +50,11 @@ pub(super) struct Blob {
     hidden: (Param, Param),
     pub(super) offsets: (Param, Param),
     options: Options,
-    faces: Arc<Faces>,
+    renderer: Renderer,
     edges: Vec<[u32; 2]>,
     sphere: ArrayD<f32>,
 }
-impl_module!(Blob: f32 { hidden, offsets } fixed { options, faces, edges, sphere });
+impl_module!(Blob: f32 { hidden, offsets } fixed { options, renderer, edges, sphere });
 
 pub(super) struct Silhouette {
     name: String,
@@ -75,6 +75,10 @@ fn camera(angle: f64) -> Vec<f32> {
     camera.projection().concat().into_iter().map(|x| x as f32).collect()
 }
 
+fn renderer(mesh: &TriMesh) -> Renderer {
+    Renderer::new(Arc::new(Faces::of(mesh).unwrap()), Settings::new(SIDE, SIDE))
+}
+
 pub(super) fn silhouette(index: usize, angle: f64, name: String) -> Silhouette {
     let radii = object(index);
     let mesh = primitives::icosphere(2).scaled(radii);
@@ -83,10 +87,8 @@ pub(super) fn silhouette(index: usize, angle: f64, name: String) -> Silhouette {
     let positions = positions.to_shape(IxDyn(&[1, mesh.positions.len(), 3])).unwrap().to_owned();
     let matrix = camera(angle);
     let cameras = ArrayD::from_shape_vec(IxDyn(&[1, 3, 4]), matrix.clone()).unwrap();
-    let projected = tape.constant(positions).project(tape.constant(cameras)).value();
-    let projected = projected.view().into_dimensionality::<Ix3>().unwrap();
-    let faces = Arc::new(Faces::of(&mesh).unwrap());
-    let mask = rasterize(projected, &faces, &Settings::new(SIDE, SIDE)).mask();
+    let projected = tape.constant(positions).project(tape.constant(cameras));
+    let mask = renderer(&mesh).frame(projected).mask();
     Silhouette { name, radii, matrix, mask }
 }
 
@@ -106,11 +108,7 @@ impl Blob {
         let matrices = batch.iter().flat_map(|s| s.matrix.clone()).collect();
         let matrices = ArrayD::from_shape_vec(IxDyn(&[count, 3, 4]), matrices).unwrap();
         let projected = positions.project(tape.constant(matrices));
-        let values = projected.value();
-        let values = values.view().into_dimensionality::<Ix3>().unwrap();
-        let settings = Settings::new(SIDE, SIDE);
-        let fragments = rasterize(values, &self.faces, &settings);
-        [antialiased_silhouette(projected, &fragments), offsets]
+        [self.renderer.frame(projected).antialiased_silhouette(), offsets]
     }
 }
 
@@ -145,7 +143,7 @@ impl System for Blob {
             offsets: (weights(out, hidden, 0.2), Param::new(ndarray::Array1::zeros(out))),
             options: config.clone(),
             edges: Topology::new(mesh.positions.len(), &mesh.faces).edges.clone(),
-            faces: Arc::new(Faces::of(&mesh).unwrap()),
+            renderer: renderer(&mesh),
             sphere,
         }
     }
