@@ -18,6 +18,7 @@
 mod args;
 mod checkpoint;
 mod command;
+mod configuration;
 mod console;
 mod failure;
 mod interrupt;

@@ -9,13 +9,14 @@ use serde::Serialize;
 use train::{Summary, settings};
 
 use crate::args::{Check, Global, SystemSettings};
-use crate::command::fit::configuration;
+use crate::command::fit;
+use crate::configuration::configuration;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::mesh_file::read_mesh;
 use crate::options::{self, ListedOption};
 use crate::progress::Progress;
-use crate::system::{self, Systems};
+use crate::system::Systems;
 
 /// What is printed with `--json`.
 #[derive(Debug, Default, Serialize)]
@@ -48,7 +49,7 @@ pub(crate) fn system_report<S: Predictor>(
     asked: &SystemSettings,
     global: Global,
 ) -> Result<SystemReport, Failure> {
-    let config = system::configuration::<S>(asked, global)?;
+    let config = configuration::<S>(asked, global)?;
     let summary = S::summary(&config.system);
     let text = settings::to_toml(&config);
     let config = serde_json::to_value(&config).map_err(Failure::other)?;
@@ -100,7 +101,7 @@ pub(crate) fn run(
         // `-` stands for no file at all: the defaults.
         let mut asked = asked.clone();
         asked.config = asked.config.filter(|path| path.as_os_str() != "-");
-        checked.config = Some(configuration(&asked, global)?);
+        checked.config = Some(fit::configuration(&asked, global)?);
     }
     if let Some(path) = &arguments.mesh {
         let mesh = read_mesh(console, path)?;

@@ -13,12 +13,12 @@ use train::{
 };
 
 use crate::args::{Global, Train};
+use crate::configuration::configuration;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::progress::{Progress, spoken};
 use crate::provenance::provenance;
-use crate::system;
 
 /// Steps and time after which the pace of a training is worth telling.
 const PACE_KNOWN: (u64, Duration) = (3, Duration::from_secs(4));
@@ -71,7 +71,7 @@ impl Command<'_> {
         let Prepared { run, config, data } = if let Some(path) = &arguments.resume {
             self.resumed::<S>(path)?
         } else {
-            let config = system::configuration::<S>(&arguments.settings, global)?;
+            let config = configuration::<S>(&arguments.settings, global)?;
             RunFolder::examine(self.place(), arguments.force).map_err(failed)?;
             Prepared { run: None, config, data: arguments.data.clone() }
         };
