@@ -74,18 +74,21 @@ pub mod reference;
 mod faces;
 mod fragments;
 mod frame;
+mod rasterize;
 mod renderer;
 mod scratch;
+mod scratch_pool;
 mod settings;
 mod softras;
 
 pub use faces::{Faces, FacesError, NONE};
-pub use fragments::{Fragments, rasterize, rasterize_into};
+pub use fragments::Fragments;
 pub use frame::Frame;
 pub use ops::{
     Paint, antialiased_silhouette, depth, interpolate, interpolate_corners, soft_silhouette,
     softras, sphere_texture, texture,
 };
+pub use rasterize::{rasterize, rasterize_into};
 pub use renderer::Renderer;
 pub use scratch::Scratch;
 pub use settings::{Instructions, Rule, Settings};

@@ -1,7 +1,6 @@
 //! Memory that is used again.
 
-use std::ops::{Deref, DerefMut};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use autodiff_lite::Real;
 
@@ -9,6 +8,7 @@ use crate::Fragments;
 use crate::kernels::texture::Sorted;
 use crate::kernels::visibility::Planes;
 use crate::kernels::{antialias, silhouette};
+use crate::scratch_pool::ScratchPool;
 
 /// Memory that rasterising and its operations need between their passes, kept for the next time.
 ///
@@ -56,78 +56,5 @@ impl<F: Real> Scratch<F> {
         write(Arc::get_mut(&mut fragments).expect("this was the only handle"));
         self.fragments.give(Arc::clone(&fragments));
         fragments
-    }
-}
-
-/// Memory of one kind that tasks lend from each other, so that it is allocated once and stays hot.
-#[derive(Debug)]
-pub(crate) struct ScratchPool<T>(Arc<Mutex<Vec<T>>>);
-
-impl<T> Clone for ScratchPool<T> {
-    fn clone(&self) -> Self {
-        Self(Arc::clone(&self.0))
-    }
-}
-
-impl<T> Default for ScratchPool<T> {
-    fn default() -> Self {
-        Self(Arc::default())
-    }
-}
-
-impl<T> ScratchPool<T> {
-    fn give(&self, spare: T) {
-        self.lock().push(spare);
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Vec<T>> {
-        // A panic elsewhere does not make scratch memory any worse.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl<T: Default> ScratchPool<T> {
-    /// Calls `f` with scratch of unknown content.
-    pub(crate) fn with<R>(&self, f: impl FnOnce(&mut T) -> R) -> R {
-        let mut own = self.take();
-        let result = f(&mut own);
-        self.give(own);
-        result
-    }
-
-    /// Scratch of unknown content, which comes back on drop.
-    pub(crate) fn lend(&self) -> Lent<T> {
-        Lent { own: self.take(), pool: self.clone() }
-    }
-
-    fn take(&self) -> T {
-        self.lock().pop().unwrap_or_default()
-    }
-}
-
-/// Scratch in the hands of an operation, until the tape drops it.
-#[derive(Debug)]
-pub(crate) struct Lent<T: Default> {
-    own: T,
-    pool: ScratchPool<T>,
-}
-
-impl<T: Default> Deref for Lent<T> {
-    type Target = T;
-
-    fn deref(&self) -> &T {
-        &self.own
-    }
-}
-
-impl<T: Default> DerefMut for Lent<T> {
-    fn deref_mut(&mut self) -> &mut T {
-        &mut self.own
-    }
-}
-
-impl<T: Default> Drop for Lent<T> {
-    fn drop(&mut self) {
-        self.pool.give(std::mem::take(&mut self.own));
     }
 }

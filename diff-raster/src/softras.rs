@@ -7,7 +7,7 @@ use autodiff_lite::Real;
 use crate::Faces;
 use crate::kernels::setup::Centres;
 use crate::kernels::softras::State;
-use crate::scratch::ScratchPool;
+use crate::scratch_pool::ScratchPool;
 
 /// Size of the image and the two temperatures of SoftRas.
 ///

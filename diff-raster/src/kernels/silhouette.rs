@@ -20,7 +20,7 @@ use crate::kernels::bits::Bits;
 use crate::kernels::distance::{edge_rows, edges, nearest, squared};
 use crate::kernels::lanes::{Job, Lanes, MAX_LANES, dispatch, three};
 use crate::kernels::setup::{BAND_ROWS, Bands, PixelBox, extent, near, visible_corners};
-use crate::scratch::ScratchPool;
+use crate::scratch_pool::ScratchPool;
 use crate::{Fragments, Rule, Settings};
 
 /// Faces per parallel task when looking for those near the background.

@@ -9,7 +9,7 @@ use autodiff_lite::{Backward, Op, Real, Var};
 
 use crate::kernels::{antialias, silhouette};
 use crate::ops::check_projected;
-use crate::scratch::Lent;
+use crate::scratch_pool::Lent;
 use crate::{Fragments, Scratch};
 
 /// DIB-R's soft silhouette: 1 where a face is seen, and around it the probability that any face

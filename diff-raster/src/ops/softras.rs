@@ -6,7 +6,7 @@ use std::sync::Arc;
 use autodiff_lite::{Backward, Op, Real, ShapeError, Tensor, Var};
 
 use crate::kernels::softras::{self, Colours, State};
-use crate::scratch::Lent;
+use crate::scratch_pool::Lent;
 use crate::softras::SoftRas;
 
 /// What SoftRas paints faces with.
