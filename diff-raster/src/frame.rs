@@ -69,7 +69,7 @@ impl<'t, F: Real> Frame<'t, F> {
     #[track_caller]
     pub fn interpolate(&self, attributes: Var<'t, F>) -> Var<'t, F> {
         let Self { projected, fragments, scratch } = self;
-        ops::interpolate::of_vertices(*projected, attributes, fragments, scratch)
+        ops::interpolate_vertices(*projected, attributes, fragments, scratch)
     }
 
     /// Attributes of the corners of faces at each pixel, zero at background; see
@@ -82,7 +82,7 @@ impl<'t, F: Real> Frame<'t, F> {
     #[track_caller]
     pub fn interpolate_corners(&self, attributes: Var<'t, F>) -> Var<'t, F> {
         let Self { projected, fragments, scratch } = self;
-        ops::interpolate::of_corners(*projected, attributes, fragments, scratch)
+        ops::interpolate_faces(*projected, attributes, fragments, scratch)
     }
 
     /// DIB-R's soft silhouette; see [`soft_silhouette`](crate::soft_silhouette).
@@ -91,7 +91,7 @@ impl<'t, F: Real> Frame<'t, F> {
     /// Result `[N, H, W]` in `[0, 1]`.
     #[track_caller]
     pub fn soft_silhouette(&self) -> Var<'t, F> {
-        ops::silhouette::soft(self.projected, &self.fragments, &self.scratch)
+        ops::draw_soft(self.projected, &self.fragments, &self.scratch)
     }
 
     /// Coverage with the sub-pixel position of the silhouette; see
@@ -101,7 +101,7 @@ impl<'t, F: Real> Frame<'t, F> {
     /// Result `[N, H, W]` in `[0, 1]`.
     #[track_caller]
     pub fn antialiased_silhouette(&self) -> Var<'t, F> {
-        ops::silhouette::antialiased(self.projected, &self.fragments, &self.scratch)
+        ops::draw_antialiased(self.projected, &self.fragments, &self.scratch)
     }
 
     /// Planar depth, and `background` where nothing is seen; see [`depth`](crate::depth).
@@ -110,7 +110,7 @@ impl<'t, F: Real> Frame<'t, F> {
     /// Result `[N, H, W]`.
     #[track_caller]
     pub fn depth(&self, background: F) -> Var<'t, F> {
-        ops::depth::draw(self.projected, &self.fragments, background, &self.scratch)
+        ops::draw_depth(self.projected, &self.fragments, background, &self.scratch)
     }
 
     /// Colours of a texture, zero at background; see [`texture`](crate::texture).
@@ -122,6 +122,6 @@ impl<'t, F: Real> Frame<'t, F> {
     /// If `uv` does not have the size of this frame.
     #[track_caller]
     pub fn texture(&self, uv: Var<'t, F>, image: Var<'t, F>) -> Var<'t, F> {
-        ops::texture::draw(uv, image, &self.fragments, &self.scratch)
+        ops::draw_texture(uv, image, &self.fragments, &self.scratch)
     }
 }

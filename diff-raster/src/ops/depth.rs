@@ -29,11 +29,11 @@ pub fn depth<'t, F: Real>(
     fragments: &Arc<Fragments<F>>,
     background: F,
 ) -> Var<'t, F> {
-    draw(projected, fragments, background, &Scratch::default())
+    draw_depth(projected, fragments, background, &Scratch::default())
 }
 
 #[track_caller]
-pub(crate) fn draw<'t, F: Real>(
+pub(crate) fn draw_depth<'t, F: Real>(
     projected: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
     background: F,

@@ -32,11 +32,11 @@ pub fn interpolate<'t, F: Real>(
     attributes: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
-    of_vertices(projected, attributes, fragments, &Scratch::default())
+    interpolate_vertices(projected, attributes, fragments, &Scratch::default())
 }
 
 #[track_caller]
-pub(crate) fn of_vertices<'t, F: Real>(
+pub(crate) fn interpolate_vertices<'t, F: Real>(
     projected: Var<'t, F>,
     attributes: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
@@ -68,11 +68,11 @@ pub fn interpolate_corners<'t, F: Real>(
     attributes: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
-    of_corners(projected, attributes, fragments, &Scratch::default())
+    interpolate_faces(projected, attributes, fragments, &Scratch::default())
 }
 
 #[track_caller]
-pub(crate) fn of_corners<'t, F: Real>(
+pub(crate) fn interpolate_faces<'t, F: Real>(
     projected: Var<'t, F>,
     attributes: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,

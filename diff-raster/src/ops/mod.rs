@@ -1,11 +1,14 @@
 //! The differentiable operations: thin glue between the tape and the kernels.
+//!
+//! What these functions need between their passes is allocated in each call; the same operations of a
+//! [`Frame`](crate::Frame) use that of earlier frames.
 
-pub(crate) mod depth;
-pub(crate) mod interpolate;
-pub(crate) mod silhouette;
+mod depth;
+mod interpolate;
+mod silhouette;
 mod softras;
 mod sphere_texture;
-pub(crate) mod texture;
+mod texture;
 
 pub use depth::depth;
 pub use interpolate::{interpolate, interpolate_corners};
@@ -13,6 +16,11 @@ pub use silhouette::{antialiased_silhouette, soft_silhouette};
 pub use softras::{Paint, softras};
 pub use sphere_texture::sphere_texture;
 pub use texture::texture;
+
+pub(crate) use depth::draw_depth;
+pub(crate) use interpolate::{interpolate_faces, interpolate_vertices};
+pub(crate) use silhouette::{draw_antialiased, draw_soft};
+pub(crate) use texture::draw_texture;
 
 use autodiff_lite::{Real, ShapeError, Var};
 

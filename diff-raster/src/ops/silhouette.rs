@@ -24,7 +24,7 @@ use crate::{Fragments, Scratch};
 /// # Gradient
 /// To the screen positions; none to depth, and none from pixels that show a face: a silhouette
 /// that is too large shrinks only where other losses see it, or by
-/// [`antialiased_silhouette`](crate::antialiased_silhouette).
+/// [`antialiased_silhouette`].
 /// # Cost
 /// `O(F + H W)` plus the pixels of the enlarged boxes that hold background. No list per pixel.
 /// # Panics
@@ -37,11 +37,11 @@ pub fn soft_silhouette<'t, F: Real>(
     projected: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
-    soft(projected, fragments, &Scratch::default())
+    draw_soft(projected, fragments, &Scratch::default())
 }
 
 #[track_caller]
-pub(crate) fn soft<'t, F: Real>(
+pub(crate) fn draw_soft<'t, F: Real>(
     projected: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
     scratch: &Scratch<F>,
@@ -99,11 +99,11 @@ pub fn antialiased_silhouette<'t, F: Real>(
     projected: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
-    antialiased(projected, fragments, &Scratch::default())
+    draw_antialiased(projected, fragments, &Scratch::default())
 }
 
 #[track_caller]
-pub(crate) fn antialiased<'t, F: Real>(
+pub(crate) fn draw_antialiased<'t, F: Real>(
     projected: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
     scratch: &Scratch<F>,

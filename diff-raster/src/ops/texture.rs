@@ -24,11 +24,11 @@ pub fn texture<'t, F: Real>(
     image: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
-    draw(uv, image, fragments, &Scratch::default())
+    draw_texture(uv, image, fragments, &Scratch::default())
 }
 
 #[track_caller]
-pub(crate) fn draw<'t, F: Real>(
+pub(crate) fn draw_texture<'t, F: Real>(
     uv: Var<'t, F>,
     image: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
