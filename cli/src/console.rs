@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::printable;
-use crate::progress::aside;
+use crate::terminal::{aside, say};
 
 /// How a command speaks.
 #[derive(Clone, Copy, Debug)]
@@ -44,13 +44,6 @@ impl Console {
     pub(crate) fn warn(self, text: impl Display) {
         self.remark(format_args!("warning: {text}"));
     }
-}
-
-/// Words on stderr, whatever names are in them.
-pub(crate) fn say(text: &str) {
-    let text = printable::message(text);
-    // A closed stderr is no reason to stop the work.
-    let _ = aside(|| writeln!(std::io::stderr(), "{text}"));
 }
 
 /// Bytes on stdout; a reader that has gone away (`| head`) is no failure.

@@ -8,7 +8,7 @@ use recon::inspect::InspectError;
 use synth::generate::ReadModelError;
 use train::output::OutputError;
 
-use crate::console::say;
+use crate::terminal::say;
 
 /// Why a command ends without success. The exit codes are part of the interface.
 #[derive(Debug)]

@@ -29,5 +29,6 @@ mod program;
 mod progress;
 mod provenance;
 mod system;
+mod terminal;
 
 pub use program::Program;

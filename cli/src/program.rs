@@ -9,7 +9,7 @@ use models::{Registry, register};
 
 use crate::args::Arguments;
 use crate::system::Systems;
-use crate::{command, console, printable};
+use crate::{command, printable, terminal};
 
 /// The program, with the systems that its commands can be told.
 #[derive(Debug)]
@@ -61,7 +61,7 @@ fn refused(error: &clap::Error) -> ExitCode {
     let asked = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
     // A pattern of the shell's can bring any name here, and clap prints it as it is.
     if !asked && !std::env::args_os().all(|word| printable::is_plain(&word.to_string_lossy())) {
-        console::say(&error.render().to_string());
+        terminal::say(&error.render().to_string());
         return ExitCode::from(2);
     }
     error.exit()

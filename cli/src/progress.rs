@@ -3,7 +3,7 @@
 
 use std::io::Write;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -11,6 +11,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::console::Console;
 use crate::printable;
+use crate::terminal::{DRAWN, locked};
 
 /// Between two looks on a terminal.
 const BLINK: Duration = Duration::from_millis(250);
@@ -20,18 +21,6 @@ const HEARTBEAT: Duration = Duration::from_secs(30);
 const KNOWN_AFTER: Duration = Duration::from_secs(2);
 /// Characters of the bar between its brackets.
 const BAR: usize = 12;
-
-/// The line on the terminal, if there is one: what else is printed must make room for it.
-static DRAWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
-
-/// Writes to the terminal beside the line that is drawn over.
-pub(crate) fn aside<T>(write: impl FnOnce() -> T) -> T {
-    let bar = locked(&DRAWN).clone();
-    match bar {
-        Some(bar) => bar.suspend(write),
-        None => write(),
-    }
-}
 
 /// A stretch of work that somebody may watch. Its end is when it is dropped.
 #[derive(Debug)]
@@ -210,11 +199,6 @@ pub(crate) fn spoken(time: Duration) -> String {
         (0, _) => format!("{minutes} min"),
         _ => format!("{hours} h {minutes} min"),
     }
-}
-
-/// What a thread that panicked left is still worth showing.
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

@@ -80,6 +80,7 @@ mod scratch;
 mod scratch_pool;
 mod settings;
 mod softras;
+mod softras_settings;
 
 pub use faces::{Faces, FacesError, NONE};
 pub use fragments::Fragments;
@@ -92,4 +93,5 @@ pub use rasterize::{rasterize, rasterize_into};
 pub use renderer::Renderer;
 pub use scratch::Scratch;
 pub use settings::{Instructions, Rule, Settings};
-pub use softras::{SoftRas, SoftRasSettings, texel_centers};
+pub use softras::{SoftRas, texel_centers};
+pub use softras_settings::SoftRasSettings;
