@@ -13,7 +13,7 @@ use train::{DataError, Source};
 use super::boxes::Boxes;
 use super::config::RefineConfig;
 use super::depth_targets::{DepthTargets, Known};
-use crate::paired::{Frame, Pairs, Picture, Surface, some};
+use crate::paired::{Pairs, Picture, Surface, placed, some};
 
 /// Bytes of targets that are kept at most; what is beyond is made again each time.
 const BUDGET: usize = 3 << 30;
@@ -140,7 +140,7 @@ impl Scenes {
     ) -> Result<Scene, DataError> {
         let picture = self.pairs.picture(place[0], place[1])?;
         let depth_targets = self.relief(place, &picture)?;
-        let truth = points_in(&depth_targets.frame, &surface.points, chosen);
+        let truth = placed(&depth_targets.frame, &surface.points, chosen);
         let colored = surface.colors.len() == surface.points.positions.len();
         let colors =
             if colored { chosen.iter().map(|&i| surface.colors[i]).collect() } else { Vec::new() };
@@ -229,16 +229,4 @@ fn opened(path: &Path, options: &ReadOptions) -> Result<Box<dyn Dataset>, DataEr
         return Ok(Box::new(Boxes::new(Pix3d::open(path).map_err(DataError::read)?)));
     }
     Ok(dataset)
-}
-
-fn points_in(frame: &Frame, points: &SurfacePoints, chosen: &[usize]) -> SurfacePoints {
-    let normals = points.normals.len() == points.positions.len();
-    SurfacePoints {
-        positions: chosen.iter().map(|&i| frame.place(points.positions[i])).collect(),
-        normals: if normals {
-            chosen.iter().map(|&i| frame.turn(points.normals[i])).collect()
-        } else {
-            Vec::new()
-        },
-    }
 }

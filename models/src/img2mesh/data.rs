@@ -114,14 +114,7 @@ impl Data {
             return Self::clock(config);
         };
         let families = families_named(&config.families).map_err(DataError::Unfit)?;
-        let side = config.image_size.max(config.render_size);
-        let orbit = Orbit {
-            count: config.synthetic_views,
-            width: side,
-            height: side,
-            seed: config.data_seed,
-            ..Procedural::orbit()
-        };
+        let orbit = orbit(config, Procedural::orbit());
         let set = Procedural::new(&families, objects, config.test_objects, orbit);
         let set = if config.turned { set.turned() } else { set }.placed(config.placed);
         Self::many(Box::new(set), ReadOptions::default(), config)
@@ -132,14 +125,7 @@ impl Data {
     /// # Errors
     /// As [`one`](Self::one).
     pub fn clock(config: &Img2MeshConfig) -> Result<Self, DataError> {
-        let side = config.image_size.max(config.render_size);
-        let orbit = Orbit {
-            count: config.synthetic_views,
-            width: side,
-            height: side,
-            seed: config.data_seed,
-            ..Orbit::default()
-        };
+        let orbit = orbit(config, Orbit::default());
         let views = render_views(
             &AlarmClock::default().build(),
             &orbit.cameras(),
@@ -281,4 +267,11 @@ fn hashed(hash: Fingerprint, views: &[View]) -> Fingerprint {
         let camera: Vec<u8> = camera.as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
         hash.with(&view.color.data).with(&view.mask.data).with(&camera)
     })
+}
+
+/// The cameras of views that are made, as sharp as the sharpest of what looks at them.
+fn orbit(config: &Img2MeshConfig, base: Orbit) -> Orbit {
+    let side = config.image_size.max(config.render_size);
+    let (count, seed) = (config.synthetic_views, config.data_seed);
+    Orbit { count, width: side, height: side, seed, ..base }
 }

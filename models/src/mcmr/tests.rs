@@ -65,30 +65,18 @@ fn presets_are_in_range_and_parameters_are_counted() {
 #[test]
 fn both_sets_of_published_weights() {
     let weights = |name: &str| {
-        let McmrConfig {
-            mask_weight,
-            camera_weight,
-            camera_length_weight,
-            deform_weight,
-            laplacian_weight,
-            laplacian_offsets_weight,
-            cotangent_weight,
-            percept_weight,
-            color_weight,
-            lightness_weight,
-            ..
-        } = preset(name).system;
+        let config = preset(name).system;
         [
-            mask_weight,
-            camera_weight,
-            camera_length_weight,
-            deform_weight,
-            laplacian_weight,
-            laplacian_offsets_weight,
-            cotangent_weight,
-            percept_weight,
-            color_weight,
-            lightness_weight,
+            config.mask_weight,
+            config.camera_weight,
+            config.camera_length_weight,
+            config.deform_weight,
+            config.laplacian_weight,
+            config.laplacian_offsets_weight,
+            config.cotangent_weight,
+            config.percept_weight,
+            config.color_weight,
+            config.lightness_weight,
         ]
     };
     assert_eq!(weights("paper"), [100.0, 20.0, 0.1, 0.05, 6.0, 1.8, 0.0, 0.8, 0.03, 0.005]);

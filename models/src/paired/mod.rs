@@ -28,8 +28,8 @@ mod score;
 mod shown;
 
 pub use config::PairsConfig;
-pub(crate) use pairs::some;
 pub use pairs::{Pair, Pairs, Surface};
+pub(crate) use pairs::{placed, some};
 pub use picture::{Frame, Picture};
 pub use score::{EMD_POINTS, PointScores, point_scores};
 pub(crate) use shown::picture_above;

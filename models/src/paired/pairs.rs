@@ -12,7 +12,7 @@ use train::{DataError, Source};
 
 use super::config::PairsConfig;
 use super::paint::colors_of;
-use super::picture::Picture;
+use super::picture::{Frame, Picture};
 use crate::view_cache::ViewCache;
 
 /// Points that are taken from the surface of an object once; each step takes some of them.
@@ -152,7 +152,7 @@ impl Pairs {
     pub fn pair(&self, object: usize, view: usize) -> Result<Pair, DataError> {
         let (picture, surface) = (self.picture(object, view)?, self.surface(object)?);
         let all: Vec<usize> = (0..surface.points.positions.len()).collect();
-        let truth = placed(&picture, &surface.points, &all);
+        let truth = placed(&picture.frame, &surface.points, &all);
         Ok(Pair { picture, truth })
     }
 
@@ -235,7 +235,7 @@ fn some_of(
     count: usize,
     rng: &mut ChaCha8Rng,
 ) -> SurfacePoints {
-    placed(picture, &surface.points, &some(surface.points.positions.len(), count, rng))
+    placed(&picture.frame, &surface.points, &some(surface.points.positions.len(), count, rng))
 }
 
 /// `count` of `there` places: distinct ones while there are enough.
@@ -248,8 +248,8 @@ pub(crate) fn some(there: usize, count: usize, rng: &mut ChaCha8Rng) -> Vec<usiz
     }
 }
 
-fn placed(picture: &Picture, points: &SurfacePoints, chosen: &[usize]) -> SurfacePoints {
-    let frame = &picture.frame;
+/// Chosen points in a frame, with their normals where all have one.
+pub(crate) fn placed(frame: &Frame, points: &SurfacePoints, chosen: &[usize]) -> SurfacePoints {
     let normals = points.normals.len() == points.positions.len();
     SurfacePoints {
         positions: chosen.iter().map(|&i| frame.place(points.positions[i])).collect(),

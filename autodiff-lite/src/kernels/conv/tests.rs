@@ -155,7 +155,42 @@ fn wide_winograd_equals_the_sum_on_every_instruction_set() {
     }
 }
 
-/// In `f64` its rounding is out of the way. One size has several blocks of tiles.
+/// A pass from one side of a convolution to the other, and the gradient of its weight.
+type Pass = fn(&ConvSizes, Isa, Operands<'_, f64>);
+type WeightPass = fn(&ConvSizes, Isa, &[f64], &[f64], &mut [f64], &mut [f64]);
+
+/// In `f64` the rounding of an algorithm is out of the way.
+fn assert_exact(
+    s: &ConvSizes,
+    [forward, grad_input]: [Pass; 2],
+    grad_weight: WeightPass,
+    tolerance: f64,
+) {
+    for isa in Isa::available() {
+        let (x, w) = (noise::<f64>(s.input_len(), 1), noise::<f64>(s.weight_len(), 2));
+        let (g, bias) = (noise::<f64>(s.output_len(), 3), noise::<f64>(s.out_channels, 4));
+        let direct = Conv { sizes: *s, algorithm: ConvAlgorithm::Direct, isa };
+        let mut memory = vec![f64::NAN; 3 << 20];
+        let (bias, relu) = (Some(&bias[..]), Activation::Relu);
+        let (mut a, mut b) = (vec![0.0; s.output_len()], vec![f64::NAN; s.output_len()]);
+        direct.forward(&x, &w, bias, relu, &mut a, &mut memory);
+        let (to, scratch) = (&mut b[..], &mut memory[..]);
+        forward(s, isa, Operands { from: &x, w: &w, bias, activation: relu, to, scratch });
+        close(&b, &a, tolerance, "y");
+        let none = Activation::None;
+        let (mut a, mut b) = (vec![0.0; s.input_len()], vec![f64::NAN; s.input_len()]);
+        direct.grad_input(&g, &w, None, none, &mut a, &mut memory);
+        let (to, scratch) = (&mut b[..], &mut memory[..]);
+        grad_input(s, isa, Operands { from: &g, w: &w, bias: None, activation: none, to, scratch });
+        close(&b, &a, tolerance, "gx");
+        let (mut a, mut b) = (vec![0.0; s.weight_len()], vec![f64::NAN; s.weight_len()]);
+        direct.grad_weight(&x, &g, &mut a, &mut memory);
+        grad_weight(s, isa, &x, &g, &mut b, &mut memory);
+        close(&b, &a, tolerance, "gw");
+    }
+}
+
+/// One size has several blocks of tiles.
 #[test]
 fn wide_winograd_is_exact_but_for_rounding() {
     let g = ConvGeometry::new();
@@ -165,50 +200,10 @@ fn wide_winograd_is_exact_but_for_rounding() {
         sizes([1, 3, 3, 64], [64, 64, 3, 3], g.padding(2)),
     ] {
         assert!(wide::applies_to(&s));
-        for isa in Isa::available() {
-            let (x, w) = (noise::<f64>(s.input_len(), 1), noise::<f64>(s.weight_len(), 2));
-            let (g, bias) = (noise::<f64>(s.output_len(), 3), noise::<f64>(s.out_channels, 4));
-            let direct = Conv { sizes: s, algorithm: ConvAlgorithm::Direct, isa };
-            let mut memory = vec![f64::NAN; 3 << 20];
-            let (mut a, mut b) = (vec![0.0; s.output_len()], vec![f64::NAN; s.output_len()]);
-            direct.forward(&x, &w, Some(&bias), Activation::Relu, &mut a, &mut memory);
-            wide::forward(
-                &s,
-                isa,
-                Operands {
-                    from: &x,
-                    w: &w,
-                    bias: Some(&bias),
-                    activation: Activation::Relu,
-                    to: &mut b,
-                    scratch: &mut memory,
-                },
-            );
-            close(&b, &a, 1e-11, "y");
-            let (mut a, mut b) = (vec![0.0; s.input_len()], vec![f64::NAN; s.input_len()]);
-            direct.grad_input(&g, &w, None, Activation::None, &mut a, &mut memory);
-            wide::grad_input(
-                &s,
-                isa,
-                Operands {
-                    from: &g,
-                    w: &w,
-                    bias: None,
-                    activation: Activation::None,
-                    to: &mut b,
-                    scratch: &mut memory,
-                },
-            );
-            close(&b, &a, 1e-11, "gx");
-            let (mut a, mut b) = (vec![0.0; s.weight_len()], vec![f64::NAN; s.weight_len()]);
-            direct.grad_weight(&x, &g, &mut a, &mut memory);
-            wide::grad_weight(&s, isa, &x, &g, &mut b, &mut memory);
-            close(&b, &a, 1e-11, "gw");
-        }
+        assert_exact(&s, [wide::forward, wide::grad_input], wide::grad_weight, 1e-11);
     }
 }
 
-/// In `f64` its rounding is out of the way.
 #[test]
 fn winograd_is_exact_but_for_rounding() {
     let g = ConvGeometry::new();
@@ -218,46 +213,7 @@ fn winograd_is_exact_but_for_rounding() {
         sizes([1, 3, 3, 16], [16, 16, 3, 3], g.padding(2)),
     ] {
         assert!(winograd::applies(&s));
-        for isa in Isa::available() {
-            let (x, w) = (noise::<f64>(s.input_len(), 1), noise::<f64>(s.weight_len(), 2));
-            let g = noise::<f64>(s.output_len(), 3);
-            let direct = Conv { sizes: s, algorithm: ConvAlgorithm::Direct, isa };
-            let mut memory = vec![f64::NAN; 1 << 20];
-            let (mut a, mut b) = (vec![0.0; s.output_len()], vec![0.0; s.output_len()]);
-            direct.forward(&x, &w, None, Activation::Relu, &mut a, &mut memory);
-            winograd::forward(
-                &s,
-                isa,
-                Operands {
-                    from: &x,
-                    w: &w,
-                    bias: None,
-                    activation: Activation::Relu,
-                    to: &mut b,
-                    scratch: &mut memory,
-                },
-            );
-            close(&b, &a, 1e-12, "y");
-            let (mut a, mut b) = (vec![0.0; s.input_len()], vec![0.0; s.input_len()]);
-            direct.grad_input(&g, &w, None, Activation::None, &mut a, &mut memory);
-            winograd::grad_input(
-                &s,
-                isa,
-                Operands {
-                    from: &g,
-                    w: &w,
-                    bias: None,
-                    activation: Activation::None,
-                    to: &mut b,
-                    scratch: &mut memory,
-                },
-            );
-            close(&b, &a, 1e-12, "gx");
-            let (mut a, mut b) = (vec![0.0; s.weight_len()], vec![0.0; s.weight_len()]);
-            direct.grad_weight(&x, &g, &mut a, &mut memory);
-            winograd::grad_weight(&s, isa, &x, &g, &mut b, &mut memory);
-            close(&b, &a, 1e-12, "gw");
-        }
+        assert_exact(&s, [winograd::forward, winograd::grad_input], winograd::grad_weight, 1e-12);
     }
 }
 
