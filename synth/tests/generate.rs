@@ -192,7 +192,7 @@ fn folders_of_others_are_left_alone() {
     assert_eq!(files(&mine).len(), 1);
     let wrong = GenerateConfig { views: 0, ..config };
     let error = generate(&wrong, None, &mine, &|_, _| ControlFlow::Continue(())).unwrap_err();
-    assert!(error.to_string().contains("views: found 0"), "{error}");
+    assert!(error.to_string().contains("`views` is 0"), "{error}");
 }
 
 #[test]

@@ -332,7 +332,7 @@ fn test_start<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Erro
         None,
     }
     Ok(match Start::deserialize(from)? {
-        Start::At(start) if start >= 0.0 => Some(start),
-        Start::At(_) | Start::Middle(Middle::None) => None,
+        Start::At(-1.0) | Start::Middle(Middle::None) => None,
+        Start::At(start) => Some(start),
     })
 }

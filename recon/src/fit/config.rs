@@ -116,7 +116,7 @@ mod tests {
         };
         let problems = config.check();
         assert_eq!(problems.len(), 3);
-        assert!(problems[0].contains("`level` is 2"), "{problems:?}");
+        assert!(problems[2].contains("`level` is 2"), "{problems:?}");
         assert!(toml::from_str::<FitConfig>("levle = 5").is_err());
     }
 }
