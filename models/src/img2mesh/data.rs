@@ -114,7 +114,7 @@ impl Data {
             return Self::clock(config);
         };
         let families = families_named(&config.families).map_err(DataError::Unfit)?;
-        let orbit = orbit(config, Procedural::orbit());
+        let orbit = orbit(config, &Procedural::orbit());
         let set = Procedural::new(&families, objects, config.test_objects, orbit);
         let set = if config.turned { set.turned() } else { set }.placed(config.placed);
         Self::many(Box::new(set), ReadOptions::default(), config)
@@ -125,7 +125,7 @@ impl Data {
     /// # Errors
     /// As [`one`](Self::one).
     pub fn clock(config: &Img2MeshConfig) -> Result<Self, DataError> {
-        let orbit = orbit(config, Orbit::default());
+        let orbit = orbit(config, &Orbit::default());
         let views = render_views(
             &AlarmClock::default().build(),
             &orbit.cameras(),
@@ -270,8 +270,8 @@ fn hashed(hash: Fingerprint, views: &[View]) -> Fingerprint {
 }
 
 /// The cameras of views that are made, as sharp as the sharpest of what looks at them.
-fn orbit(config: &Img2MeshConfig, base: Orbit) -> Orbit {
+fn orbit(config: &Img2MeshConfig, base: &Orbit) -> Orbit {
     let side = config.image_size.max(config.render_size);
     let (count, seed) = (config.synthetic_views, config.data_seed);
-    Orbit { count, width: side, height: side, seed, ..base }
+    Orbit { count, width: side, height: side, seed, ..base.clone() }
 }
