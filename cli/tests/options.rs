@@ -7,9 +7,21 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use common::unsphere;
+use models::predict::Predictor;
+use models::{Registry, register};
 use serde_json::Value;
 
 const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/options.md");
+
+/// The names of all systems.
+#[derive(Default)]
+struct Names(Vec<&'static str>);
+
+impl Registry for Names {
+    fn register<S: Predictor>(&mut self) {
+        self.0.push(S::NAME);
+    }
+}
 
 /// The table of a list of options, as the program gives it in JSON.
 fn table(title: &str, options: &Value) -> String {
@@ -49,9 +61,9 @@ fn the_page_of_options_is_the_programs() {
          This page is made by `cli/tests/options.rs`, which also holds it to be true.\n",
     );
     page.push_str(&table("fit", &fit));
-    for system in
-        ["img2mesh", "mcmr", "ode-pixel2mesh", "pixel2mesh", "depth-pixel2mesh", "mesh-rcnn"]
-    {
+    let mut systems = Names::default();
+    register(&mut systems);
+    for system in systems.0 {
         page.push_str(&table(system, &list(system).ok().json()));
     }
     if std::env::var_os("UPDATE_DOCS").is_some() {

@@ -6,7 +6,7 @@ use serde::ser::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::{Table, Value};
 
-use crate::settings::{LARGEST, Options as _, above_to};
+use crate::settings::{LARGEST, Options as _, above_to, date};
 
 crate::options! {
     /// Options of the training loop, each with the default that [`TrainConfig::default`] gives.
@@ -204,12 +204,7 @@ impl<'de, C: DeserializeOwned + Serialize + Default> Deserialize<'de> for Config
 ///
 /// No field can hold a date, so that one in its place is an error where the key is read and passes where it is not.
 fn is_alias<T: DeserializeOwned>(key: &str) -> bool {
-    let date = Value::Datetime(toml::value::Datetime {
-        date: Some(toml::value::Date { year: 1970, month: 1, day: 1 }),
-        time: None,
-        offset: None,
-    });
-    T::deserialize(Value::Table([(key.to_owned(), date)].into_iter().collect()))
+    T::deserialize(Value::Table([(key.to_owned(), date())].into_iter().collect()))
         .is_err_and(|error| !error.message().contains("unknown field"))
 }
 

@@ -12,6 +12,7 @@ pub mod optional;
 mod options;
 mod ranged;
 
+pub(crate) use options::date;
 pub use options::{Declared, OptionInfo, Options};
 pub use ranged::{LARGEST, Ranged, above_to, out_of_range, range_of};
 

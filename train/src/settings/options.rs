@@ -74,13 +74,17 @@ fn short(text: &str) -> String {
         .map_or_else(|| text.to_owned(), |x| format!("{:?}", x as f32))
 }
 
-/// What the type of an option says when it is given what no option is: a date.
-fn expected<T: DeserializeOwned>(key: &str) -> String {
-    let date = Value::Datetime(toml::value::Datetime {
+/// A date, which no option holds: given one, a type says what it expects.
+pub(crate) fn date() -> Value {
+    Value::Datetime(toml::value::Datetime {
         date: Some(toml::value::Date { year: 1970, month: 1, day: 1 }),
         time: None,
         offset: None,
-    });
+    })
+}
+
+/// What the type of an option says when it is given what it cannot hold.
+fn expected<T: DeserializeOwned>(key: &str) -> String {
     let text = |value: Value| {
         let error = T::deserialize(Value::Table([(key.to_owned(), value)].into_iter().collect()));
         let message = error.err().map(|error| error.message().to_owned())?;
@@ -88,7 +92,7 @@ fn expected<T: DeserializeOwned>(key: &str) -> String {
     };
     // Of choices a text that is none of them tells all.
     let choices = text(Value::String(String::from("?"))).filter(|what| what.contains('`'));
-    let what = choices.or_else(|| text(date)).or_else(|| text(Value::Boolean(true)));
+    let what = choices.or_else(|| text(date())).or_else(|| text(Value::Boolean(true)));
     let what = what.unwrap_or_default();
     let what = what.split(", or \"").next().unwrap_or_default();
     let what = what.strip_prefix("one of ").unwrap_or(what);
