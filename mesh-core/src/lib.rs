@@ -35,6 +35,7 @@
 //!   camera sees, [`CameraVolume`]
 //! - **see**: [`Camera`] with every convention that data comes in; [`Image`], [`ByteImage`], [`DepthMap`],
 //!   [`DisparityMap`] and the [`GroundPlane`] that estimators make up
+//! - **compute** with three numbers: [`vector`]
 //! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB), [`read_image`], [`write_png`], EXR depth, PFM;
 //!   module [`io`]; how much memory reading may take and what else it may open, [`Limits`]
 //!
@@ -80,7 +81,7 @@ mod remesh;
 mod sample;
 mod subdivide;
 mod topology;
-mod vector;
+pub mod vector;
 mod voxel;
 
 pub use camera::{

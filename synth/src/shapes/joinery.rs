@@ -2,12 +2,12 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+use mesh_core::vector::{cross, dot, narrow, norm};
 use mesh_core::{TriMesh, primitives};
 
 use super::paint::Paint;
 
-/// A place or a direction.
-pub(super) type Point = [f64; 3];
+pub(super) use mesh_core::vector::{Vec3 as Point, add, scale, sub, unit};
 
 /// A surface over rings of equally many points, closed by a fan at each end.
 ///
@@ -32,7 +32,7 @@ pub(super) fn loft(rings: &[Vec<Point>]) -> TriMesh {
         }
         faces.push([bottom + 1, at(last, j), at(last, j + 1)]);
     }
-    TriMesh::new(positions.into_iter().map(|p| p.map(|x| x as f32)).collect(), faces)
+    TriMesh::new(positions.into_iter().map(narrow).collect(), faces)
 }
 
 /// A round bar along a path, its radius a function of the share of the path, its ends rounded.
@@ -277,35 +277,7 @@ pub(super) fn rolled(mesh: TriMesh, degrees: f64) -> TriMesh {
 
 /// Moved.
 pub(super) fn moved(mesh: TriMesh, by: Point) -> TriMesh {
-    mesh.translated(by.map(|x| x as f32))
-}
-
-pub(super) fn add(a: Point, b: Point) -> Point {
-    std::array::from_fn(|k| a[k] + b[k])
-}
-
-pub(super) fn sub(a: Point, b: Point) -> Point {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-pub(super) fn scale(a: Point, s: f64) -> Point {
-    a.map(|x| x * s)
-}
-
-pub(super) fn norm(a: Point) -> f64 {
-    dot(a, a).sqrt()
-}
-
-pub(super) fn unit(a: Point) -> Point {
-    scale(a, 1.0 / norm(a))
-}
-
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Point, b: Point) -> Point {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    mesh.translated(narrow(by))
 }
 
 /// A path of straight lines whose corners are rounded by arcs that begin `radius` before them.

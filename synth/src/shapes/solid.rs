@@ -2,38 +2,14 @@
 
 use mesh_core::TriMesh;
 use mesh_core::primitives::{self, TubeEnds};
+use mesh_core::vector::{cross, narrow};
 
-/// A point or direction: +X to the object's left hand, +Y up, +Z to its front.
-pub(super) type Point = [f64; 3];
-
-pub(super) fn add(a: Point, b: Point) -> Point {
-    std::array::from_fn(|k| a[k] + b[k])
-}
-
-pub(super) fn sub(a: Point, b: Point) -> Point {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-pub(super) fn scale(a: Point, by: f64) -> Point {
-    a.map(|v| v * by)
-}
+/// A point or direction is +X to the object's left hand, +Y up, +Z to its front.
+pub(super) use mesh_core::vector::{Vec3 as Point, add, scale, sub, unit};
 
 /// The point at a share of the way from `a` to `b`.
 pub(super) fn mix(a: Point, b: Point, share: f64) -> Point {
     std::array::from_fn(|k| a[k] + (b[k] - a[k]) * share)
-}
-
-fn cross(a: Point, b: Point) -> Point {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub(super) fn unit(a: Point) -> Point {
-    let length = a.iter().map(|v| v * v).sum::<f64>().sqrt();
-    scale(a, 1.0 / length)
-}
-
-fn narrow(p: Point) -> [f32; 3] {
-    p.map(|v| v as f32)
 }
 
 /// A box around a centre.
