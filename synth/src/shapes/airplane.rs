@@ -11,11 +11,11 @@ use super::draw::Draw;
 use super::family::Family;
 use super::shape::Shape;
 use super::solid::{self, Point, add};
-use plan::{Colors, DARK, GLASS, METAL, Plane, Style, WHITE};
+use plan::{Colors, DARK, GLASS, METAL, Plane, STYLES, Style, WHITE};
 
 pub(super) fn draw(seed: u64) -> Shape {
     let mut draw = Draw::new(seed, 1);
-    let style = draw.pick(&Style::ALL);
+    let (style, name) = draw.pick(&STYLES);
     let plane = Plane::draw(&mut draw, style);
     let colors = paint(&mut draw, style);
     let mut all = Assembly::default();
@@ -37,7 +37,7 @@ pub(super) fn draw(seed: u64) -> Shape {
     };
     landing_gear(&mut all, &plane, gear, style);
     let traits = vec![
-        ("style", style.name().to_owned()),
+        ("style", name.to_owned()),
         ("wing", planform.to_owned()),
         ("mount", mount.to_owned()),
         ("engines", engines.to_owned()),

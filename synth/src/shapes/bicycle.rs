@@ -24,20 +24,17 @@ enum Style {
     Cruiser,
 }
 
-impl Style {
-    const ALL: [Self; 5] =
-        [Self::Classic, Self::StepThrough, Self::Mountain, Self::Racing, Self::Cruiser];
+/// Radii of wheel, tyre and tubes, wheelbase, length of the seat tube, its angle in degrees.
+type Lines = [f64; 6];
 
-    fn name(self) -> &'static str {
-        match self {
-            Self::Classic => "classic",
-            Self::StepThrough => "step-through",
-            Self::Mountain => "mountain",
-            Self::Racing => "racing",
-            Self::Cruiser => "cruiser",
-        }
-    }
-}
+/// Every style with its name and its lines.
+const STYLES: [(Style, &str, Lines); 5] = [
+    (Style::Classic, "classic", [0.335, 0.021, 0.019, 1.03, 0.54, 72.0]),
+    (Style::StepThrough, "step-through", [0.335, 0.024, 0.021, 1.08, 0.5, 69.0]),
+    (Style::Mountain, "mountain", [0.345, 0.034, 0.025, 1.1, 0.45, 71.0]),
+    (Style::Racing, "racing", [0.335, 0.016, 0.018, 0.99, 0.56, 73.5]),
+    (Style::Cruiser, "cruiser", [0.325, 0.034, 0.021, 1.14, 0.44, 68.0]),
+];
 
 /// The points and thicknesses that all parts hang on, metres.
 struct Frame {
@@ -58,14 +55,8 @@ struct Frame {
 }
 
 impl Frame {
-    fn draw(draw: &mut Draw, style: Style) -> Self {
-        let [wheel, tyre, tube, base, tall, angle] = match style {
-            Style::Classic => [0.335, 0.021, 0.019, 1.03, 0.54, 72.0],
-            Style::StepThrough => [0.335, 0.024, 0.021, 1.08, 0.5, 69.0],
-            Style::Mountain => [0.345, 0.034, 0.025, 1.1, 0.45, 71.0],
-            Style::Racing => [0.335, 0.016, 0.018, 0.99, 0.56, 73.5],
-            Style::Cruiser => [0.325, 0.034, 0.021, 1.14, 0.44, 68.0],
-        };
+    fn draw(draw: &mut Draw, style: Style, lines: Lines) -> Self {
+        let [wheel, tyre, tube, base, tall, angle] = lines;
         let mut vary = |value: f64, share: f64| value * draw.within(1.0 - share, 1.0 + share);
         let (base, tall) = (vary(base, 0.04), vary(tall, 0.1));
         let (wheel, tube) = (vary(wheel, 0.06), vary(tube, 0.1));
@@ -111,8 +102,8 @@ impl Frame {
 
 pub(super) fn draw(seed: u64) -> Shape {
     let mut draw = Draw::new(seed, 7);
-    let style = draw.pick(&Style::ALL);
-    let frame = Frame::draw(&mut draw, style);
+    let (style, name, lines) = draw.pick(&STYLES);
+    let frame = Frame::draw(&mut draw, style, lines);
     let mut all = Assembly::default();
     tubes(&mut all, &frame);
     let spokes = draw.pick(&[12, 16, 20, 24, 28]);
@@ -179,7 +170,7 @@ pub(super) fn draw(seed: u64) -> Shape {
     let (about, axis) = (frame.head[0], frame.steering());
     all.move_since(first, |mesh| solid::rotated(mesh, about, axis, turn));
     let traits = vec![
-        ("style", style.name().to_owned()),
+        ("style", name.to_owned()),
         ("handlebar", handlebar.to_owned()),
         ("carrier", carrier.to_owned()),
         ("fenders", if has_fenders { "yes" } else { "no" }.to_owned()),

@@ -12,12 +12,12 @@ use super::shape::Shape;
 use super::solid::{self, Point};
 use super::wheel::Wheel;
 use openings::{door, doors, windows};
-use plan::{AMBER, Bus, GLASS, RED, Stretch, Style, TRIM, WHITE};
+use plan::{AMBER, Bus, GLASS, RED, STYLES, Stretch, Style, TRIM, WHITE};
 
 pub(super) fn draw(seed: u64) -> Shape {
     let mut draw = Draw::new(seed, 3);
-    let style = draw.pick(&Style::ALL);
-    let bus = Bus::draw(&mut draw, style);
+    let (style, name, lines) = draw.pick(&STYLES);
+    let bus = Bus::draw(&mut draw, style, lines);
     let colors = livery::Colors::draw(&mut draw, style);
     // Doors are on the right, or on the left where traffic keeps to the left.
     let curb = if draw.chance(0.7) { -1.0 } else { 1.0 };
@@ -41,7 +41,7 @@ pub(super) fn draw(seed: u64) -> Shape {
     wheels(&mut all, &bus, &mut draw);
     let roof = roof::roof(&mut all, &bus, &mut draw, &stretches);
     let traits = vec![
-        ("style", style.name().to_owned()),
+        ("style", name.to_owned()),
         ("livery", colors.livery.to_owned()),
         ("glazing", glazing.to_owned()),
         ("panes", panes.to_string()),

@@ -31,21 +31,43 @@ enum Style {
     Van,
 }
 
-impl Style {
-    const ALL: [Self; 6] =
-        [Self::Sedan, Self::Hatchback, Self::Suv, Self::Pickup, Self::Sports, Self::Van];
+/// Length, width, height, ground, wheel; nose, cowl, belt, tail; windscreen foot and head from the
+/// front, rear window's head and foot from the rear; overhangs.
+type Lines = [f64; 15];
 
-    fn name(self) -> &'static str {
-        match self {
-            Self::Sedan => "sedan",
-            Self::Hatchback => "hatchback",
-            Self::Suv => "suv",
-            Self::Pickup => "pickup",
-            Self::Sports => "sports",
-            Self::Van => "van",
-        }
-    }
-}
+/// Every style with its name and its lines.
+const STYLES: [(Style, &str, Lines); 6] = [
+    (
+        Style::Sedan,
+        "sedan",
+        [4.7, 1.82, 1.45, 0.2, 0.33, 0.72, 0.95, 0.98, 1.02, 1.25, 2.0, 1.55, 0.8, 0.86, 0.98],
+    ),
+    (
+        Style::Hatchback,
+        "hatchback",
+        [3.95, 1.75, 1.5, 0.2, 0.31, 0.75, 0.98, 1.0, 0.98, 0.95, 1.6, 0.5, 0.18, 0.72, 0.62],
+    ),
+    (
+        Style::Suv,
+        "suv",
+        [4.65, 1.9, 1.78, 0.28, 0.38, 0.95, 1.14, 1.17, 1.17, 1.25, 1.85, 0.38, 0.16, 0.84, 0.85],
+    ),
+    (
+        Style::Pickup,
+        "pickup",
+        [5.35, 1.92, 1.82, 0.32, 0.4, 1.0, 1.16, 1.19, 1.19, 1.45, 2.0, 2.05, 1.9, 0.9, 1.15],
+    ),
+    (
+        Style::Sports,
+        "sports",
+        [4.4, 1.92, 1.25, 0.14, 0.31, 0.69, 0.86, 0.9, 0.93, 1.45, 2.2, 1.5, 0.45, 0.9, 0.85],
+    ),
+    (
+        Style::Van,
+        "van",
+        [5.0, 1.95, 2.15, 0.22, 0.35, 0.95, 1.2, 1.22, 1.22, 0.62, 1.35, 0.2, 0.13, 0.86, 0.95],
+    ),
+];
 
 /// The lines of a car, metres. Heights are above the ground.
 struct Car {
@@ -70,32 +92,8 @@ struct Car {
 }
 
 impl Car {
-    fn draw(draw: &mut Draw, style: Style) -> Self {
-        // Length, width, height, ground, wheel; nose, cowl, belt, tail; windscreen foot and head
-        // from the front, rear window's head and foot from the rear; overhangs.
-        let [l, w, h, g, r, nose, cowl, belt, tail, a, b, c, d, ahead, behind] = match style {
-            Style::Sedan => [
-                4.7, 1.82, 1.45, 0.2, 0.33, 0.72, 0.95, 0.98, 1.02, 1.25, 2.0, 1.55, 0.8, 0.86,
-                0.98,
-            ],
-            Style::Hatchback => [
-                3.95, 1.75, 1.5, 0.2, 0.31, 0.75, 0.98, 1.0, 0.98, 0.95, 1.6, 0.5, 0.18, 0.72, 0.62,
-            ],
-            Style::Suv => [
-                4.65, 1.9, 1.78, 0.28, 0.38, 0.95, 1.14, 1.17, 1.17, 1.25, 1.85, 0.38, 0.16, 0.84,
-                0.85,
-            ],
-            Style::Pickup => [
-                5.35, 1.92, 1.82, 0.32, 0.4, 1.0, 1.16, 1.19, 1.19, 1.45, 2.0, 2.05, 1.9, 0.9, 1.15,
-            ],
-            Style::Sports => [
-                4.4, 1.92, 1.25, 0.14, 0.31, 0.69, 0.86, 0.9, 0.93, 1.45, 2.2, 1.5, 0.45, 0.9, 0.85,
-            ],
-            Style::Van => [
-                5.0, 1.95, 2.15, 0.22, 0.35, 0.95, 1.2, 1.22, 1.22, 0.62, 1.35, 0.2, 0.13, 0.86,
-                0.95,
-            ],
-        };
+    fn draw(draw: &mut Draw, style: Style, lines: Lines) -> Self {
+        let [l, w, h, g, r, nose, cowl, belt, tail, a, b, c, d, ahead, behind] = lines;
         let mut vary = |value: f64, share: f64| value * draw.within(1.0 - share, 1.0 + share);
         let stretch = vary(1.0, 0.07);
         let (l, w, h) = (l * stretch, vary(w, 0.03), vary(h, 0.05));
@@ -220,8 +218,8 @@ impl Car {
 
 pub(super) fn draw(seed: u64) -> Shape {
     let mut draw = Draw::new(seed, 2);
-    let style = draw.pick(&Style::ALL);
-    let car = Car::draw(&mut draw, style);
+    let (style, name, lines) = draw.pick(&STYLES);
+    let car = Car::draw(&mut draw, style, lines);
     let paint = paint(&mut draw);
     let livery = match style {
         Style::Sports => draw.pick(&["plain", "stripes", "stripes"]),
@@ -257,7 +255,7 @@ pub(super) fn draw(seed: u64) -> Shape {
         Family::Car,
         seed,
         vec![
-            ("style", style.name().to_owned()),
+            ("style", name.to_owned()),
             ("livery", livery.to_owned()),
             ("roof", if open { "open" } else { "closed" }.to_owned()),
             ("extra", extra.to_owned()),

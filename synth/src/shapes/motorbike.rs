@@ -12,12 +12,12 @@ use super::family::Family;
 use super::shape::Shape;
 use super::solid::{self, Point, add, mix};
 use super::wheel::{Wheel, mudguard};
-use plan::{Bike, CHROME, DARK, LIGHT, RED, STEEL, Style, X, hull};
+use plan::{Bike, CHROME, DARK, LIGHT, RED, STEEL, STYLES, Style, X, hull};
 
 pub(super) fn draw(seed: u64) -> Shape {
     let mut draw = Draw::new(seed, 18);
-    let style = draw.pick(&Style::ALL);
-    let bike = Bike::draw(&mut draw, style);
+    let (style, name, lines) = draw.pick(&STYLES);
+    let bike = Bike::draw(&mut draw, style, lines);
     let mut all = Assembly::default();
     let spokes = match style {
         Style::Dirt => 18,
@@ -48,7 +48,7 @@ pub(super) fn draw(seed: u64) -> Shape {
     all.move_since(first, |mesh| solid::rotated(mesh, bike.head, axis, swings));
     let screen = fairing::fairing(&mut all, &bike, &mut draw);
     let traits = vec![
-        ("style", style.name().to_owned()),
+        ("style", name.to_owned()),
         ("engine", engine.to_owned()),
         ("exhausts", exhausts.to_string()),
         ("handlebar", handlebar.to_owned()),

@@ -22,27 +22,15 @@ pub(super) enum Style {
     Fighter,
 }
 
-impl Style {
-    pub(super) const ALL: [Self; 6] = [
-        Self::Airliner,
-        Self::Jumbo,
-        Self::Business,
-        Self::Propeller,
-        Self::Turboprop,
-        Self::Fighter,
-    ];
-
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Airliner => "airliner",
-            Self::Jumbo => "jumbo",
-            Self::Business => "business jet",
-            Self::Propeller => "propeller",
-            Self::Turboprop => "turboprop",
-            Self::Fighter => "fighter",
-        }
-    }
-}
+/// Every style with its name.
+pub(super) const STYLES: [(Style, &str); 6] = [
+    (Style::Airliner, "airliner"),
+    (Style::Jumbo, "jumbo"),
+    (Style::Business, "business jet"),
+    (Style::Propeller, "propeller"),
+    (Style::Turboprop, "turboprop"),
+    (Style::Fighter, "fighter"),
+];
 
 /// The fuselage's cross-section at a share of its length from the nose.
 #[derive(Clone, Copy)]

@@ -23,27 +23,18 @@ pub(super) enum Style {
     Minibus,
 }
 
-impl Style {
-    pub(super) const ALL: [Self; 6] = [
-        Self::City,
-        Self::DoubleDecker,
-        Self::Articulated,
-        Self::Coach,
-        Self::School,
-        Self::Minibus,
-    ];
+/// Length, width, height, ground, wheel and lean of the front, metres.
+pub(super) type Lines = [f64; 6];
 
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::City => "city",
-            Self::DoubleDecker => "double decker",
-            Self::Articulated => "articulated",
-            Self::Coach => "coach",
-            Self::School => "school",
-            Self::Minibus => "minibus",
-        }
-    }
-}
+/// Every style with its name and its lines.
+pub(super) const STYLES: [(Style, &str, Lines); 6] = [
+    (Style::City, "city", [10.8, 2.5, 3.0, 0.3, 0.5, 0.16]),
+    (Style::DoubleDecker, "double decker", [9.6, 2.5, 4.35, 0.3, 0.5, 0.2]),
+    (Style::Articulated, "articulated", [15.5, 2.5, 3.05, 0.3, 0.5, 0.16]),
+    (Style::Coach, "coach", [11.6, 2.5, 3.65, 0.35, 0.52, 0.6]),
+    (Style::School, "school", [9.4, 2.4, 3.1, 0.5, 0.5, 0.12]),
+    (Style::Minibus, "minibus", [6.4, 2.1, 2.75, 0.35, 0.4, 0.5]),
+];
 
 /// The lines of a bus, metres.
 pub(super) struct Bus {
@@ -76,15 +67,8 @@ pub(super) struct Stretch {
 }
 
 impl Bus {
-    pub(super) fn draw(draw: &mut Draw, style: Style) -> Self {
-        let [length, width, height, ground, wheel, lean] = match style {
-            Style::City => [10.8, 2.5, 3.0, 0.3, 0.5, 0.16],
-            Style::DoubleDecker => [9.6, 2.5, 4.35, 0.3, 0.5, 0.2],
-            Style::Articulated => [15.5, 2.5, 3.05, 0.3, 0.5, 0.16],
-            Style::Coach => [11.6, 2.5, 3.65, 0.35, 0.52, 0.6],
-            Style::School => [9.4, 2.4, 3.1, 0.5, 0.5, 0.12],
-            Style::Minibus => [6.4, 2.1, 2.75, 0.35, 0.4, 0.5],
-        };
+    pub(super) fn draw(draw: &mut Draw, style: Style, lines: Lines) -> Self {
+        let [length, width, height, ground, wheel, lean] = lines;
         let mut vary = |value: f64, share: f64| value * draw.within(1.0 - share, 1.0 + share);
         let (length, height, width) = (vary(length, 0.09), vary(height, 0.04), vary(width, 0.03));
         let (front, rear) = (0.5 * length, -0.5 * length);

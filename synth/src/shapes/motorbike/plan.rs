@@ -24,21 +24,18 @@ pub(super) enum Style {
     Scooter,
 }
 
-impl Style {
-    pub(super) const ALL: [Self; 6] =
-        [Self::Sport, Self::Naked, Self::Cruiser, Self::Touring, Self::Dirt, Self::Scooter];
+/// Wheelbase, radii of the wheels, widths of the tyres, rake in degrees, heights of head and seat.
+pub(super) type Lines = [f64; 8];
 
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Sport => "sport",
-            Self::Naked => "naked",
-            Self::Cruiser => "cruiser",
-            Self::Touring => "touring",
-            Self::Dirt => "dirt",
-            Self::Scooter => "scooter",
-        }
-    }
-}
+/// Every style with its name and its lines.
+pub(super) const STYLES: [(Style, &str, Lines); 6] = [
+    (Style::Sport, "sport", [1.4, 0.305, 0.3, 0.19, 0.13, 24.0, 0.86, 0.8]),
+    (Style::Naked, "naked", [1.43, 0.305, 0.3, 0.18, 0.13, 25.0, 0.88, 0.79]),
+    (Style::Cruiser, "cruiser", [1.66, 0.31, 0.33, 0.2, 0.13, 34.0, 0.86, 0.66]),
+    (Style::Touring, "touring", [1.52, 0.31, 0.31, 0.19, 0.14, 27.0, 0.92, 0.78]),
+    (Style::Dirt, "dirt", [1.48, 0.32, 0.345, 0.13, 0.1, 27.0, 1.0, 0.92]),
+    (Style::Scooter, "scooter", [1.28, 0.225, 0.225, 0.13, 0.12, 25.0, 0.82, 0.75]),
+];
 
 /// The points that all parts hang on, metres.
 pub(super) struct Bike {
@@ -55,15 +52,8 @@ pub(super) struct Bike {
 }
 
 impl Bike {
-    pub(super) fn draw(draw: &mut Draw, style: Style) -> Self {
-        let [base, rear, front, thick, thin, rake, head, seat] = match style {
-            Style::Sport => [1.4, 0.305, 0.3, 0.19, 0.13, 24.0, 0.86, 0.8],
-            Style::Naked => [1.43, 0.305, 0.3, 0.18, 0.13, 25.0, 0.88, 0.79],
-            Style::Cruiser => [1.66, 0.31, 0.33, 0.2, 0.13, 34.0, 0.86, 0.66],
-            Style::Touring => [1.52, 0.31, 0.31, 0.19, 0.14, 27.0, 0.92, 0.78],
-            Style::Dirt => [1.48, 0.32, 0.345, 0.13, 0.1, 27.0, 1.0, 0.92],
-            Style::Scooter => [1.28, 0.225, 0.225, 0.13, 0.12, 25.0, 0.82, 0.75],
-        };
+    pub(super) fn draw(draw: &mut Draw, style: Style, lines: Lines) -> Self {
+        let [base, rear, front, thick, thin, rake, head, seat] = lines;
         let mut vary = |value: f64, share: f64| value * draw.within(1.0 - share, 1.0 + share);
         let (base, rake) = (vary(base, 0.05), vary(rake, 0.08_f64).to_radians());
         let radii = [vary(rear, 0.04), vary(front, 0.04)];
