@@ -57,6 +57,19 @@ impl Default for Orbit {
 }
 
 impl Orbit {
+    /// As photographs of an object are taken whose box has diagonal 1: one image each, from
+    /// anywhere a little below it to well above.
+    pub fn photos() -> Self {
+        Self {
+            count: 1,
+            placement: Placement::Random,
+            target: [0.0; 3],
+            distance: [1.7, 2.3],
+            elevation: [-5.0, 40.0],
+            ..Self::default()
+        }
+    }
+
     /// The cameras; the same for the same values.
     pub fn cameras(&self) -> Vec<Camera> {
         let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());

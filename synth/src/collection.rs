@@ -6,41 +6,17 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::cameras::{Orbit, Placement};
-
-/// Cameras as in collections of photographs, around an object whose box has diagonal 1.
-///
-/// Each view has the true camera, which made the image, and a rough one, as keypoints or a
-/// pose network would give it.
-///
-/// ```
-/// use synth::Collection;
-/// let pose = &Collection { seed: 7, ..Collection::default() }.poses()[0];
-/// assert_eq!(pose.camera.lens, pose.rough.lens);
-/// assert_ne!(pose.camera.rotation, pose.rough.rotation);
-/// ```
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Collection {
-    /// Images of an object.
-    pub count: usize,
-    /// Least and greatest distance from its middle.
-    pub distance: [f64; 2],
-    /// Lowest and highest elevation, degrees.
-    pub elevation: [f64; 2],
-    /// Full vertical angle of view, degrees.
-    pub fov_y: f64,
-    /// How rough the poses are.
-    pub noise: PoseNoise,
-    /// Width of the images.
-    pub width: usize,
-    /// Height of the images.
-    pub height: usize,
-    /// Seed of all that is drawn.
-    pub seed: u64,
-}
-
 /// How far a rough pose is from the true one: standard deviations of normal draws.
+///
+/// Such a pose is what keypoints or a pose network would give of the camera that made an image.
+///
+/// ```
+/// use synth::{Orbit, PoseNoise};
+/// let camera = &Orbit { seed: 7, ..Orbit::photos() }.cameras()[0];
+/// let rough = PoseNoise::default().drawn(camera, 7, 0);
+/// assert_eq!(camera.lens, rough.lens);
+/// assert_ne!(camera.rotation, rough.rotation);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PoseNoise {
@@ -61,48 +37,9 @@ pub struct RoughPose {
     pub rough: Camera,
 }
 
-impl Default for Collection {
-    fn default() -> Self {
-        Self {
-            count: 1,
-            distance: [1.7, 2.3],
-            elevation: [-5.0, 40.0],
-            fov_y: 40.0,
-            noise: PoseNoise::default(),
-            width: 256,
-            height: 256,
-            seed: 0,
-        }
-    }
-}
-
 impl Default for PoseNoise {
     fn default() -> Self {
         Self { rotation: 10.0, scale: 0.1, translation: 0.03 }
-    }
-}
-
-impl Collection {
-    /// The poses; the same for the same values.
-    pub fn poses(&self) -> Vec<RoughPose> {
-        let orbit = Orbit {
-            count: self.count,
-            placement: Placement::Random,
-            target: [0.0; 3],
-            distance: self.distance,
-            elevation: self.elevation,
-            fov_y: self.fov_y,
-            width: self.width,
-            height: self.height,
-            seed: self.seed,
-        };
-        let cameras = orbit.cameras().into_iter().enumerate();
-        cameras
-            .map(|(i, camera)| {
-                let rough = self.noise.drawn(&camera, self.seed, i as u64);
-                RoughPose { camera, rough }
-            })
-            .collect()
     }
 }
 
@@ -141,16 +78,23 @@ fn normal(rng: &mut ChaCha8Rng) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Orbit;
 
     fn spread(values: &[f64]) -> f64 {
         (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
     }
 
+    fn poses(orbit: &Orbit, noise: PoseNoise) -> Vec<RoughPose> {
+        let cameras = orbit.cameras().into_iter().zip(0..);
+        cameras
+            .map(|(camera, i)| RoughPose { rough: noise.drawn(&camera, orbit.seed, i), camera })
+            .collect()
+    }
+
     #[test]
     fn the_noise_is_as_large_as_it_says() {
         let noise = PoseNoise { rotation: 4.0, scale: 0.2, translation: 0.05 };
-        let set = Collection { count: 3000, noise, ..Collection::default() };
-        let poses = set.poses();
+        let poses = poses(&Orbit { count: 3000, ..Orbit::photos() }, noise);
         let mut angles = Vec::new();
         let mut sizes = Vec::new();
         let mut shifts = Vec::new();
@@ -170,7 +114,7 @@ mod tests {
     #[test]
     fn without_noise_both_poses_are_one() {
         let noise = PoseNoise { rotation: 0.0, scale: 0.0, translation: 0.0 };
-        for pose in (Collection { count: 5, noise, ..Collection::default() }).poses() {
+        for pose in poses(&Orbit { count: 5, ..Orbit::photos() }, noise) {
             assert!((pose.camera.rotation - pose.rough.rotation).abs().max() < 1e-15);
             assert_eq!(pose.camera.translation, pose.rough.translation);
         }
@@ -178,9 +122,10 @@ mod tests {
 
     #[test]
     fn more_pictures_move_none() {
-        let two = Collection { count: 2, ..Collection::default() }.poses();
-        assert_eq!(two[..1], Collection::default().poses());
+        let drawn = |orbit| poses(&orbit, PoseNoise::default());
+        let two = drawn(Orbit { count: 2, ..Orbit::photos() });
+        assert_eq!(two[..1], drawn(Orbit::photos()));
         assert_ne!(two[0], two[1]);
-        assert_ne!(two[..1], Collection { seed: 1, ..Collection::default() }.poses());
+        assert_ne!(two[..1], drawn(Orbit { seed: 1, ..Orbit::photos() }));
     }
 }

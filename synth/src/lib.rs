@@ -25,7 +25,7 @@ mod shade;
 pub mod shapes;
 
 pub use cameras::{Orbit, Placement};
-pub use collection::{Collection, PoseNoise, RoughPose};
+pub use collection::{PoseNoise, RoughPose};
 pub use dataset::write_dataset;
 pub use monocular::{Guess, Monocular};
 pub use procedural::{Procedural, families_named};

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use datasets::{Dataset, Layout, ReadOptions};
 use mesh_core::TriMesh;
 use synth::generate::read_rough_poses;
-use synth::{Collection, Orbit, Placement, Procedural, families_named};
+use synth::{Orbit, Procedural, families_named};
 use train::{DataError, Source};
 
 use super::config::McmrConfig;
@@ -52,20 +52,10 @@ impl Data {
     /// As [`of`](Self::of).
     pub fn synthetic(config: &McmrConfig) -> Result<Self, DataError> {
         let families = families_named(&config.families).map_err(DataError::Unfit)?;
-        let collection = Collection::default();
         // Objects fill about half of such an image, so a crop has the size of the network's.
         let side = 2 * config.image_size;
-        let orbit = Orbit {
-            count: 1,
-            placement: Placement::Random,
-            target: [0.0; 3],
-            distance: collection.distance,
-            elevation: collection.elevation,
-            fov_y: collection.fov_y,
-            width: side,
-            height: side,
-            seed: config.data_seed,
-        };
+        let seed = config.data_seed;
+        let orbit = Orbit { width: side, height: side, seed, ..Orbit::photos() };
         let set = Procedural::new(&families, config.objects, config.test_objects, orbit);
         Self::of(Box::new(set), ReadOptions::default(), config)
     }

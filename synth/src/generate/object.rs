@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::config::{CameraSet, GenerateConfig, OutputLayout};
 use super::model::Model;
 use crate::shapes::Family;
-use crate::{Collection, Orbit, Placement, R2n2Cameras, Rendering, RoughPose, render};
+use crate::{Orbit, R2n2Cameras, Rendering, render};
 
 /// Vertical angle of view of cameras that are not 3D-R2N2's, degrees.
 const FOV: f64 = 40.0;
@@ -166,54 +166,34 @@ fn cameras(config: &GenerateConfig, mesh: &TriMesh, seed: u64) -> (Vec<Camera>, 
     let diagonal = if diagonal > 0.0 { diagonal } else { 1.0 };
     let fov_y = fov_y(config);
     let near = nearest(config, fov_y) * diagonal;
-    let mut poses: Vec<RoughPose> = match config.cameras {
+    let mut cameras = match config.cameras {
         CameraSet::R2n2 => {
-            let set = R2n2Cameras { count, width, height, seed, ..R2n2Cameras::default() };
-            set.cameras().into_iter().map(|c| RoughPose { rough: c.clone(), camera: c }).collect()
+            R2n2Cameras { count, width, height, seed, ..R2n2Cameras::default() }.cameras()
         }
         CameraSet::Sphere => {
-            let orbit = Orbit {
-                count,
-                placement: Placement::Fibonacci,
-                target: middle,
-                distance: [near, 1.25 * near],
-                elevation: [-90.0, 90.0],
-                fov_y: fov_y.to_degrees(),
-                width,
-                height,
-                seed,
-            };
-            let cameras = turned(orbit.cameras(), middle, seed);
-            cameras.into_iter().map(|c| RoughPose { rough: c.clone(), camera: c }).collect()
+            let (target, distance) = (middle, [near, 1.25 * near]);
+            let set = Orbit { count, target, distance, width, height, seed, ..Orbit::default() };
+            turned(Orbit { fov_y: fov_y.to_degrees(), ..set }.cameras(), middle, seed)
         }
         CameraSet::Collection => {
-            let set = Collection {
-                count,
-                distance: [near, 1.4 * near],
-                fov_y: fov_y.to_degrees(),
-                noise: config.noise,
-                width,
-                height,
-                seed,
-                ..Collection::default()
-            };
-            let mut poses = set.poses();
-            for camera in poses.iter_mut().flat_map(|p| [&mut p.camera, &mut p.rough]) {
-                // The collection is around the origin.
-                camera.translation -= camera.rotation * Vector3::from(middle);
-            }
-            poses
+            let (distance, fov_y) = ([near, 1.4 * near], fov_y.to_degrees());
+            Orbit { count, distance, fov_y, width, height, seed, ..Orbit::photos() }.cameras()
         }
     };
-    for camera in poses.iter_mut().flat_map(|p| [&mut p.camera, &mut p.rough]) {
+    let collection = config.cameras == CameraSet::Collection;
+    let known = cameras.iter().zip(0..).filter(|_| collection);
+    let mut rough: Vec<Camera> = known.map(|(c, i)| config.noise.drawn(c, seed, i)).collect();
+    for camera in cameras.iter_mut().chain(&mut rough) {
+        if collection {
+            // Its cameras are around the origin.
+            camera.translation -= camera.rotation * Vector3::from(middle);
+        }
         if let Lens::Perspective { cx, cy, .. } = &mut camera.lens {
             *cx += config.principal[0] * width as f64;
             *cy += config.principal[1] * height as f64;
         }
     }
-    let rough = config.cameras == CameraSet::Collection;
-    let (cameras, known) = poses.into_iter().map(|p| (p.camera, p.rough)).unzip();
-    (cameras, if rough { known } else { Vec::new() })
+    (cameras, rough)
 }
 
 /// All cameras turned about the vertical through a point, by an angle of its own for every object:

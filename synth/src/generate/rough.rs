@@ -78,12 +78,15 @@ pub fn read_rough_poses(folder: &Path) -> Result<Vec<RoughPose>, RoughPosesError
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
-    use crate::Collection;
+    use crate::{Orbit, PoseNoise};
 
     #[test]
     fn poses_come_back_and_faults_are_named() {
-        let set = Collection { count: 3, width: 80, height: 60, ..Collection::default() };
-        let poses = set.poses();
+        let orbit = Orbit { count: 3, width: 80, height: 60, ..Orbit::photos() };
+        let rough = |camera: &Camera| PoseNoise::default().drawn(camera, 0, 0);
+        let poses = orbit.cameras().into_iter();
+        let poses: Vec<_> =
+            poses.map(|camera| RoughPose { rough: rough(&camera), camera }).collect();
         let pairs: Vec<_> = poses.iter().map(|p| (&p.camera, &p.rough)).collect();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(FILE);

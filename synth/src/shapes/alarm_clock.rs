@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 
 mod family;
 
+use super::draw::hsv;
+use super::joinery::{ellipse, turned};
+use super::solid::on_ellipse;
 pub(super) use family::draw;
 
 /// A round alarm clock on two feet with two bells; lengths in units of the body's radius.
@@ -115,10 +118,10 @@ impl AlarmClock {
         };
         // A strong hue for the body, a light dial, dark marks: recognisable in every draw.
         let (body, bell) = (draw(0.0, 1.0), draw(0.08, 0.16));
-        clock.colors.body = hue(body, 0.85, draw(0.55, 0.9));
-        clock.colors.dial = hue(draw(0.0, 1.0), 0.08, draw(0.88, 0.98));
-        clock.colors.hands = hue(draw(0.0, 1.0), 0.6, draw(0.1, 0.3));
-        clock.colors.bells = hue(bell, draw(0.4, 0.75), draw(0.75, 0.95));
+        clock.colors.body = hsv(body, 0.85, draw(0.55, 0.9));
+        clock.colors.dial = hsv(draw(0.0, 1.0), 0.08, draw(0.88, 0.98));
+        clock.colors.hands = hsv(draw(0.0, 1.0), 0.6, draw(0.1, 0.3));
+        clock.colors.bells = hsv(bell, draw(0.4, 0.75), draw(0.75, 0.95));
         clock
     }
 
@@ -160,13 +163,7 @@ impl AlarmClock {
         };
         add(self.on_dial(&hand(0.42, 0.055), self.hour / 12.0, 0.01).colored(self.colors.hands));
         add(self.on_dial(&hand(0.62, 0.038), minute, 0.014).colored(self.colors.hands));
-        let hub: Vec<[f64; 2]> = (0..24)
-            .map(|k| {
-                let (sin, cos) = (TAU * k as f64 / 24.0).sin_cos();
-                [0.075 * cos, 0.075 * sin]
-            })
-            .collect();
-        add(self.on_dial(&hub, 0.0, 0.02).colored(self.colors.hands));
+        add(self.on_dial(&ellipse(0.15, 0.15, 24), 0.0, 0.02).colored(self.colors.hands));
         clock
     }
 
@@ -176,10 +173,8 @@ impl AlarmClock {
         let round = 0.09_f64.min(0.4 * half);
         let mut profile = vec![[0.0, -half - 0.05], [0.3, -half - 0.045], [0.6, -half - 0.025]];
         let corner = |centre: f64, from: f64| {
-            (0..=6).map(move |k| {
-                let (sin, cos) = (from + FRAC_PI_2 * k as f64 / 6.0).sin_cos();
-                [1.0 - round + round * cos, centre + round * sin]
-            })
+            let angle = move |k| from + FRAC_PI_2 * k as f64 / 6.0;
+            (0..=6).map(move |k| on_ellipse([1.0 - round, centre], [round; 2], angle(k)))
         };
         profile.extend(corner(-half + round, -FRAC_PI_2));
         profile.extend(corner(half - round, 0.0));
@@ -191,7 +186,7 @@ impl AlarmClock {
             [DIAL - 0.02, dial],
         ]);
         profile.extend([[0.6, dial], [0.3, dial], [0.0, dial]]);
-        let mut body = turn(&profile, self.segments).transformed(&[
+        let mut body = turned(&profile, self.segments).transformed(&[
             [1.0, 0.0, 0.0, 0.0],
             [0.0, 0.0, -1.0, 0.0],
             [0.0, 1.0, 0.0, 0.0],
@@ -210,34 +205,28 @@ impl AlarmClock {
         let rim = SUNK + 0.3 * r;
         let mut profile =
             vec![[0.4 * r, 0.0], [0.4 * r, SUNK + 0.1 * r], [0.88 * r, rim - 0.07 * r]];
-        profile.extend((0..12).map(|k| {
-            let (sin, cos) = (FRAC_PI_2 * k as f64 / 12.0).sin_cos();
-            [r * cos, rim + 0.85 * r * sin]
-        }));
+        let dome = |k| on_ellipse([0.0, rim], [r, 0.85 * r], FRAC_PI_2 * k as f64 / 12.0);
+        profile.extend((0..12).map(dome));
         profile.push([0.0, rim + 0.85 * r]);
-        turn(&profile, self.segments / 2)
+        turned(&profile, (self.segments / 2).max(6))
     }
 
     fn knob(&self) -> TriMesh {
         let (length, r) = (self.knob_length + SUNK, 0.14);
         let mut profile = vec![[0.9 * r, 0.0], [0.8 * r, length - 1.6 * r]];
-        profile.extend((0..8).map(|k| {
-            let (sin, cos) = (-0.6 + (FRAC_PI_2 + 0.6) * k as f64 / 8.0).sin_cos();
-            [r * cos, length - r + r * sin]
-        }));
+        let angle = |k| -0.6 + (FRAC_PI_2 + 0.6) * k as f64 / 8.0;
+        profile.extend((0..8).map(|k| on_ellipse([0.0, length - r], [r, r], angle(k))));
         profile.push([0.0, length]);
-        turn(&profile, self.segments / 4)
+        turned(&profile, (self.segments / 4).max(6))
     }
 
     fn foot(&self) -> TriMesh {
         let length = self.foot_length + SUNK;
         let mut profile = vec![[0.13, 0.0], [0.125, 0.4 * length], [0.1, length - 0.08]];
-        profile.extend((1..5).map(|k| {
-            let (sin, cos) = (FRAC_PI_2 * k as f64 / 5.0).sin_cos();
-            [0.1 * cos, length - 0.08 + 0.08 * sin]
-        }));
+        let tip = |k| on_ellipse([0.0, length - 0.08], [0.1, 0.08], FRAC_PI_2 * k as f64 / 5.0);
+        profile.extend((1..5).map(tip));
         profile.push([0.0, length]);
-        turn(&profile, self.segments / 4)
+        turned(&profile, (self.segments / 4).max(6))
     }
 
     /// A flat part on the dial, its outline turned clockwise by a share of the full turn.
@@ -252,12 +241,6 @@ impl AlarmClock {
     }
 }
 
-/// A lathe over a profile in f64.
-fn turn(profile: &[[f64; 2]], segments: usize) -> TriMesh {
-    let profile: Vec<[f32; 2]> = profile.iter().map(|p| p.map(|v| v as f32)).collect();
-    primitives::lathe(&profile, segments.max(6))
-}
-
 /// Sets an upright part onto the body, at an angle from the vertical in degrees, clockwise seen
 /// from the front.
 fn stand(part: TriMesh, degrees: f64) -> TriMesh {
@@ -268,15 +251,6 @@ fn stand(part: TriMesh, degrees: f64) -> TriMesh {
         [-sin, cos, 0.0, out * cos],
         [0.0, 0.0, 1.0, 0.0],
     ])
-}
-
-/// A colour of the given hue in turns, saturation and value.
-fn hue(turns: f64, saturation: f64, value: f64) -> [f32; 3] {
-    [0.0, 2.0 / 3.0, 1.0 / 3.0].map(|shift| {
-        let t = (turns + shift).rem_euclid(1.0) * 6.0;
-        let ramp = ((t - 3.0).abs() - 1.0).clamp(0.0, 1.0);
-        (value * (1.0 - saturation * (1.0 - ramp))) as f32
-    })
 }
 
 #[cfg(test)]

@@ -72,11 +72,7 @@ impl Chair {
             "sled" | "cantilever" | "star" => draw.pick(&["metal", "lacquer"]),
             _ => draw.pick(&["wood", "wood", "lacquer"]),
         };
-        let frame = match material {
-            "wood" => Paint::wood(draw),
-            "metal" => Paint::metal(draw),
-            _ => Paint::lacquer(draw),
-        };
+        let frame = Paint::of(material, draw);
         let panel = match draw.count(0, 2) {
             0 => Paint::wood(draw),
             1 => Paint::lacquer(draw),

@@ -2,6 +2,8 @@
 
 use std::f64::consts::PI;
 
+use super::solid::on_ellipse;
+
 /// Adds the lower edge `[z, y]` from rear to front to a side view: along the sill, and over each
 /// axle (rear first) in an arch of this radius around a wheel of that one.
 pub(super) fn cut_arches(
@@ -15,10 +17,8 @@ pub(super) fn cut_arches(
     let rise = ((sill - wheel) / arch).clamp(-0.9, 0.9).asin();
     for &axle in axles {
         outline.push([axle - arch * rise.cos() - 0.02, sill]);
-        outline.extend((0..=9).map(|k| {
-            let (sin, cos) = (PI - rise - (PI - 2.0 * rise) * f64::from(k) / 9.0).sin_cos();
-            [axle + arch * cos, wheel + arch * sin]
-        }));
+        let angle = |k| PI - rise - (PI - 2.0 * rise) * f64::from(k) / 9.0;
+        outline.extend((0..=9).map(|k| on_ellipse([axle, wheel], [arch; 2], angle(k))));
         outline.push([axle + arch * rise.cos() + 0.02, sill]);
     }
 }

@@ -26,6 +26,19 @@ pub enum Family {
     AlarmClock,
 }
 
+/// Name and synset of every family, in the order of [`Family`].
+const NAMES: [(&str, &str); 9] = [
+    ("airplane", "02691156"),
+    ("car", "02958343"),
+    ("bus", "02924116"),
+    ("chair", "03001627"),
+    ("table", "04379243"),
+    ("lamp", "03636649"),
+    ("bicycle", "02834778"),
+    ("motorbike", "03790512"),
+    ("alarm_clock", "03046257"),
+];
+
 impl Family {
     /// All families.
     pub const ALL: [Self; 9] = [
@@ -42,32 +55,12 @@ impl Family {
 
     /// The name on command lines and in folders.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Airplane => "airplane",
-            Self::Car => "car",
-            Self::Bus => "bus",
-            Self::Chair => "chair",
-            Self::Table => "table",
-            Self::Lamp => "lamp",
-            Self::Bicycle => "bicycle",
-            Self::Motorbike => "motorbike",
-            Self::AlarmClock => "alarm_clock",
-        }
+        NAMES[self as usize].0
     }
 
     /// The synset that ShapeNet files such things under.
     pub fn synset(self) -> &'static str {
-        match self {
-            Self::Airplane => "02691156",
-            Self::Car => "02958343",
-            Self::Bus => "02924116",
-            Self::Chair => "03001627",
-            Self::Table => "04379243",
-            Self::Lamp => "03636649",
-            Self::Bicycle => "02834778",
-            Self::Motorbike => "03790512",
-            Self::AlarmClock => "03046257",
-        }
+        NAMES[self as usize].1
     }
 }
 

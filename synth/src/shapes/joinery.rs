@@ -6,6 +6,7 @@ use mesh_core::vector::{cross, dot, narrow, norm};
 use mesh_core::{TriMesh, primitives};
 
 use super::paint::Paint;
+use super::solid::on_ellipse;
 
 pub(super) use mesh_core::vector::{Vec3 as Point, add, scale, sub, unit};
 
@@ -171,12 +172,15 @@ pub(super) fn beam(from: Point, to: Point, section: [f64; 2], taper: f64, paint:
         let s = (1.0 + (taper - 1.0) * share) as f32;
         [x * s, y, z * s]
     });
-    let along = unit(sub(to, from));
+    slim.transformed(&upright_along(unit(sub(to, from)), scale(add(from, to), 0.5)))
+}
+
+/// The motion that turns +Y to a unit vector and brings the origin to a place.
+pub(super) fn upright_along(along: Point, place: Point) -> [[f64; 4]; 3] {
     let guess = if along[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] };
     let x = unit(sub(guess, scale(along, dot(guess, along))));
     let z = cross(x, along);
-    let middle = scale(add(from, to), 0.5);
-    slim.transformed(&std::array::from_fn(|k| [x[k], along[k], z[k], middle[k]]))
+    std::array::from_fn(|k| [x[k], along[k], z[k], place[k]])
 }
 
 /// A plate over a convex outline in the XY plane, its middle at the origin, its edges rounded.
@@ -214,25 +218,8 @@ pub(super) fn plate(outline: &[[f64; 2]], thickness: f64, round: f64, rings: usi
 
 /// An ellipse of the given width and height, `n` corners.
 pub(super) fn ellipse(width: f64, height: f64, n: usize) -> Vec<[f64; 2]> {
-    (0..n)
-        .map(|j| {
-            let (sin, cos) = (TAU * j as f64 / n as f64).sin_cos();
-            [0.5 * width * cos, 0.5 * height * sin]
-        })
-        .collect()
-}
-
-/// A rectangle with rounded corners.
-pub(super) fn rectangle(width: f64, height: f64, radius: f64) -> Vec<[f64; 2]> {
-    let (x, y) = (0.5 * width - radius, 0.5 * height - radius);
-    let mut outline = Vec::new();
-    for (corner, [cx, cy]) in [[x, y], [-x, y], [-x, -y], [x, -y]].into_iter().enumerate() {
-        outline.extend((0..=6).map(|k| {
-            let (sin, cos) = (FRAC_PI_2 * (corner as f64 + k as f64 / 6.0)).sin_cos();
-            [cx + radius * cos, cy + radius * sin]
-        }));
-    }
-    outline
+    let radii = [0.5 * width, 0.5 * height];
+    (0..n).map(|j| on_ellipse([0.0; 2], radii, TAU * j as f64 / n as f64)).collect()
 }
 
 /// Turned on a lathe, bottom to top.

@@ -5,7 +5,7 @@ use mesh_core::TriMesh;
 use super::draw::{Draw, hsv};
 use super::family::Family;
 use super::joinery::{
-    Point, add, ball, block, curve, moved, profile, rod, scale, sub, turned, unit, yawed,
+    Point, add, ball, block, curve, moved, profile, rod, scale, turned, unit, upright_along, yawed,
 };
 use super::paint::{Color, Paint};
 use super::shape::Shape;
@@ -64,11 +64,7 @@ impl Lamp {
         };
         let base = draw.pick(if floor { &BASES } else { &["round", "round", "square"] });
         let material = draw.pick(&["metal", "metal", "wood", "lacquer"]);
-        let frame = match material {
-            "metal" => Paint::metal(draw),
-            "wood" => Paint::wood(draw),
-            _ => Paint::lacquer(draw),
-        };
+        let frame = Paint::of(material, draw);
         let pattern =
             if shade == "globe" { "plain" } else { draw.pick(&["plain", "plain", "banded"]) };
         let main = match shade {
@@ -267,15 +263,7 @@ impl Lamp {
     /// A shade with its socket and light, hung at a place, open towards a direction.
     fn head(&mut self, at: Point, way: Point) {
         let r = self.radius;
-        let up = scale(way, -1.0);
-        let guess = if up[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] };
-        let along: f64 = (0..3).map(|k| guess[k] * up[k]).sum();
-        let x = unit(sub(guess, scale(up, along)));
-        let z: Point = std::array::from_fn(|k| {
-            let (a, b) = ((k + 1) % 3, (k + 2) % 3);
-            x[a] * up[b] - x[b] * up[a]
-        });
-        let rows = std::array::from_fn(|k| [x[k], up[k], z[k], at[k]]);
+        let rows = upright_along(scale(way, -1.0), at);
         let socket = turned(
             &[[0.2 * r, -0.34 * r], [0.22 * r, 0.0], [0.16 * r, 0.12 * r], [0.0, 0.14 * r]],
             24,

@@ -28,6 +28,15 @@ pub(super) enum Paint {
 const BLUR: f64 = 0.0012;
 
 impl Paint {
+    /// A draw of a material: wood, metal or, of any other name, lacquer.
+    pub(super) fn of(material: &str, draw: &mut Draw) -> Self {
+        match material {
+            "wood" => Self::wood(draw),
+            "metal" => Self::metal(draw),
+            _ => Self::lacquer(draw),
+        }
+    }
+
     /// Wood of a drawn tone.
     pub(super) fn wood(draw: &mut Draw) -> Self {
         let (hue, saturation) = (draw.within(0.055, 0.105), draw.within(0.4, 0.75));

@@ -180,11 +180,16 @@ pub(super) fn rounded_rectangle([w, h]: [f64; 2], radius: f64, parts: usize) -> 
     (0..4 * (parts + 1))
         .map(|i| {
             let (k, step) = (i / (parts + 1), i % (parts + 1));
-            let (sin, cos) = (quarter * (k as f64 + step as f64 / parts as f64)).sin_cos();
-            let [x, y] = corners[k];
-            [x * (0.5 * w - r) + r * cos, y * (0.5 * h - r) + r * sin]
+            let center = [corners[k][0] * (0.5 * w - r), corners[k][1] * (0.5 * h - r)];
+            on_ellipse(center, [r, r], quarter * (k as f64 + step as f64 / parts as f64))
         })
         .collect()
+}
+
+/// The point of an ellipse about a centre at an angle from the first axis, radians.
+pub(super) fn on_ellipse(center: [f64; 2], radii: [f64; 2], angle: f64) -> [f64; 2] {
+    let (sin, cos) = angle.sin_cos();
+    [center[0] + radii[0] * cos, center[1] + radii[1] * sin]
 }
 
 /// `n` points of a superellipse, counter-clockwise: exponent 2 is an ellipse, more is squarer.

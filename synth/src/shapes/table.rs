@@ -82,11 +82,7 @@ impl Table {
         let height =
             if kind == "dining" { draw.within(0.66, 0.76) } else { draw.within(0.36, 0.46) };
         let material = draw.pick(&["wood", "wood", "lacquer", "metal"]);
-        let frame = match material {
-            "wood" => Paint::wood(draw),
-            "metal" => Paint::metal(draw),
-            _ => Paint::lacquer(draw),
-        };
+        let frame = Paint::of(material, draw);
         let mut made = Workpiece::default();
         made.note("top", top);
         made.note("base", base);

@@ -7,10 +7,11 @@ use mesh_core::{TriMesh, primitives};
 use crate::shapes::draw::{Draw, hsv};
 use crate::shapes::family::Family;
 use crate::shapes::joinery::{
-    Point, ball, block, curve, ellipse, moved, pitched, plate, rectangle, rod, rolled, turned,
+    Point, ball, block, curve, ellipse, moved, pitched, plate, rod, rolled, turned,
 };
 use crate::shapes::paint::{Color, Paint};
 use crate::shapes::shape::Shape;
+use crate::shapes::solid::{on_ellipse, rounded_rectangle};
 use crate::shapes::workpiece::Workpiece;
 
 /// The outline of its body.
@@ -55,11 +56,7 @@ impl Clock {
         } else {
             draw.pick(&["lacquer", "wood", "metal"])
         };
-        let shell = match material {
-            "wood" => Paint::wood(draw),
-            "metal" => Paint::metal(draw),
-            _ => Paint::lacquer(draw),
-        };
+        let shell = Paint::of(material, draw);
         let dark = draw.chance(0.2);
         let paper = hsv(draw.within(0.0, 1.0), draw.within(0.02, 0.12), draw.within(0.9, 0.98));
         let ink = hsv(draw.within(0.0, 1.0), draw.within(0.2, 0.6), draw.within(0.08, 0.22));
@@ -76,20 +73,15 @@ impl Clock {
     fn body(&mut self, draw: &mut Draw) {
         let outline = match self.body {
             "round" => ellipse(2.0, 2.0, 72),
-            "square" => rectangle(2.0, 2.0, draw.within(0.12, 0.5)),
+            "square" => rounded_rectangle([2.0; 2], draw.within(0.12, 0.5), 6),
             _ => {
                 let round = 0.1;
-                let mut outline: Vec<[f64; 2]> = (0..=36)
-                    .map(|k| {
-                        let (sin, cos) = (PI * f64::from(k) / 36.0).sin_cos();
-                        [cos, sin]
-                    })
-                    .collect();
+                let arch = |k| on_ellipse([0.0; 2], [1.0; 2], PI * f64::from(k) / 36.0);
+                let mut outline: Vec<[f64; 2]> = (0..=36).map(arch).collect();
                 for (x, from) in [(-1.0 + round, 180.0), (1.0 - round, 270.0)] {
-                    outline.extend((0..=5).map(|k| {
-                        let (sin, cos) = (from + 18.0 * f64::from(k)).to_radians().sin_cos();
-                        [x + round * cos, -1.0 + round + round * sin]
-                    }));
+                    let angle = |k| (from + 18.0 * f64::from(k)).to_radians();
+                    let corner = |k| on_ellipse([x, -1.0 + round], [round; 2], angle(k));
+                    outline.extend((0..=5).map(corner));
                 }
                 outline
             }
@@ -342,10 +334,9 @@ impl Clock {
 fn bell(r: f64) -> TriMesh {
     let rim = 0.2;
     let mut profile = vec![[0.2 * r, -0.1], [0.2 * r, rim], [0.9 * r, rim - 0.03], [r, rim - 0.03]];
-    profile.extend((0..10).map(|k| {
-        let (sin, cos) = (9.0 * f64::from(k)).to_radians().sin_cos();
-        [0.98 * r * cos, rim + 0.82 * r * sin]
-    }));
+    let angle = |k| (9.0 * f64::from(k)).to_radians();
+    let dome = |k| on_ellipse([0.0, rim], [0.98 * r, 0.82 * r], angle(k));
+    profile.extend((0..10).map(dome));
     profile.extend([[0.11 * r, rim + 0.83 * r], [0.12 * r, rim + 0.95 * r], [0.0, rim + 1.0 * r]]);
     turned(&profile, 36)
 }
