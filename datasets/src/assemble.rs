@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use mesh_core::io::write_atomic;
-use mesh_core::{ByteImage, Camera, DepthMap, decode_image_with};
+use mesh_core::{ByteImage, Camera, DepthMap, decode_image_with, encode_depth, encode_png};
 
-use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
+use crate::error::{ReadViewsError, WriteViewsError};
 use crate::mask::{invert, mask_from_alpha, mask_from_backdrop};
 use crate::options::{MaskSource, ReadOptions};
 use crate::source::{Opened, Source};
@@ -29,7 +29,7 @@ pub(crate) fn read_picture(
 ) -> Result<Picture, ReadViewsError> {
     let bytes = opened.read(name, field, PICTURE_BYTES)?;
     let image = decode_image_with(&bytes, &path, opened.limits())
-        .map_err(|error| ReadViewsError::new(&path, ViewsProblem::Image(error)))?;
+        .map_err(|error| ReadViewsError::new(&path, error))?;
     Ok(Picture { path, image })
 }
 
@@ -64,10 +64,22 @@ pub(crate) fn mask_file(
     names: &[String],
     options: &ReadOptions,
 ) -> Result<Option<(PathBuf, ByteImage)>, ReadViewsError> {
-    if !matches!(options.mask, MaskSource::Auto | MaskSource::Files) {
+    match names.iter().find(|name| source.has(name)) {
+        Some(name) => named_mask(source, opened, name, options),
+        None => Ok(None),
+    }
+}
+
+/// The mask of a file that has to be there, where masks come from files.
+pub(crate) fn named_mask(
+    source: &Source,
+    opened: &mut Opened<'_>,
+    name: &str,
+    options: &ReadOptions,
+) -> Result<Option<(PathBuf, ByteImage)>, ReadViewsError> {
+    if !options.mask.reads_files() {
         return Ok(None);
     }
-    let Some(name) = names.iter().find(|name| source.has(name)) else { return Ok(None) };
     let mask = read_picture(opened, source.locate(name), name, "mask")?;
     Ok(Some((mask.path, mask_from_picture(&mask.image))))
 }
@@ -85,11 +97,39 @@ pub(crate) fn camera_of_size(
     if (w, h) == (width, height) {
         return Ok(camera);
     }
-    if (w * height).abs_diff(h * width) > w.max(h) {
-        let expected = format!("the shape of {}, {width}x{height}", picture.path.display());
-        return Err(ReadViewsError::field(file, field, format!("{w}x{h}"), expected));
-    }
+    check_shape([w, h], picture, file, field)?;
     Ok(camera.resized(width, height))
+}
+
+/// Refuses a picture that is no resized copy of one of `[width, height]`.
+pub(crate) fn check_shape(
+    [w, h]: [usize; 2],
+    picture: &Picture,
+    file: &Path,
+    field: impl Into<String>,
+) -> Result<(), ReadViewsError> {
+    let (width, height) = (picture.image.width, picture.image.height);
+    if w.saturating_mul(height).abs_diff(h.saturating_mul(width)) <= w.max(h) {
+        return Ok(());
+    }
+    let expected = format!("the shape of {}, {width}x{height}", picture.path.display());
+    Err(ReadViewsError::field(file, field, format!("{w}x{h}"), expected))
+}
+
+/// Writes a view's `images/NNNN.png`, `masks/NNNN.png` and, where it has depth, `depth/NNNN.exr`: their names.
+pub(crate) fn put_images(
+    view: &View,
+    i: usize,
+    folder: &Path,
+) -> Result<(String, String, Option<String>), WriteViewsError> {
+    let (image, mask) = (format!("images/{i:04}.png"), format!("masks/{i:04}.png"));
+    put(&folder.join(&image), &encode_png(&view.color))?;
+    put(&folder.join(&mask), &encode_png(&view.mask))?;
+    let depth = view.depth.as_ref().map(|depth| (format!("depth/{i:04}.exr"), depth));
+    if let Some((name, depth)) = &depth {
+        put(&folder.join(name), &encode_depth(depth))?;
+    }
+    Ok((image, mask, depth.map(|(name, _)| name)))
 }
 
 /// Writes one file of a set of views, with its folder.

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use mesh_core::{ByteImage, DepthMap, decode_depth_with};
 
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::error::ReadViewsError;
 use crate::formats::npy;
+use crate::options::ReadOptions;
 use crate::source::{Opened, Source};
 
 /// Reads planar depth from the first of `names` that exists, EXR or npy.
@@ -16,8 +17,10 @@ pub(crate) fn read(
     opened: &mut Opened<'_>,
     names: &[String],
     picture: &ByteImage,
+    options: &ReadOptions,
 ) -> Result<Option<(PathBuf, DepthMap)>, ReadViewsError> {
-    let Some(name) = names.iter().find(|name| source.has(name)) else { return Ok(None) };
+    let mut wanted = names.iter().filter(|_| options.depth);
+    let Some(name) = wanted.find(|name| source.has(name)) else { return Ok(None) };
     let path = source.locate(name);
     let exr = std::path::Path::new(name)
         .extension()
@@ -25,7 +28,7 @@ pub(crate) fn read(
     let mut depth = if exr {
         let bytes = opened.read(name, "depth", most_bytes(picture))?;
         decode_depth_with(&bytes, &path, opened.limits())
-            .map_err(|error| ReadViewsError::new(&path, ViewsProblem::Image(error)))?
+            .map_err(|error| ReadViewsError::new(&path, error))?
     } else {
         let data = read_npy(source, opened, name, "depth", picture)?;
         DepthMap { height: picture.height, width: picture.width, data }

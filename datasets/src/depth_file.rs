@@ -4,7 +4,7 @@ use std::path::Path;
 
 use mesh_core::{DepthMap, DisparityMap, read_depth, read_depth_png, read_pfm};
 
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::error::ReadViewsError;
 use crate::formats::npy;
 use crate::source::read_file;
 
@@ -59,7 +59,7 @@ struct Numbers {
 
 impl Numbers {
     fn read(path: &Path) -> Result<Self, ReadViewsError> {
-        let failed = |error| ReadViewsError::new(path, ViewsProblem::Image(error));
+        let failed = |error: mesh_core::ImageError| ReadViewsError::new(path, error);
         let of = |DepthMap { height, width, data }| Self { height, width, data };
         match extension(path).as_str() {
             "exr" => read_depth(path).map(of).map_err(failed),

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 /// What is said where nothing was recognised: every layout by the files that give it away.
 const LOOKED_FOR: &str = "0_rgb.png with 0_metadata.json (kaolin's views), transforms.json \
-    or transforms_{train,val,test}.json, cameras.json (photographs), cameras and images as .bin or \
-    .txt in sparse/0, sparse or here (COLMAP), each in a folder or a zip; scene_camera.json in the \
-    folders of scenes (BOP); rendering/rendering_metadata.txt (R2N2); .dat (Pixel2Mesh); pix3d.json; \
-    Annotations (Pascal3D+); CMR's cache for CUB; annotations/*.yaml (MCMR); for pictures from a \
-    turntable say so (--turntable)";
+    or transforms_{train,val,test}.json, cameras.json (photographs), <name>_par.txt (Middlebury), \
+    cameras and images as .bin or .txt in sparse/0, sparse or here (COLMAP), each in a folder or a \
+    zip; scene_camera.json in the folders of scenes (BOP); rendering/rendering_metadata.txt (R2N2); \
+    .dat (Pixel2Mesh); pix3d.json; Annotations (Pascal3D+); CMR's cache for CUB; annotations/*.yaml \
+    (MCMR); for pictures from a turntable say so (--turntable)";
 
 /// Why views could not be read. The message names the file, the field and the remedy.
 #[derive(Debug, thiserror::Error)]
@@ -79,7 +79,7 @@ pub enum ViewsProblem {
     },
     /// The image cannot be decoded.
     #[error("{0}")]
-    Image(#[source] mesh_core::ImageError),
+    Image(#[from] mesh_core::ImageError),
     /// The mesh or the voxels cannot be decoded.
     #[error("{0}")]
     Mesh(#[source] Box<mesh_core::ReadMeshError>),
@@ -123,6 +123,19 @@ impl ReadViewsError {
     }
 
     /// A field of the file at `path` that cannot be meant.
+    /// What a layout needs and is not there.
+    pub(crate) fn missing(path: impl Into<PathBuf>, wanted_by: impl Into<String>) -> Self {
+        Self::new(path, ViewsProblem::Missing { wanted_by: wanted_by.into() })
+    }
+
+    /// What makes an error of a camera that is none.
+    pub(crate) fn camera(
+        path: impl Into<PathBuf>,
+        field: impl Into<String>,
+    ) -> impl FnOnce(mesh_core::CameraError) -> Self {
+        move |source| Self::new(path, ViewsProblem::Camera { field: field.into(), source })
+    }
+
     pub(crate) fn field(
         path: impl Into<PathBuf>,
         field: impl Into<String>,

@@ -88,6 +88,13 @@ pub enum MaskSource {
     },
 }
 
+impl MaskSource {
+    /// Whether it takes the layout's files of masks.
+    pub(crate) fn reads_files(self) -> bool {
+        matches!(self, Self::Auto | Self::Files)
+    }
+}
+
 impl Default for ReadOptions {
     fn default() -> Self {
         Self {

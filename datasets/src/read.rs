@@ -24,6 +24,31 @@ pub(crate) struct Reading<'a> {
     pub(crate) poses: &'static str,
 }
 
+impl<'a> Reading<'a> {
+    /// A list of none.
+    pub(crate) fn new(layout: Layout, poses: &'static str) -> Self {
+        Self { layout, pending: Vec::new(), warnings: Vec::new(), poses }
+    }
+
+    /// Adds a view, or a warning in its place where a file of it is not found and that is allowed.
+    pub(crate) fn add<T: Send + Sync + 'a>(
+        &mut self,
+        name: &str,
+        found: Result<T, ReadViewsError>,
+        options: &ReadOptions,
+        read: impl Fn(&T, &mut Opened<'_>) -> Result<View, ReadViewsError> + Send + Sync + 'a,
+    ) -> Result<(), ReadViewsError> {
+        match found {
+            Ok(found) => self.pending.push(Box::new(move |opened| read(&found, opened))),
+            Err(error) if options.allow_missing => {
+                self.warnings.push(format!("view {name} is left out: {error}"));
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+}
+
 /// Reads what a layout has listed, in parallel, and checks that the whole makes sense.
 ///
 /// `path` is what the user named, for messages and for [`Views::source`].

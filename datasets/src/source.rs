@@ -68,22 +68,14 @@ impl Source {
 
     /// Whether a name stays where names of this source may be. Absolute ones never do.
     pub(crate) fn is_inside(&self, name: &str) -> bool {
-        let mut above = self.above;
-        Path::new(name).components().all(|part| match part {
-            Component::Normal(_) => {
-                above = above.saturating_add(1);
-                true
-            }
-            Component::ParentDir => match above.checked_sub(1) {
-                Some(rest) => {
-                    above = rest;
-                    true
-                }
-                None => false,
-            },
-            Component::CurDir => true,
-            Component::RootDir | Component::Prefix(_) => false,
-        })
+        let mut parts = Path::new(name).components();
+        let above = parts.try_fold(self.above, |above, part| match part {
+            Component::Normal(_) => above.checked_add(1),
+            Component::ParentDir => above.checked_sub(1),
+            Component::CurDir => Some(above),
+            Component::RootDir | Component::Prefix(_) => None,
+        });
+        above.is_some()
     }
 
     /// The error of a file that is not there; or that is there, and is not for reading.
@@ -97,6 +89,15 @@ impl Source {
             ViewsProblem::Missing { wanted_by }
         };
         ReadViewsError::new(path, problem)
+    }
+
+    /// The error of a file that is not there; nothing where it is.
+    pub(crate) fn need(
+        &self,
+        name: &str,
+        wanted_by: impl FnOnce() -> String,
+    ) -> Result<(), ReadViewsError> {
+        if self.has(name) { Ok(()) } else { Err(self.missing(name, wanted_by())) }
     }
 
     /// Whether the source is a zip archive.

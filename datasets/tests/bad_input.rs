@@ -268,7 +268,7 @@ fn what_is_no_set_of_views_is_said() {
     let folder = tempfile::tempdir().unwrap();
     assert_names(&read(folder.path()).unwrap_err(), &["no known layout", "nothing"]);
     std::fs::write(folder.path().join("notes.txt"), "x").unwrap();
-    assert_names(&read(folder.path()).unwrap_err(), &["no known layout", "notes.txt"]);
+    assert_names(&read(folder.path()).unwrap_err(), &["no known layout", "notes.txt", "_par.txt"]);
     assert_names(&read(&folder.path().join("notes.txt")).unwrap_err(), &["notes.txt"]);
     assert_names(&read(&folder.path().join("nowhere")).unwrap_err(), &["nowhere"]);
     std::fs::write(folder.path().join("bad.zip"), "PK\x03\x04 and then nothing").unwrap();

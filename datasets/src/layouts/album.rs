@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use mesh_core::{ByteImage, Camera, TriMesh, read_mesh};
+use mesh_core::{Camera, TriMesh, read_mesh};
 
+use crate::assemble::{Picture, camera_of_size};
 use crate::dataset::Catalog;
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::options::ReadOptions;
@@ -94,29 +95,12 @@ pub(crate) fn chosen(count: usize, which: Option<&[usize]>) -> Vec<usize> {
 /// The camera of an annotation for the image that is really there, which may have been resized.
 pub(crate) fn fitted(
     camera: Camera,
-    picture: &ByteImage,
+    picture: &Picture,
     file: &Path,
     field: &str,
 ) -> Result<Camera, ReadViewsError> {
-    camera.validate().map_err(|source| {
-        ReadViewsError::new(file, ViewsProblem::Camera { field: field.to_owned(), source })
-    })?;
-    let (w, h) = (camera.width, camera.height);
-    let (width, height) = (picture.width, picture.height);
-    if (w, h) == (width, height) {
-        return Ok(camera);
-    }
-    let across = w.saturating_mul(height).abs_diff(h.saturating_mul(width));
-    if across > w.max(h) {
-        let expected = format!("the shape of the picture, {width}x{height}");
-        return Err(ReadViewsError::field(
-            file,
-            format!("{field}: size"),
-            format!("{w}x{h}"),
-            expected,
-        ));
-    }
-    Ok(camera.resized(width, height))
+    camera.validate().map_err(ReadViewsError::camera(file, field))?;
+    camera_of_size(camera, picture, file, &format!("{field}: size"))
 }
 
 /// The mesh in a file, where the file is there.

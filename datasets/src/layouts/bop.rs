@@ -3,14 +3,15 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use mesh_core::{Camera, DepthMap, decode_depth_png_with, read_mesh};
+use mesh_core::{Camera, DepthMap, decode_depth_png_with};
 
 use crate::assemble::{PICTURE_BYTES, Picture, assemble, mask_file, read_picture};
 use crate::dataset::{Catalog, Dataset, Entry, Subset, Truth};
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::error::ReadViewsError;
 use crate::formats::json::{Node, parse};
+use crate::layouts::album::{chosen, model};
 use crate::options::ReadOptions;
-use crate::read::{Pending, Reading, read_pending};
+use crate::read::{Reading, read_pending};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 
@@ -122,8 +123,7 @@ impl Bop {
             if let Some(container) = container(path) {
                 return Err(no_hdf5(&container));
             }
-            let problem = ViewsProblem::Missing { wanted_by: "a BOP scene has one".to_owned() };
-            return Err(ReadViewsError::new(path.join(CAMERAS), problem));
+            return Err(ReadViewsError::missing(path.join(CAMERAS), "a BOP scene has one"));
         }
         let source = Source::folder(path);
         let mut warnings = Vec::new();
@@ -259,7 +259,7 @@ impl Shot {
                  or allow missing views",
                 self.image, self.scene
             );
-            ReadViewsError::new(source.locate(&first), ViewsProblem::Missing { wanted_by })
+            ReadViewsError::missing(source.locate(&first), wanted_by)
         })
     }
 
@@ -286,17 +286,14 @@ impl Shot {
         // From the centre of the first pixel to its corner.
         k[0][2] += 0.5;
         k[1][2] += 0.5;
-        let fails = |file: &str, field: String, source_error| {
-            let path = source.locate(&format!("{}{file}", self.scene));
-            let problem = ViewsProblem::Camera { field, source: source_error };
-            ReadViewsError::new(path, problem)
+        let fails = |file: &str, field: String| {
+            ReadViewsError::camera(source.locate(&format!("{}{file}", self.scene)), field)
         };
         let (width, height) = (picture.image.width, picture.image.height);
         let camera = Camera::from_opencv(rows(&self.rotation), self.translation, k, width, height)
-            .map_err(|e| fails(CAMERAS, format!("{}.cam_K", self.image), e))?;
-        camera.validate().map_err(|e| {
-            fails(POSES, format!("{}[{}].cam_R_m2c, cam_t_m2c", self.image, self.instance), e)
-        })?;
+            .map_err(fails(CAMERAS, format!("{}.cam_K", self.image)))?;
+        let field = format!("{}[{}].cam_R_m2c, cam_t_m2c", self.image, self.instance);
+        camera.validate().map_err(fails(POSES, field))?;
         Ok(camera)
     }
 
@@ -313,7 +310,7 @@ impl Shot {
         let bytes = opened.read(&name, "depth", PICTURE_BYTES)?;
         let unit = self.depth_scale as f32;
         let depth = decode_depth_png_with(&bytes, &path, unit, opened.limits())
-            .map_err(|error| ReadViewsError::new(&path, ViewsProblem::Image(error)))?;
+            .map_err(|error| ReadViewsError::new(&path, error))?;
         Ok(Some((path, depth)))
     }
 }
@@ -330,24 +327,14 @@ impl Dataset for Bop {
         options: &ReadOptions,
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Views, ReadViewsError> {
-        let mut warnings = Vec::new();
-        let mut pending: Vec<Pending<'_>> = Vec::new();
+        let mut reading = Reading::new(Layout::Bop, "cam_R_m2c, cam_t_m2c");
         let shots = &self.shots[object];
-        let chosen: Vec<usize> =
-            which.map_or_else(|| (0..shots.len()).collect(), <[usize]>::to_vec);
-        for shot in chosen.into_iter().map(|i| &shots[i]) {
-            match shot.picture(&self.source) {
-                Ok(picture) => pending.push(Box::new(move |opened| {
-                    shot.read(&self.source, opened, &picture, options)
-                })),
-                Err(error) if options.allow_missing => {
-                    warnings.push(format!("view {} is left out: {error}", shot.name));
-                }
-                Err(error) => return Err(error),
-            }
+        for shot in chosen(shots.len(), which).into_iter().map(|i| &shots[i]) {
+            let picture = shot.picture(&self.source);
+            reading.add(&shot.name, picture, options, move |picture, opened| {
+                shot.read(&self.source, opened, picture, options)
+            })?;
         }
-        let poses = "cam_R_m2c, cam_t_m2c";
-        let reading = Reading { layout: Layout::Bop, pending, warnings, poses };
         read_pending(&self.catalog.root, &self.source, reading, options, progress)
     }
 
@@ -355,12 +342,7 @@ impl Dataset for Bop {
     fn truth(&self, object: usize) -> Result<Truth, ReadViewsError> {
         let id: u64 = self.catalog.entries[object].name.parse().unwrap_or(0);
         let Some(models) = &self.models else { return Ok(Truth::default()) };
-        let path = models.join(format!("obj_{id:06}.ply"));
-        if !path.is_file() {
-            return Ok(Truth::default());
-        }
-        let mesh = read_mesh(&path)
-            .map_err(|error| ReadViewsError::new(&path, ViewsProblem::Mesh(Box::new(error))))?;
-        Ok(Truth { mesh: Some(mesh), ..Truth::default() })
+        let mesh = model(&models.join(format!("obj_{id:06}.ply")))?;
+        Ok(Truth { mesh, ..Truth::default() })
     }
 }

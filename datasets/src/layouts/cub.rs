@@ -11,10 +11,10 @@ use mesh_core::{ByteImage, Camera, TriMesh};
 
 use crate::assemble::{assemble, read_picture};
 use crate::dataset::{Catalog, Dataset, Entry, Subset};
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::error::ReadViewsError;
 use crate::formats::mat::{Mat, Node};
 use crate::layouts::album::{Album, fitted};
-use crate::options::{MaskSource, ReadOptions};
+use crate::options::ReadOptions;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 
@@ -153,16 +153,13 @@ impl CubAnnotation {
         let picture = read_picture(opened, pictures.locate(&self.image), &self.image, "picture")?;
         let (array, height, width) = mask.table()?;
         let camera = self.camera(width, height);
-        let camera = fitted(camera, &picture.image, &self.pose_file, &self.pose_field)?;
-        let mask = match options.mask {
-            MaskSource::Auto | MaskSource::Files => {
-                let inside = |i: usize, j: usize| array.at(j * height + i) > 0.0;
-                let data = (0..height).flat_map(|i| (0..width).map(move |j| (i, j)));
-                let data = data.map(|(i, j)| if inside(i, j) { 255 } else { 0 }).collect();
-                Some((mask.file().to_owned(), ByteImage { height, width, channels: 1, data }))
-            }
-            _ => None,
-        };
+        let camera = fitted(camera, &picture, &self.pose_file, &self.pose_field)?;
+        let mask = options.mask.reads_files().then(|| {
+            let inside = |i: usize, j: usize| array.at(j * height + i) > 0.0;
+            let data = (0..height).flat_map(|i| (0..width).map(move |j| (i, j)));
+            let data = data.map(|(i, j)| if inside(i, j) { 255 } else { 0 }).collect();
+            (mask.file().to_owned(), ByteImage { height, width, channels: 1, data })
+        });
         assemble(name.to_owned(), picture, mask, camera, None, options)
     }
 }
@@ -240,8 +237,7 @@ impl Cub {
     pub fn open(path: &Path) -> Result<Self, ReadViewsError> {
         let Some(cache) = cache(path) else {
             let wanted_by = "CUB with CMR's cache is read by it, or by that of val or test";
-            let problem = ViewsProblem::Missing { wanted_by: wanted_by.to_owned() };
-            return Err(ReadViewsError::new(path.join(annotations_of("train")), problem));
+            return Err(ReadViewsError::missing(path.join(annotations_of("train")), wanted_by));
         };
         let source = Source::folder(&cache);
         let read = |name: &str| -> Result<(PathBuf, Mat), ReadViewsError> {

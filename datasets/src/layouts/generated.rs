@@ -5,11 +5,10 @@
 
 use std::path::{Path, PathBuf};
 
-use mesh_core::read_mesh;
-
 use crate::dataset::{Catalog, Dataset, Entry, Subset, Truth};
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::error::ReadViewsError;
 use crate::formats::json::{Node, parse};
+use crate::layouts::album::model;
 use crate::layouts::single::SingleObject;
 use crate::options::ReadOptions;
 use crate::source::Source;
@@ -104,20 +103,18 @@ impl Dataset for Generated {
         let folder = self.folder(object);
         let single = SingleObject::find(&folder, options)?.ok_or_else(|| {
             let wanted_by = format!("{OBJECTS} lists it; generate the dataset again");
-            ReadViewsError::new(&folder, ViewsProblem::Missing { wanted_by })
+            ReadViewsError::missing(&folder, wanted_by)
         })?;
         single.views(0, which, options, progress)
     }
 
     fn truth(&self, object: usize) -> Result<Truth, ReadViewsError> {
         let folder = self.folder(object);
-        let files = ["mesh.ply", "mesh.glb"].map(|name| folder.join(name));
-        let Some(path) = files.into_iter().find(|path| path.is_file()) else {
-            return Ok(Truth::default());
+        let mesh = match model(&folder.join("mesh.ply"))? {
+            Some(mesh) => Some(mesh),
+            None => model(&folder.join("mesh.glb"))?,
         };
-        let mesh = read_mesh(&path)
-            .map_err(|error| ReadViewsError::new(&path, ViewsProblem::Mesh(Box::new(error))))?;
-        Ok(Truth { mesh: Some(mesh), ..Truth::default() })
+        Ok(Truth { mesh, ..Truth::default() })
     }
 }
 

@@ -3,14 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use mesh_core::io::write_atomic;
-use mesh_core::{ByteImage, Camera, encode_png};
+use mesh_core::{ByteImage, Camera, encode_depth, encode_png};
 use rayon::prelude::*;
 use serde_json::json;
 
-use crate::assemble::{Picture, assemble, read_picture};
+use crate::assemble::{Picture, assemble, check_shape, put, read_picture};
 use crate::depth;
-use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
+use crate::error::{ReadViewsError, WriteViewsError};
 use crate::formats::json::{Node, parse};
 use crate::formats::npy;
 use crate::options::{MaskSource, ReadOptions};
@@ -50,15 +49,11 @@ pub(crate) fn list<'a>(
         if let Some(gap) = previous.map(|p| p + 1).filter(|&gap| gap != number) {
             if !options.allow_missing {
                 let last = indices.keys().next_back().copied().unwrap_or(number);
-                return Err(ReadViewsError::new(
-                    source.locate(&format!("{gap}{COLOR}")),
-                    ViewsProblem::Missing {
-                        wanted_by: format!(
-                            "the views go up to {last} without a gap; put it back, or allow \
-                             missing views"
-                        ),
-                    },
-                ));
+                let wanted_by = format!(
+                    "the views go up to {last} without a gap; put it back, or allow missing views"
+                );
+                let path = source.locate(&format!("{gap}{COLOR}"));
+                return Err(ReadViewsError::missing(path, wanted_by));
             }
             warnings.push(format!("views {gap} to {} are missing", number - 1));
         }
@@ -83,14 +78,10 @@ pub(crate) fn list<'a>(
                 warnings.push(format!("view {stem} is left out: {stem}{end} is missing"));
             }
             Some(end) => {
-                return Err(ReadViewsError::new(
-                    source.locate(&format!("{stem}{end}")),
-                    ViewsProblem::Missing {
-                        wanted_by: format!(
-                            "view {stem} has other files; put it back, or allow missing views"
-                        ),
-                    },
-                ));
+                let path = source.locate(&format!("{stem}{end}"));
+                let wanted_by =
+                    format!("view {stem} has other files; put it back, or allow missing views");
+                return Err(ReadViewsError::missing(path, wanted_by));
             }
             None => pending.push(Box::new(move |opened| read_view(source, opened, &stem, options))),
         }
@@ -117,22 +108,13 @@ fn read_view(
     let picture = read_picture(opened, source.locate(&name), &name, "picture")?;
     let camera = read_camera(source, opened, stem, &picture)?;
     let mask = format!("{stem}{MASK}");
-    let wanted = matches!(options.mask, MaskSource::Auto | MaskSource::Files);
-    let mask = if wanted && source.has(&mask) {
+    let mask = if options.mask.reads_files() && source.has(&mask) {
         Some((source.locate(&mask), read_mask(source, opened, &mask, &picture.image)?))
     } else {
         None
     };
-    let depth = if options.depth {
-        depth::read(
-            source,
-            opened,
-            &[format!("{stem}_depth.exr"), format!("{stem}_depth_linear.npy")],
-            &picture.image,
-        )?
-    } else {
-        None
-    };
+    let depths = ["_depth.exr", "_depth_linear.npy"].map(|end| format!("{stem}{end}"));
+    let depth = depth::read(source, opened, &depths, &picture.image, options)?;
     assemble(stem.to_owned(), picture, mask, camera, depth, options)
 }
 
@@ -150,15 +132,7 @@ fn read_camera(
     if let Some(resolution) = camera.get("resolution") {
         let (w, h) = (resolution.need("width")?.pixels()?, resolution.need("height")?.pixels()?);
         // Resampled images keep their metadata; the lens fits as long as the shape does.
-        if (w * height).abs_diff(h * width) > w.max(h) {
-            let expected = format!("the shape of {}, {width}x{height}", picture.path.display());
-            return Err(ReadViewsError::field(
-                &path,
-                resolution.field,
-                format!("{w}x{h}"),
-                expected,
-            ));
-        }
+        check_shape([w, h], picture, &path, resolution.field)?;
     }
     let tf_mat = camera.need("tf_mat")?;
     let matrix = tf_mat.matrix()?;
@@ -177,9 +151,7 @@ fn read_camera(
         width,
         height,
     );
-    result.validate().map_err(|error| {
-        ReadViewsError::new(&path, ViewsProblem::Camera { field: tf_mat.field, source: error })
-    })?;
+    result.validate().map_err(ReadViewsError::camera(&path, tf_mat.field))?;
     Ok(result)
 }
 
@@ -233,9 +205,6 @@ fn write_view(view: &View, stem: &Path) -> Result<(), WriteViewsError> {
         },
         "asset_transforms": [],
     });
-    let put = |path: &Path, bytes: &[u8]| {
-        write_atomic(path, |out| out.write_all(bytes)).map_err(|e| WriteViewsError::new(path, e))
-    };
     put(&file(COLOR), &encode_png(&view.color))?;
     let mut labels = Vec::new();
     let shape = [view.mask.height, view.mask.width, 1];
@@ -244,8 +213,7 @@ fn write_view(view: &View, stem: &Path) -> Result<(), WriteViewsError> {
         .map_err(|e| WriteViewsError::new(&mask_path, e))?;
     put(&mask_path, &labels)?;
     if let Some(depth) = &view.depth {
-        let path = file("_depth.exr");
-        mesh_core::write_depth(&path, depth).map_err(|e| WriteViewsError::new(&path, e))?;
+        put(&file("_depth.exr"), &encode_depth(depth))?;
     }
     put(&metadata_path, metadata.to_string().as_bytes())
 }

@@ -9,14 +9,14 @@ use mesh_core::nalgebra::Vector3;
 use mesh_core::{Camera, CameraError};
 use rayon::prelude::*;
 
-use crate::assemble::{assemble, mask_from_picture, read_picture};
+use crate::assemble::{assemble, named_mask, read_picture};
 use crate::content::over;
 use crate::dataset::{Catalog, Dataset, Entry, Subset};
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::error::ReadViewsError;
 use crate::formats::json::Node;
 use crate::formats::yaml;
 use crate::layouts::album::{Album, fitted};
-use crate::options::{MaskSource, ReadOptions};
+use crate::options::ReadOptions;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 
@@ -148,18 +148,9 @@ impl McmrAnnotation {
     ) -> Result<View, ReadViewsError> {
         let picture = read_picture(opened, source.locate(&self.image), &self.image, "picture")?;
         let field = "intrinsic, extrinsic";
-        let camera = self.camera().map_err(|source| {
-            let problem = ViewsProblem::Camera { field: field.to_owned(), source };
-            ReadViewsError::new(&self.file, problem)
-        })?;
-        let camera = fitted(camera, &picture.image, &self.file, field)?;
-        let mask = match options.mask {
-            MaskSource::Auto | MaskSource::Files => {
-                let mask = read_picture(opened, source.locate(&self.mask), &self.mask, "mask")?;
-                Some((mask.path, mask_from_picture(&mask.image)))
-            }
-            _ => None,
-        };
+        let camera = self.camera().map_err(ReadViewsError::camera(&self.file, field))?;
+        let camera = fitted(camera, &picture, &self.file, field)?;
+        let mask = named_mask(source, opened, &self.mask, options)?;
         assemble(name.to_owned(), picture, mask, camera, None, options)
     }
 }
@@ -248,10 +239,8 @@ impl Mcmr {
     pub fn open(path: &Path) -> Result<Self, ReadViewsError> {
         let Some((root, classes)) = classes(path) else {
             let wanted_by = "MCMR's form of Pascal3D+ has it in the folder of each class, beside \
-                             images and <class>_{train,eval,test}.txt"
-                .to_owned();
-            let problem = ViewsProblem::Missing { wanted_by };
-            return Err(ReadViewsError::new(path.join(ANNOTATIONS), problem));
+                             images and <class>_{train,eval,test}.txt";
+            return Err(ReadViewsError::missing(path.join(ANNOTATIONS), wanted_by));
         };
         let source = Source::folder(&root);
         let mut all = Vec::new();

@@ -16,9 +16,9 @@ use std::path::Path;
 use mesh_core::Camera;
 
 use crate::assemble::{MASK_EXTENSIONS, assemble, mask_file, read_picture, without_extension};
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::error::ReadViewsError;
 use crate::options::ReadOptions;
-use crate::read::{Pending, Reading};
+use crate::read::Reading;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View};
 
@@ -59,43 +59,42 @@ pub(crate) fn list<'a>(
     let (_, first) = lines.next().unwrap_or_default();
     let count = first.trim().parse::<usize>();
     let count = count.map_err(|_| wrong("line 1", first, "the number of images"))?;
-    let (mut pending, mut warnings) = (Vec::<Pending<'a>>::new(), Vec::new());
+    let mut reading = Reading::new(Layout::Middlebury, "r, t");
     let mut listed = 0;
     for (index, line) in lines {
         listed += 1;
         let shot = Shot::new(line, index + 1, &path)?;
-        if source.has(&shot.image) {
-            let path = path.clone();
-            pending.push(Box::new(move |opened| shot.read(source, opened, &path, options)));
-            continue;
-        }
-        let wanted_by = format!("{} of {} names it", shot.field, path.display());
-        let error = source.missing(&shot.image, wanted_by);
-        if !options.allow_missing {
-            return Err(error);
-        }
-        warnings.push(format!("view {} is left out: {error}", shot.image));
+        let found =
+            source.need(&shot.image, || format!("{} of {} names it", shot.field, path.display()));
+        let (image, path) = (shot.image.clone(), path.clone());
+        reading.add(&image, found, options, move |(), opened| {
+            shot.read(source, opened, &path, options)
+        })?;
     }
     if listed != count {
         let found = format!("{listed} lines with cameras");
         return Err(wrong("line 1", &found, &format!("{count}, as it says")));
     }
-    Ok(Reading { layout: Layout::Middlebury, pending, warnings, poses: "r, t" })
+    Ok(reading)
 }
 
 impl Shot {
     fn new(line: &str, number: usize, file: &Path) -> Result<Self, ReadViewsError> {
         let field = format!("line {number}");
+        let wrong = |found: String| {
+            let expected = "a name and 21 numbers: K and R by rows, then t";
+            ReadViewsError::field(file, &field, found, expected)
+        };
         let mut words = line.split_whitespace();
         let image = words.next().unwrap_or_default().to_owned();
-        let numbers: Vec<f64> = words.map_while(|word| word.parse().ok()).collect();
-        let count = line.split_whitespace().count() - 1;
-        let finite = count == NUMBERS && numbers.iter().all(|number| number.is_finite());
-        let numbers = <[f64; NUMBERS]>::try_from(numbers).ok().filter(|_| finite);
-        let expected = "a name and 21 numbers: K and R by rows, then t";
-        let found = || format!("{count} words behind the name");
-        let numbers =
-            numbers.ok_or_else(|| ReadViewsError::field(file, field.clone(), found(), expected))?;
+        let words: Vec<&str> = words.collect();
+        let words = <[&str; NUMBERS]>::try_from(words)
+            .map_err(|words| wrong(format!("{} words behind the name", words.len())))?;
+        let mut numbers = [0.0; NUMBERS];
+        for (number, word) in numbers.iter_mut().zip(words) {
+            let read = word.parse().ok().filter(|number: &f64| number.is_finite());
+            *number = read.ok_or_else(|| wrong(format!("the word {word:?}")))?;
+        }
         Ok(Self { image, numbers, field })
     }
 
@@ -109,10 +108,8 @@ impl Shot {
         intrinsics[1][2] += 0.5;
         let translation = [18, 19, 20].map(|k| self.numbers[k]);
         let camera = Camera::from_opencv(rotation, translation, intrinsics, width, height);
-        camera.and_then(|camera| camera.validate().map(|()| camera)).map_err(|source| {
-            let field = format!("{}, camera", self.field);
-            ReadViewsError::new(file, ViewsProblem::Camera { field, source })
-        })
+        let camera = camera.and_then(|camera| camera.validate().map(|()| camera));
+        camera.map_err(ReadViewsError::camera(file, format!("{}, camera", self.field)))
     }
 
     fn read(
@@ -172,7 +169,7 @@ mod tests {
             ("many\n".to_owned(), "line 1"),
             (format!("2\n{LINE}\n"), "1 lines with cameras"),
             ("1\na.png 20 0\n".to_owned(), "line 2"),
-            (format!("1\n{}\n", LINE.replace("0 0 4", "0 0 x")), "line 2"),
+            (format!("1\n{}\n", LINE.replace("0 0 4", "0 0 x")), "line 2`: found the word \"x\""),
             (format!("1\n{skewed}\n"), "skew"),
             (format!("1\n{}\n", LINE.replace("a.png", "c.png")), "c.png"),
         ] {

@@ -10,12 +10,12 @@ use mesh_core::nalgebra::{Rotation3, Vector3};
 use mesh_core::{ByteImage, Camera, Lens, TriMesh};
 use rayon::prelude::*;
 
-use crate::assemble::{assemble, read_picture};
+use crate::assemble::{Picture, assemble, read_picture};
 use crate::dataset::{Catalog, Dataset, Entry, Truth};
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::error::ReadViewsError;
 use crate::formats::mat::{Mat, Node};
 use crate::layouts::album::{Album, fitted, model};
-use crate::options::{MaskSource, ReadOptions};
+use crate::options::ReadOptions;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 
@@ -132,8 +132,8 @@ impl Viewpoint {
 
 impl Pascal3dAnnotation {
     /// The camera of the image, of which the record may leave the size open.
-    fn camera(&self, picture: &ByteImage) -> Result<Camera, ReadViewsError> {
-        let [w, h] = self.size.unwrap_or([picture.width, picture.height]);
+    fn camera(&self, picture: &Picture) -> Result<Camera, ReadViewsError> {
+        let [w, h] = self.size.unwrap_or([picture.image.width, picture.image.height]);
         fitted(self.viewpoint.camera(w, h), picture, &self.file, &self.field)
     }
 
@@ -145,11 +145,9 @@ impl Pascal3dAnnotation {
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
         let picture = read_picture(opened, source.locate(&self.image), &self.image, "picture")?;
-        let camera = self.camera(&picture.image)?;
-        let mask = match options.mask {
-            MaskSource::Auto | MaskSource::Files => Some(self.mask(source, opened)?),
-            _ => None,
-        };
+        let camera = self.camera(&picture)?;
+        let wanted = options.mask.reads_files();
+        let mask = wanted.then(|| self.mask(source, opened)).transpose()?;
         assemble(name.to_owned(), picture, mask, camera, None, options)
     }
 
@@ -313,10 +311,8 @@ impl Pascal3d {
         }
         if files.is_empty() {
             let wanted_by = "Pascal3D+ has its records in it, in <class>_imagenet and \
-                             <class>_pascal"
-                .to_owned();
-            let problem = ViewsProblem::Missing { wanted_by };
-            return Err(ReadViewsError::new(path.join(ANNOTATIONS), problem));
+                             <class>_pascal";
+            return Err(ReadViewsError::missing(path.join(ANNOTATIONS), wanted_by));
         }
         let records: Vec<Result<Record, ReadViewsError>> =
             files.par_iter().map(|(folder, name)| read_record(&source, folder, name)).collect();

@@ -3,18 +3,19 @@
 use std::path::Path;
 
 use mesh_core::nalgebra::{Matrix3, Vector3};
-use mesh_core::{Camera, Lens, encode_png};
+use mesh_core::{Camera, Lens};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::assemble::{
-    MASK_EXTENSIONS, assemble, camera_of_size, mask_file, put, read_picture, without_extension,
+    MASK_EXTENSIONS, assemble, camera_of_size, mask_file, put, put_images, read_picture,
+    without_extension,
 };
 use crate::depth;
-use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
+use crate::error::{ReadViewsError, WriteViewsError};
 use crate::formats::json::{Node, parse};
 use crate::options::ReadOptions;
-use crate::read::{Pending, Reading};
+use crate::read::Reading;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View};
 
@@ -54,26 +55,21 @@ pub(crate) fn list<'a>(
     if version.number()? != 1.0 {
         return Err(version.wrong("1, the only version there is"));
     }
-    let mut pending: Vec<Pending<'a>> = Vec::new();
-    let mut warnings = Vec::new();
+    let mut reading = Reading::new(Layout::Photos, "rotation, translation");
     for node in root.need("views")?.elements()? {
         let shot = Shot::new(&node)?;
-        if source.has(&shot.image) {
-            pending.push(Box::new(move |opened| shot.read(source, opened, options)));
-            continue;
-        }
-        let wanted_by = format!(
-            "field `{}.image` of {} names it; put it back, or allow missing views",
-            shot.field,
-            path.display()
-        );
-        let error = source.missing(&shot.image, wanted_by);
-        if !options.allow_missing {
-            return Err(error);
-        }
-        warnings.push(format!("view {} is left out: {error}", shot.image));
+        let found = source.need(&shot.image, || {
+            format!(
+                "field `{}.image` of {} names it; put it back, or allow missing views",
+                shot.field,
+                path.display()
+            )
+        });
+        let image = shot.image.clone();
+        reading
+            .add(&image, found, options, move |(), opened| shot.read(source, opened, options))?;
     }
-    Ok(Reading { layout: Layout::Photos, pending, warnings, poses: "rotation, translation" })
+    Ok(reading)
 }
 
 impl Shot {
@@ -95,10 +91,8 @@ impl Shot {
             width: node.need("width")?.pixels()?,
             height: node.need("height")?.pixels()?,
         };
-        camera.validate().map_err(|source| {
-            let field = format!("{}, camera", node.field);
-            ReadViewsError::new(node.file(), ViewsProblem::Camera { field, source })
-        })?;
+        let field = format!("{}, camera", node.field);
+        camera.validate().map_err(ReadViewsError::camera(node.file(), field))?;
         Ok(Self { masks, depth: text("depth")?, camera, field: node.field.clone(), image })
     }
 
@@ -112,19 +106,11 @@ impl Shot {
         let field = format!("{}.width, height", self.field);
         let camera =
             camera_of_size(self.camera.clone(), &picture, &source.locate(CAMERAS), &field)?;
-        if let [mask] = self.masks.as_slice()
-            && !source.has(mask)
-        {
-            let wanted_by = format!("field `{}.mask` of {CAMERAS} names it", self.field);
-            return Err(source.missing(mask, wanted_by));
+        if let [mask] = self.masks.as_slice() {
+            source.need(mask, || format!("field `{}.mask` of {CAMERAS} names it", self.field))?;
         }
         let mask = mask_file(source, opened, &self.masks, options)?;
-        let depth = match &self.depth {
-            Some(name) if options.depth => {
-                depth::read(source, opened, std::slice::from_ref(name), &picture.image)?
-            }
-            _ => None,
-        };
+        let depth = depth::read(source, opened, self.depth.as_slice(), &picture.image, options)?;
         let name = without_extension(&self.image).to_owned();
         assemble(name, picture, mask, camera, depth, options)
     }
@@ -133,20 +119,12 @@ impl Shot {
 fn lens(node: &Node<'_>) -> Result<Lens, ReadViewsError> {
     let number = |kind: &Node<'_>, key: &str| kind.need(key)?.number();
     if let Some(p) = node.get("perspective") {
-        return Ok(Lens::Perspective {
-            fx: number(&p, "fx")?,
-            fy: number(&p, "fy")?,
-            cx: number(&p, "cx")?,
-            cy: number(&p, "cy")?,
-        });
+        let (fx, fy) = (number(&p, "fx")?, number(&p, "fy")?);
+        return Ok(Lens::Perspective { fx, fy, cx: number(&p, "cx")?, cy: number(&p, "cy")? });
     }
     if let Some(o) = node.get("orthographic") {
-        return Ok(Lens::Orthographic {
-            sx: number(&o, "sx")?,
-            sy: number(&o, "sy")?,
-            cx: number(&o, "cx")?,
-            cy: number(&o, "cy")?,
-        });
+        let (sx, sy) = (number(&o, "sx")?, number(&o, "sy")?);
+        return Ok(Lens::Orthographic { sx, sy, cx: number(&o, "cx")?, cy: number(&o, "cy")? });
     }
     Err(node.wrong("`perspective` or `orthographic`"))
 }
@@ -188,9 +166,7 @@ pub fn write_photos(views: &[View], folder: &Path) -> Result<(), WriteViewsError
         .par_iter()
         .enumerate()
         .map(|(i, view)| {
-            let (image, mask) = (format!("images/{i:04}.png"), format!("masks/{i:04}.png"));
-            put(&folder.join(&image), &encode_png(&view.color))?;
-            put(&folder.join(&mask), &encode_png(&view.mask))?;
+            let (image, mask, depth) = put_images(view, i, folder)?;
             let camera = &view.camera;
             let lens = match camera.lens {
                 Lens::Perspective { fx, fy, cx, cy } => {
@@ -208,9 +184,7 @@ pub fn write_photos(views: &[View], folder: &Path) -> Result<(), WriteViewsError
                 "width": camera.width, "height": camera.height,
                 "rotation": rows, "translation": translation, "lens": lens,
             });
-            if let Some(depth) = &view.depth {
-                let name = format!("depth/{i:04}.exr");
-                put(&folder.join(&name), &mesh_core::encode_depth(depth))?;
+            if let Some(name) = depth {
                 shot["depth"] = Value::from(name);
             }
             Ok(shot)

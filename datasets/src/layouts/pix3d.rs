@@ -9,13 +9,13 @@ use std::path::{Path, PathBuf};
 
 use mesh_core::{Camera, VoxelGrid};
 
-use crate::assemble::{assemble, mask_from_picture, read_picture};
+use crate::assemble::{assemble, named_mask, read_picture};
 use crate::dataset::{Catalog, Dataset, Entry, Subset, Truth};
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::error::ReadViewsError;
 use crate::formats::json::{Node, parse};
 use crate::formats::mat::Mat;
 use crate::layouts::album::{Album, Photo, chosen, fitted, model};
-use crate::options::{MaskSource, ReadOptions};
+use crate::options::ReadOptions;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 
@@ -136,14 +136,8 @@ impl Pix3dAnnotation {
     ) -> Result<View, ReadViewsError> {
         let picture = read_picture(opened, source.locate(&self.image), &self.image, "picture")?;
         let field = format!("{}.rot_mat, trans_mat, focal_length", self.field);
-        let camera = fitted(self.camera(), &picture.image, &self.file, &field)?;
-        let mask = match options.mask {
-            MaskSource::Auto | MaskSource::Files => {
-                let mask = read_picture(opened, source.locate(&self.mask), &self.mask, "mask")?;
-                Some((mask.path, mask_from_picture(&mask.image)))
-            }
-            _ => None,
-        };
+        let camera = fitted(self.camera(), &picture, &self.file, &field)?;
+        let mask = named_mask(source, opened, &self.mask, options)?;
         assemble(self.image.clone(), picture, mask, camera, None, options)
     }
 }
@@ -232,7 +226,7 @@ impl Pix3d {
     pub fn open(path: &Path) -> Result<Self, ReadViewsError> {
         let Some((root, files)) = files(path) else {
             let wanted_by = format!("Pix3D is read by it, or by one named {}", SPLITS[0][0]);
-            return Err(ReadViewsError::new(path.join(WHOLE), ViewsProblem::Missing { wanted_by }));
+            return Err(ReadViewsError::missing(path.join(WHOLE), wanted_by));
         };
         let source = Source::folder(&root);
         let mut opened = source.open()?;

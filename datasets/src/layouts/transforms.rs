@@ -2,16 +2,18 @@
 
 use std::path::Path;
 
-use mesh_core::{Camera, Lens, encode_png};
+use mesh_core::{Camera, Lens};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::assemble::{assemble, mask_from_picture, put, read_picture};
+use crate::assemble::{
+    Picture, assemble, camera_of_size, named_mask, put, put_images, read_picture,
+};
 use crate::depth;
-use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
+use crate::error::{ReadViewsError, WriteViewsError};
 use crate::formats::json::{Node, parse};
-use crate::options::{MaskSource, ReadOptions};
-use crate::read::{Pending, Reading};
+use crate::options::ReadOptions;
+use crate::read::Reading;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View};
 
@@ -40,25 +42,20 @@ pub(crate) fn list<'a>(
     options: &'a ReadOptions,
 ) -> Result<Reading<'a>, ReadViewsError> {
     let mut opened = source.open()?;
-    let mut pending: Vec<Pending<'a>> = Vec::new();
-    let mut warnings = Vec::new();
+    let mut reading = Reading::new(Layout::Transforms, "transform_matrix");
     for file in files {
         let path = source.locate(file);
         let value = parse(&opened.read(file, "poses", JSON_BYTES)?, &path)?;
         let root = Node::root(&value, &path);
         for node in root.need("frames")?.elements()? {
             let frame = Frame::new(&root, &node)?;
-            match frame.image_in(source) {
-                Ok(image) => pending
-                    .push(Box::new(move |opened| frame.read(source, opened, &image, options))),
-                Err(error) if options.allow_missing => {
-                    warnings.push(format!("view {} is left out: {error}", frame.name));
-                }
-                Err(error) => return Err(error),
-            }
+            let (name, image) = (frame.name.clone(), frame.image_in(source));
+            reading.add(&name, image, options, move |image, opened| {
+                frame.read(source, opened, image, options)
+            })?;
         }
     }
-    Ok(Reading { layout: Layout::Transforms, pending, warnings, poses: "transform_matrix" })
+    Ok(reading)
 }
 
 /// What the JSON says about one frame, checked, before its image is read.
@@ -173,12 +170,10 @@ impl Frame {
     /// The mask file: the one that the frame names, or one of the same stem in `masks/`.
     fn mask_in(&self, source: &Source) -> Result<Option<String>, ReadViewsError> {
         if let Some(mask) = &self.mask {
-            if source.has(mask) {
-                return Ok(Some(mask.clone()));
-            }
-            let wanted_by =
-                format!("field `{}.mask_path` of {} names it", self.field, self.file.display());
-            return Err(source.missing(mask, wanted_by));
+            source.need(mask, || {
+                format!("field `{}.mask_path` of {} names it", self.field, self.file.display())
+            })?;
+            return Ok(Some(mask.clone()));
         }
         let stem = self.name.rsplit('/').next().unwrap_or(&self.name);
         Ok(EXTENSIONS[1..]
@@ -195,37 +190,20 @@ impl Frame {
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
         let picture = read_picture(opened, source.locate(image), image, "picture")?;
-        let camera = self.camera(picture.image.width, picture.image.height)?;
-        let mask = match options.mask {
-            MaskSource::Auto | MaskSource::Files => match self.mask_in(source)? {
-                Some(name) => {
-                    let mask = read_picture(opened, source.locate(&name), &name, "mask")?;
-                    Some((mask.path, mask_from_picture(&mask.image)))
-                }
-                None => None,
-            },
-            MaskSource::Alpha | MaskSource::Whole | MaskSource::Backdrop { .. } => None,
+        let camera = self.camera(&picture)?;
+        let mask = if options.mask.reads_files() { self.mask_in(source)? } else { None };
+        let mask = match mask {
+            Some(name) => named_mask(source, opened, &name, options)?,
+            None => None,
         };
-        let depth = match &self.depth {
-            Some(name) if options.depth => {
-                depth::read(source, opened, std::slice::from_ref(name), &picture.image)?
-            }
-            _ => None,
-        };
+        let depth = depth::read(source, opened, self.depth.as_slice(), &picture.image, options)?;
         assemble(self.name.clone(), picture, mask, camera, depth, options)
     }
 
     /// The camera for an image of this size.
-    fn camera(&self, width: usize, height: usize) -> Result<Camera, ReadViewsError> {
-        let [w, h] = [self.size[0].unwrap_or(width), self.size[1].unwrap_or(height)];
-        if (w * height).abs_diff(h * width) > w.max(h) {
-            return Err(ReadViewsError::field(
-                &self.file,
-                format!("{}.w, h", self.field),
-                format!("{w}x{h}"),
-                format!("the shape of the picture, {width}x{height}"),
-            ));
-        }
+    fn camera(&self, picture: &Picture) -> Result<Camera, ReadViewsError> {
+        let w = self.size[0].unwrap_or(picture.image.width);
+        let h = self.size[1].unwrap_or(picture.image.height);
         let (fx, fy) = match self.focal {
             Focal::Pixels(fx, fy) => (fx, fy.unwrap_or(fx)),
             Focal::Angle(x, y) => {
@@ -236,12 +214,10 @@ impl Frame {
         let cx = self.principal[0].unwrap_or(w as f64 / 2.0);
         let cy = self.principal[1].unwrap_or(h as f64 / 2.0);
         let camera = Camera::from_opengl(self.pose, fx, fy, cx, cy, w, h);
-        camera.validate().map_err(|error| {
-            let field = format!("{}.transform_matrix", self.field);
-            ReadViewsError::new(&self.file, ViewsProblem::Camera { field, source: error })
-        })?;
+        let field = format!("{}.transform_matrix", self.field);
+        camera.validate().map_err(ReadViewsError::camera(&self.file, field))?;
         // Images are often smaller than what the poses were found with.
-        Ok(if (w, h) == (width, height) { camera } else { camera.resized(width, height) })
+        camera_of_size(camera, picture, &self.file, &format!("{}.w, h", self.field))
     }
 }
 
@@ -261,10 +237,7 @@ pub fn write_transforms(views: &[View], folder: &Path) -> Result<(), WriteViewsE
                 let problem = format!("view {}: parallel rays have no transforms.json", view.name);
                 return Err(WriteViewsError::new(&folder.join(WHOLE), problem));
             };
-            let image = format!("images/{i:04}.png");
-            let mask = format!("masks/{i:04}.png");
-            put(&folder.join(&image), &encode_png(&view.color))?;
-            put(&folder.join(&mask), &encode_png(&view.mask))?;
+            let (image, mask, depth) = put_images(view, i, folder)?;
             let mut frame = json!({
                 "file_path": image,
                 "mask_path": mask,
@@ -272,9 +245,7 @@ pub fn write_transforms(views: &[View], folder: &Path) -> Result<(), WriteViewsE
                 "fl_x": fx, "fl_y": fy, "cx": cx, "cy": cy,
                 "w": view.camera.width, "h": view.camera.height,
             });
-            if let Some(depth) = &view.depth {
-                let name = format!("depth/{i:04}.exr");
-                put(&folder.join(&name), &mesh_core::encode_depth(depth))?;
+            if let Some(name) = depth {
                 frame["depth_file_path"] = Value::from(name);
             }
             Ok(frame)

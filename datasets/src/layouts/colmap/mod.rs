@@ -13,11 +13,11 @@ use crate::assemble::{
     MASK_EXTENSIONS, Picture, assemble, camera_of_size, mask_file, read_picture, without_extension,
 };
 use crate::dataset::{Catalog, Dataset};
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::error::ReadViewsError;
 use crate::layouts::single::SingleObject;
 use crate::natural;
 use crate::options::ReadOptions;
-use crate::read::{Pending, Reading};
+use crate::read::Reading;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 
@@ -86,28 +86,21 @@ impl Project {
         source: &'a Source,
         options: &'a ReadOptions,
     ) -> Result<Reading<'a>, ReadViewsError> {
-        let mut warnings = Vec::new();
-        let mut pending: Vec<Pending<'a>> = Vec::new();
+        let mut reading = Reading::new(Layout::Colmap, "QW QX QY QZ TX TY TZ");
         for image in &self.model.images {
             let name = format!("{}{}", self.images, image.name);
-            if source.has(&name) {
-                pending.push(Box::new(move |opened| {
-                    self.read_view(source, opened, image, &name, options)
-                }));
-                continue;
-            }
-            let wanted_by = format!(
-                "image {} of {} names it; put it back, or allow missing views",
-                image.id,
-                self.file(source, "images").display()
-            );
-            let error = source.missing(&name, wanted_by);
-            if !options.allow_missing {
-                return Err(error);
-            }
-            warnings.push(format!("view {} is left out: {error}", image.name));
+            let found = source.need(&name, || {
+                format!(
+                    "image {} of {} names it; put it back, or allow missing views",
+                    image.id,
+                    self.file(source, "images").display()
+                )
+            });
+            reading.add(&image.name, found, options, move |(), opened| {
+                self.read_view(source, opened, image, &name, options)
+            })?;
         }
-        Ok(Reading { layout: Layout::Colmap, pending, warnings, poses: "QW QX QY QZ TX TY TZ" })
+        Ok(reading)
     }
 
     fn read_view(
@@ -210,8 +203,8 @@ impl Colmap {
         match SingleObject::find(path, &ReadOptions::default())? {
             Some(single) if single.colmap().is_some() => Ok(Self { single }),
             _ => {
-                let wanted_by = "a COLMAP model is cameras and images, .bin or .txt".to_owned();
-                Err(ReadViewsError::new(path, ViewsProblem::Missing { wanted_by }))
+                let wanted_by = "a COLMAP model is cameras and images, .bin or .txt";
+                Err(ReadViewsError::missing(path, wanted_by))
             }
         }
     }

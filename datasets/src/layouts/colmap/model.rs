@@ -87,9 +87,6 @@ impl Model {
             let field = format!("camera {} MODEL", image.camera);
             return Err(ReadViewsError::field(cameras_file, field, &camera.model, expected));
         }
-        let fails = |file: &std::path::Path, field: String, source| {
-            ReadViewsError::new(file, crate::ViewsProblem::Camera { field, source })
-        };
         let whole = Camera::from_colmap(
             image.quaternion,
             image.translation,
@@ -98,8 +95,9 @@ impl Model {
             camera.width,
             camera.height,
         )
-        .map_err(|e| fails(cameras_file, format!("camera {} PARAMS", image.camera), e))?;
-        whole.validate().map_err(|e| fails(images_file, field("QW to TZ, camera"), e))?;
+        .map_err(ReadViewsError::camera(cameras_file, format!("camera {} PARAMS", image.camera)))?;
+        let field = field("QW to TZ, camera");
+        whole.validate().map_err(ReadViewsError::camera(images_file, field))?;
         Ok(whole)
     }
 }

@@ -59,13 +59,14 @@ mod write;
 
 use std::path::{Path, PathBuf};
 
-use mesh_core::{ByteImage, io::binvox, read_mesh};
+use mesh_core::{ByteImage, io::binvox};
 use rayon::prelude::*;
 
 use crate::assemble::{assemble, read_picture};
 use crate::dataset::{Catalog, Dataset, Entry, Truth};
 use crate::depth;
 use crate::error::{ReadViewsError, ViewsProblem};
+use crate::layouts::album::model;
 use crate::options::ReadOptions;
 use crate::read::{Pending, Reading, read_pending};
 use crate::source::Source;
@@ -211,17 +212,11 @@ impl Dataset for R2n2 {
                 let path = source.locate(&line.picture);
                 let picture = read_picture(opened, path, &line.picture, "picture")?;
                 let camera = lens.camera(line, picture.image.width, picture.image.height);
-                camera.validate().map_err(|error| {
-                    let field = format!("line {} with {lens:?}", view + 1);
-                    let problem = ViewsProblem::Camera { field, source: error };
-                    ReadViewsError::new(source.locate(metadata::FILE), problem)
-                })?;
-                let depth = if options.depth {
-                    let name = format!("{}_depth.exr", line.stem());
-                    depth::read(source, opened, &[name], &picture.image)?
-                } else {
-                    None
-                };
+                let field = format!("line {} with {lens:?}", view + 1);
+                let file = source.locate(metadata::FILE);
+                camera.validate().map_err(ReadViewsError::camera(file, field))?;
+                let depths = [format!("{}_depth.exr", line.stem())];
+                let depth = depth::read(source, opened, &depths, &picture.image, options)?;
                 assemble(line.stem().to_owned(), picture, None, camera, depth, options)
             }));
         }
@@ -230,17 +225,12 @@ impl Dataset for R2n2 {
     }
 
     fn truth(&self, object: usize) -> Result<Truth, ReadViewsError> {
-        let of_mesh = |path: PathBuf| {
-            move |error| ReadViewsError::new(path, ViewsProblem::Mesh(Box::new(error)))
-        };
-        let mesh = match self.mesh_file(object) {
-            Some(path) => Some(read_mesh(&path).map_err(of_mesh(path))?),
-            None => None,
-        };
-        let voxels = match self.voxel_file(object) {
-            Some(path) => Some(binvox::read(&path).map_err(of_mesh(path))?),
-            None => None,
-        };
+        let mesh = self.mesh_file(object).map(|path| model(&path)).transpose()?.flatten();
+        let voxels = self.voxel_file(object).map(|path| {
+            let wrong = |error| ReadViewsError::new(&path, ViewsProblem::Mesh(Box::new(error)));
+            binvox::read(&path).map_err(wrong)
+        });
+        let voxels = voxels.transpose()?;
         let points = self.folders[object].join(POINTS);
         let points = if points.is_file() { Some(points::read(&points)?) } else { None };
         Ok(Truth { mesh, points, voxels })

@@ -3,10 +3,11 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use mesh_core::io::{binvox, obj, write_atomic};
-use mesh_core::{ByteImage, CameraError, DepthMap, R2n2View, encode_png, write_depth};
+use mesh_core::io::{binvox, obj};
+use mesh_core::{ByteImage, CameraError, DepthMap, R2n2View, encode_depth, encode_png};
 
 use super::{MESHES, POINTS, RENDERING, RENDERINGS, VOXELS, metadata, points};
+use crate::assemble::put;
 use crate::dataset::Truth;
 use crate::error::WriteViewsError;
 use crate::view::View;
@@ -105,8 +106,7 @@ pub fn write_object(
         let name = format!("{i:02}.png");
         put(&folder.join(&name), &encode_png(&view.rgba))?;
         if let Some(depth) = &view.depth {
-            let path = folder.join(format!("{i:02}_depth.exr"));
-            write_depth(&path, depth).map_err(|e| WriteViewsError::new(&path, e))?;
+            put(&folder.join(format!("{i:02}_depth.exr")), &encode_depth(depth))?;
         }
         if let Some(normals) = &view.normals {
             put(&folder.join(format!("{i:02}_normal.png")), &encode_png(normals))?;
@@ -156,10 +156,6 @@ fn in_folder(folder: &Path, name: &str) -> Result<PathBuf, WriteViewsError> {
 
 fn make(folder: &Path) -> Result<(), WriteViewsError> {
     std::fs::create_dir_all(folder).map_err(|e| WriteViewsError::new(folder, e))
-}
-
-fn put(path: &Path, bytes: &[u8]) -> Result<(), WriteViewsError> {
-    write_atomic(path, |out| out.write_all(bytes)).map_err(|e| WriteViewsError::new(path, e))
 }
 
 fn is_folder_name(name: &str) -> bool {
