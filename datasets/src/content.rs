@@ -1,5 +1,6 @@
 //! The bytes of a file, and how much memory they may make their reader take.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use mesh_core::{Budget, Limits, OverLimit};
@@ -35,13 +36,12 @@ impl Content {
         self.budget.clone()
     }
 
-    /// Whether there is room for so many bytes of values for each line.
-    ///
-    /// # Errors
-    /// If not.
-    pub(crate) fn check_lines(&self, each: usize) -> Result<(), OverLimit> {
+    /// The text of a list, each line of which may become something of `each` bytes.
+    pub(crate) fn text(&self, each: usize, path: &Path) -> Result<Cow<'_, str>, ReadViewsError> {
         let lines = self.bytes.split(|&b| b == b'\n').count() as u64;
-        self.budget().take(lines.saturating_mul(each as u64))
+        let taken = self.budget().take(lines.saturating_mul(each as u64));
+        taken.map_err(|limit| over(path, "lines", limit))?;
+        Ok(String::from_utf8_lossy(&self.bytes))
     }
 }
 
@@ -60,6 +60,17 @@ impl std::ops::Deref for Content {
     fn deref(&self) -> &[u8] {
         &self.bytes
     }
+}
+
+/// The lines that say something, without the spaces around them, and their numbers from 1.
+pub(crate) fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
+    lines.filter(|(_, line)| !line.is_empty())
+}
+
+/// As much of what was found as a message has room for.
+pub(crate) fn cut(found: &str) -> String {
+    found.chars().take(60).collect()
 }
 
 /// What an archive's entry of so many stored bytes may inflate to: about half of what it may take,

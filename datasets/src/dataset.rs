@@ -113,6 +113,27 @@ pub enum Subset {
     Test,
 }
 
+impl Subset {
+    /// Every subset by the name that files of splits have for it.
+    pub const NAMES: [(&'static str, Self); 3] =
+        [("train", Self::Train), ("val", Self::Validation), ("test", Self::Test)];
+
+    /// The name in files of splits: `train`, `val` or `test`.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize].0
+    }
+}
+
+impl Entry {
+    /// `category/name`, or the name alone where there is no category.
+    pub fn full_name(&self) -> String {
+        match self.category.as_str() {
+            "" => self.name.clone(),
+            category => format!("{category}/{}", self.name),
+        }
+    }
+}
+
 /// What is known of an object's true shape, in the world of its cameras.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Truth {

@@ -94,12 +94,8 @@ pub fn choose(
     entries: &[Entry],
     wanted: Option<&str>,
 ) -> Result<usize, ReadViewsError> {
-    let full = |entry: &Entry| match entry.category.as_str() {
-        "" => entry.name.clone(),
-        category => format!("{category}/{}", entry.name),
-    };
     let some = |limit: usize| {
-        let names: Vec<String> = entries.iter().take(limit).map(full).collect();
+        let names: Vec<String> = entries.iter().take(limit).map(Entry::full_name).collect();
         let more = if entries.len() > limit { ", .." } else { "" };
         format!("{}{more}", names.join(", "))
     };
@@ -111,7 +107,7 @@ pub fn choose(
         let expected = format!("the name of one of them: {}", some(8));
         return Err(ReadViewsError::field(path, "object", found, expected));
     };
-    entries.iter().position(|entry| entry.name == wanted || full(entry) == wanted).ok_or_else(
+    entries.iter().position(|entry| entry.name == wanted || entry.full_name() == wanted).ok_or_else(
         || {
             let expected = format!("one of the {}: {}", entries.len(), some(8));
             ReadViewsError::field(path, "object", format!("{wanted:?}"), expected)

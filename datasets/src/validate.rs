@@ -97,10 +97,7 @@ fn validate_object(
     entry: &Entry,
     options: &ReadOptions,
 ) -> Validation {
-    let name = match entry.category.as_str() {
-        "" => entry.name.clone(),
-        category => format!("{category}/{}", entry.name),
-    };
+    let name = entry.full_name();
     let mut found = Validation::default();
     let fault = |error: &ReadViewsError, view: Option<usize>| Fault {
         object: name.clone(),
@@ -137,10 +134,9 @@ fn validate_object(
             Ok(views) => {
                 found.views += views.len();
                 // What is missing elsewhere is said again with every view.
-                let left_out = views.warnings.iter().map(|text| Fault::said(&name, text));
                 let target =
                     if options.allow_missing { &mut found.warnings } else { &mut found.faults };
-                for fault in left_out {
+                for fault in views.warnings.iter().map(|text| Fault::said(&name, text)) {
                     if !target.contains(&fault) {
                         target.push(fault);
                     }

@@ -158,10 +158,8 @@ fn folder_name(path: &Path) -> &str {
 
 /// What a split is for, by its name: `train_pbr`, `val`, `test_primesense`.
 fn subset_of(split: &str) -> Option<Subset> {
-    [("train", Subset::Train), ("val", Subset::Validation), ("test", Subset::Test)]
-        .into_iter()
-        .find(|(name, _)| split.starts_with(name))
-        .map(|(_, subset)| subset)
+    let mut names = Subset::NAMES.into_iter();
+    names.find(|(name, _)| split.starts_with(name)).map(|(_, subset)| subset)
 }
 
 fn read_scene(

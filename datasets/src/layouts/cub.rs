@@ -18,9 +18,6 @@ use crate::options::ReadOptions;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 
-/// The splits by the names of their files.
-const SPLITS: [(&str, Subset); 3] =
-    [("train", Subset::Train), ("val", Subset::Validation), ("test", Subset::Test)];
 /// Where the cache may be, from the folder that is opened.
 const CACHES: [&str; 5] = ["", "cachedir/cub", "cub", "UCMR_CUB_data/cub", "cmr/cachedir/cub"];
 /// Where the images may be, from that folder, the cache and the folders around it.
@@ -187,24 +184,13 @@ fn mean_shape(file: &Path, mat: &Mat) -> Result<Option<CubMeanShape>, ReadViewsE
     if !parts.iter().flatten().all(|v: &f64| v.is_finite()) {
         return Err(shape.found("a number that is not finite", "finite numbers"));
     }
-    let (array, rows, 3) = hull.table()? else {
-        return Err(hull.wrong("rows of three indices"));
-    };
-    let mut triangles = Vec::new();
-    for i in 0..rows {
-        let corners: [f64; 3] = std::array::from_fn(|k| array.at(k * rows + i));
-        if !corners.iter().all(|c| (1.0..=PARTS as f64).contains(c)) {
-            return Err(hull.found(format!("{corners:?}"), format!("indices from 1 to {PARTS}")));
-        }
-        triangles.push(corners.map(|c| c as u32 - 1));
-    }
-    Ok(Some(CubMeanShape { parts, triangles }))
+    Ok(Some(CubMeanShape { parts, triangles: hull.triangles(PARTS)? }))
 }
 
 /// The folder with `data` and `sfm` in it, at the path or where the tools put it.
 fn cache(path: &Path) -> Option<PathBuf> {
     let holds = |cache: &PathBuf| {
-        SPLITS.iter().any(|(split, _)| cache.join(annotations_of(split)).is_file())
+        Subset::NAMES.iter().any(|(split, _)| cache.join(annotations_of(split)).is_file())
     };
     CACHES.iter().map(|inner| path.join(inner)).find(holds)
 }
@@ -252,7 +238,7 @@ impl Cub {
             files: Vec::new(),
             mean_shape: None,
         };
-        for (split, subset) in SPLITS {
+        for (split, subset) in Subset::NAMES {
             let name = annotations_of(split);
             if !source.has(&name) {
                 continue;

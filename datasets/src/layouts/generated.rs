@@ -53,15 +53,11 @@ impl Generated {
             let [category, name] =
                 [folder_name(&object, "category")?, folder_name(&object, "name")?];
             let views = object.need("views")?.pixels()?;
-            let subset =
-                [("train", Subset::Train), ("val", Subset::Validation), ("test", Subset::Test)]
-                    .into_iter()
-                    .find(|(subset, _)| {
-                        let part = splits.as_ref().and_then(|splits| splits.get(subset));
-                        part.and_then(|part| part.get(&category))
-                            .is_some_and(|of| of.get(&name).is_some())
-                    })
-                    .map(|(_, subset)| subset);
+            let listed = |(subset, _): &(&str, Subset)| {
+                splits.as_ref()?.get(subset)?.get(&category)?.get(&name)
+            };
+            let mut subsets = Subset::NAMES.into_iter();
+            let subset = subsets.find(|subset| listed(subset).is_some()).map(|(_, subset)| subset);
             entries.push(Entry { category, name, views, subset });
         }
         let Some(first) = entries.first() else {

@@ -10,7 +10,7 @@ use mesh_core::{Camera, CameraError};
 use rayon::prelude::*;
 
 use crate::assemble::{assemble, named_mask, read_picture};
-use crate::content::over;
+use crate::content::numbered;
 use crate::dataset::{Catalog, Dataset, Entry, Subset};
 use crate::error::ReadViewsError;
 use crate::formats::json::Node;
@@ -107,10 +107,8 @@ impl McmrAnnotation {
             return Err(cad.wrong("the number of a model, from 0"));
         }
         let [left, top, right, bottom] = root.need("bbox")?.numbers()?;
-        let rows = |node: Node<'_>| -> Result<Vec<[f64; 3]>, ReadViewsError> {
-            node.elements()?.iter().map(Node::numbers).collect()
-        };
-        let keypoints = root.get("kpoints_2d").map(rows).transpose()?.unwrap_or_default();
+        let keypoints = root.get("kpoints_2d").map(|node| node.rows()).transpose()?;
+        let keypoints = keypoints.unwrap_or_default();
         let visible = |k: [f64; 3]| (k[2] > 0.0).then_some([k[0] - 0.5, k[1] - 0.5]);
         let matrix = root.need("extrinsic")?;
         let extrinsic = matrix.matrix()?;
@@ -195,10 +193,8 @@ fn listed(source: &Source, class: &str) -> Result<Vec<Listed>, ReadViewsError> {
         if !source.has(&name) {
             continue;
         }
-        let text = source.open()?.read(&name, "list", LIST_BYTES)?;
-        let lines = text.check_lines(LINE);
-        lines.map_err(|limit| over(&source.locate(&name), "lines", limit))?;
-        for line in String::from_utf8_lossy(&text).lines().map(str::trim) {
+        let list = source.open()?.read(&name, "list", LIST_BYTES)?;
+        for (_, line) in numbered(&list.text(LINE, &source.locate(&name))?) {
             // The lists hold the paths of the machine that made them; the file's name is enough.
             let file = line.rsplit(['/', '\\']).next().unwrap_or_default();
             if !file.is_empty() {

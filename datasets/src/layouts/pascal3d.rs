@@ -378,20 +378,7 @@ impl Pascal3d {
         };
         let positions =
             (0..count).map(|i| std::array::from_fn(|k| vertices.at(k * count + i) as f32));
-        let faces = model.need("faces")?;
-        let (indices, rows, 3) = faces.table()? else {
-            return Err(faces.wrong("rows of three indices"));
-        };
-        let mut mesh = TriMesh { positions: positions.collect(), ..TriMesh::default() };
-        for i in 0..rows {
-            let corners: [f64; 3] = std::array::from_fn(|k| indices.at(k * rows + i));
-            if !corners.iter().all(|&c| c >= 1.0 && c <= count as f64) {
-                return Err(
-                    faces.found(format!("{corners:?}"), format!("indices from 1 to {count}"))
-                );
-            }
-            mesh.faces.push(corners.map(|c| c as u32 - 1));
-        }
+        let mesh = TriMesh::new(positions.collect(), model.need("faces")?.triangles(count)?);
         if let Some(at) = mesh.positions.iter().position(|p| !p.iter().all(|v| v.is_finite())) {
             let found = format!("{:?}", mesh.positions[at]);
             return Err(model.need("vertices")?.found(found, "finite numbers"));

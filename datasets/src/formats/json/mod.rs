@@ -89,24 +89,22 @@ impl<'a> Node<'a> {
         self.file
     }
 
+    /// Where a member is.
+    fn place(&self, key: &str) -> String {
+        let dot = if self.field.is_empty() { "" } else { "." };
+        format!("{}{dot}{key}", self.field)
+    }
+
     /// A member, where it is there and not `null`.
     pub(crate) fn get(&self, key: &str) -> Option<Node<'a>> {
         let value = self.value.get(key).filter(|v| !v.is_null())?;
-        let dot = if self.field.is_empty() { "" } else { "." };
-        Some(Node { file: self.file, value, field: format!("{}{dot}{key}", self.field) })
+        Some(Node { file: self.file, value, field: self.place(key) })
     }
 
     /// A member that must be there.
     pub(crate) fn need(&self, key: &str) -> Result<Node<'a>, ReadViewsError> {
-        self.get(key).ok_or_else(|| {
-            let dot = if self.field.is_empty() { "" } else { "." };
-            ReadViewsError::field(
-                self.file,
-                format!("{}{dot}{key}", self.field),
-                "nothing",
-                "a value",
-            )
-        })
+        self.get(key)
+            .ok_or_else(|| ReadViewsError::field(self.file, self.place(key), "nothing", "a value"))
     }
 
     /// The elements of an array.
@@ -157,20 +155,12 @@ impl<'a> Node<'a> {
     /// A 4x4 matrix of finite numbers, as an array of rows; three rows get the last of an
     /// affine map.
     pub(crate) fn matrix(&self) -> Result<[[f64; 4]; 4], ReadViewsError> {
-        let rows = self.elements()?;
+        let rows = self.rows()?;
         if rows.len() != 4 && rows.len() != 3 {
             return Err(self.wrong("4 rows of 4 numbers"));
         }
         let mut matrix = [[0.0, 0.0, 0.0, 1.0]; 4];
-        for (out, row) in matrix.iter_mut().zip(&rows) {
-            let row = row.elements()?;
-            if row.len() != 4 {
-                return Err(self.wrong("4 rows of 4 numbers"));
-            }
-            for (out, value) in out.iter_mut().zip(&row) {
-                *out = value.number()?;
-            }
-        }
+        matrix[..rows.len()].copy_from_slice(&rows);
         Ok(matrix)
     }
 
@@ -188,40 +178,28 @@ impl<'a> Node<'a> {
 
     /// Exactly so many finite numbers.
     pub(crate) fn numbers<const N: usize>(&self) -> Result<[f64; N], ReadViewsError> {
-        let elements = self.elements()?;
-        if elements.len() != N {
-            return Err(self.wrong(format!("{N} numbers")));
-        }
-        let mut out = [0.0; N];
-        for (out, element) in out.iter_mut().zip(&elements) {
-            *out = element.number()?;
-        }
-        Ok(out)
+        let numbers = self.elements()?.iter().map(Node::number).collect::<Result<Vec<_>, _>>()?;
+        numbers.try_into().map_err(|_| self.wrong(format!("{N} numbers")))
+    }
+
+    /// Rows of so many finite numbers each.
+    pub(crate) fn rows<const N: usize>(&self) -> Result<Vec<[f64; N]>, ReadViewsError> {
+        self.elements()?.iter().map(Node::numbers).collect()
     }
 
     /// A 3x3 matrix of finite numbers, as an array of rows.
     pub(crate) fn matrix3(&self) -> Result<[[f64; 3]; 3], ReadViewsError> {
-        let rows = self.elements()?;
-        if rows.len() != 3 {
-            return Err(self.wrong("3 rows of 3 numbers"));
-        }
-        let mut out = [[0.0; 3]; 3];
-        for (out, row) in out.iter_mut().zip(&rows) {
-            *out = row.numbers()?;
-        }
-        Ok(out)
+        self.rows()?.try_into().map_err(|_| self.wrong("3 rows of 3 numbers"))
     }
 
     /// The members of an object, in the order of their keys' text.
     pub(crate) fn members(&self) -> Result<Vec<(&'a str, Node<'a>)>, ReadViewsError> {
         let object = self.value.as_object().ok_or_else(|| self.wrong("an object"))?;
-        let dot = if self.field.is_empty() { "" } else { "." };
         Ok(object
             .iter()
             .map(|(key, value)| {
                 let end = key.char_indices().nth(LONGEST_KEY).map_or(key.len(), |(end, _)| end);
-                let field = format!("{}{dot}{}", self.field, &key[..end]);
-                (key.as_str(), Node { file: self.file, value, field })
+                (key.as_str(), Node { file: self.file, value, field: self.place(&key[..end]) })
             })
             .collect())
     }
@@ -235,25 +213,12 @@ impl<'a> Node<'a> {
 /// The value's text, cut: only as much of it is written as is shown.
 fn short(value: &Value) -> String {
     const MOST: usize = 400;
-    struct Cut(Vec<u8>);
-    impl std::io::Write for Cut {
-        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-            let rest = MOST.saturating_sub(self.0.len());
-            if rest == 0 {
-                return Err(std::io::ErrorKind::StorageFull.into());
-            }
-            self.0.extend_from_slice(&bytes[..bytes.len().min(rest)]);
-            Ok(bytes.len().min(rest))
-        }
-
-        fn flush(&mut self) -> std::io::Result<()> {
-            Ok(())
-        }
-    }
-    let mut text = Cut(Vec::new());
+    let mut text = [0; MOST];
+    let mut rest = &mut text[..];
     // Where the text is longer, writing ends with an error that says nothing new.
-    let _ = serde_json::to_writer(&mut text, value);
-    let text = String::from_utf8_lossy(&text.0);
+    let _ = serde_json::to_writer(&mut rest, value);
+    let left = rest.len();
+    let text = String::from_utf8_lossy(&text[..MOST - left]);
     if text.chars().count() > 60 {
         text.chars().take(57).chain("...".chars()).collect()
     } else {

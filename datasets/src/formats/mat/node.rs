@@ -159,6 +159,21 @@ impl<'a> Node<'a> {
         }
     }
 
+    /// Rows of three indices, from 1 in the file and from 0 here, of so many things.
+    pub(crate) fn triangles(&self, count: usize) -> Result<Vec<[u32; 3]>, ReadViewsError> {
+        let (array, rows, 3) = self.table()? else {
+            return Err(self.wrong("rows of three indices"));
+        };
+        let triangle = |i: usize| {
+            let corners: [f64; 3] = std::array::from_fn(|k| array.at(k * rows + i));
+            if corners.iter().all(|&c| c >= 1.0 && c <= count as f64) {
+                return Ok(corners.map(|c| c as u32 - 1));
+            }
+            Err(self.found(format!("{corners:?}"), format!("indices from 1 to {count}")))
+        };
+        (0..rows).map(triangle).collect()
+    }
+
     /// Text; an empty array is the empty text, as MATLAB's `''` often arrives.
     pub(crate) fn text(&self) -> Result<&'a str, ReadViewsError> {
         match self.place {

@@ -4,6 +4,7 @@ use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use mesh_core::{Budget, OverLimit};
+use pickle::Dtype;
 
 use super::value::Data;
 use crate::content::over;
@@ -196,7 +197,7 @@ impl<'a> Stream<'a> {
     /// Exactly `count` numbers of any stored type, in the narrowest form that holds them.
     pub(super) fn numbers(&mut self, count: usize) -> Result<Data, ReadViewsError> {
         let tag = self.need_tag("numbers")?;
-        let kind = Number::of(tag.kind).ok_or_else(|| {
+        let kind = dtype(tag.kind, self.big_endian).ok_or_else(|| {
             self.wrong("data type", tag.kind.to_string(), "a number: 1 to 7, 9, 12 or 13")
         })?;
         if tag.size != (count as u64).saturating_mul(kind.size() as u64) {
@@ -205,11 +206,10 @@ impl<'a> Stream<'a> {
             return Err(self.wrong("numbers", found, expected));
         }
         let mut narrow = Narrow { whole: count, ..Narrow::default() };
-        let (big_endian, size) = (self.big_endian, kind.size());
         // Chunks are a multiple of 8 bytes long, so no number is cut.
         self.data(tag, |stream, piece| {
-            for raw in piece.chunks_exact(size) {
-                let pushed = narrow.push(kind.value(raw, big_endian), &mut stream.budget);
+            for raw in piece.chunks_exact(kind.size()) {
+                let pushed = narrow.push(kind.number(raw), &mut stream.budget);
                 pushed.map_err(|limit| over(stream.file, stream.place.clone(), limit))?;
             }
             Ok(())
@@ -292,60 +292,20 @@ impl Narrow {
     }
 }
 
-/// How a number is stored.
-#[derive(Clone, Copy)]
-enum Number {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-    I64,
-    U64,
-}
-
-impl Number {
-    fn of(kind: u32) -> Option<Self> {
-        Some(match kind {
-            1 => Self::I8,
-            2 => Self::U8,
-            3 => Self::I16,
-            4 => Self::U16,
-            5 => Self::I32,
-            6 => Self::U32,
-            7 => Self::F32,
-            9 => Self::F64,
-            12 => Self::I64,
-            13 => Self::U64,
-            _ => return None,
-        })
-    }
-
-    fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 | Self::I64 | Self::U64 => 8,
-        }
-    }
-
-    fn value(self, raw: &[u8], big_endian: bool) -> f64 {
-        let bits = raw.iter().enumerate().fold(0u64, |bits, (k, &byte)| {
-            let place = if big_endian { raw.len() - 1 - k } else { k };
-            bits | u64::from(byte) << (8 * place)
-        });
-        match self {
-            Self::I8 => f64::from(bits as i8),
-            Self::I16 => f64::from(bits as i16),
-            Self::I32 => f64::from(bits as i32),
-            Self::I64 => bits as i64 as f64,
-            Self::U8 | Self::U16 | Self::U32 | Self::U64 => bits as f64,
-            Self::F32 => f64::from(f32::from_bits(bits as u32)),
-            Self::F64 => f64::from_bits(bits),
-        }
-    }
+/// The numbers of a data type, by NumPy's name for them.
+fn dtype(kind: u32, big_endian: bool) -> Option<Dtype> {
+    let name = match kind {
+        1 => "i1",
+        2 => "u1",
+        3 => "i2",
+        4 => "u2",
+        5 => "i4",
+        6 => "u4",
+        7 => "f4",
+        9 => "f8",
+        12 => "i8",
+        13 => "u8",
+        _ => return None,
+    };
+    Dtype::named(&format!("{}{name}", if big_endian { '>' } else { '<' }))
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::model::{ColmapPoint, Model, ModelCamera, ModelImage};
+use crate::content::cut;
 use crate::error::ReadViewsError;
 
 /// One line that holds words, with its number for messages.
@@ -24,13 +25,8 @@ impl<'a> Line<'a> {
     }
 
     fn wrong(&self, field: &str, found: &str, expected: &str) -> ReadViewsError {
-        let found: String = found.chars().take(60).collect();
-        ReadViewsError::field(
-            self.file,
-            format!("line {}, {field}", self.number),
-            format!("{found:?}"),
-            expected,
-        )
+        let (place, found) = (format!("line {}, {field}", self.number), cut(found));
+        ReadViewsError::field(self.file, place, format!("{found:?}"), expected)
     }
 
     fn word(&mut self, field: &str) -> Result<&'a str, ReadViewsError> {
@@ -56,6 +52,14 @@ impl<'a> Line<'a> {
         let word = self.word(field)?;
         let value = word.parse().ok().filter(|v: &f64| v.is_finite());
         value.ok_or_else(|| self.wrong(field, word, "a finite number"))
+    }
+
+    fn numbers<const N: usize>(&mut self, fields: [&str; N]) -> Result<[f64; N], ReadViewsError> {
+        let mut out = [0.0; N];
+        for (out, field) in out.iter_mut().zip(fields) {
+            *out = self.number(field)?;
+        }
+        Ok(out)
     }
 
     fn id(&mut self, field: &str) -> Result<u32, ReadViewsError> {
@@ -98,14 +102,8 @@ pub(super) fn images(bytes: &[u8], file: &Path, model: &mut Model) -> Result<(),
             continue;
         }
         let id = line.id("IMAGE_ID")?;
-        let mut quaternion = [0.0; 4];
-        for (out, field) in quaternion.iter_mut().zip(["QW", "QX", "QY", "QZ"]) {
-            *out = line.number(field)?;
-        }
-        let mut translation = [0.0; 3];
-        for (out, field) in translation.iter_mut().zip(["TX", "TY", "TZ"]) {
-            *out = line.number(field)?;
-        }
+        let quaternion = line.numbers(["QW", "QX", "QY", "QZ"])?;
+        let translation = line.numbers(["TX", "TY", "TZ"])?;
         let camera = line.id("CAMERA_ID")?;
         // Names may hold spaces.
         let name = line.rest.trim_end().to_owned();
@@ -125,7 +123,7 @@ pub(super) fn points(bytes: &[u8], file: &Path) -> Result<Vec<ColmapPoint>, Read
     let mut points = Vec::new();
     for mut line in lines(&text, file).filter(|line| !line.is_empty()) {
         line.word("POINT3D_ID")?;
-        let position = [line.number("X")?, line.number("Y")?, line.number("Z")?];
+        let position = line.numbers(["X", "Y", "Z"])?;
         let mut color = [0u8; 3];
         for (out, field) in color.iter_mut().zip(["R", "G", "B"]) {
             *out = line.parsed(field, "0 to 255")?;

@@ -7,6 +7,7 @@ use mesh_core::nalgebra::Vector3;
 use pickle::{Item, Pickle, PickleError};
 
 use super::sample::read_bytes;
+use crate::content::cut;
 use crate::error::ReadViewsError;
 
 /// The name it is shipped under.
@@ -211,9 +212,8 @@ fn read_faces(path: &Path, vertices: usize) -> Result<Vec<[u32; 3]>, ReadViewsEr
             .filter(|&v| (v as usize) < vertices)
             .collect();
         let face: [u32; 3] = corners.try_into().map_err(|_| {
-            let found: String = line.chars().take(60).collect();
             let expected = format!("three vertices from 1 to {vertices}");
-            ReadViewsError::field(path, format!("line {}", i + 1), found, expected)
+            ReadViewsError::field(path, format!("line {}", i + 1), cut(line), expected)
         })?;
         faces.push(face);
     }

@@ -21,7 +21,7 @@ pub use ellipsoid::{Ellipsoid, EllipsoidLevel, Support};
 pub use sample::{Sample, read_sample, write_sample};
 
 use crate::assemble::{Picture, assemble, read_picture};
-use crate::content::over;
+use crate::content::{cut, numbered};
 use crate::dataset::{Catalog, Dataset, Entry, Truth};
 use crate::error::ReadViewsError;
 use crate::layouts::r2n2::R2n2Lens;
@@ -111,25 +111,17 @@ fn listed(path: &Path) -> Result<Vec<PathBuf>, ReadViewsError> {
     let bytes = source.open()?.read(&name, "list of samples", LIST_BYTES)?;
     // Places are made of the names of folders, which may be longer than a line.
     let each = ENTRY + 4 * folder.as_os_str().len();
-    let lines = bytes.check_lines(each);
-    lines.map_err(|limit| over(path, "lines", limit))?;
-    let text = String::from_utf8_lossy(&bytes);
     let above = folder.join("..");
     let places = [folder.to_owned(), above.join("data_tf"), above.join("data"), above];
     let mut files = Vec::new();
-    for (i, line) in text.lines().enumerate() {
-        let line = line.trim();
-        if line.is_empty() {
-            continue;
-        }
+    for (i, line) in numbered(&bytes.text(each, path)?) {
         // A list may not reach for other files of the machine.
         let below = Path::new(line)
             .components()
             .all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
         if !is_sample(line) || !below {
-            let found: String = line.chars().take(60).collect();
             let expected = "the name of a .dat below the list's folder";
-            return Err(ReadViewsError::field(path, format!("line {}", i + 1), found, expected));
+            return Err(ReadViewsError::field(path, format!("line {i}"), cut(line), expected));
         }
         let there = places.iter().map(|place| place.join(line)).find(|file| file.is_file());
         files.push(there.unwrap_or_else(|| folder.join(line)));

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use mesh_core::R2n2View;
 
-use crate::content::over;
+use crate::content::{cut, numbered};
 use crate::error::ReadViewsError;
 use crate::source::Source;
 
@@ -35,19 +35,14 @@ impl Lines {
         let mut opened = source.open()?;
         let path = source.locate(FILE);
         let text = opened.read(FILE, "cameras", MOST_BYTES)?;
-        let lines = text.check_lines(LINE);
-        lines.map_err(|limit| over(&path, "lines", limit))?;
-        let text = String::from_utf8_lossy(&text);
-        let views = parse(&text, &path)?;
+        let views = parse(&text.text(LINE, &path)?, &path)?;
         if !source.has(NAMES) {
             let line = |(i, (view, fov))| Line { picture: format!("{i:02}.png"), view, fov };
             return Ok(Self(views.into_iter().enumerate().map(line).collect()));
         }
         let names = opened.read(NAMES, "names of the images", MOST_BYTES)?;
-        let lines = names.check_lines(LINE);
-        lines.map_err(|limit| over(&source.locate(NAMES), "lines", limit))?;
-        let names = String::from_utf8_lossy(&names);
-        let names = parse_names(&names, views.len(), &source.locate(NAMES))?;
+        let path = source.locate(NAMES);
+        let names = parse_names(&names.text(LINE, &path)?, views.len(), &path)?;
         let line = |(picture, (view, fov))| Line { picture, view, fov };
         Ok(Self(names.into_iter().zip(views).map(line).collect()))
     }
@@ -56,10 +51,9 @@ impl Lines {
 /// Five numbers a line; empty lines do not count.
 fn parse(text: &str, path: &Path) -> Result<Vec<(R2n2View, f64)>, ReadViewsError> {
     let mut views = Vec::new();
-    for (i, line) in lines(text) {
+    for (i, line) in numbered(text) {
         let wrong = |column: &str, found: &str, expected: &str| {
-            let found: String = found.chars().take(60).collect();
-            ReadViewsError::field(path, format!("line {i}, {column}"), found, expected)
+            ReadViewsError::field(path, format!("line {i}, {column}"), cut(found), expected)
         };
         let words: Vec<&str> = line.split_whitespace().collect();
         let &[azimuth, elevation, roll, ratio, fov] = words.as_slice() else {
@@ -94,12 +88,11 @@ fn parse(text: &str, path: &Path) -> Result<Vec<(R2n2View, f64)>, ReadViewsError
 /// One name a line, as many as there are views.
 fn parse_names(text: &str, count: usize, path: &Path) -> Result<Vec<String>, ReadViewsError> {
     let mut names = Vec::new();
-    for (i, name) in lines(text) {
+    for (i, name) in numbered(text) {
         // A name with a folder in it could be any file of the machine.
         if name.contains(['/', '\\', '\0']) || name == ".." {
             let expected = "the name of a file beside it";
-            let found: String = name.chars().take(60).collect();
-            return Err(ReadViewsError::field(path, format!("line {i}"), found, expected));
+            return Err(ReadViewsError::field(path, format!("line {i}"), cut(name), expected));
         }
         names.push(name.to_owned());
     }
@@ -108,11 +101,6 @@ fn parse_names(text: &str, count: usize, path: &Path) -> Result<Vec<String>, Rea
         return Err(ReadViewsError::field(path, "lines", names.len().to_string(), expected));
     }
     Ok(names)
-}
-
-/// Lines that say something, counted from 1.
-fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    text.lines().enumerate().map(|(i, line)| (i + 1, line.trim())).filter(|(_, l)| !l.is_empty())
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use crate::content::cut;
 use crate::dataset::SurfacePoints;
 use crate::error::ReadViewsError;
 use crate::source::Source;
@@ -29,9 +30,8 @@ fn parse(text: &str, path: &Path) -> Result<SurfacePoints, ReadViewsError> {
             match (value, numbers.get_mut(count)) {
                 (Some(value), Some(slot)) => *slot = value,
                 (None, _) => {
-                    let found: String = word.chars().take(60).collect();
                     let field = format!("line {}", i + 1);
-                    return Err(ReadViewsError::field(path, field, found, "a finite number"));
+                    return Err(ReadViewsError::field(path, field, cut(word), "a finite number"));
                 }
                 (_, None) => {}
             }

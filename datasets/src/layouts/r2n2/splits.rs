@@ -3,9 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use mesh_core::io::write_atomic;
-
-use crate::content::over;
+use crate::assemble::put;
+use crate::content::{cut, numbered, over};
 use crate::dataset::Subset;
 use crate::error::{ReadViewsError, WriteViewsError};
 use crate::formats::json::{Node, parse};
@@ -108,7 +107,7 @@ impl Splits {
         let value = parse(&bytes, &path)?;
         for (subset, categories) in Node::root(&value, &path).members()? {
             let Some(known) = subset_named(subset) else {
-                let subset: String = subset.chars().take(60).collect();
+                let subset = cut(subset);
                 warnings.push(format!("{name} has a subset {subset:?}, which is not read"));
                 continue;
             };
@@ -129,31 +128,19 @@ impl Splits {
 
     /// The lists in a folder, of one category or with the category before each name.
     fn read_lists(&mut self, source: &Source, of: Option<&str>) -> Result<(), ReadViewsError> {
-        for (name, subset) in [
-            ("train.lst", Subset::Train),
-            ("val.lst", Subset::Validation),
-            ("test.lst", Subset::Test),
-        ] {
-            if !source.has(name) {
+        for (name, subset) in Subset::NAMES.map(|(name, subset)| (format!("{name}.lst"), subset)) {
+            if !source.has(&name) {
                 continue;
             }
-            let bytes = source.open()?.read(name, "split", MOST_BYTES)?;
-            let lines = bytes.check_lines(OBJECT);
-            lines.map_err(|limit| over(&source.locate(name), "lines", limit))?;
-            let text = String::from_utf8_lossy(&bytes);
-            for (i, line) in text.lines().enumerate() {
-                let line = line.trim();
-                if line.is_empty() {
-                    continue;
-                }
+            let list = source.open()?.read(&name, "split", MOST_BYTES)?;
+            for (i, line) in numbered(&list.text(OBJECT, &source.locate(&name))?) {
                 let (category, model) = match (of, line.split_once('/')) {
                     (Some(category), None) => (category, line),
                     (None, Some(pair)) => pair,
                     (of, _) => {
                         let expected = if of.is_some() { "a model" } else { "synset/model" };
-                        let found: String = line.chars().take(60).collect();
-                        let (path, field) = (source.locate(name), format!("line {}", i + 1));
-                        return Err(ReadViewsError::field(path, field, found, expected));
+                        let (path, field) = (source.locate(&name), format!("line {i}"));
+                        return Err(ReadViewsError::field(path, field, cut(line), expected));
                     }
                 };
                 self.insert(category, model, subset, Vec::new());
@@ -180,18 +167,12 @@ pub fn write_splits(root: &Path, splits: &Splits) -> Result<(), WriteViewsError>
     let mut json = Json::new();
     for ((category, model), parts) in &splits.objects {
         for part in parts {
-            let subset = match part.subset {
-                Subset::Train => "train",
-                Subset::Validation => "val",
-                Subset::Test => "test",
-            };
-            let models = json.entry(subset.to_owned()).or_default();
+            let models = json.entry(part.subset.name().to_owned()).or_default();
             let models = models.entry(category.clone()).or_default();
             models.entry(model.clone()).or_default().extend(&part.views);
         }
     }
     let path = root.join(JSON);
     let bytes = serde_json::to_vec(&json).map_err(|e| WriteViewsError::new(&path, e))?;
-    std::fs::create_dir_all(root).map_err(|e| WriteViewsError::new(root, e))?;
-    write_atomic(&path, |out| out.write_all(&bytes)).map_err(|e| WriteViewsError::new(&path, e))
+    put(&path, &bytes)
 }
