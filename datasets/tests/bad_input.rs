@@ -321,7 +321,7 @@ proptest! {
 #[test]
 fn images_are_held_to_the_limits_of_the_caller() {
     let folder = kaolin_folder(2);
-    let limits = mesh_core::Limits::default().with_max_pixels(1000);
+    let limits = mesh_core::Limits { max_pixels: 1000, ..mesh_core::Limits::default() };
     let options = ReadOptions { limits, ..ReadOptions::default() };
     let error = read_views(folder.path(), &options, &|_, _| {}).unwrap_err().to_string();
     assert!(error.contains("_rgb.png") && error.contains("1000"), "{error}");

@@ -98,7 +98,7 @@ pub use differential::{
 pub use diffusion::{DiffusionSolver, SolveReport};
 pub use health::Health;
 pub use image::{
-    ByteImage, DepthMap, DisparityMap, GroundPlane, Image, ImageError, decode_depth,
+    ByteImage, DepthMap, DisparityMap, GroundPlane, Image, ImageError, Pixels, decode_depth,
     decode_depth_png, decode_depth_png_with, decode_depth_with, decode_image, decode_image_with,
     decode_pfm, decode_pfm_with, encode_depth, encode_exr, encode_pfm, encode_png, linear_to_srgb,
     read_depth, read_depth_png, read_image, read_image_with, read_pfm, srgb_to_linear, write_depth,

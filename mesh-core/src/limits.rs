@@ -12,7 +12,7 @@
 /// use mesh_core::{Limits, read_mesh_with};
 ///
 /// // A scan with a texture of a quarter of a gigapixel, from a folder that one trusts.
-/// let limits = Limits::default().with_max_pixels(1 << 28).with_outside_links(true);
+/// let limits = Limits { max_pixels: 1 << 28, outside_links: true, ..Limits::default() };
 /// let mut remarks = Vec::new();
 /// assert!(read_mesh_with("no/such/scan.obj", &limits, &mut remarks).is_err());
 ///
@@ -20,7 +20,6 @@
 /// assert_eq!(Limits::default().peak(1_000_000), 276_000_000);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
 pub struct Limits {
     /// Bytes that reading any file may hold, however small the file is; 256 MB by default.
     pub base_bytes: u64,
@@ -48,30 +47,6 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// The same with other [`base_bytes`](Self::base_bytes).
-    #[must_use]
-    pub fn with_base_bytes(self, base_bytes: u64) -> Self {
-        Self { base_bytes, ..self }
-    }
-
-    /// The same with other [`bytes_per_byte`](Self::bytes_per_byte).
-    #[must_use]
-    pub fn with_bytes_per_byte(self, bytes_per_byte: u64) -> Self {
-        Self { bytes_per_byte, ..self }
-    }
-
-    /// The same with other [`max_pixels`](Self::max_pixels).
-    #[must_use]
-    pub fn with_max_pixels(self, max_pixels: u64) -> Self {
-        Self { max_pixels, ..self }
-    }
-
-    /// The same with other [`outside_links`](Self::outside_links).
-    #[must_use]
-    pub fn with_outside_links(self, outside_links: bool) -> Self {
-        Self { outside_links, ..self }
-    }
-
     /// The most bytes that reading a file of `length` bytes may hold at a time.
     pub fn peak(&self, length: u64) -> u64 {
         self.bytes_per_byte.saturating_mul(length).saturating_add(self.base_bytes)
@@ -98,7 +73,7 @@ pub struct OverLimit {
 /// ```
 /// use mesh_core::Limits;
 ///
-/// let limits = Limits::default().with_base_bytes(1000).with_bytes_per_byte(0);
+/// let limits = Limits { base_bytes: 1000, bytes_per_byte: 0, ..Limits::default() };
 /// let mut budget = limits.budget(7);
 /// let mut list: Vec<u64> = Vec::new();
 /// budget.reserve(&mut list, 100)?;
@@ -159,6 +134,22 @@ impl Budget {
         Ok(())
     }
 
+    /// Makes a list as long as it should be by items that are all alike, with room for so many more.
+    ///
+    /// # Errors
+    /// As [`reserve`](Self::reserve).
+    pub fn fill<T: Clone>(
+        &mut self,
+        list: &mut Vec<T>,
+        length: usize,
+        item: T,
+        more: usize,
+    ) -> Result<(), OverLimit> {
+        self.reserve(list, length.saturating_sub(list.len()).saturating_add(more))?;
+        list.resize(length, item);
+        Ok(())
+    }
+
     /// `push`, with room made as [`reserve`](Self::reserve) does.
     ///
     /// # Errors
@@ -179,7 +170,7 @@ mod tests {
 
     #[test]
     fn nothing_wraps() {
-        let endless = Limits::default().with_bytes_per_byte(u64::MAX);
+        let endless = Limits { bytes_per_byte: u64::MAX, ..Limits::default() };
         assert_eq!(endless.peak(u64::MAX), u64::MAX);
         let mut budget = endless.budget(2);
         budget.take(u64::MAX).unwrap();
@@ -191,7 +182,7 @@ mod tests {
 
     #[test]
     fn lists_grow_by_doubling_up_to_the_limit_and_no_further() {
-        let limits = Limits::default().with_base_bytes(4000).with_bytes_per_byte(0);
+        let limits = Limits { base_bytes: 4000, bytes_per_byte: 0, ..Limits::default() };
         let mut budget = limits.budget(0);
         let (mut list, mut growths) = (Vec::<u32>::new(), 0);
         let refused = loop {

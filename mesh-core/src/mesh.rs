@@ -160,6 +160,19 @@ impl TriMesh {
         if u32::try_from(vertices).is_err() || corners.is_none_or(|n| u32::try_from(n).is_err()) {
             return Err(MeshError::TooLarge { vertices, faces: self.faces.len() });
         }
+        self.sound()?;
+        for (face, &corners) in self.faces.iter().enumerate() {
+            let [a, b, c] = corners;
+            if a == b || b == c || c == a {
+                return Err(MeshError::RepeatedVertex { face, corners });
+            }
+        }
+        Ok(())
+    }
+
+    /// The same, but for faces that name a vertex twice, which files may have, and for the size.
+    pub(crate) fn sound(&self) -> Result<(), MeshError> {
+        let vertices = self.positions.len();
         for (vertex, &position) in self.positions.iter().enumerate() {
             if !position.iter().all(|x| x.is_finite()) {
                 return Err(MeshError::NotFinite { vertex, position });
@@ -168,10 +181,6 @@ impl TriMesh {
         for (face, &corners) in self.faces.iter().enumerate() {
             if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= vertices) {
                 return Err(MeshError::VertexOutOfRange { face, vertex, vertices });
-            }
-            let [a, b, c] = corners;
-            if a == b || b == c || c == a {
-                return Err(MeshError::RepeatedVertex { face, corners });
             }
         }
         if let Some(colors) = &self.colors {

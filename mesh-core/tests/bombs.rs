@@ -73,7 +73,7 @@ fn devices_and_pipes_are_not_opened() {
     std::fs::write(folder.path().join("m.obj"), text).unwrap();
     std::fs::write(folder.path().join("real.mtl"), "newmtl a\nmap_Kd /dev/zero\n").unwrap();
     for outside in [false, true] {
-        let limits = Limits::default().with_outside_links(outside);
+        let limits = Limits { outside_links: outside, ..Limits::default() };
         let (held, (mesh, remarks)) = peak(|| quickly(|| read_obj(folder.path(), &limits)));
         assert!(held < MB && mesh.texture.is_none(), "{held} bytes");
         let [Remark::NotRead { name, others: 2, .. }] = &remarks[..] else { panic!("{remarks:?}") };
@@ -146,7 +146,7 @@ fn parts_that_show_nothing_end_too() {
 #[test]
 fn empty_objects_of_json_are_counted() {
     let _alone = alone();
-    let limits = Limits::default().with_base_bytes(MB as u64);
+    let limits = Limits { base_bytes: MB as u64, ..Limits::default() };
     for (list, item) in [
         ("nodes", "{}"),
         ("accessors", "{}"),
@@ -267,9 +267,9 @@ fn pictures_are_refused_by_their_header() {
     }
     // The caller's own limits hold as well, and what is within them is read.
     let bytes = png(2000, 1000, [16, 2], &zeros(1000 * 12_001), &[]);
-    let limits = Limits::default().with_max_pixels(1_999_999);
+    let limits = Limits { max_pixels: 1_999_999, ..Limits::default() };
     assert!(matches!(decode_image_with(&bytes, "a", &limits), Err(ImageError::OverLimit { .. })));
-    let limits = limits.with_max_pixels(3_000_000);
+    let limits = Limits { max_pixels: 3_000_000, ..limits };
     let (held, image) = peak(|| decode_image_with(&bytes, "a", &limits).unwrap());
     assert_eq!(image.data.len(), 6_000_000);
     // The 12 MB that are unpacked, the 6 MB that stay of them, and the decoder's own.
@@ -405,7 +405,7 @@ fn every_reader_of_meshes_stays_within_any_limits() {
     for (k, (format, bytes)) in dense().into_iter().enumerate() {
         for (base, per_byte) in [(256 * MB, 20), (MB, 20), (0, 20), (0, 5), (0, 0)] {
             let limits =
-                Limits::default().with_base_bytes(base as u64).with_bytes_per_byte(per_byte);
+                Limits { base_bytes: base as u64, bytes_per_byte: per_byte, ..Limits::default() };
             let limit = limits.peak(bytes.len() as u64) as usize;
             let (held, result) = peak(|| quickly(|| decode(format, &bytes, &limits)));
             let what = format!("file {k} ({format}, {} bytes): {result:?}", bytes.len());

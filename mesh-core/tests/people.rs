@@ -139,7 +139,7 @@ fn files_that_a_mesh_names_must_be_below_it() {
         fs::write(inner.join("own.mtl"), format!("newmtl a\nmap_Kd {map}\n")).unwrap();
         let text = format!("mtllib {library}\n{}", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n");
         fs::write(inner.join("a.obj"), format!("{text}usemtl a\nf 1/1 2/1 3/1\n")).unwrap();
-        let limits = Limits::default().with_outside_links(outside);
+        let limits = Limits { outside_links: outside, ..Limits::default() };
         let mut remarks = Vec::new();
         let mesh = obj::read_with(inner.join("a.obj"), &limits, &mut remarks).unwrap();
         (mesh.texture.is_some(), remarks.iter().map(ToString::to_string).collect::<String>())
@@ -167,7 +167,7 @@ fn files_that_a_mesh_names_must_be_below_it() {
     fs::write(inner.join("a.ply"), ply).unwrap();
     let mut remarks = Vec::new();
     let mut read = |outside| {
-        let limits = Limits::default().with_outside_links(outside);
+        let limits = Limits { outside_links: outside, ..Limits::default() };
         ply::read_with(inner.join("a.ply"), &limits, &mut remarks).unwrap().texture.is_some()
     };
     assert!(!read(false) && read(true));

@@ -2,7 +2,7 @@
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use super::{Camera, CameraError, Lens};
+use super::{Camera, CameraError, OpenCvCamera};
 
 /// A pose and a `PINHOLE` model as COLMAP's text files hold them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,18 +72,9 @@ impl Camera {
     /// # Errors
     /// `NotRepresentable` for parallel rays.
     pub fn to_colmap(&self) -> Result<ColmapCamera, CameraError> {
-        let Lens::Perspective { fx, fy, cx, cy } = self.lens else {
-            return Err(CameraError::NotRepresentable {
-                convention: "COLMAP",
-                what: "an orthographic lens",
-            });
-        };
-        let o = self.to_opencv()?;
-        Ok(ColmapCamera {
-            quaternion: quaternion_of(o.rotation),
-            translation: o.translation,
-            params: [fx, fy, cx, cy],
-        })
+        let params = self.pinhole("COLMAP")?;
+        let OpenCvCamera { rotation, translation, .. } = self.to_opencv()?;
+        Ok(ColmapCamera { quaternion: quaternion_of(rotation), translation, params })
     }
 }
 

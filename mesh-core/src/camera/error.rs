@@ -86,6 +86,17 @@ const ORTHONORMAL: f64 = 1e-3;
 const SINGULAR: f64 = 1e-6;
 
 impl Camera {
+    /// The numbers of a perspective lens, for conventions that know no other.
+    pub(super) fn pinhole(&self, convention: &'static str) -> Result<[f64; 4], CameraError> {
+        match self.lens {
+            Lens::Perspective { fx, fy, cx, cy } => Ok([fx, fy, cx, cy]),
+            Lens::Orthographic { .. } => {
+                let what = "an orthographic lens";
+                Err(CameraError::NotRepresentable { convention, what })
+            }
+        }
+    }
+
     /// Checks that the camera can be used: finite numbers, a real rotation, an image, a lens.
     ///
     /// # Errors
@@ -96,11 +107,10 @@ impl Camera {
                 return Err(CameraError::NotPositive { field, found: 0.0 });
             }
         }
-        let (scales, centre) = match self.lens {
-            Lens::Perspective { fx, fy, cx, cy } => ([("fx", fx), ("fy", fy)], [cx, cy]),
-            Lens::Orthographic { sx, sy, cx, cy } => ([("sx", sx), ("sy", sy)], [cx, cy]),
-        };
-        for (field, found) in scales.into_iter().chain([("cx", centre[0]), ("cy", centre[1])]) {
+        let names = if self.is_perspective() { ["fx", "fy"] } else { ["sx", "sy"] };
+        let [sx, sy, cx, cy] = self.lens.numbers();
+        let scales = [(names[0], sx), (names[1], sy)];
+        for (field, found) in scales.into_iter().chain([("cx", cx), ("cy", cy)]) {
             finite(field, [found])?;
         }
         for (field, found) in scales {

@@ -59,9 +59,7 @@ impl Camera {
     /// the metadata has no field for them.
     pub fn to_kaolin(&self, horizontal_aperture: f64) -> Result<KaolinCamera, CameraError> {
         let refuse = |what| Err(CameraError::NotRepresentable { convention: "kaolin", what });
-        let Lens::Perspective { fx, fy, cx, cy } = self.lens else {
-            return refuse("an orthographic lens");
-        };
+        let [fx, fy, cx, cy] = self.pinhole("kaolin")?;
         let (w, h) = (self.width as f64, self.height as f64);
         if (fx - fy).abs() > 1e-6 * fx.abs() {
             return refuse("pixels that are not square (fx differs from fy)");

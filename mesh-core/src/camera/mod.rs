@@ -98,6 +98,25 @@ pub enum Lens {
     },
 }
 
+impl Lens {
+    /// The scales of the axes, then the principal point.
+    pub fn numbers(self) -> [f64; 4] {
+        match self {
+            Self::Perspective { fx, fy, cx, cy } => [fx, fy, cx, cy],
+            Self::Orthographic { sx, sy, cx, cy } => [sx, sy, cx, cy],
+        }
+    }
+
+    /// The same kind of lens with other [`numbers`](Self::numbers).
+    #[must_use]
+    pub fn with(self, [sx, sy, cx, cy]: [f64; 4]) -> Self {
+        match self {
+            Self::Perspective { .. } => Self::Perspective { fx: sx, fy: sy, cx, cy },
+            Self::Orthographic { .. } => Self::Orthographic { sx, sy, cx, cy },
+        }
+    }
+}
+
 impl Camera {
     /// The rows X, Y, W of the projection, each applied to `(x, y, z, 1)` of a world point.
     ///
@@ -105,19 +124,14 @@ impl Camera {
     /// a perspective lens and `(X, Y)` for an orthographic one.
     pub fn projection(&self) -> [[f64; 4]; 3] {
         let (w, h) = (self.width as f64, self.height as f64);
-        let camera_row = |k: usize| {
-            [
-                self.rotation[(k, 0)],
-                self.rotation[(k, 1)],
-                self.rotation[(k, 2)],
-                self.translation[k],
-            ]
-        };
-        let (x, y, z) = (camera_row(0), camera_row(1), camera_row(2));
+        let [x, y, z] = [0, 1, 2].map(|k| {
+            let row = self.rotation.row(k);
+            [row[0], row[1], row[2], self.translation[k]]
+        });
         let depth = z.map(|v| -v);
-        let row = |axis: [f64; 4], gain: f64, offset: f64, perspective: bool| {
+        let row = |axis: [f64; 4], gain: f64, offset: f64| {
             let mut r: [f64; 4] = std::array::from_fn(|k| gain * axis[k]);
-            if perspective {
+            if self.is_perspective() {
                 for k in 0..4 {
                     r[k] += offset * depth[k];
                 }
@@ -126,18 +140,8 @@ impl Camera {
             }
             r
         };
-        match self.lens {
-            Lens::Perspective { fx, fy, cx, cy } => [
-                row(x, 2.0 * fx / w, 2.0 * cx / w - 1.0, true),
-                row(y, 2.0 * fy / h, 1.0 - 2.0 * cy / h, true),
-                depth,
-            ],
-            Lens::Orthographic { sx, sy, cx, cy } => [
-                row(x, 2.0 * sx / w, 2.0 * cx / w - 1.0, false),
-                row(y, 2.0 * sy / h, 1.0 - 2.0 * cy / h, false),
-                depth,
-            ],
-        }
+        let [sx, sy, cx, cy] = self.lens.numbers();
+        [row(x, 2.0 * sx / w, 2.0 * cx / w - 1.0), row(y, 2.0 * sy / h, 1.0 - 2.0 * cy / h), depth]
     }
 }
 

@@ -58,12 +58,7 @@ impl Camera {
     /// # Errors
     /// `NotRepresentable` for parallel rays.
     pub fn to_opencv(&self) -> Result<OpenCvCamera, CameraError> {
-        let Lens::Perspective { fx, fy, cx, cy } = self.lens else {
-            return Err(CameraError::NotRepresentable {
-                convention: "OpenCV",
-                what: "an orthographic lens",
-            });
-        };
+        let [fx, fy, cx, cy] = self.pinhole("OpenCV")?;
         let r = flip_y_z() * self.rotation;
         Ok(OpenCvCamera {
             rotation: std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)])),

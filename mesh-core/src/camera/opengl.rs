@@ -29,19 +29,10 @@ impl Camera {
             .unwrap_or_else(Vector3::x);
         let y = z.cross(&x);
         let rotation = Matrix3::from_rows(&[x.transpose(), y.transpose(), z.transpose()]);
-        let f = height as f64 / (2.0 * (fov_y / 2.0).tan());
-        Self {
-            rotation,
-            translation: -(rotation * eye),
-            lens: Lens::Perspective {
-                fx: f,
-                fy: f,
-                cx: width as f64 / 2.0,
-                cy: height as f64 / 2.0,
-            },
-            width,
-            height,
-        }
+        let (w, h) = (width as f64, height as f64);
+        let f = h / (2.0 * (fov_y / 2.0).tan());
+        let lens = Lens::Perspective { fx: f, fy: f, cx: w / 2.0, cy: h / 2.0 };
+        Self { rotation, translation: -(rotation * eye), lens, width, height }
     }
 
     /// From a camera-to-world matrix in OpenGL axes, by rows: NeRF's `transform_matrix`.

@@ -78,14 +78,8 @@ impl Camera {
     #[must_use]
     pub fn resized(&self, width: usize, height: usize) -> Self {
         let (x, y) = (width as f64 / self.width as f64, height as f64 / self.height as f64);
-        let lens = match self.lens {
-            Lens::Perspective { fx, fy, cx, cy } => {
-                Lens::Perspective { fx: fx * x, fy: fy * y, cx: cx * x, cy: cy * y }
-            }
-            Lens::Orthographic { sx, sy, cx, cy } => {
-                Lens::Orthographic { sx: sx * x, sy: sy * y, cx: cx * x, cy: cy * y }
-            }
-        };
+        let [sx, sy, cx, cy] = self.lens.numbers();
+        let lens = self.lens.with([sx * x, sy * y, cx * x, cy * y]);
         Self { lens, width, height, ..self.clone() }
     }
 
@@ -93,14 +87,8 @@ impl Camera {
     #[must_use]
     pub fn cropped(&self, x: usize, y: usize, width: usize, height: usize) -> Self {
         let (x, y) = (x as f64, y as f64);
-        let lens = match self.lens {
-            Lens::Perspective { fx, fy, cx, cy } => {
-                Lens::Perspective { fx, fy, cx: cx - x, cy: cy - y }
-            }
-            Lens::Orthographic { sx, sy, cx, cy } => {
-                Lens::Orthographic { sx, sy, cx: cx - x, cy: cy - y }
-            }
-        };
+        let [sx, sy, cx, cy] = self.lens.numbers();
+        let lens = self.lens.with([sx, sy, cx - x, cy - y]);
         Self { lens, width, height, ..self.clone() }
     }
 }

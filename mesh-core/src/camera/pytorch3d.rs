@@ -30,20 +30,15 @@ impl Camera {
     pub fn from_pytorch3d_screen(
         rotation: [[f64; 3]; 3],
         translation: [f64; 3],
-        focal: [f64; 2],
-        principal: [f64; 2],
+        [fx, fy]: [f64; 2],
+        [cx, cy]: [f64; 2],
         width: usize,
         height: usize,
     ) -> Self {
         Self {
             rotation: flip_x_z() * Matrix3::from_fn(|i, j| rotation[j][i]),
             translation: flip_x_z() * Vector3::from(translation),
-            lens: Lens::Perspective {
-                fx: focal[0],
-                fy: focal[1],
-                cx: principal[0],
-                cy: principal[1],
-            },
+            lens: Lens::Perspective { fx, fy, cx, cy },
             width,
             height,
         }
@@ -77,12 +72,7 @@ impl Camera {
     /// # Errors
     /// `NotRepresentable` for parallel rays.
     pub fn to_pytorch3d_screen(&self) -> Result<Pytorch3dCamera, CameraError> {
-        let Lens::Perspective { fx, fy, cx, cy } = self.lens else {
-            return Err(CameraError::NotRepresentable {
-                convention: "PyTorch3D PerspectiveCameras",
-                what: "an orthographic lens",
-            });
-        };
+        let [fx, fy, cx, cy] = self.pinhole("PyTorch3D PerspectiveCameras")?;
         let r = flip_x_z() * self.rotation;
         Ok(Pytorch3dCamera {
             rotation: std::array::from_fn(|i| std::array::from_fn(|j| r[(j, i)])),

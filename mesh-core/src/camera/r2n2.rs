@@ -51,32 +51,18 @@ impl Camera {
             elevation: c.y.atan2(c.x.hypot(c.z)).to_degrees(),
             distance_ratio: c.norm() / DISTANCE,
         };
-        let again = Self::from_r2n2(
-            view.azimuth,
-            view.elevation,
-            view.distance_ratio,
-            self.width,
-            self.height,
-        );
-        let close = |a: f64, b: f64| (a - b).abs() <= 1e-6 * (1.0 + a.abs());
-        let lens = match (self.lens, again.lens) {
-            (
-                Lens::Perspective { fx, fy, cx, cy },
-                Lens::Perspective { fx: f, cx: x, cy: y, .. },
-            ) => close(fx, f) && close(fy, f) && close(cx, x) && close(cy, y),
-            _ => false,
-        };
-        if !lens {
-            return Err(CameraError::NotRepresentable {
-                convention: "3D-R2N2",
-                what: "a lens other than 35 mm on 32 mm, centred",
-            });
+        let R2n2View { azimuth, elevation, distance_ratio } = view;
+        let again = Self::from_r2n2(azimuth, elevation, distance_ratio, self.width, self.height);
+        let convention = "3D-R2N2";
+        let close = |(a, b): (f64, f64)| (a - b).abs() <= 1e-6 * (1.0 + a.abs());
+        let pairs = self.pinhole(convention)?.into_iter().zip(again.pinhole(convention)?);
+        if !{ pairs }.all(close) {
+            let what = "a lens other than 35 mm on 32 mm, centred";
+            return Err(CameraError::NotRepresentable { convention, what });
         }
         if (self.rotation - again.rotation).abs().max() > 1e-6 {
-            return Err(CameraError::NotRepresentable {
-                convention: "3D-R2N2",
-                what: "a camera that does not look at the origin with +Y up",
-            });
+            let what = "a camera that does not look at the origin with +Y up";
+            return Err(CameraError::NotRepresentable { convention, what });
         }
         Ok(view)
     }

@@ -20,22 +20,9 @@ pub use file::{
 pub use ground::GroundPlane;
 pub use pfm::{decode_pfm, decode_pfm_with, encode_pfm, read_pfm, write_pfm};
 
-/// An image of floats, `[H, W, C]`, row-major, row 0 at the top; sRGB in `[0, 1]`.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Image {
-    /// Number of rows.
-    pub height: usize,
-    /// Number of columns.
-    pub width: usize,
-    /// Number of channels, the fastest index.
-    pub channels: usize,
-    /// `height * width * channels` values.
-    pub data: Vec<f32>,
-}
-
-/// An image of bytes, `[H, W, C]`: how views are kept, at a quarter of the memory.
+/// Pixels of any kind of number, `[H, W, C]`, row-major, row 0 at the top.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ByteImage {
+pub struct Pixels<T> {
     /// Number of rows.
     pub height: usize,
     /// Number of columns.
@@ -43,21 +30,49 @@ pub struct ByteImage {
     /// Number of channels, the fastest index.
     pub channels: usize,
     /// `height * width * channels` values.
-    pub data: Vec<u8>,
+    pub data: Vec<T>,
 }
 
-impl Image {
+/// An image of floats; sRGB in `[0, 1]`.
+pub type Image = Pixels<f32>;
+
+/// An image of bytes: how views are kept, at a quarter of the memory.
+pub type ByteImage = Pixels<u8>;
+
+impl<T: Copy + Default> Pixels<T> {
     /// An image filled with zeros.
     pub fn new(height: usize, width: usize, channels: usize) -> Self {
-        Self { height, width, channels, data: vec![0.0; height * width * channels] }
+        Self { height, width, channels, data: vec![T::default(); height * width * channels] }
     }
 
     /// The channels of the pixel at row `i`, column `j`.
-    pub fn pixel(&self, i: usize, j: usize) -> &[f32] {
+    pub fn pixel(&self, i: usize, j: usize) -> &[T] {
         let start = (i * self.width + j) * self.channels;
         &self.data[start..start + self.channels]
     }
 
+    /// The part that starts at column `x`, row `y`.
+    ///
+    /// # Panics
+    /// If the part leaves the image.
+    #[must_use]
+    pub fn cropped(&self, x: usize, y: usize, width: usize, height: usize) -> Self {
+        let [rows, columns, channels] = self.shape();
+        assert!(
+            x + width <= columns && y + height <= rows,
+            "cropped: {width} x {height} at column {x}, row {y} of an image {columns} x {rows}"
+        );
+        let row = |i: usize| &self.data[(i * columns + x) * channels..][..width * channels];
+        let data = (y..y + height).flat_map(row).copied().collect();
+        Self { height, width, channels, data }
+    }
+
+    fn shape(&self) -> [usize; 3] {
+        [self.height, self.width, self.channels]
+    }
+}
+
+impl Image {
     /// The nearest bytes: values outside `[0, 1]` are clamped, NaN becomes 0.
     pub fn to_bytes(&self) -> ByteImage {
         let byte = |v: &f32| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
@@ -68,44 +83,9 @@ impl Image {
             data: self.data.iter().map(byte).collect(),
         }
     }
-
-    /// The part that starts at column `x`, row `y`.
-    ///
-    /// # Panics
-    /// If the part leaves the image.
-    #[must_use]
-    pub fn cropped(&self, x: usize, y: usize, width: usize, height: usize) -> Self {
-        let data = crop(&self.data, self.shape(), [x, y, width, height]);
-        Self { height, width, channels: self.channels, data }
-    }
-
-    fn shape(&self) -> [usize; 3] {
-        [self.height, self.width, self.channels]
-    }
 }
 
 impl ByteImage {
-    /// An image filled with zeros.
-    pub fn new(height: usize, width: usize, channels: usize) -> Self {
-        Self { height, width, channels, data: vec![0; height * width * channels] }
-    }
-
-    /// The channels of the pixel at row `i`, column `j`.
-    pub fn pixel(&self, i: usize, j: usize) -> &[u8] {
-        let start = (i * self.width + j) * self.channels;
-        &self.data[start..start + self.channels]
-    }
-
-    /// The part that starts at column `x`, row `y`.
-    ///
-    /// # Panics
-    /// If the part leaves the image.
-    #[must_use]
-    pub fn cropped(&self, x: usize, y: usize, width: usize, height: usize) -> Self {
-        let data = crop(&self.data, self.shape(), [x, y, width, height]);
-        Self { height, width, channels: self.channels, data }
-    }
-
     /// One channel as an image of its own.
     ///
     /// # Panics
@@ -159,10 +139,6 @@ impl ByteImage {
         }
         rgb
     }
-
-    fn shape(&self) -> [usize; 3] {
-        [self.height, self.width, self.channels]
-    }
 }
 
 impl From<&ByteImage> for Image {
@@ -174,16 +150,6 @@ impl From<&ByteImage> for Image {
             data: bytes.data.iter().map(|&b| f32::from(b) / 255.0).collect(),
         }
     }
-}
-
-fn crop<T: Copy>(data: &[T], shape: [usize; 3], part: [usize; 4]) -> Vec<T> {
-    let ([rows, columns, channels], [x, y, width, height]) = (shape, part);
-    assert!(
-        x + width <= columns && y + height <= rows,
-        "cropped: {width} x {height} at column {x}, row {y} of an image {columns} x {rows}"
-    );
-    let row = |i: usize| &data[(i * columns + x) * channels..][..width * channels];
-    (y..y + height).flat_map(row).copied().collect()
 }
 
 #[cfg(test)]

@@ -68,10 +68,7 @@ fn assemble(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh
             glb.primitive(primitive, &transform, &mut soup, budget, &mut left_out)?;
         }
     }
-    let image = match soup.image {
-        Some(index) => Some(glb.image(index, limits)?),
-        None => None,
-    };
+    let image = soup.image.map(|index| glb.image(index, limits)).transpose()?;
     let (mesh, repeated) = soup.joined(image, budget).map_err(&over)?;
     counted(remarks, left_out.lines, |count| Remark::Lines { count });
     counted(remarks, left_out.textures, |count| Remark::OtherTextures { count });
@@ -215,10 +212,9 @@ impl<'a> Glb<'a> {
             }
             soup.positions.push(placed);
         }
-        let material = match primitive.material {
-            Some(m) => Some(self.get(&self.document.materials, m, "material")?),
-            None => None,
-        };
+        let material =
+            primitive.material.map(|m| self.get(&self.document.materials, m, "material"));
+        let material = material.transpose()?;
         let surface = material.map(|m| &m.pbr_metallic_roughness);
         if let Some(info) = surface.and_then(|s| s.base_color_texture.as_ref()) {
             let texture = self.get(&self.document.textures, info.index, "texture")?;
@@ -252,11 +248,8 @@ impl<'a> Glb<'a> {
     ) -> Result<(), ReadMeshError> {
         let uvs = self.floats::<2>(accessor, "TEXCOORD_0")?;
         self.as_many(&uvs, count, "TEXCOORD_0")?;
-        let missing = base - soup.uvs.len();
-        budget
-            .reserve(&mut soup.uvs, missing + count)
-            .map_err(ReadMeshError::over_limit(self.path))?;
-        soup.uvs.resize(base, [0.0; 2]);
+        let filled = budget.fill(&mut soup.uvs, base, [0.0; 2], count);
+        filled.map_err(ReadMeshError::over_limit(self.path))?;
         for k in 0..count {
             let [u, v]: [f32; 2] = self.row(&uvs, k, "TEXCOORD_0")?;
             soup.uvs.push([u, 1.0 - v]);
@@ -274,18 +267,12 @@ impl<'a> Glb<'a> {
         soup: &mut Soup,
         budget: &mut Budget,
     ) -> Result<(), ReadMeshError> {
-        let colors = match accessor {
-            Some(accessor) => Some(self.floats::<3>(accessor, "COLOR_0")?),
-            None => None,
-        };
+        let colors = accessor.map(|accessor| self.floats::<3>(accessor, "COLOR_0")).transpose()?;
         if let Some(colors) = &colors {
             self.as_many(colors, count, "COLOR_0")?;
         }
-        let missing = base - soup.colors.len();
-        budget
-            .reserve(&mut soup.colors, missing + count)
-            .map_err(ReadMeshError::over_limit(self.path))?;
-        soup.colors.resize(base, [1.0; 3]);
+        let filled = budget.fill(&mut soup.colors, base, [1.0; 3], count);
+        filled.map_err(ReadMeshError::over_limit(self.path))?;
         for k in 0..count {
             let color: [f32; 3] = match &colors {
                 Some(colors) => self.row(colors, k, "COLOR_0")?,
@@ -307,10 +294,7 @@ impl<'a> Glb<'a> {
         budget: &mut Budget,
     ) -> Result<(), ReadMeshError> {
         let vertices = soup.positions.len() - base;
-        let indices = match primitive.indices {
-            Some(accessor) => Some(self.items(accessor, "indices")?),
-            None => None,
-        };
+        let indices = primitive.indices.map(|index| self.items(index, "indices")).transpose()?;
         let count = indices.as_ref().map_or(vertices, Items::count);
         let index = |k: usize| match &indices {
             Some(indices) => self.vertex(indices, k, vertices),

@@ -25,15 +25,11 @@ impl Soup {
     ) -> Result<(TriMesh, usize), OverLimit> {
         let count = self.positions.len();
         if !self.colors.is_empty() {
-            let missing = count - self.colors.len();
-            budget.reserve(&mut self.colors, missing)?;
-            self.colors.resize(count, [1.0; 3]);
+            budget.fill(&mut self.colors, count, [1.0; 3], 0)?;
         }
         let mut texture = None;
         if let Some(image) = image {
-            let missing = count - self.uvs.len();
-            budget.reserve(&mut self.uvs, missing)?;
-            self.uvs.resize(count, [0.0; 2]);
+            budget.fill(&mut self.uvs, count, [0.0; 2], 0)?;
             let mut faces = Vec::new();
             budget.reserve(&mut faces, self.faces.len())?;
             faces.extend_from_slice(&self.faces);
@@ -63,8 +59,7 @@ impl Soup {
         order.sort_unstable_by_key(|&v| (key(v), v));
         // For each vertex the first that is equal to it, then its place in the shorter list.
         let mut target: Vec<u32> = Vec::new();
-        budget.reserve(&mut target, count)?;
-        target.resize(count, 0);
+        budget.fill(&mut target, count, 0, 0)?;
         for group in order.chunk_by(|&a, &b| key(a) == key(b)) {
             for &v in group {
                 target[v as usize] = group[0];

@@ -125,9 +125,7 @@ impl Parser<'_> {
         let Parsed { positions, colors, .. } = &mut self.parsed;
         if let Some(color) = color {
             // White for those before the first with a colour, and for those after it without.
-            let missing = positions.len() - colors.len();
-            self.budget.reserve(colors, missing + 1)?;
-            colors.resize(positions.len(), [1.0; 3]);
+            self.budget.fill(colors, positions.len(), [1.0; 3], 1)?;
             colors.push(color);
         }
         self.budget.push(positions, position)
@@ -179,9 +177,7 @@ impl Parser<'_> {
         let Parsed { faces, uv_faces, .. } = &mut self.parsed;
         let uvs = corners.map(|c| c.uv);
         if !uv_faces.is_empty() || uvs != [NONE; 3] {
-            let missing = faces.len() - uv_faces.len();
-            self.budget.reserve(uv_faces, missing + 1)?;
-            uv_faces.resize(faces.len(), [NONE; 3]);
+            self.budget.fill(uv_faces, faces.len(), [NONE; 3], 1)?;
             uv_faces.push(uvs);
         }
         self.budget.push(faces, [a, b, c])
@@ -243,26 +239,17 @@ impl Parser<'_> {
         let mut parsed = self.parsed;
         let count = parsed.positions.len();
         if let Some(&(index, line)) = self.pending.iter().find(|(i, _)| *i as usize >= count) {
-            let found = format!("index {}", u64::from(index) + 1);
-            let expected = format!("1 to {count}");
-            return Err(ReadMeshError::at_line(
-                self.path,
-                Some(line),
-                "f (vertex)",
-                found,
-                expected,
-            ));
+            let (found, expected) = (u64::from(index) + 1, format!("1 to {count}"));
+            let (field, found) = ("f (vertex)", format!("index {found}"));
+            return Err(ReadMeshError::at_line(self.path, Some(line), field, found, expected));
         }
         let over = ReadMeshError::over_limit(self.path);
         if !parsed.colors.is_empty() {
-            let missing = count - parsed.colors.len();
-            self.budget.reserve(&mut parsed.colors, missing).map_err(&over)?;
-            parsed.colors.resize(count, [1.0; 3]);
+            self.budget.fill(&mut parsed.colors, count, [1.0; 3], 0).map_err(&over)?;
         }
         if !parsed.uv_faces.is_empty() {
-            let missing = parsed.faces.len() - parsed.uv_faces.len();
-            self.budget.reserve(&mut parsed.uv_faces, missing).map_err(&over)?;
-            parsed.uv_faces.resize(parsed.faces.len(), [NONE; 3]);
+            let faces = parsed.faces.len();
+            self.budget.fill(&mut parsed.uv_faces, faces, [NONE; 3], 0).map_err(&over)?;
             let uvs = parsed.uvs.len();
             for uv in parsed.uv_faces.iter_mut().flatten().filter(|uv| **uv as usize >= uvs) {
                 *uv = NONE;

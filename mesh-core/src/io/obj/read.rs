@@ -53,19 +53,12 @@ fn mesh_of(
     remarks: &mut Vec<Remark>,
 ) -> Result<TriMesh, crate::OverLimit> {
     let Parsed { positions, mut colors, uvs, faces, uv_faces, .. } = parsed;
-    let texture = match image {
-        None => None,
-        Some(image) => Some(texture(uvs, uv_faces, faces.len(), image, budget, remarks)?),
-    };
-    Ok(TriMesh {
-        positions,
-        faces,
-        colors: (!colors.is_empty()).then(|| {
-            to_unit(&mut colors);
-            colors
-        }),
-        texture,
-    })
+    let texture = image
+        .map(|image| texture(uvs, uv_faces, faces.len(), image, budget, remarks))
+        .transpose()?;
+    to_unit(&mut colors);
+    let colors = (!colors.is_empty()).then_some(colors);
+    Ok(TriMesh { positions, faces, colors, texture })
 }
 
 /// Brings colours to `[0, 1]`: some tools write 0..255 where everyone else writes 0..1.
@@ -85,9 +78,7 @@ fn texture(
     budget: &mut Budget,
     remarks: &mut Vec<Remark>,
 ) -> Result<Texture, crate::OverLimit> {
-    let missing = count - faces.len();
-    budget.reserve(&mut faces, missing)?;
-    faces.resize(count, [NONE; 3]);
+    budget.fill(&mut faces, count, [NONE; 3], 0)?;
     let bare = faces.iter().flatten().filter(|&&i| i == NONE).count();
     if bare > 0 {
         let origin = uvs.len() as u32;
