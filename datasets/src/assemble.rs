@@ -8,7 +8,7 @@ use mesh_core::{ByteImage, Camera, DepthMap, decode_image_with, encode_depth, en
 use crate::error::{ReadViewsError, WriteViewsError};
 use crate::mask::{invert, mask_from_alpha, mask_from_backdrop};
 use crate::options::{MaskSource, ReadOptions};
-use crate::source::{Opened, Source};
+use crate::source::Opened;
 use crate::view::View;
 
 /// No image of a view may be a larger file than this.
@@ -23,10 +23,10 @@ pub(crate) struct Picture {
 /// Reads and decodes an image.
 pub(crate) fn read_picture(
     opened: &mut Opened<'_>,
-    path: PathBuf,
     name: &str,
     field: &str,
 ) -> Result<Picture, ReadViewsError> {
+    let path = opened.source().locate(name);
     let bytes = opened.read(name, field, PICTURE_BYTES)?;
     let image = decode_image_with(&bytes, &path, opened.limits())
         .map_err(|error| ReadViewsError::new(&path, error))?;
@@ -59,20 +59,18 @@ pub(crate) fn without_extension(name: &str) -> &str {
 
 /// The mask from the first of `names` that exists, where masks of files are wanted.
 pub(crate) fn mask_file(
-    source: &Source,
     opened: &mut Opened<'_>,
     names: &[String],
     options: &ReadOptions,
 ) -> Result<Option<(PathBuf, ByteImage)>, ReadViewsError> {
-    match names.iter().find(|name| source.has(name)) {
-        Some(name) => named_mask(source, opened, name, options),
+    match names.iter().find(|name| opened.source().has(name)) {
+        Some(name) => named_mask(opened, name, options),
         None => Ok(None),
     }
 }
 
 /// The mask of a file that has to be there, where masks come from files.
 pub(crate) fn named_mask(
-    source: &Source,
     opened: &mut Opened<'_>,
     name: &str,
     options: &ReadOptions,
@@ -80,7 +78,7 @@ pub(crate) fn named_mask(
     if !options.mask.reads_files() {
         return Ok(None);
     }
-    let mask = read_picture(opened, source.locate(name), name, "mask")?;
+    let mask = read_picture(opened, name, "mask")?;
     Ok(Some((mask.path, mask_from_picture(&mask.image))))
 }
 

@@ -7,18 +7,18 @@ use mesh_core::{ByteImage, DepthMap, decode_depth_with};
 use crate::error::ReadViewsError;
 use crate::formats::npy;
 use crate::options::ReadOptions;
-use crate::source::{Opened, Source};
+use crate::source::Opened;
 
 /// Reads planar depth from the first of `names` that exists, EXR or npy.
 ///
 /// What is not finite, not positive or at least 1e9 is background: `+inf`.
 pub(crate) fn read(
-    source: &Source,
     opened: &mut Opened<'_>,
     names: &[String],
     picture: &ByteImage,
     options: &ReadOptions,
 ) -> Result<Option<(PathBuf, DepthMap)>, ReadViewsError> {
+    let source = opened.source();
     let mut wanted = names.iter().filter(|_| options.depth);
     let Some(name) = wanted.find(|name| source.has(name)) else { return Ok(None) };
     let path = source.locate(name);
@@ -30,7 +30,7 @@ pub(crate) fn read(
         decode_depth_with(&bytes, &path, opened.limits())
             .map_err(|error| ReadViewsError::new(&path, error))?
     } else {
-        let data = read_npy(source, opened, name, "depth", picture)?;
+        let data = read_npy(opened, name, "depth", picture)?;
         DepthMap { height: picture.height, width: picture.width, data }
     };
     for d in &mut depth.data {
@@ -43,7 +43,6 @@ pub(crate) fn read(
 
 /// Reads one number per pixel of the image: `[H, W]` or `[H, W, 1]`.
 pub(crate) fn read_npy(
-    source: &Source,
     opened: &mut Opened<'_>,
     name: &str,
     field: &str,
@@ -53,7 +52,7 @@ pub(crate) fn read_npy(
     let bytes = opened.read(name, field, most_bytes(picture))?;
     let array = npy::read(&bytes, &[&[height, width], &[height, width, 1]]).map_err(|e| {
         ReadViewsError::field(
-            source.locate(name),
+            opened.source().locate(name),
             format!("{field} {}", e.field),
             e.found,
             e.expected,

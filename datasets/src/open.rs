@@ -5,8 +5,11 @@ use std::path::Path;
 use crate::dataset::{Dataset, Entry};
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::layouts::bop::{self, Bop};
+use crate::layouts::cub::Cub;
 use crate::layouts::generated::{self, Generated};
-use crate::layouts::photo;
+use crate::layouts::mcmr::Mcmr;
+use crate::layouts::pascal3d::Pascal3d;
+use crate::layouts::pix3d::Pix3d;
 use crate::layouts::pixel2mesh::{self, Pixel2Mesh};
 use crate::layouts::r2n2::{self, R2n2};
 use crate::layouts::single::SingleObject;
@@ -32,9 +35,9 @@ pub fn open_with(path: &Path, options: &ReadOptions) -> Result<Box<dyn Dataset>,
     // Lists of photographs are JSON too, so they are asked before transforms.json is supposed. A
     // turntable is asked for by name; what else is there does not matter then.
     if options.turntable.is_none()
-        && let Some(many) = many(path)?
+        && let Some((_, open)) = MANY.iter().find(|(recognises, _)| recognises(path))
     {
-        return Ok(many);
+        return open(path);
     }
     match SingleObject::find(path, options)? {
         Some(single) => Ok(Box::new(single)),
@@ -64,25 +67,20 @@ pub fn read_views(
     dataset.views(object, None, options, progress)
 }
 
-/// The dataset of many objects at the path, where it is one.
-fn many(path: &Path) -> Result<Option<Box<dyn Dataset>>, ReadViewsError> {
-    if r2n2::recognises(path) {
-        return Ok(Some(Box::new(R2n2::open(path)?)));
-    }
-    if generated::recognises(path) {
-        return Ok(Some(Box::new(Generated::open(path)?)));
-    }
-    if pixel2mesh::recognises(path) {
-        return Ok(Some(Box::new(Pixel2Mesh::open(path)?)));
-    }
-    if let Some(photographs) = photo::find(path)? {
-        return Ok(Some(photographs));
-    }
-    if bop::recognises(path) {
-        return Ok(Some(Box::new(Bop::open(path)?)));
-    }
-    Ok(None)
-}
+/// A layout of many objects: whether it is at a path, and what opens it there.
+type Many = (fn(&Path) -> bool, fn(&Path) -> Result<Box<dyn Dataset>, ReadViewsError>);
+
+/// All of them, in the order in which they are asked.
+const MANY: [Many; 8] = [
+    (r2n2::recognises, |path| Ok(Box::new(R2n2::open(path)?))),
+    (generated::recognises, |path| Ok(Box::new(Generated::open(path)?))),
+    (pixel2mesh::recognises, |path| Ok(Box::new(Pixel2Mesh::open(path)?))),
+    (Pix3d::recognises, |path| Ok(Box::new(Pix3d::open(path)?))),
+    (Pascal3d::recognises, |path| Ok(Box::new(Pascal3d::open(path)?))),
+    (Cub::recognises, |path| Ok(Box::new(Cub::open(path)?))),
+    (Mcmr::recognises, |path| Ok(Box::new(Mcmr::open(path)?))),
+    (bop::recognises, |path| Ok(Box::new(Bop::open(path)?))),
+];
 
 /// The index of the wanted object, by its name or `category/name`; a dataset of one may leave it
 /// open. `path` is what was opened, for messages.

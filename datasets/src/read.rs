@@ -3,10 +3,12 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
+use mesh_core::OverLimit;
 use rayon::prelude::*;
 
 use crate::consistency;
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::content::over;
+use crate::error::ReadViewsError;
 use crate::options::{MaskSource, OnInconsistent, ReadOptions};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
@@ -119,7 +121,6 @@ fn check_budget(path: &Path, options: &ReadOptions, found: u64) -> Result<(), Re
     if found <= options.memory_limit {
         return Ok(());
     }
-    let field = "all views in memory (read them smaller with `max_size`)".to_owned();
-    let problem = ViewsProblem::TooLarge { field, found, limit: options.memory_limit };
-    Err(ReadViewsError::new(path, problem))
+    let field = "all views in memory (read them smaller with `max_size`)";
+    Err(over(path, field, OverLimit { needed: found, most: options.memory_limit }))
 }

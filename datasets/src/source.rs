@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Component, Path, PathBuf};
 
-use mesh_core::Limits;
+use mesh_core::{Limits, OverLimit};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
@@ -112,7 +112,6 @@ impl Source {
 
     /// Names of the files at the root, sorted.
     pub(crate) fn root_names(&self) -> Result<Vec<String>, ReadViewsError> {
-        let fail = |e: std::io::Error| ReadViewsError::new(&self.path, e);
         if let Some(entries) = &self.entries {
             return Ok(entries
                 .iter()
@@ -121,14 +120,7 @@ impl Source {
                 .map(String::from)
                 .collect());
         }
-        let mut names = BTreeSet::new();
-        for entry in std::fs::read_dir(&self.path).map_err(fail)? {
-            // Names that are not text belong to no layout.
-            if let Ok(name) = entry.map_err(fail)?.file_name().into_string() {
-                names.insert(name);
-            }
-        }
-        Ok(names.into_iter().collect())
+        names_of(&self.path).map_err(|e| ReadViewsError::new(&self.path, e))
     }
 
     /// Names of the files in a folder, sorted, without those in folders of it; none where there is
@@ -139,11 +131,10 @@ impl Source {
             let names = entries.iter().filter_map(|name| name.strip_prefix(inside.as_str()));
             return names.filter(|name| !name.contains('/')).map(String::from).collect();
         }
-        let Ok(entries) = std::fs::read_dir(self.path.join(folder)) else { return Vec::new() };
-        let files = entries.filter_map(Result::ok).filter(|entry| entry.path().is_file());
-        let names: BTreeSet<String> =
-            files.filter_map(|entry| entry.file_name().into_string().ok()).collect();
-        names.into_iter().collect()
+        let folder = self.path.join(folder);
+        let mut names = names_of(&folder).unwrap_or_default();
+        names.retain(|name| folder.join(name).is_file());
+        names
     }
 
     /// Whether the file exists, is one (no pipe, no device), and lies where names may be.
@@ -161,7 +152,12 @@ impl Source {
     }
 }
 
-impl Opened<'_> {
+impl<'a> Opened<'a> {
+    /// Where the files come from.
+    pub(crate) fn source(&self) -> &'a Source {
+        self.source
+    }
+
     /// What each file may make its reader take.
     pub(crate) fn limits(&self) -> &Limits {
         &self.source.limits
@@ -178,10 +174,7 @@ impl Opened<'_> {
         limit: u64,
     ) -> Result<Content, ReadViewsError> {
         let path = self.source.locate(&tidy(name));
-        let too_large = |found, limit| {
-            let field = field.to_owned();
-            ReadViewsError::new(&path, ViewsProblem::TooLarge { field, found, limit })
-        };
+        let missing = || self.source.missing(name, format!("the {field} is read from it"));
         let (limit, read) = match &mut self.archive {
             Some(archive) => {
                 let entry = format!("{}{}", self.source.prefix, tidy(name));
@@ -197,25 +190,12 @@ impl Opened<'_> {
                     Err(error) => return Err(ReadViewsError::new(path, error)),
                 }
             }
-            None if !self.source.is_inside(name) => {
-                return Err(self.source.missing(name, format!("the {field} is read from it")));
-            }
+            None if !self.source.is_inside(name) => return Err(missing()),
             None => (limit, read_regular(&self.source.path.join(name), limit)),
         };
         match read {
-            Ok(Ok((bytes, stored))) => Content::new(bytes, stored, &self.source.limits)
-                .map_err(|limit| over(&path, field, limit)),
-            Ok(Err(found)) => Err(too_large(found, limit)),
-            Err(error) => Err(match error.kind() {
-                std::io::ErrorKind::NotFound => {
-                    self.source.missing(name, format!("the {field} is read from it"))
-                }
-                // What the standard library says of something that is there and is no file.
-                std::io::ErrorKind::InvalidInput => {
-                    ReadViewsError::new(path, ViewsProblem::Irregular)
-                }
-                _ => ReadViewsError::new(path, error),
-            }),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Err(missing()),
+            read => content(read, &path, field, limit, &self.source.limits),
         }
     }
 }
@@ -228,13 +208,23 @@ type Stored = (Vec<u8>, u64);
 /// # Errors
 /// If it cannot be read, is no file, or has more bytes.
 pub(crate) fn read_file(path: &Path, field: &str, limit: u64) -> Result<Content, ReadViewsError> {
-    match read_regular(path, limit) {
-        Ok(Ok((bytes, stored))) => Content::new(bytes, stored, &Limits::default())
-            .map_err(|limit| over(path, field, limit)),
-        Ok(Err(found)) => {
-            let field = field.to_owned();
-            Err(ReadViewsError::new(path, ViewsProblem::TooLarge { field, found, limit }))
+    content(read_regular(path, limit), path, field, limit, &Limits::default())
+}
+
+/// What was read, counted; or why it is none.
+fn content(
+    read: std::io::Result<Result<Stored, u64>>,
+    path: &Path,
+    field: &str,
+    limit: u64,
+    limits: &Limits,
+) -> Result<Content, ReadViewsError> {
+    match read {
+        Ok(Ok((bytes, stored))) => {
+            Content::new(bytes, stored, limits).map_err(|limit| over(path, field, limit))
         }
+        Ok(Err(needed)) => Err(over(path, field, OverLimit { needed, most: limit })),
+        // What the standard library says of something that is there and is no file.
         Err(error) if error.kind() == std::io::ErrorKind::InvalidInput => {
             Err(ReadViewsError::new(path, ViewsProblem::Irregular))
         }
@@ -272,6 +262,15 @@ fn read_at_most(
         return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, what));
     }
     Ok(Ok((bytes, stored)))
+}
+
+/// The names in a folder, sorted; those that are not text belong to no layout.
+pub(crate) fn names_of(folder: &Path) -> std::io::Result<Vec<String>> {
+    let entries: Result<Vec<_>, _> = std::fs::read_dir(folder)?.collect();
+    let names = entries?.into_iter().filter_map(|entry| entry.file_name().into_string().ok());
+    let mut names: Vec<String> = names.collect();
+    names.sort_unstable();
+    Ok(names)
 }
 
 fn open_archive(path: &Path) -> Result<ZipArchive<BufReader<File>>, ReadViewsError> {

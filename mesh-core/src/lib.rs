@@ -116,4 +116,6 @@ pub use remesh::{
 pub use sample::{SurfacePoint, sample_points, sample_surface};
 pub use subdivide::{Subdivision, subdivide};
 pub use topology::{FacePair, Topology};
-pub use voxel::{VoxelGrid, voxelize_enclosed, voxelize_parity, voxelize_solid, voxelize_surface};
+pub use voxel::{
+    Bounds, VoxelGrid, voxelize_enclosed, voxelize_parity, voxelize_solid, voxelize_surface,
+};

@@ -12,7 +12,7 @@ mod torus;
 mod tube;
 
 pub use extrude::{PolygonError, extrude};
-pub use lathe::{capsule, cone, cylinder, lathe, uv_sphere};
+pub use lathe::{capsule, closed_rings, cone, cylinder, lathe, uv_sphere};
 pub use loft::{loft, plate};
 pub use pixel2mesh::pixel2mesh_ellipsoid;
 pub use rounded::rounded_cuboid;

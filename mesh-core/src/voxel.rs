@@ -6,6 +6,9 @@ use crate::TriMesh;
 use crate::vector::{Vec3, area_vector};
 use triangle_in_box::TriangleInBox;
 
+/// The lower and the upper corner of a box.
+pub type Bounds = ([f32; 3], [f32; 3]);
+
 /// Which cells of a regular grid are occupied.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VoxelGrid {
@@ -28,7 +31,7 @@ impl VoxelGrid {
     /// # Panics
     /// If a dimension is zero, there are more than 2^32 cells, or the box is not finite or upside
     /// down.
-    pub fn new(dims: [usize; 3], (low, high): ([f32; 3], [f32; 3])) -> Self {
+    pub fn new(dims: [usize; 3], (low, high): Bounds) -> Self {
         let cells = dims.iter().try_fold(1_usize, |n, &d| n.checked_mul(d));
         let cells = cells.filter(|&n| n > 0 && n <= 1 << 32);
         let cells = cells.unwrap_or_else(|| panic!("VoxelGrid: {dims:?} cells"));
@@ -61,18 +64,13 @@ impl VoxelGrid {
     ///
     /// # Panics
     /// As [`new`](Self::new), or if there is not one value per cell.
-    pub fn from_values(
-        dims: [usize; 3],
-        bounds: ([f32; 3], [f32; 3]),
-        values: &[f32],
-        threshold: f32,
-    ) -> Self {
+    pub fn from_values(dims: [usize; 3], bounds: Bounds, values: &[f32], threshold: f32) -> Self {
         Self::gathered(dims, bounds, values, |cell| values[cell] >= threshold)
     }
 
     fn gathered(
         dims: [usize; 3],
-        bounds: ([f32; 3], [f32; 3]),
+        bounds: Bounds,
         values: &[f32],
         occupied: impl Fn(usize) -> bool,
     ) -> Self {
@@ -87,12 +85,7 @@ impl VoxelGrid {
     ///
     /// # Panics
     /// As [`from_values`](Self::from_values).
-    pub fn from_channels(
-        dims: [usize; 3],
-        bounds: ([f32; 3], [f32; 3]),
-        values: &[f32],
-        threshold: f32,
-    ) -> Self {
+    pub fn from_channels(dims: [usize; 3], bounds: Bounds, values: &[f32], threshold: f32) -> Self {
         let order = channel_order(dims);
         Self::gathered(dims, bounds, values, |cell| values[order[cell]] >= threshold)
     }
@@ -214,11 +207,7 @@ fn channel_order([nx, ny, nz]: [usize; 3]) -> Vec<usize> {
 /// One separating-axis test for each cell in the box of each face.
 /// # Panics
 /// As [`VoxelGrid::new`], or if a face names a vertex that does not exist.
-pub fn voxelize_surface(
-    mesh: &TriMesh,
-    dims: [usize; 3],
-    bounds: ([f32; 3], [f32; 3]),
-) -> VoxelGrid {
+pub fn voxelize_surface(mesh: &TriMesh, dims: [usize; 3], bounds: Bounds) -> VoxelGrid {
     let mut grid = VoxelGrid::new(dims, bounds);
     for face in &mesh.faces {
         let corners = face.map(|v| grid.local(mesh.positions[v as usize]));
@@ -257,7 +246,7 @@ pub fn voxelize_surface(
 /// One test for each column of cells under each face, then one pass over the grid.
 /// # Panics
 /// As [`VoxelGrid::new`], or if a face names a vertex that does not exist.
-pub fn voxelize_solid(mesh: &TriMesh, dims: [usize; 3], bounds: ([f32; 3], [f32; 3])) -> VoxelGrid {
+pub fn voxelize_solid(mesh: &TriMesh, dims: [usize; 3], bounds: Bounds) -> VoxelGrid {
     scan(mesh, dims, bounds, |winding, _| winding != 0)
 }
 
@@ -267,11 +256,7 @@ pub fn voxelize_solid(mesh: &TriMesh, dims: [usize; 3], bounds: ([f32; 3], [f32;
 ///
 /// # Panics
 /// As [`voxelize_solid`].
-pub fn voxelize_parity(
-    mesh: &TriMesh,
-    dims: [usize; 3],
-    bounds: ([f32; 3], [f32; 3]),
-) -> VoxelGrid {
+pub fn voxelize_parity(mesh: &TriMesh, dims: [usize; 3], bounds: Bounds) -> VoxelGrid {
     scan(mesh, dims, bounds, |_, crossings| crossings % 2 == 1)
 }
 
@@ -282,11 +267,7 @@ pub fn voxelize_parity(
 ///
 /// # Panics
 /// As [`voxelize_surface`].
-pub fn voxelize_enclosed(
-    mesh: &TriMesh,
-    dims: [usize; 3],
-    bounds: ([f32; 3], [f32; 3]),
-) -> VoxelGrid {
+pub fn voxelize_enclosed(mesh: &TriMesh, dims: [usize; 3], bounds: Bounds) -> VoxelGrid {
     let mut grid = voxelize_surface(mesh, dims, bounds);
     grid.fill_enclosed();
     grid
@@ -299,7 +280,7 @@ pub fn voxelize_enclosed(
 fn scan(
     mesh: &TriMesh,
     dims: [usize; 3],
-    bounds: ([f32; 3], [f32; 3]),
+    bounds: Bounds,
     inside: impl Fn(i32, i32) -> bool,
 ) -> VoxelGrid {
     const ONE: f64 = 65536.0;
@@ -375,7 +356,7 @@ mod tests {
     use crate::primitives;
     use crate::vector::{norm, widen};
 
-    const BOX: ([f32; 3], [f32; 3]) = ([-1.5; 3], [1.5; 3]);
+    const BOX: Bounds = ([-1.5; 3], [1.5; 3]);
 
     #[test]
     fn a_cuboid_on_the_grid_is_exact() {

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use crate::budget::{Budget, OverLimit};
 use crate::error::{PickleError, error};
 use crate::text::{quoted, unicode};
-use crate::value::{Made, Value, bytes, call, complete, storage};
+use crate::value::{Made, Value, call, complete, storage};
 
 /// No module, class or function has a longer name; names are copied, and may be used many times.
 const LONGEST_NAME: usize = 200;
@@ -263,7 +263,8 @@ impl<'a> Machine<'a> {
                 Value::Integer(i64::from_le_bytes(raw))
             } // LONG1, LONG4
             _ => match self.number_in_line()? {
-                "00" | "01" if op == b'I' => Value::Bool(self.bytes[self.at - 2] == b'1'),
+                "00" if op == b'I' => Value::Bool(false),
+                "01" if op == b'I' => Value::Bool(true),
                 digits => digits.parse().map_or(Value::Number, Value::Integer),
             }, // INT, LONG
         };
@@ -334,12 +335,12 @@ impl<'a> Machine<'a> {
     /// A class or function: its module and name follow, or are on the stack.
     fn global(&mut self, op: u8) -> Step {
         let parts = if op == b'c' {
-            [Some(self.line()?.into()), Some(self.line()?.into())]
+            [Some(self.line()?), Some(self.line()?)]
         } else {
             let (name, module) = (self.pop()?, self.pop()?);
-            [module, name].map(|index| bytes(&self.values, index))
+            [module, name].map(|index| self.values[index as usize].text().map(str::as_bytes))
         };
-        let name = match &parts {
+        let name = match parts {
             [Some(module), Some(name)] if module.len() + name.len() <= LONGEST_NAME => {
                 [module, name].map(|part| String::from_utf8_lossy(part)).join(".")
             }

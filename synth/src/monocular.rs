@@ -106,7 +106,7 @@ impl Monocular {
         let seen = depth.data.iter().copied().filter(|z| z.is_finite()).collect();
         let unit = median(seen).unwrap_or(1.0);
         let floor = floor.filter(|_| ground > 0.0);
-        let plane = floor.map(|height| Plane::new(&view.camera, f64::from(height)));
+        let plane = floor.and_then(|height| plane(&view.camera, f64::from(height)));
         let mut data = Vec::with_capacity(depth.data.len());
         for (k, &z) in depth.data.iter().enumerate() {
             // The floor is behind the object wherever both are seen.
@@ -114,7 +114,9 @@ impl Monocular {
                 1.0 / f64::from(z)
             } else {
                 let (row, column) = (k / depth.width, k % depth.width);
-                plane.as_ref().map_or(0.0, |plane| ground * plane.disparity(row, column))
+                let [row, column] = [row, column].map(|k| k as f64 + 0.5);
+                let met = |[corner, across, down]: [f64; 3]| corner + across * column + down * row;
+                plane.map_or(0.0, |plane| ground * met(plane).max(0.0))
             };
             data.push((unit * disparity) as f32);
         }
@@ -127,34 +129,18 @@ impl Monocular {
     }
 }
 
-/// Inverse planar depth of a horizontal plane: for a perspective lens it is affine in the pixel.
-struct Plane {
-    /// Value at the corner of the first pixel, change per column and per row.
-    affine: Option<[f64; 3]>,
-}
-
-impl Plane {
-    fn new(camera: &Camera, height: f64) -> Self {
-        // With eye `e` and rays `e + z r(p)` of planar depth z, the plane y = h is met at
-        // 1/z = r_y(p) / (h - e_y), and r is affine in the pixel. Parallel rays have no such form.
-        let below = height - camera.center().y;
-        let derivative = |column: f64, row: f64| {
-            (camera.unproject(column, row, 1.0)[1] - camera.center().y) / below
-        };
-        let usable = camera.is_perspective() && below < 0.0;
-        let affine = usable.then(|| {
-            let corner = derivative(0.0, 0.0);
-            [corner, derivative(1.0, 0.0) - corner, derivative(0.0, 1.0) - corner]
-        });
-        Self { affine }
-    }
-
-    /// 0 where the plane is not seen: above the horizon, or from below it.
-    fn disparity(&self, row: usize, column: usize) -> f64 {
-        self.affine.map_or(0.0, |[corner, across, down]| {
-            (corner + across * (column as f64 + 0.5) + down * (row as f64 + 0.5)).max(0.0)
-        })
-    }
+/// Inverse depth of the horizontal plane at a height below a perspective camera: at the image's corner, and how it grows
+/// by a column and by a row.
+fn plane(camera: &Camera, height: f64) -> Option<[f64; 3]> {
+    // With eye `e` and rays `e + z r(p)` of planar depth z, the plane y = h is met at
+    // 1/z = r_y(p) / (h - e_y), and r is affine in the pixel. Parallel rays have no such form.
+    let below = height - camera.center().y;
+    let derivative =
+        |column: f64, row: f64| (camera.unproject(column, row, 1.0)[1] - camera.center().y) / below;
+    (camera.is_perspective() && below < 0.0).then(|| {
+        let corner = derivative(0.0, 0.0);
+        [corner, derivative(1.0, 0.0) - corner, derivative(0.0, 1.0) - corner]
+    })
 }
 
 fn median(mut values: Vec<f32>) -> Option<f64> {

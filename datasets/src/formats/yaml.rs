@@ -10,6 +10,7 @@ use std::path::Path;
 
 use serde_json::{Map, Number, Value};
 
+use crate::content::cut;
 use crate::error::ReadViewsError;
 
 /// How deep mappings and sequences may nest.
@@ -96,13 +97,8 @@ fn item(text: &str) -> Option<&str> {
 
 impl<'a> Parser<'a> {
     fn wrong(&self, line: &Line<'_>, expected: &str) -> ReadViewsError {
-        let found: String = line.text.chars().take(60).collect();
-        ReadViewsError::field(
-            self.file,
-            format!("line {}", line.number),
-            format!("{found:?}"),
-            expected,
-        )
+        let (place, found) = (format!("line {}", line.number), cut(line.text));
+        ReadViewsError::field(self.file, place, format!("{found:?}"), expected)
     }
 
     /// What stands at this indent, from the current line on.

@@ -12,7 +12,7 @@ use crate::formats::json::{Node, parse};
 use crate::layouts::album::{chosen, model};
 use crate::options::ReadOptions;
 use crate::read::{Reading, read_pending};
-use crate::source::{Opened, Source};
+use crate::source::{Opened, Source, names_of};
 use crate::view::{Layout, View, Views};
 
 const CAMERAS: &str = "scene_camera.json";
@@ -86,13 +86,8 @@ fn scenes(path: &Path) -> Vec<(String, String)> {
 
 /// Names of the folders in a folder, sorted.
 fn folders(path: &Path) -> Vec<String> {
-    let Ok(entries) = std::fs::read_dir(path) else { return Vec::new() };
-    let mut names: Vec<String> = entries
-        .filter_map(Result::ok)
-        .filter(|entry| entry.path().is_dir())
-        .filter_map(|entry| entry.file_name().into_string().ok())
-        .collect();
-    names.sort_unstable();
+    let mut names = names_of(path).unwrap_or_default();
+    names.retain(|name| path.join(name).is_dir());
     names
 }
 
@@ -263,18 +258,17 @@ impl Shot {
 
     fn read(
         &self,
-        source: &Source,
         opened: &mut Opened<'_>,
         picture: &str,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, source.locate(picture), picture, "picture")?;
-        let camera = self.camera(source, &picture)?;
+        let picture = read_picture(opened, picture, "picture")?;
+        let camera = self.camera(opened.source(), &picture)?;
         let masks = ["mask_visib", "mask"].map(|folder| {
             format!("{}{folder}/{:06}_{:06}.png", self.scene, self.image, self.instance)
         });
-        let mask = mask_file(source, opened, &masks, options)?;
-        let depth = if options.depth { self.depth(source, opened)? } else { None };
+        let mask = mask_file(opened, &masks, options)?;
+        let depth = if options.depth { self.depth(opened)? } else { None };
         assemble(self.name.clone(), picture, mask, camera, depth, options)
     }
 
@@ -297,9 +291,9 @@ impl Shot {
 
     fn depth(
         &self,
-        source: &Source,
         opened: &mut Opened<'_>,
     ) -> Result<Option<(PathBuf, DepthMap)>, ReadViewsError> {
+        let source = opened.source();
         let name = format!("{}depth/{:06}.png", self.scene, self.image);
         if !source.has(&name) {
             return Ok(None);
@@ -330,7 +324,7 @@ impl Dataset for Bop {
         for shot in chosen(shots.len(), which).into_iter().map(|i| &shots[i]) {
             let picture = shot.picture(&self.source);
             reading.add(&shot.name, picture, options, move |picture, opened| {
-                shot.read(&self.source, opened, picture, options)
+                shot.read(opened, picture, options)
             })?;
         }
         read_pending(&self.catalog.root, &self.source, reading, options, progress)

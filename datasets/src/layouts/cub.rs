@@ -143,11 +143,10 @@ impl CubAnnotation {
         &self,
         name: &str,
         mask: &Node<'_>,
-        pictures: &Source,
         opened: &mut Opened<'_>,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, pictures.locate(&self.image), &self.image, "picture")?;
+        let picture = read_picture(opened, &self.image, "picture")?;
         let (array, height, width) = mask.table()?;
         let camera = self.camera(width, height);
         let camera = fitted(camera, &picture, &self.pose_file, &self.pose_field)?;
@@ -325,7 +324,7 @@ impl Dataset for Cub {
         let album = Album { catalog: &self.catalog, source: &self.pictures, poses: "sfm_anno" };
         album.read_only((name, &annotation.image), which, options, progress, |opened| {
             let image = mat.need("images", file)?.element(annotation.place.1)?;
-            annotation.read(name, &image.need("mask")?, &self.pictures, opened, options)
+            annotation.read(name, &image.need("mask")?, opened, options)
         })
     }
 }

@@ -83,7 +83,7 @@ pub(crate) fn list<'a>(
                     format!("view {stem} has other files; put it back, or allow missing views");
                 return Err(ReadViewsError::missing(path, wanted_by));
             }
-            None => pending.push(Box::new(move |opened| read_view(source, opened, &stem, options))),
+            None => pending.push(Box::new(move |opened| read_view(opened, &stem, options))),
         }
     }
     let layout = if source.is_zip() { Layout::KaolinZip } else { Layout::KaolinFolder };
@@ -99,33 +99,32 @@ fn index_of(name: &str) -> Option<(u64, &str)> {
 }
 
 fn read_view(
-    source: &Source,
     opened: &mut Opened<'_>,
     stem: &str,
     options: &ReadOptions,
 ) -> Result<View, ReadViewsError> {
+    let source = opened.source();
     let name = format!("{stem}{COLOR}");
-    let picture = read_picture(opened, source.locate(&name), &name, "picture")?;
-    let camera = read_camera(source, opened, stem, &picture)?;
+    let picture = read_picture(opened, &name, "picture")?;
+    let camera = read_camera(opened, stem, &picture)?;
     let mask = format!("{stem}{MASK}");
     let mask = if options.mask.reads_files() && source.has(&mask) {
-        Some((source.locate(&mask), read_mask(source, opened, &mask, &picture.image)?))
+        Some((source.locate(&mask), read_mask(opened, &mask, &picture.image)?))
     } else {
         None
     };
     let depths = ["_depth.exr", "_depth_linear.npy"].map(|end| format!("{stem}{end}"));
-    let depth = depth::read(source, opened, &depths, &picture.image, options)?;
+    let depth = depth::read(opened, &depths, &picture.image, options)?;
     assemble(stem.to_owned(), picture, mask, camera, depth, options)
 }
 
 fn read_camera(
-    source: &Source,
     opened: &mut Opened<'_>,
     stem: &str,
     picture: &Picture,
 ) -> Result<Camera, ReadViewsError> {
     let name = format!("{stem}{CAMERA}");
-    let path = source.locate(&name);
+    let path = opened.source().locate(&name);
     let value = parse(&opened.read(&name, "camera", METADATA_BYTES)?, &path)?;
     let camera = Node::root(&value, &path).need("camera_properties")?;
     let (width, height) = (picture.image.width, picture.image.height);
@@ -157,13 +156,12 @@ fn read_camera(
 
 /// Any label above zero is the object.
 fn read_mask(
-    source: &Source,
     opened: &mut Opened<'_>,
     name: &str,
     picture: &ByteImage,
 ) -> Result<ByteImage, ReadViewsError> {
     let (height, width) = (picture.height, picture.width);
-    let array = depth::read_npy(source, opened, name, "mask", picture)?;
+    let array = depth::read_npy(opened, name, "mask", picture)?;
     let data = array.iter().map(|&label| if label > 0.0 { 255 } else { 0 }).collect();
     Ok(ByteImage { height, width, channels: 1, data })
 }

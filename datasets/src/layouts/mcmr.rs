@@ -17,7 +17,7 @@ use crate::formats::json::Node;
 use crate::formats::yaml;
 use crate::layouts::album::{Album, fitted};
 use crate::options::ReadOptions;
-use crate::source::{Opened, Source};
+use crate::source::{Opened, Source, names_of};
 use crate::view::{Layout, View, Views};
 
 const ANNOTATIONS: &str = "annotations";
@@ -140,15 +140,14 @@ impl McmrAnnotation {
     fn read(
         &self,
         name: &str,
-        source: &Source,
         opened: &mut Opened<'_>,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, source.locate(&self.image), &self.image, "picture")?;
+        let picture = read_picture(opened, &self.image, "picture")?;
         let field = "intrinsic, extrinsic";
         let camera = self.camera().map_err(ReadViewsError::camera(&self.file, field))?;
         let camera = fitted(camera, &picture, &self.file, field)?;
-        let mask = named_mask(source, opened, &self.mask, options)?;
+        let mask = named_mask(opened, &self.mask, options)?;
         assemble(name.to_owned(), picture, mask, camera, None, options)
     }
 }
@@ -168,13 +167,8 @@ fn classes(path: &Path) -> Option<(PathBuf, Vec<String>)> {
             path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
         return Some((root.to_owned(), vec![name]));
     }
-    let folders = std::fs::read_dir(path).ok()?;
-    let mut names: Vec<String> = folders
-        .filter_map(Result::ok)
-        .filter(|folder| is_class(&folder.path()))
-        .filter_map(|folder| folder.file_name().into_string().ok())
-        .collect();
-    names.sort();
+    let mut names = names_of(path).ok()?;
+    names.retain(|name| is_class(&path.join(name)));
     (!names.is_empty()).then(|| (path.to_owned(), names))
 }
 
@@ -300,7 +294,7 @@ impl Dataset for Mcmr {
             (&self.annotations[object], self.catalog.entries[object].name.as_str());
         let album = Album { catalog: &self.catalog, source: &self.source, poses: "extrinsic" };
         album.read_only((name, &annotation.image), which, options, progress, |opened| {
-            annotation.read(name, &self.source, opened, options)
+            annotation.read(name, opened, options)
         })
     }
 }

@@ -67,9 +67,7 @@ pub(crate) fn list<'a>(
         let found =
             source.need(&shot.image, || format!("{} of {} names it", shot.field, path.display()));
         let (image, path) = (shot.image.clone(), path.clone());
-        reading.add(&image, found, options, move |(), opened| {
-            shot.read(source, opened, &path, options)
-        })?;
+        reading.add(&image, found, options, move |(), opened| shot.read(opened, &path, options))?;
     }
     if listed != count {
         let found = format!("{listed} lines with cameras");
@@ -114,16 +112,15 @@ impl Shot {
 
     fn read(
         &self,
-        source: &Source,
         opened: &mut Opened<'_>,
         file: &Path,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, source.locate(&self.image), &self.image, "image")?;
+        let picture = read_picture(opened, &self.image, "image")?;
         let camera = self.camera(picture.image.width, picture.image.height, file)?;
         let stem = without_extension(&self.image);
         let masks = MASK_EXTENSIONS.map(|end| format!("masks/{stem}.{end}"));
-        let mask = mask_file(source, opened, &masks, options)?;
+        let mask = mask_file(opened, &masks, options)?;
         assemble(stem.to_owned(), picture, mask, camera, None, options)
     }
 }

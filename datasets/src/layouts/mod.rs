@@ -9,7 +9,6 @@ pub(crate) mod kaolin;
 pub(crate) mod mcmr;
 pub(crate) mod middlebury;
 pub(crate) mod pascal3d;
-pub(crate) mod photo;
 pub(crate) mod photos;
 pub(crate) mod pix3d;
 pub mod pixel2mesh;

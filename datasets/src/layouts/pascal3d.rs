@@ -16,7 +16,7 @@ use crate::error::ReadViewsError;
 use crate::formats::mat::{Mat, Node};
 use crate::layouts::album::{Album, fitted, model};
 use crate::options::ReadOptions;
-use crate::source::{Opened, Source};
+use crate::source::{Opened, Source, names_of};
 use crate::view::{Layout, View, Views};
 
 const ANNOTATIONS: &str = "Annotations";
@@ -140,23 +140,19 @@ impl Pascal3dAnnotation {
     fn read(
         &self,
         name: &str,
-        source: &Source,
         opened: &mut Opened<'_>,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, source.locate(&self.image), &self.image, "picture")?;
+        let picture = read_picture(opened, &self.image, "picture")?;
         let camera = self.camera(&picture)?;
         let wanted = options.mask.reads_files();
-        let mask = wanted.then(|| self.mask(source, opened)).transpose()?;
+        let mask = wanted.then(|| self.mask(opened)).transpose()?;
         assemble(name.to_owned(), picture, mask, camera, None, options)
     }
 
     /// The object's own colour in VOC's image of objects.
-    fn mask(
-        &self,
-        source: &Source,
-        opened: &mut Opened<'_>,
-    ) -> Result<(PathBuf, ByteImage), ReadViewsError> {
+    fn mask(&self, opened: &mut Opened<'_>) -> Result<(PathBuf, ByteImage), ReadViewsError> {
+        let source = opened.source();
         let file = Path::new(&self.image).with_extension("png");
         let name = file.file_name().and_then(|n| n.to_str()).unwrap_or_default();
         let masks = VOC_MASKS.iter().map(|folder| format!("{folder}/{name}"));
@@ -166,7 +162,7 @@ impl Pascal3dAnnotation {
             let at = source.locate(&self.image);
             return Err(ReadViewsError::field(at, "mask", "none in Pascal3D+", expected));
         };
-        let objects = read_picture(opened, source.locate(&mask), &mask, "mask")?;
+        let objects = read_picture(opened, &mask, "mask")?;
         let (c, color) = (objects.image.channels, voc_color(self.place + 1));
         let data = objects.image.data.chunks_exact(c).map(|pixel| match pixel {
             // An index that a tool has written as grey.
@@ -278,14 +274,11 @@ fn anchors(object: &Node<'_>) -> Result<BTreeMap<String, [f64; 2]>, ReadViewsErr
 
 /// The folders of annotations: `<class>_imagenet` and `<class>_pascal`.
 fn folders(path: &Path) -> Vec<String> {
-    let Ok(entries) = std::fs::read_dir(path.join(ANNOTATIONS)) else { return Vec::new() };
-    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
-    let known = |name: &String| {
+    let mut names = names_of(&path.join(ANNOTATIONS)).unwrap_or_default();
+    names.retain(|name| {
         let source = name.rsplit_once('_').map(|(_, source)| source);
         SOURCES.iter().any(|(known, _)| source == Some(known))
-    };
-    let mut names: Vec<String> = names.filter(known).collect();
-    names.sort();
+    });
     names
 }
 
@@ -403,7 +396,7 @@ impl Dataset for Pascal3d {
             (&self.annotations[object], self.catalog.entries[object].name.as_str());
         let album = Album { catalog: &self.catalog, source: &self.source, poses: "viewpoint" };
         album.read_only((name, &annotation.image), which, options, progress, |opened| {
-            annotation.read(name, &self.source, opened, options)
+            annotation.read(name, opened, options)
         })
     }
 

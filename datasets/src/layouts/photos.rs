@@ -66,8 +66,7 @@ pub(crate) fn list<'a>(
             )
         });
         let image = shot.image.clone();
-        reading
-            .add(&image, found, options, move |(), opened| shot.read(source, opened, options))?;
+        reading.add(&image, found, options, move |(), opened| shot.read(opened, options))?;
     }
     Ok(reading)
 }
@@ -96,21 +95,17 @@ impl Shot {
         Ok(Self { masks, depth: text("depth")?, camera, field: node.field.clone(), image })
     }
 
-    fn read(
-        &self,
-        source: &Source,
-        opened: &mut Opened<'_>,
-        options: &ReadOptions,
-    ) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, source.locate(&self.image), &self.image, "picture")?;
+    fn read(&self, opened: &mut Opened<'_>, options: &ReadOptions) -> Result<View, ReadViewsError> {
+        let source = opened.source();
+        let picture = read_picture(opened, &self.image, "picture")?;
         let field = format!("{}.width, height", self.field);
         let camera =
             camera_of_size(self.camera.clone(), &picture, &source.locate(CAMERAS), &field)?;
         if let [mask] = self.masks.as_slice() {
             source.need(mask, || format!("field `{}.mask` of {CAMERAS} names it", self.field))?;
         }
-        let mask = mask_file(source, opened, &self.masks, options)?;
-        let depth = depth::read(source, opened, self.depth.as_slice(), &picture.image, options)?;
+        let mask = mask_file(opened, &self.masks, options)?;
+        let depth = depth::read(opened, self.depth.as_slice(), &picture.image, options)?;
         let name = without_extension(&self.image).to_owned();
         assemble(name, picture, mask, camera, depth, options)
     }

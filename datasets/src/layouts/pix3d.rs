@@ -128,16 +128,11 @@ impl Pix3dAnnotation {
         })
     }
 
-    fn read(
-        &self,
-        source: &Source,
-        opened: &mut Opened<'_>,
-        options: &ReadOptions,
-    ) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, source.locate(&self.image), &self.image, "picture")?;
+    fn read(&self, opened: &mut Opened<'_>, options: &ReadOptions) -> Result<View, ReadViewsError> {
+        let picture = read_picture(opened, &self.image, "picture")?;
         let field = format!("{}.rot_mat, trans_mat, focal_length", self.field);
         let camera = fitted(self.camera(), &picture, &self.file, &field)?;
-        let mask = named_mask(source, opened, &self.mask, options)?;
+        let mask = named_mask(opened, &self.mask, options)?;
         assemble(self.image.clone(), picture, mask, camera, None, options)
     }
 }
@@ -360,8 +355,7 @@ impl Dataset for Pix3d {
         let source = &self.source;
         let photos = chosen(annotations.len(), which).into_iter().map(|i| {
             let annotation = &annotations[i];
-            let read =
-                Box::new(move |opened: &mut Opened<'_>| annotation.read(source, opened, options));
+            let read = Box::new(move |opened: &mut Opened<'_>| annotation.read(opened, options));
             Photo { name: &annotation.image, image: &annotation.image, read }
         });
         let album = Album { catalog: &self.catalog, source, poses: "rot_mat, trans_mat" };

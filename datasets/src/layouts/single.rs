@@ -74,17 +74,6 @@ impl SingleObject {
             _ => None,
         }
     }
-
-    /// Reads the views: all, or those with the given indices among what `options` let through.
-    pub(crate) fn read(
-        &self,
-        which: Option<&[usize]>,
-        options: &ReadOptions,
-        progress: &(dyn Fn(usize, usize) + Sync),
-    ) -> Result<Views, ReadViewsError> {
-        let reading = list(&self.kind, &self.source, options)?;
-        read_chosen(&self.catalog.root, &self.source, reading, which, options, progress)
-    }
 }
 
 impl Dataset for SingleObject {
@@ -100,7 +89,8 @@ impl Dataset for SingleObject {
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Views, ReadViewsError> {
         assert!(object == 0, "views: object {object} does not exist");
-        self.read(which, options, progress)
+        let reading = list(&self.kind, &self.source, options)?;
+        read_chosen(&self.catalog.root, &self.source, reading, which, options, progress)
     }
 }
 

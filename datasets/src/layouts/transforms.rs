@@ -51,7 +51,7 @@ pub(crate) fn list<'a>(
             let frame = Frame::new(&root, &node)?;
             let (name, image) = (frame.name.clone(), frame.image_in(source));
             reading.add(&name, image, options, move |image, opened| {
-                frame.read(source, opened, image, options)
+                frame.read(opened, image, options)
             })?;
         }
     }
@@ -184,19 +184,18 @@ impl Frame {
 
     fn read(
         &self,
-        source: &Source,
         opened: &mut Opened<'_>,
         image: &str,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, source.locate(image), image, "picture")?;
+        let picture = read_picture(opened, image, "picture")?;
         let camera = self.camera(&picture)?;
-        let mask = if options.mask.reads_files() { self.mask_in(source)? } else { None };
+        let mask = if options.mask.reads_files() { self.mask_in(opened.source())? } else { None };
         let mask = match mask {
-            Some(name) => named_mask(source, opened, &name, options)?,
+            Some(name) => named_mask(opened, &name, options)?,
             None => None,
         };
-        let depth = depth::read(source, opened, self.depth.as_slice(), &picture.image, options)?;
+        let depth = depth::read(opened, self.depth.as_slice(), &picture.image, options)?;
         assemble(self.name.clone(), picture, mask, camera, depth, options)
     }
 

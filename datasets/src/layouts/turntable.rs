@@ -57,13 +57,13 @@ pub(crate) fn list<'a>(
         .enumerate()
         .map(|(index, name)| -> Pending<'a> {
             Box::new(move |opened| {
-                let picture = read_picture(opened, source.locate(&name), &name, "picture")?;
+                let picture = read_picture(opened, &name, "picture")?;
                 let (width, height) = (picture.image.width, picture.image.height);
                 let camera = table.camera(index, width, height);
                 let stem = without_extension(&name);
                 let plain = stem.rsplit('/').next().unwrap_or(stem);
                 let masks = MASK_EXTENSIONS.map(|end| format!("masks/{plain}.{end}"));
-                let mask = mask_file(source, opened, &masks, options)?;
+                let mask = mask_file(opened, &masks, options)?;
                 assemble(stem.to_owned(), picture, mask, camera, None, options)
             })
         })

@@ -75,6 +75,11 @@ pub enum ImageError {
     },
 }
 
+/// What makes an error of what a decoder says.
+pub(super) fn undecodable<E: ToString>(path: &Path) -> impl Fn(E) -> ImageError {
+    move |error| ImageError::Decode { path: path.to_owned(), what: error.to_string() }
+}
+
 /// Refuses what a file of `length` bytes cannot unpack to.
 pub(super) fn too_large(
     path: &Path,

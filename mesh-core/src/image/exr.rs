@@ -8,7 +8,7 @@ use exr::prelude::{
     ReadChannels, ReadLayers, Text, Vec2, WritableImage, read,
 };
 
-use super::error::{too_large, too_many};
+use super::error::{too_large, too_many, undecodable};
 use super::file::read_bytes;
 use super::{DepthMap, Image, ImageError, depth};
 use crate::Limits;
@@ -48,8 +48,6 @@ pub fn decode_depth_with(
     limits: &Limits,
 ) -> Result<DepthMap, ImageError> {
     let path = name.as_ref();
-    let failed =
-        |e: exr::error::Error| ImageError::Decode { path: path.to_owned(), what: e.to_string() };
     check_claims(bytes, path, limits)?;
     let image = read()
         .no_deep_data()
@@ -59,7 +57,7 @@ pub fn decode_depth_with(
         .all_attributes()
         .non_parallel()
         .from_buffered(Cursor::new(bytes))
-        .map_err(failed)?;
+        .map_err(undecodable(path))?;
 
     let channels: Vec<(String, &Layer<AnyChannels<FlatSamples>>, &FlatSamples)> = image
         .layer_data
@@ -190,7 +188,7 @@ fn choose(names: &[&str]) -> Option<usize> {
 /// Refuses headers that claim more than the file can hold, before anything is allocated.
 fn check_claims(bytes: &[u8], path: &Path, limits: &Limits) -> Result<(), ImageError> {
     let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false)
-        .map_err(|e| ImageError::Decode { path: path.to_owned(), what: e.to_string() })?;
+        .map_err(undecodable(path))?;
     let mut total = 0_u64;
     for header in &meta.headers {
         let Vec2(width, height) = header.layer_size;

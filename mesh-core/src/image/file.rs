@@ -10,7 +10,7 @@ use image::{
     ImageFormat, ImageReader, RgbImage, RgbaImage,
 };
 
-use super::error::{too_large, too_many};
+use super::error::{too_large, too_many, undecodable};
 use super::{ByteImage, DepthMap, ImageError};
 use crate::Limits;
 use crate::io::{WriteError, regular, write_atomic};
@@ -61,14 +61,14 @@ pub fn decode_image_with(
     name: impl AsRef<Path>,
     limits: &Limits,
 ) -> Result<ByteImage, ImageError> {
-    let failed = |what: String| ImageError::Decode { path: name.as_ref().to_owned(), what };
+    let failed = undecodable(name.as_ref());
     let mut decoder = decoder(bytes, name.as_ref(), limits)?;
-    let orientation = decoder.orientation().map_err(|e| failed(e.to_string()))?;
+    let orientation = decoder.orientation().map_err(&failed)?;
     let (width, height) = decoder.dimensions();
     let color = decoder.color_type();
     let channels = usize::from(color.channel_count());
     let mut data = vec![0; decoder.total_bytes() as usize];
-    decoder.read_image(&mut data).map_err(|e| failed(e.to_string()))?;
+    decoder.read_image(&mut data).map_err(&failed)?;
     if color.bytes_per_pixel() > color.channel_count() {
         halve(&mut data);
     }
@@ -136,13 +136,10 @@ pub fn decode_depth_png_with(
     unit: f32,
     limits: &Limits,
 ) -> Result<DepthMap, ImageError> {
-    let failed = |e: image::ImageError| ImageError::Decode {
-        path: name.as_ref().to_owned(),
-        what: e.to_string(),
-    };
+    let failed = undecodable(name.as_ref());
     let mut decoder = decoder(bytes, name.as_ref(), limits)?;
-    let orientation = decoder.orientation().map_err(failed)?;
-    let mut image = DynamicImage::from_decoder(decoder).map_err(failed)?;
+    let orientation = decoder.orientation().map_err(&failed)?;
+    let mut image = DynamicImage::from_decoder(decoder).map_err(&failed)?;
     image.apply_orientation(orientation);
     let (width, height) = (image.width() as usize, image.height() as usize);
     // Widening 8 bits to 16 multiplies by 257; the file's own numbers are wanted.
@@ -201,10 +198,9 @@ fn decoder<'a>(
     name: &Path,
     limits: &Limits,
 ) -> Result<impl ImageDecoder + use<'a>, ImageError> {
-    let failed = |what: String| ImageError::Decode { path: name.to_owned(), what };
-    let mut reader = ImageReader::new(Cursor::new(bytes))
-        .with_guessed_format()
-        .map_err(|e| failed(e.to_string()))?;
+    let failed = undecodable::<String>(name);
+    let mut reader =
+        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(undecodable(name))?;
     let ratio = match reader.format() {
         None => return Err(failed("the first bytes are neither PNG's nor JPEG's".to_owned())),
         Some(ImageFormat::Png) => DEFLATE_RATIO,
@@ -224,7 +220,7 @@ fn decoder<'a>(
         own.max_alloc = own.max_alloc.map(|most| most + 8 * u64::from(width));
     }
     reader.limits(own);
-    let decoder = reader.into_decoder().map_err(|e| failed(e.to_string()))?;
+    let decoder = reader.into_decoder().map_err(undecodable(name))?;
     let ((width, height), claimed) = (decoder.dimensions(), decoder.total_bytes());
     let (width, height) = (width as usize, height as usize);
     // Palettes and single bits grow up to 32-fold when unpacked into colours.

@@ -45,14 +45,21 @@ fn turn(profile: &[[f64; 2]], segments: usize) -> TriMesh {
             positions.push(narrow([radius * cos, height, -radius * sin]));
         }
     }
-    let bottom = positions.len() as u32;
     positions.push(narrow([0.0, profile[0][1], 0.0]));
     positions.push(narrow([0.0, profile[profile.len() - 1][1], 0.0]));
 
-    let mut faces = Vec::with_capacity(rings.len() * segments * 2);
-    let last = rings.len() - 1;
+    TriMesh::new(positions, closed_rings(rings.len(), segments))
+}
+
+/// The faces of a tube of rings of so many vertices each, numbered ring after ring, and of a fan at each end, whose
+/// middles are the two vertices after them.
+///
+/// Rings run counter-clockwise seen from the last of them.
+pub fn closed_rings(rings: usize, segments: usize) -> Vec<[u32; 3]> {
+    let at = |ring: usize, j: usize| (ring * segments + j % segments) as u32;
+    let (bottom, last) = ((rings * segments) as u32, rings - 1);
+    let mut faces = Vec::with_capacity(2 * rings * segments);
     for j in 0..segments {
-        let at = |ring: usize, j: usize| (ring * segments + j % segments) as u32;
         faces.push([bottom, at(0, j + 1), at(0, j)]);
         for ring in 0..last {
             let (a, b) = (at(ring, j), at(ring, j + 1));
@@ -61,7 +68,7 @@ fn turn(profile: &[[f64; 2]], segments: usize) -> TriMesh {
         }
         faces.push([bottom + 1, at(last, j), at(last, j + 1)]);
     }
-    TriMesh::new(positions, faces)
+    faces
 }
 
 /// The unit sphere of `rows` bands from pole to pole and `columns` meridians.

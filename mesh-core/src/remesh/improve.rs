@@ -1,7 +1,7 @@
 //! Better triangles from the same vertices and the same number of faces.
 
 use super::error::RemeshError;
-use super::shape::Shape;
+use super::shape::smallest_angle;
 use super::surface::{Surface, next, previous};
 use crate::TriMesh;
 use crate::vector::{Vec3, add, angle, area_vector, dot, narrow, norm, scale, sub, unit, widen};
@@ -127,8 +127,8 @@ fn raises_angle(
     let at = |v: u32| positions[v as usize];
     let (a, e) = (at(surface.vertex(corner)), at(surface.vertex(surface.opposite(corner))));
     let [b, d] = surface.edge(corner).map(at);
-    let old = Shape::of([a, b, d]).smallest.min(Shape::of([e, d, b]).smallest);
-    let new = Shape::of([a, b, e]).smallest.min(Shape::of([e, d, a]).smallest);
+    let old = smallest_angle([a, b, d]).min(smallest_angle([e, d, b]));
+    let new = smallest_angle([a, b, e]).min(smallest_angle([e, d, a]));
     if new <= old + 1e-6 {
         return false;
     }
@@ -220,7 +220,7 @@ fn around(surface: &Surface, positions: &[Vec3], vertex: u32, at: Vec3) -> (f64,
     for corner in surface.fan(vertex) {
         let [b, c] = [next(corner), previous(corner)]
             .map(|corner| positions[surface.vertex(corner) as usize]);
-        smallest = smallest.min(Shape::of([at, b, c]).smallest);
+        smallest = smallest.min(smallest_angle([at, b, c]));
         normal = add(normal, area_vector([at, b, c]));
     }
     (smallest, normal)

@@ -5,7 +5,7 @@ use std::collections::BinaryHeap;
 
 use super::error::RemeshError;
 use super::improve::{ImproveOptions, flip_sweep, keeps_facing, relax_sweep};
-use super::shape::Shape;
+use super::shape::smallest_angle;
 use super::surface::{Surface, next, previous};
 use crate::vector::{Vec3, add, area_vector, dot, narrow, norm, scale, sub, widen};
 use crate::{ClosestPoint, SurfacePoint, TriMesh};
@@ -175,10 +175,10 @@ fn fits(
         let [b, c] = ends.map(|v| positions[v as usize]);
         let (before, after) =
             (area_vector([positions[vertex as usize], b, c]), area_vector([at, b, c]));
-        let (old, new) = (Shape::of([positions[vertex as usize], b, c]), Shape::of([at, b, c]));
+        let old = smallest_angle([positions[vertex as usize], b, c]);
         norm(sub(b, at)) <= longest
             && dot(before, after) > 0.5 * norm(before) * norm(after)
-            && new.smallest >= old.smallest.min(0.2)
+            && smallest_angle([at, b, c]) >= old.min(0.2)
     })
 }
 

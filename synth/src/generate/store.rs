@@ -145,18 +145,13 @@ impl Store {
         let text = serde_json::to_string_pretty(objects).expect("numbers and names");
         put_for_good(&self.root, "objects.json", text.as_bytes())?;
         let mut splits: BTreeMap<&str, BTreeMap<&str, BTreeMap<&str, Vec<usize>>>> =
-            ["train", "val", "test"].map(|name| (name, BTreeMap::new())).into();
+            Subset::NAMES.map(|(name, _)| (name, BTreeMap::new())).into();
         for (object, subset) in objects.iter().zip(subsets) {
-            let subset = match subset {
-                Subset::Train => "train",
-                Subset::Validation => "val",
-                Subset::Test => "test",
-            };
             let category = match self.layout {
                 OutputLayout::R2n2 => &object.synset,
                 _ => &object.category,
             };
-            let of = splits.entry(subset).or_default().entry(category).or_default();
+            let of = splits.entry(subset.name()).or_default().entry(category).or_default();
             of.insert(&object.name, (0..object.views).collect());
         }
         let text = serde_json::to_string(&splits).expect("numbers and names");

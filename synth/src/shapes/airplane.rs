@@ -15,8 +15,8 @@ use plan::{Colors, DARK, GLASS, METAL, Plane, STYLES, Style, WHITE};
 
 pub(super) fn draw(seed: u64) -> Shape {
     let mut draw = Draw::new(seed, 1);
-    let (style, name) = draw.pick(&STYLES);
-    let plane = Plane::draw(&mut draw, style);
+    let (style, name, slender) = draw.pick(&STYLES);
+    let plane = Plane::draw(&mut draw, style, slender);
     let colors = paint(&mut draw, style);
     let mut all = Assembly::default();
     if colors.livery == "belly" {

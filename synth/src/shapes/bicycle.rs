@@ -331,10 +331,7 @@ fn bars(all: &mut Assembly, f: &Frame, kind: &str, grips: [f32; 3]) {
         ],
     };
     let path: Vec<Point> = half.iter().map(|&p| add(clamp, p)).collect();
-    let mirror = |p: Point| [-p[0], p[1], p[2]];
-    let whole: Vec<Point> =
-        path.iter().skip(1).rev().map(|&p| mirror(p)).chain(path.iter().copied()).collect();
-    all.add("handlebar", solid::bar(&whole, 0.0145, 4, 8), STEEL);
+    all.add("handlebar", solid::bar(&solid::both_sides(&path), 0.0145, 4, 8), STEEL);
     let n = path.len();
     let grip: Vec<Point> = if kind == "drop" {
         path[2..].to_vec()

@@ -16,24 +16,12 @@ pub(super) use mesh_core::vector::{Vec3 as Point, add, scale, sub, unit};
 pub(super) fn loft(rings: &[Vec<Point>]) -> TriMesh {
     let n = rings[0].len();
     let mut positions: Vec<Point> = rings.iter().flatten().copied().collect();
-    let bottom = positions.len() as u32;
     for ring in [&rings[0], &rings[rings.len() - 1]] {
         let sum = ring.iter().fold([0.0; 3], |sum, p| add(sum, *p));
         positions.push(sum.map(|x| x / n as f64));
     }
-    let at = |ring: usize, j: usize| (ring * n + j % n) as u32;
-    let last = rings.len() - 1;
-    let mut faces = Vec::with_capacity(2 * n * rings.len());
-    for j in 0..n {
-        faces.push([bottom, at(0, j + 1), at(0, j)]);
-        for ring in 0..last {
-            let (a, b) = (at(ring, j), at(ring, j + 1));
-            let (c, d) = (at(ring + 1, j + 1), at(ring + 1, j));
-            faces.extend([[a, b, c], [a, c, d]]);
-        }
-        faces.push([bottom + 1, at(last, j), at(last, j + 1)]);
-    }
-    TriMesh::new(positions.into_iter().map(narrow).collect(), faces)
+    let positions = positions.into_iter().map(narrow).collect();
+    TriMesh::new(positions, primitives::closed_rings(rings.len(), n))
 }
 
 /// A round bar along a path, its radius a function of the share of the path, its ends rounded.

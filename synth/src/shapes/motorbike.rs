@@ -147,15 +147,8 @@ fn controls(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> &'static str {
         ],
     };
     let half: Vec<Point> = half.iter().map(|&p| add(b.head, p)).collect();
-    let whole: Vec<Point> = half
-        .iter()
-        .skip(1)
-        .rev()
-        .map(|p| [-p[0], p[1], p[2]])
-        .chain(half.iter().copied())
-        .collect();
     let metal = if b.style == Style::Cruiser { CHROME } else { DARK };
-    all.add("handlebar", solid::bar(&whole, 0.016, 4, 10), metal);
+    all.add("handlebar", solid::bar(&solid::both_sides(&half), 0.016, 4, 10), metal);
     let n = half.len();
     let grip = [mix(half[n - 2], half[n - 1], 0.35), add(half[n - 1], [0.006, 0.0, 0.0])];
     all.pair("grip", solid::bar(&grip, 0.025, 2, 10), DARK);

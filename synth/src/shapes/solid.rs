@@ -115,6 +115,12 @@ pub(super) fn mirrored(mesh: &TriMesh) -> TriMesh {
     mesh.clone().scaled([-1.0, 1.0, 1.0])
 }
 
+/// A path from the middle outward, and its mirror image before it.
+pub(super) fn both_sides(half: &[Point]) -> Vec<Point> {
+    let other = half.iter().skip(1).rev().map(|&[x, y, z]| [-x, y, z]);
+    other.chain(half.iter().copied()).collect()
+}
+
 /// A prism over an outline `[z, y]` seen from the side, between two values of x.
 pub(super) fn side_prism(outline: &[[f64; 2]], [from, to]: [f64; 2]) -> TriMesh {
     // The outline's first axis becomes Z, the height X: a rotation once more.

@@ -97,7 +97,7 @@ impl Project {
                 )
             });
             reading.add(&image.name, found, options, move |(), opened| {
-                self.read_view(source, opened, image, &name, options)
+                self.read_view(opened, image, &name, options)
             })?;
         }
         Ok(reading)
@@ -105,15 +105,15 @@ impl Project {
 
     fn read_view(
         &self,
-        source: &Source,
         opened: &mut Opened<'_>,
         image: &ModelImage,
         name: &str,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
+        let source = opened.source();
         let files = [self.file(source, "cameras"), self.file(source, "images")];
         let camera = self.model.camera(image, [&files[0], &files[1]])?;
-        let picture = read_picture(opened, source.locate(name), name, "picture")?;
+        let picture = read_picture(opened, name, "picture")?;
         let field = format!("camera {} WIDTH, HEIGHT", image.camera);
         let camera = camera_of_size(camera, &picture, &files[0], &field)?;
         let stem = without_extension(&image.name);
@@ -121,21 +121,21 @@ impl Project {
         let masks: Vec<String> = std::iter::once(format!("{}masks/{}.png", self.base, image.name))
             .chain(MASK_EXTENSIONS.map(|end| format!("{}masks/{stem}.{end}", self.base)))
             .collect();
-        let mask = mask_file(source, opened, &masks, options)?;
-        let depth = if options.depth { self.depth(source, opened, image, &picture)? } else { None };
+        let mask = mask_file(opened, &masks, options)?;
+        let depth = if options.depth { self.depth(opened, image, &picture)? } else { None };
         assemble(stem.to_owned(), picture, mask, camera, depth, options)
     }
 
     /// COLMAP's own dense depth, where it has been computed.
     fn depth(
         &self,
-        source: &Source,
         opened: &mut Opened<'_>,
         image: &ModelImage,
         picture: &Picture,
     ) -> Result<Option<(PathBuf, DepthMap)>, ReadViewsError> {
         let names = ["geometric", "photometric"]
             .map(|kind| format!("{}stereo/depth_maps/{}.{kind}.bin", self.base, image.name));
+        let source = opened.source();
         let Some(name) = names.iter().find(|name| source.has(name)) else { return Ok(None) };
         let path = source.locate(name);
         let size = (picture.image.width * picture.image.height) as u64;

@@ -175,7 +175,7 @@ impl Dataset for Pixel2Mesh {
                 } else {
                     let png = file.with_extension("png");
                     let name = png.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                    read_picture(opened, png, &name, "picture of the sample")?
+                    read_picture(opened, &name, "picture of the sample")?
                 };
                 let (width, height) = (picture.image.width, picture.image.height);
                 let camera = Camera {

@@ -1,10 +1,11 @@
 //! Finding the objects below whatever folder the user has pointed at.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::{RENDERING, RENDERINGS, metadata};
 use crate::error::{ReadViewsError, ViewsProblem};
+use crate::source::names_of;
 
 /// What there is below a folder.
 pub(super) struct Found {
@@ -106,12 +107,6 @@ fn is_synset(name: &str) -> bool {
 
 /// The folders in a folder, sorted by name. Names that are not text belong to no object.
 fn folders_in(folder: &Path) -> Result<Vec<PathBuf>, ReadViewsError> {
-    let fail = |e: std::io::Error| ReadViewsError::new(folder, e);
-    let mut names = BTreeSet::new();
-    for entry in std::fs::read_dir(folder).map_err(fail)? {
-        if let Ok(name) = entry.map_err(fail)?.file_name().into_string() {
-            names.insert(name);
-        }
-    }
+    let names = names_of(folder).map_err(|e| ReadViewsError::new(folder, e))?;
     Ok(names.into_iter().map(|name| folder.join(name)).filter(|path| path.is_dir()).collect())
 }

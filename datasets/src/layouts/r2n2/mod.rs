@@ -154,7 +154,7 @@ impl R2n2 {
         if !source.has(&name) {
             return Ok(None);
         }
-        let picture = read_picture(&mut source.open()?, source.locate(&name), &name, "normals")?;
+        let picture = read_picture(&mut source.open()?, &name, "normals")?;
         Ok(Some(picture.image.to_rgb()))
     }
 
@@ -209,14 +209,13 @@ impl Dataset for R2n2 {
             }
             let (source, lens) = (&source, self.lens);
             pending.push(Box::new(move |opened| {
-                let path = source.locate(&line.picture);
-                let picture = read_picture(opened, path, &line.picture, "picture")?;
+                let picture = read_picture(opened, &line.picture, "picture")?;
                 let camera = lens.camera(line, picture.image.width, picture.image.height);
                 let field = format!("line {} with {lens:?}", view + 1);
                 let file = source.locate(metadata::FILE);
                 camera.validate().map_err(ReadViewsError::camera(file, field))?;
                 let depths = [format!("{}_depth.exr", line.stem())];
-                let depth = depth::read(source, opened, &depths, &picture.image, options)?;
+                let depth = depth::read(opened, &depths, &picture.image, options)?;
                 assemble(line.stem().to_owned(), picture, None, camera, depth, options)
             }));
         }

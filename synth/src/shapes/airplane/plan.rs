@@ -22,42 +22,28 @@ pub(super) enum Style {
     Fighter,
 }
 
-/// Every style with its name.
-pub(super) const STYLES: [(Style, &str); 6] = [
-    (Style::Airliner, "airliner"),
-    (Style::Jumbo, "jumbo"),
-    (Style::Business, "business jet"),
-    (Style::Propeller, "propeller"),
-    (Style::Turboprop, "turboprop"),
-    (Style::Fighter, "fighter"),
+/// Every style with its name and how many radii the fuselage is long, at least and at most.
+pub(super) const STYLES: [(Style, &str, [f64; 2]); 6] = [
+    (Style::Airliner, "airliner", [9.5, 12.0]),
+    (Style::Jumbo, "jumbo", [9.0, 10.0]),
+    (Style::Business, "business jet", [7.5, 9.0]),
+    (Style::Propeller, "propeller", [5.6, 6.8]),
+    (Style::Turboprop, "turboprop", [8.8, 10.5]),
+    (Style::Fighter, "fighter", [9.0, 11.0]),
 ];
-
-/// The fuselage's cross-section at a share of its length from the nose.
-#[derive(Clone, Copy)]
-pub(super) struct Cut {
-    pub(super) share: f64,
-    pub(super) half: f64,
-    pub(super) top: f64,
-    pub(super) bottom: f64,
-}
 
 /// The lines of an airplane, metres; the fuselage's middle is at the origin.
 pub(super) struct Plane {
     pub(super) length: f64,
     pub(super) radius: f64,
-    pub(super) cuts: Vec<Cut>,
+    /// Cross-sections: share of the length from the nose, half width, top and bottom.
+    pub(super) cuts: Vec<[f64; 4]>,
 }
 
 impl Plane {
-    pub(super) fn draw(draw: &mut Draw, style: Style) -> Self {
-        let [slender, hump] = match style {
-            Style::Airliner => [draw.within(9.5, 12.0), 0.0],
-            Style::Jumbo => [draw.within(9.0, 10.0), draw.pick(&[0.55, 0.75])],
-            Style::Business => [draw.within(7.5, 9.0), 0.0],
-            Style::Propeller => [draw.within(5.6, 6.8), 0.0],
-            Style::Turboprop => [draw.within(8.8, 10.5), 0.0],
-            Style::Fighter => [draw.within(9.0, 11.0), 0.0],
-        };
+    pub(super) fn draw(draw: &mut Draw, style: Style, [low, high]: [f64; 2]) -> Self {
+        let slender = draw.within(low, high);
+        let hump = if style == Style::Jumbo { draw.pick(&[0.55, 0.75]) } else { 0.0 };
         let length = 10.0;
         let r = length / slender;
         // Share of the length, half width, top and bottom, in radii.
@@ -122,7 +108,7 @@ impl Plane {
             .into_iter()
             .map(|share| {
                 let [half, top, bottom] = read(profile, share);
-                Cut { share, half: half * r, top: (top + raised(share)) * r, bottom: bottom * r }
+                [share, half * r, (top + raised(share)) * r, bottom * r]
             })
             .collect();
         Self { length, radius: r, cuts }
@@ -134,9 +120,7 @@ impl Plane {
 
     /// Half width, top, bottom at a share of the length.
     pub(super) fn at(&self, share: f64) -> [f64; 3] {
-        let table: Vec<[f64; 4]> =
-            self.cuts.iter().map(|c| [c.share, c.half, c.top, c.bottom]).collect();
-        read(&table, share)
+        read(&self.cuts, share)
     }
 
     /// The skin at a share of the length and an angle up from the left side.
@@ -149,8 +133,8 @@ impl Plane {
     }
 
     pub(super) fn fuselage(&self) -> TriMesh {
-        let ring = |cut: &Cut| -> Vec<Point> {
-            (0..32).map(|k| self.skin(cut.share, TAU * f64::from(k) / 32.0)).collect()
+        let ring = |cut: &[f64; 4]| -> Vec<Point> {
+            (0..32).map(|k| self.skin(cut[0], TAU * f64::from(k) / 32.0)).collect()
         };
         solid::loft(&self.cuts.iter().map(ring).collect::<Vec<_>>())
     }
