@@ -22,7 +22,7 @@ const MOST_BYTES: u64 = 1 << 30;
 /// # Errors
 /// The file cannot be read, is none of these, or is damaged.
 pub fn read_depth_file(path: impl AsRef<Path>, unit: f32) -> Result<DepthMap, ReadViewsError> {
-    let Numbers { height, width, mut data } = Numbers::read(path.as_ref())?;
+    let ([height, width], mut data) = numbers(path.as_ref())?;
     for value in &mut data {
         let depth = *value * unit;
         *value = if *value > 0.0 && *value < FAR { depth } else { f32::INFINITY };
@@ -39,7 +39,7 @@ pub fn read_depth_file(path: impl AsRef<Path>, unit: f32) -> Result<DepthMap, Re
 /// As [`read_depth_file`].
 pub fn read_disparity_file(path: impl AsRef<Path>) -> Result<DisparityMap, ReadViewsError> {
     let path = path.as_ref();
-    let Numbers { height, width, mut data } = Numbers::read(path)?;
+    let ([height, width], mut data) = numbers(path)?;
     // Zero is a hole in a depth map of integers; in disparity it is a number.
     let integers = extension(path) == "png";
     for value in &mut data {
@@ -50,36 +50,27 @@ pub fn read_disparity_file(path: impl AsRef<Path>) -> Result<DisparityMap, ReadV
     Ok(DisparityMap { height, width, data })
 }
 
-/// One number a pixel.
-struct Numbers {
-    height: usize,
-    width: usize,
-    data: Vec<f32>,
-}
-
-impl Numbers {
-    fn read(path: &Path) -> Result<Self, ReadViewsError> {
-        let failed = |error: mesh_core::ImageError| ReadViewsError::new(path, error);
-        let of = |DepthMap { height, width, data }| Self { height, width, data };
-        match extension(path).as_str() {
-            "exr" => read_depth(path).map(of).map_err(failed),
-            "png" => read_depth_png(path, 1.0).map(of).map_err(failed),
-            "pfm" => {
-                let image = read_pfm(path).map_err(failed)?;
-                let first = image.data.iter().step_by(image.channels).copied().collect();
-                Ok(Self { height: image.height, width: image.width, data: first })
-            }
-            "npy" => {
-                let bytes = read_file(path, "depth", MOST_BYTES)?;
-                let ([height, width], data) = npy::read_image(&bytes)
-                    .map_err(|e| ReadViewsError::field(path, e.field, e.found, e.expected))?;
-                Ok(Self { height, width, data })
-            }
-            other => {
-                let found = if other.is_empty() { "none" } else { other };
-                let expected = "exr, pfm, npy or png";
-                Err(ReadViewsError::field(path, "extension", found, expected))
-            }
+/// Height, width and the numbers of a file as they stand in it.
+fn numbers(path: &Path) -> Result<([usize; 2], Vec<f32>), ReadViewsError> {
+    let failed = |error: mesh_core::ImageError| ReadViewsError::new(path, error);
+    let of = |map: DepthMap| ([map.height, map.width], map.data);
+    match extension(path).as_str() {
+        "exr" => read_depth(path).map(of).map_err(failed),
+        "png" => read_depth_png(path, 1.0).map(of).map_err(failed),
+        "pfm" => {
+            let image = read_pfm(path).map_err(failed)?;
+            let first = image.data.iter().step_by(image.channels).copied().collect();
+            Ok(([image.height, image.width], first))
+        }
+        "npy" => {
+            let bytes = read_file(path, "depth", MOST_BYTES)?;
+            npy::read_image(&bytes)
+                .map_err(|e| ReadViewsError::field(path, e.field, e.found, e.expected))
+        }
+        other => {
+            let found = if other.is_empty() { "none" } else { other };
+            let expected = "exr, pfm, npy or png";
+            Err(ReadViewsError::field(path, "extension", found, expected))
         }
     }
 }
