@@ -296,7 +296,12 @@ pub(crate) fn folder_seeds() -> Vec<Vec<u8>> {
         ("objects.json".to_owned(), list.to_vec()),
         ("dataset.toml".to_owned(), Vec::new()),
     ]);
+    let camera = b"1\nimages/0000.png 9 0 3.5 0 9 2.5 0 0 1 1 0 0 0 1 0 0 0 1 0 0 3\n";
+    let mut middlebury = written(|folder| drop(write_photos(&views(), folder)));
+    middlebury.retain(|(name, _)| name != "cameras.json");
+    middlebury.push(("a_par.txt".to_owned(), camera.to_vec()));
     [
+        middlebury,
         written(|folder| drop(write_kaolin(&views(), folder))),
         written(|folder| drop(write_transforms(&views(), folder))),
         written(|folder| drop(write_photos(&views(), folder))),
