@@ -1,16 +1,16 @@
-//! The reverse walk, and what a rule may see and do in it.
+//! What a rule may see and do.
 
-use crate::tape::Node;
-use crate::{Gradients, Pool, PoolVec, Real, ShapeError, Tape, Tensor};
+use crate::node::Node;
+use crate::{Pool, PoolVec, Real, ShapeError, Tensor};
 
 /// What a rule may see and do: read values, and accumulate gradients in place.
 pub struct Backward<'a, F: Real> {
-    nodes: &'a [Node<F>],
-    inputs: &'a [u32],
-    node: usize,
-    grad_out: Option<Tensor<F>>,
-    slots: &'a mut [Option<Tensor<F>>],
-    pool: &'a Pool,
+    pub(crate) nodes: &'a [Node<F>],
+    pub(crate) inputs: &'a [u32],
+    pub(crate) node: usize,
+    pub(crate) grad_out: Option<Tensor<F>>,
+    pub(crate) slots: &'a mut [Option<Tensor<F>>],
+    pub(crate) pool: &'a Pool,
 }
 
 impl<F: Real> std::fmt::Debug for Backward<'_, F> {
@@ -132,48 +132,5 @@ impl<F: Real> Backward<'_, F> {
     /// The pool that all buffers of the tape come from.
     pub fn pool(&self) -> &Pool {
         self.pool
-    }
-}
-
-impl<F: Real> Tape<F> {
-    /// Walks from node `root` to the leaves. Gradients in between go back to the pool as soon as
-    /// their rule has run.
-    #[track_caller]
-    pub(crate) fn backward_from(&self, root: u32, seed: Tensor<F>) -> Gradients<F> {
-        assert!(self.is_training(), "backward on an eval tape: nothing was recorded");
-        let nodes = self.nodes.borrow();
-        let edges = self.edges.borrow();
-        let mut slots = self.slots.take();
-        slots.resize_with(nodes.len().max(slots.len()), || None);
-        let mut gradients = Gradients::empty(self);
-        slots[root as usize] = Some(seed);
-        for id in (0..=root as usize).rev() {
-            let Some(gradient) = slots[id].take() else { continue };
-            let node = &nodes[id];
-            let Some(op) = &node.op else {
-                if node.needs_grad {
-                    gradients.push(id as u32, node.param, gradient);
-                } else {
-                    self.pool.recycle(gradient);
-                }
-                continue;
-            };
-            let first = node.first_edge as usize;
-            let mut cx = Backward {
-                nodes: &nodes,
-                inputs: &edges[first..first + node.edge_count as usize],
-                node: id,
-                grad_out: Some(gradient),
-                slots: &mut slots[..id],
-                pool: &self.pool,
-            };
-            op.pullback(&mut cx);
-            if let Some(rest) = cx.grad_out.take() {
-                self.pool.recycle(rest);
-            }
-        }
-        *self.slots.borrow_mut() = slots;
-        gradients.sort();
-        gradients
     }
 }

@@ -90,6 +90,7 @@ mod backward;
 mod gradients;
 mod module;
 mod nested;
+mod node;
 mod op;
 mod param;
 mod pool;
@@ -101,6 +102,7 @@ mod tape;
 mod tensor;
 mod updates;
 mod var;
+mod walk;
 
 pub use backward::Backward;
 pub use gradients::Gradients;

@@ -5,16 +5,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::{Real, Tape};
 
-/// Emptied tapes that wait to be nested again.
-pub(crate) type Nests<F> = Arc<Mutex<Vec<Tape<F>>>>;
-
 /// A tape of its own within another: same mode, same pool. Dropping it empties it and keeps it for the next
 /// [`Tape::nested`].
 #[derive(Debug)]
 pub struct NestedTape<F: Real = f32> {
     /// `None` only while it is dropped.
     tape: Option<Tape<F>>,
-    home: Nests<F>,
+    home: Arc<Mutex<Vec<Tape<F>>>>,
 }
 
 impl<F: Real> Tape<F> {

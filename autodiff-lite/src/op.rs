@@ -1,7 +1,5 @@
 //! What a differentiable operation is.
 
-use std::fmt;
-
 use crate::{Backward, Real};
 
 /// One differentiable operation with a single output.
@@ -48,12 +46,6 @@ pub trait Op<F: Real>: Send + 'static {
 pub(crate) struct FnOp<C> {
     pub(crate) name: &'static str,
     pub(crate) pullback: C,
-}
-
-impl<C> fmt::Debug for FnOp<C> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("FnOp").field(&self.name).finish()
-    }
 }
 
 impl<F: Real, C: Fn(&mut Backward<'_, F>) + Send + 'static> Op<F> for FnOp<C> {

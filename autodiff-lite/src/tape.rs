@@ -3,12 +3,13 @@
 use std::cell::{Cell, Ref, RefCell};
 use std::collections::HashMap;
 use std::fmt;
+use std::sync::{Arc, Mutex};
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::gradients::Entry;
-use crate::nested::Nests;
+use crate::gradients::Spare;
+use crate::node::Node;
 use crate::op::FnOp;
 use crate::{
     Backward, BufferUpdate, Op, Param, ParamId, Pool, PoolVec, Real, Tensor, Updates, Var,
@@ -27,12 +28,14 @@ use crate::{
 /// shared by two.
 pub struct Tape<F: Real = f32> {
     pub(crate) nodes: RefCell<Vec<Node<F>>>,
+    /// How each node was computed, if a gradient can flow through that.
+    pub(crate) ops: RefCell<Vec<Option<Box<dyn Op<F>>>>>,
     /// Inputs of all nodes, one after the other.
     pub(crate) edges: RefCell<Vec<u32>>,
     /// Gradient slots, kept for the next backward pass: the vector itself is several pages.
     pub(crate) slots: RefCell<Vec<Option<Tensor<F>>>>,
     /// A spent vector of a [`Gradients`](crate::Gradients), for the same reason.
-    pub(crate) spare: std::sync::Arc<std::sync::Mutex<Vec<Vec<Entry<F>>>>>,
+    pub(crate) spare: Spare<F>,
     params: RefCell<HashMap<ParamId, u32>>,
     pub(crate) pool: Pool,
     mode: Mode,
@@ -41,7 +44,8 @@ pub struct Tape<F: Real = f32> {
     pub(crate) path: RefCell<String>,
     updates: RefCell<Vec<BufferUpdate<F>>>,
     pub(crate) epoch: Cell<u64>,
-    pub(crate) nests: Nests<F>,
+    /// Emptied tapes that wait to be nested again.
+    pub(crate) nests: Arc<Mutex<Vec<Self>>>,
     /// Whether it is nested: its resets are not steps, by which the age of pooled memory is told.
     nested: bool,
 }
@@ -50,30 +54,6 @@ pub struct Tape<F: Real = f32> {
 enum Mode {
     Train,
     Eval,
-}
-
-pub(crate) struct Node<F: Real> {
-    /// `None` once it was freed.
-    pub(crate) value: Option<Tensor<F>>,
-    pub(crate) op: Option<Box<dyn Op<F>>>,
-    pub(crate) first_edge: u32,
-    pub(crate) edge_count: u32,
-    pub(crate) needs_grad: bool,
-    pub(crate) param: Option<ParamId>,
-    pub(crate) name: &'static str,
-}
-
-impl<F: Real> Node<F> {
-    #[track_caller]
-    pub(crate) fn value(&self) -> &Tensor<F> {
-        match &self.value {
-            Some(value) => value,
-            None => panic!(
-                "the result of `{}` was freed when its scope ended: hand it out of the scope",
-                self.name
-            ),
-        }
-    }
 }
 
 impl<F: Real> fmt::Debug for Tape<F> {
@@ -90,9 +70,10 @@ impl<F: Real> Tape<F> {
     fn new(mode: Mode, seed: u64) -> Self {
         Self {
             nodes: RefCell::default(),
+            ops: RefCell::default(),
             edges: RefCell::default(),
             slots: RefCell::default(),
-            spare: std::sync::Arc::default(),
+            spare: Spare::default(),
             params: RefCell::default(),
             pool: Pool::new(),
             mode,
@@ -101,7 +82,7 @@ impl<F: Real> Tape<F> {
             path: RefCell::default(),
             updates: RefCell::default(),
             epoch: Cell::new(0),
-            nests: Nests::default(),
+            nests: Arc::default(),
             nested: false,
         }
     }
@@ -223,7 +204,8 @@ impl<F: Real> Tape<F> {
         let edge_count = edges.len() as u32 - first_edge;
         let id = nodes.len() as u32;
         let value = Some(value);
-        nodes.push(Node { value, op, first_edge, edge_count, needs_grad, param, name });
+        nodes.push(Node { value, first_edge, edge_count, needs_grad, param, name });
+        self.ops.borrow_mut().push(op);
         Var { tape: self, id }
     }
 
@@ -233,10 +215,10 @@ impl<F: Real> Tape<F> {
     /// optimiser writes them in place. Randomness starts again from the seed, and statistics
     /// updates that were not [taken](Self::take_updates) are dropped.
     pub fn reset(&mut self) {
+        // Operations go first: they may hold clones of values.
+        self.ops.get_mut().clear();
         let mut nodes = std::mem::take(self.nodes.get_mut());
         for node in nodes.drain(..) {
-            // Operations go first: they may hold clones of values.
-            drop(node.op);
             if let Some(value) = node.value {
                 self.recycle(value);
             }

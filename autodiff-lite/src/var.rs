@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::{Gradients, Real, ShapeError, Tape, Tensor};
+use crate::{Real, ShapeError, Tape, Tensor};
 
 /// A value on a tape: a pointer and an index, copied freely.
 #[derive(Clone, Copy)]
@@ -92,39 +92,5 @@ impl<'t, F: Real> Var<'t, F> {
     #[track_caller]
     pub fn detach(self) -> Self {
         self.tape.constant(self.value())
-    }
-
-    /// Gradients of this scalar with respect to every leaf and trainable parameter it depends on.
-    ///
-    /// # Panics
-    /// If it has more than one element, or lives on an eval tape.
-    #[track_caller]
-    pub fn backward(self) -> Gradients<F> {
-        let shape = self.shape();
-        if shape.iter().product::<usize>() != 1 {
-            ShapeError::new("backward", "a scalar expected; see backward_with")
-                .operand("value", &shape, "")
-                .at(self.tape.path())
-                .panic();
-        }
-        self.tape.backward_from(self.id, self.tape.pool.filled(&shape, F::one()))
-    }
-
-    /// Gradients of `Σ seed ⊙ self`: a product of a vector with the Jacobian.
-    ///
-    /// # Panics
-    /// If the shape of `seed` is another, or the tape is an eval tape.
-    #[track_caller]
-    pub fn backward_with(self, seed: impl Into<Tensor<F>>) -> Gradients<F> {
-        let seed = seed.into();
-        let shape = self.shape();
-        if seed.shape() != shape {
-            ShapeError::new("backward_with", "the seed needs the shape of the value")
-                .operand("seed", seed.shape(), "")
-                .operand("value", &shape, "")
-                .at(self.tape.path())
-                .panic();
-        }
-        self.tape.backward_from(self.id, self.tape.pool.copy(&seed))
     }
 }

@@ -12,7 +12,7 @@ use autodiff_lite::{Backward, Op, Param, Real, Tensor, Var};
 
 use super::kept::Kept;
 use super::replay::{Evaluator, seeds, sources, stacked};
-use super::{Flow, VectorField, flow_of};
+use super::{Flow, VectorField};
 use crate::solve::{Ending, Problem, SolveError, Squares, State, Tolerance, solve};
 
 pub(super) fn integrate<'t, F: Real, V: VectorField<F>>(
@@ -39,7 +39,7 @@ pub(super) fn integrate<'t, F: Real, V: VectorField<F>>(
         states,
     };
     let output = tape.record(&vars, value, op);
-    Ok(flow_of(output, problem.save_at.len(), times, stats))
+    Ok(Flow::of(output, problem.save_at.len(), times, stats))
 }
 
 struct Backsolve<F: Real, V> {

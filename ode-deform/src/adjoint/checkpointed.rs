@@ -6,7 +6,7 @@ use autodiff_lite::{Backward, Op, Param, Real, Var};
 
 use super::kept::Kept;
 use super::replay::{Evaluator, inputs_on, pass_on, seeds, sources, stacked, weighted};
-use super::{Flow, VectorField, flow_of};
+use super::{Flow, VectorField};
 use crate::solve::{Problem, SolveError, State};
 
 pub(super) fn integrate<'t, F: Real, V: VectorField<F>>(
@@ -32,7 +32,7 @@ pub(super) fn integrate<'t, F: Real, V: VectorField<F>>(
         times: times.clone(),
     };
     let output = tape.record(&vars, value, op);
-    Ok(flow_of(output, problem.save_at.len(), times, stats))
+    Ok(Flow::of(output, problem.save_at.len(), times, stats))
 }
 
 struct Replay<F: Real, V> {

@@ -4,6 +4,7 @@ mod backsolve;
 mod checkpointed;
 mod direct;
 mod field;
+mod flow;
 mod kept;
 mod replay;
 #[cfg(test)]
@@ -12,8 +13,9 @@ mod tests;
 use autodiff_lite::{Real, Var};
 
 pub use field::{FieldFn, VectorField, field_fn};
+pub use flow::Flow;
 
-use crate::solve::{Problem, SolveError, Stats};
+use crate::solve::{Problem, SolveError};
 
 /// How the gradient of an integration is found.
 ///
@@ -72,31 +74,4 @@ impl Adjoint {
             Self::Backsolve => backsolve::integrate(field, start, inputs, problem),
         }
     }
-}
-
-/// An integration on a tape.
-#[derive(Clone, Debug)]
-pub struct Flow<'t, F: Real = f32> {
-    /// The state at the end.
-    pub end: Var<'t, F>,
-    /// The states at the asked times.
-    pub states: Vec<Var<'t, F>>,
-    /// When each accepted step began, and when the last ended.
-    pub times: Vec<f64>,
-    /// How much work it was; what the way back evaluates is not counted.
-    pub stats: Stats,
-}
-
-/// Takes apart what [`replay::stacked`] put together.
-fn flow_of<F: Real>(
-    output: Var<'_, F>,
-    save_at: usize,
-    times: Vec<f64>,
-    stats: Stats,
-) -> Flow<'_, F> {
-    if save_at == 0 {
-        return Flow { end: output, states: Vec::new(), times, stats };
-    }
-    let states = (0..save_at).map(|i| output.index_axis(0, i)).collect();
-    Flow { end: output.index_axis(0, save_at), states, times, stats }
 }

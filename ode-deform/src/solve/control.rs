@@ -3,7 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{SolveError, Tableau};
+use super::{SolveError, Tableau, Tolerance};
 
 /// How long the steps are. Sizes are positive in either direction of time.
 ///
@@ -28,16 +28,6 @@ pub enum StepController {
     },
     /// As long as the error allows.
     Pid(Pid),
-}
-
-/// What error a step may have: the root mean square of `error / (absolute + relative max(|before|, |after|))` stays
-/// below 1. There is no default: only you know the scale of your state.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tolerance {
-    /// Relative to the state.
-    pub relative: f64,
-    /// In units of the state.
-    pub absolute: f64,
 }
 
 /// Step sizes by a proportional-integral-derivative controller on the logarithm of the error.

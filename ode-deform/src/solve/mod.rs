@@ -25,8 +25,9 @@ mod stepper;
 mod tableau;
 #[cfg(test)]
 mod tests;
+mod tolerance;
 
-pub use control::{Pid, StepController, Tolerance};
+pub use control::{Pid, StepController};
 pub use error::SolveError;
 pub use methods::{BOSH3, DOPRI5, EULER, HEUN, MIDPOINT, RK4};
 pub use problem::{Ending, Limits, Problem};
@@ -34,6 +35,7 @@ pub use state::{Squares, State};
 pub(crate) use state::{combine, slice_squares};
 pub use stepper::{Stats, Step, Stepper};
 pub use tableau::{Attempt, Tableau};
+pub use tolerance::Tolerance;
 
 /// What an integration gave.
 #[derive(Clone, Debug, PartialEq)]

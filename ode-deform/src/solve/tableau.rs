@@ -1,7 +1,6 @@
 //! Runge-Kutta methods as data.
 
 use super::State;
-use super::methods::{BOSH3, DOPRI5, EULER, HEUN, MIDPOINT, RK4};
 
 /// A Butcher tableau as printed in the books, and what turns its stages into a curve.
 ///
@@ -42,14 +41,6 @@ pub struct Attempt<Y> {
 }
 
 impl Tableau {
-    /// All methods of this crate.
-    pub const ALL: [&'static Self; 6] = [&EULER, &HEUN, &MIDPOINT, &RK4, &BOSH3, &DOPRI5];
-
-    /// The method of this name.
-    pub fn named(name: &str) -> Option<&'static Self> {
-        Self::ALL.into_iter().find(|tableau| tableau.name == name)
-    }
-
     /// Number of stages.
     pub const fn stages(&self) -> usize {
         self.b.len()

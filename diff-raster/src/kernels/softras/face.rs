@@ -2,9 +2,9 @@
 
 use autodiff_lite::Real;
 
-use crate::SoftRas;
+use crate::SoftRasSettings;
 use crate::kernels::distance::edges;
-use crate::kernels::setup::{PixelBox, extent};
+use crate::kernels::setup::{Centres, PixelBox, extent};
 
 /// The least sum that cut-off weights are divided by.
 pub(super) const SUM_GUARD: f64 = 1e-5;
@@ -35,8 +35,8 @@ pub(super) struct Constants<F> {
 }
 
 impl<F: Real> Constants<F> {
-    pub(super) fn of(renderer: &SoftRas<F>) -> Self {
-        let (s, c) = (&renderer.settings, F::from_f64);
+    pub(super) fn of(s: &SoftRasSettings) -> Self {
+        let c = F::from_f64;
         Self {
             per_sigma: c(1.0 / s.sigma),
             per_gamma: c(1.0 / s.gamma),
@@ -80,14 +80,13 @@ pub(super) fn unit<F: Real>(x: F) -> F {
 }
 
 impl<F: Real> Ready<F> {
-    pub(super) fn new(p: [[F; 3]; 3], renderer: &SoftRas<F>, reach: F) -> Option<Self> {
+    pub(super) fn new(p: [[F; 3]; 3], centres: &Centres<F>, reach: F) -> Option<Self> {
         let [a, b, c] = p;
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
         let inverse = F::one() / area;
         if !area.is_finite() || !inverse.is_finite() {
             return None;
         }
-        let centres = &renderer.centres;
         let [x, y] = [0, 1].map(|k| {
             let [low, high] = extent(a[k], b[k], c[k]);
             [low - reach, high + reach]

@@ -17,15 +17,18 @@
 
 mod face;
 mod pull;
+mod state;
 
 use autodiff_lite::Real;
 use rayon::prelude::*;
 
 use crate::SoftRas;
-use crate::kernels::setup::{BAND_ROWS, Bands, visible_corners};
+use crate::kernels::setup::{BAND_ROWS, visible_corners};
 pub(crate) use face::TEXEL_GUARD;
 use face::{Constants, Ready, Shown, texel};
 pub use pull::softras_grad;
+use state::ImageState;
+pub use state::State;
 
 /// Faces per parallel task.
 const CHUNK: usize = 32;
@@ -44,30 +47,6 @@ impl<'a, F> Colours<'a, F> {
         match self {
             Self::Vertices(all) | Self::Texels(all, _) => all,
         }
-    }
-}
-
-/// What the forward pass over one image finds out, for its gradient.
-#[derive(Debug, Default)]
-struct ImageState<F> {
-    faces: Vec<Ready<F>>,
-    bands: Bands,
-    /// Per pixel: `Π (1 - D)`, `max ζ`, `Σ W`.
-    sums: Vec<[F; 3]>,
-    /// Per face: gradient of its corners, and of their colours.
-    grads: Vec<[F; 9]>,
-    of_corners: Vec<F>,
-}
-
-/// What the forward pass over a batch finds out.
-#[derive(Debug)]
-pub struct State<F> {
-    images: Vec<ImageState<F>>,
-}
-
-impl<F> Default for State<F> {
-    fn default() -> Self {
-        Self { images: Vec::new() }
     }
 }
 
@@ -115,7 +94,7 @@ struct Scene<'a, F: Real> {
 
 impl<'a, F: Real> Scene<'a, F> {
     fn new(renderer: &'a SoftRas<F>, colours: Colours<'a, F>, channels: usize) -> Self {
-        Self { renderer, constants: Constants::of(renderer), colours, channels }
+        Self { renderer, constants: Constants::of(&renderer.settings), colours, channels }
     }
 
     /// Numbers of an image's colours.
@@ -175,7 +154,7 @@ impl<F: Real> ImageState<F> {
         (&mut self.faces, renderer.faces.corners()).into_par_iter().with_min_len(CHUNK).for_each(
             |(ready, &corners)| {
                 let corners = visible_corners(projected, corners, F::zero());
-                let found = corners.and_then(|p| Ready::new(p, renderer, reach));
+                let found = corners.and_then(|p| Ready::new(p, &renderer.centres, reach));
                 *ready = found.unwrap_or_default();
             },
         );

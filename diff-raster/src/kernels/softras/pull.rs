@@ -4,7 +4,8 @@ use autodiff_lite::Real;
 use rayon::prelude::*;
 
 use super::face::{Constants, Ready, SUM_GUARD, Shown, Touch};
-use super::{CHUNK, Colours, ImageState, Scene, Sources, State};
+use super::state::{ImageState, State};
+use super::{CHUNK, Colours, Scene, Sources};
 use crate::SoftRas;
 use crate::kernels::gather::gather;
 

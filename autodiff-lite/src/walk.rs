@@ -1,0 +1,141 @@
+//! The reverse walk, from a value to all it depends on.
+
+use crate::{Backward, Gradients, Real, ShapeError, Tape, Tensor, Var};
+
+impl<F: Real> Var<'_, F> {
+    /// Gradients of this scalar with respect to every leaf and trainable parameter it depends on.
+    ///
+    /// # Panics
+    /// If it has more than one element, or lives on an eval tape.
+    #[track_caller]
+    pub fn backward(self) -> Gradients<F> {
+        let shape = self.shape();
+        if shape.iter().product::<usize>() != 1 {
+            ShapeError::new("backward", "a scalar expected; see backward_with")
+                .operand("value", &shape, "")
+                .at(self.tape.path())
+                .panic();
+        }
+        self.tape.backward_from(self.id, self.tape.pool.filled(&shape, F::one()))
+    }
+
+    /// Gradients of `Σ seed ⊙ self`: a product of a vector with the Jacobian.
+    ///
+    /// # Panics
+    /// If the shape of `seed` is another, or the tape is an eval tape.
+    #[track_caller]
+    pub fn backward_with(self, seed: impl Into<Tensor<F>>) -> Gradients<F> {
+        let seed = seed.into();
+        let shape = self.shape();
+        if seed.shape() != shape {
+            ShapeError::new("backward_with", "the seed needs the shape of the value")
+                .operand("seed", seed.shape(), "")
+                .operand("value", &shape, "")
+                .at(self.tape.path())
+                .panic();
+        }
+        self.tape.backward_from(self.id, self.tape.pool.copy(&seed))
+    }
+}
+
+impl<F: Real> Tape<F> {
+    /// Walks from node `root` to the leaves. Gradients in between go back to the pool as soon as
+    /// their rule has run.
+    #[track_caller]
+    fn backward_from(&self, root: u32, seed: Tensor<F>) -> Gradients<F> {
+        assert!(self.is_training(), "backward on an eval tape: nothing was recorded");
+        let (nodes, ops) = (self.nodes.borrow(), self.ops.borrow());
+        let edges = self.edges.borrow();
+        let mut slots = self.slots.take();
+        slots.resize_with(nodes.len().max(slots.len()), || None);
+        let mut gradients = Gradients::empty(&self.spare, &self.pool, self.epoch.get());
+        slots[root as usize] = Some(seed);
+        for id in (0..=root as usize).rev() {
+            let Some(gradient) = slots[id].take() else { continue };
+            let node = &nodes[id];
+            let Some(op) = &ops[id] else {
+                if node.needs_grad {
+                    gradients.push(id as u32, node.param, gradient);
+                } else {
+                    self.pool.recycle(gradient);
+                }
+                continue;
+            };
+            let first = node.first_edge as usize;
+            let mut cx = Backward {
+                nodes: &nodes,
+                inputs: &edges[first..first + node.edge_count as usize],
+                node: id,
+                grad_out: Some(gradient),
+                slots: &mut slots[..id],
+                pool: &self.pool,
+            };
+            op.pullback(&mut cx);
+            if let Some(rest) = cx.grad_out.take() {
+                self.pool.recycle(rest);
+            }
+        }
+        *self.slots.borrow_mut() = slots;
+        gradients.sort();
+        gradients
+    }
+}
+
+impl<F: Real> Gradients<F> {
+    /// The gradient of a [leaf](Tape::leaf) or of a parameter's node, if the scalar depends on it.
+    /// Values in between have none: their gradients were recycled.
+    ///
+    /// # Panics
+    /// If the tape was reset since.
+    #[track_caller]
+    pub fn wrt(&self, var: Var<'_, F>) -> Option<&Tensor<F>> {
+        assert_eq!(var.tape.epoch.get(), self.epoch, "these gradients are of an earlier step");
+        self.of_node(var.id)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use ndarray::arr1;
+
+    use super::*;
+
+    #[test]
+    fn a_product_with_the_jacobian() {
+        let tape = Tape::<f64>::train(0);
+        let x = tape.leaf(arr1(&[1.0, 2.0, 3.0]));
+        let gradients = x.square().backward_with(arr1(&[1.0, 0.0, -1.0]));
+        assert_eq!(gradients.wrt(x).unwrap().as_slice(), [2.0, 0.0, -6.0]);
+    }
+
+    #[test]
+    fn a_tape_can_be_walked_twice() {
+        let tape = Tape::<f64>::train(0);
+        let x = tape.leaf(arr1(&[3.0]));
+        let (a, b) = (x.square().sum(), x.sum());
+        let (of_a, of_b, again) = (a.backward(), b.backward(), a.backward());
+        assert_eq!(of_a.wrt(x).unwrap()[0], 6.0);
+        assert_eq!(of_b.wrt(x).unwrap()[0], 1.0);
+        assert_eq!(again.wrt(x).unwrap()[0], 6.0);
+    }
+
+    #[test]
+    #[should_panic(expected = "these gradients are of an earlier step")]
+    fn gradients_of_an_earlier_step_know_no_new_values() {
+        let mut tape = Tape::<f64>::train(0);
+        let x = tape.leaf(arr1(&[3.0]));
+        let gradients = x.sum().backward();
+        tape.reset();
+        let y = tape.leaf(arr1(&[4.0]));
+        let _ = gradients.wrt(y);
+    }
+
+    #[test]
+    #[should_panic(expected = "backward on an eval tape")]
+    fn an_eval_tape_records_nothing() {
+        let tape = Tape::<f64>::eval();
+        let x = tape.leaf(arr1(&[3.0]));
+        let _ = x.sum().backward();
+    }
+}
