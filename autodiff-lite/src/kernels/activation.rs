@@ -1,6 +1,6 @@
 //! Activations that are fused into the store of a product.
 
-use crate::kernels::lane::Lane;
+use ndarray::NdFloat;
 
 /// What is applied to the output of a linear layer, a convolution or a norm, in the same pass.
 ///
@@ -33,7 +33,7 @@ impl Activation {
 
     /// `y = f(x)` of one number.
     #[inline(always)]
-    pub fn apply<F: Lane>(self, x: F) -> F {
+    pub fn apply<F: NdFloat>(self, x: F) -> F {
         let zero = F::zero();
         match self {
             Self::None => x,
@@ -58,7 +58,7 @@ impl Activation {
 
     /// `dy/dx` where the output is `y`.
     #[inline(always)]
-    pub fn derivative<F: Lane>(self, y: F) -> F {
+    pub fn derivative<F: NdFloat>(self, y: F) -> F {
         let (zero, one) = (F::zero(), F::one());
         match self {
             Self::None => one,
@@ -83,6 +83,6 @@ impl Activation {
 }
 
 #[inline(always)]
-pub(crate) fn from_f64<F: Lane>(x: f64) -> F {
+pub(crate) fn from_f64<F: NdFloat>(x: f64) -> F {
     F::from(x).expect("f32 and f64 hold any finite number, if rounded")
 }

@@ -7,8 +7,9 @@ use crate::kernels::isa::Isa;
 use crate::kernels::lane::Lane;
 use crate::kernels::tile::{Rows, Tile, Tiles, balanced};
 
+use super::ConvSizes;
+use super::operands::{Operands, finish};
 use super::pack::{Frame, Roles, Tap, pack, packed_len};
-use super::{ConvSizes, Operands, finish};
 
 /// One product over a grid of output pixels.
 struct Sweep<'a, F> {

@@ -9,6 +9,8 @@
 mod direct;
 mod geometry;
 mod grad_weight;
+mod grid;
+mod operands;
 mod pack;
 mod transform;
 mod wide;
@@ -17,9 +19,9 @@ mod winograd;
 pub use geometry::{ConvAlgorithm, ConvGeometry, ConvSizes};
 
 use crate::kernels::activation::Activation;
-use crate::kernels::blocks::{SERIAL_ELEMENTS, for_each_part};
 use crate::kernels::isa::Isa;
 use crate::kernels::lane::Lane;
+use operands::Operands;
 
 /// What a convolution needs beside its operands.
 #[derive(Clone, Copy, Debug)]
@@ -30,17 +32,6 @@ pub struct Conv {
     pub algorithm: ConvAlgorithm,
     /// Which instructions to run on; [`Isa::best`] outside tests.
     pub isa: Isa,
-}
-
-/// What a pass reads, and where its result goes: of the convolution from `x` to `y`, of the gradient of its input from
-/// the gradient of `y` to that of `x`.
-struct Operands<'a, F> {
-    from: &'a [F],
-    w: &'a [F],
-    bias: Option<&'a [F]>,
-    activation: Activation,
-    to: &'a mut [F],
-    scratch: &'a mut [F],
 }
 
 /// What is wrong with sizes whose [windows do not fit](ConvSizes::fits).
@@ -200,20 +191,6 @@ impl Conv {
         };
         run(s, self.isa, x, gy, gw, scratch);
     }
-}
-
-/// `activation(x)` in place, for those that the tiles do not apply.
-pub(crate) fn finish<F: Lane>(activation: Activation, y: &mut [F]) {
-    const CHUNK: usize = 16 * 1024;
-    if activation.in_store() {
-        return;
-    }
-    let parallel = y.len() >= SERIAL_ELEMENTS;
-    for_each_part(y, CHUNK, parallel, |_, part| {
-        for y in part {
-            *y = activation.apply(*y);
-        }
-    });
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use crate::kernels::isa::Isa;
 use crate::kernels::lane::Lane;
 
 use super::ConvSizes;
-use super::winograd::{Grid, POINTS};
+use super::grid::{Grid, POINTS};
 
 /// What the transforms ask of the numbers of channels.
 const WHOLE: &str = "channels must fill whole vectors";

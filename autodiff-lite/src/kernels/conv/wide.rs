@@ -14,9 +14,11 @@ use crate::kernels::lane::Lane;
 use crate::kernels::tile::{Rows, Tile, Tiles, balanced};
 use crate::kernels::workspace;
 
+use super::ConvSizes;
+use super::grid::{Grid, POINTS};
+use super::operands::{Operands, finish};
 use super::transform::{GatherTiles, ScatterTiles, TransformWeights, WeightGradient, WeightPanel};
-use super::winograd::{Grid, POINTS, applies};
-use super::{ConvSizes, Operands, finish};
+use super::winograd::applies;
 
 /// Channels that lie together in a block of transformed tiles.
 const WIDTH: usize = 64;

@@ -18,11 +18,10 @@ use crate::kernels::lane::Lane;
 use crate::kernels::tile::{Rows, Tile, Tiles, balanced};
 use crate::kernels::workspace;
 
+use super::grid::{Grid, POINTS};
+use super::operands::{Operands, finish};
 use super::transform::{GatherTiles, ScatterTiles, TransformWeights, WeightGradient};
-use super::{ConvSizes, Operands, finish, grad_weight as direct};
-
-/// Products of one tile.
-pub(super) const POINTS: usize = 36;
+use super::{ConvSizes, grad_weight as direct};
 
 /// Parts that the tiles are summed in for the gradient of the weight. Fixed, so that rounding
 /// does not depend on the number of threads.
@@ -51,31 +50,6 @@ pub(super) fn applies(s: &ConvSizes) -> bool {
 /// Whether the gradient of the weight pays too: its sums must stay in cache.
 pub(super) fn grad_weight_pays(s: &ConvSizes) -> bool {
     s.in_channels * s.out_channels <= 128 * 128
-}
-
-/// The 4x4 tiles of a batch of images.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Grid {
-    batch: usize,
-    /// Tiles along rows and columns.
-    count: [usize; 2],
-}
-
-impl Grid {
-    pub(super) fn new(batch: usize, size: [usize; 2]) -> Self {
-        Self { batch, count: [size[0].div_ceil(4), size[1].div_ceil(4)] }
-    }
-
-    pub(super) fn tiles(&self) -> usize {
-        self.batch * self.count[0] * self.count[1]
-    }
-
-    /// Image, first row and first column of a tile.
-    pub(super) fn corner(&self, tile: usize) -> [usize; 3] {
-        let (n, rest) =
-            (tile / (self.count[0] * self.count[1]), tile % (self.count[0] * self.count[1]));
-        [n, rest / self.count[1] * 4, rest % self.count[1] * 4]
-    }
 }
 
 /// Tiles of one block: both transformed sides stay in half of a 1 MiB L2 cache.

@@ -1,0 +1,30 @@
+//! What a convolution reads and writes.
+
+use crate::kernels::activation::Activation;
+use crate::kernels::blocks::{SERIAL_ELEMENTS, for_each_part};
+use crate::kernels::lane::Lane;
+
+/// What a pass reads, and where its result goes: of the convolution from `x` to `y`, of the gradient of its input from
+/// the gradient of `y` to that of `x`.
+pub(super) struct Operands<'a, F> {
+    pub(super) from: &'a [F],
+    pub(super) w: &'a [F],
+    pub(super) bias: Option<&'a [F]>,
+    pub(super) activation: Activation,
+    pub(super) to: &'a mut [F],
+    pub(super) scratch: &'a mut [F],
+}
+
+/// `activation(x)` in place, for those that the tiles do not apply.
+pub(super) fn finish<F: Lane>(activation: Activation, y: &mut [F]) {
+    const CHUNK: usize = 16 * 1024;
+    if activation.in_store() {
+        return;
+    }
+    let parallel = y.len() >= SERIAL_ELEMENTS;
+    for_each_part(y, CHUNK, parallel, |_, part| {
+        for y in part {
+            *y = activation.apply(*y);
+        }
+    });
+}
