@@ -42,7 +42,7 @@
 //! | gradients | [`Var::backward`], [`Gradients`] |
 //! | models | [`Param`], [`Module`], [`impl_module!`] |
 //! | operations | the methods of [`Var`] and [`Tape`]; the loops behind them in [`kernels`] |
-//! | an operation of your own | [`Op`], [`Backward`], [`Tape::record`], [`Var::map`], [`Var::zip`] |
+//! | an operation of your own | [`Tape::record_fn`], [`Op`], [`Backward`], [`Tape::check`], [`Var::map`], [`Var::zip`] |
 //! | training | [`optim`]: SGD, Adam, AdamW, uniform Adam, schedules, clipping |
 //! | files | [`state`]: safetensors, with optimiser moments |
 //! | tests of operations | `testkit` (feature of that name): gradient checks in `f64` |

@@ -1,8 +1,8 @@
-//! Named parts of a model: the module path in panics, and what an eval tape frees.
+//! Named parts of a model: what panics name, and what an eval tape frees.
 
 use std::cell::RefCell;
 
-use crate::{Real, Tape, Var};
+use crate::{Real, ShapeError, Shapes, Tape, Var};
 
 impl<F: Real> Tape<F> {
     /// Runs a part of a model under a name.
@@ -54,6 +54,51 @@ impl<F: Real> Tape<F> {
     /// The names of the open scopes, joined by dots.
     pub fn path(&self) -> String {
         self.path.borrow().clone()
+    }
+
+    /// What an operation takes from the shapes of its operands, once `check` has named their axes.
+    ///
+    /// ```
+    /// use autodiff_lite::Tape;
+    ///
+    /// let tape = Tape::<f32>::eval();
+    /// let [n, d] = tape.check("linear", |shapes| {
+    ///     let sizes = shapes.axes("input", &[8, 3], ["N", "D"])?;
+    ///     shapes.axes("weight", &[5, 3], ["O", "D"])?;
+    ///     Ok(sizes)
+    /// });
+    /// assert_eq!([n, d], [8, 3]);
+    /// ```
+    ///
+    /// # Panics
+    /// With the mistake that `check` has found, at the caller.
+    #[track_caller]
+    pub fn check<R>(
+        &self,
+        op: &'static str,
+        check: impl FnOnce(&mut Shapes) -> Result<R, ShapeError>,
+    ) -> R {
+        match check(&mut Shapes::of(op).at(self.path())) {
+            Ok(found) => found,
+            Err(error) => error.panic(),
+        }
+    }
+
+    /// Panics at the caller of operation `op`: a [`ShapeError`] with the names, shapes and dimension
+    /// letters of its operands.
+    #[track_caller]
+    #[cold]
+    pub fn refuse(
+        &self,
+        op: &'static str,
+        message: impl Into<String>,
+        operands: &[(&str, &[usize], &str)],
+    ) -> ! {
+        let mut error = ShapeError::new(op, message).at(self.path());
+        for (name, shape, letters) in operands {
+            error = error.operand(name, shape, letters);
+        }
+        error.panic()
     }
 }
 

@@ -164,7 +164,8 @@ impl<F: Real> Tape<F> {
         self.push(name, value.into(), inputs, op, wanted, None)
     }
 
-    /// [`record`](Self::record) with a closure as the rule, for rules of three lines.
+    /// [`record`](Self::record) with a closure as the rule, which keeps what it captures. An [`Op`] of its own
+    /// is for rules of several functions.
     #[track_caller]
     pub fn record_fn(
         &self,

@@ -1,6 +1,6 @@
 //! Losses of a predicted camera.
 
-use autodiff_lite::{Real, ShapeError, Var};
+use autodiff_lite::{Real, Var};
 
 use crate::l2;
 use crate::scalar::same_shape;
@@ -83,10 +83,7 @@ pub fn quaternion_length<F: Real>(rotation: Var<'_, F>) -> Var<'_, F> {
 fn quaternions<F: Real>(name: &'static str, rotation: Var<'_, F>) {
     let shape = rotation.shape();
     if !matches!(shape[..], [_, 4]) {
-        ShapeError::new(name, "quaternions expected")
-            .operand("rotation", &shape, "N, 4")
-            .at(rotation.tape().path())
-            .panic();
+        rotation.tape().refuse(name, "quaternions expected", &[("rotation", &shape, "N, 4")]);
     }
 }
 

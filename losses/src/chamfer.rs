@@ -3,7 +3,7 @@
 //! Which point is nearest to which is not differentiable, so it is a plain value, [`Matches`], that
 //! distance and normals share.
 
-use autodiff_lite::{Real, ShapeError, Var};
+use autodiff_lite::{Real, Var};
 
 use crate::kernels::matching::{Scratch, nearest_indices};
 use crate::kernels::vec3::{add, dot, points, points_mut, scale, sub, unit, unit_grad};
@@ -178,12 +178,9 @@ fn both_ways<'t, F: Real>(
 ) -> Var<'t, F> {
     let [n, p, q] = sets(name, x, y);
     if matches.x_to_y.len() != n * p || matches.y_to_x.len() != n * q || p * q == 0 {
-        let found = (matches.x_to_y.len(), matches.y_to_x.len());
-        ShapeError::new(name, format!("the matches are of {} and {} points", found.0, found.1))
-            .operand("x", &x.shape(), "")
-            .operand("y", &y.shape(), "")
-            .at(x.tape().path())
-            .panic();
+        let (of_x, of_y) = (matches.x_to_y.len(), matches.y_to_x.len());
+        let message = format!("the matches are of {of_x} and {of_y} points");
+        x.tape().refuse(name, message, &[("x", &x.shape(), ""), ("y", &y.shape(), "")]);
     }
     let (a, b) = (x.value(), y.value());
     let (a, b) = (a.as_slice(), b.as_slice());
@@ -235,14 +232,9 @@ fn one_way<F: Real>(
 fn sets<F: Real>(name: &'static str, x: Var<'_, F>, y: Var<'_, F>) -> [usize; 3] {
     let ([n, p], [m, q]) = (vertices(name, "x", x), vertices(name, "y", y));
     if n != m || (p == 0) != (q == 0) {
-        ShapeError::new(
-            name,
-            "two sets of points, or as many of the one as of the other, expected",
-        )
-        .operand("x", &x.shape(), "N, P, 3")
-        .operand("y", &y.shape(), "N, Q, 3")
-        .at(x.tape().path())
-        .panic();
+        let message = "two sets of points, or as many of the one as of the other, expected";
+        let operands = [("x", &x.shape()[..], "N, P, 3"), ("y", &y.shape(), "N, Q, 3")];
+        x.tape().refuse(name, message, &operands);
     }
     [n, p, q]
 }

@@ -1,6 +1,6 @@
 //! The cotangent Laplacian: a surface should bend little, however its vertices are spread on it.
 
-use autodiff_lite::{Real, ShapeError, Var};
+use autodiff_lite::{Real, Var};
 use mesh_core::SparseRows;
 
 use crate::kernels::vec3::{accumulate, dot, points, points_mut, scale, sub};
@@ -40,10 +40,8 @@ pub fn laplacian_cotangent<'t, F: Real>(
     let [n, v] = vertices(name, "positions", positions);
     let fits = laplacians.len() == n || laplacians.len() == 1;
     if !fits || laplacians.iter().any(|matrix| matrix.rows.len() != v) {
-        ShapeError::new(name, format!("{} matrices for {n} meshes of {v} rows", laplacians.len()))
-            .operand("positions", &positions.shape(), "N, V, 3")
-            .at(positions.tape().path())
-            .panic();
+        let message = format!("{} matrices for {n} meshes of {v} rows", laplacians.len());
+        positions.tape().refuse(name, message, &[("positions", &positions.shape(), "N, V, 3")]);
     }
     let value = positions.value();
     let value = value.as_slice();

@@ -1,6 +1,6 @@
 //! Edges against the normals of the surface that they should lie in.
 
-use autodiff_lite::{Real, ShapeError, Var};
+use autodiff_lite::{Real, Var};
 
 use crate::kernels::vec3::{add, dot, points, points_mut, scale, sub, unit, unit_grad};
 use crate::scalar::{record, vertices, wanted};
@@ -43,10 +43,8 @@ pub fn edge_normal<'t, F: Real>(
             "{} indices into {per_set} normals a set, and edges among {v} vertices, do not fit",
             nearest.len()
         );
-        ShapeError::new("edge_normal", message)
-            .operand("positions", &positions.shape(), "N, V, 3")
-            .at(positions.tape().path())
-            .panic();
+        let operands = [("positions", &positions.shape()[..], "N, V, 3")];
+        positions.tape().refuse("edge_normal", message, &operands);
     }
     let x = positions.value();
     let x = points(x.as_slice());

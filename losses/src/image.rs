@@ -1,8 +1,6 @@
 //! Image losses value by value: L1 and L2, on the whole image or weighted by a mask.
 
-use std::marker::PhantomData;
-
-use autodiff_lite::{Backward, Op, Real, ShapeError, Var};
+use autodiff_lite::{Backward, Real, Var};
 
 use crate::kernels::compare;
 use crate::scalar::{same_shape, scalar, seed};
@@ -37,7 +35,9 @@ pub fn l1<'t, F: Real>(
     target: Var<'t, F>,
     mask: Option<Var<'t, F>>,
 ) -> Var<'t, F> {
-    compare::<F, Absolute>(image, target, mask)
+    let one = |yes: bool| if yes { F::one() } else { F::zero() };
+    let derivative = move |a: F, b: F| one(a > b) - one(a < b);
+    compare("l1", [image, target], mask, |a, b| (a - b).abs(), derivative)
 }
 
 /// Mean squared difference, `mean(w (a - b)²)`.
@@ -52,74 +52,49 @@ pub fn l2<'t, F: Real>(
     target: Var<'t, F>,
     mask: Option<Var<'t, F>>,
 ) -> Var<'t, F> {
-    compare::<F, Squared>(image, target, mask)
+    let derivative = |a: F, b: F| (a - b) + (a - b);
+    compare("l2", [image, target], mask, |a, b| (a - b) * (a - b), derivative)
 }
 
-/// How two values differ.
-trait Distance: Send + 'static {
-    const NAME: &'static str;
-    fn value<F: Real>(a: F, b: F) -> F;
-    /// The derivative of the value by `a`; that by `b` is its negative.
-    fn derivative<F: Real>(a: F, b: F) -> F;
-}
-
-struct Absolute;
-
-impl Distance for Absolute {
-    const NAME: &'static str = "l1";
-
-    #[inline]
-    fn value<F: Real>(a: F, b: F) -> F {
-        (a - b).abs()
-    }
-
-    #[inline]
-    fn derivative<F: Real>(a: F, b: F) -> F {
-        let one = |yes: bool| if yes { F::one() } else { F::zero() };
-        one(a > b) - one(a < b)
-    }
-}
-
-struct Squared;
-
-impl Distance for Squared {
-    const NAME: &'static str = "l2";
-
-    #[inline]
-    fn value<F: Real>(a: F, b: F) -> F {
-        (a - b) * (a - b)
-    }
-
-    #[inline]
-    fn derivative<F: Real>(a: F, b: F) -> F {
-        (a - b) + (a - b)
-    }
-}
-
+/// The mean of a distance; its `derivative` is the one by `a`, and that by `b` is the negative.
 #[track_caller]
-fn compare<'t, F: Real, D: Distance>(
-    image: Var<'t, F>,
-    target: Var<'t, F>,
+fn compare<'t, F: Real>(
+    name: &'static str,
+    [image, target]: [Var<'t, F>; 2],
     mask: Option<Var<'t, F>>,
+    distance: impl Fn(F, F) -> F + Copy + Send + Sync + 'static,
+    derivative: impl Fn(F, F) -> F + Copy + Send + Sync + 'static,
 ) -> Var<'t, F> {
-    same_shape(D::NAME, ["image", "target"], image, target);
-    let channels = mask.map_or(1, |mask| channels(D::NAME, image, mask));
-    let op = ImageLoss::<D> { channels, distance: PhantomData };
+    same_shape(name, ["image", "target"], image, target);
+    let channels = mask.map_or(1, |mask| channels(name, image, mask));
     let (a, b) = (image.value(), target.value());
     let (a, b) = (a.as_slice(), b.as_slice());
     let total = match mask {
-        None => compare::sum(a, b, D::value),
-        Some(mask) => {
-            let mask = mask.value();
-            compare::weighted_sum(a, b, mask.as_slice(), channels, D::value)
-        }
+        None => compare::sum(a, b, distance),
+        Some(mask) => compare::weighted_sum(a, b, mask.value().as_slice(), channels, distance),
     };
     let tape = image.tape();
     let value = scalar(tape, total / a.len().max(1) as f64);
-    match mask {
-        None => tape.record(&[image, target], value, op),
-        Some(mask) => tape.record(&[image, target, mask], value, op),
-    }
+    let mut inputs = vec![image, target];
+    inputs.extend(mask);
+    tape.record_fn(name, &inputs, value, move |cx: &mut Backward<'_, F>| {
+        let (a, b) = (cx.input(0), cx.input(1));
+        let (x, y) = (a.as_slice(), b.as_slice());
+        let mask = (cx.input_count() == 3).then(|| cx.input(2));
+        let scale = seed(cx) / F::from_f64(x.len().max(1) as f64);
+        for (i, scale) in [scale, -scale].into_iter().enumerate() {
+            cx.give_with(i, |out| match &mask {
+                None => compare::derivatives(x, y, scale, out, derivative),
+                Some(mask) => {
+                    let mask = mask.as_slice();
+                    compare::weighted_derivatives(x, y, mask, channels, scale, out, derivative);
+                }
+            });
+        }
+        if mask.is_some() {
+            cx.give_with(2, |out| compare::pixel_sums(x, y, channels, scale, out, distance));
+        }
+    })
 }
 
 /// How many values of the image lie under one value of the mask.
@@ -133,42 +108,8 @@ fn channels<F: Real>(op: &'static str, image: Var<'_, F>, mask: Var<'_, F>) -> u
     } else if m == x {
         1
     } else {
-        ShapeError::new(op, "the mask does not fit the image")
-            .operand("image", &x, "")
-            .operand("mask", &m, "")
-            .at(image.tape().path())
-            .panic()
-    }
-}
-
-struct ImageLoss<D> {
-    channels: usize,
-    distance: PhantomData<D>,
-}
-
-impl<F: Real, D: Distance> Op<F> for ImageLoss<D> {
-    fn name(&self) -> &'static str {
-        D::NAME
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let (a, b) = (cx.input(0), cx.input(1));
-        let (x, y) = (a.as_slice(), b.as_slice());
-        let mask = (cx.input_count() == 3).then(|| cx.input(2));
-        let scale = seed(cx) / F::from_f64(x.len().max(1) as f64);
-        let (channels, pull) = (self.channels, D::derivative);
-        for (i, scale) in [scale, -scale].into_iter().enumerate() {
-            cx.give_with(i, |out| match &mask {
-                None => compare::derivatives(x, y, scale, out, pull),
-                Some(mask) => {
-                    let mask = mask.as_slice();
-                    compare::weighted_derivatives(x, y, mask, channels, scale, out, pull);
-                }
-            });
-        }
-        if mask.is_some() {
-            cx.give_with(2, |out| compare::pixel_sums(x, y, channels, scale, out, D::value));
-        }
+        let operands = [("image", &x[..], ""), ("mask", &m, "")];
+        image.tape().refuse(op, "the mask does not fit the image", &operands)
     }
 }
 

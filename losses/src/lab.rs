@@ -1,6 +1,6 @@
 //! Colours as CIE Lab, and losses of lightness and colour in it.
 
-use autodiff_lite::{Backward, Real, ShapeError, Var};
+use autodiff_lite::{Backward, Real, Var};
 
 use crate::kernels::{chunks, lab};
 use crate::l2;
@@ -35,10 +35,8 @@ const COST: usize = 100;
 pub fn rgb_to_lab<F: Real>(image: Var<'_, F>) -> Var<'_, F> {
     let x = image.value();
     if x.shape().last() != Some(&3) {
-        ShapeError::new("rgb_to_lab", "three colours expected in the last axis")
-            .operand("image", x.shape(), ".., 3")
-            .at(image.tape().path())
-            .panic();
+        let message = "three colours expected in the last axis";
+        image.tape().refuse("rgb_to_lab", message, &[("image", x.shape(), ".., 3")]);
     }
     let mut y = image.tape().array(x.shape());
     let pixels = x.as_slice().as_chunks::<3>().0;

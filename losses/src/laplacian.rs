@@ -6,7 +6,7 @@
 //!
 //! A vertex without neighbours has a zero row.
 
-use autodiff_lite::{Real, ShapeError, Var};
+use autodiff_lite::{Real, Var};
 use mesh_core::Csr;
 
 use crate::kernels::vec3::{accumulate, add, dot, points, points_mut, scale, sub};
@@ -80,10 +80,8 @@ fn over_rows<'t, F: Real>(
 ) -> Var<'t, F> {
     let [_, v] = vertices(name, "vertices", x);
     if neighbours.len() != v {
-        ShapeError::new(name, format!("{} rows of neighbours for {v} vertices", neighbours.len()))
-            .operand("vertices", &x.shape(), "")
-            .at(x.tape().path())
-            .panic();
+        let message = format!("{} rows of neighbours for {v} vertices", neighbours.len());
+        x.tape().refuse(name, message, &[("vertices", &x.shape(), "")]);
     }
     let value = x.value();
     let value = value.as_slice();

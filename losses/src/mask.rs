@@ -1,6 +1,6 @@
 //! Losses between a soft silhouette and a mask.
 
-use autodiff_lite::{Backward, Op, PoolVec, Real, ShapeError, Var};
+use autodiff_lite::{Backward, Real, Var};
 
 use crate::kernels::compare;
 use crate::scalar::{same_shape, scalar, seed};
@@ -39,13 +39,12 @@ pub fn mask_iou<'t, F: Real>(prediction: Var<'t, F>, target: Var<'t, F>) -> Var<
     same_shape(name, ["prediction", "target"], prediction, target);
     let shape = prediction.shape();
     let Some(&images) = shape.first() else {
-        ShapeError::new(name, "a batch axis expected")
-            .operand("prediction", &shape, "N, ..")
-            .panic();
+        tape.refuse(name, "a batch axis expected", &[("prediction", &shape, "N, ..")])
     };
     let (a, b) = (prediction.value(), target.value());
     let (a, b) = (a.as_slice(), b.as_slice());
     let len = (a.len() / images.max(1)).max(1);
+    // Intersection and union of each image.
     let mut sums = tape.buffer(2 * images);
     let mut total = 0.0;
     for (n, (a, b)) in a.chunks(len).zip(b.chunks(len)).enumerate() {
@@ -56,37 +55,22 @@ pub fn mask_iou<'t, F: Real>(prediction: Var<'t, F>, target: Var<'t, F>) -> Var<
         sums[2 * n + 1] = F::from_f64(either);
     }
     let value = scalar(tape, 1.0 - total / images.max(1) as f64);
-    tape.record(&[prediction, target], value, MaskIou { sums, len })
-}
-
-struct MaskIou<F: Real> {
-    /// Intersection and union of each image.
-    sums: PoolVec<F>,
-    /// Pixels of each image.
-    len: usize,
-}
-
-impl<F: Real> Op<F> for MaskIou<F> {
-    fn name(&self) -> &'static str {
-        "mask_iou"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
+    tape.record_fn(name, &[prediction, target], value, move |cx: &mut Backward<'_, F>| {
         let inputs = [cx.input(0), cx.input(1)];
-        let scale = -seed(cx) / F::from_f64((self.sums.len() / 2).max(1) as f64);
+        let scale = -seed(cx) / F::from_f64((sums.len() / 2).max(1) as f64);
         for i in 0..2 {
-            let images = inputs[1 - i].as_slice().chunks(self.len);
+            let images = inputs[1 - i].as_slice().chunks(len);
             cx.give_with(i, |out| {
                 // d(I/U) = (b U - I (1 - b)) / U² = b (1/U + I/U²) - I/U²
-                for (n, (out, image)) in out.chunks_mut(self.len).zip(images).enumerate() {
-                    let (both, either) = (self.sums[2 * n], self.sums[2 * n + 1]);
+                for (n, (out, image)) in out.chunks_mut(len).zip(images).enumerate() {
+                    let (both, either) = (sums[2 * n], sums[2 * n + 1]);
                     let constant = scale * both / (either * either);
                     let factor = scale / either + constant;
                     compare::derivatives(image, image, F::one(), out, |b, _| b * factor - constant);
                 }
             });
         }
-    }
+    })
 }
 
 /// Binary cross-entropy of probabilities, averaged over all values.
@@ -121,17 +105,7 @@ pub fn mask_bce<'t, F: Real>(prediction: Var<'t, F>, target: Var<'t, F>) -> Var<
         -(t * yes + (F::one() - t) * no)
     });
     let value = scalar(tape, total / p.len().max(1) as f64);
-    tape.record(&[prediction, target], value, MaskBce)
-}
-
-struct MaskBce;
-
-impl<F: Real> Op<F> for MaskBce {
-    fn name(&self) -> &'static str {
-        "mask_bce"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
+    tape.record_fn(name, &[prediction, target], value, |cx: &mut Backward<'_, F>| {
         let (p, t) = (cx.input(0), cx.input(1));
         let scale = seed(cx) / F::from_f64(p.len().max(1) as f64);
         let least = F::from_f64(1e-12);
@@ -142,7 +116,7 @@ impl<F: Real> Op<F> for MaskBce {
         cx.give_with(0, |out| {
             compare::derivatives(p.as_slice(), t.as_slice(), scale, out, pull);
         });
-    }
+    })
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //!
 //! The plain twins, over meshes without a tape, are in mesh-core.
 
-use autodiff_lite::{Backward, Op, PoolVec, Real, Tape, Var};
+use autodiff_lite::{Backward, Real, Var};
 
 use crate::kernels::vec3::{
     accumulate, add, area_vector, area_vector_grad, points, points_mut, unit, unit_grad,
@@ -73,7 +73,38 @@ fn normals<'t, F: Real>(
             }
         }
     }
-    tape.record(&[positions], normals, Normals { faces: flat(tape, faces), v, site })
+    let mut kept = tape.indices(3 * faces.len());
+    kept.copy_from_slice(faces.as_flattened());
+    tape.record_fn(name, &[positions], normals, move |cx: &mut Backward<'_, F>| {
+        let faces = kept.as_chunks::<3>().0;
+        let count = if site == Site::Face { faces.len() } else { v };
+        if count == 0 || v == 0 {
+            return;
+        }
+        let (positions, grad) = (cx.input(0), cx.grad_out());
+        let meshes = points(positions.as_slice()).chunks(v);
+        let grads = points(grad.as_slice()).chunks(count);
+        let mut pulls = cx.scratch(3 * count);
+        let pulls = points_mut(&mut pulls);
+        for (k, (mesh, grads)) in meshes.zip(grads).enumerate() {
+            sums(mesh, faces, site, pulls);
+            for (pull, &g) in pulls.iter_mut().zip(grads) {
+                let (normal, inverse) = unit(*pull);
+                *pull = unit_grad(normal, inverse, g);
+            }
+            let out = &mut points_mut(cx.grad_slice_mut(0))[k * v..(k + 1) * v];
+            for (f, &face) in faces.iter().enumerate() {
+                let pull = match site {
+                    Site::Face => pulls[f],
+                    Site::Vertex => {
+                        let [a, b, c] = face.map(|v| pulls[v as usize]);
+                        add(a, add(b, c))
+                    }
+                };
+                area_vector_grad(mesh, face, pull, out);
+            }
+        }
+    })
 }
 
 /// The area vectors of the faces, or their sums around the vertices.
@@ -96,61 +127,9 @@ fn sums<F: Real>(mesh: &[[F; 3]], faces: &[[u32; 3]], site: Site, out: &mut [[F;
     }
 }
 
-/// A copy of the faces in memory of the tape, for backward.
-fn flat<F: Real>(tape: &Tape<F>, faces: &[[u32; 3]]) -> PoolVec<u32> {
-    let mut copy = tape.indices(3 * faces.len());
-    copy.copy_from_slice(faces.as_flattened());
-    copy
-}
-
-struct Normals {
-    faces: PoolVec<u32>,
-    v: usize,
-    site: Site,
-}
-
-impl<F: Real> Op<F> for Normals {
-    fn name(&self) -> &'static str {
-        match self.site {
-            Site::Face => "face_normals",
-            Site::Vertex => "vertex_normals",
-        }
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let faces = self.faces.as_chunks::<3>().0;
-        let count = if self.site == Site::Face { faces.len() } else { self.v };
-        if count == 0 || self.v == 0 {
-            return;
-        }
-        let (positions, grad) = (cx.input(0), cx.grad_out());
-        let meshes = points(positions.as_slice()).chunks(self.v);
-        let grads = points(grad.as_slice()).chunks(count);
-        let mut pulls = cx.scratch(3 * count);
-        let pulls = points_mut(&mut pulls);
-        for (k, (mesh, grads)) in meshes.zip(grads).enumerate() {
-            sums(mesh, faces, self.site, pulls);
-            for (pull, &g) in pulls.iter_mut().zip(grads) {
-                let (normal, inverse) = unit(*pull);
-                *pull = unit_grad(normal, inverse, g);
-            }
-            let out = &mut points_mut(cx.grad_slice_mut(0))[k * self.v..(k + 1) * self.v];
-            for (f, &face) in faces.iter().enumerate() {
-                let pull = match self.site {
-                    Site::Face => pulls[f],
-                    Site::Vertex => {
-                        let [a, b, c] = face.map(|v| pulls[v as usize]);
-                        add(a, add(b, c))
-                    }
-                };
-                area_vector_grad(mesh, face, pull, out);
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use autodiff_lite::Tape;
     use mesh_core::primitives;
     use proptest::prelude::*;
 

@@ -1,6 +1,6 @@
 //! How alike two images look: by the maps of a network, or without one.
 
-use autodiff_lite::{Backward, Op, PoolVec, Real, ShapeError, Shapes, Tensor, Var};
+use autodiff_lite::{Backward, Real, Tensor, Var};
 
 use crate::kernels::chunks;
 use crate::scalar::{same_shape, scalar, seed};
@@ -52,14 +52,13 @@ pub fn lpips<'t, F: Real>(
 fn map_distance<'t, F: Real>(a: Var<'t, F>, b: Var<'t, F>, weights: &[F]) -> Var<'t, F> {
     let (name, tape) = ("lpips", a.tape());
     same_shape(name, ["maps", "target"], a, b);
-    let axes = Shapes::of(name).at(tape.path()).axes("maps", &a.shape(), ["N", "H", "W", "C"]);
-    let [.., channels] = axes.unwrap_or_else(|error| error.panic());
-    if weights.len() != channels {
-        ShapeError::new(name, format!("{} weights for {channels} channels", weights.len()))
-            .operand("maps", &a.shape(), "N, H, W, C")
-            .at(tape.path())
-            .panic();
-    }
+    let channels = tape.check(name, |shapes| {
+        let [.., channels] = shapes.axes("maps", &a.shape(), ["N", "H", "W", "C"])?;
+        if weights.len() != channels {
+            return Err(shapes.error(format!("{} weights for {channels} channels", weights.len())));
+        }
+        Ok(channels)
+    });
     let (x, y) = (a.value(), b.value());
     let [x, y] = [&x, &y].map(Tensor::as_slice);
     let mut kept = tape.buffer(channels);
@@ -79,30 +78,10 @@ fn map_distance<'t, F: Real>(a: Var<'t, F>, b: Var<'t, F>, weights: &[F]) -> Var
         rows.map(|(x, y)| pixel(x, y)).sum()
     });
     let count = pixels.max(1) as f64;
-    tape.record(&[a, b], scalar(tape, total / count), MapDistance { weights: kept, count })
-}
-
-/// `1 / (‖x‖ + ε)`.
-fn inverse<F: Real>(x: &[F]) -> F {
-    let square = x.iter().fold(F::zero(), |sum, &x| sum + x * x);
-    F::one() / (square.sqrt() + F::from_f64(EPSILON))
-}
-
-struct MapDistance<F: Real> {
-    weights: PoolVec<F>,
-    count: f64,
-}
-
-impl<F: Real> Op<F> for MapDistance<F> {
-    fn name(&self) -> &'static str {
-        "lpips"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
+    let value = scalar(tape, total / count);
+    tape.record_fn(name, &[a, b], value, move |cx: &mut Backward<'_, F>| {
         let inputs = [cx.input(0), cx.input(1)];
-        let weights = &*self.weights;
-        let channels = weights.len();
-        let scale = seed(cx) * F::from_f64(2.0 / self.count);
+        let scale = seed(cx) * F::from_f64(2.0 / count);
         for i in 0..2 {
             let [x, y] = [i, 1 - i].map(|i| inputs[i].as_slice());
             let pixels = |first: usize, out: &mut [F]| {
@@ -110,12 +89,18 @@ impl<F: Real> Op<F> for MapDistance<F> {
                 let rows = x[range.clone()].chunks_exact(channels);
                 let rows = rows.zip(y[range].chunks_exact(channels));
                 for ((x, y), out) in rows.zip(out.chunks_exact_mut(channels)) {
-                    pull(x, y, weights, scale, out);
+                    pull(x, y, &kept, scale, out);
                 }
             };
             cx.give_with(i, |out| chunks::fill_pixels(out, channels, CHUNK, pixels));
         }
-    }
+    })
+}
+
+/// `1 / (‖x‖ + ε)`.
+fn inverse<F: Real>(x: &[F]) -> F {
+    let square = x.iter().fold(F::zero(), |sum, &x| sum + x * x);
+    F::one() / (square.sqrt() + F::from_f64(EPSILON))
 }
 
 /// The gradient of one pixel's distance by `x`.

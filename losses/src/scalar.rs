@@ -4,7 +4,7 @@
 //! costs little more than the value, and the rule is then a single multiplication, which holds neither
 //! faces nor edges.
 
-use autodiff_lite::{Backward, Op, PoolVec, Real, ShapeError, Shapes, Tape, Tensor, Var};
+use autodiff_lite::{Backward, PoolVec, Real, Tape, Tensor, Var};
 
 /// A tensor of no axes from the tape's pool.
 pub(crate) fn scalar<F: Real>(tape: &Tape<F>, value: f64) -> Tensor<F> {
@@ -29,29 +29,16 @@ pub(crate) fn record<'t, F: Real, const N: usize>(
     gradients: [Option<PoolVec<F>>; N],
 ) -> Var<'t, F> {
     let tape = inputs[0].tape();
-    tape.record(&inputs, scalar(tape, value), WithGradients { name, gradients })
-}
-
-struct WithGradients<F: Real, const N: usize> {
-    name: &'static str,
-    gradients: [Option<PoolVec<F>>; N],
-}
-
-impl<F: Real, const N: usize> Op<F> for WithGradients<F, N> {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
+    tape.record_fn(name, &inputs, scalar(tape, value), move |cx: &mut Backward<'_, F>| {
         let g = seed(cx);
-        for (i, gradient) in self.gradients.iter().enumerate() {
+        for (i, gradient) in gradients.iter().enumerate() {
             if let Some(gradient) = gradient {
                 for (out, &d) in cx.grad_slice_mut(i).iter_mut().zip(gradient.iter()) {
                     *out += g * d;
                 }
             }
         }
-    }
+    })
 }
 
 /// The gradient that arrives at a scalar.
@@ -63,17 +50,14 @@ pub(crate) fn seed<F: Real>(cx: &Backward<'_, F>) -> F {
 #[track_caller]
 pub(crate) fn vertices<F: Real>(op: &'static str, name: &str, var: Var<'_, F>) -> [usize; 2] {
     let shape = var.shape();
-    let mut shapes = Shapes::of(op).at(var.tape().path());
-    let axes = if shape.len() == 2 {
-        shapes.axes(name, &shape, ["V", "3"]).map(|[v, d]| [1, v, d])
-    } else {
-        shapes.axes(name, &shape, ["N", "V", "3"])
-    };
-    match axes {
-        Ok([n, v, 3]) => [n, v],
-        Ok(_) => shapes.error("a vertex has three coordinates").panic(),
-        Err(error) => error.panic(),
-    }
+    var.tape().check(op, |shapes| {
+        let [n, v, d] = if shape.len() == 2 {
+            shapes.axes(name, &shape, ["V", "3"]).map(|[v, d]| [1, v, d])?
+        } else {
+            shapes.axes(name, &shape, ["N", "V", "3"])?
+        };
+        if d == 3 { Ok([n, v]) } else { Err(shapes.error("a vertex has three coordinates")) }
+    })
 }
 
 /// Panics unless the two values have one shape.
@@ -86,10 +70,7 @@ pub(crate) fn same_shape<F: Real>(
 ) {
     let (x, y) = (a.shape(), b.shape());
     if x != y {
-        ShapeError::new(op, format!("{} and {} differ in shape", names[0], names[1]))
-            .operand(names[0], &x, "")
-            .operand(names[1], &y, "")
-            .at(a.tape().path())
-            .panic();
+        let message = format!("{} and {} differ in shape", names[0], names[1]);
+        a.tape().refuse(op, message, &[(names[0], &x, ""), (names[1], &y, "")]);
     }
 }

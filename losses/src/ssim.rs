@@ -1,6 +1,6 @@
 //! Structural similarity as a loss.
 
-use autodiff_lite::{Backward, Op, PoolVec, Real, Shapes, Var};
+use autodiff_lite::{Backward, Real, Var};
 
 use crate::kernels::ssim::{self, DERIVATIVES, Plane};
 use crate::scalar::{same_shape, scalar, seed};
@@ -30,8 +30,9 @@ pub fn ssim_loss<'t, F: Real>(image: Var<'t, F>, target: Var<'t, F>) -> Var<'t, 
     let name = "ssim_loss";
     let tape = image.tape();
     same_shape(name, ["image", "target"], image, target);
-    let axes = Shapes::of(name).at(tape.path()).axes("image", &image.shape(), ["N", "H", "W", "C"]);
-    let [images, height, width, channels] = axes.unwrap_or_else(|error| error.panic());
+    let axes = ["N", "H", "W", "C"];
+    let [images, height, width, channels] =
+        tape.check(name, |shapes| shapes.axes("image", &image.shape(), axes));
     let plane = Plane { images, height, width, channels };
     let (x, y) = (image.value(), target.value());
     let mut derivatives =
@@ -43,34 +44,21 @@ pub fn ssim_loss<'t, F: Real>(image: Var<'t, F>, target: Var<'t, F>) -> Var<'t, 
         let (x, y) = (x.as_slice(), y.as_slice());
         ssim::ssim(x, y, plane, &mut scratch, derivatives.as_deref_mut())
     };
-    tape.record(&[image, target], scalar(tape, 1.0 - similarity), SsimLoss { plane, derivatives })
-}
-
-struct SsimLoss<F: Real> {
-    plane: Plane,
-    derivatives: Option<PoolVec<F>>,
-}
-
-impl<F: Real> Op<F> for SsimLoss<F> {
-    fn name(&self) -> &'static str {
-        "ssim_loss"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let Some(derivatives) = self.derivatives.as_deref().filter(|_| !self.plane.is_empty())
-        else {
+    let value = scalar(tape, 1.0 - similarity);
+    tape.record_fn(name, &[image, target], value, move |cx: &mut Backward<'_, F>| {
+        let Some(derivatives) = derivatives.as_deref().filter(|_| !plane.is_empty()) else {
             return;
         };
         let inputs = [cx.input(0), cx.input(1)];
-        let scale = -seed(cx) / F::from_f64(self.plane.len() as f64);
-        let mut scratch = cx.scratch(self.plane.scratch_len());
+        let scale = -seed(cx) / F::from_f64(plane.len() as f64);
+        let mut scratch = cx.scratch(plane.scratch_len());
         for i in 0..2 {
             let [x, y] = [i, 1 - i].map(|i| inputs[i].as_slice());
             cx.give_with(i, |out| {
-                ssim::ssim_grad(x, y, self.plane, derivatives, i, scale, &mut scratch, out);
+                ssim::ssim_grad(x, y, plane, derivatives, i, scale, &mut scratch, out);
             });
         }
-    }
+    })
 }
 
 #[cfg(test)]

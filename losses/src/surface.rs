@@ -3,7 +3,7 @@
 //! mesh-core draws a surface point as a face and three weights; [`surface_points`] makes positions of them,
 //! [`surface_normals`] the normals there.
 
-use autodiff_lite::{Backward, Op, PoolVec, Real, ShapeError, Var};
+use autodiff_lite::{Backward, Real, Var};
 use mesh_core::SurfacePoint;
 
 use crate::kernels::vec3::{accumulate, add, points, points_mut, scale};
@@ -32,10 +32,7 @@ pub fn surface_points<'t, F: Real>(
     let tape = positions.tape();
     let shape = positions.shape();
     if shape.len() != 2 || shape[1] != 3 {
-        ShapeError::new(name, "one set of vertices expected")
-            .operand("positions", &shape, "V, 3")
-            .at(tape.path())
-            .panic();
+        tape.refuse(name, "one set of vertices expected", &[("positions", &shape, "V, 3")]);
     }
     let value = positions.value();
     let mesh = points(value.as_slice());
@@ -50,7 +47,16 @@ pub fn surface_points<'t, F: Real>(
         let [a, b, c] = corners.map(|v| mesh[v as usize]);
         *found = add(scale(a, weights[0]), add(scale(b, weights[1]), scale(c, weights[2])));
     }
-    tape.record(&[positions], out, SurfacePoints { corners, weights })
+    tape.record_fn(name, &[positions], out, move |cx: &mut Backward<'_, F>| {
+        let grad = cx.grad_out();
+        let out = points_mut(cx.grad_slice_mut(0));
+        let corners = corners.as_chunks::<3>().0.iter();
+        for ((corners, weights), &g) in corners.zip(points(&weights)).zip(points(grad.as_slice())) {
+            for (&v, &w) in corners.iter().zip(weights) {
+                accumulate(&mut out[v as usize], scale(g, w));
+            }
+        }
+    })
 }
 
 /// The unit normals of the surface at points on it: those of their faces, following the vertices.
@@ -107,29 +113,6 @@ pub fn surface_normals<'t, F: Real>(
         *corners = faces[sample.face as usize];
     }
     crate::face_normals(positions, drawn.as_chunks::<3>().0)
-}
-
-struct SurfacePoints<F: Real> {
-    corners: PoolVec<u32>,
-    weights: PoolVec<F>,
-}
-
-impl<F: Real> Op<F> for SurfacePoints<F> {
-    fn name(&self) -> &'static str {
-        "surface_points"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let grad = cx.grad_out();
-        let out = points_mut(cx.grad_slice_mut(0));
-        let corners = self.corners.as_chunks::<3>().0;
-        let grads = points(grad.as_slice());
-        for ((corners, weights), &g) in corners.iter().zip(points(&self.weights)).zip(grads) {
-            for (&v, &w) in corners.iter().zip(weights) {
-                accumulate(&mut out[v as usize], scale(g, w));
-            }
-        }
-    }
 }
 
 #[cfg(test)]

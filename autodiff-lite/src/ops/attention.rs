@@ -7,7 +7,7 @@ use crate::kernels::attention::{
     AttentionGradients, AttentionOperands, AttentionSizes, attention, attention_grad,
 };
 use crate::kernels::dropout::Kept;
-use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, Tensor, Var};
+use crate::{Backward, Real, ShapeError, Shapes, Tensor, Var};
 
 use super::dropout::{keep_mask, keep_scale};
 
@@ -37,20 +37,16 @@ impl<F: Real> Var<'_, F> {
         mask: Option<&Tensor<F>>,
         dropout: f64,
     ) -> Self {
-        let mut shapes = Shapes::of("attention").at(self.tape.path());
         let (q, k, v) = (self.shape(), keys.shape(), values.shape());
-        let mut check = || {
+        let sizes = self.tape.check("attention", |shapes| {
             let [batch, queries, width] = shapes.axes("queries", &q, ["N", "Tq", "D"])?;
             let [_, keys, _] = shapes.axes("keys", &k, ["N", "Tk", "D"])?;
             shapes.axes("values", &v, ["N", "Tk", "D"])?;
-            check_heads(&shapes, width, heads)?;
-            check_mask(&mut shapes, mask)?;
+            check_heads(shapes, width, heads)?;
+            check_mask(shapes, mask)?;
             Ok(AttentionSizes { batch, heads, queries, keys, width })
-        };
-        match check() {
-            Ok(sizes) => attend([self, keys, values].as_slice(), sizes, mask, dropout),
-            Err(error) => ShapeError::panic(error),
-        }
+        });
+        attend(&[self, keys, values], sizes, mask, dropout)
     }
 
     /// [`attention`](Self::attention) where queries, keys and values stand side by side,
@@ -60,9 +56,8 @@ impl<F: Real> Var<'_, F> {
     /// As [`attention`](Self::attention).
     #[track_caller]
     pub fn self_attention(self, heads: usize, mask: Option<&Tensor<F>>, dropout: f64) -> Self {
-        let mut shapes = Shapes::of("self_attention").at(self.tape.path());
         let x = self.shape();
-        let mut check = || {
+        let sizes = self.tape.check("self_attention", |shapes| {
             let [batch, tokens, all] = shapes.axes("input", &x, ["N", "T", "3 D"])?;
             if all % 3 != 0 {
                 return Err(shapes.error("queries, keys and values need as many columns each"));
@@ -72,14 +67,11 @@ impl<F: Real> Var<'_, F> {
             let row = [batch, tokens, width];
             shapes.axes("queries", &row, ["N", "Tq", "D"])?;
             shapes.axes("keys", &row, ["N", "Tk", "D"])?;
-            check_heads(&shapes, width, heads)?;
-            check_mask(&mut shapes, mask)?;
+            check_heads(shapes, width, heads)?;
+            check_mask(shapes, mask)?;
             Ok(AttentionSizes { batch, heads, queries: tokens, keys: tokens, width })
-        };
-        match check() {
-            Ok(sizes) => attend(&[self], sizes, mask, dropout),
-            Err(error) => ShapeError::panic(error),
-        }
+        });
+        attend(&[self], sizes, mask, dropout)
     }
 }
 
@@ -121,29 +113,7 @@ fn attend<'t, F: Real>(
         &mut probabilities,
         y.as_slice_mut(),
     );
-    tape.record(inputs, y, Attention { sizes, probabilities, kept, scale })
-}
-
-fn operands<F: Real>(values: &[Tensor<F>]) -> AttentionOperands<'_, F> {
-    match values {
-        [q, k, v] => AttentionOperands::Apart([q, k, v].map(Tensor::as_slice)),
-        values => AttentionOperands::Packed(values[0].as_slice()),
-    }
-}
-
-struct Attention<F: Real> {
-    sizes: AttentionSizes,
-    probabilities: PoolVec<F>,
-    kept: Option<PoolVec<u32>>,
-    scale: F,
-}
-
-impl<F: Real> Op<F> for Attention<F> {
-    fn name(&self) -> &'static str {
-        "attention"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
+    tape.record_fn("attention", inputs, y, move |cx: &mut Backward<'_, F>| {
         let values: Vec<_> = (0..cx.input_count()).map(|i| cx.input(i)).collect();
         let mut gradients: Vec<_> = values.iter().map(|x| cx.array(x.shape())).collect();
         let targets = match gradients.as_mut_slice() {
@@ -151,17 +121,18 @@ impl<F: Real> Op<F> for Attention<F> {
             all => AttentionGradients::Packed(all[0].as_slice_mut()),
         };
         let g = cx.grad_out();
-        attention_grad(
-            &self.sizes,
-            operands(&values),
-            self.kept.as_ref().map(|bits| Kept { bits, scale: self.scale }),
-            &self.probabilities,
-            g.as_slice(),
-            targets,
-        );
+        let kept = kept.as_ref().map(|bits| Kept { bits, scale });
+        attention_grad(&sizes, operands(&values), kept, &probabilities, g.as_slice(), targets);
         for (i, gradient) in gradients.into_iter().enumerate() {
             cx.give(i, gradient);
         }
+    })
+}
+
+fn operands<F: Real>(values: &[Tensor<F>]) -> AttentionOperands<'_, F> {
+    match values {
+        [q, k, v] => AttentionOperands::Apart([q, k, v].map(Tensor::as_slice)),
+        values => AttentionOperands::Packed(values[0].as_slice()),
     }
 }
 

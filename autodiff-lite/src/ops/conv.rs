@@ -2,7 +2,7 @@
 
 use crate::kernels::activation::Activation;
 use crate::kernels::conv::{Conv, ConvGeometry, ConvSizes};
-use crate::{Backward, Op, Real, Shapes, Tensor, Var};
+use crate::{Backward, Real, Tensor, Var};
 
 use super::linear::{before_activation, give_bias};
 
@@ -100,34 +100,49 @@ impl<F: Real> Var<'_, F> {
         activation: Activation,
     ) -> Self {
         let (x, w, b) = (self.value(), weight.value(), bias.map(Self::value));
-        let mut shapes = Shapes::of(name).at(self.tape.path());
-        let mut check = || {
+        let sizes = self.tape.check(name, |shapes| {
             let xs = shapes.axes("input", x.shape(), ["N", "H", "W", "C"])?;
             let ws = shapes.axes("weight", w.shape(), axes)?;
             if let Some(b) = &b {
                 shapes.axes("bias", b.shape(), ["O"])?;
             }
             fitting(xs, ws).map_err(|message| shapes.error(message))
-        };
-        let sizes = match check() {
-            Ok(sizes) => sizes,
-            Err(error) => error.panic(),
-        };
-        let op =
-            Convolution { name, conv: Conv::new(sizes, geometry.algorithm), direction, activation };
-        let mut y = self.tape.array(&op.output_shape());
-        op.run(
-            direction,
+        });
+        let conv = Conv::new(sizes, geometry.algorithm);
+        let mut y = self.tape.array(&direction.output_shape(&sizes));
+        direction.run(
+            &conv,
             [&x, &w].map(Tensor::as_slice),
             b.as_ref().map(Tensor::as_slice),
             activation,
             y.as_slice_mut(),
-            &mut self.tape.buffer(op.scratch::<F>(direction)),
+            &mut self.tape.buffer(direction.scratch::<F>(&conv)),
         );
-        match bias {
-            Some(bias) => self.tape.record(&[self, weight, bias], y, op),
-            None => self.tape.record(&[self, weight], y, op),
-        }
+        let mut inputs = vec![self, weight];
+        inputs.extend(bias);
+        self.tape.record_fn(name, &inputs, y, move |cx: &mut Backward<'_, F>| {
+            let g = before_activation(cx, activation);
+            let grad = g.as_slice();
+            let (x, w) = (cx.input(0), cx.input(1));
+            if cx.needs(0) {
+                let back = direction.back();
+                let scratch = &mut cx.scratch(back.scratch::<F>(&conv));
+                let operands = [grad, w.as_slice()];
+                cx.give_with(0, |gx| {
+                    back.run(&conv, operands, None, Activation::None, gx, scratch);
+                });
+            }
+            if cx.needs(1) {
+                let scratch = &mut cx.scratch(conv.grad_weight_scratch::<F>());
+                let (input, output) = match direction {
+                    ConvDirection::Forward => (x.as_slice(), grad),
+                    ConvDirection::Transposed => (grad, x.as_slice()),
+                };
+                cx.give_with(1, |gw| conv.grad_weight(input, output, gw, scratch));
+            }
+            give_bias(cx, 2, grad);
+            cx.recycle(g);
+        })
     }
 }
 
@@ -145,82 +160,34 @@ impl ConvDirection {
             Self::Transposed => Self::Forward,
         }
     }
-}
 
-struct Convolution {
-    name: &'static str,
-    conv: Conv,
-    direction: ConvDirection,
-    activation: Activation,
-}
-
-impl Convolution {
-    fn output_shape(&self) -> [usize; 4] {
-        let s = &self.conv.sizes;
-        match self.direction {
-            ConvDirection::Forward => [s.batch, s.output[0], s.output[1], s.out_channels],
-            ConvDirection::Transposed => [s.batch, s.input[0], s.input[1], s.in_channels],
+    fn output_shape(self, s: &ConvSizes) -> [usize; 4] {
+        match self {
+            Self::Forward => [s.batch, s.output[0], s.output[1], s.out_channels],
+            Self::Transposed => [s.batch, s.input[0], s.input[1], s.in_channels],
         }
     }
 
-    fn scratch<F: Real>(&self, direction: ConvDirection) -> usize {
-        match direction {
-            ConvDirection::Forward => self.conv.forward_scratch::<F>(),
-            ConvDirection::Transposed => self.conv.grad_input_scratch::<F>(),
+    fn scratch<F: Real>(self, conv: &Conv) -> usize {
+        match self {
+            Self::Forward => conv.forward_scratch::<F>(),
+            Self::Transposed => conv.grad_input_scratch::<F>(),
         }
     }
 
     fn run<F: Real>(
-        &self,
-        direction: ConvDirection,
+        self,
+        conv: &Conv,
         [x, w]: [&[F]; 2],
         bias: Option<&[F]>,
         activation: Activation,
         y: &mut [F],
         scratch: &mut [F],
     ) {
-        match direction {
-            ConvDirection::Forward => self.conv.forward(x, w, bias, activation, y, scratch),
-            ConvDirection::Transposed => self.conv.grad_input(x, w, bias, activation, y, scratch),
+        match self {
+            Self::Forward => conv.forward(x, w, bias, activation, y, scratch),
+            Self::Transposed => conv.grad_input(x, w, bias, activation, y, scratch),
         }
-    }
-}
-
-impl<F: Real> Op<F> for Convolution {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let g = before_activation(cx, self.activation);
-        let grad = g.as_slice();
-        let (x, w) = (cx.input(0), cx.input(1));
-        if cx.needs(0) {
-            let mut gx = cx.array(x.shape());
-            let direction = self.direction.back();
-            self.run(
-                direction,
-                [grad, w.as_slice()],
-                None,
-                Activation::None,
-                gx.as_slice_mut(),
-                &mut cx.scratch(self.scratch::<F>(direction)),
-            );
-            cx.give(0, gx);
-        }
-        if cx.needs(1) {
-            let mut gw = cx.array(w.shape());
-            let x = x.as_slice();
-            let (input, output) = match self.direction {
-                ConvDirection::Forward => (x, grad),
-                ConvDirection::Transposed => (grad, x),
-            };
-            let scratch = &mut cx.scratch(self.conv.grad_weight_scratch::<F>());
-            self.conv.grad_weight(input, output, gw.as_slice_mut(), scratch);
-            cx.give(1, gw);
-        }
-        give_bias(cx, 2, grad);
-        cx.recycle(g);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Dropout: a random part of the elements is set to zero while training.
 
 use crate::kernels::dropout::{Kept, draw, dropped};
-use crate::{Backward, Op, PoolVec, Real, ShapeError, Tape, Var};
+use crate::{Backward, PoolVec, Real, Tape, Var};
 
 impl<F: Real> Var<'_, F> {
     /// Sets each element to zero with probability `p` and divides the others by `1 - p`, so that
@@ -18,9 +18,12 @@ impl<F: Real> Var<'_, F> {
         let Some(mask) = keep_mask(self.tape, x.len(), p) else { return self };
         let scale = keep_scale(p);
         let mut y = self.tape.array(x.shape());
-        let kept = Kept { bits: &mask, scale };
-        kept.apply_to(x.as_slice(), y.as_slice_mut());
-        self.tape.record(&[self], y, Dropout { mask, scale })
+        Kept { bits: &mask, scale }.apply_to(x.as_slice(), y.as_slice_mut());
+        self.tape.record_fn("dropout", &[self], y, move |cx: &mut Backward<'_, F>| {
+            let mut g = cx.take_grad_out();
+            Kept { bits: &mask, scale }.apply_all(g.as_slice_mut());
+            cx.give(0, g);
+        })
     }
 }
 
@@ -28,9 +31,7 @@ impl<F: Real> Var<'_, F> {
 #[track_caller]
 pub(crate) fn keep_mask<F: Real>(tape: &Tape<F>, len: usize, p: f64) -> Option<PoolVec<u32>> {
     if !(0.0..1.0).contains(&p) {
-        ShapeError::new("dropout", format!("the probability {p} is not within [0, 1)"))
-            .at(tape.path())
-            .panic();
+        tape.refuse("dropout", format!("the probability {p} is not within [0, 1)"), &[]);
     }
     if !tape.is_training() || p == 0.0 {
         return None;
@@ -43,24 +44,6 @@ pub(crate) fn keep_mask<F: Real>(tape: &Tape<F>, len: usize, p: f64) -> Option<P
 /// What kept elements are multiplied by, so that the mean stays.
 pub(crate) fn keep_scale<F: Real>(p: f64) -> F {
     F::from_f64(65536.0 / (65536.0 - f64::from(dropped(p))))
-}
-
-struct Dropout<F> {
-    mask: PoolVec<u32>,
-    scale: F,
-}
-
-impl<F: Real> Op<F> for Dropout<F> {
-    fn name(&self) -> &'static str {
-        "dropout"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let mut g = cx.take_grad_out();
-        let slice = g.as_slice_mut();
-        Kept { bits: &self.mask, scale: self.scale }.apply_all(slice);
-        cx.give(0, g);
-    }
 }
 
 #[cfg(test)]

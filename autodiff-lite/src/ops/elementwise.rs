@@ -3,7 +3,7 @@
 //! A rule is given the input and the output, whichever is cheaper to differentiate from.
 
 use crate::kernels::elementwise;
-use crate::{Backward, Op, Real, Var};
+use crate::{Backward, Real, Var};
 
 macro_rules! unary {
     ($($(#[$doc:meta])* $name:ident($($p:ident),*): |$x:ident| $f:expr, |$dx:pat_param, $dy:pat_param| $df:expr;)*) => {
@@ -135,26 +135,12 @@ impl<F: Real> Var<'_, F> {
         let x = self.value();
         let mut y = self.tape.array(x.shape());
         elementwise::map(x.as_slice(), y.as_slice_mut(), f);
-        self.tape.record(&[self], y, Map { name, df })
-    }
-}
-
-struct Map<D> {
-    name: &'static str,
-    df: D,
-}
-
-impl<F: Real, D: Fn(F, F) -> F + Sync + Send + 'static> Op<F> for Map<D> {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let (x, y, mut g) = (cx.input(0), cx.output(), cx.take_grad_out());
-        elementwise::update(g.as_slice_mut(), x.as_slice(), y.as_slice(), |g, x, y| {
-            g * (self.df)(x, y)
-        });
-        cx.give(0, g);
+        self.tape.record_fn(name, &[self], y, move |cx: &mut Backward<'_, F>| {
+            let (x, y, mut g) = (cx.input(0), cx.output(), cx.take_grad_out());
+            let (x, y) = (x.as_slice(), y.as_slice());
+            elementwise::update(g.as_slice_mut(), x, y, |g, x, y| g * df(x, y));
+            cx.give(0, g);
+        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! Rows by index: taking them, and adding to them.
 
 use crate::kernels::rows;
-use crate::{Backward, Op, PoolVec, Real, ShapeError, Var};
+use crate::{Backward, PoolVec, Real, Var};
 
 impl<F: Real> Var<'_, F> {
     /// Row `indices[k]` as row `k`: `[.., V, D] -> [.., K, D]`, the same indices for each batch.
@@ -20,7 +20,10 @@ impl<F: Real> Var<'_, F> {
         let mut y = self.tape.array(&shape);
         rows::gather([n, width], x.as_slice(), indices, y.as_slice_mut());
         let indices = self.saved(indices);
-        self.tape.record(&[self], y, Gather { rows: n, width, indices })
+        self.tape.record_fn("gather_rows", &[self], y, move |cx: &mut Backward<'_, F>| {
+            let g = cx.grad_out();
+            rows::scatter_add([n, width], g.as_slice(), &indices, cx.grad_slice_mut(0));
+        })
     }
 
     /// A table of `rows` rows, to row `indices[k]` of which row `k` is added:
@@ -39,7 +42,10 @@ impl<F: Real> Var<'_, F> {
         let mut y = self.tape.pool.filled(&shape, F::zero());
         rows::scatter_add([rows, width], x.as_slice(), indices, y.as_slice_mut());
         let indices = self.saved(indices);
-        self.tape.record(&[self], y, ScatterAdd { rows, width, indices })
+        self.tape.record_fn("scatter_add_rows", &[self], y, move |cx: &mut Backward<'_, F>| {
+            let g = cx.grad_out();
+            cx.give_with(0, |gx| rows::gather([rows, width], g.as_slice(), &indices, gx));
+        })
     }
 
     /// A copy of the indices, from the pool, when a gradient will want them.
@@ -61,13 +67,8 @@ impl<F: Real> Var<'_, F> {
         table: Option<usize>,
     ) -> (Vec<usize>, usize) {
         let shape = self.shape();
-        let refuse = |message: String| {
-            ShapeError::new(op, message)
-                .operand("input", &shape, ".., V, D")
-                .operand("indices", &[indices.len()], "K")
-                .at(self.tape.path())
-                .panic()
-        };
+        let operands = [("input", &shape[..], ".., V, D"), ("indices", &[indices.len()], "K")];
+        let refuse = |message: String| self.tape.refuse(op, message, &operands);
         let [.., own, _] = shape[..] else { refuse("at least two axes expected".to_owned()) };
         if table.is_some() && indices.len() != own {
             refuse("one index per row expected".to_owned());
@@ -77,42 +78,6 @@ impl<F: Real> Var<'_, F> {
             refuse(format!("index {index} is not below {rows}"));
         }
         (shape, rows)
-    }
-}
-
-struct Gather {
-    rows: usize,
-    width: usize,
-    indices: PoolVec<u32>,
-}
-
-impl<F: Real> Op<F> for Gather {
-    fn name(&self) -> &'static str {
-        "gather_rows"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let g = cx.grad_out();
-        let g = g.as_slice();
-        rows::scatter_add([self.rows, self.width], g, &self.indices, cx.grad_slice_mut(0));
-    }
-}
-
-struct ScatterAdd {
-    rows: usize,
-    width: usize,
-    indices: PoolVec<u32>,
-}
-
-impl<F: Real> Op<F> for ScatterAdd {
-    fn name(&self) -> &'static str {
-        "scatter_add_rows"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let g = cx.grad_out();
-        let sizes = [self.rows, self.width];
-        cx.give_with(0, |gx| rows::gather(sizes, g.as_slice(), &self.indices, gx));
     }
 }
 

@@ -4,7 +4,7 @@ use crate::kernels::activation::Activation;
 use crate::kernels::gemm::{Matrix, gemm, gemm_then};
 use crate::kernels::isa::Isa;
 use crate::kernels::sparse::{csr_add_rows, csr_times_rows};
-use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, SparseMatrix, Tensor, Var};
+use crate::{Backward, PoolVec, Real, SparseMatrix, Tensor, Var};
 
 use super::linear::{before_activation, give_bias};
 
@@ -42,8 +42,7 @@ impl<'t, F: Real> Var<'t, F> {
         let tape = self.tape;
         let (x, own, across) = (self.value(), weights.own.value(), weights.across.value());
         let [bias, sent] = [weights.bias, weights.across_bias].map(|b| b.map(Var::value));
-        let mut shapes = Shapes::of("graph_conv").at(tape.path());
-        let check = |shapes: &mut Shapes| -> Result<Sizes, ShapeError> {
+        let sizes = tape.check("graph_conv", |shapes| {
             let [leading @ .., v, d] = x.shape() else {
                 return Err(shapes.error("at least two axes expected"));
             };
@@ -60,11 +59,7 @@ impl<'t, F: Real> Var<'t, F> {
             }
             let o = sides[usize::from(!weights.output_first)];
             Ok(Sizes { batch, v: *v, d: *d, o, output_first: weights.output_first })
-        };
-        let sizes = match check(&mut shapes) {
-            Ok(sizes) => sizes,
-            Err(error) => error.panic(),
-        };
+        });
         let mut shape = x.shape().to_vec();
         if let Some(last) = shape.last_mut() {
             *last = sizes.o;
@@ -102,9 +97,32 @@ impl<'t, F: Real> Var<'t, F> {
         let mut inputs = vec![self, weights.own, weights.across];
         inputs.extend(weights.bias);
         inputs.extend(weights.across_bias);
-        let biases = [weights.bias.is_some(), weights.across_bias.is_some()];
-        let op = GraphConv { sizes, transpose: graph.transposed(), biases, activation };
-        tape.record(&inputs, y, op)
+        let [bias, across_bias] = [weights.bias, weights.across_bias].map(|b| b.is_some());
+        let transpose = graph.transposed();
+        tape.record_fn("graph_conv", &inputs, y, move |cx: &mut Backward<'_, F>| {
+            let Sizes { batch, v, d, o, .. } = sizes;
+            let whole = before_activation(cx, activation);
+            let g = whole.as_slice();
+            // The gradient of what the vertices sent.
+            let mut sent: PoolVec<F> = cx.scratch(g.len());
+            csr_times_rows(Isa::best(), transpose.view(), v, batch, o, g, &mut sent);
+            let (own, across) = (cx.input(1), cx.input(2));
+            cx.give_with(0, |gx| {
+                for (w, g, beta) in [(own, g, F::zero()), (across, &sent[..], F::one())] {
+                    let w = sizes.weight_turned(w.as_slice());
+                    gemm([sizes.rows(), o, d], F::one(), Matrix::rows(g, o), w, beta, gx);
+                }
+            });
+            sizes.give_weight(cx, 1, g);
+            sizes.give_weight(cx, 2, &sent);
+            if bias {
+                give_bias(cx, 3, g);
+            }
+            if across_bias {
+                give_bias(cx, 3 + usize::from(bias), &sent);
+            }
+            cx.recycle(whole);
+        })
     }
 }
 
@@ -131,20 +149,10 @@ impl Sizes {
     fn weight_turned<F>(self, w: &[F]) -> Matrix<'_, F> {
         if self.output_first { Matrix::rows(w, self.d) } else { Matrix::transposed(w, self.o) }
     }
-}
 
-struct GraphConv<F: Real> {
-    sizes: Sizes,
-    transpose: SparseMatrix<F>,
-    /// Which of the two biases there are.
-    biases: [bool; 2],
-    activation: Activation,
-}
-
-impl<F: Real> GraphConv<F> {
     /// Gives a weight its gradient: the inputs' transpose times `g`, the gradient of what it gave.
-    fn give_weight(&self, cx: &mut Backward<'_, F>, i: usize, g: &[F]) {
-        let (Sizes { d, o, output_first, .. }, rows) = (self.sizes, self.sizes.rows());
+    fn give_weight<F: Real>(self, cx: &mut Backward<'_, F>, i: usize, g: &[F]) {
+        let (Self { d, o, output_first, .. }, rows) = (self, self.rows());
         let (x, one, zero) = (cx.input(0), F::one(), F::zero());
         let x = x.as_slice();
         cx.give_with(i, |gw| {
@@ -156,38 +164,6 @@ impl<F: Real> GraphConv<F> {
                 gemm([d, rows, o], one, x, g, zero, gw);
             }
         });
-    }
-}
-
-impl<F: Real> Op<F> for GraphConv<F> {
-    fn name(&self) -> &'static str {
-        "graph_conv"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let sizes @ Sizes { batch, v, d, o, .. } = self.sizes;
-        let whole = before_activation(cx, self.activation);
-        let g = whole.as_slice();
-        // The gradient of what the vertices sent.
-        let mut sent: PoolVec<F> = cx.scratch(g.len());
-        csr_times_rows(Isa::best(), self.transpose.view(), v, batch, o, g, &mut sent);
-        let (own, across) = (cx.input(1), cx.input(2));
-        cx.give_with(0, |gx| {
-            for (w, g, beta) in [(own, g, F::zero()), (across, &sent[..], F::one())] {
-                let w = sizes.weight_turned(w.as_slice());
-                gemm([sizes.rows(), o, d], F::one(), Matrix::rows(g, o), w, beta, gx);
-            }
-        });
-        self.give_weight(cx, 1, g);
-        self.give_weight(cx, 2, &sent);
-        let [bias, across_bias] = self.biases;
-        if bias {
-            give_bias(cx, 3, g);
-        }
-        if across_bias {
-            give_bias(cx, 3 + usize::from(bias), &sent);
-        }
-        cx.recycle(whole);
     }
 }
 

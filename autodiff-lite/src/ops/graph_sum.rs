@@ -3,7 +3,7 @@
 use crate::kernels::activation::Activation;
 use crate::kernels::isa::Isa;
 use crate::kernels::sparse::{csr_add_rows, csr_times_rows};
-use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, SparseMatrix, Var};
+use crate::{Backward, PoolVec, Real, SparseMatrix, Var};
 
 use super::linear::{before_activation, give_bias};
 
@@ -24,8 +24,7 @@ impl<F: Real> Var<'_, F> {
     ) -> Self {
         let tape = self.tape;
         let (x, bias_value) = (self.value(), bias.map(Var::value));
-        let mut shapes = Shapes::of("graph_sum").at(tape.path());
-        let mut check = || -> Result<Sizes, ShapeError> {
+        let [batch, v, o] = tape.check("graph_sum", |shapes| {
             let [leading @ .., v, both] = x.shape() else {
                 return Err(shapes.error("at least two axes expected"));
             };
@@ -38,13 +37,8 @@ impl<F: Real> Var<'_, F> {
             if let Some(bias) = &bias_value {
                 shapes.axes("bias", bias.shape(), ["O"])?;
             }
-            Ok(Sizes { batch, v: *v, o: both / 2 })
-        };
-        let sizes = match check() {
-            Ok(sizes) => sizes,
-            Err(error) => error.panic(),
-        };
-        let o = sizes.o;
+            Ok([batch, *v, both / 2])
+        });
         let mut shape = x.shape().to_vec();
         if let Some(last) = shape.last_mut() {
             *last = o;
@@ -62,50 +56,28 @@ impl<F: Real> Var<'_, F> {
                 y.iter_mut().zip(bias).for_each(|(y, &b)| *y += b);
             }
         }
-        csr_add_rows(Isa::best(), graph.view(), sizes.v, sizes.batch, o, &sent, out, activation);
+        csr_add_rows(Isa::best(), graph.view(), v, batch, o, &sent, out, activation);
         let mut inputs = vec![self];
         inputs.extend(bias);
-        let op = GraphSum { sizes, transpose: graph.transposed(), activation };
-        tape.record(&inputs, y, op)
-    }
-}
-
-#[derive(Clone, Copy)]
-struct Sizes {
-    batch: usize,
-    v: usize,
-    o: usize,
-}
-
-struct GraphSum<F: Real> {
-    sizes: Sizes,
-    transpose: SparseMatrix<F>,
-    activation: Activation,
-}
-
-impl<F: Real> Op<F> for GraphSum<F> {
-    fn name(&self) -> &'static str {
-        "graph_sum"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let Sizes { batch, v, o } = self.sizes;
-        let whole = before_activation(cx, self.activation);
-        let g = whole.as_slice();
-        if cx.needs(0) {
-            let mut sent: PoolVec<F> = cx.scratch(g.len());
-            csr_times_rows(Isa::best(), self.transpose.view(), v, batch, o, g, &mut sent);
-            cx.give_with(0, |gx| {
-                let rows = gx.chunks_exact_mut((2 * o).max(1));
-                let parts = g.chunks_exact(o.max(1)).zip(sent.chunks_exact(o.max(1)));
-                for (row, (own, sent)) in rows.zip(parts) {
-                    row[..o].copy_from_slice(own);
-                    row[o..].copy_from_slice(sent);
-                }
-            });
-        }
-        give_bias(cx, 1, g);
-        cx.recycle(whole);
+        let transpose = graph.transposed();
+        tape.record_fn("graph_sum", &inputs, y, move |cx: &mut Backward<'_, F>| {
+            let whole = before_activation(cx, activation);
+            let g = whole.as_slice();
+            if cx.needs(0) {
+                let mut sent: PoolVec<F> = cx.scratch(g.len());
+                csr_times_rows(Isa::best(), transpose.view(), v, batch, o, g, &mut sent);
+                cx.give_with(0, |gx| {
+                    let rows = gx.chunks_exact_mut((2 * o).max(1));
+                    let parts = g.chunks_exact(o.max(1)).zip(sent.chunks_exact(o.max(1)));
+                    for (row, (own, sent)) in rows.zip(parts) {
+                        row[..o].copy_from_slice(own);
+                        row[o..].copy_from_slice(sent);
+                    }
+                });
+            }
+            give_bias(cx, 1, g);
+            cx.recycle(whole);
+        })
     }
 }
 

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::kernels::rows;
-use crate::{Backward, Op, Real, ShapeError, Tape, Var};
+use crate::{Backward, Real, Tape, Var};
 
 impl<F: Real> Var<'_, F> {
     /// The same elements in row-major order under another shape. Nothing is copied.
@@ -14,11 +14,8 @@ impl<F: Real> Var<'_, F> {
     pub fn reshape(self, shape: &[usize]) -> Self {
         let x = self.value();
         if x.len() != shape.iter().product::<usize>() {
-            ShapeError::new("reshape", "the number of elements differs")
-                .operand("input", x.shape(), "")
-                .operand("wanted", shape, "")
-                .at(self.tape.path())
-                .panic();
+            let operands = [("input", x.shape(), ""), ("wanted", shape, "")];
+            self.tape.refuse("reshape", "the number of elements differs", &operands);
         }
         let y = x.into_shape(shape);
         self.tape.record_fn("reshape", &[self], y, |cx: &mut Backward<'_, F>| {
@@ -32,10 +29,8 @@ impl<F: Real> Var<'_, F> {
     pub fn insert_axis(self, axis: usize) -> Self {
         let mut shape = self.shape();
         if axis > shape.len() {
-            ShapeError::new("insert_axis", format!("there is no place {axis}"))
-                .operand("input", &shape, "")
-                .at(self.tape.path())
-                .panic();
+            let message = format!("there is no place {axis}");
+            self.tape.refuse("insert_axis", message, &[("input", &shape, "")]);
         }
         shape.insert(axis, 1);
         self.reshape(&shape)
@@ -51,10 +46,8 @@ impl<F: Real> Var<'_, F> {
         let mut named = order.to_vec();
         named.sort_unstable();
         if !named.iter().copied().eq(0..x.ndim()) {
-            ShapeError::new("permute", format!("{order:?} does not name each axis once"))
-                .operand("input", x.shape(), "")
-                .at(self.tape.path())
-                .panic();
+            let message = format!("{order:?} does not name each axis once");
+            self.tape.refuse("permute", message, &[("input", x.shape(), "")]);
         }
         let shape: Vec<usize> = order.iter().map(|&axis| x.shape()[axis]).collect();
         let mut y = self.tape.array(&shape);
@@ -78,10 +71,8 @@ impl<F: Real> Var<'_, F> {
         let x = self.value();
         let shape = x.shape();
         if axis >= shape.len() || range.start > range.end || range.end > shape[axis] {
-            ShapeError::new("slice_axis", format!("{range:?} is not within axis {axis}"))
-                .operand("input", shape, "")
-                .at(self.tape.path())
-                .panic();
+            let message = format!("{range:?} is not within axis {axis}");
+            self.tape.refuse("slice_axis", message, &[("input", shape, "")]);
         }
         let inner: usize = shape[axis + 1..].iter().product();
         let (full, offset, part) = (shape[axis] * inner, range.start * inner, range.len() * inner);
@@ -95,7 +86,17 @@ impl<F: Real> Var<'_, F> {
                 y.copy_from_slice(&x[offset..offset + part]);
             }
         }
-        self.tape.record(&[self], y, SliceAxis { full, offset, part })
+        self.tape.record_fn("slice_axis", &[self], y, move |cx: &mut Backward<'_, F>| {
+            if part == 0 {
+                return;
+            }
+            let g = cx.grad_out();
+            let target = cx.grad_slice_mut(0).chunks_exact_mut(full);
+            for (g, target) in g.as_slice().chunks_exact(part).zip(target) {
+                let target = &mut target[offset..offset + part];
+                target.iter_mut().zip(g).for_each(|(t, &g)| *t += g);
+            }
+        })
     }
 
     /// Element `index` along `axis`, which disappears.
@@ -111,31 +112,6 @@ impl<F: Real> Var<'_, F> {
     }
 }
 
-struct SliceAxis {
-    full: usize,
-    offset: usize,
-    part: usize,
-}
-
-impl<F: Real> Op<F> for SliceAxis {
-    fn name(&self) -> &'static str {
-        "slice_axis"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        if self.part == 0 {
-            return;
-        }
-        let g = cx.grad_out();
-        let parts = g.as_slice().chunks_exact(self.part);
-        let target = cx.grad_slice_mut(0).chunks_exact_mut(self.full);
-        for (g, target) in parts.zip(target) {
-            let target = &mut target[self.offset..self.offset + self.part];
-            target.iter_mut().zip(g).for_each(|(t, &g)| *t += g);
-        }
-    }
-}
-
 impl<F: Real> Tape<F> {
     /// Values one after the other along `axis`: `[.., n, ..], [.., m, ..] -> [.., n + m, ..]`.
     ///
@@ -144,19 +120,12 @@ impl<F: Real> Tape<F> {
     #[track_caller]
     pub fn concat<'t>(&'t self, parts: &[Var<'t, F>], axis: usize) -> Var<'t, F> {
         let values: Vec<_> = parts.iter().map(|part| part.value()).collect();
-        let refuse = |message: &str, other: Option<&[usize]>| {
-            let mut error = ShapeError::new("concat", message);
-            if let Some(first) = values.first() {
-                error = error.operand("first", first.shape(), "");
-            }
-            if let Some(other) = other {
-                error = error.operand("other", other, "");
-            }
-            error.at(self.path()).panic()
+        let Some(first) = values.first() else {
+            self.refuse("concat", "at least one value expected", &[])
         };
-        let Some(first) = values.first() else { refuse("at least one value expected", None) };
+        let first_operand = ("first", first.shape(), "");
         if axis >= first.ndim() {
-            refuse(&format!("there is no axis {axis}"), None);
+            self.refuse("concat", format!("there is no axis {axis}"), &[first_operand]);
         }
         let mut shape = first.shape().to_vec();
         shape[axis] = 0;
@@ -165,7 +134,8 @@ impl<F: Real> Tape<F> {
             if value.ndim() != shape.len()
                 || !first.shape().iter().zip(value.shape()).enumerate().all(alike)
             {
-                refuse(&format!("only axis {axis} may differ"), Some(value.shape()));
+                let operands = [first_operand, ("other", value.shape(), "")];
+                self.refuse("concat", format!("only axis {axis} may differ"), &operands);
             }
             shape[axis] += value.shape()[axis];
         }
@@ -184,7 +154,21 @@ impl<F: Real> Tape<F> {
             }
             offset += width;
         }
-        self.record(parts, y, Concat { full, widths })
+        self.record_fn("concat", parts, y, move |cx: &mut Backward<'_, F>| {
+            let g = cx.grad_out();
+            let mut offset = 0;
+            for (i, &width) in widths.iter().enumerate() {
+                if width > 0 {
+                    cx.give_with(i, |part| {
+                        let rows = g.as_slice().chunks_exact(full);
+                        for (t, g) in part.chunks_exact_mut(width).zip(rows) {
+                            t.copy_from_slice(&g[offset..offset + width]);
+                        }
+                    });
+                }
+                offset += width;
+            }
+        })
     }
 
     /// Values of one shape along a new axis: `k × [.., ..] -> [.., k, ..]`.
@@ -195,33 +179,6 @@ impl<F: Real> Tape<F> {
     pub fn stack<'t>(&'t self, parts: &[Var<'t, F>], axis: usize) -> Var<'t, F> {
         let parts: Vec<_> = parts.iter().map(|part| part.insert_axis(axis)).collect();
         self.concat(&parts, axis)
-    }
-}
-
-struct Concat {
-    full: usize,
-    widths: Vec<usize>,
-}
-
-impl<F: Real> Op<F> for Concat {
-    fn name(&self) -> &'static str {
-        "concat"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let g = cx.grad_out();
-        let g = g.as_slice();
-        let mut offset = 0;
-        for (i, &width) in self.widths.iter().enumerate() {
-            if width > 0 {
-                cx.give_with(i, |part| {
-                    for (t, g) in part.chunks_exact_mut(width).zip(g.chunks_exact(self.full)) {
-                        t.copy_from_slice(&g[offset..offset + width]);
-                    }
-                });
-            }
-            offset += width;
-        }
     }
 }
 

@@ -4,7 +4,7 @@ use crate::kernels::activation::Activation;
 use crate::kernels::columns::column_sums;
 use crate::kernels::elementwise;
 use crate::kernels::gemm::{Matrix, gemm, gemm_then};
-use crate::{Backward, Op, Real, ShapeError, Shapes, Tensor, Var};
+use crate::{Backward, Real, Tensor, Var};
 
 impl<F: Real> Var<'_, F> {
     /// `activation(x Wᵀ + b)`: `x [.., D]`, `weight [O, D]` (PyTorch's layout), `bias [O]` to
@@ -17,8 +17,7 @@ impl<F: Real> Var<'_, F> {
     #[track_caller]
     pub fn linear(self, weight: Self, bias: Option<Self>, activation: Activation) -> Self {
         let (x, w, b) = (self.value(), weight.value(), bias.map(Self::value));
-        let mut shapes = Shapes::of("linear").at(self.tape.path());
-        let check = |shapes: &mut Shapes| -> Result<[usize; 3], ShapeError> {
+        let [rows, d, o] = self.tape.check("linear", |shapes| {
             let Some((&d, leading)) = x.shape().split_last() else {
                 return Err(shapes.error("the input has no axis"));
             };
@@ -29,11 +28,7 @@ impl<F: Real> Var<'_, F> {
                 shapes.axes("bias", b.shape(), ["O"])?;
             }
             Ok([rows, d, o])
-        };
-        let [rows, d, o] = match check(&mut shapes) {
-            Ok(sizes) => sizes,
-            Err(error) => error.panic(),
-        };
+        });
         let mut shape = x.shape().to_vec();
         if let Some(last) = shape.last_mut() {
             *last = o;
@@ -49,11 +44,18 @@ impl<F: Real> Var<'_, F> {
             y.as_slice_mut(),
             |row, column| finish(row, bias_slice.map(|b| &b[column..]), activation),
         );
-        let op = Linear { rows, d, o, activation };
-        match bias {
-            Some(bias) => self.tape.record(&[self, weight, bias], y, op),
-            None => self.tape.record(&[self, weight], y, op),
-        }
+        let mut inputs = vec![self, weight];
+        inputs.extend(bias);
+        self.tape.record_fn("linear", &inputs, y, move |cx: &mut Backward<'_, F>| {
+            let g = before_activation(cx, activation);
+            let grad = g.as_slice();
+            let (x, w, one, zero) = (cx.input(0), cx.input(1), F::one(), F::zero());
+            let (x, w) = (Matrix::rows(x.as_slice(), d), Matrix::rows(w.as_slice(), d));
+            cx.give_with(0, |gx| gemm([rows, o, d], one, Matrix::rows(grad, o), w, zero, gx));
+            cx.give_with(1, |gw| gemm([o, rows, d], one, Matrix::transposed(grad, o), x, zero, gw));
+            give_bias(cx, 2, grad);
+            cx.recycle(g);
+        })
     }
 }
 
@@ -99,31 +101,6 @@ pub(crate) fn before_activation<F: Real>(
 pub(crate) fn give_bias<F: Real>(cx: &mut Backward<'_, F>, i: usize, g: &[F]) {
     if i < cx.input_count() {
         cx.give_with(i, |gb| column_sums(g, gb));
-    }
-}
-
-struct Linear {
-    rows: usize,
-    d: usize,
-    o: usize,
-    activation: Activation,
-}
-
-impl<F: Real> Op<F> for Linear {
-    fn name(&self) -> &'static str {
-        "linear"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let Self { rows, d, o, activation } = *self;
-        let g = before_activation(cx, activation);
-        let grad = g.as_slice();
-        let (x, w, one, zero) = (cx.input(0), cx.input(1), F::one(), F::zero());
-        let (x, w) = (Matrix::rows(x.as_slice(), d), Matrix::rows(w.as_slice(), d));
-        cx.give_with(0, |gx| gemm([rows, o, d], one, Matrix::rows(grad, o), w, zero, gx));
-        cx.give_with(1, |gw| gemm([o, rows, d], one, Matrix::transposed(grad, o), x, zero, gw));
-        give_bias(cx, 2, grad);
-        cx.recycle(g);
     }
 }
 

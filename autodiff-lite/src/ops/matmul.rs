@@ -2,7 +2,7 @@
 
 use crate::kernels::blocks::{SERIAL_BELOW, for_each_part};
 use crate::kernels::gemm::{Matrix, gemm};
-use crate::{Backward, Op, Real, ShapeError, Var};
+use crate::{Backward, Real, Var};
 
 impl<F: Real> Var<'_, F> {
     /// `A B`: `[.., M, K] x [.., K, N] -> [.., M, N]`.
@@ -25,11 +25,12 @@ impl<F: Real> Var<'_, F> {
         let (a, b) = (self.value(), other.value());
         let plan = match Product::new(a.shape(), b.shape(), transposed) {
             Ok(plan) => plan,
-            Err(message) => ShapeError::new("matmul", message)
-                .operand("left", a.shape(), if transposed[0] { ".., K, M" } else { ".., M, K" })
-                .operand("right", b.shape(), if transposed[1] { ".., N, K" } else { ".., K, N" })
-                .at(self.tape.path())
-                .panic(),
+            Err(message) => {
+                let left = if transposed[0] { ".., K, M" } else { ".., M, K" };
+                let right = if transposed[1] { ".., N, K" } else { ".., K, N" };
+                let operands = [("left", a.shape(), left), ("right", b.shape(), right)];
+                self.tape.refuse("matmul", message, &operands)
+            }
         };
         let mut shape = a.shape()[..a.ndim() - 2].to_vec();
         shape.extend([
@@ -38,7 +39,11 @@ impl<F: Real> Var<'_, F> {
         ]);
         let mut y = self.tape.array(&shape);
         plan.forward(a.as_slice(), b.as_slice(), y.as_slice_mut());
-        self.tape.record(&[self, other], y, plan)
+        self.tape.record_fn("matmul", &[self, other], y, move |cx: &mut Backward<'_, F>| {
+            let (a, b, g) = (cx.input(0), cx.input(1), cx.grad_out());
+            cx.give_with(0, |ga| plan.grad_left(b.as_slice(), g.as_slice(), ga));
+            cx.give_with(1, |gb| plan.grad_right(a.as_slice(), g.as_slice(), gb));
+        })
     }
 }
 
@@ -138,19 +143,6 @@ impl Product {
 
 fn flip<F: Copy>(matrix: Matrix<'_, F>) -> Matrix<'_, F> {
     Matrix { steps: [matrix.steps[1], matrix.steps[0]], ..matrix }
-}
-
-impl<F: Real> Op<F> for Product {
-    fn name(&self) -> &'static str {
-        "matmul"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let (a, b, g) = (cx.input(0), cx.input(1), cx.grad_out());
-        let g = g.as_slice();
-        cx.give_with(0, |ga| self.grad_left(b.as_slice(), g, ga));
-        cx.give_with(1, |gb| self.grad_right(a.as_slice(), g, gb));
-    }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use crate::kernels::activation::Activation;
 use crate::kernels::norm::{self, NormSizes, Statistics};
-use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, Tensor, Var};
+use crate::{Backward, PoolVec, Real, Tensor, Var};
 
 use super::linear::before_activation;
 
@@ -48,7 +48,14 @@ impl<F: Real> Var<'_, F> {
             y.as_slice_mut(),
             &mut stats,
         );
-        self.tape.record(&[self, weight, bias], y, LayerNorm { stats, activation })
+        let rule = move |cx: &mut Backward<'_, F>| {
+            let (x, w) = (cx.input(0), cx.input(1));
+            let g = before_activation(cx, activation);
+            give_all(cx, g, |g, grads| {
+                norm::layer_norm_grad(x.as_slice(), &stats, w.as_slice(), g, grads);
+            });
+        };
+        self.tape.record_fn("layer_norm", &[self, weight, bias], y, rule)
     }
 
     /// Group norm: `x [N, .., C]`, statistics per element of the batch and group of neighbouring
@@ -72,10 +79,8 @@ impl<F: Real> Var<'_, F> {
         let shape = self.shape();
         let channels = w.len();
         if groups == 0 || !channels.is_multiple_of(groups) || shape.len() < 2 {
-            ShapeError::new("group_norm", format!("{groups} groups do not divide the channels"))
-                .operand("input", &shape, "N, .., C")
-                .at(self.tape.path())
-                .panic();
+            let message = format!("{groups} groups do not divide the channels");
+            self.tape.refuse("group_norm", message, &[("input", &shape, "N, .., C")]);
         }
         let rows = shape[1..shape.len() - 1].iter().product();
         let sizes = NormSizes { sets: shape[0], rows, channels, groups };
@@ -112,15 +117,9 @@ impl<F: Real> Var<'_, F> {
     }
 
     #[track_caller]
-    fn norm_operands(
-        self,
-        op: &'static str,
-        weight: Self,
-        bias: Self,
-    ) -> (crate::Tensor<F>, crate::Tensor<F>) {
+    fn norm_operands(self, op: &'static str, weight: Self, bias: Self) -> (Tensor<F>, Tensor<F>) {
         let (x, w, b) = (self.value(), weight.value(), bias.value());
-        let mut shapes = Shapes::of(op).at(self.tape.path());
-        let mut check = || {
+        self.tape.check(op, |shapes| {
             let Some((&c, leading)) = x.shape().split_last() else {
                 return Err(shapes.error("the input has no axis"));
             };
@@ -128,10 +127,7 @@ impl<F: Real> Var<'_, F> {
             shapes.axes("weight", w.shape(), ["C"])?;
             shapes.axes("bias", b.shape(), ["C"])?;
             Ok(())
-        };
-        if let Err(error) = check() {
-            error.panic();
-        }
+        });
         (w, b)
     }
 
@@ -164,8 +160,18 @@ impl<F: Real> Var<'_, F> {
             activation,
             y.as_slice_mut(),
         );
-        let op = Norm { name, sizes, mean: kept, inverse, activation };
-        (self.tape.record(&[self, weight, bias], y, op), mean, variance)
+        let rule = move |cx: &mut Backward<'_, F>| {
+            let [x, w, b] = [0, 1, 2].map(|i| cx.input(i));
+            // A ReLU is undone on the way, without a pass of its own over all that memory.
+            let relu = activation == Activation::Relu;
+            let g = if relu { cx.take_grad_out() } else { before_activation(cx, activation) };
+            let statistics = Statistics { mean: &kept, inverse: &inverse };
+            give_all(cx, g, |g, grads| {
+                let [x, w, b] = [&x, &w, &b].map(Tensor::as_slice);
+                norm::normalize_grad(sizes, x, &statistics, [w, b], relu, g, grads);
+            });
+        };
+        (self.tape.record_fn(name, &[self, weight, bias], y, rule), mean, variance)
     }
 }
 
@@ -180,53 +186,6 @@ fn give_all<F: Real>(
     cx.give(0, g);
     cx.give(1, gw);
     cx.give(2, gb);
-}
-
-struct LayerNorm<F: Real> {
-    stats: PoolVec<F>,
-    activation: Activation,
-}
-
-impl<F: Real> Op<F> for LayerNorm<F> {
-    fn name(&self) -> &'static str {
-        "layer_norm"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let (x, w) = (cx.input(0), cx.input(1));
-        let g = before_activation(cx, self.activation);
-        give_all(cx, g, |g, grads| {
-            let (x, w) = (x.as_slice(), w.as_slice());
-            norm::layer_norm_grad(x, &self.stats, w, g, grads);
-        });
-    }
-}
-
-struct Norm<F: Real> {
-    name: &'static str,
-    sizes: NormSizes,
-    mean: PoolVec<F>,
-    inverse: PoolVec<F>,
-    activation: Activation,
-}
-
-impl<F: Real> Op<F> for Norm<F> {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let (x, w) = (cx.input(0), cx.input(1));
-        let b = cx.input(2);
-        // A ReLU is undone on the way, without a pass of its own over all that memory.
-        let relu = self.activation == Activation::Relu;
-        let g = if relu { cx.take_grad_out() } else { before_activation(cx, self.activation) };
-        let statistics = Statistics { mean: &self.mean, inverse: &self.inverse };
-        give_all(cx, g, |g, grads| {
-            let [x, w, b] = [&x, &w, &b].map(Tensor::as_slice);
-            norm::normalize_grad(self.sizes, x, &statistics, [w, b], relu, g, grads);
-        });
-    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 
 use crate::kernels::broadcast::Broadcast;
 use crate::kernels::elementwise;
-use crate::{Backward, Op, Real, ShapeError, Tape, Tensor, Var, broadcast_shape};
+use crate::{Backward, Real, Tape, Tensor, Var, broadcast_shape};
 
 macro_rules! pairwise {
     ($($(#[$doc:meta])* $name:ident: |$a:ident, $b:ident| $f:expr, |$da:pat_param, $db:pat_param, $dy:pat_param| $df:expr;)*) => {
@@ -70,47 +70,30 @@ impl<F: Real> Var<'_, F> {
     ) -> Self {
         let (a, b) = (self.value(), other.value());
         let Some(shape) = broadcast_shape(a.shape(), b.shape()) else {
-            ShapeError::new(name, "the shapes do not broadcast")
-                .operand("left", a.shape(), "")
-                .operand("right", b.shape(), "")
-                .at(self.tape.path())
-                .panic();
+            let operands = [("left", a.shape(), ""), ("right", b.shape(), "")];
+            self.tape.refuse(name, "the shapes do not broadcast", &operands)
         };
         let plan = Broadcast::new(a.shape(), b.shape());
         let mut y = self.tape.array(&shape);
         plan.zip(a.as_slice(), b.as_slice(), y.as_slice_mut(), f);
-        self.tape.record(&[self, other], y, Zip { name, plan, df })
-    }
-}
-
-struct Zip<D> {
-    name: &'static str,
-    plan: Broadcast,
-    df: D,
-}
-
-impl<F: Real, D: Fn(F, F, F) -> (F, F) + Sync + Send + 'static> Op<F> for Zip<D> {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let (a, b, y, g) = (cx.input(0), cx.input(1), cx.output(), cx.grad_out());
-        let operands = [&g, &a, &b, &y].map(Tensor::as_slice);
-        let pull_a = |g: F, a: F, b: F, y: F| g * (self.df)(a, b, y).0;
-        let pull_b = |g: F, a: F, b: F, y: F| g * (self.df)(a, b, y).1;
-        // Without repetition a gradient is written once and moved; else it is summed into place.
-        let plain = self.plan.is_plain();
-        if plain {
-            cx.give_with(0, |ga| elementwise::pull(operands, ga, pull_a));
-        } else if cx.needs(0) {
-            self.plan.accumulate(0, operands, cx.grad_slice_mut(0), pull_a);
-        }
-        if plain {
-            cx.give_with(1, |gb| elementwise::pull(operands, gb, pull_b));
-        } else if cx.needs(1) {
-            self.plan.accumulate(1, operands, cx.grad_slice_mut(1), pull_b);
-        }
+        self.tape.record_fn(name, &[self, other], y, move |cx: &mut Backward<'_, F>| {
+            let (a, b, y, g) = (cx.input(0), cx.input(1), cx.output(), cx.grad_out());
+            let operands = [&g, &a, &b, &y].map(Tensor::as_slice);
+            let pull_a = |g: F, a: F, b: F, y: F| g * df(a, b, y).0;
+            let pull_b = |g: F, a: F, b: F, y: F| g * df(a, b, y).1;
+            // Without repetition a gradient is written once and moved; else it is summed into place.
+            if plan.is_plain() {
+                cx.give_with(0, |ga| elementwise::pull(operands, ga, pull_a));
+                cx.give_with(1, |gb| elementwise::pull(operands, gb, pull_b));
+                return;
+            }
+            if cx.needs(0) {
+                plan.accumulate(0, operands, cx.grad_slice_mut(0), pull_a);
+            }
+            if cx.needs(1) {
+                plan.accumulate(1, operands, cx.grad_slice_mut(1), pull_b);
+            }
+        })
     }
 }
 
@@ -123,47 +106,29 @@ impl<F: Real> Tape<F> {
     pub fn lincomb<'t>(&'t self, terms: &[(F, Var<'t, F>)]) -> Var<'t, F> {
         let values: Vec<_> = terms.iter().map(|(_, x)| x.value()).collect();
         let Some(first) = values.first() else {
-            ShapeError::new("lincomb", "at least one term expected").at(self.path()).panic()
+            self.refuse("lincomb", "at least one term expected", &[])
         };
         if let Some(other) = values.iter().find(|value| value.shape() != first.shape()) {
-            ShapeError::new("lincomb", "all terms need one shape")
-                .operand("first", first.shape(), "")
-                .operand("other", other.shape(), "")
-                .at(self.path())
-                .panic();
+            let operands = [("first", first.shape(), ""), ("other", other.shape(), "")];
+            self.refuse("lincomb", "all terms need one shape", &operands);
         }
         let mut y = self.array(first.shape());
         let slices: Vec<(F, &[F])> =
             terms.iter().zip(&values).map(|(&(c, _), x)| (c, x.as_slice())).collect();
         elementwise::lincomb(&slices, y.as_slice_mut());
         let inputs: Vec<_> = terms.iter().map(|&(_, x)| x).collect();
-        let factors = terms.iter().map(|&(c, _)| c).collect();
-        self.record(&inputs, y, Lincomb { factors })
-    }
-}
-
-struct Lincomb<F> {
-    factors: Vec<F>,
-}
-
-impl<F: Real> Op<F> for Lincomb<F> {
-    fn name(&self) -> &'static str {
-        "lincomb"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let g = cx.grad_out();
-        let g = g.as_slice();
-        for (i, &c) in self.factors.iter().enumerate() {
-            if !cx.needs(i) {
-                continue;
+        let factors: Vec<F> = terms.iter().map(|&(c, _)| c).collect();
+        self.record_fn("lincomb", &inputs, y, move |cx: &mut Backward<'_, F>| {
+            let g = cx.grad_out();
+            let g = g.as_slice();
+            for (i, &c) in factors.iter().enumerate() {
+                if cx.is_first(i) {
+                    cx.give_with(i, |gx| elementwise::map(g, gx, |g| c * g));
+                } else if cx.needs(i) {
+                    elementwise::update(cx.grad_slice_mut(i), g, g, |x, g, _| x + c * g);
+                }
             }
-            if cx.is_first(i) {
-                cx.give_with(i, |gx| elementwise::map(g, gx, |g| c * g));
-            } else {
-                elementwise::update(cx.grad_slice_mut(i), g, g, |x, g, _| x + c * g);
-            }
-        }
+        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! Max, mean and adaptive mean pooling.
 
 use crate::kernels::pooling::{self, PoolGeometry, Windows};
-use crate::{Backward, Real, ShapeError, Shapes, Var};
+use crate::{Backward, Real, Var};
 
 impl<F: Real> Var<'_, F> {
     /// The largest pixel of each window: `[N, H, W, C]` to `[N, H', W', C]` with
@@ -66,15 +66,10 @@ impl<F: Real> Var<'_, F> {
         windows: impl FnOnce([usize; 4]) -> Option<Windows>,
     ) -> Windows {
         let shape = self.shape();
-        let mut shapes = Shapes::of(op).at(self.tape.path());
-        let found: Result<Windows, ShapeError> =
-            shapes.axes("input", &shape, ["N", "H", "W", "C"]).and_then(|x| {
-                windows(x).ok_or_else(|| shapes.error("the windows do not fit the input"))
-            });
-        match found {
-            Ok(windows) => windows,
-            Err(error) => error.panic(),
-        }
+        self.tape.check(op, |shapes| {
+            let x = shapes.axes("input", &shape, ["N", "H", "W", "C"])?;
+            windows(x).ok_or_else(|| shapes.error("the windows do not fit the input"))
+        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! Points through cameras.
 
 use crate::kernels::project::{self, Projection};
-use crate::{Backward, Op, Real, ShapeError, Shapes, Tensor, Var};
+use crate::{Backward, Real, Tensor, Var};
 
 impl<F: Real> Var<'_, F> {
     /// Perspective projection: points `[N, V, 3]` (or `[1, V, 3]` or `[V, 3]`, shared by all
@@ -34,8 +34,7 @@ impl<F: Real> Var<'_, F> {
     #[track_caller]
     fn project_by(self, matrices: Self, projection: Projection) -> Self {
         let (points, m) = (self.value(), matrices.value());
-        let mut shapes = Shapes::of("project").at(self.tape.path());
-        let mut check = || -> Result<[usize; 2], ShapeError> {
+        let [n, v] = self.tape.check("project", |shapes| {
             let [n, rows, columns] = shapes.axes("matrices", m.shape(), ["N", "_", "_"])?;
             if [rows, columns] != [3, 4] {
                 return Err(shapes.error("matrices of 3 rows and 4 columns expected"));
@@ -54,38 +53,19 @@ impl<F: Real> Var<'_, F> {
                 return Err(shapes.error("points of 3 coordinates expected"));
             }
             Ok([n, v])
-        };
-        let [n, v] = match check() {
-            Ok(sizes) => sizes,
-            Err(error) => error.panic(),
-        };
+        });
         let mut y = self.tape.array(&[n, v, 3]);
         project::project(projection, [n, v], points.as_slice(), m.as_slice(), y.as_slice_mut());
-        self.tape.record(&[self, matrices], y, Project { projection, n, v })
-    }
-}
-
-struct Project {
-    projection: Projection,
-    n: usize,
-    v: usize,
-}
-
-impl<F: Real> Op<F> for Project {
-    fn name(&self) -> &'static str {
-        "project"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let (points, m, g) = (cx.input(0), cx.input(1), cx.grad_out());
-        let [points, m, g] = [&points, &m, &g].map(Tensor::as_slice);
-        let sizes = [self.n, self.v];
-        if cx.needs(0) {
-            project::grad_points(self.projection, sizes, points, m, g, cx.grad_slice_mut(0));
-        }
-        if cx.needs(1) {
-            project::grad_matrices(self.projection, sizes, points, m, g, cx.grad_slice_mut(1));
-        }
+        self.tape.record_fn("project", &[self, matrices], y, move |cx: &mut Backward<'_, F>| {
+            let (points, m, g) = (cx.input(0), cx.input(1), cx.grad_out());
+            let [points, m, g] = [&points, &m, &g].map(Tensor::as_slice);
+            if cx.needs(0) {
+                project::grad_points(projection, [n, v], points, m, g, cx.grad_slice_mut(0));
+            }
+            if cx.needs(1) {
+                project::grad_matrices(projection, [n, v], points, m, g, cx.grad_slice_mut(1));
+            }
+        })
     }
 }
 

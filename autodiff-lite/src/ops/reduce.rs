@@ -1,7 +1,7 @@
 //! Sums, means and maxima, over everything or along one axis.
 
 use crate::kernels::{elementwise, reduce};
-use crate::{Backward, Op, PoolVec, Real, ShapeError, Var};
+use crate::{Backward, Real, Var};
 
 impl<F: Real> Var<'_, F> {
     /// The sum of all elements, a scalar `[]`.
@@ -18,10 +18,7 @@ impl<F: Real> Var<'_, F> {
     pub fn mean(self) -> Self {
         let count = self.len();
         if count == 0 {
-            ShapeError::new("mean", "the mean of nothing")
-                .operand("input", &self.shape(), "")
-                .at(self.tape.path())
-                .panic();
+            self.tape.refuse("mean", "the mean of nothing", &[("input", &self.shape(), "")]);
         }
         self.total("mean", F::from_f64(1.0 / count as f64))
     }
@@ -92,7 +89,14 @@ impl<F: Real> Var<'_, F> {
         let mut y = self.tape.array(&shape);
         let mut argument = self.tape.indices(y.len());
         reduce::max_axis(dims, x.as_slice(), y.as_slice_mut(), &mut argument);
-        self.tape.record(&[self], y, MaxAxis { dims, argument })
+        self.tape.record_fn("max_axis", &[self], y, move |cx: &mut Backward<'_, F>| {
+            let [_, n, inner] = dims;
+            let g = cx.grad_out();
+            let target = cx.grad_slice_mut(0);
+            for (k, (&g, &best)) in g.iter().zip(argument.iter()).enumerate() {
+                target[((k / inner) * n + best as usize) * inner + k % inner] += g;
+            }
+        })
     }
 
     /// The largest of all elements, a scalar `[]`; the gradient goes to the first of equal ones.
@@ -114,7 +118,7 @@ impl<F: Real> Var<'_, F> {
     ) -> (Vec<usize>, [usize; 3]) {
         let mut shape = self.shape();
         let refuse = |shape: &[usize], message: String| {
-            ShapeError::new(op, message).operand("input", shape, "").at(self.tape.path()).panic()
+            self.tape.refuse(op, message, &[("input", shape, "")])
         };
         if axis >= shape.len() {
             refuse(&shape, format!("there is no axis {axis}"));
@@ -139,26 +143,6 @@ pub(crate) fn spread<F: Real>(
         cx.give_with(0, write);
     } else {
         add(cx.grad_slice_mut(0));
-    }
-}
-
-struct MaxAxis {
-    dims: [usize; 3],
-    argument: PoolVec<u32>,
-}
-
-impl<F: Real> Op<F> for MaxAxis {
-    fn name(&self) -> &'static str {
-        "max_axis"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let [_, n, inner] = self.dims;
-        let g = cx.grad_out();
-        let target = cx.grad_slice_mut(0);
-        for (k, (&g, &best)) in g.iter().zip(self.argument.iter()).enumerate() {
-            target[((k / inner) * n + best as usize) * inner + k % inner] += g;
-        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::kernels::resample::{self, resize_blends};
 use crate::kernels::sampling::{self, Padding, Sampling};
-use crate::{Backward, Op, Real, ShapeError, Shapes, Tensor, Var};
+use crate::{Backward, Real, Tensor, Var};
 
 impl<F: Real> Var<'_, F> {
     /// `[N, H, W, C]` to `[N, height, width, C]`, bilinear, without antialiasing, as PyTorch's
@@ -14,19 +14,13 @@ impl<F: Real> Var<'_, F> {
     #[track_caller]
     pub fn resize_bilinear(self, height: usize, width: usize, align_corners: bool) -> Self {
         let x = self.value();
-        let mut shapes = Shapes::of("resize_bilinear").at(self.tape.path());
-        let sizes = shapes.axes("input", x.shape(), ["N", "H", "W", "C"]).and_then(|sizes| {
-            let empty = sizes[1] * sizes[2] == 0 && height * width > 0;
-            if empty {
-                Err(shapes.error("an empty image has no pixels to blend"))
-            } else {
-                Ok(sizes)
+        let sizes = self.tape.check("resize_bilinear", |shapes| {
+            let sizes = shapes.axes("input", x.shape(), ["N", "H", "W", "C"])?;
+            if sizes[1] * sizes[2] == 0 && height * width > 0 {
+                return Err(shapes.error("an empty image has no pixels to blend"));
             }
+            Ok(sizes)
         });
-        let sizes = match sizes {
-            Ok(sizes) => sizes,
-            Err(error) => error.panic(),
-        };
         let rows = resize_blends::<F>(sizes[1], height, align_corners);
         let columns = resize_blends::<F>(sizes[2], width, align_corners);
         let mut y = self.tape.array(&[sizes[0], height, width, sizes[3]]);
@@ -50,26 +44,29 @@ impl<F: Real> Var<'_, F> {
     #[track_caller]
     pub fn bilinear_sample(self, points: Self, padding: Padding, align_corners: bool) -> Self {
         let (x, p) = (self.value(), points.value());
-        let mut shapes = Shapes::of("bilinear_sample").at(self.tape.path());
-        let mut check = || -> Result<Sampling, ShapeError> {
+        let sampling = self.tape.check("bilinear_sample", |shapes| {
             let image = shapes.axes("input", x.shape(), ["N", "H", "W", "C"])?;
             let [_, count, two] = shapes.axes("points", p.shape(), ["N", "P", "_"])?;
             if two != 2 {
                 return Err(shapes.error("points of 2 coordinates expected"));
             }
             Ok(Sampling { image, points: count, padding, align_corners })
-        };
-        let sampling = match check() {
-            Ok(sampling) => sampling,
-            Err(error) => error.panic(),
-        };
+        });
         let mut y = self.tape.array(&[sampling.image[0], sampling.points, sampling.image[3]]);
         sampling::sample(&sampling, x.as_slice(), p.as_slice(), y.as_slice_mut());
-        self.tape.record(&[self, points], y, BilinearSample(sampling))
+        let inputs = [self, points];
+        self.tape.record_fn("bilinear_sample", &inputs, y, move |cx: &mut Backward<'_, F>| {
+            let (x, p, g) = (cx.input(0), cx.input(1), cx.grad_out());
+            let [x, p, g] = [&x, &p, &g].map(Tensor::as_slice);
+            if cx.needs(0) {
+                sampling::sample_grad_image(&sampling, p, g, cx.grad_slice_mut(0));
+            }
+            if cx.needs(1) {
+                sampling::sample_grad_points(&sampling, x, p, g, cx.grad_slice_mut(1));
+            }
+        })
     }
-}
 
-impl<F: Real> Var<'_, F> {
     /// `self [N, P, C]` plus several images `[N, H, W, C]` of any sizes at the same `points [N, P, 2]`, each read as by
     /// [`bilinear_sample`](Self::bilinear_sample).
     ///
@@ -87,8 +84,7 @@ impl<F: Real> Var<'_, F> {
         align_corners: bool,
     ) -> Self {
         let p = points.value();
-        let mut shapes = Shapes::of("add_bilinear_samples").at(self.tape.path());
-        let mut check = || -> Result<Vec<Sampling>, ShapeError> {
+        let samplings = self.tape.check("add_bilinear_samples", |shapes| {
             let [_, count, two] = shapes.axes("points", p.shape(), ["N", "P", "_"])?;
             shapes.axes("sum", &self.shape(), ["N", "P", "C"])?;
             if two != 2 {
@@ -104,12 +100,8 @@ impl<F: Real> Var<'_, F> {
                 let image = [n, shape[1], shape[2], c];
                 Ok(Sampling { image, points: count, padding, align_corners })
             };
-            images.iter().map(sampling).collect()
-        };
-        let samplings = match check() {
-            Ok(samplings) => samplings,
-            Err(error) => error.panic(),
-        };
+            images.iter().map(sampling).collect::<Result<Vec<_>, _>>()
+        });
         let mut y = self.tape.array(&self.shape());
         let out = y.as_slice_mut();
         out.copy_from_slice(self.value().as_slice());
@@ -119,50 +111,21 @@ impl<F: Real> Var<'_, F> {
         }
         let mut inputs = vec![self, points];
         inputs.extend(images);
-        self.tape.record(&inputs, y, BilinearSamples(samplings))
-    }
-}
-
-struct BilinearSamples(Vec<Sampling>);
-
-impl<F: Real> Op<F> for BilinearSamples {
-    fn name(&self) -> &'static str {
-        "add_bilinear_samples"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let (p, whole) = (cx.input(1), cx.take_grad_out());
-        let (p, g) = (p.as_slice(), whole.as_slice());
-        for (i, sampling) in self.0.iter().enumerate() {
-            if cx.needs(2 + i) {
-                sampling::sample_grad_image(sampling, p, g, cx.grad_slice_mut(2 + i));
+        self.tape.record_fn("add_bilinear_samples", &inputs, y, move |cx: &mut Backward<'_, F>| {
+            let (p, whole) = (cx.input(1), cx.take_grad_out());
+            let (p, g) = (p.as_slice(), whole.as_slice());
+            for (i, sampling) in samplings.iter().enumerate() {
+                if cx.needs(2 + i) {
+                    sampling::sample_grad_image(sampling, p, g, cx.grad_slice_mut(2 + i));
+                }
+                if cx.needs(1) {
+                    let x = cx.input(2 + i);
+                    let x = x.as_slice();
+                    sampling::sample_grad_points(sampling, x, p, g, cx.grad_slice_mut(1));
+                }
             }
-            if cx.needs(1) {
-                let x = cx.input(2 + i);
-                let x = x.as_slice();
-                sampling::sample_grad_points(sampling, x, p, g, cx.grad_slice_mut(1));
-            }
-        }
-        cx.give(0, whole);
-    }
-}
-
-struct BilinearSample(Sampling);
-
-impl<F: Real> Op<F> for BilinearSample {
-    fn name(&self) -> &'static str {
-        "bilinear_sample"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let (x, p, g) = (cx.input(0), cx.input(1), cx.grad_out());
-        let [x, p, g] = [&x, &p, &g].map(Tensor::as_slice);
-        if cx.needs(0) {
-            sampling::sample_grad_image(&self.0, p, g, cx.grad_slice_mut(0));
-        }
-        if cx.needs(1) {
-            sampling::sample_grad_points(&self.0, x, p, g, cx.grad_slice_mut(1));
-        }
+            cx.give(0, whole);
+        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! Softmax over the last axis.
 
 use crate::kernels::softmax;
-use crate::{Backward, Real, ShapeError, Var};
+use crate::{Backward, Real, Var};
 
 impl<F: Real> Var<'_, F> {
     /// `exp(x) / Σ exp(x)` over the last axis; any finite row gives a finite result.
@@ -32,10 +32,7 @@ impl<F: Real> Var<'_, F> {
     ) -> Self {
         let x = self.value();
         let Some(&width) = x.shape().last() else {
-            ShapeError::new(name, "at least one axis expected")
-                .operand("input", x.shape(), "")
-                .at(self.tape.path())
-                .panic()
+            self.tape.refuse(name, "at least one axis expected", &[("input", x.shape(), "")])
         };
         let mut y = self.tape.array(x.shape());
         forward(x.as_slice(), width, y.as_slice_mut());

@@ -2,7 +2,7 @@
 
 use crate::kernels::isa::Isa;
 use crate::kernels::sparse::csr_times_rows;
-use crate::{Backward, Op, Real, ShapeError, SparseMatrix, Var};
+use crate::{Backward, Real, SparseMatrix, Var};
 
 impl<F: Real> Var<'_, F> {
     /// `A x` for each batch element: `A` of `K` rows and `V` columns, `x [.., V, D]` to
@@ -18,44 +18,27 @@ impl<F: Real> Var<'_, F> {
         let x = self.value();
         let mut shape = x.shape().to_vec();
         let [.., v, d] = shape[..] else {
-            ShapeError::new("sparse_matmul", "at least two axes expected")
-                .operand("input", &shape, ".., V, D")
-                .at(self.tape.path())
-                .panic()
+            let operands = [("input", &shape[..], ".., V, D")];
+            self.tape.refuse("sparse_matmul", "at least two axes expected", &operands)
         };
         if v != matrix.columns() {
-            ShapeError::new("sparse_matmul", "V differs")
-                .operand("matrix", &[matrix.rows(), matrix.columns()], "K, V")
-                .operand("input", &shape, ".., V, D")
-                .at(self.tape.path())
-                .panic();
+            let sides = [matrix.rows(), matrix.columns()];
+            let operands = [("matrix", &sides[..], "K, V"), ("input", &shape, ".., V, D")];
+            self.tape.refuse("sparse_matmul", "V differs", &operands);
         }
         let axis = shape.len() - 2;
         let batch = shape[..axis].iter().product();
         shape[axis] = matrix.rows();
         let mut y = self.tape.array(&shape);
         csr_times_rows(Isa::best(), matrix.view(), v, batch, d, x.as_slice(), y.as_slice_mut());
-        self.tape.record(&[self], y, SparseProduct { batch, d, transpose: matrix.transposed() })
-    }
-}
-
-struct SparseProduct<F: Real> {
-    batch: usize,
-    d: usize,
-    transpose: SparseMatrix<F>,
-}
-
-impl<F: Real> Op<F> for SparseProduct<F> {
-    fn name(&self) -> &'static str {
-        "sparse_matmul"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let g = cx.grad_out();
-        let (transpose, columns) = (self.transpose.view(), self.transpose.columns());
-        cx.give_with(0, |gx| {
-            csr_times_rows(Isa::best(), transpose, columns, self.batch, self.d, g.as_slice(), gx);
-        });
+        let transpose = matrix.transposed();
+        self.tape.record_fn("sparse_matmul", &[self], y, move |cx: &mut Backward<'_, F>| {
+            let (g, matrix) = (cx.grad_out(), transpose.view());
+            let rows = transpose.columns();
+            cx.give_with(0, |gx| {
+                csr_times_rows(Isa::best(), matrix, rows, batch, d, g.as_slice(), gx);
+            });
+        })
     }
 }
 

@@ -1,6 +1,6 @@
 //! Disparity, and one disparity brought onto another.
 
-use autodiff_lite::{Backward, Op, Real, Tensor, Var};
+use autodiff_lite::{Backward, Real, Tensor, Var};
 
 use super::pixels::Pixels;
 use crate::kernels::alignment::ScaleShift;
@@ -64,28 +64,15 @@ pub fn align_scale_shift<'t, F: Real>(
         }
         fits.push(fit);
     }
-    tape.record(&[prediction, target], aligned, AlignScaleShift { pixels, fits })
-}
-
-struct AlignScaleShift {
-    pixels: Pixels,
-    /// One for each image.
-    fits: Vec<ScaleShift>,
-}
-
-impl<F: Real> Op<F> for AlignScaleShift {
-    fn name(&self) -> &'static str {
-        "align_scale_shift"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
+    let inputs = [prediction, target];
+    tape.record_fn("align_scale_shift", &inputs, aligned, move |cx: &mut Backward<'_, F>| {
         if !cx.needs(0) {
             return;
         }
         let (x, y, g) = (cx.input(0), cx.input(1), cx.grad_out());
         let [x, y, g] = [&x, &y, &g].map(Tensor::as_slice);
         let out = cx.grad_slice_mut(0);
-        for (places, fit) in self.pixels.each().zip(&self.fits) {
+        for (places, fit) in pixels.each().zip(&fits) {
             if fit.is_flat() {
                 continue;
             }
@@ -109,5 +96,5 @@ impl<F: Real> Op<F> for AlignScaleShift {
                 out[p as usize] += F::from_f64(derivative);
             }
         }
-    }
+    })
 }

@@ -1,6 +1,6 @@
 //! Depth of no scale and shift, robust against outliers.
 
-use autodiff_lite::{Backward, Op, PoolVec, Real, Tape, Var};
+use autodiff_lite::{Backward, Real, Tape, Var};
 
 use super::pixels::Pixels;
 use crate::kernels::alignment::is_constant;
@@ -34,6 +34,7 @@ pub fn normalize_depth<'t, F: Real>(image: Var<'t, F>, mask: Var<'t, F>) -> Var<
     let mut normal = tape.pool().filled(&image.shape(), F::infinity());
     let out = normal.as_slice_mut();
     let mut medians = tape.indices(pixels.images());
+    // One over the mean distance of each image from its median; 0 where it is constant.
     let mut inverses = tape.buffer(pixels.images());
     for ((places, middle), inverse) in
         pixels.each().zip(medians.iter_mut()).zip(inverses.iter_mut())
@@ -56,38 +57,11 @@ pub fn normalize_depth<'t, F: Real>(image: Var<'t, F>, mask: Var<'t, F>) -> Var<
             out[p as usize] = F::from_f64((Real::to_f64(x[p as usize]) - centre) * scale);
         }
     }
-    tape.record(&[image], normal, NormalizeDepth { pixels, medians, inverses })
-}
-
-/// The place of the (lower) median.
-fn median<F: Real>(tape: &Tape<F>, x: &[F], places: &[u32]) -> Option<u32> {
-    let middle = places.len().checked_sub(1)? / 2;
-    let mut order = tape.indices(places.len());
-    order.copy_from_slice(places);
-    let value = |p: u32| Real::to_f64(x[p as usize]);
-    let by_value = |a: &u32, b: &u32| value(*a).total_cmp(&value(*b)).then(a.cmp(b));
-    let (_, &mut median, _) = order.select_nth_unstable_by(middle, by_value);
-    Some(median)
-}
-
-struct NormalizeDepth<F: Real> {
-    pixels: Pixels,
-    /// The place of the median of each image.
-    medians: PoolVec<u32>,
-    /// One over the mean distance of each image; 0 where it is constant.
-    inverses: PoolVec<F>,
-}
-
-impl<F: Real> Op<F> for NormalizeDepth<F> {
-    fn name(&self) -> &'static str {
-        "normalize_depth"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
+    tape.record_fn("normalize_depth", &[image], normal, move |cx: &mut Backward<'_, F>| {
         let (z, g) = (cx.output(), cx.grad_out());
         let (z, g) = (z.as_slice(), g.as_slice());
         let out = cx.grad_slice_mut(0);
-        let images = self.pixels.each().zip(self.medians.iter()).zip(self.inverses.iter());
+        let images = pixels.each().zip(medians.iter()).zip(inverses.iter());
         for ((places, &median), &inverse) in images {
             if inverse == F::zero() {
                 continue;
@@ -109,7 +83,18 @@ impl<F: Real> Op<F> for NormalizeDepth<F> {
             }
             out[median as usize] -= F::from_f64(total * inverse + at_scale * signs / count);
         }
-    }
+    })
+}
+
+/// The place of the (lower) median.
+fn median<F: Real>(tape: &Tape<F>, x: &[F], places: &[u32]) -> Option<u32> {
+    let middle = places.len().checked_sub(1)? / 2;
+    let mut order = tape.indices(places.len());
+    order.copy_from_slice(places);
+    let value = |p: u32| Real::to_f64(x[p as usize]);
+    let by_value = |a: &u32, b: &u32| value(*a).total_cmp(&value(*b)).then(a.cmp(b));
+    let (_, &mut median, _) = order.select_nth_unstable_by(middle, by_value);
+    Some(median)
 }
 
 fn sign(z: f64) -> f64 {

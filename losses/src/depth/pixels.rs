@@ -1,6 +1,6 @@
 //! Which pixels count.
 
-use autodiff_lite::{PoolVec, Real, ShapeError, Tensor, Var};
+use autodiff_lite::{PoolVec, Real, Tensor, Var};
 
 /// How the pixels of a batch are averaged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -49,12 +49,11 @@ impl Pixels {
                 [h, w]
             }
             _ => {
-                let mut error = ShapeError::new(op, "images of one shape and one channel expected")
-                    .operand("prediction", &shape, "N, H, W");
-                if let Some(target) = target {
-                    error = error.operand("target", &target.shape(), "N, H, W");
-                }
-                error.operand("mask", &mask.shape(), "N, H, W").at(tape.path()).panic()
+                let (of_target, of_mask) = (target.map(Var::shape), mask.shape());
+                let mut operands = vec![("prediction", &shape[..], "N, H, W")];
+                operands.extend(of_target.as_deref().map(|shape| ("target", shape, "N, H, W")));
+                operands.push(("mask", &of_mask, "N, H, W"));
+                tape.refuse(op, "images of one shape and one channel expected", &operands)
             }
         };
         let len = size[0] * size[1];
