@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use autodiff_lite::{Real, Var};
 
-use crate::{Fragments, Scratch, ops};
+use crate::{Fragments, Scratch};
 
 /// What is seen of a batch of meshes, ready to be drawn: projected positions with their fragments.
 ///
@@ -31,9 +31,9 @@ use crate::{Fragments, Scratch, ops};
 /// ```
 #[derive(Clone, Debug)]
 pub struct Frame<'t, F: Real = f32> {
-    projected: Var<'t, F>,
-    fragments: Arc<Fragments<F>>,
-    scratch: Scratch<F>,
+    pub(crate) projected: Var<'t, F>,
+    pub(crate) fragments: Arc<Fragments<F>>,
+    pub(crate) scratch: Scratch<F>,
 }
 
 impl<'t, F: Real> Frame<'t, F> {
@@ -59,69 +59,17 @@ impl<'t, F: Real> Frame<'t, F> {
         self.fragments.mask()
     }
 
-    /// Attributes of the vertices at each pixel, zero at background; see
-    /// [`interpolate`](crate::interpolate).
-    ///
-    /// # Shapes
-    /// `attributes [V, C]` or `[N, V, C]`. Result `[N, H, W, C]`.
-    /// # Panics
-    /// If the attributes do not fit the vertices.
+    /// Checks that the positions have the shape of those that were rasterised.
     #[track_caller]
-    pub fn interpolate(&self, attributes: Var<'t, F>) -> Var<'t, F> {
-        let Self { projected, fragments, scratch } = self;
-        ops::interpolate_vertices(*projected, attributes, fragments, scratch)
-    }
-
-    /// Attributes of the corners of faces at each pixel, zero at background; see
-    /// [`interpolate_corners`](crate::interpolate_corners).
-    ///
-    /// # Shapes
-    /// `attributes [F, 3, C]`. Result `[N, H, W, C]`.
-    /// # Panics
-    /// If the attributes do not fit the faces.
-    #[track_caller]
-    pub fn interpolate_corners(&self, attributes: Var<'t, F>) -> Var<'t, F> {
-        let Self { projected, fragments, scratch } = self;
-        ops::interpolate_faces(*projected, attributes, fragments, scratch)
-    }
-
-    /// DIB-R's soft silhouette; see [`soft_silhouette`](crate::soft_silhouette).
-    ///
-    /// # Shapes
-    /// Result `[N, H, W]` in `[0, 1]`.
-    #[track_caller]
-    pub fn soft_silhouette(&self) -> Var<'t, F> {
-        ops::draw_soft(self.projected, &self.fragments, &self.scratch)
-    }
-
-    /// Coverage with the sub-pixel position of the silhouette; see
-    /// [`antialiased_silhouette`](crate::antialiased_silhouette).
-    ///
-    /// # Shapes
-    /// Result `[N, H, W]` in `[0, 1]`.
-    #[track_caller]
-    pub fn antialiased_silhouette(&self) -> Var<'t, F> {
-        ops::draw_antialiased(self.projected, &self.fragments, &self.scratch)
-    }
-
-    /// Planar depth, and `background` where nothing is seen; see [`depth`](crate::depth).
-    ///
-    /// # Shapes
-    /// Result `[N, H, W]`.
-    #[track_caller]
-    pub fn depth(&self, background: F) -> Var<'t, F> {
-        ops::draw_depth(self.projected, &self.fragments, background, &self.scratch)
-    }
-
-    /// Colours of a texture, zero at background; see [`texture`](crate::texture).
-    ///
-    /// # Shapes
-    /// `uv [N, H, W, 2]`, [interpolated](Self::interpolate_corners); `image [Ht, Wt, C]`. Result
-    /// `[N, H, W, C]`.
-    /// # Panics
-    /// If `uv` does not have the size of this frame.
-    #[track_caller]
-    pub fn texture(&self, uv: Var<'t, F>, image: Var<'t, F>) -> Var<'t, F> {
-        ops::draw_texture(uv, image, &self.fragments, &self.scratch)
+    pub(crate) fn check(&self, op: &'static str) {
+        let [batch, ..] = self.fragments.shape();
+        let expected = [batch, self.fragments.faces().vertex_count(), 3];
+        let shape = self.projected.shape();
+        if shape != expected {
+            let message = "the positions are not those that were rasterised";
+            let operands =
+                [("projected", &shape[..], "N, V, 3"), ("rasterised", &expected, "N, V, 3")];
+            self.projected.tape().refuse(op, message, &operands);
+        }
     }
 }

@@ -106,13 +106,13 @@ pub fn rasterize_into<F: Real>(
     let positions = projected.as_standard_layout();
     let positions = positions.as_slice().expect("standard layout");
     let (centres, planes) = (&own.centres, &scratch.planes);
-    let image = |(n, setup, face, barycentric, depth): (
-        usize,
-        &mut Setup<F>,
-        &mut [u32],
-        &mut [F],
-        &mut [F],
-    )| {
+    let images = own
+        .setups
+        .par_iter_mut()
+        .zip(own.face.par_chunks_mut(pixels))
+        .zip(own.barycentric.par_chunks_mut(3 * pixels))
+        .zip(own.depth.par_chunks_mut(pixels));
+    images.enumerate().for_each(|(n, (((setup, face), barycentric), depth))| {
         let positions = &positions[3 * vertices * n..3 * vertices * (n + 1)];
         setup.prepare(positions, faces.corners(), centres, settings);
         let setup = &*setup;
@@ -125,14 +125,5 @@ pub fn rasterize_into<F: Real>(
                 let output = BandOutput { face, barycentric, depth };
                 planes.with(|planes| draw_band(setup, centres, settings, band, planes, output));
             });
-    };
-    own.setups
-        .par_iter_mut()
-        .zip(own.face.par_chunks_mut(pixels))
-        .zip(own.barycentric.par_chunks_mut(3 * pixels))
-        .zip(own.depth.par_chunks_mut(pixels))
-        .enumerate()
-        .for_each(|(n, (((setup, face), barycentric), depth))| {
-            image((n, setup, face, barycentric, depth));
-        });
+    });
 }

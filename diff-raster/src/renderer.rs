@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use autodiff_lite::{Real, ShapeError, Var};
+use autodiff_lite::{Real, Var};
 use ndarray::Ix3;
 
 use crate::{Faces, Frame, Scratch, Settings, rasterize_into};
@@ -84,10 +84,9 @@ impl<F: Real> Renderer<F> {
         let vertices = self.faces.vertex_count();
         let positions = projected.value();
         if !matches!(*positions.shape(), [_, v, 3] if v == vertices) {
-            ShapeError::new("frame", format!("positions of {vertices} vertices expected"))
-                .operand("projected", positions.shape(), "N, V, 3")
-                .at(projected.tape().path())
-                .panic();
+            let message = format!("positions of {vertices} vertices expected");
+            let operands = [("projected", positions.shape(), "N, V, 3")];
+            projected.tape().refuse("frame", message, &operands);
         }
         let view = positions.view().into_dimensionality::<Ix3>().expect("three axes");
         let Self { faces, settings, scratch } = self;

@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use autodiff_lite::{Backward, Op, Real, ShapeError, Var};
+use autodiff_lite::{Backward, Real, Var};
 
 use crate::kernels::gather::gather;
 use crate::kernels::interpolate::{Attributes, Incoming, Layout};
 use crate::kernels::interpolate::{interpolate as forward, interpolate_grad};
-use crate::ops::check_projected;
-use crate::{Fragments, Scratch};
+use crate::{Fragments, Frame, Scratch};
 
 /// Attributes of the vertices at each pixel: zero at background.
 ///
@@ -32,29 +31,7 @@ pub fn interpolate<'t, F: Real>(
     attributes: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
-    interpolate_vertices(projected, attributes, fragments, &Scratch::default())
-}
-
-#[track_caller]
-pub(crate) fn interpolate_vertices<'t, F: Real>(
-    projected: Var<'t, F>,
-    attributes: Var<'t, F>,
-    fragments: &Arc<Fragments<F>>,
-    scratch: &Scratch<F>,
-) -> Var<'t, F> {
-    let shape = attributes.shape();
-    let [batch, ..] = fragments.shape();
-    let vertices = fragments.faces().vertex_count();
-    let layout = match *shape {
-        [v, _] if v == vertices => Layout::Shared,
-        [n, v, _] if n == batch && v == vertices => Layout::Batched,
-        _ => ShapeError::new("interpolate", "attributes do not fit the vertices")
-            .operand("attributes", &shape, "[V, C] or [N, V, C]")
-            .operand("projected", &[batch, vertices, 3], "N, V, 3")
-            .at(projected.tape().path())
-            .panic(),
-    };
-    record(projected, attributes, layout, fragments, scratch)
+    Frame::new(projected, Arc::clone(fragments), Scratch::default()).interpolate(attributes)
 }
 
 /// [`interpolate`] with attributes of their own for each face corner, `[F, 3, C]`: texture
@@ -68,97 +45,99 @@ pub fn interpolate_corners<'t, F: Real>(
     attributes: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
-    interpolate_faces(projected, attributes, fragments, &Scratch::default())
+    let frame = Frame::new(projected, Arc::clone(fragments), Scratch::default());
+    frame.interpolate_corners(attributes)
 }
 
-#[track_caller]
-pub(crate) fn interpolate_faces<'t, F: Real>(
-    projected: Var<'t, F>,
-    attributes: Var<'t, F>,
-    fragments: &Arc<Fragments<F>>,
-    scratch: &Scratch<F>,
-) -> Var<'t, F> {
-    let shape = attributes.shape();
-    let faces = fragments.faces().len();
-    if !matches!(*shape, [f, 3, _] if f == faces) {
-        ShapeError::new("interpolate_corners", "attributes do not fit the faces")
-            .operand("attributes", &shape, "F, 3, C")
-            .operand("faces", &[faces, 3], "F, 3")
-            .at(projected.tape().path())
-            .panic();
-    }
-    record(projected, attributes, Layout::Corners, fragments, scratch)
-}
-
-#[track_caller]
-fn record<'t, F: Real>(
-    projected: Var<'t, F>,
-    attributes: Var<'t, F>,
-    layout: Layout,
-    fragments: &Arc<Fragments<F>>,
-    scratch: &Scratch<F>,
-) -> Var<'t, F> {
-    check_projected("interpolate", projected, fragments);
-    let values = attributes.value();
-    let channels = values.shape()[values.ndim() - 1];
-    let [n, h, w] = fragments.shape();
-    let mut out = projected.tape().array(&[n, h, w, channels]);
-    let data = values.as_slice();
-    let source = Attributes { data, channels, layout };
-    forward(fragments, source, out.as_slice_mut());
-    let (fragments, scratch) = (Arc::clone(fragments), scratch.clone());
-    let op = Interpolate { fragments, scratch, channels, layout };
-    projected.tape().record(&[projected, attributes], out, op)
-}
-
-struct Interpolate<F: Real> {
-    fragments: Arc<Fragments<F>>,
-    scratch: Scratch<F>,
-    channels: usize,
-    layout: Layout,
-}
-
-impl<F: Real> Op<F> for Interpolate<F> {
-    fn name(&self) -> &'static str {
-        "interpolate"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let Self { fragments, scratch, channels, layout } = self;
-        let (projected, values) = (cx.input(0), cx.input(1));
-        let (output, grad) = (cx.output(), cx.grad_out());
-        let faces = fragments.faces();
-        let [batch, ..] = fragments.shape();
-        let incoming = Incoming {
-            fragments,
-            projected: projected.as_slice(),
-            attributes: Attributes {
-                data: values.as_slice(),
-                channels: *channels,
-                layout: *layout,
-            },
-            output: output.as_slice(),
-            grad: grad.as_slice(),
+impl<'t, F: Real> Frame<'t, F> {
+    /// Attributes of the vertices at each pixel, zero at background; see
+    /// [`interpolate`](crate::interpolate).
+    ///
+    /// # Shapes
+    /// `attributes [V, C]` or `[N, V, C]`. Result `[N, H, W, C]`.
+    /// # Panics
+    /// If the attributes do not fit the vertices.
+    #[track_caller]
+    pub fn interpolate(&self, attributes: Var<'t, F>) -> Var<'t, F> {
+        let shape = attributes.shape();
+        let [batch, ..] = self.fragments.shape();
+        let vertices = self.fragments.faces().vertex_count();
+        let layout = match *shape {
+            [v, _] if v == vertices => Layout::Shared,
+            [n, v, _] if n == batch && v == vertices => Layout::Batched,
+            _ => {
+                let operands = [
+                    ("attributes", &shape[..], "[V, C] or [N, V, C]"),
+                    ("projected", &[batch, vertices, 3], "N, V, 3"),
+                ];
+                let message = "attributes do not fit the vertices";
+                self.projected.tape().refuse("interpolate", message, &operands)
+            }
         };
-        let mut of_attributes = cx.scratch(batch * faces.len() * 3 * channels);
-        let mut of_positions = cx.needs(0).then(|| cx.scratch(batch * faces.len() * 9));
-        interpolate_grad(incoming, scratch, &mut of_attributes, of_positions.as_deref_mut());
-        if let Some(of_positions) = of_positions {
-            gather_batch(fragments, 3, &of_positions, cx.grad_slice_mut(0), false);
+        self.interpolated(attributes, layout)
+    }
+
+    /// Attributes of the corners of faces at each pixel, zero at background; see
+    /// [`interpolate_corners`](crate::interpolate_corners).
+    ///
+    /// # Shapes
+    /// `attributes [F, 3, C]`. Result `[N, H, W, C]`.
+    /// # Panics
+    /// If the attributes do not fit the faces.
+    #[track_caller]
+    pub fn interpolate_corners(&self, attributes: Var<'t, F>) -> Var<'t, F> {
+        let shape = attributes.shape();
+        let faces = self.fragments.faces().len();
+        if !matches!(*shape, [f, 3, _] if f == faces) {
+            let operands = [("attributes", &shape[..], "F, 3, C"), ("faces", &[faces, 3], "F, 3")];
+            let message = "attributes do not fit the faces";
+            self.projected.tape().refuse("interpolate_corners", message, &operands);
         }
-        if !cx.needs(1) {
-            return;
-        }
-        let out = cx.grad_slice_mut(1);
-        match layout {
-            Layout::Shared => gather_batch(fragments, *channels, &of_attributes, out, true),
-            Layout::Batched => gather_batch(fragments, *channels, &of_attributes, out, false),
-            Layout::Corners => {
-                for image in of_attributes.chunks_exact(out.len().max(1)) {
-                    out.iter_mut().zip(image).for_each(|(out, &g)| *out += g);
+        self.interpolated(attributes, Layout::Corners)
+    }
+
+    #[track_caller]
+    fn interpolated(&self, attributes: Var<'t, F>, layout: Layout) -> Var<'t, F> {
+        self.check("interpolate");
+        let Self { projected, fragments, scratch } = self.clone();
+        let values = attributes.value();
+        let channels = values.shape()[values.ndim() - 1];
+        let [n, h, w] = fragments.shape();
+        let mut out = projected.tape().array(&[n, h, w, channels]);
+        let source = Attributes { data: values.as_slice(), channels, layout };
+        forward(&fragments, source, out.as_slice_mut());
+        let (tape, inputs) = (projected.tape(), [projected, attributes]);
+        tape.record_fn("interpolate", &inputs, out, move |cx: &mut Backward<'_, F>| {
+            let (projected, values) = (cx.input(0), cx.input(1));
+            let (output, grad) = (cx.output(), cx.grad_out());
+            let corners = n * fragments.faces().len() * 3;
+            let incoming = Incoming {
+                fragments: &fragments,
+                projected: projected.as_slice(),
+                attributes: Attributes { data: values.as_slice(), channels, layout },
+                output: output.as_slice(),
+                grad: grad.as_slice(),
+            };
+            let mut of_attributes = cx.scratch(corners * channels);
+            let mut of_positions = cx.needs(0).then(|| cx.scratch(corners * 3));
+            interpolate_grad(incoming, &scratch, &mut of_attributes, of_positions.as_deref_mut());
+            if let Some(of_positions) = of_positions {
+                gather_batch(&fragments, 3, &of_positions, cx.grad_slice_mut(0), false);
+            }
+            if !cx.needs(1) {
+                return;
+            }
+            let out = cx.grad_slice_mut(1);
+            match layout {
+                Layout::Shared => gather_batch(&fragments, channels, &of_attributes, out, true),
+                Layout::Batched => gather_batch(&fragments, channels, &of_attributes, out, false),
+                Layout::Corners => {
+                    for image in of_attributes.chunks_exact(out.len().max(1)) {
+                        out.iter_mut().zip(image).for_each(|(out, &g)| *out += g);
+                    }
                 }
             }
-        }
+        })
     }
 }
 

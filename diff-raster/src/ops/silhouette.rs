@@ -5,12 +5,10 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use autodiff_lite::{Backward, Op, Real, Var};
+use autodiff_lite::{Backward, Real, Var};
 
 use crate::kernels::{antialias, silhouette};
-use crate::ops::check_projected;
-use crate::scratch_pool::Lent;
-use crate::{Fragments, Scratch};
+use crate::{Fragments, Frame, Scratch};
 
 /// DIB-R's soft silhouette: 1 where a face is seen, and around it the probability that any face
 /// reaches the pixel.
@@ -37,41 +35,7 @@ pub fn soft_silhouette<'t, F: Real>(
     projected: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
-    draw_soft(projected, fragments, &Scratch::default())
-}
-
-#[track_caller]
-pub(crate) fn draw_soft<'t, F: Real>(
-    projected: Var<'t, F>,
-    fragments: &Arc<Fragments<F>>,
-    scratch: &Scratch<F>,
-) -> Var<'t, F> {
-    check_projected("soft_silhouette", projected, fragments);
-    let tape = projected.tape();
-    let positions = projected.value();
-    let mut out = tape.array(&fragments.shape());
-    let mut state = scratch.silhouettes.lend();
-    silhouette::soft_silhouette(fragments, positions.as_slice(), &mut state, out.as_slice_mut());
-    let op = SoftSilhouette { fragments: Arc::clone(fragments), state: RefCell::new(state) };
-    tape.record(&[projected], out, op)
-}
-
-struct SoftSilhouette<F: Real> {
-    fragments: Arc<Fragments<F>>,
-    state: RefCell<Lent<silhouette::State<F>>>,
-}
-
-impl<F: Real> Op<F> for SoftSilhouette<F> {
-    fn name(&self) -> &'static str {
-        "soft_silhouette"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let grad = cx.grad_out();
-        let grad = grad.as_slice();
-        let state = &mut *self.state.borrow_mut();
-        silhouette::soft_silhouette_grad(&self.fragments, state, grad, cx.grad_slice_mut(0));
-    }
+    Frame::new(projected, Arc::clone(fragments), Scratch::default()).soft_silhouette()
 }
 
 /// Coverage of each pixel with the sub-pixel position of the silhouette: hard inside and outside,
@@ -99,44 +63,58 @@ pub fn antialiased_silhouette<'t, F: Real>(
     projected: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
-    draw_antialiased(projected, fragments, &Scratch::default())
+    Frame::new(projected, Arc::clone(fragments), Scratch::default()).antialiased_silhouette()
 }
 
-#[track_caller]
-pub(crate) fn draw_antialiased<'t, F: Real>(
-    projected: Var<'t, F>,
-    fragments: &Arc<Fragments<F>>,
-    scratch: &Scratch<F>,
-) -> Var<'t, F> {
-    check_projected("antialiased_silhouette", projected, fragments);
-    let tape = projected.tape();
-    let positions = projected.value();
-    let mut out = tape.array(&fragments.shape());
-    let mut state = scratch.borders.lend();
-    antialias::antialiased_silhouette(
-        fragments,
-        positions.as_slice(),
-        &mut state,
-        out.as_slice_mut(),
-    );
-    let op = AntialiasedSilhouette { fragments: Arc::clone(fragments), state };
-    tape.record(&[projected], out, op)
-}
-
-struct AntialiasedSilhouette<F: Real> {
-    fragments: Arc<Fragments<F>>,
-    state: Lent<antialias::State<F>>,
-}
-
-impl<F: Real> Op<F> for AntialiasedSilhouette<F> {
-    fn name(&self) -> &'static str {
-        "antialiased_silhouette"
+impl<'t, F: Real> Frame<'t, F> {
+    /// DIB-R's soft silhouette; see [`soft_silhouette`](crate::soft_silhouette).
+    ///
+    /// # Shapes
+    /// Result `[N, H, W]` in `[0, 1]`.
+    #[track_caller]
+    pub fn soft_silhouette(&self) -> Var<'t, F> {
+        self.check("soft_silhouette");
+        let Self { projected, fragments, scratch } = self;
+        let (tape, positions) = (projected.tape(), projected.value());
+        let mut out = tape.array(&fragments.shape());
+        let mut state = scratch.silhouettes.lend();
+        silhouette::soft_silhouette(
+            fragments,
+            positions.as_slice(),
+            &mut state,
+            out.as_slice_mut(),
+        );
+        let (fragments, state) = (Arc::clone(fragments), RefCell::new(state));
+        tape.record_fn("soft_silhouette", &[*projected], out, move |cx: &mut Backward<'_, F>| {
+            let (grad, state) = (cx.grad_out(), &mut *state.borrow_mut());
+            let (grad, out) = (grad.as_slice(), cx.grad_slice_mut(0));
+            silhouette::soft_silhouette_grad(&fragments, state, grad, out);
+        })
     }
 
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let grad = cx.grad_out();
-        let grad = grad.as_slice();
-        let out = cx.grad_slice_mut(0);
-        antialias::antialiased_silhouette_grad(&self.fragments, &self.state, grad, out);
+    /// Coverage with the sub-pixel position of the silhouette; see
+    /// [`antialiased_silhouette`](crate::antialiased_silhouette).
+    ///
+    /// # Shapes
+    /// Result `[N, H, W]` in `[0, 1]`.
+    #[track_caller]
+    pub fn antialiased_silhouette(&self) -> Var<'t, F> {
+        self.check("antialiased_silhouette");
+        let Self { projected, fragments, scratch } = self;
+        let (tape, positions) = (projected.tape(), projected.value());
+        let mut out = tape.array(&fragments.shape());
+        let mut state = scratch.borders.lend();
+        antialias::antialiased_silhouette(
+            fragments,
+            positions.as_slice(),
+            &mut state,
+            out.as_slice_mut(),
+        );
+        let (name, fragments) = ("antialiased_silhouette", Arc::clone(fragments));
+        tape.record_fn(name, &[*projected], out, move |cx: &mut Backward<'_, F>| {
+            let grad = cx.grad_out();
+            let (grad, out) = (grad.as_slice(), cx.grad_slice_mut(0));
+            antialias::antialiased_silhouette_grad(&fragments, &state, grad, out);
+        })
     }
 }

@@ -3,10 +3,9 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use autodiff_lite::{Backward, Op, Real, ShapeError, Tensor, Var};
+use autodiff_lite::{Backward, Real, Tensor, Var};
 
-use crate::kernels::softras::{self, Colours, State};
-use crate::scratch_pool::Lent;
+use crate::kernels::softras::{self, Colours};
 use crate::softras::SoftRas;
 
 /// What SoftRas paints faces with.
@@ -74,10 +73,10 @@ pub fn softras<'t, F: Real>(
     let shape = positions.shape();
     let batch = match *shape {
         [n, v, 3] if v == faces.vertex_count() => n,
-        _ => ShapeError::new("softras", format!("{} vertices expected", faces.vertex_count()))
-            .operand("projected", shape, "N, V, 3")
-            .at(tape.path())
-            .panic(),
+        _ => {
+            let message = format!("{} vertices expected", faces.vertex_count());
+            tape.refuse("softras", message, &[("projected", shape, "N, V, 3")])
+        }
     };
     let (mode, channels) = paint.map_or((Mode::Vertices, 0), |paint| check(paint, batch, renderer));
     let painted = paint.map(|(Paint::Vertices(x) | Paint::Texels(x))| x);
@@ -94,12 +93,33 @@ pub fn softras<'t, F: Real>(
         &mut state,
         out.as_slice_mut(),
     );
-    let state = RefCell::new(state);
-    let op = Aggregation { renderer: Arc::clone(renderer), mode, channels, state };
-    match painted {
-        Some(painted) => tape.record(&[projected, painted], out, op),
-        None => tape.record(&[projected], out, op),
-    }
+    let (renderer, state) = (Arc::clone(renderer), RefCell::new(state));
+    let mut inputs = vec![projected];
+    inputs.extend(painted);
+    tape.record_fn("softras", &inputs, out, move |cx: &mut Backward<'_, F>| {
+        let (image, grad) = (cx.output(), cx.grad_out());
+        let planes = [&image, &grad].map(Tensor::as_slice);
+        let colours = (cx.input_count() == 2).then(|| cx.input(1));
+        let colours = colours.as_ref().map_or(&[][..], Tensor::as_slice);
+        let zeros =
+            |cx: &Backward<'_, F>, i: usize| cx.pool().filled(cx.input(i).shape(), F::zero());
+        let mut of_projected = zeros(cx, 0);
+        let wanted = cx.input_count() == 2 && cx.needs(1);
+        let mut of_colours = wanted.then(|| zeros(cx, 1));
+        softras::softras_grad(
+            &renderer,
+            mode.of(colours),
+            channels,
+            &mut state.borrow_mut(),
+            planes,
+            of_projected.as_slice_mut(),
+            of_colours.as_mut().map_or(&mut [], Tensor::as_slice_mut),
+        );
+        cx.give(0, of_projected);
+        if let Some(of_colours) = of_colours {
+            cx.give(1, of_colours);
+        }
+    })
 }
 
 #[derive(Clone, Copy)]
@@ -145,47 +165,5 @@ fn check<F: Real>(paint: Paint<'_, F>, batch: usize, renderer: &SoftRas<F>) -> (
         faces.vertex_count(),
         faces.len()
     );
-    ShapeError::new("softras", message)
-        .operand("paint", &found.shape(), expected)
-        .at(found.tape().path())
-        .panic()
-}
-
-struct Aggregation<F: Real> {
-    renderer: Arc<SoftRas<F>>,
-    mode: Mode,
-    channels: usize,
-    state: RefCell<Lent<State<F>>>,
-}
-
-impl<F: Real> Op<F> for Aggregation<F> {
-    fn name(&self) -> &'static str {
-        "softras"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let (image, grad) = (cx.output(), cx.grad_out());
-        let planes = [&image, &grad].map(Tensor::as_slice);
-        let colours = (cx.input_count() == 2).then(|| cx.input(1));
-        let colours = colours.as_ref().map_or(&[][..], Tensor::as_slice);
-        let state = &mut *self.state.borrow_mut();
-        let zeros =
-            |cx: &Backward<'_, F>, i: usize| cx.pool().filled(cx.input(i).shape(), F::zero());
-        let mut of_projected = zeros(cx, 0);
-        let wanted = cx.input_count() == 2 && cx.needs(1);
-        let mut of_colours = wanted.then(|| zeros(cx, 1));
-        softras::softras_grad(
-            &self.renderer,
-            self.mode.of(colours),
-            self.channels,
-            state,
-            planes,
-            of_projected.as_slice_mut(),
-            of_colours.as_mut().map_or(&mut [], Tensor::as_slice_mut),
-        );
-        cx.give(0, of_projected);
-        if let Some(of_colours) = of_colours {
-            cx.give(1, of_colours);
-        }
-    }
+    found.tape().refuse("softras", message, &[("paint", &found.shape(), expected)])
 }

@@ -1,6 +1,6 @@
 //! Textures around a sphere. The rule stands in [`kernels::sphere`](crate::kernels::sphere).
 
-use autodiff_lite::{Backward, Op, Real, ShapeError, Tensor, Var};
+use autodiff_lite::{Backward, Real, Tensor, Var};
 use rayon::prelude::*;
 
 use crate::kernels::sphere::{
@@ -43,11 +43,9 @@ pub fn sphere_texture<'t, F: Real>(directions: Var<'t, F>, image: Var<'t, F>) ->
         && shape.last() == Some(&3)
         && matches!(*texels, [n, rows, _, _] if n == shape[0] && rows >= 2);
     if !fits {
-        ShapeError::new("sphere_texture", "directions and a texture for each image expected")
-            .operand("directions", &shape, "N, .., 3")
-            .operand("image", &texels, "N, Ht, Wt, C")
-            .at(directions.tape().path())
-            .panic();
+        let message = "directions and a texture for each image expected";
+        let operands = [("directions", &shape[..], "N, .., 3"), ("image", &texels, "N, Ht, Wt, C")];
+        directions.tape().refuse("sphere_texture", message, &operands);
     }
     let mut result = shape;
     let last = result.len() - 1;
@@ -60,7 +58,27 @@ pub fn sphere_texture<'t, F: Real>(directions: Var<'t, F>, image: Var<'t, F>) ->
     images.enumerate().for_each(|(i, out)| {
         forward(sizes.texture(x, i), sizes.directions(d, i), out);
     });
-    directions.tape().record(&[directions, image], out, Wrapped { sizes })
+    let (tape, inputs) = (directions.tape(), [directions, image]);
+    tape.record_fn("sphere_texture", &inputs, out, move |cx: &mut Backward<'_, F>| {
+        let (d, x, grad) = (cx.input(0), cx.input(1), cx.grad_out());
+        let [d, x, grad] = [&d, &x, &grad].map(Tensor::as_slice);
+        let grads = |i: usize| &grad[i * sizes.out..][..sizes.out];
+        if cx.needs(0) {
+            let all = cx.grad_slice_mut(0).par_chunks_mut(sizes.directions.max(1));
+            all.enumerate().for_each(|(i, out)| {
+                let texture = sizes.texture(x, i);
+                let directions = sizes.directions(d, i);
+                sphere_texture_grad_directions(texture, directions, grads(i), out);
+            });
+        }
+        if cx.needs(1) {
+            let all = cx.grad_slice_mut(1).par_chunks_mut(sizes.texels().max(1));
+            all.enumerate().for_each(|(i, out)| {
+                let texture = sizes.texture(x, i);
+                sphere_texture_grad_texels(texture, sizes.directions(d, i), grads(i), out);
+            });
+        }
+    })
 }
 
 /// How much of each array belongs to one image.
@@ -91,38 +109,6 @@ impl Sizes {
     fn texture<'a, F>(&self, all: &'a [F], image: usize) -> Texture<'a, F> {
         let data = &all[image * self.texels()..][..self.texels()];
         Texture { data, height: self.height, width: self.width, channels: self.channels }
-    }
-}
-
-struct Wrapped {
-    sizes: Sizes,
-}
-
-impl<F: Real> Op<F> for Wrapped {
-    fn name(&self) -> &'static str {
-        "sphere_texture"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
-        let sizes = self.sizes;
-        let (d, x, grad) = (cx.input(0), cx.input(1), cx.grad_out());
-        let [d, x, grad] = [&d, &x, &grad].map(Tensor::as_slice);
-        let grads = |i: usize| &grad[i * sizes.out..][..sizes.out];
-        if cx.needs(0) {
-            let all = cx.grad_slice_mut(0).par_chunks_mut(sizes.directions.max(1));
-            all.enumerate().for_each(|(i, out)| {
-                let texture = sizes.texture(x, i);
-                let directions = sizes.directions(d, i);
-                sphere_texture_grad_directions(texture, directions, grads(i), out);
-            });
-        }
-        if cx.needs(1) {
-            let all = cx.grad_slice_mut(1).par_chunks_mut(sizes.texels().max(1));
-            all.enumerate().for_each(|(i, out)| {
-                let texture = sizes.texture(x, i);
-                sphere_texture_grad_texels(texture, sizes.directions(d, i), grads(i), out);
-            });
-        }
     }
 }
 

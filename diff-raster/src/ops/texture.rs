@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use autodiff_lite::{Backward, Op, Real, ShapeError, Tensor, Var};
+use autodiff_lite::{Backward, Real, Tensor, Var};
 
 use crate::kernels::texture::{Texture, texture as forward, texture_grad_texels, texture_grad_uv};
-use crate::{Fragments, Scratch};
+use crate::{Fragments, Frame, Scratch};
 
 /// Colours of a texture at each pixel, bilinear; zero at background.
 ///
@@ -24,11 +24,25 @@ pub fn texture<'t, F: Real>(
     image: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
 ) -> Var<'t, F> {
-    draw_texture(uv, image, fragments, &Scratch::default())
+    lookup(uv, image, fragments, &Scratch::default())
+}
+
+impl<'t, F: Real> Frame<'t, F> {
+    /// Colours of a texture, zero at background; see [`texture`](crate::texture).
+    ///
+    /// # Shapes
+    /// `uv [N, H, W, 2]`, [interpolated](Self::interpolate_corners); `image [Ht, Wt, C]`. Result
+    /// `[N, H, W, C]`.
+    /// # Panics
+    /// If `uv` does not have the size of this frame.
+    #[track_caller]
+    pub fn texture(&self, uv: Var<'t, F>, image: Var<'t, F>) -> Var<'t, F> {
+        lookup(uv, image, &self.fragments, &self.scratch)
+    }
 }
 
 #[track_caller]
-pub(crate) fn draw_texture<'t, F: Real>(
+fn lookup<'t, F: Real>(
     uv: Var<'t, F>,
     image: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
@@ -37,46 +51,34 @@ pub(crate) fn draw_texture<'t, F: Real>(
     let [n, h, w] = fragments.shape();
     let (coordinates, texels) = (uv.value(), image.value());
     if coordinates.shape() != [n, h, w, 2] || texels.ndim() != 3 {
-        ShapeError::new("texture", "texture coordinates for each pixel and an image expected")
-            .operand("uv", coordinates.shape(), "N, H, W, 2")
-            .operand("image", texels.shape(), "Ht, Wt, C")
-            .operand("rasterised", &[n, h, w], "N, H, W")
-            .at(uv.tape().path())
-            .panic();
+        let operands = [
+            ("uv", coordinates.shape(), "N, H, W, 2"),
+            ("image", texels.shape(), "Ht, Wt, C"),
+            ("rasterised", &[n, h, w], "N, H, W"),
+        ];
+        let message = "texture coordinates for each pixel and an image expected";
+        uv.tape().refuse("texture", message, &operands);
     }
-    let source = source(texels.shape(), texels.as_slice());
+    let source = texture_of(texels.shape(), texels.as_slice());
     let mut out = uv.tape().array(&[n, h, w, source.channels]);
     forward(source, coordinates.as_slice(), &fragments.face, out.as_slice_mut());
-    let op = Lookup { fragments: Arc::clone(fragments), scratch: scratch.clone() };
-    uv.tape().record(&[uv, image], out, op)
-}
-
-fn source<'a, F: Real>(shape: &[usize], data: &'a [F]) -> Texture<'a, F> {
-    Texture { data, height: shape[0], width: shape[1], channels: shape[2] }
-}
-
-struct Lookup<F: Real> {
-    fragments: Arc<Fragments<F>>,
-    scratch: Scratch<F>,
-}
-
-impl<F: Real> Op<F> for Lookup<F> {
-    fn name(&self) -> &'static str {
-        "texture"
-    }
-
-    fn pullback(&self, cx: &mut Backward<'_, F>) {
+    let (fragments, scratch) = (Arc::clone(fragments), scratch.clone());
+    uv.tape().record_fn("texture", &[uv, image], out, move |cx: &mut Backward<'_, F>| {
         let (coordinates, texels, grad) = (cx.input(0), cx.input(1), cx.grad_out());
-        let source = source(texels.shape(), texels.as_slice());
+        let source = texture_of(texels.shape(), texels.as_slice());
         let [uv, grad] = [&coordinates, &grad].map(Tensor::as_slice);
-        let face = &self.fragments.face;
+        let face = &fragments.face;
         if cx.needs(0) {
             texture_grad_uv(source, uv, face, grad, cx.grad_slice_mut(0));
         }
         if cx.needs(1) {
-            self.scratch.sorted.with(|sorted| {
+            scratch.sorted.with(|sorted| {
                 texture_grad_texels(source, uv, face, grad, sorted, cx.grad_slice_mut(1));
             });
         }
-    }
+    })
+}
+
+fn texture_of<'a, F: Real>(shape: &[usize], data: &'a [F]) -> Texture<'a, F> {
+    Texture { data, height: shape[0], width: shape[1], channels: shape[2] }
 }
