@@ -254,13 +254,6 @@ pub struct PoolVec<T: Pooled> {
     pool: Pool,
 }
 
-impl<T: Pooled> PoolVec<T> {
-    /// The plain vector, taken out of the pool's care. Prefer to let it drop.
-    pub fn into_vec(mut self) -> Vec<T> {
-        mem::take(&mut self.buffer)
-    }
-}
-
 impl<T: Pooled> Drop for PoolVec<T> {
     fn drop(&mut self) {
         self.pool.give(mem::take(&mut self.buffer));

@@ -358,6 +358,17 @@ mod tests {
     }
 
     #[test]
+    fn what_a_later_rule_holds_goes_to_the_pool() {
+        let mut tape = Tape::<f32>::train(0);
+        let x = tape.leaf(tape.array(&[1000]));
+        let held = x.value();
+        let rule = move |cx: &mut Backward<'_, f32>| cx.give(0, held.clone());
+        let _ = tape.record_fn("hold", &[x], tape.array(&[24]), rule);
+        tape.reset();
+        assert_eq!(tape.pool().bytes(), 4096);
+    }
+
+    #[test]
     fn a_tape_can_move_to_another_thread() {
         fn moves<T: Send>() {}
         moves::<Tape<f32>>();

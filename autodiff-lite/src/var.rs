@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::{Real, ShapeError, Tape, Tensor};
+use crate::{Real, Tape, Tensor};
 
 /// A value on a tape: a pointer and an index, copied freely.
 #[derive(Clone, Copy)]
@@ -63,10 +63,10 @@ impl<'t, F: Real> Var<'t, F> {
         let shape = self.shape();
         match <[usize; N]>::try_from(shape.as_slice()) {
             Ok(dims) => dims,
-            Err(_) => ShapeError::new("dims", format!("{N} axes expected"))
-                .operand("value", &shape, "")
-                .at(self.tape.path())
-                .panic(),
+            Err(_) => {
+                let message = format!("{N} axes expected");
+                self.tape.refuse("dims", message, &[("value", &shape, "")])
+            }
         }
     }
 
@@ -76,10 +76,10 @@ impl<'t, F: Real> Var<'t, F> {
         let value = self.value();
         match value.as_slice() {
             &[only] => only,
-            _ => ShapeError::new("item", "exactly one element expected")
-                .operand("value", value.shape(), "")
-                .at(self.tape.path())
-                .panic(),
+            _ => {
+                let operands = [("value", value.shape(), "")];
+                self.tape.refuse("item", "exactly one element expected", &operands)
+            }
         }
     }
 

@@ -1,6 +1,6 @@
 //! The reverse walk, from a value to all it depends on.
 
-use crate::{Backward, Gradients, Real, ShapeError, Tape, Tensor, Var};
+use crate::{Backward, Gradients, Real, Tape, Tensor, Var};
 
 impl<F: Real> Var<'_, F> {
     /// Gradients of this scalar with respect to every leaf and trainable parameter it depends on.
@@ -11,10 +11,8 @@ impl<F: Real> Var<'_, F> {
     pub fn backward(self) -> Gradients<F> {
         let shape = self.shape();
         if shape.iter().product::<usize>() != 1 {
-            ShapeError::new("backward", "a scalar expected; see backward_with")
-                .operand("value", &shape, "")
-                .at(self.tape.path())
-                .panic();
+            let operands = [("value", &shape[..], "")];
+            self.tape.refuse("backward", "a scalar expected; see backward_with", &operands);
         }
         self.tape.backward_from(self.id, self.tape.pool.filled(&shape, F::one()))
     }
@@ -28,11 +26,8 @@ impl<F: Real> Var<'_, F> {
         let seed = seed.into();
         let shape = self.shape();
         if seed.shape() != shape {
-            ShapeError::new("backward_with", "the seed needs the shape of the value")
-                .operand("seed", seed.shape(), "")
-                .operand("value", &shape, "")
-                .at(self.tape.path())
-                .panic();
+            let operands = [("seed", seed.shape(), ""), ("value", &shape, "")];
+            self.tape.refuse("backward_with", "the seed needs the shape of the value", &operands);
         }
         self.tape.backward_from(self.id, self.tape.pool.copy(&seed))
     }

@@ -15,7 +15,7 @@ use crate::scratch_pool::ScratchPool;
 /// Nothing in it has a meaning once a call has returned and a tape was reset. Cloning gives another
 /// handle to the same memory. A [`Renderer`](crate::Renderer) has its own; several of them may
 /// [share](crate::Renderer::with_scratch) one, from any number of threads.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Scratch<F: Real = f32> {
     /// Fragments of earlier frames; one that nobody else holds is used again.
     fragments: ScratchPool<Arc<Fragments<F>>>,
@@ -29,19 +29,6 @@ pub struct Scratch<F: Real = f32> {
     pub(crate) partials: ScratchPool<Vec<F>>,
     /// Pixels in the order of texels, for the gradient of textures.
     pub(crate) sorted: ScratchPool<Sorted>,
-}
-
-impl<F: Real> Default for Scratch<F> {
-    fn default() -> Self {
-        Self {
-            fragments: ScratchPool::default(),
-            planes: ScratchPool::default(),
-            silhouettes: ScratchPool::default(),
-            borders: ScratchPool::default(),
-            partials: ScratchPool::default(),
-            sorted: ScratchPool::default(),
-        }
-    }
 }
 
 impl<F: Real> Scratch<F> {

@@ -110,10 +110,6 @@ impl<'a, F: Real> AttentionOperands<'a, F> {
     }
 }
 
-fn flip<F: Copy>(m: Matrix<'_, F>) -> Matrix<'_, F> {
-    Matrix { steps: [m.steps[1], m.steps[0]], ..m }
-}
-
 /// `y = dropout(softmax(Q Kᵀ / √d + mask)) V` for each head: `y [N, queries, D]`, the
 /// probabilities before dropout `[N, heads, queries, keys]`; both are written whole. The mask is
 /// `[queries, keys]` or `[N, queries, keys]`.
@@ -140,7 +136,7 @@ pub fn attention<F: Real>(
         let p = unsafe { shared.slice(task * area, area) };
         let [q, k, v] = [0, 1, 2].map(|operand| operands.head(s, operand, n, h));
         workspace::with(area, |scores: &mut [F]| {
-            gemm([s.queries, d, s.keys], s.scale(), q, flip(k), F::zero(), scores);
+            gemm([s.queries, d, s.keys], s.scale(), q, k.flipped(), F::zero(), scores);
             if let Some(mask) = mask {
                 let mask = if mask.len() == area { mask } else { &mask[n * area..][..area] };
                 scores.iter_mut().zip(mask).for_each(|(x, &m)| *x += m);
@@ -234,7 +230,7 @@ pub fn attention_grad<F: Real>(
                 let weights = Matrix::transposed(work, s.keys);
                 gemm([s.keys, s.queries, d], F::one(), weights, g, F::zero(), &mut head[..long]);
                 store(2, &head[..long]);
-                gemm([s.queries, d, s.keys], F::one(), g, flip(v), F::zero(), work);
+                gemm([s.queries, d, s.keys], F::one(), g, v.flipped(), F::zero(), work);
                 if let Some(kept) = &kept {
                     kept.apply(task * area, work);
                 }

@@ -24,6 +24,12 @@ impl<'a, F> Matrix<'a, F> {
     pub fn transposed(data: &'a [F], columns: usize) -> Self {
         Self { data, steps: [1, columns] }
     }
+
+    /// Its transpose, of the same numbers.
+    #[must_use]
+    pub fn flipped(self) -> Self {
+        Self { steps: [self.steps[1], self.steps[0]], ..self }
+    }
 }
 
 /// `C = alpha A B + beta C` where `A` is `m x k`, `B` is `k x n` and `C` is `m x n`, contiguous.

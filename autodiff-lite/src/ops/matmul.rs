@@ -114,9 +114,9 @@ impl Product {
         self.each(ga, self.m * self.k, |i, ga| {
             let (b, g) = (self.right(b, i), self.output(g, i));
             if self.transposed[0] {
-                gemm([self.k, self.n, self.m], F::one(), b, flip(g), F::zero(), ga);
+                gemm([self.k, self.n, self.m], F::one(), b, g.flipped(), F::zero(), ga);
             } else {
-                gemm([self.m, self.n, self.k], F::one(), g, flip(b), F::zero(), ga);
+                gemm([self.m, self.n, self.k], F::one(), g, b.flipped(), F::zero(), ga);
             }
         });
     }
@@ -125,9 +125,9 @@ impl Product {
         let one = |i: usize, beta: F, gb: &mut [F]| {
             let (a, g) = (self.left(a, i), self.output(g, i));
             if self.transposed[1] {
-                gemm([self.n, self.m, self.k], F::one(), flip(g), a, beta, gb);
+                gemm([self.n, self.m, self.k], F::one(), g.flipped(), a, beta, gb);
             } else {
-                gemm([self.k, self.m, self.n], F::one(), flip(a), g, beta, gb);
+                gemm([self.k, self.m, self.n], F::one(), a.flipped(), g, beta, gb);
             }
         };
         if self.shared {
@@ -139,10 +139,6 @@ impl Product {
             self.each(gb, self.k * self.n, |i, gb| one(i, F::zero(), gb));
         }
     }
-}
-
-fn flip<F: Copy>(matrix: Matrix<'_, F>) -> Matrix<'_, F> {
-    Matrix { steps: [matrix.steps[1], matrix.steps[0]], ..matrix }
 }
 
 #[cfg(test)]

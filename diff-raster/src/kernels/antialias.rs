@@ -45,29 +45,17 @@ struct Crossing<F> {
 }
 
 /// What the forward pass finds out, for its gradient.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct State<F> {
     images: Vec<ImageState<F>>,
 }
 
-impl<F> Default for State<F> {
-    fn default() -> Self {
-        Self { images: Vec::new() }
-    }
-}
-
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct ImageState<F> {
     background: Bits,
     crossings: Vec<Crossing<F>>,
     /// What is left of each pixel by pairs in rows, and by pairs in columns.
     left: [Vec<F>; 2],
-}
-
-impl<F> Default for ImageState<F> {
-    fn default() -> Self {
-        Self { background: Bits::default(), crossings: Vec::new(), left: [Vec::new(), Vec::new()] }
-    }
 }
 
 /// The antialiased silhouette `[N, H, W]` of what was drawn; all of `out` is written.

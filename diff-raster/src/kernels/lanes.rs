@@ -285,6 +285,16 @@ struct Wide<S, F> {
 
 const F32: &str = "wide lanes are only made for f32";
 
+/// Methods that are a call of `pulp` under another name.
+macro_rules! forward {
+    ($($name:ident($($x:ident: $X:ty),*) -> $Y:ty = $simd:ident;)*) => {$(
+        #[inline(always)]
+        fn $name(self, $($x: $X),*) -> $Y {
+            self.simd.$simd($($x),*)
+        }
+    )*};
+}
+
 impl<S: Simd, F: Real> Lanes for Wide<S, F> {
     type F = F;
     type V = S::f32s;
@@ -292,14 +302,28 @@ impl<S: Simd, F: Real> Lanes for Wide<S, F> {
     type U = S::u32s;
     const N: usize = S::F32_LANES;
 
+    forward! {
+        splat_u(x: u32) -> S::u32s = splat_u32s;
+        add(a: S::f32s, b: S::f32s) -> S::f32s = add_f32s;
+        sub(a: S::f32s, b: S::f32s) -> S::f32s = sub_f32s;
+        mul(a: S::f32s, b: S::f32s) -> S::f32s = mul_f32s;
+        div(a: S::f32s, b: S::f32s) -> S::f32s = div_f32s;
+        min(a: S::f32s, b: S::f32s) -> S::f32s = min_f32s;
+        max(a: S::f32s, b: S::f32s) -> S::f32s = max_f32s;
+        lt(a: S::f32s, b: S::f32s) -> S::m32s = less_than_f32s;
+        le(a: S::f32s, b: S::f32s) -> S::m32s = less_than_or_equal_f32s;
+        le_u(a: S::u32s, b: S::u32s) -> S::m32s = less_than_or_equal_u32s;
+        eq_u(a: S::u32s, b: S::u32s) -> S::m32s = equal_u32s;
+        add_u(a: S::u32s, b: S::u32s) -> S::u32s = add_u32s;
+        and(a: S::m32s, b: S::m32s) -> S::m32s = and_m32s;
+        select(m: S::m32s, a: S::f32s, b: S::f32s) -> S::f32s = select_f32s;
+        select_u(m: S::m32s, a: S::u32s, b: S::u32s) -> S::u32s = select_u32s;
+    }
+
     #[inline(always)]
     fn splat(self, x: F) -> S::f32s {
         // f32 -> f64 -> f32 is exact, and folded away.
         self.simd.splat_f32s(x.to_f64() as f32)
-    }
-    #[inline(always)]
-    fn splat_u(self, x: u32) -> S::u32s {
-        self.simd.splat_u32s(x)
     }
     #[inline(always)]
     fn load(self, from: &[F]) -> S::f32s {
@@ -322,22 +346,6 @@ impl<S: Simd, F: Real> Lanes for Wide<S, F> {
         S::as_mut_simd_u32s(&mut to[..Self::N]).0[0] = x;
     }
     #[inline(always)]
-    fn add(self, a: S::f32s, b: S::f32s) -> S::f32s {
-        self.simd.add_f32s(a, b)
-    }
-    #[inline(always)]
-    fn sub(self, a: S::f32s, b: S::f32s) -> S::f32s {
-        self.simd.sub_f32s(a, b)
-    }
-    #[inline(always)]
-    fn mul(self, a: S::f32s, b: S::f32s) -> S::f32s {
-        self.simd.mul_f32s(a, b)
-    }
-    #[inline(always)]
-    fn div(self, a: S::f32s, b: S::f32s) -> S::f32s {
-        self.simd.div_f32s(a, b)
-    }
-    #[inline(always)]
     fn fma(self, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
         if S::IS_SCALAR {
             // Without FMA hardware `mul_add` is a library call.
@@ -355,48 +363,8 @@ impl<S: Simd, F: Real> Lanes for Wide<S, F> {
         }
     }
     #[inline(always)]
-    fn min(self, a: S::f32s, b: S::f32s) -> S::f32s {
-        self.simd.min_f32s(a, b)
-    }
-    #[inline(always)]
-    fn max(self, a: S::f32s, b: S::f32s) -> S::f32s {
-        self.simd.max_f32s(a, b)
-    }
-    #[inline(always)]
-    fn lt(self, a: S::f32s, b: S::f32s) -> S::m32s {
-        self.simd.less_than_f32s(a, b)
-    }
-    #[inline(always)]
-    fn le(self, a: S::f32s, b: S::f32s) -> S::m32s {
-        self.simd.less_than_or_equal_f32s(a, b)
-    }
-    #[inline(always)]
-    fn le_u(self, a: S::u32s, b: S::u32s) -> S::m32s {
-        self.simd.less_than_or_equal_u32s(a, b)
-    }
-    #[inline(always)]
-    fn eq_u(self, a: S::u32s, b: S::u32s) -> S::m32s {
-        self.simd.equal_u32s(a, b)
-    }
-    #[inline(always)]
-    fn add_u(self, a: S::u32s, b: S::u32s) -> S::u32s {
-        self.simd.add_u32s(a, b)
-    }
-    #[inline(always)]
-    fn and(self, a: S::m32s, b: S::m32s) -> S::m32s {
-        self.simd.and_m32s(a, b)
-    }
-    #[inline(always)]
     fn any(self, m: S::m32s) -> bool {
         self.simd.first_true_m32s(m) != Self::N
-    }
-    #[inline(always)]
-    fn select(self, m: S::m32s, a: S::f32s, b: S::f32s) -> S::f32s {
-        self.simd.select_f32s(m, a, b)
-    }
-    #[inline(always)]
-    fn select_u(self, m: S::m32s, a: S::u32s, b: S::u32s) -> S::u32s {
-        self.simd.select_u32s(m, a, b)
     }
     #[inline(always)]
     fn mask(self, bits: u32) -> S::m32s {

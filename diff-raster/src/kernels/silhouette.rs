@@ -55,16 +55,10 @@ pub struct ImageState<F> {
 }
 
 /// What the forward pass over a batch finds out.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct State<F> {
     images: Vec<ImageState<F>>,
     planes: ScratchPool<Planes<F>>,
-}
-
-impl<F> Default for State<F> {
-    fn default() -> Self {
-        Self { images: Vec::new(), planes: ScratchPool::default() }
-    }
 }
 
 #[derive(Debug, Default)]

@@ -21,6 +21,11 @@ impl<F: Real> Kept<F> {
         Self::new(pool.filled(shape, F::zero()), pool)
     }
 
+    /// The array, out of the pool's care.
+    pub(super) fn into_tensor(mut self) -> Tensor<F> {
+        self.value.take().expect("there until it is dropped")
+    }
+
     pub(super) fn tensor(&self) -> &Tensor<F> {
         self.value.as_ref().expect("there until it is dropped")
     }

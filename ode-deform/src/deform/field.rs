@@ -154,7 +154,7 @@ impl<F: Real> DeformationField<F> {
     /// The time beside each vertex, `[N, V, 1]`; none where the field is not told it.
     pub(super) fn time_column<'t>(&self, t: f64, y: Var<'t, F>) -> Option<Var<'t, F>> {
         let [n, v, _] = y.dims();
-        let column = || ArrayD::from_elem(vec![n, v, 1], F::from_f64(t));
+        let column = || y.tape().pool().filled(&[n, v, 1], F::from_f64(t));
         (self.config.time > 0).then(|| y.tape().constant(column()))
     }
 }

@@ -1,7 +1,6 @@
 //! A field whose weights change with the time, which reads the image through a few columns.
 
 use autodiff_lite::{Activation, Param, Real, SparseMatrix, Tape, Var, impl_module};
-use ndarray::ArrayD;
 use nets::{Init, MapSampling};
 
 use super::field::{positions, project_points};
@@ -195,7 +194,7 @@ impl<F: Real> StackedField<F> {
         if self.config.augment_dim == 0 {
             return turned;
         }
-        let nothing = ArrayD::from_elem(vec![n, v, self.config.augment_dim], F::from_f64(0.0));
+        let nothing = tape.pool().filled(&[n, v, self.config.augment_dim], F::zero());
         tape.concat(&[turned, tape.constant(nothing)], 2)
     }
 
@@ -207,7 +206,7 @@ impl<F: Real> StackedField<F> {
         maps: &[Var<'t, F>],
     ) -> [Var<'t, F>; 2] {
         let ([n, v, _], reading) = (y.dims(), self.config.feature_dim);
-        let nothing = ArrayD::from_elem(vec![n, v, reading + AFFINE], F::from_f64(0.0));
+        let nothing = y.tape().pool().filled(&[n, v, reading + AFFINE], F::zero());
         let points = project_points(positions(y), camera);
         let seen = add_readings(y.tape().constant(nothing), maps, points, self.config.sampling);
         [seen.slice_axis(2, 0..reading), seen.slice_axis(2, reading..reading + AFFINE)]

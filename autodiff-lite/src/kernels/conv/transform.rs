@@ -102,10 +102,34 @@ fn unfilter<F: Lane, S: Simd>(s: S, m: [F::Vector<S>; 6]) -> [F::Vector<S>; 3] {
     ]
 }
 
+/// An image that is read tile by tile.
+#[derive(Clone, Copy)]
+pub(super) struct Read<'a, F> {
+    pub(super) grid: Grid,
+    pub(super) image: &'a [F],
+    pub(super) size: [usize; 2],
+    pub(super) padding: [usize; 2],
+    pub(super) channels: usize,
+}
+
+impl<'a, F> Read<'a, F> {
+    /// The input, each tile as the windows of 4x4 outputs see it.
+    pub(super) fn input(s: &ConvSizes, image: &'a [F]) -> Self {
+        let grid = Grid::new(s.batch, s.output);
+        Self { grid, image, size: s.input, padding: s.padding, channels: s.in_channels }
+    }
+
+    /// The gradient of the output.
+    pub(super) fn output(s: &ConvSizes, image: &'a [F]) -> Self {
+        let grid = Grid::new(s.batch, s.output);
+        Self { grid, image, size: s.output, padding: [0; 2], channels: s.out_channels }
+    }
+}
+
 /// Reads tiles of `SIDE x SIDE` pixels and writes them, transformed, as
 /// `[channels / width][36][block][width]`: six to a side by `Bᵀ x B`, four to a side by `A g Aᵀ`.
 pub(super) struct GatherTiles<'a, F, const SIDE: usize> {
-    pub(super) grid: Grid,
+    pub(super) read: Read<'a, F>,
     pub(super) first: usize,
     pub(super) count: usize,
     /// Tiles of a block, and the place of the first one in it.
@@ -113,10 +137,6 @@ pub(super) struct GatherTiles<'a, F, const SIDE: usize> {
     pub(super) at: usize,
     /// Channels that lie together: whole vectors.
     pub(super) width: usize,
-    pub(super) image: &'a [F],
-    pub(super) size: [usize; 2],
-    pub(super) padding: [usize; 2],
-    pub(super) channels: usize,
     /// The block; its other tiles are not touched.
     pub(super) out: Shared<F>,
     /// Room for one tile, copied with zeros around where it crosses the border.
@@ -127,7 +147,7 @@ impl<F: Lane, const SIDE: usize> GatherTiles<'_, F, SIDE> {
     /// Copies a tile that crosses the border of the image.
     #[inline(always)]
     fn copy(&mut self, n: usize, corner: [isize; 2]) {
-        let (c, [h, w]) = (self.channels, self.size);
+        let Read { image, size: [h, w], channels: c, .. } = self.read;
         for r in 0..SIDE {
             let y = corner[0] + r as isize;
             for q in 0..SIDE {
@@ -137,7 +157,7 @@ impl<F: Lane, const SIDE: usize> GatherTiles<'_, F, SIDE> {
                     to.fill(F::zero());
                 } else {
                     let from = ((n * h + y as usize) * w + x as usize) * c;
-                    to.copy_from_slice(&self.image[from..from + c]);
+                    to.copy_from_slice(&image[from..from + c]);
                 }
             }
         }
@@ -149,21 +169,19 @@ impl<F: Lane, const SIDE: usize> WithSimd for GatherTiles<'_, F, SIDE> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, s: S) {
-        let (c, lanes) = (self.channels, F::lanes::<S>());
+        let Read { grid, image, size, padding, channels: c } = self.read;
+        let lanes = F::lanes::<S>();
         assert!(c.is_multiple_of(lanes) && self.width.is_multiple_of(lanes), "{WHOLE}");
         let point_step = self.block * self.width;
         for tile in 0..self.count {
-            let [n, y, x] = self.grid.corner(self.first + tile);
-            let corner =
-                [y as isize - self.padding[0] as isize, x as isize - self.padding[1] as isize];
-            let inside = (0..2)
-                .all(|axis| corner[axis] >= 0 && corner[axis] as usize + SIDE <= self.size[axis]);
+            let [n, y, x] = grid.corner(self.first + tile);
+            let corner = [y as isize - padding[0] as isize, x as isize - padding[1] as isize];
+            let inside =
+                (0..2).all(|axis| corner[axis] >= 0 && corner[axis] as usize + SIDE <= size[axis]);
             let (base, row, pixel) = if inside {
-                let at = ((n * self.size[0] + corner[0] as usize) * self.size[1]
-                    + corner[1] as usize)
-                    * c;
-                let reach = ((SIDE - 1) * self.size[1] + SIDE) * c;
-                (self.image[at..at + reach].as_ptr(), self.size[1] * c, c)
+                let at = ((n * size[0] + corner[0] as usize) * size[1] + corner[1] as usize) * c;
+                let reach = ((SIDE - 1) * size[1] + SIDE) * c;
+                (image[at..at + reach].as_ptr(), size[1] * c, c)
             } else {
                 self.copy(n, corner);
                 (self.border[..SIDE * SIDE * c].as_ptr(), SIDE * c, c)

@@ -17,7 +17,9 @@ use crate::kernels::workspace;
 use super::ConvSizes;
 use super::grid::{Grid, POINTS};
 use super::operands::{Operands, finish};
-use super::transform::{GatherTiles, ScatterTiles, TransformWeights, WeightGradient, WeightPanel};
+use super::transform::{
+    GatherTiles, Read, ScatterTiles, TransformWeights, WeightGradient, WeightPanel,
+};
 use super::winograd::applies;
 
 /// Channels that lie together in a block of transformed tiles.
@@ -78,16 +80,6 @@ pub(super) fn grad_input<F: Lane>(s: &ConvSizes, isa: Isa, operands: Operands<'_
     sweep(&s.transposed(), isa, &TransformWeights::grad_input(s, operands.w), operands);
 }
 
-/// An image that is read tile by tile.
-#[derive(Clone, Copy)]
-struct Read<'a, F> {
-    grid: Grid,
-    image: &'a [F],
-    size: [usize; 2],
-    padding: [usize; 2],
-    channels: usize,
-}
-
 impl<F: Lane> Read<'_, F> {
     /// Transforms the tiles `first .. first + count` into a block.
     fn gather<const SIDE: usize>(self, isa: Isa, first: usize, count: usize, out: &mut [F]) {
@@ -98,16 +90,12 @@ impl<F: Lane> Read<'_, F> {
             let at = task * GATHERED;
             workspace::with(POINTS * self.channels, |border: &mut [F]| {
                 isa.run(GatherTiles::<F, SIDE> {
-                    grid: self.grid,
+                    read: self,
                     first: first + at,
                     count: GATHERED.min(count - at),
                     block,
                     at,
                     width: WIDTH,
-                    image: self.image,
-                    size: self.size,
-                    padding: self.padding,
-                    channels: self.channels,
                     out,
                     border,
                 });
@@ -127,7 +115,7 @@ fn sweep<F: Lane>(
     let columns = tiles.columns();
     let (ci, co) = (s.in_channels, s.out_channels);
     let grid = Grid::new(s.batch, s.output);
-    let read = Read { grid, image: x, size: s.input, padding: s.padding, channels: ci };
+    let read = Read::input(s, x);
     let (count, block) = (grid.tiles(), block_tiles(s, SWEPT));
     let sources = &mut scratch[..POINTS * block * ci];
     let out = Shared::new(y);
@@ -206,8 +194,7 @@ pub(super) fn grad_weight<F: Lane>(
 ) {
     let (ci, co) = (s.in_channels, s.out_channels);
     let grid = Grid::new(s.batch, s.output);
-    let input = Read { grid, image: x, size: s.input, padding: s.padding, channels: ci };
-    let output = Read { grid, image: gy, size: s.output, padding: [0; 2], channels: co };
+    let (input, output) = (Read::input(s, x), Read::output(s, gy));
     let (count, block) = (grid.tiles(), block_tiles(s, SUMMED));
     let (sources, rest) = scratch.split_at_mut(POINTS * block * ci);
     let gradients = &mut rest[..POINTS * block * co];

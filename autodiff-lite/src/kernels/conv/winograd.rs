@@ -20,7 +20,7 @@ use crate::kernels::workspace;
 
 use super::grid::{Grid, POINTS};
 use super::operands::{Operands, finish};
-use super::transform::{GatherTiles, ScatterTiles, TransformWeights, WeightGradient};
+use super::transform::{GatherTiles, Read, ScatterTiles, TransformWeights, WeightGradient};
 use super::{ConvSizes, grad_weight as direct};
 
 /// Parts that the tiles are summed in for the gradient of the weight. Fixed, so that rounding
@@ -107,16 +107,12 @@ fn sweep<F: Lane>(s: &ConvSizes, isa: Isa, w: &TransformWeights<'_, F>, operands
             let (sources, rest) = memory.split_at_mut(POINTS * block * ci);
             let (products, border) = rest.split_at_mut(POINTS * block * co);
             isa.run(GatherTiles::<F, 6> {
-                grid,
+                read: Read::input(s, x),
                 first,
                 count: here,
                 block,
                 at: 0,
                 width: ci,
-                image: x,
-                size: s.input,
-                padding: s.padding,
-                channels: ci,
                 out: Shared::new(sources),
                 border,
             });
@@ -201,30 +197,22 @@ pub(super) fn grad_weight<F: Lane>(
             while first < end {
                 let here = block.min(end - first);
                 isa.run(GatherTiles::<F, 6> {
-                    grid,
+                    read: Read::input(s, x),
                     first,
                     count: here,
                     block,
                     at: 0,
                     width: ci,
-                    image: x,
-                    size: s.input,
-                    padding: s.padding,
-                    channels: ci,
                     out: Shared::new(sources),
                     border,
                 });
                 isa.run(GatherTiles::<F, 4> {
-                    grid,
+                    read: Read::output(s, gy),
                     first,
                     count: here,
                     block,
                     at: 0,
                     width: co,
-                    image: gy,
-                    size: s.output,
-                    padding: [0; 2],
-                    channels: co,
                     out: Shared::new(gradients),
                     border,
                 });

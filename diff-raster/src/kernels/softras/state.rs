@@ -16,13 +16,7 @@ pub(super) struct ImageState<F> {
 }
 
 /// What the forward pass over a batch finds out.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct State<F> {
     pub(super) images: Vec<ImageState<F>>,
-}
-
-impl<F> Default for State<F> {
-    fn default() -> Self {
-        Self { images: Vec::new() }
-    }
 }
