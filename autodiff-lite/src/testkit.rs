@@ -12,8 +12,6 @@
 //! gradcheck!(scaled_square: |x, s| x.square().mul(s), shapes [[[3, 5], [5]], [[1], []]]);
 //! ```
 
-use std::fmt;
-
 use ndarray::{ArrayD, IxDyn};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -102,9 +100,12 @@ impl Options {
 }
 
 /// A gradient that disagrees with the differences.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Mismatch {
     /// One element is off.
+    #[error(
+        "input {input}, element {element}: the rule gives {rule:e}, differences {differences:e}"
+    )]
     Element {
         /// Which input.
         input: usize,
@@ -117,6 +118,7 @@ pub enum Mismatch {
     },
     /// More elements than [`MOST_UNDECIDED`] have borders of pieces so near on both sides that
     /// there is no derivative to compare with.
+    #[error("{found} of {probed} elements have no derivative on either side")]
     Undecided {
         /// Elements without a derivative.
         found: usize,
@@ -124,22 +126,6 @@ pub enum Mismatch {
         probed: usize,
     },
 }
-
-impl fmt::Display for Mismatch {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Element { input, element, rule, differences } => write!(
-                f,
-                "input {input}, element {element}: the rule gives {rule:e}, differences {differences:e}"
-            ),
-            Self::Undecided { found, probed } => {
-                write!(f, "{found} of {probed} elements have no derivative on either side")
-            }
-        }
-    }
-}
-
-impl std::error::Error for Mismatch {}
 
 /// The closure itself: wrapping it lets the compiler see that input and output share a lifetime,
 /// which it does not see in a closure that is bound to a name first.

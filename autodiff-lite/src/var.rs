@@ -61,26 +61,22 @@ impl<'t, F: Real> Var<'t, F> {
     #[track_caller]
     pub fn dims<const N: usize>(self) -> [usize; N] {
         let shape = self.shape();
-        match <[usize; N]>::try_from(shape.as_slice()) {
-            Ok(dims) => dims,
-            Err(_) => {
-                let message = format!("{N} axes expected");
-                self.tape.refuse("dims", message, &[("value", &shape, "")])
-            }
-        }
+        let Ok(dims) = <[usize; N]>::try_from(shape.as_slice()) else {
+            let message = format!("{N} axes expected");
+            self.tape.refuse("dims", message, &[("value", &shape, "")])
+        };
+        dims
     }
 
     /// The only element.
     #[track_caller]
     pub fn item(self) -> F {
         let value = self.value();
-        match value.as_slice() {
-            &[only] => only,
-            _ => {
-                let operands = [("value", value.shape(), "")];
-                self.tape.refuse("item", "exactly one element expected", &operands)
-            }
-        }
+        let &[only] = value.as_slice() else {
+            let operands = [("value", value.shape(), "")];
+            self.tape.refuse("item", "exactly one element expected", &operands)
+        };
+        only
     }
 
     /// Whether a gradient would flow into it.

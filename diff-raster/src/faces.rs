@@ -30,9 +30,10 @@ pub struct Faces {
 }
 
 /// Why a list of faces cannot be drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FacesError {
     /// A face names a vertex that is not there.
+    #[error("face {face} names vertex {index}, but there are {vertices} vertices")]
     VertexOutOfRange {
         /// The face.
         face: usize,
@@ -42,6 +43,7 @@ pub enum FacesError {
         vertices: usize,
     },
     /// More than `(2³² - 2) / 3` faces: their corners could not be numbered in 32 bits.
+    #[error("{faces} faces are more than 32 bits number")]
     TooManyFaces {
         /// How many there are.
         faces: usize,
@@ -56,19 +58,6 @@ impl PartialEq for Faces {
 }
 
 impl Eq for Faces {}
-
-impl std::fmt::Display for FacesError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::VertexOutOfRange { face, index, vertices } => {
-                write!(f, "face {face} names vertex {index}, but there are {vertices} vertices")
-            }
-            Self::TooManyFaces { faces } => write!(f, "{faces} faces are more than 32 bits number"),
-        }
-    }
-}
-
-impl std::error::Error for FacesError {}
 
 impl Faces {
     /// Checks the indices and collects the topology. `O(V + F)`.

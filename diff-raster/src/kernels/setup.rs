@@ -207,13 +207,12 @@ fn prepare_face<F: Real>(
         return None;
     }
     let half_open = settings.rule == Rule::Published;
-    let low = |k: usize| min3(a[k], b[k], c[k]);
-    let high = |k: usize| -min3(-a[k], -b[k], -c[k]);
-    let columns = centres.columns(low(0), high(0), half_open);
+    let [x, y] = [0, 1].map(|k| extent(a[k], b[k], c[k]));
+    let columns = centres.columns(x[0], x[1], half_open);
     if columns[0] >= columns[1] {
         return None;
     }
-    let rows = centres.rows(low(1), high(1), half_open);
+    let rows = centres.rows(y[0], y[1], half_open);
     if rows[0] >= rows[1] {
         return None;
     }
@@ -227,7 +226,7 @@ fn prepare_face<F: Real>(
         edges: [edge(b, c), edge(c, a), edge(a, b)],
         key: keys[0],
         derivatives: [(keys[1] - keys[0]) * inverse, (keys[2] - keys[0]) * inverse],
-        bounds: [min3(keys[0], keys[1], keys[2]), -min3(-keys[0], -keys[1], -keys[2])],
+        bounds: extent(keys[0], keys[1], keys[2]),
         scales: [scale(keys[1]), scale(keys[2])],
     };
     Some(PixelBox { rows, columns })
