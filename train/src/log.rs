@@ -93,6 +93,9 @@ mod named {
     }
 }
 
+/// Columns of the table that every run has, in their order.
+const FIXED: [&str; 5] = ["epoch", "loss", "learning_rate", "gradient_norm", "seconds"];
+
 /// Everything that a run has logged so far.
 #[derive(Clone, Debug, Default)]
 pub(super) struct History {
@@ -103,20 +106,14 @@ pub(super) struct History {
 impl History {
     /// Reads the log of a run. A last line that was cut off when the run was killed is left out.
     pub(super) fn read(path: &Path) -> Result<Self, RunError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| RunError::Io { path: path.to_owned(), source })?;
-        let wrong = |line: usize, problem: serde_json::Error| RunError::Log {
-            path: path.to_owned(),
-            line: line + 1,
-            problem: problem.to_string(),
-        };
+        let text = std::fs::read_to_string(path).map_err(RunError::io(path))?;
         let complete = text.rfind('\n').map_or("", |end| &text[..end]);
         let mut history = Self::default();
         for (k, line) in complete.lines().enumerate() {
             if k == 0 {
-                history.header = serde_json::from_str(line).map_err(|e| wrong(k, e))?;
+                history.header = serde_json::from_str(line).map_err(wrong(path, k))?;
             } else {
-                history.lines.push(serde_json::from_str(line).map_err(|e| wrong(k, e))?);
+                history.lines.push(serde_json::from_str(line).map_err(wrong(path, k))?);
             }
         }
         Ok(history)
@@ -125,27 +122,21 @@ impl History {
     /// The header of a run's log, and how many of its bytes stay when it goes on from a checkpoint: those before later
     /// steps, and before evaluations that are still to be done.
     pub(super) fn kept(path: &Path, step: u64, pending: bool) -> Result<(Value, u64), RunError> {
-        let text =
-            std::fs::read(path).map_err(|source| RunError::Io { path: path.to_owned(), source })?;
+        let text = std::fs::read(path).map_err(RunError::io(path))?;
         let (mut header, mut kept, mut reached) = (None, 0, 0);
         for (k, line) in text.split_inclusive(|&byte| byte == b'\n').enumerate() {
             if !line.ends_with(b"\n") {
                 break;
             }
-            let wrong = |problem: serde_json::Error| RunError::Log {
-                path: path.to_owned(),
-                line: k + 1,
-                problem: problem.to_string(),
-            };
             if k == 0 {
-                header = Some(serde_json::from_slice(line).map_err(wrong)?);
+                header = Some(serde_json::from_slice(line).map_err(wrong(path, k))?);
             } else {
                 match serde_json::from_slice::<Line>(line) {
                     Ok(line) if line.comes_after(step, pending) => break,
                     Ok(line) => reached = line.step(),
                     // Behind the checkpoint, a power cut may have left anything.
                     Err(_) if reached >= step => break,
-                    Err(error) => return Err(wrong(error)),
+                    Err(error) => return Err(wrong(path, k)(error)),
                 }
             }
             kept += line.len() as u64;
@@ -179,19 +170,15 @@ impl History {
                 Line::Step {
                     epoch, loss, terms, learning_rate, gradient_norm, seconds, ..
                 } => {
-                    row.push(("epoch".to_owned(), *epoch as f64));
-                    row.push(("loss".to_owned(), *loss));
-                    row.push(("learning_rate".to_owned(), *learning_rate));
-                    row.push(("gradient_norm".to_owned(), *gradient_norm));
-                    row.push(("seconds".to_owned(), *seconds));
+                    let values = [*epoch as f64, *loss, *learning_rate, *gradient_norm, *seconds];
+                    row.extend(FIXED.map(str::to_owned).into_iter().zip(values));
                     for (name, value) in terms {
                         note(&mut columns, name);
                         row.push((format!("term/{name}"), *value));
                     }
                 }
                 Line::Skipped { epoch, loss, .. } => {
-                    row.push(("epoch".to_owned(), *epoch as f64));
-                    row.push(("loss".to_owned(), *loss));
+                    row.extend(FIXED.map(str::to_owned).into_iter().zip([*epoch as f64, *loss]));
                 }
                 Line::Evaluation { metrics, .. } => {
                     for (name, value) in metrics {
@@ -202,10 +189,9 @@ impl History {
                 Line::Resumed { .. } => {}
             }
         }
-        let fixed = ["epoch", "loss", "learning_rate", "gradient_norm", "seconds"];
-        let names: Vec<String> = fixed
-            .iter()
-            .map(|&name| name.to_owned())
+        let names: Vec<String> = FIXED
+            .map(str::to_owned)
+            .into_iter()
             .chain(columns.iter().map(|name| format!("term/{name}")))
             .chain(scores.iter().map(|name| format!("score/{name}")))
             .collect();
@@ -223,6 +209,12 @@ impl History {
         }
         text
     }
+}
+
+/// What is wrong with a line, counted from 0.
+fn wrong(path: &Path, line: usize) -> impl FnOnce(serde_json::Error) -> RunError {
+    let path = path.to_owned();
+    move |problem| RunError::Log { path, line: line + 1, problem: problem.to_string() }
 }
 
 fn note<'a>(names: &mut Vec<&'a str>, name: &'a str) {
@@ -255,18 +247,14 @@ impl Log {
     /// Begins a log.
     pub(super) fn begin(path: PathBuf, header: &Value) -> Result<Self, RunError> {
         let text = json(header);
-        match write_whole(&path, text.as_bytes()) {
-            Ok(()) => Self::resume(path, text.len() as u64),
-            Err(source) => Err(RunError::Io { path, source }),
-        }
+        write_whole(&path, text.as_bytes()).map_err(RunError::io(&path))?;
+        Self::resume(path, text.len() as u64)
     }
 
     /// Goes on behind the bytes that stay.
     pub(super) fn resume(path: PathBuf, kept: u64) -> Result<Self, RunError> {
-        match Growing::open(path.clone(), kept) {
-            Ok(file) => Ok(Self { file, waiting: Vec::new() }),
-            Err(source) => Err(RunError::Io { path, source }),
-        }
+        let file = Growing::open(path.clone(), kept).map_err(RunError::io(path))?;
+        Ok(Self { file, waiting: Vec::new() })
     }
 
     /// One line, in one write, so that a kill cuts off at most the last. If there is no room it waits for the next one,
@@ -279,17 +267,13 @@ impl Log {
     /// Brings all lines to the disk.
     pub(super) fn sync(&mut self) -> Result<(), RunError> {
         self.write()?;
-        self.file.sync().map_err(|source| self.failed(source))
+        self.file.sync().map_err(RunError::io(self.file.path()))
     }
 
     fn write(&mut self) -> Result<(), RunError> {
-        self.file.append(&self.waiting).map_err(|source| self.failed(source))?;
+        self.file.append(&self.waiting).map_err(RunError::io(self.file.path()))?;
         self.waiting.clear();
         Ok(())
-    }
-
-    fn failed(&self, source: std::io::Error) -> RunError {
-        RunError::Io { path: self.file.path().to_owned(), source }
     }
 }
 

@@ -19,7 +19,7 @@ pub(super) fn report(system: &str, config: &str, history: &History, shown: &Show
     let steps = history.lines.iter().filter(|line| matches!(line, Line::Step { .. })).count();
     let seconds = history.seconds();
     let facts = ["data", "data_hash", "seed", "threads", "cpu", "machine", "version", "commit"];
-    let rows = facts.map(|name| (name.replace('_', " "), fact(name)));
+    let facts = facts.map(|name| (name.replace('_', " "), fact(name)));
     Report {
         title: format!("{system}: a training"),
         summary: format!(
@@ -33,11 +33,8 @@ pub(super) fn report(system: &str, config: &str, history: &History, shown: &Show
         views: shown.views.clone(),
         charts: charts(history),
         tables: vec![
-            Table {
-                title: "Provenance".into(),
-                rows: rows.into_iter().filter(|r| !r.1.is_empty()).collect(),
-            },
-            Table { title: "Configuration".into(), rows: options(config) },
+            Table::new("Provenance", facts.into_iter().filter(|(_, fact)| !fact.is_empty())),
+            Table::new("Configuration", options(config)),
         ],
         ..Report::default()
     }
@@ -52,13 +49,10 @@ fn figures(history: &History) -> Vec<Figure> {
         })
     };
     let Some((_, last, _)) = evaluations().next() else { return Vec::new() };
-    let mut figures: Vec<Figure> = last
-        .iter()
-        .map(|(name, value)| Figure { value: format!("{value:.4}"), label: name.clone() })
-        .collect();
+    let mut figures: Vec<Figure> =
+        last.iter().map(|(name, value)| Figure::new(name, format!("{value:.4}"))).collect();
     if let Some((step, ..)) = evaluations().find(|(_, _, best)| **best) {
-        figures
-            .push(Figure { value: step.to_string(), label: "steps of the best checkpoint".into() });
+        figures.push(Figure::new("steps of the best checkpoint", step.to_string()));
     }
     figures
 }
@@ -86,29 +80,21 @@ fn charts(history: &History) -> Vec<Chart> {
             _ => {}
         }
     }
-    let series = |name: &str, points| Series { name: name.to_owned(), points };
-    let all = std::iter::once(series("loss", loss))
-        .chain(terms.into_iter().map(|(name, points)| series(&name, points)))
-        .collect();
-    let chart = |title: &str, logarithmic, series| Chart {
-        title: title.into(),
-        x_label: "step".into(),
-        logarithmic,
-        series,
-    };
+    let mut all = vec![Series::new("loss", loss)];
+    all.extend(terms.into_iter().map(|(name, points)| Series::new(name, points)));
+    let chart = |title: &str, series| Chart::new(title, "step", series);
     let mut charts = vec![
-        chart("Loss and its weighted terms", true, all),
-        chart("Norm of the gradients", true, vec![series("norm", norm)]),
-        chart("Learning rate", true, vec![series("learning rate", rate)]),
+        chart("Loss and its weighted terms", all).logarithmic(),
+        chart("Norm of the gradients", vec![Series::new("norm", norm)]).logarithmic(),
+        chart("Learning rate", vec![Series::new("learning rate", rate)]).logarithmic(),
     ];
     // Scores differ in unit: one chart each.
-    charts.extend(
-        scores.into_iter().map(|(name, points)| chart(&name, false, vec![series(&name, points)])),
-    );
+    let scores = scores.into_iter();
+    charts.extend(scores.map(|(name, points)| chart(&name, vec![Series::new(&name, points)])));
     charts
 }
 
-fn options(config: &str) -> Vec<(String, String)> {
+fn options(config: &str) -> impl Iterator<Item = (&str, String)> {
     let pairs = config.lines().filter_map(|line| line.split_once(" = "));
-    pairs.map(|(name, value)| (name.to_owned(), value.to_owned())).collect()
+    pairs.map(|(name, value)| (name, value.to_owned()))
 }

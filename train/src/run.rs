@@ -21,7 +21,7 @@ use serde::Serialize;
 use super::error::RunError;
 use super::log::History;
 use crate::output::{
-    LOCK, Lock, LockError, disk, is_incidental, lock_folder, remove_within, sweep,
+    LOCK, Lock, LockError, disk, is_incidental, lock_folder, present, remove_within, sweep,
     write_derived_within, write_within,
 };
 
@@ -87,9 +87,9 @@ impl RunFolder {
         if !path.exists() {
             return Ok(());
         }
-        let io = |source| RunError::Io { path: path.to_owned(), source };
+        let refused = |text| Err(RunError::io(path)(std::io::Error::other(text)));
         if !path.is_dir() {
-            return Err(io(std::io::Error::other("not a folder; choose another path")));
+            return refused("not a folder; choose another path");
         }
         let run = Self::at(path);
         if run.is_bare()? {
@@ -107,9 +107,9 @@ impl RunFolder {
             entry.exists() && !empty
         };
         if !known && ENTRIES.iter().any(holds) {
-            let text =
-                "it holds files that a run would overwrite and is no run; choose another path";
-            return Err(io(std::io::Error::other(text)));
+            return refused(
+                "it holds files that a run would overwrite and is no run; choose another path",
+            );
         }
         Ok(())
     }
@@ -121,13 +121,13 @@ impl RunFolder {
     /// files of a run and leaves others alone.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self, RunError> {
         Self::admit(path, overwrite)?;
-        disk::make_folders(path).map_err(|source| io((path.to_owned(), source)))?;
+        disk::make_folders(path).map_err(RunError::io(path))?;
         let run = Self::locked(path)?;
         // Another may have been quicker.
         Self::admit(path, overwrite)?;
         remove_within(path, ENTRIES).map_err(io)?;
         let checkpoints = run.checkpoints();
-        disk::make_folders(&checkpoints).map_err(|source| io((checkpoints, source)))?;
+        disk::make_folders(&checkpoints).map_err(RunError::io(checkpoints))?;
         Ok(run)
     }
 
@@ -141,11 +141,11 @@ impl RunFolder {
         let begun = last || run.has_begun()?;
         for (name, file) in [(LOG, run.log()), (CONFIG, run.config())] {
             if !file.is_file() {
-                let path = path.to_owned();
+                let (path, missing) = (path.to_owned(), name);
                 return Err(if begun {
-                    RunError::Lost { path, missing: name }
+                    RunError::Lost { path, missing }
                 } else {
-                    RunError::NoRun { path, missing: name }
+                    RunError::NoRun { path, missing }
                 });
             }
         }
@@ -205,8 +205,8 @@ impl RunFolder {
     /// Whether there is nothing, or nothing but what a run has before its first checkpoint and step.
     fn is_bare(&self) -> Result<bool, RunError> {
         let mut empty = true;
-        for entry in fs::read_dir(&self.path).map_err(|source| io((self.path.clone(), source)))? {
-            let name = entry.map_err(|source| io((self.path.clone(), source)))?.file_name();
+        for entry in fs::read_dir(&self.path).map_err(RunError::io(&self.path))? {
+            let name = entry.map_err(RunError::io(&self.path))?.file_name();
             if is_incidental(&name) {
                 continue;
             }
@@ -236,12 +236,12 @@ impl RunFolder {
     /// Whether it is beyond its beginning: something is logged behind the header, or there is a checkpoint of any name.
     fn has_begun(&self) -> Result<bool, RunError> {
         let log = self.log();
-        let text = present(fs::read(&log)).map_err(|source| io((log, source)))?;
+        let text = present(fs::read(&log)).map_err(RunError::io(log))?;
         let logged = text.is_some_and(|text| text.split(|&byte| byte == b'\n').nth(2).is_some());
         let folder = self.checkpoints();
-        let failed = |source| io((folder.clone(), source));
-        for entry in present(fs::read_dir(&folder)).map_err(failed)?.into_iter().flatten() {
-            if !is_incidental(&entry.map_err(failed)?.file_name()) {
+        let entries = present(fs::read_dir(&folder)).map_err(RunError::io(&folder))?;
+        for entry in entries.into_iter().flatten() {
+            if !is_incidental(&entry.map_err(RunError::io(&folder))?.file_name()) {
                 return Ok(true);
             }
         }
@@ -307,15 +307,6 @@ impl RunFolder {
     /// Writes a file that can be made again, or be done without: a power cut may take it.
     pub(super) fn write_derived(&self, name: &str, bytes: &[u8]) -> Result<(), RunError> {
         write_derived_within(&self.path, name, bytes).map_err(io)
-    }
-}
-
-/// What is not there is none.
-fn present<T>(found: std::io::Result<T>) -> std::io::Result<Option<T>> {
-    match found {
-        Ok(found) => Ok(Some(found)),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(error),
     }
 }
 

@@ -24,16 +24,14 @@ impl Events {
     /// Begins a file in `folder`. `step` is where the run goes on: TensorBoard then forgets what an
     /// earlier file says of later steps.
     pub(super) fn create(folder: &Path, wall_time: f64, step: u64) -> Result<Self, RunError> {
-        std::fs::create_dir_all(folder)
-            .map_err(|source| RunError::Io { path: folder.to_owned(), source })?;
+        std::fs::create_dir_all(folder).map_err(RunError::io(folder))?;
         // Two parts of a run may begin within a second.
         let mut name = format!("events.out.tfevents.{:010}.unsphere", wall_time as u64);
         while folder.join(&name).exists() {
             name.push('+');
         }
         let path = folder.join(name);
-        let file =
-            File::create(&path).map_err(|source| RunError::Io { path: path.clone(), source })?;
+        let file = File::create(&path).map_err(RunError::io(&path))?;
         let mut events = Self { path, file };
         let mut version = Message::event(wall_time, 0);
         version.bytes(3, b"brain.Event:2");
@@ -57,14 +55,11 @@ impl Events {
     ) -> Result<(), RunError> {
         let mut summary = Message::default();
         for (tag, value) in values {
-            let mut entry = Message::default();
-            entry.bytes(1, tag.as_bytes());
+            let mut entry = Message::tagged(tag);
             entry.single(2, *value as f32);
             summary.message(1, &entry);
         }
-        let mut event = Message::event(wall_time, step);
-        event.message(5, &summary);
-        self.append(&event)
+        self.summary(wall_time, step, &summary)
     }
 
     /// An image of one step.
@@ -81,19 +76,21 @@ impl Events {
         image.integer(2, width as u64);
         image.integer(3, 3);
         image.bytes(4, png);
-        let mut entry = Message::default();
-        entry.bytes(1, tag.as_bytes());
+        let mut entry = Message::tagged(tag);
         entry.message(4, &image);
         let mut summary = Message::default();
         summary.message(1, &entry);
+        self.summary(wall_time, step, &summary)
+    }
+
+    fn summary(&mut self, wall_time: f64, step: u64, summary: &Message) -> Result<(), RunError> {
         let mut event = Message::event(wall_time, step);
-        event.message(5, &summary);
+        event.message(5, summary);
         self.append(&event)
     }
 
     fn append(&mut self, record: &Message) -> Result<(), RunError> {
-        let io = |source| RunError::Io { path: self.path.clone(), source };
-        self.file.write_all(&frame(&record.0)).map_err(io)
+        self.file.write_all(&frame(&record.0)).map_err(RunError::io(&self.path))
     }
 }
 
@@ -108,6 +105,13 @@ impl Message {
         event.0.extend(wall_time.to_le_bytes());
         event.integer(2, step);
         event
+    }
+
+    /// A value of a summary, as far as its name.
+    fn tagged(tag: &str) -> Self {
+        let mut entry = Self::default();
+        entry.bytes(1, tag.as_bytes());
+        entry
     }
 
     fn varint(&mut self, mut value: u64) {

@@ -86,10 +86,7 @@ fn replace(path: &Path, bytes: &[u8], sync: bool) -> io::Result<()> {
 
 /// Writes a file that nobody sees yet.
 fn write_new(path: &Path, bytes: &[u8], sync: bool) -> io::Result<()> {
-    match remove_file(path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-        _ => {}
-    }
+    super::present(remove_file(path))?;
     let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
     #[cfg(test)]
     note(Change::Write(path.to_owned(), bytes.to_owned()));

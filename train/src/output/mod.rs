@@ -288,6 +288,18 @@ pub(crate) fn write_derived_within(
     made.and_then(|()| disk::write_derived(&path, bytes)).map_err(|source| (path, source))
 }
 
+/// What was looked for; none if it is not there.
+///
+/// # Errors
+/// What the system says of it otherwise.
+pub fn present<T>(found: io::Result<T>) -> io::Result<Option<T>> {
+    match found {
+        Ok(found) => Ok(Some(found)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {

@@ -26,8 +26,8 @@ pub struct Series {
 ///
 /// ```
 /// use train::report::{Chart, Series};
-/// let halving = Series { name: "loss".into(), points: (0..8).map(|k| (k as f64, 0.5f64.powi(k))).collect() };
-/// let svg = Chart { title: "Loss".into(), x_label: "step".into(), logarithmic: true, series: vec![halving] }.to_svg();
+/// let halving = Series::new("loss", (0..8).map(|k| (k as f64, 0.5f64.powi(k))).collect());
+/// let svg = Chart::new("Loss", "step", vec![halving]).logarithmic().to_svg();
 /// assert!(svg.starts_with("<svg") && svg.contains("polyline"));
 /// ```
 #[derive(Clone, Debug, PartialEq)]
@@ -42,7 +42,25 @@ pub struct Chart {
     pub series: Vec<Series>,
 }
 
+impl Series {
+    /// Points under a name.
+    pub fn new(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points }
+    }
+}
+
 impl Chart {
+    /// Lines over an axis that counts `x_label`.
+    pub fn new(title: impl Into<String>, x_label: impl Into<String>, series: Vec<Series>) -> Self {
+        Self { title: title.into(), x_label: x_label.into(), logarithmic: false, series }
+    }
+
+    /// The same with a logarithmic vertical axis.
+    #[must_use]
+    pub fn logarithmic(self) -> Self {
+        Self { logarithmic: true, ..self }
+    }
+
     /// The chart as an `<svg>` element that follows the page's colours and width.
     ///
     /// A chart without a single drawable point says so in its place.

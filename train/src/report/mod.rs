@@ -74,22 +74,34 @@ pub struct Table {
     pub rows: Vec<(String, String)>,
 }
 
+impl Figure {
+    /// A value under what it measures.
+    pub fn new(label: impl Into<String>, value: impl Into<String>) -> Self {
+        Self { value: value.into(), label: label.into() }
+    }
+}
+
+impl Table {
+    /// Names and values under a heading.
+    pub fn new<N: Into<String>>(
+        title: impl Into<String>,
+        rows: impl IntoIterator<Item = (N, String)>,
+    ) -> Self {
+        let rows = rows.into_iter().map(|(name, value)| (name.into(), value)).collect();
+        Self { title: title.into(), rows }
+    }
+}
+
 impl Report {
     /// The page.
     ///
     /// Its size is that of the scene (about 60 bytes a vertex in all) and the PNGs; images should be
     /// at most a few hundred pixels wide. All texts are escaped.
     pub fn to_html(&self) -> String {
+        let (title, summary) = (escape(&self.title), escape(&self.summary));
         let mut page = String::with_capacity(1 << 20);
-        let _ = write!(
-            page,
-            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
-             <link rel=\"icon\" href=\"data:,\"><title>{title}</title>\n<style>\n{STYLE}</style></head>\n<body><main>\
-             <h1>{title}</h1><p class=\"lead\">{summary}</p>",
-            title = escape(&self.title),
-            summary = escape(&self.summary)
-        );
+        let _ =
+            write!(page, "{}<h1>{title}</h1><p class=\"lead\">{summary}</p>", head(&self.title));
         for warning in &self.warnings {
             let _ = write!(page, "<p class=\"warn\">{}</p>", escape(warning));
         }
@@ -183,11 +195,15 @@ impl Report {
 
 /// A whole page in the reports' style: only what is handed in, nothing from outside.
 pub fn page(title: &str, body: &str) -> String {
+    format!("{}{body}</main></body></html>\n", head(title))
+}
+
+/// A page as far as its first heading.
+fn head(title: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
-         <link rel=\"icon\" href=\"data:,\"><title>{}</title>\n<style>\n{STYLE}</style></head>\n\
-         <body><main>{body}</main></body></html>\n",
+         <link rel=\"icon\" href=\"data:,\"><title>{}</title>\n<style>\n{STYLE}</style></head>\n<body><main>",
         escape(title)
     )
 }

@@ -7,14 +7,13 @@ use std::ops::{Bound, RangeBounds};
 ///
 /// Of an optional value that is absent nothing is asked; of a list, the same of each.
 pub trait Ranged {
-    /// The numbers that it is made of.
+    /// What it is made of.
     type Number: PartialOrd + Display + Copy;
+    /// Whether errors show it as a list.
+    const LIST: bool = false;
 
-    /// Whether all of it is within a range.
-    fn is_within(&self, range: &impl RangeBounds<Self::Number>) -> bool;
-
-    /// The value as an error shows it.
-    fn shown(&self) -> String;
+    /// The numbers that it is made of.
+    fn numbers(&self) -> &[Self::Number];
 }
 
 macro_rules! numbers {
@@ -22,56 +21,38 @@ macro_rules! numbers {
         $(impl Ranged for $number {
             type Number = Self;
 
-            fn is_within(&self, range: &impl RangeBounds<Self>) -> bool {
-                range.contains(self)
-            }
-
-            fn shown(&self) -> String {
-                self.to_string()
+            fn numbers(&self) -> &[Self] {
+                std::slice::from_ref(self)
             }
         })+
     };
 }
 numbers!(u8, u32, u64, usize, f32, f64);
 
-impl<T: Ranged> Ranged for Option<T> {
-    type Number = T::Number;
+impl<T: PartialOrd + Display + Copy> Ranged for Option<T> {
+    type Number = T;
 
-    fn is_within(&self, range: &impl RangeBounds<T::Number>) -> bool {
-        self.as_ref().is_none_or(|value| value.is_within(range))
-    }
-
-    fn shown(&self) -> String {
-        self.as_ref().map_or_else(|| super::optional::NONE.to_owned(), Ranged::shown)
+    fn numbers(&self) -> &[T] {
+        self.as_slice()
     }
 }
 
-impl<T: Ranged, const N: usize> Ranged for [T; N] {
-    type Number = T::Number;
+impl<T: PartialOrd + Display + Copy, const N: usize> Ranged for [T; N] {
+    type Number = T;
+    const LIST: bool = true;
 
-    fn is_within(&self, range: &impl RangeBounds<T::Number>) -> bool {
-        self.iter().all(|value| value.is_within(range))
-    }
-
-    fn shown(&self) -> String {
-        listed(self)
+    fn numbers(&self) -> &[T] {
+        self
     }
 }
 
-impl<T: Ranged> Ranged for Vec<T> {
-    type Number = T::Number;
+impl<T: PartialOrd + Display + Copy> Ranged for Vec<T> {
+    type Number = T;
+    const LIST: bool = true;
 
-    fn is_within(&self, range: &impl RangeBounds<T::Number>) -> bool {
-        self.iter().all(|value| value.is_within(range))
+    fn numbers(&self) -> &[T] {
+        self
     }
-
-    fn shown(&self) -> String {
-        listed(self)
-    }
-}
-
-fn listed<T: Ranged>(values: &[T]) -> String {
-    format!("[{}]", values.iter().map(Ranged::shown).collect::<Vec<_>>().join(", "))
 }
 
 /// The largest integer that TOML can say.
@@ -113,8 +94,13 @@ pub fn out_of_range<T: Ranged>(
     value: &T,
     range: &impl RangeBounds<T::Number>,
 ) -> Option<String> {
-    (!value.is_within(range))
-        .then(|| format!("`{key}` is {}, expected {}", value.shown(), range_of(value, range)))
+    let numbers = value.numbers();
+    if numbers.iter().all(|number| range.contains(number)) {
+        return None;
+    }
+    let found = numbers.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    let found = if T::LIST { format!("[{found}]") } else { found };
+    Some(format!("`{key}` is {found}, expected {}", range_of(value, range)))
 }
 
 #[cfg(test)]
