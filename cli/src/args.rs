@@ -15,9 +15,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
-pub(crate) use data::{
-    CamerasName, Data, DataVerb, DepthKind, Frame, Generate, LayoutName, SizeRule,
-};
+pub(crate) use data::{Data, DataVerb, DepthKind, Generate};
 pub(crate) use dataset::{Convert, Inspect, Validate, WrittenLayout};
 pub(crate) use depth::Depth;
 #[cfg(feature = "onnx")]
@@ -28,8 +26,7 @@ pub(crate) use predict::Predict;
 pub(crate) use reading::Reading;
 pub(crate) use reproduce::Reproduce;
 pub(crate) use settings::{Configuration, SystemSettings};
-pub(crate) use values::Light;
-use values::{degrees, hex_color};
+use values::{LIGHTS, Light, degrees, hex_color, one_of};
 
 /// Images of an object in, a triangle mesh out.
 ///
@@ -228,7 +225,7 @@ pub(crate) struct Render {
     #[arg(long)]
     pub(crate) depth: bool,
     /// The light [default: flat, and shape where the mesh has no colours].
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = one_of(LIGHTS))]
     pub(crate) light: Option<Light>,
     /// What is behind the object.
     #[arg(long, value_name = "RRGGBB", default_value = "000000", value_parser = hex_color)]

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use models::predict::Predictor;
-use train::settings::{self, SettingsError};
+use train::settings;
 use train::{Checkpoint, CheckpointPath, Configuration, System};
 
 use crate::failure::Failure;
@@ -26,12 +26,7 @@ pub(crate) fn configuration<S: System>(
     let config = checkpoint.config::<S>().map_err(Failure::input)?;
     let text = settings::to_toml(&config);
     let mut config: Configuration<S::Config> =
-        settings::read_text(Path::new("the run's configuration"), &text, set).map_err(|error| {
-            match error {
-                SettingsError::Setting { .. } => Failure::Usage(format!("--set: {error}")),
-                _ => Failure::input(error),
-            }
-        })?;
+        settings::read_text(Path::new("the run's configuration"), &text, set)?;
     if let Some(seed) = seed {
         config.train.seed = seed;
     }

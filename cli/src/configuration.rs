@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use train::settings::{self, SettingsError};
-use train::{Configuration, System};
+use train::{Configuration, System, settings};
 
 use crate::args::{Global, SystemSettings};
 use crate::failure::Failure;
@@ -27,11 +26,7 @@ pub(crate) fn configuration<S: System>(
             let name = format!("preset {name}");
             settings::read_text(Path::new(&name), text, &asked.set)
         }
-    }
-    .map_err(|error| match error {
-        SettingsError::Setting { .. } => Failure::Usage(format!("--set: {error}")),
-        _ => Failure::input(error),
-    })?;
+    }?;
     if let Some(seed) = global.seed {
         config.train.seed = seed;
     }

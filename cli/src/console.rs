@@ -61,9 +61,10 @@ pub(crate) fn print(bytes: &[u8]) -> Result<(), Failure> {
 }
 
 /// Lines of a name and a value, the values below each other.
-pub(crate) fn table<'a>(rows: impl IntoIterator<Item = (&'a str, String)>) -> String {
+pub(crate) fn table<N: AsRef<str>>(rows: impl IntoIterator<Item = (N, String)>) -> String {
     let rows: Vec<_> = rows.into_iter().collect();
-    let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
-    rows.iter()
-        .fold(String::new(), |text, (name, value)| text + &format!("{name:width$}  {value}\n"))
+    let width = rows.iter().map(|(name, _)| name.as_ref().chars().count()).max().unwrap_or(0);
+    rows.iter().fold(String::new(), |text, (name, value)| {
+        text + &format!("{:width$}  {value}\n", name.as_ref())
+    })
 }

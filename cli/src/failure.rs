@@ -2,11 +2,10 @@
 
 use std::process::ExitCode;
 
-use datasets::{ReadViewsError, ViewsProblem, WriteViewsError};
-use mesh_core::{ReadMeshError, WriteError};
+use datasets::{ReadViewsError, ViewsProblem};
 use recon::inspect::InspectError;
-use synth::generate::ReadModelError;
 use train::output::OutputError;
+use train::settings::SettingsError;
 
 use crate::terminal::say;
 
@@ -66,27 +65,12 @@ impl From<ReadViewsError> for Failure {
     }
 }
 
-impl From<ReadMeshError> for Failure {
-    fn from(error: ReadMeshError) -> Self {
-        Self::input(error)
-    }
-}
-
-impl From<ReadModelError> for Failure {
-    fn from(error: ReadModelError) -> Self {
-        Self::input(error)
-    }
-}
-
-impl From<WriteError> for Failure {
-    fn from(error: WriteError) -> Self {
-        Self::other(error)
-    }
-}
-
-impl From<WriteViewsError> for Failure {
-    fn from(error: WriteViewsError) -> Self {
-        Self::other(error)
+impl From<SettingsError> for Failure {
+    fn from(error: SettingsError) -> Self {
+        match error {
+            SettingsError::Setting { .. } => Self::Usage(format!("--set: {error}")),
+            error => Self::input(error),
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Ctrl-C: the first asks the work to finish what it has, the second ends it at once.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -44,7 +45,12 @@ impl Interrupt {
         self.0.worthwhile.store(true, Ordering::Relaxed);
     }
 
-    pub(crate) fn pressed(&self) -> bool {
-        self.0.pressed.load(Ordering::Relaxed)
+    /// Whether the work goes on.
+    pub(crate) fn flow(&self) -> ControlFlow<()> {
+        if self.0.pressed.load(Ordering::Relaxed) {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
     }
 }

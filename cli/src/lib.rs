@@ -30,5 +30,6 @@ mod progress;
 mod provenance;
 mod system;
 mod terminal;
+mod views;
 
 pub use program::Program;

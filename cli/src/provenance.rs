@@ -17,6 +17,20 @@ pub(crate) fn provenance(data: Option<&Path>) -> Provenance {
     }
 }
 
+/// These facts of the making, by name, as results list them.
+pub(crate) fn facts<const N: usize>(names: [&str; N]) -> [(String, String); N] {
+    let made = provenance(None);
+    names.map(|name| {
+        let fact = match name {
+            "unsphere" => made.version.clone(),
+            "threads" => rayon::current_num_threads().to_string(),
+            "processor" => made.cpu.clone(),
+            _ => made.machine.clone(),
+        };
+        (name.to_owned(), fact)
+    })
+}
+
 /// The processor's name, where the system tells it as Linux does.
 fn cpu() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();

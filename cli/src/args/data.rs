@@ -3,12 +3,14 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
+use synth::NormalSpace;
+use synth::generate::{CameraSet, Normalize, OutputLayout};
 
 use super::dataset::{Convert, Inspect, Validate};
 use super::depth::Depth;
 use super::output::folder;
 use super::settings::Configuration;
-use super::values::{Light, hex_color};
+use super::values::{Choices, LIGHTS, Light, hex_color, one_of};
 
 #[derive(Args, Debug)]
 #[command(arg_required_else_help = true)]
@@ -68,14 +70,14 @@ pub(crate) struct Generate {
     #[arg(long, value_name = "MESH", conflicts_with_all = ["families", "objects"])]
     pub(crate) from: Option<PathBuf>,
     /// What size that mesh is brought to.
-    #[arg(long, value_enum, default_value_t = SizeRule::UnitDiagonal, requires = "from")]
-    pub(crate) normalize: SizeRule,
+    #[arg(long, value_parser = one_of(SIZE_RULES), default_value = "unit-diagonal", requires = "from")]
+    pub(crate) normalize: Normalize,
     /// How files are laid out [default: kaolin].
-    #[arg(long, value_enum)]
-    pub(crate) layout: Option<LayoutName>,
+    #[arg(long, value_parser = one_of(LAYOUTS))]
+    pub(crate) layout: Option<OutputLayout>,
     /// Where cameras stand [default: r2n2].
-    #[arg(long, value_enum)]
-    pub(crate) cameras: Option<CamerasName>,
+    #[arg(long, value_parser = one_of(CAMERAS))]
+    pub(crate) cameras: Option<CameraSet>,
     /// Views of each object [default: 24, in collections 1].
     #[arg(long, value_name = "N")]
     pub(crate) views: Option<usize>,
@@ -86,13 +88,13 @@ pub(crate) struct Generate {
     #[arg(long, value_enum, value_delimiter = ',')]
     pub(crate) depth: Vec<DepthKind>,
     /// Write normals, in this frame.
-    #[arg(long, value_enum)]
-    pub(crate) normals: Option<Frame>,
+    #[arg(long, value_parser = one_of(FRAMES))]
+    pub(crate) normals: Option<NormalSpace>,
     /// What is behind the object [default: 000000].
     #[arg(long, value_name = "RRGGBB", value_parser = hex_color)]
     pub(crate) background: Option<[u8; 3]>,
     /// The light [default: studio].
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = one_of(LIGHTS))]
     pub(crate) light: Option<Light>,
     /// Points on the surface, in the layout r2n2 [default: 10000].
     #[arg(long, value_name = "N")]
@@ -102,27 +104,31 @@ pub(crate) struct Generate {
     pub(crate) voxels: Option<usize>,
 }
 
-/// Layouts that are written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum LayoutName {
-    /// kaolin's synthetic views.
-    Kaolin,
-    /// ShapeNet with 3D-R2N2's renderings, points and voxels.
-    R2n2,
-    /// A transforms.json of NeRF and nerfstudio.
-    Transforms,
-}
+const LAYOUTS: &Choices<OutputLayout> = &[
+    ("kaolin", "kaolin's synthetic views", OutputLayout::Kaolin),
+    ("r2n2", "ShapeNet with 3D-R2N2's renderings, points and voxels", OutputLayout::R2n2),
+    ("transforms", "A transforms.json of NeRF and nerfstudio", OutputLayout::Transforms),
+];
 
-/// Distributions of cameras.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum CamerasName {
-    /// From a little above, all around, as 3D-R2N2 rendered ShapeNet.
-    R2n2,
-    /// Evenly from everywhere, also from below.
-    Sphere,
-    /// As photographs are taken, one an object, with a rough pose beside the true one.
-    Collection,
-}
+const ROUGH: &str =
+    "As photographs are taken, one an object, with a rough pose beside the true one";
+const CAMERAS: &Choices<CameraSet> = &[
+    ("r2n2", "From a little above, all around, as 3D-R2N2 rendered ShapeNet", CameraSet::R2n2),
+    ("sphere", "Evenly from everywhere, also from below", CameraSet::Sphere),
+    ("collection", ROUGH, CameraSet::Collection),
+];
+
+const FRAMES: &Choices<NormalSpace> = &[
+    ("camera", "x right, y up, z towards the viewer", NormalSpace::Camera),
+    ("world", "The object's own", NormalSpace::World),
+];
+
+const SIZE_RULES: &Choices<Normalize> = &[
+    ("unit-diagonal", "A box of diagonal 1, centred, as ShapeNet has it", Normalize::UnitDiagonal),
+    ("unit-box", "A box of longest side 1, centred", Normalize::UnitBox),
+    ("unit-sphere", "Vertices within 1 of the box's middle, centred", Normalize::UnitSphere),
+    ("none", "As it is", Normalize::None),
+];
 
 /// Kinds of depth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -131,28 +137,6 @@ pub(crate) enum DepthKind {
     True,
     /// Inverse depth up to scale and shift, blurred, with a floor: as networks guess it.
     Monocular,
-}
-
-/// Frames of normals.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Frame {
-    /// x right, y up, z towards the viewer.
-    Camera,
-    /// The object's own.
-    World,
-}
-
-/// What size a mesh is brought to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum SizeRule {
-    /// A box of diagonal 1, centred, as ShapeNet has it.
-    UnitDiagonal,
-    /// A box of longest side 1, centred.
-    UnitBox,
-    /// Vertices within 1 of the box's middle, centred.
-    UnitSphere,
-    /// As it is.
-    None,
 }
 
 fn size(text: &str) -> Result<[usize; 2], String> {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser};
+use train::output::{OutputError, OutputFolder};
 
 /// Where results go.
 #[derive(Args, Clone, Debug)]
@@ -14,6 +15,16 @@ pub(crate) struct Output {
     /// Write into a folder that exists already, replacing files of the same names.
     #[arg(long)]
     pub(crate) force: bool,
+}
+
+impl Output {
+    /// Prepares the folder, `default` where none is named. Refusals come before the work.
+    pub(crate) fn create(&self, default: &str) -> Result<OutputFolder, OutputError> {
+        OutputFolder::create(
+            self.folder.as_deref().unwrap_or_else(|| Path::new(default)),
+            self.force,
+        )
+    }
 }
 
 /// What the name of a rendering asks for.

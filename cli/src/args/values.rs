@@ -1,17 +1,31 @@
 //! Values that several commands take.
 
-use clap::ValueEnum;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use synth::Lighting;
 
-/// Light for a rendering.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Light {
-    /// Colours as they are.
-    Flat,
-    /// A bright room with a key light.
-    Studio,
-    /// Strong light from two sides: shows the shape from all around.
-    Shape,
+/// Words, what the help says of each, and what they stand for.
+pub(super) type Choices<T> = [(&'static str, &'static str, T)];
+
+/// One of these words.
+pub(super) fn one_of<T>(choices: &'static Choices<T>) -> impl TypedValueParser<Value = T>
+where
+    T: Copy + Send + Sync,
+{
+    let values = choices.iter().map(|(word, help, _)| PossibleValue::new(*word).help(*help));
+    PossibleValuesParser::new(values).map(|word| {
+        let found = choices.iter().find(|(other, ..)| *other == word);
+        found.expect("the parser takes no other word").2
+    })
 }
+
+/// Makes the light for a rendering.
+pub(crate) type Light = fn() -> Lighting;
+
+pub(super) const LIGHTS: &Choices<Light> = &[
+    ("flat", "Colours as they are", Lighting::flat),
+    ("studio", "A bright room with a key light", Lighting::studio),
+    ("shape", "Strong light from two sides: shows the shape from all around", Lighting::shape),
+];
 
 pub(crate) fn degrees(text: &str) -> Result<f64, String> {
     text.parse()

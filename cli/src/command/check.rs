@@ -15,8 +15,8 @@ use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::mesh_file::read_mesh;
 use crate::options::{self, ListedOption};
-use crate::progress::Progress;
 use crate::system::Systems;
+use crate::views::read_views;
 
 /// What is printed with `--json`.
 #[derive(Debug, Default, Serialize)]
@@ -87,7 +87,7 @@ pub(crate) fn run(
     let mut checked = Checked::default();
     if arguments.options {
         let system = arguments.system.as_deref();
-        let options = system.map_or_else(options::of_fit, |name| systems.named(name).options());
+        let options = system.map_or_else(options::of_fit, |name| (systems.named(name).options)());
         checked.options = Some(options);
         return console.result(&checked, describe);
     }
@@ -96,7 +96,7 @@ pub(crate) fn run(
         let preset = arguments.preset.clone().unwrap_or_else(|| "small".to_owned());
         let (config, set) = (asked.config.clone(), asked.set.clone());
         let asked = SystemSettings { preset, config, set };
-        checked.system = Some(systems.named(name).check(&asked, global)?);
+        checked.system = Some((systems.named(name).check)(&asked, global)?);
     } else if asked.config.is_some() || !asked.set.is_empty() {
         // `-` stands for no file at all: the defaults.
         let mut asked = asked.clone();
@@ -111,13 +111,11 @@ pub(crate) fn run(
         checked.views = Some(check_views(console, path, arguments)?);
     }
     console.result(&checked, describe)?;
-    match checked.mesh.filter(|mesh| !mesh.problems.is_empty()) {
-        Some(mesh) => {
-            let text = format!("{}: {}", mesh.path.display(), mesh.problems.join("; "));
-            Err(Failure::Other(text))
-        }
-        None => Ok(()),
+    if let Some(mesh) = checked.mesh.filter(|mesh| !mesh.problems.is_empty()) {
+        let text = format!("{}: {}", mesh.path.display(), mesh.problems.join("; "));
+        return Err(Failure::Other(text));
     }
+    Ok(())
 }
 
 fn check_mesh<'a>(path: &'a Path, mesh: &TriMesh, intersections: bool) -> MeshReport<'a> {
@@ -132,28 +130,20 @@ fn check_mesh<'a>(path: &'a Path, mesh: &TriMesh, intersections: bool) -> MeshRe
     note(health.faces == 0, "no faces".into());
     note(!health.finite, "coordinates that are not finite".into());
     note(!health.indices_in_range, "faces that name vertices that are not there".into());
-    let edges = |n: usize, what: &str| format!("{n} edges {what}");
-    note(health.boundary_edges > 0, edges(health.boundary_edges, "with one face (holes)"));
-    note(
-        health.non_manifold_edges > 0,
-        edges(health.non_manifold_edges, "with more than two faces"),
-    );
-    note(
-        health.non_manifold_vertices > 0,
-        format!("{} vertices where surfaces only touch", health.non_manifold_vertices),
-    );
+    for (count, what) in [
+        (health.boundary_edges, "edges with one face (holes)"),
+        (health.non_manifold_edges, "edges with more than two faces"),
+        (health.non_manifold_vertices, "vertices where surfaces only touch"),
+    ] {
+        note(count > 0, format!("{count} {what}"));
+    }
     note(!health.oriented, "neighbouring faces of opposite orientation".into());
     note(health.oriented && !health.outward && health.faces > 0, "faces point inward".into());
     if let Some(n) = crossings {
         note(n > 0, format!("{n} pairs of faces run through each other"));
     }
-    MeshReport {
-        path,
-        watertight: health.is_watertight(),
-        problems,
-        self_intersections: crossings,
-        health,
-    }
+    let watertight = health.is_watertight();
+    MeshReport { path, watertight, problems, self_intersections: crossings, health }
 }
 
 fn check_views<'a>(
@@ -161,10 +151,7 @@ fn check_views<'a>(
     path: &'a Path,
     arguments: &Check,
 ) -> Result<ViewsReport<'a>, Failure> {
-    let progress = Progress::new(console, "read");
-    let options = arguments.reading.options();
-    let views = datasets::read_views(path, &options, &|done, all| progress.set(done, all))?;
-    progress.finish();
+    let views = read_views(console, path, &arguments.reading.options())?;
     let range = |size: fn(&datasets::View) -> usize| {
         let sizes = || views.views.iter().map(size);
         [sizes().min().unwrap_or(0), sizes().max().unwrap_or(0)]
@@ -202,12 +189,7 @@ fn describe(checked: &Checked<'_>) -> String {
             rows.push(("  self-intersections", n.to_string()));
         }
         parts.push(format!("{}: {verdict}\n{}", mesh.path.display(), table(rows)));
-        parts.extend(mesh.problems.iter().map(|problem| {
-            format!(
-                "  problem: {problem}
-"
-            )
-        }));
+        parts.extend(mesh.problems.iter().map(|problem| format!("  problem: {problem}\n")));
     }
     if let Some(views) = &checked.views {
         let range = |[low, high]: [usize; 2]| {
@@ -221,12 +203,7 @@ fn describe(checked: &Checked<'_>) -> String {
             ("  height", range(views.height)),
             ("  object", format!("{least:.1} to {greatest:.1} % of an image, mean {mean:.1} %")),
         ]));
-        parts.extend(views.warnings.iter().map(|warning| {
-            format!(
-                "  warning: {warning}
-"
-            )
-        }));
+        parts.extend(views.warnings.iter().map(|warning| format!("  warning: {warning}\n")));
     }
     if let Some(system) = &checked.system {
         let Summary { trainable, frozen, shapes } = &system.summary;

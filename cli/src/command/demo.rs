@@ -6,7 +6,6 @@ use std::time::Instant;
 use datasets::{Layout, Views};
 use synth::shapes::AlarmClock;
 use synth::{Lighting, Orbit, RenderOptions, render_views, write_dataset};
-use train::output::OutputFolder;
 
 use crate::args::{Demo, Global};
 use crate::command::fit::{Job, configuration};
@@ -21,33 +20,22 @@ const FOLDER: &str = "unsphere-demo";
 pub(crate) fn run(console: Console, global: Global, arguments: &Demo) -> Result<(), Failure> {
     let start = Instant::now();
     let config = configuration(&arguments.configuration, global)?;
-    let target = arguments.output.folder.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
-    // Refusals come before the work.
-    let folder = OutputFolder::create(&target, arguments.output.force)?;
+    let folder = arguments.output.create(FOLDER)?;
     let interrupt = Interrupt::listen(Some(folder.unfinished()))?;
 
     let clock = global.seed.map_or_else(AlarmClock::default, AlarmClock::sample).build();
-    let size = arguments.size as usize;
-    let orbit = Orbit {
-        count: arguments.views as usize,
-        width: size,
-        height: size,
-        seed: global.seed.unwrap_or(0),
-        ..Orbit::default()
-    };
-    let options = RenderOptions {
-        lighting: Lighting::studio(),
-        depth: arguments.keep_views,
-        ..RenderOptions::default()
-    };
+    let (count, size) = (arguments.views as usize, arguments.size as usize);
+    let seed = global.seed.unwrap_or(0);
+    let orbit = Orbit { count, width: size, height: size, seed, ..Orbit::default() };
+    let (lighting, depth) = (Lighting::studio(), arguments.keep_views);
+    let options = RenderOptions { lighting, depth, ..RenderOptions::default() };
     let progress = Progress::new(console, "render");
-    let views = render_views(&clock, &orbit.cameras(), &options, &|done, all| {
-        progress.set(done, all);
-    })
-    .map_err(Failure::other)?;
+    let told = |done, all| progress.set(done, all);
+    let views = render_views(&clock, &orbit.cameras(), &options, &told).map_err(Failure::other)?;
     progress.finish();
     if arguments.keep_views {
-        write_dataset(&views, &clock, &folder.path().join("views"))?;
+        let place = folder.path().join("views");
+        write_dataset(&views, &clock, &place).map_err(Failure::other)?;
     }
     let source = PathBuf::from("an alarm clock that was made for it");
     let views = Views { views, source, layout: Layout::Memory, warnings: Vec::new() };

@@ -1,18 +1,19 @@
 //! `unsphere eval`: a trained system, scored on what it did not see.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use models::predict::Predictor;
 use serde::Serialize;
-use train::{Checkpoint, RunMetadata, Source};
+use train::{Checkpoint, RunMetadata};
 
 use crate::args::{Eval, Global};
 use crate::checkpoint::{checkpoint_path, configuration};
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::progress::Progress;
+use crate::views::open;
 
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
@@ -32,73 +33,41 @@ pub(crate) fn run<S: Predictor>(
     global: Global,
     arguments: &Eval,
 ) -> Result<(), Failure> {
-    Command { console, global, arguments }.run::<S>()
-}
-
-struct Command<'a> {
-    console: Console,
-    global: Global,
-    arguments: &'a Eval,
-}
-
-impl Command<'_> {
-    fn run<S: Predictor>(self) -> Result<(), Failure> {
-        let Self { console, global, arguments } = self;
-        let found = checkpoint_path::<S>(&arguments.checkpoint, arguments.last)?;
-        let checkpoint = Checkpoint::read(&found.file).map_err(Failure::input)?;
-        let config = configuration::<S>(&checkpoint, &arguments.set, global.seed)?;
-        let system =
-            checkpoint.load_as::<S>(&config).map_err(|error| match arguments.set.len() {
-                0 => Failure::input(error),
-                _ => Failure::Usage(format!("--set changes the model: {error}")),
-            })?;
-        let noted = found.run.as_deref().map(RunMetadata::of).unwrap_or_default();
-        let (data, hash) = match &arguments.data {
-            Some(path) => (Some(path.clone()), None),
-            None => (noted.data.clone(), noted.data.and(noted.data_hash)),
-        };
-        let opened = self.open::<S>(&config, data.as_ref())?;
-        let now = format!("{:016x}", S::fingerprint(&opened));
-        if let (Some(path), Some(hash)) = (&data, hash.filter(|hash| *hash != now)) {
-            console.warn(format_args!(
-                "{} gives other data than the run was trained on ({now} instead of {hash}): has it \
+    let found = checkpoint_path::<S>(&arguments.checkpoint, arguments.last)?;
+    let checkpoint = Checkpoint::read(&found.file).map_err(Failure::input)?;
+    let config = configuration::<S>(&checkpoint, &arguments.set, global.seed)?;
+    let system = checkpoint.load_as::<S>(&config).map_err(|error| match arguments.set.len() {
+        0 => Failure::input(error),
+        _ => Failure::Usage(format!("--set changes the model: {error}")),
+    })?;
+    let noted = found.run.as_deref().map(RunMetadata::of).unwrap_or_default();
+    let (data, hash) = match &arguments.data {
+        Some(path) => (Some(path.clone()), None),
+        None => (noted.data.clone(), noted.data.and(noted.data_hash)),
+    };
+    let opened = open::<S>(console, &config, data.as_deref(), &arguments.reading.options())?;
+    let now = format!("{:016x}", S::fingerprint(&opened));
+    if let (Some(path), Some(hash)) = (&data, hash.filter(|hash| *hash != now)) {
+        console.warn(format_args!(
+            "{} gives other data than the run was trained on ({now} instead of {hash}): has it \
                  changed, or was it read with other options?",
-                path.display()
-            ));
-        }
-        let start = Instant::now();
-        let progress = Progress::new(console, "eval");
-        let metrics = system.evaluate(&opened).map_err(Failure::input)?;
-        progress.finish();
-        let evaluated = Evaluated {
-            system: S::NAME,
-            checkpoint: &found.file,
-            steps: checkpoint.step().map_err(Failure::input)?,
-            data: data.as_deref(),
-            seed: config.train.seed,
-            seconds: start.elapsed().as_secs_f64(),
-            metrics: metrics.into_iter().map(|m| (m.name, m.value)).collect(),
-        };
-        console.result(&evaluated, describe)
+            path.display()
+        ));
     }
-}
-
-impl Command<'_> {
-    fn open<S: Predictor>(
-        &self,
-        config: &train::Configuration<S::Config>,
-        data: Option<&PathBuf>,
-    ) -> Result<S::Data, Failure> {
-        let progress = Progress::new(self.console, "read");
-        let options = self.arguments.reading.options();
-        let source = Source {
-            path: data.map(PathBuf::as_path),
-            options: &options,
-            seed: config.train.seed,
-            progress: &|done, all| progress.set(done, all),
-        };
-        S::open(&config.system, &source).map_err(Failure::input)
-    }
+    let start = Instant::now();
+    let progress = Progress::new(console, "eval");
+    let metrics = system.evaluate(&opened).map_err(Failure::input)?;
+    progress.finish();
+    let evaluated = Evaluated {
+        system: S::NAME,
+        checkpoint: &found.file,
+        steps: checkpoint.step().map_err(Failure::input)?,
+        data: data.as_deref(),
+        seed: config.train.seed,
+        seconds: start.elapsed().as_secs_f64(),
+        metrics: metrics.into_iter().map(|m| (m.name, m.value)).collect(),
+    };
+    console.result(&evaluated, describe)
 }
 
 fn describe(evaluated: &Evaluated<'_>) -> String {
@@ -106,9 +75,8 @@ fn describe(evaluated: &Evaluated<'_>) -> String {
         Some(path) => path.display().to_string(),
         None => format!("made by the system, seed {}", evaluated.seed),
     };
-    let scores: Vec<(&str, String)> =
-        evaluated.metrics.iter().map(|(name, value)| (&**name, format!("{value:.4}"))).collect();
-    table(scores.into_iter().chain([
+    let scores = evaluated.metrics.iter().map(|(name, value)| (&**name, format!("{value:.4}")));
+    table(scores.chain([
         ("checkpoint", format!("{}, step {}", evaluated.checkpoint.display(), evaluated.steps)),
         ("data", data),
         ("time", format!("{:.1} s", evaluated.seconds)),

@@ -1,12 +1,12 @@
 //! `unsphere fit`: views of one object in, a mesh with its report out.
 
-use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use datasets::Views;
 use mesh_core::{ByteImage, TriMesh};
 use recon::delivery::{DeliverError, Delivery, Metrics, deliver};
+use recon::evaluate::ViewScores;
 use recon::fit::{Event, FitConfig, FitError, Fitted, fit};
 use serde::Serialize;
 use train::output::OutputFolder;
@@ -19,7 +19,8 @@ use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::mesh_file::read_mesh;
 use crate::progress::Progress;
-use crate::provenance::typed_command;
+use crate::provenance::{facts, typed_command};
+use crate::views::read_views;
 
 /// Where the results go when nothing is said.
 const FOLDER: &str = "unsphere-fit";
@@ -47,16 +48,10 @@ pub(crate) struct Job<'a> {
 pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(), Failure> {
     let start = Instant::now();
     let config = configuration(&arguments.configuration, global)?;
-    let target = arguments.output.folder.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
-    // Refusals come before the work.
-    let folder = OutputFolder::create(&target, arguments.output.force)?;
+    let folder = arguments.output.create(FOLDER)?;
     let interrupt = Interrupt::listen(Some(folder.unfinished()))?;
     let truth = arguments.truth.as_ref().map(|path| read_mesh(console, path)).transpose()?;
-    let progress = Progress::new(console, "read");
-    let options = arguments.reading.options();
-    let views =
-        datasets::read_views(&arguments.views, &options, &|done, all| progress.set(done, all))?;
-    progress.finish();
+    let views = read_views(console, &arguments.views, &arguments.reading.options())?;
     views.warnings.iter().for_each(|warning| console.warn(warning));
     let name = arguments.views.file_stem().unwrap_or(arguments.views.as_os_str());
     let title = name.to_string_lossy();
@@ -69,11 +64,7 @@ pub(crate) fn configuration(
     arguments: &Configuration,
     global: Global,
 ) -> Result<FitConfig, Failure> {
-    let mut config: FitConfig = settings::read(arguments.config.as_deref(), &arguments.set)
-        .map_err(|error| match error {
-            settings::SettingsError::Setting { .. } => Failure::Usage(format!("--set: {error}")),
-            _ => Failure::input(error),
-        })?;
+    let mut config: FitConfig = settings::read(arguments.config.as_deref(), &arguments.set)?;
     if let Some(seed) = global.seed {
         config.seed = seed;
     }
@@ -111,14 +102,7 @@ impl Job<'_> {
             config: self.config,
             fitted: &fitted,
             truth: self.truth,
-            provenance: vec![
-                ("unsphere".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
-                ("threads".to_owned(), rayon::current_num_threads().to_string()),
-                (
-                    "machine".to_owned(),
-                    format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
-                ),
-            ],
+            provenance: facts(["unsphere", "threads", "machine"]).into(),
         };
         let metrics = deliver(&delivery, &self.folder).map_err(|error| match error {
             DeliverError::Compare(error) => Failure::Input(format!("the true mesh: {error}")),
@@ -155,11 +139,7 @@ impl Job<'_> {
                 Event::Warned(text) => console.warn(text),
                 _ => {}
             }
-            if self.interrupt.pressed() {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
+            self.interrupt.flow()
         };
         fit(&self.views, self.config, &mut on_event).map_err(|error| match error {
             FitError::Config(_) => Failure::Usage(error.to_string()),
@@ -169,27 +149,30 @@ impl Job<'_> {
     }
 }
 
+/// Mean scores over views.
+pub(crate) fn score_rows(scores: &ViewScores) -> Vec<(&'static str, String)> {
+    vec![
+        ("mask IoU", format!("{:.4}", scores.mask_iou)),
+        ("PSNR", scores.psnr.map_or_else(|| "none".to_owned(), |psnr| format!("{psnr:.2} dB"))),
+        ("image L1", format!("{:.4}", scores.image_l1)),
+        ("SSIM", format!("{:.4}", scores.ssim)),
+    ]
+}
+
 fn describe(outcome: &Outcome<'_>, views: &Views, fitted: &Fitted) -> String {
     let metrics = outcome.metrics;
     let scores = &metrics.views;
     let health = &metrics.health;
     let count = scores.views.len();
-    let mut rows = vec![
-        ("mask IoU", format!("{:.4}", scores.mask_iou)),
-        ("PSNR", scores.psnr.map_or_else(|| "none".to_owned(), |psnr| format!("{psnr:.2} dB"))),
-        ("image L1", format!("{:.4}", scores.image_l1)),
-        ("SSIM", format!("{:.4}", scores.ssim)),
-    ];
-    rows.push((
-        "mesh",
-        format!(
-            "{} vertices, {}, Euler number {}, {} self-intersections",
-            health.vertices,
-            if health.is_watertight() { "closed" } else { "not closed" },
-            health.euler,
-            metrics.self_intersections
-        ),
-    ));
+    let mesh = format!(
+        "{} vertices, {}, Euler number {}, {} self-intersections",
+        health.vertices,
+        if health.is_watertight() { "closed" } else { "not closed" },
+        health.euler,
+        metrics.self_intersections
+    );
+    let mut rows = score_rows(scores);
+    rows.push(("mesh", mesh));
     rows.push(("time", format!("{:.1} s, {} steps", outcome.seconds, metrics.steps)));
     rows.push(("output", outcome.output.display().to_string()));
     let scored = if metrics.scored_on == "fitted" { "fitted" } else { "held out" };

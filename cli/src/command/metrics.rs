@@ -61,8 +61,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Metrics) -> Resu
 /// A report for people.
 pub(crate) fn describe(report: &Report) -> String {
     let protocol = &report.protocol;
-    let rows = comparison_rows(report);
-    let rows = rows.iter().map(|(name, value)| (name.as_str(), value.clone()));
-    let rows = table(rows).lines().fold(String::new(), |all, line| all + "  " + line + "\n");
+    let rows = table(comparison_rows(report));
+    let rows = rows.lines().fold(String::new(), |all, line| all + "  " + line + "\n");
     format!("{}  ({})\n  {}\n{rows}", protocol.name, protocol.source, protocol.formula)
 }

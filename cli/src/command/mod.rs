@@ -28,13 +28,13 @@ pub(crate) fn run(arguments: Arguments, systems: &Systems) -> Result<(), Failure
         Command::Demo(arguments) => demo::run(console, global, &arguments),
         Command::Fit(arguments) => fit::run(console, global, &arguments),
         Command::Train(arguments) => {
-            systems.named(&arguments.system).train(console, global, &arguments)
+            (systems.named(&arguments.system).train)(console, global, &arguments)
         }
         Command::Eval(arguments) => {
-            systems.named(&arguments.system).eval(console, global, &arguments)
+            (systems.named(&arguments.system).eval)(console, global, &arguments)
         }
         Command::Predict(arguments) => {
-            systems.named(&arguments.system).predict(console, &arguments)
+            (systems.named(&arguments.system).predict)(console, &arguments)
         }
         Command::Render(arguments) => render::run(console, &arguments),
         Command::Metrics(arguments) => metrics::run(console, global, &arguments),

@@ -1,19 +1,19 @@
 //! `unsphere predict`: views in, a mesh by a trained system out.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use models::predict::{Choice, Delivery, Metrics, Predictor, Request, deliver, milliseconds};
 use serde::Serialize;
 use train::Checkpoint;
-use train::output::OutputFolder;
 
 use crate::args::Predict;
 use crate::checkpoint::checkpoint_path;
+use crate::command::fit::score_rows;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
-use crate::provenance::provenance;
+use crate::provenance::{facts, typed_command};
 
 /// Where the results go when nothing is said.
 const FOLDER: &str = "unsphere-predict";
@@ -29,86 +29,64 @@ struct Outcome<'a> {
 }
 
 pub(crate) fn run<S: Predictor>(console: Console, arguments: &Predict) -> Result<(), Failure> {
-    Command { console, arguments }.run::<S>()
+    let Some(path) = &arguments.checkpoint else {
+        let text = format!("--checkpoint is needed, a trained model: {}", S::TRAINING);
+        return Err(Failure::Usage(text));
+    };
+    let found = checkpoint_path::<S>(path, arguments.last)?;
+    let folder = arguments.output.create(FOLDER)?;
+    let _interrupt = Interrupt::listen(Some(folder.unfinished()))?;
+    let checkpoint = Checkpoint::read(&found.file).map_err(Failure::input)?;
+    let (system, _) = checkpoint.load::<S>().map_err(Failure::input)?;
+    let progress = Progress::new(console, "read");
+    let request = Request {
+        path: &arguments.views,
+        options: arguments.reading.options(),
+        choice: choice(arguments),
+        score: arguments.score.as_deref(),
+        depth: arguments.depth.as_deref(),
+        intrinsics: intrinsics(&arguments.intrinsics)?,
+        progress: &|done, all| progress.set(done, all),
+    };
+    let input = system.load(&request).map_err(Failure::input)?;
+    progress.finish();
+    input.warnings.iter().for_each(|warning| console.warn(warning));
+    let progress = Progress::new(console, "predict");
+    let refused = |error| Failure::Input(format!("{}: {error}", input.source.display()));
+    let prediction = system.apply(&input).map_err(refused)?;
+    let time = || milliseconds(&system, &input, TIMED).map_err(refused);
+    let milliseconds = arguments.time.then(time).transpose()?;
+    progress.say("scores, meshes, turntable, report");
+    let delivery = Delivery {
+        checkpoint: found.file.display().to_string(),
+        steps: checkpoint.step().map_err(Failure::input)?,
+        milliseconds,
+        command: typed_command(),
+        provenance: facts(["unsphere", "threads", "processor", "machine"]).into(),
+        ..Delivery::new(S::NAME, &input, &prediction)
+    };
+    let metrics = deliver(&delivery, &folder).map_err(Failure::other)?;
+    let output = folder.commit()?;
+    progress.finish();
+    console.result(&Outcome { output: &output, metrics: &metrics }, describe)
 }
 
-struct Command<'a> {
-    console: Console,
-    arguments: &'a Predict,
-}
-
-impl Command<'_> {
-    fn run<S: Predictor>(self) -> Result<(), Failure> {
-        let Self { console, arguments } = self;
-        let Some(path) = &arguments.checkpoint else {
-            let text = format!("--checkpoint is needed, a trained model: {}", S::TRAINING);
-            return Err(Failure::Usage(text));
-        };
-        let found = checkpoint_path::<S>(path, arguments.last)?;
-        let target = arguments.output.folder.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
-        let folder = OutputFolder::create(&target, arguments.output.force)?;
-        let _interrupt = Interrupt::listen(Some(folder.unfinished()))?;
-        let checkpoint = Checkpoint::read(&found.file).map_err(Failure::input)?;
-        let (system, _) = checkpoint.load::<S>().map_err(Failure::input)?;
-        let progress = Progress::new(console, "read");
-        let request = Request {
-            path: &arguments.views,
-            options: arguments.reading.options(),
-            choice: self.choice(),
-            score: arguments.score.as_deref(),
-            depth: arguments.depth.as_deref(),
-            intrinsics: self.intrinsics()?,
-            progress: &|done, all| progress.set(done, all),
-        };
-        let input = system.load(&request).map_err(Failure::input)?;
-        progress.finish();
-        input.warnings.iter().for_each(|warning| console.warn(warning));
-        let progress = Progress::new(console, "predict");
-        let refused = |error| Failure::Input(format!("{}: {error}", input.source.display()));
-        let prediction = system.apply(&input).map_err(refused)?;
-        let time = || milliseconds(&system, &input, TIMED).map_err(refused);
-        let milliseconds = arguments.time.then(time).transpose()?;
-        progress.say("scores, meshes, turntable, report");
-        let made = provenance(None);
-        let row = |name: &str, value: String| (name.to_owned(), value);
-        let delivery = Delivery {
-            checkpoint: found.file.display().to_string(),
-            steps: checkpoint.step().map_err(Failure::input)?,
-            milliseconds,
-            command: made.command,
-            provenance: vec![
-                row("unsphere", made.version),
-                row("threads", rayon::current_num_threads().to_string()),
-                row("processor", made.cpu),
-                row("machine", made.machine),
-            ],
-            ..Delivery::new(S::NAME, &input, &prediction)
-        };
-        let metrics = deliver(&delivery, &folder).map_err(Failure::other)?;
-        let output = folder.commit()?;
-        progress.finish();
-        console.result(&Outcome { output: &output, metrics: &metrics }, describe)
-    }
-}
-
-impl Command<'_> {
-    fn intrinsics(&self) -> Result<Option<[f64; 4]>, Failure> {
-        match *self.arguments.intrinsics.as_slice() {
-            [] => Ok(None),
-            [fx, fy, cx, cy] => Ok(Some([fx, fy, cx, cy])),
-            ref found => {
-                let found = found.len();
-                Err(Failure::Usage(format!("--intrinsics: found {found} numbers, expected four")))
-            }
+fn intrinsics(numbers: &[f64]) -> Result<Option<[f64; 4]>, Failure> {
+    match *numbers {
+        [] => Ok(None),
+        [fx, fy, cx, cy] => Ok(Some([fx, fy, cx, cy])),
+        _ => {
+            let found = numbers.len();
+            Err(Failure::Usage(format!("--intrinsics: found {found} numbers, expected four")))
         }
     }
+}
 
-    fn choice(&self) -> Choice<'_> {
-        match (self.arguments.first, self.arguments.given.as_slice()) {
-            (Some(count), _) => Choice::First(count as usize),
-            (None, []) => Choice::All,
-            (None, names) => Choice::Named(names),
-        }
+fn choice(arguments: &Predict) -> Choice<'_> {
+    match (arguments.first, arguments.given.as_slice()) {
+        (Some(count), _) => Choice::First(count as usize),
+        (None, []) => Choice::All,
+        (None, names) => Choice::Named(names),
     }
 }
 
@@ -121,21 +99,11 @@ fn describe(outcome: &Outcome<'_>) -> String {
     };
     let health = &metrics.health;
     let whole = if health.is_watertight() { "closed" } else { "not closed" };
-    let psnr = scores.psnr.map_or_else(|| "none".to_owned(), |psnr| format!("{psnr:.2} dB"));
-    let mut rows = vec![
-        ("mask IoU", format!("{:.4}", scores.mask_iou)),
-        ("PSNR", psnr),
-        ("image L1", format!("{:.4}", scores.image_l1)),
-        ("SSIM", format!("{:.4}", scores.ssim)),
-        (
-            "mesh",
-            format!(
-                "{} vertices, {whole}, {} self-intersections",
-                health.vertices, metrics.self_intersections
-            ),
-        ),
-        ("checkpoint", format!("{}, step {}", metrics.checkpoint, metrics.steps)),
-    ];
+    let crossings = metrics.self_intersections;
+    let mesh = format!("{} vertices, {whole}, {crossings} self-intersections", health.vertices);
+    let mut rows = score_rows(scores);
+    rows.push(("mesh", mesh));
+    rows.push(("checkpoint", format!("{}, step {}", metrics.checkpoint, metrics.steps)));
     rows.extend(metrics.milliseconds.map(|time| ("prediction", format!("{time:.1} ms"))));
     rows.push(("output", outcome.output.display().to_string()));
     let rows = table(rows);

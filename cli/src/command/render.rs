@@ -2,18 +2,19 @@
 
 use std::path::Path;
 
-use datasets::{MaskSource, ReadOptions, View, read_views};
+use datasets::{MaskSource, ReadOptions, View};
 use mesh_core::{Camera, TriMesh, encode_depth, encode_png};
 use recon::turntable::{encode_gif, orbit};
 use serde::Serialize;
 use synth::{Lighting, RenderOptions, render_views};
 use train::output::OutputFolder;
 
-use crate::args::{Light, Picture, Render};
+use crate::args::{Picture, Render};
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::mesh_file::read_mesh;
 use crate::progress::Progress;
+use crate::views::read_views;
 
 /// Hundredths of a second for each image of a GIF.
 const DELAY: u16 = 6;
@@ -69,9 +70,10 @@ pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
         } else {
             encode_png(&views[0].color)
         };
-        mesh_core::io::write_atomic(output, |out| out.write_all(&bytes))?;
+        mesh_core::io::write_atomic(output, |out| out.write_all(&bytes)).map_err(Failure::other)?;
         if let Some(depth) = &views[0].depth {
-            mesh_core::write_depth(output.with_extension("exr"), depth)?;
+            let place = output.with_extension("exr");
+            mesh_core::write_depth(place, depth).map_err(Failure::other)?;
         }
     }
     let rendered = Rendered { output, pictures: views.len() };
@@ -89,8 +91,7 @@ fn cameras(
 ) -> Result<Vec<(String, Camera)>, Failure> {
     let all: Vec<(String, Camera)> = if let Some(path) = &arguments.cameras {
         let options = ReadOptions { mask: MaskSource::Whole, ..ReadOptions::default() };
-        let progress = Progress::new(console, "read");
-        let views = read_views(path, &options, &|done, all| progress.set(done, all))?;
+        let views = read_views(console, path, &options)?;
         views.views.into_iter().map(|view| (view.name, view.camera)).collect()
     } else {
         let bounds = mesh.bounds().ok_or_else(|| {
@@ -126,12 +127,7 @@ fn draw(
     arguments: &Render,
 ) -> Result<Vec<View>, Failure> {
     let options = RenderOptions {
-        lighting: match arguments.light {
-            Some(Light::Flat) => Lighting::flat(),
-            Some(Light::Studio) => Lighting::studio(),
-            Some(Light::Shape) => Lighting::shape(),
-            None => Lighting::for_mesh(mesh),
-        },
+        lighting: arguments.light.map_or_else(|| Lighting::for_mesh(mesh), |light| light()),
         background: arguments.background.map(|b| f32::from(b) / 255.0),
         depth: arguments.depth,
         ..RenderOptions::default()

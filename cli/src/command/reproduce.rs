@@ -1,8 +1,7 @@
 //! `unsphere reproduce`: a published table, made again.
 
 use std::fmt::Write as _;
-use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Serialize;
 use studies::{
@@ -55,9 +54,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Reproduce) -> Re
 
 fn list(console: Console) -> Result<(), Failure> {
     let known: Vec<Known> = studies().map(|s| Known { name: s.name(), about: s.about() }).collect();
-    console.result(&known, |known| {
-        table(known.iter().map(|study| (study.name, study.about.to_owned())))
-    })
+    console.result(&known, |known| table(known.iter().map(|s| (s.name, s.about.to_owned()))))
 }
 
 fn make(
@@ -67,7 +64,10 @@ fn make(
     study: &'static dyn Study,
 ) -> Result<(), Failure> {
     let scale = if arguments.quick { Scale::Quick } else { Scale::Full };
-    let out = arguments.output.clone().unwrap_or_else(|| folder(study.name(), scale));
+    let out = arguments.output.clone().unwrap_or_else(|| {
+        let quick = if arguments.quick { "-quick" } else { "" };
+        format!("reproduce-{}{quick}", study.name()).into()
+    });
     let base = global.seed.unwrap_or(0);
     let order = Order {
         scale,
@@ -99,7 +99,7 @@ fn make(
             }
             _ => {}
         }
-        if interrupt.pressed() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        interrupt.flow()
     };
     let made = reproduce(study, &out, &order, &mut watch).map_err(failed)?;
     progress.finish();
@@ -117,34 +117,22 @@ fn make(
     Ok(())
 }
 
-fn folder(name: &str, scale: Scale) -> PathBuf {
-    match scale {
-        Scale::Full => format!("reproduce-{name}").into(),
-        Scale::Quick => format!("reproduce-{name}-quick").into(),
-    }
-}
-
 fn failed(error: ReproduceError) -> Failure {
-    match &error {
-        ReproduceError::Damaged { .. } => Failure::input(error),
-        ReproduceError::Job { error: StudyError::Data(_) | StudyError::Checkpoint(_), .. } => {
-            Failure::input(error)
-        }
-        ReproduceError::Job { error: StudyError::Train(inner), .. }
-            if matches!(**inner, TrainError::Data(_)) =>
-        {
-            Failure::input(error)
-        }
-        _ => Failure::other(error),
-    }
+    let bad_input = match &error {
+        ReproduceError::Damaged { .. } => true,
+        ReproduceError::Job { error, .. } => match error {
+            StudyError::Data(_) | StudyError::Checkpoint(_) => true,
+            StudyError::Train(error) => matches!(**error, TrainError::Data(_)),
+            _ => false,
+        },
+        _ => false,
+    };
+    if bad_input { Failure::input(error) } else { Failure::other(error) }
 }
 
 fn describe(outcome: &Outcome<'_>) -> String {
-    let mut text = String::new();
-    for table in &outcome.made.tables.0 {
-        text += &table.to_text();
-        text.push('\n');
-    }
+    let tables = outcome.made.tables.0.iter();
+    let mut text: String = tables.map(|table| table.to_text() + "\n").collect();
     for claim in &outcome.made.claims {
         let verdict = if claim.holds { "holds" } else { "DOES NOT HOLD" };
         let _ = writeln!(text, "{verdict}: {} ({})", claim.text, claim.found);

@@ -1,7 +1,6 @@
 //! `unsphere train`: a system, its data, and a run folder that can go on.
 
 use std::collections::BTreeMap;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -9,7 +8,7 @@ use models::predict::Predictor;
 use serde::Serialize;
 use train::{
     CHANGEABLE, CheckpointError, Configuration, Event, Job, Outcome, RunError, RunFolder,
-    RunMetadata, Source, System, TrainError, settings, train,
+    RunMetadata, System, TrainError, settings, train,
 };
 
 use crate::args::{Global, Train};
@@ -19,6 +18,7 @@ use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::progress::{Progress, spoken};
 use crate::provenance::provenance;
+use crate::views::open;
 
 /// Steps and time after which the pace of a training is worth telling.
 const PACE_KNOWN: (u64, Duration) = (3, Duration::from_secs(4));
@@ -76,21 +76,11 @@ impl Command<'_> {
             Prepared { run: None, config, data: arguments.data.clone() }
         };
         let interrupt = Interrupt::listen(None)?;
-        let progress = Progress::new(console, "read");
-        let options = arguments.reading.options();
-        let source = Source {
-            path: data.as_deref(),
-            options: &options,
-            seed: config.train.seed,
-            progress: &|done, all| progress.set(done, all),
-        };
-        let opened = S::open(&config.system, &source).map_err(Failure::input)?;
-        progress.finish();
+        let opened = open::<S>(console, &config, data.as_deref(), &arguments.reading.options())?;
         // Only now: what cannot be opened must not cost the run that it was to replace.
-        let run = if let Some(run) = run {
-            run
-        } else {
-            RunFolder::create(self.place(), arguments.force).map_err(failed)?
+        let run = match run {
+            Some(run) => run,
+            None => RunFolder::create(self.place(), arguments.force).map_err(failed)?,
         };
         interrupt.worthwhile();
         let provenance = provenance(data.as_deref());
@@ -147,13 +137,7 @@ impl Command<'_> {
                 )));
             }
         }
-        let config: Configuration<S::Config> =
-            settings::read(Some(&run.config()), set).map_err(|error| match error {
-                settings::SettingsError::Setting { .. } => {
-                    Failure::Usage(format!("--set: {error}"))
-                }
-                _ => Failure::input(error),
-            })?;
+        let config: Configuration<S::Config> = settings::read(Some(&run.config()), set)?;
         if let Some(seed) = self.global.seed.filter(|&seed| seed != config.train.seed) {
             let text = format!("--seed {seed}: the run began with {}", config.train.seed);
             return Err(Failure::Usage(text));
@@ -204,7 +188,7 @@ fn watched<S: Predictor>(
             Event::Warned(text) => console.warn(text),
             _ => {}
         }
-        if interrupt.pressed() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        interrupt.flow()
     };
     train(job, &mut watch).map_err(|error| match error {
         TrainError::Config(_) | TrainError::NoSuchMetric { .. } => {
@@ -273,10 +257,8 @@ fn failed(error: RunError) -> Failure {
 }
 
 fn describe(trained: &Trained<'_>) -> String {
-    let scores: Vec<(String, String)> =
-        trained.metrics.iter().map(|(name, value)| (name.clone(), format!("{value:.4}"))).collect();
-    let mut rows: Vec<(&str, String)> =
-        scores.iter().map(|(name, value)| (name.as_str(), value.clone())).collect();
+    let scores = trained.metrics.iter().map(|(name, value)| (&**name, format!("{value:.4}")));
+    let mut rows: Vec<(&str, String)> = scores.collect();
     if let Some(best) = trained.best {
         rows.push(("best", format!("{:.4} at step {}", best.value, best.step)));
     }

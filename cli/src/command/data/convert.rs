@@ -65,7 +65,7 @@ pub(crate) fn run(console: Console, arguments: &Convert) -> Result<(), Failure> 
     }
     progress.finish();
     if !splits.is_empty() {
-        write_splits(folder.path(), &splits)?;
+        write_splits(folder.path(), &splits).map_err(Failure::other)?;
     }
     let output = folder.commit()?;
     let converted = Converted { output: &output, objects: chosen.len(), views: views_count, lost };
@@ -107,7 +107,7 @@ fn write_r2n2(views: &[View], entry: &Entry, truth: &Truth, root: &Path) -> Resu
             Rendering::from_view(view).map_err(refused)
         })
         .collect::<Result<_, _>>()?;
-    Ok(write_object(root, synset_of(entry), &entry.name, &renderings, truth)?)
+    write_object(root, synset_of(entry), &entry.name, &renderings, truth).map_err(Failure::other)
 }
 
 /// The refusal with the place that was asked for, not the one under construction.

@@ -1,18 +1,15 @@
 //! `unsphere data generate`: a dataset of our own making.
 
-use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde::Serialize;
 use synth::generate::{
-    CameraSet, GenerateConfig, GenerateError, Generated, Model, Normalize, OutputLayout,
-    UNFINISHED, generate,
+    CameraSet, GenerateConfig, GenerateError, Generated, Model, UNFINISHED, generate,
 };
 use synth::shapes::Family;
-use synth::{Lighting, NormalSpace};
 
-use crate::args::{CamerasName, DepthKind, Frame, Generate, Global, LayoutName, Light, SizeRule};
+use crate::args::{DepthKind, Generate, Global};
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -33,11 +30,8 @@ struct Summary<'a> {
 pub(crate) fn run(console: Console, global: Global, arguments: &Generate) -> Result<(), Failure> {
     let start = Instant::now();
     let config = configuration(arguments, global)?;
-    let model = arguments
-        .from
-        .as_ref()
-        .map(|path| Model::read(path, size_rule(arguments.normalize)))
-        .transpose()?;
+    let read = |path: &PathBuf| Model::read(path, arguments.normalize).map_err(Failure::input);
+    let model = arguments.from.as_ref().map(read).transpose()?;
     let output = &arguments.output;
     let interrupt = Interrupt::listen(Some(&output.join(UNFINISHED)))?;
     // Every object that is complete is worth keeping, so the first press lets them be completed.
@@ -45,7 +39,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Generate) -> Res
     let progress = Progress::new(console, "generate");
     let generated = generate(&config, model.as_ref(), output, &|done, all| {
         progress.set(done, all);
-        if interrupt.pressed() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        interrupt.flow()
     })
     .map_err(failure)?;
     progress.finish();
@@ -86,55 +80,32 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Generate) -> Res
 /// The options, over the settings, over the configuration file, over the defaults.
 fn configuration(arguments: &Generate, global: Global) -> Result<GenerateConfig, Failure> {
     let given = &arguments.configuration;
-    let mut config: GenerateConfig = train::settings::read(given.config.as_deref(), &given.set)
-        .map_err(|error| Failure::Usage(error.to_string()))?;
+    let mut config: GenerateConfig = train::settings::read(given.config.as_deref(), &given.set)?;
     if !arguments.families.is_empty() {
         config.families = families(&arguments.families)?;
     }
-    if let Some(layout) = arguments.layout {
-        config.layout = match layout {
-            LayoutName::Kaolin => OutputLayout::Kaolin,
-            LayoutName::R2n2 => OutputLayout::R2n2,
-            LayoutName::Transforms => OutputLayout::Transforms,
-        };
+    if arguments.cameras == Some(CameraSet::Collection) {
+        config.views = 1;
     }
-    if let Some(cameras) = arguments.cameras {
-        config.cameras = match cameras {
-            CamerasName::R2n2 => CameraSet::R2n2,
-            CamerasName::Sphere => CameraSet::Sphere,
-            CamerasName::Collection => CameraSet::Collection,
-        };
-        if cameras == CamerasName::Collection {
-            config.views = 1;
-        }
-    }
-    let set = |field: &mut usize, value: Option<usize>| *field = value.unwrap_or(*field);
-    set(&mut config.objects, arguments.objects);
-    set(&mut config.views, arguments.views);
-    set(&mut config.points, arguments.points);
-    set(&mut config.voxels, arguments.voxels);
-    if let Some([width, height]) = arguments.size {
-        (config.width, config.height) = (width, height);
-    }
+    config.layout = arguments.layout.unwrap_or(config.layout);
+    config.cameras = arguments.cameras.unwrap_or(config.cameras);
+    config.objects = arguments.objects.unwrap_or(config.objects);
+    config.views = arguments.views.unwrap_or(config.views);
+    config.points = arguments.points.unwrap_or(config.points);
+    config.voxels = arguments.voxels.unwrap_or(config.voxels);
+    config.normals = arguments.normals.or(config.normals);
+    let [width, height] = arguments.size.unwrap_or([config.width, config.height]);
+    (config.width, config.height) = (width, height);
     if !arguments.depth.is_empty() {
         config.depth = arguments.depth.contains(&DepthKind::True);
         let monocular = arguments.depth.contains(&DepthKind::Monocular);
         config.monocular = monocular.then(|| config.monocular.take().unwrap_or_default());
     }
-    if let Some(frame) = arguments.normals {
-        config.normals = Some(match frame {
-            Frame::Camera => NormalSpace::Camera,
-            Frame::World => NormalSpace::World,
-        });
-    }
     if let Some(color) = arguments.background {
         config.background = color.map(|byte| f32::from(byte) / 255.0);
     }
-    match arguments.light {
-        Some(Light::Flat) => config.lighting = Lighting::flat(),
-        Some(Light::Studio) => config.lighting = Lighting::studio(),
-        Some(Light::Shape) => config.lighting = Lighting::shape(),
-        None => {}
+    if let Some(light) = arguments.light {
+        config.lighting = light();
     }
     config.seed = global.seed.unwrap_or(config.seed);
     Ok(config)
@@ -147,15 +118,6 @@ fn families(names: &[String]) -> Result<Vec<Family>, Failure> {
     }
     let named = names.iter().map(|name| name.trim().parse::<Family>());
     named.collect::<Result<_, _>>().map_err(|e| Failure::Usage(format!("--families: {e}")))
-}
-
-fn size_rule(rule: SizeRule) -> Normalize {
-    match rule {
-        SizeRule::UnitDiagonal => Normalize::UnitDiagonal,
-        SizeRule::UnitBox => Normalize::UnitBox,
-        SizeRule::UnitSphere => Normalize::UnitSphere,
-        SizeRule::None => Normalize::None,
-    }
 }
 
 fn failure(error: GenerateError) -> Failure {
@@ -175,6 +137,7 @@ mod tests {
     use crate::args::{Arguments, Command, DataVerb};
     use clap::Parser;
     use synth::Monocular;
+    use synth::generate::OutputLayout;
 
     #[allow(irrefutable_let_patterns, reason = "other verbs are to come")]
     fn config(line: &str) -> Result<GenerateConfig, String> {

@@ -1,11 +1,10 @@
 //! `unsphere data inspect`: what is there, and what looks wrong with it.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use recon::inspect::{Inspection, inspect, write_report};
 use serde::Serialize;
-use train::output::OutputFolder;
 
 use crate::args::Inspect;
 use crate::console::{Console, table};
@@ -25,9 +24,7 @@ struct Inspected<'a> {
 }
 
 pub(crate) fn run(console: Console, arguments: &Inspect) -> Result<(), Failure> {
-    let target = arguments.output.folder.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
-    // Refusals come before the work.
-    let folder = OutputFolder::create(&target, arguments.output.force)?;
+    let folder = arguments.output.create(FOLDER)?;
     let options = arguments.reading.options();
     let dataset = datasets::open_with(&arguments.path, &options)?;
     let progress = Progress::new(console, "inspect");
@@ -57,9 +54,7 @@ fn describe(inspected: &Inspected<'_>) -> String {
     }
     for object in &inspection.looked_at {
         let _ = writeln!(text, "{}", object.title());
-        let rows = object.rows();
-        let rows = rows.iter().map(|(name, value)| (name.as_str(), value.clone()));
-        for line in table(rows).lines() {
+        for line in table(object.rows()).lines() {
             let _ = writeln!(text, "  {line}");
         }
         for warning in &object.warnings {
