@@ -1,12 +1,11 @@
 //! From a fit to the folder that a user keeps: meshes, turntable, report and figures.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Mutex;
 
 use datasets::{View, Views};
 use diff_raster::FacesError;
-use losses::metrics::{CompareError, Preset, Report as Comparison};
+use losses::metrics::{CompareError, Preset, Report as Comparison, evaluate};
 use mesh_core::io::write_mesh;
 use mesh_core::{ByteImage, Health, TriMesh, WriteError};
 use serde::Serialize;
@@ -14,7 +13,7 @@ use synth::{Lighting, RenderOptions, render_views};
 use train::output::{OutputError, OutputFolder};
 use train::report::{Chart, Figure, Report, Series, Table, ViewPair};
 
-use crate::evaluate::{ViewScores, masked, score_views};
+use crate::evaluate::{ViewScores, masked, score_views, seen_from};
 use crate::fit::{FitConfig, Fitted};
 use crate::scene::scene_of;
 use crate::turntable::{encode_gif, orbit};
@@ -97,20 +96,38 @@ pub enum DeliverError {
 /// # Errors
 /// If the folder cannot be written or the mesh cannot be scored.
 pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics, DeliverError> {
-    let mesh = &delivery.fitted.mesh;
     let (metrics, pairs) = score(delivery)?;
+    let options = train::settings::to_toml(delivery.config);
+    folder.write("config.toml", options.as_bytes())?;
+    let report = report(delivery, &metrics, pairs);
+    write_results(&delivery.fitted.mesh, &metrics, report, folder)?;
+    Ok(metrics)
+}
+
+/// Writes `mesh.glb`, `mesh.obj`, `mesh.ply`, `turntable.gif`, `metrics.json` and `report.html`, which shows the
+/// turntable too.
+///
+/// # Errors
+/// If a file cannot be written, or a face names a vertex that is not there.
+///
+/// # Panics
+/// If the metrics cannot be JSON.
+pub fn write_results(
+    mesh: &TriMesh,
+    metrics: &impl Serialize,
+    report: Report,
+    folder: &OutputFolder,
+) -> Result<(), DeliverError> {
     for name in ["mesh.glb", "mesh.obj", "mesh.ply"] {
         write_mesh(folder.path().join(name), mesh)?;
     }
     let turntable = turntable(mesh)?;
     folder.write("turntable.gif", &turntable)?;
-    let json = serde_json::to_string_pretty(&metrics).expect("plain figures serialise");
+    let json = serde_json::to_string_pretty(metrics).expect("plain figures serialise");
     folder.write("metrics.json", (json + "\n").as_bytes())?;
-    let options = train::settings::to_toml(delivery.config);
-    folder.write("config.toml", options.as_bytes())?;
-    let page = report(delivery, &metrics, pairs, turntable).to_html();
+    let page = Report { turntable: Some(turntable), ..report }.to_html();
     folder.write("report.html", page.as_bytes())?;
-    Ok(metrics)
+    Ok(())
 }
 
 /// The mesh turning once, as a GIF.
@@ -145,8 +162,7 @@ pub fn animation(meshes: &[TriMesh]) -> Result<Vec<u8>, FacesError> {
     let camera = orbit(bounds, 8, 0.35, PICTURE).swap_remove(1);
     let mut frames = Vec::with_capacity(meshes.len() + STAYS);
     for mesh in meshes {
-        let views = render_views(mesh, std::slice::from_ref(&camera), &options, &|_, _| ())?;
-        frames.extend(views.into_iter().map(|view| view.color));
+        frames.push(seen_from(mesh, &camera, &options)?.color);
     }
     let last = frames.last().cloned();
     frames.extend(last.into_iter().flat_map(|frame| std::iter::repeat_n(frame, STAYS)));
@@ -162,16 +178,11 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
     };
     let views: Vec<&View> = indices.iter().map(|&i| &delivery.views.views[i]).collect();
     let (scores, pairs) = compare(&fitted.mesh, &views)?;
-    let truth = match delivery.truth {
-        None => Vec::new(),
-        Some(truth) => Preset::ALL
-            .into_iter()
-            .map(|p| {
-                let protocol = p.protocol(delivery.config.seed);
-                losses::metrics::evaluate(&fitted.mesh, truth, &protocol)
-            })
-            .collect::<Result<_, _>>()?,
+    let against = |truth| {
+        let protocols = Preset::ALL.map(|preset| preset.protocol(delivery.config.seed));
+        protocols.iter().map(|p| evaluate(&fitted.mesh, truth, p)).collect::<Result<_, _>>()
     };
+    let truth = delivery.truth.map(against).transpose()?.unwrap_or_default();
     let metrics = Metrics {
         schema_version: 1,
         steps: fitted.history.len(),
@@ -218,9 +229,7 @@ fn shown_from(mesh: &TriMesh, view: &View, scored: ByteImage) -> ByteImage {
         return scored;
     }
     let options = RenderOptions { lighting, ..RenderOptions::default() };
-    let camera = std::slice::from_ref(&view.camera);
-    let lit = render_views(mesh, camera, &options, &|_, _| ()).ok();
-    lit.and_then(|mut views| views.pop()).map_or(scored, |view| view.color)
+    seen_from(mesh, &view.camera, &options).map_or(scored, |view| view.color)
 }
 
 /// Render and photograph around the object: a square with a margin, at most [`PICTURE`] wide.
@@ -242,12 +251,7 @@ fn close_up(view: &View, render: &ByteImage) -> (ByteImage, ByteImage) {
     (picture(render), picture(&truth))
 }
 
-fn report(
-    delivery: &Delivery<'_>,
-    metrics: &Metrics,
-    views: Vec<ViewPair>,
-    turntable: Vec<u8>,
-) -> Report {
+fn report(delivery: &Delivery<'_>, metrics: &Metrics, views: Vec<ViewPair>) -> Report {
     let fitted = delivery.fitted;
     let source = delivery.views.source.display();
     let mut warnings: Vec<String> = delivery.views.warnings.clone();
@@ -270,40 +274,33 @@ fn report(
         views,
         charts: charts(delivery),
         tables: tables(delivery, metrics),
-        turntable: Some(turntable),
+        turntable: None,
     }
 }
 
 /// The cards of mean scores over views.
 pub fn score_figures(scores: &ViewScores) -> Vec<Figure> {
-    let figure = |value: String, label: &str| Figure { value, label: label.into() };
+    let psnr = scores.psnr.map_or_else(|| "n/a".into(), |p| format!("{p:.1} dB"));
     vec![
-        figure(format!("{:.4}", scores.mask_iou), "mask IoU"),
-        figure(
-            scores.psnr.map_or_else(|| "n/a".into(), |p| format!("{p:.1} dB")),
-            "PSNR inside the mask",
-        ),
-        figure(format!("{:.4}", scores.image_l1), "image L1"),
-        figure(format!("{:.3}", scores.ssim), "SSIM"),
+        Figure::new("mask IoU", format!("{:.4}", scores.mask_iou)),
+        Figure::new("PSNR inside the mask", psnr),
+        Figure::new("image L1", format!("{:.4}", scores.image_l1)),
+        Figure::new("SSIM", format!("{:.3}", scores.ssim)),
     ]
 }
 
 fn figures(metrics: &Metrics) -> Vec<Figure> {
-    let figure = |value: String, label: &str| Figure { value, label: label.into() };
     let mut figures = score_figures(&metrics.views);
     // One protocol is enough for the cards, the one whose unit is the object itself; the tables have all.
     let occnet = metrics.truth.iter().find(|c| c.protocol.name == Preset::OccNet.name());
     if let Some(comparison) = occnet {
+        let score = comparison.f_scores.first();
         let cards = [
             ("Chamfer, of the longest side", comparison.chamfer.map(|v| format!("{v:.5}"))),
-            (
-                "F-score at 1 % of that",
-                comparison.f_scores.first().map(|f| format!("{:.3}", f.f_score)),
-            ),
+            ("F-score at 1 % of that", score.map(|f| format!("{:.3}", f.f_score))),
             ("3D IoU, as they lie", comparison.iou.map(|v| format!("{v:.3}"))),
         ];
-        let known = cards.into_iter().filter_map(|(label, value)| Some(figure(value?, label)));
-        figures.extend(known);
+        figures.extend(cards.into_iter().filter_map(|(name, v)| Some(Figure::new(name, v?))));
     }
     figures
 }
@@ -316,41 +313,32 @@ fn charts(delivery: &Delivery<'_>) -> Vec<Chart> {
             losses.entry(name).or_default().push((step.step as f64, *value));
         }
     }
-    let losses = losses.into_iter().map(|(name, points)| Series { name: name.into(), points });
+    let losses = losses.into_iter().map(|(name, points)| Series::new(name, points)).collect();
     let scores = fitted.evaluations.iter().map(|&(step, iou)| (step as f64, iou)).collect();
+    let scores = vec![Series::new("mask IoU", scores)];
     vec![
-        Chart {
-            title: "Losses, each as weighted".into(),
-            x_label: "step".into(),
-            logarithmic: true,
-            series: losses.collect(),
-        },
-        Chart {
-            title: "Mask IoU on the scored views".into(),
-            x_label: "step".into(),
-            logarithmic: false,
-            series: vec![Series { name: "mask IoU".into(), points: scores }],
-        },
+        Chart::new("Losses, each as weighted", "step", losses).logarithmic(),
+        Chart::new("Mask IoU on the scored views", "step", scores),
     ]
 }
 
 fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
-    let row = |name: &str, value: String| (name.to_string(), value);
     let mut tables = vec![mesh_table(&metrics.health, metrics.self_intersections)];
     for comparison in &metrics.truth {
-        let mut rows = vec![row("formula", comparison.protocol.formula.clone())];
+        let mut rows = vec![("formula".to_owned(), comparison.protocol.formula.clone())];
         rows.extend(comparison_rows(comparison));
         let title = format!("Against the true mesh: {}", comparison.protocol.name);
         tables.push(Table { title, rows });
     }
-    let fitted = delivery.fitted;
+    let (fitted, views) = (delivery.fitted, delivery.views);
     let mut rows = vec![
-        row("input", format!("{} ({})", shown(&delivery.views.source), delivery.views.layout)),
-        row("steps", fitted.history.len().to_string()),
+        ("input".to_owned(), format!("{} ({})", views.source.display(), views.layout)),
+        ("steps".to_owned(), fitted.history.len().to_string()),
     ];
-    rows.extend(fitted.seconds.iter().map(|(name, s)| row(name, format!("{s:.2} s"))));
+    let seconds = fitted.seconds.iter();
+    rows.extend(seconds.map(|(name, s)| (name.clone(), format!("{s:.2} s"))));
     rows.extend(delivery.provenance.iter().cloned());
-    tables.push(Table { title: "The run".into(), rows });
+    tables.push(Table::new("The run", rows));
     tables
 }
 
@@ -381,25 +369,16 @@ pub fn comparison_rows(comparison: &Comparison) -> Vec<(String, String)> {
 
 /// What there is to say about a mesh by itself.
 pub fn mesh_table(health: &Health, self_intersections: usize) -> Table {
-    let row = |name: &str, value: String| (name.to_string(), value);
-    let yes = |b: bool| if b { "yes" } else { "no" }.to_string();
-    Table {
-        title: "The mesh".into(),
-        rows: vec![
-            row("vertices, faces", format!("{}, {}", health.vertices, health.faces)),
-            row("closed, oriented outwards", yes(health.is_watertight() && health.outward)),
-            row("Euler number", health.euler.to_string()),
-            row("faces that cut each other", self_intersections.to_string()),
-            row("sharpest fold between faces", format!("{:.1}°", health.largest_dihedral_degrees)),
-            row("smallest angle", format!("{:.2}°", health.smallest_angle_degrees)),
-            row(
-                "angles of at least 5°",
-                format!("{:.3} %", 100.0 * (1.0 - health.angles_below_5_fraction)),
-            ),
-        ],
-    }
-}
-
-fn shown(path: &Path) -> String {
-    path.display().to_string()
+    let closed = health.is_watertight() && health.outward;
+    let well_shaped = 100.0 * (1.0 - health.angles_below_5_fraction);
+    let rows = [
+        ("vertices, faces", format!("{}, {}", health.vertices, health.faces)),
+        ("closed, oriented outwards", if closed { "yes" } else { "no" }.to_owned()),
+        ("Euler number", health.euler.to_string()),
+        ("faces that cut each other", self_intersections.to_string()),
+        ("sharpest fold between faces", format!("{:.1}°", health.largest_dihedral_degrees)),
+        ("smallest angle", format!("{:.2}°", health.smallest_angle_degrees)),
+        ("angles of at least 5°", format!("{well_shaped:.3} %")),
+    ];
+    Table::new("The mesh", rows)
 }

@@ -63,8 +63,7 @@ pub fn score_views(
         .par_iter()
         .enumerate()
         .map(|(index, view)| {
-            let camera: &[Camera] = std::slice::from_ref(&view.camera);
-            let render = render_views(mesh, camera, &options, &|_, _| ())?.remove(0);
+            let render = seen_from(mesh, &view.camera, &options)?;
             let score = score(&render, view);
             keep(index, render.color);
             Ok(score)
@@ -80,6 +79,19 @@ pub fn score_views(
         ssim: mean(|s| s.ssim),
         views: scores,
     })
+}
+
+/// What one camera sees of a mesh.
+///
+/// # Errors
+/// If a face names a vertex that is not there.
+pub fn seen_from(
+    mesh: &TriMesh,
+    camera: &Camera,
+    options: &RenderOptions,
+) -> Result<View, FacesError> {
+    let mut views = render_views(mesh, std::slice::from_ref(camera), options, &|_, _| ())?;
+    Ok(views.swap_remove(0))
 }
 
 fn score(render: &View, truth: &View) -> ViewScore {

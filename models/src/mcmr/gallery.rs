@@ -3,7 +3,6 @@
 use autodiff_lite::Tape;
 use mesh_core::{ByteImage, Camera, TriMesh};
 use recon::scene::scene_of;
-use synth::{Lighting, RenderOptions, render_views};
 use train::report::ViewPair;
 use train::{DataError, Shown};
 
@@ -11,6 +10,7 @@ use super::data::Data;
 use super::prediction::{pose_of, row};
 use super::score::largest;
 use super::{Mcmr, Sample};
+use crate::paired::in_studio;
 
 /// Objects shown together.
 const SHOWN: usize = 8;
@@ -64,27 +64,16 @@ impl Mcmr {
             (0..samples.len()).map(|i| row(&weights, i)).collect::<Vec<_>>()
         });
         let weights = weights.concat();
-        let lighting = Lighting::studio();
-        let options = RenderOptions { background: [1.0; 3], lighting, ..RenderOptions::default() };
         let eye = [1.15, 0.7, 1.55];
         let camera = Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 0.5, SIDE, SIDE);
         let shapes = self.mean_shapes().into_iter().enumerate();
         let pair = |(i, shape): (usize, TriMesh)| {
-            let rendered =
-                render_views(&shape, std::slice::from_ref(&camera), &options, &|_, _| ());
-            let drawn = rendered.ok().and_then(|mut views| views.pop()).map(|view| view.color);
-            let blank = || ByteImage {
-                height: SIDE,
-                width: SIDE,
-                channels: 3,
-                data: vec![255; 3 * SIDE * SIDE],
-            };
             let best = (0..samples.len())
                 .fold(0, |best, k| if weights[k][i] > weights[best][i] { k } else { best });
             let (sample, share) = (&samples[best], weights[best][i]);
             let caption = format!("mean shape {}; {} has {share:.2} of it", i + 1, sample.name);
             let truth = self.bytes(sample.target.clone()).resized(SIDE, SIDE);
-            ViewPair { caption, model: drawn.unwrap_or_else(blank), truth }
+            ViewPair { caption, model: in_studio(&shape, &camera), truth }
         };
         Ok(shapes.map(pair).collect())
     }

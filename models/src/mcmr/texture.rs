@@ -1,7 +1,7 @@
 //! The texture: an image around the sphere that the shape was.
 
 use autodiff_lite::{Real, Var};
-use mesh_core::{Image, Texture, TriMesh};
+use mesh_core::{Image, TriMesh};
 use ndarray::Array3;
 use recon::atlas::Atlas;
 
@@ -91,10 +91,7 @@ impl Globe {
                     .copy_from_slice(&color.map(|c| c.clamp(0.0, 1.0)));
             }
         }
-        let faces = mesh.faces.len();
-        let uvs = (0..faces).flat_map(|f| atlas.corners(f)).collect();
-        let corners = (0..faces as u32).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]).collect();
-        mesh.texture = Some(Texture { uvs, faces: corners, image });
+        mesh.texture = Some(atlas.texture(mesh.faces.len(), image));
         let colors = self.colors(sphere.as_flattened());
         mesh.colors =
             Some(colors.as_chunks::<3>().0.iter().map(|c| c.map(|v| v.clamp(0.0, 1.0))).collect());

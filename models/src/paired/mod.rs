@@ -32,4 +32,4 @@ pub use pairs::{Pair, Pairs, Surface};
 pub(crate) use pairs::{placed, some};
 pub use picture::{Frame, Picture};
 pub use score::{EMD_POINTS, PointScores, point_scores};
-pub(crate) use shown::picture_above;
+pub(crate) use shown::{in_studio, picture_above};

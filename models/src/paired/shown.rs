@@ -1,7 +1,8 @@
 //! A prediction above the image that it was made from.
 
-use mesh_core::{ByteImage, TriMesh};
-use synth::{Lighting, RenderOptions, render_views};
+use mesh_core::{ByteImage, Camera, TriMesh};
+use recon::evaluate::seen_from;
+use synth::{Lighting, RenderOptions};
 use train::report::ViewPair;
 
 use super::picture::Picture;
@@ -14,14 +15,19 @@ pub(crate) fn picture_above(picture: &Picture, mesh: &TriMesh, caption: String) 
     let side = picture.camera.width;
     let truth = ByteImage { height: side, width: side, channels: 3, data: picture.image.clone() };
     let camera = picture.camera.resized(SIDE, SIDE);
-    let options = RenderOptions {
-        lighting: Lighting::studio(),
-        background: [1.0; 3],
-        ..RenderOptions::default()
-    };
-    let rendered = render_views(mesh, &[camera], &options, &|_, _| ());
-    let model = rendered.ok().and_then(|mut views| views.pop()).map(|view| view.color);
-    let truth = truth.resized(SIDE, SIDE);
-    let blank = || ByteImage { data: vec![255; 3 * SIDE * SIDE], ..truth.clone() };
-    ViewPair { caption, model: model.unwrap_or_else(blank), truth }
+    ViewPair { caption, model: in_studio(mesh, &camera), truth: truth.resized(SIDE, SIDE) }
+}
+
+/// A mesh lit before white; white alone where it is no mesh.
+pub(crate) fn in_studio(mesh: &TriMesh, camera: &Camera) -> ByteImage {
+    let lighting = Lighting::studio();
+    let options = RenderOptions { background: [1.0; 3], lighting, ..RenderOptions::default() };
+    seen_from(mesh, camera, &options).map_or_else(
+        |_| {
+            let mut blank = ByteImage::new(camera.height, camera.width, 3);
+            blank.data.fill(255);
+            blank
+        },
+        |view| view.color,
+    )
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use datasets::View;
 use mesh_core::io::write_mesh;
 use mesh_core::{Health, TriMesh};
-use recon::delivery::{DeliverError, animation, compare, mesh_table, score_figures, turntable};
+use recon::delivery::{DeliverError, animation, compare, mesh_table, score_figures, write_results};
 use recon::evaluate::ViewScores;
 use recon::scene::scene_of;
 use serde::Serialize;
@@ -122,16 +122,8 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
             .collect(),
         warnings: input.warnings.clone(),
     };
-    for name in ["mesh.glb", "mesh.obj", "mesh.ply"] {
-        write_mesh(folder.path().join(name), mesh)?;
-    }
-    let gif = turntable(mesh)?;
-    folder.write("turntable.gif", &gif)?;
     write_sequence(&delivery.prediction.sequence, folder)?;
-    let json = serde_json::to_string_pretty(&metrics).expect("plain figures serialise");
-    folder.write("metrics.json", (json + "\n").as_bytes())?;
-    let page = report(delivery, &metrics, pairs, gif).to_html();
-    folder.write("report.html", page.as_bytes())?;
+    write_results(mesh, &metrics, report(delivery, &metrics, pairs), folder)?;
     Ok(metrics)
 }
 
@@ -150,12 +142,7 @@ fn write_sequence(meshes: &[TriMesh], folder: &OutputFolder) -> Result<(), Deliv
     Ok(())
 }
 
-fn report(
-    delivery: &Delivery<'_>,
-    metrics: &Metrics,
-    views: Vec<ViewPair>,
-    turntable: Vec<u8>,
-) -> Report {
+fn report(delivery: &Delivery<'_>, metrics: &Metrics, views: Vec<ViewPair>) -> Report {
     let input = delivery.input;
     let given = counted(input.given.len(), "view");
     let source = input.source.display();
@@ -166,10 +153,8 @@ fn report(
         None => (&metrics.given, "the cameras that were given, for want of others".to_owned()),
     };
     let mut figures = score_figures(scores);
-    figures.extend(metrics.milliseconds.map(|milliseconds| {
-        let value = format!("{milliseconds:.1} ms");
-        Figure { value, label: "for the prediction".into() }
-    }));
+    let time = metrics.milliseconds.map(|milliseconds| format!("{milliseconds:.1} ms"));
+    figures.extend(time.map(|time| Figure::new("for the prediction", time)));
     Report {
         title: format!("{}: a prediction", delivery.system),
         summary: format!(
@@ -181,31 +166,19 @@ fn report(
         warnings: metrics.warnings.clone(),
         views,
         tables: tables(delivery, metrics),
-        turntable: Some(turntable),
         ..Report::default()
     }
 }
 
 fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
-    let row = |name: &str, value: String| (name.to_owned(), value);
+    let held_out = metrics.held_out.as_ref();
     let mut tables = Vec::new();
-    let sets = [("At cameras that were not given", metrics.held_out.as_ref())];
-    for (title, scores) in sets.into_iter().chain([("At the given cameras", Some(&metrics.given))])
-    {
-        let Some(scores) = scores else { continue };
-        let psnr = scores.psnr.map_or_else(|| "n/a".to_owned(), |psnr| format!("{psnr:.2} dB"));
-        let rows = vec![
-            row("views", scores.views.len().to_string()),
-            row("mask IoU", format!("{:.4}", scores.mask_iou)),
-            row("image L1", format!("{:.4}", scores.image_l1)),
-            row("PSNR inside the mask", psnr),
-            row("SSIM", format!("{:.4}", scores.ssim)),
-        ];
-        tables.push(Table { title: title.into(), rows });
-    }
+    tables.extend(held_out.map(|scores| score_table("At cameras that were not given", scores)));
+    tables.push(score_table("At the given cameras", &metrics.given));
     tables.push(mesh_table(&metrics.health, metrics.self_intersections));
     let input = delivery.input;
     let names: Vec<&str> = input.given.iter().map(|view| view.name.as_str()).collect();
+    let row = |name: &str, value: String| (name.to_owned(), value);
     let mut rows = vec![
         row("input", format!("{} ({})", input.source.display(), input.layout)),
         row("given views", names.join(", ")),
@@ -218,8 +191,20 @@ fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
         rows.push(row(name, values.join(", ")));
     }
     rows.extend(delivery.provenance.iter().cloned());
-    tables.push(Table { title: "The run".into(), rows });
+    tables.push(Table::new("The run", rows));
     tables
+}
+
+fn score_table(title: &str, scores: &ViewScores) -> Table {
+    let psnr = scores.psnr.map_or_else(|| "n/a".to_owned(), |psnr| format!("{psnr:.2} dB"));
+    let rows = [
+        ("views", scores.views.len().to_string()),
+        ("mask IoU", format!("{:.4}", scores.mask_iou)),
+        ("image L1", format!("{:.4}", scores.image_l1)),
+        ("PSNR inside the mask", psnr),
+        ("SSIM", format!("{:.4}", scores.ssim)),
+    ];
+    Table::new(title, rows)
 }
 
 fn counted(count: usize, noun: &str) -> String {

@@ -69,6 +69,7 @@ pub use config::{ColorKind, FitConfig};
 pub use error::FitError;
 pub use event::{Event, Step};
 pub use placement::{Placement, cones};
+pub(crate) use placement::{distance, nearest_point};
 pub use stepper::Stepper;
 
 use hull::Hull;

@@ -1,6 +1,7 @@
 //! Where the object is and how large, from cameras and masks alone.
 
 use datasets::View;
+use mesh_core::Ray;
 use mesh_core::nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -69,28 +70,13 @@ pub(super) fn place(views: &[&View], targets: &mut [Target]) -> Result<Placement
 /// # Errors
 /// If the views look along one line, so that no point is nearest.
 pub fn cones(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
-    let mut normal = Matrix3::<f64>::zeros();
-    let mut right = Vector3::<f64>::zeros();
-    for view in views {
-        let Some([top, left, rows, columns]) = view.mask_bounds() else { continue };
-        let ray =
-            view.camera.ray(left as f64 + columns as f64 / 2.0, top as f64 + rows as f64 / 2.0);
-        let (origin, direction) = (Vector3::from(ray.origin), Vector3::from(ray.direction));
-        let across = Matrix3::identity() - direction * direction.transpose();
-        normal += across;
-        right += across * origin;
-    }
-    let values = normal.symmetric_eigenvalues();
-    let (least, most) = (values.min(), values.max());
-    let center = normal.try_inverse().map(|inverse| inverse * right);
-    let center = match center {
-        Some(c) if least > 1e-4 * most && c.iter().all(|v| v.is_finite()) => c,
-        _ => {
-            return Err(FitError::Placement {
-                reason: "all look along one line, so the distance to the object is open".into(),
-            });
-        }
-    };
+    let axes = views.iter().filter_map(|view| {
+        let [top, left, rows, columns] = view.mask_bounds()?.map(|n| n as f64);
+        Some(view.camera.ray(left + columns / 2.0, top + rows / 2.0))
+    });
+    let center = nearest_point(axes).ok_or_else(|| FitError::Placement {
+        reason: "all look along one line, so the distance to the object is open".into(),
+    })?;
     let mut radius = 0.0f64;
     let mut behind = 0;
     for view in views {
@@ -102,10 +88,7 @@ pub fn cones(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
         for (row, column) in
             [(0, 0), (0, columns), (rows, 0), (rows, columns)].map(|(r, c)| (top + r, left + c))
         {
-            let ray = view.camera.ray(column as f64, row as f64);
-            let to = center - Vector3::from(ray.origin);
-            let along = Vector3::from(ray.direction);
-            radius = radius.max((to - along * to.dot(&along)).norm());
+            radius = radius.max(distance(&view.camera.ray(column as f64, row as f64), center));
         }
     }
     if behind as f64 > DISAGREE * views.len() as f64 {
@@ -117,6 +100,29 @@ pub fn cones(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
         return Err(FitError::Placement { reason: format!("the object's radius is {radius}") });
     }
     Ok((center.into(), radius))
+}
+
+/// The point nearest to all rays; `None` where they lie along one line, so that no point is.
+pub(crate) fn nearest_point(rays: impl Iterator<Item = Ray>) -> Option<Vector3<f64>> {
+    let mut normal = Matrix3::<f64>::zeros();
+    let mut right = Vector3::<f64>::zeros();
+    for ray in rays {
+        let (origin, direction) = (Vector3::from(ray.origin), Vector3::from(ray.direction));
+        let across = Matrix3::identity() - direction * direction.transpose();
+        normal += across;
+        right += across * origin;
+    }
+    let values = normal.symmetric_eigenvalues();
+    let point = normal.try_inverse()? * right;
+    let fixed = values.min() > 1e-4 * values.max() && point.iter().all(|v| v.is_finite());
+    fixed.then_some(point)
+}
+
+/// From a point to the line along a ray.
+pub(crate) fn distance(ray: &Ray, point: Vector3<f64>) -> f64 {
+    let to = point - Vector3::from(ray.origin);
+    let along = Vector3::from(ray.direction);
+    (to - along * to.dot(&along)).norm()
 }
 
 /// Centres, in the targets' frame, of the cells of a grid of this `side` that the most views see inside their masks.

@@ -342,10 +342,12 @@ fn ring_offset(rings: &mesh_core::Csr, x: &[[f32; 3]], out: &mut [[f32; 3]]) {
     }
 }
 
-fn minus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+#[inline]
+pub(super) fn minus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
-fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+#[inline]
+pub(super) fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

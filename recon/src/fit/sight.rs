@@ -6,7 +6,10 @@ use datasets::View;
 use diff_raster::{Faces, Fragments, NONE, Scratch, Settings, rasterize_into};
 use ndarray::ArrayView3;
 
-use super::target::Target;
+use super::{
+    shape::{cross, minus},
+    target::Target,
+};
 
 /// A look at the mesh from one view after the other, in memory that is kept.
 #[derive(Default)]
@@ -54,10 +57,7 @@ impl Sight {
         let [a, b, c] = face.map(|v| self.projected[v as usize]);
         let seen = (b[1] - a[1]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[1] - a[1]);
         let [p, q, r] = face.map(|v| positions[v as usize]);
-        let (u, v): ([f32; 3], [f32; 3]) =
-            (std::array::from_fn(|k| q[k] - p[k]), std::array::from_fn(|k| r[k] - p[k]));
-        let normal =
-            [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        let normal = cross(minus(q, p), minus(r, p));
         let area = normal.iter().map(|n| n * n).sum::<f32>().sqrt();
         let scale = target.pixels_per_unit((a[2] + b[2] + c[2]) / 3.0);
         (seen / (area * scale * scale).max(1e-20)).clamp(0.0, 1.0)

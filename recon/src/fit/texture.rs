@@ -112,9 +112,7 @@ pub(super) fn bake(
             k += 1;
         });
     }
-    let uvs = (0..faces.len()).flat_map(|f| atlas.corners(f)).collect();
-    let corners = (0..faces.len() as u32).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]).collect();
-    Some(Texture { uvs, faces: corners, image })
+    Some(atlas.texture(faces.len(), image))
 }
 
 /// The colour of a view at a projected point, bilinear, and how far inside the mask it is; `None`

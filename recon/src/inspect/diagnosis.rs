@@ -20,6 +20,39 @@ const POINTS: usize = 2000;
 const LEAST_FACTOR: f64 = 0.4;
 const FACTORS: i32 = 12;
 
+/// What else cameras and masks may mean: its name, how to read them so, and what to tell where that explains more.
+const READINGS: [(&str, Reading, &str); 6] = [
+    (
+        "flipped_y",
+        Reading::FlippedY,
+        "y is flipped: the images are upside down for these cameras, or the cameras' y points \
+         down where up was expected",
+    ),
+    (
+        "flipped_x",
+        Reading::FlippedX,
+        "x is flipped: the images are mirrored for these cameras (or the turntable turns the \
+         other way: --turntable-reverse)",
+    ),
+    ("turned", Reading::Turned, "the images are turned by half for these cameras"),
+    (
+        "opencv_axes",
+        Reading::OpenCvAxes,
+        "the cameras look away from the object: their axes look like OpenCV's (y down, z \
+         forward) where OpenGL's (y up, looking along -z) were expected",
+    ),
+    (
+        "inverse_pose",
+        Reading::InversePose,
+        "the poses look inverted: camera to world where world to camera was expected, or the reverse",
+    ),
+    (
+        "inverse_opencv_pose",
+        Reading::InverseOpenCvPose,
+        "the poses look inverted and in OpenCV's axes",
+    ),
+];
+
 /// Something that looks wrong, in words.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Problem {
@@ -27,6 +60,12 @@ pub struct Problem {
     pub kind: &'static str,
     /// What is wrong and what to do about it.
     pub message: String,
+}
+
+impl Problem {
+    fn new(kind: &'static str, message: impl Into<String>) -> Self {
+        Self { kind, message: message.into() }
+    }
 }
 
 /// How well cameras and masks agree.
@@ -83,31 +122,23 @@ fn points_in(eyes: &[Eye], points: &[[f32; 3]]) -> Vec<Landing> {
     eyes.par_iter()
         .filter_map(|eye| {
             let bounds = eye.bounds()?;
-            let mut landed = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+            let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
             let mut inside = 0;
             for point in points {
                 let point = point.map(f64::from);
                 inside += usize::from(eye.allows(point));
                 let p = eye.camera.project(point);
                 if p.depth > 0.0 || !eye.camera.is_perspective() {
-                    landed = [
-                        landed[0].min(p.column),
-                        landed[1].min(p.row),
-                        landed[2].max(p.column),
-                        landed[3].max(p.row),
-                    ];
+                    low = [low[0].min(p.column), low[1].min(p.row)];
+                    high = [high[0].max(p.column), high[1].max(p.row)];
                 }
             }
             // What is outside of the image has no mask to agree with.
             let (w, h) = (eye.camera.width as f64, eye.camera.height as f64);
-            let landed = [
-                landed[0].clamp(0.0, w),
-                landed[1].clamp(0.0, h),
-                landed[2].clamp(0.0, w),
-                landed[3].clamp(0.0, h),
-            ];
+            let [[left, top], [right, bottom]] =
+                [low, high].map(|[column, row]| [column.clamp(0.0, w), row.clamp(0.0, h)]);
             let inside = inside as f64 / points.len().max(1) as f64;
-            Some(Landing { inside, box_iou: box_iou(bounds, landed) })
+            Some(Landing { inside, box_iou: box_iou(bounds, [left, top, right, bottom]) })
         })
         .collect()
 }
@@ -141,11 +172,9 @@ pub(crate) fn diagnose(
     let inverted = problems.iter().any(|p| p.kind == "inverted_masks");
     let points = points_of(truth);
     if coincide(eyes) {
-        let message =
-            "all cameras stand in one place: from there the masks show no shape; are the \
-                       poses world-to-camera where camera-to-world is meant?"
-                .to_owned();
-        problems.push(Problem { kind: "coincident_cameras", message });
+        let message = "all cameras stand in one place: from there the masks show no shape; are the \
+                       poses world-to-camera where camera-to-world is meant?";
+        problems.push(Problem::new("coincident_cameras", message));
     }
     let ball = ball(eyes);
     if let Some(ball) = ball.filter(|_| !inverted) {
@@ -178,15 +207,14 @@ fn masks(views: &[View], eyes: &[Eye], problems: &mut Vec<Problem>) {
     let empty = names(&|eye| eye.bounds().is_none());
     if !empty.is_empty() {
         let message = format!("the masks of {} are empty", some_of(&empty, views.len()));
-        problems.push(Problem { kind: "empty_masks", message });
+        problems.push(Problem::new("empty_masks", message));
     }
     let shown = eyes.len() - empty.len();
     let background = |eye: &Eye| eye.border_share() > 0.75;
     if shown > 0 && 5 * eyes.iter().filter(|eye| background(eye)).count() >= 4 * shown {
         let message = "the masks look inverted: they cover the border of the images; read them \
-                       with --invert-masks"
-            .to_owned();
-        problems.push(Problem { kind: "inverted_masks", message });
+                       with --invert-masks";
+        problems.push(Problem::new("inverted_masks", message));
         return;
     }
     let cut = names(&|eye| eye.is_open());
@@ -195,7 +223,7 @@ fn masks(views: &[View], eyes: &[Eye], problems: &mut Vec<Problem>) {
             "the object leaves the frame in {}: what is outside has no evidence",
             some_of(&cut, views.len())
         );
-        problems.push(Problem { kind: "out_of_frame", message });
+        problems.push(Problem::new("out_of_frame", message));
     }
     let tiny = views.iter().filter(|view| {
         view.mask_bounds().is_some_and(|[_, _, height, width]| height.max(width) < 16)
@@ -206,50 +234,41 @@ fn masks(views: &[View], eyes: &[Eye], problems: &mut Vec<Problem>) {
             "the object is less than 16 pixels large in {}: crop the images or take larger ones",
             some_of(&tiny, views.len())
         );
-        problems.push(Problem { kind: "tiny", message });
+        problems.push(Problem::new("tiny", message));
     }
 }
 
 /// Tries every reading, and names the one that explains clearly more than the files' own.
 fn cameras(judge: &Judge<'_>, found: &mut Agreement, problems: &mut Vec<Problem>) {
     let given = judge.score(Reading::AsGiven);
-    let others: Vec<(&'static str, Reading)> = vec![
-        ("flipped_y", Reading::FlippedY),
-        ("flipped_x", Reading::FlippedX),
-        ("turned", Reading::Turned),
-        ("opencv_axes", Reading::OpenCvAxes),
-        ("inverse_pose", Reading::InversePose),
-        ("inverse_opencv_pose", Reading::InverseOpenCvPose),
-    ];
-    found.readings = std::iter::once(("as_given", given))
-        .chain(others.into_iter().map(|(name, reading)| (name, judge.score(reading))))
-        .collect();
+    let others = READINGS.map(|(name, reading, _)| (name, judge.score(reading)));
+    found.readings = std::iter::once(("as_given", given)).chain(others).collect();
     if judge.eyes.iter().all(|eye| eye.camera.is_perspective()) {
         found.focal = (-FACTORS..=FACTORS)
             .map(|k| LEAST_FACTOR.powf(-f64::from(k) / f64::from(FACTORS)))
             .map(|factor| [factor, judge.score(Reading::Focal(factor))])
             .collect();
     }
-    let best = found.readings[1..].iter().copied().max_by(|a, b| a.1.total_cmp(&b.1));
+    let best = READINGS.into_iter().zip(others).max_by(|(_, a), (_, b)| a.1.total_cmp(&b.1));
     let focal = found.focal.iter().copied().max_by(|a, b| a[1].total_cmp(&b[1]));
-    let (name, other) = best.unwrap_or(("as_given", given));
+    let ((name, _, words), (_, other)) = best.expect("there are other readings");
     let at_factor = focal.map_or(given, |[_, score]| score);
     let factor = middle_of_the_best(&found.focal, given);
     if other >= at_factor && clearly_better(other, given) {
-        let message = format!("{} (agreement {other:.3} instead of {given:.3})", words(name));
-        problems.push(Problem { kind: name, message });
+        let message = format!("{words} (agreement {other:.3} instead of {given:.3})");
+        problems.push(Problem::new(name, message));
     } else if !(0.87..1.15).contains(&factor) && sharper(at_factor, given) {
         let message = format!(
             "the focal length looks off: about {factor:.2} times the given one explains the masks \
              better (agreement {at_factor:.3} instead of {given:.3})"
         );
-        problems.push(Problem { kind: "focal_length", message });
+        problems.push(Problem::new("focal_length", message));
     } else if given < 0.7 {
         let message = format!(
             "masks and cameras do not agree (agreement {given:.3}), and neither a flip, nor other \
              axes, nor another focal length explains it"
         );
-        problems.push(Problem { kind: "disagreement", message });
+        problems.push(Problem::new("disagreement", message));
     }
 }
 
@@ -276,28 +295,6 @@ fn middle_of_the_best(focal: &[[f64; 2]], given: f64) -> f64 {
     (focal[low][0] * focal[high][0]).sqrt()
 }
 
-fn words(name: &str) -> &'static str {
-    match name {
-        "flipped_y" => {
-            "y is flipped: the images are upside down for these cameras, or the cameras' y points \
-             down where up was expected"
-        }
-        "flipped_x" => {
-            "x is flipped: the images are mirrored for these cameras (or the turntable turns the \
-             other way: --turntable-reverse)"
-        }
-        "turned" => "the images are turned by half for these cameras",
-        "opencv_axes" => {
-            "the cameras look away from the object: their axes look like OpenCV's (y down, z \
-             forward) where OpenGL's (y up, looking along -z) were expected"
-        }
-        "inverse_pose" => {
-            "the poses look inverted: camera to world where world to camera was expected, or the reverse"
-        }
-        _ => "the poses look inverted and in OpenCV's axes",
-    }
-}
-
 /// Views that disagree while the others do not.
 fn singles(views: &[View], found: &Agreement, problems: &mut Vec<Problem>) {
     let mut values: Vec<f64> = found.hull_iou_by_view.iter().flatten().copied().collect();
@@ -314,7 +311,7 @@ fn singles(views: &[View], found: &Agreement, problems: &mut Vec<Problem>) {
             "{} disagree with the others: look at their cameras and masks",
             some_of(&odd, views.len())
         );
-        problems.push(Problem { kind: "odd_views", message });
+        problems.push(Problem::new("odd_views", message));
     }
 }
 

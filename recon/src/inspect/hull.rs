@@ -1,10 +1,10 @@
 //! The visual hull: the largest body that all masks allow.
 
 use mesh_core::VoxelGrid;
-use mesh_core::nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::eye::Eye;
+use crate::fit::{distance, nearest_point};
 
 /// Steps along a ray through the sphere that holds the object.
 const STEPS: usize = 160;
@@ -35,34 +35,18 @@ pub(crate) fn ball(eyes: &[Eye]) -> Option<Ball> {
     if coincide(eyes) {
         return None;
     }
-    let mut normal = Matrix3::<f64>::zeros();
-    let mut right = Vector3::<f64>::zeros();
     let boxes: Vec<(&Eye, [f64; 4])> =
         eyes.iter().filter_map(|eye| Some((eye, eye.bounds()?))).collect();
-    for (eye, [l, t, r, b]) in &boxes {
-        let ray = eye.camera.ray((l + r) / 2.0, (t + b) / 2.0);
-        let (origin, direction) = (Vector3::from(ray.origin), Vector3::from(ray.direction));
-        let across = Matrix3::identity() - direction * direction.transpose();
-        normal += across;
-        right += across * origin;
-    }
-    let values = normal.symmetric_eigenvalues();
-    if boxes.len() < 2 || values.min() <= 1e-4 * values.max() {
-        return None;
-    }
-    let center = normal.try_inverse()? * right;
+    let axis =
+        |(eye, [l, t, r, b]): &(&Eye, [f64; 4])| eye.camera.ray((l + r) / 2.0, (t + b) / 2.0);
+    let center = nearest_point(boxes.iter().map(axis))?;
     let mut radii = Vec::new();
     for (eye, [l, t, r, b]) in &boxes {
         if eye.camera.is_perspective() && eye.camera.project(center.into()).depth <= 0.0 {
             continue;
         }
         let corners = [[*l, *t], [*l, *b], [*r, *t], [*r, *b]];
-        let far = corners.map(|[column, row]| {
-            let ray = eye.camera.ray(column, row);
-            let to = center - Vector3::from(ray.origin);
-            let along = Vector3::from(ray.direction);
-            (to - along * to.dot(&along)).norm()
-        });
+        let far = corners.map(|[column, row]| distance(&eye.camera.ray(column, row), center));
         radii.push(far.into_iter().fold(0.0, f64::max));
     }
     if 2 * radii.len() < boxes.len() {
@@ -71,7 +55,7 @@ pub(crate) fn ball(eyes: &[Eye]) -> Option<Ball> {
     // A single camera that looks elsewhere must not blow the sphere up.
     radii.sort_by(f64::total_cmp);
     let radius = radii[(radii.len() - 1) * 9 / 10];
-    (center.iter().all(|c| c.is_finite()) && radius.is_finite() && radius > 0.0)
+    (radius.is_finite() && radius > 0.0)
         .then(|| Ball { center: center.into(), radius: 1.1 * radius })
 }
 

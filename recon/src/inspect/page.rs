@@ -6,7 +6,7 @@ use mesh_core::encode_png;
 use train::output::{OutputError, OutputFolder};
 use train::report::{Chart, Series, Table, escape, page, png_uri, write_table};
 
-use super::{Inspection, ObjectInspection};
+use super::{Count, Inspection, ObjectInspection};
 
 /// Writes `report.html`, `inspection.json`, and for each object `NAME_views.png` and
 /// `NAME_cameras.svg`.
@@ -40,19 +40,12 @@ fn html(inspection: &Inspection, command: &str) -> String {
     for warning in &inspection.warnings {
         let _ = write!(body, "<p class=\"warn\">{}</p>", escape(warning));
     }
-    let counts = |counts: &[super::Count]| {
-        counts
-            .iter()
-            .map(|c| (c.name.clone(), format!("{} objects, {} views", c.objects, c.views)))
-            .collect::<Vec<_>>()
-    };
+    let row = |c: &Count| (c.name.clone(), format!("{} objects, {} views", c.objects, c.views));
     if inspection.categories.len() > 1 {
-        let rows = counts(&inspection.categories);
-        write_table(&Table { title: "Categories".to_owned(), rows }, &mut body);
+        write_table(&Table::new("Categories", inspection.categories.iter().map(row)), &mut body);
     }
     if !inspection.subsets.is_empty() {
-        let rows = counts(&inspection.subsets);
-        write_table(&Table { title: "Subsets".to_owned(), rows }, &mut body);
+        write_table(&Table::new("Subsets", inspection.subsets.iter().map(row)), &mut body);
     }
     for object in &inspection.looked_at {
         write_object(object, &mut body);
@@ -78,30 +71,24 @@ fn write_object(object: &ObjectInspection, body: &mut String) {
         png_uri(&object.sheet)
     );
     body.push_str("<div class=\"charts\">");
-    let by_view: Vec<(f64, f64)> = object
-        .agreement
-        .hull_iou_by_view
-        .iter()
-        .enumerate()
-        .filter_map(|(k, iou)| Some((k as f64, (*iou)?)))
-        .collect();
-    for (title, x_label, name, points) in [
-        ("Hull and mask, view by view", "view", "IoU", by_view),
+    let agreement = &object.agreement;
+    let ious = agreement.hull_iou_by_view.iter().enumerate();
+    let by_view = ious.filter_map(|(k, iou)| Some((k as f64, (*iou)?))).collect();
+    let focal = agreement.focal.iter().map(|&pair| pair.into()).collect();
+    for (title, x_label, series) in [
+        ("Hull and mask, view by view", "view", Series::new("IoU", by_view)),
         (
             "Agreement if the focal length were another",
             "times the given one",
-            "agreement",
-            object.agreement.focal.iter().map(|&[factor, score]| (factor, score)).collect(),
+            Series::new("agreement", focal),
         ),
     ] {
-        if points.len() > 1 {
-            let series = vec![Series { name: name.to_owned(), points }];
-            let (title, x_label) = (title.to_owned(), x_label.to_owned());
-            body.push_str(&Chart { title, x_label, logarithmic: false, series }.to_svg());
+        if series.points.len() > 1 {
+            body.push_str(&Chart::new(title, x_label, vec![series]).to_svg());
         }
     }
     body.push_str("</div>");
-    write_table(&Table { title: "Figures".to_owned(), rows: object.rows() }, body);
+    write_table(&Table::new("Figures", object.rows()), body);
 }
 
 impl Inspection {
@@ -134,52 +121,36 @@ impl ObjectInspection {
     }
 
     /// The figures as names and values, for people.
-    pub fn rows(&self) -> Vec<(String, String)> {
-        let mut rows = Vec::new();
-        let mut row = |name: &str, value: String| rows.push((name.to_owned(), value));
+    pub fn rows(&self) -> Vec<(&'static str, String)> {
         let sizes = |[low, high]: [usize; 2]| {
             if low == high { low.to_string() } else { format!("{low} to {high}") }
         };
-        row("views", self.views.to_string());
-        row("width, height", format!("{}, {}", sizes(self.width), sizes(self.height)));
-        let [low, high] = self.coverage.map(|share| 100.0 * share);
-        row("object", format!("{low:.1} to {high:.1} % of an image"));
-        row("colours on it", format!("{} to {}", self.colors[0], self.colors[1]));
+        let fine = |[low, high]: [f64; 2]| format!("{low:.4} to {high:.4}");
         let spread = |[low, high]: [f64; 2]| {
-            if high - low < 1e-3 * high.abs().max(1e-9) {
-                format!("{low:.4}")
-            } else {
-                format!("{low:.4} to {high:.4}")
-            }
+            let narrow = high - low < 1e-3 * high.abs().max(1e-9);
+            if narrow { format!("{low:.4}") } else { fine([low, high]) }
         };
-        if let Some(fov) = self.fov {
-            row("horizontal angle of view", format!("{} degrees", spread(fov)));
-        }
-        if let Some(distance) = self.distance {
-            row("distance", spread(distance));
-        }
-        if let Some([low, high]) = self.elevation {
-            row("elevation", format!("{low:.1} to {high:.1} degrees"));
-        }
-        if let Some([low, high]) = self.depth {
-            row("depth on it", format!("{low:.4} to {high:.4}"));
-        }
-        if let Some([low, high]) = self.hull_box {
-            let corner = |p: [f32; 3]| format!("({:.3}, {:.3}, {:.3})", p[0], p[1], p[2]);
-            row("hull's box", format!("{} to {}", corner(low), corner(high)));
-        }
-        if !self.truth.is_empty() {
-            row("true shape", self.truth.join(", "));
-        }
-        if let Some(iou) = self.agreement.hull_iou {
-            row("hull and masks, IoU", format!("{iou:.4}"));
-        }
-        if let Some(share) = self.agreement.points_inside {
-            row("true points in the masks", format!("{:.2} %", 100.0 * share));
-        }
-        if let Some(iou) = self.agreement.points_box_iou {
-            row("their boxes and the masks', IoU", format!("{iou:.4}"));
-        }
-        rows
+        let corner = |p: [f32; 3]| format!("({:.3}, {:.3}, {:.3})", p[0], p[1], p[2]);
+        let [low, high] = self.coverage.map(|share| 100.0 * share);
+        let found = &self.agreement;
+        let rows = [
+            ("views", Some(self.views.to_string())),
+            ("width, height", Some(format!("{}, {}", sizes(self.width), sizes(self.height)))),
+            ("object", Some(format!("{low:.1} to {high:.1} % of an image"))),
+            ("colours on it", Some(format!("{} to {}", self.colors[0], self.colors[1]))),
+            ("horizontal angle of view", self.fov.map(|fov| format!("{} degrees", spread(fov)))),
+            ("distance", self.distance.map(spread)),
+            ("elevation", self.elevation.map(|[a, b]| format!("{a:.1} to {b:.1} degrees"))),
+            ("depth on it", self.depth.map(|depth| fine(depth.map(f64::from)))),
+            ("hull's box", self.hull_box.map(|[a, b]| format!("{} to {}", corner(a), corner(b)))),
+            ("true shape", (!self.truth.is_empty()).then(|| self.truth.join(", "))),
+            ("hull and masks, IoU", found.hull_iou.map(|iou| format!("{iou:.4}"))),
+            (
+                "true points in the masks",
+                found.points_inside.map(|share| format!("{:.2} %", 100.0 * share)),
+            ),
+            ("their boxes and the masks', IoU", found.points_box_iou.map(|v| format!("{v:.4}"))),
+        ];
+        rows.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
     }
 }
