@@ -40,8 +40,7 @@ pub(super) fn page(digest: &Digest<'_>) -> String {
     }
     let facts = digest.facts().into_iter();
     let (command, rest): (Vec<_>, Vec<_>) = facts.partition(|(name, _)| *name == "command");
-    let rows = rest.into_iter().map(|(name, fact)| (name.to_owned(), fact)).collect();
-    report::write_table(&report::Table { title: "How it was made".into(), rows }, &mut body);
+    report::write_table(&report::Table::new("How it was made", rest), &mut body);
     for (_, command) in command {
         let _ = write!(body, "<pre>{}</pre>", escape(&command));
     }

@@ -15,7 +15,22 @@ use super::work::{Trained, Watch, Work};
 pub(crate) type Change = (&'static str, &'static str);
 
 /// A job: its name, the label of its row, what it trains.
-pub(crate) type Planned<S> = (&'static str, &'static str, Configuration<<S as System>::Config>);
+pub(crate) type Planned<S> = (String, &'static str, Configuration<<S as System>::Config>);
+
+/// A job's name, the label of its row, and its changes of a preset.
+pub(crate) type Listed = (&'static str, &'static str, Vec<Change>);
+
+/// Jobs over one preset, each with its own changes and then those of all.
+pub(crate) fn over<S: System>(
+    name: &str,
+    jobs: impl IntoIterator<Item = Listed>,
+    all: &[Change],
+) -> Vec<Planned<S>> {
+    let made = |(id, label, own): Listed| {
+        (id.to_owned(), label, preset::<S>(name, &[&own[..], all].concat()))
+    };
+    jobs.into_iter().map(made).collect()
+}
 
 /// A preset with changes. Both are ours and sound.
 pub(crate) fn preset<S: System>(name: &str, changes: &[Change]) -> Configuration<S::Config> {
@@ -30,7 +45,7 @@ pub(crate) fn preset<S: System>(name: &str, changes: &[Change]) -> Configuration
 pub(crate) fn plan<S: System>(jobs: &[Planned<S>]) -> Plan {
     let mut plan = Plan::default();
     for (job, _, config) in jobs {
-        plan.jobs.push((*job).to_owned());
+        plan.jobs.push(job.clone());
         for line in to_toml(config).lines() {
             let _ = writeln!(plan.settings, "{job}.{line}");
         }

@@ -88,9 +88,9 @@ pub fn reproduce(
     let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     assert!(jobs.iter().all(|id| id.chars().all(plain)), "reproduce: names of jobs: {jobs:?}");
     let store = Store::open(out, &identity(study, &settings, order), order.force)?;
-    let mut runner = StudyRunner { study, order, store, jobs, results: Vec::new() };
-    runner.recall()?;
-    runner.run(watch)
+    let kept = |job: &String| order.seeds.iter().map(|&seed| store.kept(job, seed)).collect();
+    let results = jobs.iter().map(kept).collect::<Result<_, _>>()?;
+    StudyRunner { study, order, store, jobs, results }.run(watch)
 }
 
 /// What all results of a folder have in common.
@@ -110,14 +110,6 @@ struct StudyRunner<'a> {
 }
 
 impl StudyRunner<'_> {
-    fn recall(&mut self) -> Result<(), ReproduceError> {
-        let of_job = |job: &String| {
-            self.order.seeds.iter().map(|&seed| self.store.kept(job, seed)).collect()
-        };
-        self.results = self.jobs.iter().map(of_job).collect::<Result<_, _>>()?;
-        Ok(())
-    }
-
     fn finished(&self) -> usize {
         self.results.iter().flatten().flatten().count()
     }

@@ -15,7 +15,7 @@ use mesh_core::encode_png;
 use serde::{Deserialize, Serialize};
 use train::Provenance;
 use train::output::{
-    Lock, LockError, disk, is_incidental, lock_folder, remove_within, sweep, write_within,
+    Lock, LockError, disk, is_incidental, lock_folder, present, remove_within, sweep, write_within,
 };
 
 use super::error::ReproduceError;
@@ -74,12 +74,7 @@ impl Store {
     pub(super) fn open(path: &Path, identity: &str, force: bool) -> Result<Self, ReproduceError> {
         let store = Self { root: path.to_owned(), _lock: locked(path)? };
         let note = path.join("study.txt");
-        let known = match fs::read_to_string(&note) {
-            Ok(text) => Some(text),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
-            Err(source) => return Err(ReproduceError::Io { path: note, source }),
-        };
-        match known {
+        match read(note)? {
             Some(text) if text == identity => return Ok(store),
             Some(_) if force => store.clear()?,
             Some(text) => return Err(changed(path, &text, identity)),
@@ -106,15 +101,10 @@ impl Store {
     /// The kept result of a job, if it was finished.
     pub(super) fn kept(&self, job: &str, seed: u64) -> Result<Option<Kept>, ReproduceError> {
         let path = self.root.join(result(job, seed));
-        let text = match fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(source) => return Err(ReproduceError::Io { path, source }),
-        };
-        match serde_json::from_str(&text) {
-            Ok(kept) => Ok(Some(kept)),
-            Err(error) => Err(ReproduceError::Damaged { path, problem: error.to_string() }),
-        }
+        let Some(text) = read(path.clone())? else { return Ok(None) };
+        let damaged =
+            |error: serde_json::Error| ReproduceError::Damaged { path, problem: error.to_string() };
+        serde_json::from_str(&text).map_err(damaged)
     }
 
     /// Keeps the rows of a finished job. Its images come first, so that a result has them all.
@@ -165,6 +155,11 @@ impl Store {
     pub(super) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), ReproduceError> {
         write_within(&self.root, name, bytes).map_err(io)
     }
+}
+
+/// The text of a file; none where there is no such file.
+fn read(path: PathBuf) -> Result<Option<String>, ReproduceError> {
+    present(fs::read_to_string(&path)).map_err(|source| io((path, source)))
 }
 
 /// What the file system refused, and where.

@@ -98,4 +98,14 @@ impl Claim {
     pub fn new(text: impl Into<String>, found: impl Into<String>, holds: bool) -> Self {
         Self { text: text.into(), found: found.into(), holds }
     }
+
+    /// That what is said of is at least so much.
+    pub(crate) fn at_least(what: &str, found: f64, least: f64) -> Self {
+        Self::new(format!("{what} at least {least}"), format!("{found:.3}"), found >= least)
+    }
+
+    /// That what is said of is at most so much.
+    pub(crate) fn at_most(what: &str, found: f64, most: f64) -> Self {
+        Self::new(format!("{what} at most {most}"), format!("{found:.2}"), found <= most)
+    }
 }

@@ -96,6 +96,11 @@ impl Tables {
         mean(self.values(table, row, column))
     }
 
+    /// [`mean`](Self::mean) for claims: what has no value is not a number, which holds nothing.
+    pub(crate) fn figure(&self, table: &str, row: &str, column: &str) -> f64 {
+        self.mean(table, row, column).unwrap_or(f64::NAN)
+    }
+
     /// The largest less the smallest value of a cell; 0 with one seed, none without a value.
     pub fn spread(&self, table: &str, row: &str, column: &str) -> Option<f64> {
         spread(self.values(table, row, column))

@@ -108,35 +108,19 @@ fn changed<B: MeshInit>(
 
 type Configured<B> = train::Configuration<<B as MeshInit>::Config>;
 
-const SPHERE_IDS: [&str; 5] = [
-    "pixel2mesh-rgb",
-    "pixel2mesh-rgbd",
-    "pixel2mesh-rgbd-loss",
-    "pixel2mesh-estimate",
-    "pixel2mesh-estimate-loss",
-];
-const VOXEL_IDS: [&str; 5] =
-    ["rcnn-rgb", "rcnn-rgbd", "rcnn-rgbd-loss", "rcnn-estimate", "rcnn-estimate-loss"];
-
-/// The jobs of one system, with what it has beside the common changes for quick ones, and for estimates in the loss.
-fn jobs<B: MeshInit>(
-    scale: Scale,
-    ids: [&'static str; 5],
-    own: [&[Change]; 2],
-) -> Vec<Planned<Refined<B>>> {
-    let id = |variant: &Variant| {
-        let place = VARIANTS.iter().position(|other| other.id == variant.id).expect("one of them");
-        ids[place]
-    };
+/// The jobs of one of the systems, with what it has beside the common changes for quick ones, and for estimates in the
+/// loss.
+fn jobs<B: MeshInit>(scale: Scale, system: usize, own: [&[Change]; 2]) -> Vec<Planned<Refined<B>>> {
+    let id = |variant: &Variant| format!("{}-{}", SYSTEMS[system].0, variant.id);
     variants(scale).map(|v| (id(v), v.id, changed::<B>(scale, v, own))).collect()
 }
 
 fn spheres(scale: Scale) -> Vec<Planned<DepthPixel2Mesh>> {
-    jobs::<Sphere>(scale, SPHERE_IDS, [QUICK_SPHERE, GUESSED_SPHERE])
+    jobs::<Sphere>(scale, 0, [QUICK_SPHERE, GUESSED_SPHERE])
 }
 
 fn voxels(scale: Scale) -> Vec<Planned<MeshRcnn>> {
-    jobs::<Voxels>(scale, VOXEL_IDS, [QUICK_CELLS, GUESSED_CELLS])
+    jobs::<Voxels>(scale, 1, [QUICK_CELLS, GUESSED_CELLS])
 }
 
 impl Study for DepthStudy {
@@ -164,9 +148,8 @@ impl Study for DepthStudy {
         let [sphere, voxel] = [0, 1].map(|k| Figures { tables, system: SYSTEMS[k].1, table: TRUE });
         if scale == Scale::Quick {
             let quick = |figures: &Figures<'_>, most: f64| {
-                let found = figures.of(&VARIANTS[2], "CD");
-                let text = format!("{}: the Chamfer distance is at most {most}", figures.system);
-                Claim::new(text, format!("{found:.2}"), found <= most)
+                let what = format!("{}: the Chamfer distance is", figures.system);
+                Claim::at_most(&what, figures.of(&VARIANTS[2], "CD"), most)
             };
             return vec![quick(&sphere, QUICK_MOST[0]), quick(&voxel, QUICK_MOST[1])];
         }
@@ -205,8 +188,7 @@ struct Figures<'a> {
 
 impl Figures<'_> {
     fn of(&self, variant: &Variant, column: &str) -> f64 {
-        let row = label(self.system, variant);
-        self.tables.mean(self.table, &row, column).unwrap_or(f64::NAN)
+        self.tables.figure(self.table, &label(self.system, variant), column)
     }
 
     fn depth_helps(&self, least: f64) -> Claim {
@@ -251,14 +233,12 @@ impl Figures<'_> {
 
     fn beats_the_mean_shape(&self) -> Claim {
         let row = label(self.system, &VARIANTS[0]);
-        let [own, shape] = ["voxel IoU", "mean shape"].map(|column| {
-            let mean = self.tables.mean(self.table, &row, column).unwrap_or(f64::NAN);
-            (mean, self.tables.spread(self.table, &row, column).unwrap_or(0.0))
-        });
+        let [own, shape] = ["voxel IoU", "mean shape"].map(|c| self.of(&VARIANTS[0], c));
+        let spread = self.tables.spread(self.table, &row, "voxel IoU").unwrap_or(0.0);
         Claim::new(
             "the voxel branch from colours alone beats the mean shape by more than the spread",
-            format!("{:.3}, {:.3}, spread {:.3}", own.0, shape.0, own.1),
-            own.0 - shape.0 > own.1,
+            format!("{own:.3}, {shape:.3}, spread {spread:.3}"),
+            own - shape > spread,
         )
     }
 }

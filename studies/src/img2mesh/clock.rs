@@ -17,6 +17,8 @@ const FLOOR: f64 = 0.91;
 const QUICK_FLOOR: f64 = 0.94;
 /// By how much mask IoUs may differ and still be called equal.
 const TOLERANCE: f64 = 0.005;
+/// The rows that are compared.
+const ENCODERS: [&str; 2] = ["CNN, 2 views", "VGG16, 2 views"];
 /// Predictions that are timed; their median counts.
 const TIMED: usize = 9;
 
@@ -30,16 +32,16 @@ pub struct ClockStudy;
 fn jobs(scale: Scale) -> Jobs {
     match scale {
         Scale::Full => vec![
-            ("cnn-2", "CNN, 2 views", preset::<Img2Mesh>("clock", &[])),
-            ("cnn-3", "CNN, 3 views", preset::<Img2Mesh>("clock", &[("views", "3")])),
-            ("vgg16-2", "VGG16, 2 views", preset::<Img2Mesh>("clock-vgg16", &[])),
+            ("cnn-2".into(), ENCODERS[0], preset::<Img2Mesh>("clock", &[])),
+            ("cnn-3".into(), "CNN, 3 views", preset::<Img2Mesh>("clock", &[("views", "3")])),
+            ("vgg16-2".into(), ENCODERS[1], preset::<Img2Mesh>("clock-vgg16", &[])),
         ],
         Scale::Quick => {
             let steps = [("max-steps", "120"), ("synthetic-views", "40"), ("features", "128")];
             let sizes = [("image-size", "64"), ("render-size", "64"), ("samples-every", "none")];
             let rest = [("epochs", "1000"), ("evaluate-every", "none"), ("warmup", "10")];
             let changes: Vec<_> = steps.into_iter().chain(sizes).chain(rest).collect();
-            vec![("small-2", "small CNN, 2 views", preset::<Img2Mesh>("small", &changes))]
+            vec![("small-2".into(), "small CNN, 2 views", preset::<Img2Mesh>("small", &changes))]
         }
     }
 }
@@ -130,8 +132,7 @@ fn predict_millis(system: &Img2Mesh, data: &Data) -> Result<f64, StudyError> {
 }
 
 fn faster(tables: &Tables) -> Claim {
-    let time = |row: &str| tables.mean(TABLE, row, "predict, ms").unwrap_or(f64::NAN);
-    let (cnn, vgg) = (time("CNN, 2 views"), time("VGG16, 2 views"));
+    let [cnn, vgg] = ENCODERS.map(|row| tables.figure(TABLE, row, "predict, ms"));
     Claim::new(
         "the CNN predicts faster than VGG16",
         format!("{cnn:.1} ms to {vgg:.1} ms"),
@@ -140,8 +141,7 @@ fn faster(tables: &Tables) -> Claim {
 }
 
 fn as_good(tables: &Tables) -> Claim {
-    let iou = |row: &str| tables.mean(TABLE, row, "mask-iou").unwrap_or(f64::NAN);
-    let (cnn, vgg) = (iou("CNN, 2 views"), iou("VGG16, 2 views"));
+    let [cnn, vgg] = ENCODERS.map(|row| tables.figure(TABLE, row, "mask-iou"));
     Claim::new(
         format!(
             "the CNN loses no fidelity: its mask IoU is at most {TOLERANCE} below that of VGG16"

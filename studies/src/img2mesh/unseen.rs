@@ -4,7 +4,7 @@ use models::img2mesh::Img2Mesh;
 use train::DataError;
 
 use super::Jobs;
-use crate::preset::{Change, open, plan, planned, preset, scored};
+use crate::preset::{Change, Listed, open, over, plan, planned, scored};
 use crate::{Claim, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
 
 /// The name of the table.
@@ -27,7 +27,7 @@ const CAMERAS: &str = "attention, cameras";
 pub struct UnseenStudy;
 
 fn jobs(scale: Scale) -> Jobs {
-    let mut jobs: Vec<(&str, &str, Vec<Change>)> = vec![
+    let mut jobs: Vec<Listed> = vec![
         ("mean-shape", MEAN_SHAPE, vec![("encoder", "none"), ("attention", "mean")]),
         ("averaging", AVERAGING, vec![("attention", "mean")]),
         ("attention", ATTENTION, vec![]),
@@ -62,13 +62,7 @@ fn jobs(scale: Scale) -> Jobs {
         ("families", r#"["airplane", "car"]"#),
         ("warmup", "10"),
     ];
-    let made = |(id, label, mut changes): (&'static str, &'static str, Vec<Change>)| {
-        if !full {
-            changes.extend(quick);
-        }
-        (id, label, preset::<Img2Mesh>("unseen", &changes))
-    };
-    jobs.into_iter().map(made).collect()
+    over::<Img2Mesh>("unseen", jobs, if full { &[] } else { quick })
 }
 
 /// The label of a model with so many views.
@@ -117,12 +111,10 @@ impl Study for UnseenStudy {
     }
 
     fn claims(&self, tables: &Tables, scale: Scale) -> Vec<Claim> {
-        let iou = |row: &str| tables.mean(TABLE, row, "mask-iou").unwrap_or(f64::NAN);
         if scale == Scale::Quick {
-            let found = iou(&label(ATTENTION, 2));
-            let text =
-                format!("two views of unseen objects give a mask IoU of at least {QUICK_FLOOR}");
-            return vec![Claim::new(text, format!("{found:.3}"), found >= QUICK_FLOOR)];
+            let found = tables.figure(TABLE, &label(ATTENTION, 2), "mask-iou");
+            let what = "two views of unseen objects give a mask IoU of";
+            return vec![Claim::at_least(what, found, QUICK_FLOOR)];
         }
         let models = [ATTENTION, CAMERAS];
         let mut claims: Vec<Claim> = models.iter().flat_map(|m| falls(tables, m)).collect();
@@ -148,11 +140,8 @@ impl Study for UnseenStudy {
 
 /// Whether both errors fall with each added view.
 fn falls(tables: &Tables, model: &str) -> Vec<Claim> {
-    let row = |column: &str| -> Vec<f64> {
-        let value = |&views| tables.mean(TABLE, &label(model, views), column).unwrap_or(f64::NAN);
-        VIEWS.iter().map(value).collect()
-    };
-    let (iou, chamfer) = (row("mask-iou"), row("chamfer"));
+    let [iou, chamfer] = ["mask-iou", "chamfer"]
+        .map(|column| VIEWS.map(|views| tables.figure(TABLE, &label(model, views), column)));
     let text = |what: &str| format!("{model}: the {what} with each added view");
     vec![
         Claim::new(text("mask IoU rises"), listed(&iou), iou.windows(2).all(|w| w[1] > w[0])),
@@ -169,19 +158,17 @@ fn listed(values: &[f64]) -> String {
 }
 
 fn beats_the_mean_shape(tables: &Tables) -> Claim {
-    let value = |row: &str, column: &str| tables.mean(TABLE, row, column).unwrap_or(f64::NAN);
-    let rows: Vec<&str> =
-        tables.table(TABLE).map_or(&[][..], |t| &t.rows).iter().map(|r| r.label.as_str()).collect();
+    let scores = |row: &str| ["mask-iou", "chamfer"].map(|c| tables.figure(TABLE, row, c));
+    let rows = tables.table(TABLE).map_or(&[][..], |table| &table.rows);
+    let [iou, chamfer] = scores(MEAN_SHAPE);
     let better = |row: &&str| {
-        value(row, "mask-iou") > value(MEAN_SHAPE, "mask-iou")
-            && value(row, "chamfer") < value(MEAN_SHAPE, "chamfer")
+        let [own_iou, own_chamfer] = scores(row);
+        own_iou > iou && own_chamfer < chamfer
     };
-    let worse: Vec<&str> =
-        rows.into_iter().filter(|row| *row != MEAN_SHAPE && !better(row)).collect();
+    let labels = rows.iter().map(|row| row.label.as_str());
+    let worse: Vec<&str> = labels.filter(|row| *row != MEAN_SHAPE && !better(row)).collect();
     let found = format!(
-        "the mean shape has {:.4} and {:.4}{}",
-        value(MEAN_SHAPE, "mask-iou"),
-        value(MEAN_SHAPE, "chamfer"),
+        "the mean shape has {iou:.4} and {chamfer:.4}{}",
         if worse.is_empty() { String::new() } else { format!("; not {}", worse.join(", ")) }
     );
     Claim::new(
@@ -198,10 +185,10 @@ fn beats_averaging(tables: &Tables, with: &str, without: &str, column: &str) -> 
     let mut holds = true;
     for &views in &VIEWS[1..] {
         let rows = [with, without].map(|model| label(model, views));
-        let mean = |row: &String| tables.mean(TABLE, row, column).unwrap_or(f64::NAN);
-        let spread = |row: &String| tables.spread(TABLE, row, column).unwrap_or(0.0);
-        let gain = sign * (mean(&rows[0]) - mean(&rows[1]));
-        let most = spread(&rows[0]).max(spread(&rows[1]));
+        let [a, b] = [0, 1].map(|k| tables.figure(TABLE, &rows[k], column));
+        let gain = sign * (a - b);
+        let spreads = rows.iter().filter_map(|row| tables.spread(TABLE, row, column));
+        let most = spreads.fold(0.0, f64::max);
         holds &= gain > most;
         found.push(format!("{views} views: {gain:.4} (spread {most:.4})"));
     }

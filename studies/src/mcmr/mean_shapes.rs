@@ -6,7 +6,7 @@ use super::{
     ABOUT, ABOUT_RULE, IOU_3D, IOU_3D_STRICT, MASK, Published, QUICK, RULE, animate,
     by_published_rule, with_figures,
 };
-use crate::preset::{Change, Planned, plan, planned, preset, train_job};
+use crate::preset::{Listed, Planned, over, plan, planned, train_job};
 use crate::{Cell, Claim, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
 
 /// The names of the tables.
@@ -89,34 +89,20 @@ const SINGLE: [(&str, &str, &str, [f64; 2]); 2] = [
 
 fn jobs(scale: Scale) -> Vec<Planned<Mcmr>> {
     let quick = scale == Scale::Quick;
-    let made = |(id, label): (&'static str, &'static str), mut changes: Vec<Change>| {
-        if quick {
-            changes.extend(QUICK);
-        }
-        (id, label, preset::<Mcmr>("table", &changes))
+    let listed = |set: &Set, (id, label), shapes, families| -> Listed {
+        let (objects, tested) = (("objects", set.objects), ("test-objects", set.tested));
+        (id, label, vec![("shapes", shapes), ("families", families), objects, tested])
     };
     let mut all = Vec::new();
     for set in SETS.iter().take(if quick { 1 } else { SETS.len() }) {
-        for (which, job) in set.jobs.into_iter().enumerate() {
-            let changes = vec![
-                ("shapes", if which == 0 { "1" } else { set.shapes }),
-                ("families", set.families),
-                ("objects", set.objects),
-                ("test-objects", set.tested),
-            ];
-            all.push(made(job, changes));
-        }
+        let [one, several] = set.jobs;
+        all.push(listed(set, one, "1", set.families));
+        all.push(listed(set, several, set.shapes, set.families));
     }
-    for (id, label, family, _) in SINGLE.into_iter().take(if quick { 0 } else { 2 }) {
-        let changes = vec![
-            ("shapes", "1"),
-            ("families", family),
-            ("objects", SETS[0].objects),
-            ("test-objects", SETS[0].tested),
-        ];
-        all.push(made((id, label), changes));
+    if !quick {
+        all.extend(SINGLE.map(|(id, label, family, _)| listed(&SETS[0], (id, label), "1", family)));
     }
-    all
+    over::<Mcmr>("table", all, if quick { QUICK } else { &[] })
 }
 
 impl Study for MeanShapesStudy {
@@ -151,9 +137,9 @@ impl Study for MeanShapesStudy {
         let mut rows = vec![row, by_published_rule(Row::new(RULE, label), &scored)];
         if config.system.shapes > 1 {
             let pairs = trained.system.gallery_of_shapes(&data)?;
-            let mut all = found(label, &data, &scored);
-            all[0] =
-                std::mem::take(&mut all[0]).showing(format!("{label}: the mean shapes"), &pairs);
+            let mut all = found(label, &data, &scored).into_iter();
+            let shown = format!("{label}: the mean shapes");
+            rows.extend(all.next().map(|row| row.showing(shown, &pairs)));
             rows.extend(all);
         }
         if id == SETS[0].jobs[1].0 {
@@ -169,8 +155,7 @@ impl Study for MeanShapesStudy {
 
     fn claims(&self, tables: &Tables, scale: Scale) -> Vec<Claim> {
         if scale == Scale::Quick {
-            let iou = |(_, row): (&str, &str)| tables.mean(TABLE, row, MASK[1]).unwrap_or(f64::NAN);
-            let [one, several] = SETS[0].jobs.map(iou);
+            let [one, several] = SETS[0].jobs.map(|(_, row)| tables.figure(TABLE, row, MASK[1]));
             let text = format!("the mask IoU with the true camera is at least {QUICK_FLOOR}");
             let holds = one >= QUICK_FLOOR && several >= QUICK_FLOOR;
             return vec![Claim::new(text, format!("{one:.3}, {several:.3}"), holds)];
@@ -244,9 +229,8 @@ fn by_category(weights: &[Vec<f64>]) -> Vec<usize> {
 /// Several mean shapes are better than one, by more than the spread over the seeds.
 fn better(tables: &Tables, set: &Set, column: &str) -> Claim {
     let [(_, one), (_, several)] = set.jobs;
-    let mean = |row: &str| tables.mean(TABLE, row, column).unwrap_or(f64::NAN);
     let spread = |row: &str| tables.spread(TABLE, row, column).unwrap_or(0.0);
-    let (a, b) = (mean(several), mean(one));
+    let [a, b] = [several, one].map(|row| tables.figure(TABLE, row, column));
     let margin = spread(one).max(spread(several));
     let found = format!("{a:.3} over {b:.3}, spread {margin:.3}");
     Claim::new(
@@ -259,7 +243,7 @@ fn better(tables: &Tables, set: &Set, column: &str) -> Claim {
 /// The selection tells more than half of the way from chance to all categories.
 fn finds(tables: &Tables, set: &Set) -> Claim {
     let (_, row) = set.jobs[1];
-    let purity = tables.mean(FOUND, row, "purity").unwrap_or(f64::NAN);
+    let purity = tables.figure(FOUND, row, "purity");
     let kinds: f64 = set.shapes.parse().unwrap_or(1.0);
     let half = 0.5 + 0.5 / kinds;
     let text = format!("{row}: the selection finds the categories, purity above {half:.2}");
@@ -269,9 +253,7 @@ fn finds(tables: &Tables, set: &Set) -> Claim {
 /// Joint training keeps up with independent trainings.
 fn together(tables: &Tables, column: &str) -> Claim {
     let mean = |how: &str| {
-        let iou = |category: &str| {
-            tables.mean(ALONE, &format!("{category}: {how}"), column).unwrap_or(f64::NAN)
-        };
+        let iou = |category: &str| tables.figure(ALONE, &format!("{category}: {how}"), column);
         0.5 * (iou("airplane") + iou("car"))
     };
     let (joint, alone) = (mean("together"), mean("alone"));

@@ -5,7 +5,7 @@ mod real;
 mod subdivision;
 
 pub use mean_shapes::MeanShapesStudy;
-pub use real::{CubStudy, PascalStudy};
+pub use real::{CUB, PASCAL, RealStudy};
 pub use subdivision::SubdivisionStudy;
 
 use models::mcmr::{Mcmr, Scored};
@@ -14,7 +14,7 @@ use crate::preset::Change;
 use crate::{Cell, Row, Study, Trained};
 
 /// The studies of this module, in the order of lists.
-pub const STUDIES: &[&dyn Study] = &[&MeanShapesStudy, &SubdivisionStudy, &PascalStudy, &CubStudy];
+pub const STUDIES: &[&dyn Study] = &[&MeanShapesStudy, &SubdivisionStudy, &PASCAL, &CUB];
 
 /// What makes the quick ones quick.
 const QUICK: &[Change] = &[
@@ -69,11 +69,11 @@ fn with_figures(row: Row, scored: &Scored, published: Option<Published>) -> Row 
     ];
     let mut row = row;
     for (column, value) in COLUMNS.into_iter().zip(values) {
-        let decimals = if column == "FID" { 1 } else { 3 };
         let number = value.unwrap_or(0.0);
         let cell = match column {
-            "L1" | "FID" => Cell::smaller(column, number, decimals),
-            _ => Cell::larger(column, number, decimals),
+            "FID" => Cell::smaller(column, number, 1),
+            "L1" => Cell::smaller(column, number, 3),
+            _ => Cell::larger(column, number, 3),
         };
         row = row.with(Cell { value, ..cell });
     }
@@ -131,7 +131,7 @@ fn animation(folder: &std::path::Path) -> Option<Vec<u8>> {
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
-    use crate::{Scale, Study};
+    use crate::Scale;
 
     /// Two sheets, the model red and then green above a blue truth: the truth is not in the animation.
     #[test]
@@ -162,9 +162,7 @@ mod tests {
 
     #[test]
     fn jobs_are_named_once_and_sound() {
-        let studies: [&dyn Study; 4] =
-            [&MeanShapesStudy, &SubdivisionStudy, &PascalStudy, &CubStudy];
-        for study in studies {
+        for study in STUDIES {
             for scale in [Scale::Quick, Scale::Full] {
                 let mut jobs = study.plan(scale).jobs;
                 let count = jobs.len();

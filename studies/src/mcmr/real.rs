@@ -4,12 +4,8 @@ use models::mcmr::Mcmr;
 use train::DataError;
 
 use super::{ABOUT, ABOUT_RULE, Published, QUICK, RULE, by_published_rule, with_figures};
-use crate::preset::{Change, Planned, open, plan, planned, preset};
+use crate::preset::{Planned, over, plan, planned, train_job};
 use crate::{Claim, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
-
-/// The names of the tables.
-const PASCAL: &str = "Pascal3D+";
-const CUB: &str = "CUB";
 
 /// What the talk compares with on Pascal3D+: 3D IoU of aeroplanes and cars.
 const OTHERS: &str = "The talk, 3D IoU of aeroplane and car: CSDM 0.400, 0.600; DRC 0.420, 0.670; CMR 0.460, 0.640; IMR 0.440, 0.660; U-CMR -, \
@@ -17,123 +13,107 @@ const OTHERS: &str = "The talk, 3D IoU of aeroplane and car: CSDM 0.400, 0.600; 
 /// What it compares with on CUB: mask IoU with predicted and true camera, SSIM, L1, FID by its own definition.
 const BIRDS: &str = "The talk: CMR 0.706, 0.734, 0.718, 0.063, 290.32; DIB-R -, 0.757; U-CMR 0.637, -, 0.689, 0.077, 190.35.";
 
-/// One mean shape and several on Pascal3D+, as it comes or in MCMR's form; takes `--data`.
-#[derive(Clone, Copy, Debug)]
-pub struct PascalStudy;
-
-/// One mean shape and fourteen on CUB with CMR's cache; takes `--data`.
-#[derive(Clone, Copy, Debug)]
-pub struct CubStudy;
+/// One mean shape and several on data that the user has; takes `--data`.
+#[derive(Debug)]
+pub struct RealStudy {
+    name: &'static str,
+    about: &'static str,
+    table: &'static str,
+    preset: &'static str,
+    rows: [RowPlan; 2],
+    others: &'static str,
+}
 
 /// A job, its label, its number of mean shapes, the talk's figures.
-type RowPlan = (&'static str, &'static str, &'static str, Option<Published>);
+type RowPlan = (&'static str, &'static str, &'static str, Published);
 
-const PASCAL_PLANS: [RowPlan; 2] = [
-    ("pascal-1", "1 mean shape", "1", Some([0.409, 0.602, 0.670, 0.660, 0.088, 357.51])),
-    ("pascal-12", "12 mean shapes", "12", Some([0.425, 0.620, 0.685, 0.665, 0.086, 345.90])),
-];
-const CUB_PLANS: [RowPlan; 2] = [
-    ("cub-1", "1 mean shape", "1", Some([f64::NAN, 0.658, 0.721, 0.717, 0.064, 227.24])),
-    ("cub-14", "14 mean shapes", "14", Some([f64::NAN, 0.642, 0.723, 0.715, 0.065, 231.95])),
-];
+/// One mean shape and twelve on Pascal3D+, as it comes or in MCMR's form.
+pub const PASCAL: RealStudy = RealStudy {
+    name: "mcmr-pascal",
+    about: "MCMR on Pascal3D+, one mean shape and twelve (needs --data)",
+    table: "Pascal3D+",
+    preset: "paper",
+    rows: [
+        ("pascal-1", "1 mean shape", "1", [0.409, 0.602, 0.670, 0.660, 0.088, 357.51]),
+        ("pascal-12", "12 mean shapes", "12", [0.425, 0.620, 0.685, 0.665, 0.086, 345.90]),
+    ],
+    others: OTHERS,
+};
 
-fn jobs(plans: [RowPlan; 2], name: &str, scale: Scale) -> Vec<Planned<Mcmr>> {
-    let made = |(id, label, shapes, _): RowPlan| {
-        let mut changes: Vec<Change> = vec![("shapes", shapes)];
+/// One mean shape and fourteen on CUB with CMR's cache.
+pub const CUB: RealStudy = RealStudy {
+    name: "mcmr-cub",
+    about: "MCMR on CUB, one mean shape and fourteen (needs --data)",
+    table: "CUB",
+    preset: "paper-cub",
+    rows: [
+        ("cub-1", "1 mean shape", "1", [f64::NAN, 0.658, 0.721, 0.717, 0.064, 227.24]),
+        ("cub-14", "14 mean shapes", "14", [f64::NAN, 0.642, 0.723, 0.715, 0.065, 231.95]),
+    ],
+    others: BIRDS,
+};
+
+impl RealStudy {
+    fn jobs(&self, scale: Scale) -> Vec<Planned<Mcmr>> {
+        let mut quick = Vec::new();
         if scale == Scale::Quick {
-            changes.extend(QUICK);
-            changes.extend([("max-steps", "20"), ("batch", "2"), ("image-size", "64")]);
-            changes.push(("subdivide-at", "none"));
+            quick.extend(QUICK);
+            quick.extend([("max-steps", "20"), ("batch", "2"), ("image-size", "64")]);
+            quick.push(("subdivide-at", "none"));
         }
-        (id, label, preset::<Mcmr>(name, &changes))
-    };
-    plans.into_iter().map(made).collect()
-}
-
-fn run(
-    table: &str,
-    (plans, jobs): ([RowPlan; 2], Vec<Planned<Mcmr>>),
-    work: &Work<'_>,
-    watch: Watch<'_>,
-) -> Result<Vec<Row>, StudyError> {
-    let (id, label, config) = planned::<Mcmr>(jobs, work);
-    if work.data.is_none() {
-        let text = format!("this study takes real photographs: --data names a folder of {table}");
-        return Err(DataError::Unfit(text).into());
+        let jobs = self.rows.map(|(id, label, shapes, _)| (id, label, vec![("shapes", shapes)]));
+        over::<Mcmr>(self.preset, jobs, &quick)
     }
-    let data = open::<Mcmr>(work, &config)?;
-    let trained = work.train::<Mcmr>(&config, &data, watch)?;
-    work.tell(watch, 1.0, "scoring")?;
-    let scored = trained.system.scored(&data)?;
-    super::animate(&trained);
-    let published = plans.into_iter().find(|(job, ..)| *job == id).and_then(|plan| plan.3);
-    let row = with_figures(Row::new(table, label), &scored, published).took(trained.seconds);
-    Ok(vec![
-        row.showing(label, &trained.system.gallery(&data)?),
-        by_published_rule(Row::new(RULE, label), &scored),
-    ])
 }
 
-/// That every row is there; which one is better is for the data to say.
-fn made(table: &str, plans: [RowPlan; 2], tables: &Tables) -> Vec<Claim> {
-    let column = super::MASK[0];
-    let found = plans.map(|(_, label, ..)| tables.mean(table, label, column).unwrap_or(f64::NAN));
-    let text = format!("both rows have a {column}");
-    let holds = found.iter().all(|iou| (0.0..=1.0).contains(iou));
-    vec![Claim::new(text, format!("{:.3}, {:.3}", found[0], found[1]), holds)]
-}
+impl Study for RealStudy {
+    fn name(&self) -> &'static str {
+        self.name
+    }
 
-macro_rules! study {
-    ($study:ident, $name:literal, $about:literal, $table:ident, $plans:ident, $preset:literal, $others:ident) => {
-        impl Study for $study {
-            fn name(&self) -> &'static str {
-                $name
-            }
+    fn about(&self) -> &'static str {
+        self.about
+    }
 
-            fn about(&self) -> &'static str {
-                $about
-            }
+    fn plan(&self, scale: Scale) -> Plan {
+        plan::<Mcmr>(&self.jobs(scale))
+    }
 
-            fn plan(&self, scale: Scale) -> Plan {
-                plan::<Mcmr>(&jobs($plans, $preset, scale))
-            }
-
-            fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
-                run($table, ($plans, jobs($plans, $preset, work.scale)), work, watch)
-            }
-
-            fn claims(&self, tables: &Tables, _: Scale) -> Vec<Claim> {
-                made($table, $plans, tables)
-            }
-
-            fn caption(&self, table: &str, _: Scale) -> String {
-                match table {
-                    RULE => ABOUT_RULE.to_owned(),
-                    _ => format!("{ABOUT} {}", $others),
-                }
-            }
+    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+        let (id, label, config) = planned::<Mcmr>(self.jobs(work.scale), work);
+        let table = self.table;
+        if work.data.is_none() {
+            let text =
+                format!("this study takes real photographs: --data names a folder of {table}");
+            return Err(DataError::Unfit(text).into());
         }
-    };
-}
+        let (data, trained) = train_job::<Mcmr>(&config, work, watch)?;
+        let scored = trained.system.scored(&data)?;
+        super::animate(&trained);
+        let row = self.rows.iter().find(|(job, ..)| *job == id);
+        let row = with_figures(Row::new(table, label), &scored, row.map(|row| row.3));
+        Ok(vec![
+            row.took(trained.seconds).showing(label, &trained.system.gallery(&data)?),
+            by_published_rule(Row::new(RULE, label), &scored),
+        ])
+    }
 
-study!(
-    PascalStudy,
-    "mcmr-pascal",
-    "MCMR on Pascal3D+, one mean shape and twelve (needs --data)",
-    PASCAL,
-    PASCAL_PLANS,
-    "paper",
-    OTHERS
-);
-study!(
-    CubStudy,
-    "mcmr-cub",
-    "MCMR on CUB, one mean shape and fourteen (needs --data)",
-    CUB,
-    CUB_PLANS,
-    "paper-cub",
-    BIRDS
-);
+    /// That every row is there; which one is better is for the data to say.
+    fn claims(&self, tables: &Tables, _: Scale) -> Vec<Claim> {
+        let column = super::MASK[0];
+        let found = self.rows.map(|(_, label, ..)| tables.figure(self.table, label, column));
+        let text = format!("both rows have a {column}");
+        let holds = found.iter().all(|iou| (0.0..=1.0).contains(iou));
+        vec![Claim::new(text, format!("{:.3}, {:.3}", found[0], found[1]), holds)]
+    }
+
+    fn caption(&self, table: &str, _: Scale) -> String {
+        match table {
+            RULE => ABOUT_RULE.to_owned(),
+            _ => format!("{ABOUT} {}", self.others),
+        }
+    }
+}
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
@@ -150,16 +130,14 @@ mod tests {
     fn real_layouts_are_trained_on_and_scored() {
         let fixtures =
             Path::new(env!("CARGO_MANIFEST_DIR")).join("../datasets/tests/fixtures/photos");
-        let studies: [(&dyn Study, &str, &str); 2] =
-            [(&PascalStudy, "mcmr", PASCAL), (&CubStudy, "cub", CUB)];
-        for (study, folder, table) in studies {
+        for (study, folder) in [(&PASCAL, "mcmr"), (&CUB, "cub")] {
             let place = tempfile::tempdir().unwrap();
             let data = fixtures.join(folder);
             let order = Order { scale: Scale::Quick, data: Some(&data), ..Order::default() };
             let made =
                 reproduce(study, place.path(), &order, &mut |_| ControlFlow::Continue(())).unwrap();
             assert!(made.claims.iter().all(|claim| claim.holds), "{:?}", made.claims);
-            let rows = &made.tables.table(table).unwrap().rows;
+            let rows = &made.tables.table(study.table).unwrap().rows;
             assert_eq!(rows.len(), 2);
             let order = Order { data: None, ..order };
             let other = place.path().join("other");

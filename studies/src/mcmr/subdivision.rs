@@ -3,7 +3,7 @@
 use models::mcmr::Mcmr;
 
 use super::{ABOUT, MASK, Published, QUICK, with_figures};
-use crate::preset::{Change, Planned, plan, planned, preset, train_job};
+use crate::preset::{Change, Listed, Planned, over, plan, planned, train_job};
 use crate::{Claim, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
 
 /// The name of the table.
@@ -23,30 +23,22 @@ pub struct SubdivisionStudy;
 
 fn jobs(scale: Scale) -> Vec<Planned<Mcmr>> {
     let never: Change = ("subdivide-at", "none");
-    let all: Vec<(&str, &str, Vec<Change>)> = match scale {
-        Scale::Full => vec![
-            ("v162", COARSE, vec![never]),
-            ("v642", FINE, vec![never, ("level", "3")]),
-            ("v162-642", BOTH, vec![]),
-        ],
-        Scale::Quick => vec![("v162-642", BOTH, vec![])],
-    };
-    let made = |(id, label, mut changes): (&'static str, &'static str, Vec<Change>)| {
-        let set: [Change; 4] = [
-            ("shapes", "4"),
-            ("families", r#"["bicycle", "bus", "car", "motorbike"]"#),
-            ("objects", "360"),
-            ("test-objects", "100"),
-        ];
-        changes.extend(set);
-        if scale == Scale::Quick {
-            changes.extend(QUICK);
-            // Six steps an epoch.
-            changes.push(("subdivide-at", "8"));
-        }
-        (id, label, preset::<Mcmr>("table", &changes))
-    };
-    all.into_iter().map(made).collect()
+    let mut set = vec![
+        ("shapes", "4"),
+        ("families", r#"["bicycle", "bus", "car", "motorbike"]"#),
+        ("objects", "360"),
+        ("test-objects", "100"),
+    ];
+    let mut jobs: Vec<Listed> = vec![("v162-642", BOTH, vec![])];
+    if scale == Scale::Quick {
+        set.extend(QUICK);
+        // Six steps an epoch.
+        set.push(("subdivide-at", "8"));
+    } else {
+        jobs.insert(0, ("v162", COARSE, vec![never]));
+        jobs.insert(1, ("v642", FINE, vec![never, ("level", "3")]));
+    }
+    over::<Mcmr>("table", jobs, &set)
 }
 
 /// The talk's figures; it has no 3D IoU here.
@@ -85,14 +77,14 @@ impl Study for SubdivisionStudy {
     }
 
     fn claims(&self, tables: &Tables, scale: Scale) -> Vec<Claim> {
-        let mean = |row: &str, column: &str| tables.mean(TABLE, row, column).unwrap_or(f64::NAN);
         if scale == Scale::Quick {
-            let found = mean(BOTH, MASK[1]);
-            let text = format!("the mask IoU with the true camera is at least {QUICK_FLOOR}");
-            return vec![Claim::new(text, format!("{found:.3}"), found >= QUICK_FLOOR)];
+            let found = tables.figure(TABLE, BOTH, MASK[1]);
+            let what = "the mask IoU with the true camera is";
+            return vec![Claim::at_least(what, found, QUICK_FLOOR)];
         }
         let as_good = |column: &str| {
-            let [coarse, fine, both] = [COARSE, FINE, BOTH].map(|row| mean(row, column));
+            let rows = [COARSE, FINE, BOTH];
+            let [coarse, fine, both] = rows.map(|row| tables.figure(TABLE, row, column));
             let text = format!(
                 "162 to 642 is at least as good as the better of the two in {column} (within {TOLERANCE})"
             );

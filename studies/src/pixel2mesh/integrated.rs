@@ -70,16 +70,13 @@ pub(super) fn adaptively(
             found.each.iter().map(|(.., stats)| stats.evaluations as f64).collect();
         let least = counts.iter().copied().fold(f64::INFINITY, f64::min);
         let most = counts.iter().copied().fold(0.0, f64::max);
+        let correlation = rank_correlation(&complexities, &counts);
         let row = Row::new(ADAPTIVE, label)
             .with(Cell::smaller("CD", found.mean().chamfer, 3))
             .with(Cell::plain("evaluations", found.evaluations(), 1))
             .with(Cell::plain("least", least, 0))
             .with(Cell::plain("most", most, 0))
-            .with(Cell::plain(
-                "correlation with complexity",
-                rank_correlation(&complexities, &counts),
-                3,
-            ));
+            .with(Cell::plain("correlation with complexity", correlation, 3));
         rows.push(row);
     }
     let small = OdeConfig {

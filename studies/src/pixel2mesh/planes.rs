@@ -6,7 +6,7 @@ use models::pixel2mesh::{
 };
 
 use super::{COLUMNS, QUICK, with_scores};
-use crate::preset::{Change, Planned, plan, planned, preset, train_job};
+use crate::preset::{Change, Listed, Planned, over, plan, planned, train_job};
 use crate::{Cell, Claim, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
 
 /// The names of the tables.
@@ -30,28 +30,16 @@ pub struct PlanesStudy;
 type Both = (Vec<Planned<Pixel2Mesh>>, Vec<Planned<OdePixel2Mesh>>);
 
 fn jobs(scale: Scale) -> Both {
-    let quick = scale == Scale::Quick;
-    // About as many objects of all categories together as of planes.
-    let all: &[Change] = &[("families", "[]"), ("objects", "45")];
-    let changes = |more: &[Change]| -> Vec<Change> {
-        let mut changes = more.to_vec();
-        if quick {
-            changes.extend(QUICK);
-            changes.push(("level", "1"));
-        }
-        changes
-    };
-    let staged =
-        |id, label, more: &[Change]| (id, label, preset::<Pixel2Mesh>("table", &changes(more)));
-    let continuous =
-        |id, label, more: &[Change]| (id, label, preset::<OdePixel2Mesh>("table", &changes(more)));
-    if quick {
-        return (vec![staged("p2m-planes", PLANES, &[])], vec![]);
+    let planes: Listed = ("p2m-planes", PLANES, vec![]);
+    if scale == Scale::Quick {
+        let quick = [QUICK, &[("level", "1")]].concat();
+        return (over::<Pixel2Mesh>("table", [planes], &quick), vec![]);
     }
-    (
-        vec![staged("p2m-all", ALL, all), staged("p2m-planes", PLANES, &[])],
-        vec![continuous("ode-planes", CONTINUOUS, &[]), continuous("ode-all", CONTINUOUS_ALL, all)],
-    )
+    // About as many objects of all categories together as of planes.
+    let all: [Change; 2] = [("families", "[]"), ("objects", "45")];
+    let staged = [("p2m-all", ALL, all.into()), planes];
+    let continuous = [("ode-planes", CONTINUOUS, vec![]), ("ode-all", CONTINUOUS_ALL, all.into())];
+    (over::<Pixel2Mesh>("table", staged, &[]), over::<OdePixel2Mesh>("table", continuous, &[]))
 }
 
 impl Study for PlanesStudy {
@@ -79,18 +67,15 @@ impl Study for PlanesStudy {
     }
 
     fn claims(&self, tables: &Tables, scale: Scale) -> Vec<Claim> {
-        let chamfer = |row: &str| tables.mean(TABLE, row, "CD").unwrap_or(f64::NAN);
+        let [all, planes, ode] =
+            [ALL, PLANES, CONTINUOUS].map(|row| tables.figure(TABLE, row, "CD"));
         if scale == Scale::Quick {
-            let found = chamfer(PLANES);
-            let text = format!("the Chamfer distance is at most {QUICK_MOST}");
-            return vec![Claim::new(text, format!("{found:.2}"), found <= QUICK_MOST)];
+            return vec![Claim::at_most("the Chamfer distance is", planes, QUICK_MOST)];
         }
-        let (all, planes, ode) = (chamfer(ALL), chamfer(PLANES), chamfer(CONTINUOUS));
-        let found = format!("{planes:.3}, {all:.3}");
-        let mut claims = vec![
+        vec![
             Claim::new(
                 "trained on planes alone, Pixel2Mesh is better on planes",
-                found,
+                format!("{planes:.3}, {all:.3}"),
                 planes < all,
             ),
             Claim::new(
@@ -98,11 +83,12 @@ impl Study for PlanesStudy {
                 format!("{ode:.3}, {all:.3}"),
                 ode < all,
             ),
-        ];
-        let found = format!("{ode:.3}, {planes:.3}");
-        let text = "and comes near to that trained on planes alone: within 10 % (published: 6.5 %)";
-        claims.push(Claim::new(text, found, ode < 1.1 * planes));
-        claims
+            Claim::new(
+                "and comes near to that trained on planes alone: within 10 % (published: 6.5 %)",
+                format!("{ode:.3}, {planes:.3}"),
+                ode < 1.1 * planes,
+            ),
+        ]
     }
 
     fn caption(&self, _: &str, _: Scale) -> String {

@@ -4,7 +4,7 @@ use models::pixel2mesh::OdePixel2Mesh;
 
 use super::integrated::{FINER, adaptively, finer};
 use super::{COLUMNS, QUICK, with_scores};
-use crate::preset::{Change, Planned, plan, planned, preset, train_job};
+use crate::preset::{Change, Listed, Planned, over, plan, planned, train_job};
 use crate::{Cell, Claim, Plan, Row, Scale, Study, StudyError, Tables, Watch, Work};
 
 /// The names of the tables.
@@ -56,7 +56,7 @@ fn jobs(scale: Scale) -> Vec<Planned<OdePixel2Mesh>> {
     let few: Change = ("step", "[0.2, 0.3]");
     let many: Change = ("step", "[0.05, 0.2]");
     let method = |name: &'static str| -> Change { ("method", name) };
-    let mut jobs: Vec<(&str, &str, Vec<Change>)> = vec![
+    let mut jobs: Vec<Listed> = vec![
         ("ode-deep-euler", DEEP, vec![method("euler"), many]),
         ("res-deep", RES_DEEP, vec![("deformation", "residual"), ("blocks", "8")]),
     ];
@@ -100,13 +100,7 @@ fn jobs(scale: Scale) -> Vec<Planned<OdePixel2Mesh>> {
             jobs.push((id, label, changes.clone()));
         }
     }
-    let made = |(id, label, mut changes): (&'static str, &'static str, Vec<Change>)| {
-        if scale == Scale::Quick {
-            changes.extend(QUICK);
-        }
-        (id, label, preset::<OdePixel2Mesh>("table", &changes))
-    };
-    jobs.into_iter().map(made).collect()
+    over::<OdePixel2Mesh>("table", jobs, if scale == Scale::Quick { QUICK } else { &[] })
 }
 
 /// What the paper reports: Chamfer distance and "NFE", which counts steps.
@@ -146,23 +140,17 @@ impl Study for SolversStudy {
         }
         let mut row = with_scores(Row::new(TABLE, label), &scored);
         if let Some((chamfer, steps)) = published(label) {
-            row = row.with(Cell::plain("paper: CD", chamfer, 3)).with(Cell::plain(
-                "paper: steps",
-                steps,
-                2,
-            ));
+            row = row.with(Cell::plain("paper: CD", chamfer, 3));
+            row = row.with(Cell::plain("paper: steps", steps, 2));
         }
         let parameters = config.system.deformation_parameters() as f64 / 1e3;
+        let megabytes = super::memory::step_bytes(&system, &config, &data)? / 1e6;
         let row = row
             .with(Cell::plain("steps", scored.steps(), 2))
             .with(Cell::plain("evaluations", scored.evaluations(), 2))
             .with(Cell::smaller("thousand parameters", parameters, 1))
             .with(Cell::smaller("s a step", trained.seconds / trained.steps.max(1) as f64, 3))
-            .with(Cell::smaller(
-                "MB a step",
-                super::memory::step_bytes(&system, &config, &data)? / 1e6,
-                1,
-            ))
+            .with(Cell::smaller("MB a step", megabytes, 1))
             .took(trained.seconds)
             .showing(label, &system.gallery(&data)?);
         let mut rows = vec![row];
@@ -175,67 +163,61 @@ impl Study for SolversStudy {
     }
 
     fn claims(&self, tables: &Tables, scale: Scale) -> Vec<Claim> {
-        let mean = |row: &str, column: &str| tables.mean(TABLE, row, column).unwrap_or(f64::NAN);
-        let chamfer = |row: &str| mean(row, "CD");
+        let chamfer = |row: &str| tables.figure(TABLE, row, "CD");
         if scale == Scale::Quick {
             let found = chamfer(DEEP).max(chamfer(RES_DEEP));
-            let text = format!("both have a Chamfer distance of at most {QUICK_MOST}");
-            return vec![Claim::new(text, format!("{found:.2}"), found <= QUICK_MOST)];
+            return vec![Claim::at_most("both have a Chamfer distance of", found, QUICK_MOST)];
         }
-        let less = |text: &str, a: &str, b: &str| {
-            let found = format!("{:.3} to {:.3}", chamfer(a), chamfer(b));
-            Claim::new(text, found, chamfer(a) < chamfer(b))
-        };
+        let below =
+            |text: &str, a: f64, b: f64| Claim::new(text, format!("{a:.3} to {b:.3}"), a < b);
         let [euler, heun, midpoint] = SHALLOW;
-        let share = mean(RES_DEEP, "thousand parameters") / mean(BEST, "thousand parameters");
-        let evaluations = mean(BEST, "evaluations");
-        let published = tables.mean(REPAIRED, REPAIRS[0].1, "CD").unwrap_or(f64::NAN);
-        let finer = |row: &str, column: &str| tables.mean(FINER, row, column).unwrap_or(f64::NAN);
-        let steps = |row: &str| ["0.5", "0.25", "0.125"].map(|column| finer(row, column));
+        let [own, other] =
+            [BEST, RES_DEEP].map(|row| tables.figure(TABLE, row, "thousand parameters"));
+        let (share, evaluations) = (other / own, tables.figure(TABLE, BEST, "evaluations"));
+        let finer = |row: &str, column: &str| tables.figure(FINER, row, column);
         let falls = |text: &str, row: &str| {
-            let [few, some, many] = steps(row);
+            let [few, some, many] = ["0.5", "0.25", "0.125"].map(|column| finer(row, column));
             let found = format!("{few:.3}, {some:.3}, {many:.3}");
             // What is solved already stays as it is.
             Claim::new(text, found, some < few && many < 1.02 * some)
         };
-        let euler_follows = |text: &str, row: &str| {
-            let (own, other) = (finer(row, "0.25"), finer(row, "Euler, 0.25"));
-            Claim::new(text, format!("{own:.3} to {other:.3}"), own < other)
-        };
-        let coarse = [finer(euler, "0.25"), finer(euler, "0.031")];
+        let follows =
+            |text: &str, row: &str| below(text, finer(row, "0.25"), finer(row, "Euler, 0.25"));
+        let [coarse, fine] = ["0.25", "0.031"].map(|column| finer(euler, column));
         vec![
             falls(
                 "more evaluations of one field predict better: Heun's, steps of 0.5, 0.25, 0.125",
                 heun,
             ),
             falls("and the midpoint method's", midpoint),
-            euler_follows(
-                "in four steps Heun's method follows its field better than Euler's",
-                heun,
-            ),
-            euler_follows("and the midpoint method its own", midpoint),
+            follows("in four steps Heun's method follows its field better than Euler's", heun),
+            follows("and the midpoint method its own", midpoint),
             Claim::new(
                 "what Euler's method trains in four steps is no flow: 28 steps make it worse",
-                format!("{:.3}, {:.3}", coarse[0], coarse[1]),
-                coarse[0] < coarse[1],
+                format!("{coarse:.3}, {fine:.3}"),
+                coarse < fine,
             ),
-            less(
+            below(
                 "trained with more evaluations a field predicts better: ODE_d below ODE_s, both by Euler's method",
-                DEEP,
-                euler,
+                chamfer(DEEP),
+                chamfer(euler),
             ),
-            less("trained at the shallow setting Heun's method beats Euler's", heun, euler),
-            less(
+            below(
+                "trained at the shallow setting Heun's method beats Euler's",
+                chamfer(heun),
+                chamfer(euler),
+            ),
+            below(
                 "trained at the shallow setting the midpoint method beats Euler's",
-                midpoint,
-                euler,
+                chamfer(midpoint),
+                chamfer(euler),
             ),
-            Claim::new(
+            below(
                 "repaired, the shallow ODE is better than as published",
-                format!("{:.3} to {published:.3}", chamfer(euler)),
-                chamfer(euler) < published,
+                chamfer(euler),
+                tables.figure(REPAIRED, REPAIRS[0].1, "CD"),
             ),
-            less("our best beats RES_d", BEST, RES_DEEP),
+            below("our best beats RES_d", chamfer(BEST), chamfer(RES_DEEP)),
             Claim::new(
                 "it takes as many evaluations, with at most 1/6.7 of the parameters",
                 format!("{evaluations:.1}, 1/{share:.2}"),
