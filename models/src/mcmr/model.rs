@@ -93,14 +93,9 @@ impl Model {
             ..PointMlpConfig::published(features + shapes)
         };
         let halves = ConvGeometry::new().stride(2).padding(1);
-        let enc_conv = Conv2d {
-            weight: init.at("enc_conv.weight").normal(&[map, 8 * width, 4, 4], 0.0, 0.02),
-            bias: Some(init.at("enc_conv.bias").zeros(&[map])),
-            geometry: halves,
-        };
         Self {
             encoder: ResNet::new(&init.at("encoder"), &resnet),
-            enc_conv,
+            enc_conv: Conv2d::normal(&init.at("enc_conv"), 8 * width, map, 4, 0.02, halves),
             enc_norm: Norm::new(&init.at("enc_norm"), map, NormKind::Batch),
             enc_fc: NormedLinear::new(&init.at("enc_fc"), side * side * map, features),
             selection: NormedLinear::new(&init.at("selection"), features, head),

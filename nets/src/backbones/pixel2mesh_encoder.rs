@@ -109,14 +109,13 @@ impl<F: Real> Pixel2MeshEncoder<F> {
                 let side = if i == 0 { kernel } else { 3 };
                 let geometry = ConvGeometry::new().padding(side / 2);
                 let geometry = if halves { geometry.stride(2) } else { geometry };
-                let shape = [channels[s], inputs, side, side];
-                inputs = channels[s];
                 let deviation = match first {
-                    EncoderInit::He => (2.0 / (shape[1] * side * side) as f64).sqrt(),
+                    EncoderInit::He => (2.0 / (inputs * side * side) as f64).sqrt(),
                     EncoderInit::Published => 0.02,
                 };
-                let weight = at.at("weight").normal(&shape, 0.0, deviation);
-                Conv2d { weight, bias: Some(at.at("bias").zeros(&[channels[s]])), geometry }
+                let conv = Conv2d::normal(&at, inputs, channels[s], side, deviation, geometry);
+                inputs = channels[s];
+                conv
             };
             (0..count).map(conv).collect()
         };

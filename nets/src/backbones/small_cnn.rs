@@ -2,7 +2,7 @@
 
 use autodiff_lite::{Activation, ConvGeometry, Real, Var, impl_module};
 
-use crate::{Conv2d, FanMode, GroupNorm, Init, LayerNorm, Linear, Nonlinearity};
+use crate::{Conv2d, GroupNorm, Init, LayerNorm, Linear};
 
 /// A small encoder of images, for training without pretrained weights on a CPU.
 ///
@@ -53,13 +53,7 @@ impl<F: Real> SmallCnn<F> {
         let (mut convs, mut norms) = (Vec::new(), Vec::new());
         for (i, &outputs) in CHANNELS.iter().enumerate() {
             let at = init.at("convs").index(i);
-            let conv = Conv2d::new(&at, inputs, outputs, 3, halves).without_bias();
-            let weight = at.at("weight").kaiming_normal(
-                conv.weight.shape(),
-                FanMode::Out,
-                Nonlinearity::Relu,
-            );
-            convs.push(Conv2d { weight, ..conv });
+            convs.push(Conv2d::kaiming(&at, inputs, outputs, 3, halves).without_bias());
             norms.push(GroupNorm::new(&init.at("norms").index(i), outputs / GROUP, outputs));
             inputs = outputs;
         }

@@ -2,7 +2,7 @@
 
 use autodiff_lite::{Activation, ConvGeometry, PoolGeometry, Real, Var, impl_module};
 
-use crate::{Conv2d, Dropout, FanMode, Indexed, Init, Linear, Nonlinearity};
+use crate::{Conv2d, Dropout, Indexed, Init, Linear};
 
 /// Channels of the convolutions in front of each pool.
 const BLOCKS: [&[usize]; 5] =
@@ -78,9 +78,7 @@ impl<F: Real> Vgg16<F> {
         let mut inputs = GRID * GRID * 512;
         let mut linear = |(i, &outputs): (usize, &usize)| {
             let at = init.at("classifier").index(3 * i);
-            let weight = at.at("weight").normal(&[outputs, inputs], 0.0, 0.01);
-            inputs = outputs;
-            (3 * i, Linear { weight, bias: Some(at.at("bias").zeros(&[outputs])) })
+            (3 * i, Linear::normal(&at, std::mem::replace(&mut inputs, outputs), outputs, 0.01))
         };
         Self {
             classifier: Indexed(widths.iter().enumerate().map(&mut linear).collect()),
@@ -172,11 +170,7 @@ pub(crate) fn convolutions<F: Real>(init: &Init, pools: usize) -> Indexed<Conv2d
     let (mut layers, mut inputs, mut index) = (Vec::new(), 3, 0);
     for block in &BLOCKS[..pools] {
         for &outputs in *block {
-            let at = init.index(index);
-            let shape = [outputs, inputs, 3, 3];
-            let weight = at.at("weight").kaiming_normal(&shape, FanMode::Out, Nonlinearity::Relu);
-            let bias = Some(at.at("bias").zeros(&[outputs]));
-            layers.push((index, Conv2d { weight, bias, geometry: same }));
+            layers.push((index, Conv2d::kaiming(&init.index(index), inputs, outputs, 3, same)));
             (inputs, index) = (outputs, index + 2);
         }
         index += 1;

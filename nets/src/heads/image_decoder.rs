@@ -53,11 +53,8 @@ impl<F: Real> PreactivatedBlock<F> {
 
 /// A convolution that keeps the size, with the published decoder's initial values.
 fn convolution<F: Real>(init: &Init, inputs: usize, outputs: usize, kernel: usize) -> Conv2d<F> {
-    Conv2d {
-        weight: init.at("weight").normal(&[outputs, inputs, kernel, kernel], 0.0, 0.02),
-        bias: Some(init.at("bias").zeros(&[outputs])),
-        geometry: ConvGeometry::new().padding(kernel / 2),
-    }
+    let geometry = ConvGeometry::new().padding(kernel / 2);
+    Conv2d::normal(init, inputs, outputs, kernel, 0.02, geometry)
 }
 
 /// Blocks in order: name, inputs and outputs in units of the width, and whether the map is made twice

@@ -58,21 +58,15 @@ impl<F: Real> MeshRefinementStage<F> {
     /// If there is no convolution.
     pub fn new(init: &Init, channels: usize, previous: usize, hidden: usize, depth: usize) -> Self {
         assert!(depth > 0, "MeshRefinementStage: at least one graph convolution expected");
-        let at = init.at("bottleneck");
-        let bottleneck = Linear {
-            weight: at.at("weight").normal(&[hidden, channels], 0.0, 0.01),
-            bias: Some(at.at("bias").zeros(&[hidden])),
-        };
-        let at = init.at("vert_offset");
-        let vert_offset = Linear {
-            weight: at.at("weight").zeros(&[3, hidden + 3]),
-            bias: Some(at.at("bias").zeros(&[3])),
-        };
         let gconv = |i: usize| {
             let inputs = hidden + 3 + if i == 0 { previous } else { 0 };
             GraphConv::new(&init.at("gconvs").index(i), inputs, hidden)
         };
-        Self { bottleneck, vert_offset, gconvs: (0..depth).map(gconv).collect() }
+        Self {
+            bottleneck: Linear::normal(&init.at("bottleneck"), channels, hidden, 0.01),
+            vert_offset: Linear::zeros(&init.at("vert_offset"), hidden + 3, 3),
+            gconvs: (0..depth).map(gconv).collect(),
+        }
     }
 
     /// The same with six numbers for each vertex: three of an offset and three of a colour, red, green, blue in (0, 1).
@@ -80,11 +74,7 @@ impl<F: Real> MeshRefinementStage<F> {
     #[must_use]
     pub fn with_color(mut self, init: &Init) -> Self {
         let inputs = self.vert_offset.weight.shape()[1];
-        let at = init.at("vert_offset");
-        self.vert_offset = Linear {
-            weight: at.at("weight").zeros(&[6, inputs]),
-            bias: Some(at.at("bias").zeros(&[6])),
-        };
+        self.vert_offset = Linear::zeros(&init.at("vert_offset"), inputs, 6);
         self
     }
 

@@ -50,30 +50,21 @@ impl<F: Real> VoxelHead<F> {
             cells > 0 && cells.is_multiple_of(2),
             "VoxelHead: {cells} cells, expected an even number"
         );
-        let spread = |init: &Init, shape: &[usize]| {
-            init.at("weight").kaiming_normal(shape, FanMode::Out, Nonlinearity::Relu)
-        };
         let same = ConvGeometry::new().padding(1);
         let layer = |k: usize| {
-            let init = init.at(&name(k));
             let inputs = if k == 0 { inputs } else { hidden };
-            let conv = Conv2d::new(&init, inputs, hidden, 3, same);
-            let weight = spread(&init, conv.weight.shape());
-            Conv2d { weight, bias: Some(init.at("bias").zeros(&[hidden])), ..conv }
+            Conv2d::kaiming(&init.at(&name(k)), inputs, hidden, 3, same)
         };
-        let twice = ConvGeometry::new().stride(2);
         let at = init.at("deconv");
-        let width = if depth == 0 { inputs } else { hidden };
-        let deconv = ConvTranspose2d::new(&at, width, hidden, 2, twice);
-        let weight = spread(&at, deconv.weight.shape());
-        let deconv =
-            ConvTranspose2d { weight, bias: Some(at.at("bias").zeros(&[hidden])), ..deconv };
-        let at = init.at("predictor");
-        let predictor = Conv2d {
-            weight: at.at("weight").normal(&[cells, hidden, 1, 1], 0.0, 0.001),
-            bias: Some(at.at("bias").zeros(&[cells])),
-            geometry: ConvGeometry::new(),
+        let shape = [if depth == 0 { inputs } else { hidden }, hidden, 2, 2];
+        let deconv = ConvTranspose2d {
+            weight: at.at("weight").kaiming_normal(&shape, FanMode::Out, Nonlinearity::Relu),
+            bias: Some(at.at("bias").zeros(&[hidden])),
+            geometry: ConvGeometry::new().stride(2),
+            output_padding: 0,
         };
+        let at = init.at("predictor");
+        let predictor = Conv2d::normal(&at, hidden, cells, 1, 0.001, ConvGeometry::new());
         Self { voxel_fcns: (0..depth).map(layer).collect(), deconv, predictor }
     }
 

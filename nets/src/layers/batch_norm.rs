@@ -79,9 +79,7 @@ impl<F: Real> BatchNorm2d<F> {
 
     /// What it is with its running statistics: `x scale + shift`.
     pub(crate) fn scale_and_shift(&self) -> [Vec<F>; 2] {
-        let [w, b, mean, variance] =
-            [&self.weight, &self.bias, &self.running_mean, &self.running_var].map(Param::as_slice);
-        fold(w, b, mean, variance, self.eps)
+        fold([&self.weight, &self.bias, &self.running_mean, &self.running_var], self.eps)
     }
 }
 
@@ -126,14 +124,13 @@ impl<F: Real> FrozenBatchNorm2d<F> {
 
     /// What it is: `x scale + shift`.
     pub(crate) fn scale_and_shift(&self) -> [Vec<F>; 2] {
-        let [w, b, mean, variance] =
-            [&self.weight, &self.bias, &self.running_mean, &self.running_var].map(Param::as_slice);
-        fold(w, b, mean, variance, self.eps)
+        fold([&self.weight, &self.bias, &self.running_mean, &self.running_var], self.eps)
     }
 }
 
 /// Scale and shift of `(x - mean) / sqrt(variance + eps) · w + b`.
-fn fold<F: Real>(w: &[F], b: &[F], mean: &[F], variance: &[F], eps: f64) -> [Vec<F>; 2] {
+fn fold<F: Real>(params: [&Param<F>; 4], eps: f64) -> [Vec<F>; 2] {
+    let [w, b, mean, variance] = params.map(Param::as_slice);
     let scale = |(&w, &variance): (&F, &F)| w / (variance + F::from_f64(eps)).sqrt();
     let scale: Vec<F> = w.iter().zip(variance).map(scale).collect();
     let shift = b.iter().zip(mean).zip(&scale).map(|((&b, &mean), &s)| b - mean * s).collect();

@@ -2,7 +2,7 @@
 
 use autodiff_lite::{Activation, ConvGeometry, Param, Real, Var, impl_module};
 
-use crate::Init;
+use crate::{FanMode, Init, Nonlinearity};
 
 /// A two-dimensional convolution of features-last images, as `torch.nn.Conv2d`; the formula
 /// stands at [`Var::conv2d`].
@@ -43,6 +43,33 @@ impl<F: Real> Conv2d<F> {
             bias: Some(init.at("bias").layer_bias(outputs, &shape)),
             geometry,
         }
+    }
+
+    /// Weights begin Gaussian with this deviation, biases at 0.
+    pub fn normal(
+        init: &Init,
+        inputs: usize,
+        outputs: usize,
+        kernel: usize,
+        deviation: f64,
+        geometry: ConvGeometry,
+    ) -> Self {
+        let shape = [outputs, inputs, kernel, kernel];
+        let weight = init.at("weight").normal(&shape, 0.0, deviation);
+        Self { weight, bias: Some(init.at("bias").zeros(&[outputs])), geometry }
+    }
+
+    /// Weights begin as torchvision's: Gaussian, so that a ReLU's gradients keep their variance; biases at 0.
+    pub fn kaiming(
+        init: &Init,
+        inputs: usize,
+        outputs: usize,
+        kernel: usize,
+        geometry: ConvGeometry,
+    ) -> Self {
+        let shape = [outputs, inputs, kernel, kernel];
+        let weight = init.at("weight").kaiming_normal(&shape, FanMode::Out, Nonlinearity::Relu);
+        Self { weight, bias: Some(init.at("bias").zeros(&[outputs])), geometry }
     }
 
     /// The same layer without its bias, as before a batch norm.

@@ -38,38 +38,24 @@ impl_module!(GraphConv { w0, w1 });
 impl<F: Real> GraphConv<F> {
     /// From `inputs` to `outputs` features.
     pub fn new(init: &Init, inputs: usize, outputs: usize) -> Self {
-        let linear = |name: &str| {
-            let init = init.at(name);
-            let weight = init.at("weight").normal(&[outputs, inputs], 0.0, 0.01);
-            Linear { weight, bias: Some(init.at("bias").zeros(&[outputs])) }
-        };
+        let linear = |name: &str| Linear::normal(&init.at(name), inputs, outputs, 0.01);
         Self { w0: linear("w0"), w1: linear("w1") }
     }
 
-    /// `x [.., V, in]` to `[.., V, out]`.
-    #[track_caller]
-    pub fn forward<'t>(&self, x: Var<'t, F>, graph: &SparseMatrix<F>) -> Var<'t, F> {
-        self.forward_then(x, graph, Activation::None)
-    }
-
-    /// [`forward`](Self::forward) and an activation in the same pass.
-    #[track_caller]
-    pub fn forward_then<'t>(
-        &self,
-        x: Var<'t, F>,
-        graph: &SparseMatrix<F>,
-        activation: Activation,
-    ) -> Var<'t, F> {
-        let tape = x.tape();
-        let bias = |linear: &Linear<F>| linear.bias.as_ref().map(|bias| tape.param(bias));
-        let weights = GraphWeights {
-            own: tape.param(&self.w0.weight),
-            across: tape.param(&self.w1.weight),
-            output_first: true,
-            bias: bias(&self.w0),
-            across_bias: bias(&self.w1),
-        };
-        x.graph_conv(graph, &weights, activation)
+    forward! {
+        /// `x [.., V, in]` to `[.., V, out]`.
+        |self, x, activation, graph: &SparseMatrix<F>| {
+            let tape = x.tape();
+            let bias = |linear: &Linear<F>| linear.bias.as_ref().map(|bias| tape.param(bias));
+            let weights = GraphWeights {
+                own: tape.param(&self.w0.weight),
+                across: tape.param(&self.w1.weight),
+                output_first: true,
+                bias: bias(&self.w0),
+                across_bias: bias(&self.w1),
+            };
+            x.graph_conv(graph, &weights, activation)
+        }
     }
 }
 
@@ -105,29 +91,19 @@ impl<F: Real> ChebyshevConv<F> {
         }
     }
 
-    /// `x [.., V, in]` to `[.., V, out]`.
-    #[track_caller]
-    pub fn forward<'t>(&self, x: Var<'t, F>, graph: &SparseMatrix<F>) -> Var<'t, F> {
-        self.forward_then(x, graph, Activation::None)
-    }
-
-    /// [`forward`](Self::forward) and an activation in the same pass.
-    #[track_caller]
-    pub fn forward_then<'t>(
-        &self,
-        x: Var<'t, F>,
-        graph: &SparseMatrix<F>,
-        activation: Activation,
-    ) -> Var<'t, F> {
-        let tape = x.tape();
-        let weights = GraphWeights {
-            own: tape.param(&self.loop_weight),
-            across: tape.param(&self.weight),
-            output_first: false,
-            bias: self.bias.as_ref().map(|bias| tape.param(bias)),
-            across_bias: None,
-        };
-        x.graph_conv(graph, &weights, activation)
+    forward! {
+        /// `x [.., V, in]` to `[.., V, out]`.
+        |self, x, activation, graph: &SparseMatrix<F>| {
+            let tape = x.tape();
+            let weights = GraphWeights {
+                own: tape.param(&self.loop_weight),
+                across: tape.param(&self.weight),
+                output_first: false,
+                bias: self.bias.as_ref().map(|bias| tape.param(bias)),
+                across_bias: None,
+            };
+            x.graph_conv(graph, &weights, activation)
+        }
     }
 }
 

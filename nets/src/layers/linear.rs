@@ -34,6 +34,18 @@ impl<F: Real> Linear<F> {
         }
     }
 
+    /// Weights begin Gaussian with this deviation, biases at 0.
+    pub fn normal(init: &Init, inputs: usize, outputs: usize, deviation: f64) -> Self {
+        let weight = init.at("weight").normal(&[outputs, inputs], 0.0, deviation);
+        Self { weight, bias: Some(init.at("bias").zeros(&[outputs])) }
+    }
+
+    /// All begins at 0.
+    pub fn zeros(init: &Init, inputs: usize, outputs: usize) -> Self {
+        let weight = init.at("weight").zeros(&[outputs, inputs]);
+        Self { weight, bias: Some(init.at("bias").zeros(&[outputs])) }
+    }
+
     /// The same layer without its bias.
     #[must_use]
     pub fn without_bias(self) -> Self {

@@ -2,16 +2,21 @@
 
 /// `forward` and `forward_then` of a layer whose last step may be fused with an activation.
 macro_rules! forward {
-    ($(#[$doc:meta])+ |$self:ident, $x:ident, $activation:ident| $body:block) => {
+    ($(#[$doc:meta])+ |$self:ident, $x:ident, $activation:ident $(, $more:ident: $type:ty)?| $body:block) => {
         $(#[$doc])+
         #[track_caller]
-        pub fn forward<'t>(&$self, $x: Var<'t, F>) -> Var<'t, F> {
-            $self.forward_then($x, Activation::None)
+        pub fn forward<'t>(&$self, $x: Var<'t, F> $(, $more: $type)?) -> Var<'t, F> {
+            $self.forward_then($x, $($more,)? Activation::None)
         }
 
         /// [`forward`](Self::forward) and an activation, in the same pass where that is possible.
         #[track_caller]
-        pub fn forward_then<'t>(&$self, $x: Var<'t, F>, $activation: Activation) -> Var<'t, F> $body
+        pub fn forward_then<'t>(
+            &$self,
+            $x: Var<'t, F>,
+            $($more: $type,)?
+            $activation: Activation,
+        ) -> Var<'t, F> $body
     };
 }
 

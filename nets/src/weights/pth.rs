@@ -189,26 +189,24 @@ fn collect(
             .take(numbers.saturating_add(ARRAY + name.len() + size_of_val(&plan.shape[..])))
             .and_then(|()| budget.take(numbers))
             .map_err(|reason| about(format!("{reason}: do tensors share storages too often?")))?;
-        let short = || about(format!("its storage has {} bytes, too few", data.len()));
-        match kind {
+        let shape = &plan.shape[..];
+        let held = match kind {
             "FloatStorage" => {
-                let numbers = plan.gather(data, f32::from_le_bytes).ok_or_else(short)?;
-                state.insert(name, &plan.shape, &numbers);
+                plan.gather(data, f32::from_le_bytes).map(|x| state.insert(name, shape, &x))
             }
             "DoubleStorage" => {
-                let numbers = plan.gather(data, f64::from_le_bytes).ok_or_else(short)?;
-                state.insert(name, &plan.shape, &numbers);
+                plan.gather(data, f64::from_le_bytes).map(|x| state.insert(name, shape, &x))
             }
-            "HalfStorage" => {
-                let numbers = plan.gather(data, from_half).ok_or_else(short)?;
-                state.insert(name, &plan.shape, &numbers);
-            }
+            "HalfStorage" => plan.gather(data, from_half).map(|x| state.insert(name, shape, &x)),
             "BFloat16Storage" => {
-                let numbers = plan.gather(data, from_bfloat).ok_or_else(short)?;
-                state.insert(name, &plan.shape, &numbers);
+                plan.gather(data, from_bfloat).map(|x| state.insert(name, shape, &x))
             }
-            other => state.insert_other(name, &plan.shape, other),
-        }
+            other => {
+                state.insert_other(name, shape, other);
+                Some(())
+            }
+        };
+        held.ok_or_else(|| about(format!("its storage has {} bytes, too few", data.len())))?;
         budget.give_back(numbers);
     }
     if state.names().next().is_none() {

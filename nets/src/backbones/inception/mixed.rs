@@ -119,26 +119,21 @@ impl<F: Real> Mixed<F> {
         pool: MixedPool,
         pooled: Option<usize>,
     ) -> Self {
+        let made =
+            |inputs, layer: Layer| (layer.0, ConvNormRelu::new(&init.at(layer.0), inputs, layer));
         let branch = |(chain, fork): &(&[Layer], &[Layer])| {
-            let mut inputs = inputs;
-            let mut layers = Vec::new();
-            for &layer in *chain {
-                layers.push((layer.0, ConvNormRelu::new(&init.at(layer.0), inputs, layer)));
-                inputs = layer.1;
+            let before = |i: usize| i.checked_sub(1).map_or(inputs, |last| chain[last].1);
+            let chained = |(i, &layer): (usize, &Layer)| made(before(i), layer);
+            let forked = |&layer: &Layer| made(before(chain.len()), layer);
+            Branch {
+                chain: chain.iter().enumerate().map(chained).collect(),
+                fork: fork.iter().map(forked).collect(),
             }
-            let fork = fork
-                .iter()
-                .map(|&layer| (layer.0, ConvNormRelu::new(&init.at(layer.0), inputs, layer)));
-            Branch { chain: layers, fork: fork.collect() }
-        };
-        let pool_layer = |outputs| {
-            let layer = one("branch_pool", outputs);
-            ConvNormRelu::new(&init.at("branch_pool"), inputs, layer)
         };
         Self {
             branches: branches.iter().map(branch).collect(),
             pool,
-            branch_pool: pooled.map(pool_layer),
+            branch_pool: pooled.map(|outputs| made(inputs, one("branch_pool", outputs)).1),
         }
     }
 

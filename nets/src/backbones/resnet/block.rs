@@ -3,7 +3,7 @@
 use autodiff_lite::kernels::elementwise;
 use autodiff_lite::{Activation, Backward, ConvGeometry, Real, Tensor, Var, impl_module};
 
-use crate::{Conv2d, FanMode, Init, Nonlinearity, Norm, NormKind};
+use crate::{Conv2d, Init, Norm, NormKind};
 
 /// The two shapes of a residual block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,13 +116,8 @@ pub(crate) fn convolution<F: Real>(
     kernel: usize,
     stride: usize,
 ) -> Conv2d<F> {
-    let shape = [outputs, inputs, kernel, kernel];
-    let at = init.at(name).at("weight");
-    Conv2d {
-        weight: at.kaiming_normal(&shape, FanMode::Out, Nonlinearity::Relu),
-        bias: None,
-        geometry: ConvGeometry::new().stride(stride).padding(kernel / 2),
-    }
+    let geometry = ConvGeometry::new().stride(stride).padding(kernel / 2);
+    Conv2d::kaiming(&init.at(name), inputs, outputs, kernel, geometry).without_bias()
 }
 
 /// `max(a + b, 0)` in one pass; no gradient where the sum is not positive. Both summands have the same

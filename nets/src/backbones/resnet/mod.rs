@@ -3,7 +3,7 @@
 mod block;
 mod config;
 
-use autodiff_lite::{Activation, ConvGeometry, PoolGeometry, Real, Var, impl_module};
+use autodiff_lite::{Activation, PoolGeometry, Real, Var, impl_module};
 
 pub use block::{BlockKind, ResidualBlock};
 pub use config::ResNetConfig;
@@ -78,10 +78,9 @@ impl<F: Real> ResNet<F> {
             (0..config.blocks[k]).map(block).collect()
         };
         let [layer1, layer2, layer3, layer4] = [stage(0), stage(1), stage(2), stage(3)];
-        let stem = block::convolution(init, "conv1", config.inputs, config.width, 7, 2);
         let last = config.channels()[3];
         Self {
-            conv1: Conv2d { geometry: ConvGeometry::new().stride(2).padding(3), ..stem },
+            conv1: block::convolution(init, "conv1", config.inputs, config.width, 7, 2),
             bn1: Norm::new(&init.at("bn1"), config.width, config.norm),
             layer1,
             layer2,
