@@ -39,7 +39,7 @@ train::options! {
         /// Layers of attention.
         pub layers: usize = 1, in 1..=16;
         /// Heads of attention.
-        pub heads: usize = 2, in 1..=8192;
+        pub heads: usize = 2, in 1..=16_384;
         /// Columns between the two linear layers behind the attention.
         pub feed_forward: usize = 512, in 1..=65536;
         /// Share of what is forgotten in the attention's layers while training.

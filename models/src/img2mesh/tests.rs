@@ -61,6 +61,10 @@ fn presets_are_in_range_and_parameters_are_counted() {
     let small = 387_936 + 960 + cnn.width() * 4099;
     let [cnn, head] = [cnn, head].map(|config| config.summary().trainable);
     assert_eq!(cnn, head - small + 1_735_488 + 157_369);
+    // As many heads as the widest encoder has features.
+    let wide = Img2MeshConfig { encoder: EncoderKind::Cnn, image_size: 1024, ..tiny() };
+    let wide = Img2MeshConfig { heads: wide.width(), ..wide };
+    assert_eq!(wide.check(), Vec::<String>::new());
     let wrong = Img2MeshConfig { heads: 3, level: 9, mask_weight: f64::NAN, ..tiny() };
     let problems = wrong.check().join("; ");
     for field in ["`heads`", "`level`", "`mask-weight`"] {

@@ -62,7 +62,7 @@ train::options! {
         /// The renderer.
         pub renderer: RendererKind = RendererKind::DibR;
         /// Sharpness of DIB-R's silhouette: a pixel at squared distance `d²` (the image is 2 wide) counts
-        /// `exp(-sigma- inv d²)`.
+        /// `exp(-sigma-inv d²)`.
         pub sigma_inv: f64 = 1500.0, in 1.0..=1e6;
         /// How far DIB-R's silhouette reaches, NDC.
         pub reach: f64 = 0.1, in 1e-3..=2.0;
