@@ -9,14 +9,45 @@ use train::{DataError, Fingerprint};
 /// Bytes of views that are kept at most; what is beyond is read again each time.
 const BUDGET: usize = 6 << 30;
 
+/// What was made of views so far, within a budget.
+#[derive(Debug)]
+pub(crate) struct Kept<T> {
+    places: Vec<Vec<OnceLock<Arc<T>>>>,
+    bytes: AtomicUsize,
+    budget: usize,
+}
+
+impl<T: Stored> Kept<T> {
+    /// Nothing yet; `budget` bytes at most.
+    pub(crate) fn new(entries: &[Entry], budget: usize) -> Self {
+        let places = |entry: &Entry| (0..entry.views).map(|_| OnceLock::new()).collect();
+        let places = entries.iter().map(places).collect();
+        Self { places, bytes: AtomicUsize::new(0), budget }
+    }
+
+    /// What is kept of a view.
+    pub(crate) fn get(&self, [object, view]: [usize; 2]) -> Option<Arc<T>> {
+        self.places[object][view].get().map(Arc::clone)
+    }
+
+    /// Keeps what was made of a view if there is room.
+    pub(crate) fn keep(&self, [object, view]: [usize; 2], made: &Arc<T>) {
+        let bytes = made.bytes();
+        // Another thread may have been faster, with the same.
+        let room = self.bytes.load(Ordering::Relaxed) + bytes <= self.budget;
+        if room && self.places[object][view].set(Arc::clone(made)).is_ok() {
+            self.bytes.fetch_add(bytes, Ordering::Relaxed);
+        }
+    }
+}
+
 /// A dataset, and the views of it that were prepared so far. What is returned does not depend on
 /// what is kept.
 #[derive(Debug)]
 pub(crate) struct ViewCache<T> {
     dataset: Box<dyn Dataset>,
     options: ReadOptions,
-    kept: Vec<Vec<OnceLock<Arc<T>>>>,
-    bytes: AtomicUsize,
+    kept: Kept<T>,
 }
 
 /// A view as a system takes it.
@@ -27,14 +58,13 @@ pub(crate) trait Stored: Sized {
 
 impl<T: Stored> ViewCache<T> {
     pub(crate) fn new(dataset: Box<dyn Dataset>, options: ReadOptions) -> Self {
-        let places = |views: usize| (0..views).map(|_| OnceLock::new()).collect();
-        let kept = dataset.entries().iter().map(|entry| places(entry.views)).collect();
-        Self { dataset, options, kept, bytes: AtomicUsize::new(0) }
+        let kept = Kept::new(dataset.entries(), BUDGET);
+        Self { dataset, options, kept }
     }
 
     /// How many views an object has.
     pub(crate) fn count(&self, object: usize) -> usize {
-        self.kept[object].len()
+        self.dataset.entries()[object].views
     }
 
     /// The named views of an object, in this order, each called after its object too.
@@ -44,10 +74,9 @@ impl<T: Stored> ViewCache<T> {
         which: &[usize],
         prepare: &dyn Fn(&View) -> Result<T, DataError>,
     ) -> Result<Vec<Arc<T>>, DataError> {
-        let places = &self.kept[object];
         // Looked up once: what another thread keeps meanwhile must not change who is missing.
         let mut found: Vec<Option<Arc<T>>> =
-            which.iter().map(|&view| places[view].get().map(Arc::clone)).collect();
+            which.iter().map(|&view| self.kept.get([object, view])).collect();
         let missing: Vec<usize> = (0..which.len()).filter(|&i| found[i].is_none()).collect();
         if !missing.is_empty() {
             let asked: Vec<usize> = missing.iter().map(|&i| which[i]).collect();
@@ -67,20 +96,11 @@ impl<T: Stored> ViewCache<T> {
             for (&i, mut view) in missing.iter().zip(views.views) {
                 view.name = format!("{name} view {}", view.name);
                 let prepared = Arc::new(prepare(&view)?);
-                self.keep(&places[which[i]], &prepared);
+                self.kept.keep([object, which[i]], &prepared);
                 found[i] = Some(prepared);
             }
         }
         Ok(found.into_iter().flatten().collect())
-    }
-
-    fn keep(&self, place: &OnceLock<Arc<T>>, prepared: &Arc<T>) {
-        let bytes = prepared.bytes();
-        // Another thread may have been faster, with the same.
-        let room = self.bytes.load(Ordering::Relaxed) + bytes <= BUDGET;
-        if room && place.set(Arc::clone(prepared)).is_ok() {
-            self.bytes.fetch_add(bytes, Ordering::Relaxed);
-        }
     }
 
     /// All views of an object as they are, without what is kept.

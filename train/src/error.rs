@@ -70,6 +70,11 @@ impl DataError {
     pub fn read(error: impl Error + Send + Sync + 'static) -> Self {
         Self::Read(Box::new(error))
     }
+
+    /// Why it does not serve, said by another error.
+    pub fn unfit(why: impl std::fmt::Display) -> Self {
+        Self::Unfit(why.to_string())
+    }
 }
 
 /// Why a loss has no value.

@@ -15,6 +15,7 @@ use synth::Monocular;
 use super::config::{DepthKind, DepthLossKind, PlaceKind, RefineConfig};
 use super::guide;
 use crate::paired::{Frame, Picture};
+use crate::view_cache::Stored;
 
 /// What belongs to one image, made once.
 #[derive(Clone, Debug)]
@@ -44,6 +45,13 @@ pub(super) enum Known<'a> {
     Surface(&'a TriMesh, u64),
     /// No more than what came with the image.
     Given,
+}
+
+impl Stored for DepthTargets {
+    fn bytes(&self) -> usize {
+        let floats = self.channel.len() + self.depth.len() + self.target.len();
+        4 * floats + self.compared.len() + self.cells.len()
+    }
 }
 
 impl DepthTargets {
@@ -110,11 +118,6 @@ impl DepthTargets {
     /// The volume whose cells are predicted, in the frame.
     pub fn volume(&self, picture: &Picture) -> CameraVolume {
         volume(picture, self.ends)
-    }
-
-    pub(super) fn bytes(&self) -> usize {
-        let floats = self.channel.len() + self.depth.len() + self.target.len();
-        4 * floats + self.compared.len() + self.cells.len()
     }
 }
 

@@ -306,7 +306,7 @@ impl<B: MeshInit> System for Refined<B> {
     fn init_from_data(&mut self, _: &Scenes) -> Result<(), DataError> {
         if let Some(path) = self.refine().weights.clone() {
             let loaded = self.encoder.load(&path);
-            loaded.map_err(|error| DataError::Unfit(error.to_string()))?;
+            loaded.map_err(DataError::unfit)?;
         }
         Ok(())
     }

@@ -1,7 +1,6 @@
 //! Images with their surfaces, depths and cells.
 
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use datasets::{Dataset, Pix3d, ReadOptions, SurfacePoints};
@@ -14,6 +13,7 @@ use super::boxes::Boxes;
 use super::config::RefineConfig;
 use super::depth_targets::{DepthTargets, Known};
 use crate::paired::{Pairs, Picture, Surface, placed, some};
+use crate::view_cache::Kept;
 
 /// Bytes of targets that are kept at most; what is beyond is made again each time.
 const BUDGET: usize = 3 << 30;
@@ -37,15 +37,9 @@ pub struct Scenes {
     pairs: Pairs,
     config: RefineConfig,
     cells: usize,
-    kept: Vec<Vec<OnceLock<Arc<DepthTargets>>>>,
-    bytes: AtomicUsize,
-    mean: OnceLock<MeanShape>,
-}
-
-/// The shape that says nothing of the image: how often each cell is occupied in training.
-#[derive(Clone, Debug)]
-struct MeanShape {
-    occupied: Vec<bool>,
+    kept: Kept<DepthTargets>,
+    /// The shape that says nothing of the image: the cells that are often occupied in training.
+    mean_shape: OnceLock<Vec<bool>>,
 }
 
 impl Scenes {
@@ -85,17 +79,10 @@ impl Scenes {
         config: &RefineConfig,
         cells: usize,
     ) -> Result<Self, DataError> {
-        let counts: Vec<usize> = dataset.entries().iter().map(|entry| entry.views).collect();
+        let kept = Kept::new(dataset.entries(), BUDGET);
         let pairs = Pairs::of(dataset, options, &config.pairs)?;
-        let places = |&views: &usize| (0..views).map(|_| OnceLock::new()).collect();
-        let scenes = Self {
-            pairs,
-            config: config.clone(),
-            cells,
-            kept: counts.iter().map(places).collect(),
-            bytes: AtomicUsize::new(0),
-            mean: OnceLock::new(),
-        };
+        let (config, mean_shape) = (config.clone(), OnceLock::new());
+        let scenes = Self { pairs, config, cells, kept, mean_shape };
         scenes.mesh(scenes.pairs.trained()[0])?;
         Ok(scenes)
     }
@@ -162,26 +149,18 @@ impl Scenes {
         Ok(surface)
     }
 
-    fn relief(
-        &self,
-        [object, view]: [usize; 2],
-        picture: &Picture,
-    ) -> Result<Arc<DepthTargets>, DataError> {
-        let place = &self.kept[object][view];
-        if let Some(depth_targets) = place.get() {
-            return Ok(Arc::clone(depth_targets));
+    fn relief(&self, place: [usize; 2], picture: &Picture) -> Result<Arc<DepthTargets>, DataError> {
+        if let Some(depth_targets) = self.kept.get(place) {
+            return Ok(depth_targets);
         }
+        let [object, view] = place;
         let surface = self.mesh(object)?;
         let mesh: &TriMesh = surface.mesh.as_ref().expect("an object without a mesh is an error");
         // Of this object and view, whatever the run.
         let seed = ((object as u64) << 20) ^ view as u64 ^ (self.config.pairs.data_seed << 44);
         let known = Known::Surface(mesh, seed);
         let depth_targets = Arc::new(DepthTargets::new(picture, known, &self.config, self.cells));
-        let bytes = depth_targets.bytes();
-        let room = self.bytes.load(Ordering::Relaxed) + bytes <= BUDGET;
-        if room && place.set(Arc::clone(&depth_targets)).is_ok() {
-            self.bytes.fetch_add(bytes, Ordering::Relaxed);
-        }
+        self.kept.keep(place, &depth_targets);
         Ok(depth_targets)
     }
 
@@ -190,8 +169,8 @@ impl Scenes {
     /// # Errors
     /// If a file cannot be read.
     pub fn mean_shape(&self) -> Result<&[bool], DataError> {
-        if let Some(mean) = self.mean.get() {
-            return Ok(&mean.occupied);
+        if let Some(occupied) = self.mean_shape.get() {
+            return Ok(occupied);
         }
         let targets = self.pairs.trained().iter().enumerate().map(|(i, &object)| {
             let view = i % self.pairs.views(object);
@@ -211,8 +190,7 @@ impl Scenes {
             targets.iter().map(|targets| overlap(occupied, &targets.cells)).sum()
         };
         let best = (1..=9).map(at).max_by(|a, b| score(a).total_cmp(&score(b)));
-        let mean = MeanShape { occupied: best.expect("nine thresholds") };
-        Ok(&self.mean.get_or_init(|| mean).occupied)
+        Ok(self.mean_shape.get_or_init(|| best.expect("nine thresholds")))
     }
 }
 

@@ -132,7 +132,7 @@ impl Data {
             &RenderOptions::default(),
             &|_, _| (),
         )
-        .map_err(|error| DataError::Unfit(error.to_string()))?;
+        .map_err(DataError::unfit)?;
         let views = Views {
             views,
             source: "procedural clock".into(),

@@ -174,7 +174,7 @@ impl System for Img2Mesh {
         self.model.frame.as_slice_mut().copy_from_slice(&frame);
         if let Some(path) = &self.config.weights {
             let loaded = self.model.encoder.load(path);
-            loaded.map_err(|error| DataError::Unfit(error.to_string()))?;
+            loaded.map_err(DataError::unfit)?;
         }
         Ok(())
     }

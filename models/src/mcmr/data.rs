@@ -81,7 +81,7 @@ impl Data {
             if !folder.join("rough_poses.json").is_file() {
                 return Ok(Rough::Exact);
             }
-            let poses = read_rough_poses(&folder).map_err(|e| DataError::Unfit(e.to_string()))?;
+            let poses = read_rough_poses(&folder).map_err(DataError::unfit)?;
             Ok(poses.into_iter().next().map_or(Rough::Exact, |pose| Rough::Known(pose.rough)))
         };
         let rough = (0..dataset.entries().len()).map(rough).collect::<Result<Vec<_>, _>>()?;

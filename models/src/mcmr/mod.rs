@@ -200,7 +200,7 @@ impl System for Mcmr {
     fn init_from_data(&mut self, _: &Data) -> Result<(), DataError> {
         let Some(path) = &self.config.weights else { return Ok(()) };
         let loaded = LoadWeights::partial().load(path, &mut self.model.encoder);
-        loaded.map(|_| ()).map_err(|error| DataError::Unfit(error.to_string()))
+        loaded.map(|_| ()).map_err(DataError::unfit)
     }
 
     fn open(

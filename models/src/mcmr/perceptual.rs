@@ -1,9 +1,7 @@
 //! Networks that compare images and are not trained.
 
 use autodiff_lite::{Module, Tape, Var};
-use nets::{
-    InceptionKind, InceptionV3, Init, LoadWeights, LpipsWeights, Vgg16, WeightsError, freeze,
-};
+use nets::{InceptionKind, InceptionV3, Init, LoadWeights, LpipsWeights, Vgg16, freeze};
 use train::DataError;
 
 use super::config::McmrConfig;
@@ -28,7 +26,7 @@ impl PerceptualMetrics {
     pub(super) fn open(config: &McmrConfig) -> Result<Self, DataError> {
         fn loaded<M: Module<f32>>(mut net: M, path: &str) -> Result<M, DataError> {
             let done = LoadWeights::partial().load(path, &mut net);
-            done.map_err(|error: WeightsError| DataError::Unfit(error.to_string()))?;
+            done.map_err(DataError::unfit)?;
             freeze(&mut net, "");
             Ok(net)
         }

@@ -131,8 +131,7 @@ impl PredictInput {
         const DISTANCE: f64 = 0.8;
         /// Difference of colours that still is backdrop.
         const TOLERANCE: u8 = 24;
-        let picture =
-            mesh_core::read_image(path).map_err(|error| DataError::Unfit(error.to_string()))?;
+        let picture = mesh_core::read_image(path).map_err(DataError::unfit)?;
         let backdrop = || datasets::mask_from_backdrop(&picture.to_rgb(), None, TOLERANCE);
         let mask = datasets::mask_from_alpha(&picture).unwrap_or_else(backdrop);
         if mask.data.iter().all(|&m| m == 0) {
