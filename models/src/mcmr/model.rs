@@ -93,9 +93,10 @@ impl Model {
             ..PointMlpConfig::published(features + shapes)
         };
         let halves = ConvGeometry::new().stride(2).padding(1);
+        let enc_conv = Conv2d::normal(&init.at("enc_conv"), 8 * width, map, 4, 0.02, halves);
         Self {
             encoder: ResNet::new(&init.at("encoder"), &resnet),
-            enc_conv: Conv2d::normal(&init.at("enc_conv"), 8 * width, map, 4, 0.02, halves),
+            enc_conv,
             enc_norm: Norm::new(&init.at("enc_norm"), map, NormKind::Batch),
             enc_fc: NormedLinear::new(&init.at("enc_fc"), side * side * map, features),
             selection: NormedLinear::new(&init.at("selection"), features, head),
