@@ -32,7 +32,7 @@ pub fn depth<'t, F: Real>(
 }
 
 impl<'t, F: Real> Frame<'t, F> {
-    /// Planar depth, and `background` where nothing is seen; see [`depth`](crate::depth).
+    /// Planar depth, and `background` where nothing is seen; see [`depth`].
     ///
     /// # Shapes
     /// Result `[N, H, W]`.

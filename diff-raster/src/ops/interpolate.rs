@@ -51,7 +51,7 @@ pub fn interpolate_corners<'t, F: Real>(
 
 impl<'t, F: Real> Frame<'t, F> {
     /// Attributes of the vertices at each pixel, zero at background; see
-    /// [`interpolate`](crate::interpolate).
+    /// [`interpolate`].
     ///
     /// # Shapes
     /// `attributes [V, C]` or `[N, V, C]`. Result `[N, H, W, C]`.
@@ -78,7 +78,7 @@ impl<'t, F: Real> Frame<'t, F> {
     }
 
     /// Attributes of the corners of faces at each pixel, zero at background; see
-    /// [`interpolate_corners`](crate::interpolate_corners).
+    /// [`interpolate_corners`].
     ///
     /// # Shapes
     /// `attributes [F, 3, C]`. Result `[N, H, W, C]`.

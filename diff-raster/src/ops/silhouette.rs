@@ -67,7 +67,7 @@ pub fn antialiased_silhouette<'t, F: Real>(
 }
 
 impl<'t, F: Real> Frame<'t, F> {
-    /// DIB-R's soft silhouette; see [`soft_silhouette`](crate::soft_silhouette).
+    /// DIB-R's soft silhouette; see [`soft_silhouette`].
     ///
     /// # Shapes
     /// Result `[N, H, W]` in `[0, 1]`.
@@ -93,7 +93,7 @@ impl<'t, F: Real> Frame<'t, F> {
     }
 
     /// Coverage with the sub-pixel position of the silhouette; see
-    /// [`antialiased_silhouette`](crate::antialiased_silhouette).
+    /// [`antialiased_silhouette`].
     ///
     /// # Shapes
     /// Result `[N, H, W]` in `[0, 1]`.

@@ -28,7 +28,7 @@ pub fn texture<'t, F: Real>(
 }
 
 impl<'t, F: Real> Frame<'t, F> {
-    /// Colours of a texture, zero at background; see [`texture`](crate::texture).
+    /// Colours of a texture, zero at background; see [`texture`].
     ///
     /// # Shapes
     /// `uv [N, H, W, 2]`, [interpolated](Self::interpolate_corners); `image [Ht, Wt, C]`. Result

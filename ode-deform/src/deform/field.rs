@@ -177,7 +177,7 @@ pub fn positions<F: Real>(y: Var<'_, F>) -> Var<'_, F> {
     if columns == 3 { y } else { y.slice_axis(2, 0..3) }
 }
 
-/// Where points `[N, V, 3]` are seen by cameras `[N, 3, 4]`, as [`pool_features`](nets::pool_features) counts: `[N, V, 2]`,
+/// Where points `[N, V, 3]` are seen by cameras `[N, 3, 4]`, as [`pool_features`] counts: `[N, V, 2]`,
 /// x to the right and y **down**, -1 to 1.
 #[track_caller]
 pub fn project_points<'t, F: Real>(points: Var<'t, F>, cameras: Var<'t, F>) -> Var<'t, F> {
