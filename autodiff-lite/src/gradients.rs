@@ -3,8 +3,6 @@
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use ndarray::ArrayViewMutD;
-
 use crate::{Param, ParamId, Pool, Real, Tensor};
 
 /// Gradients of one scalar with respect to leaves and trainable parameters.
@@ -62,11 +60,6 @@ impl<F: Real> Gradients<F> {
     /// The gradient of a parameter as a slice.
     pub fn slice_of(&self, param: &Param<F>) -> Option<&[F]> {
         self.of(param).map(Tensor::as_slice)
-    }
-
-    /// The gradient of a parameter, to be changed: clipped, preconditioned.
-    pub fn of_mut(&mut self, param: &Param<F>) -> Option<ArrayViewMutD<'_, F>> {
-        self.find(param.id()).map(|i| self.entries[i].gradient.view_mut())
     }
 
     /// The gradient of a leaf or of a parameter's node.

@@ -172,7 +172,10 @@ tuple_module!(A 0, B 1, C 2, D 3);
 /// Implements [`Module`](crate::Module) for a struct by naming all of its fields.
 ///
 /// Fields in the first braces are modules and are visited under their names; those after `fixed`
-/// are not. The struct is taken apart exhaustively, so a forgotten field does not compile.
+/// are not. Lists after `lists` come before them, each module under the name that a function gives
+/// its index, where files do not number them as `Vec` does. The struct is taken apart exhaustively,
+/// so a forgotten field does not compile. With `= field` instead the module is that field, without a
+/// name of its own.
 ///
 /// ```
 /// use autodiff_lite::{Module, Param, Real, impl_module};
@@ -187,39 +190,70 @@ tuple_module!(A 0, B 1, C 2, D 3);
 /// // A struct without a type parameter says which numbers it is made of.
 /// struct Model {
 ///     layers: Vec<Linear>,
+///     convs: Vec<Linear>,
 /// }
-/// impl_module!(Model: f32 { layers });
+/// impl_module!(Model: f32, lists { convs: |i| format!("conv{}", i + 1) } { layers });
 ///
-/// let linear = Linear { weight: Param::new(ndarray::arr1(&[1.0])), bias: None, scale: 2.0 };
-/// let model = Model { layers: vec![linear] };
+/// struct System {
+///     model: Model,
+///     name: String,
+/// }
+/// impl_module!(System: f32 = model);
+///
+/// let linear = || Linear { weight: Param::new(ndarray::arr1(&[1.0])), bias: None, scale: 2.0 };
+/// let model = Model { layers: vec![linear()], convs: vec![linear(), linear()] };
+/// let system = System { model, name: "two and one".to_owned() };
 /// let mut paths = Vec::new();
-/// model.visit("", &mut |path: &str, _: &Param| paths.push(path.to_owned()));
-/// assert_eq!(paths, ["layers.0.weight"]);
+/// system.visit("", &mut |path: &str, _: &Param| paths.push(path.to_owned()));
+/// assert_eq!(paths, ["conv1.weight", "conv2.weight", "layers.0.weight"]);
 /// ```
 #[macro_export]
 macro_rules! impl_module {
-    ($name:ident { $($field:ident),* $(,)? } $(fixed { $($fixed:ident),* $(,)? })?) => {
-        impl<F: $crate::Real> $crate::Module<F> for $name<F> {
-            $crate::impl_module!(@body F [$($field)*] [$($($fixed)*)?]);
-        }
-    };
-    ($name:ident : $real:ty { $($field:ident),* $(,)? } $(fixed { $($fixed:ident),* $(,)? })?) => {
+    ($name:ident : $real:ty = $inner:ident) => {
         impl $crate::Module<$real> for $name {
-            $crate::impl_module!(@body $real [$($field)*] [$($($fixed)*)?]);
+            fn visit(&self, path: &str, visitor: &mut dyn $crate::Visitor<$real>) {
+                self.$inner.visit(path, visitor);
+            }
+
+            fn visit_mut(&mut self, path: &str, visitor: &mut dyn $crate::VisitorMut<$real>) {
+                self.$inner.visit_mut(path, visitor);
+            }
         }
     };
-    (@body $real:ty [$($field:ident)*] [$($fixed:ident)*]) => {
+    (
+        $name:ident $(lists { $($list:ident: $by:expr),* $(,)? })? { $($field:ident),* $(,)? }
+        $(fixed { $($fixed:ident),* $(,)? })?
+    ) => {
+        impl<F: $crate::Real> $crate::Module<F> for $name<F> {
+            $crate::impl_module!(@body F [$($(($list, $by))*)?] [$($field)*] [$($($fixed)*)?]);
+        }
+    };
+    (
+        $name:ident : $real:ty $(, lists { $($list:ident: $by:expr),* $(,)? })? { $($field:ident),* $(,)? }
+        $(fixed { $($fixed:ident),* $(,)? })?
+    ) => {
+        impl $crate::Module<$real> for $name {
+            $crate::impl_module!(@body $real [$($(($list, $by))*)?] [$($field)*] [$($($fixed)*)?]);
+        }
+    };
+    (@body $real:ty [$(($list:ident, $by:expr))*] [$($field:ident)*] [$($fixed:ident)*]) => {
         fn visit(&self, path: &str, visitor: &mut dyn $crate::Visitor<$real>) {
-            let Self { $($field,)* $($fixed: _,)* } = self;
+            let Self { $($list,)* $($field,)* $($fixed: _,)* } = self;
             let _ = (path, &visitor);
+            $(for (i, module) in $list.iter().enumerate() {
+                $crate::Module::<$real>::visit(module, &$crate::join_path(path, AsRef::<str>::as_ref(&$by(i))), visitor);
+            })*
             $($crate::Module::<$real>::visit(
                 $field, &$crate::join_path(path, stringify!($field)), visitor,
             );)*
         }
 
         fn visit_mut(&mut self, path: &str, visitor: &mut dyn $crate::VisitorMut<$real>) {
-            let Self { $($field,)* $($fixed: _,)* } = self;
+            let Self { $($list,)* $($field,)* $($fixed: _,)* } = self;
             let _ = (path, &visitor);
+            $(for (i, module) in $list.iter_mut().enumerate() {
+                $crate::Module::<$real>::visit_mut(module, &$crate::join_path(path, AsRef::<str>::as_ref(&$by(i))), visitor);
+            })*
             $($crate::Module::<$real>::visit_mut(
                 $field, &$crate::join_path(path, stringify!($field)), visitor,
             );)*

@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use datasets::r2n2::R2n2;
-use datasets::{Dataset, ReadOptions, View, read_views};
+use datasets::{Dataset, Layout, ReadOptions, View, read_views};
 use mesh_core::{Camera, TriMesh, primitives, read_mesh};
 use synth::generate::{
     CameraSet, GenerateConfig, GenerateError, Generated, Model, Normalize, OutputLayout, generate,
@@ -204,7 +204,7 @@ fn kaolin_views_come_back() {
         let folder = place.path().join(&info.category).join(&info.name);
         let options = ReadOptions { depth: true, ..ReadOptions::default() };
         let read = read_views(&folder, &options, &|_, _| {}).unwrap();
-        assert!(read.is_kaolin() && read.len() == 3);
+        assert_eq!((read.layout, read.len()), (Layout::KaolinFolder, 3));
         for (view, camera) in read.views.iter().zip(r2n2_cameras(info)) {
             assert_same_camera(&view.camera, &camera);
         }

@@ -15,7 +15,7 @@ use crate::formats::npy;
 use crate::options::{MaskSource, ReadOptions};
 use crate::read::{Pending, Reading};
 use crate::source::{Opened, Source};
-use crate::view::{Layout, View, Views};
+use crate::view::{Layout, View};
 
 const COLOR: &str = "_rgb.png";
 const MASK: &str = "_semantic.npy";
@@ -214,11 +214,4 @@ fn write_view(view: &View, stem: &Path) -> Result<(), WriteViewsError> {
         put(&file("_depth.exr"), &encode_depth(depth))?;
     }
     put(&metadata_path, metadata.to_string().as_bytes())
-}
-
-impl Views {
-    /// Whether the views came from kaolin's layout.
-    pub fn is_kaolin(&self) -> bool {
-        matches!(self.layout, Layout::KaolinFolder | Layout::KaolinZip)
-    }
 }

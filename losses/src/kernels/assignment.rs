@@ -19,13 +19,6 @@ pub enum Assignment {
     },
 }
 
-impl Assignment {
-    /// Exact up to 2,048 points, by auction within 1 % beyond.
-    pub fn for_count(points: usize) -> Self {
-        if points <= 2048 { Self::Exact } else { Self::Auction { excess: 0.01 } }
-    }
-}
-
 /// For each point of `a` its partner in `b`; each of `b` is the partner of one. Distances are not squared.
 ///
 /// # Panics

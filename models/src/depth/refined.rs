@@ -8,6 +8,7 @@ use diff_raster::Scratch;
 use mesh_core::TriMesh;
 use ndarray::{Array3, arr0};
 use nets::{Init, MeshRefinementHead, NormKind};
+use recon::scene::scene_of;
 use train::{
     DataError, Draw, LossError, Metric, PredictError, Shown, Source, StepInfo, Summary, System,
     Terms,
@@ -373,7 +374,10 @@ impl<B: MeshInit> System for Refined<B> {
     }
 
     fn show(&self, data: &Scenes) -> Result<Shown, DataError> {
-        self.shown(data)
+        let (_, scene) = data.trial(1, 0)?;
+        let (mesh, _) = self.mesh_of(&scene);
+        let mesh = scene.depth_targets.frame.mesh_in_world(mesh);
+        Ok(Shown { views: self.gallery(data)?, scene: Some(scene_of(&mesh)) })
     }
 
     fn couples_samples(&self) -> bool {

@@ -3,9 +3,8 @@
 use losses::metrics::{DepthError, Preset, depth_error, evaluate, point_distances};
 use mesh_core::{DepthMap, Image, TriMesh};
 use rayon::prelude::*;
-use recon::scene::scene_of;
 use train::report::ViewPair;
-use train::{DataError, Metric, Shown};
+use train::{DataError, Metric};
 
 use super::depth_targets::rendered;
 use super::mesh_init::MeshInit;
@@ -152,13 +151,6 @@ impl<B: MeshInit> Refined<B> {
             Ok(picture_above(&scene.picture, &frame.mesh_in_world(mesh), caption))
         };
         (0..shown).map(one).collect()
-    }
-
-    pub(super) fn shown(&self, data: &Scenes) -> Result<Shown, DataError> {
-        let (_, scene) = data.trial(1, 0)?;
-        let (mesh, _) = self.mesh_of(&scene);
-        let mesh = scene.depth_targets.frame.mesh_in_world(mesh);
-        Ok(Shown { views: self.gallery(data)?, scene: Some(scene_of(&mesh)) })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use autodiff_lite::{Module, Var, Visitor, VisitorMut};
+use autodiff_lite::{Var, impl_module};
 use mesh_core::primitives::icosphere;
 use ndarray::Array3;
 use nets::Init;
@@ -26,10 +26,7 @@ pub struct Sphere {
 }
 
 // There is nothing to train.
-impl Module<f32> for Sphere {
-    fn visit(&self, _: &str, _: &mut dyn Visitor<f32>) {}
-    fn visit_mut(&mut self, _: &str, _: &mut dyn VisitorMut<f32>) {}
-}
+impl_module!(Sphere: f32 {} fixed { shapes, positions, radius, subdivide });
 
 impl MeshInit for Sphere {
     const NAME: &'static str = "depth-pixel2mesh";

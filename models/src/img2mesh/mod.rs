@@ -34,7 +34,7 @@ mod tests;
 
 use std::sync::Arc;
 
-use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut};
+use autodiff_lite::{Tape, Var, impl_module};
 use datasets::View;
 use mesh_core::TriMesh;
 use rand::{RngExt, SeedableRng};
@@ -64,15 +64,7 @@ pub struct Img2Mesh {
     features: FeatureCache,
 }
 
-impl Module<f32> for Img2Mesh {
-    fn visit(&self, path: &str, visitor: &mut dyn Visitor<f32>) {
-        self.model.visit(path, visitor);
-    }
-
-    fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<f32>) {
-        self.model.visit_mut(path, visitor);
-    }
-}
+impl_module!(Img2Mesh: f32 = model);
 
 impl Img2Mesh {
     /// Meshes of `n` objects from all given views, object by object, each as many.
@@ -120,18 +112,6 @@ impl Img2Mesh {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(at.step);
         rng.random_range(1..=self.config.views)
-    }
-
-    /// Scores on what is held out, as [`System::evaluate`], with another number of views given.
-    ///
-    /// # Errors
-    /// If a file cannot be read.
-    ///
-    /// # Panics
-    /// If `views` is 0.
-    pub fn evaluate_with(&self, data: &Data, views: usize) -> Result<Vec<Metric>, DataError> {
-        assert!(views > 0, "evaluate_with: a mesh takes a view at least");
-        self.score(data, views)
     }
 }
 
@@ -246,7 +226,7 @@ impl System for Img2Mesh {
     }
 
     fn evaluate(&self, data: &Data) -> Result<Vec<Metric>, DataError> {
-        self.score(data, self.config.views)
+        self.evaluate_with(data, self.config.views)
     }
 
     fn show(&self, data: &Data) -> Result<Shown, DataError> {

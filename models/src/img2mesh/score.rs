@@ -35,9 +35,15 @@ struct Surface {
 }
 
 impl Img2Mesh {
-    /// Mean scores over all groups of what is held out, each with `views` views given. The cameras
-    /// scored are not those given, unless there are no others.
-    pub(super) fn score(&self, data: &Data, views: usize) -> Result<Vec<Metric>, DataError> {
+    /// Mean scores over all groups of what is held out, each with `views` views given. The cameras scored are not those given, unless there are no others.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    ///
+    /// # Panics
+    /// If `views` is 0.
+    pub fn evaluate_with(&self, data: &Data, views: usize) -> Result<Vec<Metric>, DataError> {
+        assert!(views > 0, "evaluate_with: a mesh takes a view at least");
         let scores: Vec<Result<Score, DataError>> = (0..data.trials(views))
             .into_par_iter()
             .map(|k| Ok(self.score_group(&data.trial(&self.config, views, k)?)))

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use autodiff_lite::Param;
+use autodiff_lite::{Module, Param};
 use datasets::{Catalog, Dataset, Entry, Layout, ReadOptions, ReadViewsError, Subset, Views};
 use mesh_core::primitives::icosphere;
 use synth::{Orbit, RenderOptions, render_views};

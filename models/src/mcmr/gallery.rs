@@ -1,10 +1,8 @@
 //! What there is to show: predictions, and the mean shapes.
 
-use autodiff_lite::Tape;
 use mesh_core::{ByteImage, Camera, TriMesh};
-use recon::scene::scene_of;
+use train::DataError;
 use train::report::ViewPair;
-use train::{DataError, Shown};
 
 use super::data::Data;
 use super::prediction::{pose_of, row};
@@ -82,12 +80,5 @@ impl Mcmr {
     fn bytes(&self, data: Vec<u8>) -> ByteImage {
         let side = self.config.image_size;
         ByteImage { height: side, width: side, channels: 3, data }
-    }
-
-    pub(super) fn shown(&self, data: &Data) -> Result<Shown, DataError> {
-        let sample = data.photo(data.held()[0])?.plain(&self.config);
-        let tape = Tape::eval();
-        let mesh = self.mesh_of(&self.predicted(&tape, &[&sample]), 0);
-        Ok(Shown { views: self.gallery_of_shapes(data)?, scene: Some(scene_of(&mesh)) })
     }
 }

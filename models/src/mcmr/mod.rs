@@ -48,10 +48,11 @@ mod texture;
 
 use std::sync::Arc;
 
-use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut};
+use autodiff_lite::{Tape, Var, impl_module};
 use datasets::View;
 use mesh_core::cotangent_laplacian;
 use nets::LoadWeights;
+use recon::scene::scene_of;
 use train::{
     DataError, Draw, LossError, Metric, OptimizerState, PredictError, Shown, Source, StepInfo,
     Summary, System, Terms,
@@ -85,15 +86,7 @@ pub struct Mcmr {
     renderer: TexturedRenderer,
 }
 
-impl Module<f32> for Mcmr {
-    fn visit(&self, path: &str, visitor: &mut dyn Visitor<f32>) {
-        self.model.visit(path, visitor);
-    }
-
-    fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<f32>) {
-        self.model.visit_mut(path, visitor);
-    }
-}
+impl_module!(Mcmr: f32 = model);
 
 impl Mcmr {
     /// The options.
@@ -290,7 +283,10 @@ impl System for Mcmr {
     }
 
     fn show(&self, data: &Data) -> Result<Shown, DataError> {
-        self.shown(data)
+        let sample = data.photo(data.held()[0])?.plain(&self.config);
+        let tape = Tape::eval();
+        let mesh = self.mesh_of(&self.predicted(&tape, &[&sample]), 0);
+        Ok(Shown { views: self.gallery_of_shapes(data)?, scene: Some(scene_of(&mesh)) })
     }
 
     fn rates(&self) -> Vec<(String, f64)> {

@@ -5,7 +5,7 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use autodiff_lite::Param;
+use autodiff_lite::{Module, Param};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use train::{Configuration, Event, Job, Outcome, Provenance, RunFolder, train};

@@ -2,9 +2,8 @@
 
 use ode_deform::solve::Stats;
 use rayon::prelude::*;
-use recon::scene::scene_of;
 use train::report::ViewPair;
-use train::{DataError, Metric, Shown};
+use train::{DataError, Metric};
 
 use super::deformer::Deformer;
 use super::single_view::SingleView;
@@ -87,12 +86,5 @@ impl<D: Deformer> SingleView<D> {
             Ok(picture_above(&pair.picture, &mesh, caption))
         };
         (0..shown).map(one).collect()
-    }
-
-    pub(super) fn shown(&self, data: &Pairs) -> Result<Shown, DataError> {
-        let (_, pair) = data.trial(1, 0)?;
-        let (mesh, _) = self.mesh_of(&pair.picture).unwrap_or_default();
-        let mesh = pair.picture.frame.mesh_in_world(mesh);
-        Ok(Shown { views: self.gallery(data)?, scene: Some(scene_of(&mesh)) })
     }
 }

@@ -6,6 +6,7 @@ use losses::{Directions, Matches};
 use mesh_core::TriMesh;
 use nets::{Init, Pixel2MeshEncoder};
 use ode_deform::solve::{SolveError, Stats};
+use recon::scene::scene_of;
 use train::{
     DataError, Draw, LossError, Metric, PredictError, Shown, Source, StepInfo, Summary, System,
     Terms,
@@ -313,7 +314,10 @@ impl<D: Deformer> System for SingleView<D> {
     }
 
     fn show(&self, data: &Pairs) -> Result<Shown, DataError> {
-        self.shown(data)
+        let (_, pair) = data.trial(1, 0)?;
+        let (mesh, _) = self.mesh_of(&pair.picture).unwrap_or_default();
+        let mesh = pair.picture.frame.mesh_in_world(mesh);
+        Ok(Shown { views: self.gallery(data)?, scene: Some(scene_of(&mesh)) })
     }
 
     /// The mesh in the world of the camera, from the first view.

@@ -1,8 +1,6 @@
 //! From a small map to an image, by residual blocks and up-sampling.
 
-use autodiff_lite::{
-    Activation, ConvGeometry, Module, Real, Var, Visitor, VisitorMut, impl_module, join_path,
-};
+use autodiff_lite::{Activation, ConvGeometry, Real, Var, impl_module};
 
 use crate::{Conv2d, Init};
 
@@ -100,21 +98,7 @@ pub struct ImageDecoder<F: Real = f32> {
     pub six_steps: bool,
 }
 
-impl<F: Real> Module<F> for ImageDecoder<F> {
-    fn visit(&self, path: &str, visitor: &mut dyn Visitor<F>) {
-        for ((name, ..), block) in BLOCKS.iter().zip(&self.blocks) {
-            block.visit(&join_path(path, name), visitor);
-        }
-        self.conv_img.visit(&join_path(path, "conv_img"), visitor);
-    }
-
-    fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<F>) {
-        for ((name, ..), block) in BLOCKS.iter().zip(&mut self.blocks) {
-            block.visit_mut(&join_path(path, name), visitor);
-        }
-        self.conv_img.visit_mut(&join_path(path, "conv_img"), visitor);
-    }
-}
+impl_module!(ImageDecoder lists { blocks: |i: usize| BLOCKS[i].0 } { conv_img } fixed { six_steps });
 
 impl<F: Real> ImageDecoder<F> {
     /// The width of the published one: maps of 256 channels in, 16 before the image.
@@ -151,8 +135,8 @@ impl<F: Real> ImageDecoder<F> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use autodiff_lite::Tape;
     use autodiff_lite::testkit::{Options, check, function};
+    use autodiff_lite::{Module, Tape};
     use ndarray::Array4;
 
     use super::*;

@@ -1,6 +1,6 @@
 //! From a feature map to the occupancy of cells.
 
-use autodiff_lite::{Activation, ConvGeometry, Module, Real, Var, Visitor, VisitorMut, join_path};
+use autodiff_lite::{Activation, ConvGeometry, Real, Var, impl_module};
 
 use crate::{Conv2d, ConvTranspose2d, FanMode, Init, Nonlinearity};
 
@@ -89,31 +89,12 @@ fn name(k: usize) -> String {
     format!("voxel_fcn{}", k + 1)
 }
 
-// By hand, for the names of the convolutions have their number in them.
-impl<F: Real> Module<F> for VoxelHead<F> {
-    fn visit(&self, path: &str, visitor: &mut dyn Visitor<F>) {
-        let Self { voxel_fcns, deconv, predictor } = self;
-        for (k, conv) in voxel_fcns.iter().enumerate() {
-            conv.visit(&join_path(path, &name(k)), visitor);
-        }
-        deconv.visit(&join_path(path, "deconv"), visitor);
-        predictor.visit(&join_path(path, "predictor"), visitor);
-    }
-
-    fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<F>) {
-        let Self { voxel_fcns, deconv, predictor } = self;
-        for (k, conv) in voxel_fcns.iter_mut().enumerate() {
-            conv.visit_mut(&join_path(path, &name(k)), visitor);
-        }
-        deconv.visit_mut(&join_path(path, "deconv"), visitor);
-        predictor.visit_mut(&join_path(path, "predictor"), visitor);
-    }
-}
+impl_module!(VoxelHead lists { voxel_fcns: name } { deconv, predictor });
 
 #[cfg(test)]
 mod tests {
-    use autodiff_lite::Tape;
     use autodiff_lite::testkit::{Options, assert_gradients, function};
+    use autodiff_lite::{Module, Tape};
     use ndarray::Array4;
 
     use super::*;

@@ -1,6 +1,6 @@
 //! A network over points that knows what they belong to.
 
-use autodiff_lite::{Activation, Module, Real, Shapes, Var, Visitor, VisitorMut, join_path};
+use autodiff_lite::{Activation, Module, Real, Var, Visitor, VisitorMut, join_path};
 
 use crate::{Dropout, Init, Linear, WeightNormLinear};
 
@@ -126,13 +126,10 @@ impl<F: Real> PointMlp<F> {
     /// `code [N, D]` and `points [N, V, P]` to `[N, V, outputs]`.
     #[track_caller]
     pub fn forward<'t>(&self, code: Var<'t, F>, points: Var<'t, F>) -> Var<'t, F> {
-        let mut shapes = Shapes::of("PointMlp").at(code.tape().path());
-        let check = shapes
-            .axes("code", &code.shape(), ["N", "D"])
-            .and_then(|_| shapes.axes("points", &points.shape(), ["N", "V", "P"]));
-        if let Err(error) = check {
-            error.panic();
-        }
+        code.tape().check("PointMlp", |shapes| {
+            shapes.axes("code", &code.shape(), ["N", "D"])?;
+            shapes.axes("points", &points.shape(), ["N", "V", "P"])
+        });
         let (first, others) = self.hidden.split_first().expect("`new` wants a hidden layer");
         let mut h = self.dropout.forward(conditioned(first, None, code, points));
         for (i, layer) in others.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! What LPIPS knows beside its network.
 
-use autodiff_lite::{Module, Param, Real, Var, Visitor, VisitorMut, join_path};
+use autodiff_lite::{Param, Real, Var, impl_module};
 
 use crate::Init;
 
@@ -19,19 +19,7 @@ pub struct LpipsWeights<F: Real = f32> {
     pub lin: [Param<F>; 5],
 }
 
-impl<F: Real> Module<F> for LpipsWeights<F> {
-    fn visit(&self, path: &str, visitor: &mut dyn Visitor<F>) {
-        for (i, lin) in self.lin.iter().enumerate() {
-            lin.visit(&join_path(path, &name(i)), visitor);
-        }
-    }
-
-    fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<F>) {
-        for (i, lin) in self.lin.iter_mut().enumerate() {
-            lin.visit_mut(&join_path(path, &name(i)), visitor);
-        }
-    }
-}
+impl_module!(LpipsWeights lists { lin: name } {});
 
 fn name(i: usize) -> String {
     format!("lin{i}.model.1.weight")
@@ -66,7 +54,7 @@ impl<F: Real> LpipsWeights<F> {
 
 #[cfg(test)]
 mod tests {
-    use autodiff_lite::Tape;
+    use autodiff_lite::{Module, Tape};
     use ndarray::Array4;
 
     use super::*;

@@ -2,7 +2,7 @@
 
 mod mixed;
 
-use autodiff_lite::{Module, PoolGeometry, Real, Var, Visitor, VisitorMut, join_path};
+use autodiff_lite::{PoolGeometry, Real, Var, impl_module};
 
 pub use mixed::{Branch, ConvNormRelu, Mixed, MixedPool};
 use mixed::{half, one, same};
@@ -60,25 +60,7 @@ const MIXED: [&str; 11] = [
     "Mixed_7a", "Mixed_7b", "Mixed_7c",
 ];
 
-impl<F: Real> Module<F> for InceptionV3<F> {
-    fn visit(&self, path: &str, visitor: &mut dyn Visitor<F>) {
-        for (name, layer) in STEM.iter().zip(&self.stem) {
-            layer.visit(&join_path(path, name), visitor);
-        }
-        for (name, block) in MIXED.iter().zip(&self.mixed) {
-            block.visit(&join_path(path, name), visitor);
-        }
-    }
-
-    fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<F>) {
-        for (name, layer) in STEM.iter().zip(&mut self.stem) {
-            layer.visit_mut(&join_path(path, name), visitor);
-        }
-        for (name, block) in MIXED.iter().zip(&mut self.mixed) {
-            block.visit_mut(&join_path(path, name), visitor);
-        }
-    }
-}
+impl_module!(InceptionV3 lists { stem: |i: usize| STEM[i], mixed: |i: usize| MIXED[i] } {});
 
 impl<F: Real> InceptionV3<F> {
     /// Features of an image.
