@@ -122,7 +122,7 @@ pub(crate) struct Demo {
 #[command(after_help = "VIEWS is one of
   a folder or zip of kaolin's synthetic views (0_rgb.png, 0_semantic.npy, 0_metadata.json, ..)
   a transforms.json of NeRF, instant-ngp or nerfstudio, or a folder that holds one
-  a COLMAP project with undistorted images (sparse/0, images), or photographs with a cameras.json
+  a COLMAP project (sparse/0, images), or photographs with a cameras.json or projection matrices
   photographs from a turntable (--turntable), a BOP scene, or a dataset of many (--object)
 
 Every fifth view (4, 9, 14, ..) is kept out of the fit and scores the result; --set hold-out=none
@@ -197,7 +197,7 @@ Examples:
   unsphere render mesh.ply -o front.png --size 1024 --light studio
   unsphere render mesh.ply -o again --cameras rendered_clock.zip --depth")]
 pub(crate) struct Render {
-    /// The mesh: .obj, .ply or .glb.
+    /// The mesh: .obj, .ply, .glb or .stl.
     pub(crate) mesh: PathBuf,
     /// A .gif, a .png, or a folder.
     #[arg(long, short, value_name = "PATH", value_parser = output::picture())]
@@ -243,7 +243,7 @@ Examples:
   unsphere metrics mesh.ply truth.obj --preset meshrcnn --preset occnet --json"
 )]
 pub(crate) struct Metrics {
-    /// The mesh to judge: .obj, .ply or .glb.
+    /// The mesh to judge: .obj, .ply, .glb or .stl.
     pub(crate) prediction: PathBuf,
     /// The true mesh.
     pub(crate) truth: PathBuf,
@@ -267,7 +267,7 @@ Examples:
 )]
 #[command(arg_required_else_help = true)]
 pub(crate) struct Check {
-    /// A mesh: .obj, .ply or .glb.
+    /// A mesh: .obj, .ply, .glb or .stl.
     pub(crate) mesh: Option<PathBuf>,
     /// Also look for faces that run through each other.
     #[arg(long, requires = "mesh")]

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 /// What is said where nothing was recognised: every layout by the files that give it away.
 const LOOKED_FOR: &str = "0_rgb.png with 0_metadata.json (kaolin's views), transforms.json \
     or transforms_{train,val,test}.json, cameras.json (photographs), <name>_par.txt (Middlebury), \
-    cameras and images as .bin or .txt in sparse/0, sparse or here (COLMAP), each in a folder or a \
-    zip; scene_camera.json in the folders of scenes (BOP); rendering/rendering_metadata.txt (R2N2); \
+    cameras_sphere.npz or cameras.npz (NeuS), projections.txt or txt (projection matrices), cameras \
+    and images as .bin or .txt in sparse/0, sparse or here (COLMAP), each in a folder or a zip; \
+    scene_camera.json in the folders of scenes (BOP); rendering/rendering_metadata.txt (R2N2); \
     .dat (Pixel2Mesh); pix3d.json; Annotations (Pascal3D+); CMR's cache for CUB; annotations/*.yaml \
     (MCMR); for pictures from a turntable say so (--turntable)";
 
@@ -90,6 +91,14 @@ pub enum ViewsProblem {
         field: String,
         /// What is wrong with it.
         source: mesh_core::CameraError,
+    },
+    /// A lens shows the object where no pinhole can.
+    #[error("field `{field}`: {source}")]
+    OffAxis {
+        /// The field that says what lens it is.
+        field: String,
+        /// Where the object is.
+        source: crate::undistort::OffAxisError,
     },
     /// No view shows the object.
     #[error("the masks of all {views} views are empty: {remedy}")]

@@ -90,6 +90,7 @@ mod options;
 mod read;
 mod source;
 mod split;
+mod undistort;
 mod validate;
 mod view;
 
@@ -114,5 +115,6 @@ pub use mask::{mask_from_alpha, mask_from_backdrop};
 pub use open::{choose, open, open_with, read_views};
 pub use options::{MaskSource, OnInconsistent, ReadOptions, Turntable};
 pub use split::{Split, is_held_out, split, split_objects};
+pub use undistort::OffAxisError;
 pub use validate::{Fault, Validation, validate};
 pub use view::{Layout, View, Views};

@@ -45,14 +45,15 @@ pub enum Layout {
     KaolinZip,
     /// **`transforms.json`** of NeRF, instant-ngp and nerfstudio: one file, or those of
     /// `transforms_{train,val,test}.json` that are there; in a folder or a zip. What a frame says wins over the top
-    /// level; extensions may be missing; masks are alpha, `mask_path` or `masks/<stem>.png`. Lenses with distortion
-    /// are refused: undistort the images first.
+    /// level; extensions may be missing; masks are alpha, `mask_path` or `masks/<stem>.png`. Distortion is undone:
+    /// `k1 k2 k3 k4 p1 p2`, of a fisheye where `camera_model` or `is_fisheye` says so.
     Transforms,
     /// **ShapeNet with 3D-R2N2's renderings**: see [`r2n2`](crate::r2n2).
     R2n2,
     /// **COLMAP** ([`Colmap`](crate::Colmap)): cameras and images, `.bin` before `.txt`, in `sparse/0`, `sparse` or
-    /// the folder itself; images in `images`; models `SIMPLE_PINHOLE` and `PINHOLE`; masks are alpha,
-    /// `masks/<image>.png` as COLMAP has them, or `masks/<stem>.png`; dense depth maps where asked.
+    /// the folder itself; images in `images`; distortion is undone (all camera models but `FOV` and
+    /// `THIN_PRISM_FISHEYE`); masks are alpha, `masks/<image>.png` as COLMAP has them, or `masks/<stem>.png`; dense
+    /// depth maps where asked.
     /// [`Colmap::points`](crate::Colmap::points) are the sparse points. A folder or a zip.
     Colmap,
     /// **BOP** ([`Bop`](crate::Bop)): a scene, a split or a dataset; objects by `obj_id`, in the frame of their
@@ -61,9 +62,14 @@ pub enum Layout {
     /// **Photographs with `cameras.json`** ([`write_photos`](crate::write_photos) has its form): any camera can be
     /// said. A folder or a zip.
     Photos,
-    /// **Middlebury's multi-view stereo**: photographs with a `<name>_par.txt`; no skew. Masks are alpha,
+    /// **Middlebury's multi-view stereo**: photographs with a `<name>_par.txt`. Masks are alpha,
     /// `masks/<stem>.png`, or the black backdrop ([`Backdrop`](crate::MaskSource::Backdrop)). A folder or a zip.
     Middlebury,
+    /// **Photographs with projection matrices**: `cameras_sphere.npz` or `cameras.npz` of IDR and NeuS; twelve numbers
+    /// each in `projections.txt`, or in `txt/<stem>.txt` as PMVS has them; cells `P` in a `.mat` file. Images in
+    /// `image`, `images`, `visualize` or beside it, masks in `mask` or `masks`. A small skew is undone; matrices of a
+    /// projective frame are refused. A folder or a zip.
+    Projections,
     /// **Photographs from a turntable** ([`Turntable`](crate::Turntable)): no cameras at all.
     Turntable,
     /// **Pixel2Mesh's samples**, and its ellipsoid: see [`pixel2mesh`](crate::pixel2mesh).
@@ -94,6 +100,7 @@ impl std::fmt::Display for Layout {
             Self::Bop => "BOP scene",
             Self::Photos => "photographs with cameras.json",
             Self::Middlebury => "Middlebury multi-view stereo",
+            Self::Projections => "projection matrices",
             Self::Turntable => "turntable photographs",
             Self::Pixel2Mesh => "Pixel2Mesh .dat",
             Self::Pix3d => "Pix3D",

@@ -85,8 +85,8 @@ pub mod vector;
 mod voxel;
 
 pub use camera::{
-    Camera, CameraError, CameraVolume, ColmapCamera, KaolinCamera, Lens, OpenCvCamera, Projected,
-    Pytorch3dCamera, R2n2View, Ray, WeakPerspective,
+    Camera, CameraError, CameraVolume, ColmapCamera, Distortion, KaolinCamera, Lens, OpenCvCamera,
+    Projected, Pytorch3dCamera, R2n2View, Ray, WeakPerspective,
 };
 pub use closest::{Closest, ClosestPoint};
 pub use csr::Csr;

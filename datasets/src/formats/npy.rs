@@ -4,16 +4,16 @@ use std::io::Write;
 
 use pickle::{Dtype, row_major};
 
-/// An array read from a `.npy` file, converted to `f32`, row-major.
+/// An array read from a `.npy` file, row-major, its numbers converted to one type.
 ///
-/// Labels, masks and depths all fit: integers above 2^24 lose their last digits, which none of
-/// them needs.
+/// In `f32` labels, masks and depths all fit: integers above 2^24 lose their last digits, which none
+/// of them needs.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct NpyArray {
+pub(crate) struct NpyArray<T = f32> {
     /// Lengths of the axes.
     pub(crate) shape: Vec<usize>,
     /// As many values as the product of the axes.
-    pub(crate) data: Vec<f32>,
+    pub(crate) data: Vec<T>,
 }
 
 /// Why an array could not be read: the field of the header, what it says, what it may say.
@@ -38,7 +38,15 @@ fn error(field: &'static str, found: impl Into<String>, expected: impl Into<Stri
 /// header that claims terabytes costs nothing.
 pub(crate) fn read(bytes: &[u8], shapes: &[&[usize]]) -> Result<NpyArray, NpyError> {
     let expected = || shapes.iter().map(|s| format!("{s:?}")).collect::<Vec<_>>().join(" or ");
-    read_if(bytes, |shape| shapes.contains(&shape), expected)
+    read_if(bytes, |shape| shapes.contains(&shape), expected, |number| number as f32)
+}
+
+/// Reads a matrix of four columns and three rows, or of four, of which the last
+/// is not looked at.
+pub(crate) fn read_matrix(bytes: &[u8]) -> Result<[[f64; 4]; 3], NpyError> {
+    let accepts = |shape: &[usize]| matches!(shape, [3 | 4, 4]);
+    let array = read_if(bytes, accepts, || "(3, 4) or (4, 4)".to_owned(), |number| number)?;
+    Ok(std::array::from_fn(|i| std::array::from_fn(|k| array.data[4 * i + k])))
 }
 
 /// Reads one number a pixel, of any size: `[H, W]`, or that with axes of one before or after it.
@@ -48,17 +56,18 @@ pub(crate) fn read_image(bytes: &[u8]) -> Result<([usize; 2], Vec<f32>), NpyErro
         _ => None,
     };
     let expected = || "(H, W), (H, W, 1), (1, H, W) or (1, 1, H, W)".to_owned();
-    let array = read_if(bytes, |shape| size(shape).is_some(), expected)?;
+    let array = read_if(bytes, |shape| size(shape).is_some(), expected, |number| number as f32)?;
     let size = size(&array.shape).expect("a shape that was just accepted");
     Ok((size, array.data))
 }
 
 /// Reads an array whose axes are accepted; what would have been is `expected`.
-fn read_if(
+fn read_if<T: Copy>(
     bytes: &[u8],
     accepts: impl Fn(&[usize]) -> bool,
     expected: impl Fn() -> String,
-) -> Result<NpyArray, NpyError> {
+    convert: impl Fn(f64) -> T,
+) -> Result<NpyArray<T>, NpyError> {
     let magic = "\\x93NUMPY and a version";
     if bytes.len() < 10 || &bytes[..6] != MAGIC {
         return Err(error("magic", "other bytes", magic));
@@ -96,7 +105,7 @@ fn read_if(
         let wanted = format!("{wanted} ({shape_text} of {descr})");
         return Err(error("data, in bytes", data.len().to_string(), wanted));
     }
-    let values: Vec<f32> = data.chunks_exact(kind.size()).map(|b| kind.number(b) as f32).collect();
+    let values: Vec<T> = data.chunks_exact(kind.size()).map(|b| convert(kind.number(b))).collect();
     let data = if fortran { row_major(&values, &shape) } else { values };
     Ok(NpyArray { shape, data })
 }

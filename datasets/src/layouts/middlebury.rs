@@ -13,13 +13,14 @@
 
 use std::path::Path;
 
-use mesh_core::Camera;
+use mesh_core::{Camera, Distortion};
 
 use crate::assemble::{MASK_EXTENSIONS, assemble, mask_file, read_picture, without_extension};
 use crate::error::ReadViewsError;
 use crate::options::ReadOptions;
 use crate::read::Reading;
 use crate::source::{Opened, Source};
+use crate::undistort::straightened;
 use crate::view::{Layout, View};
 
 /// How names of parameter files end.
@@ -96,18 +97,26 @@ impl Shot {
         Ok(Self { image, numbers, field })
     }
 
-    fn camera(&self, width: usize, height: usize, file: &Path) -> Result<Camera, ReadViewsError> {
-        let rows = |from: usize| -> [[f64; 3]; 3] {
-            std::array::from_fn(|i| std::array::from_fn(|k| self.numbers[from + 3 * i + k]))
-        };
-        let (mut intrinsics, rotation) = (rows(0), rows(9));
-        // From the middle of the first pixel to its corner.
-        intrinsics[0][2] += 0.5;
-        intrinsics[1][2] += 0.5;
-        let translation = [18, 19, 20].map(|k| self.numbers[k]);
-        let camera = Camera::from_opencv(rotation, translation, intrinsics, width, height);
-        let camera = camera.and_then(|camera| camera.validate().map(|()| camera));
-        camera.map_err(ReadViewsError::camera(file, format!("{}, camera", self.field)))
+    /// The camera, and the skew of its pixels where they have one.
+    fn camera(
+        &self,
+        width: usize,
+        height: usize,
+        file: &Path,
+    ) -> Result<(Camera, Option<Distortion>), ReadViewsError> {
+        let number = |row: usize, column: usize| self.numbers[3 * row + column];
+        // P = K [R | t], from the corner of the first pixel instead of its middle.
+        let pose = |k: usize, c: usize| if c < 3 { number(3 + k, c) } else { number(6, k) };
+        let intrinsic =
+            |i: usize, k: usize| number(i, k) + if i < 2 { 0.5 * number(2, k) } else { 0.0 };
+        let p = std::array::from_fn(|i| {
+            std::array::from_fn(|c| (0..3).map(|k| intrinsic(i, k) * pose(k, c)).sum())
+        });
+        let camera = Camera::from_projection_matrix(p, width, height);
+        let valid = |(camera, skew): (Camera, _)| camera.validate().map(|()| (camera, skew));
+        camera
+            .and_then(valid)
+            .map_err(ReadViewsError::camera(file, format!("{}, camera", self.field)))
     }
 
     fn read(
@@ -117,11 +126,12 @@ impl Shot {
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
         let picture = read_picture(opened, &self.image, "image")?;
-        let camera = self.camera(picture.image.width, picture.image.height, file)?;
+        let (camera, skew) = self.camera(picture.image.width, picture.image.height, file)?;
         let stem = without_extension(&self.image);
         let masks = MASK_EXTENSIONS.map(|end| format!("masks/{stem}.{end}"));
         let mask = mask_file(opened, &masks, options)?;
-        assemble(stem.to_owned(), picture, mask, camera, None, options)
+        let view = assemble(stem.to_owned(), picture, mask, camera, None, options)?;
+        straightened(view, skew.as_ref(), file, &format!("{}, camera", self.field))
     }
 }
 
@@ -156,12 +166,14 @@ mod tests {
         let camera = &views.views[0].camera;
         // A point right of and below the axis (y is down here), 4 away: 20 x 0.5 / 4 = 2.5 pixels from the middle.
         let at = camera.project([0.5, 0.25, 0.0]);
-        assert_eq!([at.column, at.row, at.depth], [8.0 + 2.5, 6.0 + 1.25, 4.0]);
+        let expected = [8.0 + 2.5, 6.0 + 1.25, 4.0];
+        let found = [at.column, at.row, at.depth];
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");
     }
 
     #[test]
     fn what_is_wrong_is_named_by_its_line() {
-        let skewed = LINE.replacen("20 0 7.5", "20 1 7.5", 1);
+        let skewed = LINE.replacen("20 0 7.5", "20 4 7.5", 1);
         for (text, words) in [
             ("many\n".to_owned(), "line 1"),
             (format!("2\n{LINE}\n"), "1 lines with cameras"),

@@ -12,6 +12,7 @@ pub(crate) mod pascal3d;
 pub(crate) mod photos;
 pub(crate) mod pix3d;
 pub mod pixel2mesh;
+pub(crate) mod projections;
 pub mod r2n2;
 pub(crate) mod single;
 pub(crate) mod transforms;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::dataset::{Catalog, Dataset, Entry};
 use crate::error::{ReadViewsError, ViewsProblem};
-use crate::layouts::{bop, colmap, kaolin, middlebury, photos, transforms, turntable};
+use crate::layouts::{bop, colmap, kaolin, middlebury, photos, projections, transforms, turntable};
 use crate::options::{MaskSource, ReadOptions, Turntable};
 use crate::read::{Reading, read_chosen};
 use crate::source::Source;
@@ -32,6 +32,7 @@ enum Kind {
     Photos,
     /// The file of cameras.
     Middlebury(String),
+    Projections(projections::Matrices),
     Turntable(Turntable),
 }
 
@@ -168,10 +169,10 @@ fn recognise(
     if let Some(file) = middlebury::parameters(&names) {
         return Ok(Some(Kind::Middlebury(file)));
     }
-    match colmap::recognises(source) {
-        Some(found) => Ok(Some(Kind::Colmap(colmap::Project::read(source, found)?))),
-        None => Ok(None),
+    if let Some(found) = colmap::recognises(source) {
+        return Ok(Some(Kind::Colmap(colmap::Project::read(source, found)?)));
     }
+    Ok(projections::recognises(source, &names).map(Kind::Projections))
 }
 
 fn list<'a>(
@@ -185,6 +186,7 @@ fn list<'a>(
         Kind::Colmap(project) => project.list(source, options),
         Kind::Photos => photos::list(source, options),
         Kind::Middlebury(file) => middlebury::list(source, options, file),
+        Kind::Projections(matrices) => projections::list(source, options, matrices),
         Kind::Turntable(table) => turntable::list(source, options, *table),
     }
 }

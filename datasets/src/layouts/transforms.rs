@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use mesh_core::{Camera, Lens};
+use mesh_core::{Camera, Distortion, Lens};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -15,6 +15,7 @@ use crate::formats::json::{Node, parse};
 use crate::options::ReadOptions;
 use crate::read::Reading;
 use crate::source::{Opened, Source};
+use crate::undistort::{Lenses, straightened};
 use crate::view::{Layout, View};
 
 /// The one file of instant-ngp and nerfstudio, or the three of NeRF-synthetic.
@@ -24,8 +25,6 @@ const SPLITS: [&str; 3] = ["transforms_train.json", "transforms_val.json", "tran
 const JSON_BYTES: u64 = 1 << 28;
 /// What `file_path` may leave away.
 const EXTENSIONS: [&str; 6] = ["", ".png", ".jpg", ".jpeg", ".PNG", ".JPG"];
-/// Every coefficient of lens distortion that nerfstudio writes.
-const DISTORTION: [&str; 6] = ["k1", "k2", "k3", "k4", "p1", "p2"];
 
 /// The files of poses among names: the whole one, or those of the split that are there.
 pub(crate) fn files_among(names: &[String]) -> Vec<String> {
@@ -43,6 +42,7 @@ pub(crate) fn list<'a>(
 ) -> Result<Reading<'a>, ReadViewsError> {
     let mut opened = source.open()?;
     let mut reading = Reading::new(Layout::Transforms, "transform_matrix");
+    let mut lenses = Lenses::default();
     for file in files {
         let path = source.locate(file);
         let value = parse(&opened.read(file, "poses", JSON_BYTES)?, &path)?;
@@ -50,11 +50,15 @@ pub(crate) fn list<'a>(
         for node in root.need("frames")?.elements()? {
             let frame = Frame::new(&root, &node)?;
             let (name, image) = (frame.name.clone(), frame.image_in(source));
+            if let Some(distortion) = frame.distortion.filter(|_| image.is_ok()) {
+                lenses.count(distortion.to_string());
+            }
             reading.add(&name, image, options, move |image, opened| {
                 frame.read(opened, image, options)
             })?;
         }
     }
+    reading.warnings.extend(lenses.sentence());
     Ok(reading)
 }
 
@@ -71,6 +75,7 @@ struct Frame {
     pose: [[f64; 4]; 4],
     focal: Focal,
     principal: [Option<f64>; 2],
+    distortion: Option<Distortion>,
     /// The size that the intrinsics are for.
     size: [Option<usize>; 2],
 }
@@ -84,24 +89,41 @@ enum Focal {
     Angle(f64, Option<f64>),
 }
 
+/// How a frame's lens bends rays, by nerfstudio's fields or instant-ngp's.
+fn distortion<'n>(
+    field: &impl Fn(&str) -> Option<Node<'n>>,
+) -> Result<Option<Distortion>, ReadViewsError> {
+    let coefficient = |key: &str| field(key).map_or(Ok(0.0), |node| node.number());
+    let [k1, k2, k3, k4] = ["k1", "k2", "k3", "k4"].map(coefficient);
+    let k = [k1?, k2?, k3?, k4?];
+    let brown = Distortion::BrownConrady {
+        numerator: k,
+        denominator: [0.0; 3],
+        tangential: [coefficient("p1")?, coefficient("p2")?],
+    };
+    let model = field("camera_model");
+    let is_fisheye = field("is_fisheye").map_or(Ok(false), |node| node.flag())?;
+    let name = model.as_ref().map(Node::text).transpose()?.map(str::to_uppercase);
+    let distortion = match name.as_deref() {
+        Some("OPENCV_FISHEYE") => Distortion::KannalaBrandt { k },
+        None if is_fisheye => Distortion::KannalaBrandt { k },
+        None
+        | Some(
+            "OPENCV" | "PERSPECTIVE" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL",
+        ) => brown,
+        Some(_) => {
+            let expected = "OPENCV, OPENCV_FISHEYE, PERSPECTIVE, PINHOLE or SIMPLE_PINHOLE";
+            return Err(model.expect("it has a name").wrong(expected));
+        }
+    };
+    Ok((!distortion.is_none()).then_some(distortion))
+}
+
 impl Frame {
     fn new(root: &Node<'_>, frame: &Node<'_>) -> Result<Self, ReadViewsError> {
         // A frame's own value wins over that of the whole file.
         let field = |key: &str| frame.get(key).or_else(|| root.get(key));
-        for key in DISTORTION {
-            if let Some(node) = field(key)
-                && node.number()? != 0.0
-            {
-                return Err(node
-                    .wrong("0: undistort the images first (COLMAP: `colmap image_undistorter`)"));
-            }
-        }
-        if let Some(model) = field("camera_model") {
-            let known = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"];
-            if !known.contains(&model.text()?.to_uppercase().as_str()) {
-                return Err(model.wrong("OPENCV or PINHOLE without distortion"));
-            }
-        }
+        let distortion = distortion(&field)?;
         let positive = |key: &str| field(key).map(|node| node.positive()).transpose();
         let angle = |key: &str| -> Result<Option<f64>, ReadViewsError> {
             let Some(node) = field(key) else { return Ok(None) };
@@ -146,6 +168,7 @@ impl Frame {
             pose: frame.need("transform_matrix")?.matrix()?,
             focal,
             principal: [number("cx")?, number("cy")?],
+            distortion,
             size: [pixels("w")?, pixels("h")?],
             image,
         })
@@ -196,7 +219,9 @@ impl Frame {
             None => None,
         };
         let depth = depth::read(opened, self.depth.as_slice(), &picture.image, options)?;
-        assemble(self.name.clone(), picture, mask, camera, depth, options)
+        let view = assemble(self.name.clone(), picture, mask, camera, depth, options)?;
+        let field = format!("{}: k1, k2, ..", self.field);
+        straightened(view, self.distortion.as_ref(), &self.file, &field)
     }
 
     /// The camera for an image of this size.

@@ -2,7 +2,7 @@
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use super::{Camera, CameraError, OpenCvCamera};
+use super::{Camera, CameraError, Distortion, OpenCvCamera};
 
 /// A pose and a `PINHOLE` model as COLMAP's text files hold them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,13 +38,15 @@ pub(super) fn quaternion_of(rotation: [[f64; 3]; 3]) -> [f64; 4] {
 }
 
 impl Camera {
-    /// From a line of COLMAP's `images.txt` and one of `cameras.txt`.
+    /// From a line of COLMAP's `images.txt` and one of `cameras.txt`, without distortion.
     ///
     /// `quaternion` is (w, x, y, z), world to camera. `model` is the name of the camera model:
-    /// `SIMPLE_PINHOLE` (f, cx, cy) or `PINHOLE` (fx, fy, cx, cy).
+    /// `SIMPLE_PINHOLE` (f, cx, cy), `PINHOLE` (fx, fy, cx, cy), or another one whose coefficients
+    /// are all zero. For one that bends rays see [`Distortion::from_colmap`].
     ///
     /// # Errors
-    /// `Model` for a model with distortion, `ParameterCount` for too few or too many numbers.
+    /// `Model` for an unknown model, `Distorted` for one that bends rays, `ParameterCount` for too few or
+    /// too many numbers.
     pub fn from_colmap(
         quaternion: [f64; 4],
         translation: [f64; 3],
@@ -53,18 +55,29 @@ impl Camera {
         width: usize,
         height: usize,
     ) -> Result<Self, CameraError> {
-        let wrong = |model, expected| {
-            Err(CameraError::ParameterCount { model, expected, found: params.len() })
-        };
-        let [fx, fy, cx, cy] = match (model, params) {
-            ("SIMPLE_PINHOLE", &[f, cx, cy]) => [f, f, cx, cy],
-            ("PINHOLE", &[fx, fy, cx, cy]) => [fx, fy, cx, cy],
-            ("SIMPLE_PINHOLE", _) => return wrong("SIMPLE_PINHOLE", 3),
-            ("PINHOLE", _) => return wrong("PINHOLE", 4),
-            _ => return Err(CameraError::Model { found: model.to_owned() }),
-        };
+        match Self::from_colmap_distorted(quaternion, translation, model, params, width, height)? {
+            (camera, None) => Ok(camera),
+            (_, Some(_)) => Err(CameraError::Distorted { model: model.to_owned() }),
+        }
+    }
+
+    /// The same, and how its lens bends rays where it does: the camera is the pinhole in whose
+    /// pixels [`Distortion`] is stated.
+    ///
+    /// # Errors
+    /// As [`Distortion::from_colmap`].
+    pub fn from_colmap_distorted(
+        quaternion: [f64; 4],
+        translation: [f64; 3],
+        model: &str,
+        params: &[f64],
+        width: usize,
+        height: usize,
+    ) -> Result<(Self, Option<Distortion>), CameraError> {
+        let ([fx, fy, cx, cy], distortion) = Distortion::from_colmap(model, params)?;
         let k = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]];
-        Self::from_opencv(rotation_of(quaternion), translation, k, width, height)
+        let camera = Self::from_opencv(rotation_of(quaternion), translation, k, width, height)?;
+        Ok((camera, distortion))
     }
 
     /// The same camera as COLMAP's quaternion, translation and `PINHOLE` parameters.

@@ -45,14 +45,21 @@ pub enum CameraError {
         /// Its determinant.
         determinant: f64,
     },
-    /// A camera model with distortion, or one that does not exist.
+    /// A camera model that is not known.
     #[error(
-        "camera model: found {found:?}, expected PINHOLE or SIMPLE_PINHOLE; undistort the images \
-         first (COLMAP: `image_undistorter`)"
+        "camera model: found {found:?}, expected one of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, \
+         FULL_OPENCV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, OPENCV_FISHEYE; undistort the images of others \
+         (COLMAP: `image_undistorter`)"
     )]
     Model {
         /// The model's name.
         found: String,
+    },
+    /// A lens that bends rays, where a pinhole is needed.
+    #[error("camera model: {model} bends rays here, expected a pinhole; undistort the image")]
+    Distorted {
+        /// The model's name.
+        model: String,
     },
     /// A model with the wrong number of parameters.
     #[error("camera params: found {found} numbers, {model} has {expected}")]

@@ -5,17 +5,20 @@
 //! the centre.
 
 mod colmap;
+mod distortion;
 mod error;
 mod kaolin;
 mod opencv;
 mod opengl;
 mod project;
+mod projection_matrix;
 mod pytorch3d;
 mod r2n2;
 mod volume;
 mod weak_perspective;
 
 pub use colmap::ColmapCamera;
+pub use distortion::Distortion;
 pub use error::CameraError;
 pub use kaolin::KaolinCamera;
 pub use opencv::OpenCvCamera;
@@ -42,6 +45,7 @@ use nalgebra::{Matrix3, Vector3};
 /// | PyTorch3D, CO3D | left, up, +z | world to camera, rows: `p R + T` | [`Camera::from_pytorch3d_ndc`], [`_screen`](Camera::from_pytorch3d_screen) |
 /// | kaolin | right, up, -z | world to camera, rows: `[p 1] M` | [`Camera::from_kaolin`] |
 /// | 3D-R2N2 renderings | right, up, -z | azimuth, elevation, distance | [`Camera::from_r2n2`] |
+/// | Middlebury, NeuS, any `P` | right, down, +z | three rows, world to pixel | [`Camera::from_projection_matrix`] |
 /// | CMR, MCMR | right, down, +z | weak perspective and quaternion | [`Camera::from_weak_perspective`] |
 ///
 /// ```

@@ -19,6 +19,7 @@ use crate::natural;
 use crate::options::ReadOptions;
 use crate::read::Reading;
 use crate::source::{Opened, Source};
+use crate::undistort::{Lenses, straightened};
 use crate::view::{Layout, View, Views};
 
 pub use model::ColmapPoint;
@@ -87,6 +88,7 @@ impl Project {
         options: &'a ReadOptions,
     ) -> Result<Reading<'a>, ReadViewsError> {
         let mut reading = Reading::new(Layout::Colmap, "QW QX QY QZ TX TY TZ");
+        let mut lenses = Lenses::default();
         for image in &self.model.images {
             let name = format!("{}{}", self.images, image.name);
             let found = source.need(&name, || {
@@ -96,10 +98,14 @@ impl Project {
                     self.file(source, "images").display()
                 )
             });
+            if let Some(lens) = self.model.distorted(image).filter(|_| found.is_ok()) {
+                lenses.count(lens);
+            }
             reading.add(&image.name, found, options, move |(), opened| {
                 self.read_view(opened, image, &name, options)
             })?;
         }
+        reading.warnings.extend(lenses.sentence());
         Ok(reading)
     }
 
@@ -112,7 +118,7 @@ impl Project {
     ) -> Result<View, ReadViewsError> {
         let source = opened.source();
         let files = [self.file(source, "cameras"), self.file(source, "images")];
-        let camera = self.model.camera(image, [&files[0], &files[1]])?;
+        let (camera, distortion) = self.model.camera(image, [&files[0], &files[1]])?;
         let picture = read_picture(opened, name, "picture")?;
         let field = format!("camera {} WIDTH, HEIGHT", image.camera);
         let camera = camera_of_size(camera, &picture, &files[0], &field)?;
@@ -123,7 +129,9 @@ impl Project {
             .collect();
         let mask = mask_file(opened, &masks, options)?;
         let depth = if options.depth { self.depth(opened, image, &picture)? } else { None };
-        assemble(stem.to_owned(), picture, mask, camera, depth, options)
+        let view = assemble(stem.to_owned(), picture, mask, camera, depth, options)?;
+        let field = format!("camera {} MODEL, {}", image.camera, image.name);
+        straightened(view, distortion.as_ref(), &files[0], &field)
     }
 
     /// COLMAP's own dense depth, where it has been computed.

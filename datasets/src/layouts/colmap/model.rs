@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use mesh_core::Camera;
+use mesh_core::{Camera, Distortion};
 
 use crate::error::ReadViewsError;
 
@@ -65,14 +65,21 @@ pub(crate) const CAMERA_MODELS: [(&str, usize); 11] = [
 ];
 
 impl Model {
-    /// The camera of an image, for the size that the model knows.
+    /// The lens of an image where it bends rays, in words.
+    pub(crate) fn distorted(&self, image: &ModelImage) -> Option<String> {
+        let camera = self.cameras.get(&image.camera)?;
+        let (_, distortion) = Distortion::from_colmap(&camera.model, &camera.params).ok()?;
+        distortion.map(|_| format!("camera {}, {}", image.camera, camera.model))
+    }
+
+    /// The camera of an image, for the size that the model knows, and how its lens bends rays.
     ///
     /// `files` are where cameras and images are written, for messages.
     pub(crate) fn camera(
         &self,
         image: &ModelImage,
         files: [&std::path::Path; 2],
-    ) -> Result<Camera, ReadViewsError> {
+    ) -> Result<(Camera, Option<Distortion>), ReadViewsError> {
         let [cameras_file, images_file] = files;
         let field = |what: &str| format!("image {} ({}) {what}", image.id, image.name);
         let Some(camera) = self.cameras.get(&image.camera) else {
@@ -80,14 +87,7 @@ impl Model {
             let expected = format!("one of the {} cameras of the model", self.cameras.len());
             return Err(ReadViewsError::field(images_file, field("CAMERA_ID"), found, expected));
         };
-        if !matches!(camera.model.as_str(), "SIMPLE_PINHOLE" | "PINHOLE") {
-            let expected = "PINHOLE or SIMPLE_PINHOLE; undistort the pictures first: `colmap \
-                            image_undistorter --image_path IMAGES --input_path MODEL \
-                            --output_path UNDISTORTED`, then read UNDISTORTED";
-            let field = format!("camera {} MODEL", image.camera);
-            return Err(ReadViewsError::field(cameras_file, field, &camera.model, expected));
-        }
-        let whole = Camera::from_colmap(
+        let (whole, distortion) = Camera::from_colmap_distorted(
             image.quaternion,
             image.translation,
             &camera.model,
@@ -98,7 +98,7 @@ impl Model {
         .map_err(ReadViewsError::camera(cameras_file, format!("camera {} PARAMS", image.camera)))?;
         let field = field("QW to TZ, camera");
         whole.validate().map_err(ReadViewsError::camera(images_file, field))?;
-        Ok(whole)
+        Ok((whole, distortion))
     }
 }
 

@@ -1,0 +1,288 @@
+//! Photographs with a projection matrix each: `P` takes a point of the world to a pixel.
+//!
+//! | file | matrices | middle of the first pixel |
+//! |---|---|---|
+//! | `cameras_sphere.npz`, `cameras.npz` (IDR, NeuS) | `world_mat_0`, `world_mat_1`, ..; the world is the matrices' own, not the unit sphere of `scale_mat` | 0 |
+//! | `projections.txt` | twelve numbers each, by rows, over any number of lines; `#` begins a comment | 0 |
+//! | `txt/<stem>.txt` (PMVS) | `CONTOUR`, then twelve numbers | 0 |
+//! | one `.mat` file (Oxford's dinosaur) | the cells `P` | 1, as MATLAB counts |
+//!
+//! The matrices are those of the images in the natural order of their names, in `image/`, `images/`,
+//! `visualize/` or beside the file. Masks are those of `mask/` or `masks/` with the images' stems or, where
+//! there are as many as images, in the same order.
+
+use std::io::{Cursor, Read};
+use std::path::Path;
+
+use mesh_core::Camera;
+use zip::ZipArchive;
+
+use crate::assemble::{assemble, mask_file, read_picture, without_extension};
+use crate::content::Content;
+use crate::error::ReadViewsError;
+use crate::formats::mat::Mat;
+use crate::formats::npy;
+use crate::natural;
+use crate::options::ReadOptions;
+use crate::read::Reading;
+use crate::source::Source;
+use crate::undistort::{Lenses, straightened};
+use crate::view::Layout;
+
+/// Hundreds of thousands of matrices fit.
+const BYTES: u64 = 1 << 26;
+/// A matrix in an archive, with its header.
+const ENTRY_BYTES: u64 = 4096;
+/// Where images are looked for.
+const IMAGES: [&str; 4] = ["image", "images", "visualize", ""];
+/// Where masks are looked for.
+const MASKS: [&str; 2] = ["mask", "masks"];
+
+/// Where the matrices are.
+#[derive(Clone, Debug)]
+pub(crate) enum Matrices {
+    Npz(String),
+    Text(String),
+    Mat(String),
+    /// One text an image, in `txt/`.
+    Pmvs,
+}
+
+type Matrix = [[f64; 4]; 3];
+
+/// What is there, where it is of this layout.
+pub(crate) fn recognises(source: &Source, names: &[String]) -> Option<Matrices> {
+    let has = |name: &&str| names.iter().any(|found| found == *name);
+    if let Some(name) = ["cameras_sphere.npz", "cameras.npz"].into_iter().find(|name| has(name)) {
+        return Some(Matrices::Npz(name.to_owned()));
+    }
+    if has(&"projections.txt") {
+        return Some(Matrices::Text("projections.txt".to_owned()));
+    }
+    let pictures = pictures(source);
+    let stem = plain_stem(pictures.first()?);
+    if source.has(&format!("txt/{stem}.txt")) {
+        return Some(Matrices::Pmvs);
+    }
+    let mut variables =
+        names.iter().filter(|name| Path::new(name).extension().is_some_and(|end| end == "mat"));
+    let only = variables.next().filter(|_| variables.next().is_none())?;
+    Some(Matrices::Mat(only.clone()))
+}
+
+/// The views in the natural order of the images.
+pub(crate) fn list<'a>(
+    source: &'a Source,
+    options: &'a ReadOptions,
+    matrices: &Matrices,
+) -> Result<Reading<'a>, ReadViewsError> {
+    let pictures = pictures(source);
+    let masks = masks(source, &pictures);
+    let (matrices, first_pixel, places) = read(source, matrices, &pictures)?;
+    if matrices.len() != pictures.len() {
+        let found = format!("{} matrices", matrices.len());
+        let expected = format!("{}, as many as there are images", pictures.len());
+        return Err(ReadViewsError::field(&places[0].0, "matrices", found, expected));
+    }
+    // Whether a matrix is a camera's does not depend on the size of its image.
+    let mut lenses = Lenses::default();
+    for (p, (file, field)) in matrices.iter().zip(&places) {
+        let (_, skew) = Camera::from_projection_matrix(*p, 1, 1)
+            .map_err(ReadViewsError::camera(file, field.clone()))?;
+        if skew.is_some() {
+            lenses.count("skew of the pixels' axes".to_owned());
+        }
+    }
+    let mut reading = Reading::new(Layout::Projections, "projection matrices");
+    reading.warnings.extend(lenses.sentence());
+    let views = pictures.into_iter().zip(masks).zip(matrices).zip(places);
+    for (((name, masks), p), (file, field)) in views {
+        let p = from_corner(p, 0.5 - first_pixel);
+        reading.pending.push(Box::new(move |opened| {
+            let picture = read_picture(opened, &name, "picture")?;
+            let (width, height) = (picture.image.width, picture.image.height);
+            let (camera, skew) = Camera::from_projection_matrix(p, width, height)
+                .and_then(|(camera, skew)| camera.validate().map(|()| (camera, skew)))
+                .map_err(ReadViewsError::camera(&file, field.clone()))?;
+            let mask = mask_file(opened, &masks, options)?;
+            let view =
+                assemble(plain_stem(&name).to_owned(), picture, mask, camera, None, options)?;
+            straightened(view, skew.as_ref(), &file, &field)
+        }));
+    }
+    Ok(reading)
+}
+
+/// The matrix for pixels that are all moved by `offset` along both axes.
+fn from_corner(mut p: Matrix, offset: f64) -> Matrix {
+    for k in 0..4 {
+        p[0][k] += offset * p[2][k];
+        p[1][k] += offset * p[2][k];
+    }
+    p
+}
+
+/// A file's name without its folders and its extension.
+fn plain_stem(name: &str) -> &str {
+    let stem = without_extension(name);
+    stem.rsplit('/').next().unwrap_or(stem)
+}
+
+/// The images of the first folder that has any.
+fn pictures(source: &Source) -> Vec<String> {
+    IMAGES
+        .iter()
+        .map(|folder| images_in(source, folder))
+        .find(|found| !found.is_empty())
+        .unwrap_or_default()
+}
+
+fn images_in(source: &Source, folder: &str) -> Vec<String> {
+    let is_picture = |name: &String| {
+        let end = name.rsplit_once('.').map_or("", |(_, end)| end);
+        ["png", "jpg", "jpeg"].iter().any(|known| end.eq_ignore_ascii_case(known))
+    };
+    let names = match folder {
+        "" => source.root_names().unwrap_or_default(),
+        _ => source.names_in(folder).into_iter().map(|name| format!("{folder}/{name}")).collect(),
+    };
+    let mut names: Vec<String> = names.into_iter().filter(is_picture).collect();
+    names.sort_by(|a, b| natural::compare(a, b));
+    names
+}
+
+/// For each image the masks that may be its own.
+fn masks(source: &Source, pictures: &[String]) -> Vec<Vec<String>> {
+    let found = MASKS.map(|folder| images_in(source, folder)).into_iter().find(|f| !f.is_empty());
+    let found = found.unwrap_or_default();
+    let same = |picture: &String| found.iter().find(|mask| plain_stem(mask) == plain_stem(picture));
+    let by_name: Vec<Option<&String>> = pictures.iter().map(same).collect();
+    let in_order = by_name.iter().all(Option::is_none) && found.len() == pictures.len();
+    let of = |k: usize| if in_order { found.get(k) } else { by_name[k] };
+    (0..pictures.len()).map(|k| of(k).into_iter().cloned().collect()).collect()
+}
+
+/// A file, and where in it a matrix stands.
+type Place = (std::path::PathBuf, String);
+
+/// The matrices, the coordinate of the middle of the first pixel, and where each was found.
+fn read(
+    source: &Source,
+    matrices: &Matrices,
+    pictures: &[String],
+) -> Result<(Vec<Matrix>, f64, Vec<Place>), ReadViewsError> {
+    let mut opened = source.open()?;
+    let (first_pixel, found) = match matrices {
+        Matrices::Npz(name) => {
+            let path = source.locate(name);
+            (0.0, world_matrices(&opened.read(name, "cameras", BYTES)?, &path)?)
+        }
+        Matrices::Text(name) => {
+            let path = source.locate(name);
+            (0.0, text(&opened.read(name, "cameras", BYTES)?, &path)?)
+        }
+        Matrices::Mat(name) => {
+            let path = source.locate(name);
+            (1.0, cells(&opened.read(name, "cameras", BYTES)?, &path)?)
+        }
+        Matrices::Pmvs => {
+            let mut all = Vec::with_capacity(pictures.len());
+            for picture in pictures {
+                let name = format!("txt/{}.txt", plain_stem(picture));
+                let path = source.locate(&name);
+                match text(&opened.read(&name, "camera", ENTRY_BYTES)?, &path)?.as_slice() {
+                    [one] => all.push(one.clone()),
+                    many => {
+                        let found = format!("{} matrices", many.len());
+                        return Err(ReadViewsError::field(path, "matrix", found, "one"));
+                    }
+                }
+            }
+            (0.0, all)
+        }
+    };
+    if found.is_empty() {
+        let expected = "at least one matrix";
+        return Err(ReadViewsError::field(&source.path, "matrices", "none", expected));
+    }
+    let (matrices, places) = found.into_iter().unzip();
+    Ok((matrices, first_pixel, places))
+}
+
+/// `world_mat_0` and those that follow.
+fn world_matrices(content: &Content, path: &Path) -> Result<Vec<(Matrix, Place)>, ReadViewsError> {
+    let fails = |error: zip::result::ZipError| ReadViewsError::new(path, error);
+    let mut archive = ZipArchive::new(Cursor::new(&content[..])).map_err(fails)?;
+    let mut all = Vec::new();
+    loop {
+        let field = format!("world_mat_{}", all.len());
+        let entry = match archive.by_name(&format!("{field}.npy")) {
+            Ok(entry) => entry,
+            Err(zip::result::ZipError::FileNotFound) => break,
+            Err(error) => return Err(fails(error)),
+        };
+        let mut bytes = Vec::new();
+        let read = entry.take(ENTRY_BYTES).read_to_end(&mut bytes);
+        read.map_err(|error| ReadViewsError::new(path, error))?;
+        let p = npy::read_matrix(&bytes).map_err(|error| {
+            ReadViewsError::field(
+                path,
+                format!("{field}, {}", error.field),
+                error.found,
+                error.expected,
+            )
+        })?;
+        all.push((p, (path.to_owned(), field)));
+    }
+    Ok(all)
+}
+
+/// Twelve numbers each.
+fn text(content: &Content, path: &Path) -> Result<Vec<(Matrix, Place)>, ReadViewsError> {
+    let text = content.text(64, path)?;
+    let lines = text.lines().enumerate().map(|(k, line)| (k, line.split('#').next().unwrap_or("")));
+    let (mut all, mut numbers, mut begun) = (Vec::new(), Vec::with_capacity(12), 0);
+    for (index, line) in lines {
+        for word in line.split_whitespace().filter(|word| *word != "CONTOUR") {
+            if numbers.is_empty() {
+                begun = index + 1;
+            }
+            let Ok(number) = word.parse::<f64>() else {
+                let field = format!("line {}", index + 1);
+                let expected = "numbers: twelve for each matrix, by rows";
+                return Err(ReadViewsError::field(path, field, word, expected));
+            };
+            numbers.push(number);
+            if numbers.len() == 12 {
+                let p = std::array::from_fn(|i| std::array::from_fn(|k| numbers[4 * i + k]));
+                all.push((p, (path.to_owned(), format!("matrix of line {begun}"))));
+                numbers.clear();
+            }
+        }
+    }
+    if !numbers.is_empty() {
+        let found = format!("{} numbers", numbers.len());
+        return Err(ReadViewsError::field(
+            path,
+            format!("matrix of line {begun}"),
+            found,
+            "twelve",
+        ));
+    }
+    Ok(all)
+}
+
+/// The cells of the variable `P`.
+fn cells(content: &Content, path: &Path) -> Result<Vec<(Matrix, Place)>, ReadViewsError> {
+    let mat = Mat::read(content, path)?;
+    let cells = mat.need("P", path)?.elements()?;
+    let matrix = |(k, cell): (usize, crate::formats::mat::Node<'_>)| {
+        let (array, rows, columns) = cell.table()?;
+        if (rows, columns) != (3, 4) {
+            return Err(cell.found(format!("{rows}x{columns}"), "3x4 numbers"));
+        }
+        let p = std::array::from_fn(|i| std::array::from_fn(|k| array.at(3 * k + i)));
+        Ok((p, (path.to_owned(), format!("P{{{}}}", k + 1))))
+    };
+    cells.into_iter().enumerate().map(matrix).collect()
+}
