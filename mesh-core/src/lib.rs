@@ -111,7 +111,7 @@ pub use mesh::{MeshError, Texture, TriMesh};
 pub use nalgebra;
 pub use normals::{face_areas, face_normals, vertex_normals};
 pub use remesh::{
-    ImproveOptions, Improvement, RemeshError, RemeshOptions, Remeshed, improve, remesh,
+    ImproveOptions, Improvement, RemeshError, RemeshOptions, Remeshed, improve, remesh, simplify,
 };
 pub use sample::{SurfacePoint, sample_points, sample_surface};
 pub use subdivide::{Subdivision, subdivide};

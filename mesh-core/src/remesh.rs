@@ -4,8 +4,10 @@ mod error;
 mod improve;
 mod isotropic;
 mod shape;
+mod simplify;
 mod surface;
 
 pub use error::RemeshError;
 pub use improve::{ImproveOptions, Improvement, improve};
 pub use isotropic::{RemeshOptions, Remeshed, remesh};
+pub use simplify::simplify;

@@ -5,9 +5,9 @@ use std::collections::BinaryHeap;
 
 use super::error::RemeshError;
 use super::improve::{ImproveOptions, flip_sweep, keeps_facing, relax_sweep};
-use super::shape::smallest_angle;
+use super::shape::keeps_shape;
 use super::surface::{Surface, next, previous};
-use crate::vector::{Vec3, add, area_vector, dot, narrow, norm, scale, sub, widen};
+use crate::vector::{Vec3, add, narrow, norm, scale, sub, widen};
 use crate::{ClosestPoint, SurfacePoint, TriMesh};
 
 /// What [`remesh`] aims at.
@@ -89,7 +89,16 @@ pub fn remesh(mesh: &TriMesh, options: &RemeshOptions) -> Result<Remeshed, Remes
             }
         }
     }
+    Ok(on_surface(&surface, &positions, mesh, &old))
+}
 
+/// What is left of a surface, its vertices at these places, and where on the old mesh they are.
+pub(super) fn on_surface(
+    surface: &Surface,
+    positions: &[Vec3],
+    mesh: &TriMesh,
+    old: &ClosestPoint,
+) -> Remeshed {
     let (faces, numbers) = surface.compact();
     let kept = positions.iter().zip(&numbers).filter(|(_, number)| number.is_some());
     let mut result = TriMesh::new(kept.map(|(&p, _)| narrow(p)).collect(), faces);
@@ -102,7 +111,7 @@ pub fn remesh(mesh: &TriMesh, options: &RemeshOptions) -> Result<Remeshed, Remes
         .colors
         .as_ref()
         .map(|colors| sources.iter().map(|point| point.interpolate(mesh, colors)).collect());
-    Ok(Remeshed { mesh: result, sources })
+    Remeshed { mesh: result, sources }
 }
 
 /// Halves every edge longer than `longest`, also those that halving makes; the longest one first,
@@ -167,19 +176,12 @@ fn fits(
     at: Vec3,
     longest: f64,
 ) -> bool {
-    surface.fan(vertex).all(|corner| {
-        let ends = [next(corner), previous(corner)].map(|corner| surface.vertex(corner));
-        if ends.contains(&other) {
-            return true;
-        }
-        let [b, c] = ends.map(|v| positions[v as usize]);
-        let (before, after) =
-            (area_vector([positions[vertex as usize], b, c]), area_vector([at, b, c]));
-        let old = smallest_angle([positions[vertex as usize], b, c]);
-        norm(sub(b, at)) <= longest
-            && dot(before, after) > 0.5 * norm(before) * norm(after)
-            && smallest_angle([at, b, c]) >= old.min(0.2)
-    })
+    let short = |corner: u32| {
+        let [b, c] = [next(corner), previous(corner)].map(|corner| surface.vertex(corner));
+        b == other || c == other || norm(sub(positions[b as usize], at)) <= longest
+    };
+    surface.fan(vertex).all(short)
+        && keeps_shape(surface, positions, [vertex, other], at, [0.5, 0.2])
 }
 
 #[cfg(test)]
