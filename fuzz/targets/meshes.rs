@@ -1,6 +1,6 @@
 //! Meshes and voxels.
 
-use mesh_core::io::{binvox, glb, obj, off, ply};
+use mesh_core::io::{binvox, glb, obj, off, ply, stl};
 use mesh_core::{ByteImage, Image, Texture, TriMesh, VoxelGrid, encode_png, primitives};
 
 use super::scratch::{packed, unpacked, with_files};
@@ -92,6 +92,19 @@ pub(crate) fn off_seeds() -> Vec<Vec<u8>> {
         b"OFF\n# a square\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n3 0 1 2\n4 0 1 3 2 255 0 0\n"
             .to_vec(),
     ]
+}
+
+pub(crate) fn stl(bytes: &[u8]) {
+    if let Ok(mesh) = stl::decode(bytes, "a.stl") {
+        used(&mesh);
+    }
+}
+
+pub(crate) fn stl_seeds() -> Vec<Vec<u8>> {
+    let text = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n\
+                endfacet\nendsolid a\n";
+    let cube = stl::encode(&mesh_core::primitives::cuboid([1.0; 3]));
+    [Ok(text.into()), cube].into_iter().flatten().collect()
 }
 
 pub(crate) fn binvox(bytes: &[u8]) {

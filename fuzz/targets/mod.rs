@@ -30,6 +30,7 @@ pub(crate) static TARGETS: &[Target] = &[
     Target { name: "ply", run: meshes::ply, seeds: meshes::ply_seeds, images: false },
     Target { name: "glb", run: meshes::glb, seeds: meshes::glb_seeds, images: true },
     Target { name: "off", run: meshes::off, seeds: meshes::off_seeds, images: false },
+    Target { name: "stl", run: meshes::stl, seeds: meshes::stl_seeds, images: false },
     Target { name: "binvox", run: meshes::binvox, seeds: meshes::binvox_seeds, images: false },
     Target { name: "png", run: pictures::picture, seeds: pictures::png_seeds, images: true },
     Target { name: "jpeg", run: pictures::picture, seeds: pictures::jpeg_seeds, images: true },

@@ -6,7 +6,7 @@ mod samples;
 
 use damage::{change, damaged};
 use mesh_core::TriMesh;
-use mesh_core::io::{ReadMeshError, glb, obj, off, ply, write_mesh};
+use mesh_core::io::{ReadMeshError, glb, obj, off, ply, stl, write_mesh};
 use proptest::prelude::*;
 
 /// What the formats trip over.
@@ -59,6 +59,13 @@ proptest! {
     fn off(changes in prop::collection::vec(change(WORDS), 0..5)) {
         let text = b"COFF\n4 2 0\n0 0 0 1\n1 0 0 1\n1 1 0 0\n0 1 0 0\n4 0 1 2 3\n3 0 2 1\n";
         holds(off::decode(&damaged(text.to_vec(), &changes), "fuzz.off"));
+    }
+
+    #[test]
+    fn stl(text: bool, changes in prop::collection::vec(change(WORDS), 0..5)) {
+        let facet = b"solid a\nfacet\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
+        let bytes = if text { facet.to_vec() } else { stl::encode(&samples::colored()).unwrap() };
+        holds(stl::decode(&damaged(bytes, &changes), "fuzz.stl"));
     }
 
     #[test]

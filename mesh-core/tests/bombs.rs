@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use common::glb_of;
 use counting::{alone, peak};
-use mesh_core::io::{ReadMeshError, binvox, glb, obj, off, ply};
+use mesh_core::io::{ReadMeshError, binvox, glb, obj, off, ply, stl};
 use mesh_core::{
     ImageError, Limits, Remark, TriMesh, decode_depth, decode_image, decode_image_with, decode_pfm,
 };
@@ -339,6 +339,9 @@ fn dense() -> Vec<(&'static str, Vec<u8>)> {
         ("obj", b"usemtl \xff".iter().copied().chain(vec![0xff; 2_000_000]).collect()),
         ("off", repeated("OFF 250000 0\n", "0 0 0 1\n", "")),
         ("off", repeated("OFF 3 1\n0 0 0\n1 0 0\n0 1 0\n1000000", " 1 2", "")),
+        ("stl", repeated("solid\n", "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n", "")),
+        ("stl", repeated("solid\n", "\u{fffd}\n", "")),
+        ("stl", distinct_triangles(40_000)),
         (
             "ply",
             with(
@@ -387,6 +390,20 @@ fn dense() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
+/// A binary STL file of which no two corners are at the same place.
+fn distinct_triangles(count: u32) -> Vec<u8> {
+    let mut bytes = vec![0; 80];
+    bytes.extend_from_slice(&count.to_le_bytes());
+    for triangle in 0..count {
+        bytes.extend_from_slice(&[0; 12]);
+        (0..9).for_each(|k| {
+            bytes.extend_from_slice(&(9.0 * triangle as f32 + k as f32).to_le_bytes());
+        });
+        bytes.extend_from_slice(&[0; 2]);
+    }
+    bytes
+}
+
 fn decode(format: &str, bytes: &[u8], limits: &Limits) -> Result<usize, ReadMeshError> {
     let mut remarks = Vec::new();
     let faces = |mesh: TriMesh| mesh.faces.len();
@@ -395,6 +412,7 @@ fn decode(format: &str, bytes: &[u8], limits: &Limits) -> Result<usize, ReadMesh
         "off" => off::decode_with(bytes, "a", limits, &mut remarks).map(faces),
         "ply" => ply::decode_with(bytes, "a", limits, &mut remarks).map(faces),
         "glb" => glb::decode_with(bytes, "a", limits, &mut remarks).map(faces),
+        "stl" => stl::decode_with(bytes, "a", limits, &mut remarks).map(faces),
         _ => binvox::decode_with(bytes, "a", limits).map(|grid| grid.count()),
     }
 }

@@ -66,7 +66,7 @@ pub(crate) struct Generate {
     /// Objects of each kind [default: 20].
     #[arg(long, value_name = "N")]
     pub(crate) objects: Option<usize>,
-    /// This mesh instead: .obj, .ply or .glb; colours and texture are kept.
+    /// This mesh instead: .obj, .ply, .glb or .stl; colours and texture are kept.
     #[arg(long, value_name = "MESH", conflicts_with_all = ["families", "objects"])]
     pub(crate) from: Option<PathBuf>,
     /// What size that mesh is brought to.

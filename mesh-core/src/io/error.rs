@@ -17,7 +17,7 @@ pub enum ReadMeshError {
         source: std::io::Error,
     },
     /// The name's ending says none of the formats.
-    #[error("{}: found extension {found:?}, expected .obj, .ply, .glb or .off", path.display())]
+    #[error("{}: found extension {found:?}, expected .obj, .ply, .glb, .off or .stl", path.display())]
     Extension {
         /// The file.
         path: PathBuf,
@@ -149,7 +149,7 @@ pub enum WriteError {
         source: std::io::Error,
     },
     /// The name's ending says none of the formats.
-    #[error("{}: found extension {found:?}, expected .obj, .ply or .glb", path.display())]
+    #[error("{}: found extension {found:?}, expected .obj, .ply, .glb or .stl", path.display())]
     Extension {
         /// The file.
         path: PathBuf,

@@ -1,10 +1,11 @@
-//! Mesh files: OBJ, PLY and GLB in and out, each written whole or not at all; voxels as binvox.
+//! Mesh files: OBJ, PLY, GLB and STL in and out, each written whole or not at all; voxels as binvox.
 //!
 //! | format | geometry | colours | texture |
 //! |---|---|---|---|
 //! | OBJ | text, polygons on reading | sRGB after each `v` | MTL and a PNG beside it |
 //! | PLY | binary or ASCII | sRGB bytes | read (`TextureFile`); written as vertex colours |
 //! | GLB | binary, node transforms on reading | linear floats | PNG inside |
+//! | STL | binary; text on reading | - | - |
 //! | OFF | text, polygons; only read | passed over | - |
 //!
 //! Colours in memory are sRGB. Where a mesh has both colours and a texture, OBJ keeps both, GLB
@@ -27,6 +28,7 @@ pub mod off;
 mod open;
 pub mod ply;
 mod remark;
+pub mod stl;
 
 use std::path::Path;
 
@@ -37,7 +39,8 @@ pub use remark::{NotRead, Remark};
 
 use crate::{Limits, TriMesh};
 
-/// Reads a mesh; the file's extension says which format it is: `.obj`, `.ply`, `.glb` or `.off`.
+/// Reads a mesh; the file's extension says which format it is: `.obj`, `.ply`, `.glb`, `.off` or
+/// `.stl`.
 ///
 /// # Errors
 /// Another extension, a file that cannot be read, one that is not as its format says, or one that needs
@@ -61,6 +64,7 @@ pub fn read_mesh_with(
         "ply" => ply::read_with(path, limits, remarks),
         "glb" => glb::read_with(path, limits, remarks),
         "off" => off::read_with(path, limits, remarks),
+        "stl" => stl::read_with(path, limits, remarks),
         found => Err(ReadMeshError::Extension { path: path.to_owned(), found: found.to_owned() }),
     }
 }
@@ -76,6 +80,7 @@ pub fn write_mesh(path: impl AsRef<Path>, mesh: &TriMesh) -> Result<(), WriteErr
         "obj" => obj::write(path, mesh),
         "ply" => ply::write(path, mesh, ply::Encoding::Binary),
         "glb" => glb::write(path, mesh),
+        "stl" => stl::write(path, mesh),
         found => Err(WriteError::Extension { path: path.to_owned(), found: found.to_owned() }),
     }
 }
