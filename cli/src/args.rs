@@ -1,5 +1,6 @@
 //! The command line: what can be said, and the help that teaches it.
 
+mod convert;
 mod data;
 mod dataset;
 mod depth;
@@ -15,6 +16,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+pub(crate) use convert::ConvertMesh;
 pub(crate) use data::{Data, DataVerb, DepthKind, Generate};
 pub(crate) use dataset::{Convert, Inspect, Validate, WrittenLayout};
 pub(crate) use depth::Depth;
@@ -42,6 +44,7 @@ use values::{LIGHTS, Light, degrees, hex_color, one_of};
   unsphere predict img2mesh few/ -c run -o mesh  a mesh of a few views, without fitting
   unsphere metrics clock/mesh.ply truth.obj      compare two meshes
   unsphere check clock/mesh.ply                  is it closed, is it printable?
+  unsphere convert clock/mesh.glb -o clock.stl   another format, another size, fewer triangles
   unsphere data inspect scan/                    do its cameras and masks agree?
 
 Exit codes: 0 done, 1 failure, 2 wrong usage, 3 bad input data, 130 stopped by Ctrl-C.")]
@@ -84,6 +87,8 @@ pub(crate) enum Command {
     Predict(Predict),
     /// Draw a mesh: from the cameras of views, or on a turntable.
     Render(Render),
+    /// Write a mesh in another format, simplified or to a size, for a printer for one.
+    Convert(ConvertMesh),
     /// Compare two meshes by the published protocols.
     Metrics(Metrics),
     /// Examine a mesh, views, or a configuration, before work is spent on them.

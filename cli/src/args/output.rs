@@ -66,6 +66,14 @@ pub(crate) fn folder() -> impl TypedValueParser<Value = PathBuf> {
     })
 }
 
+/// The name of a mesh file.
+pub(crate) fn mesh() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| match ending(&path).as_deref() {
+        Some("glb" | "obj" | "ply" | "stl") => Ok(path),
+        _ => Err("a mesh is written: its name ends in .glb, .obj, .ply or .stl"),
+    })
+}
+
 /// The name of a rendering.
 pub(crate) fn picture() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| Picture::of(&path).map(|_| path))

@@ -2,6 +2,7 @@
 
 pub(crate) mod check;
 mod completions;
+mod convert;
 mod data;
 mod demo;
 pub(crate) mod eval;
@@ -37,6 +38,7 @@ pub(crate) fn run(arguments: Arguments, systems: &Systems) -> Result<(), Failure
             (systems.named(&arguments.system).predict)(console, &arguments)
         }
         Command::Render(arguments) => render::run(console, &arguments),
+        Command::Convert(arguments) => convert::run(console, &arguments),
         Command::Metrics(arguments) => metrics::run(console, global, &arguments),
         Command::Check(arguments) => check::run(console, global, &arguments, systems),
         Command::Data(arguments) => data::run(console, global, &arguments),
