@@ -50,7 +50,8 @@ pub(crate) fn run(console: Console, arguments: &ConvertMesh) -> Result<(), Failu
     } else if let Some(factor) = *scale {
         mesh = mesh.scaled([factor as f32; 3]);
     }
-    let upright = up.as_deref().unwrap_or(if is("stl") { "z" } else { "y" });
+    let usual = if is("stl") { "z" } else { "y" };
+    let upright = up.as_deref().unwrap_or(usual);
     if upright == "z" {
         mesh = mesh.map_positions(|[x, y, z]| [x, -z, y]);
     }
