@@ -42,10 +42,22 @@ fn defines(line: &str, name: &str) -> bool {
             || line.starts_with(&format!("{name} = ")))
 }
 
-/// The line of a file, from 1, that a place means: of several the nearest to the one that it says.
+/// The line of a file, from 1, that a place means: of several the nearest to the one that it says. What is
+/// called `Type::name` is looked for in blocks of that type.
 fn line_of(root: &Path, place: &Place, said: usize) -> usize {
     let path = root.join(&place.path);
     let text = fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    if let Some((of, name)) = place.name.split_once("::") {
+        let mut inside = false;
+        let within = text.lines().enumerate().filter(|(_, line)| {
+            if line.starts_with("impl") {
+                inside = line.split([' ', '<', '>', '&']).any(|word| word == of);
+            }
+            inside && defines(line, name)
+        });
+        let nearest = within.map(|(k, _)| k + 1).min_by_key(|&line| line.abs_diff(said));
+        return nearest.unwrap_or_else(|| panic!("{} does not have {}", place.path, place.name));
+    }
     let lines = |found: &dyn Fn(&str) -> bool| -> Vec<usize> {
         text.lines().enumerate().filter(|(_, line)| found(line)).map(|(k, _)| k + 1).collect()
     };
