@@ -90,7 +90,7 @@ fn the_same_mesh_is_the_same_bytes() {
 #[test]
 fn a_damaged_mesh_is_not_written() {
     let folder = tempfile::tempdir().unwrap();
-    for name in ["m.obj", "m.ply", "m.glb"] {
+    for name in ["m.obj", "m.ply", "m.glb", "m.stl"] {
         let path = folder.path().join(name);
         let mut mesh = colored();
         mesh.faces[1][2] = 4;
@@ -101,8 +101,8 @@ fn a_damaged_mesh_is_not_written() {
         assert!(write_mesh(&path, &mesh).unwrap_err().to_string().contains("vertex 2"));
         assert!(!path.exists());
     }
-    assert!(write_mesh(folder.path().join("m.stl"), &colored()).is_err());
-    assert!(read_mesh(folder.path().join("m.stl")).is_err());
+    assert!(write_mesh(folder.path().join("m.3mf"), &colored()).is_err());
+    assert!(read_mesh(folder.path().join("m.3mf")).is_err());
 }
 
 // ---------------------------------------------------------------- independent readers

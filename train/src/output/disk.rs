@@ -86,7 +86,7 @@ fn replace(path: &Path, bytes: &[u8], sync: bool) -> io::Result<()> {
 
 /// Writes a file that nobody sees yet.
 fn write_new(path: &Path, bytes: &[u8], sync: bool) -> io::Result<()> {
-    super::present(remove_file(path))?;
+    present(remove_file(path))?;
     let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
     #[cfg(test)]
     note(Change::Write(path.to_owned(), bytes.to_owned()));
@@ -236,6 +236,18 @@ impl Growing {
         #[cfg(test)]
         note(Change::Cut(self.path.clone(), self.length as usize));
         Ok(())
+    }
+}
+
+/// What was looked for; none if it is not there.
+///
+/// # Errors
+/// What the system says of it otherwise.
+pub fn present<T>(found: io::Result<T>) -> io::Result<Option<T>> {
+    match found {
+        Ok(found) => Ok(Some(found)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
     }
 }
 

@@ -10,6 +10,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+pub use disk::present;
 pub use lock::{Lock, LockError};
 
 /// Why an output folder cannot be written.
@@ -286,18 +287,6 @@ pub(crate) fn write_derived_within(
     let path = folder.join(name);
     let made = disk::make_folders(disk::folder_of(&path));
     made.and_then(|()| disk::write_derived(&path, bytes)).map_err(|source| (path, source))
-}
-
-/// What was looked for; none if it is not there.
-///
-/// # Errors
-/// What the system says of it otherwise.
-pub fn present<T>(found: io::Result<T>) -> io::Result<Option<T>> {
-    match found {
-        Ok(found) => Ok(Some(found)),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(error),
-    }
 }
 
 #[cfg(test)]
