@@ -25,6 +25,29 @@ fn message(bytes: &[u8]) -> String {
 }
 
 #[test]
+fn text_of_many_rows_takes_the_time_of_its_letters() {
+    let element = |kind: u32, bytes: &[u8]| {
+        let mut out = [kind.to_le_bytes(), (bytes.len() as u32).to_le_bytes()].concat();
+        out.extend_from_slice(bytes);
+        out.resize(out.len().next_multiple_of(8), 0);
+        out
+    };
+    // By the square of the rows this took minutes.
+    let rows = 400_000_i32;
+    let parts = [
+        element(6, &[4, 0, 0, 0, 0, 0, 0, 0]),
+        element(5, &[rows.to_le_bytes(), 1_i32.to_le_bytes()].concat()),
+        element(1, b"t"),
+        element(16, &vec![b'x'; rows as usize]),
+    ];
+    let mut bytes = vec![b' '; 124];
+    bytes.extend_from_slice(&[0, 1, b'I', b'M']);
+    bytes.extend_from_slice(&element(14, &parts.concat()));
+    let mat = read(&bytes).unwrap();
+    assert_eq!(mat.need("t", file()).unwrap().text().unwrap().len(), 2 * rows as usize - 1);
+}
+
+#[test]
 fn what_scipy_wrote_is_read_in_every_form() {
     for bytes in [PLAIN, COMPRESSED, BIG_ENDIAN] {
         let mat = read(bytes).unwrap();
