@@ -7,8 +7,9 @@ use mesh_core::{ByteImage, Camera, DepthMap, decode_image_with, encode_depth, en
 
 use crate::error::{ReadViewsError, WriteViewsError};
 use crate::mask::{invert, mask_from_alpha, mask_from_backdrop};
+use crate::natural;
 use crate::options::{MaskSource, ReadOptions};
-use crate::source::Opened;
+use crate::source::{Opened, Source};
 use crate::view::View;
 
 /// No image of a view may be a larger file than this.
@@ -55,6 +56,27 @@ pub(crate) fn without_extension(name: &str) -> &str {
         Some((stem, end)) if !stem.is_empty() && !end.contains('/') => stem,
         _ => name,
     }
+}
+
+/// A file's name without its folders and its extension.
+pub(crate) fn plain_stem(name: &str) -> &str {
+    let stem = without_extension(name);
+    stem.rsplit('/').next().unwrap_or(stem)
+}
+
+/// The images of a folder, or of the root where it is called "", in the natural order of their names.
+pub(crate) fn pictures_in(source: &Source, folder: &str) -> Result<Vec<String>, ReadViewsError> {
+    let names = match folder {
+        "" => source.root_names()?,
+        _ => source.names_in(folder).into_iter().map(|name| format!("{folder}/{name}")).collect(),
+    };
+    let is_picture = |name: &String| {
+        let end = name.rsplit_once('.').map_or("", |(_, end)| end);
+        ["png", "jpg", "jpeg"].iter().any(|known| end.eq_ignore_ascii_case(known))
+    };
+    let mut names: Vec<String> = names.into_iter().filter(is_picture).collect();
+    names.sort_by(|a, b| natural::compare(a, b));
+    Ok(names)
 }
 
 /// The mask from the first of `names` that exists, where masks of files are wanted.

@@ -17,12 +17,11 @@ use std::path::Path;
 use mesh_core::Camera;
 use zip::ZipArchive;
 
-use crate::assemble::{assemble, mask_file, read_picture, without_extension};
+use crate::assemble::{assemble, mask_file, pictures_in, plain_stem, read_picture};
 use crate::content::Content;
 use crate::error::ReadViewsError;
 use crate::formats::mat::Mat;
 use crate::formats::npy;
-use crate::natural;
 use crate::options::ReadOptions;
 use crate::read::Reading;
 use crate::source::Source;
@@ -51,23 +50,27 @@ pub(crate) enum Matrices {
 type Matrix = [[f64; 4]; 3];
 
 /// What is there, where it is of this layout.
-pub(crate) fn recognises(source: &Source, names: &[String]) -> Option<Matrices> {
+pub(crate) fn recognises(
+    source: &Source,
+    names: &[String],
+) -> Result<Option<Matrices>, ReadViewsError> {
     let has = |name: &&str| names.iter().any(|found| found == *name);
     if let Some(name) = ["cameras_sphere.npz", "cameras.npz"].into_iter().find(|name| has(name)) {
-        return Some(Matrices::Npz(name.to_owned()));
+        return Ok(Some(Matrices::Npz(name.to_owned())));
     }
     if has(&"projections.txt") {
-        return Some(Matrices::Text("projections.txt".to_owned()));
+        return Ok(Some(Matrices::Text("projections.txt".to_owned())));
     }
-    let pictures = pictures(source);
-    let stem = plain_stem(pictures.first()?);
+    let pictures = first_pictures(source, &IMAGES)?;
+    let Some(first) = pictures.first() else { return Ok(None) };
+    let stem = plain_stem(first);
     if source.has(&format!("txt/{stem}.txt")) {
-        return Some(Matrices::Pmvs);
+        return Ok(Some(Matrices::Pmvs));
     }
     let mut variables =
         names.iter().filter(|name| Path::new(name).extension().is_some_and(|end| end == "mat"));
-    let only = variables.next().filter(|_| variables.next().is_none())?;
-    Some(Matrices::Mat(only.clone()))
+    let only = variables.next().filter(|_| variables.next().is_none());
+    Ok(only.cloned().map(Matrices::Mat))
 }
 
 /// The views in the natural order of the images.
@@ -76,8 +79,8 @@ pub(crate) fn list<'a>(
     options: &'a ReadOptions,
     matrices: &Matrices,
 ) -> Result<Reading<'a>, ReadViewsError> {
-    let pictures = pictures(source);
-    let masks = masks(source, &pictures);
+    let pictures = first_pictures(source, &IMAGES)?;
+    let masks = masks(source, &pictures)?;
     let (matrices, first_pixel, places) = read(source, matrices, &pictures)?;
     if matrices.len() != pictures.len() {
         let found = format!("{} matrices", matrices.len());
@@ -122,44 +125,25 @@ fn from_corner(mut p: Matrix, offset: f64) -> Matrix {
     p
 }
 
-/// A file's name without its folders and its extension.
-fn plain_stem(name: &str) -> &str {
-    let stem = without_extension(name);
-    stem.rsplit('/').next().unwrap_or(stem)
-}
-
-/// The images of the first folder that has any.
-fn pictures(source: &Source) -> Vec<String> {
-    IMAGES
-        .iter()
-        .map(|folder| images_in(source, folder))
-        .find(|found| !found.is_empty())
-        .unwrap_or_default()
-}
-
-fn images_in(source: &Source, folder: &str) -> Vec<String> {
-    let is_picture = |name: &String| {
-        let end = name.rsplit_once('.').map_or("", |(_, end)| end);
-        ["png", "jpg", "jpeg"].iter().any(|known| end.eq_ignore_ascii_case(known))
-    };
-    let names = match folder {
-        "" => source.root_names().unwrap_or_default(),
-        _ => source.names_in(folder).into_iter().map(|name| format!("{folder}/{name}")).collect(),
-    };
-    let mut names: Vec<String> = names.into_iter().filter(is_picture).collect();
-    names.sort_by(|a, b| natural::compare(a, b));
-    names
+/// The images of the first of these folders that has any.
+fn first_pictures(source: &Source, folders: &[&str]) -> Result<Vec<String>, ReadViewsError> {
+    for folder in folders {
+        let found = pictures_in(source, folder)?;
+        if !found.is_empty() {
+            return Ok(found);
+        }
+    }
+    Ok(Vec::new())
 }
 
 /// For each image the masks that may be its own.
-fn masks(source: &Source, pictures: &[String]) -> Vec<Vec<String>> {
-    let found = MASKS.map(|folder| images_in(source, folder)).into_iter().find(|f| !f.is_empty());
-    let found = found.unwrap_or_default();
+fn masks(source: &Source, pictures: &[String]) -> Result<Vec<Vec<String>>, ReadViewsError> {
+    let found = first_pictures(source, &MASKS)?;
     let same = |picture: &String| found.iter().find(|mask| plain_stem(mask) == plain_stem(picture));
     let by_name: Vec<Option<&String>> = pictures.iter().map(same).collect();
     let in_order = by_name.iter().all(Option::is_none) && found.len() == pictures.len();
     let of = |k: usize| if in_order { found.get(k) } else { by_name[k] };
-    (0..pictures.len()).map(|k| of(k).into_iter().cloned().collect()).collect()
+    Ok((0..pictures.len()).map(|k| of(k).into_iter().cloned().collect()).collect())
 }
 
 /// A file, and where in it a matrix stands.

@@ -172,7 +172,7 @@ fn recognise(
     if let Some(found) = colmap::recognises(source) {
         return Ok(Some(Kind::Colmap(colmap::Project::read(source, found)?)));
     }
-    Ok(projections::recognises(source, &names).map(Kind::Projections))
+    Ok(projections::recognises(source, &names)?.map(Kind::Projections))
 }
 
 fn list<'a>(

@@ -2,9 +2,10 @@
 
 use mesh_core::Camera;
 
-use crate::assemble::{MASK_EXTENSIONS, assemble, mask_file, read_picture, without_extension};
+use crate::assemble::{
+    MASK_EXTENSIONS, assemble, mask_file, pictures_in, plain_stem, read_picture, without_extension,
+};
 use crate::error::ReadViewsError;
-use crate::natural;
 use crate::options::{ReadOptions, Turntable};
 use crate::read::{Pending, Reading};
 use crate::source::Source;
@@ -12,21 +13,8 @@ use crate::view::Layout;
 
 /// The photographs of a source in their natural order: those in `images/`, or beside each other.
 pub(crate) fn photographs(source: &Source) -> Result<Vec<String>, ReadViewsError> {
-    let is_picture = |name: &String| {
-        let end = name.rsplit_once('.').map_or("", |(_, end)| end);
-        ["png", "jpg", "jpeg"].iter().any(|known| end.eq_ignore_ascii_case(known))
-    };
-    let mut names: Vec<String> = source
-        .names_in("images")
-        .into_iter()
-        .filter(is_picture)
-        .map(|name| format!("images/{name}"))
-        .collect();
-    if names.is_empty() {
-        names = source.root_names()?.into_iter().filter(is_picture).collect();
-    }
-    names.sort_by(|a, b| natural::compare(a, b));
-    Ok(names)
+    let inside = pictures_in(source, "images")?;
+    if inside.is_empty() { pictures_in(source, "") } else { Ok(inside) }
 }
 
 /// The views, in the natural order of the photographs' names.
@@ -61,7 +49,7 @@ pub(crate) fn list<'a>(
                 let (width, height) = (picture.image.width, picture.image.height);
                 let camera = table.camera(index, width, height);
                 let stem = without_extension(&name);
-                let plain = stem.rsplit('/').next().unwrap_or(stem);
+                let plain = plain_stem(&name);
                 let masks = MASK_EXTENSIONS.map(|end| format!("masks/{plain}.{end}"));
                 let mask = mask_file(opened, &masks, options)?;
                 assemble(stem.to_owned(), picture, mask, camera, None, options)
