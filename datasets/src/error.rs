@@ -131,7 +131,6 @@ impl ReadViewsError {
         Self { path: path.into(), problem: problem.into() }
     }
 
-    /// A field of the file at `path` that cannot be meant.
     /// What a layout needs and is not there.
     pub(crate) fn missing(path: impl Into<PathBuf>, wanted_by: impl Into<String>) -> Self {
         Self::new(path, ViewsProblem::Missing { wanted_by: wanted_by.into() })
@@ -145,6 +144,7 @@ impl ReadViewsError {
         move |source| Self::new(path, ViewsProblem::Camera { field: field.into(), source })
     }
 
+    /// A field of the file at `path` that cannot be meant.
     pub(crate) fn field(
         path: impl Into<PathBuf>,
         field: impl Into<String>,

@@ -228,13 +228,12 @@ fn text(s: &mut Stream<'_>, dims: &[usize], count: usize) -> Result<String, Read
         }
     };
     let rows = dims[0];
-    let text: String = if rows <= 1 || letters.len() != count {
+    // Of no letters there may be billions of rows.
+    let text: String = if rows <= 1 || count == 0 || letters.len() != count {
         letters.into_iter().collect()
     } else {
         // From a slice: an iterator would go through all rows before.
-        let row = |i: usize| {
-            letters.get(i..).unwrap_or_default().iter().step_by(rows).collect::<String>()
-        };
+        let row = |i: usize| letters[i..].iter().step_by(rows).collect::<String>();
         (0..rows).map(|i| row(i).trim_end().to_owned() + "\n").collect()
     };
     s.budget.give_back((most - most.min(text.capacity())) as u64);
