@@ -214,17 +214,25 @@ pub struct Metric {
     pub value: f64,
     /// Which way is up.
     pub better: Better,
+    /// The value of each object by its name, where the score is a mean over objects; else empty.
+    pub by_object: Vec<(String, f64)>,
 }
 
 impl Metric {
     /// A score of which more is better.
     pub fn larger(name: impl Into<String>, value: f64) -> Self {
-        Self { name: name.into(), value, better: Better::Larger }
+        Self { name: name.into(), value, better: Better::Larger, by_object: Vec::new() }
     }
 
     /// A score of which less is better.
     pub fn smaller(name: impl Into<String>, value: f64) -> Self {
-        Self { name: name.into(), value, better: Better::Smaller }
+        Self { better: Better::Smaller, ..Self::larger(name, value) }
+    }
+
+    /// With the values that it is the mean of.
+    #[must_use]
+    pub fn of_objects(self, by_object: Vec<(String, f64)>) -> Self {
+        Self { by_object, ..self }
     }
 }
 
