@@ -8,7 +8,7 @@ pub(super) fn writable(mesh: &TriMesh) -> Result<(), EncodeError> {
     mesh.sound().map_err(|fault| EncodeError::Mesh(fault.to_string()))?;
     match mesh.texture.as_ref().map(|texture| &texture.image) {
         Some(&Image { height, width, channels, .. })
-            if height * width == 0 || !(1..=4).contains(&channels) =>
+            if height.min(width) == 0 || !(1..=4).contains(&channels) =>
         {
             let what = format!("texture of {width} x {height} pixels, {channels} channels");
             Err(EncodeError::Mesh(what))
