@@ -6,11 +6,20 @@ use rayon::prelude::*;
 ///
 /// That parts lie within it is checked, once for each; that they are disjoint is the caller's
 /// promise.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(crate) struct Shared<F> {
     first: *mut F,
     len: usize,
 }
+
+impl<F> Clone for Shared<F> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+// Whatever the elements are.
+impl<F> Copy for Shared<F> {}
 
 // SAFETY: the blocks that share it write disjoint elements; each use says which.
 unsafe impl<F: Send> Send for Shared<F> {}
@@ -55,12 +64,18 @@ pub(crate) const SERIAL_ELEMENTS: usize = 128 * 1024;
 /// Calls `f` for each of `count` blocks; on several threads if `parallel`. The blocks are the
 /// same either way.
 #[inline]
-pub(crate) fn for_each_block(count: usize, parallel: bool, f: impl Fn(usize) + Sync + Send) {
+pub(crate) fn for_each_block(count: usize, parallel: bool, f: impl Fn(usize) + Sync) {
     if parallel && count > 1 {
-        (0..count).into_par_iter().with_max_len(1).for_each(f);
+        on_threads(count, &f);
     } else {
         (0..count).for_each(f);
     }
+}
+
+/// The one parallel loop of this crate. It knows its work by a pointer: with a type of its own for each kernel, half of what a
+/// program of ours was compiled to were copies of it.
+fn on_threads(count: usize, f: &(dyn Fn(usize) + Sync)) {
+    (0..count).into_par_iter().with_max_len(1).for_each(f);
 }
 
 /// Calls `f(i, part)` for each part of `len` elements of `out`.
@@ -68,14 +83,22 @@ pub(crate) fn for_each_part<F: Send>(
     out: &mut [F],
     len: usize,
     parallel: bool,
-    f: impl Fn(usize, &mut [F]) + Sync + Send,
+    f: impl Fn(usize, &mut [F]) + Sync,
 ) {
     if len == 0 {
         return;
     }
-    if parallel {
-        out.par_chunks_mut(len).enumerate().with_max_len(1).for_each(|(i, part)| f(i, part));
-    } else {
-        out.chunks_mut(len).enumerate().for_each(|(i, part)| f(i, part));
-    }
+    let (count, all) = (out.len().div_ceil(len), out.len());
+    let out = Shared::new(out);
+    for_each_block(count, parallel, |i| {
+        let start = i * len;
+        // SAFETY: no other block has these elements.
+        f(i, unsafe { out.slice(start, len.min(all - start)) });
+    });
+}
+
+/// The part of `x` that belongs to the `k`-th part of `len` elements of another slice, `part`.
+#[inline(always)]
+pub(crate) fn beside<'a, F, G>(x: &'a [F], k: usize, len: usize, part: &[G]) -> &'a [F] {
+    &x[k * len..][..part.len()]
 }

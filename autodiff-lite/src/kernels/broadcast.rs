@@ -3,9 +3,8 @@
 //! Axes that behave alike for both operands are merged, so that equal shapes become one loop, a
 //! bias one loop per row, and only truly mixed shapes more.
 
-use rayon::prelude::*;
-
 use crate::Real;
+use crate::kernels::blocks::for_each_part;
 use crate::kernels::elementwise::{self, CHUNK, PARALLEL_FROM};
 use crate::kernels::simd::clones;
 
@@ -129,7 +128,7 @@ impl Broadcast {
                 zip_rows(width, of_a, of_b, a, b, y, &f);
             } else {
                 let rows = CHUNK.div_ceil(width);
-                y.par_chunks_mut(rows * width).enumerate().for_each(|(k, y)| {
+                for_each_part(y, rows * width, true, |k, y| {
                     let (a, b) = (&a[k * rows * of_a.step..], &b[k * rows * of_b.step..]);
                     zip_rows(width, of_a, of_b, a, b, y, &f);
                 });
@@ -162,7 +161,7 @@ impl Broadcast {
             // Each row of the block has a part of the target of its own.
             let chunk = CHUNK.div_ceil(width);
             let target = &mut target[..rows * of_target.step];
-            target.par_chunks_mut(chunk * of_target.step).enumerate().for_each(|(k, target)| {
+            for_each_part(target, chunk * of_target.step, true, |k, target| {
                 let first = k * chunk;
                 let part = first * width..(first + chunk).min(rows) * width;
                 let (a, b) = (&a[first * layout[0].step..], &b[first * layout[1].step..]);

@@ -1,8 +1,7 @@
 //! Loops over slices: serial below [`PARALLEL_FROM`] elements, over fixed chunks above.
 
-use rayon::prelude::*;
-
 use crate::Real;
+use crate::kernels::blocks::{beside, for_each_part};
 use crate::kernels::simd::clones;
 
 /// Slices shorter than this are not worth a second thread: at 16 K elements two threads made an
@@ -46,8 +45,7 @@ pub fn map<F: Real>(x: &[F], y: &mut [F], f: impl Fn(F) -> F + Sync) {
     if y.len() < PARALLEL_FROM {
         map_chunk(x, y, &f);
     } else {
-        let chunks = y.par_chunks_mut(CHUNK).zip(x.par_chunks(CHUNK));
-        chunks.for_each(|(y, x)| map_chunk(x, y, &f));
+        for_each_part(y, CHUNK, true, |k, y| map_chunk(beside(x, k, CHUNK, y), y, &f));
     }
 }
 
@@ -61,8 +59,9 @@ pub fn zip<F: Real>(a: &[F], b: &[F], y: &mut [F], f: impl Fn(F, F) -> F + Sync)
     if y.len() < PARALLEL_FROM {
         zip_chunk(a, b, y, &f);
     } else {
-        let chunks = y.par_chunks_mut(CHUNK).zip(a.par_chunks(CHUNK)).zip(b.par_chunks(CHUNK));
-        chunks.for_each(|((y, a), b)| zip_chunk(a, b, y, &f));
+        for_each_part(y, CHUNK, true, |k, y| {
+            zip_chunk(beside(a, k, CHUNK, y), beside(b, k, CHUNK, y), y, &f);
+        });
     }
 }
 
@@ -76,8 +75,10 @@ pub fn update<F: Real>(g: &mut [F], x: &[F], y: &[F], f: impl Fn(F, F, F) -> F +
     if g.len() < PARALLEL_FROM {
         update_chunk(g, x, y, &f);
     } else {
-        let chunks = g.par_chunks_mut(CHUNK).zip(x.par_chunks(CHUNK)).zip(y.par_chunks(CHUNK));
-        chunks.for_each(|((g, x), y)| update_chunk(g, x, y, &f));
+        for_each_part(g, CHUNK, true, |k, g| {
+            let (x, y) = (beside(x, k, CHUNK, g), beside(y, k, CHUNK, g));
+            update_chunk(g, x, y, &f);
+        });
     }
 }
 
@@ -108,9 +109,8 @@ pub fn pull<F: Real>(operands: [&[F]; 4], out: &mut [F], f: impl Fn(F, F, F, F) 
     if out.len() < PARALLEL_FROM {
         pull_chunk(operands, out, &f);
     } else {
-        out.par_chunks_mut(CHUNK).enumerate().for_each(|(k, out)| {
-            let part = operands.map(|x| &x[k * CHUNK..k * CHUNK + out.len()]);
-            pull_chunk(part, out, &f);
+        for_each_part(out, CHUNK, true, |k, out| {
+            pull_chunk(operands.map(|x| beside(x, k, CHUNK, out)), out, &f);
         });
     }
 }
@@ -157,7 +157,7 @@ pub fn lincomb<F: Real>(terms: &[(F, &[F])], y: &mut [F]) {
     if y.len() < PARALLEL_FROM {
         lincomb_chunk(terms, 0, y);
     } else {
-        y.par_chunks_mut(CHUNK).enumerate().for_each(|(k, y)| lincomb_chunk(terms, k * CHUNK, y));
+        for_each_part(y, CHUNK, true, |k, y| lincomb_chunk(terms, k * CHUNK, y));
     }
 }
 
@@ -175,7 +175,7 @@ pub fn scale_in_place<F: Real>(x: &mut [F], c: F) {
     if x.len() < PARALLEL_FROM {
         scale_chunk(x, c);
     } else {
-        x.par_chunks_mut(CHUNK).for_each(|x| scale_chunk(x, c));
+        for_each_part(x, CHUNK, true, |_, x| scale_chunk(x, c));
     }
 }
 

@@ -1,8 +1,7 @@
 //! Sums and maxima, over fixed chunks: the result does not depend on the number of threads.
 
-use rayon::prelude::*;
-
 use crate::Real;
+use crate::kernels::blocks::for_each_part;
 use crate::kernels::elementwise::{CHUNK, PARALLEL_FROM};
 use crate::kernels::extent::elements;
 use crate::kernels::simd::clones;
@@ -40,8 +39,12 @@ pub fn sum<F: Real>(x: &[F]) -> F {
     let total: f64 = if x.len() < PARALLEL_FROM {
         x.chunks(CHUNK).map(|x| sum_chunk(x).to_f64()).sum()
     } else {
-        // Collected in order, then added in order.
-        let parts: Vec<f64> = x.par_chunks(CHUNK).map(|x| sum_chunk(x).to_f64()).collect();
+        // Each at its place, then added in order.
+        let mut parts = vec![0.0; x.len().div_ceil(CHUNK)];
+        for_each_part(&mut parts, 1, true, |k, part| {
+            let start = k * CHUNK;
+            part[0] = sum_chunk(&x[start..(start + CHUNK).min(x.len())]).to_f64();
+        });
         parts.iter().sum()
     };
     F::from_f64(total)
@@ -68,14 +71,8 @@ pub fn sum_axis<F: Real>([outer, n, inner]: [usize; 3], x: &[F], y: &mut [F]) {
             }
         }
     };
-    if x.len() < PARALLEL_FROM || outer == 1 {
-        for (x, y) in x.chunks_exact(n * inner).zip(y.chunks_exact_mut(inner)) {
-            block(x, y);
-        }
-    } else {
-        let blocks = x.par_chunks_exact(n * inner).zip(y.par_chunks_exact_mut(inner));
-        blocks.for_each(|(x, y)| block(x, y));
-    }
+    let (parallel, from) = (x.len() >= PARALLEL_FROM, n * inner);
+    for_each_part(y, inner, parallel, |o, y| block(&x[o * from..][..from], y));
 }
 
 /// `y[o, i] = max_k x[o, k, i]`, and the first `k` that reaches it.

@@ -1,8 +1,7 @@
 //! Moving rows and blocks: gather, scatter, permute.
 
-use rayon::prelude::*;
-
 use crate::Real;
+use crate::kernels::blocks::for_each_part;
 use crate::kernels::elementwise::PARALLEL_FROM;
 
 /// `y[b, k, :] = x[b, indices[k], :]` for `x [batch, rows, width]`.
@@ -26,11 +25,8 @@ pub fn gather<F: Real>([rows, width]: [usize; 2], x: &[F], indices: &[u32], y: &
             }
         }
     };
-    if y.len() < PARALLEL_FROM || y.len() == to {
-        x.chunks_exact(from).zip(y.chunks_exact_mut(to)).for_each(|(x, y)| one(x, y));
-    } else {
-        x.par_chunks_exact(from).zip(y.par_chunks_exact_mut(to)).for_each(|(x, y)| one(x, y));
-    }
+    let parallel = y.len() >= PARALLEL_FROM;
+    for_each_part(y, to, parallel, |b, y| one(&x[b * from..][..from], y));
 }
 
 fn gather_fixed<F: Real, const W: usize>(x: &[F], indices: &[u32], y: &mut [F]) {
@@ -62,11 +58,8 @@ pub fn scatter_add<F: Real>([rows, width]: [usize; 2], x: &[F], indices: &[u32],
             }
         }
     };
-    if x.len() < PARALLEL_FROM || x.len() == from {
-        x.chunks_exact(from).zip(y.chunks_exact_mut(to)).for_each(|(x, y)| one(x, y));
-    } else {
-        x.par_chunks_exact(from).zip(y.par_chunks_exact_mut(to)).for_each(|(x, y)| one(x, y));
-    }
+    let parallel = x.len() >= PARALLEL_FROM;
+    for_each_part(y, to, parallel, |b, y| one(&x[b * from..][..from], y));
 }
 
 fn scatter_fixed<F: Real, const W: usize>(x: &[F], indices: &[u32], y: &mut [F]) {
@@ -108,15 +101,8 @@ pub fn permute<F: Real>(dims: &[usize], order: &[usize], x: &[F], y: &mut [F]) {
         return;
     };
     let block = y.len() / first;
-    if y.len() < PARALLEL_FROM || first == 1 {
-        y.chunks_exact_mut(block).enumerate().for_each(|(k, y)| {
-            copy_strided(&axes[1..], &x[k * first_step..], y);
-        });
-    } else {
-        y.par_chunks_exact_mut(block).enumerate().for_each(|(k, y)| {
-            copy_strided(&axes[1..], &x[k * first_step..], y);
-        });
-    }
+    let parallel = y.len() >= PARALLEL_FROM;
+    for_each_part(y, block, parallel, |k, y| copy_strided(&axes[1..], &x[k * first_step..], y));
 }
 
 fn copy_strided<F: Real>(axes: &[(usize, usize)], x: &[F], y: &mut [F]) {

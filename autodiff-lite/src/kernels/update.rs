@@ -1,8 +1,7 @@
 //! One pass of an optimiser over one parameter.
 
-use rayon::prelude::*;
-
 use crate::Real;
+use crate::kernels::blocks::{Shared, beside, for_each_part};
 use crate::kernels::elementwise::{CHUNK, PARALLEL_FROM};
 use crate::kernels::simd::clones;
 
@@ -43,9 +42,13 @@ pub fn adam<F: Real>(h: &AdamStep<F>, w: &mut [F], g: &[F], m: &mut [F], v: &mut
     if w.len() < PARALLEL_FROM {
         return adam_chunk(h, w, g, m, v);
     }
-    let weights = w.par_chunks_mut(CHUNK).zip(g.par_chunks(CHUNK));
-    let moments = m.par_chunks_mut(CHUNK).zip(v.par_chunks_mut(CHUNK));
-    weights.zip(moments).for_each(|((w, g), (m, v))| adam_chunk(h, w, g, m, v));
+    let (m, v) = (Shared::new(m), Shared::new(v));
+    for_each_part(w, CHUNK, true, |k, w| {
+        let (start, len) = (k * CHUNK, w.len());
+        // SAFETY: no other part has these elements.
+        let (m, v) = unsafe { (m.slice(start, len), v.slice(start, len)) };
+        adam_chunk(h, w, beside(g, k, CHUNK, w), m, v);
+    });
 }
 
 /// The numbers of one SGD step.
@@ -78,6 +81,10 @@ pub fn sgd<F: Real>(h: &SgdStep<F>, w: &mut [F], g: &[F], v: &mut [F]) {
     if w.len() < PARALLEL_FROM {
         return sgd_chunk(h, w, g, v);
     }
-    let chunks = w.par_chunks_mut(CHUNK).zip(g.par_chunks(CHUNK)).zip(v.par_chunks_mut(CHUNK));
-    chunks.for_each(|((w, g), v)| sgd_chunk(h, w, g, v));
+    let v = Shared::new(v);
+    for_each_part(w, CHUNK, true, |k, w| {
+        // SAFETY: no other part has these elements.
+        let v = unsafe { v.slice(k * CHUNK, w.len()) };
+        sgd_chunk(h, w, beside(g, k, CHUNK, w), v);
+    });
 }
