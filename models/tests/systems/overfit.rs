@@ -1,7 +1,5 @@
 //! One image of a real car, learned by heart: the whole pipeline from the render to the mesh.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use std::path::PathBuf;
 
 use autodiff_lite::Tape;

@@ -1,5 +1,4 @@
 //! kaolin's own expected outputs for two tiny scenes, in `dibr_golden/` (Apache-2.0; see the notice there).
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::path::Path;
 use std::sync::Arc;

@@ -1,12 +1,9 @@
 //! Frames of a renderer against the free functions, and what they do to each other: nothing.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::sync::Arc;
 
+use crate::common::{Scene, scenes, weights};
 use autodiff_lite::{Tape, Var};
-use common::{Scene, scenes, weights};
 use diff_raster::{
     Faces, Renderer, Scratch, Settings, antialiased_silhouette, depth, interpolate,
     interpolate_corners, rasterize, soft_silhouette, texture,

@@ -1,5 +1,4 @@
 //! Outputs and gradients of PyTorch's layers, on the same weights.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use autodiff_lite::state::State;
 use autodiff_lite::{

@@ -1,13 +1,10 @@
 //! Every operation against central differences, on random scenes, with visibility held fixed.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::sync::Arc;
 
+use crate::common::{Scene, scenes};
 use autodiff_lite::testkit::{Options, check};
 use autodiff_lite::{Real, Tape, Var};
-use common::{Scene, scenes};
 use diff_raster::{
     Fragments, Rule, Settings, antialiased_silhouette, depth, interpolate, interpolate_corners,
     rasterize, soft_silhouette, texture,

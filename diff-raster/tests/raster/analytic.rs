@@ -1,5 +1,4 @@
 //! Small scenes with answers that follow from geometry alone.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::sync::Arc;
 

@@ -1,5 +1,4 @@
 //! Graph convolutions against the formulas, evaluated vertex by vertex in Python (`fixtures/make_graph.py`).
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use autodiff_lite::state::State;
 use autodiff_lite::{Activation, Module, Param, Real, SparseMatrix, Tape, Tensor, Var};

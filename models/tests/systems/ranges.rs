@@ -1,5 +1,4 @@
 //! Absurd values in every number of every configuration: an error that names the field, before any array is made.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::path::Path;
 

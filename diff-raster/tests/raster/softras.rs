@@ -1,13 +1,10 @@
 //! SoftRas's aggregation against its slow twin, central differences, and itself with other threads.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::sync::Arc;
 
+use crate::common::{Scene, scenes, weights};
 use autodiff_lite::testkit::{Options, check};
 use autodiff_lite::{Real, Tape, Var};
-use common::{Scene, scenes, weights};
 use diff_raster::reference::{self, Coloured};
 use diff_raster::{Faces, Paint, SoftRas, SoftRasSettings, softras, texel_centers};
 use ndarray::{Array3, ArrayD, IxDyn};

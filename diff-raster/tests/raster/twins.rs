@@ -1,13 +1,10 @@
 //! The production kernels against the slow twin, and against themselves with other instructions,
 //! precision and thread counts.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::sync::Arc;
 
+use crate::common::{Scene, scenes, weights};
 use autodiff_lite::{Real, Tape};
-use common::{Scene, scenes, weights};
 use diff_raster::{
     Fragments, Instructions, NONE, Settings, antialiased_silhouette, depth, interpolate, rasterize,
     reference, soft_silhouette, texture,

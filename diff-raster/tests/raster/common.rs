@@ -1,6 +1,5 @@
 //! Scenes for the tests.
 #![allow(dead_code, reason = "each test uses what it needs")]
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::sync::Arc;
 

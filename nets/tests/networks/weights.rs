@@ -1,5 +1,4 @@
 //! Files that PyTorch wrote, and files that nobody should have written.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use autodiff_lite::state::{State, save};
 use autodiff_lite::{ConvGeometry, Module, Param, impl_module};
