@@ -40,7 +40,7 @@
 //! | graphs | [`GraphConv`] (Mesh R-CNN), [`ChebyshevConv`] (Pixel2Mesh), [`GraphResBlock`], [`GraphBottleneck`] |
 //! | maps at points | [`pool_features`], [`pool_linear`] |
 //! | heads of Mesh R-CNN | [`VoxelHead`], [`MeshRefinementHead`], [`MeshRefinementStage`] |
-//! | image encoders | [`SmallCnn`], [`Vgg16`], [`ResNet`], [`ConvFrontEnd`] |
+//! | image encoders | [`SmallCnn`], [`Vgg16`], [`ResNet`], [`ConvFrontEnd`], [`Pixel2MeshEncoder`] |
 //! | images from maps | [`ImageDecoder`] |
 //! | networks that measure | [`InceptionV3`], [`Vgg16`] with [`LpipsWeights`] |
 //! | weights from files, freezing | [`LoadWeights`], [`read_weights`], [`freeze`], [`unfreeze`] |

@@ -1,4 +1,4 @@
-//! Ordinary differential equations on the CPU, over arrays and over a tape, with exact gradients in flat memory.
+//! Ordinary differential equations on the CPU, over arrays and over a tape, with exact gradients that keep one state a step.
 //!
 //! ```
 //! use autodiff_lite::optim::Adam;

@@ -101,10 +101,7 @@ pub struct ImageDecoder<F: Real = f32> {
 impl_module!(ImageDecoder lists { blocks: |i: usize| BLOCKS[i].0 } { conv_img } fixed { six_steps });
 
 impl<F: Real> ImageDecoder<F> {
-    /// The width of the published one: maps of 256 channels in, 16 before the image.
-    pub const PUBLISHED_WIDTH: usize = 16;
-
-    /// From maps of `16 width` channels to images of `outputs`, 64 times as large.
+    /// From maps of `16 width` channels to images of `outputs`, 64 times as large; the published width is 16.
     pub fn new(init: &Init, width: usize, outputs: usize) -> Self {
         let block = |(name, i, o, _): (&str, usize, usize, u8)| {
             PreactivatedBlock::new(&init.at(name), i * width, o * width)

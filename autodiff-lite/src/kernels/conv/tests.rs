@@ -171,12 +171,14 @@ fn assert_exact(
         let (g, bias) = (noise::<f64>(s.output_len(), 3), noise::<f64>(s.out_channels, 4));
         let direct = Conv { sizes: *s, algorithm: ConvAlgorithm::Direct, isa };
         let mut memory = vec![f64::NAN; 3 << 20];
-        let (bias, relu) = (Some(&bias[..]), Activation::Relu);
-        let (mut a, mut b) = (vec![0.0; s.output_len()], vec![f64::NAN; s.output_len()]);
-        direct.forward(&x, &w, bias, relu, &mut a, &mut memory);
-        let (to, scratch) = (&mut b[..], &mut memory[..]);
-        forward(s, isa, Operands { from: &x, w: &w, bias, activation: relu, to, scratch });
-        close(&b, &a, tolerance, "y");
+        let relu = Activation::Relu;
+        for bias in [None, Some(&bias[..])] {
+            let (mut a, mut b) = (vec![0.0; s.output_len()], vec![f64::NAN; s.output_len()]);
+            direct.forward(&x, &w, bias, relu, &mut a, &mut memory);
+            let (to, scratch) = (&mut b[..], &mut memory[..]);
+            forward(s, isa, Operands { from: &x, w: &w, bias, activation: relu, to, scratch });
+            close(&b, &a, tolerance, "y");
+        }
         let none = Activation::None;
         let (mut a, mut b) = (vec![0.0; s.input_len()], vec![f64::NAN; s.input_len()]);
         direct.grad_input(&g, &w, None, none, &mut a, &mut memory);
