@@ -15,6 +15,7 @@ mod values;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
+use mesh_core::UpAxis;
 
 pub(crate) use convert::ConvertMesh;
 pub(crate) use data::{Data, DataVerb, DepthKind, Generate};
@@ -28,7 +29,7 @@ pub(crate) use predict::Predict;
 pub(crate) use reading::Reading;
 pub(crate) use reproduce::Reproduce;
 pub(crate) use settings::{Configuration, SystemSettings};
-use values::{LIGHTS, Light, degrees, hex_color, one_of};
+use values::{LIGHTS, Light, Up, degrees, hex_color, one_of, up_axis};
 
 /// Images of an object in, a triangle mesh out.
 ///
@@ -130,15 +131,16 @@ pub(crate) struct Demo {
   a COLMAP project (sparse/0, images), or photographs with a cameras.json or projection matrices
   photographs from a turntable (--turntable), a BOP scene, or a dataset of many (--object)
 
-Every fifth view (4, 9, 14, ..) is kept out of the fit and scores the result; --set hold-out=none
-uses all. The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html, metrics.json
-and config.toml. The mesh is in the coordinates of the cameras. Ctrl-C ends the fit early and
-writes what there is.
+Every fifth view (4, 9, 14, ..) is kept out of the fit and scores the result, or those that the
+source keeps for tests (transforms_test.json, test_filenames); --set hold-out=none uses all. The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html, metrics.json
+and config.toml. The mesh is in the coordinates of the cameras; mesh.glb is turned so that up is +Y.
+Ctrl-C ends the fit early and writes what there is.
 
 Examples:
   unsphere fit rendered_clock.zip -o clock
   unsphere fit scan/transforms.json -o scan-mesh --set level=6 --set color=texture
   unsphere fit photos/ -o mug --mask backdrop --max-size 1024
+  unsphere fit photos/ -o mug --masks masks/ --score other-photos/
   unsphere fit scan/ -o again --config scan-mesh/config.toml --force")]
 pub(crate) struct Fit {
     /// Views of one object.
@@ -149,9 +151,16 @@ pub(crate) struct Fit {
     pub(crate) configuration: Configuration,
     #[command(flatten)]
     pub(crate) reading: Reading,
+    /// Other views of the object, in the same coordinates: the result is scored on these, and all of VIEWS are fitted.
+    #[arg(long, value_name = "VIEWS")]
+    pub(crate) score: Option<PathBuf>,
     /// The true mesh, in the same coordinates: the result is compared with it.
     #[arg(long, value_name = "MESH")]
     pub(crate) truth: Option<PathBuf>,
+    /// Which axis is up: y, z, -y and so on; auto finds it by the cameras. The page, the turntable and mesh.glb stand
+    /// upright.
+    #[arg(long, value_name = "AXIS", default_value = "auto", allow_hyphen_values = true, value_parser = up_axis)]
+    pub(crate) up: Up,
 }
 
 #[derive(Args, Debug)]
@@ -200,7 +209,8 @@ pub(crate) struct Train {
 Examples:
   unsphere render mesh.glb -o turn.gif --frames 72 --elevation 30
   unsphere render mesh.ply -o front.png --size 1024 --light studio
-  unsphere render mesh.ply -o again --cameras rendered_clock.zip --depth")]
+  unsphere render mesh.ply -o again --cameras rendered_clock.zip --depth
+  unsphere render scan.ply -o turn.gif --up z")]
 pub(crate) struct Render {
     /// The mesh: .obj, .ply, .glb or .stl.
     pub(crate) mesh: PathBuf,
@@ -226,6 +236,15 @@ pub(crate) struct Render {
     /// Width and height of the turntable's images.
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(8..=8192))]
     pub(crate) size: u32,
+    /// Which axis of the mesh is up on the turntable: y, z, -y and so on.
+    #[arg(
+        long,
+        value_name = "AXIS",
+        default_value = "y",
+        allow_hyphen_values = true,
+        conflicts_with = "cameras"
+    )]
+    pub(crate) up: UpAxis,
     /// Also write planar depth, as EXR.
     #[arg(long)]
     pub(crate) depth: bool,

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use datasets::{ReadOptions, Views};
+use datasets::{OnInconsistent, ReadOptions, ReadViewsError, Truth, Views, ViewsProblem};
 use models::predict::Predictor;
+use recon::inspect::inspect_views;
 use train::{Configuration, Source};
 
 use crate::console::Console;
@@ -17,7 +18,29 @@ pub(crate) fn read_views(
     options: &ReadOptions,
 ) -> Result<Views, Failure> {
     let progress = Progress::new(console, "read");
-    Ok(datasets::read_views(path, options, &|done, all| progress.set(done, all))?)
+    let read = datasets::read_views(path, options, &|done, all| progress.set(done, all));
+    read.map_err(|error| match error.problem {
+        ViewsProblem::SeesNothing { .. } => explained(path, options, error),
+        _ => error.into(),
+    })
+}
+
+/// Why cameras do not see what the masks show, if the views tell.
+fn explained(path: &Path, options: &ReadOptions, error: ReadViewsError) -> Failure {
+    let lenient = ReadOptions { on_inconsistent: OnInconsistent::Accept, ..options.clone() };
+    let reasons = datasets::read_views(path, &lenient, &|_, _| ()).map(|views| diagnosis(&views));
+    match reasons {
+        Ok(reasons) if !reasons.is_empty() => {
+            Failure::Input(format!("{error}; it seems that {}", reasons.join("; ")))
+        }
+        _ => error.into(),
+    }
+}
+
+/// What looks wrong with cameras and masks, a sentence each; about a second for a hundred views.
+pub(crate) fn diagnosis(views: &Views) -> Vec<String> {
+    let found = inspect_views(views, &Truth::default());
+    found.problems.into_iter().map(|problem| problem.message).collect()
 }
 
 /// Opens what a system learns from or is scored on; without a path it makes its own.

@@ -3,7 +3,9 @@
 
 mod common;
 
-use common::{clock_views, copied, files_in, unsphere};
+use std::path::Path;
+
+use common::{TINY, clock_views, copied, files_in, unsphere};
 
 #[test]
 fn datasets_are_converted_inspected_and_validated() {
@@ -107,4 +109,77 @@ fn depth_needs_a_model_and_the_feature() {
         run.fails(2, &["no.onnx", "--features onnx"]);
     }
     assert!(!place.path().join("out").exists());
+}
+
+/// The clock in NeRF's layout, whose poses are changed by `change`.
+fn as_transforms(place: &Path, name: &str, change: impl Fn([[f64; 4]; 4]) -> [[f64; 4]; 4]) {
+    clock_views(place);
+    let arguments = ["data", "convert", "made/views", name, "--layout", "transforms"];
+    unsphere(place, arguments).ok();
+    let path = place.join(name).join("transforms.json");
+    let mut json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    for frame in json["frames"].as_array_mut().unwrap() {
+        let rows: [[f64; 4]; 4] =
+            serde_json::from_value(frame["transform_matrix"].clone()).unwrap();
+        frame["transform_matrix"] = serde_json::json!(change(rows));
+    }
+    std::fs::write(path, json.to_string()).unwrap();
+}
+
+fn extents(path: &Path) -> [f32; 3] {
+    let (low, high) = mesh_core::read_mesh(path).unwrap().bounds().unwrap();
+    std::array::from_fn(|k| high[k] - low[k])
+}
+
+#[test]
+fn a_world_whose_z_is_up_stands_where_it_is_shown() {
+    let place = tempfile::tempdir().unwrap();
+    // What was up, y, becomes z.
+    as_transforms(place.path(), "nerf", |[x, y, z, last]| [x, z.map(|v| -v), y, last]);
+    let [a, b, c, d] = TINY;
+    let run = unsphere(place.path(), ["fit", "nerf", "-o", "out", "--json", a, b, c, d]).ok();
+    assert_eq!(run.json()["metrics"]["up"], "z");
+    let [plain, upright] =
+        ["mesh.ply", "mesh.glb"].map(|name| extents(&place.path().join("out").join(name)));
+    for (k, from) in [0, 2, 1].into_iter().enumerate() {
+        assert!((upright[k] - plain[from]).abs() < 1e-6, "{upright:?} of {plain:?}");
+    }
+    assert!((plain[1] - plain[2]).abs() > 0.05, "the clock is not as deep as it is high");
+    let run = unsphere(place.path(), ["fit", "nerf", "-o", "y", "--up", "y", "--json", a, b, c, d]);
+    assert_eq!(run.ok().json()["metrics"]["up"], "y");
+    assert_eq!(
+        extents(&place.path().join("y/mesh.glb")),
+        extents(&place.path().join("y/mesh.ply"))
+    );
+    let wrong = ["fit", "nerf", "-o", "no", "--up", "-w"];
+    unsphere(place.path(), wrong).fails(2, &["--up", "-z"]);
+}
+
+#[test]
+fn poses_of_another_tool_are_explained_and_read() {
+    let place = tempfile::tempdir().unwrap();
+    let opencv = |row: [f64; 4]| [row[0], -row[1], -row[2], row[3]];
+    as_transforms(place.path(), "cv", |[x, y, z, last]| [opencv(x), opencv(y), opencv(z), last]);
+    let [a, b, c, d] = TINY;
+    unsphere(place.path(), ["fit", "cv", "-o", "no", a, b, c, d]).fails(3, &["--axes opencv"]);
+    let told = ["fit", "cv", "-o", "out", "--axes", "opencv", "--json", a, b, c, d];
+    let told = unsphere(place.path(), told).ok().json();
+    let plain = unsphere(place.path(), ["fit", "made/views", "-o", "plain", "--json", a, b, c, d]);
+    let iou = |json: &serde_json::Value| json["metrics"]["views"]["mask_iou"].as_f64().unwrap();
+    assert!((iou(&told) - iou(&plain.ok().json())).abs() < 1e-3);
+}
+
+#[test]
+fn other_views_score_a_fit_to_all() {
+    let place = tempfile::tempdir().unwrap();
+    clock_views(place.path());
+    let [a, b, c, d] = TINY;
+    let views = "made/views";
+    let fit = ["fit", views, "--score", views, "-o", "out", "--json", a, b, c, d];
+    let metrics = &unsphere(place.path(), fit).ok().json()["metrics"];
+    assert_eq!(metrics["scored_on"], "held-out");
+    assert_eq!(metrics["views"]["views"].as_array().unwrap().len(), 10);
+    let none = ["fit", views, "--score", views, "-o", "no", "--set", "hold-out=none"];
+    unsphere(place.path(), none).fails(2, &["--score", "hold-out"]);
 }

@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 use mesh_core::io::write_atomic;
 use mesh_core::{ByteImage, Camera, DepthMap, decode_image_with, encode_depth, encode_png};
 
-use crate::error::{ReadViewsError, WriteViewsError};
-use crate::mask::{invert, mask_from_alpha, mask_from_backdrop};
+use crate::backdrop::Backdrop;
+use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
+use crate::mask::{fill_holes, invert, keep_largest_part, mask_from_alpha};
+use crate::mask_file::{MaskFile, mask_of_folder};
 use crate::natural;
 use crate::options::{MaskSource, ReadOptions};
 use crate::source::{Opened, Source};
@@ -33,22 +35,6 @@ pub(crate) fn read_picture(
         .map_err(|error| ReadViewsError::new(&path, error))?;
     Ok(Picture { path, image })
 }
-
-/// A mask from an image file: the alpha where it says something, else the grey value.
-pub(crate) fn mask_from_picture(picture: &ByteImage) -> ByteImage {
-    mask_from_alpha(picture).unwrap_or_else(|| {
-        let c = picture.channels;
-        let grey = |p: &[u8]| {
-            if c >= 3 { (p[0] as u16 + p[1] as u16 + p[2] as u16) / 3 } else { p[0] as u16 }
-        };
-        let data =
-            picture.data.chunks_exact(c).map(|p| if grey(p) >= 128 { 255 } else { 0 }).collect();
-        ByteImage { height: picture.height, width: picture.width, channels: 1, data }
-    })
-}
-
-/// What a mask in a folder of its own may end in, where its stem is the image's.
-pub(crate) const MASK_EXTENSIONS: [&str; 5] = ["png", "jpg", "jpeg", "PNG", "JPG"];
 
 /// A file's name without its extension, with its folders.
 pub(crate) fn without_extension(name: &str) -> &str {
@@ -77,31 +63,6 @@ pub(crate) fn pictures_in(source: &Source, folder: &str) -> Result<Vec<String>, 
     let mut names: Vec<String> = names.into_iter().filter(is_picture).collect();
     names.sort_by(|a, b| natural::compare(a, b));
     Ok(names)
-}
-
-/// The mask from the first of `names` that exists, where masks of files are wanted.
-pub(crate) fn mask_file(
-    opened: &mut Opened<'_>,
-    names: &[String],
-    options: &ReadOptions,
-) -> Result<Option<(PathBuf, ByteImage)>, ReadViewsError> {
-    match names.iter().find(|name| opened.source().has(name)) {
-        Some(name) => named_mask(opened, name, options),
-        None => Ok(None),
-    }
-}
-
-/// The mask of a file that has to be there, where masks come from files.
-pub(crate) fn named_mask(
-    opened: &mut Opened<'_>,
-    name: &str,
-    options: &ReadOptions,
-) -> Result<Option<(PathBuf, ByteImage)>, ReadViewsError> {
-    if !options.mask.reads_files() {
-        return Ok(None);
-    }
-    let mask = read_picture(opened, name, "mask")?;
-    Ok(Some((mask.path, mask_from_picture(&mask.image))))
 }
 
 /// The camera for the image that is there, which may be a smaller copy of the one it was
@@ -162,12 +123,11 @@ pub(crate) fn put(path: &Path, bytes: &[u8]) -> Result<(), WriteViewsError> {
 
 /// Puts a view together: chooses the mask, composites the colour, brings all to one size.
 ///
-/// `file_mask` is what the layout's mask file says, with its path, where there is one and it was
-/// asked for. `camera` is for the image's size.
+/// `file` is what the layout's mask file says, where there is one and it was asked for. `camera` is for the image's size.
 pub(crate) fn assemble(
     name: String,
     picture: Picture,
-    file_mask: Option<(PathBuf, ByteImage)>,
+    file: MaskFile,
     camera: Camera,
     depth: Option<(PathBuf, DepthMap)>,
     options: &ReadOptions,
@@ -182,35 +142,46 @@ pub(crate) fn assemble(
             format!("{}, the size of {}", size(image.height, image.width), path.display());
         Err(ReadViewsError::field(at, field, size(h, w), expected))
     };
-    if let Some((at, mask)) = &file_mask {
+    let file = match &options.masks {
+        Some(folder) => mask_of_folder(folder, &path, options)?,
+        None => file,
+    };
+    if let Some((at, mask)) = &file.found {
         same_size(at, "mask size", mask.height, mask.width)?;
     }
     if let Some((at, depth)) = &depth {
         same_size(at, "depth size", depth.height, depth.width)?;
     }
     let color = image.over(options.background);
-    let no_mask = |expected: &str| {
-        Err(ReadViewsError::field(&path, "mask", "no alpha that says anything", expected))
+    let looked_for = file.looked_for();
+    let no_mask = || {
+        let problem = ViewsProblem::NoMask { looked_for: looked_for.clone() };
+        ReadViewsError::new(&path, problem)
     };
-    let alpha = || mask_from_alpha(&image);
-    let mut mask = match (options.mask, file_mask) {
+    let mut mask = match (options.mask, file.found) {
+        (_, found) if options.masks.is_some() => found.map(|(_, mask)| mask).ok_or_else(no_mask)?,
         (MaskSource::Auto | MaskSource::Files, Some((_, mask))) => mask,
-        (MaskSource::Auto | MaskSource::Alpha, _) => match alpha() {
-            Some(mask) => mask,
-            None => return no_mask("a mask file, an alpha channel, or the mask source `backdrop`"),
-        },
+        (MaskSource::Auto | MaskSource::Alpha, _) => mask_from_alpha(&image).ok_or_else(no_mask)?,
         (MaskSource::Whole, _) => {
             let (height, width) = (image.height, image.width);
             ByteImage { height, width, channels: 1, data: vec![255; height * width] }
         }
-        (MaskSource::Files, None) => return no_mask("a mask file beside it"),
+        (MaskSource::Files, None) => return Err(no_mask()),
         (MaskSource::Backdrop { color: backdrop, tolerance }, _) => {
-            mask_from_backdrop(&color, backdrop, tolerance)
+            Backdrop::of(&color, backdrop, tolerance, options.bars)
+                .mask(&color)
+                .map_err(|problem| ReadViewsError::new(&path, problem))?
         }
     };
     let can_invert = !matches!(options.mask, MaskSource::Backdrop { .. } | MaskSource::Whole);
     if options.invert && can_invert {
         invert(&mut mask);
+    }
+    if options.largest_part {
+        keep_largest_part(&mut mask);
+    }
+    if options.fill_holes {
+        fill_holes(&mut mask);
     }
     let view = View { name, color, mask, camera, depth: depth.map(|(_, depth)| depth) };
     Ok(match options.max_size {

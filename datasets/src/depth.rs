@@ -2,19 +2,20 @@
 
 use std::path::PathBuf;
 
-use mesh_core::{ByteImage, DepthMap, decode_depth_with};
+use mesh_core::{ByteImage, DepthMap, decode_depth_png_with, decode_depth_with};
 
 use crate::error::ReadViewsError;
 use crate::formats::npy;
 use crate::options::ReadOptions;
 use crate::source::Opened;
 
-/// Reads planar depth from the first of `names` that exists, EXR or npy.
+/// Reads planar depth from the first of `names` that exists, EXR, npy or PNG, whose whole numbers stand for `unit` each.
 ///
 /// What is not finite, not positive or at least 1e9 is background: `+inf`.
 pub(crate) fn read(
     opened: &mut Opened<'_>,
     names: &[String],
+    unit: f64,
     picture: &ByteImage,
     options: &ReadOptions,
 ) -> Result<Option<(PathBuf, DepthMap)>, ReadViewsError> {
@@ -22,10 +23,15 @@ pub(crate) fn read(
     let mut wanted = names.iter().filter(|_| options.depth);
     let Some(name) = wanted.find(|name| source.has(name)) else { return Ok(None) };
     let path = source.locate(name);
-    let exr = std::path::Path::new(name)
-        .extension()
-        .is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
-    let mut depth = if exr {
+    let ends_in = |wanted: &str| {
+        let extension = std::path::Path::new(name).extension();
+        extension.is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
+    };
+    let mut depth = if ends_in("png") {
+        let bytes = opened.read(name, "depth", most_bytes(picture))?;
+        decode_depth_png_with(&bytes, &path, unit as f32, opened.limits())
+            .map_err(|error| ReadViewsError::new(&path, error))?
+    } else if ends_in("exr") {
         let bytes = opened.read(name, "depth", most_bytes(picture))?;
         decode_depth_with(&bytes, &path, opened.limits())
             .map_err(|error| ReadViewsError::new(&path, error))?

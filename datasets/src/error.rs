@@ -78,6 +78,30 @@ pub enum ViewsProblem {
         /// What would have been right.
         expected: String,
     },
+    /// Nothing says which pixels of the image are the object.
+    #[error(
+        "field `mask`: found no alpha that says anything{}, expected a mask file, an alpha channel, or the mask \
+         source `backdrop`; views without one can be left out (allow missing)",
+        looked_for.as_ref().map(|place| format!(", and no file (looked in {place})")).unwrap_or_default()
+    )]
+    NoMask {
+        /// The folder and the names in it, where a file would have been taken.
+        looked_for: Option<String>,
+    },
+    /// The background is not plain.
+    #[error(
+        "field `mask`: found {:.0} % of the border to differ by more than {tolerance} from {}, expected a plain \
+         backdrop: give its colour, or masks from files",
+        100.0 * share, hex(*color)
+    )]
+    BusyBackdrop {
+        /// How much of the border differs, 0 to 1.
+        share: f64,
+        /// What was taken for the backdrop, sRGB.
+        color: [u8; 3],
+        /// How far a channel may differ from it.
+        tolerance: u8,
+    },
     /// The image cannot be decoded.
     #[error("{0}")]
     Image(#[from] mesh_core::ImageError),
@@ -164,6 +188,11 @@ impl ReadViewsError {
         }
     }
 
+    /// Whether it is a view of which nothing says what is the object.
+    pub(crate) fn is_missing_mask(&self) -> bool {
+        matches!(self.problem, ViewsProblem::NoMask { .. } | ViewsProblem::BusyBackdrop { .. })
+    }
+
     /// The field at fault, where one is.
     pub fn field_name(&self) -> Option<&str> {
         match &self.problem {
@@ -171,9 +200,14 @@ impl ReadViewsError {
             | ViewsProblem::Field { field, .. }
             | ViewsProblem::Camera { field, .. }
             | ViewsProblem::SeesNothing { field, .. } => Some(field),
+            ViewsProblem::NoMask { .. } | ViewsProblem::BusyBackdrop { .. } => Some("mask"),
             _ => None,
         }
     }
+}
+
+fn hex([r, g, b]: [u8; 3]) -> String {
+    format!("{r:02x}{g:02x}{b:02x}")
 }
 
 /// Why views could not be written.

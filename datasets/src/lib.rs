@@ -72,8 +72,10 @@
 //! followed: whoever made them could as well have copied what they lead to.
 
 mod assemble;
+mod backdrop;
 mod consistency;
 mod content;
+mod convention;
 mod dataset;
 mod depth;
 #[cfg(feature = "onnx")]
@@ -84,9 +86,11 @@ mod error;
 mod formats;
 mod layouts;
 mod mask;
+mod mask_file;
 mod natural;
 mod open;
 mod options;
+mod parts;
 mod read;
 mod source;
 mod split;
@@ -94,6 +98,8 @@ mod undistort;
 mod validate;
 mod view;
 
+pub use backdrop::mask_from_backdrop;
+pub use convention::{CameraAxes, Convention, PoseDirection};
 pub use dataset::{Catalog, Dataset, Entry, Subset, SurfacePoints, Truth};
 #[cfg(feature = "onnx")]
 pub use depth_estimator::{DepthEstimator, DepthModelError, DepthModelProblem};
@@ -111,7 +117,7 @@ pub use layouts::photos::write_photos;
 pub use layouts::pix3d::{Pix3d, Pix3dAnnotation};
 pub use layouts::transforms::write_transforms;
 pub use layouts::{pixel2mesh, r2n2};
-pub use mask::{mask_from_alpha, mask_from_backdrop};
+pub use mask::mask_from_alpha;
 pub use open::{choose, open, open_with, read_views};
 pub use options::{MaskSource, OnInconsistent, ReadOptions, Turntable};
 pub use split::{Split, is_held_out, split, split_objects};

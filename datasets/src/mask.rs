@@ -1,6 +1,8 @@
-//! Masks: from alpha, from files, from a plain backdrop.
+//! Masks: from alpha, from images of masks, and what is mended in them.
 
 use mesh_core::ByteImage;
+
+use crate::parts::parts;
 
 /// The mask that an image's alpha gives, 255 = object; `None` where there is no alpha to speak
 /// of: no such channel, or one that is opaque everywhere.
@@ -17,95 +19,41 @@ pub fn mask_from_alpha(picture: &ByteImage) -> Option<ByteImage> {
     Some(ByteImage { height: picture.height, width: picture.width, channels: 1, data })
 }
 
-/// The mask of everything that differs from a plain backdrop, 255 = object.
-///
-/// `color` is the backdrop's; `None` takes the median of the border, channel by channel. A pixel
-/// is backdrop where no channel differs by more than `tolerance`. Of the rest the largest part
-/// that hangs together (over edges of pixels) is the object, so that specks do not count. Holes
-/// stay: a handle may have one.
-///
-/// # Panics
-/// If the image has fewer than 3 channels or no pixel.
-pub fn mask_from_backdrop(picture: &ByteImage, color: Option<[u8; 3]>, tolerance: u8) -> ByteImage {
-    let (height, width, c) = (picture.height, picture.width, picture.channels);
-    assert!(c >= 3 && height * width > 0, "a backdrop needs a colour picture, got {c} channels");
-    let backdrop = color.unwrap_or_else(|| border_median(picture));
-    let data = picture
-        .data
-        .chunks_exact(c)
-        .map(|p| (0..3).any(|k| p[k].abs_diff(backdrop[k]) > tolerance) as u8 * 255)
-        .collect();
-    let mut mask = ByteImage { height, width, channels: 1, data };
-    keep_largest_part(&mut mask);
-    mask
-}
-
-fn border_median(picture: &ByteImage) -> [u8; 3] {
-    let (height, width, c) = (picture.height, picture.width, picture.channels);
-    let mut histograms = [[0usize; 256]; 3];
-    let mut count = 0;
-    for i in 0..height {
-        let whole = i == 0 || i + 1 == height;
-        for j in (0..width).step_by(if whole { 1 } else { (width - 1).max(1) }) {
-            let pixel = &picture.data[(i * width + j) * c..];
-            (0..3).for_each(|k| histograms[k][pixel[k] as usize] += 1);
-            count += 1;
-        }
-    }
-    histograms.map(|histogram| {
-        let mut below = 0;
-        histogram
-            .iter()
-            .position(|&n| {
-                below += n;
-                2 * below >= count
-            })
-            .map_or(0, |value| value as u8)
+/// A mask from an image file: the alpha where it says something, else the grey value.
+pub(crate) fn mask_from_picture(picture: &ByteImage) -> ByteImage {
+    mask_from_alpha(picture).unwrap_or_else(|| {
+        let c = picture.channels;
+        let grey = |p: &[u8]| {
+            if c >= 3 { (p[0] as u16 + p[1] as u16 + p[2] as u16) / 3 } else { p[0] as u16 }
+        };
+        let data =
+            picture.data.chunks_exact(c).map(|p| if grey(p) >= 128 { 255 } else { 0 }).collect();
+        ByteImage { height: picture.height, width: picture.width, channels: 1, data }
     })
 }
 
 /// Clears every part of the mask but the largest; the first found wins a tie.
-fn keep_largest_part(mask: &mut ByteImage) {
+pub(crate) fn keep_largest_part(mask: &mut ByteImage) {
+    let (part, sizes) = parts([mask.height, mask.width], |at| mask.data[at] != 0);
+    let best = (1..=sizes.len()).max_by_key(|&n| (sizes[n - 1], std::cmp::Reverse(n)));
+    for (m, &p) in mask.data.iter_mut().zip(&part) {
+        *m = if best == Some(p as usize) { 255 } else { 0 };
+    }
+}
+
+/// Makes object of what it surrounds: background that no way leads out of.
+pub(crate) fn fill_holes(mask: &mut ByteImage) {
     let (height, width) = (mask.height, mask.width);
-    let mut part = vec![0u32; height * width];
-    let mut stack = Vec::new();
-    let (mut parts, mut best, mut best_size) = (0u32, 0u32, 0usize);
-    for start in 0..height * width {
-        if mask.data[start] == 0 || part[start] != 0 {
-            continue;
-        }
-        parts += 1;
-        let mut size = 0usize;
-        part[start] = parts;
-        stack.push(start);
-        while let Some(at) = stack.pop() {
-            size += 1;
-            let (i, j) = (at / width, at % width);
-            let mut visit = |next: usize| {
-                if mask.data[next] != 0 && part[next] == 0 {
-                    part[next] = parts;
-                    stack.push(next);
-                }
-            };
-            if i > 0 {
-                visit(at - width);
-            }
-            if i + 1 < height {
-                visit(at + width);
-            }
-            if j > 0 {
-                visit(at - 1);
-            }
-            if j + 1 < width {
-                visit(at + 1);
-            }
-        }
-        if size > best_size {
-            (best, best_size) = (parts, size);
-        }
+    let (part, sizes) = parts([height, width], |at| mask.data[at] == 0);
+    let mut open = vec![false; sizes.len() + 1];
+    for (at, &p) in part.iter().enumerate() {
+        let (i, j) = (at / width, at % width);
+        open[p as usize] |= i == 0 || j == 0 || i + 1 == height || j + 1 == width;
     }
     for (m, &p) in mask.data.iter_mut().zip(&part) {
-        *m = if best != 0 && p == best { 255 } else { 0 };
+        if !open[p as usize] {
+            *m = 255;
+        }
     }
 }
 
@@ -139,30 +87,27 @@ mod tests {
     }
 
     #[test]
-    fn a_backdrop_leaves_the_largest_part() {
-        let inside = |i: usize, j: usize| (2..6).contains(&i) && (3..7).contains(&j);
-        let image = picture(3, |i, j| {
-            if inside(i, j) || (i, j) == (1, 9) {
-                [200, 30, 30, 0]
-            } else {
-                [(118 + (i + j) % 5) as u8, 120, 122, 0]
-            }
-        });
-        for color in [None, Some([120, 120, 120])] {
-            let mask = mask_from_backdrop(&image, color, 10);
-            for i in 0..8 {
-                for j in 0..10 {
-                    assert_eq!(mask.data[i * 10 + j] == 255, inside(i, j), "row {i} column {j}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_picture_of_nothing_has_an_empty_mask() {
-        let mask = mask_from_backdrop(&picture(3, |_, _| [7; 4]), None, 0);
-        assert!(mask.data.iter().all(|&m| m == 0));
-        let one = ByteImage { height: 1, width: 1, channels: 3, data: vec![1, 2, 3] };
-        assert_eq!(mask_from_backdrop(&one, None, 0).data, [0]);
+    fn the_largest_part_stays_and_holes_are_filled() {
+        let text = ["#........#", "..####....", "..#..#....", "..####..##", "........#."];
+        let data = text.concat().bytes().map(|b| if b == b'#' { 255 } else { 0 }).collect();
+        let mut mask = ByteImage { height: 5, width: 10, channels: 1, data };
+        let drawn = |mask: &ByteImage| -> Vec<String> {
+            let sign = |&m: &u8| if m == 255 { '#' } else { '.' };
+            mask.data.chunks(10).map(|row| row.iter().map(sign).collect()).collect()
+        };
+        keep_largest_part(&mut mask);
+        let ring = ["..........", "..####....", "..#..#....", "..####....", ".........."];
+        assert_eq!(drawn(&mask), ring);
+        fill_holes(&mut mask);
+        assert_eq!(drawn(&mask)[2], "..####....");
+        // What is open to the frame is no hole, and nothing has none.
+        let mut bay =
+            ByteImage { height: 2, width: 3, channels: 1, data: vec![255, 0, 255, 255, 255, 255] };
+        fill_holes(&mut bay);
+        assert_eq!(bay.data, [255, 0, 255, 255, 255, 255]);
+        let mut nothing = ByteImage::new(2, 2, 1);
+        keep_largest_part(&mut nothing);
+        fill_holes(&mut nothing);
+        assert_eq!(nothing.data, [0; 4]);
     }
 }

@@ -1,7 +1,12 @@
 //! How views are read.
 
+use std::path::PathBuf;
+
 use mesh_core::Limits;
 use serde::{Deserialize, Serialize};
+
+use crate::convention::{CameraAxes, PoseDirection};
+use crate::view::Layout;
 
 /// How views are read. The default takes what the layout offers and refuses what is incomplete.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -9,6 +14,15 @@ use serde::{Deserialize, Serialize};
 pub struct ReadOptions {
     /// Where masks come from.
     pub mask: MaskSource,
+    /// A folder of masks, named as their images are, or `<stem>_mask`, `<stem>_seg`, `<image>.png`; goes before [`mask`](Self::mask).
+    pub masks: Option<PathBuf>,
+    /// Whether only the largest part of a mask that hangs together is the object.
+    pub largest_part: bool,
+    /// Whether background that a mask surrounds on all sides is object.
+    pub fill_holes: bool,
+    /// Rows above and below, columns left and right that are no part of a scene with a plain backdrop: bars of a video. Found by
+    /// itself where [`MaskSource::Backdrop`] has no colour.
+    pub bars: [usize; 4],
     /// Whether masks of files and of alpha mark the background instead of the object.
     pub invert: bool,
     /// What lies behind pixels that are not opaque, sRGB.
@@ -17,7 +31,7 @@ pub struct ReadOptions {
     pub max_size: Option<usize>,
     /// Whether depth is read where the layout has it.
     pub depth: bool,
-    /// Whether views with missing files are left out, with a warning, instead of refused.
+    /// Whether views with missing files, or without a mask, are left out, with a warning, instead of refused.
     pub allow_missing: bool,
     /// How many bytes the pixels of all views may take together.
     pub memory_limit: u64,
@@ -30,6 +44,12 @@ pub struct ReadOptions {
     /// the default, and its objects' views to this.
     #[serde(skip)]
     pub limits: Limits,
+    /// Axes of the cameras, where they are not those that the layout has.
+    pub axes: Option<CameraAxes>,
+    /// Direction of the poses, where it is not the one that the layout has.
+    pub poses: Option<PoseDirection>,
+    /// What focal lengths are multiplied by, above 0.
+    pub focal_scale: Option<f64>,
     /// What becomes of views whose masks are all empty, or whose cameras look elsewhere.
     pub on_inconsistent: OnInconsistent,
 }
@@ -88,10 +108,16 @@ pub enum MaskSource {
     },
 }
 
-impl MaskSource {
-    /// Whether it takes the layout's files of masks.
-    pub(crate) fn reads_files(self) -> bool {
-        matches!(self, Self::Auto | Self::Files)
+impl ReadOptions {
+    /// What is said of poses that a layout does not have.
+    pub(crate) fn unknown_to(&self, layout: Layout) -> Option<&'static str> {
+        let said = self.axes.map(|_| "axes").or(self.poses.map(|_| "poses"));
+        said.filter(|_| layout.convention().is_none())
+    }
+
+    /// Whether the layout's files of masks are taken.
+    pub(crate) fn reads_mask_files(&self) -> bool {
+        self.masks.is_none() && matches!(self.mask, MaskSource::Auto | MaskSource::Files)
     }
 }
 
@@ -99,6 +125,10 @@ impl Default for ReadOptions {
     fn default() -> Self {
         Self {
             mask: MaskSource::Auto,
+            masks: None,
+            largest_part: false,
+            fill_holes: false,
+            bars: [0; 4],
             invert: false,
             background: [0; 3],
             max_size: None,
@@ -108,6 +138,9 @@ impl Default for ReadOptions {
             object: None,
             turntable: None,
             limits: Limits::default(),
+            axes: None,
+            poses: None,
+            focal_scale: None,
             on_inconsistent: OnInconsistent::Refuse,
         }
     }

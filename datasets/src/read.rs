@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::consistency;
 use crate::content::over;
+use crate::convention::meant;
 use crate::error::ReadViewsError;
 use crate::options::{MaskSource, OnInconsistent, ReadOptions};
 use crate::source::{Opened, Source};
@@ -24,12 +25,14 @@ pub(crate) struct Reading<'a> {
     pub(crate) warnings: Vec<String>,
     /// The field that holds the poses, for messages.
     pub(crate) poses: &'static str,
+    /// Which of them the source keeps for tests, by their place; ascending.
+    pub(crate) test: Vec<usize>,
 }
 
 impl<'a> Reading<'a> {
     /// A list of none.
     pub(crate) fn new(layout: Layout, poses: &'static str) -> Self {
-        Self { layout, pending: Vec::new(), warnings: Vec::new(), poses }
+        Self { layout, pending: Vec::new(), warnings: Vec::new(), poses, test: Vec::new() }
     }
 
     /// Adds a view, or a warning in its place where a file of it is not found and that is allowed.
@@ -76,7 +79,7 @@ pub(crate) fn read_chosen(
     options: &ReadOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Views, ReadViewsError> {
-    let Reading { layout, pending, mut warnings, poses } = reading;
+    let Reading { layout, pending, mut warnings, poses, test: kept_for_test } = reading;
     if pending.is_empty() {
         return Err(ReadViewsError::field(path, "views", "none that is complete", "at least one"));
     }
@@ -87,6 +90,10 @@ pub(crate) fn read_chosen(
             .map(|&i| pending.get(i).unwrap_or_else(|| panic!("view {i} does not exist")))
             .collect(),
     };
+    if let Some(field) = options.unknown_to(layout) {
+        let found = format!("{layout}, which has no poses of its own");
+        return Err(ReadViewsError::field(path, field, found, "a layout with matrices of cameras"));
+    }
     let (total, done, bytes) = (chosen.len(), AtomicUsize::new(0), AtomicU64::new(0));
     let results: Vec<Result<View, ReadViewsError>> = chosen
         .par_iter()
@@ -100,6 +107,7 @@ pub(crate) fn read_chosen(
                 // Once over the budget the rest is not even decoded.
                 check_budget(path, options, bytes.load(Ordering::Relaxed))?;
                 let view = read(opened)?;
+                let view = View { camera: meant(view.camera, layout, options), ..view };
                 let held = view.bytes() as u64;
                 check_budget(path, options, bytes.fetch_add(held, Ordering::Relaxed) + held)?;
                 progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
@@ -107,14 +115,33 @@ pub(crate) fn read_chosen(
             },
         )
         .collect();
-    let views = results.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let mut views = Vec::with_capacity(results.len());
+    let mut test = Vec::new();
+    for (at, result) in results.into_iter().enumerate() {
+        let index = which.map_or(at, |which| which[at]);
+        match result {
+            Ok(view) => {
+                if kept_for_test.binary_search(&index).is_ok() {
+                    test.push(views.len());
+                }
+                views.push(view);
+            }
+            Err(error) if options.allow_missing && error.is_missing_mask() => {
+                warnings.push(format!("a view is left out: {error}"));
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    if views.is_empty() && total > 0 {
+        return Err(ReadViewsError::field(path, "masks", "none in any view", "one at least"));
+    }
     if options.on_inconsistent == OnInconsistent::Refuse
         && options.mask != MaskSource::Whole
         && !views.is_empty()
     {
         consistency::check(path, &views, poses, &mut warnings)?;
     }
-    Ok(Views { views, source: path.to_owned(), layout, warnings })
+    Ok(Views { views, source: path.to_owned(), layout, warnings, test })
 }
 
 fn check_budget(path: &Path, options: &ReadOptions, found: u64) -> Result<(), ReadViewsError> {

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use mesh_core::{ByteImage, Camera, DepthMap};
 
+use crate::split::{Split, split};
+
 /// One image of the object, where it was taken from, and which pixels are the object.
 ///
 /// `color`, `mask`, `depth` and `camera` always have the same size.
@@ -32,6 +34,8 @@ pub struct Views {
     pub layout: Layout,
     /// What a user should know although it stopped nothing, one sentence each.
     pub warnings: Vec<String>,
+    /// Indices of the views that the source keeps for tests, ascending; empty where it does not say.
+    pub test: Vec<usize>,
 }
 
 /// A way of laying views out on disk.
@@ -44,7 +48,9 @@ pub enum Layout {
     /// The same in a zip archive.
     KaolinZip,
     /// **`transforms.json`** of NeRF, instant-ngp and nerfstudio: one file, or those of
-    /// `transforms_{train,val,test}.json` that are there; in a folder or a zip. What a frame says wins over the top
+    /// `transforms_{train,val,test}.json` that are there, or the lists `{train,val,test}_filenames` of nerfstudio: frames of
+    /// test are kept for tests ([`Views::test`]), and so are those of val where there are no others, which else are left out;
+    /// in a folder or a zip. What a frame says wins over the top
     /// level; extensions may be missing; masks are alpha, `mask_path` or `masks/<stem>.png`. Distortion is undone:
     /// `k1 k2 k3 k4 p1 p2`, of a fisheye where `camera_model` or `is_fisheye` says so.
     Transforms,
@@ -172,6 +178,22 @@ impl View {
 }
 
 impl Views {
+    /// Views that are in no file.
+    pub fn in_memory(views: Vec<View>) -> Self {
+        let (source, layout) = ("memory".into(), Layout::Memory);
+        Self { views, source, layout, warnings: Vec::new(), test: Vec::new() }
+    }
+
+    /// Which views are fitted and which are held back: those that the source keeps for tests, or else every `every`th
+    /// ([`split`](crate::split())). Without a number none is.
+    pub fn split(&self, every: Option<usize>) -> Split {
+        if every.is_none() || self.test.is_empty() || self.test.len() == self.len() {
+            return split(self.len(), every);
+        }
+        let (held_out, fit) = (0..self.len()).partition(|i| self.test.binary_search(i).is_ok());
+        Split { fit, held_out }
+    }
+
     /// How many views there are.
     pub fn len(&self) -> usize {
         self.views.len()

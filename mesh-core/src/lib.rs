@@ -33,7 +33,7 @@
 //! - **points and cells**: [`sample_surface`], [`nearest`], [`ClosestPoint`]; [`voxelize_solid`], [`voxelize_surface`],
 //!   [`voxelize_parity`], [`voxelize_enclosed`], [`VoxelGrid::iou`]; back to a mesh by [`cubify`]; the cells that a
 //!   camera sees, [`CameraVolume`]
-//! - **see**: [`Camera`] with every convention that data comes in; [`Image`], [`ByteImage`], [`DepthMap`],
+//! - **see**: [`Camera`] with every convention that data comes in, [`UpAxis`]; [`Image`], [`ByteImage`], [`DepthMap`],
 //!   [`DisparityMap`] and the [`GroundPlane`] that estimators make up
 //! - **compute** with three numbers: [`vector`]
 //! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB), [`read_image`], [`write_png`], EXR depth, PFM;
@@ -81,6 +81,7 @@ mod remesh;
 mod sample;
 mod subdivide;
 mod topology;
+mod up_axis;
 pub mod vector;
 mod voxel;
 
@@ -116,6 +117,7 @@ pub use remesh::{
 pub use sample::{SurfacePoint, sample_points, sample_surface};
 pub use subdivide::{Subdivision, subdivide};
 pub use topology::{FacePair, Topology};
+pub use up_axis::{UpAxis, UpAxisError};
 pub use voxel::{
     Bounds, VoxelGrid, voxelize_enclosed, voxelize_parity, voxelize_solid, voxelize_surface,
 };

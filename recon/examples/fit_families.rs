@@ -15,7 +15,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use datasets::{Layout, View, Views};
+use datasets::{View, Views};
 use losses::metrics::{Preset, evaluate};
 use mesh_core::{ByteImage, TriMesh, write_png};
 use recon::evaluate::score_views;
@@ -82,7 +82,7 @@ fn measure(shape: Shape) -> Result<Row, Failure> {
     let render =
         |mesh: &TriMesh, orbit: &Orbit| render_views(mesh, &orbit.cameras(), &look, &|_, _| {});
     let views = render(&truth, &orbit(24, Placement::Fibonacci))?;
-    let views = Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] };
+    let views = Views::in_memory(views);
     let others = render(&truth, &Orbit { seed: 1, ..orbit(8, Placement::Random) })?;
 
     let config = FitConfig { hold_out: None, ..FitConfig::default() };

@@ -5,7 +5,7 @@
 use std::ops::ControlFlow;
 use std::{io::Write, path::Path};
 
-use datasets::{Layout, ReadOptions, Views, read_views};
+use datasets::{ReadOptions, Views, read_views};
 use recon::evaluate::score_views;
 use recon::fit::{Event, FitConfig, fit};
 use synth::shapes::AlarmClock;
@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let options = RenderOptions { lighting: Lighting::studio(), ..RenderOptions::default() };
         let cameras = Orbit { count: 40, ..Orbit::default() }.cameras();
         let views = render_views(&AlarmClock::default().build(), &cameras, &options, &|_, _| {})?;
-        Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] }
+        Views::in_memory(views)
     };
     let fitted = fit(&views, &FitConfig::default(), &mut |event| {
         let _ = match event {

@@ -6,8 +6,8 @@ use std::sync::Mutex;
 use datasets::{View, Views};
 use diff_raster::FacesError;
 use losses::metrics::{CompareError, Preset, Report as Comparison, evaluate};
-use mesh_core::io::write_mesh;
-use mesh_core::{ByteImage, Health, TriMesh, WriteError};
+use mesh_core::io::{glb, write_mesh};
+use mesh_core::{ByteImage, Health, TriMesh, UpAxis, WriteError};
 use serde::Serialize;
 use synth::{Lighting, RenderOptions, render_views};
 use train::output::{OutputError, OutputFolder};
@@ -42,6 +42,8 @@ pub struct Delivery<'a> {
     pub fitted: &'a Fitted,
     /// The object's true mesh, where it is known.
     pub truth: Option<&'a TriMesh>,
+    /// Which way is up in the world of the cameras: turntable, page and GLB stand upright.
+    pub up: UpAxis,
     /// More rows for the report's table: machine, threads, dates.
     pub provenance: Vec<(String, String)>,
 }
@@ -58,6 +60,9 @@ pub struct Metrics {
     pub steps: usize,
     /// Whether the fit was stopped before its end.
     pub interrupted: bool,
+    /// The axis that is up in the coordinates of the mesh: `y` for most, `z` for NeRF's. `mesh.glb` is turned so that it is +Y
+    /// there, as in viewers; `mesh.ply` and `mesh.obj` are not.
+    pub up: &'static str,
     /// Which views the scores are of: `held-out`, or `fitted` where none was held out.
     pub scored_on: &'static str,
     /// The scores on those views.
@@ -100,12 +105,12 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
     let options = train::settings::to_toml(delivery.config);
     folder.write("config.toml", options.as_bytes())?;
     let report = report(delivery, &metrics, pairs);
-    write_results(&delivery.fitted.mesh, &metrics, report, folder)?;
+    write_results(&delivery.fitted.mesh, delivery.up, &metrics, report, folder)?;
     Ok(metrics)
 }
 
 /// Writes `mesh.glb`, `mesh.obj`, `mesh.ply`, `turntable.gif`, `metrics.json` and `report.html`, which shows the
-/// turntable too.
+/// turntable too. The GLB and the turntable stand upright; OBJ and PLY are in the world of the cameras.
 ///
 /// # Errors
 /// If a file cannot be written, or a face names a vertex that is not there.
@@ -114,14 +119,16 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
 /// If the metrics cannot be JSON.
 pub fn write_results(
     mesh: &TriMesh,
+    up: UpAxis,
     metrics: &impl Serialize,
     report: Report,
     folder: &OutputFolder,
 ) -> Result<(), DeliverError> {
-    for name in ["mesh.glb", "mesh.obj", "mesh.ply"] {
+    glb::write_upright(folder.path().join("mesh.glb"), mesh, up)?;
+    for name in ["mesh.obj", "mesh.ply"] {
         write_mesh(folder.path().join(name), mesh)?;
     }
-    let turntable = turntable(mesh)?;
+    let turntable = turntable(&mesh.clone().upright(up))?;
     folder.write("turntable.gif", &turntable)?;
     let json = serde_json::to_string_pretty(metrics).expect("plain figures serialise");
     folder.write("metrics.json", (json + "\n").as_bytes())?;
@@ -187,6 +194,7 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         schema_version: 1,
         steps: fitted.history.len(),
         interrupted: fitted.interrupted,
+        up: delivery.up.name(),
         scored_on,
         views: scores,
         health: fitted.mesh.health(),
@@ -268,7 +276,7 @@ fn report(delivery: &Delivery<'_>, metrics: &Metrics, views: Vec<ViewPair>) -> R
             metrics.scored_on,
         ),
         command: delivery.command.into(),
-        scene: scene_of(&fitted.mesh),
+        scene: scene_of(&fitted.mesh.clone().upright(delivery.up)),
         figures: figures(metrics),
         warnings,
         views,

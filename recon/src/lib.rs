@@ -1,7 +1,7 @@
 //! Views to a mesh without training: the fit of one object, its scores and its delivery.
 //!
 //! ```
-//! use datasets::{Layout, Views};
+//! use datasets::Views;
 //! use synth::shapes::AlarmClock;
 //! use std::ops::ControlFlow;
 //! use recon::fit::{Event, FitConfig, fit};
@@ -11,7 +11,7 @@
 //! let cameras = Orbit { count: 12, width: 48, height: 48, ..Orbit::default() }.cameras();
 //! let clock = AlarmClock::default().build();
 //! let views = render_views(&clock, &cameras, &RenderOptions::default(), &|_, _| {})?;
-//! let views = Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] };
+//! let views = Views::in_memory(views);
 //!
 //! // A sphere becomes the clock; coarse and short, since this is an example.
 //! let config = FitConfig { level: 3, steps: 40, ..FitConfig::default() };

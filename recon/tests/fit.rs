@@ -3,7 +3,7 @@
 
 use std::ops::ControlFlow;
 
-use datasets::{Layout, Views};
+use datasets::Views;
 use mesh_core::{TriMesh, primitives};
 use recon::evaluate::score_views;
 use recon::fit::{ColorKind, Event, FitConfig, FitError, Fitted, fit};
@@ -21,7 +21,7 @@ fn views_of(mesh: &TriMesh, count: usize) -> Views {
     };
     let views =
         render_views(mesh, &orbit.cameras(), &RenderOptions::default(), &|_, _| {}).unwrap();
-    Views { views, source: "memory".into(), layout: Layout::Memory, warnings: Vec::new() }
+    Views::in_memory(views)
 }
 
 /// Moved off the origin and coloured by position, so that neither place nor colour comes for free.

@@ -59,7 +59,7 @@ fn a_colmap_project_is_fitted() {
 }
 
 fn inspected(views: Vec<View>, truth: &Truth) -> ObjectInspection {
-    let views = Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] };
+    let views = Views::in_memory(views);
     inspect_views(&views, truth)
 }
 

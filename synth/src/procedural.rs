@@ -180,7 +180,7 @@ impl Dataset for Procedural {
             view.name = i.to_string();
         }
         let source = self.root().join(&self.catalog.entries[object].name);
-        Ok(Views { views, source, layout: Layout::Memory, warnings: Vec::new() })
+        Ok(Views { source, ..Views::in_memory(views) })
     }
 
     fn truth(&self, object: usize) -> Result<Truth, ReadViewsError> {

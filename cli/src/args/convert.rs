@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::output;
+use super::values::factor;
 
 #[derive(Args, Debug)]
 #[command(
@@ -37,11 +38,6 @@ pub(crate) struct ConvertMesh {
     /// Which axis is up in the file [default: z in .stl, else y].
     #[arg(long, value_name = "AXIS", value_parser = ["y", "z"])]
     pub(crate) up: Option<String>,
-}
-
-fn factor(text: &str) -> Result<f64, String> {
-    let factor = text.parse().ok().filter(|x: &f64| *x > 0.0 && x.is_finite());
-    factor.ok_or_else(|| "expected a number above 0".to_owned())
 }
 
 /// A length with its unit, in millimetres.

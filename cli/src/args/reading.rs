@@ -1,9 +1,21 @@
 //! How views are read.
 
 use clap::Args;
-use datasets::{MaskSource, ReadOptions, Turntable};
+use std::path::PathBuf;
 
-use super::values::{degrees, hex_color};
+use datasets::{CameraAxes, MaskSource, PoseDirection, ReadOptions, Turntable};
+
+use super::values::{Choices, degrees, factor, hex_color, one_of};
+
+const AXES: &Choices<CameraAxes> = &[
+    ("opencv", "x right, y down, looking along z", CameraAxes::OpenCv),
+    ("opengl", "x right, y up, looking along -z", CameraAxes::OpenGl),
+];
+
+const POSES: &Choices<PoseDirection> = &[
+    ("world-to-camera", "Matrices take the world into the camera", PoseDirection::WorldToCamera),
+    ("camera-to-world", "Matrices take the camera into the world", PoseDirection::CameraToWorld),
+];
 
 /// How views are read.
 #[derive(Args, Clone, Debug)]
@@ -14,15 +26,33 @@ pub(crate) struct Reading {
     /// differs from a plain background, whose colour is found at the border unless it is given.
     #[arg(long, value_name = "SOURCE", default_value = "auto", value_parser = mask_source)]
     pub(crate) mask: MaskSource,
+    /// A folder of masks, called as their images are: 7.png, 7.jpg.png, 7_mask.png or 7_seg.png for 7.jpg.
+    #[arg(long, value_name = "FOLDER", conflicts_with = "mask")]
+    pub(crate) masks: Option<PathBuf>,
+    /// Of each mask keep the largest part that hangs together.
+    #[arg(long)]
+    pub(crate) largest_part: bool,
+    /// Fill the holes of masks: what an object surrounds is object.
+    #[arg(long)]
+    pub(crate) fill_holes: bool,
     /// Masks mark the background instead of the object.
     #[arg(long)]
     pub(crate) invert_masks: bool,
     /// Average larger images down to this many pixels on their longer side.
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(8..))]
     pub(crate) max_size: Option<u32>,
-    /// Leave out views whose files are missing, instead of refusing them all.
+    /// Leave out views whose files are missing or that have no mask, instead of refusing them all.
     #[arg(long)]
     pub(crate) allow_missing: bool,
+    /// The cameras' axes, where they are not those that the layout has.
+    #[arg(long, value_parser = one_of(AXES))]
+    pub(crate) axes: Option<CameraAxes>,
+    /// What the poses' matrices do, where it is not what the layout has.
+    #[arg(long, value_parser = one_of(POSES))]
+    pub(crate) poses: Option<PoseDirection>,
+    /// Multiply focal lengths by this.
+    #[arg(long, value_name = "FACTOR", value_parser = factor)]
+    pub(crate) focal_scale: Option<f64>,
     /// Which object of a dataset of many: its name, or CATEGORY/NAME.
     #[arg(long, value_name = "NAME")]
     pub(crate) object: Option<String>,
@@ -49,6 +79,12 @@ impl Reading {
     pub(crate) fn options(&self) -> ReadOptions {
         ReadOptions {
             mask: self.mask,
+            masks: self.masks.clone(),
+            largest_part: self.largest_part,
+            fill_holes: self.fill_holes,
+            axes: self.axes,
+            poses: self.poses,
+            focal_scale: self.focal_scale,
             invert: self.invert_masks,
             max_size: self.max_size.map(|n| n as usize),
             allow_missing: self.allow_missing,

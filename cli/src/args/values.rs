@@ -1,6 +1,7 @@
 //! Values that several commands take.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use mesh_core::{UpAxis, UpAxisError};
 use synth::Lighting;
 
 /// Words, what the help says of each, and what they stand for.
@@ -32,6 +33,21 @@ pub(crate) fn degrees(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|angle| (-90.0..=90.0).contains(angle))
         .ok_or_else(|| "expected -90 to 90".to_owned())
+}
+
+/// Which axis is up; none where the cameras say it.
+pub(crate) type Up = Option<UpAxis>;
+
+pub(crate) fn up_axis(text: &str) -> Result<Up, String> {
+    match text {
+        "auto" => Ok(None),
+        _ => text.parse().map(Some).map_err(|error: UpAxisError| format!("{error}, or auto")),
+    }
+}
+
+pub(crate) fn factor(text: &str) -> Result<f64, String> {
+    let factor = text.parse().ok().filter(|x: &f64| *x > 0.0 && x.is_finite());
+    factor.ok_or_else(|| "expected a number above 0".to_owned())
 }
 
 pub(crate) fn hex_color(text: &str) -> Result<[u8; 3], String> {

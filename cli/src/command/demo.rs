@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use datasets::{Layout, Views};
+use datasets::Views;
+use mesh_core::UpAxis;
 use synth::shapes::AlarmClock;
 use synth::{Lighting, Orbit, RenderOptions, render_views, write_dataset};
 
@@ -38,8 +39,8 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Demo) -> Result<
         write_dataset(&views, &clock, &place).map_err(Failure::other)?;
     }
     let source = PathBuf::from("an alarm clock that was made for it");
-    let views = Views { views, source, layout: Layout::Memory, warnings: Vec::new() };
+    let views = Views { source, ..Views::in_memory(views) };
     let title = "Alarm clock";
-    Job { title, views, config: &config, truth: Some(&clock), folder, interrupt, start }
-        .run(console)
+    let (truth, up) = (Some(&clock), UpAxis::Y);
+    Job { title, views, config: &config, truth, up, folder, interrupt, start }.run(console)
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use datasets::Views;
-use mesh_core::{ByteImage, TriMesh};
+use mesh_core::{ByteImage, TriMesh, UpAxis};
 use recon::delivery::{DeliverError, Delivery, Metrics, deliver};
 use recon::evaluate::ViewScores;
 use recon::fit::{Event, FitConfig, FitError, Fitted, fit};
@@ -20,7 +20,7 @@ use crate::interrupt::Interrupt;
 use crate::mesh_file::read_mesh;
 use crate::progress::Progress;
 use crate::provenance::{facts, typed_command};
-use crate::views::read_views;
+use crate::views::{diagnosis, read_views};
 
 /// Where the results go when nothing is said.
 const FOLDER: &str = "unsphere-fit";
@@ -33,12 +33,16 @@ struct Outcome<'a> {
     metrics: &'a Metrics,
 }
 
+/// Below this mean mask IoU something is likely wrong with the input, and is looked for.
+const DOUBTFUL: f64 = 0.93;
+
 /// One fit from its views to its folder; `demo` does the same with views of its own.
 pub(crate) struct Job<'a> {
     pub(crate) title: &'a str,
     pub(crate) views: Views,
     pub(crate) config: &'a FitConfig,
     pub(crate) truth: Option<&'a TriMesh>,
+    pub(crate) up: UpAxis,
     pub(crate) folder: OutputFolder,
     pub(crate) interrupt: Interrupt,
     /// When the command began.
@@ -51,12 +55,33 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(
     let folder = arguments.output.create(FOLDER)?;
     let interrupt = Interrupt::listen(Some(folder.unfinished()))?;
     let truth = arguments.truth.as_ref().map(|path| read_mesh(console, path)).transpose()?;
-    let views = read_views(console, &arguments.views, &arguments.reading.options())?;
+    let reading = arguments.reading.options();
+    let mut views = read_views(console, &arguments.views, &reading)?;
+    if let Some(path) = &arguments.score {
+        if config.hold_out.is_none() {
+            let text =
+                "--score holds views out, and hold-out = none fits all: leave one of them away";
+            return Err(Failure::Usage(text.to_owned()));
+        }
+        let fitted = views.len();
+        let others = read_views(console, path, &reading)?;
+        views.views.extend(others.views);
+        views.warnings.extend(others.warnings);
+        views.test = (fitted..views.len()).collect();
+    }
     views.warnings.iter().for_each(|warning| console.warn(warning));
     let name = arguments.views.file_stem().unwrap_or(arguments.views.as_os_str());
     let title = name.to_string_lossy();
     let truth = truth.as_ref();
-    Job { title: &title, views, config: &config, truth, folder, interrupt, start }.run(console)
+    let up = arguments.up.unwrap_or_else(|| {
+        let found = UpAxis::of_cameras(views.views.iter().map(|view| &view.camera));
+        if found != UpAxis::Y {
+            let text = "is up by the cameras: mesh.glb, the page and the turntable are turned so that they stand upright (--up)";
+            console.remark(format_args!("{found} {text}"));
+        }
+        found
+    });
+    Job { title: &title, views, config: &config, truth, up, folder, interrupt, start }.run(console)
 }
 
 /// The configuration that the command line asks for, checked.
@@ -85,7 +110,13 @@ impl Job<'_> {
     /// Fits, scores, writes and prints. Ctrl-C ends the fit early; what there is is written.
     pub(crate) fn run(mut self, console: Console) -> Result<(), Failure> {
         self.interrupt.worthwhile();
-        let fitted = self.fit(console)?;
+        let mut fitted = self.fit(console)?;
+        if fitted.evaluations.last().is_some_and(|&(_, iou)| iou < DOUBTFUL) {
+            for reason in diagnosis(&self.views) {
+                console.warn(&reason);
+                fitted.warnings.push(reason);
+            }
+        }
         if !fitted.held_out_views.is_empty() {
             // Only these are looked at again; the images of the others make room.
             for &i in &fitted.train_views {
@@ -102,6 +133,7 @@ impl Job<'_> {
             config: self.config,
             fitted: &fitted,
             truth: self.truth,
+            up: self.up,
             provenance: facts(["unsphere", "threads", "machine"]).into(),
         };
         let metrics = deliver(&delivery, &self.folder).map_err(|error| match error {
@@ -144,7 +176,14 @@ impl Job<'_> {
         fit(&self.views, self.config, &mut on_event).map_err(|error| match error {
             FitError::Config(_) => Failure::Usage(error.to_string()),
             FitError::NotFinite { .. } => Failure::other(error),
-            error => Failure::Input(format!("{}: {error}", self.views.source.display())),
+            error => {
+                let reasons = match &error {
+                    FitError::Placement { .. } => diagnosis(&self.views),
+                    _ => Vec::new(),
+                };
+                let reasons: String = reasons.iter().map(|reason| format!("; {reason}")).collect();
+                Failure::Input(format!("{}: {error}{reasons}", self.views.source.display()))
+            }
         })
     }
 }

@@ -44,7 +44,7 @@ pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
         let text = format!("{} exists already; choose another name or --force", file.display());
         return Err(Failure::Other(text));
     }
-    let mesh = read_mesh(console, &arguments.mesh)?;
+    let mesh = read_mesh(console, &arguments.mesh)?.upright(arguments.up);
     if mesh.faces.is_empty() {
         let path = arguments.mesh.display();
         return Err(Failure::Input(format!("{path}: no faces, so there is nothing to render")));

@@ -71,7 +71,8 @@ impl Album<'_> {
                 return Err(self.source.missing(photo.image, wanted_by));
             }
         }
-        let reading = Reading { layout: self.catalog.layout, pending, warnings, poses: self.poses };
+        let reading =
+            Reading { pending, warnings, ..Reading::new(self.catalog.layout, self.poses) };
         read_pending(&self.catalog.root, self.source, reading, options, progress)
     }
 }

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 
 use mesh_core::{Camera, DepthMap, decode_depth_png_with};
 
-use crate::assemble::{PICTURE_BYTES, Picture, assemble, mask_file, read_picture};
+use crate::assemble::{PICTURE_BYTES, Picture, assemble, read_picture};
 use crate::dataset::{Catalog, Dataset, Entry, Subset, Truth};
 use crate::error::ReadViewsError;
 use crate::formats::json::{Node, parse};
 use crate::layouts::album::{chosen, model};
+use crate::mask_file::mask_file;
 use crate::options::ReadOptions;
 use crate::read::{Reading, read_pending};
 use crate::source::{Opened, Source, names_of};

@@ -150,13 +150,13 @@ impl CubAnnotation {
         let (array, height, width) = mask.table()?;
         let camera = self.camera(width, height);
         let camera = fitted(camera, &picture, &self.pose_file, &self.pose_field)?;
-        let mask = options.mask.reads_files().then(|| {
+        let mask = options.reads_mask_files().then(|| {
             let inside = |i: usize, j: usize| array.at(j * height + i) > 0.0;
             let data = (0..height).flat_map(|i| (0..width).map(move |j| (i, j)));
             let data = data.map(|(i, j)| if inside(i, j) { 255 } else { 0 }).collect();
             (mask.file().to_owned(), ByteImage { height, width, channels: 1, data })
         });
-        assemble(name.to_owned(), picture, mask, camera, None, options)
+        assemble(name.to_owned(), picture, mask.into(), camera, None, options)
     }
 }
 

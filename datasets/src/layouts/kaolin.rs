@@ -87,7 +87,7 @@ pub(crate) fn list<'a>(
         }
     }
     let layout = if source.is_zip() { Layout::KaolinZip } else { Layout::KaolinFolder };
-    Ok(Reading { layout, pending, warnings, poses: "tf_mat" })
+    Ok(Reading { pending, warnings, ..Reading::new(layout, "tf_mat") })
 }
 
 /// The number in front of a known ending, and its text.
@@ -108,14 +108,14 @@ fn read_view(
     let picture = read_picture(opened, &name, "picture")?;
     let camera = read_camera(opened, stem, &picture)?;
     let mask = format!("{stem}{MASK}");
-    let mask = if options.mask.reads_files() && source.has(&mask) {
+    let mask = if options.reads_mask_files() && source.has(&mask) {
         Some((source.locate(&mask), read_mask(opened, &mask, &picture.image)?))
     } else {
         None
     };
     let depths = ["_depth.exr", "_depth_linear.npy"].map(|end| format!("{stem}{end}"));
-    let depth = depth::read(opened, &depths, &picture.image, options)?;
-    assemble(stem.to_owned(), picture, mask, camera, depth, options)
+    let depth = depth::read(opened, &depths, 1.0, &picture.image, options)?;
+    assemble(stem.to_owned(), picture, mask.into(), camera, depth, options)
 }
 
 fn read_camera(

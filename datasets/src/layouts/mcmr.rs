@@ -9,13 +9,14 @@ use mesh_core::nalgebra::Vector3;
 use mesh_core::{Camera, CameraError};
 use rayon::prelude::*;
 
-use crate::assemble::{assemble, named_mask, read_picture};
+use crate::assemble::{assemble, read_picture};
 use crate::content::numbered;
 use crate::dataset::{Catalog, Dataset, Entry, Subset};
 use crate::error::ReadViewsError;
 use crate::formats::json::Node;
 use crate::formats::yaml;
 use crate::layouts::album::{Album, fitted};
+use crate::mask_file::named_mask;
 use crate::options::ReadOptions;
 use crate::source::{Opened, Source, names_of};
 use crate::view::{Layout, View, Views};

@@ -15,8 +15,9 @@ use std::path::Path;
 
 use mesh_core::{Camera, Distortion};
 
-use crate::assemble::{MASK_EXTENSIONS, assemble, mask_file, read_picture, without_extension};
+use crate::assemble::{assemble, read_picture, without_extension};
 use crate::error::ReadViewsError;
+use crate::mask_file::{mask_file, mask_names};
 use crate::options::ReadOptions;
 use crate::read::Reading;
 use crate::source::{Opened, Source};
@@ -128,7 +129,7 @@ impl Shot {
         let picture = read_picture(opened, &self.image, "image")?;
         let (camera, skew) = self.camera(picture.image.width, picture.image.height, file)?;
         let stem = without_extension(&self.image);
-        let masks = MASK_EXTENSIONS.map(|end| format!("masks/{stem}.{end}"));
+        let masks = mask_names("masks", &self.image);
         let mask = mask_file(opened, &masks, options)?;
         let view = assemble(stem.to_owned(), picture, mask, camera, None, options)?;
         straightened(view, skew.as_ref(), file, &format!("{}, camera", self.field))

@@ -145,9 +145,9 @@ impl Pascal3dAnnotation {
     ) -> Result<View, ReadViewsError> {
         let picture = read_picture(opened, &self.image, "picture")?;
         let camera = self.camera(&picture)?;
-        let wanted = options.mask.reads_files();
+        let wanted = options.reads_mask_files();
         let mask = wanted.then(|| self.mask(opened)).transpose()?;
-        assemble(name.to_owned(), picture, mask, camera, None, options)
+        assemble(name.to_owned(), picture, mask.into(), camera, None, options)
     }
 
     /// The object's own colour in VOC's image of objects.

@@ -7,13 +7,11 @@ use mesh_core::{Camera, Lens};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::assemble::{
-    MASK_EXTENSIONS, assemble, camera_of_size, mask_file, put, put_images, read_picture,
-    without_extension,
-};
+use crate::assemble::{assemble, camera_of_size, put, put_images, read_picture, without_extension};
 use crate::depth;
 use crate::error::{ReadViewsError, WriteViewsError};
 use crate::formats::json::{Node, parse};
+use crate::mask_file::{mask_file, mask_names};
 use crate::options::ReadOptions;
 use crate::read::Reading;
 use crate::source::{Opened, Source};
@@ -75,11 +73,9 @@ impl Shot {
     fn new(node: &Node<'_>) -> Result<Self, ReadViewsError> {
         let image = node.need("image")?.text()?.to_owned();
         let text = |key: &str| node.get(key).map(|n| n.text().map(String::from)).transpose();
-        let stem = without_extension(&image);
-        let stem = stem.rsplit('/').next().unwrap_or(stem);
         let masks = match text("mask")? {
             Some(mask) => vec![mask],
-            None => MASK_EXTENSIONS.iter().map(|end| format!("masks/{stem}.{end}")).collect(),
+            None => mask_names("masks", &image),
         };
         let rotation = node.need("rotation")?.matrix3()?;
         let translation = node.need("translation")?.numbers::<3>()?;
@@ -105,7 +101,7 @@ impl Shot {
             source.need(mask, || format!("field `{}.mask` of {CAMERAS} names it", self.field))?;
         }
         let mask = mask_file(opened, &self.masks, options)?;
-        let depth = depth::read(opened, self.depth.as_slice(), &picture.image, options)?;
+        let depth = depth::read(opened, self.depth.as_slice(), 1.0, &picture.image, options)?;
         let name = without_extension(&self.image).to_owned();
         assemble(name, picture, mask, camera, depth, options)
     }

@@ -9,12 +9,13 @@ use std::path::{Path, PathBuf};
 
 use mesh_core::{Camera, VoxelGrid};
 
-use crate::assemble::{assemble, named_mask, read_picture};
+use crate::assemble::{assemble, read_picture};
 use crate::dataset::{Catalog, Dataset, Entry, Subset, Truth};
 use crate::error::ReadViewsError;
 use crate::formats::json::{Node, parse};
 use crate::formats::mat::Mat;
 use crate::layouts::album::{Album, Photo, chosen, fitted, model};
+use crate::mask_file::named_mask;
 use crate::options::ReadOptions;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};

@@ -17,11 +17,12 @@ use std::path::Path;
 use mesh_core::Camera;
 use zip::ZipArchive;
 
-use crate::assemble::{assemble, mask_file, pictures_in, plain_stem, read_picture};
+use crate::assemble::{assemble, pictures_in, plain_stem, read_picture};
 use crate::content::Content;
 use crate::error::ReadViewsError;
 use crate::formats::mat::Mat;
 use crate::formats::npy;
+use crate::mask_file::mask_file;
 use crate::options::ReadOptions;
 use crate::read::Reading;
 use crate::source::Source;

@@ -2,6 +2,9 @@
 
 use std::path::Path;
 
+use mesh_core::ByteImage;
+
+use crate::backdrop::Backdrop;
 use crate::dataset::{Catalog, Dataset, Entry};
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::layouts::{bop, colmap, kaolin, middlebury, photos, projections, transforms, turntable};
@@ -13,6 +16,9 @@ use crate::view::Views;
 /// How far above the folder that was opened the files of one object may lie: nerfstudio keeps poses
 /// beside `images/`, and COLMAP its models in `sparse/0/`.
 const ABOVE: usize = 2;
+
+/// Images in which a common backdrop is looked for.
+const SAMPLED: usize = 7;
 
 /// A dataset of one object.
 #[derive(Debug)]
@@ -68,6 +74,27 @@ impl SingleObject {
         Ok(Self { catalog, source, kind })
     }
 
+    /// The options with the backdrop that some of the images have in common, where it is wanted and has no colour yet.
+    fn with_backdrop(&self, options: &ReadOptions) -> Result<Option<ReadOptions>, ReadViewsError> {
+        let MaskSource::Backdrop { color: None, tolerance } = options.mask else {
+            return Ok(None);
+        };
+        let whole = ReadOptions { mask: MaskSource::Whole, depth: false, ..options.clone() };
+        let reading = list(&self.kind, &self.source, &whole)?;
+        let count = reading.pending.len();
+        let some: Vec<usize> =
+            (0..count.min(SAMPLED)).map(|k| k * count / SAMPLED.min(count)).collect();
+        let source = &self.source;
+        let views =
+            read_chosen(&self.catalog.root, source, reading, Some(&some), &whole, &|_, _| ())?;
+        let images: Vec<ByteImage> = views.views.into_iter().map(|view| view.color).collect();
+        let Some(Backdrop { color, bars, .. }) = Backdrop::common(&images, tolerance) else {
+            return Ok(None);
+        };
+        let mask = MaskSource::Backdrop { color: Some(color), tolerance };
+        Ok(Some(ReadOptions { mask, bars, ..options.clone() }))
+    }
+
     /// The COLMAP project, where it is one.
     pub(crate) fn colmap(&self) -> Option<(&Source, &colmap::Project)> {
         match &self.kind {
@@ -90,6 +117,8 @@ impl Dataset for SingleObject {
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Views, ReadViewsError> {
         assert!(object == 0, "views: object {object} does not exist");
+        let found = self.with_backdrop(options)?;
+        let options = found.as_ref().unwrap_or(options);
         let reading = list(&self.kind, &self.source, options)?;
         read_chosen(&self.catalog.root, &self.source, reading, which, options, progress)
     }

@@ -1,17 +1,18 @@
 //! NeRF's and nerfstudio's `transforms.json`.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use mesh_core::{Camera, Distortion, Lens};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::assemble::{
-    Picture, assemble, camera_of_size, named_mask, put, put_images, read_picture,
-};
+use crate::assemble::{Picture, assemble, camera_of_size, put, put_images, read_picture};
+use crate::dataset::Subset;
 use crate::depth;
 use crate::error::{ReadViewsError, WriteViewsError};
 use crate::formats::json::{Node, parse};
+use crate::mask_file::{mask_file, mask_names, named_mask};
 use crate::options::ReadOptions;
 use crate::read::Reading;
 use crate::source::{Opened, Source};
@@ -43,12 +44,22 @@ pub(crate) fn list<'a>(
     let mut opened = source.open()?;
     let mut reading = Reading::new(Layout::Transforms, "transform_matrix");
     let mut lenses = Lenses::default();
+    let mut left_out = 0;
     for file in files {
         let path = source.locate(file);
         let value = parse(&opened.read(file, "poses", JSON_BYTES)?, &path)?;
         let root = Node::root(&value, &path);
+        let parts = Parts::new(&root, file, files)?;
         for node in root.need("frames")?.elements()? {
             let frame = Frame::new(&root, &node)?;
+            match parts.of(&frame.image) {
+                Some(Subset::Test) => reading.test.push(reading.pending.len()),
+                Some(Subset::Validation) => {
+                    left_out += 1;
+                    continue;
+                }
+                _ => {}
+            }
             let (name, image) = (frame.name.clone(), frame.image_in(source));
             if let Some(distortion) = frame.distortion.filter(|_| image.is_ok()) {
                 lenses.count(distortion.to_string());
@@ -59,7 +70,63 @@ pub(crate) fn list<'a>(
         }
     }
     reading.warnings.extend(lenses.sentence());
+    if left_out > 0 {
+        let text =
+            format!("{left_out} views for validation are left out: others are kept for tests");
+        reading.warnings.push(text);
+    }
+    // A frame whose image is missing was not added.
+    reading.test.retain(|&index| index < reading.pending.len());
+    reading.test.dedup();
     Ok(reading)
+}
+
+/// Which frames are for what, by the names of files or by nerfstudio's lists.
+struct Parts {
+    /// That of the whole file, where it is one of the three.
+    file: Option<Subset>,
+    /// Names of images with theirs.
+    lists: BTreeMap<String, Subset>,
+    /// Whether some frames are for tests, which validation then gives way to.
+    has_test: bool,
+}
+
+impl Parts {
+    fn new(root: &Node<'_>, file: &str, files: &[String]) -> Result<Self, ReadViewsError> {
+        let mut lists = BTreeMap::new();
+        for (key, subset) in [
+            ("train_filenames", Subset::Train),
+            ("val_filenames", Subset::Validation),
+            ("test_filenames", Subset::Test),
+        ] {
+            let names = root.get(key).map(|node| node.elements()).transpose()?;
+            for name in names.into_iter().flatten() {
+                lists.insert(plain(name.text()?).to_owned(), subset);
+            }
+        }
+        let of = [Subset::Train, Subset::Validation, Subset::Test];
+        let which = SPLITS.iter().position(|name| *name == file).map(|k| of[k]);
+        let has = |name: &str| files.iter().any(|file| file == name);
+        let trains = lists.values().any(|s| *s == Subset::Train) || has(SPLITS[0]);
+        let has_test = lists.values().any(|s| *s == Subset::Test) || has(SPLITS[2]);
+        // A file of tests alone is all that there is.
+        let which = which.filter(|_| trains);
+        Ok(Self { file: which, lists, has_test })
+    }
+
+    /// What a frame is for: nothing is said of most.
+    fn of(&self, image: &str) -> Option<Subset> {
+        let said = self.lists.get(plain(image)).copied().or(self.file);
+        said.map(|subset| match subset {
+            Subset::Validation if !self.has_test => Subset::Test,
+            subset => subset,
+        })
+    }
+}
+
+/// A name as lists and frames both have it.
+fn plain(name: &str) -> &str {
+    name.trim_start_matches("./")
 }
 
 /// What the JSON says about one frame, checked, before its image is read.
@@ -72,6 +139,8 @@ struct Frame {
     image: String,
     mask: Option<String>,
     depth: Option<String>,
+    /// What a whole number of a depth PNG stands for.
+    depth_unit: f64,
     pose: [[f64; 4]; 4],
     focal: Focal,
     principal: [Option<f64>; 2],
@@ -165,6 +234,8 @@ impl Frame {
             name: name.to_owned(),
             mask: text("mask_path")?,
             depth: text("depth_file_path")?,
+            // nerfstudio's default: millimetres.
+            depth_unit: positive("depth_unit_scale_factor")?.unwrap_or(1e-3),
             pose: frame.need("transform_matrix")?.matrix()?,
             focal,
             principal: [number("cx")?, number("cy")?],
@@ -190,21 +261,6 @@ impl Frame {
             })
     }
 
-    /// The mask file: the one that the frame names, or one of the same stem in `masks/`.
-    fn mask_in(&self, source: &Source) -> Result<Option<String>, ReadViewsError> {
-        if let Some(mask) = &self.mask {
-            source.need(mask, || {
-                format!("field `{}.mask_path` of {} names it", self.field, self.file.display())
-            })?;
-            return Ok(Some(mask.clone()));
-        }
-        let stem = self.name.rsplit('/').next().unwrap_or(&self.name);
-        Ok(EXTENSIONS[1..]
-            .iter()
-            .map(|extension| format!("masks/{stem}{extension}"))
-            .find(|name| source.has(name)))
-    }
-
     fn read(
         &self,
         opened: &mut Opened<'_>,
@@ -213,12 +269,17 @@ impl Frame {
     ) -> Result<View, ReadViewsError> {
         let picture = read_picture(opened, image, "picture")?;
         let camera = self.camera(&picture)?;
-        let mask = if options.mask.reads_files() { self.mask_in(opened.source())? } else { None };
-        let mask = match mask {
-            Some(name) => named_mask(opened, &name, options)?,
-            None => None,
+        let mask = match &self.mask {
+            Some(name) if options.reads_mask_files() => {
+                opened.source().need(name, || {
+                    format!("field `{}.mask_path` of {} names it", self.field, self.file.display())
+                })?;
+                named_mask(opened, name, options)?
+            }
+            _ => mask_file(opened, &mask_names("masks", &self.image), options)?,
         };
-        let depth = depth::read(opened, self.depth.as_slice(), &picture.image, options)?;
+        let depth =
+            depth::read(opened, self.depth.as_slice(), self.depth_unit, &picture.image, options)?;
         let view = assemble(self.name.clone(), picture, mask, camera, depth, options)?;
         let field = format!("{}: k1, k2, ..", self.field);
         straightened(view, self.distortion.as_ref(), &self.file, &field)

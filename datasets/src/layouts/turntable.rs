@@ -2,10 +2,9 @@
 
 use mesh_core::Camera;
 
-use crate::assemble::{
-    MASK_EXTENSIONS, assemble, mask_file, pictures_in, plain_stem, read_picture, without_extension,
-};
+use crate::assemble::{assemble, pictures_in, read_picture, without_extension};
 use crate::error::ReadViewsError;
+use crate::mask_file::{mask_file, mask_names};
 use crate::options::{ReadOptions, Turntable};
 use crate::read::{Pending, Reading};
 use crate::source::Source;
@@ -49,14 +48,13 @@ pub(crate) fn list<'a>(
                 let (width, height) = (picture.image.width, picture.image.height);
                 let camera = table.camera(index, width, height);
                 let stem = without_extension(&name);
-                let plain = plain_stem(&name);
-                let masks = MASK_EXTENSIONS.map(|end| format!("masks/{plain}.{end}"));
+                let masks = mask_names("masks", &name);
                 let mask = mask_file(opened, &masks, options)?;
                 assemble(stem.to_owned(), picture, mask, camera, None, options)
             })
         })
         .collect();
-    Ok(Reading { layout: Layout::Turntable, pending, warnings, poses: "turntable" })
+    Ok(Reading { pending, warnings, ..Reading::new(Layout::Turntable, "turntable") })
 }
 
 impl Turntable {

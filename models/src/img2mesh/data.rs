@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use datasets::{Dataset, Layout, ReadOptions, View, Views, split};
+use datasets::{Dataset, ReadOptions, View, Views};
 use mesh_core::TriMesh;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -68,7 +68,7 @@ impl Data {
     /// # Errors
     /// If a camera cannot be used.
     pub fn one(views: &Views, config: &Img2MeshConfig) -> Result<Self, DataError> {
-        let parts = split(views.len(), config.hold_out);
+        let parts = views.split(config.hold_out);
         let fitted: Vec<&View> = parts.fit.iter().map(|&i| &views.views[i]).collect();
         let frame = frame_of(&[fitted]);
         let prepared: Vec<Result<Prepared, DataError>> =
@@ -133,13 +133,7 @@ impl Data {
             &|_, _| (),
         )
         .map_err(DataError::unfit)?;
-        let views = Views {
-            views,
-            source: "procedural clock".into(),
-            layout: Layout::Memory,
-            warnings: vec![],
-        };
-        Self::one(&views, config)
+        Self::one(&Views { source: "procedural clock".into(), ..Views::in_memory(views) }, config)
     }
 
     /// The frame of a model that begins to learn from these views: centre and scale.

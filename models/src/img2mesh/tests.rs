@@ -30,7 +30,7 @@ fn ellipsoid(radii: [f32; 3], count: usize, side: usize) -> Views {
     let orbit = Orbit { count, width: side, height: side, ..Orbit::default() };
     let views =
         render_views(&mesh, &orbit.cameras(), &RenderOptions::default(), &|_, _| ()).unwrap();
-    Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] }
+    Views::in_memory(views)
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use datasets::View;
 use mesh_core::io::write_mesh;
-use mesh_core::{Health, TriMesh};
+use mesh_core::{Health, TriMesh, UpAxis};
 use recon::delivery::{DeliverError, animation, compare, mesh_table, score_figures, write_results};
 use recon::evaluate::ViewScores;
 use recon::scene::scene_of;
@@ -123,7 +123,7 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
         warnings: input.warnings.clone(),
     };
     write_sequence(&delivery.prediction.sequence, folder)?;
-    write_results(mesh, &metrics, report(delivery, &metrics, pairs), folder)?;
+    write_results(mesh, UpAxis::Y, &metrics, report(delivery, &metrics, pairs), folder)?;
     Ok(metrics)
 }
 

@@ -161,7 +161,7 @@ impl PredictInput {
     /// If none of the views asked for is there; or one is not, and no file is missing that could be
     /// the reason.
     pub fn part(views: Views, choice: Choice<'_>) -> Result<Self, DataError> {
-        let Views { views, source, layout, mut warnings } = views;
+        let Views { views, source, layout, mut warnings, .. } = views;
         let chosen: Vec<usize> = match choice {
             Choice::All => (0..views.len()).collect(),
             Choice::First(count) => {

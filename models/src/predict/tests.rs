@@ -1,6 +1,6 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use datasets::{Layout, View, Views};
+use datasets::{View, Views};
 use synth::{Orbit, RenderOptions, render_views};
 
 use super::*;
@@ -12,7 +12,7 @@ fn views(names: &[&str], warnings: &[&str]) -> Views {
     let mut views = render_views(&ball, &orbit.cameras(), &options, &|_, _| ()).unwrap();
     views.iter_mut().zip(names).for_each(|(view, name)| view.name = (*name).to_owned());
     let warnings = warnings.iter().map(|&w| w.to_owned()).collect();
-    Views { views, source: "scan".into(), layout: Layout::Memory, warnings }
+    Views { source: "scan".into(), warnings, ..Views::in_memory(views) }
 }
 
 fn names(views: &[View]) -> Vec<&str> {

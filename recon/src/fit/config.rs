@@ -12,7 +12,8 @@ train::options! {
     pub struct FitConfig {
         /// Seed of everything random: the order of views where `views-per-step` is not all of them.
         pub seed: u64 = 0, in ..=LARGEST;
-        /// Every how many views one is held out and scored: with 5 the views 4, 9, 14 and so on.
+        /// Every how many views one is held out and scored: with 5 the views 4, 9, 14 and so on. Where the source keeps views
+        /// for tests (NeRF's and nerfstudio's splits), it is those; `none` fits all.
         #[serde(with = "train::settings::optional")]
         pub hold_out: Option<usize> = Some(5), in 2..=LARGEST as usize;
         /// Subdivision level of the icosphere to start from; slender objects start from their hull, at the level

@@ -16,7 +16,7 @@
 //! That is why a step can afford all views, and why there is no noise to average away.
 //!
 //! ```
-//! use datasets::{Layout, Views};
+//! use datasets::Views;
 //! use mesh_core::primitives;
 //! use std::ops::ControlFlow;
 //! use recon::fit::{FitConfig, fit};
@@ -26,7 +26,7 @@
 //! let object = primitives::icosphere(3).scaled([1.0, 0.6, 0.8]).colored([0.8, 0.1, 0.1]);
 //! let cameras = Orbit { count: 12, width: 48, height: 48, ..Orbit::default() }.cameras();
 //! let views = render_views(&object, &cameras, &RenderOptions::default(), &|_, _| {})?;
-//! let views = Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] };
+//! let views = Views::in_memory(views);
 //!
 //! let config = FitConfig { start_level: 2, level: 3, steps: 60, ..FitConfig::default() };
 //! let fitted = fit(&views, &config, &mut |_event| ControlFlow::Continue(()))?;
@@ -60,7 +60,7 @@ mod untangle;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use datasets::{View, Views, is_held_out};
+use datasets::{View, Views};
 use mesh_core::{Health, TriMesh};
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
@@ -125,7 +125,7 @@ pub fn fit(
     if !problems.is_empty() {
         return Err(FitError::Config(problems));
     }
-    let mut run = Run::prepare(&views.views, config, on_event)?;
+    let mut run = Run::prepare(views, config, on_event)?;
     let shape = run.shape(config)?;
     Ok(run.finish(shape, config, &views.views))
 }
@@ -143,11 +143,13 @@ struct Run<'a> {
 impl<'a> Run<'a> {
     /// Checks and measures the views, and places the sphere.
     fn prepare(
-        views: &[View],
+        views: &Views,
         config: &FitConfig,
         on_event: &'a mut dyn FnMut(Event) -> ControlFlow<()>,
     ) -> Result<Self, FitError> {
         let clock = Instant::now();
+        let held_back = views.split(config.hold_out).held_out;
+        let views = &views.views[..];
         if views.is_empty() {
             return Err(FitError::NoViews);
         }
@@ -158,7 +160,7 @@ impl<'a> Run<'a> {
         for (index, view) in views.iter().enumerate() {
             if view.mask.data.iter().all(|&m| m == 0) {
                 empty.push(view.name.as_str());
-            } else if is_held_out(index, config.hold_out) {
+            } else if held_back.binary_search(&index).is_ok() {
                 held_out_views.push(index);
             } else {
                 train_views.push(index);

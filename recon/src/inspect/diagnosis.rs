@@ -1,6 +1,6 @@
 //! What is wrong with a set of views: each supposition is tried, and the best explanation named.
 
-use datasets::{Truth, View};
+use datasets::{CameraAxes, Convention, Truth, View};
 use mesh_core::sample_points;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -165,6 +165,7 @@ pub(crate) fn diagnose(
     views: &[View],
     eyes: &[Eye],
     truth: &Truth,
+    convention: Option<Convention>,
 ) -> (Agreement, Vec<Problem>, Option<Ball>) {
     let mut problems = Vec::new();
     let mut found = Agreement::default();
@@ -193,7 +194,7 @@ pub(crate) fn diagnose(
     let step = eyes.len().div_ceil(SEARCHED);
     let searched: Vec<Eye> = eyes.iter().step_by(step).cloned().collect();
     let judge = Judge { eyes: &searched, points: points.as_deref() };
-    cameras(&judge, &mut found, &mut problems);
+    cameras(&judge, convention, &mut found, &mut problems);
     singles(views, &found, &mut problems);
     (found, problems, ball)
 }
@@ -239,7 +240,12 @@ fn masks(views: &[View], eyes: &[Eye], problems: &mut Vec<Problem>) {
 }
 
 /// Tries every reading, and names the one that explains clearly more than the files' own.
-fn cameras(judge: &Judge<'_>, found: &mut Agreement, problems: &mut Vec<Problem>) {
+fn cameras(
+    judge: &Judge<'_>,
+    convention: Option<Convention>,
+    found: &mut Agreement,
+    problems: &mut Vec<Problem>,
+) {
     let given = judge.score(Reading::AsGiven);
     let others = READINGS.map(|(name, reading, _)| (name, judge.score(reading)));
     found.readings = std::iter::once(("as_given", given)).chain(others).collect();
@@ -249,18 +255,19 @@ fn cameras(judge: &Judge<'_>, found: &mut Agreement, problems: &mut Vec<Problem>
             .map(|factor| [factor, judge.score(Reading::Focal(factor))])
             .collect();
     }
-    let best = READINGS.into_iter().zip(others).max_by(|(_, a), (_, b)| a.1.total_cmp(&b.1));
+    let best = READINGS.iter().zip(others).max_by(|(_, a), (_, b)| a.1.total_cmp(&b.1));
     let focal = found.focal.iter().copied().max_by(|a, b| a[1].total_cmp(&b[1]));
-    let ((name, _, words), (_, other)) = best.expect("there are other readings");
+    let ((name, reading, words), (_, other)) = best.expect("there are other readings");
     let at_factor = focal.map_or(given, |[_, score]| score);
     let factor = middle_of_the_best(&found.focal, given);
     if other >= at_factor && clearly_better(other, given) {
-        let message = format!("{words} (agreement {other:.3} instead of {given:.3})");
+        let remedy = remedy(*reading, convention).map_or_else(String::new, |r| format!(": {r}"));
+        let message = format!("{words}{remedy} (agreement {other:.3} instead of {given:.3})");
         problems.push(Problem::new(name, message));
     } else if !(0.87..1.15).contains(&factor) && sharper(at_factor, given) {
         let message = format!(
             "the focal length looks off: about {factor:.2} times the given one explains the masks \
-             better (agreement {at_factor:.3} instead of {given:.3})"
+             better: --focal-scale {factor:.2} (agreement {at_factor:.3} instead of {given:.3})"
         );
         problems.push(Problem::new("focal_length", message));
     } else if given < 0.7 {
@@ -270,6 +277,22 @@ fn cameras(judge: &Judge<'_>, found: &mut Agreement, problems: &mut Vec<Problem>
         );
         problems.push(Problem::new("disagreement", message));
     }
+}
+
+/// The options that read the files so. What is the same but for a turn of the world is as good.
+fn remedy(reading: Reading, convention: Option<Convention>) -> Option<String> {
+    let (axes, poses) = convention?;
+    // An inverse leaves the file's axes on the side of the world, where they do not matter.
+    let by_axes = match reading {
+        Reading::OpenCvAxes => true,
+        Reading::InversePose => axes == CameraAxes::OpenCv,
+        Reading::InverseOpenCvPose => axes == CameraAxes::OpenGl,
+        _ => return None,
+    };
+    let by_poses = !matches!(reading, Reading::OpenCvAxes);
+    let axes = by_axes.then(|| format!("--axes {}", axes.other().name()));
+    let poses = by_poses.then(|| format!("--poses {}", poses.other().name()));
+    Some([axes, poses].into_iter().flatten().collect::<Vec<_>>().join(" "))
 }
 
 /// Whether a reading takes away enough of what the given one leaves unexplained.

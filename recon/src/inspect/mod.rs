@@ -7,7 +7,7 @@
 //! more than the files do as they are.
 //!
 //! ```
-//! use datasets::{Layout, Truth, Views};
+//! use datasets::{Truth, Views};
 //! use synth::shapes::AlarmClock;
 //! use recon::inspect::inspect_views;
 //! use synth::{Orbit, RenderOptions, render_views};
@@ -15,7 +15,7 @@
 //! let cameras = Orbit { count: 12, width: 64, height: 64, ..Orbit::default() }.cameras();
 //! let clock = AlarmClock::default().build();
 //! let mut views = render_views(&clock, &cameras, &RenderOptions::default(), &|_, _| {})?;
-//! let as_views = |views| Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] };
+//! let as_views = |views| Views::in_memory(views);
 //! let object = inspect_views(&as_views(views.clone()), &Truth::default());
 //! assert!(object.problems.is_empty() && object.agreement.hull_iou > Some(0.95));
 //!
@@ -211,7 +211,8 @@ pub fn inspect_views(views: &Views, truth: &Truth) -> ObjectInspection {
     assert!(!views.is_empty(), "inspect_views: no views");
     let list = &views.views;
     let eyes: Vec<Eye> = list.iter().map(Eye::new).collect();
-    let (agreement, problems, ball) = diagnosis::diagnose(list, &eyes, truth);
+    let (agreement, problems, ball) =
+        diagnosis::diagnose(list, &eyes, truth, views.layout.convention());
     let hull = ball.and_then(|ball| hull::carve(&eyes, ball, GRID));
     let fovs: Option<Vec<f64>> =
         list.iter().map(|view| view.camera.fov().map(|fov| fov[0].to_degrees())).collect();

@@ -9,12 +9,11 @@ use std::path::{Path, PathBuf};
 
 use mesh_core::DepthMap;
 
-use crate::assemble::{
-    MASK_EXTENSIONS, Picture, assemble, camera_of_size, mask_file, read_picture, without_extension,
-};
+use crate::assemble::{Picture, assemble, camera_of_size, read_picture, without_extension};
 use crate::dataset::{Catalog, Dataset};
 use crate::error::ReadViewsError;
 use crate::layouts::single::SingleObject;
+use crate::mask_file::{mask_file, mask_names};
 use crate::natural;
 use crate::options::ReadOptions;
 use crate::read::Reading;
@@ -123,10 +122,7 @@ impl Project {
         let field = format!("camera {} WIDTH, HEIGHT", image.camera);
         let camera = camera_of_size(camera, &picture, &files[0], &field)?;
         let stem = without_extension(&image.name);
-        // COLMAP's own masks append to the whole name of the image.
-        let masks: Vec<String> = std::iter::once(format!("{}masks/{}.png", self.base, image.name))
-            .chain(MASK_EXTENSIONS.map(|end| format!("{}masks/{stem}.{end}", self.base)))
-            .collect();
+        let masks = mask_names(&format!("{}masks", self.base), &image.name);
         let mask = mask_file(opened, &masks, options)?;
         let depth = if options.depth { self.depth(opened, image, &picture)? } else { None };
         let view = assemble(stem.to_owned(), picture, mask, camera, depth, options)?;

@@ -21,11 +21,12 @@ pub use ellipsoid::{Ellipsoid, EllipsoidLevel, Support};
 pub use sample::{Sample, read_sample, write_sample};
 
 use crate::assemble::{Picture, assemble, read_picture};
+use crate::backdrop::mask_from_backdrop;
 use crate::content::{cut, numbered};
 use crate::dataset::{Catalog, Dataset, Entry, Truth};
 use crate::error::ReadViewsError;
 use crate::layouts::r2n2::R2n2Lens;
-use crate::mask::{mask_from_alpha, mask_from_backdrop};
+use crate::mask::mask_from_alpha;
 use crate::options::{MaskSource, ReadOptions};
 use crate::read::{Pending, Reading, read_pending};
 use crate::source::Source;
@@ -190,11 +191,17 @@ impl Dataset for Pixel2Mesh {
                     .then(|| (file.clone(), not_white(&picture.image)));
                 let name = self.catalog.entries[object].name.clone();
                 let name = name.rsplit('/').next().unwrap_or(&name).to_owned();
-                assemble(name, picture, mask, camera, None, options)
+                assemble(name, picture, mask.into(), camera, None, options)
             }));
         }
         let (layout, warnings, poses) = (Layout::Pixel2Mesh, Vec::new(), "points");
-        read_pending(file, &source, Reading { layout, pending, warnings, poses }, options, progress)
+        read_pending(
+            file,
+            &source,
+            Reading { pending, warnings, ..Reading::new(layout, poses) },
+            options,
+            progress,
+        )
     }
 
     fn truth(&self, object: usize) -> Result<Truth, ReadViewsError> {

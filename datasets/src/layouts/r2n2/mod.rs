@@ -67,6 +67,7 @@ use crate::dataset::{Catalog, Dataset, Entry, Truth};
 use crate::depth;
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::layouts::album::model;
+use crate::mask_file::MaskFile;
 use crate::options::ReadOptions;
 use crate::read::{Pending, Reading, read_pending};
 use crate::source::Source;
@@ -215,11 +216,18 @@ impl Dataset for R2n2 {
                 let file = source.locate(metadata::FILE);
                 camera.validate().map_err(ReadViewsError::camera(file, field))?;
                 let depths = [format!("{}_depth.exr", line.stem())];
-                let depth = depth::read(opened, &depths, &picture.image, options)?;
-                assemble(line.stem().to_owned(), picture, None, camera, depth, options)
+                let depth = depth::read(opened, &depths, 1.0, &picture.image, options)?;
+                assemble(
+                    line.stem().to_owned(),
+                    picture,
+                    MaskFile::default(),
+                    camera,
+                    depth,
+                    options,
+                )
             }));
         }
-        let reading = Reading { layout: Layout::R2n2, pending, warnings, poses: metadata::FILE };
+        let reading = Reading { pending, warnings, ..Reading::new(Layout::R2n2, metadata::FILE) };
         read_pending(folder, &source, reading, options, progress)
     }
 

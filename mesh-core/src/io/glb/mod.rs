@@ -7,7 +7,7 @@ mod soup;
 mod write;
 
 pub use read::{decode, decode_with, read, read_with};
-pub use write::{encode, write};
+pub use write::{encode, encode_upright, write, write_upright};
 
 /// What files of this crate name as their generator, before its version.
 const GENERATOR: &str = "mesh-core ";

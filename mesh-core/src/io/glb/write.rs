@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::{BIN, GENERATOR, JSON, MAGIC, component};
 use crate::io::{EncodeError, WriteError, check, write_atomic};
-use crate::{TriMesh, encode_png, srgb_to_linear, vertex_normals};
+use crate::{TriMesh, UpAxis, encode_png, srgb_to_linear, vertex_normals};
 
 /// Writes a GLB file: one mesh with smooth normals, one material, the texture inside as PNG.
 ///
@@ -18,8 +18,17 @@ use crate::{TriMesh, encode_png, srgb_to_linear, vertex_normals};
 /// # Errors
 /// The file cannot be written, or [`encode`] refuses the mesh.
 pub fn write(path: impl AsRef<Path>, mesh: &TriMesh) -> Result<(), WriteError> {
+    write_upright(path, mesh, UpAxis::Y)
+}
+
+/// The same of a mesh whose world has another axis up: the file's node turns it, so that it stands in
+/// viewers, for which +Y is up. The positions in the file stay as they are; [`read`](super::read) turns them.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_upright(path: impl AsRef<Path>, mesh: &TriMesh, up: UpAxis) -> Result<(), WriteError> {
     let path = path.as_ref();
-    let bytes = encode(mesh).map_err(|e| e.at(path))?;
+    let bytes = encode_upright(mesh, up).map_err(|e| e.at(path))?;
     write_atomic(path, |w| w.write_all(&bytes))
 }
 
@@ -29,8 +38,16 @@ pub fn write(path: impl AsRef<Path>, mesh: &TriMesh) -> Result<(), WriteError> {
 /// The mesh has an index out of range or a number that is not finite, or is larger than the 4 GB
 /// that GLB can count.
 pub fn encode(mesh: &TriMesh) -> Result<Vec<u8>, EncodeError> {
+    encode_upright(mesh, UpAxis::Y)
+}
+
+/// [`write_upright`] into memory.
+///
+/// # Errors
+/// As [`encode`].
+pub fn encode_upright(mesh: &TriMesh, up: UpAxis) -> Result<Vec<u8>, EncodeError> {
     check::writable(mesh)?;
-    let (json, bin) = body(mesh);
+    let (json, bin) = body(mesh, up);
     let bytes = length(&json, &bin);
     if u32::try_from(bytes).is_err() {
         return Err(EncodeError::TooLong { bytes });
@@ -99,7 +116,7 @@ impl Parts {
 }
 
 /// The JSON and the binary chunk.
-fn body(mesh: &TriMesh) -> (String, Vec<u8>) {
+fn body(mesh: &TriMesh, up: UpAxis) -> (String, Vec<u8>) {
     let mut parts = Parts::default();
     let asset = format!(
         "\"asset\":{{\"version\":\"2.0\",\"generator\":\"{GENERATOR}{}\"}}",
@@ -166,17 +183,28 @@ fn body(mesh: &TriMesh) -> (String, Vec<u8>) {
     };
     let json = format!(
         "{{{asset}{used},\"scene\":0,\
-         \"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{{\"mesh\":0}}],\
+         \"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{{\"mesh\":0{}}}],\
          \"meshes\":[{{\"primitives\":[{{{primitive},\"material\":0}}]}}],\
          \"materials\":[{{\"pbrMetallicRoughness\":{{{color}\"metallicFactor\":0,\
          \"roughnessFactor\":1}},\"doubleSided\":{}{extension}}}]\
          {images},\"accessors\":[{}],\"bufferViews\":[{}],\"buffers\":[{{\"byteLength\":{}}}]}}",
+        turn(up),
         !is_closed(&mesh.faces),
         parts.accessors,
         parts.views,
         parts.bin.len()
     );
     (json, parts.bin)
+}
+
+/// What a node says where its mesh is turned.
+fn turn(up: UpAxis) -> String {
+    if up == UpAxis::Y {
+        return String::new();
+    }
+    let [x, y, z] = up.columns().map(|c| c.map(|v| v as i8));
+    let column = |[a, b, c]: [i8; 3]| format!("{a},{b},{c},0");
+    format!(",\"matrix\":[{},{},{},0,0,0,1]", column(x), column(y), column(z))
 }
 
 /// A unit normal for each vertex of the file: smooth over the whole mesh, also across seams. Where

@@ -1,0 +1,257 @@
+//! What people's folders are like: masks elsewhere and under other names, splits, poses of other tools, whole numbers as depth.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use std::path::Path;
+
+use common::{ball, edit_json, read, transforms_folder};
+use datasets::{
+    CameraAxes, ColmapForm, MaskSource, PoseDirection, ReadOptions, View, ViewsProblem, read_views,
+    write_colmap,
+};
+use mesh_core::{ByteImage, Camera, write_png};
+use serde_json::json;
+
+fn read_with(
+    path: &Path,
+    options: &ReadOptions,
+) -> Result<datasets::Views, datasets::ReadViewsError> {
+    read_views(path, options, &|_, _| ())
+}
+
+/// A folder of transforms whose masks lie in another one, under the names that `name` gives them.
+fn with_masks_apart(count: usize, name: impl Fn(usize) -> String) -> [tempfile::TempDir; 2] {
+    let folder = transforms_folder(count);
+    let masks = tempfile::tempdir().unwrap();
+    for i in 0..count {
+        let from = folder.path().join(format!("masks/{i:04}.png"));
+        std::fs::copy(&from, masks.path().join(name(i))).unwrap();
+        std::fs::remove_file(from).unwrap();
+    }
+    edit_json(&folder.path().join("transforms.json"), |value| {
+        for frame in value["frames"].as_array_mut().unwrap() {
+            frame.as_object_mut().unwrap().remove("mask_path");
+        }
+    });
+    [folder, masks]
+}
+
+#[test]
+fn masks_of_another_folder_are_found_under_the_names_that_people_use() {
+    let written = ball(3);
+    let names: [fn(usize) -> String; 5] = [
+        |i| format!("{i:04}.png"),
+        |i| format!("{i:04}.png.png"),
+        |i| format!("{i:04}_mask.png"),
+        |i| format!("{i:04}_seg.png"),
+        |i| format!("mask_{i:04}.png"),
+    ];
+    for name in names {
+        let [folder, masks] = with_masks_apart(3, name);
+        let options = ReadOptions { masks: Some(masks.path().into()), ..ReadOptions::default() };
+        let views = read_with(folder.path(), &options).unwrap();
+        for (a, b) in views.views.iter().zip(&written) {
+            assert_eq!(a.mask, b.mask, "{}", name(0));
+        }
+        // Under the same names beside the images they need no option.
+        std::fs::create_dir_all(folder.path().join("masks")).unwrap();
+        for i in 0..3 {
+            let to = folder.path().join("masks").join(name(i));
+            std::fs::copy(masks.path().join(name(i)), to).unwrap();
+        }
+        assert_eq!(read(folder.path()).unwrap().views[2].mask, written[2].mask, "{}", name(0));
+    }
+}
+
+#[test]
+fn a_missing_mask_says_where_it_was_looked_for_and_may_be_left_out() {
+    let [folder, masks] = with_masks_apart(4, |i| format!("{i:04}.png"));
+    std::fs::remove_file(masks.path().join("0002.png")).unwrap();
+    let options = ReadOptions { masks: Some(masks.path().into()), ..ReadOptions::default() };
+    let error = read_with(folder.path(), &options).unwrap_err();
+    assert_eq!(error.field_name(), Some("mask"));
+    let text = error.to_string();
+    let place = masks.path().display().to_string();
+    for word in [place.as_str(), "0002.png", "0002_mask.png", "allow missing"] {
+        assert!(text.contains(word), "{word}: {text}");
+    }
+    let lenient = ReadOptions { allow_missing: true, ..options };
+    let views = read_with(folder.path(), &lenient).unwrap();
+    assert_eq!(views.len(), 3);
+    assert!(views.warnings.iter().any(|w| w.contains("0002.png")), "{:?}", views.warnings);
+    // The same beside the images, and none at all is an error however lenient.
+    let text = read(folder.path()).unwrap_err().to_string();
+    assert!(text.contains("masks") && text.contains("0000_seg.png"), "{text}");
+    let none = ReadOptions { allow_missing: true, ..ReadOptions::default() };
+    assert_eq!(read_with(folder.path(), &none).unwrap_err().field_name(), Some("masks"));
+}
+
+#[test]
+fn a_busy_background_is_refused_by_name() {
+    let [folder, _masks] = with_masks_apart(2, |i| format!("{i:04}.png"));
+    for i in 0..2 {
+        let path = folder.path().join(format!("images/{i:04}.png"));
+        let mut image = mesh_core::read_image(&path).unwrap();
+        for (k, value) in image.data.iter_mut().enumerate() {
+            *value = ((k * 7919) % 251) as u8;
+        }
+        write_png(&path, &image).unwrap();
+    }
+    let mask = MaskSource::Backdrop { color: None, tolerance: 24 };
+    let options = ReadOptions { mask, ..ReadOptions::default() };
+    let error = read_with(folder.path(), &options).unwrap_err();
+    assert!(matches!(error.problem, ViewsProblem::BusyBackdrop { .. }), "{error}");
+    assert!(error.to_string().contains("% of the border"), "{error}");
+}
+
+#[test]
+fn specks_go_and_holes_are_filled_where_it_is_asked() {
+    let [folder, masks] = with_masks_apart(2, |i| format!("{i:04}.png"));
+    let path = masks.path().join("0001.png");
+    let clean = ball(2)[1].mask.clone();
+    let mut dirty = clean.clone();
+    dirty.data[0] = 255;
+    let middle = (clean.height / 2) * clean.width + clean.width / 2;
+    assert_eq!(dirty.data[middle], 255);
+    dirty.data[middle] = 0;
+    write_png(&path, &dirty).unwrap();
+    let options = ReadOptions { masks: Some(masks.path().into()), ..ReadOptions::default() };
+    assert_eq!(read_with(folder.path(), &options).unwrap().views[1].mask, dirty);
+    let cleaning = ReadOptions { largest_part: true, fill_holes: true, ..options };
+    assert_eq!(read_with(folder.path(), &cleaning).unwrap().views[1].mask, clean);
+}
+
+#[test]
+fn splits_of_nerf_and_nerfstudio_are_kept() {
+    let folder = transforms_folder(6);
+    let json = folder.path().join("transforms.json");
+    let value: serde_json::Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+    let name = |i: usize| value["frames"][i]["file_path"].clone();
+    // nerfstudio: lists in the one file. Validation gives way to test ..
+    edit_json(&json, |v| {
+        v["train_filenames"] = json!([name(0), name(2), name(4)]);
+        v["val_filenames"] = json!([name(3)]);
+        v["test_filenames"] = json!([name(1), name(5)]);
+    });
+    let views = read(folder.path()).unwrap();
+    let names: Vec<&str> = views.views.iter().map(|view| view.name.as_str()).collect();
+    assert_eq!((names.len(), &views.test[..]), (5, &[1, 4][..]), "{names:?}");
+    assert!(views.warnings.iter().any(|w| w.contains("validation")), "{:?}", views.warnings);
+    let split = views.split(Some(5));
+    assert_eq!((split.fit, split.held_out), (vec![0, 2, 3], vec![1, 4]));
+    assert_eq!(views.split(None).fit.len(), 5);
+    // .. and stands in for it where there is none.
+    edit_json(&json, |v| {
+        v.as_object_mut().unwrap().remove("test_filenames");
+    });
+    assert_eq!(read(folder.path()).unwrap().test, [3]);
+    // NeRF: three files.
+    for (split, frames) in [("train", 0..3), ("val", 3..4), ("test", 4..6)] {
+        let mut part = value.clone();
+        part["frames"] = value["frames"].as_array().unwrap()[frames].into();
+        let text = part.to_string();
+        std::fs::write(folder.path().join(format!("transforms_{split}.json")), text).unwrap();
+    }
+    std::fs::remove_file(&json).unwrap();
+    let views = read(folder.path()).unwrap();
+    assert_eq!((views.len(), &views.test[..]), (5, &[3, 4][..]));
+    // A missing image moves the places of those behind it.
+    std::fs::remove_file(folder.path().join(name(1).as_str().unwrap())).unwrap();
+    let lenient = ReadOptions { allow_missing: true, ..ReadOptions::default() };
+    assert_eq!(read_with(folder.path(), &lenient).unwrap().test, [2, 3]);
+    // One of the files by itself is all there is.
+    let alone = read(&folder.path().join("transforms_test.json")).unwrap();
+    assert_eq!((alone.len(), alone.test.len()), (2, 0));
+}
+
+/// 4x4 rows of a pose.
+fn rows(camera: &Camera, axes: CameraAxes, poses: PoseDirection) -> serde_json::Value {
+    let to_world = camera.to_opengl();
+    let sign = if axes == CameraAxes::OpenCv { -1.0 } else { 1.0 };
+    // Columns are the camera's axes.
+    let to_world = to_world.map(|[x, y, z, t]| [x, sign * y, sign * z, t]);
+    let to_world = [to_world[0], to_world[1], to_world[2], [0.0, 0.0, 0.0, 1.0]];
+    if poses == PoseDirection::CameraToWorld {
+        return json!(to_world);
+    }
+    let r = |i: usize, k: usize| to_world[k][i];
+    let t = |i: usize| -(0..3).map(|k| r(i, k) * to_world[k][3]).sum::<f64>();
+    let mut out = [[0.0, 0.0, 0.0, 1.0]; 4];
+    for i in 0..3 {
+        out[i] = [r(i, 0), r(i, 1), r(i, 2), t(i)];
+    }
+    json!(out)
+}
+
+#[test]
+fn poses_of_other_tools_are_read_as_they_are_meant() {
+    let written = ball(5);
+    for axes in [CameraAxes::OpenCv, CameraAxes::OpenGl] {
+        for poses in [PoseDirection::WorldToCamera, PoseDirection::CameraToWorld] {
+            let folder = transforms_folder(5);
+            edit_json(&folder.path().join("transforms.json"), |value| {
+                for (i, view) in written.iter().enumerate() {
+                    value["frames"][i]["transform_matrix"] = rows(&view.camera, axes, poses);
+                    value["frames"][i]["fl_x"] = json!(2.0 * focal(view));
+                    value["frames"][i]["fl_y"] = json!(2.0 * focal(view));
+                }
+            });
+            let options = ReadOptions {
+                axes: Some(axes),
+                poses: Some(poses),
+                focal_scale: Some(0.5),
+                ..ReadOptions::default()
+            };
+            let views = read_with(folder.path(), &options).unwrap();
+            for (a, b) in views.views.iter().zip(&written) {
+                let p = [0.2, -0.1, 0.3];
+                let (p, q) = (a.camera.project(p), b.camera.project(p));
+                assert!((p.column - q.column).abs() + (p.row - q.row).abs() < 1e-9);
+                assert!((p.depth - q.depth).abs() < 1e-9);
+            }
+        }
+    }
+    // What is so already stays, and what has no poses cannot have others.
+    let folder = tempfile::tempdir().unwrap();
+    write_colmap(&written, folder.path(), ColmapForm::Text).unwrap();
+    let said = ReadOptions { axes: Some(CameraAxes::OpenCv), ..ReadOptions::default() };
+    let (told, plain) = (read_with(folder.path(), &said).unwrap(), read(folder.path()).unwrap());
+    assert_eq!(told.views[3].camera, plain.views[3].camera);
+    let table =
+        datasets::Turntable { count: 5, elevation: 0.0, distance: 3.0, fov: 40.0, reverse: false };
+    let images = folder.path().join("images");
+    let said = ReadOptions { turntable: Some(table), mask: MaskSource::Whole, ..said };
+    assert_eq!(read_with(&images, &said).unwrap_err().field_name(), Some("axes"));
+}
+
+fn focal(view: &View) -> f64 {
+    match view.camera.lens {
+        mesh_core::Lens::Perspective { fx, .. } => fx,
+        mesh_core::Lens::Orthographic { .. } => panic!("a perspective"),
+    }
+}
+
+#[test]
+fn depth_in_whole_millimetres_is_read() {
+    let folder = transforms_folder(2);
+    let size = ball(2)[0].mask.clone();
+    let (w, h) = (size.width as u32, size.height as u32);
+    let depth = image::ImageBuffer::<image::Luma<u16>, _>::from_fn(w, h, |x, _| {
+        image::Luma([if x == 0 { 0 } else { 1500 + x as u16 }])
+    });
+    depth.save(folder.path().join("d.png")).unwrap();
+    edit_json(&folder.path().join("transforms.json"), |value| {
+        value["frames"][0]["depth_file_path"] = json!("d.png");
+    });
+    let options = ReadOptions { depth: true, ..ReadOptions::default() };
+    let read_depth = || read_with(folder.path(), &options).unwrap().views[0].depth.clone().unwrap();
+    let found = read_depth();
+    assert_eq!(found.data[0], f32::INFINITY);
+    assert!((found.data[2] - 1.502).abs() < 1e-6, "{}", found.data[2]);
+    edit_json(&folder.path().join("transforms.json"), |value| {
+        value["depth_unit_scale_factor"] = json!(0.01);
+    });
+    assert!((read_depth().data[2] - 15.02).abs() < 1e-5);
+    let _ = ByteImage::default();
+}
