@@ -17,8 +17,8 @@ use nets::{Init, Linear};
 use rand::RngExt;
 use synth::{RenderOptions, render_views};
 use train::{
-    DataError, Draw, Fingerprint, LossError, Metric, PredictError, Source, StepInfo, Summary,
-    System, Terms, options,
+    DataError, DataSummary, Draw, Fingerprint, LossError, Metric, PredictError, Source, StepInfo,
+    Subset, Summary, System, Terms, options,
 };
 use unsphere::Program;
 
@@ -33,8 +33,8 @@ options! {
     struct EllipsoidConfig {
         /// Columns between its two layers.
         hidden: usize = 64, in 1..=4096;
-        /// Ellipsoids that are made to learn from; a fifth as many more are scored.
-        objects: usize = 200, in 5..=100_000;
+        /// Ellipsoids that are made to learn from; a tenth as many more are for validation, and as many for tests.
+        objects: usize = 200, in 10..=100_000;
     }
 }
 
@@ -96,7 +96,7 @@ impl System for Ellipsoid {
                 "ellipsoid makes its own data: leave the path out".into(),
             ));
         }
-        let total = config.objects + config.objects / 5;
+        let total = config.objects + 2 * (config.objects / 10);
         let camera = Camera::look_at([1.6, 1.3, 2.2], [0.0; 3], [0.0, 1.0, 0.0], 0.8, SIDE, SIDE);
         let mut samples = Vec::new();
         for number in 0..total {
@@ -149,13 +149,26 @@ impl System for Ellipsoid {
         Ok(Terms::new().with("radii", 1.0, error.square().mean()))
     }
 
-    fn evaluate(&self, data: &Vec<Sample>) -> Result<Vec<Metric>, DataError> {
-        let held = &data[self.config.objects..];
+    fn data_summary(data: &Vec<Sample>) -> Option<DataSummary> {
+        let sizes = Subset::ALL.map(|subset| of(data, subset).len());
+        Some(DataSummary { unit: "ellipsoids", sizes, warnings: Vec::new() })
+    }
+
+    fn evaluate(&self, data: &Vec<Sample>, subset: Subset) -> Result<Vec<Metric>, DataError> {
+        let scored = of(data, subset);
         let tape = Tape::eval();
-        let found = self.logs(&tape, held.iter().map(|sample| &sample.cells[..])).value();
-        let truth = held.iter().flat_map(|sample| sample.logs);
-        let sum: f32 = found.iter().zip(truth).map(|(a, b)| (a - b).abs()).sum();
-        Ok(vec![Metric::smaller("radius-error", f64::from(sum / found.len() as f32))])
+        let found = self.logs(&tape, scored.iter().map(|sample| &sample.cells[..])).value();
+        let errors: Vec<(String, f64)> = scored
+            .iter()
+            .zip(found.as_slice().as_chunks::<3>().0)
+            .map(|(sample, found)| {
+                let sum: f32 = found.iter().zip(sample.logs).map(|(a, b)| (a - b).abs()).sum();
+                (Self::name_of(sample), f64::from(sum / 3.0))
+            })
+            .collect();
+        let mean = errors.iter().map(|(_, error)| error).sum::<f64>() / errors.len() as f64;
+        // Each ellipsoid's own value goes into the results, for those who compare two systems.
+        Ok(vec![Metric::smaller("radius-error", mean).of_objects(errors)])
     }
 
     fn predict(&self, views: &[View]) -> Result<TriMesh, PredictError> {
@@ -186,6 +199,19 @@ impl Predictor for Ellipsoid {
 
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
         Ok(Prediction { mesh: self.predict(&input.given)?, ..Prediction::default() })
+    }
+}
+
+/// The first are trained on, the last are for tests; each was drawn by itself, so that neighbours have nothing in common.
+fn of(data: &[Sample], subset: Subset) -> &[Sample] {
+    // A tenth as many as are trained on, rounded down, each.
+    let scored = data.len() / 12;
+    let (train, rest) = data.split_at(data.len() - 2 * scored);
+    let (validation, test) = rest.split_at(scored);
+    match subset {
+        Subset::Train => train,
+        Subset::Validation => validation,
+        Subset::Test => test,
     }
 }
 

@@ -54,7 +54,7 @@ fn run(arguments: &[&str]) -> Run {
 fn eval_says_what_the_training_said() {
     let log = std::fs::read_to_string(place().join("run/metrics.jsonl")).unwrap();
     let lines = log.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
-    let evaluations: Vec<Value> = lines.filter(|line| line["kind"] == "evaluation").collect();
+    let evaluations: Vec<Value> = lines.filter(|line| line["kind"] == "validation").collect();
     let (last, best) =
         (evaluations.last().unwrap(), evaluations.iter().rfind(|e| e["best"] == true));
     let found = eval(["--checkpoint", "run", "--last"]).ok().json();

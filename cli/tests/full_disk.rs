@@ -281,7 +281,7 @@ fn a_training_goes_on_while_the_disk_is_full() {
     let Some(disk) = Disk::new("64m") else { return };
     let place = tempfile::tempdir().unwrap();
     let settings =
-        ["epochs=150", "evaluate-every=none", "samples-every=none", "checkpoint-minutes=none"];
+        ["epochs=150", "validation-every=none", "samples-every=none", "checkpoint-minutes=none"];
     unsphere_with(place.path(), &training("whole", &settings)).ok();
     let out = format!("{}/run", disk.path());
     let mut child = Command::new(env!("CARGO_BIN_EXE_unsphere"))

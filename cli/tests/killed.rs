@@ -32,7 +32,7 @@ const IMG2MESH: Training = Training {
         // Four steps an epoch, a checkpoint at every third step: most fall within an epoch.
         "synthetic-views=20",
         "epochs=20",
-        "evaluate-every=4",
+        "validation-every=4",
         "samples-every=none",
         "checkpoint-steps=3",
         "tensorboard=false",
@@ -61,7 +61,7 @@ const ALL: [Training; 6] = [
             "level=1",
             "synthetic-views=8",
             "epochs=6",
-            "evaluate-every=3",
+            "validation-every=3",
             "samples-every=3",
             "checkpoint-steps=2",
             "skip-spikes=50",

@@ -312,7 +312,7 @@ fn samples_of_trainings_show_the_model_above_the_truth() {
 #[test]
 fn predictions_turn_and_deform() {
     let briefly =
-        "--preset tiny --set max-steps=1 --set evaluate-every=none --set samples-every=none";
+        "--preset tiny --set max-steps=1 --set validation-every=none --set samples-every=none";
     run(&format!("train ode-pixel2mesh -o bare-run {briefly}"));
     run("predict ode-pixel2mesh made/orange/0000 -c bare-run -o bare-out --first 1");
     // A shape without colours, so light is on all of it: what turns, what deforms, and the views of the report.

@@ -12,7 +12,8 @@ fn a_picture_and_its_depth_become_a_coloured_mesh() {
     let place = tempfile::tempdir().unwrap();
     let run =
         |line: &str| unsphere_with(place.path(), &line.split_whitespace().collect::<Vec<_>>());
-    run("train mesh-rcnn --preset tiny -o run -q --set max-steps=2 --set evaluate-every=none").ok();
+    run("train mesh-rcnn --preset tiny -o run -q --set max-steps=2 --set validation-every=none")
+        .ok();
     run("data generate -o car --families car --objects 1 --views 1 --size 48 --layout kaolin --depth true -q").ok();
     let picture = "car/car/0000/0_rgb.png";
     let predict = |out: &str, rest: &str| {

@@ -120,7 +120,7 @@ fn progress_is_one_line_that_fits() {
     for (columns, seconds) in [(40, 2), (110, 7)] {
         let place = tempfile::tempdir().unwrap();
         let train = "train img2mesh --preset tiny -o run --set level=1 --set synthetic-views=10 --set epochs=100000 \
-                     --set evaluate-every=none";
+                     --set validation-every=none";
         let line = format!(
             "stty rows 24 cols {columns}; timeout --foreground -s INT {seconds} {} {train}",
             env!("CARGO_BIN_EXE_unsphere")

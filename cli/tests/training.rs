@@ -58,7 +58,7 @@ fn a_training_says_what_it_will_do() {
     let place = tempfile::tempdir().unwrap();
     let said = |line: &str| {
         let line =
-            format!("train {line} --preset tiny --set max-steps=1 --set evaluate-every=none");
+            format!("train {line} --preset tiny --set max-steps=1 --set validation-every=none");
         common::unsphere_with(place.path(), &line.split(' ').collect::<Vec<_>>()).ok().stderr()
     };
     let deep = said("mesh-rcnn -o runs/deep");
@@ -112,7 +112,16 @@ fn ctrl_c_leaves_a_checkpoint() {
     let arguments = ["--preset", "tiny", "--set", "level=1", "--set", "synthetic-views=10"];
     let start = |run: &str, epochs: &str| {
         Command::new(env!("CARGO_BIN_EXE_unsphere"))
-            .args(["train", "img2mesh", "-o", run, "--set", epochs, "--set", "evaluate-every=none"])
+            .args([
+                "train",
+                "img2mesh",
+                "-o",
+                run,
+                "--set",
+                epochs,
+                "--set",
+                "validation-every=none",
+            ])
             .args(["--set", "samples-every=none"])
             .args(arguments)
             .current_dir(place.path())

@@ -125,6 +125,20 @@ impl Subset {
 }
 
 impl Entry {
+    /// Category and name of the object: entries whose names agree up to the last `/` are views of one.
+    pub fn object(&self) -> [&str; 2] {
+        let name = self.name.rsplit_once('/').map_or(self.name.as_str(), |(object, _)| object);
+        [&self.category, name]
+    }
+
+    /// The same as `category/name`, or the name alone where there is no category.
+    pub fn object_name(&self) -> String {
+        match self.object() {
+            ["", name] => name.to_owned(),
+            [category, name] => format!("{category}/{name}"),
+        }
+    }
+
     /// `category/name`, or the name alone where there is no category.
     pub fn full_name(&self) -> String {
         match self.category.as_str() {

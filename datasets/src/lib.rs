@@ -40,7 +40,8 @@
 //! | choose where masks come from | [`MaskSource`] |
 //! | write for other tools | [`write_kaolin`], [`write_transforms`], [`write_colmap`], [`write_photos`], [`r2n2::write_object`] |
 //! | read many objects | [`Dataset`]: [`r2n2::R2n2`], [`pixel2mesh::Pixel2Mesh`], [`Bop`], [`Pix3d`], [`Pascal3d`], [`Cub`], [`Mcmr`] |
-//! | keep views or objects back for judging | [`split()`], [`split_objects`], [`is_held_out`] |
+//! | part objects into training, validation and test | [`Subsets`], [`split_objects`] |
+//! | keep views back for judging | [`split()`], [`is_held_out`] |
 //! | read one depth map, or a disparity | [`read_depth_file`], [`read_disparity_file`] |
 //! | estimate depth from an image | `DepthEstimator` (feature `onnx`) with a [`DepthInput`] |
 //!
@@ -94,6 +95,7 @@ mod parts;
 mod read;
 mod source;
 mod split;
+mod subsets;
 mod undistort;
 mod validate;
 mod view;
@@ -121,6 +123,7 @@ pub use mask::mask_from_alpha;
 pub use open::{choose, open, open_with, read_views};
 pub use options::{MaskSource, OnInconsistent, ReadOptions, Turntable};
 pub use split::{Split, is_held_out, split, split_objects};
+pub use subsets::{LeakError, Subsets};
 pub use undistort::OffAxisError;
 pub use validate::{Fault, Validation, validate};
 pub use view::{Layout, View, Views};

@@ -66,8 +66,7 @@ pub fn split_objects(entries: &[Entry], shares: [f64; 3], seed: u64) -> Vec<Subs
     assert!(sound, "split_objects: shares {shares:?}, expected none below 0 and a sum above it");
     let [train, validation, _] = shares.map(|share| share / total);
     let subset = |entry: &Entry| {
-        let object = entry.name.rsplit_once('/').map_or(entry.name.as_str(), |(object, _)| object);
-        let at = fraction(seed, &[&entry.category, object]);
+        let at = fraction(seed, &entry.object());
         if at < train {
             Subset::Train
         } else if at < train + validation || shares[2] == 0.0 {
@@ -82,7 +81,7 @@ pub fn split_objects(entries: &[Entry], shares: [f64; 3], seed: u64) -> Vec<Subs
 
 /// A number in `[0, 1)` that looks random: FNV-1a, then the finaliser of SplitMix64, because the
 /// last letters alone would move only FNV's low bits.
-fn fraction(seed: u64, words: &[&str]) -> f64 {
+pub(crate) fn fraction(seed: u64, words: &[&str]) -> f64 {
     let mut hash = FnvHasher::default();
     hash.write(&seed.to_le_bytes());
     for word in words {

@@ -36,6 +36,7 @@ pub mod paired;
 pub mod pixel2mesh;
 pub mod predict;
 
+mod parts;
 mod registry;
 mod stacked;
 #[cfg(test)]

@@ -3,8 +3,10 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use datasets::{Dataset, Entry, ReadOptions, Subset, Truth, View, Views, is_held_out};
+use datasets::{Dataset, Entry, Layout, ReadOptions, Subsets, Truth, View, Views};
 use train::{DataError, Fingerprint};
+
+use crate::parts::identity;
 
 /// Bytes of views that are kept at most; what is beyond is read again each time.
 const BUDGET: usize = 6 << 30;
@@ -113,30 +115,30 @@ impl<T: Stored> ViewCache<T> {
         self.dataset.truth(object).map_err(DataError::read)
     }
 
-    /// Objects with views, parted into those that are trained on and those that are scored: what the
-    /// layout calls test or validation, or else every `every`th. Where one part would be empty it is
-    /// the other.
+    /// Objects with views, parted as [`Subsets::of`] does.
     ///
     /// # Errors
-    /// If no object has a view.
-    pub(crate) fn split(&self, every: Option<usize>) -> Result<[Vec<usize>; 2], DataError> {
+    /// If no object has a view, or one is in two subsets.
+    pub(crate) fn parts(&self, hold_out: Option<usize>) -> Result<Subsets, DataError> {
         let entries = self.dataset.entries();
-        let usable: Vec<usize> = (0..entries.len()).filter(|&i| entries[i].views > 0).collect();
-        if usable.is_empty() {
+        if entries.iter().all(|entry| entry.views == 0) {
             let root = self.dataset.root().display();
             return Err(DataError::Unfit(format!("{root}: none of its objects has a view")));
         }
-        let said = usable.iter().any(|&i| entries[i].subset.is_some_and(|s| s != Subset::Train));
-        let (held, train): (Vec<usize>, Vec<usize>) =
-            usable.iter().partition(|&&i| match entries[i].subset {
-                Some(subset) if said => subset != Subset::Train,
-                _ if said => false,
-                _ => is_held_out(i, every),
-            });
-        let or = |part: &Vec<usize>, other: &Vec<usize>| {
-            if part.is_empty() { other.clone() } else { part.clone() }
-        };
-        Ok([or(&train, &held), or(&held, &train)])
+        let mut parts = Subsets::of(entries, hold_out).map_err(DataError::read)?;
+        // Its folders part images of the same few objects, and stand for categories here.
+        if self.dataset.layout() == Layout::Bop
+            && !(parts.train.is_empty() || parts.test.is_empty())
+        {
+            let text = "BOP parts images, not objects: what is scored may be objects that are trained on, in other images";
+            parts.warnings.push(text.to_owned());
+        }
+        Ok(parts)
+    }
+
+    /// See [`identity`](crate::parts::identity).
+    pub(crate) fn identity(&self, object: usize) -> u64 {
+        identity(&self.dataset.entries()[object])
     }
 
     /// A number that other names or counts of views change.

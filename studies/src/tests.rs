@@ -232,7 +232,7 @@ impl Study for Training {
         };
         let data = Img2Mesh::open(&config.system, &source)?;
         let trained = work.train::<Img2Mesh>(&config, &data, watch)?;
-        let metrics = trained.system.evaluate(&data)?;
+        let metrics = trained.system.evaluate(&data, train::Subset::Test)?;
         let row = Row::new("Scores", "model").took(trained.seconds);
         Ok(vec![metrics.iter().fold(row, |row, metric| row.with(Cell::of(metric, 6)))])
     }

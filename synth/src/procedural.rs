@@ -1,20 +1,24 @@
 //! Procedural objects as a dataset that is on no disk.
 
-use std::ops::Range;
-
 use datasets::{
-    Catalog, Dataset, Entry, Layout, ReadOptions, ReadViewsError, Subset, Truth, Views,
+    Catalog, Dataset, Entry, Layout, ReadOptions, ReadViewsError, Truth, Views, split_objects,
 };
 use mesh_core::{Camera, TriMesh};
 
 use super::{Orbit, Placement, RenderOptions, render_views};
 use crate::shapes::Family;
 
+/// Shares of a family's numbers for training, validation and test.
+const SHARES: [f64; 3] = [0.8, 0.1, 0.1];
+/// Seed of the hash that deals the numbers.
+const SPLIT_SEED: u64 = 0;
+
 /// Objects drawn from families, seen by cameras of their own; views are rendered when they are
 /// asked for.
 ///
-/// Object `i` of a family is the same whatever else is drawn. The first `train` of each family are
-/// for training, the others for tests.
+/// Object `i` of a family is the same whatever else is drawn, and what it is for follows from a hash of the family and
+/// `i` alone: however many there are of each kind, and whatever the seed, no number is trained on in one set and scored in
+/// another. A set has the first numbers that are dealt to each of its subsets.
 ///
 /// ```
 /// use datasets::{Dataset, ReadOptions, Subset};
@@ -22,10 +26,10 @@ use crate::shapes::Family;
 /// use synth::{Orbit, Procedural};
 ///
 /// let cameras = Orbit { count: 4, width: 32, height: 32, ..Procedural::orbit() };
-/// let set = Procedural::new(&[Family::Car, Family::Lamp], 3, 1, cameras);
-/// assert_eq!(set.entries().len(), 8);
-/// assert_eq!(set.entries()[3].subset, Some(Subset::Test));
-/// let views = set.views(3, Some(&[2]), &ReadOptions::default(), &|_, _| ())?;
+/// let set = Procedural::new(&[Family::Car, Family::Lamp], [3, 1, 1], cameras);
+/// assert_eq!(set.entries().len(), 10);
+/// assert_eq!(set.entries()[4].subset, Some(Subset::Test));
+/// let views = set.views(4, Some(&[2]), &ReadOptions::default(), &|_, _| ())?;
 /// assert_eq!(views.views[0].name, "2");
 /// # Ok::<(), datasets::ReadViewsError>(())
 /// ```
@@ -39,43 +43,21 @@ pub struct Procedural {
 }
 
 impl Procedural {
-    /// `train` objects of each family to train on and `test` more, each seen by the orbit's
+    /// So many objects of each family to train on, for validation and to test, in this order, each seen by the orbit's
     /// cameras; the orbit's seed is that of the objects too.
-    pub fn new(families: &[Family], train: usize, test: usize, orbit: Orbit) -> Self {
-        Self::parted(families, 0..train, train..train + test, orbit)
-    }
-
-    /// The objects of each family with these numbers: to train on, and to test. With tests far behind whatever is
-    /// trained on, as many tests are the same objects.
-    ///
-    /// # Panics
-    /// If the ranges overlap.
-    pub fn parted(
-        families: &[Family],
-        train: Range<usize>,
-        test: Range<usize>,
-        orbit: Orbit,
-    ) -> Self {
-        let apart = test.is_empty() || train.end <= test.start || test.end <= train.start;
-        assert!(apart, "Procedural: {train:?} to train on and {test:?} to test overlap");
-        let numbers = train.clone().chain(test);
-        let each = families.iter().flat_map(|&f| numbers.clone().map(move |i| (f, i)));
-        let entry = |(family, i): (Family, usize)| Entry {
-            category: family.name().to_owned(),
-            name: format!("{}-{i:04}", family.name()),
-            views: orbit.count,
-            subset: Some(if train.contains(&i) { Subset::Train } else { Subset::Test }),
-        };
-        let seed = |(family, i): (Family, usize)| {
+    pub fn new(families: &[Family], counts: [usize; 3], orbit: Orbit) -> Self {
+        let (mut drawn, mut entries) = (Vec::new(), Vec::new());
+        for &family in families {
             let place = Family::ALL.iter().position(|&f| f == family).unwrap_or_default();
-            mixed(mixed(orbit.seed, place as u64), i as u64)
-        };
+            let seed = mixed(orbit.seed, place as u64);
+            for (number, entry) in dealt(family, counts) {
+                drawn.push((family, mixed(seed, number)));
+                entries.push(Entry { views: orbit.count, ..entry });
+            }
+        }
         Self {
-            drawn: each.clone().map(|one| (one.0, seed(one))).collect(),
-            catalog: Catalog {
-                entries: each.map(entry).collect(),
-                ..Catalog::new(Layout::Memory, "procedural objects")
-            },
+            drawn,
+            catalog: Catalog { entries, ..Catalog::new(Layout::Memory, "procedural objects") },
             turned: false,
             placed: 0.0,
             orbit,
@@ -138,6 +120,25 @@ impl Procedural {
     }
 }
 
+/// The first numbers of a family that are dealt to each subset, as many as asked for, with what is said of them; subset by
+/// subset.
+fn dealt(family: Family, counts: [usize; 3]) -> Vec<(u64, Entry)> {
+    let mut found: [Vec<(u64, Entry)>; 3] = Default::default();
+    let mut number = 0;
+    while found.iter().zip(counts).any(|(found, count)| found.len() < count) {
+        let name = format!("{}-{number:04}", family.name());
+        let mut entry = Entry { category: family.name().to_owned(), name, ..Entry::default() };
+        let subset = split_objects(std::slice::from_ref(&entry), SHARES, SPLIT_SEED)[0];
+        let place = subset as usize;
+        if found[place].len() < counts[place] {
+            entry.subset = Some(subset);
+            found[place].push((number, entry));
+        }
+        number += 1;
+    }
+    found.into_iter().flatten().collect()
+}
+
 /// The families of these names; all of them if there is none.
 ///
 /// # Errors
@@ -192,19 +193,50 @@ impl Dataset for Procedural {
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
+    use datasets::Subset;
+
+    /// What an object is for depends neither on how many there are nor on the seed, and as many of a subset are the same.
+    #[test]
+    fn no_object_changes_its_subset() {
+        let families = [Family::Car, Family::Lamp];
+        let set = |counts, seed| {
+            let orbit = Orbit { count: 1, seed, ..Procedural::orbit() };
+            Procedural::new(&families, counts, orbit)
+        };
+        let known = |set: &Procedural| -> std::collections::BTreeMap<String, Option<Subset>> {
+            set.entries().iter().map(|entry| (entry.full_name(), entry.subset)).collect()
+        };
+        let of = |set: &Procedural, subset: Subset| -> Vec<String> {
+            let here = set.entries().iter().filter(|entry| entry.subset == Some(subset));
+            here.map(Entry::full_name).collect()
+        };
+        let large = set([300, 30, 40], 1);
+        for (counts, seed) in [([3, 1, 2], 1), ([200, 30, 0], 1), ([0, 2, 40], 9)] {
+            let other = set(counts, seed);
+            let all = known(&large);
+            assert!(known(&other).iter().all(|(name, subset)| all[name] == *subset), "{counts:?}");
+            for ((_, subset), count) in Subset::NAMES.into_iter().zip(counts) {
+                let names = of(&other, subset);
+                assert_eq!(names.len(), 2 * count);
+                assert!(names.iter().all(|name| of(&large, subset).contains(name)));
+            }
+        }
+        // Another seed makes another object of the same number.
+        assert_ne!(set([1, 0, 0], 1).mesh(0).positions, set([1, 0, 0], 2).mesh(0).positions);
+        let first = |set: &Procedural| {
+            let place = set.entries().iter().position(|e| e.subset == Some(Subset::Test)).unwrap();
+            (set.entries()[place].name.clone(), set.mesh(place).positions)
+        };
+        assert_eq!(first(&set([2, 0, 1], 1)), first(&set([40, 5, 3], 1)));
+    }
 
     #[test]
     fn objects_are_their_own_and_wholly_seen() {
         let orbit = Orbit { count: 3, width: 40, height: 30, seed: 5, ..Procedural::orbit() };
-        let few = Procedural::new(&[Family::Table], 1, 0, orbit.clone());
-        let many = Procedural::new(&[Family::Car, Family::Table], 2, 1, orbit);
+        let few = Procedural::new(&[Family::Table], [1, 0, 0], orbit.clone());
+        let many = Procedural::new(&[Family::Car, Family::Table], [2, 0, 1], orbit);
         assert_eq!(few.mesh(0).positions, many.mesh(3).positions);
         assert_ne!(many.mesh(3).positions, many.mesh(4).positions);
-        // With numbers of their own, tests do not depend on what is trained on.
-        let families = [Family::Car, Family::Table];
-        let other = Procedural::parted(&families, 0..1, 1..3, many.orbit.clone());
-        assert_eq!(other.entries()[5].subset, Some(Subset::Test));
-        assert_eq!(other.mesh(5).positions, many.mesh(5).positions);
         // Turned about the vertical, and not each by the same angle.
         let (stands, turned) = (many.mesh(3), many.clone().turned().mesh(3));
         let far = |p: &[f32; 3]| p[0].hypot(p[2]);

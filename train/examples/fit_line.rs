@@ -11,7 +11,7 @@ use ndarray::{Array1, Array2};
 use rand::RngExt;
 use train::{
     Configuration, DataError, Draw, Event, Job, LossError, Metric, PredictError, Provenance,
-    RunFolder, Source, StepInfo, Summary, System, Terms, options, train,
+    RunFolder, Source, StepInfo, Subset, Summary, System, Terms, options, train,
 };
 
 options! {
@@ -88,7 +88,8 @@ impl System for Line {
         Ok(Terms::new().with("squared", 1.0, (y - tape.constant(column(1))).square().mean()))
     }
 
-    fn evaluate(&self, (): &()) -> Result<Vec<Metric>, DataError> {
+    /// Against the line itself, whatever the points are for.
+    fn evaluate(&self, (): &(), _: Subset) -> Result<Vec<Metric>, DataError> {
         let error = [-1.0, 0.0, 1.0].map(|x: f32| (self.at(x) - (0.7 * x + 0.2)).abs());
         Ok(vec![Metric::smaller("error", f64::from(error.into_iter().fold(0.0, f32::max)))])
     }

@@ -6,7 +6,7 @@ use serde::ser::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::{Table, Value};
 
-use crate::settings::{LARGEST, Options as _, above_to, date};
+use crate::settings::{LARGEST, Options, above_to, date};
 
 crate::options! {
     /// Options of the training loop, each with the default that [`TrainConfig::default`] gives.
@@ -57,13 +57,14 @@ crate::options! {
         /// 50.
         #[serde(with = "crate::settings::optional")]
         pub skip_spikes: Option<f64> = None, in 1.0..=f64::MAX;
-        /// Epochs between two evaluations; without, only at the end.
-        #[serde(with = "crate::settings::optional")]
-        pub evaluate_every: Option<u64> = Some(1), in 1..=LARGEST;
+        /// Epochs between two scorings of what is for validation, by which the best checkpoint is chosen; without, only
+        /// at the end.
+        #[serde(with = "crate::settings::optional", alias = "evaluate-every")]
+        pub validation_every: Option<u64> = Some(1), in 1..=LARGEST;
         /// Epochs between two sheets of images; without, only at the end.
         #[serde(with = "crate::settings::optional")]
         pub samples_every: Option<u64> = Some(1), in 1..=LARGEST;
-        /// Steps between two checkpoints; without, only at evaluations and at the end.
+        /// Steps between two checkpoints; without, only at validations and at the end.
         #[serde(with = "crate::settings::optional")]
         pub checkpoint_steps: Option<u64> = None, in 1..=LARGEST;
         /// Minutes after which a checkpoint is due.
@@ -107,7 +108,7 @@ pub enum ScheduleKind {
 pub const CHANGEABLE: &[&str] = &[
     "epochs",
     "max-steps",
-    "evaluate-every",
+    "validation-every",
     "samples-every",
     "checkpoint-steps",
     "checkpoint-minutes",
@@ -175,14 +176,16 @@ impl<C: Serialize> Serialize for Configuration<C> {
     }
 }
 
-impl<'de, C: DeserializeOwned + Serialize + Default> Deserialize<'de> for Configuration<C> {
+impl<'de, C: Options> Deserialize<'de> for Configuration<C> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let table = Table::deserialize(deserializer)?;
+        let mut table = Table::deserialize(deserializer)?;
+        for key in C::retired() {
+            table.remove(key);
+        }
         let known = Table::try_from(TrainConfig::default()).map_err(D::Error::custom)?;
         let own = Table::try_from(C::default()).map_err(D::Error::custom)?;
-        let unknown = |key: &String| {
-            !known.contains_key(key) && !own.contains_key(key) && !is_alias::<C>(key)
-        };
+        let of_loop = |key: &String| known.contains_key(key) || is_alias::<TrainConfig>(key);
+        let unknown = |key: &String| !of_loop(key) && !own.contains_key(key) && !is_alias::<C>(key);
         if let Some(key) = table.keys().find(|key| unknown(key)) {
             let mut names: Vec<&str> = own.keys().chain(known.keys()).map(String::as_str).collect();
             names.sort_unstable();
@@ -191,8 +194,7 @@ impl<'de, C: DeserializeOwned + Serialize + Default> Deserialize<'de> for Config
                 "unknown field `{key}`, expected one of {names}"
             )));
         }
-        let (train, system): (Table, Table) =
-            table.into_iter().partition(|(key, _)| known.contains_key(key));
+        let (train, system): (Table, Table) = table.into_iter().partition(|(key, _)| of_loop(key));
         Ok(Self {
             train: part(train).map_err(D::Error::custom)?,
             system: part(system).map_err(D::Error::custom)?,
@@ -224,11 +226,15 @@ fn part<T: DeserializeOwned>(table: Table) -> Result<T, String> {
 mod tests {
     use super::*;
 
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-    struct Own {
-        mesh_level: u32,
-        views: usize,
+    crate::options! {
+        /// Those of a system.
+        #[serde(deny_unknown_fields)]
+        struct Own retires ["view-angle"] {
+            /// A level.
+            mesh_level: u32 = 0;
+            /// A count.
+            views: usize = 0;
+        }
     }
 
     type Both = Configuration<Own>;
@@ -248,6 +254,31 @@ mod tests {
         assert!(wrong.contains("meshlevel") && wrong.contains("mesh-level"), "{wrong}");
         let wrong = toml::from_str::<Both>("batch = 4\nviews = \"x\"").unwrap_err().to_string();
         assert!(wrong.contains("`views`"), "{wrong}");
+    }
+
+    /// What earlier versions wrote is read: a key that has another name now, and one that says nothing any more. What is
+    /// set by either name goes over what stands there by the other.
+    #[test]
+    fn former_keys_are_read() {
+        let former = "evaluate-every = 7\nview-angle = 30\nviews = 3\n";
+        let read = |text: &str, set: &[(&str, &str)]| {
+            let set: Vec<_> = set.iter().map(|&(k, v)| (k.to_owned(), v.to_owned())).collect();
+            crate::settings::read_text::<Both>("test".as_ref(), text, &set).unwrap()
+        };
+        let both = read(former, &[]);
+        assert_eq!((both.train.validation_every, both.system.views), (Some(7), 3));
+        let text = crate::settings::to_toml(&both);
+        assert!(text.contains("validation-every = 7") && !text.contains("evaluate-every"));
+        assert!(!text.contains("view-angle"), "{text}");
+        for (there, set) in [
+            ("evaluate-every = 7", "validation_every"),
+            ("validation-every = 7", "evaluate-every"),
+            ("validation-every = 7", "validation-every"),
+        ] {
+            assert_eq!(read(there, &[(set, "9")]).train.validation_every, Some(9), "{there} {set}");
+        }
+        let wrong = toml::from_str::<Both>("evaluate-every = \"x\"").unwrap_err().to_string();
+        assert!(wrong.contains("`evaluate-every`"), "{wrong}");
     }
 
     #[test]

@@ -30,7 +30,7 @@ pub enum Event {
         /// The moving average of the losses before.
         average: f64,
     },
-    /// The model of this moment was scored on what is held out.
+    /// The model of this moment was scored on what is for validation.
     Evaluated {
         /// Steps done.
         step: u64,

@@ -1,7 +1,7 @@
 //! The one training loop, for every system.
 //!
 //! A [`System`] says what its model, data and losses are; [`train`](fn@train) does everything else:
-//! order, shards, clipping, schedules, checkpoints, scores, samples, logs and the report, all in a
+//! order, shards, clipping, schedules, checkpoints, scores of validation, samples, logs and the report, all in a
 //! [`RunFolder`] that says of itself how it was made.
 //!
 //! What is random follows from the seed and the place where it is used ([`Draw`]), never from what
@@ -23,7 +23,7 @@
 //!
 //! 1. A configuration ([`options!`]) beside the model it configures: each option once, with default, range and
 //!    meaning; none named like one of [`TrainConfig`]'s.
-//! 2. `impl System`; presets `tiny`, `small` and `paper` beside it, each published value with its source.
+//! 2. `impl System`, whose scores are of a [`Subset`] of the data, by objects that are in no other; presets `tiny`, `small` and `paper` beside it, each published value with its source.
 //! 3. `impl Predictor` (`models::predict`): from a user's files to a mesh.
 //! 4. One line: `Registry::register` (`models::register`, or a program of its own, as
 //!    `cli/examples/ellipsoid.rs`). Commands, help, `check --options` and `docs/options.md` follow.
@@ -55,6 +55,7 @@ mod run;
 pub mod settings;
 mod step;
 mod step_info;
+mod subset;
 mod system;
 mod tensorboard;
 #[cfg(test)]
@@ -71,5 +72,6 @@ pub use not_finite::{NotFinite, Tensor};
 pub use optimizer::OptimizerState;
 pub use run::{Fingerprint, Provenance, RunFolder};
 pub use step_info::StepInfo;
+pub use subset::{DataSummary, Subset};
 pub use system::{Better, Metric, Shown, Source, Summary, System, Term, Terms};
 pub use trainer::{Job, Outcome, train};

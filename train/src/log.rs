@@ -27,8 +27,9 @@ pub(super) enum Line {
     },
     /// A step that was left out.
     Skipped { step: u64, epoch: u64, loss: f64, average: f64 },
-    /// An evaluation after so many steps.
-    Evaluation {
+    /// Scores of validation after so many steps.
+    #[serde(alias = "evaluation")]
+    Validation {
         step: u64,
         epoch: u64,
         #[serde(with = "named")]
@@ -44,14 +45,14 @@ impl Line {
         match self {
             Self::Step { step, .. }
             | Self::Skipped { step, .. }
-            | Self::Evaluation { step, .. }
+            | Self::Validation { step, .. }
             | Self::Resumed { step, .. } => *step,
         }
     }
 
-    /// Whether it was written after the checkpoint of a step, where an evaluation may be pending.
+    /// Whether it was written after the checkpoint of a step, where a validation may be pending.
     fn comes_after(&self, step: u64, pending: bool) -> bool {
-        let again = pending && matches!(self, Self::Evaluation { .. }) && self.step() == step;
+        let again = pending && matches!(self, Self::Validation { .. }) && self.step() == step;
         self.step() > step || again
     }
 }
@@ -120,7 +121,7 @@ impl History {
     }
 
     /// The header of a run's log, and how many of its bytes stay when it goes on from a checkpoint: those before later
-    /// steps, and before evaluations that are still to be done.
+    /// steps, and before validations that are still to be done.
     pub(super) fn kept(path: &Path, step: u64, pending: bool) -> Result<(Value, u64), RunError> {
         let text = std::fs::read(path).map_err(RunError::io(path))?;
         let (mut header, mut kept, mut reached) = (None, 0, 0);
@@ -159,7 +160,7 @@ impl History {
         steps.map(|(_, value)| *value).collect()
     }
 
-    /// All steps and evaluations as a table, one row a step; what a row has not is empty.
+    /// All steps and validations as a table, one row a step; what a row has not is empty.
     pub(super) fn to_csv(&self) -> String {
         let mut columns: Vec<&str> = Vec::new();
         let mut scores: Vec<&str> = Vec::new();
@@ -180,10 +181,10 @@ impl History {
                 Line::Skipped { epoch, loss, .. } => {
                     row.extend(FIXED.map(str::to_owned).into_iter().zip([*epoch as f64, *loss]));
                 }
-                Line::Evaluation { metrics, .. } => {
+                Line::Validation { metrics, .. } => {
                     for (name, value) in metrics {
                         note(&mut scores, name);
-                        row.push((format!("score/{name}"), *value));
+                        row.push((format!("validation/{name}"), *value));
                     }
                 }
                 Line::Resumed { .. } => {}
@@ -193,7 +194,7 @@ impl History {
             .map(str::to_owned)
             .into_iter()
             .chain(columns.iter().map(|name| format!("term/{name}")))
-            .chain(scores.iter().map(|name| format!("score/{name}")))
+            .chain(scores.iter().map(|name| format!("validation/{name}")))
             .collect();
         let mut text =
             format!("step,{}\n", names.iter().map(|n| quoted(n)).collect::<Vec<_>>().join(","));
@@ -288,9 +289,9 @@ mod tests {
         Line::Step { step, epoch: 0, loss, terms, learning_rate, gradient_norm, seconds: 0.5 }
     }
 
-    fn evaluation(step: u64) -> Line {
+    fn validation(step: u64) -> Line {
         let metrics = vec![("mask-iou".to_owned(), 0.75), ("psnr".to_owned(), f64::NAN)];
-        Line::Evaluation { step, epoch: 1, metrics, best: true }
+        Line::Validation { step, epoch: 1, metrics, best: true }
     }
 
     #[test]
@@ -299,7 +300,7 @@ mod tests {
         let path = folder.path().join("metrics.jsonl");
         let header = serde_json::json!({"kind": "run", "system": "test"});
         let mut log = Log::begin(path.clone(), &header).unwrap();
-        for line in [step(1), step(2), evaluation(2), step(3)] {
+        for line in [step(1), step(2), validation(2), step(3)] {
             log.append(&line).unwrap();
         }
         let mut text = std::fs::read_to_string(&path).unwrap();
@@ -309,7 +310,7 @@ mod tests {
         assert_eq!((history.header.clone(), history.lines.len()), (header.clone(), 4));
         assert_eq!(history.lines[0], step(1));
         assert!(
-            matches!(&history.lines[2], Line::Evaluation { metrics, .. } if metrics[1].1.is_nan())
+            matches!(&history.lines[2], Line::Validation { metrics, .. } if metrics[1].1.is_nan())
         );
         let (mut lengths, whole) = (Vec::new(), std::fs::read(&path).unwrap());
         for (at, pending, lines) in [(3, false, 4), (2, false, 3), (2, true, 2), (0, false, 0)] {
@@ -361,13 +362,13 @@ mod tests {
 
     #[test]
     fn the_table_has_a_row_a_step() {
-        let history = History { header: Value::Null, lines: vec![step(1), step(2), evaluation(2)] };
+        let history = History { header: Value::Null, lines: vec![step(1), step(2), validation(2)] };
         let csv = history.to_csv();
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(
             lines[0],
             "step,epoch,loss,learning_rate,gradient_norm,seconds,term/mask,\"term/edge, long\",\
-             score/mask-iou,score/psnr"
+             validation/mask-iou,validation/psnr"
         );
         let third = 1.0 / 3.0;
         assert_eq!(lines[1], format!("1,0,{},0.0001,2.5,0.5,0.1,{third},,", 0.1 + third));

@@ -40,18 +40,20 @@ pub(super) fn report(system: &str, config: &str, history: &History, shown: &Show
     }
 }
 
-/// The last scores, and the best evaluation's step.
+/// The last scores of validation, and the step of the best.
 fn figures(history: &History) -> Vec<Figure> {
-    let evaluations = || {
+    let validations = || {
         history.lines.iter().rev().filter_map(|line| match line {
-            Line::Evaluation { step, metrics, best, .. } => Some((step, metrics, best)),
+            Line::Validation { step, metrics, best, .. } => Some((step, metrics, best)),
             _ => None,
         })
     };
-    let Some((_, last, _)) = evaluations().next() else { return Vec::new() };
-    let mut figures: Vec<Figure> =
-        last.iter().map(|(name, value)| Figure::new(name, format!("{value:.4}"))).collect();
-    if let Some((step, ..)) = evaluations().find(|(_, _, best)| **best) {
+    let Some((_, last, _)) = validations().next() else { return Vec::new() };
+    let mut figures: Vec<Figure> = last
+        .iter()
+        .map(|(name, value)| Figure::new(format!("validation: {name}"), format!("{value:.4}")))
+        .collect();
+    if let Some((step, ..)) = validations().find(|(_, _, best)| **best) {
         figures.push(Figure::new("steps of the best checkpoint", step.to_string()));
     }
     figures
@@ -72,7 +74,7 @@ fn charts(history: &History) -> Vec<Chart> {
                     terms.entry(name.clone()).or_default().push((x, *value));
                 }
             }
-            Line::Evaluation { step, metrics, .. } => {
+            Line::Validation { step, metrics, .. } => {
                 for (name, value) in metrics {
                     scores.entry(name.clone()).or_default().push((*step as f64, *value));
                 }
@@ -90,7 +92,9 @@ fn charts(history: &History) -> Vec<Chart> {
     ];
     // Scores differ in unit: one chart each.
     let scores = scores.into_iter();
-    charts.extend(scores.map(|(name, points)| chart(&name, vec![Series::new(&name, points)])));
+    charts.extend(scores.map(|(name, points)| {
+        chart(&format!("Validation: {name}"), vec![Series::new(&name, points)])
+    }));
     charts
 }
 

@@ -214,15 +214,17 @@ impl<'a> Record<'a> {
         self.log(&Line::Skipped { step, epoch, loss, average });
     }
 
-    pub(super) fn evaluation(&mut self, [step, epoch]: [u64; 2], metrics: &[Metric], best: bool) {
+    pub(super) fn validation(&mut self, [step, epoch]: [u64; 2], metrics: &[Metric], best: bool) {
         let metrics: Vec<(String, f64)> =
             metrics.iter().map(|metric| (metric.name.clone(), metric.value)).collect();
         self.tensorboard(|events| {
-            let values: Vec<_> =
-                metrics.iter().map(|(name, value)| (format!("score/{name}"), *value)).collect();
+            let values: Vec<_> = metrics
+                .iter()
+                .map(|(name, value)| (format!("validation/{name}"), *value))
+                .collect();
             events.scalars(wall_time(), step, &values)
         });
-        self.log(&Line::Evaluation { step, epoch, metrics, best });
+        self.log(&Line::Validation { step, epoch, metrics, best });
     }
 
     /// Keeps a sheet of samples of this epoch.

@@ -93,14 +93,22 @@ pub fn read_text<T: DeserializeOwned>(
     let mut config: T = toml::from_str(text).map_err(in_file)?;
     let mut table: Table = toml::from_str(text).map_err(in_file)?;
     for (key, value) in settings {
-        table.insert(key.replace('_', "-"), parse(value));
+        let (name, parsed) = (key.replace('_', "-"), parse(value));
+        table.insert(name.clone(), parsed.clone());
+        let mut read = table.clone().try_into::<T>();
+        if read.as_ref().is_err_and(says_twice) {
+            // The file has it under a name of before.
+            table.retain(|other, there| {
+                other == name || !is_same_field::<T>((other, there), (&name, &parsed))
+            });
+            read = table.clone().try_into();
+        }
         // One at a time, so that the error is that of this setting.
-        config =
-            table.clone().try_into().map_err(|error: toml::de::Error| SettingsError::Setting {
-                key: key.clone(),
-                value: value.clone(),
-                message: error.message().to_owned(),
-            })?;
+        config = read.map_err(|error| SettingsError::Setting {
+            key: key.clone(),
+            value: value.clone(),
+            message: error.message().to_owned(),
+        })?;
     }
     Ok(config)
 }
@@ -130,6 +138,17 @@ pub fn settings_of(text: &str) -> BTreeMap<String, String> {
         }
     }
     settings
+}
+
+/// Whether two keys name one field, which had another name before.
+fn is_same_field<T: DeserializeOwned>(a: (&str, &Value), b: (&str, &Value)) -> bool {
+    let both = [a, b].into_iter().map(|(key, value)| (key.to_owned(), value.clone()));
+    T::deserialize(Value::Table(both.collect())).as_ref().is_err_and(says_twice)
+}
+
+/// Whether a table has a field by two names.
+fn says_twice(error: &toml::de::Error) -> bool {
+    error.message().contains("duplicate field")
 }
 
 fn parse(value: &str) -> Value {

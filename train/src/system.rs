@@ -11,6 +11,7 @@ use super::draw::Draw;
 use super::error::{DataError, LossError, PredictError};
 use super::optimizer::OptimizerState;
 use super::step_info::StepInfo;
+use super::subset::{DataSummary, Subset};
 use crate::report::{Scene, ViewPair};
 use crate::settings::Options;
 
@@ -82,7 +83,7 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     /// A number that another content of the data changes; see [`Fingerprint`](super::Fingerprint).
     fn fingerprint(data: &Self::Data) -> u64;
 
-    /// Samples in an epoch; at least one.
+    /// Samples in an epoch; at least one, but for data that nothing can be learned from.
     fn epoch_len(&self, data: &Self::Data) -> usize;
 
     /// One sample, a function of `draw` alone and not of the parameters: it may be drawn while the
@@ -110,17 +111,23 @@ pub trait System: Module<f32> + Send + Sync + Sized {
         at: StepInfo,
     ) -> Result<Terms<'t>, LossError>;
 
-    /// Scores on what is held out. Deterministic; the first call and the thousandth agree.
-    ///
-    /// # Errors
-    /// If a file cannot be read.
-    fn evaluate(&self, data: &Self::Data) -> Result<Vec<Metric>, DataError>;
+    /// How much data there is for what, and what a user should know of its parts; none where the system does not say.
+    fn data_summary(_data: &Self::Data) -> Option<DataSummary> {
+        None
+    }
 
-    /// Images to look at: the model above the truth.
+    /// Scores on a subset. Deterministic; the first call and the thousandth agree. The loop asks for
+    /// [`Subset::Validation`], by which the best checkpoint is chosen, and for no other.
     ///
     /// # Errors
-    /// If a file cannot be read.
-    fn show(&self, _data: &Self::Data) -> Result<Shown, DataError> {
+    /// If a file cannot be read, or there is nothing for that.
+    fn evaluate(&self, data: &Self::Data, subset: Subset) -> Result<Vec<Metric>, DataError>;
+
+    /// Images to look at: the model above the truth, of a subset. The loop shows [`Subset::Validation`].
+    ///
+    /// # Errors
+    /// If a file cannot be read, or there is nothing for that.
+    fn show(&self, _data: &Self::Data, _subset: Subset) -> Result<Shown, DataError> {
         Ok(Shown::default())
     }
 
@@ -156,7 +163,7 @@ pub struct Source<'a, O = ()> {
     pub path: Option<&'a Path>,
     /// How it is read: the system's [`ReadOptions`](System::ReadOptions).
     pub options: &'a O,
-    /// Seed of the run, for data that is made and for splits.
+    /// Seed of the run, for data that is made.
     pub seed: u64,
     /// Told how much is done, of how much, from any thread.
     pub progress: &'a (dyn Fn(usize, usize) + Sync),

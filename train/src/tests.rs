@@ -93,7 +93,7 @@ fn it_learns() {
     assert_eq!(checkpoint.step().unwrap(), outcome.best.unwrap().1);
     let (system, found) = checkpoint.load::<Blob>().unwrap();
     assert_eq!(found, config);
-    assert_eq!(system.evaluate(&()).unwrap()[0].value, best);
+    assert_eq!(system.evaluate(&(), Subset::Validation).unwrap()[0].value, best);
     assert_eq!(system.predict(&[0.5, 0.6, 0.7]).unwrap().len(), 126);
 }
 
@@ -287,9 +287,9 @@ fn all_logs_say_the_same() {
                     agree(step, &format!("term/{name}"), *value);
                 }
             }
-            Line::Evaluation { step, metrics, .. } => {
+            Line::Validation { step, metrics, .. } => {
                 for (name, value) in &metrics {
-                    agree(step, &format!("score/{name}"), *value);
+                    agree(step, &format!("validation/{name}"), *value);
                 }
             }
             _ => unreachable!("neither skipped nor resumed"),

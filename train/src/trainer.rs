@@ -9,13 +9,14 @@ use rayon::prelude::*;
 use super::checkpoint::{Checkpoint, TrainState, save};
 use super::config::Configuration;
 use super::draw::{Draw, order};
-use super::error::TrainError;
+use super::error::{DataError, TrainError};
 use super::event::{Event, Step};
 use super::optimizer::{AnyOptimizer, OptimizerState};
 use super::record::{Heading, Record};
 use super::run::{Provenance, RunFolder};
 use super::step::Tapes;
 use super::step_info::StepInfo;
+use super::subset::Subset;
 use super::system::{Metric, System};
 
 /// Weight of the past in the moving average of losses (Mesh R-CNN's 0.9).
@@ -45,7 +46,7 @@ pub struct Outcome<S> {
     pub steps: u64,
     /// Whether it was stopped before its end.
     pub interrupted: bool,
-    /// The last scores of this part of the run.
+    /// The last scores of validation, of this part of the run.
     pub metrics: Vec<Metric>,
     /// The best value of the chosen metric and the step that had it.
     pub best: Option<(f64, u64)>,
@@ -124,6 +125,11 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
             Checkpoint::read(&last)?.resume::<S>(config)?
         } else {
             let mut system = S::new(&config.system, train.seed);
+            if system.epoch_len(job.data) == 0 {
+                let text =
+                    "there is nothing to train on: all of the data is for validation or test";
+                return Err(DataError::Unfit(text.into()).into());
+            }
             system.init_from_data(job.data)?;
             let optimizer = AnyOptimizer::new(train, &system.rates());
             (system, optimizer, TrainState::default())
@@ -173,6 +179,9 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         }
         let (trainable, done) = (summary.trainable, trainer.state.step);
         trainer.tell(Event::Started { trainable, steps_per_epoch, total, done });
+        for text in S::data_summary(job.data).into_iter().flat_map(|summary| summary.warnings) {
+            trainer.tell(Event::Warned(text));
+        }
         trainer.warn();
         Ok(trainer)
     }
@@ -298,7 +307,7 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         }
     }
 
-    /// Scores, samples and the best checkpoint; whether it was the turn of scores.
+    /// Scores and samples of validation, and the best checkpoint; whether it was the turn of scores.
     fn end_epoch(&mut self) -> Result<bool, TrainError> {
         let train = &self.job.config.train;
         let step = self.state.step;
@@ -307,11 +316,11 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         let turn =
             |every: Option<u64>| last || every.is_some_and(|every| epoch.is_multiple_of(every));
         let place = [step, epoch];
-        if turn(train.evaluate_every) {
+        if turn(train.validation_every) {
             let (system, data) = (&self.system, self.job.data);
-            self.metrics = in_pool(|| system.evaluate(data))?;
+            self.metrics = in_pool(|| system.evaluate(data, Subset::Validation))?;
             let best = self.is_best()?;
-            self.record.evaluation(place, &self.metrics, best);
+            self.record.validation(place, &self.metrics, best);
             if best {
                 let path = self.job.run.best();
                 self.write(&path)?;
@@ -321,10 +330,10 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         }
         if turn(train.samples_every) {
             let (system, data) = (&self.system, self.job.data);
-            let shown = in_pool(|| system.show(data))?;
+            let shown = in_pool(|| system.show(data, Subset::Validation))?;
             self.record.samples(place, shown);
         }
-        let evaluated = turn(train.evaluate_every);
+        let evaluated = turn(train.validation_every);
         if evaluated {
             self.digest()?;
         }
@@ -335,7 +344,8 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
     /// Writes the table and the page, if something is to be added.
     fn digest(&mut self) -> Result<(), TrainError> {
         let (system, data) = (&self.system, self.job.data);
-        self.record.digest::<S>(self.job.config, || in_pool(|| system.show(data)))
+        self.record
+            .digest::<S>(self.job.config, || in_pool(|| system.show(data, Subset::Validation)))
     }
 
     fn is_best(&mut self) -> Result<bool, TrainError> {

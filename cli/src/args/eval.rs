@@ -3,20 +3,24 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use train::Subset;
 
 use super::reading::Reading;
 use super::settings::key_value;
+use super::values::{SUBSETS, one_of};
 
 #[derive(Args, Debug)]
 #[command(
-    after_help = "The scores are those of the training's own evaluation: of what is held out, in what the model was
-not given. DATA is what the run was trained on unless it is said; a run on data that the system
-makes is scored on the same. --set may change what leaves the parameters as they are, the number of
-views for example.
+    after_help = "The scores are those of the training's own: of objects that are not trained on, in what the model was
+not given. What is for validation is there to choose by, as often as you like; what is for tests is scored
+once, when nothing is chosen any more. DATA is what the run was trained on unless it is said; a run on data
+that the system makes is scored on the same. --set may change what leaves the parameters as they are, the
+number of views for example.
 
 Examples:
   unsphere eval img2mesh --checkpoint runs/clock
   unsphere eval img2mesh --checkpoint runs/clock --set views=1 --json
+  unsphere eval img2mesh --checkpoint runs/clock --split test
   unsphere eval img2mesh --checkpoint runs/clock/checkpoints/last.safetensors other_clock.zip"
 )]
 pub(crate) struct Eval {
@@ -29,6 +33,9 @@ pub(crate) struct Eval {
     /// A run's folder, of which the best checkpoint is taken, or a checkpoint's file.
     #[arg(long, short, value_name = "RUN|FILE")]
     pub(crate) checkpoint: PathBuf,
+    /// Which part of the data is scored.
+    #[arg(long, value_name = "SUBSET", default_value = "validation", value_parser = one_of(SUBSETS))]
+    pub(crate) split: Subset,
     /// The last checkpoint of the run instead of the best.
     #[arg(long)]
     pub(crate) last: bool,

@@ -3,6 +3,7 @@
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use mesh_core::{UpAxis, UpAxisError};
 use synth::Lighting;
+use train::Subset;
 
 /// Words, what the help says of each, and what they stand for.
 pub(super) type Choices<T> = [(&'static str, &'static str, T)];
@@ -18,6 +19,13 @@ where
         found.expect("the parser takes no other word").2
     })
 }
+
+/// What data are for.
+pub(super) const SUBSETS: &Choices<Subset> = &[
+    ("train", "What is trained on", Subset::Train),
+    ("validation", "What the best checkpoint is chosen by, and settings are", Subset::Validation),
+    ("test", "What is scored once, at the end", Subset::Test),
+];
 
 /// Makes the light for a rendering.
 pub(crate) type Light = fn() -> Lighting;

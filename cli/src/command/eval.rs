@@ -1,4 +1,4 @@
-//! `unsphere eval`: a trained system, scored on what it did not see.
+//! `unsphere eval`: a trained system, scored on a part of its data.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use models::predict::Predictor;
 use serde::Serialize;
-use train::{Checkpoint, RunMetadata};
+use train::{Checkpoint, DataSummary, RunMetadata, Subset};
 
 use crate::args::{Eval, Global};
 use crate::checkpoint::{checkpoint_path, configuration};
@@ -24,6 +24,11 @@ struct Evaluated<'a> {
     /// None where the system made its own.
     data: Option<&'a Path>,
     seed: u64,
+    /// What was scored.
+    split: Subset,
+    /// How much there is for what; none where the system does not say.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    subsets: Option<DataSummary>,
     seconds: f64,
     metrics: BTreeMap<String, f64>,
 }
@@ -54,9 +59,18 @@ pub(crate) fn run<S: Predictor>(
             path.display()
         ));
     }
+    let subsets = S::data_summary(&opened);
+    for text in subsets.iter().flat_map(|summary| &summary.warnings) {
+        console.warn(text);
+    }
+    if arguments.split == Subset::Test {
+        console.remark(
+            "scored on the test data: it is for the end, when nothing is chosen by it any more",
+        );
+    }
     let start = Instant::now();
     let progress = Progress::new(console, "eval");
-    let metrics = system.evaluate(&opened).map_err(Failure::input)?;
+    let metrics = system.evaluate(&opened, arguments.split).map_err(Failure::input)?;
     progress.finish();
     let evaluated = Evaluated {
         system: S::NAME,
@@ -64,6 +78,8 @@ pub(crate) fn run<S: Predictor>(
         steps: checkpoint.step().map_err(Failure::input)?,
         data: data.as_deref(),
         seed: config.train.seed,
+        split: arguments.split,
+        subsets,
         seconds: start.elapsed().as_secs_f64(),
         metrics: metrics.into_iter().map(|m| (m.name, m.value)).collect(),
     };
@@ -76,7 +92,14 @@ fn describe(evaluated: &Evaluated<'_>) -> String {
         None => format!("made by the system, seed {}", evaluated.seed),
     };
     let scores = evaluated.metrics.iter().map(|(name, value)| (&**name, format!("{value:.4}")));
-    table(scores.chain([
+    let scored = match &evaluated.subsets {
+        Some(there) => {
+            format!("{}, {} {}", evaluated.split, there.size(evaluated.split), there.unit)
+        }
+        None => evaluated.split.to_string(),
+    };
+    let parts = evaluated.subsets.as_ref().map(|there| ("parts", there.to_string()));
+    table(scores.chain([("scored", scored)]).chain(parts).chain([
         ("checkpoint", format!("{}, step {}", evaluated.checkpoint.display(), evaluated.steps)),
         ("data", data),
         ("time", format!("{:.1} s", evaluated.seconds)),

@@ -8,7 +8,7 @@ use models::predict::Predictor;
 use serde::Serialize;
 use train::{
     CHANGEABLE, CheckpointError, Configuration, Event, Job, Outcome, RunError, RunFolder,
-    RunMetadata, System, TrainError, settings, train,
+    RunMetadata, Subset, System, TrainError, settings, train,
 };
 
 use crate::args::{Global, Train};
@@ -31,6 +31,7 @@ struct Trained<'a> {
     steps: u64,
     interrupted: bool,
     seconds: f64,
+    /// The last scores of validation.
     metrics: BTreeMap<String, f64>,
     best: Option<Best>,
 }
@@ -207,12 +208,10 @@ fn circumstances<S: Predictor>(job: &Job<'_, S>) -> String {
         "" => format!("made by the system, seed {}", job.config.train.seed),
         path => path.to_owned(),
     };
-    let rows = [
-        ("input", S::input(&job.config.system)),
-        ("data", data),
-        ("run", job.run.path().display().to_string()),
-    ];
-    table(rows).trim_end().to_owned()
+    let parts = S::data_summary(job.data).map(|parts| ("parts", parts.to_string()));
+    let rows = [("input", S::input(&job.config.system)), ("data", data)];
+    let run = ("run", job.run.path().display().to_string());
+    table(rows.into_iter().chain(parts).chain([run])).trim_end().to_owned()
 }
 
 /// How fast the steps go.
@@ -259,6 +258,7 @@ fn failed(error: RunError) -> Failure {
 fn describe(trained: &Trained<'_>) -> String {
     let scores = trained.metrics.iter().map(|(name, value)| (&**name, format!("{value:.4}")));
     let mut rows: Vec<(&str, String)> = scores.collect();
+    rows.push(("scored", Subset::Validation.to_string()));
     if let Some(best) = trained.best {
         rows.push(("best", format!("{:.4} at step {}", best.value, best.step)));
     }

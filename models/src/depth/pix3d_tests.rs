@@ -7,7 +7,9 @@ use std::path::Path;
 use mesh_core::primitives::cuboid;
 use mesh_core::{Camera, TriMesh, encode_png, io::write_mesh};
 use synth::{RenderOptions, render_views};
-use train::{Draw, Job, Provenance, RunFolder, Source, StepInfo, System, TrainConfig, train};
+use train::{
+    Draw, Job, Provenance, RunFolder, Source, StepInfo, Subset, System, TrainConfig, train,
+};
 
 use super::*;
 use crate::paired::PairsConfig;
@@ -100,9 +102,9 @@ fn photographs_are_cut_to_their_boxes_and_trained_on() {
         ..VoxelConfig::default()
     };
     let data = MeshRcnn::open(&system, &source).unwrap();
-    assert_eq!((data.pairs().trained().len(), data.pairs().held().len()), (2, 1));
+    assert_eq!(Subset::ALL.map(|subset| data.pairs().listed(subset).len()), [1, 1, 1]);
     for k in 0..2 {
-        let (object, scene) = data.trial(2, k).unwrap();
+        let (object, scene) = data.trial(Subset::Test, 2, k).unwrap();
         // The object fills the image but for the margin, wherever it was in the photograph.
         let inside: Vec<usize> = (0..1024).filter(|&p| scene.picture.mask[p] > 127).collect();
         let columns = || inside.iter().map(|p| p % 32);
@@ -133,9 +135,7 @@ fn photographs_are_cut_to_their_boxes_and_trained_on() {
     let outcome = train(&job, &mut |_| std::ops::ControlFlow::Continue(())).unwrap();
     assert_eq!(outcome.steps, 6);
     let batch: Vec<Scene> = (0..2)
-        .map(|i| {
-            fresh.draw(&data, &Draw { seed: 0, epoch: 0, index: i, item: i as usize }).unwrap()
-        })
+        .map(|i| fresh.draw(&data, &Draw { seed: 0, epoch: 0, index: i, item: 0 }).unwrap())
         .collect();
     let total = |system: &MeshRcnn| -> f64 {
         let tape = autodiff_lite::Tape::train(0);

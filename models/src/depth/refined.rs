@@ -10,8 +10,8 @@ use ndarray::{Array3, arr0};
 use nets::{Init, MeshRefinementHead, NormKind};
 use recon::scene::scene_of;
 use train::{
-    DataError, Draw, LossError, Metric, PredictError, Shown, Source, StepInfo, Summary, System,
-    Terms,
+    DataError, DataSummary, Draw, LossError, Metric, PredictError, Shown, Source, StepInfo, Subset,
+    Summary, System, Terms,
 };
 
 use super::config::RefineConfig;
@@ -369,15 +369,19 @@ impl<B: MeshInit> System for Refined<B> {
         Ok(terms)
     }
 
-    fn evaluate(&self, data: &Scenes) -> Result<Vec<Metric>, DataError> {
-        Ok(self.scored(data)?.metrics())
+    fn data_summary(data: &Scenes) -> Option<DataSummary> {
+        Some(data.pairs().summary())
     }
 
-    fn show(&self, data: &Scenes) -> Result<Shown, DataError> {
-        let (_, scene) = data.trial(1, 0)?;
+    fn evaluate(&self, data: &Scenes, subset: Subset) -> Result<Vec<Metric>, DataError> {
+        Ok(self.scored(data, subset)?.metrics())
+    }
+
+    fn show(&self, data: &Scenes, subset: Subset) -> Result<Shown, DataError> {
+        let (_, scene) = data.trial(subset, 1, 0)?;
         let (mesh, _) = self.mesh_of(&scene);
         let mesh = scene.depth_targets.frame.mesh_in_world(mesh);
-        Ok(Shown { views: self.gallery(data)?, scene: Some(scene_of(&mesh)) })
+        Ok(Shown { views: self.gallery(data, subset)?, scene: Some(scene_of(&mesh)) })
     }
 
     fn couples_samples(&self) -> bool {

@@ -7,12 +7,12 @@ use datasets::{Dataset, Pix3d, ReadOptions, SurfacePoints};
 use mesh_core::TriMesh;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use train::{DataError, Source};
+use train::{DataError, Source, Subset};
 
 use super::boxes::Boxes;
 use super::config::RefineConfig;
 use super::depth_targets::{DepthTargets, Known};
-use crate::paired::{Pairs, Picture, Surface, placed, some};
+use crate::paired::{Pairs, PairsConfig, Picture, Surface, placed, some};
 use crate::view_cache::Kept;
 
 /// Bytes of targets that are kept at most; what is beyond is made again each time.
@@ -54,6 +54,9 @@ impl Scenes {
         source: &Source<'_, ReadOptions>,
     ) -> Result<Self, DataError> {
         let options = ReadOptions { depth: true, ..source.options.clone() };
+        let data_seed = config.pairs.data_seed.or(Some(source.seed));
+        let pairs = PairsConfig { data_seed, ..config.pairs.clone() };
+        let config = &RefineConfig { pairs, ..config.clone() };
         let dataset = match source.path {
             None => Pairs::procedural(&config.pairs)?,
             Some(path) => opened(path, &options)?,
@@ -83,7 +86,10 @@ impl Scenes {
         let pairs = Pairs::of(dataset, options, &config.pairs)?;
         let (config, mean_shape) = (config.clone(), OnceLock::new());
         let scenes = Self { pairs, config, cells, kept, mean_shape };
-        scenes.mesh(scenes.pairs.trained()[0])?;
+        // That there are meshes at all is seen by the first object, whatever it is for.
+        if let Some(&first) = Subset::ALL.iter().find_map(|&s| scenes.pairs.listed(s).first()) {
+            scenes.mesh(first)?;
+        }
         Ok(scenes)
     }
 
@@ -108,12 +114,17 @@ impl Scenes {
         self.scene([object, view], &surface, &chosen)
     }
 
-    /// The `k`-th of the scenes that are scored, with all points that are kept; `views` of each object.
+    /// The `k`-th of the scenes of a subset that are scored, with all points that are kept; `views` of each object.
     ///
     /// # Errors
-    /// If a file cannot be read.
-    pub fn trial(&self, views: usize, k: usize) -> Result<(usize, Scene), DataError> {
-        let [object, view] = self.pairs.tried(views, k);
+    /// If a file cannot be read, or there is nothing for that.
+    pub fn trial(
+        &self,
+        subset: Subset,
+        views: usize,
+        k: usize,
+    ) -> Result<(usize, Scene), DataError> {
+        let [object, view] = self.pairs.tried(subset, views, k)?;
         let surface = self.pairs.surface(object)?;
         let all: Vec<usize> = (0..surface.points.positions.len()).collect();
         Ok((object, self.scene([object, view], &surface, &all)?))
@@ -156,8 +167,9 @@ impl Scenes {
         let [object, view] = place;
         let surface = self.mesh(object)?;
         let mesh: &TriMesh = surface.mesh.as_ref().expect("an object without a mesh is an error");
-        // Of this object and view, whatever the run.
-        let seed = ((object as u64) << 20) ^ view as u64 ^ (self.config.pairs.data_seed << 44);
+        // Of this object and view, whatever stands beside them.
+        let object = self.pairs.identity(object) << 20;
+        let seed = object ^ view as u64 ^ (self.config.pairs.data_seed() << 44);
         let known = Known::Surface(mesh, seed);
         let depth_targets = Arc::new(DepthTargets::new(picture, known, &self.config, self.cells));
         self.kept.keep(place, &depth_targets);

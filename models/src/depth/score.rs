@@ -1,16 +1,17 @@
-//! Scores on what is held out, and what there is to show of them.
+//! Scores on what was not trained on, and what there is to show of them.
 
 use losses::metrics::{DepthError, Preset, depth_error, evaluate, point_distances};
 use mesh_core::{DepthMap, Image, TriMesh};
 use rayon::prelude::*;
 use train::report::ViewPair;
-use train::{DataError, Metric};
+use train::{Better, DataError, Metric, Subset};
 
 use super::depth_targets::rendered;
 use super::mesh_init::MeshInit;
 use super::refined::Refined;
 use super::scenes::{Scene, Scenes, overlap};
 use crate::paired::picture_above;
+use crate::parts::mean_metric;
 
 /// Objects shown together.
 const SHOWN: usize = 6;
@@ -43,21 +44,23 @@ pub struct Score {
     pub iou: Option<[f64; 2]>,
 }
 
-/// The scores of all images that are held out.
+/// The scores of the images of a subset.
 #[derive(Clone, Debug, Default)]
 pub struct Scored {
     /// One an image: its object and its scores.
     pub each: Vec<(usize, Score)>,
+    /// What the object of each is called: category and name.
+    pub names: Vec<String>,
 }
 
 impl Scored {
-    /// The means.
+    /// The means over objects, of each the mean over its images.
     pub fn mean(&self) -> Score {
-        let n = self.each.len().max(1) as f64;
-        let mean = |f: &dyn Fn(&Score) -> f64| self.each.iter().map(|(_, s)| f(s)).sum::<f64>() / n;
+        let mean =
+            |f: &dyn Fn(&Score) -> f64| self.metric("", Better::Smaller, &|s| Some(f(s))).value;
         let some = |f: &dyn Fn(&Score) -> Option<f64>| {
-            let all: Vec<f64> = self.each.iter().filter_map(|(_, s)| f(s)).collect();
-            (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
+            let metric = self.metric("", Better::Smaller, f);
+            (!metric.by_object.is_empty()).then_some(metric.value)
         };
         let iou = [0, 1].map(|k| some(&move |s| s.iou.map(|iou| iou[k])));
         Score {
@@ -73,48 +76,59 @@ impl Scored {
         }
     }
 
-    /// The means by name.
+    /// The mean over objects of what their images have, with the value of each.
+    fn metric(&self, name: &str, better: Better, of: &dyn Fn(&Score) -> Option<f64>) -> Metric {
+        let each = self.each.iter().zip(&self.names);
+        mean_metric(name, better, each.filter_map(|((_, score), name)| Some((&**name, of(score)?))))
+    }
+
+    /// The means by name, with the values of the objects.
     pub fn metrics(&self) -> Vec<Metric> {
-        let mean = self.mean();
+        let larger =
+            |name: &str, of: fn(&Score) -> Option<f64>| self.metric(name, Better::Larger, &of);
+        let smaller =
+            |name: &str, of: fn(&Score) -> Option<f64>| self.metric(name, Better::Smaller, &of);
         let mut metrics = vec![
-            Metric::smaller("chamfer", mean.chamfer),
-            Metric::larger("f-0.1", mean.f_scores[0]),
-            Metric::larger("f-0.3", mean.f_scores[1]),
-            Metric::larger("f-0.5", mean.f_scores[2]),
-            Metric::larger("normals", mean.normals),
-            Metric::smaller("chamfer-p2m", mean.chamfer_p2m),
-            Metric::larger("f-p2m", mean.f_scores_p2m[0]),
-            Metric::larger("f-p2m-2", mean.f_scores_p2m[1]),
-            Metric::smaller("depth-error", mean.depth),
-            Metric::smaller("uncovered", mean.uncovered),
+            smaller("chamfer", |s| Some(s.chamfer)),
+            larger("f-0.1", |s| Some(s.f_scores[0])),
+            larger("f-0.3", |s| Some(s.f_scores[1])),
+            larger("f-0.5", |s| Some(s.f_scores[2])),
+            larger("normals", |s| Some(s.normals)),
+            smaller("chamfer-p2m", |s| Some(s.chamfer_p2m)),
+            larger("f-p2m", |s| Some(s.f_scores_p2m[0])),
+            larger("f-p2m-2", |s| Some(s.f_scores_p2m[1])),
+            smaller("depth-error", |s| Some(s.depth)),
+            smaller("uncovered", |s| Some(s.uncovered)),
+            smaller("color-error", |s| s.color),
+            larger("voxel-iou", |s| Some(s.iou?[0])),
+            larger("mean-shape-iou", |s| Some(s.iou?[1])),
         ];
-        metrics.extend(mean.color.map(|color| Metric::smaller("color-error", color)));
-        if let Some([own, shape]) = mean.iou {
-            metrics.push(Metric::larger("voxel-iou", own));
-            metrics.push(Metric::larger("mean-shape-iou", shape));
-        }
+        // What no image has, without colours or cells, is no score.
+        metrics.retain(|metric| !metric.by_object.is_empty());
         metrics
     }
 }
 
 impl<B: MeshInit> Refined<B> {
-    /// Scores on what is held out, image by image.
+    /// Scores on a subset, image by image.
     ///
     /// # Errors
-    /// If a file cannot be read.
-    pub fn scored(&self, data: &Scenes) -> Result<Scored, DataError> {
+    /// If a file cannot be read, or there is nothing for that.
+    pub fn scored(&self, data: &Scenes, subset: Subset) -> Result<Scored, DataError> {
         let views = self.refine().pairs.scored_views;
         let mean_shape = if B::cells(&self.config) > 0 { data.mean_shape()? } else { &[] };
         let one = |k: usize| -> Result<(usize, Score), DataError> {
-            let (object, scene) = data.trial(views, k)?;
+            let (object, scene) = data.trial(subset, views, k)?;
             let surface = data.mesh(object)?;
             let mesh = surface.mesh.as_ref().expect("an object without a mesh is an error");
             let truth = scene.depth_targets.frame.mesh_placed(mesh);
             Ok((object, self.score(&scene, &truth, mean_shape)))
         };
-        let count = views * data.pairs().held().len();
+        let count = data.pairs().trials(subset, views)?;
         let all: Vec<_> = (0..count).into_par_iter().map(one).collect();
-        Ok(Scored { each: all.into_iter().collect::<Result<_, _>>()? })
+        let each: Vec<(usize, Score)> = all.into_iter().collect::<Result<_, _>>()?;
+        let names = each.iter().map(|(object, _)| data.pairs().object_name(*object)).collect();
+        Ok(Scored { each, names })
     }
 
     /// Of one scene; `truth` is its mesh in the frame.
@@ -133,15 +147,15 @@ impl<B: MeshInit> Refined<B> {
         score
     }
 
-    /// Some images spread over all that are held out: the mesh from the image's camera above the image.
+    /// Some images spread over all of a subset: the mesh from the image's camera above the image.
     ///
     /// # Errors
-    /// If a file cannot be read.
-    pub fn gallery(&self, data: &Scenes) -> Result<Vec<ViewPair>, DataError> {
-        let held = data.pairs().held().len();
-        let shown = SHOWN.min(held);
+    /// If a file cannot be read, or there is nothing for that.
+    pub fn gallery(&self, data: &Scenes, subset: Subset) -> Result<Vec<ViewPair>, DataError> {
+        let count = data.pairs().trials(subset, 1)?;
+        let shown = SHOWN.min(count);
         let one = |i: usize| {
-            let (object, scene) = data.trial(1, i * held / shown)?;
+            let (object, scene) = data.trial(subset, 1, i * count / shown)?;
             let surface = data.mesh(object)?;
             let truth = surface.mesh.as_ref().expect("an object without a mesh is an error");
             let frame = &scene.depth_targets.frame;

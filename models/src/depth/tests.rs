@@ -198,7 +198,7 @@ fn every_parameter_learns() {
 #[test]
 fn the_truth_scores_perfectly_and_a_grid_of_it_nearly() {
     let scenes = Scenes::synthetic(&refine(), 24).unwrap();
-    let (object, scene) = scenes.trial(1, 0).unwrap();
+    let (object, scene) = scenes.trial(train::Subset::Test, 1, 0).unwrap();
     let surface = scenes.mesh(object).unwrap();
     let truth = scene.depth_targets.frame.mesh_placed(surface.mesh.as_ref().unwrap());
     let found = score::distances(&truth, &truth, 1.0);
@@ -234,7 +234,7 @@ fn the_truth_scores_perfectly_and_a_grid_of_it_nearly() {
 #[test]
 fn an_empty_grid_is_the_central_block() {
     let scenes = Scenes::synthetic(&refine(), 8).unwrap();
-    let (_, scene) = scenes.trial(1, 0).unwrap();
+    let (_, scene) = scenes.trial(train::Subset::Test, 1, 0).unwrap();
     let system = MeshRcnn::new(&voxels(), 0);
     let (mesh, logits) = system.mesh_of(&scene);
     assert_eq!(logits.len(), 512);
@@ -248,7 +248,7 @@ fn an_empty_grid_is_the_central_block() {
 #[test]
 fn a_sphere_grows_from_stage_to_stage() {
     let scenes = Scenes::synthetic(&refine(), 0).unwrap();
-    let (_, scene) = scenes.trial(1, 0).unwrap();
+    let (_, scene) = scenes.trial(train::Subset::Test, 1, 0).unwrap();
     let counts = |subdivide: bool| -> Vec<usize> {
         let config = SphereConfig { subdivide, ..sphere() };
         let stages = DepthPixel2Mesh::new(&config, 0).mesh_and_stages_of(&scene).1;
@@ -263,7 +263,7 @@ fn a_sphere_grows_from_stage_to_stage() {
 fn depth_channels_are_of_their_kind() {
     let of = |depth: DepthKind, raw_depth: bool| {
         let scenes = Scenes::synthetic(&RefineConfig { depth, raw_depth, ..refine() }, 0).unwrap();
-        scenes.trial(1, 0).unwrap().1
+        scenes.trial(train::Subset::Test, 1, 0).unwrap().1
     };
     let (none, real) = (of(DepthKind::None, false), of(DepthKind::True, false));
     let (guess, raw) = (of(DepthKind::Estimated, false), of(DepthKind::Estimated, true));
@@ -304,7 +304,7 @@ fn rendered_depth_is_compared_as_it_says() {
         let coverage = nothing.unwrap_or(0.0);
         let config = RefineConfig { depth, depth_loss, coverage, ..refine() };
         let scenes = Scenes::synthetic(&config, 0).unwrap();
-        let (object, mut scene) = scenes.trial(1, 0).unwrap();
+        let (object, mut scene) = scenes.trial(train::Subset::Test, 1, 0).unwrap();
         let surface = scenes.mesh(object).unwrap();
         let truth = scene.depth_targets.frame.mesh_placed(surface.mesh.as_ref().unwrap());
         if nothing.is_some() {
@@ -345,4 +345,13 @@ fn rendered_depth_is_compared_as_it_says() {
     let (value, _) = of(Estimated, Auto, 1.0, None);
     assert!(value.is_finite() && value < 0.1, "{value}");
     assert_eq!(of(Estimated, Auto, 1.0, Some(0.0)), (0.0, 0.0));
+}
+
+#[test]
+fn made_objects_are_parted_and_drawn_by_the_seed() {
+    let mut config = voxels();
+    config.refine.pairs.test_objects = 3;
+    let mut seeded = config.clone();
+    seeded.refine.pairs.data_seed = Some(7);
+    crate::testing::assert_data::<MeshRcnn>(&config, &seeded, [3, 2, 3]);
 }

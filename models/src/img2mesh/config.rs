@@ -73,15 +73,18 @@ train::options! {
         pub sigma_inv: f64 = 7000.0, in 1.0..=1e6;
         /// How far the soft silhouette reaches, NDC.
         pub reach: f64 = 0.02, in 1e-3..=2.0;
-        /// Every how many views (of a single object) or objects one is held out; without, scores are then of what was
-        /// trained on. Of a single object more views should be held out than are given: where no other is left, the
-        /// given ones are scored.
+        /// One of so many views of a single object, every so many-th, or of so many objects where the data has no lists of
+        /// its own, by a hash of its name, is held out: half of these for validation, half for tests. Without, scores are
+        /// of what was trained on. Of a single object each half should have more views than are given: where no other is
+        /// left, the given ones are scored.
         #[serde(with = "train::settings::optional")]
         pub hold_out: Option<usize> = Some(5), in 2..=LARGEST as usize;
         /// Views that are made of a clock when no data is given, or of each object.
         pub synthetic_views: usize = 100, in 4..=10_000;
-        /// Seed of the data that is made when none is given; that of the run decides all else.
-        pub data_seed: u64 = 0, in ..=LARGEST;
+        /// Seed of the data that is made when none is given; without, that of the run, so that each seed learns from its
+        /// own.
+        #[serde(serialize_with = "train::settings::optional::serialize", deserialize_with = "train::settings::optional::or_zero")]
+        pub data_seed: Option<u64> = None, in ..=LARGEST;
         /// Procedural objects of each family to train on when no data is given; without, a single clock.
         #[serde(with = "train::settings::optional")]
         pub objects: Option<usize> = None, in 1..=100_000;
@@ -91,7 +94,10 @@ train::options! {
         /// How far each of them may be set down beside the middle along each axis, in lengths of an object: where it
         /// is can only be known with the cameras.
         pub placed: f64 = 0.0, in 0.0..=1.0;
-        /// More of each family that are held out.
+        /// Others of each family by which is chosen in training; without, half as many as `test-objects`.
+        #[serde(with = "train::settings::optional")]
+        pub validation_objects: Option<usize> = None, in 1..=100_000;
+        /// Others of each family that are scored at the end.
         pub test_objects: usize = 10, in 0..=100_000;
         /// The families; empty takes all.
         pub families: Vec<String> = Vec::new();
@@ -158,6 +164,17 @@ impl Img2MeshConfig {
     /// The coarsest level that has offsets of its own.
     pub(super) fn coarsest(&self) -> u32 {
         self.level.saturating_sub(self.coarse_levels)
+    }
+
+    /// Seed of the data that is made; 0 where neither the options nor a run say one.
+    pub fn data_seed(&self) -> u64 {
+        self.data_seed.unwrap_or(0)
+    }
+
+    /// Procedural objects of each family for training, validation and test.
+    pub(super) fn counts(&self, objects: usize) -> [usize; 3] {
+        let validation = self.validation_objects.unwrap_or(self.test_objects.div_ceil(2));
+        [objects, validation, self.test_objects]
     }
 
     /// What is wrong, one sentence each; empty when nothing is.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use datasets::{Dataset, ReadOptions, View, Views};
+use datasets::{Dataset, ReadOptions, Subsets, View, Views};
 use mesh_core::TriMesh;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -11,10 +11,11 @@ use rayon::prelude::*;
 use recon::fit::cones;
 use synth::shapes::AlarmClock;
 use synth::{Orbit, Procedural, RenderOptions, families_named, render_views};
-use train::{DataError, Fingerprint};
+use train::{DataError, DataSummary, Fingerprint, Subset};
 
 use super::config::Img2MeshConfig;
 use super::prepared::Prepared;
+use crate::parts;
 use crate::view_cache::ViewCache;
 
 /// Objects whose views say where the frame of many lies.
@@ -32,22 +33,23 @@ pub struct Data {
     /// why these views have none.
     frame: Result<[f64; 4], String>,
     objects: Objects,
-    /// Indices of what is trained on: views of the one object, or objects.
-    pub(super) train: Vec<usize>,
-    /// Indices of what is scored; of what is trained on if nothing is held out.
-    pub(super) held: Vec<usize>,
+    /// Indices of views of the one object, or of objects.
+    parts: Subsets,
     hash: u64,
 }
 
 #[derive(Debug)]
 enum Objects {
-    One(Vec<Arc<Prepared>>),
+    /// What it is called, and its views.
+    One(String, Vec<Arc<Prepared>>),
     Many(ViewCache<Prepared>),
 }
 
 /// A group of views that is scored.
 #[derive(Debug)]
 pub(super) struct Trial {
+    /// What the object is called.
+    pub(super) object: String,
     pub(super) given: Vec<Arc<Prepared>>,
     /// Those that were not given, unless there are no others.
     pub(super) scored: Vec<Arc<Prepared>>,
@@ -63,25 +65,25 @@ pub struct Sample {
 }
 
 impl Data {
-    /// Views of a single object: random groups of them train, every `hold-out`th is scored.
+    /// Views of a single object: random groups of them train, every `hold-out`th is held out, by turns for validation and
+    /// for tests.
     ///
     /// # Errors
     /// If a camera cannot be used.
     pub fn one(views: &Views, config: &Img2MeshConfig) -> Result<Self, DataError> {
-        let parts = views.split(config.hold_out);
-        let fitted: Vec<&View> = parts.fit.iter().map(|&i| &views.views[i]).collect();
+        let parts = Subsets::of_views(views.len(), &views.test, config.hold_out);
+        let fitted: Vec<&View> = parts.train.iter().map(|&i| &views.views[i]).collect();
         let frame = frame_of(&[fitted]);
         let prepared: Vec<Result<Prepared, DataError>> =
             views.views.par_iter().map(|view| Prepared::new(view, config)).collect();
         let prepared = prepared.into_iter().map(|p| p.map(Arc::new)).collect::<Result<_, _>>()?;
-        let hash = hashed(Fingerprint::new(), &views.views);
-        let held = if parts.held_out.is_empty() { parts.fit.clone() } else { parts.held_out };
-        let hash = hash.value();
-        Ok(Self { frame, objects: Objects::One(prepared), train: parts.fit, held, hash })
+        let hash = hashed(Fingerprint::new(), &views.views).value();
+        let name = views.source.file_name().unwrap_or(views.source.as_os_str());
+        let objects = Objects::One(name.to_string_lossy().into_owned(), prepared);
+        Ok(Self { frame, objects, parts, hash })
     }
 
-    /// Many objects: each epoch takes random views of each. What the layout calls test or
-    /// validation is held out, or else every `hold-out`th object.
+    /// Many objects: each epoch takes random views of each that is trained on. They are parted as [`Subsets::of`] does.
     ///
     /// # Errors
     /// If there are no views, or those of the first objects cannot be read.
@@ -91,10 +93,11 @@ impl Data {
         config: &Img2MeshConfig,
     ) -> Result<Self, DataError> {
         let cache = ViewCache::new(dataset, options);
-        let [train, held] = cache.split(config.hold_out)?;
+        let parts = cache.parts(config.hold_out)?;
         let hash = cache.fingerprint();
         // What is in the files is told by a few objects, which have to be read for the frame.
-        let objects = train
+        let objects = parts
+            .train
             .iter()
             .take(FRAME_OBJECTS)
             .map(|&i| cache.whole(i))
@@ -102,7 +105,7 @@ impl Data {
         let hash = objects.iter().fold(hash, |hash, object| hashed(hash, &object.views));
         let views: Vec<Vec<&View>> = objects.iter().map(|o| o.views.iter().collect()).collect();
         let frame = frame_of(&views);
-        Ok(Self { frame, objects: Objects::Many(cache), train, held, hash: hash.value() })
+        Ok(Self { frame, objects: Objects::Many(cache), parts, hash: hash.value() })
     }
 
     /// Procedural objects of the configuration's families, or of the one clock if it asks for none.
@@ -115,7 +118,7 @@ impl Data {
         };
         let families = families_named(&config.families).map_err(DataError::Unfit)?;
         let orbit = orbit(config, &Procedural::orbit());
-        let set = Procedural::new(&families, objects, config.test_objects, orbit);
+        let set = Procedural::new(&families, config.counts(objects), orbit);
         let set = if config.turned { set.turned() } else { set }.placed(config.placed);
         Self::many(Box::new(set), ReadOptions::default(), config)
     }
@@ -144,9 +147,10 @@ impl Data {
     pub(super) fn frame(&self, config: &Img2MeshConfig) -> Result<[f64; 4], DataError> {
         let group = config.views + config.extra_views;
         let least = match &self.objects {
-            Objects::One(_) => self.train.len(),
+            Objects::One(..) => self.parts.train.len(),
             Objects::Many(cache) => {
-                self.train.iter().map(|&object| cache.count(object)).min().unwrap_or_default()
+                let counts = self.parts.train.iter().map(|&object| cache.count(object));
+                counts.min().unwrap_or_default()
             }
         };
         if least < group {
@@ -159,7 +163,7 @@ impl Data {
 
     /// Whether it is a single object.
     pub fn is_one(&self) -> bool {
-        matches!(self.objects, Objects::One(_))
+        matches!(self.objects, Objects::One(..))
     }
 
     pub(super) fn fingerprint(&self) -> u64 {
@@ -169,8 +173,8 @@ impl Data {
     /// Samples in an epoch: as many as there are groups of views, or objects.
     pub(super) fn epoch_len(&self, config: &Img2MeshConfig) -> usize {
         match &self.objects {
-            Objects::One(_) => (self.train.len() / config.views).max(1),
-            Objects::Many(_) => self.train.len(),
+            Objects::One(..) => (self.parts.train.len() / config.views).max(1),
+            Objects::Many(_) => self.parts.train.len(),
         }
     }
 
@@ -183,13 +187,13 @@ impl Data {
     ) -> Result<Sample, DataError> {
         let group = config.views + config.extra_views;
         match &self.objects {
-            Objects::One(views) => {
-                let mut choice = self.train.clone();
+            Objects::One(_, views) => {
+                let mut choice = self.parts.train.clone();
                 let (chosen, _) = choice.partial_shuffle(rng, group);
                 Ok(Sample { views: chosen.iter().map(|&i| Arc::clone(&views[i])).collect() })
             }
             Objects::Many(cache) => {
-                let object = self.train[item];
+                let object = self.parts.train[item];
                 let mut choice: Vec<usize> = (0..cache.count(object)).collect();
                 let (chosen, _) = choice.partial_shuffle(rng, group);
                 Ok(Sample {
@@ -199,45 +203,60 @@ impl Data {
         }
     }
 
-    /// How many groups are scored, with `views` given in each.
-    pub(super) fn trials(&self, views: usize) -> usize {
-        match &self.objects {
-            Objects::One(_) => (self.held.len() / views).max(1),
-            Objects::Many(_) => self.held.len() * (TRIALS / self.held.len()).clamp(1, 3),
-        }
+    /// The views of the one object, or the objects, that are for this.
+    pub fn listed(&self, subset: Subset) -> &[usize] {
+        parts::listed(&self.parts, subset)
     }
 
-    /// The `k`-th group that is scored. Of many objects' the views given are the first of an order
+    pub(super) fn summary(&self) -> DataSummary {
+        parts::summary(&self.parts, if self.is_one() { "views" } else { "objects" })
+    }
+
+    /// How many groups of a subset are scored, with `views` given in each; of each object as many.
+    ///
+    /// # Errors
+    /// If there is nothing for that.
+    pub(super) fn trials(&self, subset: Subset, views: usize) -> Result<usize, DataError> {
+        let count = parts::wanted(&self.parts, subset)?.len();
+        Ok(match &self.objects {
+            Objects::One(..) => (count / views).max(1),
+            Objects::Many(_) => count * (TRIALS / count).clamp(1, 3),
+        })
+    }
+
+    /// The `k`-th group of a subset that is scored. Of many objects' the views given are the first of an order
     /// that object and group decide, and those that are scored the last: with more views given they
     /// are the same ones and others, scored at the same cameras as long as there are enough.
     pub(super) fn trial(
         &self,
         config: &Img2MeshConfig,
-        views: usize,
+        (subset, views): (Subset, usize),
         k: usize,
     ) -> Result<Trial, DataError> {
-        let (all, truth) = match &self.objects {
-            Objects::One(all) => {
-                let mut order = self.held.clone();
+        let listed = parts::wanted(&self.parts, subset)?;
+        let (object, all, truth) = match &self.objects {
+            Objects::One(name, all) => {
+                let mut order = listed.to_vec();
                 let first = (k * views).min(order.len() - 1);
                 order.rotate_left(first);
-                (order.iter().map(|&i| Arc::clone(&all[i])).collect::<Vec<_>>(), None)
+                let views: Vec<_> = order.iter().map(|&i| Arc::clone(&all[i])).collect();
+                (name.clone(), views, None)
             }
             Objects::Many(cache) => {
-                let object = self.held[k % self.held.len()];
+                let object = listed[k % listed.len()];
                 let mut order: Vec<usize> = (0..cache.count(object)).collect();
-                let mut rng = ChaCha8Rng::seed_from_u64(object as u64);
-                rng.set_stream((k / self.held.len()) as u64);
+                let mut rng = ChaCha8Rng::seed_from_u64(cache.identity(object));
+                rng.set_stream((k / listed.len()) as u64);
                 order.shuffle(&mut rng);
                 let last = views.max(order.len().saturating_sub(MOST_SCORED));
                 order.drain(views.min(order.len())..last.min(order.len()));
                 let views = cache.views(object, &order, &|view| Prepared::new(view, config))?;
-                (views, cache.truth(object)?.mesh)
+                (cache.entries()[object].object_name(), views, cache.truth(object)?.mesh)
             }
         };
         let (given, others) = all.split_at(views.min(all.len()));
         let scored = if others.is_empty() { given } else { others };
-        Ok(Trial { given: given.to_vec(), scored: scored.to_vec(), truth })
+        Ok(Trial { object, given: given.to_vec(), scored: scored.to_vec(), truth })
     }
 }
 
@@ -266,6 +285,6 @@ fn hashed(hash: Fingerprint, views: &[View]) -> Fingerprint {
 /// The cameras of views that are made, as sharp as the sharpest of what looks at them.
 fn orbit(config: &Img2MeshConfig, base: &Orbit) -> Orbit {
     let side = config.image_size.max(config.render_size);
-    let (count, seed) = (config.synthetic_views, config.data_seed);
+    let (count, seed) = (config.synthetic_views, config.data_seed());
     Orbit { count, width: side, height: side, seed, ..base.clone() }
 }

@@ -40,8 +40,8 @@ use mesh_core::TriMesh;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use train::{
-    DataError, Draw, LossError, Metric, OptimizerState, PredictError, Shown, Source, StepInfo,
-    Summary, System, Terms,
+    DataError, DataSummary, Draw, LossError, Metric, OptimizerState, PredictError, Shown, Source,
+    StepInfo, Subset, Summary, System, Terms,
 };
 
 use crate::stacked::stacked;
@@ -168,7 +168,10 @@ impl System for Img2Mesh {
         source: &Source<'_, Self::ReadOptions>,
     ) -> Result<Data, DataError> {
         match source.path {
-            None => Data::synthetic(config),
+            None => {
+                let data_seed = config.data_seed.or(Some(source.seed));
+                Data::synthetic(&Img2MeshConfig { data_seed, ..config.clone() })
+            }
             Some(path) => {
                 let dataset = datasets::open_with(path, source.options).map_err(DataError::read)?;
                 if dataset.entries().len() == 1 || source.options.object.is_some() {
@@ -225,12 +228,16 @@ impl System for Img2Mesh {
             .with("edge", c.edge_weight, losses::edge_length_sum(meshes.raw, &topology.edges)))
     }
 
-    fn evaluate(&self, data: &Data) -> Result<Vec<Metric>, DataError> {
-        self.evaluate_with(data, self.config.views)
+    fn data_summary(data: &Data) -> Option<DataSummary> {
+        Some(data.summary())
     }
 
-    fn show(&self, data: &Data) -> Result<Shown, DataError> {
-        self.shown(data)
+    fn evaluate(&self, data: &Data, subset: Subset) -> Result<Vec<Metric>, DataError> {
+        self.evaluate_with(data, subset, self.config.views)
+    }
+
+    fn show(&self, data: &Data, subset: Subset) -> Result<Shown, DataError> {
+        self.shown(data, subset)
     }
 
     fn rates(&self) -> Vec<(String, f64)> {

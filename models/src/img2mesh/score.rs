@@ -6,11 +6,12 @@ use mesh_core::{ByteImage, TriMesh};
 use rayon::prelude::*;
 use recon::scene::scene_of;
 use train::report::ViewPair;
-use train::{DataError, Metric, Shown};
+use train::{Better, DataError, Metric, Shown, Subset};
 
 use super::data::{Data, Trial};
 use super::prepared::Prepared;
 use super::{Img2Mesh, Meshes};
+use crate::parts::mean_metric;
 
 /// Views shown of one object.
 const MOST_SHOWN: usize = 6;
@@ -22,6 +23,7 @@ const POINTS: usize = 10_000;
 /// The means over the views of one group, and how the mesh compares with the true one.
 #[derive(Clone, Debug, Default)]
 struct Score {
+    object: String,
     iou: f64,
     l1: f64,
     psnr: f64,
@@ -35,40 +37,45 @@ struct Surface {
 }
 
 impl Img2Mesh {
-    /// Mean scores over all groups of what is held out, each with `views` views given. The cameras scored are not those given, unless there are no others.
+    /// Mean scores over the objects of a subset, of each over all of its groups, with `views` views given. The cameras
+    /// scored are not those given, unless there are no others.
     ///
     /// # Errors
-    /// If a file cannot be read.
+    /// If a file cannot be read, or there is nothing for that.
     ///
     /// # Panics
     /// If `views` is 0.
-    pub fn evaluate_with(&self, data: &Data, views: usize) -> Result<Vec<Metric>, DataError> {
+    pub fn evaluate_with(
+        &self,
+        data: &Data,
+        subset: Subset,
+        views: usize,
+    ) -> Result<Vec<Metric>, DataError> {
         assert!(views > 0, "evaluate_with: a mesh takes a view at least");
-        let scores: Vec<Result<Score, DataError>> = (0..data.trials(views))
+        let scores: Vec<Result<Score, DataError>> = (0..data.trials(subset, views)?)
             .into_par_iter()
-            .map(|k| Ok(self.score_group(&data.trial(&self.config, views, k)?)))
+            .map(|k| Ok(self.score_group(&data.trial(&self.config, (subset, views), k)?)))
             .collect();
         let scores = scores.into_iter().collect::<Result<Vec<_>, _>>()?;
-        let mean = |f: fn(&Score) -> f64| scores.iter().map(f).sum::<f64>() / scores.len() as f64;
-        let mut metrics = vec![
-            Metric::larger("mask-iou", mean(|s| s.iou)),
-            Metric::smaller("image-l1", mean(|s| s.l1)),
-            Metric::larger("psnr", mean(|s| s.psnr)),
+        let all = |name: &str, better, of: fn(&Score) -> Option<f64>| {
+            let values = scores.iter().filter_map(|score| Some((&*score.object, of(score)?)));
+            mean_metric(name, better, values)
+        };
+        let metrics = [
+            all("mask-iou", Better::Larger, |s| Some(s.iou)),
+            all("image-l1", Better::Smaller, |s| Some(s.l1)),
+            all("psnr", Better::Larger, |s| Some(s.psnr)),
+            all("chamfer", Better::Smaller, |s| Some(s.surface?.chamfer)),
+            all("f-score", Better::Larger, |s| Some(s.surface?.f_score)),
         ];
-        let surfaces: Vec<Surface> = scores.iter().filter_map(|score| score.surface).collect();
-        if !surfaces.is_empty() {
-            let n = surfaces.len() as f64;
-            let mean = |f: fn(&Surface) -> f64| surfaces.iter().map(f).sum::<f64>() / n;
-            metrics.push(Metric::smaller("chamfer", mean(|s| s.chamfer)));
-            metrics.push(Metric::larger("f-score", mean(|s| s.f_score)));
-        }
-        Ok(metrics)
+        // Of objects without a true surface there is nothing to say.
+        Ok(metrics.into_iter().filter(|metric| !metric.by_object.is_empty()).collect())
     }
 
     fn score_group(&self, trial: &Trial) -> Score {
         let tape = Tape::eval();
         let meshes = self.meshes(&tape, 1, &trial.given);
-        let mut sum = Score::default();
+        let mut sum = Score { object: trial.object.clone(), ..Score::default() };
         for view in &trial.scored {
             let rendered = self.draw_view(&tape, meshes, view);
             let one = score(&rendered.0, &rendered.1, view);
@@ -78,7 +85,7 @@ impl Img2Mesh {
         }
         let n = trial.scored.len() as f64;
         let surface = trial.truth.as_ref().map(|truth| compared(&self.mesh(meshes), truth));
-        Score { iou: sum.iou / n, l1: sum.l1 / n, psnr: sum.psnr / n, surface }
+        Score { iou: sum.iou / n, l1: sum.l1 / n, psnr: sum.psnr / n, surface, ..sum }
     }
 
     /// Colours `[R, R, 3]` and hard mask `[R, R]` from one camera.
@@ -91,9 +98,9 @@ impl Img2Mesh {
         (rendered.image.value().iter().copied().collect(), rendered.frame.mask())
     }
 
-    /// The first group: the model above the truth, and the mesh.
-    pub(super) fn shown(&self, data: &Data) -> Result<Shown, DataError> {
-        let trial = data.trial(&self.config, self.config.views, 0)?;
+    /// The first group of a subset: the model above the truth, and the mesh.
+    pub(super) fn shown(&self, data: &Data, subset: Subset) -> Result<Shown, DataError> {
+        let trial = data.trial(&self.config, (subset, self.config.views), 0)?;
         let tape = Tape::eval();
         let meshes = self.meshes(&tape, 1, &trial.given);
         let views = trial.scored.iter().take(MOST_SHOWN);
@@ -101,17 +108,22 @@ impl Img2Mesh {
         Ok(Shown { views, scene: Some(scene_of(&self.mesh(meshes))) })
     }
 
-    /// One view each of some groups spread over all that are held out, from `views` given.
+    /// One view each of some groups spread over all of a subset, from `views` given.
     ///
     /// # Errors
-    /// If a file cannot be read.
-    pub fn gallery(&self, data: &Data, views: usize) -> Result<Vec<ViewPair>, DataError> {
-        let trials = data.trials(views);
+    /// If a file cannot be read, or there is nothing for that.
+    pub fn gallery(
+        &self,
+        data: &Data,
+        subset: Subset,
+        views: usize,
+    ) -> Result<Vec<ViewPair>, DataError> {
+        let trials = data.trials(subset, views)?;
         let shown = GALLERY.min(trials);
         let chosen = (0..shown).map(|i| i * trials / shown);
         chosen
             .map(|k| {
-                let trial = data.trial(&self.config, views, k)?;
+                let trial = data.trial(&self.config, (subset, views), k)?;
                 let tape = Tape::eval();
                 let meshes = self.meshes(&tape, 1, &trial.given);
                 Ok(self.pair(&tape, meshes, &trial.scored[0]))
@@ -119,12 +131,12 @@ impl Img2Mesh {
             .collect()
     }
 
-    /// The views given in the first group that is scored, prepared.
+    /// The views given in the first group of a subset that is scored, prepared.
     ///
     /// # Errors
-    /// If a file cannot be read.
-    pub fn scored_sample(&self, data: &Data) -> Result<super::Sample, DataError> {
-        let views = data.trial(&self.config, self.config.views, 0)?.given;
+    /// If a file cannot be read, or there is nothing for that.
+    pub fn scored_sample(&self, data: &Data, subset: Subset) -> Result<super::Sample, DataError> {
+        let views = data.trial(&self.config, (subset, self.config.views), 0)?.given;
         Ok(super::Sample { views })
     }
 
@@ -202,5 +214,5 @@ fn score(color: &[f32], mask: &[f32], truth: &Prepared) -> Score {
     // Two images that agree have no finite PSNR; 100 dB stands for that, and for no mask.
     let error: f64 = if inside > 0.0 { squares / inside } else { 0.0 };
     let l1 = l1 / color.len().max(1) as f64;
-    Score { iou, l1, psnr: -10.0 * error.max(1e-10).log10(), surface: None }
+    Score { iou, l1, psnr: -10.0 * error.max(1e-10).log10(), ..Score::default() }
 }

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use autodiff_lite::{Module, Param};
-use datasets::{Catalog, Dataset, Entry, Layout, ReadOptions, ReadViewsError, Subset, Views};
+use datasets::{Catalog, Dataset, Entry, Layout, ReadOptions, ReadViewsError, Views};
 use mesh_core::primitives::icosphere;
 use synth::{Orbit, RenderOptions, render_views};
 use train::{Better, Configuration, Event, Job, Provenance, RunFolder, train};
@@ -118,11 +118,11 @@ fn a_tiny_training_finds_the_shape() {
     config.system.dropout = 0.0;
     config.system.image_weight = 1.0;
     (config.train.epochs, config.train.batch, config.train.shards) = (20, 4, 2);
-    (config.train.learning_rate, config.train.evaluate_every) = (2e-3, None);
+    (config.train.learning_rate, config.train.validation_every) = (2e-3, None);
     let data = Data::one(&ellipsoid([1.2, 0.5, 0.8], 40, 32), &config.system).unwrap();
     let mut fresh = Img2Mesh::new(&config.system, 0);
     fresh.init_from_data(&data).unwrap();
-    let before = fresh.evaluate(&data).unwrap();
+    let before = fresh.evaluate(&data, Subset::Validation).unwrap();
     let run = RunFolder::create(&place.path().join("run"), false).unwrap();
     let provenance = Provenance::default();
     let job =
@@ -148,7 +148,7 @@ fn a_tiny_training_finds_the_shape() {
         assert!(spread(0) > 1.6 * spread(1), "{count} views: {} {}", spread(0), spread(1));
     }
     assert!(outcome.system.predict(&[]).is_err());
-    assert_eq!(outcome.system.evaluate_with(&data, 3).unwrap().len(), 3);
+    assert_eq!(outcome.system.evaluate_with(&data, Subset::Test, 3).unwrap().len(), 3);
     let page = std::fs::read_to_string(place.path().join("run/report.html")).unwrap();
     assert!(page.contains("mask-iou"));
 }
@@ -179,7 +179,8 @@ impl Dataset for Ellipsoids {
 
 #[test]
 fn many_objects_are_split_by_their_layout_or_by_us() {
-    let entries = |subset: fn(usize) -> Option<Subset>| {
+    use datasets::Subset as Listed;
+    let entries = |subset: fn(usize) -> Option<Listed>| {
         let entry = |k: usize| Entry {
             name: k.to_string(),
             views: 5,
@@ -192,23 +193,30 @@ fn many_objects_are_split_by_their_layout_or_by_us() {
     let config = Img2MeshConfig { hold_out: Some(3), ..tiny() };
     let open = |dataset| Data::many(dataset, ReadOptions::default(), &config).unwrap();
     let data = open(entries(|_| None));
-    assert_eq!((&data.train[..], &data.held[..]), (&[0, 1, 3, 4][..], &[2, 5][..]));
-    let data = open(entries(|k| Some(if k == 1 { Subset::Test } else { Subset::Train })));
-    assert_eq!((data.train.len(), &data.held[..]), (5, &[1][..]));
+    let all = Subset::ALL.map(|subset| data.listed(subset).len());
+    assert!(all.iter().sum::<usize>() == 6 && all.iter().all(|&size| size > 0), "{all:?}");
+    assert_eq!(Img2Mesh::data_summary(&data).unwrap().sizes, all);
+    let of = |k: usize| Some([Listed::Train, Listed::Test, Listed::Validation][k.min(3) % 3]);
+    let data = open(entries(of));
+    assert_eq!(Subset::ALL.map(|subset| data.listed(subset)), [&[0, 3, 4, 5][..], &[2], &[1]]);
     let system = Img2Mesh::new(&config, 0);
-    assert_eq!(system.epoch_len(&data), 5);
-    let draw = Draw { seed: 1, epoch: 0, index: 0, item: 3 };
+    assert_eq!(system.epoch_len(&data), 4);
+    let draw = Draw { seed: 1, epoch: 0, index: 0, item: 2 };
     let sample = system.draw(&data, &draw).unwrap();
     let again = system.draw(&data, &draw).unwrap();
     assert_eq!(Img2Mesh::name_of(&sample), Img2Mesh::name_of(&again));
     assert!(Img2Mesh::name_of(&sample).contains("4 view"), "{}", Img2Mesh::name_of(&sample));
-    assert!(system.evaluate(&data).unwrap()[0].value > 0.0);
+    for subset in Subset::ALL {
+        let metrics = system.evaluate(&data, subset).unwrap();
+        assert!(metrics[0].value > 0.0);
+        crate::parts::tests::assert_means(&metrics, data.listed(subset).len());
+    }
     let greedy = Img2MeshConfig { views: 9, ..config.clone() };
     // Nothing can be learned with so many, but what was learned can be scored.
     let few = Data::many(entries(|_| None), ReadOptions::default(), &greedy).unwrap();
     let error = Img2Mesh::new(&greedy, 0).init_from_data(&few).unwrap_err().to_string();
     assert!(error.contains("5 views") && error.contains('9'), "{error}");
-    assert!(system.evaluate_with(&few, 9).is_ok());
+    assert!(system.evaluate_with(&few, Subset::Test, 9).is_ok());
 }
 
 /// What `vary-views` draws depends on the step alone, and reaches from one view to all.
@@ -241,7 +249,7 @@ fn pretrained_weights_are_loaded_and_frozen_ones_stay() {
         ..config.system
     };
     (config.train.epochs, config.train.batch, config.train.max_steps) = (2, 2, Some(4));
-    config.train.evaluate_every = None;
+    config.train.validation_every = None;
     let data = Data::one(&ellipsoid([1.2, 0.5, 0.8], 12, 24), &config.system).unwrap();
     let folder = place.path().join("run");
     let run = RunFolder::create(&folder, false).unwrap();
@@ -317,18 +325,20 @@ fn trials_of_many_objects_are_nested() {
         ..tiny()
     };
     let data = Data::synthetic(&config).unwrap();
-    assert_eq!((data.train.len(), data.held.len(), data.trials(3)), (4, 2, 6));
+    let sizes = Subset::ALL.map(|subset| data.listed(subset).len());
+    assert_eq!((sizes, data.trials(Subset::Test, 3).unwrap()), ([4, 2, 2], 6));
     let names = |views: &[Arc<Prepared>]| -> Vec<String> {
         views.iter().map(|view| view.name.clone()).collect()
     };
-    let [one, three] = [1, 3].map(|views| data.trial(&config, views, 1).unwrap());
+    let trial = |views, k| data.trial(&config, (Subset::Test, views), k).unwrap();
+    let [one, three] = [1, 3].map(|views| trial(views, 1));
     assert_eq!(names(&one.given)[..], names(&three.given)[..1]);
     assert_eq!((names(&one.scored), three.scored.len()), (names(&three.scored), 8));
     assert!(names(&three.scored).iter().all(|name| !names(&three.given).contains(name)));
     assert!(one.truth.is_some());
-    let other = data.trial(&config, 3, 3).unwrap();
+    let other = trial(3, 3);
     assert_ne!(names(&other.given), names(&three.given));
-    let metrics = Img2Mesh::new(&config, 0).evaluate(&data).unwrap();
+    let metrics = Img2Mesh::new(&config, 0).evaluate(&data, Subset::Test).unwrap();
     assert_eq!(metrics.last().unwrap().name, "f-score");
     let none = Img2MeshConfig { families: vec!["cat".into()], ..config };
     assert!(none.check().join(" ").contains("cat"));
@@ -346,7 +356,7 @@ fn groups_read_at_the_same_time_are_their_own() {
         ..tiny()
     };
     let names = |data: &Data, k: usize| -> Vec<String> {
-        let trial = data.trial(&config, 2, k % 3).unwrap();
+        let trial = data.trial(&config, (Subset::Test, 2), k % 3).unwrap();
         trial.given.iter().chain(&trial.scored).map(|view| view.name.clone()).collect()
     };
     let alone = Data::synthetic(&config).unwrap();
@@ -360,4 +370,80 @@ fn groups_read_at_the_same_time_are_their_own() {
             assert_eq!(*found, expected[k % 3]);
         }
     }
+}
+
+#[test]
+fn made_objects_are_parted_and_drawn_by_the_seed() {
+    let config = Img2MeshConfig {
+        objects: Some(3),
+        test_objects: 3,
+        families: vec!["car".into(), "lamp".into()],
+        synthetic_views: 6,
+        ..tiny()
+    };
+    let seeded = Img2MeshConfig { data_seed: Some(7), ..config.clone() };
+    crate::testing::assert_data::<Img2Mesh>(&config, &seeded, [6, 4, 6]);
+    let said = Img2MeshConfig { validation_objects: Some(1), ..config };
+    let sizes = Img2Mesh::data_summary(&crate::testing::made::<Img2Mesh>(&said, 0)).unwrap().sizes;
+    assert_eq!(sizes, [6, 2, 6]);
+}
+
+/// An object that is for tests and stands in the list for training too, under the name of another of its views.
+#[test]
+fn a_planted_leak_is_found() {
+    use datasets::Subset as Listed;
+    let entry = |name: &str, subset| Entry {
+        category: "chair".into(),
+        name: name.into(),
+        views: 5,
+        subset: Some(subset),
+    };
+    let open = |planted: &str| {
+        let entries = vec![
+            entry("0/00", Listed::Train),
+            entry("1/00", Listed::Validation),
+            entry("2/00", Listed::Test),
+            entry(planted, Listed::Train),
+        ];
+        let catalog = Catalog { entries, ..Catalog::new(Layout::Memory, "memory") };
+        Data::many(Box::new(Ellipsoids(catalog)), ReadOptions::default(), &tiny())
+    };
+    assert!(open("3/00").is_ok());
+    let error = open("2/01").unwrap_err();
+    let DataError::Read(source) = &error else { panic!("{error}") };
+    let leak = source.downcast_ref::<datasets::LeakError>().unwrap();
+    assert_eq!((&*leak.object, leak.subsets), ("chair/2", [Listed::Train, Listed::Test]));
+    assert!(error.to_string().contains("chair/2"), "{error}");
+    // By one's own validation is chosen: that is a leak as well.
+    let DataError::Read(source) = open("1/03").unwrap_err() else { panic!() };
+    let leak = source.downcast_ref::<datasets::LeakError>().unwrap();
+    assert_eq!(leak.subsets, [Listed::Train, Listed::Validation]);
+}
+
+/// Data of which all is for tests can be scored, and not trained on.
+#[test]
+fn tests_alone_are_never_trained_on() {
+    use datasets::Subset as Listed;
+    let entry = |k: usize| Entry {
+        name: k.to_string(),
+        views: 5,
+        subset: Some(Listed::Test),
+        ..Entry::default()
+    };
+    let catalog =
+        Catalog { entries: (0..3).map(entry).collect(), ..Catalog::new(Layout::Memory, "memory") };
+    let dataset = Box::new(Ellipsoids(catalog));
+    let config = Config { system: tiny(), ..Config::default() };
+    let data = Data::many(dataset, ReadOptions::default(), &config.system).unwrap();
+    let system = Img2Mesh::new(&config.system, 0);
+    assert!(system.evaluate(&data, Subset::Test).is_ok());
+    let error = system.evaluate(&data, Subset::Validation).unwrap_err().to_string();
+    assert!(error.contains("for validation"), "{error}");
+    let place = tempfile::tempdir().unwrap();
+    let run = RunFolder::create(&place.path().join("run"), false).unwrap();
+    let provenance = Provenance::default();
+    let job =
+        Job { config: &config, data: &data, run: &run, provenance: &provenance, resume: false };
+    let error = train::<Img2Mesh>(&job, &mut |_: Event| ControlFlow::Continue(())).unwrap_err();
+    assert!(error.to_string().contains("nothing to train on"), "{error}");
 }

@@ -119,15 +119,20 @@ train::options! {
         pub jitter: f64 = 0.05, in 0.0..=0.5;
         /// Around the object's box, in lengths of the box.
         pub margin: f64 = 0.1, in 0.0..=1.0;
-        /// Every how many objects one is held out where the data has no split of its own; without, scores are then of
-        /// what was trained on.
+        /// One of so many objects is held out where the data has no lists of its own, by a hash of its name: half of these
+        /// for validation, half for tests. Without, scores are of what was trained on.
         #[serde(with = "train::settings::optional")]
         pub hold_out: Option<usize> = Some(5), in 2..=LARGEST as usize;
-        /// Seed of the data that is made when none is given; that of the run decides all else.
-        pub data_seed: u64 = 0, in ..=LARGEST;
+        /// Seed of the data that is made when none is given; without, that of the run, so that each seed learns from its
+        /// own.
+        #[serde(serialize_with = "train::settings::optional::serialize", deserialize_with = "train::settings::optional::or_zero")]
+        pub data_seed: Option<u64> = None, in ..=LARGEST;
         /// Procedural objects of each family to train on when no data is given, each with one photograph.
         pub objects: usize = 100, in 1..=100_000;
-        /// More of each family that are held out.
+        /// Others of each family by which is chosen in training; without, half as many as `test-objects`.
+        #[serde(with = "train::settings::optional")]
+        pub validation_objects: Option<usize> = None, in 1..=100_000;
+        /// Others of each family that are scored at the end.
         pub test_objects: usize = 20, in 0..=100_000;
         /// The families; empty takes all.
         pub families: Vec<String> = vec!["airplane".to_owned(), "car".to_owned()];
@@ -159,6 +164,17 @@ pub enum RotationLoss {
 }
 
 impl McmrConfig {
+    /// Seed of the data that is made; 0 where neither the options nor a run say one.
+    pub fn data_seed(&self) -> u64 {
+        self.data_seed.unwrap_or(0)
+    }
+
+    /// Procedural objects of each family for training, validation and test.
+    pub(super) fn counts(&self) -> [usize; 3] {
+        let validation = self.validation_objects.unwrap_or(self.test_objects.div_ceil(2));
+        [self.objects, validation, self.test_objects]
+    }
+
     /// What is wrong, one sentence each; empty when nothing is.
     pub fn check(&self) -> Vec<String> {
         let mut problems = self.out_of_range();

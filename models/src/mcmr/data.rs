@@ -2,28 +2,28 @@
 
 use std::sync::{Arc, OnceLock};
 
-use datasets::{Dataset, Layout, ReadOptions};
+use datasets::{Dataset, Layout, ReadOptions, Subsets};
 use mesh_core::TriMesh;
 use synth::generate::read_rough_poses;
 use synth::{Orbit, Procedural, families_named};
-use train::{DataError, Source};
+use train::{DataError, DataSummary, Source, Subset};
 
 use super::config::McmrConfig;
 use super::perceptual::PerceptualMetrics;
 use super::photo::{Photo, Rough, Sample};
+use crate::parts;
 use crate::view_cache::ViewCache;
 
 /// Photographs whose content is told by the fingerprint.
 const HASHED: usize = 8;
 
-/// A collection, parted into what is trained on and what is scored.
+/// A collection, parted into training, validation and test.
 #[derive(Debug)]
 pub struct Data {
     cache: ViewCache<Photo>,
     rough: Vec<Rough>,
     truths: Vec<OnceLock<Option<Arc<TriMesh>>>>,
-    train: Vec<usize>,
-    held: Vec<usize>,
+    parts: Subsets,
     /// Category of each object, as a number.
     kinds: Vec<usize>,
     categories: Vec<String>,
@@ -37,6 +37,8 @@ impl Data {
     /// # Errors
     /// If files are damaged, or nothing shows an object.
     pub fn open(config: &McmrConfig, source: &Source<'_, ReadOptions>) -> Result<Self, DataError> {
+        let data_seed = config.data_seed.or(Some(source.seed));
+        let config = &McmrConfig { data_seed, ..config.clone() };
         match source.path {
             None => Self::synthetic(config),
             Some(path) => {
@@ -54,14 +56,13 @@ impl Data {
         let families = families_named(&config.families).map_err(DataError::Unfit)?;
         // Objects fill about half of such an image, so a crop has the size of the network's.
         let side = 2 * config.image_size;
-        let seed = config.data_seed;
+        let seed = config.data_seed();
         let orbit = Orbit { width: side, height: side, seed, ..Orbit::photos() };
-        let set = Procedural::new(&families, config.objects, config.test_objects, orbit);
+        let set = Procedural::new(&families, config.counts(), orbit);
         Self::of(Box::new(set), ReadOptions::default(), config)
     }
 
-    /// A dataset, of which the first view of each object counts. What its layout calls test or validation is
-    /// scored, or else every `hold-out`th object. Poses of objects that are made here are disturbed; those of
+    /// A dataset, of which the first view of each object counts, parted as [`Subsets::of`] does. Poses of objects that are made here are disturbed; those of
     /// `data generate`'s collections are the rough ones of their files; all others are taken as they are.
     ///
     /// # Errors
@@ -74,7 +75,7 @@ impl Data {
         let made = dataset.layout() == Layout::Memory;
         let rough = |object: usize| -> Result<Rough, DataError> {
             if made {
-                return Ok(Rough::Noisy(config.noise(), config.data_seed));
+                return Ok(Rough::Noisy(config.noise(), config.data_seed()));
             }
             let entry = &dataset.entries()[object];
             let folder = dataset.root().join(&entry.category).join(&entry.name);
@@ -97,11 +98,10 @@ impl Data {
         let truths = kinds.iter().map(|_| OnceLock::new()).collect();
         let perceptual = Arc::new(PerceptualMetrics::open(config)?);
         let cache = ViewCache::new(dataset, options);
-        let [train, held] = cache.split(config.hold_out)?;
+        let parts = cache.parts(config.hold_out)?;
         let fingerprint = cache.fingerprint();
-        let mut data =
-            Self { cache, rough, truths, train, held, kinds, categories, perceptual, hash: 0 };
-        let first = data.train.iter().take(HASHED);
+        let mut data = Self { cache, rough, truths, parts, kinds, categories, perceptual, hash: 0 };
+        let first = data.parts.train.iter().take(HASHED);
         let hash = first.map(|&object| Ok(data.photo(object)?.plain(config))).try_fold(
             fingerprint,
             |hash, sample: Result<Sample, DataError>| {
@@ -117,12 +117,26 @@ impl Data {
 
     /// Objects that are trained on.
     pub fn trained(&self) -> &[usize] {
-        &self.train
+        &self.parts.train
     }
 
-    /// Objects that are scored: those that are held out, or all if none is.
-    pub fn held(&self) -> &[usize] {
-        &self.held
+    /// Objects that are for this; none where there are none.
+    pub fn listed(&self, subset: Subset) -> &[usize] {
+        parts::listed(&self.parts, subset)
+    }
+
+    /// The same, at least one.
+    pub(super) fn wanted(&self, subset: Subset) -> Result<&[usize], DataError> {
+        parts::wanted(&self.parts, subset)
+    }
+
+    pub(super) fn summary(&self) -> DataSummary {
+        parts::summary(&self.parts, "objects")
+    }
+
+    /// What an object is called: category and name.
+    pub(super) fn name(&self, object: usize) -> String {
+        self.cache.entries()[object].object_name()
     }
 
     /// The category of an object, as a number and by name.
@@ -148,7 +162,8 @@ impl Data {
     /// The photograph of an object.
     pub(super) fn photo(&self, object: usize) -> Result<Arc<Photo>, DataError> {
         let rough = &self.rough[object];
-        let prepare = |view: &datasets::View| Photo::new(view, rough, object);
+        let identity = self.cache.identity(object);
+        let prepare = |view: &datasets::View| Photo::new(view, rough, identity);
         Ok(self.cache.views(object, &[0], &prepare)?.swap_remove(0))
     }
 

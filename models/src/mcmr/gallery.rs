@@ -1,8 +1,8 @@
 //! What there is to show: predictions, and the mean shapes.
 
 use mesh_core::{ByteImage, Camera, TriMesh};
-use train::DataError;
 use train::report::ViewPair;
+use train::{DataError, Subset};
 
 use super::data::Data;
 use super::prediction::{pose_of, row};
@@ -16,15 +16,15 @@ const SHOWN: usize = 8;
 const SIDE: usize = 160;
 
 impl Mcmr {
-    /// Some objects spread over all that are held out: the prediction with its own camera above the photograph.
+    /// Some objects spread over all of a subset: the prediction with its own camera above the photograph.
     ///
     /// # Errors
-    /// If a file cannot be read.
-    pub fn gallery(&self, data: &Data) -> Result<Vec<ViewPair>, DataError> {
-        let held = data.held();
-        let shown = SHOWN.min(held.len());
+    /// If a file cannot be read, or there is nothing for that.
+    pub fn gallery(&self, data: &Data, subset: Subset) -> Result<Vec<ViewPair>, DataError> {
+        let listed = data.wanted(subset)?;
+        let shown = SHOWN.min(listed.len());
         let samples: Vec<Sample> = (0..shown)
-            .map(|i| Ok(data.photo(held[i * held.len() / shown])?.plain(&self.config)))
+            .map(|i| Ok(data.photo(listed[i * listed.len() / shown])?.plain(&self.config)))
             .collect::<Result<_, DataError>>()?;
         let pairs = self.in_batches(&samples, SHOWN, |tape, predicted, _, samples| {
             let poses: Vec<_> = (0..samples.len()).map(|i| pose_of(&predicted, i)).collect();
@@ -47,13 +47,17 @@ impl Mcmr {
         Ok(pairs.into_iter().flatten().collect())
     }
 
-    /// The mean shapes, each above the held-out photograph that has most of it.
+    /// The mean shapes, each above the photograph of a subset that has most of it.
     ///
     /// # Errors
-    /// If a file cannot be read.
-    pub fn gallery_of_shapes(&self, data: &Data) -> Result<Vec<ViewPair>, DataError> {
+    /// If a file cannot be read, or there is nothing for that.
+    pub fn gallery_of_shapes(
+        &self,
+        data: &Data,
+        subset: Subset,
+    ) -> Result<Vec<ViewPair>, DataError> {
         let samples: Vec<Sample> = data
-            .held()
+            .wanted(subset)?
             .iter()
             .map(|&object| Ok(data.photo(object)?.plain(&self.config)))
             .collect::<Result<_, DataError>>()?;

@@ -54,8 +54,8 @@ use mesh_core::cotangent_laplacian;
 use nets::LoadWeights;
 use recon::scene::scene_of;
 use train::{
-    DataError, Draw, LossError, Metric, OptimizerState, PredictError, Shown, Source, StepInfo,
-    Summary, System, Terms,
+    DataError, DataSummary, Draw, LossError, Metric, OptimizerState, PredictError, Shown, Source,
+    StepInfo, Subset, Summary, System, Terms,
 };
 
 use crate::stacked::stacked;
@@ -278,15 +278,19 @@ impl System for Mcmr {
             .with("lightness", c.lightness_weight, losses::lab_lightness(lab, true_lab, None)))
     }
 
-    fn evaluate(&self, data: &Data) -> Result<Vec<Metric>, DataError> {
-        Ok(self.scored(data)?.metrics())
+    fn data_summary(data: &Data) -> Option<DataSummary> {
+        Some(data.summary())
     }
 
-    fn show(&self, data: &Data) -> Result<Shown, DataError> {
-        let sample = data.photo(data.held()[0])?.plain(&self.config);
+    fn evaluate(&self, data: &Data, subset: Subset) -> Result<Vec<Metric>, DataError> {
+        Ok(self.scored(data, subset)?.metrics())
+    }
+
+    fn show(&self, data: &Data, subset: Subset) -> Result<Shown, DataError> {
+        let sample = data.photo(data.wanted(subset)?[0])?.plain(&self.config);
         let tape = Tape::eval();
         let mesh = self.mesh_of(&self.predicted(&tape, &[&sample]), 0);
-        Ok(Shown { views: self.gallery_of_shapes(data)?, scene: Some(scene_of(&mesh)) })
+        Ok(Shown { views: self.gallery_of_shapes(data, subset)?, scene: Some(scene_of(&mesh)) })
     }
 
     fn rates(&self) -> Vec<(String, f64)> {

@@ -37,7 +37,7 @@ impl Stored for Photo {
 pub(super) enum Rough {
     /// As it is.
     Exact,
-    /// Disturbed by noise of this size, drawn by a seed and the object's number.
+    /// Disturbed by noise of this size, drawn by a seed and a number of the object's own.
     Noisy(PoseNoise, u64),
     /// As the data says.
     Known(Camera),
@@ -46,14 +46,14 @@ pub(super) enum Rough {
 impl Photo {
     /// # Errors
     /// If the mask is empty.
-    pub(super) fn new(view: &View, rough: &Rough, object: usize) -> Result<Self, DataError> {
+    pub(super) fn new(view: &View, rough: &Rough, object: u64) -> Result<Self, DataError> {
         let Some([top, left, height, width]) = view.mask_bounds() else {
             return Err(DataError::Unfit(format!("{}: its mask is empty", view.name)));
         };
         let camera = view.camera.clone();
         let rough = match rough {
             Rough::Exact => camera.clone(),
-            Rough::Noisy(noise, seed) => noise.drawn(&camera, *seed, object as u64),
+            Rough::Noisy(noise, seed) => noise.drawn(&camera, *seed, object),
             Rough::Known(rough) => rough.clone(),
         };
         Ok(Self {

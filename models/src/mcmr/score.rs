@@ -1,4 +1,4 @@
-//! Scores on what is held out.
+//! Scores on what was not trained on.
 
 use autodiff_lite::Tape;
 use losses::metrics::{
@@ -7,23 +7,26 @@ use losses::metrics::{
 use mesh_core::{Image, TriMesh};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
-use train::{DataError, Metric};
+use train::{Better, DataError, Metric, Subset};
 
 use super::data::Data;
 use super::model::Predicted;
 use super::prediction::{pose_of, row};
 use super::{Mcmr, Sample};
+use crate::parts::mean_metric;
 
 /// Images that go through the network together.
 const BATCH: usize = 16;
 /// Cells along the longest edge for the strict 3D IoU; the published one has as many.
 const CELLS: usize = 32;
 
-/// How one object that was held out came out.
+/// How one object came out that was scored.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ScoredObject {
     /// Its number in the data.
     pub object: usize,
+    /// Category and name.
+    pub name: String,
     /// Its category's number.
     pub kind: usize,
     /// How much of each mean shape it was made of.
@@ -51,7 +54,7 @@ pub struct ScoredObject {
 /// All of them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scored {
-    /// One a held-out object.
+    /// One an object.
     pub each: Vec<ScoredObject>,
     /// Between renderings with the true camera and masked photographs; none without Inception's weights.
     pub fid: Option<f64>,
@@ -101,23 +104,28 @@ impl Scored {
         entropy.exp()
     }
 
-    /// The means by name.
+    /// The means by name, with the values of the objects, of which each is one photograph; and what is said of all
+    /// objects together.
     pub fn metrics(&self) -> Vec<Metric> {
-        let mean = |of: fn(&ScoredObject) -> f64| self.mean(|one| Some(of(one))).unwrap_or(0.0);
+        let mean = |name: &str, better, of: fn(&ScoredObject) -> Option<f64>| {
+            let values = self.each.iter().filter_map(|one| Some((&*one.name, of(one)?)));
+            mean_metric(name, better, values)
+        };
         let mut all = vec![
-            Metric::larger("mask-iou", mean(|one| one.mask_iou)),
-            Metric::larger("mask-iou-true-camera", mean(|one| one.mask_iou_true)),
-            Metric::larger("mask-iou-published", mean(|one| one.published_iou)),
-            Metric::larger("mask-iou-published-true-camera", mean(|one| one.published_iou_true)),
-            Metric::larger("ssim", mean(|one| one.ssim)),
-            Metric::smaller("l1", mean(|one| one.l1)),
-            Metric::smaller("rotation", mean(|one| one.rotation)),
+            mean("mask-iou", Better::Larger, |one| Some(one.mask_iou)),
+            mean("mask-iou-true-camera", Better::Larger, |one| Some(one.mask_iou_true)),
+            mean("mask-iou-published", Better::Larger, |one| Some(one.published_iou)),
+            mean("mask-iou-published-true-camera", Better::Larger, |one| {
+                Some(one.published_iou_true)
+            }),
+            mean("ssim", Better::Larger, |one| Some(one.ssim)),
+            mean("l1", Better::Smaller, |one| Some(one.l1)),
+            mean("rotation", Better::Smaller, |one| Some(one.rotation)),
+            mean("iou-3d", Better::Larger, |one| one.iou_3d),
+            mean("iou-3d-strict", Better::Larger, |one| one.iou_3d_strict),
         ];
-        let more = [
-            ("iou-3d", self.mean(|one| one.iou_3d)),
-            ("iou-3d-strict", self.mean(|one| one.iou_3d_strict)),
-        ];
-        all.extend(more.into_iter().filter_map(|(name, v)| v.map(|v| Metric::larger(name, v))));
+        // Of objects without a true mesh there is nothing to say.
+        all.retain(|metric| !metric.by_object.is_empty());
         let features = [("fid", self.fid), ("feature-distance", self.feature_distance)];
         all.extend(
             features.into_iter().filter_map(|(name, v)| v.map(|v| Metric::smaller(name, v))),
@@ -140,20 +148,20 @@ struct Judged {
 }
 
 impl Mcmr {
-    /// Scores on what is held out, object by object.
+    /// Scores on a subset, object by object.
     ///
     /// # Errors
-    /// If a file cannot be read.
-    pub fn scored(&self, data: &Data) -> Result<Scored, DataError> {
-        let samples: Vec<Sample> = data
-            .held()
+    /// If a file cannot be read, or there is nothing for that.
+    pub fn scored(&self, data: &Data, subset: Subset) -> Result<Scored, DataError> {
+        let objects = data.wanted(subset)?;
+        let samples: Vec<Sample> = objects
             .par_iter()
             .map(|&object| Ok(data.photo(object)?.plain(&self.config)))
             .collect::<Vec<Result<_, DataError>>>()
             .into_iter()
             .collect::<Result<_, _>>()?;
         let judged = self.in_batches(&samples, BATCH, |tape, predicted, first, chunk| {
-            self.judged(tape, &predicted, data, first, chunk)
+            self.judged(tape, &predicted, data, &objects[first..], chunk)
         });
         let mut judged: Vec<Judged> = judged.into_iter().flatten().collect();
         compare_shapes(&mut judged, data)?;
@@ -167,7 +175,7 @@ impl Mcmr {
         tape: &'t Tape,
         predicted: &Predicted<'t>,
         data: &Data,
-        first: usize,
+        objects: &[usize],
         samples: &[Sample],
     ) -> Vec<Judged> {
         let side = self.config.image_size;
@@ -181,7 +189,7 @@ impl Mcmr {
         let masks = drawn.map(|rendered| rendered.mask);
         let perceptual = |i: usize| {
             let sample = &samples[i];
-            let object = data.held()[first + i];
+            let object = objects[i];
             let plane = |data: Vec<f32>, channels: usize| Image {
                 height: side,
                 width: side,
@@ -202,6 +210,7 @@ impl Mcmr {
             let iou = |mask: &Image, rule| mask_iou_by(mask, &truth, rule);
             let scored = ScoredObject {
                 object,
+                name: data.name(object),
                 kind: data.category(object).0,
                 weights: row(&weights, i),
                 mask_iou: iou(&hard(&masks[0]), MaskRule::FromHalf),

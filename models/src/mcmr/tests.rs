@@ -228,7 +228,7 @@ fn a_checkpoint_resumes_across_the_subdivision() {
     let place = tempfile::tempdir().unwrap();
     let mut config = preset("tiny");
     config.train.epochs = 3;
-    config.train.evaluate_every = None;
+    config.train.validation_every = None;
     config.system =
         McmrConfig { objects: 4, test_objects: 1, subdivide_at: Some(2), ..config.system };
     let whole = run_in(&place.path().join("whole"), &config, false, u64::MAX);
@@ -320,7 +320,7 @@ fn a_prediction_stands_in_the_world_of_its_photograph() {
     use datasets::Dataset as _;
     use synth::{Orbit, Procedural};
     let orbit = Orbit { count: 1, width: 96, height: 80, seed: 3, ..Procedural::orbit() };
-    let set = Procedural::new(&[synth::shapes::Family::Car], 1, 0, orbit);
+    let set = Procedural::new(&[synth::shapes::Family::Car], [1, 0, 0], orbit);
     let view =
         set.views(0, None, &datasets::ReadOptions::default(), &|_, _| ()).unwrap().views.remove(0);
     let config = McmrConfig { perturb: 0.3, ..tiny() };
@@ -360,4 +360,22 @@ fn purity_and_use_are_counted() {
     assert_eq!((all.purity(), all.shapes_in_use()), (1.0, 1.0));
     let names: Vec<String> = all.metrics().into_iter().map(|metric| metric.name).collect();
     assert!(names.contains(&Mcmr::BEST.to_owned()) && !names.contains(&"fid".to_owned()));
+}
+
+#[test]
+fn made_objects_are_parted_and_drawn_by_the_seed() {
+    let config = McmrConfig { test_objects: 3, families: vec!["car".into()], ..tiny() };
+    let seeded = McmrConfig { data_seed: Some(7), ..config.clone() };
+    crate::testing::assert_data::<Mcmr>(&config, &seeded, [2, 2, 3]);
+}
+
+/// The noise of a pose is that of its object, whatever stands beside it.
+#[test]
+fn an_object_has_its_own_rough_pose() {
+    let pose = |objects: usize| {
+        let config = McmrConfig { objects, families: vec!["car".into()], ..tiny() };
+        let data = Data::synthetic(&config).unwrap();
+        data.photo(data.listed(Subset::Test)[0]).unwrap().plain(&config).pose
+    };
+    assert_eq!(pose(2), pose(5));
 }

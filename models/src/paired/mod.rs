@@ -5,6 +5,7 @@
 //!
 //! ```
 //! use models::paired::{Pairs, PairsConfig};
+//! use train::Subset;
 //!
 //! let config = PairsConfig {
 //!     image_size: 32,
@@ -14,8 +15,8 @@
 //!     ..PairsConfig::default()
 //! };
 //! let pairs = Pairs::synthetic(&config)?;
-//! assert_eq!((pairs.trained().len(), pairs.held().len()), (2, 1));
-//! let pair = pairs.pair(pairs.held()[0], 5)?;
+//! assert_eq!((pairs.trained().len(), pairs.listed(Subset::Test).len()), (2, 1));
+//! let pair = pairs.pair(pairs.listed(Subset::Test)[0], 5)?;
 //! assert!(pair.truth.positions.iter().all(|p| p[2] < -0.3));
 //! # Ok::<(), train::DataError>(())
 //! ```

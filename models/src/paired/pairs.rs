@@ -2,17 +2,18 @@
 
 use std::sync::{Arc, OnceLock};
 
-use datasets::{Dataset, ReadOptions, SurfacePoints};
+use datasets::{Dataset, ReadOptions, Subsets, SurfacePoints};
 use mesh_core::{TriMesh, sample_points, sample_surface};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use synth::{Orbit, Placement, Procedural, families_named};
-use train::{DataError, Source};
+use train::{DataError, DataSummary, Source, Subset};
 
 use super::config::PairsConfig;
 use super::paint::colors_of;
 use super::picture::{Frame, Picture};
+use crate::parts;
 use crate::view_cache::ViewCache;
 
 /// Points that are taken from the surface of an object once; each step takes some of them.
@@ -20,13 +21,12 @@ const POOL: usize = 10_000;
 /// Objects whose content is told by the fingerprint.
 const HASHED: usize = 8;
 
-/// A dataset, parted into what is trained on and what is scored.
+/// A dataset, parted into training, validation and test.
 #[derive(Debug)]
 pub struct Pairs {
     cache: ViewCache<Picture>,
     surfaces: Vec<OnceLock<Arc<Surface>>>,
-    train: Vec<usize>,
-    held: Vec<usize>,
+    parts: Subsets,
     side: usize,
     scale: f64,
     hash: u64,
@@ -58,6 +58,8 @@ impl Pairs {
     /// # Errors
     /// If files are damaged or there is no surface.
     pub fn open(config: &PairsConfig, source: &Source<'_, ReadOptions>) -> Result<Self, DataError> {
+        let data_seed = config.data_seed.or(Some(source.seed));
+        let config = &PairsConfig { data_seed, ..config.clone() };
         match source.path {
             None => Self::synthetic(config),
             Some(path) => {
@@ -87,15 +89,12 @@ impl Pairs {
             fov_y: 2.0 * (16.0_f64 / 35.0).atan().to_degrees(),
             width: config.image_size,
             height: config.image_size,
-            seed: config.data_seed,
+            seed: config.data_seed(),
         };
-        let first = config.test_from.max(config.objects);
-        let test = first..first + config.test_objects;
-        let set = Procedural::parted(&families, 0..config.objects, test, orbit);
-        Ok(Box::new(set))
+        Ok(Box::new(Procedural::new(&families, config.counts(), orbit)))
     }
 
-    /// A dataset. What its layout calls test or validation is scored, or else every `hold-out`th object.
+    /// A dataset, parted as [`Subsets::of`] does.
     ///
     /// # Errors
     /// If no object has a view, or the first ones cannot be read or have no surface.
@@ -105,12 +104,12 @@ impl Pairs {
         config: &PairsConfig,
     ) -> Result<Self, DataError> {
         let cache = ViewCache::new(dataset, options);
-        let [train, held] = cache.split(config.hold_out)?;
+        let parts = cache.parts(config.hold_out)?;
         let mut hash = cache.fingerprint();
         let surfaces = cache.entries().iter().map(|_| OnceLock::new()).collect();
         let (side, scale) = (config.image_size, config.scale);
-        let mut pairs = Self { cache, surfaces, train, held, side, scale, hash: 0 };
-        for &object in pairs.train.iter().take(HASHED) {
+        let mut pairs = Self { cache, surfaces, parts, side, scale, hash: 0 };
+        for &object in pairs.parts.train.iter().take(HASHED) {
             let pair = pairs.pair(object, 0)?;
             let points = pair.truth.positions.as_flattened().iter().flat_map(|x| x.to_le_bytes());
             hash = hash.with(&pair.picture.image).with(&points.collect::<Vec<u8>>());
@@ -121,12 +120,26 @@ impl Pairs {
 
     /// Objects that are trained on.
     pub fn trained(&self) -> &[usize] {
-        &self.train
+        &self.parts.train
     }
 
-    /// Objects that are scored: those that are held out, or all if none is.
-    pub fn held(&self) -> &[usize] {
-        &self.held
+    /// Objects that are for this; none where there are none.
+    pub fn listed(&self, subset: Subset) -> &[usize] {
+        parts::listed(&self.parts, subset)
+    }
+
+    pub(crate) fn summary(&self) -> DataSummary {
+        parts::summary(&self.parts, "objects")
+    }
+
+    /// What the object of an entry is called: category and name, the same for each of its views.
+    pub(crate) fn object_name(&self, object: usize) -> String {
+        self.cache.entries()[object].object_name()
+    }
+
+    /// A number of an object's own, whatever stands beside it.
+    pub(crate) fn identity(&self, object: usize) -> u64 {
+        self.cache.identity(object)
     }
 
     /// What an object is called: category and name.
@@ -172,21 +185,40 @@ impl Pairs {
         Ok(Pair { picture, truth })
     }
 
-    /// The `k`-th of the pairs that are scored; `views` of each object.
+    /// How many pairs of a subset are scored, `views` of each object.
     ///
     /// # Errors
-    /// If a file cannot be read.
-    pub fn trial(&self, views: usize, k: usize) -> Result<(usize, Pair), DataError> {
-        let [object, view] = self.tried(views, k);
+    /// If there is nothing for that.
+    pub fn trials(&self, subset: Subset, views: usize) -> Result<usize, DataError> {
+        Ok(views * parts::wanted(&self.parts, subset)?.len())
+    }
+
+    /// The `k`-th of the pairs of a subset that are scored; `views` of each object.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or there is nothing for that.
+    pub fn trial(
+        &self,
+        subset: Subset,
+        views: usize,
+        k: usize,
+    ) -> Result<(usize, Pair), DataError> {
+        let [object, view] = self.tried(subset, views, k)?;
         Ok((object, self.pair(object, view)?))
     }
 
-    /// Object and view of the `k`-th of the pairs that are scored.
-    pub(crate) fn tried(&self, views: usize, k: usize) -> [usize; 2] {
-        let object = self.held[k / views];
+    /// Object and view of the `k`-th of the pairs of a subset that are scored.
+    pub(crate) fn tried(
+        &self,
+        subset: Subset,
+        views: usize,
+        k: usize,
+    ) -> Result<[usize; 2], DataError> {
+        let object = parts::wanted(&self.parts, subset)?[k / views];
         let (count, nth) = (self.views(object), k % views);
         // Spread over the views, and begun elsewhere for each object.
-        [object, (nth * count / views.min(count) + object) % count]
+        let first = (self.identity(object) % count as u64) as usize;
+        Ok([object, (nth * count / views.min(count) + first) % count])
     }
 
     /// One image of an object.
@@ -212,8 +244,9 @@ impl Pairs {
         let (points, colors) = match (&truth.mesh, truth.points) {
             (_, Some(points)) if !points.positions.is_empty() => (points, Vec::new()),
             (Some(mesh), _) if !mesh.faces.is_empty() => {
-                let (positions, normals) = sample_points(mesh, POOL, object as u64);
-                let colors = colors_of(mesh, &sample_surface(mesh, POOL, object as u64));
+                let seed = self.identity(object);
+                let (positions, normals) = sample_points(mesh, POOL, seed);
+                let colors = colors_of(mesh, &sample_surface(mesh, POOL, seed));
                 (SurfacePoints { positions, normals }, colors)
             }
             _ => {

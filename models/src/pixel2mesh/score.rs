@@ -1,29 +1,39 @@
-//! Scores on what is held out, and what there is to show of them.
+//! Scores on what was not trained on, and what there is to show of them.
+
+use std::collections::BTreeMap;
 
 use ode_deform::solve::Stats;
 use rayon::prelude::*;
 use train::report::ViewPair;
-use train::{DataError, Metric};
+use train::{Better, DataError, Metric, Subset};
 
 use super::deformer::Deformer;
 use super::single_view::SingleView;
 use crate::paired::{Pairs, PointScores, picture_above, point_scores};
+use crate::parts::mean_metric;
 
 /// Objects shown together.
 const SHOWN: usize = 6;
 
-/// The scores of all images that are held out.
+/// The scores of the images of a subset.
 #[derive(Clone, Debug, Default)]
 pub struct Scored {
     /// One an image: its object, its scores, the work that its mesh took.
     pub each: Vec<(usize, PointScores, Stats)>,
+    /// What the object of each is called: category and name.
+    pub names: Vec<String>,
 }
 
 impl Scored {
-    /// The means.
+    /// The means over objects, of each the mean over its images.
     pub fn mean(&self) -> PointScores {
-        let all: Vec<PointScores> = self.each.iter().map(|(_, scores, _)| *scores).collect();
-        PointScores::mean(&all)
+        let mut objects: BTreeMap<&str, Vec<PointScores>> = BTreeMap::new();
+        for ((_, scores, _), name) in self.each.iter().zip(&self.names) {
+            objects.entry(name).or_default().push(*scores);
+        }
+        let means: Vec<PointScores> =
+            objects.into_values().map(|all| PointScores::mean(&all)).collect();
+        PointScores::mean(&means)
     }
 
     /// The mean number of evaluations.
@@ -38,47 +48,54 @@ impl Scored {
         sum as f64 / self.each.len().max(1) as f64
     }
 
-    /// The means by name, and the evaluations.
+    /// The means over objects by name with the values of each, and the evaluations.
     pub fn metrics(&self) -> Vec<Metric> {
-        let named = self.mean().named();
-        let mut metrics: Vec<Metric> =
-            named
-                .into_iter()
-                .filter(|(name, value, _)| *name != "normals" || value.is_finite())
-                .map(|(name, value, larger)| {
-                    if larger { Metric::larger(name, value) } else { Metric::smaller(name, value) }
-                })
-                .collect();
-        metrics.push(Metric::smaller("evaluations", self.evaluations()));
+        let mean = |name: &str, better, of: &dyn Fn(&(usize, PointScores, Stats)) -> f64| {
+            let values = self.each.iter().zip(&self.names);
+            mean_metric(name, better, values.map(|(one, name)| (&**name, of(one))))
+        };
+        let named = PointScores::default().named().into_iter().enumerate();
+        let mut metrics: Vec<Metric> = named
+            .map(|(k, (name, _, larger))| {
+                let better = if larger { Better::Larger } else { Better::Smaller };
+                mean(name, better, &|(_, scores, _)| scores.named()[k].1)
+            })
+            .filter(|metric| metric.name != "normals" || metric.value.is_finite())
+            .collect();
+        metrics.push(mean("evaluations", Better::Smaller, &|(.., stats)| stats.evaluations as f64));
         metrics
     }
 }
 
 impl<D: Deformer> SingleView<D> {
-    /// Scores on what is held out, image by image.
+    /// Scores on a subset, image by image.
     ///
     /// # Errors
-    /// If a file cannot be read.
-    pub fn scored(&self, data: &Pairs) -> Result<Scored, DataError> {
+    /// If a file cannot be read, or there is nothing for that.
+    pub fn scored(&self, data: &Pairs, subset: Subset) -> Result<Scored, DataError> {
         let views = self.shared().pairs.scored_views;
         let one = |k: usize| -> Result<(usize, PointScores, Stats), DataError> {
-            let (object, pair) = data.trial(views, k)?;
+            let (object, pair) = data.trial(subset, views, k)?;
             // What does not come to its end is no mesh at all.
             let (mesh, stats) = self.mesh_of(&pair.picture).unwrap_or_default();
             Ok((object, point_scores(&mesh, &pair.truth), stats))
         };
-        let all: Vec<_> = (0..views * data.held().len()).into_par_iter().map(one).collect();
-        Ok(Scored { each: all.into_iter().collect::<Result<_, _>>()? })
+        let count = data.trials(subset, views)?;
+        let all: Vec<_> = (0..count).into_par_iter().map(one).collect();
+        let each: Vec<_> = all.into_iter().collect::<Result<_, _>>()?;
+        let names = each.iter().map(|(object, ..)| data.object_name(*object)).collect();
+        Ok(Scored { each, names })
     }
 
-    /// Some images spread over all that are held out: the mesh from the image's camera above the image.
+    /// Some images spread over all of a subset: the mesh from the image's camera above the image.
     ///
     /// # Errors
-    /// If a file cannot be read.
-    pub fn gallery(&self, data: &Pairs) -> Result<Vec<ViewPair>, DataError> {
-        let shown = SHOWN.min(data.held().len());
+    /// If a file cannot be read, or there is nothing for that.
+    pub fn gallery(&self, data: &Pairs, subset: Subset) -> Result<Vec<ViewPair>, DataError> {
+        let count = data.trials(subset, 1)?;
+        let shown = SHOWN.min(count);
         let one = |i: usize| {
-            let (_, pair) = data.trial(1, i * data.held().len() / shown)?;
+            let (_, pair) = data.trial(subset, 1, i * count / shown)?;
             let (mesh, _) = self.mesh_of(&pair.picture).unwrap_or_default();
             let scores = point_scores(&mesh, &pair.truth);
             let caption = format!("{}: Chamfer {:.3}", pair.picture.name, scores.chamfer);

@@ -8,8 +8,8 @@ use nets::{Init, Pixel2MeshEncoder};
 use ode_deform::solve::{SolveError, Stats};
 use recon::scene::scene_of;
 use train::{
-    DataError, Draw, LossError, Metric, PredictError, Shown, Source, StepInfo, Summary, System,
-    Terms,
+    DataError, DataSummary, Draw, LossError, Metric, PredictError, Shown, Source, StepInfo, Subset,
+    Summary, System, Terms,
 };
 
 use super::config::{EncoderForm, SharedConfig};
@@ -309,15 +309,19 @@ impl<D: Deformer> System for SingleView<D> {
         Ok(terms)
     }
 
-    fn evaluate(&self, data: &Pairs) -> Result<Vec<Metric>, DataError> {
-        Ok(self.scored(data)?.metrics())
+    fn data_summary(data: &Pairs) -> Option<DataSummary> {
+        Some(data.summary())
     }
 
-    fn show(&self, data: &Pairs) -> Result<Shown, DataError> {
-        let (_, pair) = data.trial(1, 0)?;
+    fn evaluate(&self, data: &Pairs, subset: Subset) -> Result<Vec<Metric>, DataError> {
+        Ok(self.scored(data, subset)?.metrics())
+    }
+
+    fn show(&self, data: &Pairs, subset: Subset) -> Result<Shown, DataError> {
+        let (_, pair) = data.trial(subset, 1, 0)?;
         let (mesh, _) = self.mesh_of(&pair.picture).unwrap_or_default();
         let mesh = pair.picture.frame.mesh_in_world(mesh);
-        Ok(Shown { views: self.gallery(data)?, scene: Some(scene_of(&mesh)) })
+        Ok(Shown { views: self.gallery(data, subset)?, scene: Some(scene_of(&mesh)) })
     }
 
     /// The mesh in the world of the camera, from the first view.

@@ -95,9 +95,13 @@ fn the_field_is_a_fraction_of_the_residual_network() {
 /// Checkpoints carry the configuration that they were trained with.
 #[test]
 fn fields_are_known_by_their_former_names() {
-    let former = "deformation = \"stacked\"\nmemory = 2\nreading = 5\npieces = 3\nspeed = 4.0";
+    let former = "deformation = \"stacked\"\nmemory = 2\nreading = 5\npieces = 3\nspeed = 4.0\ntest-from = 10000\n\
+                  data-seed = 0\nevaluate-every = 3";
     let config: Configuration<OdeConfig> =
         read_text("former".as_ref(), former, &[("memory".into(), "6".into())]).unwrap();
+    // A seed of 0 was one, and still is.
+    assert_eq!(config.system.shared.pairs.data_seed, Some(0));
+    assert_eq!(config.train.validation_every, Some(3));
     let config = config.system;
     let found = (config.augment_dim, config.feature_dim, config.segments, config.output_scale);
     assert_eq!(found, (6, 5, 3, 4.0));
@@ -176,7 +180,7 @@ fn every_parameter_learns_and_steps_are_drawn() {
 #[test]
 fn a_sequence_goes_from_the_ellipsoid_to_the_prediction() {
     let pairs = Pairs::synthetic(&data()).unwrap();
-    let pair = pairs.pair(pairs.held()[0], 0).unwrap();
+    let pair = pairs.pair(pairs.listed(train::Subset::Test)[0], 0).unwrap();
     let system = OdePixel2Mesh::new(&ode(), 3);
     let (mesh, stats) = system.mesh_of(&pair.picture).unwrap();
     assert_eq!((stats.evaluations, stats.accepted), (4, 4));
@@ -198,4 +202,24 @@ fn a_sequence_goes_from_the_ellipsoid_to_the_prediction() {
     let (_, staged) = staged.mesh_and_sequence_of(&pair.picture, 9).unwrap();
     let counts: Vec<usize> = staged.iter().map(|mesh| mesh.positions.len()).collect();
     assert_eq!(counts, [156, 156, 618]);
+}
+
+#[test]
+fn made_objects_are_parted_and_drawn_by_the_seed() {
+    let pairs = PairsConfig { test_objects: 3, ..data() };
+    let config = OdeConfig { shared: SharedConfig { pairs, ..shared() }, ..ode() };
+    let mut seeded = config.clone();
+    seeded.shared.pairs.data_seed = Some(7);
+    crate::testing::assert_data::<OdePixel2Mesh>(&config, &seeded, [2, 2, 3]);
+}
+
+/// With more objects to train on, tests are the same images and the same points.
+#[test]
+fn tests_do_not_depend_on_what_is_trained_on() {
+    let test = |objects: usize| {
+        let pairs = Pairs::synthetic(&PairsConfig { objects, ..data() }).unwrap();
+        let (_, pair) = pairs.trial(train::Subset::Test, 2, 1).unwrap();
+        (pair.picture.name.clone(), pair.picture.image.clone(), pair.truth)
+    };
+    assert_eq!(test(2), test(9));
 }

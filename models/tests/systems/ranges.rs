@@ -24,7 +24,7 @@ const ANY: &[&str] = &[
     "drop-every",
     "milestones",
     "warmup",
-    "evaluate-every",
+    "validation-every",
     "samples-every",
     "checkpoint-steps",
     "hold-out",

@@ -251,7 +251,7 @@ fn rows<B: MeshInit>(
 ) -> Result<Vec<Row>, StudyError> {
     let variant = VARIANTS.iter().find(|other| other.id == variant).expect("one of them");
     let (data, trained) = train_job::<Refined<B>>(&config, work, watch)?;
-    let mean = trained.system.scored(&data)?.mean();
+    let mean = trained.system.scored(&data, train::Subset::Test)?.mean();
     let (prefix, name, published) = SYSTEMS[system];
     let refine: &RefineConfig = B::refine(&config.system);
     let estimated = refine.depth == DepthKind::Estimated;
@@ -263,7 +263,7 @@ fn rows<B: MeshInit>(
     let row = Row::new(if estimated { ESTIMATED } else { TRUE }, label(name, variant));
     let mut row = with_scores(row, &mean, poster)
         .took(trained.seconds)
-        .showing("", &trained.system.gallery(&data)?);
+        .showing("", &trained.system.gallery(&data, train::Subset::Test)?);
     if variant.id == "rgbd" {
         let other = work.folder.with_file_name(format!("{prefix}-rgb-seed-{}", work.seed));
         let curves = [curves::curve(&other, "chamfer"), curves::curve(work.folder, "chamfer")];

@@ -39,7 +39,7 @@ fn jobs(scale: Scale) -> Jobs {
         Scale::Quick => {
             let steps = [("max-steps", "120"), ("synthetic-views", "40"), ("features", "128")];
             let sizes = [("image-size", "64"), ("render-size", "64"), ("samples-every", "none")];
-            let rest = [("epochs", "1000"), ("evaluate-every", "none"), ("warmup", "10")];
+            let rest = [("epochs", "1000"), ("validation-every", "none"), ("warmup", "10")];
             let changes: Vec<_> = steps.into_iter().chain(sizes).chain(rest).collect();
             vec![("small-2".into(), "small CNN, 2 views", preset::<Img2Mesh>("small", &changes))]
         }
@@ -69,14 +69,14 @@ impl Study for ClockStudy {
         let trained = work.train::<Img2Mesh>(&config, &data, watch)?;
         let system = trained.system;
         let views = config.system.views;
-        let metrics = system.evaluate_with(&data, views)?;
+        let metrics = system.evaluate_with(&data, train::Subset::Test, views)?;
         let millis = predict_millis(&system, &data)?;
         let row = scored(Row::new(TABLE, label), &metrics)
             .with(Cell::smaller("predict, ms", millis, 1))
             .with(Cell::plain("trained numbers, millions", counted(&config), 2))
             .with(Cell::plain("steps", trained.steps as f64, 0))
             .took(trained.seconds)
-            .showing(label, &system.show(&data)?.views);
+            .showing(label, &system.show(&data, train::Subset::Test)?.views);
         Ok(vec![row])
     }
 
@@ -120,7 +120,7 @@ fn counted(config: &Config) -> f64 {
 
 /// From images in memory to the mesh, the median.
 fn predict_millis(system: &Img2Mesh, data: &Data) -> Result<f64, StudyError> {
-    let sample = system.scored_sample(data)?;
+    let sample = system.scored_sample(data, train::Subset::Test)?;
     let mut times = Vec::with_capacity(TIMED);
     for _ in 0..TIMED {
         let start = Instant::now();

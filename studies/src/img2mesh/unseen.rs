@@ -102,10 +102,13 @@ impl Study for UnseenStudy {
         for &views in counts {
             work.tell(watch, 1.0, format!("scoring with {views} views"))?;
             let row = Row::new(TABLE, label(model, views)).took(trained.seconds);
-            rows.push(scored(row, &trained.system.evaluate_with(&data, views)?));
+            rows.push(scored(
+                row,
+                &trained.system.evaluate_with(&data, train::Subset::Test, views)?,
+            ));
         }
         if let Some(last) = rows.pop() {
-            rows.push(last.showing(model, &trained.system.gallery(&data, 5)?));
+            rows.push(last.showing(model, &trained.system.gallery(&data, train::Subset::Test, 5)?));
         }
         Ok(rows)
     }

@@ -121,7 +121,7 @@ impl Study for MeanShapesStudy {
     fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (id, label, config) = planned::<Mcmr>(jobs(work.scale), work);
         let (data, trained) = train_job::<Mcmr>(&config, work, watch)?;
-        let scored = trained.system.scored(&data)?;
+        let scored = trained.system.scored(&data, train::Subset::Test)?;
         animate(&trained);
         let took = |row: Row| row.took(trained.seconds);
         if let Some((.., published)) = SINGLE.into_iter().find(|(job, ..)| *job == id) {
@@ -133,10 +133,10 @@ impl Study for MeanShapesStudy {
             Some(set.published[which])
         });
         let row = took(with_figures(Row::new(TABLE, label), &scored, published))
-            .showing(label, &trained.system.gallery(&data)?);
+            .showing(label, &trained.system.gallery(&data, train::Subset::Test)?);
         let mut rows = vec![row, by_published_rule(Row::new(RULE, label), &scored)];
         if config.system.shapes > 1 {
-            let pairs = trained.system.gallery_of_shapes(&data)?;
+            let pairs = trained.system.gallery_of_shapes(&data, train::Subset::Test)?;
             let mut all = found(label, &data, &scored).into_iter();
             let shown = format!("{label}: the mean shapes");
             rows.extend(all.next().map(|row| row.showing(shown, &pairs)));

@@ -21,7 +21,7 @@ const QUICK: &[Change] = &[
     ("max-steps", "70"),
     ("epochs", "1000"),
     ("warmup", "5"),
-    ("evaluate-every", "none"),
+    ("validation-every", "none"),
     ("samples-every", "none"),
     ("width", "8"),
     ("features", "32"),

@@ -88,12 +88,13 @@ impl Study for RealStudy {
             return Err(DataError::Unfit(text).into());
         }
         let (data, trained) = train_job::<Mcmr>(&config, work, watch)?;
-        let scored = trained.system.scored(&data)?;
+        let scored = trained.system.scored(&data, train::Subset::Test)?;
         super::animate(&trained);
         let row = self.rows.iter().find(|(job, ..)| *job == id);
         let row = with_figures(Row::new(table, label), &scored, row.map(|row| row.3));
         Ok(vec![
-            row.took(trained.seconds).showing(label, &trained.system.gallery(&data)?),
+            row.took(trained.seconds)
+                .showing(label, &trained.system.gallery(&data, train::Subset::Test)?),
             by_published_rule(Row::new(RULE, label), &scored),
         ])
     }

@@ -71,9 +71,12 @@ impl Study for SubdivisionStudy {
     fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (_, label, config) = planned::<Mcmr>(jobs(work.scale), work);
         let (data, trained) = train_job::<Mcmr>(&config, work, watch)?;
-        let scored = trained.system.scored(&data)?;
+        let scored = trained.system.scored(&data, train::Subset::Test)?;
         let row = with_figures(Row::new(TABLE, label), &scored, published(label));
-        Ok(vec![row.took(trained.seconds).showing(label, &trained.system.gallery(&data)?)])
+        Ok(vec![
+            row.took(trained.seconds)
+                .showing(label, &trained.system.gallery(&data, train::Subset::Test)?),
+        ])
     }
 
     fn claims(&self, tables: &Tables, scale: Scale) -> Vec<Claim> {

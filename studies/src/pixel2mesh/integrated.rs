@@ -39,7 +39,7 @@ pub(super) fn finer(
 ) -> Result<Row, StudyError> {
     let chamfer = |step: f64, method: Method| -> Result<f64, StudyError> {
         let other = OdeConfig { step: [step, step], method, ..config.clone() };
-        Ok(system.with_config(&other).scored(data)?.mean().chamfer)
+        Ok(system.with_config(&other).scored(data, train::Subset::Test)?.mean().chamfer)
     };
     let mut row = Row::new(FINER, label);
     for (name, step) in STEPS {
@@ -64,7 +64,7 @@ pub(super) fn adaptively(
         let found = if other == *config {
             scored.clone()
         } else {
-            system.with_config(&other).scored(data)?
+            system.with_config(&other).scored(data, train::Subset::Test)?
         };
         let counts: Vec<f64> =
             found.each.iter().map(|(.., stats)| stats.evaluations as f64).collect();
@@ -85,7 +85,7 @@ pub(super) fn adaptively(
         tolerance: None,
         ..config.clone()
     };
-    let found = system.with_config(&small).scored(data)?;
+    let found = system.with_config(&small).scored(data, train::Subset::Test)?;
     rows.push(
         Row::new(ADAPTIVE, "Euler, steps of U(0.001, 0.005)'s mean")
             .with(Cell::smaller("CD", found.mean().chamfer, 3))
@@ -103,7 +103,7 @@ fn complexities(
     let ellipsoid = &system.template().finest().mesh.positions;
     let views = system.shared().pairs.scored_views;
     let far = |k: usize| {
-        let (_, pair) = data.trial(views, k)?;
+        let (_, pair) = data.trial(train::Subset::Test, views, k)?;
         let (there, back) = point_distances(ellipsoid, &pair.truth.positions).chamfer(true);
         Ok(there + back)
     };

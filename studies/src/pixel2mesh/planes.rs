@@ -105,7 +105,7 @@ fn rows<D: Deformer>(
     watch: Watch<'_>,
 ) -> Result<Vec<Row>, StudyError> {
     let (data, trained) = train_job::<SingleView<D>>(&config, work, watch)?;
-    let scored = trained.system.scored(&data)?;
+    let scored = trained.system.scored(&data, train::Subset::Test)?;
     let (parameters, _) = D::size(&config.system);
     let mut rows = Vec::new();
     for (category, part) in by_category(&data, &scored) {
@@ -118,7 +118,11 @@ fn rows<D: Deformer>(
         let row = with_scores(Row::new(table, label), &part)
             .with(Cell::smaller("thousand parameters", parameters as f64 / 1e3, 1))
             .took(trained.seconds);
-        let row = if planes { row.showing("", &trained.system.gallery(&data)?) } else { row };
+        let row = if planes {
+            row.showing("", &trained.system.gallery(&data, train::Subset::Test)?)
+        } else {
+            row
+        };
         rows.push(row);
     }
     Ok(rows)
@@ -127,12 +131,15 @@ fn rows<D: Deformer>(
 /// Scores category by category, in the order of the data.
 fn by_category(data: &Pairs, scored: &Scored) -> Vec<(String, Scored)> {
     let mut parts: Vec<(String, Scored)> = Vec::new();
-    for one in &scored.each {
+    for (one, name) in scored.each.iter().zip(&scored.names) {
         let [category, _] = data.name(one.0);
-        match parts.iter_mut().find(|(name, _)| name == category) {
-            Some((_, part)) => part.each.push(*one),
-            None => parts.push((category.to_owned(), Scored { each: vec![*one] })),
+        let known = parts.iter().position(|(name, _)| name == category);
+        let place = known.unwrap_or(parts.len());
+        if known.is_none() {
+            parts.push((category.to_owned(), Scored::default()));
         }
+        parts[place].1.each.push(*one);
+        parts[place].1.names.push(name.clone());
     }
     parts
 }

@@ -133,10 +133,10 @@ impl Study for SolversStudy {
         let (_, label, config) = planned::<OdePixel2Mesh>(jobs(work.scale), work);
         let (data, trained) = train_job::<OdePixel2Mesh>(&config, work, watch)?;
         let system = trained.system;
-        let scored = system.scored(&data)?;
+        let scored = system.scored(&data, train::Subset::Test)?;
         if REPAIRS.iter().any(|(_, other, _)| *other == label) {
             let row = with_scores(Row::new(REPAIRED, label), &scored).took(trained.seconds);
-            return Ok(vec![row.showing(label, &system.gallery(&data)?)]);
+            return Ok(vec![row.showing(label, &system.gallery(&data, train::Subset::Test)?)]);
         }
         let mut row = with_scores(Row::new(TABLE, label), &scored);
         if let Some((chamfer, steps)) = published(label) {
@@ -152,7 +152,7 @@ impl Study for SolversStudy {
             .with(Cell::smaller("s a step", trained.seconds / trained.steps.max(1) as f64, 3))
             .with(Cell::smaller("MB a step", megabytes, 1))
             .took(trained.seconds)
-            .showing(label, &system.gallery(&data)?);
+            .showing(label, &system.gallery(&data, train::Subset::Test)?);
         let mut rows = vec![row];
         if label == DOPRI5 {
             rows.extend(adaptively(&system, &config.system, &data, &scored)?);

@@ -16,9 +16,9 @@
 //! ```
 //!
 //! Configurations and checkpoints of before said 0 or an empty text for what is absent: they are read so still, and no
-//! option that may be absent has 0 for a value.
+//! option that may be absent has 0 for a value, but for those that could not be absent then ([`or_zero`]).
 
-use serde::de::{DeserializeOwned, Error as _};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::Value;
 
@@ -36,6 +36,16 @@ pub fn serialize<T: Serialize, S: Serializer>(value: &Option<T>, to: S) -> Resul
     }
 }
 
+/// Reads a value of which 0 is one, or the word: for options that could not be absent before.
+///
+/// # Errors
+/// If it is neither.
+pub fn or_zero<'de, T: DeserializeOwned, D: Deserializer<'de>>(
+    from: D,
+) -> Result<Option<T>, D::Error> {
+    read(Value::deserialize(from)?, |value| value.as_str() == Some(NONE))
+}
+
 /// Reads a value, or what says that there is none.
 ///
 /// # Errors
@@ -43,17 +53,22 @@ pub fn serialize<T: Serialize, S: Serializer>(value: &Option<T>, to: S) -> Resul
 pub fn deserialize<'de, T: DeserializeOwned, D: Deserializer<'de>>(
     from: D,
 ) -> Result<Option<T>, D::Error> {
-    let value = Value::deserialize(from)?;
-    let absent = match &value {
+    read(Value::deserialize(from)?, |value| match value {
         Value::String(text) => text.is_empty() || text == NONE,
         Value::Integer(number) => *number == 0,
         Value::Float(number) => *number == 0.0,
         _ => false,
-    };
-    if absent {
+    })
+}
+
+fn read<T: DeserializeOwned, E: serde::de::Error>(
+    value: Value,
+    is_absent: impl Fn(&Value) -> bool,
+) -> Result<Option<T>, E> {
+    if is_absent(&value) {
         return Ok(None);
     }
     T::deserialize(value)
         .map(Some)
-        .map_err(|error| D::Error::custom(format!("{}, or \"{NONE}\"", error.message().trim_end())))
+        .map_err(|error| E::custom(format!("{}, or \"{NONE}\"", error.message().trim_end())))
 }

@@ -13,6 +13,11 @@ pub trait Options: Default + Serialize + DeserializeOwned {
     /// Keys, meanings and ranges in their order, those of the base first.
     fn declared() -> Vec<Declared>;
 
+    /// Keys that were options before and say nothing any more: configurations that have them are read, and lose them.
+    fn retired() -> Vec<&'static str> {
+        Vec::new()
+    }
+
     /// What is out of its range, one sentence each; what several options must agree on is the configuration's own affair.
     fn out_of_range(&self) -> Vec<String>;
 
@@ -110,7 +115,7 @@ fn expected<T: DeserializeOwned>(key: &str) -> String {
 ///
 /// What follows from it: the struct with its documentation, `Default`, serde in TOML's keys with dashes,
 /// [`Options::out_of_range`], and [`Options::describe`] for `--help` and tables. `extends` names a configuration whose
-/// options stand in the same table.
+/// options stand in the same table, and `retires` names keys that earlier versions wrote and that say nothing any more.
 ///
 /// ```
 /// use train::settings::Options;
@@ -138,7 +143,7 @@ fn expected<T: DeserializeOwned>(key: &str) -> String {
 macro_rules! options {
     (
         $(#[$container:meta])*
-        $public:vis struct $name:ident $(extends $base:ident: $base_type:ty = $base_default:expr =>)? {
+        $public:vis struct $name:ident $(retires [$($gone:literal),+])? $(extends $base:ident: $base_type:ty = $base_default:expr =>)? {
             $(
                 $(#[doc = $doc:literal])+
                 $(#[serde($($serde:tt)+)])*
@@ -182,6 +187,14 @@ macro_rules! options {
                     range: [$($crate::settings::range_of(&defaults.$field, &$range))?].into_iter().next(),
                 }),*]);
                 declared
+            }
+
+            fn retired() -> Vec<&'static str> {
+                #[allow(unused_mut, reason = "where nothing is extended, nor retired")]
+                let mut retired: Vec<&'static str> = Vec::new();
+                $(retired.extend(<$base_type as $crate::settings::Options>::retired());)?
+                $(retired.extend([$($gone),+]);)?
+                retired
             }
 
             fn out_of_range(&self) -> Vec<String> {

@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::report::ViewPair;
 use crate::{
     DataError, Draw, LossError, Metric, OptimizerState, PredictError, Shown, Source, StepInfo,
-    Summary, System, Terms,
+    Subset, Summary, System, Terms,
 };
 
 const SIDE: usize = 16;
@@ -196,11 +196,13 @@ impl System for Blob {
         Ok(terms.with("watched", 0.0, mask))
     }
 
-    fn evaluate(&self, (): &()) -> Result<Vec<Metric>, DataError> {
+    /// The three subsets are other ellipsoids each.
+    fn evaluate(&self, (): &(), subset: Subset) -> Result<Vec<Metric>, DataError> {
+        let first = 100 * subset as usize;
         let tape = Tape::eval();
         let iou: f64 = (0..4)
             .map(|k| {
-                let sample = [silhouette(100 + k, k as f64, String::new())];
+                let sample = [silhouette(first + k, k as f64, String::new())];
                 let [mask, _] = self.masks(&tape, &sample);
                 let (mask, truth) = (mask.value(), &sample[0].mask);
                 let both = mask.iter().zip(truth).filter(|&(m, &t)| *m > 0.5 && t > 0.5).count();
@@ -211,7 +213,7 @@ impl System for Blob {
         Ok(vec![Metric::larger("mask-iou", iou / 4.0), Metric::smaller("constant", 1.0)])
     }
 
-    fn show(&self, (): &()) -> Result<Shown, DataError> {
+    fn show(&self, (): &(), _: Subset) -> Result<Shown, DataError> {
         let picture = |b| ByteImage { height: 8, width: 8, channels: 1, data: vec![b; 64] };
         let caption = "none".to_owned();
         let view = ViewPair { caption, model: picture(50), truth: picture(200) };

@@ -34,7 +34,7 @@ fn a_training_outlasts_a_cut_at_every_change() {
     let folder = place.path().join("whole");
     let config = config(|c| {
         (c.train.epochs, c.train.checkpoint_steps) = (2, Some(3));
-        (c.train.evaluate_every, c.train.samples_every, c.train.tensorboard) =
+        (c.train.validation_every, c.train.samples_every, c.train.tensorboard) =
             (Some(2), Some(2), false);
         c.system.hidden = 2;
     });
