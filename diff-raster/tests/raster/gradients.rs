@@ -46,7 +46,7 @@ fn attributes(shape: &[usize], seed: u64) -> ArrayD<f64> {
 }
 
 proptest! {
-    #![proptest_config(common::cases(40))]
+    #![proptest_config(crate::common::cases(40))]
 
     #[test]
     fn interpolation(scene in scenes(), channels in 1_usize..7, batched: bool, seed: u64) {

@@ -64,7 +64,7 @@ fn bits(tape: &Tape<f64>, scene: &Scene, renderer: Option<&Renderer<f64>>) -> Ve
 }
 
 proptest! {
-    #![proptest_config(common::cases(40))]
+    #![proptest_config(crate::common::cases(40))]
 
     /// Whatever the memory held before: other positions, other faces, other sizes.
     #[test]

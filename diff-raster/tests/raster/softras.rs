@@ -56,7 +56,7 @@ fn draw<F: Real>(scene: &Scene, settings: &SoftRasSettings, kind: usize) -> [Vec
 }
 
 proptest! {
-    #![proptest_config(common::cases(40))]
+    #![proptest_config(crate::common::cases(40))]
 
     #[test]
     fn the_slow_twin(scene in scenes(), kind in 0_usize..3, perspective: bool) {

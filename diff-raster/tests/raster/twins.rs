@@ -145,7 +145,7 @@ fn close_call(scene: &Scene) -> bool {
 }
 
 proptest! {
-    #![proptest_config(common::cases(200))]
+    #![proptest_config(crate::common::cases(200))]
 
     #[test]
     fn production_equals_the_twin(scene in scenes()) {
