@@ -261,6 +261,20 @@ fn what_cannot_be_is_refused() {
 }
 
 #[test]
+fn steps_outlast_scores_that_fail() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("run");
+    let changed = config(|c| {
+        c.train.best = Some("psnr".into());
+        (c.train.epochs, c.train.validation_every, c.train.checkpoint_minutes) = (3, None, None);
+    });
+    run_in(&folder, &changed, false, &mut on).unwrap_err();
+    let path = folder.join("checkpoints/last.safetensors");
+    let last = Checkpoint::read(&path).unwrap();
+    assert!(last.step().unwrap() > 0, "all steps are lost");
+}
+
+#[test]
 fn all_logs_say_the_same() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path().join("run");

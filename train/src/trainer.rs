@@ -60,7 +60,7 @@ pub struct Outcome<S> {
 ///
 /// # Errors
 /// If an option is out of range, a file cannot be read or written, or a number becomes infinite or
-/// NaN; the last checkpoint is then untouched.
+/// NaN; the last checkpoint is then untouched. Where it is the scores that fail, the steps before them are saved.
 pub fn train<S: System>(
     job: &Job<'_, S>,
     watch: &mut dyn FnMut(Event) -> ControlFlow<()>,
@@ -201,7 +201,7 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
     fn run(&mut self) -> Result<bool, TrainError> {
         loop {
             if self.state.pending && !self.stop {
-                let evaluated = self.end_epoch()?;
+                let evaluated = self.score_epoch()?;
                 self.state.pending = false;
                 if evaluated || self.due() {
                     self.save()?;
@@ -305,6 +305,17 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
             let len = self.system.epoch_len(self.job.data);
             self.items = order(self.job.config.train.seed, at.epoch, len);
         }
+    }
+
+    /// [`end_epoch`](Self::end_epoch), and where it fails a checkpoint: the steps are good, and who goes on makes up for the
+    /// scores.
+    fn score_epoch(&mut self) -> Result<bool, TrainError> {
+        let best = self.state.best;
+        self.end_epoch().inspect_err(|_| {
+            self.state.best = best;
+            // What has failed is told, not what is made of it.
+            let _ = self.save();
+        })
     }
 
     /// Scores and samples of validation, and the best checkpoint; whether it was the turn of scores.
