@@ -1,11 +1,8 @@
 //! COLMAP, BOP, photographs and turntables: what is written is read, and what others write.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::path::{Path, PathBuf};
 
-use common::{ball, edit_json, read};
+use crate::common::{ball, edit_json, read};
 use datasets::{
     Bop, Colmap, ColmapForm, Dataset, Layout, ReadOptions, Subset, Turntable, View, open,
     open_with, read_views, write_colmap, write_photos,

@@ -1,5 +1,4 @@
 //! Pixel2Mesh's files, as NumPy and Python write them; and a grid that trimesh wrote.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::path::{Path, PathBuf};
 

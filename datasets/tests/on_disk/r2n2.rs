@@ -1,5 +1,4 @@
 //! ShapeNet with 3D-R2N2's renderings: what is written is read, from every folder it is below.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::path::{Path, PathBuf};
 

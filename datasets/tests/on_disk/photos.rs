@@ -1,5 +1,4 @@
 //! Annotated photographs: made with SciPy, painted by each dataset's own formula (`make.py`).
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::path::{Path, PathBuf};
 

@@ -1,14 +1,11 @@
 //! Files that name other files: which of those are opened, and which are refused.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::path::Path;
 use std::process::Command;
 use std::sync::mpsc;
 use std::time::Duration;
 
-use common::ball;
+use crate::common::ball;
 use datasets::{
     ColmapForm, Pix3d, ReadOptions, read_depth_file, read_views, write_colmap, write_kaolin,
     write_photos, write_transforms,

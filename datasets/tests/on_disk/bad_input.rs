@@ -1,11 +1,8 @@
 //! Spoilt inputs: each gives an error that names the file and the field, and none a panic.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::path::Path;
 
-use common::{ball, edit, edit_json, kaolin_folder, read, transforms_folder, zipped};
+use crate::common::{ball, edit, edit_json, kaolin_folder, read, transforms_folder, zipped};
 use datasets::{MaskSource, ReadOptions, ReadViewsError, ViewsProblem, read_views};
 use mesh_core::{ByteImage, write_png};
 use proptest::prelude::*;

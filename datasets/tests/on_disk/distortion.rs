@@ -1,7 +1,5 @@
 //! Photographs through lenses that bend rays, made ray by ray, read as a pinhole would have seen them.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use std::path::Path;
 
 use datasets::{OnInconsistent, ReadOptions, View, Views, read_views};

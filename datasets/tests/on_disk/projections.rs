@@ -1,7 +1,5 @@
 //! Photographs with projection matrices, in each form that they come in.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use std::io::Write;
 use std::path::Path;
 

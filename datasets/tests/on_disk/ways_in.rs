@@ -1,11 +1,8 @@
 //! What people's folders are like: masks elsewhere and under other names, splits, poses of other tools, whole numbers as depth.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::path::Path;
 
-use common::{ball, edit_json, read, transforms_folder};
+use crate::common::{ball, edit_json, read, transforms_folder};
 use datasets::{
     CameraAxes, ColmapForm, MaskSource, PoseDirection, ReadOptions, View, ViewsProblem, read_views,
     write_colmap,

@@ -1,11 +1,8 @@
 //! Every layout: what is written is read, and the variants that people have.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use common::{ball, edit_json, kaolin_folder, read, transforms_folder, zipped};
+use crate::common::{ball, edit_json, kaolin_folder, read, transforms_folder, zipped};
 use datasets::{Layout, MaskSource, ReadOptions, View, read_views};
 use mesh_core::{ByteImage, write_png};
 use serde_json::{Value, json};
