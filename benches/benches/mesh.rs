@@ -5,7 +5,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use mesh_core::{
     DiffusionSolver, EmptyGrid, ImproveOptions, NearestScratch, Topology, VoxelGrid, cubify,
-    improve, nearest_into, primitives, sample_points,
+    improve, nearest_into, primitives, sample_points, simplify,
 };
 
 /// Both directions of a Chamfer distance, sizes of Pixel2Mesh's last level and its ground truth.
@@ -89,6 +89,10 @@ fn topology(c: &mut Criterion) {
             let mut mesh = pressed.clone();
             black_box(improve(&mut mesh, &ImproveOptions::default()))
         });
+    });
+    let fine = primitives::icosphere(5);
+    group.bench_function("simplify/icosphere5", |bench| {
+        bench.iter(|| black_box(simplify(&fine, fine.faces.len() / 10)));
     });
     group.finish();
 }

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{unsphere, unsphere_with};
-use mesh_core::{TriMesh, primitives, read_mesh, write_mesh};
+use mesh_core::{Image, Texture, TriMesh, primitives, read_mesh, write_mesh};
 
 #[test]
 fn what_a_mesh_does_not_hold_of_its_file_is_said_in_a_line() {
@@ -53,7 +53,7 @@ fn meshes_are_converted() {
     let small = read_mesh(path("egg.glb")).unwrap();
     assert!((size(&small)[1] - 0.1).abs() < 0.002 && small.health().is_watertight());
     assert!(small.colors.is_some());
-    run("convert egg.stl -o back.obj --scale 10").ok();
+    run("convert egg.stl -o back.obj --scale 10 --input-up y").ok();
     assert!(close(size(&read_mesh(path("back.obj")).unwrap()), [20.0, 40.0, 60.0]));
 
     std::fs::write(
@@ -65,6 +65,109 @@ fn meshes_are_converted() {
     run("convert egg.ply -o a.3mf").fails(2, &[".stl"]);
     run("convert egg.ply -o a.stl --height 80").fails(2, &["80mm"]);
     run("convert egg.ply -o a.stl --height 1mm --scale 2").fails(2, &["--scale"]);
+    for size in ["--scale 1e-60", "--scale 1e39", "--height 1e-60mm", "--height 1e39m"] {
+        run(&format!("convert egg.ply -o a.stl {size}")).fails(2, &[&size[..8]]);
+    }
+    run("convert egg.ply -o a.stl --scale 1e38").fails(2, &["--scale", "single precision"]);
+    run("convert egg.ply -o tiny.stl --scale 1e-37").ok();
+    run("convert egg.stl -o least.stl --scale 2e-38").ok();
+    run("convert least.stl -o b.stl --scale 0.01").fails(2, &["--scale", "single precision"]);
+    assert!(!path("b.stl").exists());
     std::fs::write(path("none.ply"), "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n").unwrap();
     run("convert none.ply -o a.stl").fails(3, &["none.ply", "no faces"]);
+}
+
+fn sides(mesh: &TriMesh) -> [f32; 3] {
+    let (low, high) = mesh.bounds().unwrap();
+    [0, 1, 2].map(|k| high[k] - low[k])
+}
+
+#[test]
+fn what_stands_keeps_standing() {
+    let place = tempfile::tempdir().unwrap();
+    let path = |name: &str| place.path().join(name);
+    let run = |line: &str| unsphere_with(place.path(), &line.split(' ').collect::<Vec<_>>());
+    // A box that is 4 high, its top away from the origin.
+    let tall = primitives::cuboid([1.0, 4.0, 2.0]).translated([0.0, 2.0, 0.0]);
+    write_mesh(path("tall.obj"), &tall).unwrap();
+    let bounds = |name: &str| read_mesh(path(name)).unwrap().bounds().unwrap();
+    let printed = ([-0.5, -1.0, 0.0], [0.5, 1.0, 4.0]);
+
+    let out = run("convert tall.obj -o a.stl --json").ok();
+    assert_eq!((out.json()["up"].as_str(), bounds("a.stl")), (Some("z"), printed));
+    run("convert a.stl -o b.stl").ok();
+    assert_eq!(bounds("b.stl"), printed);
+    let out = run("convert b.stl -o c.glb --json").ok();
+    assert_eq!(out.json()["up"], "y");
+    assert_eq!(bounds("c.glb"), tall.bounds().unwrap());
+    // The height is that of what is up.
+    let out = run("convert b.stl -o d.stl --height 8cm").ok();
+    assert_eq!(bounds("d.stl").1[2], 80.0);
+    assert!(out.stdout().contains("+Z is up"), "{}", out.stdout());
+
+    // Files that are otherwise: who says so is believed.
+    run("convert tall.obj -o e.stl --up y").ok();
+    assert_eq!(bounds("e.stl"), tall.bounds().unwrap());
+    run("convert e.stl -o f.glb --input-up y").ok();
+    assert_eq!(bounds("f.glb"), tall.bounds().unwrap());
+    run("convert e.stl -o g.stl --input-up y").ok();
+    assert_eq!(bounds("g.stl"), printed);
+    let out = run("convert tall.obj -o h.ply --input-up z --up z --height 4mm --json").ok();
+    assert_eq!(out.json()["up"], "z");
+    assert_eq!(sides(&read_mesh(path("h.ply")).unwrap()), [2.0, 8.0, 4.0]);
+    let flat = TriMesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]]);
+    write_mesh(path("flat.stl"), &flat).unwrap();
+    run("convert flat.stl -o i.stl --height 1mm").fails(3, &["flat.stl", "no height"]);
+}
+
+/// A ball whose image is red on one side and blue on the other.
+fn textured_ball() -> TriMesh {
+    let ball = primitives::icosphere(4);
+    let image = Image { height: 1, width: 2, channels: 3, data: vec![1., 0., 0., 0., 0., 1.] };
+    let uvs = ball.positions.iter().map(|p| [0.5 + 0.5 * p[0], 0.5]).collect();
+    let texture = Texture { uvs, faces: ball.faces.clone(), image };
+    TriMesh { texture: Some(texture), ..ball }
+}
+
+#[test]
+fn what_stands_beside_an_obj_file_stays() {
+    let place = tempfile::tempdir().unwrap();
+    let path = |name: &str| place.path().join(name);
+    let run = |line: &str| unsphere_with(place.path(), &line.split(' ').collect::<Vec<_>>());
+    write_mesh(path("ball.glb"), &textured_ball()).unwrap();
+    for (file, name) in [("x.png", "x.obj"), ("y.mtl", "y.obj")] {
+        std::fs::write(path(file), b"a photograph").unwrap();
+        run(&format!("convert ball.glb -o {name}")).fails(1, &[file, "exists already", "--force"]);
+        assert_eq!(std::fs::read(path(file)).unwrap(), b"a photograph");
+        assert!(!path(name).exists());
+    }
+    // No other format has such files, nor has a mesh without a texture.
+    run("convert ball.glb -o x.ply").ok();
+    run("convert ball.glb -o x.obj --faces 500").ok();
+    assert_eq!(std::fs::read(path("x.png")).unwrap(), b"a photograph");
+    run("convert ball.glb -o x.obj --force").ok();
+    assert!(read_mesh(path("x.obj")).unwrap().texture.is_some());
+}
+
+#[test]
+fn textured_meshes_get_fewer_triangles() {
+    let place = tempfile::tempdir().unwrap();
+    let path = |name: &str| place.path().join(name);
+    let run = |line: &str| unsphere_with(place.path(), &line.split(' ').collect::<Vec<_>>());
+    write_mesh(path("ball.glb"), &textured_ball()).unwrap();
+    let out = run("convert ball.glb -o ball.stl --faces 500").ok();
+    assert!(out.stderr().contains("no colours") && !out.stderr().contains("texture"));
+    assert_eq!(read_mesh(path("ball.stl")).unwrap().faces.len(), 500);
+
+    let out = run("convert ball.glb -o small.ply --faces 500").ok();
+    assert!(out.stderr().contains("colours are those of the vertices"), "{}", out.stderr());
+    let small = read_mesh(path("small.ply")).unwrap();
+    assert_eq!((small.faces.len(), small.texture.is_some()), (500, false));
+    for (p, [r, _, b]) in small.positions.iter().zip(small.colors.unwrap()) {
+        let blue = (0.5 + p[0]).clamp(0.0, 1.0);
+        assert!((b - blue).abs() < 0.05 && (r + b - 1.0).abs() < 0.01, "{p:?} {r} {b}");
+    }
+    // One that has no more triangles keeps its texture.
+    run("convert ball.glb -o same.obj --faces 100000").ok();
+    assert!(read_mesh(path("same.obj")).unwrap().texture.is_some());
 }

@@ -23,9 +23,10 @@
 //! # By task
 //!
 //! - **a mesh**: [`TriMesh`], [`Texture`]; [`TriMesh::validate`], [`TriMesh::health`],
-//!   [`TriMesh::self_intersections`], bounds, area, volume, transforms, [`TriMesh::append`]
+//!   [`TriMesh::self_intersections`], bounds, area, volume, transforms, [`TriMesh::append`],
+//!   [`TriMesh::vertex_colors`]
 //! - **make one**: [`primitives`]; finer by [`subdivide`], with anything that lives on the vertices by
-//!   [`Subdivision`]; better triangles by [`improve`], of one size by [`fn@remesh`]
+//!   [`Subdivision`]; better triangles by [`improve`], of one size by [`fn@remesh`], fewer by [`simplify`]
 //! - **who is next to whom**: [`Topology`] (edges, face pairs, rings), [`Csr`]
 //! - **measure**: [`face_normals`], [`vertex_normals`], [`face_areas`], [`vertex_areas`];
 //!   [`uniform_laplacian`], [`combinatorial_laplacian`], [`cotangent_laplacian`] as [`SparseRows`]
@@ -33,10 +34,10 @@
 //! - **points and cells**: [`sample_surface`], [`nearest`], [`ClosestPoint`]; [`voxelize_solid`], [`voxelize_surface`],
 //!   [`voxelize_parity`], [`voxelize_enclosed`], [`VoxelGrid::iou`]; back to a mesh by [`cubify`]; the cells that a
 //!   camera sees, [`CameraVolume`]
-//! - **see**: [`Camera`] with every convention that data comes in, [`UpAxis`]; [`Image`], [`ByteImage`], [`DepthMap`],
+//! - **see**: [`Camera`] with every convention that data comes in, [`Distortion`], [`UpAxis`]; [`Image`], [`ByteImage`], [`DepthMap`],
 //!   [`DisparityMap`] and the [`GroundPlane`] that estimators make up
 //! - **compute** with three numbers: [`vector`]
-//! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB), [`read_image`], [`write_png`], EXR depth, PFM;
+//! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB, STL), [`read_image`], [`write_png`], EXR depth, PFM;
 //!   module [`io`]; how much memory reading may take and what else it may open, [`Limits`]
 //!
 //! # Conventions
@@ -80,6 +81,7 @@ pub mod primitives;
 mod remesh;
 mod sample;
 mod subdivide;
+mod texture;
 mod topology;
 mod up_axis;
 pub mod vector;

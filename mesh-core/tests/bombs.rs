@@ -341,6 +341,7 @@ fn dense() -> Vec<(&'static str, Vec<u8>)> {
         ("off", repeated("OFF 3 1\n0 0 0\n1 0 0\n0 1 0\n1000000", " 1 2", "")),
         ("stl", repeated("solid\n", "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n", "")),
         ("stl", repeated("solid\n", "\u{fffd}\n", "")),
+        ("stl", b"solid\n".iter().copied().chain(vec![0xff; 2_000_000]).collect()),
         ("stl", distinct_triangles(40_000)),
         (
             "ply",
@@ -429,6 +430,18 @@ fn every_reader_of_meshes_stays_within_any_limits() {
             let what = format!("file {k} ({format}, {} bytes): {result:?}", bytes.len());
             assert!(held <= limit + SLACK, "{what}: {held} of {limit} bytes");
         }
+    }
+}
+
+#[test]
+fn a_table_that_has_just_grown_is_counted() {
+    let _alone = alone();
+    // 114,690 vertices are two more than seven eighths of 2^17.
+    let bytes = distinct_triangles(38_230);
+    for base in (6 * MB..12 * MB).step_by(MB / 4) {
+        let limits = Limits { base_bytes: base as u64, bytes_per_byte: 0, ..Limits::default() };
+        let (held, result) = peak(|| decode("stl", &bytes, &limits));
+        assert!(held <= base + SLACK, "{held} of {base} bytes: {result:?}");
     }
 }
 

@@ -1,8 +1,10 @@
 //! `unsphere convert`.
 
-use std::path::PathBuf;
+use std::fmt;
+use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
+use serde::Serialize;
 
 use super::output;
 use super::values::factor;
@@ -10,12 +12,16 @@ use super::values::factor;
 #[derive(Args, Debug)]
 #[command(
     after_help = "Written are .glb, .obj, .ply and .stl; read are these and .off. STL has no colours; printers take
-its numbers for millimetres and +Z for up, so what is +Y elsewhere becomes +Z there; --up y keeps it.
+its numbers for millimetres and +Z for up. In all other formats +Y is up. Between the two a mesh is
+turned, so that what stands keeps standing; a file that is otherwise needs --input-up.
+
+A textured mesh becomes two more files beside an .obj: the .mtl and the .png of its name.
 
 Examples:
   unsphere convert clock/mesh.glb -o clock.stl --height 80mm   for a printer
+  unsphere convert part.stl -o part.glb --scale 0.001          millimetres to metres, upright again
   unsphere convert scan.ply -o small.glb --faces 5000          fewer triangles, closed as before
-  unsphere convert mesh.obj -o mesh.ply --scale 0.01           centimetres to metres"
+  unsphere convert cad.obj -o cad.glb --input-up z             from a program whose +Z is up"
 )]
 pub(crate) struct ConvertMesh {
     /// The mesh: .obj, .ply, .glb, .off or .stl.
@@ -26,18 +32,59 @@ pub(crate) struct ConvertMesh {
     /// Replace what is there.
     #[arg(long)]
     pub(crate) force: bool,
-    /// At most so many triangles; the mesh must be closed, and stays so.
+    /// At most so many triangles. The mesh must be closed, all its faces turned to the same side, no vertex without
+    /// faces or where parts only touch; so it stays. A texture becomes colours of the vertices.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]
     pub(crate) faces: Option<u32>,
     /// Multiply all coordinates.
     #[arg(long, value_name = "FACTOR", conflicts_with = "height", value_parser = factor)]
     pub(crate) scale: Option<f64>,
-    /// How high it becomes along +Y: 80mm, 8cm, 0.08m or 3in. GLB's unit is the metre, the others' are millimetres then.
+    /// How high it becomes along what is up: 80mm, 8cm, 0.08m or 3in. GLB's unit is the metre, the others' are
+    /// millimetres then.
     #[arg(long, value_name = "LENGTH", value_parser = millimetres)]
     pub(crate) height: Option<f64>,
-    /// Which axis is up in the file [default: z in .stl, else y].
-    #[arg(long, value_name = "AXIS", value_parser = ["y", "z"])]
-    pub(crate) up: Option<String>,
+    /// Which axis is up in the file to write [default: z in .stl, else y].
+    #[arg(long, value_name = "AXIS")]
+    pub(crate) up: Option<Up>,
+    /// Which axis is up in the mesh that is read [default: z in .stl, else y].
+    #[arg(long, value_name = "AXIS")]
+    pub(crate) input_up: Option<Up>,
+}
+
+/// The axis that is up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Up {
+    Y,
+    Z,
+}
+
+impl Up {
+    /// As the programs have it that take such files.
+    pub(crate) fn usual(path: &Path) -> Self {
+        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("stl")) {
+            Self::Z
+        } else {
+            Self::Y
+        }
+    }
+
+    /// Which coordinate it is.
+    pub(crate) fn index(self) -> usize {
+        match self {
+            Self::Y => 1,
+            Self::Z => 2,
+        }
+    }
+}
+
+impl fmt::Display for Up {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Y => "+Y",
+            Self::Z => "+Z",
+        })
+    }
 }
 
 /// A length with its unit, in millimetres.
@@ -46,7 +93,8 @@ fn millimetres(text: &str) -> Result<f64, String> {
     let found = units
         .into_iter()
         .find_map(|(unit, size)| Some(text.strip_suffix(unit)?.trim().parse::<f64>().ok()? * size));
-    let found = found.filter(|length| *length > 0.0 && length.is_finite());
+    // In metres it must be a coordinate too.
+    let found = found.filter(|&x| x > 0.0 && (0.001 * x as f32).is_normal());
     found.ok_or_else(|| "expected a length with its unit: 80mm, 8cm, 0.08m or 3in".to_owned())
 }
 
@@ -60,9 +108,15 @@ mod tests {
             assert_eq!(millimetres(text), Ok(80.0), "{text}");
         }
         assert_eq!(millimetres("2in"), Ok(50.8));
-        for text in ["80", "mm", "-1mm", "1e999m", "NaNmm", "3 feet"] {
+        for text in ["80", "mm", "-1mm", "1e999m", "NaNmm", "3 feet", "1e-60mm", "1e39mm"] {
             assert!(millimetres(text).is_err(), "{text}");
         }
-        assert_eq!((factor("0.01"), factor("0").is_err()), (Ok(0.01), true));
+        assert_eq!(
+            [factor("0.01"), factor("1e-37"), factor("1e38")],
+            [Ok(0.01), Ok(1e-37), Ok(1e38)]
+        );
+        for text in ["0", "-1", "nan", "inf", "1e-60", "1e-40", "1e39", "two"] {
+            assert!(factor(text).is_err(), "{text}");
+        }
     }
 }

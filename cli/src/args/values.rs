@@ -53,9 +53,10 @@ pub(crate) fn up_axis(text: &str) -> Result<Up, String> {
     }
 }
 
+/// What coordinates, in single precision, can be multiplied by.
 pub(crate) fn factor(text: &str) -> Result<f64, String> {
-    let factor = text.parse().ok().filter(|x: &f64| *x > 0.0 && x.is_finite());
-    factor.ok_or_else(|| "expected a number above 0".to_owned())
+    let factor = text.parse().ok().filter(|&x: &f64| x > 0.0 && (x as f32).is_normal());
+    factor.ok_or_else(|| "expected a number above 0, from 1.2e-38 to 3.4e38".to_owned())
 }
 
 pub(crate) fn hex_color(text: &str) -> Result<[u8; 3], String> {

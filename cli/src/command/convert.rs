@@ -5,7 +5,7 @@ use std::path::Path;
 use mesh_core::{TriMesh, simplify, write_mesh};
 use serde::Serialize;
 
-use crate::args::ConvertMesh;
+use crate::args::{ConvertMesh, Up};
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::mesh_file::read_mesh;
@@ -18,74 +18,129 @@ struct Converted<'a> {
     faces: usize,
     /// Along x, y and z of the file, in its numbers.
     size: [f64; 3],
+    /// The axis that is up in the file.
+    up: Up,
     /// What its numbers are, where that is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     unit: Option<&'static str>,
 }
 
 pub(crate) fn run(console: Console, arguments: &ConvertMesh) -> Result<(), Failure> {
-    let ConvertMesh { mesh: input, output, force, faces, scale, height, up } = arguments;
-    if output.exists() && !force {
-        let text = format!("{} exists already; choose another name or --force", output.display());
-        return Err(Failure::Other(text));
-    }
+    let ConvertMesh { mesh: input, output, faces, .. } = arguments;
+    refuse_existing(&[output], arguments.force)?;
     let mut mesh = read_mesh(console, input)?;
     if mesh.faces.is_empty() {
         return Err(Failure::Input(format!("{}: no faces, expected a surface", input.display())));
     }
-    let is = |ending: &str| output.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
-    if let Some(faces) = *faces {
-        mesh = fewer(console, mesh, faces as usize, input)?;
-    }
-    let mut unit = None;
-    if let Some(height) = *height {
-        // A unit of its own has only GLB.
-        let (name, size) = if is("glb") { ("metres", 0.001) } else { ("millimetres", 1.0) };
-        let now = size_of(&mesh)[1];
-        if now <= 0.0 {
-            return Err(Failure::Input(format!("{}: it is flat along y", input.display())));
-        }
-        mesh = mesh.scaled([(height * size / now) as f32; 3]);
-        unit = Some(name);
-    } else if let Some(factor) = *scale {
-        mesh = mesh.scaled([factor as f32; 3]);
-    }
-    let usual = if is("stl") { "z" } else { "y" };
-    let upright = up.as_deref().unwrap_or(usual);
-    if upright == "z" {
-        mesh = mesh.map_positions(|[x, y, z]| [x, -z, y]);
-    }
-    if is("stl") && (mesh.colors.is_some() || mesh.texture.is_some()) {
+    if is(output, "stl") && (mesh.colors.take().is_some() | mesh.texture.take().is_some()) {
         console.warn(format_args!("STL has no colours: {} is without", output.display()));
     }
+    let fewer = faces.map(|faces| faces as usize).filter(|&faces| mesh.faces.len() > faces);
+    if fewer.is_none() {
+        refuse_existing(&mesh_core::io::files_of(output, &mesh), arguments.force)?;
+    }
+    if let Some(faces) = fewer {
+        mesh = simplified(console, mesh, faces, input)?;
+    }
+    let from = arguments.input_up.unwrap_or_else(|| Up::usual(input));
+    let up = arguments.up.unwrap_or_else(|| Up::usual(output));
+    let mesh = turned(mesh, from, up);
+    let (mesh, unit) = sized(mesh, up, arguments)?;
     write_mesh(output, &mesh).map_err(Failure::other)?;
     let (vertices, faces, size) = (mesh.positions.len(), mesh.faces.len(), size_of(&mesh));
-    console.result(&Converted { output, vertices, faces, size, unit }, |found| {
+    console.result(&Converted { output, vertices, faces, size, up, unit }, |found| {
         let [x, y, z] = found.size;
         let unit = found.unit.map_or_else(String::new, |unit| format!(" {unit}"));
         format!(
-            "{}: {vertices} vertices, {faces} faces, {x:.4} x {y:.4} x {z:.4}{unit}, +{} is up\n",
-            found.output.display(),
-            upright.to_uppercase()
+            "{}: {vertices} vertices, {faces} faces, {x:.4} x {y:.4} x {z:.4}{unit}, {up} is up\n",
+            found.output.display()
         )
     })
 }
 
-/// The mesh with at most so many faces.
-fn fewer(console: Console, mesh: TriMesh, most: usize, input: &Path) -> Result<TriMesh, Failure> {
-    if mesh.faces.len() <= most {
-        return Ok(mesh);
+fn is(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending))
+}
+
+fn refuse_existing(files: &[impl AsRef<Path>], force: bool) -> Result<(), Failure> {
+    match files.iter().map(AsRef::as_ref).find(|file| file.exists() && !force) {
+        None => Ok(()),
+        Some(file) => {
+            let text = format!("{} exists already; choose another name or --force", file.display());
+            Err(Failure::Other(text))
+        }
     }
-    let fails = |error| Failure::Input(format!("{}: --faces: {error}", input.display()));
-    let small = simplify(&mesh, most).map_err(fails)?.mesh;
+}
+
+/// The mesh with at most so many faces, fewer than it has, and with colours in place of a texture.
+fn simplified(
+    console: Console,
+    mut mesh: TriMesh,
+    most: usize,
+    input: &Path,
+) -> Result<TriMesh, Failure> {
+    let input = input.display();
+    let texture = mesh.texture.take();
+    let fails = |error| Failure::Input(format!("{input}: --faces: {error}"));
+    let fewer = simplify(&mesh, most).map_err(fails)?;
+    let mut small = fewer.mesh;
+    if let Some(texture) = texture {
+        console.warn(format_args!(
+            "{input}: the texture fits no new triangles: its colours are those of the vertices now"
+        ));
+        small.colors.get_or_insert_with(|| {
+            fewer.sources.iter().map(|point| texture.color_at(point)).collect()
+        });
+    }
     if small.faces.len() > most {
         console.warn(format_args!(
-            "{}: {} faces are left, since with fewer it would not stay closed",
-            input.display(),
+            "{input}: {} faces are left, since with fewer it would open, fold or have slivers",
             small.faces.len()
         ));
     }
     Ok(small)
+}
+
+/// What is up stays up under its other name.
+fn turned(mesh: TriMesh, from: Up, up: Up) -> TriMesh {
+    match (from, up) {
+        (Up::Y, Up::Z) => mesh.map_positions(|[x, y, z]| [x, -z, y]),
+        (Up::Z, Up::Y) => mesh.map_positions(|[x, y, z]| [x, z, -y]),
+        (Up::Y, Up::Y) | (Up::Z, Up::Z) => mesh,
+    }
+}
+
+/// The mesh in the size that is asked for, and what its unit is then.
+fn sized(
+    mesh: TriMesh,
+    up: Up,
+    arguments: &ConvertMesh,
+) -> Result<(TriMesh, Option<&'static str>), Failure> {
+    let (option, factor, unit) = if let Some(height) = arguments.height {
+        // A unit of its own has only GLB.
+        let (unit, size) =
+            if is(&arguments.output, "glb") { ("metres", 0.001) } else { ("millimetres", 1.0) };
+        let now = size_of(&mesh)[up.index()];
+        if now <= 0.0 {
+            let input = arguments.mesh.display();
+            return Err(Failure::Input(format!("{input}: it has no height: it is flat")));
+        }
+        ("--height", height * size / now, Some(unit))
+    } else if let Some(factor) = arguments.scale {
+        ("--scale", factor, None)
+    } else {
+        return Ok((mesh, None));
+    };
+    let largest = |mesh: &TriMesh| size_of(mesh).into_iter().fold(0.0, f64::max) as f32;
+    let is_point = largest(&mesh) == 0.0;
+    let mesh = mesh.scaled([factor as f32; 3]);
+    let finite = mesh.positions.as_flattened().iter().all(|x| x.is_finite());
+    if finite && (factor as f32).is_normal() && (is_point || largest(&mesh).is_normal()) {
+        return Ok((mesh, unit));
+    }
+    let text =
+        format!("{option}: {factor:e} times as large it has coordinates beyond single precision");
+    Err(Failure::Usage(text))
 }
 
 fn size_of(mesh: &TriMesh) -> [f64; 3] {

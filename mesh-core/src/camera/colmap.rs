@@ -46,7 +46,7 @@ impl Camera {
     ///
     /// # Errors
     /// `Model` for an unknown model, `Distorted` for one that bends rays, `ParameterCount` for too few or
-    /// too many numbers.
+    /// too many numbers, `NotFinite` for a number that is none.
     pub fn from_colmap(
         quaternion: [f64; 4],
         translation: [f64; 3],

@@ -30,7 +30,7 @@ pub mod ply;
 mod remark;
 pub mod stl;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub use atomic::write_atomic;
 pub use error::{EncodeError, ReadMeshError, WriteError};
@@ -83,6 +83,17 @@ pub fn write_mesh(path: impl AsRef<Path>, mesh: &TriMesh) -> Result<(), WriteErr
         "stl" => stl::write(path, mesh),
         found => Err(WriteError::Extension { path: path.to_owned(), found: found.to_owned() }),
     }
+}
+
+/// The files that [`write_mesh`] makes for a mesh, the one at `path` first: a textured OBJ has
+/// [`companions`](obj::companions), whatever stood there before.
+pub fn files_of(path: impl AsRef<Path>, mesh: &TriMesh) -> Vec<PathBuf> {
+    let path = path.as_ref();
+    let mut files = vec![path.to_owned()];
+    if mesh.texture.is_some() && extension(path) == "obj" {
+        files.extend(obj::companions(path));
+    }
+    files
 }
 
 fn extension(path: &Path) -> String {

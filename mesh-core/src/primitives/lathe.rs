@@ -55,7 +55,11 @@ fn turn(profile: &[[f64; 2]], segments: usize) -> TriMesh {
 /// middles are the two vertices after them.
 ///
 /// Rings run counter-clockwise seen from the last of them.
+///
+/// # Panics
+/// If there are no rings.
 pub fn closed_rings(rings: usize, segments: usize) -> Vec<[u32; 3]> {
+    assert!(rings >= 1, "closed_rings: no rings");
     let at = |ring: usize, j: usize| (ring * segments + j % segments) as u32;
     let (bottom, last) = ((rings * segments) as u32, rings - 1);
     let mut faces = Vec::with_capacity(2 * rings * segments);

@@ -5,7 +5,7 @@ use std::collections::BinaryHeap;
 
 use super::error::RemeshError;
 use super::improve::{ImproveOptions, flip_sweep, keeps_facing, relax_sweep};
-use super::shape::keeps_shape;
+use super::shape::{Bounds, keeps_shape};
 use super::surface::{Surface, next, previous};
 use crate::vector::{Vec3, add, narrow, norm, scale, sub, widen};
 use crate::{ClosestPoint, SurfacePoint, TriMesh};
@@ -30,6 +30,9 @@ pub struct Remeshed {
 
 /// Faces that are aimed at, at most.
 const MOST_FACES: f64 = 2e7;
+
+/// What faces must be after a collapse.
+const BOUNDS: Bounds = Bounds { facing: 0.5, smallest: 0.2, share: 1.0 };
 
 /// Gives a closed mesh new triangles, all nearly equilateral and of one size, on the same surface.
 ///
@@ -180,8 +183,7 @@ fn fits(
         let [b, c] = [next(corner), previous(corner)].map(|corner| surface.vertex(corner));
         b == other || c == other || norm(sub(positions[b as usize], at)) <= longest
     };
-    surface.fan(vertex).all(short)
-        && keeps_shape(surface, positions, [vertex, other], at, [0.5, 0.2])
+    surface.fan(vertex).all(short) && keeps_shape(surface, positions, [vertex, other], at, BOUNDS)
 }
 
 #[cfg(test)]

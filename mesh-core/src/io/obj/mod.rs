@@ -7,4 +7,4 @@ mod read;
 mod write;
 
 pub use read::{decode, decode_with, read, read_with};
-pub use write::write;
+pub use write::{companions, write};

@@ -19,7 +19,7 @@ pub fn write(path: impl AsRef<Path>, mesh: &TriMesh) -> Result<(), WriteError> {
     let library = match &mesh.texture {
         None => None,
         Some(texture) => {
-            let (image, library) = (beside(path, "png"), beside(path, "mtl"));
+            let [library, image] = companions(path);
             write_png(&image, &texture.image.to_bytes())?;
             let name = file_name(&image);
             write_atomic(&library, |w| {
@@ -66,6 +66,19 @@ fn geometry(w: &mut dyn Write, mesh: &TriMesh, library: Option<&str>) -> std::io
         writeln!(w, "f {a}/{s} {b}/{t} {c}/{u}")?;
     }
     Ok(())
+}
+
+/// The files that [`write()`] makes beside an OBJ file for a textured mesh: the library of materials and the image.
+///
+/// ```
+/// use std::path::Path;
+/// use mesh_core::io::obj;
+///
+/// let beside = ["a/the_mug.mtl", "a/the_mug.png"].map(|name| Path::new(name).to_owned());
+/// assert_eq!(obj::companions("a/the mug.obj"), beside);
+/// ```
+pub fn companions(path: impl AsRef<Path>) -> [PathBuf; 2] {
+    ["mtl", "png"].map(|extension| beside(path.as_ref(), extension))
 }
 
 /// The file of the same stem with another extension; spaces, which many readers of MTL stumble

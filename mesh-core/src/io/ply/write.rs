@@ -1,11 +1,10 @@
 //! Writing PLY.
 
-use std::borrow::Cow;
 use std::io::Write;
 use std::path::Path;
 
+use crate::TriMesh;
 use crate::io::{EncodeError, WriteError, check, write_atomic};
-use crate::{Texture, TriMesh};
 
 /// How the numbers of a PLY file are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -42,11 +41,7 @@ pub fn encode(mesh: &TriMesh, encoding: Encoding) -> Result<Vec<u8>, EncodeError
 }
 
 fn body(w: &mut dyn Write, mesh: &TriMesh, encoding: Encoding) -> std::io::Result<()> {
-    let colors = match (&mesh.colors, &mesh.texture) {
-        (Some(colors), _) => Some(Cow::Borrowed(colors)),
-        (None, Some(texture)) => Some(Cow::Owned(sampled(mesh, texture))),
-        (None, None) => None,
-    };
+    let colors = mesh.vertex_colors();
     let format = match encoding {
         Encoding::Binary => "binary_little_endian",
         Encoding::Ascii => "ascii",
@@ -91,32 +86,4 @@ fn body(w: &mut dyn Write, mesh: &TriMesh, encoding: Encoding) -> std::io::Resul
         }
     }
     Ok(())
-}
-
-/// The texture's colour at each vertex, bilinear, at the first place that a face gives it; white
-/// where no face does.
-fn sampled(mesh: &TriMesh, texture: &Texture) -> Vec<[f32; 3]> {
-    let mut colors = vec![None; mesh.positions.len()];
-    for (face, uv) in mesh.faces.iter().zip(&texture.faces) {
-        for (&v, &t) in face.iter().zip(uv) {
-            colors[v as usize].get_or_insert_with(|| sample(texture, texture.uvs[t as usize]));
-        }
-    }
-    colors.into_iter().map(|c| c.unwrap_or([1.0; 3])).collect()
-}
-
-fn sample(texture: &Texture, [u, v]: [f32; 2]) -> [f32; 3] {
-    let image = &texture.image;
-    let place = |t: f32, size: usize| {
-        let x = (t * size as f32 - 0.5).clamp(0.0, (size - 1) as f32);
-        let low = x as usize;
-        (low, (low + 1).min(size - 1), x - low as f32)
-    };
-    let (left, right, s) = place(u, image.width);
-    let (top, bottom, t) = place(1.0 - v, image.height);
-    std::array::from_fn(|c| {
-        let at = |i, j| image.pixel(i, j)[c.min(image.channels - 1)];
-        let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
-        mix(mix(at(top, left), at(top, right), s), mix(at(bottom, left), at(bottom, right), s), t)
-    })
 }
