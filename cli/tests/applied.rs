@@ -74,6 +74,27 @@ fn eval_says_what_the_training_said() {
     assert!(text.contains("mask-iou") && text.contains("best.safetensors, step"), "{text}");
 }
 
+/// Validation unless another part is asked for; tests are scored with a word about what they are for.
+#[test]
+fn eval_scores_the_part_that_is_asked_for() {
+    let [validation, test, train] = ["validation", "test", "train"].map(|split| {
+        let run = eval(["-c", "run", "--split", split]).ok();
+        let said = run.stderr().contains("it is for the end");
+        assert_eq!(said, split == "test", "{}", run.stderr());
+        let found = run.json();
+        assert_eq!(found["split"], split);
+        assert_eq!(found["subsets"]["sizes"], serde_json::json!([7, 2, 1]));
+        found["metrics"].clone()
+    });
+    assert_eq!(eval(["-c", "run"]).ok().json()["metrics"], validation);
+    assert!(validation != test && test != train && train != validation);
+    eval(["-c", "run", "--split", "held"]).fails(2, &["held", "validation"]);
+    let text = unsphere(place(), ["eval", "img2mesh", "-c", "run"]).ok().stdout();
+    for part in ["validation, 2 views", "7 views to train on, 2 for validation, 1 to test"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+}
+
 #[test]
 fn eval_takes_settings_that_leave_the_model_as_it_is() {
     let one = eval(["-c", "run", "--set", "views=1"]).ok().json();

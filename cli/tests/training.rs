@@ -68,6 +68,8 @@ fn a_training_says_what_it_will_do() {
         "measured depth",
         "--depth",
         "data   made by the system, seed 0",
+        " objects to train on, ",
+        " for validation, ",
         "run    runs/deep",
     ] {
         assert!(deep.contains(part), "{part:?} is not in {deep}");

@@ -28,6 +28,8 @@
 //!
 //! - Nothing is printed. The same seed gives the same bits whatever the number of threads.
 //! - A checkpoint has all that a prediction needs.
+//! - Objects are parted into training, validation and test before anything is drawn, and no object is in two of them.
+//!   What an object is scored in follows from its name, so that tests are the same whatever is trained on.
 
 pub mod depth;
 pub mod img2mesh;

@@ -294,6 +294,16 @@ mod tests {
         Line::Validation { step, epoch: 1, metrics, best: true }
     }
 
+    /// Logs of before call a validation an evaluation.
+    #[test]
+    fn former_logs_are_read() {
+        let now = serde_json::to_string(&validation(4)).unwrap();
+        assert!(now.contains("\"kind\":\"validation\""), "{now}");
+        let former = now.replace("\"validation\"", "\"evaluation\"");
+        let read: Line = serde_json::from_str(&former).unwrap();
+        assert!(matches!(read, Line::Validation { step: 4, best: true, .. }));
+    }
+
     #[test]
     fn a_log_is_read_back_without_its_cut_off_end() {
         let folder = tempfile::tempdir().unwrap();
