@@ -21,6 +21,7 @@
 //! - **photo collections of many categories to textured meshes**: [`mod@mcmr`], learned from masks and rough poses
 //! - **apply what was trained** to a user's files: [`predict`]
 //! - **all systems**, for a program that offers them: [`register`]
+//! - **published forms** are the presets `paper`; their rows in tables `paper-table`; what mends them: [`repairs`]
 //!
 //! Training is [`train`](fn@train::train)'s; a system implements [`train::System`].
 //!
@@ -40,9 +41,11 @@ pub mod predict;
 
 mod parts;
 mod registry;
+mod repairs;
 mod stacked;
 #[cfg(test)]
 mod testing;
 mod view_cache;
 
 pub use registry::{Registry, register};
+pub use repairs::{Repair, repairs};

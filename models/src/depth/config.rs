@@ -4,7 +4,7 @@ use nets::{NormKind, ResNetConfig};
 use serde::de::{self, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
-use train::settings::above_to;
+use train::settings::{LARGEST, above_to};
 
 use crate::paired::PairsConfig;
 
@@ -21,8 +21,15 @@ train::options! {
         /// The depth of the middle of an object; where `place` is `"known"` the middle is known. 1.4 is that of
         /// 3D-R2N2's renderings.
         pub middle: f64 = 1.4, in 1e-3..=1e6;
+        /// Whether vertices are told and projected as in the published code: the third number is what Blender's matrix
+        /// makes of the depth instead of -1 to 1 over `reach`, no place is cut off beside the image, and depths within a
+        /// tenth of the camera's plane count as a tenth, behind it as minus a tenth. Its numbers are of lengths in which
+        /// objects are about 1.4 away.
+        pub published_places: bool = false;
         /// Nearest and farthest depth that voxels and the network's depth channel reach, in terms of the middle.
         pub reach: [f64; 2] = [0.42, 1.72];
+        /// Whether what is not the object is black in the images, as in 3D-R2N2's without their alpha; else white.
+        pub black_background: bool = false;
         /// The backbone.
         pub backbone: BackboneKind = BackboneKind::Resnet18;
         /// Its width: channels of its stem. Published: 64.
@@ -43,7 +50,8 @@ train::options! {
         pub colors: bool = false;
         /// Weight of the Chamfer distance between sampled points.
         pub chamfer_weight: f64 = 1.0, in above_to(0.0, 1e9);
-        /// Weight of the distance of normals at nearest points. Released: 0.
+        /// Weight of the distance of normals at nearest points. The poster names it among its losses; Mesh R-CNN's code
+        /// defaults to 1, its released configurations have 0.
         pub normal_weight: f64 = 0.0, in 0.0..=1e9;
         /// Weight of the mean squared edge length.
         pub edge_weight: f64 = 0.2, in 0.0..=1e9;
@@ -160,8 +168,11 @@ train::options! {
         /// Whether each stage but the last hands its mesh on with four faces for each; false is the published "sphere
         /// init".
         pub subdivide: bool = true;
-        /// Radius of the icosphere. (As published it is 1, around the camera.)
+        /// Radius of the icosphere; published 1.
         pub radius: f64 = 0.35, in 1e-3..=1e3;
+        /// Whether it begins around the camera, half of it behind, as published, instead of around the middle of objects:
+        /// the first stage has to bring it out.
+        pub around_camera: bool = false;
     }
 }
 
@@ -187,6 +198,12 @@ train::options! {
         /// The probability that all cells begin with; published 0.5, with which the first meshes are the whole
         /// volume's border.
         pub prior: f64 = 0.05, in 0.001..=0.999;
+        /// Steps at first in which what is refined is a random tetrahedron around the camera instead of the cells'
+        /// surface. Published: 100, whose losses count, though only the cells' should.
+        pub voxel_only_steps: u64 = 0, in ..=LARGEST;
+        /// Whether the surface of the cells stands half a cell beside them, as PyTorch3D's `cubify` puts it where nothing
+        /// is said of `align`: corners of cells where their middles are.
+        pub corner_aligned: bool = false;
         /// Weight of the cells' cross entropy.
         pub voxel_weight: f64 = 1.0, in above_to(0.0, 1e9);
     }

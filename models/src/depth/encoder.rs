@@ -1,6 +1,6 @@
 //! The backbone, as it takes images with and without depth.
 
-use autodiff_lite::{Tape, Var, impl_module};
+use autodiff_lite::{Tape, Tensor, Var, impl_module};
 use nets::{Init, LoadWeights, ResNet, WeightsError};
 
 use super::config::RefineConfig;
@@ -14,12 +14,14 @@ const DEVIATION: [f32; 4] = [0.229, 0.224, 0.225, 0.25];
 #[derive(Clone, Debug)]
 pub(super) struct Encoder {
     resnet: ResNet,
+    black: bool,
 }
-impl_module!(Encoder: f32 { resnet });
+impl_module!(Encoder: f32 { resnet } fixed { black });
 
 impl Encoder {
     pub(super) fn new(init: &Init, config: &RefineConfig) -> Self {
-        Self { resnet: ResNet::new(&init.at("resnet"), &config.resnet()) }
+        let resnet = ResNet::new(&init.at("resnet"), &config.resnet());
+        Self { resnet, black: config.black_background }
     }
 
     /// Fills it with weights under torchvision's names; a filter for depth keeps its fresh values.
@@ -33,23 +35,30 @@ impl Encoder {
 
     /// The maps of scenes' images.
     pub(super) fn maps<'t>(&self, tape: &'t Tape, scenes: &[&Scene]) -> [Var<'t>; 4] {
+        self.resnet.forward_maps(tape.constant(self.images(tape, scenes)))
+    }
+
+    /// Images as the network takes them, `[N, S, S, 3 or 4]`.
+    pub(super) fn images(&self, tape: &Tape, scenes: &[&Scene]) -> Tensor<f32> {
         let side = scenes[0].picture.camera.width;
         let channels = self.resnet.conv1.weight.shape()[1];
         let mut images = tape.array(&[scenes.len(), side, side, channels]);
         let values = images.as_slice_mut();
         for (out, scene) in values.chunks_exact_mut(side * side * channels).zip(scenes) {
-            fill(out, channels, scene);
+            fill(out, channels, scene, self.black);
         }
-        self.resnet.forward_maps(tape.constant(images))
+        images
     }
 }
 
-fn fill(out: &mut [f32], channels: usize, scene: &Scene) {
+fn fill(out: &mut [f32], channels: usize, scene: &Scene, black: bool) {
     let colors = scene.picture.image.chunks_exact(3);
     for (p, (pixel, color)) in out.chunks_exact_mut(channels).zip(colors).enumerate() {
+        // Pictures are white around the object, by the share of it in each pixel.
+        let white = if black { 255 - scene.picture.mask[p] } else { 0 };
         for c in 0..channels {
             let value = match color.get(c) {
-                Some(&byte) => f32::from(byte) / 255.0,
+                Some(&byte) => f32::from(byte.saturating_sub(white)) / 255.0,
                 None => scene.depth_targets.channel[p],
             };
             pixel[c] = (value - MEAN[c]) / DEVIATION[c];

@@ -3,7 +3,8 @@
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use autodiff_lite::{Module, Var};
+use autodiff_lite::{Module, Tape, Var};
+use mesh_core::TriMesh;
 use nets::Init;
 use train::settings::Options;
 
@@ -46,11 +47,26 @@ pub trait MeshInit: Module<f32> + Debug + Send + Sync + Sized + 'static {
     /// The first meshes of scenes, from the backbone's last map `[N, S/32, S/32, C]`.
     fn init<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> InitialMeshes<'t>;
 
+    /// Steps at first in which random meshes stand in for these.
+    fn random_steps(_: &Self::Config) -> u64 {
+        0
+    }
+
     /// Which cells one image's logits say are occupied.
     fn occupied_cells(&self, logits: &[f32]) -> Vec<bool>;
 
     /// The shape that the meshes of a stage are brought to before the next one; none leaves them as they are.
     fn divided(&self, stage: usize) -> Option<Arc<Shape>>;
+}
+
+/// Vertices of a tetrahedron for each of `n` scenes, all coordinates normal, around the camera: what Mesh R-CNN refines where
+/// it has no mesh.
+pub(super) fn tetrahedra(tape: &Tape, n: usize, seed: u64) -> (Packed, Var<'_>) {
+    const FACES: [[u32; 3]; 4] = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]];
+    let drawn = Init::new(seed).at("tetrahedra").normal::<f32>(&[1, 4 * n, 3], 0.0, 1.0);
+    let positions = drawn.value.clone();
+    let shape = Arc::new(Shape::of(&TriMesh::new(vec![[0.0; 3]; 4], FACES.to_vec())));
+    (Packed::new(vec![shape; n]), tape.constant(positions))
 }
 
 /// The meshes before the first stage.

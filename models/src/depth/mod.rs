@@ -23,7 +23,10 @@ mod mesh_init;
 mod packed;
 #[cfg(test)]
 mod pix3d_tests;
+mod places;
 mod predictor;
+#[cfg(test)]
+mod published_tests;
 mod refined;
 mod rendered;
 mod scenes;

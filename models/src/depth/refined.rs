@@ -17,8 +17,9 @@ use train::{
 use super::config::RefineConfig;
 use super::depth_targets::{DepthTargets, Known};
 use super::encoder::Encoder;
-use super::mesh_init::MeshInit;
+use super::mesh_init::{MeshInit, tetrahedra};
 use super::packed::Packed;
+use super::places::published_places;
 use super::rendered::{Wanted, depth_difference, draw, picture_difference};
 use super::scenes::{Scene, Scenes};
 use super::surface::{SurfaceTerms, Truth, color_difference, compared};
@@ -27,6 +28,8 @@ use crate::stacked::stacked;
 
 /// Places beyond so many half-widths of the image say no more than that they are outside.
 const OUTSIDE: f32 = 3.0;
+/// What the random meshes of a step draw by, beside its stages.
+const TETRAHEDRA: u64 = 1 << 32;
 
 /// A backbone, what gives the first meshes, and the stages that refine them.
 #[derive(Debug)]
@@ -90,11 +93,25 @@ impl<B: MeshInit> Refined<B> {
     }
 
     pub(super) fn forward<'t>(&self, tape: &'t Tape, scenes: &[&Scene]) -> Forward<'t> {
+        self.forward_from(tape, scenes, None)
+    }
+
+    /// The same; with a seed from random meshes, whatever the cells say.
+    fn forward_from<'t>(
+        &self,
+        tape: &'t Tape,
+        scenes: &[&Scene],
+        random: Option<u64>,
+    ) -> Forward<'t> {
         let lenses = scenes.iter().map(|scene| &scene.picture.lens[..]);
         let cameras = stacked(tape, lenses, &[scenes.len(), 3, 4]);
         let maps = tape.scope("encoder", || self.encoder.maps(tape, scenes));
         let initial = self.mesh_init.init(maps[3], scenes);
-        let first = StageMeshes { packed: initial.packed, positions: initial.positions };
+        let (packed, positions) = match random {
+            Some(seed) => tetrahedra(tape, scenes.len(), seed),
+            None => (initial.packed, initial.positions),
+        };
+        let first = StageMeshes { packed, positions };
         let mut now = first.clone();
         let (mut hidden, mut colors) = (None, None);
         let mut stages = Vec::new();
@@ -105,7 +122,11 @@ impl<B: MeshInit> Refined<B> {
                 hidden = hidden.map(|hidden: Var<'t>| hidden.sparse_matmul(&up));
             }
             let packed = &now.packed;
-            let place = places(packed, now.positions, cameras, scenes);
+            let place = if self.refine().published_places {
+                published_places(packed.spread(now.positions), cameras)
+            } else {
+                places(packed, now.positions, cameras, scenes)
+            };
             let seen = packed.gathered(stage.look(&maps, place));
             let refined = stage.refine(seen, packed.gathered(place), hidden, &packed.graph);
             hidden = Some(refined.hidden);
@@ -344,7 +365,9 @@ impl<B: MeshInit> System for Refined<B> {
     ) -> Result<Terms<'t>, LossError> {
         let scenes: Vec<&Scene> = batch.iter().collect();
         let config = self.refine();
-        let forward = self.forward(tape, &scenes);
+        let random = at.step < B::random_steps(&self.config);
+        let random = random.then(|| Draw::for_loss(self.seed, at, TETRAHEDRA));
+        let forward = self.forward_from(tape, &scenes, random);
         let (surface, color) = self.surface_loss(&forward, &scenes, at);
         let (depth, picture) = self.drawn_loss(&forward, &scenes);
         let zero = || tape.constant(arr0(0.0));

@@ -13,9 +13,7 @@ use super::mesh_init::{InitialMeshes, MeshInit};
 use super::packed::{Packed, Shape};
 use super::scenes::Scene;
 
-/// An icosphere where the middle of objects is, subdivided from stage to stage or not.
-///
-/// In the published code it is around the camera, half of it behind; the first stage has to bring it out.
+/// An icosphere where the middle of objects is, or around the camera, subdivided from stage to stage or not.
 #[derive(Clone, Debug)]
 pub struct Sphere {
     /// The shapes of the stages.
@@ -23,10 +21,11 @@ pub struct Sphere {
     positions: Vec<[f32; 3]>,
     radius: f32,
     subdivide: bool,
+    around_camera: bool,
 }
 
 // There is nothing to train.
-impl_module!(Sphere: f32 {} fixed { shapes, positions, radius, subdivide });
+impl_module!(Sphere: f32 {} fixed { shapes, positions, radius, subdivide, around_camera });
 
 impl MeshInit for Sphere {
     const NAME: &'static str = "depth-pixel2mesh";
@@ -34,6 +33,7 @@ impl MeshInit for Sphere {
         ("tiny", include_str!("presets/depth-pixel2mesh/tiny.toml")),
         ("small", include_str!("presets/depth-pixel2mesh/small.toml")),
         ("paper", include_str!("presets/depth-pixel2mesh/paper.toml")),
+        ("paper-table", include_str!("presets/depth-pixel2mesh/paper-table.toml")),
         ("table", include_str!("presets/depth-pixel2mesh/table.toml")),
     ];
     const ABOUT: &'static str = "One image, with or without depth, to a mesh from a sphere";
@@ -57,6 +57,11 @@ impl MeshInit for Sphere {
     fn check(config: &SphereConfig) -> Vec<String> {
         let mut problems = config.out_of_range();
         problems.extend(config.refine.conflicts());
+        if config.around_camera && !config.refine.published_places {
+            let what =
+                "expected false: without `published-places` what is behind the camera has no place";
+            problems.push(format!("`around-camera` is true, {what}"));
+        }
         // Ranges first: there is a level for each stage.
         if problems.is_empty() && config.levels().last().is_some_and(|&last| last > 6) {
             let what = "at most 6 in the last stage";
@@ -88,14 +93,16 @@ impl MeshInit for Sphere {
             shapes.push(if config.subdivide { Arc::new(last.divided()) } else { Arc::clone(last) });
         }
         let (radius, subdivide) = (config.radius as f32, config.subdivide);
-        Self { shapes, positions: ball.positions, radius, subdivide }
+        let around_camera = config.around_camera;
+        Self { shapes, positions: ball.positions, radius, subdivide, around_camera }
     }
 
     fn init<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> InitialMeshes<'t> {
         let packed = Packed::new(vec![Arc::clone(&self.shapes[0]); scenes.len()]);
         let count = self.positions.len();
         let place = |(_, i, k): (usize, usize, usize)| {
-            let middle = if k == 2 { -scenes[i / count].depth_targets.middle } else { 0.0 };
+            let there = k == 2 && !self.around_camera;
+            let middle = if there { -scenes[i / count].depth_targets.middle } else { 0.0 };
             self.radius * self.positions[i % count][k] + middle
         };
         let positions = Array3::from_shape_fn((1, count * scenes.len(), 3), place);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use autodiff_lite::{Var, impl_module};
-use mesh_core::{CameraVolume, EmptyGrid, VoxelGrid, cubify};
+use mesh_core::{CameraVolume, EmptyGrid, TriMesh, VoxelGrid, cubify};
 use ndarray::Array3;
 use nets::{Init, VoxelHead};
 use train::settings::Options as _;
@@ -22,8 +22,16 @@ use super::scenes::Scene;
 pub struct Voxels {
     head: VoxelHead,
     threshold: f32,
+    corner_aligned: bool,
 }
-impl_module!(Voxels: f32 { head } fixed { threshold });
+impl_module!(Voxels: f32 { head } fixed { threshold, corner_aligned });
+
+/// Where a surface of `cells` along each axis of the cube goes if corner `i` stands where the middles of the first and the
+/// last cell are the ends: at `2 i / (cells - 1) - 1`.
+fn to_corners(cells: usize, surface: TriMesh) -> TriMesh {
+    let factor = cells as f32 / (cells - 1) as f32;
+    surface.map_positions(|p| p.map(|x| (x + 1.0) * factor - 1.0))
+}
 
 impl MeshInit for Voxels {
     const NAME: &'static str = "mesh-rcnn";
@@ -31,6 +39,7 @@ impl MeshInit for Voxels {
         ("tiny", include_str!("presets/mesh-rcnn/tiny.toml")),
         ("small", include_str!("presets/mesh-rcnn/small.toml")),
         ("paper", include_str!("presets/mesh-rcnn/paper.toml")),
+        ("paper-table", include_str!("presets/mesh-rcnn/paper-table.toml")),
         ("table", include_str!("presets/mesh-rcnn/table.toml")),
     ];
     const ABOUT: &'static str = "One image, with or without depth, to a mesh through voxels";
@@ -49,6 +58,10 @@ impl MeshInit for Voxels {
 
     fn voxel_weight(config: &VoxelConfig) -> f64 {
         config.voxel_weight
+    }
+
+    fn random_steps(config: &VoxelConfig) -> u64 {
+        config.voxel_only_steps
     }
 
     fn check(config: &VoxelConfig) -> Vec<String> {
@@ -88,7 +101,8 @@ impl MeshInit for Voxels {
         if let Some(param) = &mut head.predictor.bias {
             param.as_slice_mut().fill(bias);
         }
-        Self { head, threshold: config.threshold as f32 }
+        let corner_aligned = config.corner_aligned;
+        Self { head, threshold: config.threshold as f32, corner_aligned }
     }
 
     fn init<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> InitialMeshes<'t> {
@@ -102,6 +116,7 @@ impl MeshInit for Voxels {
                 self.occupied_cells(logits).into_iter().map(|o| f32::from(u8::from(o))).collect();
             let grid = VoxelGrid::from_channels([cells; 3], CameraVolume::CUBE, &occupied, 0.5);
             let surface = cubify(&grid, EmptyGrid::CentralBlock);
+            let surface = if self.corner_aligned { to_corners(cells, surface) } else { surface };
             let mesh = scene.depth_targets.volume(&scene.picture).to_world(surface);
             shapes.push(Arc::new(Shape::of(&mesh)));
             rows.extend_from_slice(mesh.positions.as_flattened());
@@ -120,5 +135,22 @@ impl MeshInit for Voxels {
 
     fn divided(&self, _: usize) -> Option<Arc<Shape>> {
         None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// PyTorch3D's corner `i` of four cells: at -1, -1/3, 1/3, 1 and, behind the last, 5/3.
+    #[test]
+    fn corners_stand_where_middles_are() {
+        let line = |x: f32| TriMesh::new(vec![[x, 1.0, -1.0]], Vec::new());
+        for (i, x) in [-1.0, -0.5, 0.0, 0.5, 1.0].into_iter().enumerate() {
+            let found = to_corners(4, line(x)).positions[0];
+            let expected = 2.0 * i as f32 / 3.0 - 1.0;
+            assert!((found[0] - expected).abs() < 1e-6, "{i}: {found:?}");
+            assert!((found[1] - 5.0 / 3.0).abs() < 1e-6 && found[2] == -1.0);
+        }
     }
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use synth::families_named;
 use train::Summary;
-use train::settings::{LARGEST, Options as _};
+use train::settings::{LARGEST, Options as _, above_to};
 
 train::options! {
     /// Options of the model, its losses and its data. Lengths are relative to the frame of the data, in
@@ -28,6 +28,9 @@ train::options! {
         pub image_size: usize = 128, in 16..=1024;
         /// Side of the renderings that are compared, pixels.
         pub render_size: usize = 128, in 8..=2048;
+        /// Whether all that is not the object is made black before images are given and compared. The published code
+        /// leaves them as they are.
+        pub mask_images: bool = true;
         /// Views that a mesh is made from in training; elsewhere any number will do.
         pub views: usize = 2, in 1..=64;
         /// Whether each step gives another number of them, 1 to `views`; the others are then only compared with.
@@ -56,6 +59,15 @@ train::options! {
         pub refine_every: Option<u64> = None, in 1..=LARGEST;
         /// Radius of the icosphere before it is deformed.
         pub radius: f64 = 0.6, in 1e-3..=10.0;
+        /// What the heads of offsets and of the place put out is multiplied by, their first weights being divided by it.
+        /// It changes nothing but how far a step of Adam moves the mesh: published heads speak the clock's unit, in
+        /// which the sphere has radius 37.5, which is 0.016 for a sphere of radius 0.6, and a step of 1e-5 is as much
+        /// smaller.
+        pub offset_scale: f64 = 1.0, in above_to(0.0, 1e3);
+        /// How large the first weights of the head for colours are beside PyTorch's. Nearly 0 begins nearly grey; as
+        /// published, at 1, each vertex has a colour of its own, which takes longer to unlearn than the right one to
+        /// learn.
+        pub first_colors: f64 = 0.05, in above_to(0.0, 1e3);
         /// What the learning rate of the head for colours is multiplied by.
         pub color_rate: f64 = 1.0, in 0.0..=1e3;
         /// Weight of the mean absolute difference of colours.
@@ -64,9 +76,13 @@ train::options! {
         pub mask_weight: f64 = 10.0, in 0.0..=1e6;
         /// Weight of the face-angle loss.
         pub flat_weight: f64 = 1e-3, in 0.0..=1e6;
-        /// Weight of the sum of squared edge lengths. The published 1e-8 is of a sphere of radius 37.5, which is
-        /// 1.4e-5 here.
-        pub edge_weight: f64 = 1.4e-5, in 0.0..=1e6;
+        /// Weight of the sum of squared edge lengths. The published 1e-8 is of a sphere of radius 37.5: of one of
+        /// radius 0.6, whose squares are 62.5² times smaller, 3.90625e-5 says the same.
+        pub edge_weight: f64 = 3.90625e-5, in 0.0..=1e6;
+        /// Whether DIB-R draws by its published rules ([`Settings::published`](diff_raster::Settings::published)): colours
+        /// linear on the screen, no near plane, faces that turn away invisible, a silhouette of at most 30 faces a
+        /// pixel, the first by their numbers.
+        pub published_rules: bool = false;
         /// The silhouette that is compared with masks.
         pub silhouette: SilhouetteKind = SilhouetteKind::Soft;
         /// Sharpness of the soft silhouette.

@@ -27,6 +27,8 @@ mod model;
 mod offsets;
 mod predictor;
 mod prepared;
+#[cfg(test)]
+mod published_tests;
 mod render;
 mod score;
 #[cfg(test)]
@@ -121,6 +123,7 @@ impl System for Img2Mesh {
         ("tiny", include_str!("presets/tiny.toml")),
         ("small", include_str!("presets/small.toml")),
         ("paper", include_str!("presets/paper.toml")),
+        ("paper-table", include_str!("presets/paper-table.toml")),
         ("paper-base", include_str!("presets/paper-base.toml")),
         ("clock", include_str!("presets/clock.toml")),
         ("clock-vgg16", include_str!("presets/clock-vgg16.toml")),

@@ -22,10 +22,11 @@ pub(super) struct Model {
     /// Centre and scale of the data in its world: `[4]`.
     pub(super) frame: Param,
     attention: AttentionKind,
+    offset_scale: f32,
     sphere: Array2<f32>,
 }
 impl_module!(Model: f32 { encoder, camera, layers, fc, mesh_fc, mesh_pos_fc, mesh_color_fc, frame }
-    fixed { attention, sphere });
+    fixed { attention, offset_scale, sphere });
 
 /// Meshes of a batch: `[N, V, 3]` each.
 #[derive(Clone, Copy, Debug)]
@@ -48,9 +49,6 @@ fn shrunk(mut head: Linear, factor: f64) -> Linear {
     head
 }
 
-/// How large the first weights of colours are beside the published ones.
-const FIRST_COLORS: f64 = 0.05;
-
 impl Model {
     pub(super) fn new(config: &Img2MeshConfig, seed: u64) -> (Self, TriMesh) {
         let init = Init::new(seed);
@@ -67,7 +65,7 @@ impl Model {
         };
         // As small beside the sphere as they were published: of the usual size, first offsets would
         // crumple a sphere of radius 1 before the first step.
-        let small = config.radius / PUBLISHED_RADIUS;
+        let small = config.radius / PUBLISHED_RADIUS / config.offset_scale;
         let head = |at: &Init, outputs| shrunk(Linear::new(at, d, outputs), small);
         let template = primitives::icosphere(config.level).scaled([config.radius as f32; 3]);
         let model = Self {
@@ -79,11 +77,13 @@ impl Model {
             fc: Linear::new(&init.at("fc"), d, d),
             mesh_fc: Offsets::new(&init.at("mesh_fc"), [config.coarsest(), config.level], head),
             mesh_pos_fc: head(&init.at("mesh_pos_fc"), 3),
-            // Nearly grey at first: of the usual size, each vertex would begin with a colour of its
-            // own, which takes longer to unlearn than the right one to learn.
-            mesh_color_fc: shrunk(Linear::new(&init.at("mesh_color_fc"), d, 3 * v), FIRST_COLORS),
+            mesh_color_fc: shrunk(
+                Linear::new(&init.at("mesh_color_fc"), d, 3 * v),
+                config.first_colors,
+            ),
             frame: Param::buffer(Array1::from(vec![0.0, 0.0, 0.0, 1.0])),
             attention: config.attention,
+            offset_scale: config.offset_scale as f32,
             sphere: Array2::from(template.positions.clone()),
         };
         (model, template)
@@ -109,7 +109,7 @@ impl Model {
         self.decode(tape, code)
     }
 
-    fn attend<'t>(&self, tokens: Var<'t>) -> Var<'t> {
+    pub(super) fn attend<'t>(&self, tokens: Var<'t>) -> Var<'t> {
         let all = |x| self.layers.iter().fold(x, |x, layer| layer.forward(x, None));
         match self.attention {
             AttentionKind::Views => all(tokens),
@@ -121,10 +121,11 @@ impl Model {
     fn decode<'t>(&self, tape: &'t Tape, code: Var<'t>) -> Meshes<'t> {
         let [n, _] = code.dims();
         let v = self.sphere.nrows();
-        let raw = self.mesh_fc.forward(code) + tape.constant(self.sphere.clone());
+        let scaled = |x: Var<'t>| if self.offset_scale == 1.0 { x } else { x * self.offset_scale };
+        let raw = scaled(self.mesh_fc.forward(code)) + tape.constant(self.sphere.clone());
         // The centre of the box goes where the position head says.
         let (high, low) = (raw.max_axis(1), raw.neg().max_axis(1).neg());
-        let shift = self.mesh_pos_fc.forward(code) - (high + low).scale(0.5);
+        let shift = scaled(self.mesh_pos_fc.forward(code)) - (high + low).scale(0.5);
         let positions = raw + shift.reshape(&[n, 1, 3]);
         let colors = self.mesh_color_fc.forward(code).reshape(&[n, v, 3]).hardsigmoid();
         Meshes { raw, positions, colors }

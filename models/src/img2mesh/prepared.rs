@@ -12,7 +12,7 @@ use crate::view_cache::Stored;
 #[derive(Debug)]
 pub(super) struct Prepared {
     pub(super) name: String,
-    /// `[S, S, 3]`, black outside of the object.
+    /// `[S, S, 3]`, black outside of the object if the configuration says so.
     pub(super) image: Vec<u8>,
     /// `[R, R, 3]`, the same.
     pub(super) target: Vec<u8>,
@@ -39,7 +39,7 @@ impl Prepared {
                 format!("view {}: its camera is orthographic, expected a pinhole", view.name);
             return Err(DataError::Unfit(text));
         }
-        let color = masked(view);
+        let color = if config.mask_images { masked(view) } else { view.color.clone() };
         let bytes = |picture: &ByteImage, side: usize| picture.resized(side, side).data;
         let image = bytes(&color, config.image_size);
         Ok(Self {

@@ -31,11 +31,13 @@ impl ViewRenderer {
     pub(super) fn new(template: &TriMesh, config: &Img2MeshConfig) -> Self {
         let faces = Faces::of(template).expect("an icosphere's faces name its vertices");
         let size = config.render_size;
-        let settings = Settings {
-            sigma_inv: config.sigma_inv,
-            box_length: config.reach,
-            ..Settings::new(size, size)
+        let rules = if config.published_rules {
+            // The published code hands over which faces look at the camera.
+            Settings { cull_back_faces: true, ..Settings::published(size, size) }
+        } else {
+            Settings::new(size, size)
         };
+        let settings = Settings { sigma_inv: config.sigma_inv, box_length: config.reach, ..rules };
         Self {
             topology: Topology::new(template.positions.len(), &template.faces),
             corners: template.faces.clone(),

@@ -23,6 +23,11 @@ train::options! {
         /// large, three of them beside the numbers of the code, and a deformation that starts out nearly blind to the
         /// place may stay so.
         pub vertex_scale: f64 = 1.0, in 1e-3..=1e3;
+        /// What is added to the size that is predicted: with 1 an object is first seen at all; 0 published.
+        pub first_size: f64 = 1.0, in 0.0..=10.0;
+        /// Whether the texture goes on around the sphere without a seam; the published one does not. Only SoftRas draws one
+        /// that does not.
+        pub closed_texture: bool = true;
         /// Share of the deformation's hidden numbers that training drops; 0.2 published.
         pub dropout: f64 = 0.2, in 0.0..=0.99;
         /// The same for the code that the camera is made from; 0.5 published.
@@ -56,6 +61,8 @@ train::options! {
         /// A file with the weights of LPIPS, for the perceptual loss.
         #[serde(with = "train::settings::optional")]
         pub lpips_weights: Option<String> = None;
+        /// Whether LPIPS is given images from 0 to 1, as by the published code; it expects -1 to 1.
+        pub lpips_from_zero: bool = false;
         /// A file with Inception v3's weights for the FID, without which there is no FID.
         #[serde(with = "train::settings::optional")]
         pub inception_weights: Option<String> = None;
@@ -189,6 +196,10 @@ impl McmrConfig {
         if self.vgg_weights.is_none() != self.lpips_weights.is_none() {
             let what = "one is given, expected both or none";
             problems.push(format!("`vgg-weights` and `lpips-weights`: {what}"));
+        }
+        if !self.closed_texture && self.renderer != RendererKind::SoftRas {
+            let what = "expected true: only the renderer `softras` draws a texture with a seam";
+            problems.push(format!("`closed-texture` is false, {what}"));
         }
         let [_, size, place] = self.pose_noise;
         if size > 50.0 || place > 50.0 {

@@ -14,11 +14,15 @@
 //!
 //! # What differs from the published code
 //!
-//! - DIB-R draws ([`RendererKind::SoftRas`] is the original's way), y is up, and shapes are not mirrored.
+//! In the presets `paper` only: y is up, and shapes are not mirrored; pixels have their centres in their middles;
+//! without its weights a pyramid of differences stands in for LPIPS. Elsewhere too:
+//!
+//! - DIB-R draws ([`RendererKind::SoftRas`] is the original's way).
 //! - The texture has no seam: its last columns fade into its first, poles are one colour, and it is looked up by
-//!   direction at every pixel.
+//!   direction at every pixel ([`McmrConfig::closed_texture`]).
 //! - The optimiser's moments survive the subdivision ([`McmrConfig::keep_moments`]).
-//! - LPIPS is given images in the range that it expects; without its weights a pyramid of differences stands in.
+//! - LPIPS is given images in the range that it expects ([`McmrConfig::lpips_from_zero`]).
+//! - The size that is predicted begins at 1 ([`McmrConfig::first_size`]).
 //! - Spheres may differ at first, and two terms can keep a selection from collapsing ([`McmrConfig::perturb`],
 //!   [`McmrConfig::balance_weight`], [`McmrConfig::decision_weight`]).
 //! - Rotations may be compared by the sine of half their angle, which decides between front and back
@@ -38,6 +42,8 @@ mod photo;
 mod pose;
 mod prediction;
 mod predictor;
+#[cfg(test)]
+mod published_tests;
 mod render;
 mod score;
 mod shapes;
@@ -164,6 +170,7 @@ impl System for Mcmr {
         ("small", include_str!("presets/small.toml")),
         ("table", include_str!("presets/table.toml")),
         ("paper", include_str!("presets/paper.toml")),
+        ("paper-table", include_str!("presets/paper-table.toml")),
         ("paper-cub", include_str!("presets/paper-cub.toml")),
     ];
     const BEST: &'static str = "mask-iou";

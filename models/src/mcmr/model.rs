@@ -56,10 +56,12 @@ pub(super) struct Model {
     temperature: f32,
     vertex_scale: f32,
     camera_dropout: Dropout,
+    first_size: f32,
+    closed_texture: bool,
 }
 impl_module!(Model: f32 {
     encoder, enc_conv, enc_norm, enc_fc, selection, selection_out, shapes, deformation, camera, camera_out, texture
-} fixed { temperature, vertex_scale, camera_dropout });
+} fixed { temperature, vertex_scale, camera_dropout, first_size, closed_texture });
 
 /// What becomes of a batch of `B` images.
 #[derive(Clone, Copy, Debug)]
@@ -76,7 +78,7 @@ pub(super) struct Predicted<'t> {
     pub(super) raw_rotation: Var<'t>,
     /// The same of length 1.
     pub(super) rotation: Var<'t>,
-    /// The texture, closed around the sphere, `[B, H, W, 3]`.
+    /// The texture, `[B, H, W, 3]`: closed around the sphere, or as the decoder puts it out.
     pub(super) texture: Var<'t>,
 }
 
@@ -109,6 +111,8 @@ impl Model {
             temperature: config.temperature as f32,
             vertex_scale: config.vertex_scale as f32,
             camera_dropout: Dropout::new(config.camera_dropout),
+            first_size: config.first_size as f32,
+            closed_texture: config.closed_texture,
         }
     }
 
@@ -125,8 +129,8 @@ impl Model {
         // The published order: a quaternion, the size, the place.
         let raw_rotation = camera.slice_axis(1, 0..4).tanh();
         let length = raw_rotation.square().sum_axis(1).add_scalar(1e-12).sqrt().reshape(&[b, 1]);
-        // A size of 1 to begin with, where the published one is raw.
-        let usual = tape.constant(Array1::from(vec![1.0, 0.0, 0.0]));
+        let usual = tape.constant(Array1::from(vec![self.first_size, 0.0, 0.0]));
+        let texture = tape.scope("texture", || self.texture.forward(map));
         Predicted {
             weights,
             offsets,
@@ -134,7 +138,7 @@ impl Model {
             place: camera.slice_axis(1, 4..7).add(usual),
             raw_rotation,
             rotation: raw_rotation.div(length),
-            texture: closed(tape.scope("texture", || self.texture.forward(map))),
+            texture: if self.closed_texture { closed(texture) } else { texture },
         }
     }
 

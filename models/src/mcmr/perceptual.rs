@@ -15,6 +15,8 @@ const POOLS: usize = 5;
 #[derive(Debug, Default)]
 pub struct PerceptualMetrics {
     lpips: Option<(Vgg16, LpipsWeights)>,
+    /// Whether LPIPS is given what it does not expect.
+    from_zero: bool,
     inception: Option<InceptionV3>,
 }
 
@@ -42,18 +44,18 @@ impl PerceptualMetrics {
         let inception = inception
             .map(|path| loaded(InceptionV3::new(&init, InceptionKind::Fid), path))
             .transpose()?;
-        Ok(Self { lpips, inception })
+        Ok(Self { lpips, from_zero: config.lpips_from_zero, inception })
     }
 
     /// How unlike images `[N, S, S, 3]` in `[0, 1]` look: LPIPS, or a pyramid of differences without its
-    /// weights. LPIPS is given images in `[-1, 1]`, as it expects; the published code gives it `[0, 1]`.
+    /// weights. LPIPS is given images in `[-1, 1]`, as it expects, or in `[0, 1]`, as the published code gives it.
     pub(super) fn distance<'t>(&self, image: Var<'t>, target: Var<'t>) -> Var<'t> {
         let Some((vgg, weights)) = &self.lpips else {
             return losses::pyramid(image, target, None, LEVELS);
         };
         let maps = |x: Var<'t>| {
-            let x = LpipsWeights::normalised(x.scale(2.0).add_scalar(-1.0));
-            vgg.forward_before_pools(x)
+            let x = if self.from_zero { x } else { x.scale(2.0).add_scalar(-1.0) };
+            vgg.forward_before_pools(LpipsWeights::normalised(x))
         };
         losses::lpips(&maps(image), &maps(target), &weights.vectors())
     }

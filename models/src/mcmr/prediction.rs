@@ -53,7 +53,8 @@ impl Mcmr {
     /// The textured mesh of one image of a batch, in its own frame.
     pub(super) fn mesh_of(&self, predicted: &Predicted<'_>, index: usize) -> TriMesh {
         let mesh = self.bare_mesh_of(predicted, index);
-        Globe::of(predicted.texture, index).on(mesh, &self.template.sphere)
+        Globe::of(predicted.texture, index, self.config.closed_texture)
+            .on(mesh, &self.template.sphere)
     }
 
     /// The same without texture.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use autodiff_lite::{Tape, Var};
+use autodiff_lite::{Padding, Tape, Var};
 use diff_raster::{
     Faces, Frame, Paint, Renderer, Settings, SoftRas, SoftRasSettings, softras, sphere_texture,
     texel_centers,
@@ -11,6 +11,7 @@ use ndarray::{Array2, Array3};
 
 use super::config::{McmrConfig, RendererKind};
 use super::shapes::Template;
+use super::texture::seamed_place;
 
 /// Texels along an edge of a face under SoftRas, as published.
 const TEXELS: usize = 6;
@@ -21,8 +22,42 @@ pub(super) struct TexturedRenderer {
     renderer: Renderer,
     exact: f64,
     sphere: Array2<f32>,
-    /// With SoftRas, and the directions of its texels `[F, 36, 3]`.
-    clouds: Option<(Arc<SoftRas>, Array3<f32>)>,
+    /// With SoftRas, and where its texels are looked up.
+    clouds: Option<(Arc<SoftRas>, Texels)>,
+}
+
+/// Where the 36 texels of each of `F` faces are in a texture.
+#[derive(Debug)]
+enum Texels {
+    /// Their directions `[1, 36 F, 3]`, of a texture without a seam.
+    Closed(Array3<f32>),
+    /// Their places `[1, 36 F, 2]`, of one with a seam.
+    Seamed(Array3<f32>),
+}
+
+impl Texels {
+    fn new(template: &Template, closed: bool) -> Self {
+        let directions = directions(template);
+        if closed {
+            return Self::Closed(directions);
+        }
+        let places: Vec<[f32; 2]> =
+            directions.rows().into_iter().map(|d| seamed_place([d[0], d[1], d[2]])).collect();
+        Self::Seamed(Array3::from_shape_fn((1, places.len(), 2), |(_, i, k)| places[i][k]))
+    }
+
+    /// Colours `[N, 36 F, 3]` from textures `[N, H, W, 3]`.
+    fn colors<'t>(&self, texture: Var<'t>) -> Var<'t> {
+        let [n, ..] = texture.dims::<4>();
+        let all = |one: &Array3<f32>| {
+            let (_, count, columns) = one.dim();
+            texture.tape().constant(Array3::zeros((n, count, columns)) + one)
+        };
+        match self {
+            Self::Closed(directions) => sphere_texture(all(directions), texture),
+            Self::Seamed(places) => texture.bilinear_sample(all(places), Padding::Border, true),
+        }
+    }
 }
 
 /// A rendering of `N` meshes.
@@ -52,7 +87,7 @@ impl TexturedRenderer {
                 gamma: config.softras_gamma,
                 ..SoftRasSettings::published(side, side)
             };
-            (SoftRas::new(&faces, &settings), directions(template))
+            (SoftRas::new(&faces, &settings), Texels::new(template, config.closed_texture))
         });
         Self {
             exact: config.exact,
@@ -73,13 +108,11 @@ impl TexturedRenderer {
         let projected = positions.project(matrices);
         let frame = self.renderer.frame(projected);
         let mask = frame.mask();
-        if let Some((renderer, middles)) = &self.clouds {
-            let [n, ..] = texture.dims::<4>();
-            let [f, texels, _] = [middles.shape()[0], middles.shape()[1], 3];
-            let all = Array3::zeros((n, f * texels, 3));
-            let flat = middles.to_shape((1, f * texels, 3)).expect("the same numbers");
-            let colors = sphere_texture(tape.constant(all + flat), texture);
-            let colors = colors.reshape(&[n, f, texels, 3]);
+        if let Some((renderer, texels)) = &self.clouds {
+            let colors = texels.colors(texture);
+            let [n, count, _] = colors.dims();
+            let each = TEXELS * TEXELS;
+            let colors = colors.reshape(&[n, count / each, each, 3]);
             let both = softras(projected, Some(Paint::Texels(colors)), renderer);
             let [n, h, w, _] = both.dims();
             let silhouette = both.slice_axis(3, 3..4).reshape(&[n, h, w]);
@@ -101,10 +134,12 @@ impl TexturedRenderer {
     }
 }
 
-/// Where the texels of each face lie on the sphere: `[F, 36, 3]`.
+/// Where the texels of each face lie on the sphere: `[1, 36 F, 3]`.
 fn directions(template: &Template) -> Array3<f32> {
     let middles = texel_centers(TEXELS);
-    Array3::from_shape_fn((template.corners.len(), middles.len(), 3), |(face, texel, k)| {
+    let each = middles.len();
+    Array3::from_shape_fn((1, template.corners.len() * each, 3), |(_, i, k)| {
+        let (face, texel) = (i / each, i % each);
         let at = |c: usize| template.sphere[template.corners[face][c] as usize][k];
         (0..3).map(|c| middles[texel][c] as f32 * at(c)).sum()
     })

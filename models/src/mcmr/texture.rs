@@ -1,5 +1,7 @@
 //! The texture: an image around the sphere that the shape was.
 
+use std::f32::consts::PI;
+
 use autodiff_lite::{Real, Var};
 use mesh_core::{Image, TriMesh};
 use ndarray::Array3;
@@ -41,31 +43,63 @@ pub(super) fn closed<F: Real>(image: Var<'_, F>) -> Var<'_, F> {
     tape.concat(&[pole(0), around, pole(rows - 1)], 1)
 }
 
-/// A closed texture `[H, W, 3]` as plain numbers.
+/// Where a direction falls on a texture that has a seam, longitude and latitude as the published code has them: right and
+/// down, -1 to 1, the centres of the outermost texels being the ends.
+pub(super) fn seamed_place([x, y, z]: [f32; 3]) -> [f32; 2] {
+    let [around, down] = [x.atan2(z), x.hypot(z).atan2(y)];
+    [around / PI, 2.0 * down / PI - 1.0]
+}
+
+/// A texture `[H, W, 3]` as plain numbers.
 #[derive(Clone, Debug)]
 pub(super) struct Globe {
     pub(super) rows: usize,
     pub(super) columns: usize,
     pub(super) data: Vec<f32>,
+    /// Whether it is [`closed`].
+    pub(super) is_closed: bool,
 }
 
 impl Globe {
     /// One image of a batch.
-    pub(super) fn of(texture: Var<'_>, index: usize) -> Self {
+    pub(super) fn of(texture: Var<'_>, index: usize, is_closed: bool) -> Self {
         let [_, rows, columns, channels] = texture.dims();
         let size = rows * columns * channels;
         let value = texture.value();
         let data = value.as_slice()[index * size..][..size].to_vec();
-        Self { rows, columns, data }
+        Self { rows, columns, data, is_closed }
     }
 
     /// Colours in the given directions.
     fn colors(&self, directions: &[f32]) -> Vec<f32> {
+        if !self.is_closed {
+            return directions.as_chunks::<3>().0.iter().flat_map(|&d| self.seamed(d)).collect();
+        }
         let mut out = vec![0.0; directions.len()];
         let (data, height, width) = (&self.data[..], self.rows, self.columns);
         let texture = diff_raster::kernels::texture::Texture { data, height, width, channels: 3 };
         diff_raster::kernels::sphere::sphere_texture(texture, directions, &mut out);
         out
+    }
+
+    /// The colour in a direction, between the texels of a texture that has a seam.
+    fn seamed(&self, direction: [f32; 3]) -> [f32; 3] {
+        let [x, y] = seamed_place(direction);
+        let at = |place: f32, count: usize| 0.5 * (place + 1.0) * (count - 1) as f32;
+        let (column, row) = (at(x, self.columns), at(y, self.rows));
+        let texel = |i: f32, j: f32, k: usize| {
+            let i = (i as usize).min(self.rows - 1);
+            let j = (j as usize).min(self.columns - 1);
+            self.data[(i * self.columns + j) * 3 + k]
+        };
+        let (left, top) = (column.floor(), row.floor());
+        std::array::from_fn(|k| {
+            let line = |i: f32| {
+                let [a, b] = [texel(i, left, k), texel(i, left + 1.0, k)];
+                a + (column - left) * (b - a)
+            };
+            line(top) + (row - top) * (line(top + 1.0) - line(top))
+        })
     }
 
     /// The mesh with this texture; `sphere` is where its vertices lie on the sphere.
@@ -141,7 +175,7 @@ mod tests {
         });
         let globe = closed(tape.constant(image));
         let sphere = mesh_core::primitives::icosphere(2);
-        let mesh = Globe::of(globe, 0).on(sphere.clone(), &sphere.positions);
+        let mesh = Globe::of(globe, 0, true).on(sphere.clone(), &sphere.positions);
         mesh.validate().unwrap();
         let texture = mesh.texture.as_ref().unwrap();
         let mut worst = 0.0_f32;
@@ -163,6 +197,27 @@ mod tests {
         }
         // Most at the poles, where the texture turns within a few texels; another place would differ by up to 0.8.
         assert!(worst < 0.1, "{worst}");
+    }
+
+    /// Both ways to read a texture with a seam agree, and it has one where the published one has it, at the back.
+    #[test]
+    fn a_seam_is_read_alike_on_the_tape_and_off() {
+        let tape = Tape::eval();
+        let ramp = |_, i, j, k| 0.01 * (i * (k + 1)) as f32 + 0.02 * j as f32;
+        let image = Array4::from_shape_fn((1, 16, 16, 3), |(n, i, j, k)| ramp(n, i, j, k));
+        let image = tape.constant(image);
+        let globe = Globe::of(image, 0, false);
+        let directions = [[0.3, 0.2, 0.9], [-0.5, -0.7, -0.1], [0.0, 1.0, 0.0], [0.9, 0.0, -0.1]];
+        let places = directions.map(seamed_place).to_vec();
+        let points = ndarray::Array3::from_shape_fn((1, 4, 2), |(_, i, k)| places[i][k]);
+        let border = autodiff_lite::Padding::Border;
+        let expected = image.bilinear_sample(tape.constant(points), border, true).value();
+        let found = globe.colors(directions.as_flattened());
+        for (a, b) in found.iter().zip(expected.iter()) {
+            assert!((a - b).abs() < 1e-5, "{a} {b}");
+        }
+        let [left, right] = [-1e-4, 1e-4].map(|x| globe.colors(&[x, 0.0, -1.0])[0]);
+        assert!((right - left - 0.02 * 15.0).abs() < 1e-3, "{left} {right}");
     }
 
     fn bilinear(image: &Image, [u, v]: [f32; 2]) -> [f32; 3] {

@@ -32,20 +32,33 @@ train::options! {
         pub hidden: usize = 96, in 1..=4096;
         /// After graph convolutions; the version that the ODE paper started from has none.
         pub activation: Activation = Activation::Relu;
-        /// How feature maps are read; published `"floor"`, by a slip.
+        /// How feature maps are read: `"nearest"` in the paper on neural ODEs; `"truncated"` in the code that it began
+        /// with and `"corners"` in Pixel2Mesh's first, both of which forget some vertices.
         pub sampling: MapSampling = MapSampling::Bilinear;
+        /// Focal length and middle, in pixels of an image of 224, that all vertices are projected with, as published:
+        /// `[250.0, 112.0]` in Pixel2Mesh, `[248.0, 111.5]` in the code that the ODE paper began with. Without, each
+        /// image's own camera, which of 3D-R2N2's images has 245 and 112.
+        #[serde(with = "train::settings::optional")]
+        pub projection: Option<[f64; 2]> = None;
         /// Weight of the Chamfer distance: the mean squared distances of both ways.
         pub chamfer_weight: f64 = 100.0, in above_to(0.0, 1e9);
         /// What its way from prediction to truth counts beside the other; 0.55 in the original Pixel2Mesh.
         pub chamfer_back: f64 = 1.0, in 0.0..=1e9;
         /// Weight of the mean squared edge length.
         pub edge_weight: f64 = 5.0, in 0.0..=1e9;
+        /// Whether each vertex counts as an edge of no length in the means over edges, as in the published lists of
+        /// edges, which are those of the supports: both means are smaller by a seventh.
+        pub self_loops: bool = false;
         /// Weight of edges against the true normals.
         pub normal_weight: f64 = 0.0, in 0.0..=1e9;
         /// Weight of the change of Laplacian coordinates, a mean over vertices.
         pub laplacian_weight: f64 = 0.0, in 0.0..=1e9;
         /// Weight of the mean squared displacement.
         pub move_weight: f64 = 0.0, in 0.0..=1e9;
+        /// Weight of half the sum of the squares of all weights of the encoder's convolutions.
+        pub encoder_decay: f64 = 0.0, in 0.0..=1e3;
+        /// Weight of the same of the graph convolutions, biases included.
+        pub graph_decay: f64 = 0.0, in 0.0..=1e3;
     }
 }
 
@@ -62,6 +75,12 @@ impl SharedConfig {
             && !(slope > 0.0 && slope <= 1.0)
         {
             problems.push(format!("`activation`: the slope is {slope}, expected above 0 to 1"));
+        }
+        if let Some([focal, middle]) = self.projection
+            && !(focal > 0.0 && focal <= 1e5 && (0.0..=224.0).contains(&middle))
+        {
+            let what = "a focal length above 0 and a middle of 0 to 224";
+            problems.push(format!("`projection` is [{focal}, {middle}], expected {what}"));
         }
         problems
     }
@@ -229,6 +248,11 @@ train::options! {
     pub struct StagesConfig extends shared: SharedConfig = staged() => {
         /// Residual blocks of each stage.
         pub blocks: usize = 6, in 0..=64;
+        /// Columns before the last convolution, which only meshes of several stages have; without, `hidden`.
+        #[serde(with = "train::settings::optional")]
+        pub last_hidden: Option<usize> = None, in 1..=4096;
+        /// How the graph convolutions' weights begin.
+        pub graph_init: GraphInit = GraphInit::Uniform;
         /// Whether stages put out displacements of the mesh that they are given instead of new places, as published:
         /// nothing has to learn to reproduce the ellipsoid.
         pub offsets: bool = true;
@@ -257,9 +281,14 @@ impl StagesConfig {
             let inputs = if stage == 0 { features } else { features + hidden };
             // The last stage has one more convolution after its chain.
             let last = stage + 1 == stages && stages > 1;
-            [inputs, hidden, if last { hidden } else { 3 }]
+            [inputs, hidden, if last { self.last_columns() } else { 3 }]
         };
         (0..stages).map(size).collect()
+    }
+
+    /// Columns before the last convolution.
+    pub(super) fn last_columns(&self) -> usize {
+        self.last_hidden.unwrap_or(self.shared.hidden)
     }
 
     /// Trained numbers of what deforms, without the encoder.
@@ -269,9 +298,19 @@ impl StagesConfig {
             conv(inputs, hidden) + 2 * self.blocks * conv(hidden, hidden) + conv(hidden, outputs)
         };
         let sizes = self.sizes();
-        let last = if sizes.len() > 1 { conv(self.shared.hidden, 3) } else { 0 };
+        let last = if sizes.len() > 1 { conv(self.last_columns(), 3) } else { 0 };
         sizes.into_iter().map(chain).sum::<usize>() + last
     }
+}
+
+/// How the weights of graph convolutions begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum GraphInit {
+    /// Evenly within one over the root of the outputs, biases too: Pixel2Mesh's versions in PyTorch.
+    Uniform,
+    /// Glorot's, evenly within `√(6 / (inputs + outputs))`, biases 0: the first version.
+    Glorot,
 }
 
 /// Methods of integration.

@@ -121,6 +121,16 @@ impl Deformer for Continuous {
         ("tiny", include_str!("presets/ode-pixel2mesh/tiny.toml")),
         ("small", include_str!("presets/ode-pixel2mesh/small.toml")),
         ("paper", include_str!("presets/ode-pixel2mesh/paper.toml")),
+        ("paper-table", include_str!("presets/ode-pixel2mesh/paper-table.toml")),
+        ("paper-shallow", include_str!("presets/ode-pixel2mesh/paper-shallow.toml")),
+        ("paper-shallow-table", include_str!("presets/ode-pixel2mesh/paper-shallow-table.toml")),
+        ("paper-res-deep", include_str!("presets/ode-pixel2mesh/paper-res-deep.toml")),
+        ("paper-res-deep-table", include_str!("presets/ode-pixel2mesh/paper-res-deep-table.toml")),
+        ("paper-res-shallow", include_str!("presets/ode-pixel2mesh/paper-res-shallow.toml")),
+        (
+            "paper-res-shallow-table",
+            include_str!("presets/ode-pixel2mesh/paper-res-shallow-table.toml"),
+        ),
         ("table", include_str!("presets/ode-pixel2mesh/table.toml")),
     ];
     const ABOUT: &'static str =

@@ -15,8 +15,12 @@
 
 mod config;
 mod continuous;
+mod decay;
 mod deformer;
 mod predictor;
+mod projection;
+#[cfg(test)]
+mod published_tests;
 mod score;
 mod single_view;
 mod staged;
@@ -24,7 +28,9 @@ mod template;
 #[cfg(test)]
 mod tests;
 
-pub use config::{DeformationKind, EncoderForm, Method, OdeConfig, SharedConfig, StagesConfig};
+pub use config::{
+    DeformationKind, EncoderForm, GraphInit, Method, OdeConfig, SharedConfig, StagesConfig,
+};
 pub use continuous::Continuous;
 pub use deformer::{Deformed, Deformer, Run, Stage};
 pub use score::Scored;

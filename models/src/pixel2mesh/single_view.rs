@@ -13,7 +13,9 @@ use train::{
 };
 
 use super::config::{EncoderForm, SharedConfig};
+use super::decay::half_squares;
 use super::deformer::{Deformed, Deformer, Run, Stage};
+use super::projection::published_lens;
 use super::template::Template;
 use crate::paired::{Pair, Pairs, Picture};
 use crate::stacked::stacked;
@@ -23,7 +25,7 @@ use crate::stacked::stacked;
 pub struct SingleView<D: Deformer> {
     pub(super) config: D::Config,
     seed: u64,
-    encoder: Pixel2MeshEncoder,
+    pub(super) encoder: Pixel2MeshEncoder,
     pub(super) deformer: D,
     pub(super) template: Template,
 }
@@ -105,7 +107,10 @@ impl<D: Deformer> SingleView<D> {
     ) -> Result<Deformed<'t>, SolveError> {
         let (n, side) = (pictures.len(), self.shared().pairs.image_size);
         let images = stacked(tape, pictures.iter().map(|p| &p.image[..]), &[n, side, side, 3]);
-        let camera = stacked(tape, pictures.iter().map(|p| &p.lens[..]), &[n, 3, 4]);
+        let camera = match self.shared().projection {
+            Some(lens) => published_lens(tape, n, lens),
+            None => stacked(tape, pictures.iter().map(|p| &p.lens[..]), &[n, 3, 4]),
+        };
         let mut maps = tape.scope("encoder", || self.encoder.forward(images));
         let scale = self.shared().feature_scale as f32;
         if scale != 1.0 {
@@ -172,10 +177,13 @@ impl<D: Deformer> SingleView<D> {
         let moved = stage.positions - stage.before;
         let chamfer = losses::chamfer_distance(stage.positions, truth, &matches, ways);
         add(&mut sums.chamfer, chamfer);
-        add(&mut sums.edge, losses::edge_length(stage.positions, edges, 0.0));
+        let listed = 2.0 * edges.len() as f32;
+        let share = if shared.self_loops { listed / (listed + vertices) } else { 1.0 };
+        let of_edges = |mean: Var<'t>| if share < 1.0 { mean.scale(share) } else { mean };
+        add(&mut sums.edge, of_edges(losses::edge_length(stage.positions, edges, 0.0)));
         if shared.normal_weight > 0.0 && !normals.is_empty() {
             let turned = losses::edge_normal(stage.positions, edges, normals, matches.x_to_y());
-            add(&mut sums.normal, turned);
+            add(&mut sums.normal, of_edges(turned));
         }
         if shared.laplacian_weight > 0.0 {
             let change = losses::laplacian_squared(moved, neighbours);
@@ -185,6 +193,23 @@ impl<D: Deformer> SingleView<D> {
             let moved = moved.square().mean().scale(3.0 * stage.displacement as f32);
             add(&mut sums.moved, moved);
         }
+    }
+}
+
+impl<D: Deformer> SingleView<D> {
+    /// With the pulls of weights towards zero that are asked for.
+    fn decayed<'t>(&self, tape: &'t Tape, mut terms: Terms<'t>) -> Terms<'t> {
+        let shared = self.shared();
+        if shared.encoder_decay > 0.0 {
+            let kernel = |path: &str| path.contains("conv") && path.ends_with("weight");
+            let squares = half_squares(tape, &self.encoder, kernel);
+            terms = terms.with("encoder-decay", shared.encoder_decay, squares);
+        }
+        if shared.graph_decay > 0.0 {
+            let squares = half_squares(tape, &self.deformer, |_| true);
+            terms = terms.with("graph-decay", shared.graph_decay, squares);
+        }
+        terms
     }
 }
 
@@ -306,7 +331,7 @@ impl<D: Deformer> System for SingleView<D> {
                 terms = terms.with(name, weight, sum.unwrap_or_else(zero));
             }
         }
-        Ok(terms)
+        Ok(self.decayed(tape, terms))
     }
 
     fn data_summary(data: &Pairs) -> Option<DataSummary> {

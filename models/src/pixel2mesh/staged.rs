@@ -1,12 +1,12 @@
 //! Pixel2Mesh as it was published: three stages, from coarse to fine.
 
-use autodiff_lite::{Activation, Var, impl_module};
+use autodiff_lite::{Activation, Module, Param, Var, impl_module};
 use nets::{ChebyshevConv, GraphBottleneck, Init, pool_features};
 use ode_deform::deform::project_points;
 use ode_deform::solve::{SolveError, Stats};
 use train::settings::Options as _;
 
-use super::config::{SharedConfig, StagesConfig};
+use super::config::{GraphInit, SharedConfig, StagesConfig};
 use super::continuous::start;
 use super::deformer::{Deformed, Deformer, Run, Stage};
 use super::template::Template;
@@ -23,12 +23,22 @@ impl_module!(Staged: f32 { gcns, gconv } fixed { config });
 /// What first displacements are multiplied by; see [`OdeConfig::first_velocity`](super::OdeConfig::first_velocity).
 const FIRST_DISPLACEMENT: f32 = 0.05;
 
+/// Weights as the first version of Pixel2Mesh begins them.
+fn glorot<M: Module<f32>>(module: &mut M, init: &Init) {
+    module.visit_mut("", &mut |path: &str, param: &mut Param| {
+        let shape = param.shape().to_vec();
+        let at = init.at(path);
+        *param = if shape.len() == 2 { at.xavier_uniform(&shape, 1.0) } else { at.zeros(&shape) };
+    });
+}
+
 impl Deformer for Staged {
     const NAME: &'static str = "pixel2mesh";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
         ("tiny", include_str!("presets/pixel2mesh/tiny.toml")),
         ("small", include_str!("presets/pixel2mesh/small.toml")),
         ("paper", include_str!("presets/pixel2mesh/paper.toml")),
+        ("paper-table", include_str!("presets/pixel2mesh/paper-table.toml")),
         ("table", include_str!("presets/pixel2mesh/table.toml")),
     ];
     const ABOUT: &'static str = "One image to a mesh in three stages, learned from true surfaces";
@@ -68,7 +78,15 @@ impl Deformer for Staged {
         };
         let mut gcns: Vec<GraphBottleneck> = sizes.iter().enumerate().map(chain).collect();
         let mut gconv = (sizes.len() > 1)
-            .then(|| ChebyshevConv::new(&init.at("gconv"), config.shared.hidden, 3));
+            .then(|| ChebyshevConv::new(&init.at("gconv"), config.last_columns(), 3));
+        if config.graph_init == GraphInit::Glorot {
+            for (i, gcn) in gcns.iter_mut().enumerate() {
+                glorot(gcn, &at.index(i));
+            }
+            if let Some(conv) = &mut gconv {
+                glorot(conv, &init.at("gconv"));
+            }
+        }
         if config.offsets {
             let ends = gcns.iter_mut().map(|gcn| &mut gcn.conv2);
             let last = gconv.iter_mut();

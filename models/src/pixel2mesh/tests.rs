@@ -96,7 +96,7 @@ fn the_field_is_a_fraction_of_the_residual_network() {
 #[test]
 fn fields_are_known_by_their_former_names() {
     let former = "deformation = \"stacked\"\nmemory = 2\nreading = 5\npieces = 3\nspeed = 4.0\ntest-from = 10000\n\
-                  data-seed = 0\nevaluate-every = 3";
+                  data-seed = 0\nvalidation-every = 3";
     let config: Configuration<OdeConfig> =
         read_text("former".as_ref(), former, &[("memory".into(), "6".into())]).unwrap();
     // A seed of 0 was one, and still is.

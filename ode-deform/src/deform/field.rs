@@ -268,7 +268,9 @@ mod tests {
         for (time, layers, augment_dim, sampling) in [
             (3, 2, 0, MapSampling::Bilinear),
             (0, 3, 2, MapSampling::Bilinear),
-            (2, 2, 1, MapSampling::Floor),
+            (2, 2, 1, MapSampling::Nearest),
+            (1, 2, 0, MapSampling::Corners),
+            (0, 2, 0, MapSampling::Truncated),
             (1, 4, 0, MapSampling::Centres),
         ] {
             let mut field = field_of(time, layers, augment_dim);

@@ -37,8 +37,8 @@ pub(super) fn add_readings<'t, F: Real>(
     match sampling {
         MapSampling::Bilinear => sum.add_bilinear_samples(maps, points, Padding::Border, false),
         MapSampling::Centres => sum.add_bilinear_samples(maps, points, Padding::Zeros, true),
-        MapSampling::Floor => maps
-            .iter()
-            .fold(sum, |sum, &map| sum + pool_features(&[map], points, MapSampling::Floor)),
+        MapSampling::Nearest | MapSampling::Corners | MapSampling::Truncated => {
+            maps.iter().fold(sum, |sum, &map| sum + pool_features(&[map], points, sampling))
+        }
     }
 }
