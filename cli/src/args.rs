@@ -29,7 +29,7 @@ pub(crate) use predict::Predict;
 pub(crate) use reading::Reading;
 pub(crate) use reproduce::Reproduce;
 pub(crate) use settings::{Configuration, SystemSettings};
-use values::{LIGHTS, Light, Up, degrees, hex_color, one_of, up_axis};
+use values::{LIGHTS, Light, UpOrAuto, degrees, hex_color, one_of, up_axis};
 
 /// Images of an object in, a triangle mesh out.
 ///
@@ -160,7 +160,7 @@ pub(crate) struct Fit {
     /// Which axis is up: y, z, -y and so on; auto finds it by the cameras. The page, the turntable and mesh.glb stand
     /// upright.
     #[arg(long, value_name = "AXIS", default_value = "auto", allow_hyphen_values = true, value_parser = up_axis)]
-    pub(crate) up: Up,
+    pub(crate) up: UpOrAuto,
 }
 
 #[derive(Args, Debug)]

@@ -44,9 +44,9 @@ pub(crate) fn degrees(text: &str) -> Result<f64, String> {
 }
 
 /// Which axis is up; none where the cameras say it.
-pub(crate) type Up = Option<UpAxis>;
+pub(crate) type UpOrAuto = Option<UpAxis>;
 
-pub(crate) fn up_axis(text: &str) -> Result<Up, String> {
+pub(crate) fn up_axis(text: &str) -> Result<UpOrAuto, String> {
     match text {
         "auto" => Ok(None),
         _ => text.parse().map(Some).map_err(|error: UpAxisError| format!("{error}, or auto")),

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use autodiff_lite::{Module, Param, Tape};
-use datasets::{Layout, Views};
+use datasets::Views;
 use mesh_core::primitives::icosphere;
 use ndarray::Array4;
 use synth::{Orbit, RenderOptions, render_views};
@@ -78,7 +78,7 @@ fn views(count: usize) -> Views {
         let pixels = view.color.data.chunks_exact_mut(3).zip(&view.mask.data);
         pixels.filter(|(_, m)| **m == 0).for_each(|(pixel, _)| pixel.fill(40));
     }
-    Views { views, source: "memory".into(), layout: Layout::Memory, warnings: vec![] }
+    Views::in_memory(views)
 }
 
 /// Attention as published mixes the objects of a batch and not the views of an object; repaired, the other way round.
