@@ -47,7 +47,7 @@ const RESERVED: &[(&str, &[&str])] = &[
     ("nalgebra", &["mesh-core"]),
     ("gemm", &["autodiff-lite"]),
     ("safetensors", &["autodiff-lite"]),
-    ("zip", &["datasets", "nets"]),
+    ("zip", &["datasets", "mesh-core", "nets"]),
 ];
 
 /// Words of our own that the field has others for: folder, the word, the field's. ARCHITECTURE.md has the glossary.

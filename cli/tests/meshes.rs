@@ -62,7 +62,12 @@ fn meshes_are_converted() {
     )
     .unwrap();
     run("convert open.obj -o a.stl --faces 4").fails(3, &["open.obj", "--faces"]);
-    run("convert egg.ply -o a.3mf").fails(2, &[".stl"]);
+    run("convert egg.ply -o a.dae").fails(2, &[".stl"]);
+    // The other format of printers has the colours, and is not read.
+    let out = run("convert egg.ply -o egg.3mf --height 8cm --faces 500").ok();
+    assert!(out.stdout().contains("80.0000 millimetres, +Z is up"), "{}", out.stdout());
+    assert!(std::fs::read(path("egg.3mf")).unwrap().starts_with(b"PK"));
+    run("convert egg.3mf -o a.stl").fails(3, &["3mf"]);
     run("convert egg.ply -o a.stl --height 80").fails(2, &["80mm"]);
     run("convert egg.ply -o a.stl --height 1mm --scale 2").fails(2, &["--scale"]);
     for size in ["--scale 1e-60", "--scale 1e39", "--height 1e-60mm", "--height 1e39m"] {

@@ -37,7 +37,7 @@
 //! - **see**: [`Camera`] with every convention that data comes in, [`Distortion`], [`UpAxis`]; [`Image`], [`ByteImage`], [`DepthMap`],
 //!   [`DisparityMap`] and the [`GroundPlane`] that estimators make up
 //! - **compute** with three numbers: [`vector`]
-//! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB, STL), [`read_image`], [`write_png`], EXR depth, PFM;
+//! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB, STL; 3MF with the feature `3mf`), [`read_image`], [`write_png`], EXR depth, PFM;
 //!   module [`io`]; how much memory reading may take and what else it may open, [`Limits`]
 //!
 //! # Conventions

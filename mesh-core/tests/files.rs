@@ -101,7 +101,7 @@ fn a_damaged_mesh_is_not_written() {
         assert!(write_mesh(&path, &mesh).unwrap_err().to_string().contains("vertex 2"));
         assert!(!path.exists());
     }
-    assert!(write_mesh(folder.path().join("m.3mf"), &colored()).is_err());
+    assert!(write_mesh(folder.path().join("m.dae"), &colored()).is_err());
     assert!(read_mesh(folder.path().join("m.3mf")).is_err());
 }
 

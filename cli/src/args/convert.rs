@@ -11,14 +11,16 @@ use super::values::factor;
 
 #[derive(Args, Debug)]
 #[command(
-    after_help = "Written are .glb, .obj, .ply and .stl; read are these and .off. STL has no colours; printers take
-its numbers for millimetres and +Z for up. In all other formats +Y is up. Between the two a mesh is
-turned, so that what stands keeps standing; a file that is otherwise needs --input-up.
+    after_help = "Written are .3mf, .glb, .obj, .ply and .stl; read are .glb, .obj, .off, .ply and .stl. STL has no
+colours. Printers take the numbers of .3mf and .stl for millimetres and +Z for up. In all other
+formats +Y is up. Between the two a mesh is turned, so that what stands keeps standing; a file that
+is otherwise needs --input-up.
 
 A textured mesh becomes two more files beside an .obj: the .mtl and the .png of its name.
 
 Examples:
   unsphere convert clock/mesh.glb -o clock.stl --height 80mm   for a printer
+  unsphere convert clock/mesh.glb -o clock.3mf --height 80mm   the same, with colours
   unsphere convert part.stl -o part.glb --scale 0.001          millimetres to metres, upright again
   unsphere convert scan.ply -o small.glb --faces 5000          fewer triangles, closed as before
   unsphere convert cad.obj -o cad.glb --input-up z             from a program whose +Z is up"
@@ -26,7 +28,7 @@ Examples:
 pub(crate) struct ConvertMesh {
     /// The mesh: .obj, .ply, .glb, .off or .stl.
     pub(crate) mesh: PathBuf,
-    /// The file to write: .glb, .obj, .ply or .stl.
+    /// The file to write: .3mf, .glb, .obj, .ply or .stl.
     #[arg(long, short, value_name = "FILE", value_parser = output::mesh())]
     pub(crate) output: PathBuf,
     /// Replace what is there.
@@ -43,7 +45,7 @@ pub(crate) struct ConvertMesh {
     /// millimetres then.
     #[arg(long, value_name = "LENGTH", value_parser = millimetres)]
     pub(crate) height: Option<f64>,
-    /// Which axis is up in the file to write [default: z in .stl, else y].
+    /// Which axis is up in the file to write [default: z in .3mf and .stl, else y].
     #[arg(long, value_name = "AXIS")]
     pub(crate) up: Option<Up>,
     /// Which axis is up in the mesh that is read [default: z in .stl, else y].
@@ -62,11 +64,8 @@ pub(crate) enum Up {
 impl Up {
     /// As the programs have it that take such files.
     pub(crate) fn usual(path: &Path) -> Self {
-        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("stl")) {
-            Self::Z
-        } else {
-            Self::Y
-        }
+        let is = |ending| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+        if is("stl") || is("3mf") { Self::Z } else { Self::Y }
     }
 
     /// Which coordinate it is.

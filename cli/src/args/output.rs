@@ -69,8 +69,8 @@ pub(crate) fn folder() -> impl TypedValueParser<Value = PathBuf> {
 /// The name of a mesh file.
 pub(crate) fn mesh() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| match ending(&path).as_deref() {
-        Some("glb" | "obj" | "ply" | "stl") => Ok(path),
-        _ => Err("a mesh is written: its name ends in .glb, .obj, .ply or .stl"),
+        Some("3mf" | "glb" | "obj" | "ply" | "stl") => Ok(path),
+        _ => Err("a mesh is written: its name ends in .3mf, .glb, .obj, .ply or .stl"),
     })
 }
 

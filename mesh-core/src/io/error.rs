@@ -136,6 +136,13 @@ impl EncodeError {
     }
 }
 
+/// The endings of the formats that are written.
+const WRITTEN: &str = if cfg!(feature = "3mf") {
+    ".obj, .ply, .glb, .stl or .3mf"
+} else {
+    ".obj, .ply, .glb or .stl"
+};
+
 /// Why a file could not be written. What stood there before still stands.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -149,7 +156,7 @@ pub enum WriteError {
         source: std::io::Error,
     },
     /// The name's ending says none of the formats.
-    #[error("{}: found extension {found:?}, expected .obj, .ply, .glb or .stl", path.display())]
+    #[error("{}: found extension {found:?}, expected {WRITTEN}", path.display())]
     Extension {
         /// The file.
         path: PathBuf,

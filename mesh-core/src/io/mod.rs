@@ -1,4 +1,4 @@
-//! Mesh files: OBJ, PLY, GLB and STL in and out, each written whole or not at all; voxels as binvox.
+//! Mesh files: OBJ, PLY, GLB and STL in and out, OFF in, 3MF out, each written whole or not at all; voxels as binvox.
 //!
 //! | format | geometry | colours | texture |
 //! |---|---|---|---|
@@ -6,10 +6,11 @@
 //! | PLY | binary or ASCII | sRGB bytes | read (`TextureFile`); written as vertex colours |
 //! | GLB | binary, node transforms on reading | linear floats | PNG inside |
 //! | STL | binary; text on reading | - | - |
+//! | 3MF | XML in a ZIP archive; only written, with the feature `3mf` | sRGB bytes | PNG inside |
 //! | OFF | text, polygons; only read | passed over | - |
 //!
 //! Colours in memory are sRGB. Where a mesh has both colours and a texture, OBJ keeps both, GLB
-//! keeps the texture (a viewer would multiply the two) and PLY keeps the colours.
+//! and 3MF keep the texture (a viewer would multiply the two) and PLY keeps the colours.
 //!
 //! Readers take any bytes: what is wrong becomes an error that names the file, the line or field,
 //! what was found and what was expected; no length that a file claims is believed before the
@@ -29,6 +30,8 @@ mod open;
 pub mod ply;
 mod remark;
 pub mod stl;
+#[cfg(feature = "3mf")]
+pub mod threemf;
 
 use std::path::{Path, PathBuf};
 
@@ -69,7 +72,8 @@ pub fn read_mesh_with(
     }
 }
 
-/// Writes a mesh in the format of the path's extension; PLY is binary.
+/// Writes a mesh in the format of the path's extension: `.obj`, `.ply` (binary), `.glb`, `.stl`, and with the
+/// feature `3mf` `.3mf`.
 ///
 /// # Errors
 /// Another extension, a file that cannot be written, or a mesh with an index out of range or a
@@ -81,6 +85,8 @@ pub fn write_mesh(path: impl AsRef<Path>, mesh: &TriMesh) -> Result<(), WriteErr
         "ply" => ply::write(path, mesh, ply::Encoding::Binary),
         "glb" => glb::write(path, mesh),
         "stl" => stl::write(path, mesh),
+        #[cfg(feature = "3mf")]
+        "3mf" => threemf::write(path, mesh),
         found => Err(WriteError::Extension { path: path.to_owned(), found: found.to_owned() }),
     }
 }
