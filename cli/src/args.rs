@@ -17,7 +17,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use mesh_core::UpAxis;
 
-pub(crate) use convert::{ConvertMesh, Up};
+pub(crate) use convert::ConvertMesh;
 pub(crate) use data::{Data, DataVerb, DepthKind, Generate};
 pub(crate) use dataset::{Convert, Inspect, Validate, WrittenLayout};
 pub(crate) use depth::Depth;

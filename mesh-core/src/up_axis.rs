@@ -95,7 +95,19 @@ impl UpAxis {
         }
     }
 
-    /// The same as a matrix, by columns, as glTF has it.
+    /// The way back: a point of a world with +Y up, turned so that this axis is up.
+    pub fn laid(self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        match self {
+            Self::X => [y, -x, z],
+            Self::MinusX => [-y, x, z],
+            Self::Y => [x, y, z],
+            Self::MinusY => [x, -y, -z],
+            Self::Z => [x, -z, y],
+            Self::MinusZ => [x, z, -y],
+        }
+    }
+
+    /// [`upright`](Self::upright) as a matrix, by columns, as glTF has it.
     pub(crate) fn columns(self) -> [[f32; 3]; 3] {
         [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| self.upright(axis))
     }
@@ -107,11 +119,22 @@ impl TriMesh {
     pub fn upright(self, up: UpAxis) -> Self {
         if up == UpAxis::Y { self } else { self.map_positions(|p| up.upright(p)) }
     }
+
+    /// The mesh of a world with +Y up, turned so that this axis is up: the way back from [`upright`](Self::upright).
+    #[must_use]
+    pub fn laid(self, up: UpAxis) -> Self {
+        if up == UpAxis::Y { self } else { self.map_positions(|p| up.laid(p)) }
+    }
 }
 
+/// `+Z`, as people write it.
 impl fmt::Display for UpAxis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
+        let (sign, axis) = match self.name().strip_prefix('-') {
+            Some(axis) => ('-', axis),
+            None => ('+', self.name()),
+        };
+        write!(f, "{sign}{}", axis.to_uppercase())
     }
 }
 
@@ -146,6 +169,8 @@ mod tests {
             let columns = axis.columns().map(|c| Vector3::from(c).cast::<f64>());
             assert_eq!(Matrix3::from_columns(&columns).determinant(), 1.0, "{axis}");
             assert_eq!(axis.name().parse(), Ok(axis));
+            assert_eq!(axis.to_string().to_lowercase().trim_start_matches('+'), axis.name());
+            assert_eq!(axis.laid(axis.upright([1.0, 2.0, 3.0])), [1.0, 2.0, 3.0]);
         }
         assert!("up".parse::<UpAxis>().unwrap_err().to_string().contains("-z"));
     }

@@ -1,10 +1,9 @@
 //! `unsphere convert`.
 
-use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
-use serde::Serialize;
+use clap::Args;
+use mesh_core::UpAxis;
 
 use super::output;
 use super::values::factor;
@@ -46,44 +45,11 @@ pub(crate) struct ConvertMesh {
     #[arg(long, value_name = "LENGTH", value_parser = millimetres)]
     pub(crate) height: Option<f64>,
     /// Which axis is up in the file to write [default: z in .3mf and .stl, else y].
-    #[arg(long, value_name = "AXIS")]
-    pub(crate) up: Option<Up>,
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
+    pub(crate) up: Option<UpAxis>,
     /// Which axis is up in the mesh that is read [default: z in .stl, else y].
-    #[arg(long, value_name = "AXIS")]
-    pub(crate) input_up: Option<Up>,
-}
-
-/// The axis that is up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum Up {
-    Y,
-    Z,
-}
-
-impl Up {
-    /// As the programs have it that take such files.
-    pub(crate) fn usual(path: &Path) -> Self {
-        let is = |ending| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
-        if is("stl") || is("3mf") { Self::Z } else { Self::Y }
-    }
-
-    /// Which coordinate it is.
-    pub(crate) fn index(self) -> usize {
-        match self {
-            Self::Y => 1,
-            Self::Z => 2,
-        }
-    }
-}
-
-impl fmt::Display for Up {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Y => "+Y",
-            Self::Z => "+Z",
-        })
-    }
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
+    pub(crate) input_up: Option<UpAxis>,
 }
 
 /// A length with its unit, in millimetres.

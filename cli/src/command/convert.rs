@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use mesh_core::{TriMesh, simplify, write_mesh};
+use mesh_core::{TriMesh, UpAxis, simplify, write_mesh};
 use serde::Serialize;
 
-use crate::args::{ConvertMesh, Up};
+use crate::args::ConvertMesh;
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::mesh_file::read_mesh;
@@ -19,7 +19,7 @@ struct Converted<'a> {
     /// Along x, y and z of the file, in its numbers.
     size: [f64; 3],
     /// The axis that is up in the file.
-    up: Up,
+    up: &'static str,
     /// What its numbers are, where that is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     unit: Option<&'static str>,
@@ -42,13 +42,13 @@ pub(crate) fn run(console: Console, arguments: &ConvertMesh) -> Result<(), Failu
     if let Some(faces) = fewer {
         mesh = simplified(console, mesh, faces, input)?;
     }
-    let from = arguments.input_up.unwrap_or_else(|| Up::usual(input));
-    let up = arguments.up.unwrap_or_else(|| Up::usual(output));
-    let mesh = turned(mesh, from, up);
-    let (mesh, unit) = sized(mesh, up, arguments)?;
+    let from = arguments.input_up.unwrap_or_else(|| usual(input));
+    let up = arguments.up.unwrap_or_else(|| usual(output));
+    let (mesh, unit) = sized(mesh.upright(from), arguments)?;
+    let mesh = mesh.laid(up);
     write_mesh(output, &mesh).map_err(Failure::other)?;
     let (vertices, faces, size) = (mesh.positions.len(), mesh.faces.len(), size_of(&mesh));
-    console.result(&Converted { output, vertices, faces, size, up, unit }, |found| {
+    console.result(&Converted { output, vertices, faces, size, up: up.name(), unit }, |found| {
         let [x, y, z] = found.size;
         let unit = found.unit.map_or_else(String::new, |unit| format!(" {unit}"));
         format!(
@@ -101,26 +101,21 @@ fn simplified(
     Ok(small)
 }
 
-/// What is up stays up under its other name.
-fn turned(mesh: TriMesh, from: Up, up: Up) -> TriMesh {
-    match (from, up) {
-        (Up::Y, Up::Z) => mesh.map_positions(|[x, y, z]| [x, -z, y]),
-        (Up::Z, Up::Y) => mesh.map_positions(|[x, y, z]| [x, z, -y]),
-        (Up::Y, Up::Y) | (Up::Z, Up::Z) => mesh,
-    }
+/// Which axis is up for the programs that take such files.
+fn usual(path: &Path) -> UpAxis {
+    if is(path, "stl") || is(path, "3mf") { UpAxis::Z } else { UpAxis::Y }
 }
 
-/// The mesh in the size that is asked for, and what its unit is then.
+/// The mesh, which stands upright, in the size that is asked for, and what its unit is then.
 fn sized(
     mesh: TriMesh,
-    up: Up,
     arguments: &ConvertMesh,
 ) -> Result<(TriMesh, Option<&'static str>), Failure> {
     let (option, factor, unit) = if let Some(height) = arguments.height {
         // A unit of its own has only GLB.
         let (unit, size) =
             if is(&arguments.output, "glb") { ("metres", 0.001) } else { ("millimetres", 1.0) };
-        let now = size_of(&mesh)[up.index()];
+        let now = size_of(&mesh)[1];
         if now <= 0.0 {
             let input = arguments.mesh.display();
             return Err(Failure::Input(format!("{input}: it has no height: it is flat")));
