@@ -1,5 +1,4 @@
 //! Saving, loading, resuming.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use autodiff_lite::optim::{Adam, Sgd};
 use autodiff_lite::state::{LoadError, Mismatch, State, load, save};

@@ -1,6 +1,5 @@
 //! Sizes whose products wrap, given to every kernel behind which there are pointers: a panic, in
 //! builds without overflow checks too, and no access beyond a slice.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 

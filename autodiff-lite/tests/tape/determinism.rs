@@ -1,5 +1,4 @@
 //! The same seed gives the same bits on one, two and three threads.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use autodiff_lite::optim::Adam;
 use autodiff_lite::state::State;
