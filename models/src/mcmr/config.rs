@@ -129,7 +129,7 @@ train::options! {
         pub data_seed: Option<u64> = None, in ..=LARGEST;
         /// Procedural objects of each family to train on when no data is given, each with one photograph.
         pub objects: usize = 100, in 1..=100_000;
-        /// Others of each family by which is chosen in training; without, half as many as `test-objects`.
+        /// Others of each family for validation, by which checkpoints are chosen; without, half as many as `test-objects`.
         #[serde(with = "train::settings::optional")]
         pub validation_objects: Option<usize> = None, in 1..=100_000;
         /// Others of each family that are scored at the end.
