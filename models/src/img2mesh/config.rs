@@ -5,6 +5,8 @@ use synth::families_named;
 use train::Summary;
 use train::settings::{LARGEST, Options as _};
 
+use crate::parts::counts;
+
 train::options! {
     /// Options of the model, its losses and its data. Lengths are relative to the frame of the data, in
     /// which the object has about radius 1.
@@ -173,8 +175,7 @@ impl Img2MeshConfig {
 
     /// Procedural objects of each family for training, validation and test.
     pub(super) fn counts(&self, objects: usize) -> [usize; 3] {
-        let validation = self.validation_objects.unwrap_or(self.test_objects.div_ceil(2));
-        [objects, validation, self.test_objects]
+        counts(objects, self.validation_objects, self.test_objects)
     }
 
     /// What is wrong, one sentence each; empty when nothing is.

@@ -4,6 +4,8 @@ use serde::{Deserialize, Serialize};
 use synth::{PoseNoise, families_named};
 use train::settings::{LARGEST, Options as _, above_to};
 
+use crate::parts::counts;
+
 train::options! {
     /// Options of [`Mcmr`](super::Mcmr), in one table with those of the training loop.
     pub struct McmrConfig {
@@ -171,8 +173,7 @@ impl McmrConfig {
 
     /// Procedural objects of each family for training, validation and test.
     pub(super) fn counts(&self) -> [usize; 3] {
-        let validation = self.validation_objects.unwrap_or(self.test_objects.div_ceil(2));
-        [self.objects, validation, self.test_objects]
+        counts(self.objects, self.validation_objects, self.test_objects)
     }
 
     /// What is wrong, one sentence each; empty when nothing is.

@@ -3,6 +3,8 @@
 use synth::families_named;
 use train::settings::LARGEST;
 
+use crate::parts::counts;
+
 train::options! {
     /// Options of the data, in one table with those of the system that learns from it.
     ///
@@ -46,8 +48,7 @@ impl PairsConfig {
 
     /// Procedural objects of each family for training, validation and test.
     pub(super) fn counts(&self) -> [usize; 3] {
-        let validation = self.validation_objects.unwrap_or(self.test_objects.div_ceil(2));
-        [self.objects, validation, self.test_objects]
+        counts(self.objects, self.validation_objects, self.test_objects)
     }
 
     /// What is wrong beside ranges, one sentence each.
