@@ -35,6 +35,12 @@ pub(crate) fn wanted(parts: &Subsets, subset: Subset) -> Result<&[usize], DataEr
     Ok(found)
 }
 
+/// Procedural objects of a family for training, validation and test. Validation is scored again and again: without a number
+/// of its own it has half of the tests'.
+pub(crate) fn counts(train: usize, validation: Option<usize>, test: usize) -> [usize; 3] {
+    [train, validation.unwrap_or_else(|| test.div_ceil(2)), test]
+}
+
 /// What there is to say of them.
 pub(crate) fn summary(parts: &Subsets, unit: &'static str) -> DataSummary {
     let sizes = Subset::ALL.map(|subset| listed(parts, subset).len());

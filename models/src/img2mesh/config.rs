@@ -5,6 +5,8 @@ use synth::families_named;
 use train::Summary;
 use train::settings::{LARGEST, Options as _, above_to};
 
+use crate::parts::counts;
+
 train::options! {
     /// Options of the model, its losses and its data. Lengths are relative to the frame of the data, in
     /// which the object has about radius 1.
@@ -89,10 +91,10 @@ train::options! {
         pub sigma_inv: f64 = 7000.0, in 1.0..=1e6;
         /// How far the soft silhouette reaches, NDC.
         pub reach: f64 = 0.02, in 1e-3..=2.0;
-        /// One of so many views of a single object, every so many-th, or of so many objects where the data has no lists of
-        /// its own, by a hash of its name, is held out: half of these for validation, half for tests. Without, scores are
-        /// of what was trained on. Of a single object each half should have more views than are given: where no other is
-        /// left, the given ones are scored.
+        /// Of a single object every so many-th view is held out; of many, where the data has no lists of its own, one of so
+        /// many by a hash of its name. Half of these are for validation, half for tests; without, scores are of what was
+        /// trained on. Each half of the views should be more than are given: where no other is left, the given ones are
+        /// scored.
         #[serde(with = "train::settings::optional")]
         pub hold_out: Option<usize> = Some(5), in 2..=LARGEST as usize;
         /// Views that are made of a clock when no data is given, or of each object.
@@ -110,7 +112,7 @@ train::options! {
         /// How far each of them may be set down beside the middle along each axis, in lengths of an object: where it
         /// is can only be known with the cameras.
         pub placed: f64 = 0.0, in 0.0..=1.0;
-        /// Others of each family by which is chosen in training; without, half as many as `test-objects`.
+        /// Others of each family for validation, by which checkpoints are chosen; without, half as many as `test-objects`.
         #[serde(with = "train::settings::optional")]
         pub validation_objects: Option<usize> = None, in 1..=100_000;
         /// Others of each family that are scored at the end.
@@ -189,8 +191,7 @@ impl Img2MeshConfig {
 
     /// Procedural objects of each family for training, validation and test.
     pub(super) fn counts(&self, objects: usize) -> [usize; 3] {
-        let validation = self.validation_objects.unwrap_or(self.test_objects.div_ceil(2));
-        [objects, validation, self.test_objects]
+        counts(objects, self.validation_objects, self.test_objects)
     }
 
     /// What is wrong, one sentence each; empty when nothing is.

@@ -4,6 +4,8 @@ use serde::{Deserialize, Serialize};
 use synth::{PoseNoise, families_named};
 use train::settings::{LARGEST, Options as _, above_to};
 
+use crate::parts::counts;
+
 train::options! {
     /// Options of [`Mcmr`](super::Mcmr), in one table with those of the training loop.
     pub struct McmrConfig {
@@ -136,7 +138,7 @@ train::options! {
         pub data_seed: Option<u64> = None, in ..=LARGEST;
         /// Procedural objects of each family to train on when no data is given, each with one photograph.
         pub objects: usize = 100, in 1..=100_000;
-        /// Others of each family by which is chosen in training; without, half as many as `test-objects`.
+        /// Others of each family for validation, by which checkpoints are chosen; without, half as many as `test-objects`.
         #[serde(with = "train::settings::optional")]
         pub validation_objects: Option<usize> = None, in 1..=100_000;
         /// Others of each family that are scored at the end.
@@ -178,8 +180,7 @@ impl McmrConfig {
 
     /// Procedural objects of each family for training, validation and test.
     pub(super) fn counts(&self) -> [usize; 3] {
-        let validation = self.validation_objects.unwrap_or(self.test_objects.div_ceil(2));
-        [self.objects, validation, self.test_objects]
+        counts(self.objects, self.validation_objects, self.test_objects)
     }
 
     /// What is wrong, one sentence each; empty when nothing is.

@@ -3,6 +3,8 @@
 use synth::families_named;
 use train::settings::LARGEST;
 
+use crate::parts::counts;
+
 train::options! {
     /// Options of the data, in one table with those of the system that learns from it.
     ///
@@ -28,7 +30,7 @@ train::options! {
         pub data_seed: Option<u64> = None, in ..=LARGEST;
         /// Procedural objects of each family to train on when no data is given.
         pub objects: usize = 100, in 1..=100_000;
-        /// Others of each family by which is chosen in training; without, half as many as `test-objects`.
+        /// Others of each family for validation, by which checkpoints are chosen; without, half as many as `test-objects`.
         #[serde(with = "train::settings::optional")]
         pub validation_objects: Option<usize> = None, in 1..=100_000;
         /// Others of each family that are scored at the end.
@@ -46,8 +48,7 @@ impl PairsConfig {
 
     /// Procedural objects of each family for training, validation and test.
     pub(super) fn counts(&self) -> [usize; 3] {
-        let validation = self.validation_objects.unwrap_or(self.test_objects.div_ceil(2));
-        [self.objects, validation, self.test_objects]
+        counts(self.objects, self.validation_objects, self.test_objects)
     }
 
     /// What is wrong beside ranges, one sentence each.
