@@ -86,6 +86,6 @@ mod tests {
         assert_eq!(of("normalize").info.expected, "true or false");
         assert_eq!(of("learning-rate").published.as_ref().unwrap().value, "0.00001");
         assert!(options.iter().all(|option| !option.info.expected.is_empty()), "{options:?}");
-        assert!(text(&options).contains("published: 7000.0 (kaolin's default)"));
+        assert!(text(&options).contains("published: 7000.0 (kaolin's dibr_rasterization.py"));
     }
 }

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use autodiff_lite::{Module, Param, Tape};
-use datasets::Views;
+use datasets::{ReadOptions, Views};
 use mesh_core::primitives::icosphere;
 use ndarray::Array4;
 use synth::{Orbit, RenderOptions, render_views};
@@ -200,4 +200,17 @@ fn published_rules_draw_no_back_faces() {
     assert_eq!(["true", "false"].map(|rules| in_the_middle(rules, 1.0)), [1.0, 1.0]);
     assert_eq!(in_the_middle("false", -1.0), 1.0);
     assert!(in_the_middle("true", -1.0) < 0.9);
+}
+
+/// Radius 0.6 is the published 37.5 because the clock's frame is as wide as 62.5 of its units.
+#[test]
+#[ignore = "needs UNSPHERE_DATA"]
+fn the_clocks_frame_is_62_and_a_half_units_wide() {
+    let folder =
+        std::env::var("UNSPHERE_DATA").expect("UNSPHERE_DATA names a folder of real inputs");
+    let path = std::path::Path::new(&folder).join("rendered_clock/views_256");
+    let views = datasets::read_views(&path, &ReadOptions::default(), &|_, _| ()).unwrap();
+    let config = paper(&[("image-size", "32"), ("render-size", "32")]);
+    let frame = Data::one(&views, &config).unwrap().frame(&config).unwrap();
+    assert!((frame[3] / 62.5 - 1.0).abs() < 0.02, "{frame:?}");
 }
