@@ -32,3 +32,47 @@ fn folders_with_something_else_are_left_alone() {
     refused.fails(1, &["`scale = full`", "`scale = quick`", "--force"]);
     assert_eq!(std::fs::read_dir(&out).unwrap().count(), 2);
 }
+
+#[test]
+fn what_it_takes_is_said_before_it_begins() {
+    let place = tempfile::tempdir().unwrap();
+    let plan = |arguments: &[&str]| {
+        let arguments = [&["reproduce", "--plan"], arguments].concat();
+        unsphere(place.path(), arguments).ok().stdout()
+    };
+    let one = plan(&["img2mesh"]);
+    assert!(one.contains("img2mesh cnn-2") && one.contains("3 seeds") && one.contains(" h"), "{one}");
+    let all = plan(&[]);
+    for part in ["depth-table rcnn-rgb", "ode-table2 res-deep", "everything"] {
+        assert!(all.contains(part), "{part}: {all}");
+    }
+    assert!(!all.contains("mcmr-cub"), "needs data: {all}");
+    let tenth = plan(&["img2mesh", "ode-table2", "--scale", "tenth"]);
+    assert!(tenth.contains("2 seeds") && !tenth.contains("3 seeds"), "{tenth}");
+    let only = plan(&["img2mesh", "--only", "cnn-2", "--seeds", "5"]);
+    assert!(only.contains("5 seeds") && !only.contains("cnn-3"), "{only}");
+    assert_eq!(std::fs::read_dir(place.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn what_does_not_go_together_is_said() {
+    let place = tempfile::tempdir().unwrap();
+    let refused = |arguments: &[&str], parts: &[&str]| {
+        let arguments = [&["reproduce"], arguments].concat();
+        unsphere(place.path(), arguments).fails(2, parts);
+    };
+    refused(&["img2mesh", "ode-table2"], &["only --plan takes several", "all"]);
+    refused(&["all", "--only", "cnn-2"], &["one study"]);
+    refused(&["img2mesh", "--quick", "--scale", "tenth"], &["--scale"]);
+    refused(&["img2mesh", "--scale", "half"], &["half", "tenth"]);
+    let unknown = unsphere(place.path(), ["reproduce", "img2mesh", "--only", "cnn-9", "-o", "out"]);
+    unknown.fails(1, &["cnn-9", "cnn-2"]);
+    assert!(!place.path().join("out").exists());
+    let missing = unsphere(place.path(), ["reproduce", "img2mesh", "--report", "none.json"]);
+    missing.fails(1, &["none.json"]);
+    std::fs::write(place.path().join("other.json"), "{\"format\": 3}").unwrap();
+    let other = unsphere(place.path(), ["reproduce", "img2mesh", "--report", "other.json"]);
+    other.fails(3, &["other.json", "`format`"]);
+    let merge = unsphere(place.path(), ["reproduce", "img2mesh", "--merge", "nothing", "-o", "out"]);
+    merge.fails(1, &["nothing", "holds no results"]);
+}

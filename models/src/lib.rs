@@ -36,10 +36,12 @@ pub mod paired;
 pub mod pixel2mesh;
 pub mod predict;
 
+mod mesh_pairs;
 mod registry;
 mod stacked;
 #[cfg(test)]
 mod testing;
 mod view_cache;
 
+pub use mesh_pairs::{MeshPair, MeshPairs};
 pub use registry::{Registry, register};

@@ -205,6 +205,16 @@ impl Data {
         }
     }
 
+    /// The names of the objects that are scored; of one object's views there is none.
+    pub(super) fn scored_names(&self) -> Vec<String> {
+        let Objects::Many(cache) = &self.objects else { return Vec::new() };
+        let name = |&object: &usize| {
+            let entry = &cache.entries()[object];
+            format!("{}/{}", entry.category, entry.name)
+        };
+        self.held.iter().map(name).collect()
+    }
+
     /// How many groups are scored, with `views` given in each.
     pub(super) fn trials(&self, views: usize) -> usize {
         match &self.objects {

@@ -16,6 +16,7 @@
 mod config;
 mod continuous;
 mod deformer;
+mod mesh_pairs;
 mod predictor;
 mod score;
 mod single_view;

@@ -4,6 +4,7 @@ use losses::metrics::point_distances;
 use models::paired::Pairs;
 use models::pixel2mesh::{Method, OdeConfig, OdePixel2Mesh, Scored};
 
+use super::by_object;
 use crate::{Cell, Row, StudyError};
 
 /// The names of the tables.
@@ -37,15 +38,21 @@ pub(super) fn finer(
     config: &OdeConfig,
     data: &Pairs,
 ) -> Result<Row, StudyError> {
-    let chamfer = |step: f64, method: Method| -> Result<f64, StudyError> {
+    let chamfer = |name: &str, step: f64, method: Method| -> Result<Cell, StudyError> {
         let other = OdeConfig { step: [step, step], method, ..config.clone() };
-        Ok(system.with_config(&other).scored(data)?.mean().chamfer)
+        Ok(distance(name, data, &system.with_config(&other).scored(data)?))
     };
     let mut row = Row::new(FINER, label);
     for (name, step) in STEPS {
-        row = row.with(Cell::plain(name, chamfer(step, config.method)?, 3));
+        row = row.with(chamfer(name, step, config.method)?);
     }
-    Ok(row.with(Cell::plain("Euler, 0.25", chamfer(0.25, Method::Euler)?, 3)))
+    Ok(row.with(chamfer("Euler, 0.25", 0.25, Method::Euler)?))
+}
+
+/// Its Chamfer distance, by object too.
+fn distance(column: &str, data: &Pairs, scored: &Scored) -> Cell {
+    let cell = Cell::smaller(column, scored.mean().chamfer, 3);
+    cell.over(by_object(data, scored, |scores| scores.chamfer))
 }
 
 /// The claim of the abstract, that the number of deformations adapts; and very small steps.
@@ -72,7 +79,7 @@ pub(super) fn adaptively(
         let most = counts.iter().copied().fold(0.0, f64::max);
         let correlation = rank_correlation(&complexities, &counts);
         let row = Row::new(ADAPTIVE, label)
-            .with(Cell::smaller("CD", found.mean().chamfer, 3))
+            .with(distance("CD", data, &found))
             .with(Cell::plain("evaluations", found.evaluations(), 1))
             .with(Cell::plain("least", least, 0))
             .with(Cell::plain("most", most, 0))
@@ -88,7 +95,7 @@ pub(super) fn adaptively(
     let found = system.with_config(&small).scored(data)?;
     rows.push(
         Row::new(ADAPTIVE, "Euler, steps of U(0.001, 0.005)'s mean")
-            .with(Cell::smaller("CD", found.mean().chamfer, 3))
+            .with(distance("CD", data, &found))
             .with(Cell::plain("evaluations", found.evaluations(), 1)),
     );
     Ok(rows)
