@@ -41,7 +41,10 @@ fn what_it_takes_is_said_before_it_begins() {
         unsphere(place.path(), arguments).ok().stdout()
     };
     let one = plan(&["img2mesh"]);
-    assert!(one.contains("img2mesh cnn-2") && one.contains("3 seeds") && one.contains(" h"), "{one}");
+    assert!(
+        one.contains("img2mesh cnn-2") && one.contains("3 seeds") && one.contains(" h"),
+        "{one}"
+    );
     let all = plan(&[]);
     for part in ["depth-table rcnn-rgb", "ode-table2 res-deep", "everything"] {
         assert!(all.contains(part), "{part}: {all}");
@@ -73,6 +76,7 @@ fn what_does_not_go_together_is_said() {
     std::fs::write(place.path().join("other.json"), "{\"format\": 3}").unwrap();
     let other = unsphere(place.path(), ["reproduce", "img2mesh", "--report", "other.json"]);
     other.fails(3, &["other.json", "`format`"]);
-    let merge = unsphere(place.path(), ["reproduce", "img2mesh", "--merge", "nothing", "-o", "out"]);
+    let merge =
+        unsphere(place.path(), ["reproduce", "img2mesh", "--merge", "nothing", "-o", "out"]);
     merge.fails(1, &["nothing", "holds no results"]);
 }

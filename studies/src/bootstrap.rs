@@ -28,9 +28,9 @@ const SEED: u64 = 1979;
 
 /// Student's two-sided 95 % points by degrees of freedom, from 1 on.
 const STUDENT: [f64; 30] = [
-    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145,
-    2.131, 2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048,
-    2.045, 2.042,
+    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,
+    2.145, 2.131, 2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056,
+    2.052, 2.048, 2.045, 2.042,
 ];
 
 /// A figure with the ends of its 95 % interval.
@@ -173,7 +173,12 @@ mod tests {
 
     /// Seeds whose objects share what the seed does to both sides, whose difference has the mean `gain`, and varies from seed
     /// to seed by `between` and from object to object by 1.
-    fn drawn(rng: &mut ChaCha8Rng, [seeds, objects]: [usize; 2], between: f64, gain: f64) -> Vec<Paired> {
+    fn drawn(
+        rng: &mut ChaCha8Rng,
+        [seeds, objects]: [usize; 2],
+        between: f64,
+        gain: f64,
+    ) -> Vec<Paired> {
         (0..seeds)
             .map(|_| {
                 let of_seed = gain + between * normal(rng);
@@ -237,7 +242,9 @@ mod tests {
         let seeds = [1.0, 2.0, 3.0].map(|own| Paired::single(own, 0.0));
         let found = interval(&seeds, Statistic::Difference).unwrap();
         let half = 4.303 / 3.0_f64.sqrt();
-        assert!((found.low - (2.0 - half)).abs() < 1e-12 && (found.high - (2.0 + half)).abs() < 1e-12);
+        assert!(
+            (found.low - (2.0 - half)).abs() < 1e-12 && (found.high - (2.0 + half)).abs() < 1e-12
+        );
         assert_eq!(student_point(1), None);
         assert_eq!(student_point(99), Some(&2.042));
     }

@@ -126,7 +126,11 @@ pub struct Comparison {
 
 impl Score {
     /// A column of a row.
-    pub fn new(table: impl Into<String>, row: impl Into<String>, column: impl Into<String>) -> Self {
+    pub fn new(
+        table: impl Into<String>,
+        row: impl Into<String>,
+        column: impl Into<String>,
+    ) -> Self {
         Self { table: table.into(), rows: vec![row.into()], column: column.into() }
     }
 

@@ -59,7 +59,8 @@ pub fn measured(study: &dyn Study, results: &Results) -> String {
         let of = || results.jobs.iter().filter(|record| record.job == job.id);
         let count = of().count().max(1) as f64;
         let training = of().map(|record| record.training).sum::<f64>() / count;
-        let beside = of().map(|record| (record.seconds - record.training).max(0.0)).sum::<f64>() / count;
+        let beside =
+            of().map(|record| (record.seconds - record.training).max(0.0)).sum::<f64>() / count;
         if of().next().is_some() {
             let step = training / job.length.max(1) as f64;
             let _ = writeln!(text, "{} {} {step:.4} {beside:.1}", study.name(), job.id);
@@ -102,7 +103,11 @@ mod tests {
         assert_eq!(of(&Order::default()), [(1, Some(70.0)), (1, None)]);
         let order = Order { scale: Scale::Tenth, ..Order::default() };
         assert_eq!(of(&order), [(2, Some(50.0)), (2, None)]);
-        let order = Order { seeds: Seeds::Listed(vec![4, 5, 6]), only: vec!["one".into()], ..Order::default() };
+        let order = Order {
+            seeds: Seeds::Listed(vec![4, 5, 6]),
+            only: vec!["one".into()],
+            ..Order::default()
+        };
         assert_eq!(of(&order), [(3, Some(210.0))]);
     }
 

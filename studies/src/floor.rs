@@ -9,7 +9,7 @@ use crate::claim::Score;
 use crate::results::Results;
 
 /// How many times the error that was found a row may have.
-pub const SLACK: f64 = 1.3;
+pub(crate) const SLACK: f64 = 1.3;
 
 /// A bound on a row's error.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,7 +62,8 @@ impl Floor {
             let sum: f64 = samples.iter().map(|sample| sample.value).sum();
             (!samples.is_empty()).then(|| sum / samples.len() as f64)
         };
-        let said = |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |v| format!("{v:.3}"));
+        let said =
+            |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |v| format!("{v:.3}"));
         let way = if self.found < self.perfect { "at least" } else { "at most" };
         let bound = self.bound();
         let reaching = rows.iter().map(|row| {

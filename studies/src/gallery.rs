@@ -11,7 +11,7 @@ use synth::{Lighting, RenderOptions};
 use train::DataError;
 
 /// Objects that are shown.
-pub const SHOWN: usize = 12;
+pub(crate) const SHOWN: usize = 12;
 /// Sides of each.
 const SIDES: usize = 3;
 /// Side of one image, pixels.
@@ -53,7 +53,8 @@ pub(crate) fn sheets(objects: &[MeshPair]) -> Option<[ByteImage; 2]> {
     for (column, object) in objects.iter().enumerate() {
         let Some(bounds) = object.truth.bounds() else { continue };
         for (row, camera) in orbit(bounds, SIDES, ELEVATION, SIDE).iter().enumerate() {
-            for (sheet, mesh) in sheets.iter_mut().zip([object.mesh.as_ref(), Some(&object.truth)]) {
+            for (sheet, mesh) in sheets.iter_mut().zip([object.mesh.as_ref(), Some(&object.truth)])
+            {
                 let view = mesh.and_then(|mesh| seen_from(mesh, camera, &options()).ok());
                 if let Some(view) = view {
                     put(sheet, &view.color, [row * SIDE, column * SIDE]);

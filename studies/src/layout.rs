@@ -15,7 +15,9 @@ pub(crate) fn laid_out(value: &Value) -> String {
 
 fn write(value: &Value, indent: usize, text: &mut String) {
     let entries: Vec<(Option<&String>, &Value)> = match value {
-        Value::Array(items) if depth(value) > FLAT => items.iter().map(|item| (None, item)).collect(),
+        Value::Array(items) if depth(value) > FLAT => {
+            items.iter().map(|item| (None, item)).collect()
+        }
         Value::Object(fields) if depth(value) > FLAT => {
             fields.iter().map(|(name, field)| (Some(name), field)).collect()
         }

@@ -95,8 +95,11 @@ fn write_table(table: &Table, body: &mut String) {
         let _ = write!(body, "<tr><th>{}</th>", escape(&row.label));
         for column in 0..table.columns.len() {
             let cell = table.cell(row, column);
-            let mean =
-                if table.is_best(row, column) { format!("<b>{}</b>", cell.mean) } else { cell.mean };
+            let mean = if table.is_best(row, column) {
+                format!("<b>{}</b>", cell.mean)
+            } else {
+                cell.mean
+            };
             let _ = write!(
                 body,
                 "<td>{mean}<small>{}{}</small>{}</td>",
@@ -124,7 +127,8 @@ fn write_pictures(pages: &Pages<'_>, table: &str, body: &mut String) {
         all.filter(move |(_, picture)| picture.kind == kind)
     };
     if let Some((_, truth)) = of(PictureKind::Truth).next() {
-        let caption = format!("Objects of the test, drawn by the seed, from three sides: {}.", truth.caption);
+        let caption =
+            format!("Objects of the test, drawn by the seed, from three sides: {}.", truth.caption);
         write_picture(pages, truth, &caption, body);
     }
     for (row, picture) in of(PictureKind::Predicted) {

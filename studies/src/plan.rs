@@ -38,7 +38,10 @@ impl PlannedJob {
 
 impl Plan {
     /// Jobs whose rows are called as they are.
-    pub fn of<I: Into<String>>(jobs: impl IntoIterator<Item = I>, settings: impl Into<String>) -> Self {
+    pub fn of<I: Into<String>>(
+        jobs: impl IntoIterator<Item = I>,
+        settings: impl Into<String>,
+    ) -> Self {
         let job = |id: I| {
             let id = id.into();
             PlannedJob { label: id.clone(), id, length: 0 }

@@ -7,8 +7,8 @@ use train::settings::{read_text, to_toml};
 use train::{Configuration, DataError, Metric, Source, System};
 
 use super::error::StudyError;
-use super::row::{Cell, Row};
 use super::plan::{Plan, PlannedJob};
+use super::row::{Cell, Row};
 use super::scale::Scale;
 use super::work::{Trained, Watch, Work};
 

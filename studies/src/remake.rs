@@ -21,7 +21,7 @@ pub fn remake(study: &dyn Study, from: &Path, out: &Path) -> Result<Reproduced, 
         let problem = format!("it is of {}, expected {}", results.study, study.name());
         return Err(ReproduceError::NoResults { path, problem });
     }
-    let root = path.parent().unwrap_or(Path::new(""));
+    let root = path.parent().unwrap_or_else(|| Path::new(""));
     let pages = Pages::of(study, &results, root);
     write(&pages, out)?;
     Ok(Reproduced::of(pages, false, 0.0))

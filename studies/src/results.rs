@@ -156,8 +156,16 @@ impl Results {
         let settings = format!("{:016x}", Fingerprint::new().with(settings.as_bytes()).value());
         let command = order.provenance.command.clone();
         let (study, format) = (study.to_owned(), FORMAT.to_owned());
-        let mut results =
-            Self { format, study, scale: order.scale, data, settings, command, left, ..Self::default() };
+        let mut results = Self {
+            format,
+            study,
+            scale: order.scale,
+            data,
+            settings,
+            command,
+            left,
+            ..Self::default()
+        };
         for kept in kept {
             results.add(kept);
         }
@@ -196,7 +204,8 @@ impl Results {
                 let (better, decimals) = (cell.better, cell.decimals);
                 self.columns.push(ColumnRecord { table, name, better, decimals });
             }
-            let (names, values): (Vec<String>, Vec<Option<f64>>) = cell.objects.iter().cloned().unzip();
+            let (names, values): (Vec<String>, Vec<Option<f64>>) =
+                cell.objects.iter().cloned().unzip();
             cells.push(CellRecord {
                 column: cell.column.clone(),
                 value: cell.value.and_then(|value| rounded(value, DIGITS[0])),
@@ -263,7 +272,8 @@ impl Results {
         if value["format"] != FORMAT {
             return Err(unfit(format!("`format` is {}, expected {FORMAT:?}", value["format"])));
         }
-        let results: Self = serde_json::from_value(value).map_err(|error| unfit(error.to_string()))?;
+        let results: Self =
+            serde_json::from_value(value).map_err(|error| unfit(error.to_string()))?;
         results.check().map_err(unfit)?;
         Ok(results)
     }

@@ -120,7 +120,13 @@ impl Cell {
 
     /// A value that is neither better nor worse.
     pub fn plain(column: impl Into<String>, value: f64, decimals: usize) -> Self {
-        Self { column: column.into(), value: Some(value), better: None, decimals, objects: Vec::new() }
+        Self {
+            column: column.into(),
+            value: Some(value),
+            better: None,
+            decimals,
+            objects: Vec::new(),
+        }
     }
 
     /// With the values that it is the mean of, by object. Several values of an object become their mean.
@@ -136,7 +142,8 @@ impl Cell {
         }
         let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
         let objects = objects.into_iter().map(|(name, values)| (name, Some(mean(values))));
-        let objects = objects.map(|(name, value)| (name, value.filter(|v| v.is_finite()))).collect();
+        let objects =
+            objects.map(|(name, value)| (name, value.filter(|v| v.is_finite()))).collect();
         Self { objects, ..self }
     }
 

@@ -101,7 +101,11 @@ pub fn reproduce(
 ) -> Result<Reproduced, ReproduceError> {
     let plan = study.plan(order.scale);
     let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
-    assert!(plan.ids().all(|id| id.chars().all(plain)), "reproduce: names of jobs: {:?}", plan.jobs);
+    assert!(
+        plan.ids().all(|id| id.chars().all(plain)),
+        "reproduce: names of jobs: {:?}",
+        plan.jobs
+    );
     let known = |job: &&String| plan.ids().any(|id| id == job.as_str());
     if let Some(job) = order.only.iter().find(|job| !known(job)) {
         let known = plan.ids().collect::<Vec<_>>().join(", ");
@@ -169,7 +173,8 @@ impl StudyRunner<'_> {
         let all: Vec<(&String, Vec<u64>)> =
             self.plan.jobs.iter().map(|job| (&job.id, of(job))).collect();
         let most = all.iter().map(|(_, seeds)| seeds.len()).max().unwrap_or(0);
-        let nth = |k: usize| all.iter().filter_map(move |(job, s)| Some(((*job).clone(), *s.get(k)?)));
+        let nth =
+            |k: usize| all.iter().filter_map(move |(job, s)| Some(((*job).clone(), *s.get(k)?)));
         (0..most).flat_map(nth).collect()
     }
 
@@ -180,7 +185,8 @@ impl StudyRunner<'_> {
         let start = Instant::now();
         let asked: Vec<(String, u64)> =
             self.wanted().into_iter().filter(|(job, _)| self.order.asks_for(job)).collect();
-        let (jobs, kept) = (asked.len(), asked.iter().filter(|(job, seed)| self.has(job, *seed)).count());
+        let (jobs, kept) =
+            (asked.len(), asked.iter().filter(|(job, seed)| self.has(job, *seed)).count());
         let mut stopped = watch(Event::Started { jobs, kept }) == ControlFlow::Break(());
         let mut finished = kept;
         for (job, seed) in asked {

@@ -13,13 +13,13 @@ use std::path::{Path, PathBuf};
 
 use mesh_core::encode_png;
 use serde::{Deserialize, Serialize};
-use train::{Provenance, RunFolder};
 use train::output::{
     Lock, LockError, disk, is_incidental, lock_folder, present, remove_within, sweep, write_within,
 };
+use train::{Provenance, RunFolder};
 
-use super::error::ReproduceError;
 use super::curves::{Curve, curves};
+use super::error::ReproduceError;
 use super::row::{Cell, Picture, PictureKind, Row};
 
 /// Everything in a study's folder, for those who overwrite one.

@@ -38,7 +38,11 @@ pub(crate) fn strip(table: &Table, row: &Line, column: usize) -> String {
         );
     }
     for &value in values {
-        let _ = write!(svg, "<circle cx=\"{:.1}\" cy=\"{middle}\" r=\"2\" fill=\"#0072b2\"/>", x(value));
+        let _ = write!(
+            svg,
+            "<circle cx=\"{:.1}\" cy=\"{middle}\" r=\"2\" fill=\"#0072b2\"/>",
+            x(value)
+        );
     }
     svg + "</svg>"
 }

@@ -164,7 +164,8 @@ impl Table {
             return CellText { mean: "none".to_owned(), ..CellText::default() };
         };
         let said = |value: f64| format!("{value:.decimals$}");
-        let ends = |Interval { low, high, .. }: Interval| format!(" [{}, {}]", said(low), said(high));
+        let ends =
+            |Interval { low, high, .. }: Interval| format!(" [{}, {}]", said(low), said(high));
         let fixed = values.iter().all(|value| value.to_bits() == values[0].to_bits());
         let each = if values.len() > 1 && !fixed {
             let each: Vec<String> = values.iter().copied().map(said).collect();

@@ -11,7 +11,7 @@
 #[cfg(test)]
 mod tests;
 
-use std::fmt;
+use std::fmt::{self, Write as _};
 
 use serde::Serialize;
 
@@ -97,7 +97,7 @@ impl Finding {
         let mut text = format!("{} to {}", figure(self.own), figure(self.other));
         if let Some(Interval { estimate, low, high }) = self.interval {
             let [estimate, low, high] = [estimate, low, high].map(short);
-            text += &format!(", {} {estimate} [{low}, {high}]", self.kind);
+            let _ = write!(text, ", {} {estimate} [{low}, {high}]", self.kind);
         }
         match &self.note {
             Some(note) => text + ": " + note,
@@ -180,7 +180,8 @@ impl Question {
             (true, true) => (Verdict::Holds, false),
             (false, false) => {
                 // Both ends at zero: nothing differs at all.
-                let level = low.to_bits() == high.to_bits() && self.border.to_bits() == low.to_bits();
+                let level =
+                    low.to_bits() == high.to_bits() && self.border.to_bits() == low.to_bits();
                 (if level { Verdict::Undecided } else { Verdict::Reversed }, false)
             }
             _ => {
@@ -311,7 +312,8 @@ fn pair(own: &Sample, other: &Sample) -> Result<Paired, String> {
             return Err(format!("seed {seed}: a row has no value for {name}"));
         }
     }
-    let values = |objects: Vec<(String, f64)>| objects.into_iter().map(|(_, value)| value).collect();
+    let values =
+        |objects: Vec<(String, f64)>| objects.into_iter().map(|(_, value)| value).collect();
     Ok(Paired { own: values(own_objects), other: values(other_objects) })
 }
 

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use studies::{
-    Cost, Event, Order, ReproduceError, Reproduced, Scale, Seeds, Study, StudyError, Verdict, costs,
-    measured, merge, remake, reproduce, studies,
+    Cost, Event, Order, ReproduceError, Reproduced, Scale, Seeds, Study, StudyError, Verdict,
+    costs, measured, merge, remake, reproduce, studies,
 };
 use train::TrainError;
 
@@ -64,9 +64,8 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Reproduce) -> Re
     let mut chosen: Vec<&'static dyn Study> = Vec::new();
     for name in &names {
         let before = chosen.len();
-        let wanted = |study: &&dyn Study| {
-            study.name() == *name || (*name == ALL && !study.needs_data())
-        };
+        let wanted =
+            |study: &&dyn Study| study.name() == *name || (*name == ALL && !study.needs_data());
         chosen.extend(studies().filter(wanted));
         if chosen.len() == before {
             let text = format!("{name}: no such study, expected one of: {known}, {ALL}");
@@ -84,7 +83,9 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Reproduce) -> Re
         return one(console, arguments, chosen[0], &order, &out);
     }
     if names.len() > 1 {
-        let text = format!("several studies are named; only --plan takes several, and `{ALL}` makes every one");
+        let text = format!(
+            "several studies are named; only --plan takes several, and `{ALL}` makes every one"
+        );
         return Err(Failure::Usage(text));
     }
     if !arguments.merge.is_empty() || arguments.report.is_some() || !arguments.only.is_empty() {
@@ -150,7 +151,8 @@ fn order(global: Global, arguments: &Reproduce) -> Order<'_> {
 }
 
 fn plans(chosen: &[&'static dyn Study], order: &Order<'_>) -> Vec<Planned> {
-    let plan = |study: &&'static dyn Study| Planned { study: study.name(), rows: costs(*study, order) };
+    let plan =
+        |study: &&'static dyn Study| Planned { study: study.name(), rows: costs(*study, order) };
     chosen.iter().map(plan).collect()
 }
 
@@ -166,7 +168,8 @@ fn planned(plans: &[Planned]) -> String {
     let (mut total, mut unknown) = (0.0, 0);
     for Planned { study, rows } in plans {
         for row in rows {
-            let seeds = if row.seeds == 1 { "1 seed".to_owned() } else { format!("{} seeds", row.seeds) };
+            let seeds =
+                if row.seeds == 1 { "1 seed".to_owned() } else { format!("{} seeds", row.seeds) };
             let time = row.seconds.map_or_else(|| "not known".to_owned(), hours);
             lines.push((format!("{study} {}", row.job), format!("{seeds:8} {time}")));
         }

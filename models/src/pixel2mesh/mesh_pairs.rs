@@ -9,7 +9,8 @@ use crate::paired::Pairs;
 
 impl<D: Deformer> MeshPairs for SingleView<D> {
     fn scored_objects(&self, data: &Pairs) -> Vec<String> {
-        let known = |&&object: &&usize| data.surface(object).is_ok_and(|known| known.mesh.is_some());
+        let known =
+            |&&object: &&usize| data.surface(object).is_ok_and(|known| known.mesh.is_some());
         // Either all have a mesh or none: they are of one layout.
         if data.held().first().as_ref().is_some_and(known) {
             data.held().iter().map(|&object| data.name(object).join("/")).collect()

@@ -1,7 +1,8 @@
 //! The poster's table, with the column that its authors could not finish.
 
 use models::depth::{
-    DepthKind, DepthPixel2Mesh, MeshInit, MeshRcnn, RefineConfig, Refined, Scenes, Score, Scored, Sphere, Voxels,
+    DepthKind, DepthPixel2Mesh, MeshInit, MeshRcnn, RefineConfig, Refined, Scenes, Score, Scored,
+    Sphere, Voxels,
 };
 
 use crate::gallery::predicted;
@@ -20,8 +21,10 @@ const QUICK_FOUND: [f64; 2] = [4.6, 7.7];
 /// The rows that are scored in them, by their place among [`VARIANTS`].
 const QUICK_VARIANTS: [usize; 2] = [0, 2];
 /// What depth should leave of Pixel2Mesh's Chamfer distance, and the rendered-depth loss of the depth error.
-const GAIN: (f64, &str) = (0.85, "stated before the first run: 15 % at least; the poster's gain is 24.6 %");
-const DEPTH_GAIN: (f64, &str) = (0.75, "stated before the first run: 25 % at least; the poster has no figure");
+const GAIN: (f64, &str) =
+    (0.85, "stated before the first run: 15 % at least; the poster's gain is 24.6 %");
+const DEPTH_GAIN: (f64, &str) =
+    (0.75, "stated before the first run: 25 % at least; the poster has no figure");
 
 /// A row: what is given, and whether depth is in the loss.
 struct Variant {
@@ -79,7 +82,11 @@ fn label(system: &str, variant: &Variant) -> String {
 /// Which variants are made; quick ones are the first and the third.
 fn variants(scale: Scale) -> impl Iterator<Item = &'static Variant> {
     let quick = scale == Scale::Quick;
-    VARIANTS.iter().enumerate().filter(move |(i, _)| !quick || QUICK_VARIANTS.contains(i)).map(|(_, v)| v)
+    VARIANTS
+        .iter()
+        .enumerate()
+        .filter(move |(i, _)| !quick || QUICK_VARIANTS.contains(i))
+        .map(|(_, v)| v)
 }
 
 fn changed<B: MeshInit>(
@@ -133,9 +140,11 @@ impl Study for DepthStudy {
     }
 
     fn plan(&self, scale: Scale) -> Plan {
-        let [sphere, voxel] = [plan::<DepthPixel2Mesh>(&spheres(scale)), plan::<MeshRcnn>(&voxels(scale))];
+        let [sphere, voxel] =
+            [plan::<DepthPixel2Mesh>(&spheres(scale)), plan::<MeshRcnn>(&voxels(scale))];
         let mut plan = sphere.and(voxel);
-        let labels = SYSTEMS.iter().flat_map(|(_, name, _)| variants(scale).map(|v| label(name, v)));
+        let labels =
+            SYSTEMS.iter().flat_map(|(_, name, _)| variants(scale).map(|v| label(name, v)));
         plan.jobs.iter_mut().zip(labels).for_each(|(job, label)| job.label = label);
         plan
     }
@@ -269,7 +278,9 @@ fn with_scores(row: Row, data: &Scenes, scored: &Scored, poster: Option<f64>) ->
     let mean = scored.mean();
     let name = |object: usize| data.pairs().name(object).join("/");
     let over = |cell: Cell, of: &dyn Fn(&Score) -> Option<f64>| {
-        cell.over(scored.each.iter().filter_map(|(object, score)| Some((name(*object), of(score)?))))
+        cell.over(
+            scored.each.iter().filter_map(|(object, score)| Some((name(*object), of(score)?))),
+        )
     };
     let percent = |share: f64| 100.0 * share;
     let mut row = row.with(over(Cell::smaller("CD", mean.chamfer, 3), &|s| Some(s.chamfer)));

@@ -110,7 +110,9 @@ impl Study for UnseenStudy {
         }
         if let Some(last) = rows.pop() {
             let objects = predicted(&trained.system, &data, work.seed)?;
-            rows.push(last.showing(model, &trained.system.gallery(&data, 5)?).with_objects(&objects));
+            rows.push(
+                last.showing(model, &trained.system.gallery(&data, 5)?).with_objects(&objects),
+            );
         }
         if work.scale == Scale::Quick && model == ATTENTION {
             let untrained = work.untrained::<Img2Mesh>(&config, &data)?;

@@ -241,7 +241,9 @@ fn finds(set: &Set) -> Claim {
     let (_, row) = set.jobs[1];
     let kinds: f64 = set.shapes.parse().unwrap_or(1.0);
     let half = 0.5 + 0.5 / kinds;
-    let text = format!("{row}: the selection finds the categories, purity above {half:.2}, half of the way from chance to all");
+    let text = format!(
+        "{row}: the selection finds the categories, purity above {half:.2}, half of the way from chance to all"
+    );
     Claim::new(text, [Score::new(FOUND, row, "purity").above(half)])
 }
 
@@ -253,7 +255,9 @@ fn together(column: &str) -> Claim {
     let (joint, alone) = (both("together"), both("alone"));
     if column == IOU_3D {
         let (margin, why) = BEHIND;
-        let text = format!("trained together, the mean {column} is at most {margin} below that of two trainings");
+        let text = format!(
+            "trained together, the mean {column} is at most {margin} below that of two trainings"
+        );
         return Claim::new(text, [joint.above(alone).by(-margin, why)]);
     }
     let text = format!("trained together, the mean {column} is not behind that of two trainings");

@@ -224,7 +224,15 @@ mod tests {
     /// A subdivision comes in the same part of a shorter training.
     #[test]
     fn a_tenth_of_the_epochs_has_its_subdivision_too() {
-        let jobs = |scale| crate::preset::over::<Mcmr>("table", [("a", "a", vec![])], &[]).into_iter().chain(at_scale(scale, crate::preset::over::<Mcmr>("table", [("a", "a", vec![])], &[]))).collect::<Vec<_>>();
+        let jobs = |scale| {
+            crate::preset::over::<Mcmr>("table", [("a", "a", vec![])], &[])
+                .into_iter()
+                .chain(at_scale(
+                    scale,
+                    crate::preset::over::<Mcmr>("table", [("a", "a", vec![])], &[]),
+                ))
+                .collect::<Vec<_>>()
+        };
         let both = jobs(Scale::Tenth);
         let [full, tenth] = [0, 1].map(|k| &both[k].2);
         assert!(tenth.train.epochs < full.train.epochs.div_ceil(5));

@@ -71,7 +71,8 @@ impl Study for SubdivisionStudy {
         let (data, trained) = train_job::<Mcmr>(&config, work, watch)?;
         let scored = trained.system.scored(&data)?;
         let row = with_figures(Row::new(TABLE, label), &data, &scored, published(label));
-        let mut rows = vec![row.took(trained.seconds).showing(label, &trained.system.gallery(&data)?)];
+        let mut rows =
+            vec![row.took(trained.seconds).showing(label, &trained.system.gallery(&data)?)];
         if work.scale == Scale::Quick {
             let scored = work.untrained::<Mcmr>(&config, &data)?.scored(&data)?;
             rows.push(with_figures(Row::new(TABLE, untrained(label)), &data, &scored, None));

@@ -3,7 +3,10 @@
 use std::ops::ControlFlow;
 
 use super::*;
-use crate::{Cell, Claim, Plan, Row, Scale, Score, Seeds, StudyError, Verdict, Watch, Work, remake, reproduce};
+use crate::{
+    Cell, Claim, Plan, Row, Scale, Score, Seeds, StudyError, Verdict, Watch, Work, remake,
+    reproduce,
+};
 
 /// Two rows of ten objects each.
 struct Toy {
@@ -26,13 +29,15 @@ impl Study for Toy {
     }
 
     fn run(&self, work: &Work<'_>, _: Watch<'_>) -> Result<Vec<Row>, StudyError> {
-        let of = |k: u64| if work.id == "two" { 1.0 } else { 2.0 } + 0.1 * ((k + work.seed) % 3) as f64;
+        let of =
+            |k: u64| if work.id == "two" { 1.0 } else { 2.0 } + 0.1 * ((k + work.seed) % 3) as f64;
         let objects = (0..10).map(|k| (format!("car/{k}"), of(k)));
         let mean = (0..10).map(of).sum::<f64>() / 10.0;
         let cell = Cell::smaller("error", mean, 3).over(objects);
         let pixels = vec![work.seed as u8; 4 * 4 * 3];
         let image = mesh_core::ByteImage { height: 4, width: 4, channels: 3, data: pixels };
-        let pair = train::report::ViewPair { caption: "a".into(), model: image.clone(), truth: image };
+        let pair =
+            train::report::ViewPair { caption: "a".into(), model: image.clone(), truth: image };
         Ok(vec![Row::new("Errors", &work.id).with(cell).took(1.5).showing("views", &[pair])])
     }
 
@@ -66,7 +71,10 @@ fn parts_make_the_whole() {
     let whole = make(&TOY, &at("whole"), &order(&[0, 1, 2], &[]));
     let folders = ["a", "b", "c"].map(at);
     let merged = merge(&TOY, &folders, &at("merged"), &order(&[0, 1, 2], &[])).unwrap();
-    assert_eq!((&merged.tables.0[0].rows[0].seeds[..], merged.claims[0].verdict), (&[0, 1, 2][..], Verdict::Holds));
+    assert_eq!(
+        (&merged.tables.0[0].rows[0].seeds[..], merged.claims[0].verdict),
+        (&[0, 1, 2][..], Verdict::Holds)
+    );
     assert_eq!(merged.claims, whole.claims);
     // Times differ from run to run; nothing else does.
     let without_times = |name: &str| {
@@ -125,7 +133,9 @@ fn a_table_is_made_by_one_build() {
     make(&TOY, place.path(), &order(&[0], &["one"]));
     let mut later = order(&[0], &[]);
     later.provenance.commit = "abc1234".into();
-    let go_on = |order: &Order<'_>| reproduce(&TOY, place.path(), order, &mut |_| ControlFlow::Continue(()));
+    let go_on = |order: &Order<'_>| {
+        reproduce(&TOY, place.path(), order, &mut |_| ControlFlow::Continue(()))
+    };
     let error = go_on(&later).unwrap_err();
     assert!(matches!(&error, ReproduceError::OtherBuild { field: "commit", .. }), "{error}");
     go_on(&order(&[0], &[])).unwrap();
@@ -175,6 +185,12 @@ fn rows_that_a_claim_needs_have_three_seeds() {
     let tenth = tempfile::tempdir().unwrap();
     let made = make(&TOY, tenth.path(), &Order { scale: Scale::Tenth, ..Order::default() });
     assert_eq!(seeds(&made), [2, 2, 2]);
-    let error = reproduce(&TOY, tenth.path(), &order(&[0], &["three"]), &mut |_| ControlFlow::Continue(()));
-    assert!(error.unwrap_err().to_string().contains("three: no such job, expected one of: one, two, other"));
+    let error =
+        reproduce(&TOY, tenth.path(), &order(&[0], &["three"]), &mut |_| ControlFlow::Continue(()));
+    assert!(
+        error
+            .unwrap_err()
+            .to_string()
+            .contains("three: no such job, expected one of: one, two, other")
+    );
 }

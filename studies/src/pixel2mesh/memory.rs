@@ -131,9 +131,9 @@ impl Study for MemoryStudy {
                 less.at_most(LINEAR, more, 0.0, linear).exactly(),
             ]
         });
-        let equal = counts.iter().map(|&count| {
-            score(count, "log10 of their difference").below(EQUAL.log10()).exactly()
-        });
+        let equal = counts
+            .iter()
+            .map(|&count| score(count, "log10 of their difference").below(EQUAL.log10()).exactly());
         let falls = counts.windows(2).map(|pair| {
             let [coarse, fine] = [0, 1].map(|k| score(pair[k], "log10 of Backsolve's error"));
             fine.below(coarse).exactly()
@@ -141,7 +141,9 @@ impl Study for MemoryStudy {
         vec![
             Claim::new(
                 "checkpointed, the memory stays within 10 % from the first row to the last",
-                [score(last, "checkpointed, MB").at_most(FLAT, score(first, "checkpointed, MB"), 0.0, flat).exactly()],
+                [score(last, "checkpointed, MB")
+                    .at_most(FLAT, score(first, "checkpointed, MB"), 0.0, flat)
+                    .exactly()],
             ),
             Claim::new(
                 "recorded whole, the memory grows linearly: every evaluation takes as much, within a half",

@@ -38,7 +38,9 @@ fn with_scores(row: Row, data: &Pairs, scored: &Scored) -> Row {
     let cell = |cell: Cell, of: fn(&PointScores) -> f64| cell.over(by_object(data, scored, of));
     row.with(cell(Cell::smaller("CD", mean.chamfer, 3), |s| s.chamfer))
         .with(cell(Cell::larger("F(τ)", 100.0 * mean.f_score, 2), |s| 100.0 * s.f_score))
-        .with(cell(Cell::larger("F(2τ)", 100.0 * mean.f_score_double, 2), |s| 100.0 * s.f_score_double))
+        .with(cell(Cell::larger("F(2τ)", 100.0 * mean.f_score_double, 2), |s| {
+            100.0 * s.f_score_double
+        }))
         .with(cell(Cell::smaller("EMD", mean.earth_mover, 3), |s| s.earth_mover))
         .with(cell(Cell::larger("normals", mean.normals, 3), |s| s.normals))
 }

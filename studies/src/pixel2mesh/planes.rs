@@ -5,8 +5,8 @@ use models::pixel2mesh::{
     Continuous, Deformer, OdePixel2Mesh, Pixel2Mesh, Scored, SingleView, Staged,
 };
 
-use crate::gallery::predicted;
 use super::{COLUMNS, QUICK as QUICKLY, with_scores};
+use crate::gallery::predicted;
 use crate::preset::{Change, Listed, Planned, over, plan, planned, scaled, train_job};
 use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};
 
@@ -122,8 +122,11 @@ fn rows<D: Deformer>(
             .with(Cell::smaller("thousand parameters", parameters as f64 / 1e3, 1))
             .took(trained.seconds);
         let row = if planes {
-            row.showing("", &trained.system.gallery(&data)?)
-                .with_objects(&predicted(&trained.system, &data, work.seed)?)
+            row.showing("", &trained.system.gallery(&data)?).with_objects(&predicted(
+                &trained.system,
+                &data,
+                work.seed,
+            )?)
         } else {
             row
         };

@@ -3,8 +3,8 @@
 use models::pixel2mesh::OdePixel2Mesh;
 
 use super::integrated::{FINER, adaptively, finer};
-use crate::gallery::predicted;
 use super::{COLUMNS, QUICK as QUICKLY, with_scores};
+use crate::gallery::predicted;
 use crate::preset::{Change, Listed, Planned, over, plan, planned, scaled, train_job};
 use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};
 
@@ -194,7 +194,10 @@ impl Study for SolversStudy {
                 falls(heun),
             ),
             Claim::new("and the midpoint method's", falls(midpoint)),
-            Claim::new("in four steps Heun's method follows its field better than Euler's", follows(heun)),
+            Claim::new(
+                "in four steps Heun's method follows its field better than Euler's",
+                follows(heun),
+            ),
             Claim::new("and the midpoint method its own", follows(midpoint)),
             below(
                 "what Euler's method trains in four steps is no flow: 32 steps make it worse",
@@ -226,7 +229,9 @@ impl Study for SolversStudy {
                 "it takes as many evaluations, with at most 1/6.7 of the parameters",
                 [
                     Score::new(TABLE, BEST, "evaluations").at_most(1.0, 8.0, 0.0, blocks).exactly(),
-                    parameters(BEST).at_most(1.0 / 6.7, parameters(RES_DEEP), 0.0, published).exactly(),
+                    parameters(BEST)
+                        .at_most(1.0 / 6.7, parameters(RES_DEEP), 0.0, published)
+                        .exactly(),
                 ],
             ),
         ]

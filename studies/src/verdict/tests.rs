@@ -18,7 +18,11 @@ fn with_row(results: &mut Results, label: &str, seeds: &[Vec<f64>]) {
             column: "error".into(),
             value: Some(values.iter().sum::<f64>() / values.len() as f64),
             objects: (values.len() > 1).then_some(list),
-            scores: if values.len() > 1 { values.iter().copied().map(Some).collect() } else { vec![] },
+            scores: if values.len() > 1 {
+                values.iter().copied().map(Some).collect()
+            } else {
+                vec![]
+            },
         };
         results.rows.push(RowRecord {
             table: "t".into(),
@@ -33,7 +37,8 @@ fn with_row(results: &mut Results, label: &str, seeds: &[Vec<f64>]) {
 }
 
 fn of(rows: &[(&str, &[Vec<f64>])]) -> Results {
-    let column = ColumnRecord { table: "t".into(), name: "error".into(), better: None, decimals: 3 };
+    let column =
+        ColumnRecord { table: "t".into(), name: "error".into(), better: None, decimals: 3 };
     let mut results = Results { columns: vec![column], ..Results::default() };
     for (label, seeds) in rows {
         with_row(&mut results, label, seeds);
@@ -112,7 +117,8 @@ fn what_is_better_holds_and_what_is_worse_is_reversed() {
     let above = verdict(&results, score("b").above(score("a")));
     assert_eq!((above.verdict, above.close), (Verdict::Reversed, false));
     // And a margin decides what it says: the gain is between 0.2 and 0.6.
-    let by = |margin: f64| verdict(&results, score("b").below(score("a")).by(margin, "said before"));
+    let by =
+        |margin: f64| verdict(&results, score("b").below(score("a")).by(margin, "said before"));
     assert_eq!((by(0.2).verdict, by(0.6).verdict), (Verdict::Holds, Verdict::Reversed));
     assert_eq!(by(0.2).margins, ["said before"]);
 }
@@ -120,7 +126,9 @@ fn what_is_better_holds_and_what_is_worse_is_reversed() {
 #[test]
 fn not_behind_is_a_ratio_of_errors_within_its_margin() {
     let row = |errors: f64, seeds: usize| -> Vec<Vec<f64>> {
-        (0..seeds).map(|s| (0..20).map(|k| errors * (1.0 + 0.01 * ((k + s) % 5) as f64)).collect()).collect()
+        (0..seeds)
+            .map(|s| (0..20).map(|k| errors * (1.0 + 0.01 * ((k + s) % 5) as f64)).collect())
+            .collect()
     };
     let iou = |errors: f64| -> Vec<Vec<f64>> {
         row(errors, 3).into_iter().map(|seed| seed.into_iter().map(|e| 1.0 - e).collect()).collect()
