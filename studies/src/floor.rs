@@ -44,6 +44,11 @@ impl Floor {
         self
     }
 
+    /// The rows that must reach it, and those that must not.
+    pub fn rows(&self) -> Vec<&str> {
+        self.score.rows.iter().chain(&self.missed_by).map(String::as_str).collect()
+    }
+
     /// The value that has to be reached.
     pub fn bound(&self) -> f64 {
         self.perfect + SLACK * (self.found - self.perfect)
@@ -81,5 +86,47 @@ impl Floor {
             Check { text, found: said(value), passed }
         });
         reaching.chain(missing).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::results::{CellRecord, RowRecord};
+
+    fn with(rows: &[(&str, f64)]) -> Results {
+        let record = |(label, value): &(&str, f64)| RowRecord {
+            table: "t".into(),
+            label: (*label).into(),
+            job: (*label).into(),
+            seed: 0,
+            seconds: 0.0,
+            cells: vec![CellRecord {
+                column: "iou".into(),
+                value: Some(*value).filter(|value| value.is_finite()),
+                objects: None,
+                scores: vec![],
+            }],
+            pictures: vec![],
+        };
+        Results { rows: rows.iter().map(record).collect(), ..Results::default() }
+    }
+
+    /// Found 0.8: an error of 0.2, of which 1.3 times are allowed, so 0.74.
+    #[test]
+    fn a_floor_is_reached_and_missed_by_those_that_must() {
+        let floor = Floor::new(Score::new("t", "own", "iou"), 1.0, 0.8).missed_by("untrained");
+        assert!((floor.bound() - 0.74).abs() < 1e-12);
+        let passed = |own: f64, untrained: f64| {
+            let checks = floor.check(&with(&[("own", own), ("untrained", untrained)]));
+            checks.iter().map(|check| check.passed).collect::<Vec<_>>()
+        };
+        assert_eq!(passed(0.75, 0.5), [true, true]);
+        assert_eq!(passed(0.73, 0.5), [false, true]);
+        // What learned nothing and is as good shows that the floor shows nothing.
+        assert_eq!(passed(0.75, 0.75), [true, false]);
+        assert_eq!(passed(f64::NAN, f64::NAN), [false, true]);
+        let checks = floor.check(&with(&[("own", 0.8)]));
+        assert!(checks[0].passed && !checks[1].passed, "{checks:?}");
     }
 }

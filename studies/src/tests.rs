@@ -108,7 +108,7 @@ fn the_table_has_means_seeds_and_claims() {
         ]
     );
     let verdict =
-        "- **undecided**: two beats one (0.3000 to 0.6000, difference -0.3000 [-0.7968, 0.1968])";
+        "- **undecided**: two beats one (0.3000 to 0.6000, difference -0.3000 [-0.7969, 0.1969])";
     for part in [verdict, "Made full.", "- seeds: 0, 1, 2"] {
         assert!(text.contains(part), "{part}: {text}");
     }
@@ -195,6 +195,31 @@ fn results_of_something_else_are_refused() {
     fs::write(other.path().join("thesis.tex"), "").unwrap();
     let error = make(&wider, other.path(), &order(&[0])).unwrap_err();
     assert!(matches!(error, ReproduceError::Taken { .. }), "{error}");
+}
+
+/// A claim or a floor about a row that no job makes would never be judged.
+#[test]
+fn claims_and_floors_are_about_rows_that_are_made() {
+    for study in studies() {
+        let (name, claims) = (study.name(), study.claims());
+        for scale in [Scale::Full, Scale::Tenth] {
+            let jobs = study.plan(scale).jobs;
+            for claim in &claims {
+                assert!(!claim.comparisons.is_empty(), "{name}: {}", claim.text);
+                for row in claim.rows() {
+                    assert!(jobs.iter().any(|job| job.makes(row)), "{name}, {scale:?}: {row}");
+                }
+                assert!(claim.reasons().iter().all(|why| why.len() > 10), "{name}: {}", claim.text);
+            }
+        }
+        let jobs = study.plan(Scale::Quick).jobs;
+        for floor in study.floors() {
+            assert!(floor.rows().len() > 1, "{name}: nothing has to miss {floor:?}");
+            for row in floor.rows() {
+                assert!(jobs.iter().any(|job| job.makes(row)), "{name}: {row}");
+            }
+        }
+    }
 }
 
 /// One training, scored.

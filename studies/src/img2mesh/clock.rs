@@ -14,7 +14,7 @@ const TABLE: &str = "The paper's setting: a mesh of the clock from held-out view
 /// The mask IoU that the quick one was found to have; the first sphere has about 0.75.
 const QUICK_FOUND: f64 = 0.955;
 const QUICK_ROW: &str = "small CNN, 2 views";
-const UNTRAINED: &str = "small CNN, not trained";
+const UNTRAINED: &str = "small CNN, 2 views, not trained";
 /// The rows that are compared.
 const ENCODERS: [&str; 2] = ["CNN, 2 views", "VGG16, 2 views"];
 /// A mesh of its own for whatever is shown: no image is read.
