@@ -36,23 +36,29 @@ fn folders_with_something_else_are_left_alone() {
 #[test]
 fn what_it_takes_is_said_before_it_begins() {
     let place = tempfile::tempdir().unwrap();
-    let plan = |arguments: &[&str]| {
-        let arguments = [&["reproduce", "--plan"], arguments].concat();
-        unsphere(place.path(), arguments).ok().stdout()
-    };
-    let one = plan(&["img2mesh"]);
+    let one = unsphere(place.path(), ["reproduce", "--plan", "img2mesh"]).ok().stdout();
     assert!(
         one.contains("img2mesh cnn-2") && one.contains("3 seeds") && one.contains(" h"),
         "{one}"
     );
-    let all = plan(&[]);
+    let all = unsphere(place.path(), ["reproduce", "--plan"]).ok().stdout();
     for part in ["depth-table rcnn-rgb", "ode-table2 res-deep", "everything"] {
         assert!(all.contains(part), "{part}: {all}");
     }
     assert!(!all.contains("mcmr-cub"), "needs data: {all}");
-    let tenth = plan(&["img2mesh", "ode-table2", "--scale", "tenth"]);
+    let tenth = unsphere(
+        place.path(),
+        ["reproduce", "--plan", "img2mesh", "ode-table2", "--scale", "tenth"],
+    )
+    .ok()
+    .stdout();
     assert!(tenth.contains("2 seeds") && !tenth.contains("3 seeds"), "{tenth}");
-    let only = plan(&["img2mesh", "--only", "cnn-2", "--seeds", "5"]);
+    let only = unsphere(
+        place.path(),
+        ["reproduce", "--plan", "img2mesh", "--only", "cnn-2", "--seeds", "5"],
+    )
+    .ok()
+    .stdout();
     assert!(only.contains("5 seeds") && !only.contains("cnn-3"), "{only}");
     assert_eq!(std::fs::read_dir(place.path()).unwrap().count(), 0);
 }
@@ -60,14 +66,13 @@ fn what_it_takes_is_said_before_it_begins() {
 #[test]
 fn what_does_not_go_together_is_said() {
     let place = tempfile::tempdir().unwrap();
-    let refused = |arguments: &[&str], parts: &[&str]| {
-        let arguments = [&["reproduce"], arguments].concat();
-        unsphere(place.path(), arguments).fails(2, parts);
-    };
-    refused(&["img2mesh", "ode-table2"], &["only --plan takes several", "all"]);
-    refused(&["all", "--only", "cnn-2"], &["one study"]);
-    refused(&["img2mesh", "--quick", "--scale", "tenth"], &["--scale"]);
-    refused(&["img2mesh", "--scale", "half"], &["half", "tenth"]);
+    unsphere(place.path(), ["reproduce", "img2mesh", "ode-table2"])
+        .fails(2, &["only --plan takes several", "all"]);
+    unsphere(place.path(), ["reproduce", "all", "--only", "cnn-2"]).fails(2, &["one study"]);
+    unsphere(place.path(), ["reproduce", "img2mesh", "--quick", "--scale", "tenth"])
+        .fails(2, &["--scale"]);
+    unsphere(place.path(), ["reproduce", "img2mesh", "--scale", "half"])
+        .fails(2, &["half", "tenth"]);
     let unknown = unsphere(place.path(), ["reproduce", "img2mesh", "--only", "cnn-9", "-o", "out"]);
     unknown.fails(1, &["cnn-9", "cnn-2"]);
     assert!(!place.path().join("out").exists());

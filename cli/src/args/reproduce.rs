@@ -34,6 +34,7 @@ Examples:
   unsphere reproduce img2mesh --merge a b -o table     the tables of both
   unsphere reproduce img2mesh --report docs/results/img2mesh.json -o page"
 )]
+#[allow(clippy::struct_excessive_bools, reason = "flags of a command line")]
 pub(crate) struct Reproduce {
     /// The study, or several with --plan; `all` is every study that needs no data; --list names them.
     #[arg(value_name = "STUDY")]
