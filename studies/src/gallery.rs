@@ -122,4 +122,48 @@ mod tests {
         assert_eq!((dark(&own, 2), dark(&own, 3)), (0, 0));
         assert!(sheets(&[]).is_none());
     }
+
+    /// Predictions are in the frame of the truth: even one that was not trained stands where the object is.
+    fn stands_where_the_truth_does<S: MeshPairs<ReadOptions = datasets::ReadOptions>>(
+        preset: &str,
+        changes: &[(&'static str, &'static str)],
+    ) {
+        let config = crate::preset::preset::<S>(preset, changes);
+        let options = datasets::ReadOptions::default();
+        let source = train::Source { path: None, options: &options, seed: 0, progress: &|_, _| () };
+        let data = S::open(&config.system, &source).unwrap();
+        let mut system = S::new(&config.system, 0);
+        system.init_from_data(&data).unwrap();
+        let pairs = predicted(&system, &data, 0).unwrap();
+        assert!(!pairs.is_empty() && pairs.len() <= SHOWN);
+        for pair in pairs {
+            let (low, high) = pair.truth.bounds().unwrap();
+            let (own_low, own_high) = pair.mesh.unwrap().bounds().unwrap();
+            let middle = |low: [f32; 3], high: [f32; 3], k: usize| 0.5 * (low[k] + high[k]);
+            let longest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
+            for k in 0..3 {
+                let away = (middle(low, high, k) - middle(own_low, own_high, k)).abs();
+                assert!(away < 1.2 * longest, "{} {}: {away}", S::NAME, pair.name);
+            }
+        }
+        assert!(system.mesh_pair(&data, "no/such object").unwrap().is_none());
+    }
+
+    #[test]
+    fn predictions_are_in_the_frame_of_the_truth() {
+        let small = [
+            ("image-size", "32"),
+            ("objects", "2"),
+            ("test-objects", "2"),
+            ("synthetic-views", "4"),
+            ("families", "[\"car\"]"),
+        ];
+        let with = |more: &[(&'static str, &'static str)]| [&small, more].concat();
+        stands_where_the_truth_does::<models::pixel2mesh::OdePixel2Mesh>("table", &with(&[]));
+        stands_where_the_truth_does::<models::depth::DepthPixel2Mesh>("table", &with(&[]));
+        stands_where_the_truth_does::<models::img2mesh::Img2Mesh>(
+            "unseen",
+            &with(&[("render-size", "32"), ("placed", "0"), ("views", "2")]),
+        );
+    }
 }

@@ -104,9 +104,10 @@ fn all(
 ) -> Result<(), Failure> {
     console.remark(format_args!("{}", planned(&plans(chosen, order))));
     let root = arguments.output.clone().unwrap_or_else(|| folder_of(ALL, order.scale));
+    let interrupt = listen()?;
     let mut failed = Vec::new();
     for study in chosen {
-        match make(console, *study, order, &root.join(study.name())) {
+        match make(console, &interrupt, *study, order, &root.join(study.name())) {
             Err(Failure::Other(text)) => failed.push(format!("{}: {text}", study.name())),
             other => other?,
         }
@@ -124,7 +125,7 @@ fn one(
     let made = if let Some(from) = &arguments.report {
         remake(study, from, out)
     } else if arguments.merge.is_empty() {
-        return make(console, study, order, out);
+        return make(console, &listen()?, study, order, out);
     } else {
         merge(study, &arguments.merge, out, order)
     };
@@ -191,14 +192,20 @@ fn list(console: Console) -> Result<(), Failure> {
     console.result(&known, |known| table(known.iter().map(|s| (s.name, s.about.to_owned()))))
 }
 
+/// Whatever is finished is kept, from the first job on.
+fn listen() -> Result<Interrupt, Failure> {
+    let interrupt = Interrupt::listen(None)?;
+    interrupt.worthwhile();
+    Ok(interrupt)
+}
+
 fn make(
     console: Console,
+    interrupt: &Interrupt,
     study: &'static dyn Study,
     order: &Order<'_>,
     out: &Path,
 ) -> Result<(), Failure> {
-    let interrupt = Interrupt::listen(None)?;
-    interrupt.worthwhile();
     let progress = Progress::in_shares(console, study.name());
     let mut watch = |event: Event| {
         match event {
