@@ -39,6 +39,7 @@ pub mod paired;
 pub mod pixel2mesh;
 pub mod predict;
 
+mod mesh_pairs;
 mod parts;
 mod registry;
 mod repairs;
@@ -47,5 +48,6 @@ mod stacked;
 mod testing;
 mod view_cache;
 
+pub use mesh_pairs::{MeshPair, MeshPairs};
 pub use registry::{Registry, register};
 pub use repairs::{Repair, repairs};

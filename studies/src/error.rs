@@ -71,6 +71,46 @@ pub enum ReproduceError {
         /// The line that is.
         expected: String,
     },
+    /// A result is of another build of the program than the others: a table is made at one commit.
+    #[error(
+        "{}: `{field}` is {found:?}, that of the other results is {expected:?}; a table is made by one build: choose \
+         another folder, or remove the results of one of the two",
+        path.display()
+    )]
+    OtherBuild {
+        /// The file.
+        path: PathBuf,
+        /// What differs: `commit` or `version`.
+        field: &'static str,
+        /// What the file says.
+        found: String,
+        /// What the others say.
+        expected: String,
+    },
+    /// Two folders have a result of the same job and seed, and not the same one.
+    #[error("{} and {} are of the same job and seed, and differ; leave one of them out", first.display(), second.display())]
+    Twice {
+        /// The one.
+        first: PathBuf,
+        /// The other.
+        second: PathBuf,
+    },
+    /// A job is asked for that the study does not have.
+    #[error("{job}: no such job, expected one of: {known}")]
+    UnknownJob {
+        /// What was asked for.
+        job: String,
+        /// The study's jobs.
+        known: String,
+    },
+    /// A file holds no results of a study.
+    #[error("{}: {problem}; expected a results.json that `reproduce` wrote", path.display())]
+    NoResults {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
     /// There is something else at the path.
     #[error("{} is there and holds no results; choose another folder, or write beside what is there (--force, where none of its names is in the way)", path.display())]
     Taken {

@@ -4,15 +4,17 @@ use std::path::Path;
 
 use train::Provenance;
 
-use super::study::Scale;
+use super::scale::{Scale, Seeds};
 
 /// What is to be done.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Order<'a> {
     /// How much.
     pub scale: Scale,
-    /// With which seeds, in this order.
-    pub seeds: Vec<u64>,
+    /// With which seeds.
+    pub seeds: Seeds,
+    /// The jobs that are done; empty for all of them. What is kept of others stays in the tables.
+    pub only: Vec<String>,
     /// Data that the user has, instead of what the study makes.
     pub data: Option<&'a Path>,
     /// Whether results of other settings are dropped.
@@ -21,9 +23,14 @@ pub struct Order<'a> {
     pub provenance: Provenance,
 }
 
-impl Default for Order<'_> {
-    fn default() -> Self {
-        let provenance = Provenance::default();
-        Self { scale: Scale::Full, seeds: vec![0], data: None, force: false, provenance }
+impl Order<'_> {
+    /// Where the data comes from, for people.
+    pub(crate) fn data_name(&self) -> String {
+        self.data.map_or_else(|| "its own".to_owned(), |path| path.display().to_string())
+    }
+
+    /// Whether a job is to be done.
+    pub(crate) fn asks_for(&self, job: &str) -> bool {
+        self.only.is_empty() || self.only.iter().any(|name| name == job)
     }
 }

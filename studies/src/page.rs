@@ -1,4 +1,4 @@
-//! The tables as one HTML page with their images.
+//! The tables as one HTML page with their intervals, curves and images.
 
 use std::fmt::Write as _;
 
@@ -6,39 +6,46 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use train::report::{self, escape};
 
-use super::digest::Digest;
-use super::table::Table;
+use crate::charts::charts;
+use crate::markdown::{CELLS, RULE};
+use crate::pages::Pages;
+use crate::results::RowRecord;
+use crate::row::PictureKind;
+use crate::store::KeptPicture;
+use crate::strip::strip;
+use crate::table::Table;
+use crate::verdict::Verdict;
 
 /// The file `report.html`.
-pub(super) fn page(digest: &Digest<'_>) -> String {
-    let (study, scale) = (digest.study, digest.order.scale);
+pub(crate) fn page(pages: &Pages<'_>) -> String {
+    let (study, results) = (pages.study, pages.results);
     let title = format!("{}, reproduced", study.name());
     let mut body =
         format!("<h1>{}</h1><p class=\"lead\">{}</p>", escape(&title), escape(study.about()));
-    if digest.left > 0 {
+    if results.left > 0 {
         let _ = write!(
             body,
             "<p class=\"warn\">Not finished: {} jobs are left. The same command goes on.</p>",
-            digest.left
+            results.left
         );
     }
-    write_claims(digest, &mut body);
-    for table in &digest.tables.0 {
+    write_claims(pages, &mut body);
+    for table in &pages.tables.0 {
         let _ = write!(body, "<h2>{}</h2>", escape(&table.name));
-        let caption = study.caption(&table.name, scale);
+        let caption = study.caption(&table.name, results.scale);
         if !caption.is_empty() {
             let _ = write!(body, "<p class=\"note\">{}</p>", escape(&caption));
         }
         write_table(table, &mut body);
-        write_pictures(digest, &table.name, &mut body);
+        write_pictures(pages, &table.name, &mut body);
     }
-    if digest.order.seeds.len() > 1 {
-        body.push_str(
-            "<p class=\"note\">Means over the seeds; in brackets the spread, largest less smallest. \
-             Images are of the first seed.</p>",
-        );
-    }
-    let facts = digest.facts().into_iter();
+    let _ = write!(
+        body,
+        "<p class=\"note\">{CELLS} Below it a dot a seed, on a line from the least to the largest value of the column. Images and \
+         curves are of the first seed.</p>"
+    );
+    write_charts(pages, &mut body);
+    let facts = pages.facts().into_iter();
     let (command, rest): (Vec<_>, Vec<_>) = facts.partition(|(name, _)| *name == "command");
     report::write_table(&report::Table::new("How it was made", rest), &mut body);
     for (_, command) in command {
@@ -47,22 +54,35 @@ pub(super) fn page(digest: &Digest<'_>) -> String {
     report::page(&title, &body)
 }
 
-fn write_claims(digest: &Digest<'_>, body: &mut String) {
-    if digest.claims.is_empty() {
-        return;
-    }
-    body.push_str("<table class=\"grid claims\">");
-    for claim in digest.claims {
-        let (class, verdict) =
-            if claim.holds { ("holds", "holds") } else { ("fails", "does not hold") };
+fn write_claims(pages: &Pages<'_>, body: &mut String) {
+    let claims = pages.claims.iter().map(|claim| {
+        let class = match claim.verdict {
+            Verdict::Holds => "holds",
+            Verdict::Undecided => "open",
+            Verdict::Reversed => "fails",
+        };
+        let margins = claim.margins.iter().map(|why| format!(" Margin: {why}."));
+        let text = claim.text.clone() + "." + &margins.collect::<String>();
+        (class, claim.verdict.to_string(), text, claim.found())
+    });
+    let checks = pages.checks.iter().map(|check| {
+        let (class, verdict) = if check.passed { ("holds", "passed") } else { ("fails", "failed") };
+        (class, verdict.to_owned(), check.text.clone(), check.found.clone())
+    });
+    let mut rows = String::new();
+    for (class, verdict, text, found) in claims.chain(checks) {
+        let (text, found) = (escape(&text), escape(&found));
         let _ = write!(
-            body,
-            "<tr class=\"{class}\"><th>{verdict}</th><td>{}</td><td>{}</td></tr>",
-            escape(&claim.text),
-            escape(&claim.found)
+            rows,
+            "<tr class=\"{class}\"><th>{verdict}</th><td>{text}</td><td>{found}</td></tr>"
         );
     }
-    body.push_str("</table>");
+    if !rows.is_empty() {
+        let _ = write!(body, "<table class=\"grid claims\">{rows}</table>");
+    }
+    if !pages.claims.is_empty() {
+        let _ = write!(body, "<p class=\"note\">{RULE}</p>");
+    }
 }
 
 fn write_table(table: &Table, body: &mut String) {
@@ -74,34 +94,77 @@ fn write_table(table: &Table, body: &mut String) {
     for row in &table.rows {
         let _ = write!(body, "<tr><th>{}</th>", escape(&row.label));
         for column in 0..table.columns.len() {
-            let (mean, spread) = table.cell(row, column);
-            let mean = if table.is_best(row, column) { format!("<b>{mean}</b>") } else { mean };
-            let _ = write!(body, "<td>{mean}<small>{spread}</small></td>");
+            let cell = table.cell(row, column);
+            let mean = if table.is_best(row, column) {
+                format!("<b>{}</b>", cell.mean)
+            } else {
+                cell.mean
+            };
+            let _ = write!(
+                body,
+                "<td>{mean}<small>{}{}</small>{}</td>",
+                cell.interval,
+                cell.each,
+                strip(table, row, column)
+            );
         }
         let _ = write!(body, "<td>{}</td></tr>", row.time());
     }
     body.push_str("</table></div>");
 }
 
-/// The images of each row, of the first seed that has it.
-fn write_pictures(digest: &Digest<'_>, table: &str, body: &mut String) {
-    let first = digest.order.seeds.first();
-    let kept = digest.kept.iter().filter(|kept| Some(&kept.seed) == first);
-    for row in kept.flat_map(|kept| &kept.rows).filter(|row| row.table == table) {
-        for picture in &row.pictures {
-            let Some(png) = digest.store.picture(picture) else { continue };
-            let caption = match picture.caption.as_str() {
-                text if text.ends_with('.') => text.to_owned(),
-                text if text == row.label => format!("{text}: the model above the truth"),
-                text => format!("{}, {text}: the model above the truth", row.label),
-            };
-            let _ = write!(
-                body,
-                "<figure class=\"sheet\"><img alt=\"{caption}\" src=\"data:image/png;base64,{png}\">\
-                 <figcaption>{caption}</figcaption></figure>",
-                png = BASE64.encode(png),
-                caption = escape(&caption)
-            );
-        }
+/// The images of each row, of the first seed that has it; the true objects above the predicted ones of all rows.
+fn write_pictures(pages: &Pages<'_>, table: &str, body: &mut String) {
+    let first = pages.results.rows.iter().map(|row| row.seed).min();
+    let rows: Vec<&RowRecord> = pages
+        .results
+        .rows
+        .iter()
+        .filter(|row| row.table == table && Some(row.seed) == first)
+        .collect();
+    let of = |kind: PictureKind| {
+        let all = rows.iter().flat_map(|row| row.pictures.iter().map(move |p| (*row, p)));
+        all.filter(move |(_, picture)| picture.kind == kind)
+    };
+    if let Some((_, truth)) = of(PictureKind::Truth).next() {
+        let caption =
+            format!("Objects of the test, drawn by the seed, from three sides: {}.", truth.caption);
+        write_picture(pages, truth, &caption, body);
     }
+    for (row, picture) in of(PictureKind::Predicted) {
+        write_picture(pages, picture, &format!("{}: the same objects", row.label), body);
+    }
+    for (row, picture) in of(PictureKind::Sheet) {
+        let caption = match picture.caption.as_str() {
+            text if text.ends_with('.') => text.to_owned(),
+            text if text == row.label => format!("{text}: the model above the truth"),
+            "" => format!("{}: the model above the truth", row.label),
+            text => format!("{}, {text}: the model above the truth", row.label),
+        };
+        write_picture(pages, picture, &caption, body);
+    }
+}
+
+/// Nothing where the file is not there: results are committed without their images.
+fn write_picture(pages: &Pages<'_>, picture: &KeptPicture, caption: &str, body: &mut String) {
+    let Ok(png) = std::fs::read(pages.root.join(&picture.file)) else { return };
+    let _ = write!(
+        body,
+        "<figure class=\"sheet\"><img alt=\"{caption}\" src=\"data:image/png;base64,{png}\">\
+         <figcaption>{caption}</figcaption></figure>",
+        png = BASE64.encode(png),
+        caption = escape(caption)
+    );
+}
+
+fn write_charts(pages: &Pages<'_>, body: &mut String) {
+    let charts = charts(pages.results);
+    if charts.is_empty() {
+        return;
+    }
+    body.push_str("<h2>The course of the trainings</h2><div class=\"charts\">");
+    for chart in charts {
+        body.push_str(&chart.to_svg());
+    }
+    body.push_str("</div>");
 }

@@ -7,8 +7,9 @@ use train::settings::{read_text, to_toml};
 use train::{Configuration, DataError, Metric, Source, System};
 
 use super::error::StudyError;
+use super::plan::{Plan, PlannedJob};
 use super::row::{Cell, Row};
-use super::study::Plan;
+use super::scale::Scale;
 use super::work::{Trained, Watch, Work};
 
 /// A setting over a preset.
@@ -32,6 +33,28 @@ pub(crate) fn over<S: System>(
     jobs.into_iter().map(made).collect()
 }
 
+/// In a tenth of the steps, where the scale is that; all that is counted in steps or epochs comes as much earlier.
+pub(crate) fn scaled<S: System>(scale: Scale, mut jobs: Vec<Planned<S>>) -> Vec<Planned<S>> {
+    if scale == Scale::Tenth {
+        for (.., config) in &mut jobs {
+            let train = &mut config.train;
+            match &mut train.max_steps {
+                Some(steps) => *steps = tenth(*steps),
+                None => train.epochs = tenth(train.epochs),
+            }
+            train.warmup = tenth(train.warmup);
+            train.drop_every = tenth(train.drop_every);
+            train.milestones.iter_mut().for_each(|epoch| *epoch = tenth(*epoch));
+        }
+    }
+    jobs
+}
+
+/// A tenth of a count, or a little more.
+pub(crate) fn tenth(count: u64) -> u64 {
+    count.div_ceil(10)
+}
+
 /// A preset with changes. Both are ours and sound.
 pub(crate) fn preset<S: System>(name: &str, changes: &[Change]) -> Configuration<S::Config> {
     let found = S::PRESETS.iter().find(|(preset, _)| *preset == name);
@@ -44,8 +67,9 @@ pub(crate) fn preset<S: System>(name: &str, changes: &[Change]) -> Configuration
 /// These jobs, and all that decides their results.
 pub(crate) fn plan<S: System>(jobs: &[Planned<S>]) -> Plan {
     let mut plan = Plan::default();
-    for (job, _, config) in jobs {
-        plan.jobs.push(job.clone());
+    for (job, label, config) in jobs {
+        let length = config.train.max_steps.unwrap_or(config.train.epochs);
+        plan.jobs.push(PlannedJob { id: job.clone(), label: (*label).to_owned(), length });
         for line in to_toml(config).lines() {
             let _ = writeln!(plan.settings, "{job}.{line}");
         }

@@ -5,16 +5,19 @@ use std::path::Path;
 use std::time::Instant;
 
 use serde::Serialize;
-use serde_json::json;
 
-use super::digest::Digest;
+use super::claim::Claim;
 use super::error::{ReproduceError, StudyError};
-use super::markdown::markdown;
+use super::floor::Check;
 use super::order::Order;
-use super::page::page;
-use super::store::{Kept, Store};
-use super::study::{Claim, Plan, Study};
+use super::output::write_all;
+use super::pages::Pages;
+use super::plan::{Plan, PlannedJob};
+use super::results::Results;
+use super::store::{Kept, Store, result};
+use super::study::Study;
 use super::table::Tables;
+use super::verdict::Judged;
 use super::work::{Tick, Work};
 
 /// What happened, in the order in which it does.
@@ -59,12 +62,24 @@ pub enum Event {
 pub struct Reproduced {
     /// The tables, as far as they came.
     pub tables: Tables,
-    /// What holds; empty until every job is done.
-    pub claims: Vec<Claim>,
+    /// What holds; empty until every job is done, and in the quick form.
+    pub claims: Vec<Judged>,
+    /// What the quick form reaches; empty in the others.
+    pub checks: Vec<Check>,
+    /// Jobs that five seeds instead of three may be expected to decide something about.
+    pub close: Vec<String>,
     /// Whether it was stopped before its end.
     pub interrupted: bool,
     /// What the jobs took that were done now.
     pub seconds: f64,
+}
+
+impl Reproduced {
+    pub(crate) fn of(pages: Pages<'_>, interrupted: bool, seconds: f64) -> Self {
+        let close = pages.close();
+        let Pages { tables, claims, checks, .. } = pages;
+        Self { tables, claims, checks, close, interrupted, seconds }
+    }
 }
 
 /// Makes a study's tables in a folder, and goes on with what is there.
@@ -84,34 +99,83 @@ pub fn reproduce(
     order: &Order<'_>,
     watch: &mut dyn FnMut(Event) -> ControlFlow<()>,
 ) -> Result<Reproduced, ReproduceError> {
-    let Plan { jobs, settings } = study.plan(order.scale);
+    let plan = study.plan(order.scale);
     let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
-    assert!(jobs.iter().all(|id| id.chars().all(plain)), "reproduce: names of jobs: {jobs:?}");
-    let store = Store::open(out, &identity(study, &settings, order), order.force)?;
-    let kept = |job: &String| order.seeds.iter().map(|&seed| store.kept(job, seed)).collect();
-    let results = jobs.iter().map(kept).collect::<Result<_, _>>()?;
-    StudyRunner { study, order, store, jobs, results }.run(watch)
+    assert!(
+        plan.ids().all(|id| id.chars().all(plain)),
+        "reproduce: names of jobs: {:?}",
+        plan.jobs
+    );
+    let known = |job: &&String| plan.ids().any(|id| id == job.as_str());
+    if let Some(job) = order.only.iter().find(|job| !known(job)) {
+        let known = plan.ids().collect::<Vec<_>>().join(", ");
+        return Err(ReproduceError::UnknownJob { job: job.clone(), known });
+    }
+    let store = Store::open(out, &identity(study, &plan.settings, order), order.force)?;
+    let kept = store.kept(plan.ids())?;
+    for kept in &kept {
+        let ours = [&order.provenance.version, &order.provenance.commit];
+        same_build(&store.root().join(result(&kept.job, kept.seed)), kept, ours)?;
+    }
+    let claims = study.claims();
+    StudyRunner { study, order, store, plan, claims, kept }.run(watch)
 }
 
 /// What all results of a folder have in common.
-fn identity(study: &dyn Study, settings: &str, order: &Order<'_>) -> String {
-    let data = order.data.map_or_else(|| "its own".to_owned(), |path| path.display().to_string());
-    let (name, scale) = (study.name(), order.scale.name());
+pub(crate) fn identity(study: &dyn Study, settings: &str, order: &Order<'_>) -> String {
+    let (name, scale, data) = (study.name(), order.scale.name(), order.data_name());
     format!("study = {name}\nscale = {scale}\ndata = {data}\n{}\n", settings.trim_end())
+}
+
+/// That a result was made by the build that made the others: its version and its commit.
+pub(crate) fn same_build(
+    path: &Path,
+    kept: &Kept,
+    [version, commit]: [&String; 2],
+) -> Result<(), ReproduceError> {
+    for (field, found, expected) in
+        [("version", &kept.version, version), ("commit", &kept.commit, commit)]
+    {
+        if found != expected {
+            let (path, found, expected) = (path.to_owned(), found.clone(), expected.clone());
+            return Err(ReproduceError::OtherBuild { path, field, found, expected });
+        }
+    }
+    Ok(())
 }
 
 struct StudyRunner<'a> {
     study: &'a dyn Study,
     order: &'a Order<'a>,
     store: Store,
-    jobs: Vec<String>,
-    /// By job and seed.
-    results: Vec<Vec<Option<Kept>>>,
+    plan: Plan,
+    claims: Vec<Claim>,
+    /// In the order of the jobs, then of the seeds.
+    kept: Vec<Kept>,
 }
 
 impl StudyRunner<'_> {
-    fn finished(&self) -> usize {
-        self.results.iter().flatten().flatten().count()
+    fn has(&self, job: &str, seed: u64) -> bool {
+        self.kept.iter().any(|kept| kept.job == job && kept.seed == seed)
+    }
+
+    /// All jobs with their seeds, seed by seed, so that every row has its first before one has its second.
+    fn wanted(&self) -> Vec<(String, u64)> {
+        let of = |job: &PlannedJob| -> Vec<u64> {
+            let claimed = job.is_claimed(&self.claims);
+            if self.order.asks_for(&job.id) {
+                return self.order.seeds.of(self.order.scale, claimed);
+            }
+            // What is not asked for now is still to be done as far as nothing is there.
+            let none = self.kept.iter().all(|kept| kept.job != job.id);
+            if none { super::Seeds::default().of(self.order.scale, claimed) } else { Vec::new() }
+        };
+        let all: Vec<(&String, Vec<u64>)> =
+            self.plan.jobs.iter().map(|job| (&job.id, of(job))).collect();
+        let most = all.iter().map(|(_, seeds)| seeds.len()).max().unwrap_or(0);
+        let nth =
+            |k: usize| all.iter().filter_map(move |(job, s)| Some(((*job).clone(), *s.get(k)?)));
+        (0..most).flat_map(nth).collect()
     }
 
     fn run(
@@ -119,78 +183,82 @@ impl StudyRunner<'_> {
         watch: &mut dyn FnMut(Event) -> ControlFlow<()>,
     ) -> Result<Reproduced, ReproduceError> {
         let start = Instant::now();
-        let (jobs, kept) = (self.jobs.len() * self.order.seeds.len(), self.finished());
+        let asked: Vec<(String, u64)> =
+            self.wanted().into_iter().filter(|(job, _)| self.order.asks_for(job)).collect();
+        let (jobs, kept) =
+            (asked.len(), asked.iter().filter(|(job, seed)| self.has(job, *seed)).count());
         let mut stopped = watch(Event::Started { jobs, kept }) == ControlFlow::Break(());
-        'all: for (at, &seed) in self.order.seeds.iter().enumerate() {
-            for (index, job) in self.jobs.clone().into_iter().enumerate() {
-                if self.results[index][at].is_some() {
-                    continue;
-                }
-                if stopped {
-                    break 'all;
-                }
-                let finished = self.finished();
-                let began = Instant::now();
-                let folder = self.store.work(&job, seed);
-                let work = Work {
-                    id: job.clone(),
-                    seed,
-                    scale: self.order.scale,
-                    folder: &folder,
-                    data: self.order.data,
-                    provenance: &self.order.provenance,
-                };
-                let mut tell = |tick| {
-                    let job = job.clone();
-                    let flow = watch(Event::Working { finished, jobs, job, seed, tick });
-                    stopped |= flow == ControlFlow::Break(());
-                    flow
-                };
-                let rows = match self.study.run(&work, &mut tell) {
-                    Ok(rows) => rows,
-                    Err(StudyError::Stopped) => {
-                        stopped = true;
-                        break 'all;
-                    }
-                    Err(error) => return Err(ReproduceError::Job { job, seed, error }),
-                };
-                let seconds = began.elapsed().as_secs_f64();
-                let kept = self.store.keep((&job, seed), rows, seconds, &self.order.provenance)?;
-                self.results[index][at] = Some(kept);
-                self.digest()?;
-                let finished = finished + 1;
-                stopped |= watch(Event::Finished { finished, job, seed, seconds })
-                    == ControlFlow::Break(());
+        let mut finished = kept;
+        for (job, seed) in asked {
+            if self.has(&job, seed) {
+                continue;
             }
+            if stopped {
+                break;
+            }
+            let mut tell = |tick| {
+                let job = job.clone();
+                let flow = watch(Event::Working { finished, jobs, job, seed, tick });
+                stopped |= flow == ControlFlow::Break(());
+                flow
+            };
+            let Some(seconds) = self.job(&job, seed, &mut tell)? else {
+                stopped = true;
+                break;
+            };
+            finished += 1;
+            self.write()?;
+            let flow = watch(Event::Finished { finished, job, seed, seconds });
+            stopped |= flow == ControlFlow::Break(());
         }
-        let (tables, claims) = self.digest()?;
-        let interrupted = stopped && self.finished() < jobs;
-        Ok(Reproduced { tables, claims, interrupted, seconds: start.elapsed().as_secs_f64() })
+        self.write()?;
+        let results = self.results();
+        let pages = Pages::of(self.study, &results, self.store.root());
+        let interrupted = stopped && finished < jobs;
+        Ok(Reproduced::of(pages, interrupted, start.elapsed().as_secs_f64()))
+    }
+
+    /// Does one job and keeps it; says what it took, or nothing if it was stopped.
+    fn job(
+        &mut self,
+        job: &str,
+        seed: u64,
+        tell: &mut dyn FnMut(Tick) -> ControlFlow<()>,
+    ) -> Result<Option<f64>, ReproduceError> {
+        let began = Instant::now();
+        let folder = self.store.work(job, seed);
+        let work = Work {
+            id: job.to_owned(),
+            seed,
+            scale: self.order.scale,
+            folder: &folder,
+            data: self.order.data,
+            provenance: &self.order.provenance,
+        };
+        let rows = match self.study.run(&work, tell) {
+            Ok(rows) => rows,
+            Err(StudyError::Stopped) => return Ok(None),
+            Err(error) => return Err(ReproduceError::Job { job: job.to_owned(), seed, error }),
+        };
+        let seconds = began.elapsed().as_secs_f64();
+        let kept = self.store.keep((job, seed), rows, seconds, &self.order.provenance)?;
+        self.kept.push(kept);
+        let place = |id: &str| self.plan.ids().position(|other| other == id);
+        let mut sorted = std::mem::take(&mut self.kept);
+        sorted.sort_by_key(|kept| (place(&kept.job), kept.seed));
+        self.kept = sorted;
+        Ok(Some(seconds))
+    }
+
+    fn results(&self) -> Results {
+        let missing = |(job, seed): &&(String, u64)| !self.has(job, *seed);
+        let left = self.wanted().iter().filter(missing).count();
+        Results::of(self.study.name(), &self.plan.settings, self.order, &self.kept, left)
     }
 
     /// Writes the tables as they are now.
-    fn digest(&self) -> Result<(Tables, Vec<Claim>), ReproduceError> {
-        let kept: Vec<Kept> = self.results.iter().flatten().flatten().cloned().collect();
-        let tables = Tables::of(&kept);
-        let left = self.jobs.len() * self.order.seeds.len() - kept.len();
-        let judged = left == 0;
-        let claims = if judged { self.study.claims(&tables, self.order.scale) } else { Vec::new() };
-        let Self { study, order, store, .. } = self;
-        let (kept, study) = (&kept[..], *study);
-        let digest = Digest { study, order, store, kept, tables: &tables, claims: &claims, left };
-        store.write("table.md", markdown(&digest).as_bytes())?;
-        store.write("report.html", page(&digest).as_bytes())?;
-        let facts: serde_json::Map<String, serde_json::Value> =
-            digest.facts().into_iter().map(|(name, fact)| (name.to_owned(), fact.into())).collect();
-        let json = json!({
-            "study": study.name(),
-            "made": facts,
-            "jobs_left": left,
-            "tables": &tables,
-            "claims": &claims,
-        });
-        let json = serde_json::to_string_pretty(&json).expect("plain figures serialise");
-        store.write("results.json", (json + "\n").as_bytes())?;
-        Ok((tables, claims))
+    fn write(&self) -> Result<(), ReproduceError> {
+        let results = self.results();
+        write_all(&Pages::of(self.study, &results, self.store.root()), self.store.root())
     }
 }

@@ -13,13 +13,14 @@ use std::path::{Path, PathBuf};
 
 use mesh_core::encode_png;
 use serde::{Deserialize, Serialize};
-use train::Provenance;
 use train::output::{
     Lock, LockError, disk, is_incidental, lock_folder, present, remove_within, sweep, write_within,
 };
+use train::{Provenance, RunFolder};
 
+use super::curves::{Curve, curves};
 use super::error::ReproduceError;
-use super::row::{Cell, Row};
+use super::row::{Cell, Picture, PictureKind, Row};
 
 /// Everything in a study's folder, for those who overwrite one.
 const ENTRIES: &[&str] =
@@ -40,6 +41,12 @@ pub(super) struct Kept {
     pub(super) rows: Vec<KeptRow>,
     /// What the job took: in its last part, or by what its rows say, if that is more.
     pub(super) seconds: f64,
+    /// What its training took of that.
+    #[serde(default)]
+    pub(super) training: f64,
+    /// How its training went.
+    #[serde(default)]
+    pub(super) curves: Vec<Curve>,
     pub(super) version: String,
     pub(super) commit: String,
     pub(super) cpu: String,
@@ -58,10 +65,14 @@ pub(super) struct KeptRow {
 
 /// An image in the folder.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct KeptPicture {
-    pub(super) caption: String,
-    /// Below the study's folder.
-    pub(super) file: String,
+pub struct KeptPicture {
+    /// The caption.
+    pub caption: String,
+    /// The file, below the study's folder.
+    pub file: String,
+    /// What it is of.
+    #[serde(default)]
+    pub kind: PictureKind,
 }
 
 /// Whether something stands at one of the names that a study writes.
@@ -98,13 +109,17 @@ impl Store {
         self.root.join("work").join(stem(job, seed))
     }
 
-    /// The kept result of a job, if it was finished.
-    pub(super) fn kept(&self, job: &str, seed: u64) -> Result<Option<Kept>, ReproduceError> {
-        let path = self.root.join(result(job, seed));
-        let Some(text) = read(path.clone())? else { return Ok(None) };
-        let damaged =
-            |error: serde_json::Error| ReproduceError::Damaged { path, problem: error.to_string() };
-        serde_json::from_str(&text).map_err(damaged)
+    /// The folder itself.
+    pub(super) fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// What is kept of some jobs, in their order and by ascending seed.
+    pub(super) fn kept<'a>(
+        &self,
+        jobs: impl IntoIterator<Item = &'a str>,
+    ) -> Result<Vec<Kept>, ReproduceError> {
+        kept_in(&self.root, jobs)
     }
 
     /// Keeps the rows of a finished job. Its images come first, so that a result has them all.
@@ -123,11 +138,13 @@ impl Store {
                 let file = format!("pictures/{}-{count}.png", stem(job, seed));
                 count += 1;
                 self.write(&file, &encode_png(&picture.image))?;
-                pictures.push(KeptPicture { caption: picture.caption, file });
+                let Picture { caption, kind, .. } = picture;
+                pictures.push(KeptPicture { caption, file, kind });
             }
             let Row { table, label, cells, seconds, .. } = row;
             kept_rows.push(KeptRow { table, label, cells, seconds, pictures });
         }
+        let work = self.work(job, seed);
         // Rows of one job share its training.
         let said = kept_rows.iter().map(|row| row.seconds).fold(0.0, f64::max);
         let kept = Kept {
@@ -135,6 +152,8 @@ impl Store {
             seed,
             rows: kept_rows,
             seconds: seconds.max(said),
+            training: RunFolder::at(&work).seconds().unwrap_or(0.0),
+            curves: curves(&work),
             version: provenance.version.clone(),
             commit: provenance.commit.clone(),
             cpu: provenance.cpu.clone(),
@@ -146,24 +165,55 @@ impl Store {
         Ok(kept)
     }
 
-    /// The bytes of an image; none if someone removed it.
-    pub(super) fn picture(&self, picture: &KeptPicture) -> Option<Vec<u8>> {
-        fs::read(self.root.join(&picture.file)).ok()
-    }
-
     /// Writes a file, whole or not at all, with the folders above it.
     pub(super) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), ReproduceError> {
         write_within(&self.root, name, bytes).map_err(io)
     }
 }
 
+/// What is kept in a folder of some jobs, in their order and by ascending seed.
+pub(super) fn kept_in<'a>(
+    root: &Path,
+    jobs: impl IntoIterator<Item = &'a str>,
+) -> Result<Vec<Kept>, ReproduceError> {
+    let folder = root.join("results");
+    let entries = present(fs::read_dir(&folder)).map_err(|source| io((folder.clone(), source)))?;
+    let mut found: Vec<(String, u64)> = Vec::new();
+    for entry in entries.into_iter().flatten() {
+        let name = entry.map_err(|source| io((folder.clone(), source)))?.file_name();
+        found.extend(name.to_str().and_then(named));
+    }
+    let mut all = Vec::new();
+    for job in jobs {
+        let mut seeds: Vec<u64> =
+            found.iter().filter(|(name, _)| name == job).map(|(_, seed)| *seed).collect();
+        seeds.sort_unstable();
+        for seed in seeds {
+            all.push(read_kept(&root.join(result(job, seed)))?);
+        }
+    }
+    Ok(all)
+}
+
+fn read_kept(path: &Path) -> Result<Kept, ReproduceError> {
+    let damaged = |problem| ReproduceError::Damaged { path: path.to_owned(), problem };
+    let text = read(path.to_owned())?.ok_or_else(|| damaged("it is gone".to_owned()))?;
+    serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))
+}
+
+/// Job and seed of a result, by the name of its file.
+fn named(name: &str) -> Option<(String, u64)> {
+    let (job, seed) = name.strip_suffix(".json")?.rsplit_once("-seed-")?;
+    Some((job.to_owned(), seed.parse().ok()?))
+}
+
 /// The text of a file; none where there is no such file.
-fn read(path: PathBuf) -> Result<Option<String>, ReproduceError> {
+pub(super) fn read(path: PathBuf) -> Result<Option<String>, ReproduceError> {
     present(fs::read_to_string(&path)).map_err(|source| io((path, source)))
 }
 
 /// What the file system refused, and where.
-fn io((path, source): (PathBuf, std::io::Error)) -> ReproduceError {
+pub(super) fn io((path, source): (PathBuf, std::io::Error)) -> ReproduceError {
     ReproduceError::Io { path, source }
 }
 
@@ -171,7 +221,7 @@ fn stem(job: &str, seed: u64) -> String {
     format!("{job}-seed-{seed}")
 }
 
-fn result(job: &str, seed: u64) -> String {
+pub(super) fn result(job: &str, seed: u64) -> String {
     format!("results/{}.json", stem(job, seed))
 }
 
@@ -195,7 +245,7 @@ fn locked(path: &Path) -> Result<Lock, ReproduceError> {
 }
 
 /// The first line that is another.
-fn changed(path: &Path, found: &str, expected: &str) -> ReproduceError {
+pub(super) fn changed(path: &Path, found: &str, expected: &str) -> ReproduceError {
     let (mut was, mut is) = (found.lines(), expected.lines());
     loop {
         let lines = (was.next(), is.next());

@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use serde::Serialize;
 use train::Better;
 
-use super::store::Kept;
+use crate::bootstrap::{Interval, Paired, Statistic, interval};
+use crate::results::{ColumnRecord, Results};
 
 /// All tables of a study.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -33,6 +34,17 @@ pub struct Column {
     pub decimals: usize,
 }
 
+/// A cell for people.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct CellText {
+    /// The mean over the seeds.
+    pub(super) mean: String,
+    /// In brackets, or nothing.
+    pub(super) interval: String,
+    /// The values of the seeds in brackets, or nothing.
+    pub(super) each: String,
+}
+
 /// A row over all seeds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Line {
@@ -42,37 +54,49 @@ pub struct Line {
     pub seeds: Vec<u64>,
     /// For each column the values of the seeds in their order; seeds without one are left out.
     pub values: Vec<Vec<f64>>,
+    /// For each column the 95 % interval of the mean, where the value is a mean over objects.
+    pub intervals: Vec<Option<Interval>>,
     /// For each seed what it took.
     pub seconds: Vec<f64>,
 }
 
 impl Tables {
-    /// Puts together what is kept, in the order in which it is handed in.
-    pub(super) fn of<'a>(kept: impl IntoIterator<Item = &'a Kept>) -> Self {
+    /// Puts results together, rows and columns in the order in which they come.
+    pub(super) fn of(results: &Results) -> Self {
         let mut tables = Self::default();
-        for kept in kept {
-            for row in &kept.rows {
-                let table = found_or(
-                    &mut tables.0,
-                    |t| t.name == row.table,
-                    || Table { name: row.table.clone(), ..Table::default() },
-                );
-                let at = table.line(&row.label);
-                for cell in &row.cells {
-                    let column = table.column(cell);
-                    let values = &mut table.rows[at].values;
-                    values.resize(values.len().max(column + 1), Vec::new());
-                    values[column].extend(cell.value.filter(|v| !v.is_nan()));
-                }
-                table.rows[at].seeds.push(kept.seed);
-                table.rows[at].seconds.push(row.seconds);
-            }
+        for ColumnRecord { table, name, better, decimals } in &results.columns {
+            let (name, better, decimals) = (name.clone(), *better, *decimals);
+            tables.named(table).columns.push(Column { name, better, decimals });
+        }
+        for record in &results.rows {
+            let row = tables.named(&record.table).line(&record.label);
+            row.seeds.push(record.seed);
+            row.seconds.push(record.seconds);
         }
         for table in &mut tables.0 {
-            let columns = table.columns.len();
-            table.rows.iter_mut().for_each(|row| row.values.resize(columns, Vec::new()));
+            let (name, columns) = (&table.name, &table.columns);
+            for row in &mut table.rows {
+                for column in columns {
+                    let samples = results.samples(name, &row.label, &column.name);
+                    row.values.push(samples.iter().map(|sample| sample.value).collect());
+                    // Where a sample has no objects, the differences of the seeds are all there is to show.
+                    let alone = |(_, value): &(String, f64)| *value;
+                    let objects = |sample: &crate::results::Sample| {
+                        Paired::alone(sample.objects.iter().map(alone).collect())
+                    };
+                    let known = samples.iter().all(|sample| sample.objects.len() > 1);
+                    let paired: Vec<Paired> = samples.iter().map(objects).collect();
+                    let found = known.then(|| interval(&paired, Statistic::Difference));
+                    row.intervals.push(found.flatten());
+                }
+            }
         }
         tables
+    }
+
+    fn named(&mut self, name: &str) -> &mut Table {
+        let table = || Table { name: name.to_owned(), ..Table::default() };
+        found_or(&mut self.0, |table| table.name == name, table)
     }
 
     /// A table by its heading.
@@ -95,16 +119,6 @@ impl Tables {
     pub fn mean(&self, table: &str, row: &str, column: &str) -> Option<f64> {
         mean(self.values(table, row, column))
     }
-
-    /// [`mean`](Self::mean) for claims: what has no value is not a number, which holds nothing.
-    pub(crate) fn figure(&self, table: &str, row: &str, column: &str) -> f64 {
-        self.mean(table, row, column).unwrap_or(f64::NAN)
-    }
-
-    /// The largest less the smallest value of a cell; 0 with one seed, none without a value.
-    pub fn spread(&self, table: &str, row: &str, column: &str) -> Option<f64> {
-        spread(self.values(table, row, column))
-    }
 }
 
 impl Table {
@@ -115,8 +129,8 @@ impl Table {
         lines[0].push("time".to_owned());
         for row in &self.rows {
             let cells = (0..self.columns.len()).map(|column| {
-                let (mean, spread) = self.cell(row, column);
-                mean + &spread
+                let CellText { mean, interval, .. } = self.cell(row, column);
+                mean + &interval
             });
             let label = std::iter::once(row.label.clone());
             lines.push(label.chain(cells).chain([row.time()]).collect());
@@ -136,40 +150,38 @@ impl Table {
         text
     }
 
-    fn line(&mut self, label: &str) -> usize {
-        let at = self.rows.iter().position(|row| row.label == label);
-        at.unwrap_or_else(|| {
-            self.rows.push(Line { label: label.to_owned(), ..Line::default() });
-            self.rows.len() - 1
-        })
+    fn line(&mut self, label: &str) -> &mut Line {
+        let line = || Line { label: label.to_owned(), ..Line::default() };
+        found_or(&mut self.rows, |row| row.label == label, line)
     }
 
-    fn column(&mut self, cell: &super::row::Cell) -> usize {
-        let at = self.columns.iter().position(|column| column.name == cell.column);
-        at.unwrap_or_else(|| {
-            let (name, better, decimals) = (cell.column.clone(), cell.better, cell.decimals);
-            self.columns.push(Column { name, better, decimals });
-            self.columns.len() - 1
-        })
-    }
-
-    /// A cell as text: the mean, and in brackets the spread where there are several seeds; but not
-    /// where it could only say that a count or a published figure does not change.
-    pub(super) fn cell(&self, row: &Line, column: usize) -> (String, String) {
+    /// A cell as text: the mean, its interval, and the values of several seeds; but not where these could only say that a
+    /// count or a published figure does not change.
+    pub(super) fn cell(&self, row: &Line, column: usize) -> CellText {
         let decimals = self.columns[column].decimals;
         let values = &row.values[column];
-        let Some(mean) = mean(values) else { return ("none".to_owned(), String::new()) };
-        let fixed = |spread: f64| spread == 0.0 && self.columns[column].better.is_none();
-        let spread = spread(values).filter(|&spread| values.len() > 1 && !fixed(spread));
-        let spread = spread.map_or_else(String::new, |s| format!(" ({s:.decimals$})"));
-        (format!("{mean:.decimals$}"), spread)
+        let Some(mean) = mean(values) else {
+            return CellText { mean: "none".to_owned(), ..CellText::default() };
+        };
+        let said = |value: f64| format!("{value:.decimals$}");
+        let ends =
+            |Interval { low, high, .. }: Interval| format!(" [{}, {}]", said(low), said(high));
+        let fixed = values.iter().all(|value| value.to_bits() == values[0].to_bits());
+        let each = if values.len() > 1 && !fixed {
+            let each: Vec<String> = values.iter().copied().map(said).collect();
+            format!(" ({})", each.join(", "))
+        } else {
+            String::new()
+        };
+        let interval = row.intervals[column].map_or_else(String::new, ends);
+        CellText { mean: said(mean), interval, each }
     }
 
     /// Whether this row has the best mean of the column, as far as the digits shown tell, and another
     /// has not.
     pub(super) fn is_best(&self, row: &Line, column: usize) -> bool {
         let Some(better) = self.columns[column].better else { return false };
-        let shown = |row: &Line| self.cell(row, column).0.parse::<f64>().ok();
+        let shown = |row: &Line| self.cell(row, column).mean.parse::<f64>().ok();
         let Some(own) = shown(row) else { return false };
         let others = || self.rows.iter().filter_map(shown);
         others().all(|other| !better.improves(other, own))
@@ -197,12 +209,6 @@ impl Line {
 
 fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-}
-
-fn spread(values: &[f64]) -> Option<f64> {
-    let low = values.iter().copied().reduce(f64::min)?;
-    let high = values.iter().copied().reduce(f64::max)?;
-    Some(high - low)
 }
 
 fn found_or<T>(all: &mut Vec<T>, is: impl Fn(&T) -> bool, new: impl FnOnce() -> T) -> &mut T {

@@ -44,7 +44,7 @@ impl Study for Toy {
     }
 
     fn plan(&self, _: Scale) -> Plan {
-        Plan { jobs: vec!["one".into(), "two".into()], settings: self.settings.to_owned() }
+        Plan::of(["one", "two"], self.settings)
     }
 
     fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
@@ -71,15 +71,9 @@ impl Study for Toy {
         Ok(vec![row("two, a", 0.4 - 0.1 * seed), row("two, b", f64::NAN).with(none)])
     }
 
-    fn claims(&self, tables: &Tables, _: Scale) -> Vec<Claim> {
-        let [one, two] = ["one", "two, a"].map(|row| tables.mean("Errors", row, "error | all"));
-        let spread = tables.spread("Errors", "one", "error | all").unwrap();
-        let found = format!("{:.2} and {:.2}", two.unwrap(), one.unwrap());
-        vec![Claim::new(
-            "two beats one by more than the spread",
-            found,
-            two.unwrap() < one.unwrap() - spread,
-        )]
+    fn claims(&self) -> Vec<Claim> {
+        let [one, two] = ["one", "two, a"].map(|row| Score::new("Errors", row, "error | all"));
+        vec![Claim::new("two beats one", [two.below(one)])]
     }
 
     fn caption(&self, _: &str, scale: Scale) -> String {
@@ -92,14 +86,15 @@ fn make(toy: &Toy, out: &Path, order: &Order<'_>) -> Result<Reproduced, Reproduc
 }
 
 fn order(seeds: &[u64]) -> Order<'static> {
-    Order { seeds: seeds.to_vec(), ..Order::default() }
+    Order { seeds: Seeds::Listed(seeds.to_vec()), ..Order::default() }
 }
 
 #[test]
-fn the_table_has_means_spreads_and_claims() {
+fn the_table_has_means_seeds_and_claims() {
     let place = tempfile::tempdir().unwrap();
     let made = make(&Toy::new(), place.path(), &order(&[0, 1, 2])).unwrap();
-    assert!(!made.interrupted && made.claims[0].holds == (0.3 < 0.6 - 0.2));
+    // Lower in all three seeds, but by 0.1, 0.3 and 0.5: Student's interval of that reaches beyond 0.
+    assert!(!made.interrupted && made.claims[0].verdict == Verdict::Undecided);
     let text = fs::read_to_string(place.path().join("table.md")).unwrap();
     let lines: Vec<&str> = text.lines().filter(|line| line.starts_with('|')).collect();
     assert_eq!(
@@ -107,12 +102,14 @@ fn the_table_has_means_spreads_and_claims() {
         [
             "| | error \\| all ↓ | size | rare ↑ | time |",
             "|---|---:|---:|---:|---:|",
-            "| one | 0.60 (0.20) | 7 | none | 2.0 s |",
-            "| two, a | **0.30** (0.20) | 7 | none | 2.0 s |",
+            "| one | 0.60 (0.50, 0.60, 0.70) | 7 | none | 2.0 s |",
+            "| two, a | **0.30** (0.40, 0.30, 0.20) | 7 | none | 2.0 s |",
             "| two, b | none | 7 | none | 2.0 s |",
         ]
     );
-    for part in ["- holds: two beats one", "Made full.", "- seeds: 0, 1, 2", "0.30 and 0.60"] {
+    let verdict =
+        "- **undecided**: two beats one (0.3000 to 0.6000, difference -0.3000 [-0.7969, 0.1969])";
+    for part in [verdict, "Made full.", "- seeds: 0, 1, 2"] {
         assert!(text.contains(part), "{part}: {text}");
     }
     let page = fs::read_to_string(place.path().join("report.html")).unwrap();
@@ -127,8 +124,8 @@ fn the_table_has_means_spreads_and_claims() {
     assert!(above.chunks(3).all(|p| p == MODEL) && below.chunks(3).all(|p| p == TRUTH));
     let json: serde_json::Value =
         serde_json::from_slice(&fs::read(place.path().join("results.json")).unwrap()).unwrap();
-    assert_eq!(json["tables"][0]["rows"][0]["seeds"], serde_json::json!([0, 1, 2]));
-    // A single seed has no spread.
+    assert_eq!(json["rows"].as_array().map(Vec::len), Some(9));
+    // A single seed has nothing beside it.
     let alone = tempfile::tempdir().unwrap();
     make(&Toy::new(), alone.path(), &order(&[4])).unwrap();
     let text = fs::read_to_string(alone.path().join("table.md")).unwrap();
@@ -200,6 +197,31 @@ fn results_of_something_else_are_refused() {
     assert!(matches!(error, ReproduceError::Taken { .. }), "{error}");
 }
 
+/// A claim or a floor about a row that no job makes would never be judged.
+#[test]
+fn claims_and_floors_are_about_rows_that_are_made() {
+    for study in studies() {
+        let (name, claims) = (study.name(), study.claims());
+        for scale in [Scale::Full, Scale::Tenth] {
+            let jobs = study.plan(scale).jobs;
+            for claim in &claims {
+                assert!(!claim.comparisons.is_empty(), "{name}: {}", claim.text);
+                for row in claim.rows() {
+                    assert!(jobs.iter().any(|job| job.makes(row)), "{name}, {scale:?}: {row}");
+                }
+                assert!(claim.reasons().iter().all(|why| why.len() > 10), "{name}: {}", claim.text);
+            }
+        }
+        let jobs = study.plan(Scale::Quick).jobs;
+        for floor in study.floors() {
+            assert!(floor.rows().len() > 1, "{name}: nothing has to miss {floor:?}");
+            for row in floor.rows() {
+                assert!(jobs.iter().any(|job| job.makes(row)), "{name}: {row}");
+            }
+        }
+    }
+}
+
 /// One training, scored.
 struct Training;
 
@@ -219,7 +241,7 @@ impl Study for Training {
     }
 
     fn plan(&self, _: Scale) -> Plan {
-        Plan { jobs: vec!["model".into()], settings: settings::to_toml(&configuration()) }
+        Plan::of(["model"], settings::to_toml(&configuration()))
     }
 
     fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
@@ -235,10 +257,6 @@ impl Study for Training {
         let metrics = trained.system.evaluate(&data, train::Subset::Test)?;
         let row = Row::new("Scores", "model").took(trained.seconds);
         Ok(vec![metrics.iter().fold(row, |row, metric| row.with(Cell::of(metric, 6)))])
-    }
-
-    fn claims(&self, _: &Tables, _: Scale) -> Vec<Claim> {
-        Vec::new()
     }
 }
 

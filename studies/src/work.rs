@@ -6,7 +6,7 @@ use std::path::Path;
 use train::{Configuration, Job, Provenance, RunError, RunFolder, System, train};
 
 use super::error::StudyError;
-use super::study::Scale;
+use super::scale::Scale;
 
 /// A job of one seed.
 #[derive(Clone, Debug)]
@@ -66,6 +66,20 @@ impl Work<'_> {
             ControlFlow::Continue(()) => Ok(()),
             ControlFlow::Break(()) => Err(StudyError::Stopped),
         }
+    }
+
+    /// A system as it is before its first step: what a floor must tell from a trained one.
+    ///
+    /// # Errors
+    /// If files that it begins with cannot be read.
+    pub fn untrained<S: System>(
+        &self,
+        config: &Configuration<S::Config>,
+        data: &S::Data,
+    ) -> Result<S, StudyError> {
+        let mut system = S::new(&config.system, self.seed);
+        system.init_from_data(data)?;
+        Ok(system)
     }
 
     /// Trains a system in the job's folder, or goes on with the training that is there; one that

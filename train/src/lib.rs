@@ -68,6 +68,7 @@ pub use config::{CHANGEABLE, Configuration, OptimizerKind, ScheduleKind, TrainCo
 pub use draw::Draw;
 pub use error::{CheckpointError, DataError, LossError, PredictError, RunError, TrainError};
 pub use event::{Event, Step};
+pub use log::Curves;
 pub use not_finite::{NotFinite, Tensor};
 pub use optimizer::OptimizerState;
 pub use run::{Fingerprint, Provenance, RunFolder};

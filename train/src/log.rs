@@ -94,6 +94,15 @@ mod named {
     }
 }
 
+/// How a training went, by step.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Curves {
+    /// The loss of each step.
+    pub losses: Vec<(u64, f64)>,
+    /// The scores of each validation, by name.
+    pub scores: Vec<(u64, Vec<(String, f64)>)>,
+}
+
 /// Columns of the table that every run has, in their order.
 const FIXED: [&str; 5] = ["epoch", "loss", "learning_rate", "gradient_norm", "seconds"];
 
@@ -149,6 +158,19 @@ impl History {
     pub(super) fn seconds(&self) -> f64 {
         let of = |line: &Line| if let Line::Step { seconds, .. } = line { *seconds } else { 0.0 };
         self.lines.iter().map(of).sum()
+    }
+
+    /// Losses and scores.
+    pub(super) fn curves(self) -> Curves {
+        let mut curves = Curves::default();
+        for line in self.lines {
+            match line {
+                Line::Step { step, loss, .. } => curves.losses.push((step, loss)),
+                Line::Validation { step, metrics, .. } => curves.scores.push((step, metrics)),
+                Line::Skipped { .. } | Line::Resumed { .. } => {}
+            }
+        }
+        curves
     }
 
     /// A weighted term of the loss, step by step.

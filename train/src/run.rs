@@ -19,7 +19,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::error::RunError;
-use super::log::History;
+use super::log::{Curves, History};
 use crate::output::{
     LOCK, Lock, LockError, disk, is_incidental, lock_folder, present, remove_within, sweep,
     write_derived_within, write_within,
@@ -285,6 +285,14 @@ impl RunFolder {
     /// If the log cannot be read.
     pub fn seconds(&self) -> Result<f64, RunError> {
         Ok(History::read(&self.log())?.seconds())
+    }
+
+    /// Losses and scores so far.
+    ///
+    /// # Errors
+    /// If the log cannot be read.
+    pub fn curves(&self) -> Result<Curves, RunError> {
+        Ok(History::read(&self.log())?.curves())
     }
 
     /// A weighted term of the loss at each step so far, in the order of the steps.

@@ -1,11 +1,12 @@
 //! `unsphere reproduce`: a published table, made again.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use studies::{
-    Event, Order, ReproduceError, Reproduced, Scale, Study, StudyError, reproduce, studies,
+    Cost, Event, Order, ReproduceError, Reproduced, Scale, Seeds, Study, StudyError, Verdict,
+    costs, measured, merge, remake, reproduce, studies,
 };
 use train::TrainError;
 
@@ -36,20 +37,154 @@ struct Known {
     about: &'static str,
 }
 
+/// What is printed of a study by `--plan --json`.
+#[derive(Debug, Serialize)]
+struct Planned {
+    study: &'static str,
+    rows: Vec<Cost>,
+}
+
+/// The name of all studies together.
+const ALL: &str = "all";
+
 pub(crate) fn run(console: Console, global: Global, arguments: &Reproduce) -> Result<(), Failure> {
     if arguments.list {
         return list(console);
     }
-    let names = studies().map(Study::name).collect::<Vec<_>>().join(", ");
-    let Some(name) = &arguments.name else {
-        let text =
-            format!("no study is named, expected one of: {names} (--list says what they show)");
+    let known = studies().map(Study::name).collect::<Vec<_>>().join(", ");
+    let names: Vec<&str> = match &arguments.names[..] {
+        [] if arguments.plan => vec![ALL],
+        [] => {
+            let text =
+                format!("no study is named, expected one of: {known} (--list says what they show)");
+            return Err(Failure::Usage(text));
+        }
+        names => names.iter().map(String::as_str).collect(),
+    };
+    let mut chosen: Vec<&'static dyn Study> = Vec::new();
+    for name in &names {
+        let before = chosen.len();
+        let wanted =
+            |study: &&dyn Study| study.name() == *name || (*name == ALL && !study.needs_data());
+        chosen.extend(studies().filter(wanted));
+        if chosen.len() == before {
+            let text = format!("{name}: no such study, expected one of: {known}, {ALL}");
+            return Err(Failure::Usage(text));
+        }
+    }
+    let order = order(global, arguments);
+    if arguments.plan {
+        return plan(console, &chosen, &order);
+    }
+    if let [name] = names[..]
+        && name != ALL
+    {
+        let out = arguments.output.clone().unwrap_or_else(|| folder_of(name, order.scale));
+        return one(console, arguments, chosen[0], &order, &out);
+    }
+    if names.len() > 1 {
+        let text = format!(
+            "several studies are named; only --plan takes several, and `{ALL}` makes every one"
+        );
         return Err(Failure::Usage(text));
+    }
+    if !arguments.merge.is_empty() || arguments.report.is_some() || !arguments.only.is_empty() {
+        let text = "--merge, --report and --only are of one study; name it".to_owned();
+        return Err(Failure::Usage(text));
+    }
+    all(console, arguments, &chosen, &order)
+}
+
+/// Every study, one after the other, each in its folder.
+fn all(
+    console: Console,
+    arguments: &Reproduce,
+    chosen: &[&'static dyn Study],
+    order: &Order<'_>,
+) -> Result<(), Failure> {
+    console.remark(format_args!("{}", planned(&plans(chosen, order))));
+    let root = arguments.output.clone().unwrap_or_else(|| folder_of(ALL, order.scale));
+    let interrupt = listen()?;
+    let mut failed = Vec::new();
+    for study in chosen {
+        match make(console, &interrupt, *study, order, &root.join(study.name())) {
+            Err(Failure::Other(text)) => failed.push(format!("{}: {text}", study.name())),
+            other => other?,
+        }
+    }
+    if failed.is_empty() { Ok(()) } else { Err(Failure::Other(failed.join("\n"))) }
+}
+
+fn one(
+    console: Console,
+    arguments: &Reproduce,
+    study: &'static dyn Study,
+    order: &Order<'_>,
+    out: &Path,
+) -> Result<(), Failure> {
+    let made = if let Some(from) = &arguments.report {
+        remake(study, from, out)
+    } else if arguments.merge.is_empty() {
+        return make(console, &listen()?, study, order, out);
+    } else {
+        merge(study, &arguments.merge, out, order)
     };
-    let Some(study) = studies().find(|study| study.name() == name) else {
-        return Err(Failure::Usage(format!("{name}: no such study, expected one of: {names}")));
+    tell(console, study, order.scale, out, &made.map_err(failed)?)
+}
+
+/// Where results go if nobody says where.
+fn folder_of(name: &str, scale: Scale) -> PathBuf {
+    let scale = if scale == Scale::Full { String::new() } else { format!("-{}", scale.name()) };
+    format!("reproduce-{name}{scale}").into()
+}
+
+fn order(global: Global, arguments: &Reproduce) -> Order<'_> {
+    let base = global.seed.unwrap_or(0);
+    let listed = |count: u16| (0..u64::from(count)).map(|k| base.saturating_add(k)).collect();
+    Order {
+        scale: arguments.scale(),
+        seeds: arguments.seeds.map_or(Seeds::From(base), |count| Seeds::Listed(listed(count))),
+        only: arguments.only.clone(),
+        data: arguments.data.as_deref(),
+        force: arguments.force,
+        provenance: provenance(arguments.data.as_deref()),
+    }
+}
+
+fn plans(chosen: &[&'static dyn Study], order: &Order<'_>) -> Vec<Planned> {
+    let plan =
+        |study: &&'static dyn Study| Planned { study: study.name(), rows: costs(*study, order) };
+    chosen.iter().map(plan).collect()
+}
+
+fn plan(console: Console, chosen: &[&'static dyn Study], order: &Order<'_>) -> Result<(), Failure> {
+    console.result(&plans(chosen, order), |plans| planned(plans))
+}
+
+/// Hours of each row, each study and all together.
+fn planned(plans: &[Planned]) -> String {
+    let hours = |seconds: f64| format!("{:.2} h", seconds / 3600.0);
+    let sum = |rows: &[Cost]| rows.iter().filter_map(|row| row.seconds).sum::<f64>();
+    let mut lines = Vec::new();
+    let (mut total, mut unknown) = (0.0, 0);
+    for Planned { study, rows } in plans {
+        for row in rows {
+            let seeds =
+                if row.seeds == 1 { "1 seed".to_owned() } else { format!("{} seeds", row.seeds) };
+            let time = row.seconds.map_or_else(|| "not known".to_owned(), hours);
+            lines.push((format!("{study} {}", row.job), format!("{seeds:8} {time}")));
+        }
+        lines.push((format!("{study}, all rows"), hours(sum(rows))));
+        total += sum(rows);
+        unknown += rows.iter().filter(|row| row.seconds.is_none()).count();
+    }
+    let missing = match unknown {
+        0 => String::new(),
+        1 => " and one row that was never made".to_owned(),
+        _ => format!(" and {unknown} rows that were never made"),
     };
-    make(console, global, arguments, study)
+    lines.push(("everything".to_owned(), hours(total) + &missing));
+    table(lines.iter().map(|(name, value)| (name.as_str(), value.clone())))
 }
 
 fn list(console: Console) -> Result<(), Failure> {
@@ -57,27 +192,20 @@ fn list(console: Console) -> Result<(), Failure> {
     console.result(&known, |known| table(known.iter().map(|s| (s.name, s.about.to_owned()))))
 }
 
-fn make(
-    console: Console,
-    global: Global,
-    arguments: &Reproduce,
-    study: &'static dyn Study,
-) -> Result<(), Failure> {
-    let scale = if arguments.quick { Scale::Quick } else { Scale::Full };
-    let out = arguments.output.clone().unwrap_or_else(|| {
-        let quick = if arguments.quick { "-quick" } else { "" };
-        format!("reproduce-{}{quick}", study.name()).into()
-    });
-    let base = global.seed.unwrap_or(0);
-    let order = Order {
-        scale,
-        seeds: (0..u64::from(arguments.seeds)).map(|k| base.saturating_add(k)).collect(),
-        data: arguments.data.as_deref(),
-        force: arguments.force,
-        provenance: provenance(arguments.data.as_deref()),
-    };
+/// Whatever is finished is kept, from the first job on.
+fn listen() -> Result<Interrupt, Failure> {
     let interrupt = Interrupt::listen(None)?;
     interrupt.worthwhile();
+    Ok(interrupt)
+}
+
+fn make(
+    console: Console,
+    interrupt: &Interrupt,
+    study: &'static dyn Study,
+    order: &Order<'_>,
+    out: &Path,
+) -> Result<(), Failure> {
     let progress = Progress::in_shares(console, study.name());
     let mut watch = |event: Event| {
         match event {
@@ -101,25 +229,52 @@ fn make(
         }
         interrupt.flow()
     };
-    let made = reproduce(study, &out, &order, &mut watch).map_err(failed)?;
+    let made = reproduce(study, out, order, &mut watch).map_err(failed)?;
     progress.finish();
-    let outcome = Outcome { study: study.name(), scale, output: &out, made: &made };
+    if !made.interrupted && order.scale != Scale::Quick {
+        note_costs(study, out);
+    }
+    tell(console, study, order.scale, out, &made)
+}
+
+/// What each row took, in the form of the table that `--plan` reads.
+fn note_costs(study: &dyn Study, out: &Path) {
+    if let Ok(results) = studies::Results::read(&out.join("results.json")) {
+        // It can be made again from the results, and is in nobody's way.
+        let _ = std::fs::write(out.join("costs.txt"), measured(study, &results));
+    }
+}
+
+/// Prints what came of it, and fails where a floor of the quick form does.
+fn tell(
+    console: Console,
+    study: &'static dyn Study,
+    scale: Scale,
+    out: &Path,
+    made: &Reproduced,
+) -> Result<(), Failure> {
+    let outcome = Outcome { study: study.name(), scale, output: out, made };
     console.result(&outcome, describe)?;
     if made.interrupted {
         let text = format!("what is finished is in {}; the same command goes on", out.display());
         return Err(Failure::Interrupted(text));
     }
-    let broken: Vec<&str> =
-        made.claims.iter().filter(|claim| !claim.holds).map(|claim| claim.text.as_str()).collect();
-    if scale == Scale::Quick && !broken.is_empty() {
-        return Err(Failure::Other(format!("does not hold: {}", broken.join("; "))));
+    let broken: Vec<String> = made
+        .checks
+        .iter()
+        .filter(|check| !check.passed)
+        .map(|check| format!("{} (it is {})", check.text, check.found))
+        .collect();
+    if broken.is_empty() {
+        Ok(())
+    } else {
+        Err(Failure::Other(format!("not so: {}", broken.join("; "))))
     }
-    Ok(())
 }
 
 fn failed(error: ReproduceError) -> Failure {
     let bad_input = match &error {
-        ReproduceError::Damaged { .. } => true,
+        ReproduceError::Damaged { .. } | ReproduceError::NoResults { .. } => true,
         ReproduceError::Job { error, .. } => match error {
             StudyError::Data(_) | StudyError::Checkpoint(_) => true,
             StudyError::Train(error) => matches!(**error, TrainError::Data(_)),
@@ -131,11 +286,27 @@ fn failed(error: ReproduceError) -> Failure {
 }
 
 fn describe(outcome: &Outcome<'_>) -> String {
-    let tables = outcome.made.tables.0.iter();
-    let mut text: String = tables.map(|table| table.to_text() + "\n").collect();
-    for claim in &outcome.made.claims {
-        let verdict = if claim.holds { "holds" } else { "DOES NOT HOLD" };
-        let _ = writeln!(text, "{verdict}: {} ({})", claim.text, claim.found);
+    let made = outcome.made;
+    let mut text: String = made.tables.0.iter().map(|table| table.to_text() + "\n").collect();
+    for claim in &made.claims {
+        let verdict = match claim.verdict {
+            Verdict::Holds => "holds",
+            Verdict::Reversed => "REVERSED",
+            Verdict::Undecided => "UNDECIDED",
+        };
+        let _ = writeln!(text, "{verdict}: {} ({})", claim.text, claim.found());
     }
-    text + &format!("output: {}\n", outcome.output.display())
+    for check in &made.checks {
+        let passed = if check.passed { "passed" } else { "FAILED" };
+        let _ = writeln!(text, "{passed}: {} ({})", check.text, check.found);
+    }
+    let output = outcome.output.display();
+    if !made.close.is_empty() && outcome.scale == Scale::Full {
+        let (study, jobs) = (outcome.study, made.close.join(","));
+        let _ = writeln!(
+            text,
+            "undecided and close, five seeds may tell: unsphere reproduce {study} -o {output} --seeds 5 --only {jobs}"
+        );
+    }
+    text + &format!("output: {output}\n")
 }

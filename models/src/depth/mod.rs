@@ -20,6 +20,7 @@ mod depth_targets;
 mod encoder;
 mod guide;
 mod mesh_init;
+mod mesh_pairs;
 mod packed;
 #[cfg(test)]
 mod pix3d_tests;

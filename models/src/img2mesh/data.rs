@@ -208,6 +208,13 @@ impl Data {
         parts::listed(&self.parts, subset)
     }
 
+    /// The names of the objects that are tested; of one object's views there is none.
+    pub(super) fn tested(&self) -> Vec<String> {
+        let Objects::Many(cache) = &self.objects else { return Vec::new() };
+        let name = |&object: &usize| cache.entries()[object].object_name();
+        self.listed(Subset::Test).iter().map(name).collect()
+    }
+
     pub(super) fn summary(&self) -> DataSummary {
         parts::summary(&self.parts, if self.is_one() { "views" } else { "objects" })
     }

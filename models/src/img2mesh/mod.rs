@@ -23,6 +23,7 @@ mod config;
 mod data;
 mod encoder;
 mod feature_cache;
+mod mesh_pairs;
 mod model;
 mod offsets;
 mod predictor;

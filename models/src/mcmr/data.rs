@@ -139,6 +139,12 @@ impl Data {
         self.cache.entries()[object].object_name()
     }
 
+    /// What an object is called: `category/name`.
+    pub fn object_name(&self, object: usize) -> String {
+        let entry = &self.cache.entries()[object];
+        format!("{}/{}", entry.category, entry.name)
+    }
+
     /// The category of an object, as a number and by name.
     pub fn category(&self, object: usize) -> (usize, &str) {
         let kind = self.kinds[object];

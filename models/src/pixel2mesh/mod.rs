@@ -17,6 +17,7 @@ mod config;
 mod continuous;
 mod decay;
 mod deformer;
+mod mesh_pairs;
 mod predictor;
 mod projection;
 #[cfg(test)]

@@ -8,10 +8,11 @@ pub use mean_shapes::MeanShapesStudy;
 pub use real::{CUB, PASCAL, RealStudy};
 pub use subdivision::SubdivisionStudy;
 
-use models::mcmr::{Mcmr, Scored};
+use models::mcmr::{Data, Mcmr, McmrConfig, Scored, ScoredObject};
+use train::Configuration;
 
-use crate::preset::Change;
-use crate::{Cell, Row, Study, Trained};
+use crate::preset::{Change, Planned, scaled, tenth};
+use crate::{Cell, Row, Scale, Score, Study, Trained};
 
 /// The studies of this module, in the order of lists.
 pub const STUDIES: &[&dyn Study] = &[&MeanShapesStudy, &SubdivisionStudy, &PASCAL, &CUB];
@@ -30,6 +31,19 @@ const QUICK: &[Change] = &[
     ("objects", "12"),
     ("test-objects", "6"),
 ];
+
+/// Jobs at a scale: what happens in an epoch comes earlier in shorter trainings.
+fn at_scale(scale: Scale, jobs: Vec<Planned<Mcmr>>) -> Vec<Planned<Mcmr>> {
+    let mut jobs = scaled::<Mcmr>(scale, jobs);
+    if scale == Scale::Tenth {
+        let config = |(.., config): &mut Planned<Mcmr>| {
+            let Configuration::<McmrConfig> { system, .. } = config;
+            system.subdivide_at = system.subdivide_at.map(tenth);
+        };
+        jobs.iter_mut().for_each(config);
+    }
+    jobs
+}
 
 /// The figures of the talk for a row, in the order of its columns: 3D IoU, mask IoU with the predicted and with the true
 /// camera, SSIM, L1, FID; what it does not have is not a number.
@@ -55,28 +69,41 @@ const ABOUT: &str = "Objects that were not trained on. 3D IoU: the published pro
                      (nothing aligned). Mask IoU: pixels' centres against masks from one half on. SSIM, L1, FID: renderings with the \
                      true camera against masked photographs; no FID without Inception's weights.";
 
+/// A figure of an object, if it has it.
+type Figure = fn(&ScoredObject) -> Option<f64>;
+
+/// A cell with the mean of a figure and its values by object.
+fn figure(cell: impl Fn(f64) -> Cell, data: &Data, scored: &Scored, of: Figure) -> Cell {
+    let value = scored.mean(of);
+    let each = scored.each.iter();
+    let each = each.filter_map(|one| Some((data.object_name(one.object), of(one)?)));
+    Cell { value, ..cell(value.unwrap_or(0.0)) }.over(each)
+}
+
 /// A row with all figures, those of the talk behind them.
-fn with_figures(row: Row, scored: &Scored, published: Option<Published>) -> Row {
-    let mean = |of: fn(&models::mcmr::ScoredObject) -> Option<f64>| scored.mean(of);
-    let values = [
-        mean(|one| one.iou_3d),
-        mean(|one| one.iou_3d_strict),
-        mean(|one| Some(one.mask_iou)),
-        mean(|one| Some(one.mask_iou_true)),
-        mean(|one| Some(one.ssim)),
-        mean(|one| Some(one.l1)),
-        scored.fid,
+fn with_figures(row: Row, data: &Data, scored: &Scored, published: Option<Published>) -> Row {
+    let figures: [Figure; 6] = [
+        |one| one.iou_3d,
+        |one| one.iou_3d_strict,
+        |one| Some(one.mask_iou),
+        |one| Some(one.mask_iou_true),
+        |one| Some(one.ssim),
+        |one| Some(one.l1),
     ];
     let mut row = row;
-    for (column, value) in COLUMNS.into_iter().zip(values) {
-        let number = value.unwrap_or(0.0);
-        let cell = match column {
-            "FID" => Cell::smaller(column, number, 1),
-            "L1" => Cell::smaller(column, number, 3),
-            _ => Cell::larger(column, number, 3),
+    for (column, of) in COLUMNS.into_iter().zip(figures) {
+        let cell = |value: f64| match column {
+            "L1" => Cell::smaller(column, value, 3),
+            _ => Cell::larger(column, value, 3),
         };
-        row = row.with(Cell { value, ..cell });
+        row = row.with(figure(cell, data, scored, of));
     }
+    let fid = Cell::smaller(COLUMNS[6], scored.fid.unwrap_or(0.0), 1);
+    with_published(row.with(Cell { value: scored.fid, ..fid }), published)
+}
+
+/// With the figures of the talk.
+fn with_published(mut row: Row, published: Option<Published>) -> Row {
     let names = ["3D IoU", "mask IoU, predicted", "mask IoU, true", "SSIM", "L1", "FID"];
     for (name, value) in names.into_iter().zip(published.into_iter().flatten()) {
         if value.is_finite() {
@@ -88,13 +115,22 @@ fn with_figures(row: Row, scored: &Scored, published: Option<Published>) -> Row 
 }
 
 /// Mask IoU as the published code counts, where any trace of a soft mask is object.
-fn by_published_rule(row: Row, scored: &Scored) -> Row {
-    let mean = |of: fn(&models::mcmr::ScoredObject) -> f64| {
-        scored.mean(|one| Some(of(one))).unwrap_or(0.0)
-    };
-    row.with(Cell::larger(MASK[0], mean(|one| one.published_iou), 3))
-        .with(Cell::larger(MASK[1], mean(|one| one.published_iou_true), 3))
-        .with(Cell::smaller("camera, degrees", mean(|one| one.rotation), 1))
+fn by_published_rule(row: Row, data: &Data, scored: &Scored) -> Row {
+    let larger = |column: &'static str| move |value| Cell::larger(column, value, 3);
+    let degrees = |value| Cell::smaller("camera, degrees", value, 1);
+    row.with(figure(larger(MASK[0]), data, scored, |one| Some(one.published_iou)))
+        .with(figure(larger(MASK[1]), data, scored, |one| Some(one.published_iou_true)))
+        .with(figure(degrees, data, scored, |one| Some(one.rotation)))
+}
+
+/// The row of a model that was not trained.
+fn untrained(label: &str) -> String {
+    format!("{label}, not trained")
+}
+
+/// Of a row in a table, by the error that an IoU leaves to 1: not behind another's.
+fn not_behind(table: &str, own: &str, other: &str, column: &str) -> crate::Comparison {
+    Score::new(table, own, column).not_behind(Score::new(table, other, column), 1.0)
 }
 
 /// The name of that table.
@@ -163,11 +199,12 @@ mod tests {
     #[test]
     fn jobs_are_named_once_and_sound() {
         for study in STUDIES {
-            for scale in [Scale::Quick, Scale::Full] {
-                let mut jobs = study.plan(scale).jobs;
+            for scale in Scale::ALL {
+                let plan = study.plan(scale);
+                let mut jobs: Vec<&str> = plan.ids().collect();
                 let count = jobs.len();
-                assert!(study.plan(scale).settings.lines().count() > count, "{}", study.name());
-                jobs.sort();
+                assert!(plan.settings.lines().count() > count, "{}", study.name());
+                jobs.sort_unstable();
                 jobs.dedup();
                 assert_eq!(jobs.len(), count, "{}", study.name());
             }
@@ -175,10 +212,31 @@ mod tests {
     }
 
     #[test]
-    fn a_figure_that_is_missing_has_no_value() {
-        let row = with_figures(Row::new("t", "l"), &Scored::default(), Some([0.5; 6]));
-        assert!(row.cells.iter().find(|cell| cell.column == "FID").unwrap().value.is_none());
-        assert_eq!(row.cells.len(), 13);
-        assert_eq!(with_figures(Row::new("t", "l"), &Scored::default(), None).cells.len(), 7);
+    fn a_figure_of_the_talk_that_is_missing_has_no_column() {
+        let mut published = [0.5; 6];
+        published[0] = f64::NAN;
+        let row = with_published(Row::new("t", "l"), Some(published));
+        assert_eq!(row.cells.len(), 5);
+        assert!(row.cells.iter().all(|cell| cell.column != "talk: 3D IoU"));
+        assert!(with_published(Row::new("t", "l"), None).cells.is_empty());
+    }
+
+    /// A subdivision comes in the same part of a shorter training.
+    #[test]
+    fn a_tenth_of_the_epochs_has_its_subdivision_too() {
+        let jobs = |scale| {
+            crate::preset::over::<Mcmr>("table", [("a", "a", vec![])], &[])
+                .into_iter()
+                .chain(at_scale(
+                    scale,
+                    crate::preset::over::<Mcmr>("table", [("a", "a", vec![])], &[]),
+                ))
+                .collect::<Vec<_>>()
+        };
+        let both = jobs(Scale::Tenth);
+        let [full, tenth] = [0, 1].map(|k| &both[k].2);
+        assert!(tenth.train.epochs < full.train.epochs.div_ceil(5));
+        let (late, early) = (full.system.subdivide_at.unwrap(), tenth.system.subdivide_at.unwrap());
+        assert!(early < late && early <= tenth.train.epochs);
     }
 }

@@ -4,6 +4,9 @@ use losses::metrics::point_distances;
 use models::paired::Pairs;
 use models::pixel2mesh::{Method, OdeConfig, OdePixel2Mesh, Scored};
 
+use super::by_object;
+use train::Subset;
+
 use crate::{Cell, Row, StudyError};
 
 /// The names of the tables.
@@ -37,15 +40,21 @@ pub(super) fn finer(
     config: &OdeConfig,
     data: &Pairs,
 ) -> Result<Row, StudyError> {
-    let chamfer = |step: f64, method: Method| -> Result<f64, StudyError> {
+    let chamfer = |name: &str, step: f64, method: Method| -> Result<Cell, StudyError> {
         let other = OdeConfig { step: [step, step], method, ..config.clone() };
-        Ok(system.with_config(&other).scored(data, train::Subset::Test)?.mean().chamfer)
+        Ok(distance(name, data, &system.with_config(&other).scored(data, Subset::Test)?))
     };
     let mut row = Row::new(FINER, label);
     for (name, step) in STEPS {
-        row = row.with(Cell::plain(name, chamfer(step, config.method)?, 3));
+        row = row.with(chamfer(name, step, config.method)?);
     }
-    Ok(row.with(Cell::plain("Euler, 0.25", chamfer(0.25, Method::Euler)?, 3)))
+    Ok(row.with(chamfer("Euler, 0.25", 0.25, Method::Euler)?))
+}
+
+/// Its Chamfer distance, by object too.
+fn distance(column: &str, data: &Pairs, scored: &Scored) -> Cell {
+    let cell = Cell::smaller(column, scored.mean().chamfer, 3);
+    cell.over(by_object(data, scored, |scores| scores.chamfer))
 }
 
 /// The claim of the abstract, that the number of deformations adapts; and very small steps.
@@ -64,7 +73,7 @@ pub(super) fn adaptively(
         let found = if other == *config {
             scored.clone()
         } else {
-            system.with_config(&other).scored(data, train::Subset::Test)?
+            system.with_config(&other).scored(data, Subset::Test)?
         };
         let counts: Vec<f64> =
             found.each.iter().map(|(.., stats)| stats.evaluations as f64).collect();
@@ -72,7 +81,7 @@ pub(super) fn adaptively(
         let most = counts.iter().copied().fold(0.0, f64::max);
         let correlation = rank_correlation(&complexities, &counts);
         let row = Row::new(ADAPTIVE, label)
-            .with(Cell::smaller("CD", found.mean().chamfer, 3))
+            .with(distance("CD", data, &found))
             .with(Cell::plain("evaluations", found.evaluations(), 1))
             .with(Cell::plain("least", least, 0))
             .with(Cell::plain("most", most, 0))
@@ -85,10 +94,10 @@ pub(super) fn adaptively(
         tolerance: None,
         ..config.clone()
     };
-    let found = system.with_config(&small).scored(data, train::Subset::Test)?;
+    let found = system.with_config(&small).scored(data, Subset::Test)?;
     rows.push(
         Row::new(ADAPTIVE, "Euler, steps of U(0.001, 0.005)'s mean")
-            .with(Cell::smaller("CD", found.mean().chamfer, 3))
+            .with(distance("CD", data, &found))
             .with(Cell::plain("evaluations", found.evaluations(), 1)),
     );
     Ok(rows)
@@ -103,7 +112,7 @@ fn complexities(
     let ellipsoid = &system.template().finest().mesh.positions;
     let views = system.shared().pairs.scored_views;
     let far = |k: usize| {
-        let (_, pair) = data.trial(train::Subset::Test, views, k)?;
+        let (_, pair) = data.trial(Subset::Test, views, k)?;
         let (there, back) = point_distances(ellipsoid, &pair.truth.positions).chamfer(true);
         Ok(there + back)
     };

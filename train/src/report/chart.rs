@@ -77,6 +77,8 @@ impl Chart {
             return svg;
         };
         self.axes(&frame, &mut svg);
+        // Few names may be long.
+        let apart = ((WIDTH - LEFT - RIGHT) / lines.len().max(1) as f64).max(92.0);
         for (k, (line, series)) in lines.iter().zip(&self.series).enumerate() {
             let color = COLORS[k % COLORS.len()];
             let mut path = String::new();
@@ -89,8 +91,8 @@ impl Chart {
                  <rect x=\"{:.0}\" y=\"22\" width=\"10\" height=\"3\" fill=\"{color}\"/>\
                  <text x=\"{:.0}\" y=\"28\">{}</text>",
                 path.trim_end(),
-                LEFT + 92.0 * k as f64,
-                LEFT + 92.0 * k as f64 + 14.0,
+                LEFT + apart * k as f64,
+                LEFT + apart * k as f64 + 14.0,
                 super::escape(&series.name)
             );
         }
