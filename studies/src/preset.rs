@@ -82,8 +82,8 @@ pub(crate) fn planned<S: System>(jobs: Vec<Planned<S>>, work: &Work<'_>) -> Plan
     jobs.into_iter().find(|(id, ..)| *id == work.id).expect("one of the jobs")
 }
 
-/// The user's data, or what the configuration makes: the same for all seeds (`data-seed`), so that
-/// the spread is that of training alone.
+/// The user's data, or what the configuration makes: drawn anew by each seed, as weights and order are, so that the spread is
+/// that of the whole experiment.
 pub(crate) fn open<S: System<ReadOptions = ReadOptions>>(
     work: &Work<'_>,
     config: &Configuration<S::Config>,

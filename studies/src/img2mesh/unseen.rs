@@ -141,7 +141,7 @@ impl Study for UnseenStudy {
     }
 
     fn caption(&self, _: &str, _: Scale) -> String {
-        "200 objects to train, 40 others to test, the same for all seeds; each is set down beside the middle by a vector of its \
+        "200 objects to train, 40 others to test, drawn anew by each seed; each is set down beside the middle by a vector of its \
          own, up to 0.2 along each axis, so that where it is can only be known with the cameras: one view tells two of the three \
          numbers, and each view only with its own camera. Encoders train from scratch. \"cameras\": each \
          view's camera is told to the model. Offsets at three levels unless said; each mesh is compared with the views given \
