@@ -48,11 +48,18 @@ mod tests {
         let tape = Tape::<f32>::train(0);
         let rows = [[2.1875, 0.0, 0.0, 0.0], [0.0, 2.1875, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0]];
         let cameras = tape.constant(Array3::from_shape_fn((1, 3, 4), |(_, i, j)| rows[i][j]));
-        let points = tape.leaf(arr3(&[[[0.4, -0.2, -1.4], [0.4, -0.2, 0.0], [0.4, -0.2, 0.5]]]));
+        let points = tape.leaf(arr3(&[[
+            [0.4, -0.2, -1.4],
+            [0.4, -0.2, 0.0],
+            [0.4, -0.2, 0.05],
+            [0.4, -0.2, 0.5],
+        ]]));
         let places = published_places(points, cameras);
         let found = places.value();
         let zz = |w: f32, over: f32| (1.002_002 * w - 0.200_200_2) / over;
-        for (i, (w, over)) in [(1.4, 1.4), (0.0, 0.1), (-0.5, -0.5)].into_iter().enumerate() {
+        for (i, (w, over)) in
+            [(1.4, 1.4), (0.0, 0.1), (-0.05, -0.1), (-0.5, -0.5)].into_iter().enumerate()
+        {
             let expected = [2.1875 * 0.4 / over, 2.1875 * -0.2 / over, zz(w, over)];
             for k in 0..3 {
                 assert!((found[[0, i, k]] - expected[k]).abs() < 1e-5, "{i} {k}: {found:?}");

@@ -59,6 +59,9 @@ train::options! {
         /// After how many epochs each the next finer level comes in; without, all are there from the start.
         #[serde(with = "train::settings::optional")]
         pub refine_every: Option<u64> = None, in 1..=LARGEST;
+        /// Whether the frame is about the origin of the data's world, as published, instead of the point that the cameras
+        /// look at.
+        pub world_origin: bool = false;
         /// Radius of the icosphere before it is deformed.
         pub radius: f64 = 0.6, in 1e-3..=10.0;
         /// What the heads of offsets and of the place put out is multiplied by, their first weights being divided by it.

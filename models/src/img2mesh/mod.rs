@@ -154,7 +154,10 @@ impl System for Img2Mesh {
     }
 
     fn init_from_data(&mut self, data: &Data) -> Result<(), DataError> {
-        let frame = data.frame(&self.config)?.map(|x| x as f32);
+        let mut frame = data.frame(&self.config)?.map(|x| x as f32);
+        if self.config.world_origin {
+            frame[..3].fill(0.0);
+        }
         self.model.frame.as_slice_mut().copy_from_slice(&frame);
         if let Some(path) = &self.config.weights {
             let loaded = self.model.encoder.load(path);

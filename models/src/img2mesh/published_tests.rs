@@ -202,15 +202,20 @@ fn published_rules_draw_no_back_faces() {
     assert!(in_the_middle("true", -1.0) < 0.9);
 }
 
-/// Radius 0.6 is the published 37.5 because the clock's frame is as wide as 62.5 of its units.
+/// Lengths of the clock's frame are 70.76 of its units: the published 37.5 is 0.53, and 1e-8 for squares 5.007e-5.
 #[test]
 #[ignore = "needs UNSPHERE_DATA"]
-fn the_clocks_frame_is_62_and_a_half_units_wide() {
+fn the_clocks_frame_makes_published_lengths() {
     let folder =
         std::env::var("UNSPHERE_DATA").expect("UNSPHERE_DATA names a folder of real inputs");
     let path = std::path::Path::new(&folder).join("rendered_clock/views_256");
     let views = datasets::read_views(&path, &ReadOptions::default(), &|_, _| ()).unwrap();
     let config = paper(&[("image-size", "32"), ("render-size", "32")]);
     let frame = Data::one(&views, &config).unwrap().frame(&config).unwrap();
-    assert!((frame[3] / 62.5 - 1.0).abs() < 0.02, "{frame:?}");
+    assert!((config.radius * frame[3] / 37.5 - 1.0).abs() < 0.01, "{frame:?}");
+    assert!((config.offset_scale * frame[3] - 1.0).abs() < 0.01, "{frame:?}");
+    assert!((config.edge_weight / frame[3].powi(2) / 1e-8 - 1.0).abs() < 0.02, "{frame:?}");
+    let mut system = Img2Mesh::new(&config, 0);
+    system.init_from_data(&Data::one(&views, &config).unwrap()).unwrap();
+    assert_eq!(system.model.frame.as_slice()[..3], [0.0; 3]);
 }

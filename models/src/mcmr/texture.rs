@@ -216,6 +216,13 @@ mod tests {
         for (a, b) in found.iter().zip(expected.iter()) {
             assert!((a - b).abs() < 1e-5, "{a} {b}");
         }
+        // The published formulas: 2 acos(up) / π - 1 downwards, the longitude over π to the right.
+        assert_eq!(seamed_place([0.0, 1.0, 0.0])[1], -1.0);
+        let [across, down] = seamed_place([0.6, -0.8, 0.0]);
+        assert!(
+            (across - 0.5).abs() < 1e-6
+                && (down - (2.0 * (-0.8_f32).acos() / PI - 1.0)).abs() < 1e-6
+        );
         let [left, right] = [-1e-4, 1e-4].map(|x| globe.colors(&[x, 0.0, -1.0])[0]);
         assert!((right - left - 0.02 * 15.0).abs() < 1e-3, "{left} {right}");
     }
