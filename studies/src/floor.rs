@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::claim::Score;
 use crate::results::Results;
 
-/// How many times the error that was found a row may have.
+/// How many times the error that was found a row may have, at most.
 pub(crate) const SLACK: f64 = 1.3;
 
 /// A bound on a row's error.
@@ -17,6 +17,7 @@ pub struct Floor {
     score: Score,
     perfect: f64,
     found: f64,
+    times: f64,
     missed_by: Vec<String>,
 }
 
@@ -34,7 +35,17 @@ pub struct Check {
 impl Floor {
     /// Of a score whose value nothing beats is `perfect`, and that was found to be `found`.
     pub fn new(score: Score, perfect: f64, found: f64) -> Self {
-        Self { score, perfect, found, missed_by: Vec::new() }
+        Self { score, perfect, found, times: SLACK, missed_by: Vec::new() }
+    }
+
+    /// Within fewer times the error that was found, where 1.3 times are reached by what must miss it.
+    ///
+    /// # Panics
+    /// If it is more than 1.3 times.
+    #[must_use]
+    pub fn within(self, times: f64) -> Self {
+        assert!(times <= SLACK, "within: {times} times the error, expected {SLACK} at most");
+        Self { times, ..self }
     }
 
     /// And a row of the same table that must miss it: a model that was not trained, one that sees nothing.
@@ -51,7 +62,7 @@ impl Floor {
 
     /// The value that has to be reached.
     pub fn bound(&self) -> f64 {
-        self.perfect + SLACK * (self.found - self.perfect)
+        self.perfect + self.times * (self.found - self.perfect)
     }
 
     fn error(&self, value: f64) -> f64 {
@@ -61,7 +72,7 @@ impl Floor {
     /// The row reaches the bound, and those that must not do not.
     pub(crate) fn check(&self, results: &Results) -> Vec<Check> {
         let Score { table, rows, column } = &self.score;
-        let most = SLACK * self.error(self.found);
+        let most = self.times * self.error(self.found);
         let value = |row: &str| {
             let samples = results.samples(table, row, column);
             let sum: f64 = samples.iter().map(|sample| sample.value).sum();
