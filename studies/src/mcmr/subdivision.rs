@@ -1,7 +1,6 @@
 //! 162 vertices, 642, and from the one to the other in the middle of the training.
 
 use models::mcmr::Mcmr;
-
 use train::Subset;
 
 use super::{
