@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-/// What is nested no deeper stands on one line: a row of numbers, an entry with one.
+/// What is nested no deeper stands on one line, unless it is a list of entries: a row of numbers, an entry with one.
 const FLAT: usize = 2;
 
 /// A value as text, with an end of line.
@@ -15,10 +15,8 @@ pub(crate) fn laid_out(value: &Value) -> String {
 
 fn write(value: &Value, indent: usize, text: &mut String) {
     let entries: Vec<(Option<&String>, &Value)> = match value {
-        Value::Array(items) if depth(value) > FLAT => {
-            items.iter().map(|item| (None, item)).collect()
-        }
-        Value::Object(fields) if depth(value) > FLAT => {
+        Value::Array(items) if !is_flat(value) => items.iter().map(|item| (None, item)).collect(),
+        Value::Object(fields) if !is_flat(value) => {
             fields.iter().map(|(name, field)| (Some(name), field)).collect()
         }
         flat => {
@@ -40,6 +38,11 @@ fn write(value: &Value, indent: usize, text: &mut String) {
     text.push('\n');
     text.extend(std::iter::repeat_n(' ', indent));
     text.push(brackets[1]);
+}
+
+fn is_flat(value: &Value) -> bool {
+    let entries = value.as_array().is_some_and(|items| items.iter().any(Value::is_object));
+    !entries && depth(value) <= FLAT
 }
 
 /// Levels of nesting: none for a number, one for a list of numbers.
@@ -65,6 +68,8 @@ mod tests {
             laid,
             "{\n \"a\": [1,2],\n \"b\": [\n  {\"c\":[0.5,null],\"d\":\"x\\\"y\"},\n  {\"c\":[],\"d\":\"\"}\n ]\n}\n"
         );
+        let entries: Value = serde_json::from_str(r#"[{"a":1},{"a":2}]"#).unwrap();
+        assert_eq!(laid_out(&entries), "[\n {\"a\":1},\n {\"a\":2}\n]\n");
         assert_eq!(serde_json::from_str::<Value>(&laid).unwrap(), value);
     }
 }
