@@ -1,14 +1,13 @@
 //! The poster's table, with the column that its authors could not finish.
 
+use crate::gallery::predicted;
+use crate::preset::{Change, Planned, plan, planned, preset, scaled, train_job};
+use crate::{Cell, Claim, Floor, Plan, Row, Scale, Study, StudyError, Watch, Work};
 use models::depth::{
     DepthKind, DepthPixel2Mesh, MeshInit, MeshRcnn, RefineConfig, Refined, Scenes, Score, Scored,
     Sphere, Voxels,
 };
 use train::Subset;
-
-use crate::gallery::predicted;
-use crate::preset::{Change, Planned, plan, planned, preset, scaled, train_job};
-use crate::{Cell, Claim, Floor, Plan, Row, Scale, Study, StudyError, Watch, Work};
 
 /// The studies of this module, in the order of lists.
 pub const STUDIES: &[&dyn Study] = &[&DepthStudy];

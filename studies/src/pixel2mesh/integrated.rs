@@ -3,10 +3,9 @@
 use losses::metrics::point_distances;
 use models::paired::Pairs;
 use models::pixel2mesh::{Method, OdeConfig, OdePixel2Mesh, Scored};
-
-use super::by_object;
 use train::Subset;
 
+use super::by_object;
 use crate::{Cell, Row, StudyError};
 
 /// The names of the tables.

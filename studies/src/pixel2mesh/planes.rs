@@ -4,10 +4,9 @@ use models::paired::Pairs;
 use models::pixel2mesh::{
     Continuous, Deformer, OdePixel2Mesh, Pixel2Mesh, Scored, SingleView, Staged,
 };
-
-use super::{BLINDED, COLUMNS, QUICK as QUICKLY, with_scores};
 use train::Subset;
 
+use super::{BLINDED, COLUMNS, QUICK as QUICKLY, with_scores};
 use crate::gallery::predicted;
 use crate::preset::{Change, Listed, Planned, over, plan, planned, scaled, train_job};
 use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};

@@ -1,11 +1,10 @@
 //! Table 2: the same field by several methods, beside residual networks.
 
 use models::pixel2mesh::OdePixel2Mesh;
+use train::Subset;
 
 use super::integrated::{FINER, adaptively, finer};
 use super::{BLINDED, COLUMNS, QUICK as QUICKLY, with_scores};
-use train::Subset;
-
 use crate::gallery::predicted;
 use crate::preset::{Change, Listed, Planned, over, plan, planned, scaled, train_job};
 use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};
