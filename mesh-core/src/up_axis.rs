@@ -60,8 +60,9 @@ impl UpAxis {
             (sum + up, n + 1.0)
         });
         let mean = sum / f64::max(count, 1.0);
-        // Anything that is not a number is not long enough.
-        if !(mean.norm() >= LEAST) {
+        // What is not a number is not long enough.
+        let agree = mean.norm() >= LEAST;
+        if !agree {
             return Self::Y;
         }
         let along = |axis: Self| mean.dot(&axis.vector());
