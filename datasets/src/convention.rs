@@ -102,14 +102,14 @@ pub(crate) fn meant(camera: Camera, layout: Layout, options: &ReadOptions) -> Ca
     match layout.convention() {
         Some(said) => {
             let known = (options.axes.unwrap_or(said.0), options.poses.unwrap_or(said.1));
-            if known == said { camera } else { reread(camera, said, known) }
+            if known == said { camera } else { reread(&camera, said, known) }
         }
         None => camera,
     }
 }
 
 /// The camera whose file has another convention than the one that it was read with.
-fn reread(camera: Camera, read: Convention, meant: Convention) -> Camera {
+fn reread(camera: &Camera, read: Convention, meant: Convention) -> Camera {
     let own = (camera.rotation, camera.translation);
     // The matrix as it stands in the file ..
     let in_axes = turned(read.0.matrix(), own);
@@ -123,7 +123,7 @@ fn reread(camera: Camera, read: Convention, meant: Convention) -> Camera {
         PoseDirection::CameraToWorld => inverse(file),
     };
     let (rotation, translation) = turned(meant.0.matrix(), pose);
-    Camera { rotation, translation, ..camera }
+    Camera { rotation, translation, ..camera.clone() }
 }
 
 type Pose = (Matrix3<f64>, Vector3<f64>);
@@ -168,7 +168,7 @@ mod tests {
                 let pose = if read.1 == WorldToCamera { file } else { inverse(file) };
                 let (rotation, translation) = turned(read.0.matrix(), pose);
                 let wrong = Camera { rotation, translation, ..camera.clone() };
-                near(&reread(wrong, read, written), &camera);
+                near(&reread(&wrong, read, written), &camera);
             }
         }
     }

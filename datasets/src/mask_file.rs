@@ -133,21 +133,15 @@ pub(crate) fn mask_of_folder(
     let names = mask_names("", &parts.join("/"));
     let source = Source::folder(folder).within(options.limits);
     let mut opened = source.open()?;
-    match names.iter().find(|name| source.has(name)) {
-        Some(name) => {
-            let Picture { path, image } = read_picture(&mut opened, name, "mask")?;
-            Ok(Some((path, mask_from_picture(&image))).into())
-        }
-        None => {
-            let stem = path.to_string_lossy();
-            let stem = plain_stem(&stem).to_owned();
-            let plain = |name: &&String| !name.contains('/') && name.contains(&stem);
-            Ok(MaskFile {
-                looked_for: names.iter().filter(plain).map(|name| folder.join(name)).collect(),
-                found: None,
-            })
-        }
+    if let Some(name) = names.iter().find(|name| source.has(name)) {
+        let Picture { path, image } = read_picture(&mut opened, name, "mask")?;
+        return Ok(Some((path, mask_from_picture(&image))).into());
     }
+    let stem = path.to_string_lossy();
+    let stem = plain_stem(&stem);
+    let plain = |name: &&String| !name.contains('/') && name.contains(stem);
+    let looked_for = names.iter().filter(plain).map(|name| folder.join(name)).collect();
+    Ok(MaskFile { found: None, looked_for })
 }
 
 #[cfg(test)]

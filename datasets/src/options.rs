@@ -11,6 +11,7 @@ use crate::view::Layout;
 /// How views are read. The default takes what the layout offers and refuses what is incomplete.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
+#[allow(clippy::struct_excessive_bools, reason = "each is a switch of its own")]
 pub struct ReadOptions {
     /// Where masks come from.
     pub mask: MaskSource,
@@ -111,7 +112,7 @@ pub enum MaskSource {
 impl ReadOptions {
     /// What is said of poses that a layout does not have.
     pub(crate) fn unknown_to(&self, layout: Layout) -> Option<&'static str> {
-        let said = self.axes.map(|_| "axes").or(self.poses.map(|_| "poses"));
+        let said = self.axes.map(|_| "axes").or_else(|| self.poses.map(|_| "poses"));
         said.filter(|_| layout.convention().is_none())
     }
 

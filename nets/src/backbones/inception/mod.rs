@@ -48,9 +48,9 @@ pub enum InceptionKind {
 #[derive(Clone, Debug)]
 pub struct InceptionV3<F: Real = f32> {
     /// `Conv2d_1a_3x3`, `Conv2d_2a_3x3`, `Conv2d_2b_3x3`, `Conv2d_3b_1x1`, `Conv2d_4a_3x3`.
-    pub stem: [ConvNormRelu<F>; 5],
+    pub stem: Vec<ConvNormRelu<F>>,
     /// `Mixed_5b` to `Mixed_7c`.
-    pub mixed: [Mixed<F>; 11],
+    pub mixed: Vec<Mixed<F>>,
 }
 
 const STEM: [&str; 5] =
@@ -75,14 +75,15 @@ impl<F: Real> InceptionV3<F> {
             (64, one(STEM[3], 80)),
             (80, (STEM[4], 192, [3, 3], 1, [0, 0])),
         ];
-        let stem = stem.map(|(inputs, l)| ConvNormRelu::new(&init.at(l.0), inputs, l));
+        let stem = stem.map(|(inputs, l)| ConvNormRelu::new(&init.at(l.0), inputs, l)).into();
         let (mean, last) = match kind {
             InceptionKind::Fid => (MixedPool::MeanInside, MixedPool::Max),
             InceptionKind::Torchvision => (MixedPool::Mean, MixedPool::Mean),
         };
         let mut inputs = 192;
-        let mixed = std::array::from_fn(|i| {
-            let at = init.at(MIXED[i]);
+        let mut mixed: Vec<Mixed<F>> = Vec::new();
+        for (i, name) in MIXED.into_iter().enumerate() {
+            let at = init.at(name);
             let block = match i {
                 0 => grid35(&at, inputs, mean, 32),
                 1 | 2 => grid35(&at, inputs, mean, 64),
@@ -93,8 +94,8 @@ impl<F: Real> InceptionV3<F> {
                 _ => grid8(&at, inputs, last),
             };
             inputs = block.outputs(inputs);
-            block
-        });
+            mixed.push(block);
+        }
         Self { stem, mixed }
     }
 
