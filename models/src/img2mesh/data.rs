@@ -42,7 +42,7 @@ pub struct Data {
 enum Objects {
     /// What it is called, and its views.
     One(String, Vec<Arc<Prepared>>),
-    Many(ViewCache<Prepared>),
+    Many(Box<ViewCache<Prepared>>),
 }
 
 /// A group of views that is scored.
@@ -105,7 +105,7 @@ impl Data {
         let hash = objects.iter().fold(hash, |hash, object| hashed(hash, &object.views));
         let views: Vec<Vec<&View>> = objects.iter().map(|o| o.views.iter().collect()).collect();
         let frame = frame_of(&views);
-        Ok(Self { frame, objects: Objects::Many(cache), parts, hash: hash.value() })
+        Ok(Self { frame, objects: Objects::Many(Box::new(cache)), parts, hash: hash.value() })
     }
 
     /// Procedural objects of the configuration's families, or of the one clock if it asks for none.
