@@ -19,6 +19,7 @@ const POSES: &Choices<PoseDirection> = &[
 
 /// How views are read.
 #[derive(Args, Clone, Debug)]
+#[allow(clippy::struct_excessive_bools, reason = "each is a switch of its own")]
 pub(crate) struct Reading {
     /// Where masks come from: auto, alpha, files, backdrop, or backdrop:RRGGBB:TOLERANCE.
     ///

@@ -177,12 +177,12 @@ impl Job<'_> {
             FitError::Config(_) => Failure::Usage(error.to_string()),
             FitError::NotFinite { .. } => Failure::other(error),
             error => {
-                let reasons = match &error {
-                    FitError::Placement { .. } => diagnosis(&self.views),
-                    _ => Vec::new(),
-                };
-                let reasons: String = reasons.iter().map(|reason| format!("; {reason}")).collect();
-                Failure::Input(format!("{}: {error}{reasons}", self.views.source.display()))
+                let mut reasons = vec![error.to_string()];
+                if matches!(error, FitError::Placement { .. }) {
+                    reasons.extend(diagnosis(&self.views));
+                }
+                let source = self.views.source.display();
+                Failure::Input(format!("{source}: {}", reasons.join("; ")))
             }
         })
     }
