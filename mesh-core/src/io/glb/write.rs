@@ -25,7 +25,7 @@ pub fn write(path: impl AsRef<Path>, mesh: &TriMesh) -> Result<(), WriteError> {
 /// viewers, for which +Y is up. The positions in the file stay as they are; [`read`](super::read) turns them.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_upright(path: impl AsRef<Path>, mesh: &TriMesh, up: UpAxis) -> Result<(), WriteError> {
     let path = path.as_ref();
     let bytes = encode_upright(mesh, up).map_err(|e| e.at(path))?;
