@@ -93,7 +93,7 @@ impl Floor {
             // A row that is not there shows nothing; one whose value is no number would have none.
             let there = results.rows.iter().any(|r| r.table == *table && r.label == *row);
             let passed = there && value.is_none_or(|value| self.error(value) > most);
-            let text = format!("{row}: {column} misses that, which is not {way} {bound:.3}");
+            let text = format!("{row}: {column} is not {way} {bound:.3}");
             Check { text, found: said(value), passed }
         });
         reaching.chain(missing).collect()

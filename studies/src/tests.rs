@@ -280,6 +280,11 @@ fn a_training_that_was_stopped_goes_on_to_the_same_bits() {
     assert_eq!(steps + rest, total);
     let values = |made: &Reproduced| made.tables.0[0].rows[0].values.clone();
     assert_eq!(values(&second), values(&all));
+    // Its course is kept beside its scores, and is that of a training in one part.
+    let curves = |out: &Path| Results::read(&out.join("results.json")).unwrap().curves;
+    let kept = curves(stopped.path());
+    assert_eq!(kept, curves(whole.path()));
+    assert!(kept[0].name == "loss" && kept[0].points.len() == total, "{kept:?}");
     let last =
         |out: &Path| fs::read(out.join("work/model-seed-3/checkpoints/last.safetensors")).unwrap();
     assert!(last(stopped.path()) == last(whole.path()));

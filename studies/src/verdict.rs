@@ -86,7 +86,10 @@ pub struct Finding {
 impl Judged {
     /// The figures in a line.
     pub fn found(&self) -> String {
-        self.findings.iter().map(Finding::to_text).collect::<Vec<_>>().join("; ")
+        let mut texts: Vec<String> = self.findings.iter().map(Finding::to_text).collect();
+        // Counts are often the same in every comparison.
+        texts.dedup();
+        texts.join("; ")
     }
 }
 
@@ -156,7 +159,8 @@ impl Question {
             Margin::None => (Statistic::Difference, "difference", 0.0, None),
             Margin::By(margin, _) => (Statistic::Difference, "difference", by(*margin), None),
             Margin::Times { most, perfect, .. } => {
-                (Statistic::Ratio, "ratio of errors", *most, Some(*perfect))
+                let kind = if *perfect == 0.0 { "ratio" } else { "ratio of errors" };
+                (Statistic::Ratio, kind, *most, Some(*perfect))
             }
         };
         Self { statistic, kind, side: comparison.side, border, perfect }

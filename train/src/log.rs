@@ -173,15 +173,6 @@ impl History {
         curves
     }
 
-    /// A weighted term of the loss, step by step.
-    pub(super) fn term(&self, wanted: &str) -> Vec<f64> {
-        let steps = self.lines.iter().filter_map(|line| match line {
-            Line::Step { terms, .. } => terms.iter().find(|(name, _)| name == wanted),
-            _ => None,
-        });
-        steps.map(|(_, value)| *value).collect()
-    }
-
     /// All steps and validations as a table, one row a step; what a row has not is empty.
     pub(super) fn to_csv(&self) -> String {
         let mut columns: Vec<&str> = Vec::new();

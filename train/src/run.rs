@@ -295,14 +295,6 @@ impl RunFolder {
         Ok(History::read(&self.log())?.curves())
     }
 
-    /// A weighted term of the loss at each step so far, in the order of the steps.
-    ///
-    /// # Errors
-    /// If the log cannot be read.
-    pub fn term(&self, name: &str) -> Result<Vec<f64>, RunError> {
-        Ok(History::read(&self.log())?.term(name))
-    }
-
     fn checkpoints(&self) -> PathBuf {
         self.path.join("checkpoints")
     }
