@@ -1,11 +1,8 @@
 //! What the matrices of poses mean: what a layout says, and what somebody knows better.
 
+use mesh_core::Camera;
 use mesh_core::nalgebra::{Matrix3, Vector3};
-use mesh_core::{Camera, Lens};
 use serde::{Deserialize, Serialize};
-
-use crate::options::ReadOptions;
-use crate::view::Layout;
 
 /// Axes of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -29,20 +26,6 @@ pub enum PoseDirection {
 
 /// Axes and direction of a layout's poses.
 pub type Convention = (CameraAxes, PoseDirection);
-
-impl Layout {
-    /// What the layout's poses are; nothing where it has angles, or matrices that are no poses.
-    pub fn convention(self) -> Option<Convention> {
-        use CameraAxes::{OpenCv, OpenGl};
-        use PoseDirection::{CameraToWorld, WorldToCamera};
-        match self {
-            Self::Transforms => Some((OpenGl, CameraToWorld)),
-            Self::KaolinFolder | Self::KaolinZip | Self::Photos => Some((OpenGl, WorldToCamera)),
-            Self::Colmap | Self::Bop | Self::Middlebury => Some((OpenCv, WorldToCamera)),
-            _ => None,
-        }
-    }
-}
 
 impl CameraAxes {
     /// The other ones.
@@ -90,26 +73,8 @@ impl PoseDirection {
     }
 }
 
-/// The camera as the options say that it is meant, where it was read as the layout has it.
-pub(crate) fn meant(camera: Camera, layout: Layout, options: &ReadOptions) -> Camera {
-    let mut camera = camera;
-    if let (Some(factor), Lens::Perspective { fx, fy, .. }) =
-        (options.focal_scale, &mut camera.lens)
-    {
-        *fx *= factor;
-        *fy *= factor;
-    }
-    match layout.convention() {
-        Some(said) => {
-            let known = (options.axes.unwrap_or(said.0), options.poses.unwrap_or(said.1));
-            if known == said { camera } else { reread(&camera, said, known) }
-        }
-        None => camera,
-    }
-}
-
 /// The camera whose file has another convention than the one that it was read with.
-fn reread(camera: &Camera, read: Convention, meant: Convention) -> Camera {
+pub(crate) fn reread(camera: &Camera, read: Convention, meant: Convention) -> Camera {
     let own = (camera.rotation, camera.translation);
     // The matrix as it stands in the file ..
     let in_axes = turned(read.0.matrix(), own);
@@ -171,28 +136,5 @@ mod tests {
                 near(&reread(&wrong, read, written), &camera);
             }
         }
-    }
-
-    #[test]
-    fn options_say_what_the_layout_does_not() {
-        let plain = ReadOptions::default();
-        near(&meant(camera(), Layout::Colmap, &plain), &camera());
-        let said = ReadOptions { axes: Some(OpenCv), focal_scale: Some(2.0), ..plain.clone() };
-        let found = meant(camera(), Layout::Transforms, &said);
-        // NeRF's axes are OpenGL's: told otherwise the camera looks the other way.
-        assert_eq!(
-            found.project([0.1, 0.0, -0.2]).depth,
-            -camera().project([0.1, 0.0, -0.2]).depth
-        );
-        let (Lens::Perspective { fx, .. }, Lens::Perspective { fx: twice, .. }) =
-            (camera().lens, found.lens)
-        else {
-            panic!("a perspective");
-        };
-        assert_eq!(twice, 2.0 * fx);
-        near(
-            &meant(camera(), Layout::Colmap, &ReadOptions { axes: Some(OpenCv), ..plain }),
-            &camera(),
-        );
     }
 }

@@ -6,7 +6,6 @@ use mesh_core::Limits;
 use serde::{Deserialize, Serialize};
 
 use crate::convention::{CameraAxes, PoseDirection};
-use crate::view::Layout;
 
 /// How views are read. The default takes what the layout offers and refuses what is incomplete.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -110,12 +109,6 @@ pub enum MaskSource {
 }
 
 impl ReadOptions {
-    /// What is said of poses that a layout does not have.
-    pub(crate) fn unknown_to(&self, layout: Layout) -> Option<&'static str> {
-        let said = self.axes.map(|_| "axes").or_else(|| self.poses.map(|_| "poses"));
-        said.filter(|_| layout.convention().is_none())
-    }
-
     /// Whether the layout's files of masks are taken.
     pub(crate) fn reads_mask_files(&self) -> bool {
         self.masks.is_none() && matches!(self.mask, MaskSource::Auto | MaskSource::Files)

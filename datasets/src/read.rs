@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-use mesh_core::OverLimit;
+use mesh_core::{Camera, Lens, OverLimit};
 use rayon::prelude::*;
 
 use crate::consistency;
 use crate::content::over;
-use crate::convention::meant;
+use crate::convention::reread;
 use crate::error::ReadViewsError;
 use crate::options::{MaskSource, OnInconsistent, ReadOptions};
 use crate::source::{Opened, Source};
@@ -90,7 +90,7 @@ pub(crate) fn read_chosen(
             .map(|&i| pending.get(i).unwrap_or_else(|| panic!("view {i} does not exist")))
             .collect(),
     };
-    if let Some(field) = options.unknown_to(layout) {
+    if let Some(field) = unknown_to(layout, options) {
         let found = format!("{layout}, which has no poses of its own");
         return Err(ReadViewsError::field(path, field, found, "a layout with matrices of cameras"));
     }
@@ -150,4 +150,59 @@ fn check_budget(path: &Path, options: &ReadOptions, found: u64) -> Result<(), Re
     }
     let field = "all views in memory (read them smaller with `max_size`)";
     Err(over(path, field, OverLimit { needed: found, most: options.memory_limit }))
+}
+
+/// What is said of poses that a layout does not have.
+fn unknown_to(layout: Layout, options: &ReadOptions) -> Option<&'static str> {
+    let said = options.axes.map(|_| "axes").or_else(|| options.poses.map(|_| "poses"));
+    said.filter(|_| layout.convention().is_none())
+}
+
+/// The camera as the options say that it is meant, where it was read as the layout has it.
+fn meant(camera: Camera, layout: Layout, options: &ReadOptions) -> Camera {
+    let mut camera = camera;
+    if let (Some(factor), Lens::Perspective { fx, fy, .. }) =
+        (options.focal_scale, &mut camera.lens)
+    {
+        *fx *= factor;
+        *fy *= factor;
+    }
+    match layout.convention() {
+        Some(said) => {
+            let known = (options.axes.unwrap_or(said.0), options.poses.unwrap_or(said.1));
+            if known == said { camera } else { reread(&camera, said, known) }
+        }
+        None => camera,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::convention::CameraAxes::OpenCv;
+
+    fn camera() -> Camera {
+        Camera::look_at([1.0, 2.0, 3.0], [0.1, 0.0, -0.2], [0.0, 1.0, 0.0], 0.7, 40, 30)
+    }
+
+    #[test]
+    fn options_say_what_the_layout_does_not() {
+        let plain = ReadOptions::default();
+        assert_eq!(meant(camera(), Layout::Colmap, &plain), camera());
+        let said = ReadOptions { axes: Some(OpenCv), focal_scale: Some(2.0), ..plain.clone() };
+        let found = meant(camera(), Layout::Transforms, &said);
+        // NeRF's axes are OpenGL's: told otherwise the camera looks the other way.
+        assert_eq!(
+            found.project([0.1, 0.0, -0.2]).depth,
+            -camera().project([0.1, 0.0, -0.2]).depth
+        );
+        let (Lens::Perspective { fx, .. }, Lens::Perspective { fx: twice, .. }) =
+            (camera().lens, found.lens)
+        else {
+            panic!("a perspective");
+        };
+        assert_eq!(twice, 2.0 * fx);
+        let same = ReadOptions { axes: Some(OpenCv), ..plain };
+        assert_eq!(meant(camera(), Layout::Colmap, &same), camera());
+    }
 }

@@ -6,6 +6,7 @@ use std::hash::Hasher;
 use fnv::FnvHasher;
 
 use crate::dataset::{Entry, Subset};
+use crate::view::Views;
 
 /// Indices of views, each list ascending.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -38,6 +39,18 @@ pub fn split(count: usize, every: Option<usize>) -> Split {
     if fit.is_empty() {
         Split { fit: held_out, held_out: Vec::new() }
     } else {
+        Split { fit, held_out }
+    }
+}
+
+impl Views {
+    /// Which views are fitted and which are held back: those that the source keeps for tests, or else every `every`th
+    /// ([`split`](crate::split())). Without a number none is.
+    pub fn split(&self, every: Option<usize>) -> Split {
+        if every.is_none() || self.test.is_empty() || self.test.len() == self.len() {
+            return split(self.len(), every);
+        }
+        let (held_out, fit) = (0..self.len()).partition(|i| self.test.binary_search(i).is_ok());
         Split { fit, held_out }
     }
 }

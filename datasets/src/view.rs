@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use mesh_core::{ByteImage, Camera, DepthMap};
 
-use crate::split::{Split, split};
+use crate::convention::{CameraAxes, Convention, PoseDirection};
 
 /// One image of the object, where it was taken from, and which pixels are the object.
 ///
@@ -95,6 +95,20 @@ pub enum Layout {
     Memory,
 }
 
+impl Layout {
+    /// What the layout's poses are; nothing where it has angles, or matrices that are no poses.
+    pub fn convention(self) -> Option<Convention> {
+        use CameraAxes::{OpenCv, OpenGl};
+        use PoseDirection::{CameraToWorld, WorldToCamera};
+        match self {
+            Self::Transforms => Some((OpenGl, CameraToWorld)),
+            Self::KaolinFolder | Self::KaolinZip | Self::Photos => Some((OpenGl, WorldToCamera)),
+            Self::Colmap | Self::Bop | Self::Middlebury => Some((OpenCv, WorldToCamera)),
+            _ => None,
+        }
+    }
+}
+
 impl std::fmt::Display for Layout {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
@@ -182,16 +196,6 @@ impl Views {
     pub fn in_memory(views: Vec<View>) -> Self {
         let (source, layout) = ("memory".into(), Layout::Memory);
         Self { views, source, layout, warnings: Vec::new(), test: Vec::new() }
-    }
-
-    /// Which views are fitted and which are held back: those that the source keeps for tests, or else every `every`th
-    /// ([`split`](crate::split())). Without a number none is.
-    pub fn split(&self, every: Option<usize>) -> Split {
-        if every.is_none() || self.test.is_empty() || self.test.len() == self.len() {
-            return split(self.len(), every);
-        }
-        let (held_out, fit) = (0..self.len()).partition(|i| self.test.binary_search(i).is_ok());
-        Split { fit, held_out }
     }
 
     /// How many views there are.

@@ -295,3 +295,37 @@ fn orbit(config: &Img2MeshConfig, base: &Orbit) -> Orbit {
     let (count, seed) = (config.synthetic_views, config.data_seed());
     Orbit { count, width: side, height: side, seed, ..base.clone() }
 }
+
+#[cfg(test)]
+mod tests {
+    use train::System as _;
+
+    use super::*;
+    use crate::img2mesh::Img2Mesh;
+    use crate::testing::preset_with;
+
+    /// Lengths of the clock's frame are 70.76 of its units: the published 37.5 is 0.53, and 1e-8 for squares 5.007e-5.
+    #[test]
+    #[ignore = "needs UNSPHERE_DATA"]
+    fn the_clocks_frame_makes_published_lengths() {
+        let folder =
+            std::env::var("UNSPHERE_DATA").expect("UNSPHERE_DATA names a folder of real inputs");
+        let path = std::path::Path::new(&folder).join("rendered_clock/views_256");
+        let views = datasets::read_views(&path, &ReadOptions::default(), &|_, _| ())
+            .expect("the real clock");
+        let small = [("image-size", "32"), ("render-size", "32")];
+        let config = preset_with::<Img2Mesh>("paper", &small).system;
+        let frame = Data::one(&views, &config)
+            .expect("the real clock")
+            .frame(&config)
+            .expect("the real clock");
+        assert!((config.radius * frame[3] / 37.5 - 1.0).abs() < 0.01, "{frame:?}");
+        assert!((config.offset_scale * frame[3] - 1.0).abs() < 0.01, "{frame:?}");
+        assert!((config.edge_weight / frame[3].powi(2) / 1e-8 - 1.0).abs() < 0.02, "{frame:?}");
+        let mut system = Img2Mesh::new(&config, 0);
+        system
+            .init_from_data(&Data::one(&views, &config).expect("the real clock"))
+            .expect("the real clock");
+        assert_eq!(system.model.frame.as_slice()[..3], [0.0; 3]);
+    }
+}

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use autodiff_lite::{Module, Param, Tape};
-use datasets::{ReadOptions, Views};
+use datasets::Views;
 use mesh_core::primitives::icosphere;
 use ndarray::Array4;
 use synth::{Orbit, RenderOptions, render_views};
@@ -200,22 +200,4 @@ fn published_rules_draw_no_back_faces() {
     assert_eq!(["true", "false"].map(|rules| in_the_middle(rules, 1.0)), [1.0, 1.0]);
     assert_eq!(in_the_middle("false", -1.0), 1.0);
     assert!(in_the_middle("true", -1.0) < 0.9);
-}
-
-/// Lengths of the clock's frame are 70.76 of its units: the published 37.5 is 0.53, and 1e-8 for squares 5.007e-5.
-#[test]
-#[ignore = "needs UNSPHERE_DATA"]
-fn the_clocks_frame_makes_published_lengths() {
-    let folder =
-        std::env::var("UNSPHERE_DATA").expect("UNSPHERE_DATA names a folder of real inputs");
-    let path = std::path::Path::new(&folder).join("rendered_clock/views_256");
-    let views = datasets::read_views(&path, &ReadOptions::default(), &|_, _| ()).unwrap();
-    let config = paper(&[("image-size", "32"), ("render-size", "32")]);
-    let frame = Data::one(&views, &config).unwrap().frame(&config).unwrap();
-    assert!((config.radius * frame[3] / 37.5 - 1.0).abs() < 0.01, "{frame:?}");
-    assert!((config.offset_scale * frame[3] - 1.0).abs() < 0.01, "{frame:?}");
-    assert!((config.edge_weight / frame[3].powi(2) / 1e-8 - 1.0).abs() < 0.02, "{frame:?}");
-    let mut system = Img2Mesh::new(&config, 0);
-    system.init_from_data(&Data::one(&views, &config).unwrap()).unwrap();
-    assert_eq!(system.model.frame.as_slice()[..3], [0.0; 3]);
 }

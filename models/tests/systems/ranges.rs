@@ -30,6 +30,7 @@ const ANY: &[&str] = &[
     "hold-out",
     "refine-every",
     "subdivide-at",
+    "voxel-only-steps",
     "views-per-step",
     "relax-every",
 ];
