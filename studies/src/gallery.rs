@@ -143,7 +143,8 @@ mod tests {
             let longest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
             for k in 0..3 {
                 let away = (middle(low, high, k) - middle(own_low, own_high, k)).abs();
-                assert!(away < 1.25 * longest, "{} {}: {away}", S::NAME, pair.name);
+                // Cameras stand 1.1 to 1.7 away, objects are 0.8 to 1 long, and who was not trained drifts.
+                assert!(away < 1.4 * longest, "{} {}: {away}", S::NAME, pair.name);
             }
         }
         assert!(system.mesh_pair(&data, "no/such object").unwrap().is_none());
