@@ -63,10 +63,11 @@ pub(crate) fn invert(mask: &mut ByteImage) {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    fn picture(channels: usize, pixel: impl Fn(usize, usize) -> [u8; 4]) -> ByteImage {
+    /// An image of 8 by 10 pixels.
+    pub(crate) fn picture(channels: usize, pixel: impl Fn(usize, usize) -> [u8; 4]) -> ByteImage {
         let mut image = ByteImage::new(8, 10, channels);
         for i in 0..8 {
             for j in 0..10 {

@@ -31,6 +31,9 @@ pub struct ReadOptions {
     pub max_size: Option<usize>,
     /// Whether depth is read where the layout has it.
     pub depth: bool,
+    /// Whether the distortion of lenses is undone; where it is not, a view's camera is the pinhole for which its file
+    /// states the distortion.
+    pub undistort: bool,
     /// Whether views with missing files, or without a mask, are left out, with a warning, instead of refused.
     pub allow_missing: bool,
     /// How many bytes the pixels of all views may take together.
@@ -127,6 +130,7 @@ impl Default for ReadOptions {
             background: [0; 3],
             max_size: None,
             depth: false,
+            undistort: true,
             allow_missing: false,
             memory_limit: 8 << 30,
             object: None,

@@ -6,6 +6,7 @@ use std::path::Path;
 use mesh_core::{ByteImage, Camera, DepthMap, Distortion, Lens};
 
 use crate::error::{ReadViewsError, ViewsProblem};
+use crate::options::ReadOptions;
 use crate::view::View;
 
 /// What is kept free around the object, as a share of the frame's longer side.
@@ -183,14 +184,14 @@ fn around([x, y]: [f64; 2], width: usize, height: usize) -> [(usize, f64); 4] {
     })
 }
 
-/// The view without its distortion, if there is one; `field` of `file` says what lens it is.
+/// The view without its distortion, if there is one and that is wanted; `field` of `file` says what lens it is.
 pub(crate) fn straightened(
     view: View,
     distortion: Option<&Distortion>,
-    file: &Path,
-    field: &str,
+    options: &ReadOptions,
+    (file, field): (&Path, &str),
 ) -> Result<View, ReadViewsError> {
-    let Some(distortion) = distortion else { return Ok(view) };
+    let Some(distortion) = distortion.filter(|_| options.undistort) else { return Ok(view) };
     view.undistorted(distortion).map_err(|source| {
         ReadViewsError::new(file, ViewsProblem::OffAxis { field: field.to_owned(), source })
     })

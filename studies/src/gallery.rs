@@ -123,10 +123,18 @@ mod tests {
         assert!(sheets(&[]).is_none());
     }
 
-    /// Predictions are in the frame of the truth: even one that was not trained stands where the object is.
+    /// The mean of the vertices.
+    fn middle(mesh: &TriMesh) -> [f32; 3] {
+        let n = mesh.positions.len() as f32;
+        std::array::from_fn(|k| mesh.positions.iter().map(|v| v[k]).sum::<f32>() / n)
+    }
+
+    /// Predictions are in the frame of the truth: even one that was not trained stands where the object is,
+    /// nearer than `most` of its own length.
     fn stands_where_the_truth_does<S: MeshPairs<ReadOptions = datasets::ReadOptions>>(
         preset: &str,
         changes: &[(&'static str, &'static str)],
+        most: f32,
     ) {
         let config = crate::preset::preset::<S>(preset, changes);
         let options = datasets::ReadOptions::default();
@@ -138,13 +146,11 @@ mod tests {
         assert!(!pairs.is_empty() && pairs.len() <= SHOWN);
         for pair in pairs {
             let (low, high) = pair.truth.bounds().unwrap();
-            let (own_low, own_high) = pair.mesh.unwrap().bounds().unwrap();
-            let middle = |low: [f32; 3], high: [f32; 3], k: usize| 0.5 * (low[k] + high[k]);
             let longest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
+            let (truth, own) = (middle(&pair.truth), middle(&pair.mesh.unwrap()));
             for k in 0..3 {
-                let away = (middle(low, high, k) - middle(own_low, own_high, k)).abs();
-                // Cameras stand 1.1 to 1.7 away, objects are 0.8 to 1 long, and who was not trained drifts.
-                assert!(away < 1.4 * longest, "{} {}: {away}", S::NAME, pair.name);
+                let away = (truth[k] - own[k]).abs() / longest;
+                assert!(away < most, "{} {}: {away}", S::NAME, pair.name);
             }
         }
         assert!(system.mesh_pair(&data, "no/such object").unwrap().is_none());
@@ -160,11 +166,14 @@ mod tests {
             ("families", "[\"car\"]"),
         ];
         let with = |more: &[(&'static str, &'static str)]| [&small, more].concat();
-        stands_where_the_truth_does::<models::pixel2mesh::OdePixel2Mesh>("table", &with(&[]));
-        stands_where_the_truth_does::<models::depth::DepthPixel2Mesh>("table", &with(&[]));
+        stands_where_the_truth_does::<models::pixel2mesh::OdePixel2Mesh>("table", &with(&[]), 0.3);
+        // Three stages that were not trained drift by about the length of a car from where they start.
+        let three = with(&[]);
+        stands_where_the_truth_does::<models::depth::DepthPixel2Mesh>("table", &three, 1.5);
         stands_where_the_truth_does::<models::img2mesh::Img2Mesh>(
             "unseen",
             &with(&[("render-size", "32"), ("placed", "0"), ("views", "2")]),
+            0.3,
         );
     }
 }

@@ -132,7 +132,7 @@ impl Shot {
         let masks = mask_names("masks", &self.image);
         let mask = mask_file(opened, &masks, options)?;
         let view = assemble(stem.to_owned(), picture, mask, camera, None, options)?;
-        straightened(view, skew.as_ref(), file, &format!("{}, camera", self.field))
+        straightened(view, skew.as_ref(), options, (file, &format!("{}, camera", self.field)))
     }
 }
 

@@ -111,7 +111,7 @@ pub(crate) fn list<'a>(
             let mask = mask_file(opened, &masks, options)?;
             let view =
                 assemble(plain_stem(&name).to_owned(), picture, mask, camera, None, options)?;
-            straightened(view, skew.as_ref(), &file, &field)
+            straightened(view, skew.as_ref(), options, (&file, &field))
         }));
     }
     Ok(reading)

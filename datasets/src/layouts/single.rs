@@ -74,25 +74,34 @@ impl SingleObject {
         Ok(Self { catalog, source, kind })
     }
 
-    /// The options with the backdrop that some of the images have in common, where it is wanted and has no colour yet.
-    fn with_backdrop(&self, options: &ReadOptions) -> Result<Option<ReadOptions>, ReadViewsError> {
-        let MaskSource::Backdrop { color: None, tolerance } = options.mask else {
-            return Ok(None);
+    /// The options with the backdrop that some of the images have in common, where it is wanted and has no colour yet;
+    /// none where there is no such backdrop, or an image cannot be read, which then is said of the views themselves.
+    fn with_backdrop(&self, options: &ReadOptions) -> Option<ReadOptions> {
+        let MaskSource::Backdrop { color: None, tolerance } = options.mask else { return None };
+        if options.masks.is_some() {
+            return None;
+        }
+        // Bars are counted in the pixels of the files, which is where masks are made of them.
+        let whole = ReadOptions {
+            mask: MaskSource::Whole,
+            masks: None,
+            depth: false,
+            undistort: false,
+            max_size: None,
+            ..options.clone()
         };
-        let whole = ReadOptions { mask: MaskSource::Whole, depth: false, ..options.clone() };
-        let reading = list(&self.kind, &self.source, &whole)?;
+        let reading = list(&self.kind, &self.source, &whole).ok()?;
         let count = reading.pending.len();
         let some: Vec<usize> =
             (0..count.min(SAMPLED)).map(|k| k * count / SAMPLED.min(count)).collect();
         let source = &self.source;
         let views =
-            read_chosen(&self.catalog.root, source, reading, Some(&some), &whole, &|_, _| ())?;
+            read_chosen(&self.catalog.root, source, reading, Some(&some), &whole, &|_, _| ())
+                .ok()?;
         let images: Vec<ByteImage> = views.views.into_iter().map(|view| view.color).collect();
-        let Some(Backdrop { color, bars, .. }) = Backdrop::common(&images, tolerance) else {
-            return Ok(None);
-        };
+        let Backdrop { color, bars, .. } = Backdrop::common(&images, tolerance)?;
         let mask = MaskSource::Backdrop { color: Some(color), tolerance };
-        Ok(Some(ReadOptions { mask, bars, ..options.clone() }))
+        Some(ReadOptions { mask, bars, ..options.clone() })
     }
 
     /// The COLMAP project, where it is one.
@@ -117,7 +126,7 @@ impl Dataset for SingleObject {
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Views, ReadViewsError> {
         assert!(object == 0, "views: object {object} does not exist");
-        let found = self.with_backdrop(options)?;
+        let found = self.with_backdrop(options);
         let options = found.as_ref().unwrap_or(options);
         let reading = list(&self.kind, &self.source, options)?;
         read_chosen(&self.catalog.root, &self.source, reading, which, options, progress)

@@ -52,21 +52,23 @@ pub(crate) fn list<'a>(
         let parts = Parts::new(&root, file, files)?;
         for node in root.need("frames")?.elements()? {
             let frame = Frame::new(&root, &node)?;
-            match parts.of(&frame.image) {
-                Some(Subset::Test) => reading.test.push(reading.pending.len()),
-                Some(Subset::Validation) => {
-                    left_out += 1;
-                    continue;
-                }
-                _ => {}
+            let part = parts.of(&frame.image);
+            if part == Some(Subset::Validation) {
+                left_out += 1;
+                continue;
             }
             let (name, image) = (frame.name.clone(), frame.image_in(source));
             if let Some(distortion) = frame.distortion.filter(|_| image.is_ok()) {
                 lenses.count(distortion.to_string());
             }
+            let at = reading.pending.len();
             reading.add(&name, image, options, move |image, opened| {
                 frame.read(opened, image, options)
             })?;
+            // A frame whose image is missing may not have been added.
+            if part == Some(Subset::Test) && reading.pending.len() > at {
+                reading.test.push(at);
+            }
         }
     }
     reading.warnings.extend(lenses.sentence());
@@ -75,9 +77,6 @@ pub(crate) fn list<'a>(
             format!("{left_out} views for validation are left out: others are kept for tests");
         reading.warnings.push(text);
     }
-    // A frame whose image is missing was not added.
-    reading.test.retain(|&index| index < reading.pending.len());
-    reading.test.dedup();
     Ok(reading)
 }
 
@@ -282,7 +281,7 @@ impl Frame {
             depth::read(opened, self.depth.as_slice(), self.depth_unit, &picture.image, options)?;
         let view = assemble(self.name.clone(), picture, mask, camera, depth, options)?;
         let field = format!("{}: k1, k2, ..", self.field);
-        straightened(view, self.distortion.as_ref(), &self.file, &field)
+        straightened(view, self.distortion.as_ref(), options, (&self.file, &field))
     }
 
     /// The camera for an image of this size.

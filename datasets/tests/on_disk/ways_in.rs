@@ -103,6 +103,36 @@ fn a_busy_background_is_refused_by_name() {
 }
 
 #[test]
+fn bars_are_found_in_the_pixels_of_the_files() {
+    let [folder, _masks] = with_masks_apart(4, |i| format!("{i:04}.png"));
+    let written = ball(4);
+    for (i, view) in written.iter().enumerate() {
+        let mut image = view.color.clone();
+        let (width, height) = (image.width, image.height);
+        let bar = height / 8;
+        for (k, pixel) in image.data.chunks_exact_mut(3).enumerate() {
+            let row = k / width;
+            let is_bar = row < bar || row + bar >= height;
+            if is_bar || view.mask.data[k] == 0 {
+                pixel.fill(if is_bar { 0 } else { 128 });
+            }
+        }
+        write_png(folder.path().join(format!("images/{i:04}.png")), &image).unwrap();
+    }
+    let mask = MaskSource::Backdrop { color: None, tolerance: 24 };
+    let share = |view: &View| {
+        view.mask.data.iter().filter(|m| **m != 0).count() as f64 / view.mask.data.len() as f64
+    };
+    let whole = read_with(folder.path(), &ReadOptions { mask, ..ReadOptions::default() }).unwrap();
+    let options = ReadOptions { mask, max_size: Some(20), ..ReadOptions::default() };
+    let small = read_with(folder.path(), &options).unwrap();
+    for ((whole, small), view) in whole.views.iter().zip(&small.views).zip(&written) {
+        assert!((share(whole) - share(view)).abs() < 0.03, "{}", share(whole));
+        assert!((share(small) - share(view)).abs() < 0.05, "{}", share(small));
+    }
+}
+
+#[test]
 fn specks_go_and_holes_are_filled_where_it_is_asked() {
     let [folder, masks] = with_masks_apart(2, |i| format!("{i:04}.png"));
     let path = masks.path().join("0001.png");
@@ -160,6 +190,17 @@ fn splits_of_nerf_and_nerfstudio_are_kept() {
     // One of the files by itself is all there is.
     let alone = read(&folder.path().join("transforms_test.json")).unwrap();
     assert_eq!((alone.len(), alone.test.len()), (2, 0));
+    // One of a test's does not make a test of the next.
+    std::fs::remove_file(folder.path().join(name(4).as_str().unwrap())).unwrap();
+    let views = read_with(folder.path(), &lenient).unwrap();
+    assert_eq!((views.len(), &views.test[..]), (3, &[2][..]));
+    edit_json(&folder.path().join("transforms_train.json"), |part| {
+        let frames = part["frames"].as_array_mut().unwrap();
+        frames.push(value["frames"][4].clone());
+        frames.push(value["frames"][3].clone());
+        part["test_filenames"] = json!([name(4)]);
+    });
+    assert_eq!(read_with(folder.path(), &lenient).unwrap().test, [3]);
 }
 
 /// 4x4 rows of a pose.

@@ -127,7 +127,7 @@ impl Project {
         let depth = if options.depth { self.depth(opened, image, &picture)? } else { None };
         let view = assemble(stem.to_owned(), picture, mask, camera, depth, options)?;
         let field = format!("camera {} MODEL, {}", image.camera, image.name);
-        straightened(view, distortion.as_ref(), &files[0], &field)
+        straightened(view, distortion.as_ref(), options, (&files[0], &field))
     }
 
     /// COLMAP's own dense depth, where it has been computed.
