@@ -75,6 +75,7 @@ mod layout;
 mod markdown;
 pub mod mcmr;
 mod merge;
+mod nearest;
 mod order;
 mod output;
 mod page;

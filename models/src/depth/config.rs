@@ -28,6 +28,8 @@ train::options! {
         pub published_places: bool = false;
         /// Nearest and farthest depth that voxels and the network's depth channel reach, in terms of the middle.
         pub reach: [f64; 2] = [0.42, 1.72];
+        /// Whether the network sees nothing, neither colours nor depth: the control that a table needs.
+        pub blind: bool = false;
         /// Whether what is not the object is black in the images, as in 3D-R2N2's without their alpha; else white.
         pub black_background: bool = false;
         /// The backbone.
@@ -67,6 +69,8 @@ train::options! {
         /// What a pixel of the silhouette without any depth counts in the rendered-depth loss, through a silhouette
         /// that is soft at its outline; compare with errors of depth, which are below half an object.
         pub coverage: f64 = 0.0, in 0.0..=1e9;
+        /// Whether that is all that the rendered-depth loss has: what of its effect is outlines and what is depth.
+        pub coverage_alone: bool = false;
         /// Weight of the colours against those of the nearest true points, and of the rendered colours against the
         /// image.
         pub color_weight: f64 = 0.1, in 0.0..=1e9;

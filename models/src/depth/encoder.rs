@@ -15,13 +15,14 @@ const DEVIATION: [f32; 4] = [0.229, 0.224, 0.225, 0.25];
 pub(super) struct Encoder {
     resnet: ResNet,
     black: bool,
+    blind: bool,
 }
-impl_module!(Encoder: f32 { resnet } fixed { black });
+impl_module!(Encoder: f32 { resnet } fixed { black, blind });
 
 impl Encoder {
     pub(super) fn new(init: &Init, config: &RefineConfig) -> Self {
         let resnet = ResNet::new(&init.at("resnet"), &config.resnet());
-        Self { resnet, black: config.black_background }
+        Self { resnet, black: config.black_background, blind: config.blind }
     }
 
     /// Fills it with weights under torchvision's names; a filter for depth keeps its fresh values.
@@ -44,6 +45,10 @@ impl Encoder {
         let channels = self.resnet.conv1.weight.shape()[1];
         let mut images = tape.array(&[scenes.len(), side, side, channels]);
         let values = images.as_slice_mut();
+        if self.blind {
+            values.fill(0.0);
+            return images;
+        }
         for (out, scene) in values.chunks_exact_mut(side * side * channels).zip(scenes) {
             fill(out, channels, scene, self.black);
         }

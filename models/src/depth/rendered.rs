@@ -97,6 +97,13 @@ pub(super) fn depth_difference<'t>(
     scenes: &[&Scene],
     config: &RefineConfig,
 ) -> Var<'t> {
+    let coverage = drawn
+        .silhouette
+        .filter(|_| config.coverage > 0.0)
+        .map(|silhouette| uncovered(silhouette, scenes).scale(config.coverage as f32));
+    if let Some(coverage) = coverage.filter(|_| config.coverage_alone) {
+        return coverage;
+    }
     let tape = drawn.depth.tape();
     let target = images(tape, scenes, |scene| scene.depth_targets.target.clone());
     let mask = images(tape, scenes, |scene| floats(&scene.depth_targets.compared));
@@ -124,11 +131,9 @@ pub(super) fn depth_difference<'t>(
             data + edges(rendered, target)
         }
     };
-    match drawn.silhouette {
-        Some(silhouette) if config.coverage > 0.0 => {
-            loss + uncovered(silhouette, scenes).scale(config.coverage as f32)
-        }
-        _ => loss,
+    match coverage {
+        Some(coverage) => loss + coverage,
+        None => loss,
     }
 }
 

@@ -34,6 +34,8 @@ pub struct Score {
     /// Mean absolute difference of depth over the true mask, in the unit of the frame; a pixel that is not covered counts
     /// 0.5.
     pub depth: f64,
+    /// The same over the pixels that are covered alone; not a number where none is.
+    pub depth_covered: f64,
     /// The share of the true mask that is not covered.
     pub uncovered: f64,
     /// Mean absolute difference of vertex colours from the nearest true point's, a mean over channels; none without
@@ -70,6 +72,7 @@ impl Scored {
             chamfer_p2m: mean(&|s| s.chamfer_p2m),
             f_scores_p2m: [0, 1].map(|k| mean(&move |s| s.f_scores_p2m[k])),
             depth: mean(&|s| s.depth),
+            depth_covered: mean(&|s| s.depth_covered),
             uncovered: mean(&|s| s.uncovered),
             color: some(&|s| s.color),
             iou: iou[0].zip(iou[1]).map(|(own, mean)| [own, mean]),
@@ -98,6 +101,9 @@ impl Scored {
             larger("f-p2m", |s| Some(s.f_scores_p2m[0])),
             larger("f-p2m-2", |s| Some(s.f_scores_p2m[1])),
             smaller("depth-error", |s| Some(s.depth)),
+            smaller("depth-error-covered", |s| {
+                Some(s.depth_covered).filter(|error| error.is_finite())
+            }),
             smaller("uncovered", |s| Some(s.uncovered)),
             smaller("color-error", |s| s.color),
             larger("voxel-iou", |s| Some(s.iou?[0])),
@@ -109,6 +115,46 @@ impl Scored {
     }
 }
 
+impl Scored {
+    /// Scores of whatever is said of each scene of a subset, `views` of each object; `of` is also told the true mesh in the
+    /// scene's frame.
+    ///
+    /// # Errors
+    /// If a file cannot be read, there is nothing for that, or `of` says so.
+    pub fn of(
+        data: &Scenes,
+        (subset, views): (Subset, usize),
+        of: impl Fn(&Scene, &TriMesh) -> Result<Score, DataError> + Sync,
+    ) -> Result<Self, DataError> {
+        let one = |k: usize| -> Result<(usize, Score), DataError> {
+            let (object, scene) = data.trial(subset, views, k)?;
+            let surface = data.mesh(object)?;
+            let mesh = surface.mesh.as_ref().expect("an object without a mesh is an error");
+            let truth = scene.depth_targets.frame.mesh_placed(mesh);
+            Ok((object, of(&scene, &truth)?))
+        };
+        let count = data.pairs().trials(subset, views)?;
+        let all: Vec<_> = (0..count).into_par_iter().map(one).collect();
+        let each: Vec<(usize, Score)> = all.into_iter().collect::<Result<_, _>>()?;
+        let names = each.iter().map(|(object, _)| data.pairs().object_name(*object)).collect();
+        Ok(Self { each, names })
+    }
+}
+
+impl Score {
+    /// Of any mesh, against a scene and its true mesh, all in the scene's frame.
+    pub fn of(mesh: &TriMesh, scene: &Scene, truth: &TriMesh) -> Self {
+        let mut score = distances(mesh, truth, scene.depth_targets.frame.scale());
+        if let Some(error) = depth_of(mesh, scene) {
+            (score.depth, score.uncovered) = (error.mean, error.uncovered);
+            score.depth_covered =
+                (error.mean - PENALTY * error.uncovered) / (1.0 - error.uncovered);
+        }
+        score.color = color_error(mesh, scene);
+        score
+    }
+}
+
 impl<B: MeshInit> Refined<B> {
     /// Scores on a subset, image by image.
     ///
@@ -117,28 +163,13 @@ impl<B: MeshInit> Refined<B> {
     pub fn scored(&self, data: &Scenes, subset: Subset) -> Result<Scored, DataError> {
         let views = self.refine().pairs.scored_views;
         let mean_shape = if B::cells(&self.config) > 0 { data.mean_shape()? } else { &[] };
-        let one = |k: usize| -> Result<(usize, Score), DataError> {
-            let (object, scene) = data.trial(subset, views, k)?;
-            let surface = data.mesh(object)?;
-            let mesh = surface.mesh.as_ref().expect("an object without a mesh is an error");
-            let truth = scene.depth_targets.frame.mesh_placed(mesh);
-            Ok((object, self.score(&scene, &truth, mean_shape)))
-        };
-        let count = data.pairs().trials(subset, views)?;
-        let all: Vec<_> = (0..count).into_par_iter().map(one).collect();
-        let each: Vec<(usize, Score)> = all.into_iter().collect::<Result<_, _>>()?;
-        let names = each.iter().map(|(object, _)| data.pairs().object_name(*object)).collect();
-        Ok(Scored { each, names })
+        Scored::of(data, (subset, views), |scene, truth| Ok(self.score(scene, truth, mean_shape)))
     }
 
     /// Of one scene; `truth` is its mesh in the frame.
     fn score(&self, scene: &Scene, truth: &TriMesh, mean_shape: &[bool]) -> Score {
         let (mesh, logits) = self.mesh_of(scene);
-        let mut score = distances(&mesh, truth, scene.depth_targets.frame.scale());
-        if let Some(error) = depth_of(&mesh, scene) {
-            (score.depth, score.uncovered) = (error.mean, error.uncovered);
-        }
-        score.color = color_error(&mesh, scene);
+        let mut score = Score::of(&mesh, scene, truth);
         if !scene.depth_targets.cells.is_empty() && !logits.is_empty() {
             let own = self.mesh_init.occupied_cells(&logits);
             let cells = &scene.depth_targets.cells;

@@ -356,3 +356,18 @@ fn made_objects_are_parted_and_drawn_by_the_seed() {
     seeded.refine.pairs.data_seed = Some(7);
     crate::testing::assert_data::<MeshRcnn>(&config, &seeded, [3, 2, 3]);
 }
+
+/// What is blind says the same of every image, and covers outlines alone where that is all that it is asked.
+#[test]
+fn controls_are_what_they_say() {
+    let config = SphereConfig { refine: RefineConfig { blind: true, ..refine() }, ..sphere() };
+    let data = Scenes::synthetic(&config.refine, 0).unwrap();
+    let [a, b] = [0, 1].map(|view| data.trial(train::Subset::Test, 2, view).unwrap().1);
+    assert_ne!(a.picture.image, b.picture.image);
+    let images = |config: &SphereConfig| {
+        let encoder = super::encoder::Encoder::new(&nets::Init::new(0), &config.refine);
+        encoder.images(&Tape::eval(), &[&a, &b])
+    };
+    assert!(images(&config).as_slice().iter().all(|&x| x == 0.0));
+    assert!(images(&sphere()).as_slice().iter().any(|&x| x != 0.0));
+}

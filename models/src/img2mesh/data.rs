@@ -57,6 +57,19 @@ pub(super) struct Trial {
     pub(super) truth: Option<TriMesh>,
 }
 
+/// Views of one object: those that are given, and those that a mesh made of them is scored at.
+#[derive(Clone, Debug)]
+pub struct Group {
+    /// What the object is called.
+    pub object: String,
+    /// Those given.
+    pub given: Vec<View>,
+    /// Those that were not, unless there are no others.
+    pub scored: Vec<View>,
+    /// The true surface in the world of the cameras, where it is known.
+    pub truth: Option<TriMesh>,
+}
+
 /// Views of one object.
 #[derive(Debug)]
 pub struct Sample {
@@ -144,7 +157,7 @@ impl Data {
     /// # Errors
     /// If nothing can be learned from them: the cameras do not say where the object is, or there are
     /// fewer views than a sample has.
-    pub(super) fn frame(&self, config: &Img2MeshConfig) -> Result<[f64; 4], DataError> {
+    pub fn frame(&self, config: &Img2MeshConfig) -> Result<[f64; 4], DataError> {
         let group = config.views + config.extra_views;
         let least = match &self.objects {
             Objects::One(..) => self.parts.train.len(),
@@ -223,7 +236,7 @@ impl Data {
     ///
     /// # Errors
     /// If there is nothing for that.
-    pub(super) fn trials(&self, subset: Subset, views: usize) -> Result<usize, DataError> {
+    pub fn trials(&self, subset: Subset, views: usize) -> Result<usize, DataError> {
         let count = parts::wanted(&self.parts, subset)?.len();
         Ok(match &self.objects {
             Objects::One(..) => (count / views).max(1),
@@ -251,12 +264,7 @@ impl Data {
             }
             Objects::Many(cache) => {
                 let object = listed[k % listed.len()];
-                let mut order: Vec<usize> = (0..cache.count(object)).collect();
-                let mut rng = ChaCha8Rng::seed_from_u64(cache.identity(object));
-                rng.set_stream((k / listed.len()) as u64);
-                order.shuffle(&mut rng);
-                let last = views.max(order.len().saturating_sub(MOST_SCORED));
-                order.drain(views.min(order.len())..last.min(order.len()));
+                let order = tried(cache, object, k / listed.len(), views);
                 let views = cache.views(object, &order, &|view| Prepared::new(view, config))?;
                 (cache.entries()[object].object_name(), views, cache.truth(object)?.mesh)
             }
@@ -265,6 +273,37 @@ impl Data {
         let scored = if others.is_empty() { given } else { others };
         Ok(Trial { object, given: given.to_vec(), scored: scored.to_vec(), truth })
     }
+
+    /// The `k`-th group of a subset that is scored, as it was read, of many objects.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or these are views of one object.
+    pub fn group(&self, (subset, views): (Subset, usize), k: usize) -> Result<Group, DataError> {
+        let listed = parts::wanted(&self.parts, subset)?;
+        let object = listed[k % listed.len()];
+        let Objects::Many(cache) = &self.objects else {
+            return Err(DataError::Unfit("groups are of many objects, this is one".to_owned()));
+        };
+        let whole = cache.whole(object)?.views;
+        let order = tried(cache, object, k / listed.len(), views);
+        let all: Vec<View> = order.iter().map(|&i| whole[i].clone()).collect();
+        let (given, others) = all.split_at(views.min(all.len()));
+        let scored = if others.is_empty() { given } else { others };
+        let (given, scored) = (given.to_vec(), scored.to_vec());
+        let (object, truth) = (cache.entries()[object].object_name(), cache.truth(object)?.mesh);
+        Ok(Group { object, given, scored, truth })
+    }
+}
+
+/// Views of an object in the order of a group: those given, then those that are scored.
+fn tried(cache: &ViewCache<Prepared>, object: usize, draw: usize, views: usize) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..cache.count(object)).collect();
+    let mut rng = ChaCha8Rng::seed_from_u64(cache.identity(object));
+    rng.set_stream(draw as u64);
+    order.shuffle(&mut rng);
+    let last = views.max(order.len().saturating_sub(MOST_SCORED));
+    order.drain(views.min(order.len())..last.min(order.len()));
+    order
 }
 
 /// Around the point that the cameras of each object look at, as wide as the widest object.

@@ -22,6 +22,7 @@
 mod config;
 mod data;
 mod encoder;
+mod evaluate_meshes;
 mod feature_cache;
 mod mesh_pairs;
 mod model;
@@ -32,6 +33,7 @@ mod prepared;
 mod published_tests;
 mod render;
 mod score;
+mod surface;
 #[cfg(test)]
 mod tests;
 
@@ -55,7 +57,8 @@ use prepared::Prepared;
 use render::ViewRenderer;
 
 pub use config::{AttentionKind, EncoderKind, Img2MeshConfig, SilhouetteKind};
-pub use data::{Data, Sample};
+pub use data::{Data, Group, Sample};
+pub use evaluate_meshes::evaluate_meshes;
 
 /// The system; see the [module](self).
 #[derive(Debug)]

@@ -1,7 +1,6 @@
 //! Scores at cameras that were not given, and what there is to show of them.
 
 use autodiff_lite::Tape;
-use losses::metrics::{Points, Protocol, evaluate};
 use mesh_core::{ByteImage, TriMesh};
 use rayon::prelude::*;
 use recon::scene::scene_of;
@@ -10,6 +9,7 @@ use train::{Better, DataError, Metric, Shown, Subset};
 
 use super::data::{Data, Trial};
 use super::prepared::Prepared;
+use super::surface::{Surface, compared};
 use super::{Img2Mesh, Meshes};
 use crate::parts::mean_metric;
 
@@ -17,8 +17,6 @@ use crate::parts::mean_metric;
 const MOST_SHOWN: usize = 6;
 /// Objects shown together.
 const GALLERY: usize = 8;
-/// Points on each surface for distances; the protocol's 100,000 would take longer than the training.
-const POINTS: usize = 10_000;
 
 /// The means over the views of one group, and how the mesh compares with the true one.
 #[derive(Clone, Debug, Default)]
@@ -28,12 +26,6 @@ struct Score {
     l1: f64,
     psnr: f64,
     surface: Option<Surface>,
-}
-
-#[derive(Clone, Copy, Debug, Default)]
-struct Surface {
-    chamfer: f64,
-    f_score: f64,
 }
 
 impl Img2Mesh {
@@ -175,20 +167,6 @@ fn picture(color: &[f32], side: usize) -> ByteImage {
 
 fn bytes(data: &[u8], side: usize) -> ByteImage {
     ByteImage { height: side, width: side, channels: 3, data: data.to_vec() }
-}
-
-/// Occupancy Networks' protocol with fewer points: the unit is the true mesh's longest edge. A mesh
-/// that cannot be compared, having no area for example, is as far away as that.
-fn compared(mesh: &TriMesh, truth: &TriMesh) -> Surface {
-    let mut protocol = Protocol::occ_net(0);
-    protocol.points = Some(Points::Surface { samples: POINTS });
-    (protocol.iou, protocol.normals) = (None, false);
-    let report = evaluate(mesh, truth, &protocol).ok();
-    let found = report.and_then(|report| {
-        let f_score = report.f_scores.first()?.f_score;
-        Some(Surface { chamfer: report.chamfer?, f_score })
-    });
-    found.unwrap_or(Surface { chamfer: 1.0, f_score: 0.0 })
 }
 
 fn score(color: &[f32], mask: &[f32], truth: &Prepared) -> Score {

@@ -26,7 +26,7 @@ impl Mcmr {
         let samples: Vec<Sample> = (0..shown)
             .map(|i| Ok(data.photo(listed[i * listed.len() / shown])?.plain(&self.config)))
             .collect::<Result<_, DataError>>()?;
-        let pairs = self.in_batches(&samples, SHOWN, |tape, predicted, _, samples| {
+        let pairs = self.in_batches(&samples, SHOWN, &|_| None, |tape, predicted, _, samples| {
             let poses: Vec<_> = (0..samples.len()).map(|i| pose_of(&predicted, i)).collect();
             let drawn = self.drawn(tape, &predicted, &poses);
             let value = drawn.image.value();
@@ -61,7 +61,7 @@ impl Mcmr {
             .iter()
             .map(|&object| Ok(data.photo(object)?.plain(&self.config)))
             .collect::<Result<_, DataError>>()?;
-        let weights = self.in_batches(&samples, 16, |_, predicted, _, samples| {
+        let weights = self.in_batches(&samples, 16, &|_| None, |_, predicted, _, samples| {
             let weights = predicted.weights.value();
             (0..samples.len()).map(|i| row(&weights, i)).collect::<Vec<_>>()
         });

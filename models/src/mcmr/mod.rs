@@ -45,6 +45,7 @@ mod predictor;
 #[cfg(test)]
 mod published_tests;
 mod render;
+mod replaced;
 mod score;
 mod shapes;
 mod size;
@@ -76,6 +77,7 @@ pub use perceptual::PerceptualMetrics;
 pub use photo::{Photo, Sample};
 pub use pose::{CommonLens, Pose};
 pub use prediction::McmrPrediction;
+pub use replaced::{Replaced, Selection};
 pub use score::{Scored, ScoredObject};
 
 /// Below this a weight of the selection has no logarithm.
@@ -102,9 +104,23 @@ impl Mcmr {
 
     /// What becomes of images.
     fn predicted<'t>(&self, tape: &'t Tape, samples: &[&Sample]) -> Predicted<'t> {
-        let side = self.config.image_size;
+        self.predicted_from(tape, samples, None)
+    }
+
+    /// The same from these weights of the mean shapes, `[B, N]`, where there are any.
+    fn predicted_from<'t>(
+        &self,
+        tape: &'t Tape,
+        samples: &[&Sample],
+        weights: Option<&[f32]>,
+    ) -> Predicted<'t> {
+        let (n, side) = (samples.len(), self.config.image_size);
         let images = samples.iter().map(|sample| &sample.image[..]);
-        self.model.forward(tape, stacked(tape, images, &[samples.len(), side, side, 3]))
+        let images = stacked(tape, images, &[n, side, side, 3]);
+        // Grey stays, without a gradient to the image either way.
+        let images = if self.config.blind { images.scale(0.0).add_scalar(0.5) } else { images };
+        let weights = weights.map(|w| stacked(tape, [w].into_iter(), &[n, w.len() / n]));
+        self.model.forward(tape, images, weights)
     }
 
     /// Predictions as they are seen in these poses.

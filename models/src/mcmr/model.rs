@@ -116,13 +116,20 @@ impl Model {
         }
     }
 
-    /// Images `[B, S, S, 3]` in `[0, 1]`.
-    pub(super) fn forward<'t>(&self, tape: &'t Tape, images: Var<'t>) -> Predicted<'t> {
+    /// Images `[B, S, S, 3]` in `[0, 1]`; weights of the mean shapes, `[B, N]`, where it is not to find them itself.
+    pub(super) fn forward<'t>(
+        &self,
+        tape: &'t Tape,
+        images: Var<'t>,
+        weights: Option<Var<'t>>,
+    ) -> Predicted<'t> {
         let map = tape.scope("encoder", || self.map(images));
         let [b, h, w, c] = map.dims();
         let code = self.enc_fc.forward(map.reshape(&[b, h * w * c]));
-        let logits = self.selection_out.forward(self.selection.forward(code));
-        let weights = logits.scale(self.temperature.recip()).softmax();
+        let weights = weights.unwrap_or_else(|| {
+            let logits = self.selection_out.forward(self.selection.forward(code));
+            logits.scale(self.temperature.recip()).softmax()
+        });
         let (positions, offsets) = self.shape(tape, code, weights);
         let camera = self.camera.forward(self.camera_dropout.forward(code));
         let camera = self.camera_out.forward(camera);

@@ -74,11 +74,12 @@ impl Mcmr {
             .collect()
     }
 
-    /// Batches of samples through the network, without training.
+    /// Batches of samples through the network, without training; `weights` may say those of the mean shapes for a range of them.
     pub(super) fn in_batches<R>(
         &self,
         samples: &[Sample],
         batch: usize,
+        weights: &dyn Fn(std::ops::Range<usize>) -> Option<Vec<f32>>,
         mut f: impl for<'t> FnMut(&'t Tape, Predicted<'t>, usize, &[Sample]) -> R,
     ) -> Vec<R> {
         samples
@@ -86,8 +87,11 @@ impl Mcmr {
             .enumerate()
             .map(|(i, chunk)| {
                 let tape = Tape::eval();
-                let predicted = self.predicted(&tape, &chunk.iter().collect::<Vec<_>>());
-                f(&tape, predicted, i * batch, chunk)
+                let first = i * batch;
+                let weights = weights(first..first + chunk.len());
+                let chosen: Vec<&Sample> = chunk.iter().collect();
+                let predicted = self.predicted_from(&tape, &chosen, weights.as_deref());
+                f(&tape, predicted, first, chunk)
             })
             .collect()
     }

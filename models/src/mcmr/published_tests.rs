@@ -56,7 +56,7 @@ fn shapes_are_as_published() {
     let system = Mcmr::new(&config, 0);
     let tape = Tape::eval();
     let images = tape.constant(Array4::from_elem((1, 256, 256, 3), 0.5));
-    let predicted = system.model.forward(&tape, images);
+    let predicted = system.model.forward(&tape, images, None);
     assert_eq!(predicted.weights.shape(), [1, 12]);
     assert_eq!(predicted.offsets.shape(), [1, 162, 3]);
     assert_eq!(predicted.positions.shape(), [1, 162, 3]);
@@ -94,7 +94,7 @@ fn sizes_are_raw_as_published() {
     let place = |first: &str| {
         let system = Mcmr::new(&tiny(&[("first-size", first)]), 3);
         let images = tape.constant(Array4::from_elem((2, 64, 64, 3), 0.4));
-        system.model.forward(&tape, images).place.value()
+        system.model.forward(&tape, images, None).place.value()
     };
     let (published, ours) = (place("0.0"), place("1.0"));
     for (k, (a, b)) in published.iter().zip(&ours).enumerate() {
@@ -113,7 +113,7 @@ fn the_published_renderer_draws_the_published_texture() {
         let images = tape.constant(Array4::from_shape_fn((2, 64, 64, 3), |(n, i, j, c)| {
             ((n + i * 3 + j * 5 + c) as f32).sin().abs()
         }));
-        let predicted = system.model.forward(&tape, images);
+        let predicted = system.model.forward(&tape, images, None);
         assert_eq!(predicted.texture.shape(), [2, sides[0], sides[1], 3]);
         let pose = Pose { scale: 1.0, place: [0.1, 0.0], rotation: [1.0, 0.0, 0.0, 0.0] };
         let drawn = system.drawn(&tape, &predicted, &[pose, pose]);

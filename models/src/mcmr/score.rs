@@ -12,7 +12,8 @@ use train::{Better, DataError, Metric, Subset};
 use super::data::Data;
 use super::model::Predicted;
 use super::prediction::{pose_of, row};
-use super::{Mcmr, Sample};
+use super::replaced::Replaced;
+use super::{Mcmr, Pose, Sample};
 use crate::parts::mean_metric;
 
 /// Images that go through the network together.
@@ -153,15 +154,38 @@ impl Mcmr {
     /// # Errors
     /// If a file cannot be read, or there is nothing for that.
     pub fn scored(&self, data: &Data, subset: Subset) -> Result<Scored, DataError> {
+        self.scored_with(data, subset, &Replaced::default())
+    }
+
+    /// The same with something else in the place of a part of each prediction.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or there is nothing for that.
+    pub fn scored_with(
+        &self,
+        data: &Data,
+        subset: Subset,
+        replaced: &Replaced,
+    ) -> Result<Scored, DataError> {
         let objects = data.wanted(subset)?;
+        let kinds: Vec<usize> = objects.iter().map(|&object| data.category(object).0).collect();
         let samples: Vec<Sample> = objects
             .par_iter()
             .map(|&object| Ok(data.photo(object)?.plain(&self.config)))
             .collect::<Vec<Result<_, DataError>>>()
             .into_iter()
             .collect::<Result<_, _>>()?;
-        let judged = self.in_batches(&samples, BATCH, |tape, predicted, first, chunk| {
-            self.judged(tape, &predicted, data, &objects[first..], chunk)
+        let weights =
+            |of: std::ops::Range<usize>| replaced.selection.weights(&kinds[of], self.config.shapes);
+        // Half of all away: beside it are objects of the same category.
+        let other = |i: usize| samples[(i + samples.len().div_ceil(2)) % samples.len()].true_pose;
+        let judged = self.in_batches(&samples, BATCH, &weights, |tape, predicted, first, chunk| {
+            let predicted = replaced.in_prediction(tape, predicted);
+            let found = (0..chunk.len()).map(|i| {
+                if replaced.camera_of_another { other(first + i) } else { pose_of(&predicted, i) }
+            });
+            let (found, objects) = (found.collect::<Vec<_>>(), &objects[first..]);
+            self.judged(tape, &predicted, data, (objects, chunk, &found))
         });
         let mut judged: Vec<Judged> = judged.into_iter().flatten().collect();
         compare_shapes(&mut judged, data)?;
@@ -175,13 +199,11 @@ impl Mcmr {
         tape: &'t Tape,
         predicted: &Predicted<'t>,
         data: &Data,
-        objects: &[usize],
-        samples: &[Sample],
+        (objects, samples, poses): (&[usize], &[Sample], &[Pose]),
     ) -> Vec<Judged> {
         let side = self.config.image_size;
-        let poses: Vec<_> = (0..samples.len()).map(|i| pose_of(predicted, i)).collect();
         let truths: Vec<_> = samples.iter().map(|sample| sample.true_pose).collect();
-        let drawn = [&poses, &truths].map(|poses| self.drawn(tape, predicted, poses));
+        let drawn = [poses, &truths].map(|poses| self.drawn(tape, predicted, poses));
         // Plain values, which threads may share.
         let weights = predicted.weights.value();
         let silhouettes = [0, 1].map(|k| drawn[k].silhouette.value());

@@ -379,3 +379,50 @@ fn an_object_has_its_own_rough_pose() {
     };
     assert_eq!(pose(2), pose(5));
 }
+
+#[test]
+fn what_stands_in_the_place_of_a_part_is_what_it_says() {
+    let config = McmrConfig { test_objects: 3, shapes: 2, ..tiny() };
+    let data = Data::synthetic(&config).unwrap();
+    let system = Mcmr::new(&config, 0);
+    let with = |replaced: Replaced| system.scored_with(&data, Subset::Test, &replaced).unwrap();
+    let plain = with(Replaced::default());
+    assert_eq!(plain, system.scored(&data, Subset::Test).unwrap());
+    let uniform = with(Replaced { selection: Selection::Uniform, ..Replaced::default() });
+    assert!(uniform.each.iter().all(|one| one.weights == [0.5, 0.5]));
+    let categories = data.categories().len();
+    let of: Vec<usize> = (0..categories).map(|kind| kind % 2).collect();
+    let oracle = with(Replaced { selection: Selection::OfCategory(of), ..Replaced::default() });
+    let of_kind =
+        |one: &ScoredObject| if one.kind.is_multiple_of(2) { [1.0, 0.0] } else { [0.0, 1.0] };
+    assert!(oracle.each.iter().all(|one| one.weights == of_kind(one)));
+    assert!(matches!(
+        Selection::oracle(&system, &data, Subset::Validation).unwrap(),
+        Selection::OfCategory(of) if of.len() == categories && of.iter().all(|&shape| shape < 2)
+    ));
+    // A camera of another object's changes what is seen with it, and nothing else.
+    let chance = with(Replaced { camera_of_another: true, ..Replaced::default() });
+    for (a, b) in chance.each.iter().zip(&plain.each) {
+        assert_eq!((a.mask_iou_true, a.iou_3d), (b.mask_iou_true, b.iou_3d));
+        assert!((a.rotation - b.rotation).abs() > 1e-6);
+    }
+    let color = data.mean_color(&config).unwrap();
+    assert!(color.iter().all(|c| (0.05..0.95).contains(c)), "{color:?}");
+    let gray = with(Replaced { color: Some(color), ..Replaced::default() });
+    assert!(
+        gray.each.iter().zip(&plain.each).all(|(a, b)| a.l1 != b.l1 && a.mask_iou == b.mask_iou)
+    );
+    let bare = with(Replaced { undeformed: true, ..Replaced::default() });
+    assert!(bare.each.iter().zip(&plain.each).any(|(a, b)| a.iou_3d_strict != b.iou_3d_strict));
+}
+
+#[test]
+fn what_is_blind_says_the_same_of_every_image() {
+    let config = McmrConfig { blind: true, test_objects: 3, ..tiny() };
+    let data = Data::synthetic(&config).unwrap();
+    let scored = Mcmr::new(&config, 0).scored(&data, Subset::Test).unwrap();
+    assert!(scored.each.iter().all(|one| one.weights == scored.each[0].weights));
+    let seeing = McmrConfig { blind: false, ..config };
+    let scored = Mcmr::new(&seeing, 0).scored(&data, Subset::Test).unwrap();
+    assert!(scored.each.iter().any(|one| one.weights != scored.each[0].weights));
+}

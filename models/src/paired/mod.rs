@@ -32,5 +32,5 @@ pub use config::PairsConfig;
 pub use pairs::{Pair, Pairs, Surface};
 pub(crate) use pairs::{placed, some};
 pub use picture::{Frame, Picture};
-pub use score::{EMD_POINTS, PointScores, point_scores};
+pub use score::{EMD_POINTS, PointScores, point_scores, surface_scores};
 pub(crate) use shown::{in_studio, picture_above};

@@ -60,17 +60,33 @@ impl PointScores {
 /// # References
 /// Wang et al. 2018, *Pixel2Mesh*, section 4.1, as its code computes it.
 pub fn point_scores(mesh: &TriMesh, truth: &SurfacePoints) -> PointScores {
-    let finite = mesh.positions.as_flattened().iter().all(|x| x.is_finite());
+    let normals = || vertex_normals(&mesh.positions, &mesh.faces);
+    scores_of(&mesh.positions, &normals, mesh, truth)
+}
+
+/// The same with `count` points spread over the mesh in the place of its vertices: for meshes whose vertices are not,
+/// such as those that people made.
+pub fn surface_scores(mesh: &TriMesh, count: usize, truth: &SurfacePoints) -> PointScores {
+    let (positions, normals) = sample_points(mesh, count, 1);
+    scores_of(&positions, &|| normals.clone(), mesh, truth)
+}
+
+fn scores_of(
+    positions: &[[f32; 3]],
+    normals: &dyn Fn() -> Vec<[f32; 3]>,
+    mesh: &TriMesh,
+    truth: &SurfacePoints,
+) -> PointScores {
+    let finite = positions.as_flattened().iter().all(|x| x.is_finite());
     if !finite || truth.positions.is_empty() {
         let far = f64::NAN;
         return PointScores { chamfer: far, earth_mover: far, ..PointScores::default() };
     }
-    let found = point_distances(&mesh.positions, &truth.positions);
+    let found = point_distances(positions, &truth.positions);
     let (there, back) = found.chamfer(true);
     let f = |threshold: f64| found.f_score(threshold.sqrt()).f_score;
     let normals = if truth.normals.len() == truth.positions.len() {
-        let own = vertex_normals(&mesh.positions, &mesh.faces);
-        found.normal_consistency(&own, &truth.normals)
+        found.normal_consistency(&normals(), &truth.normals)
     } else {
         f64::NAN
     };
@@ -118,5 +134,21 @@ mod tests {
         let scores = point_scores(&ball, &same);
         assert_eq!((scores.chamfer, scores.f_score, scores.f_score_double), (0.0, 1.0, 1.0));
         assert!(scores.normals.is_nan());
+    }
+
+    /// Points spread over a surface say of it what its vertices say where those are spread as well, whatever they are.
+    #[test]
+    fn a_surface_is_scored_whatever_its_vertices_are() {
+        let ball = icosphere(4).scaled([0.2; 3]);
+        let normals = vertex_normals(&ball.positions, &ball.faces);
+        let truth = SurfacePoints { positions: ball.positions.clone(), normals };
+        let spread = surface_scores(&ball, 2562, &truth);
+        // Beside each other by half of the spacing, about 0.014.
+        assert!(spread.chamfer < 0.2 && spread.normals > 0.99, "{spread:?}");
+        let cube = mesh_core::primitives::cuboid([0.2; 3]);
+        let (positions, normals) = sample_points(&cube, 5000, 3);
+        let truth = SurfacePoints { positions, normals };
+        let (few, many) = (point_scores(&cube, &truth), surface_scores(&cube, 2562, &truth));
+        assert!(20.0 * many.chamfer < few.chamfer && many.normals > 0.95, "{many:?} {few:?}");
     }
 }

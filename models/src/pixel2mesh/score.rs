@@ -9,7 +9,7 @@ use train::{Better, DataError, Metric, Subset};
 
 use super::deformer::Deformer;
 use super::single_view::SingleView;
-use crate::paired::{Pairs, PointScores, picture_above, point_scores};
+use crate::paired::{Pair, Pairs, PointScores, picture_above, point_scores};
 use crate::parts::mean_metric;
 
 /// Objects shown together.
@@ -67,24 +67,40 @@ impl Scored {
     }
 }
 
+impl Scored {
+    /// Scores of whatever is said of each image of a subset, `views` of each object.
+    ///
+    /// # Errors
+    /// If a file cannot be read, there is nothing for that, or `of` says so.
+    pub fn of(
+        data: &Pairs,
+        (subset, views): (Subset, usize),
+        of: impl Fn(&Pair) -> Result<(PointScores, Stats), DataError> + Sync,
+    ) -> Result<Self, DataError> {
+        let one = |k: usize| -> Result<(usize, PointScores, Stats), DataError> {
+            let (object, pair) = data.trial(subset, views, k)?;
+            let (scores, stats) = of(&pair)?;
+            Ok((object, scores, stats))
+        };
+        let count = data.trials(subset, views)?;
+        let all: Vec<_> = (0..count).into_par_iter().map(one).collect();
+        let each: Vec<_> = all.into_iter().collect::<Result<_, _>>()?;
+        let names = each.iter().map(|(object, ..)| data.object_name(*object)).collect();
+        Ok(Self { each, names })
+    }
+}
+
 impl<D: Deformer> SingleView<D> {
     /// Scores on a subset, image by image.
     ///
     /// # Errors
     /// If a file cannot be read, or there is nothing for that.
     pub fn scored(&self, data: &Pairs, subset: Subset) -> Result<Scored, DataError> {
-        let views = self.shared().pairs.scored_views;
-        let one = |k: usize| -> Result<(usize, PointScores, Stats), DataError> {
-            let (object, pair) = data.trial(subset, views, k)?;
+        Scored::of(data, (subset, self.shared().pairs.scored_views), |pair| {
             // What does not come to its end is no mesh at all.
             let (mesh, stats) = self.mesh_of(&pair.picture).unwrap_or_default();
-            Ok((object, point_scores(&mesh, &pair.truth), stats))
-        };
-        let count = data.trials(subset, views)?;
-        let all: Vec<_> = (0..count).into_par_iter().map(one).collect();
-        let each: Vec<_> = all.into_iter().collect::<Result<_, _>>()?;
-        let names = each.iter().map(|(object, ..)| data.object_name(*object)).collect();
-        Ok(Scored { each, names })
+            Ok((point_scores(&mesh, &pair.truth), stats))
+        })
     }
 
     /// Some images spread over all of a subset: the mesh from the image's camera above the image.

@@ -1,6 +1,7 @@
 //! The tables of img2mesh: the paper's own setting, and unseen objects.
 
 mod clock;
+mod controls;
 mod unseen;
 
 pub use clock::ClockStudy;

@@ -4,9 +4,12 @@ use models::img2mesh::Img2Mesh;
 use train::{DataError, Subset};
 
 use super::Jobs;
+use super::controls::Control;
 use crate::gallery::predicted;
 use crate::preset::{Change, Listed, open, over, plan, planned, scaled, scored};
-use crate::{Claim, Comparison, Floor, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};
+use crate::{
+    Claim, Comparison, Floor, Plan, PlannedJob, Row, Scale, Score, Study, StudyError, Watch, Work,
+};
 
 /// The name of the table.
 const TABLE: &str =
@@ -69,6 +72,23 @@ fn jobs(scale: Scale) -> Jobs {
     scaled::<Img2Mesh>(scale, over::<Img2Mesh>("unseen", jobs, if full { &[] } else { quick }))
 }
 
+/// The rows of what learns nothing.
+fn controlled(
+    (control, _, label_of, counts): (Control, &str, &str, &[usize]),
+    work: &Work<'_>,
+    watch: Watch<'_>,
+) -> Result<Vec<Row>, StudyError> {
+    let (.., config) = &jobs(work.scale)[0];
+    let data = open::<Img2Mesh>(work, config)?;
+    let mut rows = Vec::new();
+    for (k, &views) in counts.iter().enumerate() {
+        work.tell(watch, k as f64 / counts.len() as f64, format!("scoring with {views} views"))?;
+        let metrics = control.scored(&data, &config.system, views)?;
+        rows.push(scored(Row::new(TABLE, label(label_of, views)), &metrics));
+    }
+    Ok(rows)
+}
+
 /// The label of a model with so many views.
 fn label(model: &str, views: usize) -> String {
     match views {
@@ -89,10 +109,21 @@ impl Study for UnseenStudy {
 
     fn plan(&self, scale: Scale) -> Plan {
         let scored = format!("views = {VIEWS:?}\nscored = 8 cameras, 3 draws, 10000 points\n");
-        plan::<Img2Mesh>(&jobs(scale)).with(&scored)
+        let mut plan = plan::<Img2Mesh>(&jobs(scale)).with(&scored);
+        if scale != Scale::Quick {
+            plan.jobs.extend(Control::ALL.map(|(_, id, label, _)| PlannedJob {
+                id: id.to_owned(),
+                label: label.to_owned(),
+                length: 0,
+            }));
+        }
+        plan
     }
 
     fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+        if let Some(control) = Control::ALL.into_iter().find(|(_, id, ..)| *id == work.id) {
+            return controlled(control, work, watch);
+        }
         let (_, model, config) = planned::<Img2Mesh>(jobs(work.scale), work);
         let data = open::<Img2Mesh>(work, &config)?;
         if data.is_one() {
@@ -128,6 +159,17 @@ impl Study for UnseenStudy {
     fn claims(&self) -> Vec<Claim> {
         let mut claims: Vec<Claim> = [ATTENTION, CAMERAS].into_iter().flat_map(falls).collect();
         claims.push(beats_the_mean_shape());
+        claims.extend(COLUMNS.map(|column| {
+            let (own, other) = (label(CAMERAS, 1), label(Control::ALL[0].2, 1));
+            let text =
+                format!("{CAMERAS}: from 1 view better in {column} than what looks its object up");
+            Claim::new(text, [better(own, other, column)])
+        }));
+        claims.extend(COLUMNS.map(|column| {
+            let (own, other) = (label(CAMERAS, 1), label(Control::ALL[1].2, 1));
+            let text = format!("{CAMERAS}: from 1 view better in {column} than its visual hull");
+            Claim::new(text, [better(own, other, column)])
+        }));
         let pairs = [(ATTENTION, AVERAGING), (CAMERAS, "averaging, cameras")];
         claims.extend(pairs.into_iter().flat_map(|(with, without)| {
             COLUMNS.map(|column| beats_averaging(with, without, column))
@@ -147,7 +189,8 @@ impl Study for UnseenStudy {
          view's camera is told to the model. Offsets at three levels unless said; each mesh is compared with the views given \
          and at least one more. Scored at eight cameras an object; Chamfer and F-score as in Occupancy Networks (longest \
          edge 1, threshold 0.01) with 10,000 points; three draws of views an object. The views of a row are those of the row \
-         above and others."
+         above and others. What learns nothing is given the same views, masks and cameras: the object of the nearest training view by plain \
+         pixels, the visual hull (64 cells a side, of the mean colour), and `fit`, which takes two views at least."
             .to_owned()
     }
 }

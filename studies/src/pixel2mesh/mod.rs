@@ -3,6 +3,7 @@
 mod integrated;
 mod memory;
 mod planes;
+mod retrieval;
 mod solvers;
 
 pub use memory::MemoryStudy;
