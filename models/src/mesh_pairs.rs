@@ -3,7 +3,7 @@
 use mesh_core::TriMesh;
 use train::{DataError, System};
 
-/// A prediction beside its truth, both in the world of the object's cameras.
+/// A prediction beside its truth, both in one frame: the world of the object's cameras, or the object's own.
 #[derive(Clone, Debug)]
 pub struct MeshPair {
     /// The object: `category/name`.

@@ -3,7 +3,7 @@
 //! - images: [`l1`], [`mse`], [`psnr`], [`psnr_inside`], [`ssim`]
 //! - masks: [`mask_iou`], [`mask_iou_by`] a published or a strict [`MaskRule`], [`overlap`]
 //! - depth maps: [`depth_error`]
-//! - cameras: [`rotation_angle`]
+//! - cameras: [`rotation_angle`], and [`symmetric_rotation_angle`] modulo the [`turns`] of an object
 //! - features of a network, run elsewhere: [`frechet`] (the FID), [`feature_distance`] (MCMR's figure of that name)
 //! - point sets: [`point_distances`] and what follows from them ([`PointDistances`])
 //! - meshes: [`evaluate`] under a published [`Protocol`]; [`voxel_iou`], [`mcmr_iou`]
@@ -21,6 +21,7 @@ mod points;
 mod protocol;
 mod report;
 mod rotation;
+mod symmetry;
 mod voxel;
 
 pub use depth::{DepthError, depth_error};
@@ -33,4 +34,5 @@ pub use protocol::{
 };
 pub use report::{CompareError, Report, Role, evaluate};
 pub use rotation::rotation_angle;
+pub use symmetry::{symmetric_rotation_angle, turns};
 pub use voxel::voxel_iou;

@@ -16,6 +16,8 @@ use crate::view_cache::ViewCache;
 
 /// Photographs whose content is told by the fingerprint.
 const HASHED: usize = 8;
+/// Points on an object by which its symmetry is found.
+const POINTS: usize = 1000;
 
 /// A collection, parted into training, validation and test.
 #[derive(Debug)]
@@ -23,6 +25,7 @@ pub struct Data {
     cache: ViewCache<Photo>,
     rough: Vec<Rough>,
     truths: Vec<OnceLock<Option<Arc<TriMesh>>>>,
+    turns: Vec<OnceLock<Vec<f64>>>,
     parts: Subsets,
     /// Category of each object, as a number.
     kinds: Vec<usize>,
@@ -96,11 +99,13 @@ impl Data {
             }
         }
         let truths = kinds.iter().map(|_| OnceLock::new()).collect();
+        let turns = kinds.iter().map(|_| OnceLock::new()).collect();
         let perceptual = Arc::new(PerceptualMetrics::open(config)?);
         let cache = ViewCache::new(dataset, options);
         let parts = cache.parts(config.hold_out)?;
         let fingerprint = cache.fingerprint();
-        let mut data = Self { cache, rough, truths, parts, kinds, categories, perceptual, hash: 0 };
+        let mut data =
+            Self { cache, rough, truths, turns, parts, kinds, categories, perceptual, hash: 0 };
         let first = data.parts.train.iter().take(HASHED);
         let hash = first.map(|&object| Ok(data.photo(object)?.plain(config))).try_fold(
             fingerprint,
@@ -181,5 +186,10 @@ impl Data {
         }
         let truth = self.cache.truth(object)?.mesh.filter(|mesh| !mesh.faces.is_empty());
         Ok(place.get_or_init(|| truth.map(Arc::new)).clone())
+    }
+
+    /// The turns about the upright axis that leave a true surface as it is, degrees.
+    pub(super) fn turns(&self, object: usize, truth: &TriMesh) -> &[f64] {
+        self.turns[object].get_or_init(|| losses::metrics::turns(truth, POINTS))
     }
 }

@@ -36,6 +36,7 @@
 mod config;
 mod data;
 mod gallery;
+mod mesh_pairs;
 mod model;
 mod perceptual;
 mod photo;

@@ -2,7 +2,8 @@
 
 use autodiff_lite::Tape;
 use losses::metrics::{
-    self, MaskRule, McmrAlignment, frechet, mask_iou_by, mcmr_iou, rotation_angle, ssim, voxel_iou,
+    self, MaskRule, McmrAlignment, frechet, mask_iou_by, mcmr_iou, rotation_angle, ssim,
+    symmetric_rotation_angle, voxel_iou,
 };
 use mesh_core::{Image, TriMesh};
 use ndarray::ArrayView2;
@@ -46,6 +47,11 @@ pub struct ScoredObject {
     pub l1: f64,
     /// Between the predicted and the true camera, degrees.
     pub rotation: f64,
+    /// The same modulo the turns about the upright axis that leave the true surface as it is: a round table has no front; none
+    /// without a true mesh.
+    pub rotation_symmetric: Option<f64>,
+    /// Whether the cameras differ by more than 90 degrees; none where the object has no front, or no true mesh.
+    pub flipped: Option<bool>,
     /// 3D IoU by the published protocol; none without a true mesh.
     pub iou_3d: Option<f64>,
     /// 3D IoU with nothing aligned; none without a true mesh.
@@ -68,6 +74,13 @@ impl Scored {
     pub fn mean(&self, of: impl Fn(&ScoredObject) -> Option<f64>) -> Option<f64> {
         let values: Vec<f64> = self.each.iter().filter_map(of).collect();
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    }
+
+    /// The median of a figure over the objects that have one.
+    pub fn median(&self, of: impl Fn(&ScoredObject) -> Option<f64>) -> Option<f64> {
+        let mut values: Vec<f64> = self.each.iter().filter_map(of).collect();
+        values.sort_unstable_by(f64::total_cmp);
+        values.get(values.len().saturating_sub(1) / 2).copied()
     }
 
     /// The objects of one category.
@@ -122,6 +135,8 @@ impl Scored {
             mean("ssim", Better::Larger, |one| Some(one.ssim)),
             mean("l1", Better::Smaller, |one| Some(one.l1)),
             mean("rotation", Better::Smaller, |one| Some(one.rotation)),
+            mean("rotation-symmetric", Better::Smaller, |one| one.rotation_symmetric),
+            mean("flipped", Better::Smaller, |one| one.flipped.map(|is| f64::from(u8::from(is)))),
             mean("iou-3d", Better::Larger, |one| one.iou_3d),
             mean("iou-3d-strict", Better::Larger, |one| one.iou_3d_strict),
         ];
@@ -144,6 +159,8 @@ pub(super) fn largest(weights: &[f32]) -> usize {
 /// One object before its shape is compared.
 struct Judged {
     scored: ScoredObject,
+    /// The camera's and the true one.
+    rotations: [[f64; 4]; 2],
     mesh: TriMesh,
     features: Option<[Vec<f32>; 2]>,
 }
@@ -265,7 +282,8 @@ impl Mcmr {
                     [Some(a), Some(b)] => Some([one(a), one(b)]),
                     _ => None,
                 };
-                Judged { scored, mesh, features }
+                let rotations = [poses[i].rotation, truths[i].rotation];
+                Judged { scored, rotations, mesh, features }
             })
             .collect()
     }
@@ -290,6 +308,9 @@ fn compare_shapes(judged: &mut [Judged], data: &Data) -> Result<(), DataError> {
         let alignment = alignments[one.scored.kind];
         one.scored.iou_3d = Some(mcmr_iou(&one.mesh, &truth, alignment));
         one.scored.iou_3d_strict = Some(voxel_iou(&one.mesh, &truth, CELLS));
+        let (turns, [found, known]) = (data.turns(one.scored.object, &truth), one.rotations);
+        one.scored.rotation_symmetric = Some(symmetric_rotation_angle(found, known, turns));
+        one.scored.flipped = (turns.len() == 1).then_some(one.scored.rotation > 90.0);
     });
     Ok(())
 }

@@ -5,8 +5,9 @@ use train::Subset;
 
 use super::{
     ABOUT, ABOUT_RULE, IOU_3D, IOU_3D_STRICT, MASK, Published, QUICK, QUICK_TIMES, RULE, animate,
-    at_scale, by_published_rule, figure, untrained, with_figures,
+    at_scale, by_published_rule, untrained, with_camera, with_figures,
 };
+use crate::gallery::predicted;
 use crate::preset::{Change, Listed, Planned, over, plan, planned, train_job};
 use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};
 
@@ -156,11 +157,11 @@ impl Study for MeanShapesStudy {
         let took = |row: Row| row.took(trained.seconds);
         if VARIATIONS.iter().any(|(job, ..)| *job == id) {
             let row = took(with_figures(Row::new(VARIED, label), &data, &scored, None));
-            let row = row
-                .with(figure(degrees, &data, &scored, |one| Some(one.rotation)))
+            let row = with_camera(row, &data, &scored)
                 .with(Cell::larger("purity", scored.purity(), 3))
                 .with(Cell::plain("in use", scored.shapes_in_use(), 2))
-                .showing(label, &trained.system.gallery(&data, Subset::Test)?);
+                .showing(label, &trained.system.gallery(&data, Subset::Test)?)
+                .with_objects(&predicted(&trained.system, &data, work.seed)?);
             return Ok(vec![row]);
         }
         if let Some((.., published)) = SINGLE.into_iter().find(|(job, ..)| *job == id) {
@@ -172,7 +173,8 @@ impl Study for MeanShapesStudy {
             Some(set.published[which])
         });
         let row = took(with_figures(Row::new(TABLE, label), &data, &scored, published))
-            .showing(label, &trained.system.gallery(&data, Subset::Test)?);
+            .showing(label, &trained.system.gallery(&data, Subset::Test)?)
+            .with_objects(&predicted(&trained.system, &data, work.seed)?);
         let mut rows = vec![row, by_published_rule(Row::new(RULE, label), &data, &scored)];
         if work.scale == Scale::Quick {
             let scored = work.untrained::<Mcmr>(&config, &data)?.scored(&data, Subset::Test)?;
@@ -278,7 +280,7 @@ fn replaced(label: &str, system: &Mcmr, data: &Data) -> Result<Vec<Row>, StudyEr
     let row = |(name, control): (&str, Replaced)| {
         let scored = system.scored_with(data, Subset::Test, &control)?;
         let row = with_figures(Row::new(REPLACED, control_row(label, name)), data, &scored, None);
-        Ok(row.with(figure(degrees, data, &scored, |one| Some(one.rotation))))
+        Ok(with_camera(row, data, &scored))
     };
     controls.into_iter().map(row).collect()
 }
@@ -289,11 +291,6 @@ const CHANCE: &str = "the camera of another object";
 
 fn control_row(label: &str, control: &str) -> String {
     format!("{label}: {control}")
-}
-
-/// The error of cameras.
-fn degrees(value: f64) -> Cell {
-    Cell::smaller("camera, degrees", value, 1)
 }
 
 /// What the selection finds: purity, and the weights of each family.

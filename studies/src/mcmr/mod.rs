@@ -120,10 +120,23 @@ fn with_published(mut row: Row, published: Option<Published>) -> Row {
 /// Mask IoU as the published code counts, where any trace of a soft mask is object.
 fn by_published_rule(row: Row, data: &Data, scored: &Scored) -> Row {
     let larger = |column: &'static str| move |value| Cell::larger(column, value, 3);
-    let degrees = |value| Cell::smaller("camera, degrees", value, 1);
-    row.with(figure(larger(MASK[0]), data, scored, |one| Some(one.published_iou)))
-        .with(figure(larger(MASK[1]), data, scored, |one| Some(one.published_iou_true)))
-        .with(figure(degrees, data, scored, |one| Some(one.rotation)))
+    let row = row
+        .with(figure(larger(MASK[0]), data, scored, |one| Some(one.published_iou)))
+        .with(figure(larger(MASK[1]), data, scored, |one| Some(one.published_iou_true)));
+    with_camera(row, data, scored)
+}
+
+/// The error of cameras: as it is, modulo the object's symmetry, its median, and how many of those objects that have a front
+/// are seen from behind it.
+fn with_camera(row: Row, data: &Data, scored: &Scored) -> Row {
+    let degrees = |column: &'static str| move |value| Cell::smaller(column, value, 1);
+    let median = scored.median(|one| one.rotation_symmetric);
+    let flipped: Figure = |one| one.flipped.map(|is| if is { 100.0 } else { 0.0 });
+    let median = Cell { value: median, ..degrees("median")(median.unwrap_or(0.0)) };
+    row.with(figure(degrees("camera, degrees"), data, scored, |one| Some(one.rotation)))
+        .with(figure(degrees("modulo symmetry"), data, scored, |one| one.rotation_symmetric))
+        .with(median)
+        .with(figure(degrees("flipped, %"), data, scored, flipped))
 }
 
 /// The row of a model that was not trained.
@@ -138,7 +151,9 @@ fn not_behind(table: &str, own: &str, other: &str, column: &str) -> crate::Compa
 
 /// The name of that table.
 const RULE: &str = "Mask IoU by the published rule, and the error of cameras";
-const ABOUT_RULE: &str = "As the published code counts: any trace of a soft mask is object.";
+const ABOUT_RULE: &str = "As the published code counts: any trace of a soft mask is object. Modulo symmetry: the smallest error after a turn \
+                          about the upright axis that leaves the true surface as it is, and the median of it. Flipped: by more than 90 \
+                          degrees, of the objects that have a front.";
 
 /// Writes the mean shapes' way from spheres, which the samples of a training have in their upper halves, as an animation
 /// into its folder. Nothing if it kept no samples.

@@ -4,6 +4,7 @@ use models::mcmr::Mcmr;
 use train::{DataError, Subset};
 
 use super::{ABOUT, ABOUT_RULE, Published, QUICK, RULE, at_scale, by_published_rule, with_figures};
+use crate::gallery::predicted;
 use crate::preset::{Planned, over, plan, planned, train_job};
 use crate::{Plan, Row, Scale, Study, StudyError, Watch, Work};
 
@@ -93,7 +94,9 @@ impl Study for RealStudy {
         let row = self.rows.iter().find(|(job, ..)| *job == id);
         let row = with_figures(Row::new(table, label), &data, &scored, row.map(|row| row.3));
         Ok(vec![
-            row.took(trained.seconds).showing(label, &trained.system.gallery(&data, Subset::Test)?),
+            row.took(trained.seconds)
+                .showing(label, &trained.system.gallery(&data, Subset::Test)?)
+                .with_objects(&predicted(&trained.system, &data, work.seed)?),
             by_published_rule(Row::new(RULE, label), &data, &scored),
         ])
     }

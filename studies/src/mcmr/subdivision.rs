@@ -6,6 +6,7 @@ use train::Subset;
 use super::{
     ABOUT, MASK, Published, QUICK, QUICK_TIMES, at_scale, not_behind, untrained, with_figures,
 };
+use crate::gallery::predicted;
 use crate::preset::{Change, Listed, Planned, over, plan, planned, train_job};
 use crate::{Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};
 
@@ -75,7 +76,9 @@ impl Study for SubdivisionStudy {
         let scored = trained.system.scored(&data, Subset::Test)?;
         let row = with_figures(Row::new(TABLE, label), &data, &scored, published(label));
         let mut rows = vec![
-            row.took(trained.seconds).showing(label, &trained.system.gallery(&data, Subset::Test)?),
+            row.took(trained.seconds)
+                .showing(label, &trained.system.gallery(&data, Subset::Test)?)
+                .with_objects(&predicted(&trained.system, &data, work.seed)?),
         ];
         if work.scale == Scale::Quick {
             let scored = work.untrained::<Mcmr>(&config, &data)?.scored(&data, Subset::Test)?;
