@@ -32,7 +32,7 @@ use synth::{Lighting, Orbit, RenderOptions, render_views};
 const SIDE: usize = 128;
 const LEVEL: u32 = 3;
 const STEPS: usize = 500;
-/// Views in each step: all are dearer, and no better.
+/// Views in each step, spread over all and others each time.
 const BATCH: usize = 5;
 const RATES: [f64; 3] = [0.003, 0.01, 0.03];
 /// The tutorial's weights.

@@ -72,7 +72,8 @@ impl Scored {
             chamfer_p2m: mean(&|s| s.chamfer_p2m),
             f_scores_p2m: [0, 1].map(|k| mean(&move |s| s.f_scores_p2m[k])),
             depth: mean(&|s| s.depth),
-            depth_covered: mean(&|s| s.depth_covered),
+            depth_covered: some(&|s| Some(s.depth_covered).filter(|error| error.is_finite()))
+                .unwrap_or(f64::NAN),
             uncovered: mean(&|s| s.uncovered),
             color: some(&|s| s.color),
             iou: iou[0].zip(iou[1]).map(|(own, mean)| [own, mean]),
@@ -205,7 +206,8 @@ pub(super) fn distances(mesh: &TriMesh, truth: &TriMesh, scale: f64) -> Score {
     let (mesh, truth) = (mesh.clone().scaled(unit), truth.clone().scaled(unit));
     let report = |preset: Preset| evaluate(&mesh, &truth, &preset.protocol(0)).ok();
     let far = f64::NAN;
-    let mut score = Score { chamfer: far, chamfer_p2m: far, depth: far, ..Score::default() };
+    let depths = Score { depth: far, depth_covered: far, ..Score::default() };
+    let mut score = Score { chamfer: far, chamfer_p2m: far, ..depths };
     if let (Some(own), Some(p2m)) = (report(Preset::MeshRcnn), report(Preset::P2m)) {
         score.chamfer = own.chamfer.unwrap_or(far);
         score.f_scores = std::array::from_fn(|k| own.f_scores[k].f_score);

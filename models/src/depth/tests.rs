@@ -357,7 +357,7 @@ fn made_objects_are_parted_and_drawn_by_the_seed() {
     crate::testing::assert_data::<MeshRcnn>(&config, &seeded, [3, 2, 3]);
 }
 
-/// What is blind says the same of every image, and covers outlines alone where that is all that it is asked.
+/// What is blind is shown the same of every image.
 #[test]
 fn controls_are_what_they_say() {
     let config = SphereConfig { refine: RefineConfig { blind: true, ..refine() }, ..sphere() };
