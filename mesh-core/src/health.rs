@@ -54,6 +54,9 @@ pub struct Health {
     pub angles_below_5_fraction: f64,
     /// The sharpest fold between two faces on an edge, in degrees: 0 is flat, 180 folded back.
     pub largest_dihedral_degrees: f64,
+    /// The share of the edges between two faces at which the surface turns by more than 120 degrees: a crease that is folded
+    /// over, sharper than any corner of a box.
+    pub folded_edges_fraction: f64,
     /// Pieces that are connected through vertices; isolated vertices are not counted.
     pub components: usize,
     /// Vertices that no face names.
@@ -115,10 +118,11 @@ impl fmt::Display for Health {
         writeln!(f, "area {:.6}, volume {:.6}", self.area, self.volume)?;
         writeln!(
             f,
-            "smallest angle {:.2}°, angles under 5° {:.2} %, sharpest fold {:.2}° (0 flat, 180 folded)",
+            "smallest angle {:.2}°, angles under 5° {:.2} %, sharpest fold {:.2}° (0 flat, 180 folded), edges beyond 120° {:.2} %",
             self.smallest_angle_degrees,
             100.0 * self.angles_below_5_fraction,
-            self.largest_dihedral_degrees
+            self.largest_dihedral_degrees,
+            100.0 * self.folded_edges_fraction
         )?;
         write!(
             f,
@@ -174,6 +178,7 @@ impl TriMesh {
             smallest_angle_degrees: shape.smallest_angle.to_degrees(),
             angles_below_5_fraction: shape.small_angles as f64 / shape.angles.max(1) as f64,
             largest_dihedral_degrees: shape.largest_dihedral.to_degrees(),
+            folded_edges_fraction: shape.folded as f64 / shape.dihedrals.max(1) as f64,
             components: components(&topology),
             isolated_vertices: topology.vertex_faces.rows().filter(|r| r.is_empty()).count(),
             degenerate_faces: shape.degenerate_faces,
@@ -188,8 +193,14 @@ struct Shape {
     angles: usize,
     small_angles: usize,
     largest_dihedral: f64,
+    /// Edges between two faces that have areas, and those of them that are folded.
+    dihedrals: usize,
+    folded: usize,
     degenerate_faces: usize,
 }
+
+/// From where on an edge is folded.
+const FOLDED_DEGREES: f64 = 120.0;
 
 impl Shape {
     fn of(positions: &[[f32; 3]], faces: &[[u32; 3]], topology: &Topology) -> Self {
@@ -222,7 +233,7 @@ impl Shape {
                 smallest = smallest.min(spread);
             }
         }
-        let mut largest_dihedral = 0.0_f64;
+        let (mut largest_dihedral, mut dihedrals, mut folded) = (0.0_f64, 0, 0);
         for (&[p, q], &sides) in topology.edges.iter().zip(&topology.edge_faces) {
             if sides.contains(&Topology::NONE) {
                 continue;
@@ -240,11 +251,22 @@ impl Shape {
                 let fold = angle(left, right);
                 if fold.is_finite() {
                     largest_dihedral = largest_dihedral.max(fold);
+                    dihedrals += 1;
+                    folded += usize::from(fold > FOLDED_DEGREES.to_radians());
                 }
             }
         }
         let smallest_angle = if smallest.is_finite() { smallest } else { 0.0 };
-        Self { area, smallest_angle, angles, small_angles, largest_dihedral, degenerate_faces }
+        Self {
+            area,
+            smallest_angle,
+            angles,
+            small_angles,
+            largest_dihedral,
+            dihedrals,
+            folded,
+            degenerate_faces,
+        }
     }
 }
 
@@ -329,6 +351,7 @@ mod tests {
         approx::assert_abs_diff_eq!(health.smallest_angle_degrees, 45.0, epsilon = 1e-9);
         approx::assert_abs_diff_eq!(health.largest_dihedral_degrees, 90.0, epsilon = 1e-9);
         assert_eq!((health.components, health.degenerate_faces), (1, 0));
+        assert_eq!(health.folded_edges_fraction, 0.0);
         assert!(health.to_string().contains("watertight yes"), "{health}");
     }
 
@@ -377,6 +400,7 @@ mod tests {
             vec![[0, 1, 2], [1, 0, 3]],
         );
         approx::assert_abs_diff_eq!(mesh.health().largest_dihedral_degrees, 180.0, epsilon = 1e-9);
+        assert_eq!(mesh.health().folded_edges_fraction, 1.0);
         let height = 1.0_f32.to_radians().tan();
         let mesh = TriMesh::new(
             vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, height, 0.0]],

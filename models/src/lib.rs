@@ -41,6 +41,7 @@ pub mod predict;
 
 mod mesh_pairs;
 mod parts;
+mod quality;
 mod registry;
 mod repairs;
 mod stacked;
@@ -49,5 +50,6 @@ mod testing;
 mod view_cache;
 
 pub use mesh_pairs::{MeshPair, MeshPairs};
+pub use quality::Quality;
 pub use registry::{Registry, register};
 pub use repairs::{Repair, repairs};

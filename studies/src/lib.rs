@@ -67,6 +67,7 @@ pub mod claim;
 mod cost;
 mod curves;
 pub mod depth;
+mod effort;
 mod error;
 mod floor;
 mod gallery;

@@ -19,6 +19,7 @@ pub mod generate;
 mod monocular;
 mod procedural;
 mod r2n2;
+mod relief_errors;
 mod render;
 mod rendering;
 mod shade;

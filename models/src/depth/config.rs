@@ -13,6 +13,8 @@ train::options! {
     pub struct RefineConfig extends pairs: PairsConfig = PairsConfig { scale: 1.0, points: 1000, ..PairsConfig::default() } => {
         /// What the network is given beside the colours.
         pub depth: DepthKind = DepthKind::None;
+        /// How a depth is wrong that is estimated from the true one.
+        pub estimate_errors: EstimateErrors = EstimateErrors::Affine;
         /// Whether depth is given as it was estimated, floor and background included, as on the poster; else inside
         /// of the silhouette alone.
         pub raw_depth: bool = false;
@@ -251,6 +253,16 @@ impl<'de> Deserialize<'de> for DepthKind {
         }
         deserializer.deserialize_any(Kinds)
     }
+}
+
+/// How an estimate is wrong, beside a floor under the object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EstimateErrors {
+    /// A scale and a shift of inverse depth, and a little blur: [`Monocular`](synth::Monocular)'s defaults.
+    Affine,
+    /// The object leans, is bent, flattened and soft as well: [`Monocular::with_relief_errors`](synth::Monocular::with_relief_errors).
+    Relief,
 }
 
 /// Where the object is along the camera's axis, and how large a length is.

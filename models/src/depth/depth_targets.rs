@@ -12,7 +12,7 @@ use mesh_core::{
 use ndarray::Array3;
 use synth::Monocular;
 
-use super::config::{DepthKind, DepthLossKind, PlaceKind, RefineConfig};
+use super::config::{DepthKind, DepthLossKind, EstimateErrors, PlaceKind, RefineConfig};
 use super::guide;
 use crate::paired::{Frame, Picture};
 use crate::view_cache::Stored;
@@ -77,7 +77,13 @@ impl DepthTargets {
         };
         let disparity = match known {
             _ if config.depth != DepthKind::Estimated => Vec::new(),
-            Known::Surface(mesh, seed) => estimated(&depth, picture, &place.frame, mesh, seed),
+            Known::Surface(mesh, seed) => {
+                let monocular = match config.estimate_errors {
+                    EstimateErrors::Affine => Monocular::default(),
+                    EstimateErrors::Relief => Monocular::with_relief_errors(),
+                };
+                estimated(&depth, picture, &place.frame, mesh, (&monocular, seed))
+            }
             Known::Given => {
                 depth.iter().map(|z| if z.is_finite() { z.recip() } else { *z }).collect()
             }
@@ -181,7 +187,7 @@ fn estimated(
     picture: &Picture,
     frame: &Frame,
     mesh: &TriMesh,
-    seed: u64,
+    (monocular, seed): (&Monocular, u64),
 ) -> Vec<f32> {
     let side = picture.camera.width;
     let unit = (1.0 / frame.scale()) as f32;
@@ -195,7 +201,7 @@ fn estimated(
         depth: Some(DepthMap { height: side, width: side, data }),
     };
     let floor = mesh.bounds().map(|(low, _)| low[1]);
-    let guess = Monocular::default().guess(&view, floor, seed);
+    let guess = monocular.guess(&view, floor, seed);
     guess.map_or_else(Vec::new, |guess| guess.image.data)
 }
 

@@ -40,7 +40,8 @@ mod voxels;
 
 pub use boxes::Boxes;
 pub use config::{
-    BackboneKind, DepthKind, DepthLossKind, PlaceKind, RefineConfig, SphereConfig, VoxelConfig,
+    BackboneKind, DepthKind, DepthLossKind, EstimateErrors, PlaceKind, RefineConfig, SphereConfig,
+    VoxelConfig,
 };
 pub use depth_targets::DepthTargets;
 pub use mesh_init::{InitialMeshes, MeshInit};

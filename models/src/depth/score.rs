@@ -12,6 +12,7 @@ use super::refined::Refined;
 use super::scenes::{Scene, Scenes, overlap};
 use crate::paired::picture_above;
 use crate::parts::mean_metric;
+use crate::quality::Quality;
 
 /// Objects shown together.
 const SHOWN: usize = 6;
@@ -44,6 +45,8 @@ pub struct Score {
     /// Intersection over union of the cells with the true ones, and that of the training's mean shape; none without a
     /// voxel branch.
     pub iou: Option<[f64; 2]>,
+    /// What of the surface runs through itself or is folded over.
+    pub quality: Quality,
 }
 
 /// The scores of the images of a subset.
@@ -77,6 +80,10 @@ impl Scored {
             uncovered: mean(&|s| s.uncovered),
             color: some(&|s| s.color),
             iou: iou[0].zip(iou[1]).map(|(own, mean)| [own, mean]),
+            quality: Quality {
+                self_intersecting: mean(&|s| s.quality.self_intersecting),
+                folded: mean(&|s| s.quality.folded),
+            },
         }
     }
 
@@ -109,14 +116,14 @@ impl Scored {
             smaller("color-error", |s| s.color),
             larger("voxel-iou", |s| Some(s.iou?[0])),
             larger("mean-shape-iou", |s| Some(s.iou?[1])),
+            smaller("self-intersecting", |s| Some(s.quality.self_intersecting)),
+            smaller("folded", |s| Some(s.quality.folded)),
         ];
         // What no image has, without colours or cells, is no score.
         metrics.retain(|metric| !metric.by_object.is_empty());
         metrics
     }
-}
 
-impl Scored {
     /// Scores of whatever is said of each scene of a subset, `views` of each object; `of` is also told the true mesh in the
     /// scene's frame.
     ///
@@ -152,6 +159,7 @@ impl Score {
                 (error.mean - PENALTY * error.uncovered) / (1.0 - error.uncovered);
         }
         score.color = color_error(mesh, scene);
+        score.quality = Quality::of(mesh);
         score
     }
 }

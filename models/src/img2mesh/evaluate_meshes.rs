@@ -22,7 +22,7 @@ pub fn evaluate_meshes(
     (subset, views): (Subset, usize),
     mesh_of: impl Fn(&Group) -> Result<TriMesh, DataError> + Sync,
 ) -> Result<Vec<Metric>, DataError> {
-    let one = |k: usize| -> Result<(String, [Option<f64>; 5]), DataError> {
+    let one = |k: usize| -> Result<(String, [Option<f64>; 7]), DataError> {
         let group = data.group((subset, views), k)?;
         let mesh = mesh_of(&group)?;
         let small: Vec<View> =
@@ -36,6 +36,8 @@ pub fn evaluate_meshes(
             seen.psnr,
             surface.map(|s| s.chamfer),
             surface.map(|s| s.f_score),
+            surface.map(|s| s.quality.self_intersecting),
+            surface.map(|s| s.quality.folded),
         ];
         Ok((group.object, scores))
     };
@@ -47,6 +49,8 @@ pub fn evaluate_meshes(
         ("psnr", Better::Larger),
         ("chamfer", Better::Smaller),
         ("f-score", Better::Larger),
+        ("self-intersecting", Better::Smaller),
+        ("folded", Better::Smaller),
     ];
     let metric = |(k, (name, better)): (usize, (&str, Better))| {
         let values = all.iter().filter_map(|(object, scores)| Some((&**object, scores[k]?)));

@@ -59,6 +59,10 @@ impl Img2Mesh {
             all("psnr", Better::Larger, |s| Some(s.psnr)),
             all("chamfer", Better::Smaller, |s| Some(s.surface?.chamfer)),
             all("f-score", Better::Larger, |s| Some(s.surface?.f_score)),
+            all("self-intersecting", Better::Smaller, |s| {
+                Some(s.surface?.quality.self_intersecting)
+            }),
+            all("folded", Better::Smaller, |s| Some(s.surface?.quality.folded)),
         ];
         // Of objects without a true surface there is nothing to say.
         Ok(metrics.into_iter().filter(|metric| !metric.by_object.is_empty()).collect())

@@ -3,6 +3,8 @@
 use losses::metrics::{Points, Protocol, evaluate};
 use mesh_core::TriMesh;
 
+use crate::quality::Quality;
+
 /// Points on each surface for distances; the protocol's 100,000 would take longer than the training.
 const POINTS: usize = 10_000;
 
@@ -11,6 +13,7 @@ const POINTS: usize = 10_000;
 pub(super) struct Surface {
     pub(super) chamfer: f64,
     pub(super) f_score: f64,
+    pub(super) quality: Quality,
 }
 
 /// Occupancy Networks' protocol with fewer points: the unit is the true mesh's longest edge. A mesh
@@ -22,7 +25,8 @@ pub(super) fn compared(mesh: &TriMesh, truth: &TriMesh) -> Surface {
     let report = evaluate(mesh, truth, &protocol).ok();
     let found = report.and_then(|report| {
         let f_score = report.f_scores.first()?.f_score;
-        Some(Surface { chamfer: report.chamfer?, f_score })
+        Some((report.chamfer?, f_score))
     });
-    found.unwrap_or(Surface { chamfer: 1.0, f_score: 0.0 })
+    let (chamfer, f_score) = found.unwrap_or((1.0, 0.0));
+    Surface { chamfer, f_score, quality: Quality::of(mesh) }
 }

@@ -1,6 +1,5 @@
 //! Predictions beside the truth.
 
-use autodiff_lite::Tape;
 use train::{DataError, Subset};
 
 use super::Mcmr;
@@ -18,8 +17,7 @@ impl MeshPairs for Mcmr {
         let Some(&object) = data.listed(Subset::Test).iter().find(named) else { return Ok(None) };
         let Some(truth) = data.truth(object)? else { return Ok(None) };
         let sample = data.photo(object)?.plain(&self.config);
-        let tape = Tape::eval();
-        let mesh = self.mesh_of(&self.predicted(&tape, &[&sample]), 0);
+        let mesh = self.mesh_of_sample(&sample);
         let truth = (*truth).clone();
         Ok(Some(MeshPair { name: name.to_owned(), mesh: Some(mesh), truth }))
     }

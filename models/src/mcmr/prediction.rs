@@ -50,6 +50,12 @@ impl Mcmr {
         })
     }
 
+    /// The textured mesh of a sample, in its own frame.
+    pub fn mesh_of_sample(&self, sample: &Sample) -> TriMesh {
+        let tape = Tape::eval();
+        self.mesh_of(&self.predicted(&tape, &[sample]), 0)
+    }
+
     /// The textured mesh of one image of a batch, in its own frame.
     pub(super) fn mesh_of(&self, predicted: &Predicted<'_>, index: usize) -> TriMesh {
         let mesh = self.bare_mesh_of(predicted, index);

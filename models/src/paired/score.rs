@@ -6,6 +6,7 @@ use losses::metrics::point_distances;
 use mesh_core::{TriMesh, sample_points, vertex_normals};
 
 use super::pairs::subset;
+use crate::quality::Quality;
 
 /// Points of each surface that the earth mover's distance pairs.
 pub const EMD_POINTS: usize = 512;
@@ -25,17 +26,21 @@ pub struct PointScores {
     pub earth_mover: f64,
     /// Mean absolute cosine between the normals of nearest points, of both ways.
     pub normals: f64,
+    /// What of it runs through itself or is folded over.
+    pub quality: Quality,
 }
 
 impl PointScores {
     /// With their names, and whether more is better.
-    pub fn named(&self) -> [(&'static str, f64, bool); 5] {
+    pub fn named(&self) -> [(&'static str, f64, bool); 7] {
         [
             ("chamfer", self.chamfer, false),
             ("f-score", self.f_score, true),
             ("f-score-2", self.f_score_double, true),
             ("emd", self.earth_mover, false),
             ("normals", self.normals, true),
+            ("self-intersecting", self.quality.self_intersecting, false),
+            ("folded", self.quality.folded, false),
         ]
     }
 
@@ -48,6 +53,10 @@ impl PointScores {
             f_score_double: mean(|s| s.f_score_double),
             earth_mover: mean(|s| s.earth_mover),
             normals: mean(|s| s.normals),
+            quality: Quality {
+                self_intersecting: mean(|s| s.quality.self_intersecting),
+                folded: mean(|s| s.quality.folded),
+            },
         }
     }
 }
@@ -96,6 +105,7 @@ fn scores_of(
         f_score_double: f(THRESHOLDS[1]),
         earth_mover: 1e2 * earth_mover(mesh, truth),
         normals,
+        quality: Quality::of(mesh),
     }
 }
 

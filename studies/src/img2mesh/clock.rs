@@ -1,11 +1,10 @@
 //! The paper's own setting: one clock, views that were held out.
 
-use std::time::Instant;
-
-use models::img2mesh::{Data, Img2Mesh};
+use models::img2mesh::Img2Mesh;
 use train::{DataError, Subset, System as _};
 
 use super::{Config, Jobs};
+use crate::effort::with_effort;
 use crate::preset::{open, plan, planned, preset, scaled, scored};
 use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};
 
@@ -19,8 +18,6 @@ const UNTRAINED: &str = "small CNN, 2 views, not trained";
 const ENCODERS: [&str; 2] = ["CNN, 2 views", "VGG16, 2 views"];
 /// A mesh of its own for whatever is shown: no image is read.
 const BLIND: &str = "no image read";
-/// Predictions that are timed; their median counts.
-const TIMED: usize = 9;
 
 /// The published CNN with two and three views and VGG16 with two, trained on 80 views of a clock;
 /// meshes are made from some of the 20 that are held out and scored at the others.
@@ -70,12 +67,13 @@ impl Study for ClockStudy {
             return Err(DataError::Unfit(text.to_owned()).into());
         }
         let trained = work.train::<Img2Mesh>(&config, &data, watch)?;
-        let system = trained.system;
+        let system = &trained.system;
         let views = config.system.views;
         let metrics = system.evaluate_with(&data, Subset::Test, views)?;
-        let millis = predict_millis(&system, &data)?;
-        let row = scored(Row::new(TABLE, label), &metrics)
-            .with(Cell::smaller("predict, ms", millis, 1))
+        let sample = system.scored_sample(&data, Subset::Test)?;
+        let predict = || drop(std::hint::black_box(system.predict_sample(&sample)));
+        let row = with_effort(Row::new(TABLE, label), &trained, (&config, &data), predict)?;
+        let row = scored(row, &metrics)
             .with(Cell::plain("trained numbers, millions", counted(&config), 2))
             .with(Cell::plain("steps", trained.steps as f64, 0))
             .took(trained.seconds)
@@ -119,17 +117,4 @@ impl Study for ClockStudy {
 /// Millions of trained numbers.
 fn counted(config: &Config) -> f64 {
     Img2Mesh::summary(&config.system).trainable as f64 / 1e6
-}
-
-/// From images in memory to the mesh, the median.
-fn predict_millis(system: &Img2Mesh, data: &Data) -> Result<f64, StudyError> {
-    let sample = system.scored_sample(data, Subset::Test)?;
-    let mut times = Vec::with_capacity(TIMED);
-    for _ in 0..TIMED {
-        let start = Instant::now();
-        std::hint::black_box(system.predict_sample(&sample));
-        times.push(1e3 * start.elapsed().as_secs_f64());
-    }
-    times.sort_unstable_by(f64::total_cmp);
-    Ok(times[TIMED / 2])
 }

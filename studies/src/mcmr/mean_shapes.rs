@@ -4,9 +4,11 @@ use models::mcmr::{Data, Mcmr, Replaced, Scored, Selection};
 use train::Subset;
 
 use super::{
-    ABOUT, ABOUT_RULE, IOU_3D, IOU_3D_STRICT, MASK, Published, QUICK, QUICK_TIMES, RULE, animate,
-    at_scale, by_published_rule, untrained, with_camera, with_figures,
+    ABOUT, ABOUT_HISTOGRAM, ABOUT_RULE, HISTOGRAM, IOU_3D, IOU_3D_STRICT, MASK, Published, QUICK,
+    QUICK_TIMES, RULE, animate, at_scale, by_published_rule, histogram, untrained, with_camera,
+    with_figures,
 };
+use crate::effort::{ABOUT as ABOUT_EFFORT, samples, with_effort};
 use crate::gallery::predicted;
 use crate::preset::{Change, Listed, Planned, over, plan, planned, train_job};
 use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};
@@ -172,10 +174,14 @@ impl Study for MeanShapesStudy {
             let which = set.jobs.iter().position(|(job, _)| *job == id)?;
             Some(set.published[which])
         });
-        let row = took(with_figures(Row::new(TABLE, label), &data, &scored, published))
+        let row = took(with_figures(Row::new(TABLE, label), &data, &scored, published));
+        let sample = samples(&trained.system, &data, 1)?;
+        let predict = || drop(std::hint::black_box(trained.system.mesh_of_sample(&sample[0].0)));
+        let row = with_effort(row, &trained, (&config, &data), predict)?
             .showing(label, &trained.system.gallery(&data, Subset::Test)?)
             .with_objects(&predicted(&trained.system, &data, work.seed)?);
         let mut rows = vec![row, by_published_rule(Row::new(RULE, label), &data, &scored)];
+        rows.push(histogram(label, &data, &scored));
         if work.scale == Scale::Quick {
             let scored = work.untrained::<Mcmr>(&config, &data)?.scored(&data, Subset::Test)?;
             rows.push(with_figures(Row::new(TABLE, untrained(label)), &data, &scored, None));
@@ -236,6 +242,7 @@ impl Study for MeanShapesStudy {
     fn caption(&self, table: &str, _: Scale) -> String {
         match table {
             RULE => ABOUT_RULE.to_owned(),
+            HISTOGRAM => ABOUT_HISTOGRAM.to_owned(),
             REPLACED => "Nothing is trained anew. Uniform: all mean shapes count alike. The true category's: the one that its validation objects \
                          have most of. As they are: without the deformation. The camera of another object: its true one, which is chance. \
                          The mean colour: of the training's objects, on all of the surface."
@@ -253,7 +260,7 @@ impl Study for MeanShapesStudy {
                 .to_owned(),
             _ => format!(
                 "Procedural objects, one photograph and a noisy pose each (10 degrees, 10 % in size), 1,440 to train on in every set, \
-                 64 pixels. {ABOUT} The talk's figures are of Pascal3D+. mean-shapes.gif in each training's folder shows the way from \
+                 64 pixels. {ABOUT} {ABOUT_EFFORT} The talk's figures are of Pascal3D+. mean-shapes.gif in each training's folder shows the way from \
                  spheres."
             ),
         }

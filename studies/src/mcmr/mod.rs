@@ -139,6 +139,32 @@ fn with_camera(row: Row, data: &Data, scored: &Scored) -> Row {
         .with(figure(degrees("flipped, %"), data, scored, flipped))
 }
 
+/// Between which errors objects are counted, degrees.
+const BINS: [f64; 7] = [0.0, 10.0, 20.0, 45.0, 90.0, 135.0, 180.0];
+
+/// How many of the objects have an error of their camera, modulo their symmetry, between such and such.
+fn histogram(label: &str, data: &Data, scored: &Scored) -> Row {
+    let last = BINS.len() - 2;
+    let within = |one: &ScoredObject, bin: usize| {
+        let error = one.rotation_symmetric?;
+        let inside = error >= BINS[bin] && (error < BINS[bin + 1] || bin == last);
+        Some(if inside { 100.0 } else { 0.0 })
+    };
+    (0..=last).fold(Row::new(HISTOGRAM, label), |row, bin| {
+        let of = |one: &ScoredObject| within(one, bin);
+        let value = scored.mean(of);
+        let each =
+            scored.each.iter().filter_map(|one| Some((data.object_name(one.object), of(one)?)));
+        let name = format!("{} to {}", BINS[bin], BINS[bin + 1]);
+        row.with(Cell { value, ..Cell::plain(name, 0.0, 1) }.over(each))
+    })
+}
+
+/// The name of that table.
+const HISTOGRAM: &str = "Objects by the error of their camera, modulo their symmetry, %";
+const ABOUT_HISTOGRAM: &str = "Degrees above the columns. A camera that is guessed without looking has its errors all over; one that takes the \
+                               front for the back, near 180 degrees.";
+
 /// The row of a model that was not trained.
 fn untrained(label: &str) -> String {
     format!("{label}, not trained")

@@ -5,7 +5,7 @@ use std::time::Instant;
 use autodiff_lite::{Activation, Module, Param, SparseMatrix, Tape, Var};
 use mesh_core::Topology;
 use mesh_core::primitives::icosphere;
-use models::paired::{Pair, Pairs};
+use models::paired::Pair;
 use models::pixel2mesh::{OdeConfig, OdePixel2Mesh};
 use ndarray::{Array3, Array4};
 use nets::Init;
@@ -13,9 +13,10 @@ use ode_deform::Adjoint;
 use ode_deform::deform::{DeformationField, FieldConfig};
 use ode_deform::solve::{EULER, Problem, StepController};
 use train::settings::to_toml;
-use train::{Configuration, DataError, Draw, StepInfo, System};
+use train::{Configuration, System};
 
 use super::QUICK;
+use crate::effort::{one_step, samples};
 use crate::preset::{open, preset};
 use crate::{Cell, Claim, Plan, PlannedJob, Row, Scale, Score, Study, StudyError, Watch, Work};
 
@@ -167,28 +168,6 @@ fn log10(x: f64) -> f64 {
     x.max(1e-18).log10()
 }
 
-/// Samples of the first objects.
-fn samples(system: &OdePixel2Mesh, data: &Pairs, count: usize) -> Result<Vec<Pair>, DataError> {
-    let len = data.trained().len();
-    (0..count)
-        .map(|i| system.draw(data, &Draw { seed: 0, epoch: 0, index: i as u64, item: i % len }))
-        .collect()
-}
-
-/// The bytes that a training step's tapes ask for, all shards together.
-pub(super) fn step_bytes(
-    system: &OdePixel2Mesh,
-    config: &Configuration<OdeConfig>,
-    data: &Pairs,
-) -> Result<f64, DataError> {
-    let shards = config.train.shards.max(1);
-    let batch = samples(system, data, config.train.batch.div_ceil(shards))?;
-    let mut tape = Tape::train(0);
-    one_step(system, &batch, &tape);
-    tape.reset();
-    Ok((tape.pool().bytes() * shards) as f64)
-}
-
 /// Bytes, and the median of the seconds.
 fn measured(system: &OdePixel2Mesh, batch: &[Pair]) -> (f64, f64) {
     let mut tape = Tape::train(0);
@@ -201,15 +180,6 @@ fn measured(system: &OdePixel2Mesh, batch: &[Pair]) -> (f64, f64) {
     }
     times.sort_by(f64::total_cmp);
     (tape.pool().bytes() as f64, times[TIMED / 2])
-}
-
-fn one_step(system: &OdePixel2Mesh, batch: &[Pair], tape: &Tape) {
-    let terms = system.loss(tape, batch, StepInfo { step: 0, epoch: 0 });
-    let terms = terms.expect("fixed steps come to their end").0;
-    let total = terms.iter().map(|term| term.value.scale(term.weight as f32));
-    if let Some(total) = total.reduce(|a, b| a + b) {
-        std::hint::black_box(total.backward());
-    }
 }
 
 /// The gradient of a small field's parameters through so many steps, in double precision.
