@@ -48,11 +48,15 @@ mod tests {
     }
 
     #[test]
-    fn a_vertex_that_is_pushed_through_folds_what_is_about_it() {
+    fn what_is_pushed_through_and_what_is_folded_over_are_seen() {
         let mut ball = icosphere(2);
         ball.positions[0] = ball.positions[0].map(|x| -1.5 * x);
         let found = Quality::of(&ball);
-        assert!(found.folded > 0.005 && found.self_intersecting > 0.005, "{found:?}");
+        assert!((0.005..0.1).contains(&found.self_intersecting), "{found:?}");
+        // A page turned over its edge, a little above the other.
+        let corners = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.5, 1.0, 0.1]];
+        let page = TriMesh::new(corners, vec![[0, 1, 2], [1, 0, 3]]);
+        assert_eq!(Quality::of(&page), Quality { self_intersecting: 0.0, folded: 1.0 });
         assert!(Quality::of(&TriMesh::default()).folded.is_nan());
     }
 }

@@ -339,7 +339,7 @@ fn trials_of_many_objects_are_nested() {
     let other = trial(3, 3);
     assert_ne!(names(&other.given), names(&three.given));
     let metrics = Img2Mesh::new(&config, 0).evaluate(&data, Subset::Test).unwrap();
-    assert_eq!(metrics.last().unwrap().name, "f-score");
+    assert_eq!(metrics.last().unwrap().name, "folded");
     let none = Img2MeshConfig { families: vec!["cat".into()], ..config };
     assert!(none.check().join(" ").contains("cat"));
 }

@@ -283,7 +283,7 @@ impl Study for DepthStudy {
             }
             _ => {
                 "The same, but objects lean, are bent, flattened and soft at their outlines as well: of the variance of inverse \
-                 depth the best scale and shift of such an estimate explain about half."
+                 depth the best scale and shift of such an estimate explain about three quarters."
             }
         };
         format!(

@@ -63,7 +63,7 @@ fn distance(column: &str, data: &Pairs, scored: &Scored) -> Cell {
     cell.over(by_object(data, scored, |scores| scores.chamfer))
 }
 
-/// The claim of the abstract, that the number of deformations adapts; and very small steps.
+/// The claim of the abstract, that the number of deformations adapts.
 pub(super) fn adaptively(
     model: &str,
     system: &OdePixel2Mesh,
@@ -93,6 +93,16 @@ pub(super) fn adaptively(
             .with(Cell::plain(CORRELATION, correlation, 3));
         rows.push(row);
     }
+    Ok(rows)
+}
+
+/// The paper's very small steps.
+pub(super) fn in_small_steps(
+    model: &str,
+    system: &OdePixel2Mesh,
+    config: &OdeConfig,
+    data: &Pairs,
+) -> Result<Row, StudyError> {
     let small = OdeConfig {
         method: Method::Euler,
         step: [0.001, 0.005],
@@ -100,12 +110,9 @@ pub(super) fn adaptively(
         ..config.clone()
     };
     let found = system.with_config(&small).scored(data, Subset::Test)?;
-    rows.push(
-        Row::new(ADAPTIVE, format!("{model}: Euler, steps of U(0.001, 0.005)'s mean"))
-            .with(distance("CD", data, &found))
-            .with(Cell::plain("evaluations", found.evaluations(), 1)),
-    );
-    Ok(rows)
+    Ok(Row::new(ADAPTIVE, format!("{model}: Euler, steps of U(0.001, 0.005)'s mean"))
+        .with(distance("CD", data, &found))
+        .with(Cell::plain("evaluations", found.evaluations(), 1)))
 }
 
 /// The row of a model that is integrated to a tolerance.

@@ -3,7 +3,9 @@
 use models::pixel2mesh::OdePixel2Mesh;
 use train::Subset;
 
-use super::integrated::{ADAPTIVE, CORRELATION, FINER, adaptively, at_tolerance, by_family, finer};
+use super::integrated::{
+    ADAPTIVE, CORRELATION, FINER, adaptively, at_tolerance, by_family, finer, in_small_steps,
+};
 use super::retrieval::retrieved;
 use super::{BLINDED, COLUMNS, QUICK as QUICKLY, with_scores};
 use crate::effort::{ABOUT, with_effort};
@@ -210,6 +212,7 @@ impl Study for SolversStudy {
             rows.push(with_scores(Row::new(TABLE, untrained(label)), &data, &scored));
         } else if label == DOPRI5 {
             rows.extend(adaptively(label, system, &config.system, &data, &scored)?);
+            rows.push(in_small_steps(label, system, &config.system, &data)?);
         } else if label == DEEP || SHALLOW.contains(&label) {
             rows.push(finer(label, system, &config.system, &data)?);
         }
