@@ -262,7 +262,7 @@ pub enum EstimateErrors {
     /// A scale and a shift of inverse depth, and a little blur: [`Monocular`](synth::Monocular)'s defaults.
     Affine,
     /// The object leans, is bent, flattened and soft as well: [`Monocular::with_relief_errors`](synth::Monocular::with_relief_errors).
-    Relief,
+    Nonlinear,
 }
 
 /// Where the object is along the camera's axis, and how large a length is.

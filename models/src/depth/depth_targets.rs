@@ -80,7 +80,7 @@ impl DepthTargets {
             Known::Surface(mesh, seed) => {
                 let monocular = match config.estimate_errors {
                     EstimateErrors::Affine => Monocular::default(),
-                    EstimateErrors::Relief => Monocular::with_relief_errors(),
+                    EstimateErrors::Nonlinear => Monocular::with_relief_errors(),
                 };
                 estimated(&depth, picture, &place.frame, mesh, (&monocular, seed))
             }

@@ -159,7 +159,7 @@ fn changed<B: MeshInit>(
         changes.push(("blind", "true"));
     }
     if variant.relief {
-        changes.push(("estimate-errors", "relief"));
+        changes.push(("estimate-errors", "nonlinear"));
     }
     if scale == Scale::Quick {
         changes.extend(QUICK);
