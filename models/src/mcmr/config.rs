@@ -30,7 +30,7 @@ train::options! {
         /// Whether the texture goes on around the sphere without a seam; the published one does not. Only SoftRas draws one
         /// that does not.
         pub closed_texture: bool = true;
-        /// Whether the network sees nothing, a grey image in the place of each: the control that a table needs.
+        /// Whether the network sees nothing, noise in the place of each image: the control that a table needs.
         pub blind: bool = false;
         /// Share of the deformation's hidden numbers that training drops; 0.2 published.
         pub dropout: f64 = 0.2, in 0.0..=0.99;

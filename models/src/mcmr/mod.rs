@@ -38,6 +38,7 @@ mod data;
 mod gallery;
 mod mesh_pairs;
 mod model;
+mod noise;
 mod perceptual;
 mod photo;
 mod pose;
@@ -54,6 +55,7 @@ mod size;
 mod tests;
 mod texture;
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use autodiff_lite::{Tape, Var, impl_module};
@@ -68,6 +70,7 @@ use train::{
 
 use crate::stacked::stacked;
 use model::{Model, Predicted};
+use noise::noise;
 use photo::lens_of;
 use render::{Rendered, TexturedRenderer};
 use shapes::{Split, Template};
@@ -116,10 +119,13 @@ impl Mcmr {
         weights: Option<&[f32]>,
     ) -> Predicted<'t> {
         let (n, side) = (samples.len(), self.config.image_size);
-        let images = samples.iter().map(|sample| &sample.image[..]);
+        let images: Vec<_> = if self.config.blind {
+            samples.iter().map(|sample| Cow::Owned(noise(&sample.image))).collect()
+        } else {
+            samples.iter().map(|sample| Cow::Borrowed(&sample.image[..])).collect()
+        };
+        let images = images.iter().map(|image| &image[..]);
         let images = stacked(tape, images, &[n, side, side, 3]);
-        // Grey stays, without a gradient to the image either way.
-        let images = if self.config.blind { images.scale(0.0).add_scalar(0.5) } else { images };
         let weights = weights.map(|w| stacked(tape, [w].into_iter(), &[n, w.len() / n]));
         self.model.forward(tape, images, weights)
     }
