@@ -8,7 +8,7 @@ use train::Provenance;
 pub(crate) fn provenance(data: Option<&Path>) -> Provenance {
     Provenance {
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        // Known where whoever builds says so.
+        // Known in a clone, or where whoever builds says so; see build.rs.
         commit: option_env!("UNSPHERE_COMMIT").unwrap_or_default().to_owned(),
         cpu: cpu(),
         machine: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),

@@ -161,6 +161,10 @@ impl RefineConfig {
             let what = "auto, aligned or trimmed: an estimate has no unit";
             problems.push(format!("`depth-loss` is {found}, expected {what}"));
         }
+        if self.coverage_alone && self.coverage == 0.0 {
+            let what = "expected false where `coverage` is 0: no loss would be left";
+            problems.push(format!("`coverage-alone` is true, {what}"));
+        }
         problems
     }
 }

@@ -300,10 +300,11 @@ fn rendered_depth_is_compared_as_it_says() {
     use DepthLossKind::{Aligned, Auto, Log, Plain, Trimmed};
     use diff_raster::Scratch;
 
-    let of = |depth: DepthKind, depth_loss: DepthLossKind, times: f32, nothing: Option<f64>| {
+    let with = |depth: DepthKind, depth_loss, times: f32, nothing: Option<f64>, alone: bool| {
         // Nothing is compared, but coverage may count.
-        let coverage = nothing.unwrap_or(0.0);
-        let config = RefineConfig { depth, depth_loss, coverage, ..refine() };
+        let coverage = nothing.unwrap_or(if alone { 1.0 } else { 0.0 });
+        let coverage_alone = alone;
+        let config = RefineConfig { depth, depth_loss, coverage, coverage_alone, ..refine() };
         let scenes = Scenes::synthetic(&config, 0).unwrap();
         let (object, mut scene) = scenes.trial(train::Subset::Test, 1, 0).unwrap();
         let surface = scenes.mesh(object).unwrap();
@@ -329,6 +330,7 @@ fn rendered_depth_is_compared_as_it_says() {
             gradients.wrt(positions).map_or(0.0, |g| g.iter().map(|x| x.abs()).sum::<f32>());
         (value, derivative)
     };
+    let of = |depth, kind, times, nothing| with(depth, kind, times, nothing, false);
     for kind in [Aligned, Trimmed, Log, Plain] {
         let (value, _) = of(True, kind, 1.0, None);
         assert!(value.abs() < 1e-3, "{kind:?} of the truth: {value}");
@@ -346,6 +348,12 @@ fn rendered_depth_is_compared_as_it_says() {
     let (value, _) = of(Estimated, Auto, 1.0, None);
     assert!(value.is_finite() && value < 0.1, "{value}");
     assert_eq!(of(Estimated, Auto, 1.0, Some(0.0)), (0.0, 0.0));
+    // Of coverage alone, how deep the truth lies is nothing: twice as far and as large it covers the same.
+    let [near, far] = [1.0, 2.0].map(|times| with(True, Plain, times, None, true).0);
+    assert!(near < 0.05 && (near - far).abs() < 1e-4, "{near}, {far}");
+    let without = RefineConfig { coverage_alone: true, coverage: 0.0, ..refine() };
+    let problems = MeshRcnn::check(&VoxelConfig { refine: without, ..voxels() }).join("; ");
+    assert!(problems.contains("`coverage-alone`"), "{problems}");
 }
 
 #[test]

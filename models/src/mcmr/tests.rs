@@ -358,6 +358,15 @@ fn purity_and_use_are_counted() {
     assert!((scored.shapes_in_use() - entropy.exp()).abs() < 1e-6);
     let all = Scored { each: vec![one(0, [1.0, 0.0]); 3], ..Scored::default() };
     assert_eq!((all.purity(), all.shapes_in_use()), (1.0, 1.0));
+    // Medians are of the objects that have the figure: the middle one, the lower of two.
+    let turned = |degrees| ScoredObject { rotation_symmetric: degrees, ..ScoredObject::default() };
+    let median = |each: &[Option<f64>]| {
+        let each = each.iter().copied().map(turned).collect();
+        Scored { each, ..Scored::default() }.median(|one| one.rotation_symmetric)
+    };
+    assert_eq!(median(&[Some(170.0), None, Some(3.0), Some(5.0)]), Some(5.0));
+    assert_eq!(median(&[Some(4.0), Some(2.0)]), Some(2.0));
+    assert_eq!((median(&[]), median(&[None])), (None, None));
     let names: Vec<String> = all.metrics().into_iter().map(|metric| metric.name).collect();
     assert!(names.contains(&Mcmr::BEST.to_owned()) && !names.contains(&"fid".to_owned()));
 }
@@ -437,8 +446,8 @@ fn what_is_blind_learns_the_mean_object() {
 
     let folder = tempfile::tempdir().unwrap();
     let configuration = Config { system: config.clone(), ..preset("tiny") };
-    let system = train_quietly(configuration, folder.path());
-    let scored = system.scored(&data, Subset::Test).unwrap();
+    let trained = run_in(&folder.path().join("run"), &configuration, false, u64::MAX);
+    let scored = trained.system.scored(&data, Subset::Test).unwrap();
     let seen = scored.each.iter().map(|one| one.mask_iou).sum::<f64>() / scored.each.len() as f64;
     assert!(seen > 0.2, "{seen}");
 }
