@@ -126,7 +126,9 @@ fn only_readers_of_images_may_take_an_images_memory() {
     };
     assert_eq!(tried(&greedy(true), b"any"), Ok(()));
     let error = tried(&greedy(false), b"any").unwrap_err();
-    assert!(error.contains("500000000 bytes of memory, at most 256000060"), "{error}");
+    // To the byte only the limit is known: the test's own harness may allocate meanwhile.
+    assert!(error.starts_with("greedy: 5000"), "{error}");
+    assert!(error.contains(" bytes of memory, at most 256000060, over "), "{error}");
     std::fs::remove_file(std::env::temp_dir().join("fuzz-greedy")).unwrap();
 }
 
