@@ -57,8 +57,8 @@ pub enum Layout {
     /// **ShapeNet with 3D-R2N2's renderings**: see [`r2n2`](crate::r2n2).
     R2n2,
     /// **COLMAP** ([`Colmap`](crate::Colmap)): cameras and images, `.bin` before `.txt`, in `sparse/0`, `sparse` or
-    /// the folder itself; images in `images`; distortion is undone (all camera models but `FOV` and
-    /// `THIN_PRISM_FISHEYE`); masks are alpha, `masks/<image>.png` as COLMAP has them, or `masks/<stem>.png`; dense
+    /// the folder itself; images in `images`; distortion is undone; poses are those of rigs and
+    /// frames where there are `rigs` and `frames` (COLMAP 3.12 and later); masks are alpha, `masks/<image>.png` as COLMAP has them, or `masks/<stem>.png`; dense
     /// depth maps where asked.
     /// [`Colmap::points`](crate::Colmap::points) are the sparse points. A folder or a zip.
     Colmap,

@@ -1,5 +1,5 @@
-//! Lens distortion against OpenCV's `projectPoints` and `fisheye::projectPoints`
-//! (`fixtures/distortion/make.py`), and against itself.
+//! Lens distortion against OpenCV's `projectPoints` and `fisheye::projectPoints` (`fixtures/distortion/make.py`), for models
+//! that OpenCV does not have against COLMAP's own (`make_colmap.py`), and against itself.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -12,11 +12,15 @@ fn numbers(value: &Value) -> Vec<f64> {
 }
 
 #[test]
-fn projections_are_opencvs() {
-    let all: Value = serde_json::from_str(include_str!("fixtures/distortion/opencv.json")).unwrap();
-    let lenses = all["lenses"].as_array().unwrap();
-    assert_eq!(lenses.len(), 8);
-    for lens in lenses {
+fn projections_are_opencvs_and_colmaps() {
+    let read = |text: &str| -> Vec<Value> {
+        let all: Value = serde_json::from_str(text).unwrap();
+        all["lenses"].as_array().unwrap().clone()
+    };
+    let mut lenses = read(include_str!("fixtures/distortion/opencv.json"));
+    lenses.extend(read(include_str!("fixtures/distortion/colmap.json")));
+    assert_eq!(lenses.len(), 8 + 3);
+    for lens in &lenses {
         let model = lens["model"].as_str().unwrap();
         let ([fx, fy, cx, cy], distortion) =
             Distortion::from_colmap(model, &numbers(&lens["params"])).unwrap();
@@ -33,7 +37,7 @@ fn projections_are_opencvs() {
             let back = distortion.undistort([(pixel[0] - cx) / fx, (pixel[1] - cy) / fy]).unwrap();
             worst[1] = worst[1].max((back[0] - plane[0]).hypot(back[1] - plane[1]));
         }
-        assert!(worst[0] < 1e-6, "{model}: {} pixels from OpenCV's", worst[0]);
+        assert!(worst[0] < 1e-6, "{model}: {} pixels off", worst[0]);
         assert!(worst[1] < 1e-8, "{model}: {} on the way back", worst[1]);
     }
 }
@@ -43,13 +47,14 @@ proptest! {
     fn undistort_takes_back_what_distort_did(
         k in prop::array::uniform4(-0.3..0.3_f64),
         p in prop::array::uniform2(-0.003..0.003_f64),
-        fisheye: bool,
+        kind in 0..4_u8,
         [share, turn] in prop::array::uniform2(0.0..1.0_f64),
     ) {
-        let lens = if fisheye {
-            Distortion::KannalaBrandt { k: k.map(|k| 0.1 * k) }
-        } else {
-            Distortion::BrownConrady { numerator: [k[0], k[1], 0.0, 0.0], denominator: [k[2], k[3], 0.0], tangential: p }
+        let lens = match kind {
+            0 => Distortion::KannalaBrandt { k: k.map(|k| 0.1 * k) },
+            1 => Distortion::ThinPrismFisheye { k: k.map(|k| 0.1 * k), tangential: p, prism: [p[1], -p[0]] },
+            2 => Distortion::FieldOfView { omega: 5.0 * k[0] },
+            _ => Distortion::BrownConrady { numerator: [k[0], k[1], 0.0, 0.0], denominator: [k[2], k[3], 0.0], tangential: p },
         };
         // Within four fifths of the angle that the lens shows: where it turns back, decentering decides.
         let r = (0.8 * share * lens.reach().atan()).tan();
@@ -76,11 +81,24 @@ fn a_lens_reaches_as_far_as_it_does_not_turn_back() {
 }
 
 #[test]
+fn a_field_of_view_goes_over_into_a_pinhole() {
+    // The series below 1e-4 goes on where the formula ends, and 0 is no distortion.
+    let at = |omega: f64| Distortion::FieldOfView { omega }.distort([0.7, -0.4]);
+    for k in 0..2 {
+        assert!((at(0.999e-4)[k] - at(1.001e-4)[k]).abs() < 1e-11);
+        assert!((at(-0.8)[k] - at(0.8)[k]).abs() < 1e-15);
+    }
+    assert_eq!(at(0.0), [0.7, -0.4]);
+    assert_eq!(Distortion::from_colmap("FOV", &[5.0, 5.0, 1.0, 1.0, 0.0]).unwrap().1, None);
+}
+
+#[test]
 fn what_is_no_lens_is_said() {
     let fails = |model: &str, params: &[f64]| {
         Distortion::from_colmap(model, params).unwrap_err().to_string()
     };
-    assert!(fails("FOV", &[1.0; 5]).contains("FULL_OPENCV"));
+    assert!(fails("EUCM", &[1.0; 6]).contains("FULL_OPENCV"));
+    assert!(fails("FOV", &[1.0; 4]).contains("FOV has 5"));
     assert!(fails("OPENCV", &[1.0; 7]).contains("OPENCV has 8"));
     assert!(fails("RADIAL", &[1.0, 1.0, 1.0, f64::NAN, 0.0]).contains("NaN"));
     // Coefficients that no lens has: no panic, no hang.

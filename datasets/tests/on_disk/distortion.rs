@@ -149,6 +149,11 @@ fn every_model_of_colmap() {
         ("FULL_OPENCV", vec![fx, fy, cx, cy, 0.3, 0.1, 0.001, 0.001, 0.02, 0.5, 0.1, 0.01]),
         ("SIMPLE_RADIAL_FISHEYE", vec![120.0, cx, cy, 0.02]),
         ("OPENCV_FISHEYE", vec![fx, fy, cx, cy, 0.02, -0.01, 0.0, 0.0]),
+        ("FOV", vec![fx, fy, cx, cy, 0.8]),
+        (
+            "THIN_PRISM_FISHEYE",
+            vec![fx, fy, cx, cy, 0.02, -0.01, 0.003, -0.002, 0.0, 0.0, 0.002, 0.001],
+        ),
     ];
     for (model, params) in models {
         let (pinhole, lens) = Distortion::from_colmap(model, &params).unwrap();

@@ -13,4 +13,5 @@ mod photos;
 mod pixel2mesh;
 mod projections;
 mod r2n2;
+mod rigs;
 mod ways_in;

@@ -11,7 +11,8 @@ const FARTHEST: f64 = 11.430_052_302_761_343;
 /// [`distort`](Self::distort) takes the point where a pinhole's ray meets that plane to the one that
 /// the lens shows it at; `fx x + cx` is then the pixel. The formulas are OpenCV's (its manual,
 /// "Camera Calibration and 3D Reconstruction" and "Fisheye camera model"), which COLMAP, nerfstudio
-/// and instant-ngp share.
+/// and instant-ngp share; those of [`FieldOfView`](Self::FieldOfView) and of the thin prism are COLMAP's
+/// (`src/colmap/sensor/models.h`).
 ///
 /// ```
 /// use mesh_core::Distortion;
@@ -44,6 +45,27 @@ pub enum Distortion {
         /// `k1 .. k4`.
         k: [f64; 4],
     },
+    /// That of fisheyes with decentering and a thin prism, COLMAP's `THIN_PRISM_FISHEYE`: where the fisheye without
+    /// coefficients shows `(u, v)`, at the angle `a = |(u, v)|`,
+    ///
+    /// ```text
+    /// x' = u (1 + k1 a^2 + .. + k4 a^8) + 2 p1 u v + p2 (a^2 + 2 u^2) + s1 a^2
+    /// y' = v (1 + k1 a^2 + .. + k4 a^8) + p1 (a^2 + 2 v^2) + 2 p2 u v + s2 a^2
+    /// ```
+    ThinPrismFisheye {
+        /// `k1 .. k4`.
+        k: [f64; 4],
+        /// `p1, p2`.
+        tangential: [f64; 2],
+        /// `s1, s2`: COLMAP's `sx1, sy1`.
+        prism: [f64; 2],
+    },
+    /// Devernay and Faugeras's for fisheyes, COLMAP's `FOV`: a ray that meets the plane at the distance `r` is seen at
+    /// `atan(2 r tan(w / 2)) / w`. Towards `w = 0` it is a pinhole.
+    FieldOfView {
+        /// `w`, radians, the angle of view of the ideal lens.
+        omega: f64,
+    },
     /// Axes of the pixels that are not at right angles, as projection matrices may have them: `x' = x + shear y`.
     Skew {
         /// The skew of the intrinsics over the focal length along x.
@@ -64,14 +86,15 @@ impl Distortion {
             Self::BrownConrady { numerator, denominator, tangential } => {
                 [&numerator[..], denominator, tangential].concat().iter().all(|&c| c == 0.0)
             }
-            Self::KannalaBrandt { .. } => false,
+            Self::KannalaBrandt { .. } | Self::ThinPrismFisheye { .. } => false,
+            Self::FieldOfView { omega } => *omega == 0.0,
             Self::Skew { shear } => *shear == 0.0,
         }
     }
 
     /// Focal lengths and principal point `fx, fy, cx, cy` of a COLMAP camera, and its distortion:
     /// `SIMPLE_PINHOLE`, `PINHOLE`, `SIMPLE_RADIAL`, `RADIAL`, `OPENCV`, `FULL_OPENCV`,
-    /// `SIMPLE_RADIAL_FISHEYE`, `RADIAL_FISHEYE`, `OPENCV_FISHEYE`.
+    /// `SIMPLE_RADIAL_FISHEYE`, `RADIAL_FISHEYE`, `OPENCV_FISHEYE`, `FOV`, `THIN_PRISM_FISHEYE`.
     ///
     /// # Errors
     /// `Model` for another model, `ParameterCount` for too few or too many numbers, `NotFinite`.
@@ -80,7 +103,7 @@ impl Distortion {
         params: &[f64],
     ) -> Result<([f64; 4], Option<Self>), CameraError> {
         // The model, how many focal lengths it has, and its coefficients in COLMAP's order.
-        const MODELS: [(&str, usize, usize); 9] = [
+        const MODELS: [(&str, usize, usize); 11] = [
             ("SIMPLE_PINHOLE", 1, 0),
             ("PINHOLE", 2, 0),
             ("SIMPLE_RADIAL", 1, 1),
@@ -90,6 +113,8 @@ impl Distortion {
             ("SIMPLE_RADIAL_FISHEYE", 1, 1),
             ("RADIAL_FISHEYE", 1, 2),
             ("OPENCV_FISHEYE", 2, 4),
+            ("FOV", 2, 1),
+            ("THIN_PRISM_FISHEYE", 2, 8),
         ];
         let Some(&(model, focals, count)) = MODELS.iter().find(|known| known.0 == model) else {
             return Err(CameraError::Model { found: model.to_owned() });
@@ -103,7 +128,15 @@ impl Distortion {
         }
         let pinhole = [params[0], params[focals - 1], params[focals], params[focals + 1]];
         let c = |k: usize| params[focals + 2..].get(k).copied().unwrap_or(0.0);
-        let distortion = if model.ends_with("FISHEYE") {
+        let distortion = if model == "FOV" {
+            Self::FieldOfView { omega: c(0) }
+        } else if model == "THIN_PRISM_FISHEYE" {
+            Self::ThinPrismFisheye {
+                k: [c(0), c(1), c(4), c(5)],
+                tangential: [c(2), c(3)],
+                prism: [c(6), c(7)],
+            }
+        } else if model.ends_with("FISHEYE") {
             Self::KannalaBrandt { k: [c(0), c(1), c(2), c(3)] }
         } else {
             let radial = model.ends_with("RADIAL");
@@ -127,9 +160,19 @@ impl Distortion {
                     y * s + p1 * (q + 2.0 * y * y) + 2.0 * p2 * x * y,
                 ]
             }
-            Self::KannalaBrandt { .. } => {
+            Self::KannalaBrandt { .. } | Self::FieldOfView { .. } => {
                 let s = self.scale(q);
                 [x * s, y * s]
+            }
+            Self::ThinPrismFisheye { tangential: [p1, p2], prism: [s1, s2], .. } => {
+                let s = self.scale(q);
+                // The angle off the axis by the distance from it; decentering acts on angles.
+                let narrow = angle_by_distance(q);
+                let (u, v, a) = (x * narrow, y * narrow, q * narrow * narrow);
+                [
+                    x * s + 2.0 * p1 * u * v + p2 * (a + 2.0 * u * u) + s1 * a,
+                    y * s + p1 * (a + 2.0 * v * v) + 2.0 * p2 * u * v + s2 * a,
+                ]
             }
             Self::Skew { shear } => [x + shear * y, y],
         }
@@ -210,34 +253,48 @@ impl Distortion {
                 let above = 1.0 + q * (n[0] + q * (n[1] + q * (n[2] + q * n[3])));
                 above / (1.0 + q * (d[0] + q * (d[1] + q * d[2])))
             }
-            Self::KannalaBrandt { k } => {
-                let r = q.sqrt();
-                let angle = r.atan();
-                let t = angle * angle;
-                let seen = angle * (1.0 + t * (k[0] + t * (k[1] + t * (k[2] + t * k[3]))));
-                if r < 1e-12 { 1.0 } else { seen / r }
+            Self::KannalaBrandt { k } | Self::ThinPrismFisheye { k, .. } => {
+                let narrow = angle_by_distance(q);
+                let t = q * narrow * narrow;
+                narrow * (1.0 + t * (k[0] + t * (k[1] + t * (k[2] + t * k[3]))))
+            }
+            Self::FieldOfView { omega } => {
+                // The limit of the formula below, which is even in omega; the next term is of its fourth power.
+                if omega.abs() < 1e-4 {
+                    return 1.0 + omega * omega * (1.0 / 12.0 - q / 3.0);
+                }
+                let wide = 2.0 * (0.5 * omega).tan();
+                wide * angle_by_distance(q * wide * wide) / omega
             }
             Self::Skew { .. } => 1.0,
         }
     }
 }
 
+/// `atan(r) / r` at the squared distance `q = r^2`.
+fn angle_by_distance(q: f64) -> f64 {
+    let r = q.sqrt();
+    if r < 1e-12 { 1.0 } else { r.atan() / r }
+}
+
 impl std::fmt::Display for Distortion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let named = |name: &'static str, values: &[f64]| {
+            let each = values.iter().enumerate();
+            each.map(|(k, &v)| (format!("{name}{}", k + 1), v)).collect::<Vec<_>>()
+        };
         let (name, terms): (&str, Vec<(String, f64)>) = match self {
             Self::BrownConrady { numerator, denominator, tangential } => {
-                let named = |name: &'static str, values: &[f64]| {
-                    let each = values.iter().enumerate();
-                    each.map(|(k, &v)| (format!("{name}{}", k + 1), v)).collect::<Vec<_>>()
-                };
                 let terms =
                     [named("n", numerator), named("d", denominator), named("p", tangential)];
                 ("Brown-Conrady", terms.concat())
             }
-            Self::KannalaBrandt { k } => {
-                let each = k.iter().enumerate().map(|(i, &v)| (format!("k{}", i + 1), v));
-                ("fisheye", each.collect())
+            Self::KannalaBrandt { k } => ("fisheye", named("k", k)),
+            Self::ThinPrismFisheye { k, tangential, prism } => {
+                let terms = [named("k", k), named("p", tangential), named("s", prism)];
+                ("thin prism fisheye", terms.concat())
             }
+            Self::FieldOfView { omega } => ("field of view", vec![("omega".to_owned(), *omega)]),
             Self::Skew { shear } => ("skew", vec![("shear".to_owned(), *shear)]),
         };
         f.write_str(name)?;

@@ -48,8 +48,8 @@ pub enum CameraError {
     /// A camera model that is not known.
     #[error(
         "camera model: found {found:?}, expected one of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, \
-         FULL_OPENCV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, OPENCV_FISHEYE; undistort the images of others \
-         (COLMAP: `image_undistorter`)"
+         FULL_OPENCV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, OPENCV_FISHEYE, FOV, \
+         THIN_PRISM_FISHEYE; undistort the images of others (COLMAP: `image_undistorter`)"
     )]
     Model {
         /// The model's name.

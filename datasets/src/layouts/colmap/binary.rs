@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::model::{CAMERA_MODELS, ColmapPoint, Model, ModelCamera, ModelImage};
+use super::rig::{Exposure, Pose, Rigs};
 use crate::error::ReadViewsError;
 
 /// What is left of a file, with what is said where it ends too early.
@@ -85,7 +86,7 @@ impl<'a> Bytes<'a> {
 /// Reads `cameras.bin` into the model.
 pub(super) fn cameras(bytes: &[u8], file: &Path, model: &mut Model) -> Result<(), ReadViewsError> {
     let mut bytes = Bytes { file, rest: bytes, place: String::new() };
-    let count = bytes.count("number of cameras", 24 + 3 * 8)?;
+    let count = bytes.count("number of cameras", 24 + 2 * 8)?;
     for k in 0..count {
         bytes.place = format!("camera {k} of {count}");
         let (id, number) = (bytes.u32("camera_id")?, bytes.u32("model_id")?);
@@ -121,6 +122,63 @@ pub(super) fn images(bytes: &[u8], file: &Path, model: &mut Model) -> Result<(),
         let seen = bytes.count("number of points2D", 24)?;
         bytes.take(24 * seen, "points2D")?;
         model.images.push(ModelImage { id, quaternion, translation, camera, name });
+    }
+    Ok(())
+}
+
+/// The number of cameras among COLMAP's kinds of sensors.
+const CAMERA: u32 = 0;
+
+impl Bytes<'_> {
+    fn pose(&mut self) -> Result<Pose, ReadViewsError> {
+        let quaternion = self.numbers(["qw", "qx", "qy", "qz"])?;
+        if quaternion.iter().all(|&x| x == 0.0) {
+            return Err(self.wrong("qw to qz", "zeros", "a quaternion"));
+        }
+        Ok(Pose { quaternion, translation: self.numbers(["tx", "ty", "tz"])? })
+    }
+}
+
+/// Reads `rigs.bin`.
+pub(super) fn rigs(bytes: &[u8], file: &Path, rigs: &mut Rigs) -> Result<(), ReadViewsError> {
+    let mut bytes = Bytes { file, rest: bytes, place: String::new() };
+    let count = bytes.count("number of rigs", 4 + 4)?;
+    for k in 0..count {
+        bytes.place = format!("rig {k} of {count}");
+        let (rig, sensors) = (bytes.u32("rig_id")?, bytes.u32("number of sensors")?);
+        for at in 0..sensors {
+            let (kind, id) = (bytes.u32("sensor type")?, bytes.u32("sensor_id")?);
+            if at == 0 {
+                if kind == CAMERA {
+                    rigs.add_reference(rig, id);
+                }
+                continue;
+            }
+            let [known] = bytes.array("has_pose")?;
+            let pose = if known == 0 { None } else { Some(bytes.pose()?) };
+            if kind == CAMERA {
+                rigs.add_sensor(rig, id, pose);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Reads `frames.bin`.
+pub(super) fn frames(bytes: &[u8], file: &Path, rigs: &mut Rigs) -> Result<(), ReadViewsError> {
+    let mut bytes = Bytes { file, rest: bytes, place: String::new() };
+    let count = bytes.count("number of frames", 4 + 4 + 7 * 8 + 4)?;
+    for k in 0..count {
+        bytes.place = format!("frame {k} of {count}");
+        let (frame, rig) = (bytes.u32("frame_id")?, bytes.u32("rig_id")?);
+        let pose = bytes.pose()?;
+        for _ in 0..bytes.u32("number of data")? {
+            let (kind, camera) = (bytes.u32("sensor type")?, bytes.u32("sensor_id")?);
+            let image = bytes.u64("data_id")?;
+            if kind == CAMERA {
+                rigs.add_exposure(image, Exposure { frame, rig, camera, pose });
+            }
+        }
     }
     Ok(())
 }

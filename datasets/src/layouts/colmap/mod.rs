@@ -1,7 +1,8 @@
-//! COLMAP's sparse model with its images.
+//! COLMAP's sparse model with its images, of any version up to 4.
 
 mod binary;
 mod model;
+mod rig;
 mod text;
 mod write;
 
@@ -25,6 +26,7 @@ pub use model::ColmapPoint;
 pub use write::{ColmapForm, write_colmap};
 
 use model::{Model, ModelImage, robust_bounds};
+use rig::Rigs;
 
 /// Models of tens of thousands of images fit.
 const MODEL_BYTES: u64 = 1 << 33;
@@ -40,6 +42,8 @@ pub(crate) struct Project {
     /// The folder of the images, with its slash.
     images: String,
     model: Model,
+    /// Images whose own pose is not that of their frame and rig.
+    moved: usize,
 }
 
 /// Where the model is, its form, and in which folders its images may be.
@@ -71,9 +75,10 @@ impl Project {
                 (_, ColmapForm::Text) => text::images(&bytes, &path, &mut model)?,
             }
         }
+        let moved = place(&mut opened, (folder, form), &mut model)?;
         model.images.sort_by(|a, b| natural::compare(&a.name, &b.name));
         let (base, images) = pictures(source, folder, &model);
-        Ok(Self { folder: folder.to_owned(), form, base, images, model })
+        Ok(Self { folder: folder.to_owned(), form, base, images, model, moved })
     }
 
     fn file(&self, source: &Source, noun: &str) -> PathBuf {
@@ -105,6 +110,15 @@ impl Project {
             })?;
         }
         reading.warnings.extend(lenses.sentence());
+        if self.moved > 0 {
+            let extension = self.form.extension();
+            reading.warnings.push(format!(
+                "rigs.{extension} and frames.{extension} place {} of {} images elsewhere than images.{extension} does; \
+                 as for COLMAP, theirs are the poses",
+                self.moved,
+                self.model.images.len()
+            ));
+        }
         Ok(reading)
     }
 
@@ -151,6 +165,32 @@ impl Project {
         })?;
         Ok(Some((path, depth)))
     }
+}
+
+/// Places the images as rigs and frames say, where the model has files of both; how many had another pose.
+fn place(
+    opened: &mut Opened<'_>,
+    (folder, form): Found,
+    model: &mut Model,
+) -> Result<usize, ReadViewsError> {
+    let source = opened.source();
+    let names = ["rigs", "frames"].map(|noun| format!("{folder}{noun}.{}", form.extension()));
+    if !names.iter().all(|name| source.has(name)) {
+        return Ok(0);
+    }
+    let mut rigs = Rigs::default();
+    let files = [source.locate(&names[0]), source.locate(&names[1])];
+    let bytes = opened.read(&names[0], "rigs", MODEL_BYTES)?;
+    match form {
+        ColmapForm::Binary => binary::rigs(&bytes, &files[0], &mut rigs)?,
+        ColmapForm::Text => text::rigs(&bytes, &files[0], &mut rigs)?,
+    }
+    let bytes = opened.read(&names[1], "frames", MODEL_BYTES)?;
+    match form {
+        ColmapForm::Binary => binary::frames(&bytes, &files[1], &mut rigs)?,
+        ColmapForm::Text => text::frames(&bytes, &files[1], &mut rigs)?,
+    }
+    rigs.place(&mut model.images, &files[1])
 }
 
 /// A depth map of COLMAP's: `W&H&1&` and floats by rows; what is not above zero is a hole.

@@ -50,7 +50,7 @@ pub struct ColmapPoint {
 }
 
 /// Names and parameter counts of the camera models, by their number in binary files.
-pub(crate) const CAMERA_MODELS: [(&str, usize); 11] = [
+pub(crate) const CAMERA_MODELS: [(&str, usize); 18] = [
     ("SIMPLE_PINHOLE", 3),
     ("PINHOLE", 4),
     ("SIMPLE_RADIAL", 4),
@@ -62,6 +62,14 @@ pub(crate) const CAMERA_MODELS: [(&str, usize); 11] = [
     ("SIMPLE_RADIAL_FISHEYE", 4),
     ("RADIAL_FISHEYE", 5),
     ("THIN_PRISM_FISHEYE", 12),
+    // What follows is refused, but by its name.
+    ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    ("SIMPLE_DIVISION", 4),
+    ("DIVISION", 5),
+    ("SIMPLE_FISHEYE", 3),
+    ("FISHEYE", 4),
+    ("EUCM", 6),
+    ("EQUIRECTANGULAR", 2),
 ];
 
 impl Model {

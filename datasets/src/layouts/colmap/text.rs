@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::model::{ColmapPoint, Model, ModelCamera, ModelImage};
+use super::rig::{Exposure, Pose, Rigs};
 use crate::content::cut;
 use crate::error::ReadViewsError;
 
@@ -113,6 +114,58 @@ pub(super) fn images(bytes: &[u8], file: &Path, model: &mut Model) -> Result<(),
         model.images.push(ModelImage { id, quaternion, translation, camera, name });
         // The points that the image saw, which nothing here needs.
         lines.next();
+    }
+    Ok(())
+}
+
+/// What COLMAP calls a camera among its kinds of sensors.
+const CAMERA: &str = "CAMERA";
+
+impl Line<'_> {
+    fn pose(&mut self) -> Result<Pose, ReadViewsError> {
+        let quaternion = self.numbers(["QW", "QX", "QY", "QZ"])?;
+        if quaternion.iter().all(|&x| x == 0.0) {
+            return Err(self.wrong("QW to QZ", "0 0 0 0", "a quaternion"));
+        }
+        Ok(Pose { quaternion, translation: self.numbers(["TX", "TY", "TZ"])? })
+    }
+}
+
+/// Reads `rigs.txt`.
+pub(super) fn rigs(bytes: &[u8], file: &Path, rigs: &mut Rigs) -> Result<(), ReadViewsError> {
+    let text = String::from_utf8_lossy(bytes);
+    for mut line in lines(&text, file).filter(|line| !line.is_empty()) {
+        let (rig, sensors) = (line.id("RIG_ID")?, line.id("NUM_SENSORS")?);
+        for at in 0..sensors {
+            let (kind, id) = (line.word("SENSOR_TYPE")?, line.id("SENSOR_ID")?);
+            if at == 0 {
+                if kind == CAMERA {
+                    rigs.add_reference(rig, id);
+                }
+                continue;
+            }
+            let pose = if line.id("HAS_POSE")? == 0 { None } else { Some(line.pose()?) };
+            if kind == CAMERA {
+                rigs.add_sensor(rig, id, pose);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Reads `frames.txt`.
+pub(super) fn frames(bytes: &[u8], file: &Path, rigs: &mut Rigs) -> Result<(), ReadViewsError> {
+    let text = String::from_utf8_lossy(bytes);
+    for mut line in lines(&text, file).filter(|line| !line.is_empty()) {
+        let (frame, rig) = (line.id("FRAME_ID")?, line.id("RIG_ID")?);
+        let pose = line.pose()?;
+        for _ in 0..line.id("NUM_DATA_IDS")? {
+            let (kind, camera) = (line.word("SENSOR_TYPE")?, line.id("SENSOR_ID")?);
+            let image = line.parsed("DATA_ID", "a whole number")?;
+            if kind == CAMERA {
+                rigs.add_exposure(image, Exposure { frame, rig, camera, pose });
+            }
+        }
     }
     Ok(())
 }

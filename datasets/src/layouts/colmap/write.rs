@@ -43,7 +43,7 @@ struct Shot {
 /// `stereo/depth_maps/0000.png.geometric.bin`, 0 where there is none. The folder is made where it
 /// does not exist; files of the same name are replaced, each atomically, the model last. Cameras
 /// of one lens and size are one camera. What a reader prefers, a model of the other form, is
-/// removed.
+/// removed, and so are the rigs and frames of an earlier one.
 ///
 /// # Errors
 /// If a file cannot be written, or a camera has parallel rays, which COLMAP cannot say.
@@ -97,10 +97,20 @@ pub fn write_colmap(
     };
     for (noun, bytes) in [("points3D", points), ("images", images), ("cameras", cameras)] {
         put(&model.join(format!("{noun}.{}", form.extension())), &bytes)?;
-        let stale = model.join(format!("{noun}.{}", other.extension()));
-        if stale.exists() {
-            std::fs::remove_file(&stale).map_err(|e| WriteViewsError::new(&stale, e))?;
-        }
+        remove(&model.join(format!("{noun}.{}", other.extension())))?;
+    }
+    for noun in ["rigs", "frames"] {
+        [form, other]
+            .iter()
+            .try_for_each(|form| remove(&model.join(format!("{noun}.{}", form.extension()))))?;
+    }
+    Ok(())
+}
+
+/// Removes what an earlier model left, if there is any.
+fn remove(stale: &Path) -> Result<(), WriteViewsError> {
+    if stale.exists() {
+        std::fs::remove_file(stale).map_err(|e| WriteViewsError::new(stale, e))?;
     }
     Ok(())
 }
