@@ -23,7 +23,7 @@
 //! # By task
 //!
 //! - **a mesh**: [`TriMesh`], [`Texture`]; [`TriMesh::validate`], [`TriMesh::health`],
-//!   [`TriMesh::self_intersections`], bounds, area, volume, transforms, [`TriMesh::append`],
+//!   [`TriMesh::self_intersections`], both as [`TriMesh::examined`] says them, bounds, area, volume, transforms, [`TriMesh::append`],
 //!   [`TriMesh::vertex_colors`]
 //! - **make one**: [`primitives`]; finer by [`subdivide`], with anything that lives on the vertices by
 //!   [`Subdivision`]; better triangles by [`improve`], of one size by [`fn@remesh`], fewer by [`simplify`]
@@ -69,6 +69,7 @@ mod csr;
 mod cubify;
 mod differential;
 mod diffusion;
+mod examination;
 mod health;
 mod image;
 mod intersect;
@@ -99,6 +100,7 @@ pub use differential::{
     vertex_areas,
 };
 pub use diffusion::{DiffusionSolver, SolveReport};
+pub use examination::Examination;
 pub use health::Health;
 pub use image::{
     ByteImage, DepthMap, DisparityMap, GroundPlane, Image, ImageError, Pixels, decode_depth,
