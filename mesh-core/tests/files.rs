@@ -105,6 +105,35 @@ fn a_damaged_mesh_is_not_written() {
     assert!(read_mesh(folder.path().join("m.3mf")).is_err());
 }
 
+#[test]
+fn vertex_colors_stand_where_other_programs_look() {
+    // As Blender and trimesh find them: by these names and of these types, and in no other place.
+    let header = ply::encode(&colored(), ply::Encoding::Binary).unwrap();
+    let header = String::from_utf8_lossy(&header);
+    let colors = "property uchar red\nproperty uchar green\nproperty uchar blue\nelement face";
+    assert!(header.contains(&format!("property float z\n{colors}")), "{header}");
+    let folder = tempfile::tempdir().unwrap();
+    write_mesh(folder.path().join("m.obj"), &colored()).unwrap();
+    let text = std::fs::read_to_string(folder.path().join("m.obj")).unwrap();
+    let vertices: Vec<usize> =
+        text.lines().filter(|l| l.starts_with("v ")).map(|l| l.split(' ').count()).collect();
+    assert_eq!(vertices, vec![1 + 6; colored().positions.len()]);
+    let glb = gltf::Gltf::from_slice(&glb::encode(&colored()).unwrap()).unwrap();
+    let primitive = glb.meshes().next().unwrap().primitives().next().unwrap();
+    let accessor = primitive.get(&gltf::Semantic::Colors(0)).unwrap();
+    assert_eq!(accessor.count(), colored().positions.len());
+    assert_eq!(
+        (accessor.data_type(), accessor.dimensions()),
+        (gltf::accessor::DataType::F32, gltf::accessor::Dimensions::Vec3)
+    );
+    // They would be multiplied with a texture's.
+    let glb = gltf::Gltf::from_slice(&glb::encode(&textured()).unwrap()).unwrap();
+    let primitive = glb.meshes().next().unwrap().primitives().next().unwrap();
+    assert!(primitive.get(&gltf::Semantic::Colors(0)).is_none());
+    let sampler = glb.textures().next().unwrap().sampler();
+    assert_eq!(sampler.min_filter(), Some(gltf::texture::MinFilter::LinearMipmapLinear));
+}
+
 // ---------------------------------------------------------------- independent readers
 
 #[test]

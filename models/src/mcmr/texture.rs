@@ -9,8 +9,10 @@ use recon::atlas::Atlas;
 
 /// Part of an image's columns that overlap.
 const OVERLAP: usize = 8;
-/// Texels along an edge of a face in an exported texture, at least.
-const CELL: usize = 12;
+/// Texels along a mean edge.
+const EDGE: f32 = 9.0;
+/// The longest side of a texture.
+const MOST: usize = 4096;
 
 /// An image `[N, S, S, C]` of a decoder, which knows of no other side, closed around a sphere:
 /// `[N, S + 2, S - S/8, C]` for [`sphere_texture`](diff_raster::sphere_texture).
@@ -104,28 +106,31 @@ impl Globe {
 
     /// The mesh with this texture; `sphere` is where its vertices lie on the sphere.
     ///
-    /// Each face gets texels of its own, taken from the sphere: a viewer that interpolates texture
+    /// Each face gets texels in its chart, taken from the sphere: a viewer that interpolates texture
     /// coordinates over faces shows no seam at the back and no star at the poles, where an image of longitude
     /// and latitude would have both. Vertices have colours too, for formats without textures.
     pub(super) fn on(&self, mut mesh: TriMesh, sphere: &[[f32; 3]]) -> TriMesh {
-        let columns = (mesh.faces.len().div_ceil(2) as f64).sqrt().ceil() as usize;
-        let side = (columns * CELL).next_multiple_of(4);
-        let atlas = Atlas::new(mesh.faces.len(), side).expect("a cell has room for a face");
-        let mut image = Image::new(side, side, 3);
-        for (index, face) in mesh.faces.iter().enumerate() {
-            let corners = face.map(|v| sphere[v as usize]);
-            let (mut texels, mut directions) = (Vec::new(), Vec::new());
-            atlas.texels(index, |texel, b| {
-                texels.push(texel);
-                directions
-                    .extend((0..3).map(|k| (0..3).map(|c| b[c] * corners[c][k]).sum::<f32>()));
-            });
+        let area: f32 = mesh_core::face_areas(&mesh.positions, &mesh.faces).iter().sum();
+        let edge = (area / mesh.faces.len().max(1) as f32 * 2.3).sqrt();
+        let density = if edge.is_finite() && edge > 0.0 { EDGE / edge } else { 0.0 };
+        let atlas = Atlas::new(&mesh.positions, &mesh.faces, density, MOST);
+        let mut image = Image::new(atlas.side(), atlas.side(), 3);
+        for texels in atlas.texels().chunks(1024) {
+            let directions: Vec<f32> = texels
+                .iter()
+                .flat_map(|texel| {
+                    let corners = mesh.faces[texel.face as usize].map(|v| sphere[v as usize]);
+                    (0..3).map(move |k| {
+                        (0..3).map(|c| texel.barycentric[c] * corners[c][k]).sum::<f32>()
+                    })
+                })
+                .collect();
             for (texel, color) in texels.iter().zip(self.colors(&directions).as_chunks::<3>().0) {
-                image.data[3 * texel..3 * texel + 3]
+                image.data[3 * texel.index as usize..][..3]
                     .copy_from_slice(&color.map(|c| c.clamp(0.0, 1.0)));
             }
         }
-        mesh.texture = Some(atlas.texture(mesh.faces.len(), image));
+        mesh.texture = Some(atlas.texture(image));
         let colors = self.colors(sphere.as_flattened());
         mesh.colors =
             Some(colors.as_chunks::<3>().0.iter().map(|c| c.map(|v| v.clamp(0.0, 1.0))).collect());

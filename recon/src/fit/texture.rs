@@ -1,4 +1,4 @@
-//! A texture for any mesh: every face has texels of its own.
+//! A texture for any mesh, in charts that mipmaps do not mix.
 
 use std::sync::Arc;
 
@@ -13,17 +13,8 @@ use crate::atlas::Atlas;
 /// Colour difference at which a view's weight has fallen to a half in the second round.
 const OUTLIER: f32 = 0.15;
 
-/// The side at which an edge has as many texels as pixels in the nearest view, at most 4096.
-fn side_for(targets: &[Target], positions: &[[f32; 3]], faces: &[[u32; 3]]) -> usize {
-    let area: f32 = mesh_core::face_areas(positions, faces).iter().sum();
-    let edge = (area / faces.len().max(1) as f32 * 2.3).sqrt();
-    let nearest =
-        targets.iter().map(|t| t.pixels_per_unit(t.project([0.0; 3])[2])).fold(0.0, f32::max);
-    let columns = (faces.len().div_ceil(2) as f64).sqrt().ceil() as usize;
-    let most = (4096 / columns.max(1)).max(5);
-    let cell = ((edge * nearest).ceil() as usize).saturating_add(3).clamp(5, most);
-    (columns * cell).next_multiple_of(4)
-}
+/// The longest side of a texture that nobody asked for.
+const MOST: usize = 4096;
 
 /// Weighted mean of what the views show at every texel; `colors` where none shows it.
 ///
@@ -41,61 +32,54 @@ pub(super) fn bake(
     colors: &[[f32; 3]],
     side: Option<usize>,
 ) -> Option<Texture> {
-    let side = side.unwrap_or_else(|| side_for(targets, positions, faces));
-    let atlas = Atlas::new(faces.len(), side)?;
+    let atlas = if let Some(side) = side {
+        Atlas::within(positions, faces, side)?
+    } else {
+        let pixels = |t: &Target| t.pixels_per_unit(t.project([0.0; 3])[2]);
+        let nearest = targets.iter().map(pixels).fold(0.0, f32::max);
+        Atlas::new(positions, faces, nearest, MOST)
+    };
     let drawn = Arc::new(
         Faces::new(positions.len(), faces).expect("the faces of a fitted mesh name its vertices"),
     );
-    let per_face = {
-        let mut count = 0;
-        atlas.texels(0, |_, _| count += 1);
-        count
-    };
-    let mut mean = vec![[0.0f32; 3]; per_face * faces.len()];
-    for (texels, face) in mean.chunks_exact_mut(per_face).zip(faces) {
-        let mut k = 0;
-        atlas.texels(0, |_, b| {
-            texels[k] = mix(b, face.map(|v| colors[v as usize]));
-            k += 1;
-        });
-    }
+    let texels = atlas.texels();
+    let mut mean: Vec<[f32; 3]> = texels
+        .par_iter()
+        .map(|t| mix(t.barycentric, faces[t.face as usize].map(|v| colors[v as usize])))
+        .collect();
     let mut sums = vec![[0.0f32; 4]; mean.len()];
+    let mut facing = vec![0.0; faces.len()];
     for round in 0..2 {
         sums.fill([0.0; 4]);
         let mut sight = Sight::default();
         for (target, view) in targets.iter().zip(views) {
             sight.look(target, positions, &drawn);
             let sight = &sight;
-            sums.par_chunks_mut(per_face)
-                .zip(mean.par_chunks(per_face))
-                .enumerate()
-                .with_min_len(256)
-                .for_each(|(index, (sums, mean))| {
-                    let face = faces[index];
-                    let facing = sight.facing(target, positions, face);
-                    if facing < 0.1 {
-                        return;
-                    }
-                    let corners = face.map(|v| positions[v as usize]);
-                    let mut k = 0;
-                    atlas.texels(index, |_, b| {
-                        let slot = k;
-                        k += 1;
-                        let q = target.project(mix(b, corners));
-                        let Some((color, inside)) = seen(sight, target, view, q) else { return };
-                        let scale = target.pixels_per_unit(q[2]);
-                        let mut weight = inside * facing * facing * facing * scale * scale;
-                        if round > 0 {
-                            let square: f32 =
-                                (0..3).map(|c| (color[c] - mean[slot][c]).powi(2)).sum();
-                            weight /= 1.0 + square / (OUTLIER * OUTLIER);
-                        }
-                        for c in 0..3 {
-                            sums[slot][c] += weight * color[c];
-                        }
-                        sums[slot][3] += weight;
-                    });
-                });
+            facing
+                .par_iter_mut()
+                .zip(faces)
+                .with_min_len(1024)
+                .for_each(|(facing, &face)| *facing = sight.facing(target, positions, face));
+            let texels = sums.par_iter_mut().zip(&mean).zip(texels).with_min_len(4096);
+            texels.for_each(|((sum, mean), texel)| {
+                let facing = facing[texel.face as usize];
+                if facing < 0.1 {
+                    return;
+                }
+                let corners = faces[texel.face as usize].map(|v| positions[v as usize]);
+                let q = target.project(mix(texel.barycentric, corners));
+                let Some((color, inside)) = seen(sight, target, view, q) else { return };
+                let scale = target.pixels_per_unit(q[2]);
+                let mut weight = inside * facing * facing * facing * scale * scale;
+                if round > 0 {
+                    let square: f32 = (0..3).map(|c| (color[c] - mean[c]).powi(2)).sum();
+                    weight /= 1.0 + square / (OUTLIER * OUTLIER);
+                }
+                for c in 0..3 {
+                    sum[c] += weight * color[c];
+                }
+                sum[3] += weight;
+            });
         }
         for (mean, sum) in mean.iter_mut().zip(&sums) {
             if sum[3] > 0.0 {
@@ -103,16 +87,12 @@ pub(super) fn bake(
             }
         }
     }
-    let mut image = Image::new(side, side, 3);
-    for index in 0..faces.len() {
-        let mut k = index * per_face;
-        atlas.texels(index, |texel, _| {
-            image.data[3 * texel..3 * texel + 3]
-                .copy_from_slice(&mean[k].map(|c| c.clamp(0.0, 1.0)));
-            k += 1;
-        });
+    let mut image = Image::new(atlas.side(), atlas.side(), 3);
+    for (texel, mean) in texels.iter().zip(&mean) {
+        image.data[3 * texel.index as usize..][..3]
+            .copy_from_slice(&mean.map(|c| c.clamp(0.0, 1.0)));
     }
-    Some(atlas.texture(faces.len(), image))
+    Some(atlas.texture(image))
 }
 
 /// The colour of a view at a projected point, bilinear, and how far inside the mask it is; `None`

@@ -168,7 +168,7 @@ fn body(mesh: &TriMesh, up: UpAxis) -> (String, Vec<u8>) {
         color = "\"baseColorTexture\":{\"index\":0},";
         images = format!(
             ",\"textures\":[{{\"source\":0,\"sampler\":0}}],\
-             \"samplers\":[{{\"magFilter\":9729,\"minFilter\":9729,\"wrapS\":33071,\"wrapT\":33071}}],\
+             \"samplers\":[{{\"magFilter\":9729,\"minFilter\":9987,\"wrapS\":33071,\"wrapT\":33071}}],\
              \"images\":[{{\"bufferView\":{view},\"mimeType\":\"image/png\"}}]"
         );
     }
