@@ -138,7 +138,7 @@ Ctrl-C ends the fit early and writes what there is.
 
 Examples:
   unsphere fit rendered_clock.zip -o clock
-  unsphere fit scan/transforms.json -o scan-mesh --set level=6 --set color=texture
+  unsphere fit scan/transforms.json -o scan-mesh --quality high
   unsphere fit photos/ -o mug --mask backdrop --max-size 1024
   unsphere fit photos/ -o mug --masks masks/ --score other-photos/
   unsphere fit scan/ -o again --config scan-mesh/config.toml --force")]
@@ -154,7 +154,8 @@ pub(crate) struct Fit {
     /// Other views of the object, in the same coordinates: the result is scored on these, and all of VIEWS are fitted.
     #[arg(long, value_name = "VIEWS")]
     pub(crate) score: Option<PathBuf>,
-    /// The true mesh, in the same coordinates: the result is compared with it.
+    /// The true mesh, in the same coordinates: the result is compared with it. One that lies elsewhere is found out, and the one
+    /// beside the views that does not is suggested.
     #[arg(long, value_name = "MESH")]
     pub(crate) truth: Option<PathBuf>,
     /// Which axis is up: y, z, -y and so on; auto finds it by the cameras. The page, the turntable and mesh.glb stand
@@ -260,7 +261,8 @@ pub(crate) struct Render {
 #[command(
     after_help = "Each preset does what a paper or its code does: normalisation, points, squares, thresholds. Its
 formula is in the output. Meshes must be in the same coordinates; nothing is aligned unless the
-protocol says so.
+protocol says so, and where the truth lies in another frame a warning says how. A mesh that is flat
+has no 3D IoU.
 
 Examples:
   unsphere metrics mesh.ply truth.obj
@@ -278,11 +280,11 @@ pub(crate) struct Metrics {
 
 #[derive(Args, Debug)]
 #[command(
-    after_help = "A mesh passes when it bounds a solid: finite, closed, manifold, oriented, outward. Otherwise the
-exit code is 1 and the failures are named.
+    after_help = "A mesh passes when it is a closed solid: finite, closed, manifold, oriented, outward, and no face runs
+through another one. Otherwise the exit code is 1 and the failures are named.
 
 Examples:
-  unsphere check mesh.ply --self-intersections
+  unsphere check mesh.ply
   unsphere check --config fit.toml --set level=6
   unsphere check --config -                        print every setting with its default
   unsphere check --system img2mesh --preset paper  shapes, parameters and settings of a system
@@ -293,9 +295,6 @@ Examples:
 pub(crate) struct Check {
     /// A mesh: .obj, .ply, .glb or .stl.
     pub(crate) mesh: Option<PathBuf>,
-    /// Also look for faces that run through each other.
-    #[arg(long, requires = "mesh")]
-    pub(crate) self_intersections: bool,
     /// Views: layout, sizes, masks, and whether the cameras see the object.
     #[arg(long, value_name = "VIEWS")]
     pub(crate) views: Option<PathBuf>,
@@ -303,7 +302,7 @@ pub(crate) struct Check {
     #[arg(long, value_name = "SYSTEM")]
     pub(crate) system: Option<String>,
     /// List every setting of a fit or of the system: range, default, meaning, published value and its source.
-    #[arg(long, conflicts_with_all = ["mesh", "views", "config", "set", "preset"])]
+    #[arg(long, conflicts_with_all = ["mesh", "views", "config", "quality", "set", "preset"])]
     pub(crate) options: bool,
     /// A configuration that comes with the system: tiny, small or paper.
     #[arg(long, value_name = "NAME", requires = "system", conflicts_with = "config")]

@@ -30,6 +30,7 @@ mod progress;
 mod provenance;
 mod system;
 mod terminal;
+mod truth;
 mod views;
 
 pub use program::Program;

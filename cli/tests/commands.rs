@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{TINY, clock_views, copied, files_in, unsphere};
+use common::{TINY, clock_views, copied, files_in, unsphere, unsphere_with};
 
 #[test]
 fn the_demo_writes_what_it_promises() {
@@ -174,4 +174,101 @@ fn ctrl_c_keeps_what_there_is() {
     let json = std::fs::read_to_string(place.path().join("long/metrics.json")).unwrap();
     let metrics: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(metrics["interrupted"], true);
+}
+
+#[test]
+fn a_truth_in_another_frame_is_found_out() {
+    let place = tempfile::tempdir().unwrap();
+    clock_views(place.path());
+    let run = |line: &str| unsphere_with(place.path(), &line.split(' ').collect::<Vec<_>>());
+    run("convert made/views/mesh.ply -o big.ply --scale 100").ok();
+    let [a, b, c, d] = TINY;
+    let fit = |truth: &str, out: &str| {
+        run(&format!("fit made/views -o {out} --truth {truth} {a} {b} {c} {d}"))
+    };
+    // The mesh still is what is wanted; the figures are explained, and the truth that was meant is named.
+    let said = fit("big.ply", "one").ok().stderr();
+    let path = std::path::Path::new("made/views").join("mesh.ply");
+    for words in [
+        "big.ply: the truth lies in another frame",
+        "times as large as the mesh",
+        &format!("--truth {}", path.display()),
+    ] {
+        assert!(said.contains(words), "{words:?} is not in {said}");
+    }
+    let page = std::fs::read_to_string(place.path().join("one/report.html")).unwrap();
+    assert!(page.contains("the truth lies in another frame"));
+    let said = fit("made/views/mesh.ply", "two").ok().stderr();
+    assert!(!said.contains("another frame"), "{said}");
+    let compared = run("metrics made/mesh.ply big.ply --preset occnet --json").ok();
+    assert!(compared.stderr().contains("the truth lies in another frame"));
+    assert!(compared.json()["warning"].as_str().unwrap().contains("times as large"));
+    let same = run("metrics made/mesh.ply made/views/mesh.ply --preset occnet --json").ok();
+    assert!(same.json().get("warning").is_none() && !same.stderr().contains("frame"));
+
+    // A truth without volume stops the figures of volumes alone; one that is none is refused before the work.
+    std::fs::write(place.path().join("flat.obj"), "v -1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let text = fit("flat.obj", "three").ok().stdout();
+    assert!(text.contains("F-score") && text.contains("none: a mesh that is flat"), "{text}");
+    let text = run("metrics flat.obj made/mesh.ply --preset mcmr").ok().stdout();
+    assert!(text.contains("none: a mesh that is flat"), "{text}");
+    std::fs::write(place.path().join("points.obj"), "v 0 0 0\nv 1 0 0\n").unwrap();
+    fit("points.obj", "four").fails(3, &["points.obj", "no surface"]);
+    assert!(!place.path().join("four").exists());
+}
+
+#[test]
+fn all_agree_about_faces_that_run_through_each_other() {
+    let place = tempfile::tempdir().unwrap();
+    clock_views(place.path());
+    let run = |line: &str| unsphere_with(place.path(), &line.split(' ').collect::<Vec<_>>());
+    let [a, b, c, d] = TINY;
+    let text = run(&format!("fit made/views -o out {a} {b} {c} {d}")).ok().stdout();
+    let metrics = std::fs::read_to_string(place.path().join("out/metrics.json")).unwrap();
+    let metrics: serde_json::Value = serde_json::from_str(&metrics).unwrap();
+    let checked = run("check out/mesh.ply --json");
+    assert_eq!(checked.json()["mesh"]["self_intersections"], metrics["self_intersections"]);
+    assert!(text.contains("a closed solid"), "{text}");
+    assert!(run("check out/mesh.ply").ok().stdout().contains("a closed solid"));
+
+    // Closed, and no solid: two balls that overlap.
+    let mut two = mesh_core::primitives::icosphere(2);
+    two.append(&two.clone().translated([0.9, 0.1, 0.2])).unwrap();
+    let count = two.self_intersections().len();
+    mesh_core::write_mesh(place.path().join("two.ply"), &two).unwrap();
+    let found = run("check two.ply");
+    assert_eq!(found.code(), Some(1));
+    let (said, words) = (found.stdout(), format!("{count} pairs of faces run through each other"));
+    assert!(said.contains(&words) && !said.contains("a closed solid"), "{said}");
+    assert!(found.stderr().contains(&words));
+}
+
+#[test]
+fn qualities_are_configurations_and_the_higher_is_suggested_where_it_shows_more() {
+    let place = tempfile::tempdir().unwrap();
+    clock_views(place.path());
+    let run = |line: &str| unsphere_with(place.path(), &line.split(' ').collect::<Vec<_>>());
+    let settings = |quality: &str| {
+        run(&format!("check --quality {quality} --json")).ok().json()["config"].clone()
+    };
+    assert_eq!((&settings("draft")["level"], &settings("normal")["level"]), (&4.into(), &5.into()));
+    let high = settings("high");
+    assert_eq!((&high["level"], &high["color"]), (&6.into(), &"texture".into()));
+    run("check --quality best").fails(2, &["draft", "normal", "high"]);
+    run("check --quality high --config x.toml").fails(2, &["--config"]);
+    run("check --system img2mesh --quality high").fails(2, &["--preset"]);
+
+    let rest = "--set start-level=1 --set steps=8";
+    let said = run(&format!("fit made/views -o coarse --set level=1 {rest}")).ok().stderr();
+    assert!(said.contains("pixels to a vertex): --quality high"), "{said}");
+    let said =
+        run(&format!("fit made/views -o fine --quality high --set level=3 {rest}")).ok().stderr();
+    assert!(!said.contains("--quality"), "{said}");
+    let width = |name: &str| {
+        let gif = std::fs::read(place.path().join(name).join("turntable.gif")).unwrap();
+        u16::from_le_bytes([gif[6], gif[7]])
+    };
+    assert_eq!((width("coarse"), width("fine")), (256, 512));
+    let mesh = mesh_core::read_mesh(place.path().join("fine/mesh.glb")).unwrap();
+    assert!(mesh.texture.is_some());
 }

@@ -7,7 +7,7 @@ use datasets::{View, Views};
 use diff_raster::FacesError;
 use losses::metrics::{CompareError, Preset, Report as Comparison, evaluate};
 use mesh_core::io::{glb, write_mesh};
-use mesh_core::{ByteImage, Health, TriMesh, UpAxis, WriteError};
+use mesh_core::{ByteImage, Examination, Health, TriMesh, UpAxis, WriteError};
 use serde::Serialize;
 use synth::{Lighting, RenderOptions, render_views};
 use train::output::{OutputError, OutputFolder};
@@ -20,8 +20,8 @@ use crate::turntable::{encode_gif, orbit};
 
 /// Views shown in the report; more make it long, not clearer.
 const MOST_VIEWS: usize = 15;
-/// Side of the report's images and of the turntable, pixels.
-const PICTURE: usize = 256;
+/// Side of the report's images and of the turntable where nothing else is wished, pixels.
+pub const PICTURE: usize = 256;
 /// Frames of the turntable, a full turn.
 const FRAMES: usize = 36;
 /// Behind the turning mesh: light, so that dark objects stand out.
@@ -69,10 +69,18 @@ pub struct Metrics {
     pub views: ViewScores,
     /// Whether the mesh is whole.
     pub health: Health,
-    /// Pairs of faces that cut through each other.
+    /// Pairs of faces that run through each other.
     pub self_intersections: usize,
     /// Against the true mesh, one entry for each protocol; empty where it is not known.
     pub truth: Vec<Comparison>,
+}
+
+impl Metrics {
+    /// What they say of the mesh by itself, for words.
+    pub fn examination(&self) -> Examination {
+        let self_intersections = self.self_intersections;
+        Examination { health: self.health.clone(), self_intersections }
+    }
 }
 
 /// Why a fit could not be delivered.
@@ -105,12 +113,13 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
     let options = train::settings::to_toml(delivery.config);
     folder.write("config.toml", options.as_bytes())?;
     let report = report(delivery, &metrics, pairs);
-    write_results(&delivery.fitted.mesh, delivery.up, &metrics, report, folder)?;
+    let side = delivery.config.picture_size;
+    write_results(&delivery.fitted.mesh, (delivery.up, side), &metrics, report, folder)?;
     Ok(metrics)
 }
 
 /// Writes `mesh.glb`, `mesh.obj`, `mesh.ply`, `turntable.gif`, `metrics.json` and `report.html`, which shows the
-/// turntable too. The GLB and the turntable stand upright; OBJ and PLY are in the world of the cameras.
+/// turntable too, `side` pixels wide. The GLB and the turntable stand upright; OBJ and PLY are in the world of the cameras.
 ///
 /// # Errors
 /// If a file cannot be written, or a face names a vertex that is not there.
@@ -119,7 +128,7 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
 /// If the metrics cannot be JSON.
 pub fn write_results(
     mesh: &TriMesh,
-    up: UpAxis,
+    (up, side): (UpAxis, usize),
     metrics: &impl Serialize,
     report: Report,
     folder: &OutputFolder,
@@ -128,7 +137,7 @@ pub fn write_results(
     for name in ["mesh.obj", "mesh.ply"] {
         write_mesh(folder.path().join(name), mesh)?;
     }
-    let turntable = turntable(&mesh.clone().upright(up))?;
+    let turntable = turntable(&mesh.clone().upright(up), side)?;
     folder.write("turntable.gif", &turntable)?;
     let json = serde_json::to_string_pretty(metrics).expect("plain figures serialise");
     folder.write("metrics.json", (json + "\n").as_bytes())?;
@@ -137,15 +146,15 @@ pub fn write_results(
     Ok(())
 }
 
-/// The mesh turning once, as a GIF.
+/// The mesh turning once, as a GIF `side` pixels wide.
 ///
 /// # Errors
 /// If a face names a vertex that is not there.
-pub fn turntable(mesh: &TriMesh) -> Result<Vec<u8>, FacesError> {
+pub fn turntable(mesh: &TriMesh, side: usize) -> Result<Vec<u8>, FacesError> {
     let Some(bounds) = mesh.bounds() else { return Ok(Vec::new()) };
     let lighting = Lighting::for_mesh(mesh);
     let options = RenderOptions { background: BACKDROP, lighting, ..RenderOptions::default() };
-    let cameras = orbit(bounds, FRAMES, 0.35, PICTURE);
+    let cameras = orbit(bounds, FRAMES, 0.35, side);
     let frames: Vec<ByteImage> = render_views(mesh, &cameras, &options, &|_, _| ())?
         .into_iter()
         .map(|view| view.color)
@@ -184,7 +193,7 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         ("held-out", &fitted.held_out_views)
     };
     let views: Vec<&View> = indices.iter().map(|&i| &delivery.views.views[i]).collect();
-    let (scores, pairs) = compare(&fitted.mesh, &views)?;
+    let (scores, pairs) = compare(&fitted.mesh, &views, delivery.config.picture_size)?;
     let against = |truth| {
         let protocols = Preset::ALL.map(|preset| preset.protocol(delivery.config.seed));
         protocols.iter().map(|p| evaluate(&fitted.mesh, truth, p)).collect::<Result<_, _>>()
@@ -197,25 +206,29 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         up: delivery.up.name(),
         scored_on,
         views: scores,
-        health: fitted.mesh.health(),
-        self_intersections: fitted.mesh.self_intersections().len(),
+        health: fitted.health.clone(),
+        self_intersections: fitted.self_intersections,
         truth,
     };
     Ok((metrics, pairs))
 }
 
-/// Scores a mesh on views, and shows it above them: every so many where there are more than a report
-/// has room for.
+/// Scores a mesh on views, and shows it above them, at most `side` pixels wide: every so many where there are more than a
+/// report has room for.
 ///
 /// # Errors
 /// If the mesh's faces cannot be drawn.
-pub fn compare(mesh: &TriMesh, views: &[&View]) -> Result<(ViewScores, Vec<ViewPair>), FacesError> {
+pub fn compare(
+    mesh: &TriMesh,
+    views: &[&View],
+    side: usize,
+) -> Result<(ViewScores, Vec<ViewPair>), FacesError> {
     let stride = views.len().div_ceil(MOST_VIEWS);
     // Renders arrive from any thread; a map keeps their order that of the views.
     let renders = Mutex::new(BTreeMap::new());
     let scores = score_views(mesh, views, &|index, render| {
         if index % stride == 0 {
-            let picture = close_up(views[index], &shown_from(mesh, views[index], render));
+            let picture = close_up(views[index], &shown_from(mesh, views[index], render), side);
             renders.lock().expect("no thread panicked").insert(index, picture);
         }
     })?;
@@ -240,8 +253,8 @@ fn shown_from(mesh: &TriMesh, view: &View, scored: ByteImage) -> ByteImage {
     seen_from(mesh, &view.camera, &options).map_or(scored, |view| view.color)
 }
 
-/// Render and photograph around the object: a square with a margin, at most [`PICTURE`] wide.
-fn close_up(view: &View, render: &ByteImage) -> (ByteImage, ByteImage) {
+/// Render and photograph around the object: a square with a margin, at most so wide.
+fn close_up(view: &View, render: &ByteImage, most: usize) -> (ByteImage, ByteImage) {
     let truth = masked(view);
     let Some([top, left, height, width]) = view.mask_bounds() else {
         return (render.clone(), truth);
@@ -254,7 +267,7 @@ fn close_up(view: &View, render: &ByteImage) -> (ByteImage, ByteImage) {
     let y = start(top, height, view.color.height);
     let picture = |image: &ByteImage| {
         let part = image.cropped(x, y, side, side);
-        if side <= PICTURE { part } else { part.resized(PICTURE, PICTURE) }
+        if side <= most { part } else { part.resized(most, most) }
     };
     (picture(render), picture(&truth))
 }
@@ -331,7 +344,7 @@ fn charts(delivery: &Delivery<'_>) -> Vec<Chart> {
 }
 
 fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
-    let mut tables = vec![mesh_table(&metrics.health, metrics.self_intersections)];
+    let mut tables = vec![mesh_table(&metrics.examination())];
     for comparison in &metrics.truth {
         let mut rows = vec![("formula".to_owned(), comparison.protocol.formula.clone())];
         rows.extend(comparison_rows(comparison));
@@ -369,21 +382,25 @@ pub fn comparison_rows(comparison: &Comparison) -> Vec<(String, String)> {
     }
     let normals = comparison.normal_consistency;
     rows.extend(normals.map(|v| ("normals".to_owned(), format!("{v:.4}  (mean |cos|, 0 to 1)"))));
-    if let Some((iou, what)) = comparison.iou.zip(protocol.volume_unit()) {
-        rows.push(("3D IoU".to_owned(), format!("{iou:.4}  ({what})")));
-    }
+    rows.extend(protocol.volume_unit().map(|what| {
+        let value = comparison.iou.map_or_else(
+            || "none: a mesh that is flat has no volume".to_owned(),
+            |iou| format!("{iou:.4}  ({what})"),
+        );
+        ("3D IoU".to_owned(), value)
+    }));
     rows
 }
 
 /// What there is to say about a mesh by itself.
-pub fn mesh_table(health: &Health, self_intersections: usize) -> Table {
-    let closed = health.is_watertight() && health.outward;
+pub fn mesh_table(found: &Examination) -> Table {
+    let health = &found.health;
     let well_shaped = 100.0 * (1.0 - health.angles_below_5_fraction);
     let rows = [
         ("vertices, faces", format!("{}, {}", health.vertices, health.faces)),
-        ("closed, oriented outwards", if closed { "yes" } else { "no" }.to_owned()),
+        ("it is", found.to_string()),
         ("Euler number", health.euler.to_string()),
-        ("faces that cut each other", self_intersections.to_string()),
+        ("pairs of faces that run through each other", found.self_intersections.to_string()),
         ("sharpest fold between faces", format!("{:.1}°", health.largest_dihedral_degrees)),
         ("smallest angle", format!("{:.2}°", health.smallest_angle_degrees)),
         ("angles of at least 5°", format!("{well_shaped:.3} %")),

@@ -3,15 +3,31 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use recon::fit::Quality;
+
+use super::values::{Choices, one_of};
+
+const QUALITIES: &Choices<Quality> = &[
+    ("draft", "A look in about a second: 2,562 vertices", Quality::Draft),
+    ("normal", "10,242 vertices with a colour each", Quality::Normal),
+    (
+        "high",
+        "40,962 vertices, a texture and larger images of it, for pictures of 512 pixels and more",
+        Quality::High,
+    ),
+];
 
 /// How a fit is configured.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct Configuration {
-    /// A configuration file; what it leaves out has its default. `config.toml` of an earlier
+    /// How fine, and in how much time [default: normal].
+    #[arg(long, value_parser = one_of(QUALITIES), conflicts_with = "config")]
+    pub(crate) quality: Option<Quality>,
+    /// A configuration file instead; what it leaves out has its default. `config.toml` of an earlier
     /// result is one.
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
-    /// One setting, over the configuration file; can be given many times.
+    /// One setting, over quality or configuration file; can be given many times.
     ///
     /// For example `--set level=4 --set color=texture`. `unsphere check --options` lists them all.
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use mesh_core::{Health, TriMesh};
+use mesh_core::{Examination, Health, TriMesh};
 use models::predict::Predictor;
 use recon::fit::FitConfig;
 use serde::Serialize;
@@ -61,8 +61,7 @@ struct MeshReport<'a> {
     path: &'a Path,
     watertight: bool,
     problems: Vec<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    self_intersections: Option<usize>,
+    self_intersections: usize,
     health: Health,
 }
 
@@ -93,11 +92,15 @@ pub(crate) fn run(
     }
     let asked = &arguments.configuration;
     if let Some(name) = &arguments.system {
+        if asked.quality.is_some() {
+            let text = "--quality is of a fit, and --system names another thing: that has --preset";
+            return Err(Failure::Usage(text.to_owned()));
+        }
         let preset = arguments.preset.clone().unwrap_or_else(|| "small".to_owned());
         let (config, set) = (asked.config.clone(), asked.set.clone());
         let asked = SystemSettings { preset, config, set };
         checked.system = Some((systems.named(name).check)(&asked, global)?);
-    } else if asked.config.is_some() || !asked.set.is_empty() {
+    } else if asked.config.is_some() || asked.quality.is_some() || !asked.set.is_empty() {
         // `-` stands for no file at all: the defaults.
         let mut asked = asked.clone();
         asked.config = asked.config.filter(|path| path.as_os_str() != "-");
@@ -105,7 +108,7 @@ pub(crate) fn run(
     }
     if let Some(path) = &arguments.mesh {
         let mesh = read_mesh(console, path)?;
-        checked.mesh = Some(check_mesh(path, &mesh, arguments.self_intersections));
+        checked.mesh = Some(check_mesh(path, &mesh));
     }
     if let Some(path) = &arguments.views {
         checked.views = Some(check_views(console, path, arguments)?);
@@ -118,32 +121,12 @@ pub(crate) fn run(
     Ok(())
 }
 
-fn check_mesh<'a>(path: &'a Path, mesh: &TriMesh, intersections: bool) -> MeshReport<'a> {
-    let health = mesh.health();
-    let crossings = intersections.then(|| mesh.self_intersections().len());
-    let mut problems = Vec::new();
-    let mut note = |wrong: bool, text: String| {
-        if wrong {
-            problems.push(text);
-        }
-    };
-    note(health.faces == 0, "no faces".into());
-    note(!health.finite, "coordinates that are not finite".into());
-    note(!health.indices_in_range, "faces that name vertices that are not there".into());
-    for (count, what) in [
-        (health.boundary_edges, "edges with one face (holes)"),
-        (health.non_manifold_edges, "edges with more than two faces"),
-        (health.non_manifold_vertices, "vertices where surfaces only touch"),
-    ] {
-        note(count > 0, format!("{count} {what}"));
-    }
-    note(!health.oriented, "neighbouring faces of opposite orientation".into());
-    note(health.oriented && !health.outward && health.faces > 0, "faces point inward".into());
-    if let Some(n) = crossings {
-        note(n > 0, format!("{n} pairs of faces run through each other"));
-    }
+fn check_mesh<'a>(path: &'a Path, mesh: &TriMesh) -> MeshReport<'a> {
+    let found = mesh.examined();
+    let problems = found.problems();
+    let Examination { health, self_intersections } = found;
     let watertight = health.is_watertight();
-    MeshReport { path, watertight, problems, self_intersections: crossings, health }
+    MeshReport { path, watertight, problems, self_intersections, health }
 }
 
 fn check_views<'a>(
@@ -177,17 +160,15 @@ fn describe(checked: &Checked<'_>) -> String {
     if let Some(mesh) = &checked.mesh {
         let h = &mesh.health;
         let verdict = if mesh.problems.is_empty() { "a closed solid" } else { "has problems" };
-        let mut rows = vec![
+        let rows = [
             ("  vertices, faces", format!("{}, {}", h.vertices, h.faces)),
             ("  pieces, Euler number", format!("{}, {}", h.components, h.euler)),
             ("  volume, area", format!("{:.6}, {:.6}", h.volume, h.area)),
             ("  smallest angle", format!("{:.2} degrees", h.smallest_angle_degrees)),
             ("  angles below 5 degrees", format!("{:.3} %", 100.0 * h.angles_below_5_fraction)),
             ("  sharpest fold", format!("{:.1} degrees", h.largest_dihedral_degrees)),
+            ("  pairs of faces that run through each other", mesh.self_intersections.to_string()),
         ];
-        if let Some(n) = mesh.self_intersections {
-            rows.push(("  self-intersections", n.to_string()));
-        }
         parts.push(format!("{}: {verdict}\n{}", mesh.path.display(), table(rows)));
         parts.extend(mesh.problems.iter().map(|problem| format!("  problem: {problem}\n")));
     }

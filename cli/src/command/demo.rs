@@ -14,6 +14,7 @@ use crate::console::Console;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
+use crate::truth::Truth;
 
 /// Where the results go when nothing is said.
 const FOLDER: &str = "unsphere-demo";
@@ -41,6 +42,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Demo) -> Result<
     let source = PathBuf::from("an alarm clock that was made for it");
     let views = Views { source, ..Views::in_memory(views) };
     let title = "Alarm clock";
-    let (truth, up) = (Some(&clock), UpAxis::Y);
+    let truth = Truth::known(clock);
+    let (truth, up) = (Some(&truth), UpAxis::Y);
     Job { title, views, config: &config, truth, up, folder, interrupt, start }.run(console)
 }

@@ -1,13 +1,13 @@
 //! `unsphere fit`: views of one object in, a mesh with its report out.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use datasets::Views;
-use mesh_core::{ByteImage, TriMesh, UpAxis};
+use mesh_core::{ByteImage, UpAxis};
 use recon::delivery::{DeliverError, Delivery, Metrics, deliver};
 use recon::evaluate::ViewScores;
-use recon::fit::{Event, FitConfig, FitError, Fitted, fit};
+use recon::fit::{ColorKind, Event, FitConfig, FitError, Fitted, Quality, fit, unused_detail};
 use serde::Serialize;
 use train::output::OutputFolder;
 use train::settings;
@@ -17,13 +17,13 @@ use crate::command::metrics::describe as describe_comparison;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::mesh_file::read_mesh;
 use crate::progress::Progress;
 use crate::provenance::{facts, typed_command};
+use crate::truth::Truth;
 use crate::views::{diagnosis, read_views};
 
 /// Where the results go when nothing is said.
-const FOLDER: &str = "unsphere-fit";
+pub(crate) const FOLDER: &str = "unsphere-fit";
 
 /// What is printed with `--json`: `metrics.json`, and where and how fast it was made.
 #[derive(Debug, Serialize)]
@@ -36,12 +36,24 @@ struct Outcome<'a> {
 /// Below this mean mask IoU something is likely wrong with the input, and is looked for.
 const DOUBTFUL: f64 = 0.93;
 
+/// A fit that is written.
+pub(crate) struct Finished {
+    pub(crate) output: PathBuf,
+    pub(crate) seconds: f64,
+    pub(crate) metrics: Metrics,
+    /// How many views it was fitted to, of how many.
+    fitted: usize,
+    views: usize,
+    /// What would make it better, if something would.
+    finer: Option<String>,
+}
+
 /// One fit from its views to its folder; `demo` does the same with views of its own.
 pub(crate) struct Job<'a> {
     pub(crate) title: &'a str,
     pub(crate) views: Views,
     pub(crate) config: &'a FitConfig,
-    pub(crate) truth: Option<&'a TriMesh>,
+    pub(crate) truth: Option<&'a Truth>,
     pub(crate) up: UpAxis,
     pub(crate) folder: OutputFolder,
     pub(crate) interrupt: Interrupt,
@@ -51,37 +63,43 @@ pub(crate) struct Job<'a> {
 
 pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(), Failure> {
     let start = Instant::now();
+    let path = &arguments.views;
     let config = configuration(&arguments.configuration, global)?;
     let folder = arguments.output.create(FOLDER)?;
     let interrupt = Interrupt::listen(Some(folder.unfinished()))?;
-    let truth = arguments.truth.as_ref().map(|path| read_mesh(console, path)).transpose()?;
+    let truth = arguments.truth.as_ref().map(|path| Truth::read(console, path)).transpose()?;
     let reading = arguments.reading.options();
-    let mut views = read_views(console, &arguments.views, &reading)?;
-    if let Some(path) = &arguments.score {
+    let mut views = read_views(console, path, &reading)?;
+    if let Some(others) = &arguments.score {
         if config.hold_out.is_none() {
             let text =
                 "--score holds views out, and hold-out = none fits all: leave one of them away";
             return Err(Failure::Usage(text.to_owned()));
         }
         let fitted = views.len();
-        let others = read_views(console, path, &reading)?;
+        let others = read_views(console, others, &reading)?;
         views.views.extend(others.views);
         views.warnings.extend(others.warnings);
         views.test = (fitted..views.len()).collect();
     }
     views.warnings.iter().for_each(|warning| console.warn(warning));
-    let name = arguments.views.file_stem().unwrap_or(arguments.views.as_os_str());
+    let name = path.file_stem().unwrap_or(path.as_os_str());
     let title = name.to_string_lossy();
     let truth = truth.as_ref();
-    let up = arguments.up.unwrap_or_else(|| {
+    let up = up_axis(console, arguments, &views);
+    Job { title: &title, views, config: &config, truth, up, folder, interrupt, start }.run(console)
+}
+
+/// The axis that is asked for, or what the cameras say.
+pub(crate) fn up_axis(console: Console, arguments: &Fit, views: &Views) -> UpAxis {
+    arguments.up.unwrap_or_else(|| {
         let found = UpAxis::of_cameras(views.views.iter().map(|view| &view.camera));
         if found != UpAxis::Y {
             let text = "is up by the cameras: mesh.glb, the page and the turntable are turned so that they stand upright (--up)";
             console.remark(format_args!("{found} {text}"));
         }
         found
-    });
-    Job { title: &title, views, config: &config, truth, up, folder, interrupt, start }.run(console)
+    })
 }
 
 /// The configuration that the command line asks for, checked.
@@ -89,7 +107,13 @@ pub(crate) fn configuration(
     arguments: &Configuration,
     global: Global,
 ) -> Result<FitConfig, Failure> {
-    let mut config: FitConfig = settings::read(arguments.config.as_deref(), &arguments.set)?;
+    let mut config: FitConfig = match arguments.quality {
+        Some(quality) => {
+            let name = format!("quality {}", quality.name());
+            settings::read_text(Path::new(&name), quality.toml(), &arguments.set)?
+        }
+        None => settings::read(arguments.config.as_deref(), &arguments.set)?,
+    };
     if let Some(seed) = global.seed {
         config.seed = seed;
     }
@@ -108,15 +132,40 @@ pub(crate) fn configuration(
 
 impl Job<'_> {
     /// Fits, scores, writes and prints. Ctrl-C ends the fit early; what there is is written.
-    pub(crate) fn run(mut self, console: Console) -> Result<(), Failure> {
+    pub(crate) fn run(self, console: Console) -> Result<(), Failure> {
         self.interrupt.worthwhile();
+        let Finished { output, seconds, metrics, fitted, views, finer } =
+            self.finish(console, false)?;
+        let outcome = Outcome { output: &output, seconds, metrics: &metrics };
+        console.result(&outcome, |outcome| describe(outcome, [fitted, views]))?;
+        if metrics.interrupted {
+            let text = format!("the mesh in {} is what there was by then", output.display());
+            return Err(Failure::Interrupted(text));
+        }
+        if let Some(text) = finer {
+            console.remark(text);
+        }
+        Ok(())
+    }
+
+    /// Fits, scores and writes. What Ctrl-C ended early is written too, unless only what is `whole` counts.
+    pub(crate) fn finish(mut self, console: Console, whole: bool) -> Result<Finished, Failure> {
         let mut fitted = self.fit(console)?;
+        if whole && fitted.interrupted {
+            return Err(Failure::Interrupted("it was not finished".to_owned()));
+        }
         if fitted.evaluations.last().is_some_and(|&(_, iou)| iou < DOUBTFUL) {
             for reason in diagnosis(&self.views) {
                 console.warn(&reason);
                 fitted.warnings.push(reason);
             }
         }
+        let doubt = self.truth.and_then(|truth| truth.doubt(&fitted.mesh, &self.views.source));
+        if let Some(doubt) = doubt {
+            console.warn(&doubt);
+            fitted.warnings.push(doubt);
+        }
+        let finer = self.finer(&fitted);
         if !fitted.held_out_views.is_empty() {
             // Only these are looked at again; the images of the others make room.
             for &i in &fitted.train_views {
@@ -132,7 +181,7 @@ impl Job<'_> {
             views: &self.views,
             config: self.config,
             fitted: &fitted,
-            truth: self.truth,
+            truth: self.truth.map(|truth| &truth.mesh),
             up: self.up,
             provenance: facts(["unsphere", "threads", "machine"]).into(),
         };
@@ -142,14 +191,26 @@ impl Job<'_> {
         })?;
         let output = self.folder.commit()?;
         progress.finish();
-        let seconds = self.start.elapsed().as_secs_f64();
-        let outcome = Outcome { output: &output, seconds, metrics: &metrics };
-        console.result(&outcome, |outcome| describe(outcome, &self.views, &fitted))?;
-        if metrics.interrupted {
-            let text = format!("the mesh in {} is what there was by then", output.display());
-            return Err(Failure::Interrupted(text));
-        }
-        Ok(())
+        Ok(Finished {
+            output,
+            seconds: self.start.elapsed().as_secs_f64(),
+            metrics,
+            fitted: fitted.train_views.len(),
+            views: self.views.len(),
+            finer,
+        })
+    }
+
+    /// Where the images show more than the mesh holds: what would show it.
+    fn finer(&self, fitted: &Fitted) -> Option<String> {
+        let high = Quality::High.config();
+        let is_less = self.config.level < high.level && self.config.color == ColorKind::Vertex;
+        let vertices = fitted.mesh.positions.len();
+        let pixels = unused_detail(&self.views.views, vertices).filter(|_| is_less)?;
+        Some(format!(
+            "the images show more than this mesh holds ({pixels:.0} pixels to a vertex): --quality {} fits a finer one, with a texture",
+            Quality::High.name()
+        ))
     }
 
     fn fit(&self, console: Console) -> Result<Fitted, Failure> {
@@ -198,27 +259,20 @@ pub(crate) fn score_rows(scores: &ViewScores) -> Vec<(&'static str, String)> {
     ]
 }
 
-fn describe(outcome: &Outcome<'_>, views: &Views, fitted: &Fitted) -> String {
+fn describe(outcome: &Outcome<'_>, [fitted, views]: [usize; 2]) -> String {
     let metrics = outcome.metrics;
     let scores = &metrics.views;
     let health = &metrics.health;
     let count = scores.views.len();
-    let mesh = format!(
-        "{} vertices, {}, Euler number {}, {} self-intersections",
-        health.vertices,
-        if health.is_watertight() { "closed" } else { "not closed" },
-        health.euler,
-        metrics.self_intersections
-    );
+    let found = metrics.examination();
+    let mesh = format!("{} vertices, {found}, Euler number {}", health.vertices, health.euler);
     let mut rows = score_rows(scores);
     rows.push(("mesh", mesh));
     rows.push(("time", format!("{:.1} s, {} steps", outcome.seconds, metrics.steps)));
     rows.push(("output", outcome.output.display().to_string()));
     let scored = if metrics.scored_on == "fitted" { "fitted" } else { "held out" };
     let mut text = format!(
-        "{} of {} views fitted; the scores are means over {count} views that were {scored}\n{}",
-        fitted.train_views.len(),
-        views.len(),
+        "{fitted} of {views} views fitted; the scores are means over {count} views that were {scored}\n{}",
         table(rows)
     );
     if !metrics.truth.is_empty() {

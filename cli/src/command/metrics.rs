@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use losses::metrics::{CompareError, Preset, Report, Role, evaluate};
+use losses::metrics::{CompareError, FrameMismatch, Preset, Report, Role, evaluate};
 use recon::delivery::comparison_rows;
 use serde::Serialize;
 
@@ -17,6 +17,9 @@ use crate::progress::Progress;
 struct Comparison<'a> {
     prediction: &'a Path,
     truth: &'a Path,
+    /// Why the two seem to lie in different coordinates.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    warning: Option<String>,
     reports: Vec<Report>,
 }
 
@@ -39,9 +42,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Metrics) -> Resu
         let protocol = preset.protocol(global.seed.unwrap_or(0));
         reports.push(evaluate(&prediction, &truth, &protocol).map_err(|error| {
             let role = match &error {
-                CompareError::Invalid { role, .. }
-                | CompareError::NoSurface { role, .. }
-                | CompareError::Flat { role } => *role,
+                CompareError::Invalid { role, .. } | CompareError::NoSurface { role, .. } => *role,
             };
             let path = match role {
                 Role::Prediction => &arguments.prediction,
@@ -51,8 +52,12 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Metrics) -> Resu
         })?);
     }
     progress.finish();
-    let comparison =
-        Comparison { prediction: &arguments.prediction, truth: &arguments.truth, reports };
+    let warning = FrameMismatch::of(&prediction, &truth).map(|found| found.to_string());
+    if let Some(warning) = &warning {
+        console.warn(warning);
+    }
+    let (prediction, truth) = (&arguments.prediction, &arguments.truth);
+    let comparison = Comparison { prediction, truth, warning, reports };
     console.result(&comparison, |comparison| {
         comparison.reports.iter().map(describe).collect::<Vec<_>>().join("\n")
     })

@@ -97,10 +97,7 @@ fn describe(outcome: &Outcome<'_>) -> String {
         Some(scores) => (scores, "cameras that were not given"),
         None => (&metrics.given, "cameras that were given, for want of others"),
     };
-    let health = &metrics.health;
-    let whole = if health.is_watertight() { "closed" } else { "not closed" };
-    let crossings = metrics.self_intersections;
-    let mesh = format!("{} vertices, {whole}, {crossings} self-intersections", health.vertices);
+    let mesh = format!("{} vertices, {}", metrics.health.vertices, metrics.examination());
     let mut rows = score_rows(scores);
     rows.push(("mesh", mesh));
     rows.push(("checkpoint", format!("{}, step {}", metrics.checkpoint, metrics.steps)));

@@ -6,7 +6,7 @@
 //! - cameras: [`rotation_angle`], and [`symmetric_rotation_angle`] modulo the [`turns`] of an object
 //! - features of a network, run elsewhere: [`frechet`] (the FID), [`feature_distance`] (MCMR's figure of that name)
 //! - point sets: [`point_distances`] and what follows from them ([`PointDistances`])
-//! - meshes: [`evaluate`] under a published [`Protocol`]; [`voxel_iou`], [`mcmr_iou`]
+//! - meshes: [`evaluate`] under a published [`Protocol`]; [`voxel_iou`], [`mcmr_iou`]; [`FrameMismatch`], where they lie apart
 //!
 //! Distances between the same two meshes differ between papers by factors of a thousand, because scale,
 //! squaring, and the number of points differ. So a figure is only ever given together with the
@@ -14,6 +14,7 @@
 
 mod bounds;
 mod depth;
+mod frame;
 mod frechet;
 mod image;
 mod mcmr;
@@ -25,6 +26,7 @@ mod symmetry;
 mod voxel;
 
 pub use depth::{DepthError, depth_error};
+pub use frame::FrameMismatch;
 pub use frechet::{FrechetError, feature_distance, frechet};
 pub use image::{MaskRule, l1, mask_iou, mask_iou_by, mse, overlap, psnr, psnr_inside, ssim};
 pub use mcmr::{McmrAlignment, mcmr_iou};

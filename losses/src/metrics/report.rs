@@ -24,7 +24,7 @@ pub struct Report {
     pub f_scores: Vec<FScore>,
     /// The mean `|cos|` between normals at nearest points, both ways averaged.
     pub normal_consistency: Option<f64>,
-    /// The intersection over union of the volumes.
+    /// The intersection over union of the volumes; none where a mesh is flat and has none.
     pub iou: Option<f64>,
 }
 
@@ -65,12 +65,6 @@ pub enum CompareError {
         /// How many faces it has.
         faces: usize,
     },
-    /// The scale of the comparison is taken from a bounding box that has none.
-    #[error("the {role} has a flat bounding box, so the meshes cannot be aligned")]
-    Flat {
-        /// Which mesh.
-        role: Role,
-    },
 }
 
 /// Compares two meshes as a protocol says.
@@ -78,10 +72,12 @@ pub enum CompareError {
 /// A mesh compared with itself gives distance 0, F-score 1 and IoU 1 exactly, since both are sampled with
 /// the protocol's seed.
 ///
+/// A mesh all of whose points lie in a plane has no volume: the distances are measured, the IoU is not.
+///
 /// Cost: brute-force nearest neighbours, `samples²` pairs each way; 100,000 points take about a second.
 ///
 /// # Errors
-/// If a mesh is invalid, has no surface, or cannot be aligned.
+/// If a mesh is invalid or has no surface.
 ///
 /// ```
 /// use losses::metrics::{Preset, evaluate};
@@ -120,17 +116,12 @@ pub fn evaluate(
     if let Some(points) = protocol.points {
         distances(&prediction, &truth, points, &mut report);
     }
-    report.iou = match protocol.iou {
-        None => None,
-        Some(IouProtocol::CommonBox { resolution }) => {
-            Some(voxel_iou(&prediction, &truth, resolution))
-        }
-        Some(IouProtocol::McmrAligned { .. }) => {
-            let alignment = McmrAlignment::of(&prediction, &truth)
-                .ok_or_else(|| CompareError::Flat { role: flat(&prediction) })?;
-            Some(mcmr_iou(&prediction, &truth, alignment))
-        }
-    };
+    let solid = !flat(&prediction) && !flat(&truth);
+    report.iou = protocol.iou.filter(|_| solid).and_then(|iou| match iou {
+        IouProtocol::CommonBox { resolution } => Some(voxel_iou(&prediction, &truth, resolution)),
+        IouProtocol::McmrAligned { .. } => McmrAlignment::of(&prediction, &truth)
+            .map(|alignment| mcmr_iou(&prediction, &truth, alignment)),
+    });
     Ok(report)
 }
 
@@ -177,10 +168,24 @@ fn placed(mesh: &TriMesh, factor: f64, offset: [f64; 3]) -> TriMesh {
     TriMesh::new(mesh.positions.iter().map(place).collect(), mesh.faces.clone())
 }
 
-fn flat(prediction: &TriMesh) -> Role {
-    let volume =
-        bounds(prediction).map_or(0.0, |(lo, hi)| (0..3).map(|k| hi[k] - lo[k]).product::<f64>());
-    if volume > 0.0 { Role::Truth } else { Role::Prediction }
+/// Whether all vertices that faces use lie in one plane, within a millionth of the mesh's extent.
+fn flat(mesh: &TriMesh) -> bool {
+    let used = || mesh.faces.iter().flatten().map(|&v| mesh.positions[v as usize].map(f64::from));
+    let Some(first) = used().next() else { return true };
+    let minus = |p: [f64; 3], q: [f64; 3]| -> [f64; 3] { std::array::from_fn(|k| p[k] - q[k]) };
+    let cross = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] {
+        std::array::from_fn(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
+    };
+    let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| a[k] * b[k]).sum::<f64>();
+    let longest = |vectors: &mut dyn Iterator<Item = [f64; 3]>| {
+        vectors.max_by(|a, b| dot(*a, *a).total_cmp(&dot(*b, *b))).unwrap_or_default()
+    };
+    // The farthest point from the first, and the one that is farthest from the line of both, span the plane.
+    let reach = longest(&mut used().map(|p| minus(p, first)));
+    let normal = longest(&mut used().map(|p| cross(reach, minus(p, first))));
+    let length = dot(normal, normal).sqrt();
+    let extent = dot(reach, reach).sqrt();
+    used().all(|p| dot(normal, minus(p, first)).abs() <= 1e-6 * extent * length)
 }
 
 fn area(mesh: &TriMesh) -> f64 {
@@ -284,8 +289,26 @@ mod tests {
         broken = ball.clone();
         broken.positions[7][2] = f32::NAN;
         assert!(message(&broken, &ball).contains("vertex 7"));
-        let flat = TriMesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]]);
-        assert!(message(&flat, &ball).contains("the predicted mesh has a flat bounding box"));
-        assert!(message(&ball, &flat).contains("the true mesh has a flat bounding box"));
+    }
+
+    #[test]
+    fn a_flat_mesh_has_no_iou_and_keeps_its_distances() {
+        let ball = icosphere(1);
+        // In a plane of a coordinate, and in a plane of none.
+        for corner in [[1.0, 0.0, 0.0], [0.6, 0.1, 0.7]] {
+            let flat = TriMesh::new(
+                vec![[0.3, 0.2, 0.1], corner, [0.0, 1.0, 0.0], [0.1, -1.0, 0.2]],
+                vec![[0, 1, 2]],
+            );
+            for preset in Preset::ALL {
+                for (p, t) in [(&flat, &ball), (&ball, &flat), (&flat, &flat)] {
+                    let report = evaluate(p, t, &preset.protocol(0)).unwrap();
+                    assert_eq!(report.iou, None);
+                    assert_eq!(report.chamfer.is_some(), report.protocol.points.is_some());
+                }
+            }
+        }
+        let thin = cuboid([1.0, 1.0, 1e-3]);
+        assert_eq!(evaluate(&thin, &thin, &Preset::OccNet.protocol(0)).unwrap().iou, Some(1.0));
     }
 }

@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 
 use datasets::View;
 use mesh_core::io::write_mesh;
-use mesh_core::{Health, TriMesh, UpAxis};
-use recon::delivery::{DeliverError, animation, compare, mesh_table, score_figures, write_results};
+use mesh_core::{Examination, Health, TriMesh, UpAxis};
+use recon::delivery::{
+    DeliverError, PICTURE, animation, compare, mesh_table, score_figures, write_results,
+};
 use recon::evaluate::ViewScores;
 use recon::scene::scene_of;
 use serde::Serialize;
@@ -69,7 +71,7 @@ pub struct Metrics {
     pub held_out: Option<ViewScores>,
     /// Whether the mesh is whole.
     pub health: Health,
-    /// Pairs of faces that cut through each other.
+    /// Pairs of faces that run through each other.
     pub self_intersections: usize,
     /// From decoded images to the mesh. Absent where it was not measured: all else is the same each time.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -78,6 +80,14 @@ pub struct Metrics {
     pub details: BTreeMap<String, Vec<f64>>,
     /// What a user should know, one sentence each.
     pub warnings: Vec<String>,
+}
+
+impl Metrics {
+    /// What they say of the mesh by itself, for words.
+    pub fn examination(&self) -> Examination {
+        let self_intersections = self.self_intersections;
+        Examination { health: self.health.clone(), self_intersections }
+    }
 }
 
 /// Scores a prediction and writes everything that a user keeps of it into the folder: `mesh.glb`,
@@ -89,7 +99,7 @@ pub struct Metrics {
 pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics, DeliverError> {
     let (input, mesh) = (delivery.input, &delivery.prediction.mesh);
     let judge = |views: &[View], kind: &str| -> Result<(ViewScores, Vec<ViewPair>), DeliverError> {
-        let (scores, mut pairs) = compare(mesh, &views.iter().collect::<Vec<_>>())?;
+        let (scores, mut pairs) = compare(mesh, &views.iter().collect::<Vec<_>>(), PICTURE)?;
         for pair in &mut pairs {
             pair.caption = format!("{kind} {}", pair.caption);
         }
@@ -104,6 +114,7 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
         }
     };
     pairs.extend(shown);
+    let found = mesh.examined();
     let metrics = Metrics {
         schema_version: 1,
         system: delivery.system.to_owned(),
@@ -111,8 +122,8 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
         steps: delivery.steps,
         given,
         held_out,
-        health: mesh.health(),
-        self_intersections: mesh.self_intersections().len(),
+        health: found.health,
+        self_intersections: found.self_intersections,
         milliseconds: delivery.milliseconds,
         details: delivery
             .prediction
@@ -123,7 +134,7 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
         warnings: input.warnings.clone(),
     };
     write_sequence(&delivery.prediction.sequence, folder)?;
-    write_results(mesh, UpAxis::Y, &metrics, report(delivery, &metrics, pairs), folder)?;
+    write_results(mesh, (UpAxis::Y, PICTURE), &metrics, report(delivery, &metrics, pairs), folder)?;
     Ok(metrics)
 }
 
@@ -175,7 +186,7 @@ fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
     let mut tables = Vec::new();
     tables.extend(held_out.map(|scores| score_table("At cameras that were not given", scores)));
     tables.push(score_table("At the given cameras", &metrics.given));
-    tables.push(mesh_table(&metrics.health, metrics.self_intersections));
+    tables.push(mesh_table(&metrics.examination()));
     let input = delivery.input;
     let names: Vec<&str> = input.given.iter().map(|view| view.name.as_str()).collect();
     let row = |name: &str, value: String| (name.to_owned(), value);

@@ -50,6 +50,7 @@ mod event;
 mod hull;
 mod outline;
 mod placement;
+mod quality;
 mod shape;
 mod sight;
 mod stepper;
@@ -70,6 +71,7 @@ pub use error::FitError;
 pub use event::{Event, Step};
 pub use placement::{Placement, cones};
 pub(crate) use placement::{distance, nearest_point};
+pub use quality::{Quality, unused_detail};
 pub use stepper::Stepper;
 
 use hull::Hull;
@@ -90,6 +92,8 @@ pub struct Fitted {
     pub mesh: TriMesh,
     /// The examination of the mesh.
     pub health: Health,
+    /// Pairs of its faces that run through each other.
+    pub self_intersections: usize,
     /// Where it started.
     pub placement: Placement,
     /// The losses of every step.
@@ -197,6 +201,7 @@ impl<'a> Run<'a> {
         let fitted = Fitted {
             mesh: TriMesh::default(),
             health: TriMesh::default().health(),
+            self_intersections: 0,
             placement,
             history: Vec::new(),
             evaluations: Vec::new(),
@@ -338,9 +343,7 @@ impl<'a> Run<'a> {
     fn finish(mut self, shape: Shape, config: &FitConfig, views: &[View]) -> Fitted {
         let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
         let Shape { mut positions, faces, topology, .. } = shape;
-        if untangle::untangle(&mut positions, &faces, &topology).is_none() {
-            self.warn("the surface passes through itself where smoothing could not help".into());
-        }
+        let untangled = untangle::untangle(&mut positions, &faces, &topology).is_some();
         let (positions, faces, topology) = (&positions, &faces, &topology);
         let (vertices, count) = (positions.len(), faces.len());
         self.tell(Event::Stage { name: "color".into(), vertices, faces: count });
@@ -364,7 +367,10 @@ impl<'a> Run<'a> {
             .collect();
         self.fitted.mesh =
             TriMesh { positions: world, faces: faces.clone(), colors: Some(colors), texture };
-        self.fitted.health = self.fitted.mesh.health();
+        let found = self.fitted.mesh.examined();
+        untangle::remaining(&found, untangled).into_iter().for_each(|text| self.warn(text));
+        self.fitted.health = found.health;
+        self.fitted.self_intersections = found.self_intersections;
         self.fitted
     }
 }

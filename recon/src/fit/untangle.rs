@@ -1,6 +1,6 @@
 //! The last guard: smoothing away the places where a surface passes through itself or folds.
 
-use mesh_core::{Topology, TriMesh};
+use mesh_core::{Examination, Topology, TriMesh};
 
 /// Folds sharper than this are smoothed, in degrees: 0 is flat, 180 folded back.
 const FOLD: f32 = 165.0;
@@ -30,6 +30,16 @@ pub(super) fn untangle(
         }
     }
     (!tangled(positions, faces, topology).contains(&true)).then_some(ROUNDS)
+}
+
+/// What to say of a mesh after it, if anything: the count is that of the finished mesh, which rounding may have changed.
+pub(super) fn remaining(found: &Examination, untangled: bool) -> Option<String> {
+    let fold = || {
+        let degrees = found.health.largest_dihedral_degrees;
+        format!("the surface is folded by {degrees:.0} degrees")
+    };
+    let text = found.crossings().or_else(|| (!untangled).then(fold));
+    text.map(|text| text + " where smoothing could not help")
 }
 
 /// The vertices of faces that intersect others or are folded onto a neighbour.
@@ -109,5 +119,25 @@ mod tests {
         let topology = Topology::new(before.len(), &sphere.faces);
         assert_eq!(untangle(&mut sphere.positions, &sphere.faces, &topology), Some(0));
         assert_eq!(sphere.positions, before);
+    }
+
+    #[test]
+    fn what_is_said_of_the_rest_is_what_is_counted() {
+        let ball = primitives::icosphere(2);
+        assert_eq!(remaining(&ball.examined(), true), None);
+        // Folds alone are no self-intersections, and are not called so.
+        let text = remaining(&ball.examined(), false).unwrap_or_default();
+        assert!(text.starts_with("the surface is folded by"), "{text}");
+        let mut two = ball.clone();
+        assert!(two.append(&ball.translated([0.9, 0.1, 0.2])).is_ok());
+        let found = two.examined();
+        for untangled in [true, false] {
+            let text = remaining(&found, untangled).unwrap_or_default();
+            let count = found.self_intersections;
+            assert!(
+                count > 1
+                    && text.starts_with(&format!("{count} pairs of faces run through each other"))
+            );
+        }
     }
 }
