@@ -17,6 +17,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use mesh_core::UpAxis;
 
+use crate::shard::Shard;
 pub(crate) use convert::ConvertMesh;
 pub(crate) use data::{Data, DataVerb, DepthKind, Generate};
 pub(crate) use dataset::{Convert, Inspect, Validate, WrittenLayout};
@@ -141,10 +142,21 @@ Examples:
   unsphere fit scan/transforms.json -o scan-mesh --quality high
   unsphere fit photos/ -o mug --mask backdrop --max-size 1024
   unsphere fit photos/ -o mug --masks masks/ --score other-photos/
-  unsphere fit scan/ -o again --config scan-mesh/config.toml --force")]
+  unsphere fit scan/ -o again --config scan-mesh/config.toml --force
+  unsphere fit --batch objects.txt -o meshes --shard 2/4")]
 pub(crate) struct Fit {
     /// Views of one object.
-    pub(crate) views: PathBuf,
+    #[arg(required_unless_present = "batch")]
+    pub(crate) views: Option<PathBuf>,
+    /// Many objects instead: a text file with the path of the views of one in each line, and behind a tab that of its true
+    /// mesh where it is known. Each gets a folder in the output, which gets summary.csv and index.html; what is done
+    /// already is left.
+    #[arg(long, value_name = "LIST", conflicts_with_all = ["views", "score", "truth"])]
+    pub(crate) batch: Option<PathBuf>,
+    /// Only the I-th of N parts of the batch, from 1; in a job array of Slurm it is the task's (SLURM_ARRAY_TASK_ID,
+    /// SLURM_ARRAY_TASK_COUNT).
+    #[arg(long, value_name = "I/N")]
+    pub(crate) shard: Option<Shard>,
     #[command(flatten)]
     pub(crate) output: Output,
     #[command(flatten)]

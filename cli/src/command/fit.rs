@@ -13,6 +13,7 @@ use train::output::OutputFolder;
 use train::settings;
 
 use crate::args::{Configuration, Fit, Global};
+use crate::command::batch;
 use crate::command::metrics::describe as describe_comparison;
 use crate::console::{Console, table};
 use crate::failure::Failure;
@@ -62,8 +63,14 @@ pub(crate) struct Job<'a> {
 }
 
 pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(), Failure> {
+    if let Some(list) = &arguments.batch {
+        return batch::run(console, global, arguments, list);
+    }
+    if arguments.shard.is_some() {
+        return Err(Failure::Usage("--shard is a part of a list: it goes with --batch".to_owned()));
+    }
     let start = Instant::now();
-    let path = &arguments.views;
+    let path = arguments.views.as_ref().expect("clap wants views or a batch");
     let config = configuration(&arguments.configuration, global)?;
     let folder = arguments.output.create(FOLDER)?;
     let interrupt = Interrupt::listen(Some(folder.unfinished()))?;

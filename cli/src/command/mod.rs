@@ -1,5 +1,6 @@
 //! The commands, one file each.
 
+mod batch;
 pub(crate) mod check;
 mod completions;
 mod convert;

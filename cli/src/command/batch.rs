@@ -1,0 +1,260 @@
+//! `unsphere fit --batch`: many objects, one after another, in as many processes as there are.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use recon::fit::FitConfig;
+use serde::Serialize;
+use train::output::{
+    LockError, OutputError, OutputFolder, disk, lock_folder, remove_within, write_within,
+};
+use train::settings;
+
+use crate::args::{Fit, Global};
+use crate::command::fit::{FOLDER, Job, configuration, up_axis};
+use crate::console::{Console, table};
+use crate::failure::Failure;
+use crate::interrupt::Interrupt;
+use crate::object_list::{self, ListedObject};
+use crate::shard::Shard;
+use crate::summary::{PAGE, State, Summary, TABLE, failure_file};
+use crate::truth::Truth;
+use crate::views::read_views;
+
+/// How long another process may be at the summary before this one gives up.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// What is printed with `--json`.
+#[derive(Debug, Serialize)]
+struct Outcome<'a> {
+    output: &'a Path,
+    shard: String,
+    /// How many this process fitted, and how many of those that it tried it could not.
+    fitted: usize,
+    failed: usize,
+    #[serde(flatten)]
+    summary: &'a Summary,
+}
+
+/// A batch under way.
+struct Batch<'a> {
+    arguments: &'a Fit,
+    config: FitConfig,
+    folder: PathBuf,
+    list: Vec<ListedObject>,
+    interrupt: Interrupt,
+}
+
+pub(crate) fn run(
+    console: Console,
+    global: Global,
+    arguments: &Fit,
+    list: &Path,
+) -> Result<(), Failure> {
+    let config = configuration(&arguments.configuration, global)?;
+    let shard = match arguments.shard {
+        Some(shard) => shard,
+        None => Shard::of_slurm(|name| std::env::var(name).ok())
+            .map_err(Failure::Usage)?
+            .unwrap_or(Shard::WHOLE),
+    };
+    let list = object_list::read(list)?;
+    let folder = arguments.output.folder.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
+    disk::make_folders(&folder)
+        .map_err(|source| OutputError::Io { path: folder.clone(), source })?;
+    let interrupt = Interrupt::listen(None)?;
+    // What is finished is kept, whenever it ends.
+    interrupt.worthwhile();
+    let batch = Batch { arguments, config, folder, list, interrupt };
+    batch.refuse_other_settings()?;
+    let fitted = batch.fit(console, shard);
+    // Of what is finished, also where the rest was stopped.
+    let summary = batch.summarise(console)?;
+    let (fitted, failed) = fitted?;
+    let outcome = Outcome {
+        output: &batch.folder,
+        shard: shard.to_string(),
+        fitted,
+        failed,
+        summary: &summary,
+    };
+    console.result(&outcome, describe)?;
+    if failed > 0 {
+        let place = batch.folder.join(PAGE);
+        let text = format!("{failed} objects could not be fitted; {} says why", place.display());
+        return Err(Failure::Other(text));
+    }
+    Ok(())
+}
+
+impl Batch<'_> {
+    fn place(&self, object: &ListedObject) -> PathBuf {
+        self.folder.join(&object.name)
+    }
+
+    fn is_done(&self, object: &ListedObject) -> bool {
+        self.place(object).join("metrics.json").is_file()
+    }
+
+    /// What stands there must have been made as it would be now, or the table would mix two kinds of figures.
+    fn refuse_other_settings(&self) -> Result<(), Failure> {
+        let own = settings::to_toml(&self.config);
+        for object in self.list.iter().filter(|object| self.is_done(object)) {
+            let path = self.place(object).join("config.toml");
+            let other = std::fs::read_to_string(&path).unwrap_or_default();
+            if other != own && !self.arguments.output.force {
+                return Err(Failure::Usage(format!(
+                    "{} has other settings than are asked for now; choose another folder, or make all again (--force)",
+                    path.display()
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Fits what is missing of a shard: how many were fitted, and how many could not be.
+    fn fit(&self, console: Console, shard: Shard) -> Result<(usize, usize), Failure> {
+        let own: Vec<&ListedObject> =
+            self.list.iter().enumerate().filter(|(k, _)| shard.has(*k)).map(|(_, o)| o).collect();
+        let (mut fitted, mut failed) = (0, 0);
+        for (k, object) in own.iter().enumerate() {
+            let place = format!("{} of {}, {}", k + 1, own.len(), object.name);
+            if self.is_done(object) && !self.arguments.output.force {
+                // What a process left that was killed at its very end goes when the place is taken and given back.
+                drop(OutputFolder::create(&self.place(object), true));
+                console.remark(format_args!("{place}: is done"));
+                continue;
+            }
+            if self.interrupt.flow().is_break() {
+                return Err(self.interrupted());
+            }
+            match self.object(console, object, &place) {
+                Ok(()) => fitted += 1,
+                // One that another process is at, is that process's.
+                Err(Failed::Busy(text)) => console.remark(format_args!("{place}: {text}")),
+                Err(Failed::Whole(failure)) => return Err(failure),
+                Err(Failed::Object(text)) => {
+                    failed += 1;
+                    console.warn(format_args!("{place}: {text}"));
+                    self.note(&failure_file(&object.name), text.as_bytes())?;
+                }
+            }
+        }
+        Ok((fitted, failed))
+    }
+
+    fn interrupted(&self) -> Failure {
+        let text =
+            format!("what is finished is in {}; the same command goes on", self.folder.display());
+        Failure::Interrupted(text)
+    }
+
+    fn object(&self, console: Console, object: &ListedObject, place: &str) -> Result<(), Failed> {
+        let start = Instant::now();
+        // What a process that was killed left is swept by the folder.
+        let target = self.place(object);
+        let folder = match OutputFolder::create(&target, target.exists()) {
+            Ok(folder) => folder,
+            Err(error @ OutputError::Busy { .. }) => return Err(Failed::Busy(error.to_string())),
+            Err(error) => return Err(Failed::Whole(error.into())),
+        };
+        // What is made again is not done until it is.
+        remove_within(&target, &["metrics.json"]).map_err(|(path, error)| {
+            Failed::Whole(Failure::Other(format!("{}: {error}", path.display())))
+        })?;
+        // Each line of an object would drown those of the others.
+        let silent = Console { quiet: true, ..console };
+        let read = || -> Result<_, Failure> {
+            let truth = object.truth.as_ref().map(|path| Truth::read(silent, path)).transpose()?;
+            let views = read_views(silent, &object.views, &self.arguments.reading.options())?;
+            Ok((truth, views))
+        };
+        let (truth, views) = read().map_err(Failed::of)?;
+        let up = up_axis(silent, self.arguments, &views);
+        let job = Job {
+            title: &object.name,
+            views,
+            config: &self.config,
+            truth: truth.as_ref(),
+            up,
+            folder,
+            interrupt: self.interrupt.clone(),
+            start,
+        };
+        let finished = job.finish(silent, true).map_err(|failure| match failure {
+            Failure::Interrupted(_) => Failed::Whole(self.interrupted()),
+            failure => Failed::of(failure),
+        })?;
+        // It may have failed before.
+        let _ = std::fs::remove_file(self.folder.join(failure_file(&object.name)));
+        console.remark(format_args!(
+            "{place}: mask IoU {:.4}, {:.1} s",
+            finished.metrics.views.mask_iou, finished.seconds
+        ));
+        Ok(())
+    }
+
+    /// Writes table and page of all that is there, by whichever process it was made: the last one to end writes all of it.
+    fn summarise(&self, console: Console) -> Result<Summary, Failure> {
+        let start = Instant::now();
+        let lock = loop {
+            match lock_folder(&self.folder) {
+                Ok(lock) => break Some(lock),
+                Err(LockError::Io(error)) => {
+                    let path = self.folder.display();
+                    return Err(Failure::Other(format!("cannot lock {path}: {error}")));
+                }
+                Err(LockError::Busy(holder)) if start.elapsed() > PATIENCE => {
+                    console.warn(format_args!(
+                        "{holder} holds the summary; the same command writes it anew"
+                    ));
+                    break None;
+                }
+                Err(LockError::Busy(_)) => std::thread::sleep(Duration::from_millis(50)),
+            }
+        };
+        let summary = Summary::of(&self.list, &self.folder);
+        if lock.is_some() {
+            self.note(TABLE, summary.csv().as_bytes())?;
+            self.note(PAGE, summary.html().as_bytes())?;
+        }
+        Ok(summary)
+    }
+
+    fn note(&self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
+        write_within(&self.folder, name, bytes)
+            .map_err(|(path, error)| Failure::Other(format!("{}: {error}", path.display())))
+    }
+}
+
+/// Why an object was not fitted.
+enum Failed {
+    /// Another process is at it.
+    Busy(String),
+    /// It cannot be; the others may.
+    Object(String),
+    /// Nothing can go on.
+    Whole(Failure),
+}
+
+impl Failed {
+    fn of(failure: Failure) -> Self {
+        match failure {
+            Failure::Input(text) | Failure::Other(text) => Self::Object(text),
+            failure => Self::Whole(failure),
+        }
+    }
+}
+
+fn describe(outcome: &Outcome<'_>) -> String {
+    let summary = outcome.summary;
+    let counts = [State::Done, State::Failed, State::Waiting].map(|state| summary.count(state));
+    let [done, failed, waiting] = counts;
+    let mut rows = summary.means();
+    rows.push(("output", outcome.output.display().to_string()));
+    format!(
+        "{} objects: {done} done, {failed} failed, {waiting} waiting; the figures are means over what is done\n{}",
+        summary.objects.len(),
+        table(rows)
+    )
+}
