@@ -54,8 +54,12 @@ pub(super) fn charts(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<Chart> {
             let mut chart = Chart::seen(&positions, faces, grown, direction, number, &mut local);
             let kept = chart.without_overlaps(trial);
             if kept.len() < chart.faces.len() {
-                chart.faces.iter().for_each(|&face| taken[face as usize] = false);
-                kept.iter().for_each(|&face| taken[face as usize] = true);
+                for &face in &chart.faces {
+                    taken[face as usize] = false;
+                }
+                for &face in &kept {
+                    taken[face as usize] = true;
+                }
                 chart = Chart::seen(&positions, faces, kept, direction, number + 1, &mut local);
             }
             charts.push(chart);
@@ -154,7 +158,9 @@ impl Chart {
                 }
             });
             if !own.iter().any(|&cell| covered[cell]) {
-                own.iter().for_each(|&cell| covered[cell] = true);
+                for &cell in &own {
+                    covered[cell] = true;
+                }
                 kept.push(face);
             }
         }

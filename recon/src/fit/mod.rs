@@ -368,7 +368,9 @@ impl<'a> Run<'a> {
         self.fitted.mesh =
             TriMesh { positions: world, faces: faces.clone(), colors: Some(colors), texture };
         let found = self.fitted.mesh.examined();
-        untangle::remaining(&found, untangled).into_iter().for_each(|text| self.warn(text));
+        if let Some(text) = untangle::remaining(&found, untangled) {
+            self.warn(text);
+        }
         self.fitted.health = found.health;
         self.fitted.self_intersections = found.self_intersections;
         self.fitted
