@@ -12,7 +12,8 @@ use super::reading::Reading;
     after_help = "VIEWS is whatever `unsphere fit` reads: images with masks and cameras, of any size and number. A
 view whose file is missing is left out with a warning. Views that are not given judge the mesh.
 
-The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html and metrics.json. The mesh
+The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html and metrics.json; where the mesh
+was refined, one-pass.glb too, as the network made it, and its scores beside the others. The mesh
 is in the coordinates of the cameras, which must be those of the training: a model knows objects of
 the size and place that it has seen.
 
@@ -59,6 +60,10 @@ pub(crate) struct Predict {
     /// More views of the object, which only judge the mesh.
     #[arg(long, value_name = "VIEWS")]
     pub(crate) score: Option<PathBuf>,
+    /// Steps of refinement: the predicted mesh is moved until its outlines agree with the given views, and takes their
+    /// colours. 0 leaves it as the network made it. Without it, 50 for img2mesh and 0 for the others.
+    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(..=10_000))]
+    pub(crate) refine: Option<u32>,
     /// Also measure how long a prediction takes, and write it down: the median of five more.
     #[arg(long)]
     pub(crate) time: bool,

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use models::predict::{Choice, Delivery, Metrics, Predictor, Request, deliver, milliseconds};
+use models::predict::{
+    Choice, Delivery, Metrics, Predictor, Request, deliver, milliseconds, refined,
+};
 use serde::Serialize;
 use train::Checkpoint;
 
@@ -53,7 +55,9 @@ pub(crate) fn run<S: Predictor>(console: Console, arguments: &Predict) -> Result
     input.warnings.iter().for_each(|warning| console.warn(warning));
     let progress = Progress::new(console, "predict");
     let refused = |error| Failure::Input(format!("{}: {error}", input.source.display()));
+    let steps = arguments.refine.map_or(S::REFINE, |steps| steps as usize);
     let prediction = system.apply(&input).map_err(refused)?;
+    let prediction = refined(prediction, &input, steps).map_err(refused)?;
     let time = || milliseconds(&system, &input, TIMED).map_err(refused);
     let milliseconds = arguments.time.then(time).transpose()?;
     progress.say("scores, meshes, turntable, report");
@@ -99,6 +103,14 @@ fn describe(outcome: &Outcome<'_>) -> String {
     };
     let mesh = format!("{} vertices, {}", metrics.health.vertices, metrics.examination());
     let mut rows = score_rows(scores);
+    rows.extend(metrics.one_pass.as_ref().map(|before| {
+        let scores = before.held_out.as_ref().unwrap_or(&before.given);
+        let psnr = scores.psnr.map_or_else(String::new, |psnr| format!(", {psnr:.2} dB"));
+        let crossings = before.self_intersections;
+        let iou = scores.mask_iou;
+        let text = format!("mask IoU {iou:.4}{psnr}, {crossings} self-intersections");
+        ("unrefined", text)
+    }));
     rows.push(("mesh", mesh));
     rows.push(("checkpoint", format!("{}, step {}", metrics.checkpoint, metrics.steps)));
     rows.extend(metrics.milliseconds.map(|time| ("prediction", format!("{time:.1} ms"))));

@@ -50,7 +50,7 @@ impl<B: MeshInit> Predictor for Refined<B> {
         Ok(Prediction {
             mesh: in_world(mesh),
             sequence: stages.into_iter().map(in_world).collect(),
-            details: Vec::new(),
+            ..Prediction::default()
         })
     }
 }

@@ -5,6 +5,7 @@ use synth::families_named;
 use train::Summary;
 use train::settings::{LARGEST, Options as _, above_to};
 
+use super::view_stage::ViewStage;
 use crate::parts::counts;
 
 train::options! {
@@ -56,6 +57,16 @@ train::options! {
         /// How many coarser levels have offsets of their own, which are carried to the finest and added there; 0 is
         /// the finest alone, as published.
         pub coarse_levels: u32 = 0, in 0..=5;
+        /// How many stages look at the views where each vertex is seen and move it from there: the first on the mesh that the whole
+        /// images gave, each other on the next finer level, the last on `level`. 0 is as published. They take maps of the encoder
+        /// `small`, and the cameras of the views.
+        pub stages: usize = 0, in 0..=5;
+        /// Features of a vertex in the stages.
+        pub vertex_features: usize = 96, in 1..=4096;
+        /// Heads of the attention over the views at a vertex.
+        pub vertex_heads: usize = 4, in 1..=4096;
+        /// Graph convolutions of a stage.
+        pub graph_convolutions: usize = 4, in 1..=64;
         /// After how many epochs each the next finer level comes in; without, all are there from the start.
         #[serde(with = "train::settings::optional")]
         pub refine_every: Option<u64> = None, in 1..=LARGEST;
@@ -84,6 +95,11 @@ train::options! {
         /// Weight of the sum of squared edge lengths. The published 1e-8 is of a sphere of radius 37.5: of one of
         /// radius 0.6, whose squares are 62.5² times smaller, 3.90625e-5 says the same.
         pub edge_weight: f64 = 3.90625e-5, in 0.0..=1e6;
+        /// Weight of the bending energy of the deformation, of every mesh on the way: the mean square of its Laplacian over the
+        /// fourth power of an edge of the sphere's, which is the same at each level.
+        pub bending_weight: f64 = 0.0, in 0.0..=1e6;
+        /// What the loss of the masks counts of each mesh before the last stage's.
+        pub early_weight: f64 = 0.3, in 0.0..=1.0;
         /// Whether DIB-R draws by its published rules ([`Settings::published`](diff_raster::Settings::published)): colours
         /// linear on the screen, no near plane, faces that turn away invisible, a silhouette of at most 30 faces a
         /// pixel, the first by their numbers.
@@ -177,14 +193,24 @@ impl Img2MeshConfig {
         }
     }
 
+    /// Features that a stage finds at the vertices: of the whole images before the first one.
+    pub(super) fn left(&self, stage: usize) -> usize {
+        if stage == 0 { self.width() } else { self.vertex_features }
+    }
+
     /// Vertices of the mesh.
     pub fn vertices(&self) -> usize {
         vertices(self.level)
     }
 
+    /// The level of the mesh that the whole images give, which the first stage begins with.
+    pub(super) fn base_level(&self) -> u32 {
+        self.level.saturating_sub(self.stages.saturating_sub(1) as u32)
+    }
+
     /// The coarsest level that has offsets of its own.
     pub(super) fn coarsest(&self) -> u32 {
-        self.level.saturating_sub(self.coarse_levels)
+        self.base_level().saturating_sub(self.coarse_levels)
     }
 
     /// Seed of the data that is made; 0 where neither the options nor a run say one.
@@ -206,7 +232,18 @@ impl Img2MeshConfig {
             }
         };
         let coarser = self.coarse_levels;
-        require(coarser <= self.level, "coarse-levels", &coarser, "at most `level`");
+        let most = self.level.saturating_sub(self.stages.saturating_sub(1) as u32);
+        let what = "at most `level`, less the stages beyond the first";
+        require(coarser <= most, "coarse-levels", &coarser, what);
+        let fits = self.stages <= self.level as usize + 1;
+        require(fits, "stages", &self.stages, "at most `level` + 1");
+        let small = self.stages == 0 || self.encoder == EncoderKind::Small;
+        require(small, "stages", &self.stages, "0 for this encoder, which has no maps to look at");
+        let learns = self.stages == 0 || !self.freeze_encoder;
+        require(learns, "freeze-encoder", &self.freeze_encoder, "false with `stages`");
+        let divides = self.vertex_features.is_multiple_of(self.vertex_heads.max(1));
+        let what = format!("a divisor of the {} features of a vertex", self.vertex_features);
+        require(divides, "vertex-heads", &self.vertex_heads, &what);
         let looks = matches!(self.encoder, EncoderKind::Vgg16 | EncoderKind::Cnn);
         let weights = self.weights.as_deref().unwrap_or_default();
         let what = "nothing: only the encoders `vgg16` and `cnn` can be loaded";
@@ -227,7 +264,7 @@ impl Img2MeshConfig {
 
     /// Shapes and numbers of parameters.
     pub(super) fn summary(&self) -> Summary {
-        let (d, v) = (self.width(), self.vertices());
+        let (d, v, base) = (self.width(), self.vertices(), vertices(self.base_level()));
         let linear = |inputs: usize, outputs: usize| outputs * (inputs + 1);
         let conv =
             |pairs: &[[usize; 2]]| -> usize { pairs.iter().map(|p| linear(9 * p[0], p[1])).sum() };
@@ -252,14 +289,16 @@ impl Img2MeshConfig {
         let attention = if mean { 0 } else { self.layers * layer };
         let camera = if self.camera_embedding { linear(12, d) } else { 0 };
         let coarse: usize =
-            (self.coarsest()..self.level).map(|level| linear(d, 3 * vertices(level))).sum();
-        let heads = 2 * linear(d, 3 * v) + linear(d, 3) + coarse;
+            (self.coarsest()..self.base_level()).map(|level| linear(d, 3 * vertices(level))).sum();
+        let heads = 2 * linear(d, 3 * base) + linear(d, 3) + coarse;
+        let stages: usize =
+            (0..self.stages).map(|i| ViewStage::parameters(self, self.left(i))).sum();
         let frozen = match self.encoder {
             _ if !self.freeze_encoder => 0,
             EncoderKind::Cnn => conv(&front),
             _ => encoder,
         };
-        let trainable = encoder - frozen + attention + camera + linear(d, d) + heads;
+        let trainable = encoder - frozen + attention + camera + linear(d, d) + heads + stages;
         let shapes = [
             ("images", format!("[N V, {0}, {0}, 3]", self.image_size)),
             ("features", format!("[N, V, {d}]")),

@@ -74,6 +74,18 @@ impl Encoder {
         }
     }
 
+    /// Maps of the encoder `small`, finest first, and the features `[M, D]` that follow from them; no maps of the others.
+    pub(super) fn maps<'t>(&self, images: Var<'t>) -> (Vec<Var<'t>>, Var<'t>) {
+        match &self.small {
+            Some(net) => {
+                let maps = net.maps(images);
+                let features = net.features(&maps);
+                (maps, features)
+            }
+            None => (Vec::new(), self.forward(images)),
+        }
+    }
+
     fn normalized<'t>(&self, images: Var<'t>) -> Var<'t> {
         if !self.normalize {
             return images;

@@ -6,6 +6,10 @@
 //!   -> offsets of an icosphere, its colours, its place -> DIB-R into the same cameras -> four losses
 //! ```
 //!
+//! With `stages` the mesh of the whole images is only where it begins: each stage reads the encoder's maps, the masks' outlines
+//! and the colours of every view where a vertex is seen, attends over the views at each vertex, and moves it after a few graph
+//! convolutions, from coarse to fine.
+//!
 //! The number of views is free: a model trained on pairs takes one view or eight. Beyond what was
 //! published it can be told each view's camera (`camera-embedding`), be compared with views that
 //! it was not given (`extra-views`), and attend over the views as the paper says, where the
@@ -16,7 +20,7 @@
 //! features of each image once.
 //!
 //! # References
-//! The img2mesh paper and its code; losses and renderer: Chen et al. 2019, *Learning to Predict 3D Objects with
+//! Vertex-aligned features of several views: Wen et al. 2019, *Pixel2Mesh++*. The img2mesh paper and its code; losses and renderer: Chen et al. 2019, *Learning to Predict 3D Objects with
 //! an Interpolation-based Differentiable Renderer*.
 
 mod config;
@@ -24,8 +28,10 @@ mod data;
 mod encoder;
 mod evaluate_meshes;
 mod feature_cache;
+mod level;
 mod mesh_pairs;
 mod model;
+mod observation;
 mod offsets;
 mod predictor;
 mod prepared;
@@ -36,6 +42,9 @@ mod score;
 mod surface;
 #[cfg(test)]
 mod tests;
+mod view_stage;
+#[cfg(test)]
+mod view_stage_tests;
 
 use std::sync::Arc;
 
@@ -52,9 +61,10 @@ use train::{
 use crate::stacked::stacked;
 use encoder::Encoder;
 use feature_cache::FeatureCache;
+use level::Level;
 use model::{Meshes, Model};
+use observation::observe;
 use prepared::Prepared;
-use render::ViewRenderer;
 
 pub use config::{AttentionKind, EncoderKind, Img2MeshConfig, SilhouetteKind};
 pub use data::{Data, Group, Sample};
@@ -66,7 +76,8 @@ pub struct Img2Mesh {
     config: Img2MeshConfig,
     seed: u64,
     model: Model,
-    renderer: ViewRenderer,
+    /// Those that have meshes of their own, coarsest first.
+    levels: Vec<Level>,
     features: FeatureCache,
 }
 
@@ -75,17 +86,66 @@ impl_module!(Img2Mesh: f32 = model);
 impl Img2Mesh {
     /// Meshes of `n` objects from all given views, object by object, each as many.
     fn meshes<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
-        if !Encoder::is_frozen(&self.config) {
-            return self.meshes_uncached(tape, n, views);
-        }
-        let features = self.features.of(tape, &self.model, self.config.image_size, views);
-        self.model.forward(n, features, self.cameras(tape, views, &[views.len(), 12]))
+        *self.sequence(tape, n, views).last().expect("a mesh at least")
     }
 
     /// The same from images that are not looked at again: no features are kept.
     fn meshes_uncached<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
-        let features = self.model.encode(pictures(tape, self.config.image_size, views));
-        self.model.forward(n, features, self.cameras(tape, views, &[views.len(), 12]))
+        *self.sequence_uncached(tape, n, views).last().expect("a mesh at least")
+    }
+
+    /// The finest level, on which predictions are.
+    fn finest(&self) -> &Level {
+        self.levels.last().expect("a level at least")
+    }
+
+    /// The mesh of the whole images, and those of the stages: each on the level of its place but the first, whose level is the
+    /// first stage's.
+    fn sequence<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Vec<Meshes<'t>> {
+        if !Encoder::is_frozen(&self.config) {
+            return self.sequence_uncached(tape, n, views);
+        }
+        let features = self.features.of(tape, &self.model, self.config.image_size, views);
+        vec![self.model.forward(n, features, self.cameras(tape, views, &[views.len(), 12]))]
+    }
+
+    fn sequence_uncached<'t>(
+        &self,
+        tape: &'t Tape,
+        n: usize,
+        views: &[Arc<Prepared>],
+    ) -> Vec<Meshes<'t>> {
+        let images = pictures(tape, self.config.image_size, views);
+        let (maps, features) = self.model.encode_maps(images);
+        let code = self.model.code(n, features, self.cameras(tape, views, &[views.len(), 12]));
+        let first = self.model.decode(code);
+        if self.model.stages().is_empty() {
+            return vec![first];
+        }
+        let frame = self.model.frame.as_slice();
+        let cameras: Vec<[f32; 12]> = views.iter().map(|view| view.matrix(frame)).collect();
+        let views: Vec<&Prepared> = views.iter().map(AsRef::as_ref).collect();
+        let [_, v, _] = first.positions.dims();
+        // Each vertex is told what the whole images say.
+        let [_, d] = code.dims();
+        let ones = tape.constant(ndarray::Array3::ones((1, v, 1)));
+        let mut left = code.reshape(&[n, 1, d]) * ones;
+        let (mut mesh, mut sequence) = (first, vec![first]);
+        for (i, (stage, level)) in self.model.stages().iter().zip(&self.levels).enumerate() {
+            if let Some(up) = i.checked_sub(1).and_then(|before| self.levels[before].up.as_ref()) {
+                mesh = mesh.carried(up);
+                left = left.sparse_matmul(up);
+            }
+            let seen = observe(tape, level, mesh.positions, &views, &cameras);
+            let (offset, colors, hidden) = tape.scope("stage", || {
+                let refined = stage.forward(&maps, &seen, left, mesh.colors, level);
+                (refined.offset, refined.colors, refined.hidden)
+            });
+            mesh = mesh.refined(offset, colors);
+            left = hidden;
+            sequence.push(mesh);
+        }
+        sequence
     }
 
     /// Cameras relative to the model's frame: 12 numbers a view, as `shape`.
@@ -132,6 +192,7 @@ impl System for Img2Mesh {
         ("clock", include_str!("presets/clock.toml")),
         ("clock-vgg16", include_str!("presets/clock-vgg16.toml")),
         ("unseen", include_str!("presets/unseen.toml")),
+        ("aligned", include_str!("presets/aligned.toml")),
     ];
     const BEST: &'static str = "mask-iou";
 
@@ -151,9 +212,9 @@ impl System for Img2Mesh {
     }
 
     fn new(config: &Img2MeshConfig, seed: u64) -> Self {
-        let (model, template) = Model::new(config, seed);
-        let renderer = ViewRenderer::new(&template, config);
-        Self { config: config.clone(), seed, model, renderer, features: FeatureCache::default() }
+        let levels = Level::all(config);
+        let model = Model::new(config, &levels[0].template, seed);
+        Self { config: config.clone(), seed, model, levels, features: FeatureCache::default() }
     }
 
     fn init_from_data(&mut self, data: &Data) -> Result<(), DataError> {
@@ -221,21 +282,40 @@ impl System for Img2Mesh {
         let k = self.given(at);
         let given: Vec<Arc<Prepared>> =
             batch.iter().flat_map(|sample| sample.views.iter().take(k).cloned()).collect();
-        let meshes = self.meshes(tape, n, &given);
+        let sequence = self.sequence(tape, n, &given);
+        let (meshes, earlier) = sequence.split_last().expect("a mesh at least");
+        let finest = self.finest();
         let targets = || batch.iter().flat_map(|sample| &sample.views);
         let (m, side) = (targets().count(), c.render_size);
         let all: Vec<&Prepared> = targets().map(AsRef::as_ref).collect();
         let matrices = self.cameras(tape, &all, &[m, 3, 4]);
-        let rendered = self.renderer.render(meshes.positions, meshes.colors, matrices);
+        let rendered = finest.renderer.render(meshes.positions, meshes.colors, matrices);
         let image = stacked(tape, targets().map(|view| &view.target[..]), &[m, side, side, 3]);
         let mask = stacked(tape, targets().map(|view| &view.mask[..]), &[m, side, side]);
-        let topology = &self.renderer.topology;
-        let flat = losses::face_angle(meshes.raw, &self.renderer.corners, &topology.edge_faces);
-        Ok(Terms::new()
+        let topology = &finest.renderer.topology;
+        let flat = losses::face_angle(meshes.raw, &finest.renderer.corners, &topology.edge_faces);
+        let mut terms = Terms::new()
             .with("image", c.image_weight, losses::l1(rendered.image, image, None))
             .with("mask", c.mask_weight, losses::mask_iou(rendered.silhouette, mask))
             .with("flat", c.flat_weight, flat)
-            .with("edge", c.edge_weight, losses::edge_length_sum(meshes.raw, &topology.edges)))
+            .with("edge", c.edge_weight, losses::edge_length_sum(meshes.raw, &topology.edges));
+        if c.bending_weight > 0.0 {
+            let all = sequence.iter().enumerate();
+            let energy = all.map(|(i, mesh)| self.levels[i.saturating_sub(1)].bending(mesh.raw));
+            let energy = energy.reduce(|a, b| a + b).expect("a mesh at least");
+            terms = terms.with("bending", c.bending_weight, energy);
+        }
+        if !earlier.is_empty() {
+            let error = |(i, mesh): (usize, &Meshes<'t>)| {
+                let level = &self.levels[i.saturating_sub(1)];
+                let silhouettes = level.renderer.silhouettes(mesh.positions, matrices);
+                losses::mask_iou(silhouettes, mask)
+            };
+            let errors = earlier.iter().enumerate().map(error);
+            let early = errors.reduce(|a, b| a + b).expect("one at least");
+            terms = terms.with("early-masks", c.early_weight * c.mask_weight, early);
+        }
+        Ok(terms)
     }
 
     fn data_summary(data: &Data) -> Option<DataSummary> {

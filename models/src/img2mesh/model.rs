@@ -1,13 +1,14 @@
 //! The network: encoder, attention, trunk, heads.
 
-use autodiff_lite::{Activation, Param, Tape, Var, impl_module};
-use mesh_core::{TriMesh, primitives};
+use autodiff_lite::{Activation, Param, SparseMatrix, Var, impl_module};
+use mesh_core::TriMesh;
 use ndarray::{Array1, Array2};
 use nets::{Init, Linear, TransformerConfig, TransformerEncoderLayer};
 
 use super::config::{AttentionKind, Img2MeshConfig};
 use super::encoder::Encoder;
 use super::offsets::Offsets;
+use super::view_stage::ViewStage;
 
 /// The network, whose parameters are named as the published code names them where it does.
 #[derive(Clone, Debug)]
@@ -19,13 +20,14 @@ pub(super) struct Model {
     pub(super) mesh_fc: Offsets,
     mesh_pos_fc: Linear,
     mesh_color_fc: Linear,
+    stages: Vec<ViewStage>,
     /// Centre and scale of the data in its world: `[4]`.
     pub(super) frame: Param,
     attention: AttentionKind,
     offset_scale: f32,
     sphere: Array2<f32>,
 }
-impl_module!(Model: f32 { encoder, camera, layers, fc, mesh_fc, mesh_pos_fc, mesh_color_fc, frame }
+impl_module!(Model: f32 { encoder, camera, layers, fc, mesh_fc, mesh_pos_fc, mesh_color_fc, stages, frame }
     fixed { attention, offset_scale, sphere });
 
 /// Meshes of a batch: `[N, V, 3]` each.
@@ -49,10 +51,25 @@ fn shrunk(mut head: Linear, factor: f64) -> Linear {
     head
 }
 
+impl<'t> Meshes<'t> {
+    /// The same on the next level, whose vertices lie between these.
+    pub(super) fn carried(self, up: &SparseMatrix) -> Self {
+        let [raw, positions, colors] =
+            [self.raw, self.positions, self.colors].map(|x| x.sparse_matmul(up));
+        Self { raw, positions, colors }
+    }
+
+    /// With vertices moved, and other colours.
+    pub(super) fn refined(self, offset: Var<'t>, colors: Var<'t>) -> Self {
+        Self { raw: self.raw + offset, positions: self.positions + offset, colors }
+    }
+}
+
 impl Model {
-    pub(super) fn new(config: &Img2MeshConfig, seed: u64) -> (Self, TriMesh) {
+    /// With fresh weights, for meshes that begin as `template`.
+    pub(super) fn new(config: &Img2MeshConfig, template: &TriMesh, seed: u64) -> Self {
         let init = Init::new(seed);
-        let (d, v) = (config.width(), config.vertices());
+        let (d, v) = (config.width(), template.positions.len());
         let layers = match config.attention {
             AttentionKind::Mean => 0,
             _ => config.layers,
@@ -67,26 +84,35 @@ impl Model {
         // crumple a sphere of radius 1 before the first step.
         let small = config.radius / PUBLISHED_RADIUS / config.offset_scale;
         let head = |at: &Init, outputs| shrunk(Linear::new(at, d, outputs), small);
-        let template = primitives::icosphere(config.level).scaled([config.radius as f32; 3]);
-        let model = Self {
+        let stage = |i: usize| ViewStage::new(&init.at("stages").index(i), config, config.left(i));
+        Self {
             encoder: Encoder::new(&init.at("encoder"), config),
             camera: config.camera_embedding.then(|| Linear::new(&init.at("camera"), 12, d)),
             layers: (0..layers)
                 .map(|i| TransformerEncoderLayer::new(&at.index(i), &transformer))
                 .collect(),
             fc: Linear::new(&init.at("fc"), d, d),
-            mesh_fc: Offsets::new(&init.at("mesh_fc"), [config.coarsest(), config.level], head),
+            mesh_fc: Offsets::new(
+                &init.at("mesh_fc"),
+                [config.coarsest(), config.base_level()],
+                head,
+            ),
             mesh_pos_fc: head(&init.at("mesh_pos_fc"), 3),
             mesh_color_fc: shrunk(
                 Linear::new(&init.at("mesh_color_fc"), d, 3 * v),
                 config.first_colors,
             ),
+            stages: (0..config.stages).map(stage).collect(),
             frame: Param::buffer(Array1::from(vec![0.0, 0.0, 0.0, 1.0])),
             attention: config.attention,
             offset_scale: config.offset_scale as f32,
             sphere: Array2::from(template.positions.clone()),
-        };
-        (model, template)
+        }
+    }
+
+    /// How many stages follow the whole images' mesh.
+    pub(super) fn stages(&self) -> &[ViewStage] {
+        &self.stages
     }
 
     /// Images `[M, S, S, 3]` to features `[M, D]`.
@@ -94,8 +120,18 @@ impl Model {
         images.tape().scope("encoder", || self.encoder.forward(images))
     }
 
+    /// Images to the maps that [stages](Self::stages) look at, and features.
+    pub(super) fn encode_maps<'t>(&self, images: Var<'t>) -> (Vec<Var<'t>>, Var<'t>) {
+        images.tape().scope("encoder", || self.encoder.maps(images))
+    }
+
     /// Features `[N V, D]` and cameras `[N V, 12]` of `n` objects to their meshes.
     pub(super) fn forward<'t>(&self, n: usize, features: Var<'t>, cameras: Var<'t>) -> Meshes<'t> {
+        self.decode(self.code(n, features, cameras))
+    }
+
+    /// What all views of each object together say of it: `[N, D]`.
+    pub(super) fn code<'t>(&self, n: usize, features: Var<'t>, cameras: Var<'t>) -> Var<'t> {
         let tape = features.tape();
         let features = match &self.camera {
             Some(camera) => features + camera.forward(cameras),
@@ -105,8 +141,7 @@ impl Model {
         let tokens = features.reshape(&[n, m / n, d]);
         let mixed = tape.scope("layers", || self.attend(tokens));
         let mean = mixed.mean_axis(1);
-        let code = mean + self.fc.forward_then(mean, Activation::Relu);
-        self.decode(tape, code)
+        mean + self.fc.forward_then(mean, Activation::Relu)
     }
 
     pub(super) fn attend<'t>(&self, tokens: Var<'t>) -> Var<'t> {
@@ -118,7 +153,9 @@ impl Model {
         }
     }
 
-    fn decode<'t>(&self, tape: &'t Tape, code: Var<'t>) -> Meshes<'t> {
+    /// Codes `[N, D]` to meshes.
+    pub(super) fn decode<'t>(&self, code: Var<'t>) -> Meshes<'t> {
+        let tape = code.tape();
         let [n, _] = code.dims();
         let v = self.sphere.nrows();
         let scaled = |x: Var<'t>| if self.offset_scale == 1.0 { x } else { x * self.offset_scale };

@@ -77,7 +77,7 @@ impl Offsets {
 }
 
 /// Values of an icosphere's vertices to those of a finer one: `[V fine, V coarse]`.
-fn carried(from: u32, to: u32) -> SparseMatrix<f32> {
+pub(super) fn carried(from: u32, to: u32) -> SparseMatrix<f32> {
     let sphere = primitives::icosphere(from);
     let columns = sphere.positions.len();
     let mut rows: Vec<Vec<(usize, f32)>> = (0..columns).map(|i| vec![(i, 1.0)]).collect();

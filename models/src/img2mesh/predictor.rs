@@ -10,6 +10,8 @@ impl Predictor for Img2Mesh {
     const TRAINING: &'static str = "`unsphere train img2mesh VIEWS -o runs/mine` trains one, in about three minutes on two \
          cores (a rough one with --preset tiny, in seconds)";
 
+    const REFINE: usize = 50;
+
     fn input(_: &Img2MeshConfig) -> String {
         "views of one object: images, masks and cameras".to_owned()
     }

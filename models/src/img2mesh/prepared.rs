@@ -3,6 +3,7 @@
 use datasets::View;
 use mesh_core::ByteImage;
 use recon::evaluate::masked;
+use recon::fit::signed_distance;
 use train::{DataError, Fingerprint};
 
 use super::config::Img2MeshConfig;
@@ -18,6 +19,9 @@ pub(super) struct Prepared {
     pub(super) target: Vec<u8>,
     /// `[R, R]`, the share of the object in each pixel.
     pub(super) mask: Vec<u8>,
+    /// `[R, R]`: distance to the mask's outline in [steps](Self::OUTLINE_STEPS) of a pixel, positive outside; empty where no
+    /// stage asks for it.
+    pub(super) outline: Vec<i8>,
     /// From the world, which the frame of a model is in, to the image plane: `[3, 4]`.
     camera: [[f64; 4]; 3],
     /// What tells images apart: features of frozen encoders are kept under it.
@@ -26,11 +30,14 @@ pub(super) struct Prepared {
 
 impl Stored for Prepared {
     fn bytes(&self) -> usize {
-        self.image.len() + self.target.len() + self.mask.len()
+        self.image.len() + self.target.len() + self.mask.len() + self.outline.len()
     }
 }
 
 impl Prepared {
+    /// Steps of a pixel in [`outline`](Self::outline).
+    pub(super) const OUTLINE_STEPS: f32 = 4.0;
+
     /// Images that are not square are squeezed, for the encoder and for the losses; the cameras
     /// are told of neither, since their image plane reaches from -1 to 1 both ways.
     pub(super) fn new(view: &View, config: &Img2MeshConfig) -> Result<Self, DataError> {
@@ -42,12 +49,15 @@ impl Prepared {
         let color = if config.mask_images { masked(view) } else { view.color.clone() };
         let bytes = |picture: &ByteImage, side: usize| picture.resized(side, side).data;
         let image = bytes(&color, config.image_size);
+        let mask = bytes(&view.mask, config.render_size);
+        let outline = if config.stages > 0 { outline(&mask) } else { Vec::new() };
         Ok(Self {
             name: view.name.clone(),
             key: Fingerprint::new().with(&image).value(),
             image,
             target: bytes(&color, config.render_size),
-            mask: bytes(&view.mask, config.render_size),
+            mask,
+            outline,
             camera: view.camera.projection(),
         })
     }
@@ -60,4 +70,13 @@ impl Prepared {
         let rows = self.camera.map(row);
         std::array::from_fn(|k| rows[k / 4][k % 4] as f32)
     }
+}
+
+/// See [`Prepared::outline`], of a square mask.
+fn outline(mask: &[u8]) -> Vec<i8> {
+    let side = mask.len().isqrt();
+    let inside: Vec<bool> = mask.iter().map(|&m| m > 127).collect();
+    let distance = signed_distance(&inside, side, side, 0.0);
+    // Beyond what a byte holds it only says "far".
+    distance.into_iter().map(|d| (Prepared::OUTLINE_STEPS * d) as i8).collect()
 }

@@ -51,7 +51,7 @@ fn shapes_are_as_published() {
     for shape in [meshes.raw, meshes.positions, meshes.colors].map(|x| x.shape()) {
         assert_eq!(shape, [1, 642, 3]);
     }
-    assert_eq!(system.renderer.topology.edges.len(), 1920);
+    assert_eq!(system.finest().renderer.topology.edges.len(), 1920);
 }
 
 fn tiny(settings: &[(&str, &str)]) -> Img2MeshConfig {
@@ -179,8 +179,7 @@ fn published_rules_draw_no_back_faces() {
         || tape.constant(ndarray::Array3::from_shape_fn((1, 3, 4), |(_, i, j)| rows[i][j]));
     let in_the_middle = |rules: &str, mirrored: f32| {
         let config = tiny(&[("published-rules", rules)]);
-        let (_, template) = model::Model::new(&config, 0);
-        let renderer = ViewRenderer::new(&template, &config);
+        let Level { template, renderer, .. } = Level::all(&config).swap_remove(0);
         let at = |i: usize, k: usize| {
             // Mirrored in x every face turns the other way.
             template.positions[i][k] * if k == 0 { mirrored } else { 1.0 }

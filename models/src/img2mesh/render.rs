@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
-use autodiff_lite::Var;
-use diff_raster::{Faces, Frame, Renderer, Settings};
+use autodiff_lite::{Tape, Var};
+use diff_raster::{Faces, Frame, NONE, Renderer, Settings};
 use mesh_core::{Topology, TriMesh};
+use rayon::prelude::*;
 
 use super::config::{Img2MeshConfig, SilhouetteKind};
 
@@ -46,6 +47,41 @@ impl ViewRenderer {
         }
     }
 
+    /// Planar depth of the nearest surface in every pixel of each camera, infinite where there is none; as many cameras for each
+    /// mesh.
+    pub(super) fn depths(&self, positions: &[&[[f32; 3]]], cameras: &[[f32; 12]]) -> Vec<Vec<f32>> {
+        let views = cameras.len() / positions.len();
+        let draw = |(i, camera): (usize, &[f32; 12])| {
+            let tape = Tape::eval();
+            let rows = |rows: &[f32], shape: &[usize]| {
+                let mut array = tape.array(shape);
+                array.as_slice_mut().copy_from_slice(rows);
+                tape.constant(array)
+            };
+            let mesh = positions[i / views];
+            let mesh = rows(mesh.as_flattened(), &[1, mesh.len(), 3]);
+            let frame = self.renderer.frame(mesh.project(rows(camera, &[1, 3, 4])));
+            let fragments = frame.fragments();
+            let pixels = fragments.depth.iter().zip(&fragments.face);
+            pixels.map(|(&z, &face)| if face == NONE { f32::INFINITY } else { z }).collect()
+        };
+        cameras.par_iter().enumerate().map(draw).collect()
+    }
+
+    /// Silhouettes alone; see [`render`](Self::render).
+    pub(super) fn silhouettes<'t>(&self, positions: Var<'t>, matrices: Var<'t>) -> Var<'t> {
+        let views = matrices.shape()[0] / positions.shape()[0];
+        let frame = self.renderer.frame(repeat(positions, views).project(matrices));
+        self.silhouette(&frame)
+    }
+
+    fn silhouette<'t>(&self, frame: &Frame<'t>) -> Var<'t> {
+        match self.kind {
+            SilhouetteKind::Soft => frame.soft_silhouette(),
+            SilhouetteKind::Antialiased => frame.antialiased_silhouette(),
+        }
+    }
+
     /// Meshes `[N, V, 3]` from `M / N` cameras each; `matrices [M, 3, 4]`, object by object.
     pub(super) fn render<'t>(
         &self,
@@ -57,10 +93,7 @@ impl ViewRenderer {
         let (positions, colors) = (repeat(positions, views), repeat(colors, views));
         let frame = self.renderer.frame(positions.project(matrices));
         let image = frame.interpolate(colors);
-        let silhouette = match self.kind {
-            SilhouetteKind::Soft => frame.soft_silhouette(),
-            SilhouetteKind::Antialiased => frame.antialiased_silhouette(),
-        };
+        let silhouette = self.silhouette(&frame);
         Rendered { image, silhouette, frame }
     }
 }

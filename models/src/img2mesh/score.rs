@@ -90,7 +90,7 @@ impl Img2Mesh {
         // On the tape of the meshes, whose lifetime is that of this call.
         let positions = tape.constant(meshes.positions.value());
         let colors = tape.constant(meshes.colors.value());
-        let rendered = self.renderer.render(positions, colors, matrices);
+        let rendered = self.finest().renderer.render(positions, colors, matrices);
         (rendered.image.value().iter().copied().collect(), rendered.frame.mask())
     }
 
@@ -157,8 +157,10 @@ impl Img2Mesh {
         let (positions, colors) = (meshes.positions.value(), meshes.colors.value());
         let positions = rows(positions.as_slice());
         let place = |p: [f32; 3]| std::array::from_fn(|k| frame[k] + frame[3] * p[k]);
-        let mut mesh =
-            TriMesh::new(positions.into_iter().map(place).collect(), self.renderer.corners.clone());
+        let mut mesh = TriMesh::new(
+            positions.into_iter().map(place).collect(),
+            self.finest().renderer.corners.clone(),
+        );
         mesh.colors = Some(rows(colors.as_slice()));
         mesh
     }

@@ -12,7 +12,7 @@ use super::*;
 
 type Config = Configuration<Img2MeshConfig>;
 
-fn tiny() -> Img2MeshConfig {
+pub(super) fn tiny() -> Img2MeshConfig {
     Img2MeshConfig {
         features: 16,
         image_size: 16,
@@ -25,7 +25,7 @@ fn tiny() -> Img2MeshConfig {
 }
 
 /// Views of a red ellipsoid.
-fn ellipsoid(radii: [f32; 3], count: usize, side: usize) -> Views {
+pub(super) fn ellipsoid(radii: [f32; 3], count: usize, side: usize) -> Views {
     let mesh = icosphere(3).scaled(radii).colored([0.9, 0.2, 0.1]);
     let orbit = Orbit { count, width: side, height: side, ..Orbit::default() };
     let views =
@@ -51,6 +51,10 @@ fn presets_are_in_range_and_parameters_are_counted() {
         system.visit("", &mut |_: &str, param: &Param| all += param.value.len());
         assert_eq!(all, summary.trainable + summary.frozen, "{encoder:?}");
     }
+    for stages in [1, 2] {
+        let config = Img2MeshConfig { stages, vertex_features: 8, vertex_heads: 2, ..tiny() };
+        assert_eq!(Img2Mesh::new(&config, 0).parameter_count(), config.summary().trainable);
+    }
     // The base model: VGG16 with one linear layer, counted without making its 134 million numbers.
     let base = Img2MeshConfig { encoder: EncoderKind::Vgg16, freeze_encoder: true, ..tiny() };
     let base = Img2MeshConfig { image_size: 64, ..base };
@@ -74,12 +78,16 @@ fn presets_are_in_range_and_parameters_are_counted() {
 
 #[test]
 fn every_parameter_gets_a_gradient() {
-    for (encoder, attention) in [
-        (EncoderKind::Small, AttentionKind::Views),
-        (EncoderKind::Small, AttentionKind::Published),
-        (EncoderKind::Cnn, AttentionKind::Mean),
+    for (encoder, attention, stages) in [
+        (EncoderKind::Small, AttentionKind::Views, 0),
+        (EncoderKind::Small, AttentionKind::Views, 2),
+        (EncoderKind::Small, AttentionKind::Published, 0),
+        (EncoderKind::Cnn, AttentionKind::Mean, 0),
     ] {
         let config = Img2MeshConfig {
+            stages,
+            vertex_features: 8,
+            bending_weight: 1e-3,
             encoder,
             attention,
             camera_embedding: true,
@@ -96,6 +104,13 @@ fn every_parameter_gets_a_gradient() {
                 system.draw(&data, &draw).unwrap()
             })
             .collect();
+        // Offsets of a new stage, and what its colours count, begin at zero, and let no gradient through.
+        system.visit_mut("", &mut |path: &str, param: &mut Param| {
+            if path.starts_with("stages") {
+                let values = param.as_slice_mut().iter_mut().enumerate();
+                values.for_each(|(i, x)| *x += 0.1 * (i as f32).sin());
+            }
+        });
         let tape = Tape::train(0);
         let terms = system.loss(&tape, &batch, StepInfo { step: 0, epoch: 0 }).unwrap();
         let total = terms.0.iter().map(|t| t.value.scale(t.weight as f32)).reduce(|a, b| a + b);

@@ -25,6 +25,6 @@ impl Predictor for Mcmr {
             ("camera-quaternion", found.pose.rotation.to_vec()),
             ("mesh-to-world", found.to_world.concat()),
         ];
-        Ok(Prediction { mesh: found.mesh_in_world(), sequence: Vec::new(), details })
+        Ok(Prediction { mesh: found.mesh_in_world(), details, ..Prediction::default() })
     }
 }

@@ -25,7 +25,7 @@ impl<D: Deformer> Predictor for SingleView<D> {
         Ok(Prediction {
             mesh: in_world(mesh),
             sequence: sequence.into_iter().map(in_world).collect(),
-            details: Vec::new(),
+            ..Prediction::default()
         })
     }
 }

@@ -15,6 +15,7 @@ use train::output::{OutputError, OutputFolder};
 use train::report::{Figure, Report, Table, ViewPair};
 
 use super::input::PredictInput;
+use super::one_pass::OnePass;
 use super::predictor::Prediction;
 
 /// A prediction with all that its report says.
@@ -65,6 +66,9 @@ pub struct Metrics {
     pub checkpoint: String,
     /// Steps that the checkpoint was trained for.
     pub steps: u64,
+    /// The same of the mesh before it was refined; absent where it was not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub one_pass: Option<OnePass>,
     /// The scores at the cameras that were given.
     pub given: ViewScores,
     /// The scores at cameras that were not; none where there are no others.
@@ -91,8 +95,8 @@ impl Metrics {
 }
 
 /// Scores a prediction and writes everything that a user keeps of it into the folder: `mesh.glb`,
-/// `mesh.obj`, `mesh.ply`, `turntable.gif`, `report.html` and `metrics.json`; where the system deforms through time
-/// `deformation.gif` and the meshes of its frames in `sequence`.
+/// `mesh.obj`, `mesh.ply`, `turntable.gif`, `report.html` and `metrics.json`; where it was refined `one-pass.glb`, the mesh as
+/// the network made it; where the system deforms through time `deformation.gif` and the meshes of its frames in `sequence`.
 ///
 /// # Errors
 /// If the folder cannot be written or the mesh cannot be scored.
@@ -115,11 +119,13 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
     };
     pairs.extend(shown);
     let found = mesh.examined();
+    let before = delivery.prediction.before.as_ref();
     let metrics = Metrics {
         schema_version: 1,
         system: delivery.system.to_owned(),
         checkpoint: delivery.checkpoint.clone(),
         steps: delivery.steps,
+        one_pass: before.map(|mesh| OnePass::of(mesh, input)).transpose()?,
         given,
         held_out,
         health: found.health,
@@ -133,6 +139,9 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
             .collect(),
         warnings: input.warnings.clone(),
     };
+    if let Some(mesh) = before {
+        write_mesh(folder.path().join("one-pass.glb"), mesh)?;
+    }
     write_sequence(&delivery.prediction.sequence, folder)?;
     write_results(mesh, (UpAxis::Y, PICTURE), &metrics, report(delivery, &metrics, pairs), folder)?;
     Ok(metrics)
@@ -166,10 +175,14 @@ fn report(delivery: &Delivery<'_>, metrics: &Metrics, views: Vec<ViewPair>) -> R
     let mut figures = score_figures(scores);
     let time = metrics.milliseconds.map(|milliseconds| format!("{milliseconds:.1} ms"));
     figures.extend(time.map(|time| Figure::new("for the prediction", time)));
+    let how = match metrics.one_pass {
+        Some(_) => "by a trained model, and then moved until its outlines agree with those views",
+        None => "by a trained model and without fitting",
+    };
     Report {
         title: format!("{}: a prediction", delivery.system),
         summary: format!(
-            "One mesh from {given} of {source}, by a trained model and without fitting; the figures are means over {judged}."
+            "One mesh from {given} of {source}, {how}; the figures are means over {judged}."
         ),
         command: delivery.command.clone(),
         scene: scene_of(&delivery.prediction.mesh),
@@ -186,6 +199,12 @@ fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
     let mut tables = Vec::new();
     tables.extend(held_out.map(|scores| score_table("At cameras that were not given", scores)));
     tables.push(score_table("At the given cameras", &metrics.given));
+    if let Some(before) = &metrics.one_pass {
+        let held_out = before.held_out.as_ref();
+        let title = "At cameras that were not given, before refinement";
+        tables.extend(held_out.map(|scores| score_table(title, scores)));
+        tables.push(score_table("At the given cameras, before refinement", &before.given));
+    }
     tables.push(mesh_table(&metrics.examination()));
     let input = delivery.input;
     let names: Vec<&str> = input.given.iter().map(|view| view.name.as_str()).collect();

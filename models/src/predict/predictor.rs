@@ -18,6 +18,9 @@ pub trait Predictor: System<ReadOptions = ReadOptions> + 'static {
     /// How a checkpoint is had, for those who have none: a command and how long it takes.
     const TRAINING: &'static str;
 
+    /// Steps of refinement on the given views where a user says nothing of it; see [`refined`](super::refined).
+    const REFINE: usize = 0;
+
     /// Reads a user's files.
     ///
     /// # Errors
@@ -43,6 +46,8 @@ pub trait Predictor: System<ReadOptions = ReadOptions> + 'static {
 pub struct Prediction {
     /// The mesh, coloured where the system knows colours, in the world of the given cameras.
     pub mesh: TriMesh,
+    /// The mesh as the network made it, where it was [refined](super::refined) since.
+    pub before: Option<TriMesh>,
     /// The mesh on its way from the template to the shape, first and last included, in the same world; empty where the
     /// system goes there in one step.
     pub sequence: Vec<TriMesh>,

@@ -49,3 +49,31 @@ fn a_slip_is_an_error_and_a_missing_file_a_warning() {
     let error = PredictInput::part(none, Choice::Named(&asked[1..])).unwrap_err().to_string();
     assert!(error.contains("no view 3") && error.contains("3_rgb.png is missing"), "{error}");
 }
+
+/// A ball too large and too dark, from two views of a small red one.
+#[test]
+fn a_prediction_is_refined_by_the_given_views_alone() {
+    let orbit = Orbit { count: 4, width: 48, height: 48, ..Orbit::default() };
+    let ball = mesh_core::primitives::icosphere(3).colored([0.8, 0.2, 0.1]);
+    let options = RenderOptions::default();
+    let all = render_views(&ball, &orbit.cameras(), &options, &|_, _| ()).unwrap();
+    let input = PredictInput::part(Views::in_memory(all), Choice::First(2)).unwrap();
+    let guess = ball.clone().scaled([1.2; 3]).colored([0.3; 3]);
+    let prediction = || Prediction { mesh: guess.clone(), ..Prediction::default() };
+    assert_eq!(refined(prediction(), &input, 0).unwrap(), prediction());
+    let found = refined(prediction(), &input, 50).unwrap();
+    assert_eq!(found.before.as_ref(), Some(&guess));
+    assert!(found.mesh.health().is_watertight());
+    // From 1.73 times the volume: two outlines are two circles on it, and what lies between follows them.
+    let volume = found.mesh.volume() / ball.volume();
+    assert!(volume > 0.9 && volume < 1.3, "{volume}");
+    let color = |mesh: &mesh_core::TriMesh| {
+        let colors = mesh.colors.as_ref().unwrap();
+        [0, 1, 2].map(|k| colors.iter().map(|c| c[k]).sum::<f32>() / colors.len() as f32)
+    };
+    let [red, green, _] = color(&found.mesh);
+    assert!((red - 0.8).abs() < 0.1 && (green - 0.2).abs() < 0.1, "{red} {green}");
+    // What was not given is not looked at.
+    let others = PredictInput { others: Vec::new(), ..input };
+    assert_eq!(refined(prediction(), &others, 50).unwrap(), found);
+}

@@ -40,18 +40,20 @@ pub struct SmallCnn<F: Real = f32> {
 }
 impl_module!(SmallCnn { convs, norms, fc, norm });
 
-const CHANNELS: [usize; 4] = [32, 64, 128, 256];
 const GRID: usize = 4;
 /// Channels of a group.
 const GROUP: usize = 8;
 
 impl<F: Real> SmallCnn<F> {
+    /// Channels of the maps, each of which has half the side of the one before.
+    pub const CHANNELS: [usize; 4] = [32, 64, 128, 256];
+
     /// Of images with `channels` channels, to `width` features.
     pub fn new(init: &Init, channels: usize, width: usize) -> Self {
         let halves = ConvGeometry::new().stride(2).padding(1);
         let mut inputs = channels;
         let (mut convs, mut norms) = (Vec::new(), Vec::new());
-        for (i, &outputs) in CHANNELS.iter().enumerate() {
+        for (i, &outputs) in Self::CHANNELS.iter().enumerate() {
             let at = init.at("convs").index(i);
             convs.push(Conv2d::kaiming(&at, inputs, outputs, 3, halves).without_bias());
             norms.push(GroupNorm::new(&init.at("norms").index(i), outputs / GROUP, outputs));
@@ -73,12 +75,28 @@ impl<F: Real> SmallCnn<F> {
     /// `x [N, H, W, C]` to `[N, D]`; any size of at least 1 pixel, 64 to 256 make sense.
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
-        let relu = Activation::Relu;
-        let map = self
-            .convs
-            .iter()
-            .zip(&self.norms)
-            .fold(x, |x, (conv, norm)| norm.forward_then(conv.forward(x), relu));
+        let maps = self.maps(x);
+        self.features(&maps)
+    }
+
+    /// The maps behind each convolution, finest first: `x [N, H, W, C]` to `[N, H / 2, W / 2, 32]`, then half the side each.
+    #[track_caller]
+    pub fn maps<'t>(&self, x: Var<'t, F>) -> Vec<Var<'t, F>> {
+        let layers = self.convs.iter().zip(&self.norms);
+        let next = |x: &mut Var<'t, F>, (conv, norm): (&Conv2d<F>, &GroupNorm<F>)| {
+            *x = norm.forward_then(conv.forward(*x), Activation::Relu);
+            Some(*x)
+        };
+        layers.scan(x, next).collect()
+    }
+
+    /// The features `[N, D]` that follow from the [maps](Self::maps).
+    ///
+    /// # Panics
+    /// If there is no map.
+    #[track_caller]
+    pub fn features<'t>(&self, maps: &[Var<'t, F>]) -> Var<'t, F> {
+        let map = maps.last().expect("a map for each convolution");
         let [n, _, _, c] = map.dims();
         let grid = map.adaptive_avg_pool2d(GRID, GRID).reshape(&[n, GRID * GRID * c]);
         self.norm.forward(self.fc.forward(grid))

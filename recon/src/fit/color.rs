@@ -71,6 +71,19 @@ impl Normal {
         }
     }
 
+    /// Asks for what is to be added to `colors` instead.
+    fn take(&mut self, topology: &Topology, colors: &[[f32; 3]]) {
+        for ((right, color), &own) in self.right.iter_mut().zip(colors).zip(&self.diagonal) {
+            *right = std::array::from_fn(|c| right[c] - own * color[c]);
+        }
+        for (&[a, b], &beside) in topology.edges.iter().zip(&self.beside) {
+            for c in 0..3 {
+                self.right[a as usize][c] -= beside * colors[b as usize][c];
+                self.right[b as usize][c] -= beside * colors[a as usize][c];
+            }
+        }
+    }
+
     /// Solves with smoothness added, from the colours given.
     fn solve(&self, topology: &Topology, colors: &mut [[f32; 3]]) {
         let n = self.diagonal.len();
@@ -145,18 +158,21 @@ fn quotient(a: f64, b: f64) -> f32 {
 
 /// Solves for the colours of the vertices, sRGB in `[0, 1]`.
 ///
-/// `views` and `targets` correspond.
+/// `views` and `targets` correspond. Smooth is what colours differ by from those `before`, where there are some: what no view
+/// shows keeps its pattern.
 pub(super) fn vertex_colors(
     views: &[&View],
     targets: &[Target],
     positions: &[[f32; 3]],
     faces: &[[u32; 3]],
     topology: &Topology,
+    before: Option<&[[f32; 3]]>,
 ) -> Vec<[f32; 3]> {
     let drawn = Arc::new(
         Faces::new(positions.len(), faces).expect("the faces of a fitted mesh name its vertices"),
     );
-    let mut colors = vec![[0.5; 3]; positions.len()];
+    let first = before.map_or_else(|| vec![[0.5; 3]; positions.len()], <[_]>::to_vec);
+    let mut colors = first.clone();
     let per_part = targets.len().div_ceil(PARTS).max(1);
     for round in 0..ROUNDS {
         let parts: Vec<Normal> = targets
@@ -192,7 +208,17 @@ pub(super) fn vertex_colors(
         let mut parts = parts.into_iter();
         let Some(mut total) = parts.next() else { break };
         parts.for_each(|part| total.sum(&part));
-        total.solve(topology, &mut colors);
+        if before.is_none() {
+            total.solve(topology, &mut colors);
+            continue;
+        }
+        total.take(topology, &first);
+        let mut change: Vec<[f32; 3]> =
+            colors.iter().zip(&first).map(|(c, f)| std::array::from_fn(|k| c[k] - f[k])).collect();
+        total.solve(topology, &mut change);
+        for ((color, first), change) in colors.iter_mut().zip(&first).zip(&change) {
+            *color = std::array::from_fn(|k| first[k] + change[k]);
+        }
     }
     for c in colors.iter_mut().flatten() {
         *c = c.clamp(0.0, 1.0);

@@ -15,7 +15,7 @@
 ///
 /// # Panics
 /// If `mask` is not `height * width` long.
-pub(super) fn signed_distance(mask: &[bool], height: usize, width: usize, sigma: f32) -> Vec<f32> {
+pub fn signed_distance(mask: &[bool], height: usize, width: usize, sigma: f32) -> Vec<f32> {
     assert_eq!(mask.len(), height * width, "mask [{}] for {height} x {width}", mask.len());
     let far = (height + width) as f32;
     let outside = squared_distance(mask, true, height, width);

@@ -51,6 +51,7 @@ mod hull;
 mod outline;
 mod placement;
 mod quality;
+mod refine;
 mod shape;
 mod sight;
 mod stepper;
@@ -67,11 +68,13 @@ use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
 pub use config::{ColorKind, FitConfig};
+pub use distance::signed_distance;
 pub use error::FitError;
 pub use event::{Event, Step};
 pub use placement::{Placement, cones};
 pub(crate) use placement::{distance, nearest_point};
 pub use quality::{Quality, unused_detail};
+pub use refine::{RefineConfig, refine};
 pub use stepper::Stepper;
 
 use hull::Hull;
@@ -348,7 +351,7 @@ impl<'a> Run<'a> {
         let (vertices, count) = (positions.len(), faces.len());
         self.tell(Event::Stage { name: "color".into(), vertices, faces: count });
         self.clock = Instant::now();
-        let colors = color::vertex_colors(&seen, &self.train, positions, faces, topology);
+        let colors = color::vertex_colors(&seen, &self.train, positions, faces, topology, None);
         self.lap("color");
         let mut texture = None;
         if config.color == ColorKind::Texture {
