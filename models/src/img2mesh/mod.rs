@@ -39,6 +39,7 @@ mod prepared;
 mod published_tests;
 mod render;
 mod score;
+mod size;
 mod surface;
 #[cfg(test)]
 mod tests;
