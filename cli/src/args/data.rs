@@ -9,7 +9,7 @@ use synth::generate::{CameraSet, Normalize, OutputLayout};
 use super::dataset::{Convert, Inspect, Validate};
 use super::depth::Depth;
 use super::output::folder;
-use super::settings::Configuration;
+use super::settings::DataSettings;
 use super::values::{Choices, LIGHTS, Light, hex_color, one_of};
 
 #[derive(Args, Debug)]
@@ -59,7 +59,7 @@ pub(crate) struct Generate {
     #[arg(long, short, visible_alias = "out", value_name = "FOLDER", value_parser = folder())]
     pub(crate) output: PathBuf,
     #[command(flatten)]
-    pub(crate) configuration: Configuration,
+    pub(crate) configuration: DataSettings,
     /// What kinds of objects, separated by commas.
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     pub(crate) families: Vec<String>,

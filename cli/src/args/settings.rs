@@ -34,6 +34,17 @@ pub(crate) struct Configuration {
     pub(crate) set: Vec<(String, String)>,
 }
 
+/// How a dataset that is made is configured.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct DataSettings {
+    /// A configuration file; what it leaves out has its default. `dataset.toml` of an earlier dataset is one.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// One setting, over the configuration file; can be given many times.
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
+    pub(crate) set: Vec<(String, String)>,
+}
+
 /// How a system is configured.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SystemSettings {
