@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 
 use mesh_core::{Topology, face_normals, vertex_normals};
 
-use super::BEYOND;
+/// How far outside of its face a texel may lie, in texels, to be coloured as the face's plane goes on.
+const BEYOND: f32 = 1.5;
 
 /// The cosine of the angle to the direction from which a chart is seen, at least: no face loses more than this in size.
 const FACING: f32 = 0.6;

@@ -8,13 +8,10 @@ use mesh_core::{Image, Texture};
 
 use chart::{Chart, charts};
 use packing::pack;
+use padding::PADDING;
 
-/// Texels around a chart that repeat its border: half a texel of the coarsest level that mixes no charts.
-const PADDING: usize = 4;
 /// Boxes of charts begin and end at multiples of this: a texel three mipmap levels up belongs to one chart.
 const ALIGNMENT: usize = 8;
-/// How far outside of its face a texel may lie, in texels, to be coloured as the face's plane goes on.
-const BEYOND: f32 = 1.5;
 
 /// A texel that a face fills.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,6 +2,9 @@
 
 use mesh_core::Image;
 
+/// Texels around a chart that repeat its border: half a texel of the coarsest level that mixes no charts.
+pub(super) const PADDING: usize = 4;
+
 /// Gives every texel that is not known the colour of those around it, of its own box first: left, top, width and height.
 ///
 /// In a box the border of what is known grows by as many texels as charts keep free and a few more; what is left there, and
@@ -20,7 +23,7 @@ pub(super) fn fill(image: &mut Image, known: &[bool], boxes: &[[usize; 4]]) {
         if !part_known.contains(&true) {
             continue;
         }
-        for _ in 0..=super::PADDING {
+        for _ in 0..=PADDING {
             grow(&mut part, &mut part_known);
         }
         pull(&mut part.data, &part_known, [width, height]);
