@@ -10,7 +10,7 @@ use recon::atlas::Atlas;
 /// Part of an image's columns that overlap.
 const OVERLAP: usize = 8;
 /// Texels along a mean edge.
-const EDGE: f32 = 9.0;
+const EDGE: f32 = 12.0;
 /// The longest side of a texture.
 const MOST: usize = 4096;
 
