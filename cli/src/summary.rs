@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use losses::metrics::Preset;
+use mesh_core::Examination;
 use serde::Serialize;
 use serde_json::Value;
 use train::report::{escape, page};
@@ -192,10 +193,8 @@ fn figures(metrics: &Value) -> Vec<Option<f64>> {
 
 /// What the figures say that a reader must not overlook.
 fn remark(metrics: &Value) -> String {
-    match metrics["self_intersections"].as_u64() {
-        Some(0) | None => String::new(),
-        Some(count) => format!("{count} pairs of faces run through each other"),
-    }
+    let count = metrics["self_intersections"].as_u64().unwrap_or_default();
+    Examination::crossings_of(count as usize).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -73,7 +73,12 @@ impl Examination {
 
     /// How many faces run through others, in words; none where none does.
     pub fn crossings(&self) -> Option<String> {
-        match self.self_intersections {
+        Self::crossings_of(self.self_intersections)
+    }
+
+    /// The same of a count that was kept.
+    pub fn crossings_of(self_intersections: usize) -> Option<String> {
+        match self_intersections {
             0 => None,
             1 => Some("1 pair of faces runs through each other".to_owned()),
             count => Some(format!("{count} pairs of faces run through each other")),

@@ -118,13 +118,12 @@ impl Img2Mesh {
     ) -> Vec<Meshes<'t>> {
         let images = pictures(tape, self.config.image_size, views);
         let (maps, features) = self.model.encode_maps(images);
-        let code = self.model.code(n, features, self.cameras(tape, views, &[views.len(), 12]));
+        let cameras = self.cameras(tape, views, &[views.len(), 3, 4]);
+        let code = self.model.code(n, features, cameras.reshape(&[views.len(), 12]));
         let first = self.model.decode(code);
         if self.model.stages().is_empty() {
             return vec![first];
         }
-        let frame = self.model.frame.as_slice();
-        let cameras: Vec<[f32; 12]> = views.iter().map(|view| view.matrix(frame)).collect();
         let views: Vec<&Prepared> = views.iter().map(AsRef::as_ref).collect();
         let [_, v, _] = first.positions.dims();
         // Each vertex is told what the whole images say.
@@ -137,7 +136,7 @@ impl Img2Mesh {
                 mesh = mesh.carried(up);
                 left = left.sparse_matmul(up);
             }
-            let seen = observe(tape, level, mesh.positions, &views, &cameras);
+            let seen = observe(tape, level, mesh.positions, &views, cameras);
             let (offset, colors, hidden) = tape.scope("stage", || {
                 let refined = stage.forward(&maps, &seen, left, mesh.colors, level);
                 (refined.offset, refined.colors, refined.hidden)

@@ -1,6 +1,8 @@
 //! What each view shows where a vertex of the present mesh is seen.
 
 use autodiff_lite::{Tape, Var};
+use diff_raster::NONE;
+use mesh_core::nalgebra::{Matrix3, Vector3};
 use mesh_core::vertex_normals;
 use rayon::prelude::*;
 
@@ -9,6 +11,10 @@ use super::prepared::Prepared;
 
 /// Numbers of a vertex in a view, beside the features of the image; see [`Observations::signals`].
 pub(super) const SIGNALS: usize = 19;
+/// Where the cosine of the line of sight with the surface's normal stands among them.
+pub(super) const FACING: usize = 14;
+/// Where it stands among them whether the vertex is seen.
+pub(super) const VISIBLE: usize = 15;
 /// How far behind the surface that a view shows a vertex may lie and still count as seen, in the model's frame.
 const BEHIND: f32 = 0.05;
 /// The longest step to the outline that is told, in the model's frame.
@@ -33,23 +39,25 @@ pub(super) struct Observations<'t> {
     pub(super) places: Var<'t>,
 }
 
-/// What `views`, `K` of each of `N` meshes, show of `positions [N, V, 3]`. `cameras` are from the model's frame, 12 numbers
-/// each.
+/// What `views`, `K` of each of `N` meshes, show of `positions [N, V, 3]`. `cameras [N K, 3, 4]` are from the model's frame.
 pub(super) fn observe<'t>(
     tape: &'t Tape,
     level: &Level,
     positions: Var<'t>,
     views: &[&Prepared],
-    cameras: &[[f32; 12]],
+    cameras: Var<'t>,
 ) -> Observations<'t> {
     let [n, v, _] = positions.dims();
     let k = views.len() / n;
     let positions = positions.value();
+    let fragments = level.renderer.fragments(tape.constant(positions.clone()), cameras);
+    let cameras = cameras.value();
+    let cameras = cameras.as_slice().as_chunks::<12>().0;
+    let pixels = fragments.face.len() / views.len();
     let positions: Vec<&[[f32; 3]]> =
         positions.as_slice().as_chunks::<3>().0.chunks_exact(v).collect();
     let normals: Vec<Vec<[f32; 3]>> =
         positions.par_iter().map(|p| vertex_normals(p, &level.renderer.corners)).collect();
-    let depths = level.renderer.depths(&positions, cameras);
     let mut points = tape.array(&[n * k, v, 2]);
     let mut signals = tape.array(&[n * k, v, SIGNALS]);
     let mut colors = tape.array(&[n * k, v, 3]);
@@ -57,7 +65,9 @@ pub(super) fn observe<'t>(
     let rows = rows.zip(signals.as_slice_mut().par_chunks_exact_mut(SIGNALS * v));
     let rows = rows.zip(colors.as_slice_mut().par_chunks_exact_mut(3 * v));
     rows.enumerate().for_each(|(i, ((points, signals), colors))| {
-        let eye = Eye::new(views[i], &cameras[i], &depths[i]);
+        let pixels = i * pixels..(i + 1) * pixels;
+        let surface = (&fragments.depth[pixels.clone()], &fragments.face[pixels]);
+        let eye = Eye::new(views[i], &cameras[i], surface);
         let rows = points.as_chunks_mut::<2>().0.iter_mut();
         let rows = rows.zip(signals.as_chunks_mut::<SIGNALS>().0);
         let rows = rows.zip(colors.as_chunks_mut::<3>().0);
@@ -86,16 +96,17 @@ struct Eye<'a> {
     centre: [f32; 3],
     /// Depth of the frame's middle.
     middle: f32,
-    depth: &'a [f32],
+    /// Depth of the nearest surface in each pixel, and the face that it is of.
+    surface: (&'a [f32], &'a [u32]),
     side: usize,
 }
 
 impl<'a> Eye<'a> {
-    fn new(view: &'a Prepared, camera: &[f32; 12], depth: &'a [f32]) -> Self {
+    fn new(view: &'a Prepared, camera: &[f32; 12], surface: (&'a [f32], &'a [u32])) -> Self {
         let rows: [[f32; 4]; 3] =
             std::array::from_fn(|i| std::array::from_fn(|j| camera[4 * i + j]));
-        let side = depth.len().isqrt();
-        Self { view, rows, centre: centre(&rows), middle: rows[2][3], depth, side }
+        let side = surface.0.len().isqrt();
+        Self { view, rows, centre: centre(&rows), middle: rows[2][3], surface, side }
     }
 
     /// Point, signals and colour.
@@ -124,7 +135,7 @@ impl<'a> Eye<'a> {
         signals[5..8].copy_from_slice(&uphill);
         signals[8..11].copy_from_slice(&uphill.map(|u| u * step));
         signals[11..14].copy_from_slice(&to_eye);
-        signals[14..16].copy_from_slice(&[facing, seen]);
+        (signals[FACING], signals[VISIBLE]) = (facing, seen);
         signals[16..].copy_from_slice(&color);
         ([x, -y], signals, color)
     }
@@ -157,8 +168,9 @@ impl<'a> Eye<'a> {
         let pixel = |at: f32| at.clamp(0.0, side - 1.0) as usize;
         let near = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
         near.iter().any(|&(i, j)| {
-            let depth = self.depth[pixel(row.floor() + i) * self.side + pixel(column.floor() + j)];
-            w <= depth + BEHIND
+            let at = pixel(row.floor() + i) * self.side + pixel(column.floor() + j);
+            let (depth, face) = self.surface;
+            face[at] == NONE || w <= depth[at] + BEHIND
         })
     }
 }
@@ -177,20 +189,11 @@ fn bilinear(side: usize, x: f32, y: f32, value: impl Fn(usize) -> f32) -> f32 {
 
 /// Where the camera is: `-A⁻¹ b` of its matrix `[A | b]`.
 fn centre(rows: &[[f32; 4]; 3]) -> [f32; 3] {
-    let row = |i: usize| -> [f64; 3] { std::array::from_fn(|j| f64::from(rows[i][j])) };
-    let [a, b, c] = [row(0), row(1), row(2)];
-    let cross = |p: [f64; 3], q: [f64; 3]| -> [f64; 3] {
-        std::array::from_fn(|k| {
-            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            p[i] * q[j] - p[j] * q[i]
-        })
-    };
-    let columns = [cross(b, c), cross(c, a), cross(a, b)];
-    let determinant: f64 = (0..3).map(|k| a[k] * columns[0][k]).sum();
-    std::array::from_fn(|k| {
-        let sum: f64 = (0..3).map(|i| columns[i][k] * f64::from(rows[i][3])).sum();
-        (-sum / determinant) as f32
-    })
+    let part = Matrix3::from_fn(|i, j| f64::from(rows[i][j]));
+    let shift = Vector3::from_fn(|i, _| f64::from(rows[i][3]));
+    // A pinhole's matrix has an inverse; of one that has none, nowhere is as good as anywhere.
+    let inverse = part.try_inverse().unwrap_or_default();
+    (-(inverse * shift)).map(|x| x as f32).into()
 }
 
 fn length(v: [f32; 3]) -> f32 {
@@ -239,7 +242,10 @@ mod tests {
         let views: Vec<&Prepared> = views.iter().collect();
         let v = mesh.positions.len();
         let positions = Array3::from_shape_fn((1, v, 3), |(_, i, k)| mesh.positions[i][k]);
-        let found = observe(&tape, &level, tape.constant(positions), &views, &cameras);
+        let mut matrices = tape.array(&[3, 3, 4]);
+        matrices.as_slice_mut().copy_from_slice(cameras.as_flattened());
+        let cameras = tape.constant(matrices);
+        let found = observe(&tape, &level, tape.constant(positions), &views, cameras);
         assert_eq!(found.points.shape(), [3, v, 2]);
         let signals = found.signals.value().as_slice().as_chunks::<SIGNALS>().0[..v].to_vec();
         let colors = found.colors.value().as_slice().as_chunks::<3>().0[..v].to_vec();
@@ -250,7 +256,7 @@ mod tests {
     fn half_of_a_ball_is_seen_and_has_the_images_colour() {
         let (signals, colors) = seen(&icosphere(2));
         for (signal, color) in signals.iter().zip(&colors) {
-            let (facing, visible) = (signal[14], signal[15]);
+            let (facing, visible) = (signal[FACING], signal[VISIBLE]);
             // What just turns away lies on the outline.
             assert!(facing.abs() < 0.35 || (facing > 0.0) == (visible > 0.0), "{signal:?}");
             if facing > 0.5 {
@@ -260,7 +266,7 @@ mod tests {
                 );
             }
         }
-        assert!(signals.iter().filter(|s| s[15] > 0.0).count() > 70);
+        assert!(signals.iter().filter(|s| s[VISIBLE] > 0.0).count() > 70);
     }
 
     /// Vertices of a ball too large that the view sees at its edge are led to the ball's own outline.
@@ -274,7 +280,7 @@ mod tests {
             // Just inside the large ball's outline and outside of the true one.
             if distance > 0.03 && distance < 0.3 {
                 let moved: f32 = (0..3).map(|k| (p[k] + step[k]).powi(2)).sum::<f32>().sqrt();
-                let facing = signal[14];
+                let facing = signal[FACING];
                 // Across the line of sight the ball's outline is where its radius is 1, nearly.
                 if facing.abs() < 0.2 {
                     assert!((moved - 1.0).abs() < 0.08, "{moved} {signal:?}");

@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
-use autodiff_lite::{Tape, Var};
-use diff_raster::{Faces, Frame, NONE, Renderer, Settings};
+use autodiff_lite::Var;
+use diff_raster::{Faces, Fragments, Frame, Renderer, Settings};
 use mesh_core::{Topology, TriMesh};
-use rayon::prelude::*;
 
 use super::config::{Img2MeshConfig, SilhouetteKind};
 
@@ -47,25 +46,11 @@ impl ViewRenderer {
         }
     }
 
-    /// Planar depth of the nearest surface in every pixel of each camera, infinite where there is none; as many cameras for each
-    /// mesh.
-    pub(super) fn depths(&self, positions: &[&[[f32; 3]]], cameras: &[[f32; 12]]) -> Vec<Vec<f32>> {
-        let views = cameras.len() / positions.len();
-        let draw = |(i, camera): (usize, &[f32; 12])| {
-            let tape = Tape::eval();
-            let rows = |rows: &[f32], shape: &[usize]| {
-                let mut array = tape.array(shape);
-                array.as_slice_mut().copy_from_slice(rows);
-                tape.constant(array)
-            };
-            let mesh = positions[i / views];
-            let mesh = rows(mesh.as_flattened(), &[1, mesh.len(), 3]);
-            let frame = self.renderer.frame(mesh.project(rows(camera, &[1, 3, 4])));
-            let fragments = frame.fragments();
-            let pixels = fragments.depth.iter().zip(&fragments.face);
-            pixels.map(|(&z, &face)| if face == NONE { f32::INFINITY } else { z }).collect()
-        };
-        cameras.par_iter().enumerate().map(draw).collect()
+    /// What is seen of meshes `[N, V, 3]` in every pixel of `M / N` cameras each; see [`render`](Self::render).
+    pub(super) fn fragments(&self, positions: Var<'_>, matrices: Var<'_>) -> Arc<Fragments> {
+        let views = matrices.shape()[0] / positions.shape()[0];
+        let frame = self.renderer.frame(repeat(positions, views).project(matrices));
+        Arc::clone(frame.fragments())
     }
 
     /// Silhouettes alone; see [`render`](Self::render).

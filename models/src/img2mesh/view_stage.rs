@@ -8,7 +8,7 @@ use nets::{
 
 use super::config::Img2MeshConfig;
 use super::level::Level;
-use super::observation::{Observations, SIGNALS};
+use super::observation::{FACING, Observations, SIGNALS, VISIBLE};
 
 /// Vertex-aligned features of every view, attention over the views at each vertex, graph convolutions.
 ///
@@ -161,5 +161,5 @@ impl ViewStage {
 /// How much views count for a vertex's colour before anything was learned: `[N K, V, 1]`.
 fn squarely<'t>(seen: &Observations<'t>) -> Var<'t> {
     let at = |i: usize| seen.signals.slice_axis(2, i..i + 1);
-    (at(14).relu() * at(15)).scale(SEEN_FIRST)
+    (at(FACING).relu() * at(VISIBLE)).scale(SEEN_FIRST)
 }

@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use autodiff_lite::{Real, Var};
 use mesh_core::{Image, TriMesh};
 use ndarray::Array3;
-use recon::atlas::Atlas;
+use recon::atlas::{Atlas, mean_edge};
 
 /// Part of an image's columns that overlap.
 const OVERLAP: usize = 8;
@@ -110,8 +110,7 @@ impl Globe {
     /// coordinates over faces shows no seam at the back and no star at the poles, where an image of longitude
     /// and latitude would have both. Vertices have colours too, for formats without textures.
     pub(super) fn on(&self, mut mesh: TriMesh, sphere: &[[f32; 3]]) -> TriMesh {
-        let area: f32 = mesh_core::face_areas(&mesh.positions, &mesh.faces).iter().sum();
-        let edge = (area / mesh.faces.len().max(1) as f32 * 2.3).sqrt();
+        let edge = mean_edge(&mesh.positions, &mesh.faces);
         let density = if edge.is_finite() && edge > 0.0 { EDGE / edge } else { 0.0 };
         let atlas = Atlas::new(&mesh.positions, &mesh.faces, density, MOST);
         let mut image = Image::new(atlas.side(), atlas.side(), 3);

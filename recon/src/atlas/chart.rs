@@ -6,7 +6,6 @@ use mesh_core::{Topology, face_normals, vertex_normals};
 
 /// How far outside of its face a texel may lie, in texels, to be coloured as the face's plane goes on.
 const BEYOND: f32 = 1.5;
-
 /// The cosine of the angle to the direction from which a chart is seen, at least: no face loses more than this in size.
 const FACING: f32 = 0.6;
 /// Texels along a mean edge where overlaps are looked for.
@@ -35,8 +34,7 @@ pub(super) fn charts(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<Chart> {
     let normals = face_normals(&positions, faces);
     let smooth = vertex_normals(&positions, faces);
     let neighbours = neighbours(positions.len(), faces);
-    let area: f32 = mesh_core::face_areas(&positions, faces).iter().sum();
-    let edge = (area / faces.len().max(1) as f32 * 2.3).sqrt();
+    let edge = mean_edge(&positions, faces);
     let trial = if edge > 0.0 { TRIAL / edge } else { 0.0 };
     let mut taken = vec![false; faces.len()];
     let mut local = vec![(u32::MAX, 0u32); positions.len()];
@@ -67,6 +65,12 @@ pub(super) fn charts(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<Chart> {
         }
     }
     charts
+}
+
+/// The side of an equilateral triangle of the mean area of the faces; not finite where theirs is not.
+pub fn mean_edge(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> f32 {
+    let area: f32 = mesh_core::face_areas(positions, faces).iter().sum();
+    (area / faces.len().max(1) as f32 * 2.3).sqrt()
 }
 
 /// The faces that hang together with a first one and are seen well, from near to far; they are taken.

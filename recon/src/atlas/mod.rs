@@ -6,6 +6,7 @@ mod padding;
 
 use mesh_core::{Image, Texture};
 
+pub use chart::mean_edge;
 use chart::{Chart, charts};
 use packing::pack;
 use padding::PADDING;
@@ -82,7 +83,7 @@ impl Atlas {
     /// If a face names a vertex that is not there.
     pub fn within(positions: &[[f32; 3]], faces: &[[u32; 3]], side: usize) -> Option<Self> {
         let area: f32 = mesh_core::face_areas(positions, faces).iter().sum();
-        let edge = (area / faces.len().max(1) as f32 * 2.3).sqrt();
+        let edge = mean_edge(positions, faces);
         let charts = charts(positions, faces);
         let fits = |density: f32| pack(&sizes(&charts, density), Some(side), side);
         let (mut low, mut high) = (2.0 / edge, side as f32 / area.sqrt().max(f32::MIN_POSITIVE));

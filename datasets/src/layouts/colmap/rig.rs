@@ -6,6 +6,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use mesh_core::nalgebra::{Isometry3, Quaternion, UnitQuaternion};
+
 use super::model::ModelImage;
 use crate::error::ReadViewsError;
 
@@ -20,45 +22,26 @@ pub(crate) struct Pose {
 impl Pose {
     const IDENTITY: Self = Self { quaternion: [1.0, 0.0, 0.0, 0.0], translation: [0.0; 3] };
 
+    fn isometry(self) -> Isometry3<f64> {
+        let [w, x, y, z] = self.quaternion;
+        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        Isometry3::from_parts(self.translation.into(), rotation)
+    }
+
     /// This pose behind another one.
     fn after(self, first: Self) -> Self {
-        let [a, b, c, d] = unit(self.quaternion);
-        let [e, f, g, h] = unit(first.quaternion);
-        let quaternion = [
-            a * e - b * f - c * g - d * h,
-            a * f + b * e + c * h - d * g,
-            a * g - b * h + c * e + d * f,
-            a * h + b * g - c * f + d * e,
-        ];
-        let turned = turned([a, b, c, d], first.translation);
-        let translation = std::array::from_fn(|k| turned[k] + self.translation[k]);
-        Self { quaternion, translation }
+        let both = self.isometry() * first.isometry();
+        let q = both.rotation;
+        Self { quaternion: [q.w, q.i, q.j, q.k], translation: both.translation.vector.into() }
     }
 
     /// Whether another pose is the same but for what writing it as text rounds.
     fn is_near(self, other: Self) -> bool {
-        let cosine: f64 =
-            unit(self.quaternion).iter().zip(unit(other.quaternion)).map(|(a, b)| a * b).sum();
-        let size = |t: [f64; 3]| t.iter().map(|x| x * x).sum::<f64>().sqrt();
-        let apart: [f64; 3] = std::array::from_fn(|k| self.translation[k] - other.translation[k]);
-        1.0 - cosine.abs() < 1e-10 && size(apart) <= 1e-5 * size(self.translation).max(1e-9)
+        let (own, other) = (self.isometry(), other.isometry());
+        let cosine = own.rotation.coords.dot(&other.rotation.coords);
+        let apart = (own.translation.vector - other.translation.vector).norm();
+        1.0 - cosine.abs() < 1e-10 && apart <= 1e-5 * own.translation.vector.norm().max(1e-9)
     }
-}
-
-fn unit(q: [f64; 4]) -> [f64; 4] {
-    let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
-    q.map(|x| x / length)
-}
-
-/// A vector turned by a unit quaternion.
-fn turned([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
-    let cross = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] {
-        std::array::from_fn(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
-    };
-    let axis = [x, y, z];
-    let once = cross(axis, v);
-    let twice = cross(axis, once);
-    std::array::from_fn(|k| v[k] + 2.0 * (w * once[k] + twice[k]))
 }
 
 /// What took an image: which rig, where it was, and which of its cameras.
@@ -149,8 +132,7 @@ mod tests {
             Pose { quaternion: [2.0 * half, 2.0 * half, 0.0, 0.0], translation: [0.0, 0.0, 5.0] };
         let both = then.after(first);
         let at = |pose: Pose, v: [f64; 3]| -> [f64; 3] {
-            let t = turned(unit(pose.quaternion), v);
-            std::array::from_fn(|k| t[k] + pose.translation[k])
+            pose.isometry().transform_point(&v.into()).into()
         };
         for v in [[1.0, 0.0, 0.0], [0.3, -0.7, 0.2]] {
             let (once, twice) = (at(both, v), at(then, at(first, v)));
