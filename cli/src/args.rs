@@ -187,6 +187,7 @@ Examples:
   unsphere train img2mesh -o runs/look --preset tiny       a procedural clock, in seconds
   unsphere train img2mesh rendered_clock.zip -o runs/clock --max-size 256
   unsphere train img2mesh --resume runs/clock --set epochs=80
+  unsphere train img2mesh mugs/ --from runs/clock -o runs/mugs --set max-steps=500
   unsphere eval img2mesh --checkpoint runs/clock
   tensorboard --logdir runs"
 )]
@@ -207,6 +208,10 @@ pub(crate) struct Train {
     /// Go on with this run, from its last checkpoint.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["output", "force", "preset", "config"])]
     pub(crate) resume: Option<PathBuf>,
+    /// Begin with the weights of this run or checkpoint, and with its options where --set does not say otherwise, to learn from
+    /// other data, or on with other options; what it lacks begins at random.
+    #[arg(long, value_name = "WEIGHTS", conflicts_with_all = ["resume", "preset", "config"])]
+    pub(crate) from: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) settings: SystemSettings,
     #[command(flatten)]

@@ -105,7 +105,7 @@ impl Work<'_> {
             Err(error) => return Err(error.into()),
         };
         let provenance = self.provenance;
-        let job = Job { config: &config, data, run: &run, provenance, resume };
+        let job = Job { config: &config, data, run: &run, provenance, resume, from: None };
         let outcome = train(&job, &mut |event| match event {
             train::Event::Step(step) => {
                 let done = step.step as f64 / step.total.max(1) as f64;

@@ -113,7 +113,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     (config.train.epochs, config.train.batch, config.train.learning_rate) = (20, 16, 0.05);
     let run = RunFolder::create(&folder, false)?;
     let provenance = Provenance::default();
-    let job = Job { config: &config, data: &(), run: &run, provenance: &provenance, resume: false };
+    let job = Job {
+        config: &config,
+        data: &(),
+        run: &run,
+        provenance: &provenance,
+        resume: false,
+        from: None,
+    };
     let outcome = train::<Line>(&job, &mut |event| {
         if let Event::Evaluated { step, metrics, .. } = event {
             let _ = writeln!(out, "after {step:3} steps: off by {:.4}", metrics[0].value);

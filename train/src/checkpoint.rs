@@ -3,14 +3,17 @@
 //! The metadata holds `format` (2), `checksum` (of all bytes of the file, as [`Fingerprint`] has it, with zeros in its own
 //! place; files of format 1 have none), `system`, `step`, `epochs-begun`, `pending` (whether the
 //! evaluation of an epoch that just ended is still to come), `best`, `average` and `config`, the
-//! whole configuration as TOML. Numbers are printed so that they read back bit by bit.
+//! whole configuration as TOML; averaged weights stand under `optim.average.PATH`. Numbers are printed so that they read back
+//! bit by bit.
 
 use std::path::Path;
 
-use autodiff_lite::state::{LoadError, SaveError, State};
+use autodiff_lite::state::{LoadError, Mismatch, SaveError, State};
 
+use super::average::{AVERAGE, Average};
 use super::config::{Configuration, TrainConfig};
 use super::error::CheckpointError;
+use super::inherited::Inherited;
 use super::optimizer::{AnyOptimizer, OptimizerState};
 use super::run::Fingerprint;
 use super::system::System;
@@ -128,7 +131,12 @@ impl<'a> Checkpoint<'a> {
         config: &Configuration<S::Config>,
     ) -> Result<S, CheckpointError> {
         let mut optimizer = AnyOptimizer::new(&TrainConfig::default(), &[]);
-        Ok(self.rebuild::<S>(config, &mut optimizer)?.0)
+        let mut system = self.rebuild::<S>(config, &mut optimizer)?.0;
+        if self.is_averaged() {
+            let averages = self.state.load_module(AVERAGE, &mut system);
+            averages.map_err(|mismatch| self.unlike(mismatch))?;
+        }
+        Ok(system)
     }
 
     /// A fresh system led to the checkpoint's shapes and filled with its values.
@@ -150,28 +158,78 @@ impl<'a> Checkpoint<'a> {
         for epoch in 0..state.epochs_begun {
             system.begin_epoch(epoch, &mut OptimizerState(optimizer));
         }
-        self.state
-            .load_module("", &mut system)
-            .map_err(|mismatch| LoadError::Mismatch { path: self.path.to_owned(), mismatch })?;
+        self.state.load_module("", &mut system).map_err(|mismatch| self.unlike(mismatch))?;
         Ok((system, state))
+    }
+
+    /// Gives a fresh system the weights of the checkpoint, where both have an array of a name.
+    ///
+    /// # Errors
+    /// If it is of another system, has nothing that the system has, or an array of another shape.
+    pub(super) fn lend<S: System>(&self, system: &mut S) -> Result<Inherited, CheckpointError> {
+        let name = self.system()?;
+        if name != S::NAME {
+            return Err(self.wrong("system", name, S::NAME));
+        }
+        let arrays = self.arrays();
+        let Mismatch { missing, unexpected, different } = arrays.compare_module("", system);
+        let taken = arrays.names().count() - unexpected.len();
+        if !different.is_empty() || taken == 0 {
+            return Err(self
+                .unlike(Mismatch {
+                    missing: if taken == 0 { missing } else { Vec::new() },
+                    different,
+                    ..Mismatch::default()
+                })
+                .into());
+        }
+        arrays.load_matching("", system);
+        Ok(Inherited { taken, fresh: missing, unused: unexpected })
+    }
+
+    /// The weights that predict, under the names of the system's parameters.
+    fn arrays(&self) -> State {
+        let averages = format!("{AVERAGE}.");
+        let averaged = self.is_averaged();
+        let mut arrays = State::new();
+        for name in self.state.names() {
+            let own = if averaged {
+                name.strip_prefix(&averages)
+            } else {
+                Some(name).filter(|name| !name.starts_with("optim."))
+            };
+            if let Some((own, array)) = own.zip(self.state.array::<f32>(name)) {
+                arrays.insert(own, array.shape(), array.as_slice());
+            }
+        }
+        arrays
+    }
+
+    /// Whether averages predict.
+    fn is_averaged(&self) -> bool {
+        self.state.names().any(|name| name.starts_with(AVERAGE))
+    }
+
+    fn unlike(&self, mismatch: Mismatch) -> LoadError {
+        LoadError::Mismatch { path: self.path.to_owned(), mismatch }
     }
 
     /// Everything that a run needs to go on.
     pub(super) fn resume<S: System>(
         &self,
         config: &Configuration<S::Config>,
-    ) -> Result<(S, AnyOptimizer, TrainState), CheckpointError> {
+    ) -> Result<(S, AnyOptimizer, Option<Average>, TrainState), CheckpointError> {
         let mut scratch = AnyOptimizer::new(&config.train, &[]);
         let (system, state) = self.rebuild::<S>(config, &mut scratch)?;
         let mut optimizer = AnyOptimizer::new(&config.train, &system.rates());
-        optimizer
-            .load(&self.state)
-            .map_err(|mismatch| LoadError::Mismatch { path: self.path.to_owned(), mismatch })?;
+        optimizer.load(&self.state).map_err(|mismatch| self.unlike(mismatch))?;
         if let Some((path, found, expected)) = optimizer.misfit(&system) {
             let found = format!("{found} numbers for `{path}`");
             return Err(self.wrong("optim", &found, &expected.to_string()));
         }
-        Ok((system, optimizer, state))
+        let average =
+            config.train.ema_decay.map(|decay| Average::read(decay, &system, &self.state));
+        Ok((system, optimizer, average, state))
     }
 
     fn state(&self) -> Result<TrainState, CheckpointError> {
@@ -250,13 +308,16 @@ pub(super) fn seal(mut bytes: Vec<u8>) -> Vec<u8> {
 pub(super) fn save<S: System>(
     path: &Path,
     system: &S,
-    optimizer: &AnyOptimizer,
+    (optimizer, average): (&AnyOptimizer, Option<&Average>),
     state: &TrainState,
     config: &Configuration<S::Config>,
 ) -> Result<(), CheckpointError> {
     let mut file = State::new();
     file.add_module("", system);
     optimizer.save(&mut file);
+    if let Some(average) = average {
+        average.save(system, &mut file);
+    }
     let best = state.best.map(|(value, step)| format!("{value:?} at {step}"));
     let average = state.average.map(|average| format!("{average:?}"));
     for (name, text) in [

@@ -50,6 +50,10 @@ crate::options! {
         pub warmup: u64 = 0, in ..=LARGEST;
         /// The share of the learning rate that is left at the end (`cosine`).
         pub floor: f64 = 0.0, in 0.0..=1.0;
+        /// Decay of the exponential moving average of the weights (EMA), which is then what is scored, kept as the best and
+        /// predicts; without, the weights of the last step are. 0.999 remembers about the last thousand steps.
+        #[serde(with = "crate::settings::optional")]
+        pub ema_decay: Option<f64> = None, in 0.0..1.0;
         /// Limit on the Euclidean norm of all gradients together.
         #[serde(with = "crate::settings::optional")]
         pub clip_norm: Option<f64> = None, in above_to(0.0, f64::MAX);

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::inherited::Inherited;
 use super::system::Metric;
 
 /// What happened, in the order in which it does.
@@ -21,6 +22,8 @@ pub enum Event {
     },
     /// A step is done.
     Step(Step),
+    /// The training begins with the weights of another.
+    Inherited(Inherited),
     /// A step was left out, because its loss leapt.
     Skipped {
         /// Steps done, this one included.

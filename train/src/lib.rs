@@ -37,12 +37,14 @@
 //!   file are not.
 //! - There is a checkpoint from before the first step on, and one process at a time in a run's folder.
 
+mod average;
 mod checkpoint;
 mod checkpoint_path;
 mod config;
 mod draw;
 mod error;
 mod event;
+mod inherited;
 mod log;
 mod non_finite;
 mod not_finite;
@@ -68,6 +70,7 @@ pub use config::{CHANGEABLE, Configuration, OptimizerKind, ScheduleKind, TrainCo
 pub use draw::Draw;
 pub use error::{CheckpointError, DataError, LossError, PredictError, RunError, TrainError};
 pub use event::{Event, Step};
+pub use inherited::Inherited;
 pub use log::Curves;
 pub use not_finite::{NotFinite, Tensor};
 pub use optimizer::OptimizerState;

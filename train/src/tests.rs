@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+mod averages;
 mod blob;
 mod checkpoints;
 mod events;
@@ -39,7 +40,10 @@ fn run_in(
 ) -> Result<Outcome<Blob>, TrainError> {
     let run = if resume { RunFolder::resume(folder)? } else { RunFolder::create(folder, false)? };
     let provenance = Provenance { version: "test".into(), ..Provenance::default() };
-    train::<Blob>(&Job { config, data: &(), run: &run, provenance: &provenance, resume }, watch)
+    train::<Blob>(
+        &Job { config, data: &(), run: &run, provenance: &provenance, resume, from: None },
+        watch,
+    )
 }
 
 fn on(_: Event) -> ControlFlow<()> {

@@ -1,11 +1,13 @@
 //! The trainer: a training, from its first step to its last.
 
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::time::Instant;
 
 use autodiff_lite::optim::{Schedule, clip_grad_norm};
 use rayon::prelude::*;
 
+use super::average::Average;
 use super::checkpoint::{Checkpoint, TrainState, save};
 use super::config::Configuration;
 use super::draw::{Draw, order};
@@ -35,12 +37,15 @@ pub struct Job<'a, S: System> {
     pub provenance: &'a Provenance,
     /// Whether the folder's run goes on, instead of beginning anew.
     pub resume: bool,
+    /// A checkpoint of the same system whose weights a new run begins with, those of the averages where it has any. What is not
+    /// there begins at random, and is told by an [`Event::Inherited`]; an encoder's own weights go over it.
+    pub from: Option<&'a Path>,
 }
 
 /// What a training came to.
 #[derive(Debug)]
 pub struct Outcome<S> {
-    /// The system as it is now.
+    /// The system as it is now, with averaged weights where there are any.
     pub system: S,
     /// Steps taken, in all parts of the run together.
     pub steps: u64,
@@ -70,6 +75,8 @@ pub fn train<S: System>(
     trainer.record.sync()?;
     trainer.digest()?;
     trainer.warn();
+    // What predicts.
+    trainer.exchange();
     Ok(Outcome {
         system: trainer.system,
         steps: trainer.state.step,
@@ -91,6 +98,7 @@ struct Trainer<'j, 'w, S: System> {
     watch: &'w mut dyn FnMut(Event) -> ControlFlow<()>,
     system: S,
     optimizer: AnyOptimizer,
+    average: Option<Average>,
     tapes: Tapes,
     record: Record<'j>,
     state: TrainState,
@@ -121,7 +129,8 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         // What was killed before its first checkpoint goes on from its beginning.
         let last = if job.resume { job.run.checkpoint()? } else { None };
         let resume = last.is_some();
-        let (system, optimizer, state) = if let Some(last) = last {
+        let mut inherited = None;
+        let (system, optimizer, average, state) = if let Some(last) = last {
             Checkpoint::read(&last)?.resume::<S>(config)?
         } else {
             let mut system = S::new(&config.system, train.seed);
@@ -130,9 +139,13 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
                     "there is nothing to train on: all of the data is for validation or test";
                 return Err(DataError::Unfit(text.into()).into());
             }
+            if let Some(path) = job.from {
+                inherited = Some(Checkpoint::read(path)?.lend(&mut system)?);
+            }
             system.init_from_data(job.data)?;
             let optimizer = AnyOptimizer::new(train, &system.rates());
-            (system, optimizer, TrainState::default())
+            let average = train.ema_decay.map(|decay| Average::new(decay, &system));
+            (system, optimizer, average, TrainState::default())
         };
         if system.couples_samples() && train.shards > 1 {
             let text = "`shards` is more than 1, but what this system computes for a sample depends on its whole batch";
@@ -161,6 +174,7 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
             watch,
             system,
             optimizer,
+            average,
             tapes: Tapes::new(train.shards),
             record,
             schedule: train.schedule(steps_per_epoch, total),
@@ -179,6 +193,9 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         }
         let (trainable, done) = (summary.trainable, trainer.state.step);
         trainer.tell(Event::Started { trainable, steps_per_epoch, total, done });
+        if let Some(inherited) = inherited {
+            trainer.tell(Event::Inherited(inherited));
+        }
         for text in S::data_summary(job.data).into_iter().flat_map(|summary| summary.warnings) {
             trainer.tell(Event::Warned(text));
         }
@@ -270,12 +287,16 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         }
         self.state.average = Some(average.map_or(loss, |a| MEMORY * a + (1.0 - MEMORY) * loss));
         let factor = self.schedule.factor(at.step);
-        let (system, optimizer) = (&mut self.system, &mut self.optimizer);
+        let (system, optimizer, average) =
+            (&mut self.system, &mut self.optimizer, &mut self.average);
         in_pool(|| {
             if let Some(limit) = train.clip_norm.filter(|&limit| gradient.norm > limit) {
                 clip_grad_norm(&mut gradient.gradients, limit);
             }
             optimizer.step(system, &gradient.gradients, factor);
+            if let Some(average) = average {
+                average.update(system, step);
+            }
         });
         let report = Step {
             step,
@@ -328,8 +349,9 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
             |every: Option<u64>| last || every.is_some_and(|every| epoch.is_multiple_of(every));
         let place = [step, epoch];
         if turn(train.validation_every) {
-            let (system, data) = (&self.system, self.job.data);
-            self.metrics = in_pool(|| system.evaluate(data, Subset::Validation))?;
+            let data = self.job.data;
+            self.metrics =
+                self.averaged(|system| in_pool(|| system.evaluate(data, Subset::Validation)))?;
             let best = self.is_best()?;
             self.record.validation(place, &self.metrics, best);
             if best {
@@ -340,8 +362,9 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
             self.tell(Event::Evaluated { step, epoch, metrics, best });
         }
         if turn(train.samples_every) {
-            let (system, data) = (&self.system, self.job.data);
-            let shown = in_pool(|| system.show(data, Subset::Validation))?;
+            let data = self.job.data;
+            let shown =
+                self.averaged(|system| in_pool(|| system.show(data, Subset::Validation)))?;
             self.record.samples(place, shown);
         }
         let evaluated = turn(train.validation_every);
@@ -354,9 +377,28 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
 
     /// Writes the table and the page, if something is to be added.
     fn digest(&mut self) -> Result<(), TrainError> {
+        self.exchange();
         let (system, data) = (&self.system, self.job.data);
-        self.record
-            .digest::<S>(self.job.config, || in_pool(|| system.show(data, Subset::Validation)))
+        let digested = self
+            .record
+            .digest::<S>(self.job.config, || in_pool(|| system.show(data, Subset::Validation)));
+        self.exchange();
+        digested
+    }
+
+    /// What `f` makes of the system that predicts: with averaged weights, where there are any.
+    fn averaged<R>(&mut self, f: impl FnOnce(&S) -> R) -> R {
+        self.exchange();
+        let made = f(&self.system);
+        self.exchange();
+        made
+    }
+
+    /// Puts averaged weights in the place of the trained ones, or these back.
+    fn exchange(&mut self) {
+        if let Some(average) = &mut self.average {
+            average.swap(&mut self.system);
+        }
     }
 
     fn is_best(&mut self) -> Result<bool, TrainError> {
@@ -385,9 +427,10 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         Ok(())
     }
 
-    fn write(&self, path: &std::path::Path) -> Result<(), TrainError> {
+    fn write(&self, path: &Path) -> Result<(), TrainError> {
         let job = self.job;
-        Ok(save(path, &self.system, &self.optimizer, &self.state, job.config)?)
+        let kept = (&self.optimizer, self.average.as_ref());
+        Ok(save(path, &self.system, kept, &self.state, job.config)?)
     }
 }
 

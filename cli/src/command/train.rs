@@ -7,11 +7,12 @@ use std::time::{Duration, Instant};
 use models::predict::Predictor;
 use serde::Serialize;
 use train::{
-    CHANGEABLE, CheckpointError, Configuration, Event, Job, Outcome, RunError, RunFolder,
-    RunMetadata, Subset, System, TrainError, settings, train,
+    CHANGEABLE, Checkpoint, CheckpointError, Configuration, Event, Job, Outcome, RunError,
+    RunFolder, RunMetadata, Subset, System, TrainError, settings, train,
 };
 
 use crate::args::{Global, Train};
+use crate::checkpoint::{self, checkpoint_path};
 use crate::configuration::configuration;
 use crate::console::{Console, table};
 use crate::failure::Failure;
@@ -69,10 +70,18 @@ impl Command<'_> {
     fn run<S: Predictor>(self) -> Result<(), Failure> {
         let Self { console, global, arguments } = self;
         let start = Instant::now();
+        let from = arguments.from.as_deref();
+        let from = from.map(|path| checkpoint_path::<S>(path, false)).transpose()?;
         let Prepared { run, config, data } = if let Some(path) = &arguments.resume {
             self.resumed::<S>(path)?
         } else {
-            let config = configuration::<S>(&arguments.settings, global)?;
+            let config = match &from {
+                Some(from) => {
+                    let read = Checkpoint::read(&from.file).map_err(Failure::input)?;
+                    checkpoint::configuration::<S>(&read, &arguments.settings.set, global.seed)?
+                }
+                None => configuration::<S>(&arguments.settings, global)?,
+            };
             RunFolder::examine(self.place(), arguments.force).map_err(failed)?;
             Prepared { run: None, config, data: arguments.data.clone() }
         };
@@ -86,8 +95,15 @@ impl Command<'_> {
         interrupt.worthwhile();
         let provenance = provenance(data.as_deref());
         let resume = arguments.resume.is_some();
-        let job =
-            Job { config: &config, data: &opened, run: &run, provenance: &provenance, resume };
+        let from = from.as_ref().map(|from| &*from.file);
+        let job = Job {
+            config: &config,
+            data: &opened,
+            run: &run,
+            provenance: &provenance,
+            resume,
+            from,
+        };
         let outcome = watched::<S>(console, &job, &self.called(), &interrupt)?;
         let trained = Trained {
             run: run.path(),
@@ -119,10 +135,12 @@ impl Command<'_> {
 
     /// What the configuration is called.
     fn called(&self) -> String {
-        match (&self.arguments.resume, &self.arguments.settings.config) {
-            (Some(_), _) => "resumed".to_owned(),
-            (None, Some(path)) => path.display().to_string(),
-            (None, None) => format!("preset {}", self.arguments.settings.preset),
+        let Train { resume, from, settings, .. } = self.arguments;
+        match (resume, from, &settings.config) {
+            (Some(_), ..) => "resumed".to_owned(),
+            (None, Some(path), _) => format!("from {}", path.display()),
+            (None, None, Some(path)) => path.display().to_string(),
+            (None, None, None) => format!("preset {}", settings.preset),
         }
     }
 
@@ -180,6 +198,10 @@ fn watched<S: Predictor>(
             }
             Event::Evaluated { metrics, .. } => {
                 scores = format!(";{}", named(metrics.iter().map(|m| (&*m.name, m.value))));
+            }
+            Event::Inherited(inherited) => {
+                console.remark(format_args!("{} arrays are from there", inherited.taken));
+                inherited.remarks().into_iter().for_each(|text| console.warn(text));
             }
             Event::Skipped { step, loss, average } => {
                 console.warn(format_args!(

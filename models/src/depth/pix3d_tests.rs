@@ -129,8 +129,14 @@ fn photographs_are_cut_to_their_boxes_and_trained_on() {
     (config.train.epochs, config.train.tensorboard) = (6, false);
     let (out, provenance) = (tempfile::tempdir().unwrap(), Provenance::default());
     let run = RunFolder::create(&out.path().join("run"), true).unwrap();
-    let job: Job<'_, MeshRcnn> =
-        Job { config: &config, data: &data, run: &run, provenance: &provenance, resume: false };
+    let job: Job<'_, MeshRcnn> = Job {
+        config: &config,
+        data: &data,
+        run: &run,
+        provenance: &provenance,
+        resume: false,
+        from: None,
+    };
     let fresh = MeshRcnn::new(&config.system, 0);
     let outcome = train(&job, &mut |_| std::ops::ControlFlow::Continue(())).unwrap();
     assert_eq!(outcome.steps, 6);

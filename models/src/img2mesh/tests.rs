@@ -140,8 +140,14 @@ fn a_tiny_training_finds_the_shape() {
     let before = fresh.evaluate(&data, Subset::Validation).unwrap();
     let run = RunFolder::create(&place.path().join("run"), false).unwrap();
     let provenance = Provenance::default();
-    let job =
-        Job { config: &config, data: &data, run: &run, provenance: &provenance, resume: false };
+    let job = Job {
+        config: &config,
+        data: &data,
+        run: &run,
+        provenance: &provenance,
+        resume: false,
+        from: None,
+    };
     let outcome = train::<Img2Mesh>(&job, &mut |_: Event| ControlFlow::Continue(())).unwrap();
     let after = &outcome.metrics;
     assert_eq!((after[0].name.as_str(), after[0].better), ("mask-iou", Better::Larger));
@@ -269,8 +275,14 @@ fn pretrained_weights_are_loaded_and_frozen_ones_stay() {
     let folder = place.path().join("run");
     let run = RunFolder::create(&folder, false).unwrap();
     let provenance = Provenance::default();
-    let job =
-        Job { config: &config, data: &data, run: &run, provenance: &provenance, resume: false };
+    let job = Job {
+        config: &config,
+        data: &data,
+        run: &run,
+        provenance: &provenance,
+        resume: false,
+        from: None,
+    };
     let trained =
         train::<Img2Mesh>(&job, &mut |_: Event| ControlFlow::Continue(())).unwrap().system;
     let mut found = 0;
@@ -457,8 +469,14 @@ fn tests_alone_are_never_trained_on() {
     let place = tempfile::tempdir().unwrap();
     let run = RunFolder::create(&place.path().join("run"), false).unwrap();
     let provenance = Provenance::default();
-    let job =
-        Job { config: &config, data: &data, run: &run, provenance: &provenance, resume: false };
+    let job = Job {
+        config: &config,
+        data: &data,
+        run: &run,
+        provenance: &provenance,
+        resume: false,
+        from: None,
+    };
     let error = train::<Img2Mesh>(&job, &mut |_: Event| ControlFlow::Continue(())).unwrap_err();
     assert!(error.to_string().contains("nothing to train on"), "{error}");
 }

@@ -38,8 +38,14 @@ fn stages_learn_from_where_vertices_are_seen() {
     assert_eq!(sequence[0].positions.value(), sequence[1].positions.value());
     let run = RunFolder::create(&place.path().join("run"), false).unwrap();
     let provenance = Provenance::default();
-    let job =
-        Job { config: &config, data: &data, run: &run, provenance: &provenance, resume: false };
+    let job = Job {
+        config: &config,
+        data: &data,
+        run: &run,
+        provenance: &provenance,
+        resume: false,
+        from: None,
+    };
     let outcome = train::<Img2Mesh>(&job, &mut |_: Event| ControlFlow::Continue(())).unwrap();
     let system = &outcome.system;
     let error = |mesh: usize| {

@@ -205,7 +205,7 @@ fn run_in(folder: &Path, config: &Config, resume: bool, stop: u64) -> Outcome<Mc
     let run = run.unwrap();
     let data = Data::synthetic(&config.system).unwrap();
     let provenance = Provenance::default();
-    let job = Job { config, data: &data, run: &run, provenance: &provenance, resume };
+    let job = Job { config, data: &data, run: &run, provenance: &provenance, resume, from: None };
     train::<Mcmr>(&job, &mut |event| match event {
         Event::Step(step) if step.step == stop => ControlFlow::Break(()),
         _ => ControlFlow::Continue(()),

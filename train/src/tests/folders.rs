@@ -131,8 +131,14 @@ fn a_run_that_lost_a_file_is_left_alone() {
         // Not even where the folder was taken before the file was lost.
         let run = RunFolder::at(&folder);
         let provenance = Provenance::default();
-        let job =
-            Job { config: &config, data: &(), run: &run, provenance: &provenance, resume: true };
+        let job = Job {
+            config: &config,
+            data: &(),
+            run: &run,
+            provenance: &provenance,
+            resume: true,
+            from: None,
+        };
         if lost.starts_with("checkpoints") {
             train::<Blob>(&job, &mut on).unwrap_err();
             assert!(contents(&folder) == before, "{lost}");
