@@ -5,6 +5,7 @@ mod data;
 mod dataset;
 mod depth;
 mod eval;
+mod export;
 mod output;
 mod predict;
 mod reading;
@@ -25,7 +26,8 @@ pub(crate) use depth::Depth;
 #[cfg(feature = "onnx")]
 pub(crate) use depth::DepthModelKind;
 pub(crate) use eval::Eval;
-pub(crate) use output::{Output, Picture};
+pub(crate) use export::Export;
+pub(crate) use output::{Output, Picture, refuse_existing};
 pub(crate) use predict::Predict;
 pub(crate) use reading::Reading;
 pub(crate) use reproduce::Reproduce;
@@ -87,6 +89,8 @@ pub(crate) enum Command {
     Eval(Eval),
     /// Make a mesh of views by a trained system, without fitting.
     Predict(Predict),
+    /// Give the weights of a training away: small, scored, with a model card.
+    Export(Export),
     /// Draw a mesh: from the cameras of views, or on a turntable.
     Render(Render),
     /// Write a mesh in another format, simplified or to a size, for a printer for one.

@@ -23,6 +23,7 @@ mod console;
 mod failure;
 mod interrupt;
 mod mesh_file;
+mod model_card;
 mod object_list;
 mod options;
 mod printable;
@@ -35,5 +36,6 @@ mod system;
 mod terminal;
 mod truth;
 mod views;
+mod weights;
 
 pub use program::Program;

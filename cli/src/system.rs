@@ -4,9 +4,9 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use models::Registry;
 use models::predict::Predictor;
 
-use crate::args::{Eval, Global, Predict, SystemSettings, Train};
+use crate::args::{Eval, Export, Global, Predict, SystemSettings, Train};
 use crate::command::check::SystemReport;
-use crate::command::{check, eval, predict, train as training};
+use crate::command::{check, eval, export, predict, train as training};
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::options::{self, ListedOption};
@@ -18,6 +18,7 @@ pub(crate) struct SystemCommands {
     about: &'static str,
     pub(crate) train: fn(Console, Global, &Train) -> Result<(), Failure>,
     pub(crate) eval: fn(Console, Global, &Eval) -> Result<(), Failure>,
+    pub(crate) export: fn(Console, Global, &Export) -> Result<(), Failure>,
     pub(crate) predict: fn(Console, &Predict) -> Result<(), Failure>,
     pub(crate) check: fn(&SystemSettings, Global) -> Result<SystemReport, Failure>,
     pub(crate) options: fn() -> Vec<ListedOption>,
@@ -34,6 +35,7 @@ impl Registry for Systems {
             about: S::ABOUT,
             train: training::run::<S>,
             eval: eval::run::<S>,
+            export: export::run::<S>,
             predict: predict::run::<S>,
             check: check::system_report::<S>,
             options: options::of_system::<S>,
@@ -53,10 +55,13 @@ impl Systems {
         let value = |system: &SystemCommands| PossibleValue::new(system.name).help(system.about);
         let values: Vec<_> = self.0.iter().map(value).collect();
         let names = || PossibleValuesParser::new(values.clone());
-        ["train", "eval", "predict", "check"].into_iter().fold(command, |command, verb| {
-            command.mut_subcommand(verb, |verb| {
-                verb.mut_arg("system", |argument| argument.value_parser(names()))
-            })
-        })
+        ["train", "eval", "predict", "export", "check"].into_iter().fold(
+            command,
+            |command, verb| {
+                command.mut_subcommand(verb, |verb| {
+                    verb.mut_arg("system", |argument| argument.value_parser(names()))
+                })
+            },
+        )
     }
 }

@@ -239,3 +239,42 @@ fn without_a_checkpoint_it_says_how_one_is_had() {
     predict("x", ["views", "-c", "gone"]).fails(3, &["gone", "unsphere train img2mesh VIEWS"]);
     assert!(!place().join("x").exists());
 }
+
+/// Weights that are given away: small, scored as they are, with a card, and found without being named.
+#[test]
+fn weights_are_exported_found_and_predict() {
+    let exported = run(&[
+        "export",
+        "img2mesh",
+        "--json",
+        "-c",
+        "run",
+        "-o",
+        "given/img2mesh.safetensors",
+        "--test",
+    ]);
+    let exported = exported.ok().json();
+    let about = &exported["about"];
+    assert_eq!((&about["system"], &about["data"]), (&"img2mesh".into(), &"views".into()));
+    let file = place().join("given/img2mesh.safetensors");
+    let whole = std::fs::metadata(place().join("run/checkpoints/best.safetensors")).unwrap().len();
+    assert!(std::fs::metadata(&file).unwrap().len() < whole / 4);
+    let card = std::fs::read_to_string(place().join("given/img2mesh.md")).unwrap();
+    for part in ["# img2mesh", "scored once", "unsphere train img2mesh views", "mask-iou"] {
+        assert!(card.contains(part), "{part}: {card}");
+    }
+    // The scores are those of the file.
+    let found = eval(["-c", "given/img2mesh.safetensors", "views"]).ok().json();
+    assert_eq!(about["scores"][0][0], "validation");
+    assert_eq!(about["scores"][0][1], found["metrics"]);
+    let again = ["export", "img2mesh", "-c", "run", "-o", "given/img2mesh.safetensors"];
+    run(&again).fails(1, &["given/img2mesh.safetensors", "--force"]);
+    run(&["export", "img2mesh", "-c", "run", "-o", "given"]).fails(2, &[".safetensors"]);
+
+    let made =
+        predict("by-given", ["views", "--weights-dir", "given", "--refine", "0"]).ok().json();
+    assert!(made["metrics"]["checkpoint"].as_str().unwrap().ends_with("img2mesh.safetensors"));
+    let missing = predict("by-none", ["views", "--weights-dir", "views"]);
+    missing.fails(2, &["no img2mesh.safetensors in views", "unsphere train img2mesh"]);
+    assert!(!place().join("by-none").exists());
+}

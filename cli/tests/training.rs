@@ -52,6 +52,29 @@ fn a_training_leaves_a_run_that_can_go_on() {
     resume("epochs=5").fails(3, &["last.safetensors"]);
 }
 
+/// A training on other data, or under other options, begins where another ended.
+#[test]
+fn a_training_begins_with_the_weights_of_another() {
+    let place = tempfile::tempdir().unwrap();
+    train(place.path(), ["-o", "first"]).ok();
+    let from = |arguments: &str| {
+        let line = format!("train img2mesh --from first --json --set epochs=1 {arguments}");
+        common::unsphere_with(place.path(), &line.split(' ').collect::<Vec<_>>())
+    };
+    let begun = from("-o second --set ema-decay=0.9");
+    assert!(begun.ok().json()["metrics"]["mask-iou"].as_f64().unwrap() > 0.0);
+    let config = std::fs::read_to_string(place.path().join("second/config.toml")).unwrap();
+    // Its options are those of the first, but for what is said.
+    for line in ["level = 1", "synthetic-views = 10", "epochs = 1", "ema-decay = 0.9"] {
+        assert!(config.contains(line), "{line}: {config}");
+    }
+    from("-o third --set level=2").fails(3, &["first/checkpoints", "shape"]);
+    from("-o third --preset tiny").fails(2, &["--preset"]);
+    let missing = ["train", "img2mesh", "--from", "gone", "-o", "third"];
+    unsphere(place.path(), missing).fails(3, &["gone", "unsphere train img2mesh"]);
+    assert!(!place.path().join("third").exists());
+}
+
 /// Before the first step: what is trained, from what, and what a prediction will ask for.
 #[test]
 fn a_training_says_what_it_will_do() {

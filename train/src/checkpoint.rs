@@ -2,7 +2,7 @@
 //!
 //! The metadata holds `format` (2), `checksum` (of all bytes of the file, as [`Fingerprint`] has it, with zeros in its own
 //! place; files of format 1 have none), `system`, `step`, `epochs-begun`, `pending` (whether the
-//! evaluation of an epoch that just ended is still to come), `best`, `average` and `config`, the
+//! evaluation of an epoch that just ended is still to come), `best`, `average`, of weights that are given away `card`, and `config`, the
 //! whole configuration as TOML; averaged weights stand under `optim.average.PATH`. Numbers are printed so that they read back
 //! bit by bit.
 
@@ -24,6 +24,8 @@ const FORMAT: &str = "2";
 const FORMER: &str = "1";
 /// How the checksum's entry begins in the file; within other entries a quote has a backslash before it.
 const CHECKSUM: &[u8] = b"\"checksum\":\"";
+/// The entry that holds the model card.
+const CARD: &str = "card";
 /// In place of the checksum while it is computed.
 const ZEROS: &str = "0000000000000000";
 
@@ -55,14 +57,22 @@ impl<'a> Checkpoint<'a> {
     /// # Errors
     /// If it cannot be read, is no safetensors file, was damaged after it was written, or is no checkpoint of a training.
     pub fn read(path: &'a Path) -> Result<Self, CheckpointError> {
-        let mut bytes = std::fs::read(path)
+        let bytes = std::fs::read(path)
             .map_err(|source| LoadError::Io { path: path.to_owned(), source })?;
-        let state = State::from_bytes(&bytes)
+        Self::from_bytes(path, &bytes)
+    }
+
+    /// The bytes of a file that has, or is to have, this name.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn from_bytes(path: &'a Path, bytes: &[u8]) -> Result<Self, CheckpointError> {
+        let state = State::from_bytes(bytes)
             .map_err(|reason| LoadError::Format { path: path.to_owned(), reason })?;
         let checkpoint = Self { path, state };
         // First of all: what else is wrong may be wrong because of the damage.
         if let Some(expected) = checkpoint.state.metadata.get("checksum") {
-            let found = checksum(&mut bytes);
+            let found = checksum(&mut bytes.to_owned());
             if found != *expected {
                 let (path, expected) = (path.to_owned(), expected.clone());
                 return Err(CheckpointError::Damaged { path, found, expected });
@@ -185,6 +195,22 @@ impl<'a> Checkpoint<'a> {
         }
         arrays.load_matching("", system);
         Ok(Inherited { taken, fresh: missing, unused: unexpected })
+    }
+
+    /// What is given away of a training: the weights that predict, in half precision, with the configuration and a model card,
+    /// and without what only going on needs. It is a checkpoint like any other: it loads, and a training can begin with it.
+    pub fn weights(&self, card: &str) -> Vec<u8> {
+        let mut weights = self.arrays();
+        weights.metadata.clone_from(&self.state.metadata);
+        weights.metadata.insert(CARD.to_owned(), card.to_owned());
+        weights.metadata.insert("checksum".to_owned(), ZEROS.to_owned());
+        weights.metadata.insert("format".to_owned(), FORMAT.to_owned());
+        seal(weights.halved().to_bytes())
+    }
+
+    /// The model card, where there is one: Markdown that says what the weights are of, and how good they are.
+    pub fn card(&self) -> Option<&str> {
+        self.state.metadata.get(CARD).map(String::as_str)
     }
 
     /// The weights that predict, under the names of the system's parameters.

@@ -22,6 +22,12 @@ pub struct RunMetadata {
     pub data: Option<PathBuf>,
     /// Its fingerprint, in hexadecimal digits.
     pub data_hash: Option<String>,
+    /// The command that began it.
+    pub command: Option<String>,
+    /// The commit of the program that began it.
+    pub commit: Option<String>,
+    /// The processor.
+    pub cpu: Option<String>,
 }
 
 impl CheckpointPath {
@@ -58,7 +64,13 @@ impl RunMetadata {
         let text = fs::read_to_string(run.join("provenance.json")).unwrap_or_default();
         let facts: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
         let text = |name: &str| facts[name].as_str().filter(|t| !t.is_empty()).map(str::to_owned);
-        Self { data: text("data").map(PathBuf::from), data_hash: text("data_hash") }
+        Self {
+            data: text("data").map(PathBuf::from),
+            data_hash: text("data_hash"),
+            command: text("command"),
+            commit: text("commit"),
+            cpu: text("cpu"),
+        }
     }
 }
 
@@ -91,7 +103,10 @@ mod tests {
         assert_eq!(CheckpointPath::find(&alone, false).unwrap().run, None);
 
         assert_eq!(RunMetadata::of(&run), RunMetadata::default());
-        fs::write(run.join("provenance.json"), r#"{"data": "", "data_hash": "0a"}"#).unwrap();
-        assert_eq!(RunMetadata::of(&run), RunMetadata { data: None, data_hash: Some("0a".into()) });
+        let facts = r#"{"data": "", "data_hash": "0a", "commit": "1e18b24"}"#;
+        fs::write(run.join("provenance.json"), facts).unwrap();
+        let [data_hash, commit] = ["0a", "1e18b24"].map(|text| Some(text.to_owned()));
+        let noted = RunMetadata { data_hash, commit, ..RunMetadata::default() };
+        assert_eq!(RunMetadata::of(&run), noted);
     }
 }

@@ -61,6 +61,7 @@ fn numbers<T, const N: usize>(bytes: &[u8], convert: impl Fn([u8; N]) -> T) -> V
 
 #[cfg(test)]
 mod tests {
+    use super::super::half::to_half;
     use super::*;
 
     #[test]
@@ -71,5 +72,9 @@ mod tests {
         assert_eq!([read(0x0001), read(0x7C00)], [2.0_f32.powi(-24), f32::INFINITY]);
         assert!((read(0x3555) - 1.0 / 3.0).abs() < 1e-4);
         assert!(read(0x7E00).is_nan());
+        for x in [0.0, 1.0, -0.1, 65504.0, 6e-8, 1e-3_f32] {
+            let there = from_half(to_half(x));
+            assert!((there - x).abs() <= x.abs() / 2048.0 + 2.0_f32.powi(-25), "{x} {there}");
+        }
     }
 }

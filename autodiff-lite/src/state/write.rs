@@ -61,6 +61,7 @@ impl State {
         out.write_all(header.as_bytes())?;
         for stored in self.stored() {
             match &stored.numbers {
+                Numbers::Halves(x) => x.iter().try_for_each(|x| out.write_all(x))?,
                 Numbers::Singles(x) => {
                     x.iter().try_for_each(|x| out.write_all(&x.to_le_bytes()))?;
                 }
@@ -92,6 +93,7 @@ impl State {
         let mut offset = 0;
         for (name, stored) in &self.arrays {
             let bytes = match &stored.numbers {
+                Numbers::Halves(x) => 2 * x.len(),
                 Numbers::Singles(x) => 4 * x.len(),
                 Numbers::Doubles(x) => 8 * x.len(),
                 Numbers::Counts(x) => 8 * x.len(),

@@ -6,6 +6,8 @@ use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use train::output::{OutputError, OutputFolder};
 
+use crate::failure::Failure;
+
 /// Where results go.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct Output {
@@ -24,6 +26,17 @@ impl Output {
             self.folder.as_deref().unwrap_or_else(|| Path::new(default)),
             self.force,
         )
+    }
+}
+
+/// Refuses to replace a file that is there, unless that is asked for.
+pub(crate) fn refuse_existing(files: &[impl AsRef<Path>], force: bool) -> Result<(), Failure> {
+    match files.iter().map(AsRef::as_ref).find(|file| file.exists() && !force) {
+        None => Ok(()),
+        Some(file) => {
+            let text = format!("{} exists already; choose another name or --force", file.display());
+            Err(Failure::Other(text))
+        }
     }
 }
 

@@ -15,7 +15,9 @@ view whose file is missing is left out with a warning. Views that are not given 
 The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html and metrics.json; where the mesh
 was refined, one-pass.glb too, as the network made it, and its scores beside the others. The mesh
 is in the coordinates of the cameras, which must be those of the training: a model knows objects of
-the size and place that it has seen.
+the size and place that it has seen. Without --checkpoint it is SYSTEM.safetensors, as `unsphere export`
+writes it, in the first of these folders that has it: weights beside the program, share/unsphere/weights where
+it is installed, unsphere/weights among the user's data (XDG_DATA_HOME), weights where it was built.
 
 Examples:
   unsphere train img2mesh views/ -o runs/clock                     first, to have a checkpoint
@@ -31,9 +33,13 @@ pub(crate) struct Predict {
     /// Views of one object.
     #[arg(index = 2)]
     pub(crate) views: PathBuf,
-    /// A run's folder, of which the best checkpoint is taken, or a checkpoint's file.
+    /// A run's folder, of which the best checkpoint is taken, or a checkpoint's file; without it, the weights that come
+    /// along.
     #[arg(long, short, value_name = "RUN|FILE")]
     pub(crate) checkpoint: Option<PathBuf>,
+    /// Where the weights that come along are, instead of the usual places.
+    #[arg(long, value_name = "FOLDER", conflicts_with = "checkpoint")]
+    pub(crate) weights_dir: Option<PathBuf>,
     /// The last checkpoint of the run instead of the best.
     #[arg(long, requires = "checkpoint")]
     pub(crate) last: bool,

@@ -5,7 +5,7 @@ use std::path::Path;
 use mesh_core::{TriMesh, UpAxis, simplify, write_mesh};
 use serde::Serialize;
 
-use crate::args::ConvertMesh;
+use crate::args::{ConvertMesh, refuse_existing};
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::mesh_file::read_mesh;
@@ -60,16 +60,6 @@ pub(crate) fn run(console: Console, arguments: &ConvertMesh) -> Result<(), Failu
 
 fn is(path: &Path, ending: &str) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending))
-}
-
-fn refuse_existing(files: &[impl AsRef<Path>], force: bool) -> Result<(), Failure> {
-    match files.iter().map(AsRef::as_ref).find(|file| file.exists() && !force) {
-        None => Ok(()),
-        Some(file) => {
-            let text = format!("{} exists already; choose another name or --force", file.display());
-            Err(Failure::Other(text))
-        }
-    }
 }
 
 /// The mesh with at most so many faces, fewer than it has, and with colours in place of a texture.

@@ -7,6 +7,7 @@ mod convert;
 mod data;
 mod demo;
 pub(crate) mod eval;
+pub(crate) mod export;
 mod fit;
 mod metrics;
 pub(crate) mod predict;
@@ -37,6 +38,9 @@ pub(crate) fn run(arguments: Arguments, systems: &Systems) -> Result<(), Failure
         }
         Command::Predict(arguments) => {
             (systems.named(&arguments.system).predict)(console, &arguments)
+        }
+        Command::Export(arguments) => {
+            (systems.named(&arguments.system).export)(console, global, &arguments)
         }
         Command::Render(arguments) => render::run(console, &arguments),
         Command::Convert(arguments) => convert::run(console, &arguments),

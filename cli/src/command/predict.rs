@@ -16,6 +16,7 @@ use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 use crate::provenance::{facts, typed_command};
+use crate::weights;
 
 /// Where the results go when nothing is said.
 const FOLDER: &str = "unsphere-predict";
@@ -31,11 +32,13 @@ struct Outcome<'a> {
 }
 
 pub(crate) fn run<S: Predictor>(console: Console, arguments: &Predict) -> Result<(), Failure> {
-    let Some(path) = &arguments.checkpoint else {
-        let text = format!("--checkpoint is needed, a trained model: {}", S::TRAINING);
-        return Err(Failure::Usage(text));
+    let found = match &arguments.checkpoint {
+        Some(path) => checkpoint_path::<S>(path, arguments.last)?,
+        None => weights::shipped::<S>(arguments.weights_dir.as_deref())?,
     };
-    let found = checkpoint_path::<S>(path, arguments.last)?;
+    if arguments.checkpoint.is_none() {
+        console.remark(format_args!("with the weights of {}", found.file.display()));
+    }
     let folder = arguments.output.create(FOLDER)?;
     let _interrupt = Interrupt::listen(Some(folder.unfinished()))?;
     let checkpoint = Checkpoint::read(&found.file).map_err(Failure::input)?;

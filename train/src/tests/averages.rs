@@ -98,3 +98,33 @@ fn a_training_begins_with_the_weights_of_another() {
     let error = outcome.unwrap_err().to_string();
     assert!(error.contains("hidden.0") && error.contains("last.safetensors"), "{error}");
 }
+
+/// Half precision, averages in the place of the weights, no optimiser, and a checkpoint still.
+#[test]
+fn weights_are_given_away_in_half_the_bytes() {
+    let place = tempfile::tempdir().unwrap();
+    let run = place.path().join("run");
+    let trained = run_in(&run, &averaged(|_| ()), false, &mut on).unwrap();
+    let last = run.join("checkpoints/last.safetensors");
+    let checkpoint = Checkpoint::read(&last).unwrap();
+    assert_eq!(checkpoint.card(), None);
+    let bytes = checkpoint.weights("# A blob\n\nKnows \"ellipsoids\".");
+    assert!(bytes.len() < std::fs::metadata(&last).unwrap().len() as usize / 3);
+    let file = place.path().join("blob.safetensors");
+    std::fs::write(&file, &bytes).unwrap();
+    let shipped = Checkpoint::read(&file).unwrap();
+    assert_eq!(shipped.card(), Some("# A blob\n\nKnows \"ellipsoids\"."));
+    assert_eq!(shipped.step().unwrap(), 12);
+    let (loaded, config) = shipped.load::<Blob>().unwrap();
+    assert_eq!(config, averaged(|_| ()));
+    for (a, b) in weights(&loaded).iter().zip(weights(&trained.system)) {
+        assert!((a - b).abs() <= b.abs() / 2048.0 + 1e-7, "{a} {b}");
+    }
+    let (begun, _) = begun_with(&file, &place.path().join("next"), &config);
+    assert_eq!(begun.unwrap().steps, 12);
+    // Damage is noticed as in any checkpoint.
+    let mut damaged = bytes;
+    *damaged.last_mut().unwrap() ^= 1;
+    std::fs::write(&file, damaged).unwrap();
+    assert!(matches!(Checkpoint::read(&file), Err(CheckpointError::Damaged { .. })));
+}
