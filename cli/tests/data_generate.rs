@@ -54,3 +54,43 @@ fn a_mesh_of_the_users_is_seen_and_can_be_fitted() {
         .fails(3, &["cloud.ply", "faces", "found none"]);
     assert!(!place.path().join("x").exists());
 }
+
+/// A folder of meshes becomes a dataset that is trained on: its kinds, what they are for, and what is left out is said.
+#[test]
+fn a_folder_of_meshes_becomes_a_dataset() {
+    let place = tempfile::tempdir().unwrap();
+    let mesh = mesh_core::primitives::cuboid([1.0, 2.0, 3.0]);
+    for (kind, name) in [("chair", "a"), ("chair", "b"), ("dog", "rex"), ("dog", "sold")] {
+        std::fs::create_dir_all(place.path().join("toys").join(kind)).unwrap();
+        let file = place.path().join("toys").join(kind).join(format!("{name}.ply"));
+        mesh_core::write_mesh(file, &mesh).unwrap();
+    }
+    std::fs::write(place.path().join("toys/chair/damaged.glb"), "none").unwrap();
+    let list = "file,split\nchair/a.ply,train\nchair/b.ply,test\ndog/rex.ply,val\nchair/damaged.glb,train\n";
+    std::fs::write(place.path().join("list.csv"), list).unwrap();
+    let run = |line: &str| {
+        let line = format!("data generate --from toys --views 2 --size 40 {line}");
+        common::unsphere_with(place.path(), &line.split(' ').collect::<Vec<_>>())
+    };
+    let run = run("--splits list.csv --layout r2n2 --points 50 --voxels 0 -o set --json");
+    let said = run.ok();
+    assert_eq!(said.json()["objects"], 3);
+    let told = said.stderr();
+    assert!(told.contains("damaged.glb") && told.contains("1 meshes are left out"), "{told}");
+    let text = std::fs::read_to_string(place.path().join("set/splits.json")).unwrap();
+    let splits: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let chair = synth::shapes::Family::Chair.synset();
+    assert!(splits["train"][chair]["a"].is_array() && splits["test"][chair]["b"].is_array());
+    assert_eq!(splits["val"].as_object().unwrap().len(), 1);
+    let options = datasets::ReadOptions::default();
+    let found = datasets::open_with(&place.path().join("set"), &options).unwrap();
+    assert_eq!(found.entries().len(), 3);
+    unsphere(
+        place.path(),
+        ["data", "generate", "--from", "list.csv", "--splits", "list.csv", "-o", "x"],
+    )
+    .fails(2, &["--splits"]);
+    std::fs::create_dir(place.path().join("none")).unwrap();
+    unsphere(place.path(), ["data", "generate", "--from", "none", "-o", "x"])
+        .fails(3, &["none: meshes: found none"]);
+}

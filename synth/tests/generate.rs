@@ -148,7 +148,7 @@ fn a_run_that_was_stopped_is_taken_up() {
     let folder = place.path().join("stopped");
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let begun = pool.install(|| {
-        generate(&config, None, &folder, &|done, all| {
+        generate(&config, &[], &folder, &|done, all| {
             assert_eq!(all, 12);
             if done >= 4 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })
@@ -174,24 +174,25 @@ fn folders_of_others_are_left_alone() {
     run(&config, &folder);
     let before = files(&folder);
     let other = GenerateConfig { seed: 12, ..config.clone() };
-    let error = generate(&other, None, &folder, &|_, _| ControlFlow::Continue(())).unwrap_err();
+    let error = generate(&other, &[], &folder, &|_, _| ControlFlow::Continue(())).unwrap_err();
     assert!(matches!(error, GenerateError::Different { .. }), "{error}");
     let text = error.to_string();
     assert!(text.contains("seed = 11") && text.contains("seed = 12"), "{text}");
     let model = model(place.path());
     let error =
-        generate(&config, Some(&model), &folder, &|_, _| ControlFlow::Continue(())).unwrap_err();
+        generate(&config, std::slice::from_ref(&model), &folder, &|_, _| ControlFlow::Continue(()))
+            .unwrap_err();
     assert!(matches!(error, GenerateError::Different { .. }), "{error}");
     assert!(before == files(&folder));
 
     let mine = place.path().join("mine");
     fs::create_dir(&mine).unwrap();
     fs::write(mine.join("letter.txt"), "dear").unwrap();
-    let error = generate(&config, None, &mine, &|_, _| ControlFlow::Continue(())).unwrap_err();
+    let error = generate(&config, &[], &mine, &|_, _| ControlFlow::Continue(())).unwrap_err();
     assert!(matches!(error, GenerateError::Foreign { .. }), "{error}");
     assert_eq!(files(&mine).len(), 1);
     let wrong = GenerateConfig { views: 0, ..config };
-    let error = generate(&wrong, None, &mine, &|_, _| ControlFlow::Continue(())).unwrap_err();
+    let error = generate(&wrong, &[], &mine, &|_, _| ControlFlow::Continue(())).unwrap_err();
     assert!(error.to_string().contains("`views` is 0"), "{error}");
 }
 
@@ -334,7 +335,7 @@ fn a_mesh_of_the_users_own_keeps_its_texture() {
     let folder = place.path().join("set");
     let config = GenerateConfig { cameras: CameraSet::Sphere, ..small(OutputLayout::Kaolin) };
     let stop = AtomicBool::new(false);
-    let made = generate(&config, Some(&model), &folder, &|_, all| {
+    let made = generate(&config, std::slice::from_ref(&model), &folder, &|_, all| {
         stop.store(all != 3, Ordering::Relaxed);
         ControlFlow::Continue(())
     });

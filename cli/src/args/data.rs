@@ -52,6 +52,7 @@ Examples:
   unsphere data generate --families plane,car --objects 200 --layout r2n2 --seed 7 -o shapes
   unsphere data generate --cameras sphere --size 256 --depth true -o all
   unsphere data generate --cameras collection --layout transforms --size 320x240 -o photos
+  unsphere data generate --from furniture/ --splits furniture/list.csv --layout r2n2 -o views
   unsphere data generate --from chair.obj --cameras sphere --views 100 --size 512 -o chair"
 )]
 pub(crate) struct Generate {
@@ -66,9 +67,14 @@ pub(crate) struct Generate {
     /// Objects of each kind [default: 20].
     #[arg(long, value_name = "N")]
     pub(crate) objects: Option<usize>,
-    /// This mesh instead: .obj, .ply, .glb or .stl; colours and texture are kept.
-    #[arg(long, value_name = "MESH", conflicts_with_all = ["families", "objects"])]
+    /// This mesh instead (.obj, .ply, .glb, .off or .stl), or all of a folder with a subfolder for each kind; colours and
+    /// texture are kept.
+    #[arg(long, value_name = "MESH|FOLDER", conflicts_with_all = ["families", "objects"])]
     pub(crate) from: Option<PathBuf>,
+    /// A table (CSV) of the folder's meshes with the columns `file` and `split`: train, validation or test. Meshes that it
+    /// does not have for one of these are left out; without it the subsets are drawn.
+    #[arg(long, value_name = "FILE", requires = "from")]
+    pub(crate) splits: Option<PathBuf>,
     /// What size that mesh is brought to.
     #[arg(long, value_parser = one_of(SIZE_RULES), default_value = "unit-diagonal", requires = "from")]
     pub(crate) normalize: Normalize,

@@ -292,7 +292,7 @@ fn collections_on_disk_have_their_rough_poses() {
         layout: OutputLayout::Kaolin,
         ..GenerateConfig::default()
     };
-    generate(&collection, None, &folder, &|_, _| ControlFlow::Continue(())).unwrap();
+    generate(&collection, &[], &folder, &|_, _| ControlFlow::Continue(())).unwrap();
     let options = datasets::ReadOptions::default();
     let source = Source { path: Some(&folder), options: &options, seed: 0, progress: &|_, _| () };
     let config = tiny();

@@ -15,7 +15,7 @@
 //! };
 //! let place = tempfile::tempdir()?;
 //! let folder = place.path().join("clocks");
-//! let made = generate(&config, None, &folder, &|_, _| ControlFlow::Continue(()))?;
+//! let made = generate(&config, &[], &folder, &|_, _| ControlFlow::Continue(()))?;
 //! assert_eq!((made.made, made.skipped), (2, 0));
 //! let views = datasets::read_views(
 //!     &folder.join("alarm_clock/0001"),
@@ -25,7 +25,7 @@
 //! assert_eq!(views.len(), 3);
 //!
 //! // What is there already is not made again.
-//! assert_eq!(generate(&config, None, &folder, &|_, _| ControlFlow::Continue(()))?.skipped, 2);
+//! assert_eq!(generate(&config, &[], &folder, &|_, _| ControlFlow::Continue(()))?.skipped, 2);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -60,12 +60,15 @@
 mod config;
 mod error;
 mod model;
+mod model_folder;
 mod object;
 mod rough;
 mod shapenet;
 mod sheet;
+mod split_list;
 mod splits;
 mod store;
+mod visible;
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -76,8 +79,10 @@ use rayon::prelude::*;
 pub use config::{CameraSet, GenerateConfig, OutputLayout};
 pub use error::GenerateError;
 pub use model::{Model, Normalize, ReadModelError};
+pub use model_folder::ModelFolder;
 pub use object::ObjectInfo;
 pub use rough::{RoughPosesError, read_rough_poses};
+pub use split_list::SplitList;
 pub use store::UNFINISHED;
 
 use object::jobs;
@@ -100,7 +105,7 @@ pub struct Generated {
 
 /// Makes a dataset in a folder, or goes on with one that was begun there.
 ///
-/// With a model, the objects are that one mesh instead of those of the families. `progress` is
+/// With models, the objects are these meshes instead of those of the families. `progress` is
 /// told from any thread how many views are done, of how many, and can end the run: what is being
 /// drawn is finished, the rest is left for the next run.
 ///
@@ -113,7 +118,7 @@ pub struct Generated {
 /// object per thread.
 pub fn generate(
     config: &GenerateConfig,
-    model: Option<&Model>,
+    models: &[Model],
     folder: &Path,
     progress: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
 ) -> Result<Generated, GenerateError> {
@@ -121,8 +126,8 @@ pub fn generate(
     if !wrong.is_empty() {
         return Err(GenerateError::Config(wrong));
     }
-    let store = Store::open(folder, config, model)?;
-    let jobs = jobs(config, model);
+    let store = Store::open(folder, config, models)?;
+    let jobs = jobs(config, models);
     let total = jobs.len() * config.views;
     let (done, stop, skipped) = (AtomicUsize::new(0), AtomicBool::new(false), AtomicUsize::new(0));
     let advance = |views: usize| {
@@ -158,7 +163,9 @@ pub fn generate(
     let skipped = skipped.into_inner();
     let stopped = objects.len() < jobs.len();
     if !stopped {
-        store.finish(&objects, &splits::of(config, &objects), &sheet::draw(config, &jobs)?)?;
+        let drawn = splits::of(config, &objects).into_iter().zip(&jobs);
+        let subsets: Vec<_> = drawn.map(|(drawn, job)| job.of.subset().unwrap_or(drawn)).collect();
+        store.finish(&objects, &subsets, &sheet::draw(config, &jobs)?)?;
     }
     store.clear();
     let made = objects.len() - skipped;

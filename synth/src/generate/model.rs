@@ -3,19 +3,28 @@
 use std::hash::Hasher;
 use std::path::{Path, PathBuf};
 
+use datasets::Subset;
 use fnv::FnvHasher;
 use mesh_core::{ReadMeshError, TriMesh, read_mesh};
 
 /// A mesh from a file, brought to a size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
-    /// The file's name without its extension, in letters, digits, `-` and `_`: what the object is
-    /// called.
+    /// What kind of thing it is, in letters, digits, `-` and `_`: the file's name without its extension, or in a
+    /// [folder](super::ModelFolder) of many the subfolder's.
+    pub category: String,
+    /// What the object is called within its kind.
     pub name: String,
+    /// What it is for, where a list says so; else it is drawn.
+    pub subset: Option<Subset>,
     /// The mesh with its colours and texture.
     pub mesh: TriMesh,
     /// What the manifest says of it, so that another file is not taken for it.
     pub(super) fingerprint: String,
+    /// ShapeNet's synset of its kind; zeros for a mesh by itself.
+    pub(super) synset: String,
+    /// Its own among the streams of random numbers.
+    pub(super) stream: u32,
 }
 
 /// Why a mesh cannot be the object of a dataset.
@@ -35,6 +44,28 @@ pub enum ReadModelError {
         path: PathBuf,
         /// How many vertices it has.
         vertices: usize,
+    },
+    /// A folder cannot be listed.
+    #[error("{}: {source}", path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A folder has no mesh in it, or none that can be used.
+    #[error("{}: meshes: found none that can be used, expected .obj, .ply, .glb, .off or .stl in subfolders, one a kind", path.display())]
+    NoModels {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The list of what meshes are for is not one.
+    #[error("{}: {what}", path.display())]
+    List {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
     },
     /// A vertex is nowhere.
     #[error("{}: vertex {vertex}: found {position:?}, expected finite numbers", path.display())]
@@ -86,16 +117,23 @@ impl Model {
         let bytes = std::fs::read(path)
             .map_err(|source| ReadMeshError::Io { path: path.into(), source })?;
         let stem = path.file_stem().map(|stem| stem.to_string_lossy()).unwrap_or_default();
-        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
-        let name: String = stem.chars().take(60).map(plain).collect();
-        let name = if name.is_empty() { "model".to_owned() } else { name };
+        let category = plain(&stem, "model");
         // Tells files apart, keeps no secrets.
         let mut hash = FnvHasher::default();
         hash.write(&bytes);
         let hash = hash.finish();
-        let fingerprint = format!("{name} {} bytes {hash:016x} {normalize:?}", bytes.len());
-        Ok(Self { name, mesh: normalize.apply(mesh), fingerprint })
+        let fingerprint = format!("{category} {} bytes {hash:016x} {normalize:?}", bytes.len());
+        let mesh = normalize.apply(mesh);
+        let (name, synset) = ("0000".to_owned(), "00000000".to_owned());
+        Ok(Self { category, name, subset: None, mesh, fingerprint, synset, stream: 0 })
     }
+}
+
+/// A name that folders can have: letters, digits, `-` and `_`.
+pub(super) fn plain(name: &str, otherwise: &str) -> String {
+    let letter = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
+    let name: String = name.chars().take(60).map(letter).collect();
+    if name.is_empty() { otherwise.to_owned() } else { name }
 }
 
 impl Normalize {
@@ -149,7 +187,7 @@ mod tests {
         let path = folder.path().join("my chair (2).ply");
         mesh_core::write_mesh(&path, &primitives::cuboid([1.0; 3])).unwrap();
         let model = Model::read(&path, Normalize::UnitBox).unwrap();
-        assert_eq!(model.name, "my_chair__2_");
+        assert_eq!((&*model.category, &*model.name), ("my_chair__2_", "0000"));
         assert!(model.fingerprint.contains("UnitBox"));
         assert!(Model::read(&folder.path().join("no.obj"), Normalize::None).is_err());
     }

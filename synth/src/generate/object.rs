@@ -1,14 +1,16 @@
 //! One object of a dataset: its mesh, its cameras, its images.
 
+use datasets::{Subset, SurfacePoints};
 use diff_raster::FacesError;
 use mesh_core::nalgebra::{Rotation3, Vector3};
-use mesh_core::{Camera, Image, Lens, TriMesh};
+use mesh_core::{Camera, Image, Lens, TriMesh, sample_points};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::config::{CameraSet, GenerateConfig, OutputLayout};
 use super::model::Model;
+use super::visible::visible_points;
 use crate::shapes::Family;
 use crate::{Orbit, R2n2Cameras, Rendering, render};
 
@@ -19,7 +21,7 @@ const FOV: f64 = 40.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectInfo {
-    /// What kind of thing it is: the family's name, or the model's.
+    /// What kind of thing it is: the family's name, the model's, or that of its subfolder.
     pub category: String,
     /// ShapeNet's synset of that kind.
     pub synset: String,
@@ -59,6 +61,8 @@ pub(super) enum Kind<'a> {
 pub(super) struct Made {
     pub(super) info: ObjectInfo,
     pub(super) mesh: TriMesh,
+    /// Points of its surface, where the layout has a place for them.
+    pub(super) points: Option<SurfacePoints>,
     pub(super) renderings: Vec<Rendering>,
     /// Guesses of depth, one a view, where they were asked for.
     pub(super) monocular: Vec<Image>,
@@ -67,10 +71,11 @@ pub(super) struct Made {
 }
 
 /// All objects of a dataset, in their order.
-pub(super) fn jobs<'a>(config: &GenerateConfig, model: Option<&'a Model>) -> Vec<Job<'a>> {
-    let kinds: Vec<(Kind<'a>, usize)> = match model {
-        Some(model) => vec![(Kind::Model(model), 1)],
-        None => config.families.iter().map(|&f| (Kind::Family(f), config.objects)).collect(),
+pub(super) fn jobs<'a>(config: &GenerateConfig, models: &'a [Model]) -> Vec<Job<'a>> {
+    let kinds: Vec<(Kind<'a>, usize)> = if models.is_empty() {
+        config.families.iter().map(|&f| (Kind::Family(f), config.objects)).collect()
+    } else {
+        models.iter().map(|model| (Kind::Model(model), 1)).collect()
     };
     kinds
         .into_iter()
@@ -78,10 +83,10 @@ pub(super) fn jobs<'a>(config: &GenerateConfig, model: Option<&'a Model>) -> Vec
             (0..count).map(move |i| {
                 // A stream for each object: more objects, or other families, move none.
                 let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
-                rng.set_stream(i as u64 + (of.stream() << 32));
+                rng.set_stream(i as u64 + of.stream());
                 // 32 bits each, which every reader of JSON takes as they are.
                 let [seed, view_seed] = [(); 2].map(|()| u64::from(rng.random::<u32>()));
-                Job { of, name: format!("{i:04}"), seed, view_seed }
+                Job { name: of.name(i), of, seed, view_seed }
             })
         })
         .collect()
@@ -91,22 +96,38 @@ impl Kind<'_> {
     pub(super) fn category(&self) -> &str {
         match self {
             Self::Family(family) => family.name(),
-            Self::Model(model) => &model.name,
+            Self::Model(model) => &model.category,
         }
     }
 
-    /// ShapeNet's synset; for what it does not know, zeros.
-    pub(super) fn synset(&self) -> &'static str {
+    /// What the `i`-th object is called.
+    fn name(&self, i: usize) -> String {
+        match self {
+            Self::Family(_) => format!("{i:04}"),
+            Self::Model(model) => model.name.clone(),
+        }
+    }
+
+    /// What the object is for, where that is not drawn.
+    pub(super) fn subset(&self) -> Option<Subset> {
+        match self {
+            Self::Family(_) => None,
+            Self::Model(model) => model.subset,
+        }
+    }
+
+    /// ShapeNet's synset; for what it does not know, another number.
+    pub(super) fn synset(&self) -> &str {
         match self {
             Self::Family(family) => family.synset(),
-            Self::Model(_) => "00000000",
+            Self::Model(model) => &model.synset,
         }
     }
 
     fn stream(&self) -> u64 {
         match self {
-            Self::Family(family) => *family as u64,
-            Self::Model(_) => Family::ALL.len() as u64,
+            Self::Family(family) => (*family as u64) << 32,
+            Self::Model(model) => ((Family::ALL.len() as u64) << 32) + u64::from(model.stream),
         }
     }
 }
@@ -153,7 +174,29 @@ impl Job<'_> {
             faces: mesh.faces.len(),
             traits,
         };
-        Ok(Made { info, monocular: monocular.collect(), mesh, renderings, rough })
+        let points = self.points(config, &mesh)?;
+        Ok(Made { info, monocular: monocular.collect(), mesh, points, renderings, rough })
+    }
+}
+
+impl Job<'_> {
+    /// Points of the surface, where the layout has a place for them: of what others have made, those that are seen from
+    /// outside.
+    fn points(
+        &self,
+        config: &GenerateConfig,
+        mesh: &TriMesh,
+    ) -> Result<Option<SurfacePoints>, FacesError> {
+        if config.layout != OutputLayout::R2n2 || config.points == 0 {
+            return Ok(None);
+        }
+        Ok(Some(match self.of {
+            Kind::Family(_) => {
+                let (positions, normals) = sample_points(mesh, config.points, self.view_seed);
+                SurfacePoints { positions, normals }
+            }
+            Kind::Model(_) => visible_points(mesh, config.points, self.view_seed)?,
+        }))
     }
 }
 
@@ -300,7 +343,7 @@ mod tests {
             ..GenerateConfig::default()
         };
         let seed_of = |config: &GenerateConfig, name: &str| {
-            let jobs = jobs(config, None);
+            let jobs = jobs(config, &[]);
             let of = |job: &&Job<'_>| job.of.category() == "car" && job.name == name;
             jobs.iter().find(of).map(|job| (job.seed, job.view_seed))
         };

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use datasets::{SurfacePoints, Truth, r2n2};
-use mesh_core::{TriMesh, VoxelGrid, encode_exr, sample_points, voxelize_enclosed, voxelize_solid};
+use datasets::{Truth, r2n2};
+use mesh_core::{TriMesh, VoxelGrid, encode_exr, voxelize_enclosed, voxelize_solid};
 
 use super::config::GenerateConfig;
 use super::error::GenerateError;
@@ -20,7 +20,7 @@ pub(super) fn write(
     root: &Path,
     object: &Path,
 ) -> Result<ObjectInfo, GenerateError> {
-    let Made { info, mesh, renderings, monocular, rough } = made;
+    let Made { info, mesh, points, renderings, monocular, rough } = made;
     let views: Vec<r2n2::Rendering> = renderings
         .iter()
         .map(|rendering| {
@@ -32,10 +32,6 @@ pub(super) fn write(
             })
         })
         .collect::<Result<_, _>>()?;
-    let points = (config.points > 0).then(|| {
-        let (positions, normals) = sample_points(&mesh, config.points, info.view_seed);
-        SurfacePoints { positions, normals }
-    });
     let voxels = (config.voxels > 0).then(|| voxels(&mesh, config.voxels));
     let pictures = object.join("rendering");
     for (i, image) in monocular.iter().enumerate() {

@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::hash::Hasher;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use datasets::{Subset, View, write_kaolin, write_transforms};
+use fnv::FnvHasher;
 use mesh_core::io::{write_atomic, write_mesh};
 use mesh_core::{ByteImage, Camera, TriMesh, encode_exr, encode_png};
 use serde::Serialize;
@@ -30,7 +32,7 @@ const OBJECT: &str = "object.json";
 struct Manifest<'a> {
     /// Of the program: other versions may draw other shapes.
     version: &'a str,
-    /// The model, where it is not the families.
+    /// The model or models, where it is not the families.
     model: Option<&'a str>,
     dataset: &'a GenerateConfig,
 }
@@ -50,7 +52,7 @@ impl Store {
     pub(super) fn open(
         root: &Path,
         config: &GenerateConfig,
-        model: Option<&Model>,
+        models: &[Model],
     ) -> Result<Self, GenerateError> {
         disk::make_folders(root).map_err(GenerateError::io(root))?;
         let lock = lock_folder(root).map_err(|error| match error {
@@ -60,7 +62,7 @@ impl Store {
         let manifest = root.join(MANIFEST);
         let asked = to_toml(&Manifest {
             version: env!("CARGO_PKG_VERSION"),
-            model: model.map(|model| model.fingerprint.as_str()),
+            model: fingerprint(models).as_deref(),
             dataset: config,
         });
         if manifest.exists() {
@@ -160,6 +162,19 @@ impl Store {
     }
 }
 
+/// What tells models from others; none where there are none.
+fn fingerprint(models: &[Model]) -> Option<String> {
+    if let [] | [_] = models {
+        return models.first().map(|model| model.fingerprint.clone());
+    }
+    let mut hash = FnvHasher::default();
+    for model in models {
+        let Model { category, name, subset, fingerprint, .. } = model;
+        hash.write(format!("{category}/{name} {subset:?} {fingerprint}\n").as_bytes());
+    }
+    Some(format!("{} meshes {:016x}", models.len(), hash.finish()))
+}
+
 /// The folder of what is unfinished. Of a dataset that is locked for this process, what lies there is nobody's.
 fn unfinished(root: &Path, locked: bool) -> io::Result<PathBuf> {
     if !locked {
@@ -196,7 +211,7 @@ fn write_folder(
     folder: &Path,
     names: &Names,
 ) -> Result<ObjectInfo, GenerateError> {
-    let Made { info, mesh, renderings, monocular, rough } = made;
+    let Made { info, mesh, renderings, monocular, rough, .. } = made;
     for (i, image) in monocular.iter().enumerate() {
         put(&folder.join((names.monocular)(i)), &encode_exr(image))?;
     }

@@ -1,11 +1,12 @@
 //! `unsphere data generate`: a dataset of our own making.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use serde::Serialize;
 use synth::generate::{
-    CameraSet, GenerateConfig, GenerateError, Generated, Model, UNFINISHED, generate,
+    CameraSet, GenerateConfig, GenerateError, Generated, Model, ModelFolder, SplitList, UNFINISHED,
+    generate,
 };
 use synth::shapes::Family;
 
@@ -30,14 +31,13 @@ struct Summary<'a> {
 pub(crate) fn run(console: Console, global: Global, arguments: &Generate) -> Result<(), Failure> {
     let start = Instant::now();
     let config = configuration(arguments, global)?;
-    let read = |path: &PathBuf| Model::read(path, arguments.normalize).map_err(Failure::input);
-    let model = arguments.from.as_ref().map(read).transpose()?;
+    let models = models(console, arguments)?;
     let output = &arguments.output;
     let interrupt = Interrupt::listen(Some(&output.join(UNFINISHED)))?;
     // Every object that is complete is worth keeping, so the first press lets them be completed.
     interrupt.worthwhile();
     let progress = Progress::new(console, "generate");
-    let generated = generate(&config, model.as_ref(), output, &|done, all| {
+    let generated = generate(&config, &models, output, &|done, all| {
         progress.set(done, all);
         interrupt.flow()
     })
@@ -75,6 +75,28 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Generate) -> Res
             ("time", format!("{:.1} s", s.seconds)),
         ])
     })
+}
+
+/// The meshes that the objects are; none where they are drawn.
+fn models(console: Console, arguments: &Generate) -> Result<Vec<Model>, Failure> {
+    let Some(path) = &arguments.from else { return Ok(Vec::new()) };
+    let list = arguments.splits.as_deref().map(SplitList::read).transpose();
+    let list = list.map_err(Failure::input)?;
+    if !path.is_dir() {
+        if list.is_some() {
+            return Err(Failure::Usage("--splits is for a folder of meshes".to_owned()));
+        }
+        return Ok(vec![Model::read(path, arguments.normalize).map_err(Failure::input)?]);
+    }
+    let found = ModelFolder::read(path, arguments.normalize, list.as_ref());
+    let found = found.map_err(Failure::input)?;
+    found.refused.iter().for_each(|error| console.warn(format_args!("{error}; left out")));
+    if found.unlisted > 0 {
+        let count = found.unlisted;
+        console
+            .remark(format_args!("{count} meshes are left out, which the list has for no subset"));
+    }
+    Ok(found.models)
 }
 
 /// The options, over the settings, over the configuration file, over the defaults.
