@@ -1,6 +1,6 @@
 //! Which vertices, edges and faces of a triangle mesh touch each other.
 
-use crate::Csr;
+use crate::{Csr, TriMesh};
 
 /// The edges of a triangle mesh and its neighbourhoods, in a deterministic order.
 ///
@@ -30,6 +30,29 @@ pub struct Topology {
     pub vertex_faces: Csr,
     /// For each vertex the vertices joined to it by an edge, ascending.
     pub vertex_vertices: Csr,
+    /// The faces it was made of, `[F]`.
+    pub faces: Vec<[u32; 3]>,
+}
+
+/// The edges.
+impl AsRef<[[u32; 2]]> for Topology {
+    fn as_ref(&self) -> &[[u32; 2]] {
+        &self.edges
+    }
+}
+
+/// The faces.
+impl AsRef<[[u32; 3]]> for Topology {
+    fn as_ref(&self) -> &[[u32; 3]] {
+        &self.faces
+    }
+}
+
+/// The neighbours of the vertices.
+impl AsRef<Csr> for Topology {
+    fn as_ref(&self) -> &Csr {
+        &self.vertex_vertices
+    }
 }
 
 /// Two faces on one edge, and the corner of each that is not on it.
@@ -137,7 +160,16 @@ impl Topology {
             vertex_faces: Csr::from_pairs(vertex_count, &around),
             vertex_vertices: Csr::from_pairs(vertex_count, &both),
             edges,
+            faces: faces.to_vec(),
         }
+    }
+
+    /// That of a mesh.
+    ///
+    /// # Panics
+    /// As [`new`](Self::new).
+    pub fn of(mesh: &TriMesh) -> Self {
+        Self::new(mesh.positions.len(), &mesh.faces)
     }
 
     /// The number of vertices, isolated ones included.
