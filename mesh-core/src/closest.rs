@@ -155,7 +155,14 @@ fn blend([a, b, c]: [Vec3; 3], w: Vec3) -> Vec3 {
 ///
 /// Inside the three planes through the sides, upright on the triangle, it is the foot of the normal;
 /// else the closest point of a side. A triangle without area has sides only.
-fn closest_weights(corners: [Vec3; 3], p: Vec3) -> Vec3 {
+///
+/// ```
+/// use mesh_core::closest_weights;
+/// let corners = [[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+/// assert_eq!(closest_weights(corners, [0.5, 0.5, 3.0]), [0.5, 0.25, 0.25]);
+/// assert_eq!(closest_weights(corners, [9.0, -1.0, 0.0]), [0.0, 1.0, 0.0]);
+/// ```
+pub fn closest_weights(corners: [Vec3; 3], p: Vec3) -> Vec3 {
     let [a, b, c] = corners;
     let normal = cross(sub(b, a), sub(c, a));
     let square = dot(normal, normal);

@@ -31,7 +31,7 @@
 //! - **measure**: [`face_normals`], [`vertex_normals`], [`face_areas`], [`vertex_areas`];
 //!   [`adjacency`], [`uniform_laplacian`], [`combinatorial_laplacian`], [`cotangent_laplacian`] as [`SparseRows`]
 //! - **smooth steps**: [`DiffusionSolver`], `(I + λ L) x = b`
-//! - **points and cells**: [`sample_surface`], [`nearest`], [`ClosestPoint`]; [`voxelize_solid`], [`voxelize_surface`],
+//! - **points and cells**: [`sample_surface`], [`nearest`], [`ClosestPoint`], [`closest_weights`]; [`voxelize_solid`], [`voxelize_surface`],
 //!   [`voxelize_parity`], [`voxelize_enclosed`], [`VoxelGrid::iou`]; back to a mesh by [`cubify`] and
 //!   [`marching_cubes`]; the cells that a
 //!   camera sees, [`CameraVolume`]
@@ -98,7 +98,7 @@ pub use camera::{
     Projected, Pytorch3dCamera, R2n2View, Ray, SphericalView, WeakPerspective,
     look_at_view_transform,
 };
-pub use closest::{Closest, ClosestPoint};
+pub use closest::{Closest, ClosestPoint, closest_weights};
 pub use csr::Csr;
 pub use cubify::{EmptyGrid, cubify};
 pub use differential::{

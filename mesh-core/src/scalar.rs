@@ -25,6 +25,9 @@ pub trait Scalar:
     + Sync
     + 'static
 {
+    /// The distance from 1 to the next larger number.
+    const EPSILON: f64;
+
     /// The nearest representable number.
     fn narrowed(x: f64) -> Self;
 
@@ -33,6 +36,8 @@ pub trait Scalar:
 }
 
 impl Scalar for f32 {
+    const EPSILON: f64 = Self::EPSILON as f64;
+
     #[inline]
     fn narrowed(x: f64) -> Self {
         x as Self
@@ -45,6 +50,8 @@ impl Scalar for f32 {
 }
 
 impl Scalar for f64 {
+    const EPSILON: f64 = Self::EPSILON;
+
     #[inline]
     fn narrowed(x: f64) -> Self {
         x

@@ -209,28 +209,29 @@ impl Topology {
     /// If `faces` are not those that the topology was made of.
     pub fn face_pairs(&self, faces: &[[u32; 3]]) -> Vec<FacePair> {
         assert_eq!(faces.len(), self.face_count(), "face_pairs: another mesh");
+        let mut pairs = Vec::with_capacity(self.edges.len());
+        self.each_face_pair(|pair| pairs.push(pair));
+        pairs
+    }
+
+    /// Calls `f` with the pairs of [`face_pairs`](Self::face_pairs), in their order, without a list of them.
+    pub fn each_face_pair(&self, mut f: impl FnMut(FacePair)) {
         let opposite = |face: u32, [a, b]: [u32; 2]| {
-            let [p, q, r] = faces[face as usize];
+            let [p, q, r] = self.faces[face as usize];
             (p != q && q != r && r != p)
                 .then(|| [p, q, r].into_iter().find(|&v| v != a && v != b))
                 .flatten()
         };
-        let mut pairs = Vec::with_capacity(self.edges.len());
         for (edge, &ends) in self.edges.iter().enumerate() {
-            let ring = self.edge_rings.row(edge);
+            let (edge, ring) = (edge as u32, self.edge_rings.row(edge));
             for (i, &first) in ring.iter().enumerate() {
                 for &second in &ring[i + 1..] {
                     if let (Some(a), Some(b)) = (opposite(first, ends), opposite(second, ends)) {
-                        pairs.push(FacePair {
-                            edge: edge as u32,
-                            faces: [first, second],
-                            opposite: [a, b],
-                        });
+                        f(FacePair { edge, faces: [first, second], opposite: [a, b] });
                     }
                 }
             }
         }
-        pairs
     }
 }
 

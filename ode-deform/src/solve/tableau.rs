@@ -1,6 +1,6 @@
 //! Runge-Kutta methods as data.
 
-use super::State;
+use super::{SolveError, State};
 
 /// A Butcher tableau as printed in the books, and what turns its stages into a curve.
 ///
@@ -8,7 +8,8 @@ use super::State;
 /// k_i = f(t + c_i h, y + h Σ_j a_ij k_j)        y' = y + h Σ b_i k_i        error = h Σ e_i k_i
 /// ```
 ///
-/// The coefficients are checked by the tests of this crate, not at run time; a method of your own is another constant.
+/// A method of your own is another constant. [`check`](Self::check) sees whether its numbers fit together, when a
+/// [`Problem`](super::Problem) is; whether it has the order that it claims is for tests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tableau {
     /// Its name in messages and reports.
@@ -25,6 +26,9 @@ pub struct Tableau {
     pub error: Option<&'static [f64]>,
     /// What each stage adds, times `θ² (1 - θ)²`, to the cubic through both ends of a step.
     pub dense: Option<&'static [f64]>,
+    /// Whether the last stage is taken for the first of the next step although it is not quite that
+    /// ([`is_fsal`](Self::is_fsal) says whether it is).
+    pub carries_last: bool,
     /// Where the numbers are from.
     pub reference: &'static str,
 }
@@ -64,7 +68,40 @@ impl Tableau {
 
     /// Evaluations of the field in each step but the first.
     pub const fn evaluations_per_step(&self) -> usize {
-        self.stages() - self.is_fsal() as usize
+        self.stages() - (self.is_fsal() || self.carries_last) as usize
+    }
+
+    /// Whether these are the numbers of an explicit method: lists of one length, rows of stages before, whose sums are
+    /// where they lie, weights of sum 1 and those of the error of sum 0.
+    ///
+    /// # Errors
+    /// What does not fit.
+    pub fn check(&self) -> Result<(), SolveError> {
+        let fail = |what| Err(SolveError::Tableau { method: self.name, what });
+        let near = |sum: f64, value: f64| (sum - value).abs() < 1e-12;
+        let stages = self.b.len();
+        if stages == 0 || self.a.len() != stages || self.c.len() != stages {
+            return fail("a, b and c need one row for each stage, at least one");
+        }
+        for (stage, (row, &c)) in self.a.iter().zip(self.c).enumerate() {
+            if row.len() > stage {
+                return fail("a row of a weighs a stage that is not yet known");
+            }
+            if !near(row.iter().sum(), c) {
+                return fail("a row of a does not add up to its c");
+            }
+        }
+        if self.order == 0 || !near(self.b.iter().sum(), 1.0) {
+            return fail("the weights b do not add up to 1, or the order is 0");
+        }
+        for weights in [self.error, self.dense].into_iter().flatten() {
+            if weights.len() != stages || !near(weights.iter().sum(), 0.0) {
+                return fail(
+                    "weights of the error or between the ends do not add up to 0, one a stage",
+                );
+            }
+        }
+        Ok(())
     }
 
     /// One step from `t` to `next`: manual stepping.
