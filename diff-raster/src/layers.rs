@@ -226,6 +226,23 @@ impl<'t, F: Real> Layers<'t, F> {
         Self { projected, fragments: rasterize_layers(projected, faces, settings) }
     }
 
+    /// Layers whose faces are known already: of the same meshes, from [`rasterize_layers`] or earlier layers.
+    ///
+    /// # Panics
+    /// If the positions have not the shape of those that were rasterised.
+    #[track_caller]
+    pub fn of(projected: Var<'t, F>, fragments: Arc<LayeredFragments<F>>) -> Self {
+        let expected = [fragments.batch, fragments.faces.vertex_count(), 3];
+        let shape = projected.shape();
+        if shape != expected {
+            let message = "the positions are not those that were rasterised";
+            let operands =
+                [("projected", &shape[..], "N, V, 3"), ("rasterised", &expected, "N, V, 3")];
+            projected.tape().refuse("layers", message, &operands);
+        }
+        Self { projected, fragments }
+    }
+
     /// The plain values.
     pub fn fragments(&self) -> &Arc<LayeredFragments<F>> {
         &self.fragments

@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn vanished_faces_keep_gradients_finite() {
-        let (mesh, topology) = hinge(0.0);
+        let (_, topology) = hinge(0.0);
         let tape = autodiff_lite::Tape::<f32>::train(0);
         let x = tape.leaf(ndarray::Array2::zeros((4, 3)));
         let loss = face_angle(x, &topology).add(normal_consistency(x, &topology));
