@@ -385,6 +385,21 @@ mod tests {
         assert_eq!(tape.pool().bytes(), 4096);
     }
 
+    /// Layers see evaluation, gradients flow, and scopes keep what the walk back needs.
+    #[test]
+    fn evaluation_can_be_recorded() {
+        let tape = Tape::<f32>::eval_with_gradients();
+        assert!(tape.is_recording() && !tape.is_training());
+        let x = tape.leaf(arr1(&[1.0, 2.0]));
+        let y = tape.scope("block", || x.square().dropout(0.5).square().sum());
+        assert_eq!(y.item(), 17.0, "nothing is dropped");
+        let gradients = y.backward();
+        assert_eq!(gradients.wrt(x).map(|g| g.as_slice().to_vec()), Some(vec![4.0, 32.0]));
+        assert!(tape.nested().is_recording() && !tape.nested().is_training());
+        let frozen = Tape::<f32>::eval();
+        assert!(!frozen.is_recording() && !frozen.leaf(arr1(&[1.0])).needs_grad());
+    }
+
     #[test]
     fn a_tape_can_move_to_another_thread() {
         fn moves<T: Send>() {}

@@ -26,7 +26,8 @@ fn vertices_are_those_of_scikit_image() {
     assert_eq!(mesh.positions.len(), expected.len());
     assert_eq!(mesh.faces.len() as u64, peers["faces"].as_u64().unwrap());
     for position in &mesh.positions {
-        let away = |p: &[f64; 3]| (0..3).map(|k| (p[k] - f64::from(position[k])).abs()).sum::<f64>();
+        let away =
+            |p: &[f64; 3]| (0..3).map(|k| (p[k] - f64::from(position[k])).abs()).sum::<f64>();
         let nearest = expected.iter().map(away).fold(f64::INFINITY, f64::min);
         assert!(nearest < 1e-5, "{position:?} is not there");
     }

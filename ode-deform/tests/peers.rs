@@ -4,7 +4,7 @@
 use autodiff_lite::{Activation, Tape, Var};
 use nets::{Init, Mlp};
 use ode_deform::solve::{
-    DOPRI5, Problem, RK4, StepController, TSIT5, THREE_EIGHTHS, Tableau, solve, solve_until,
+    DOPRI5, Problem, RK4, StepController, THREE_EIGHTHS, TSIT5, Tableau, solve, solve_until,
 };
 use ode_deform::{Adjoint, timed_field_fn};
 
@@ -12,8 +12,7 @@ const START: [f64; 3] = [1.0, 1.0, 0.0];
 const STEP: StepController = StepController::Fixed { step: 2.1 / 14.0 };
 
 fn peer(name: &str) -> Vec<f64> {
-    let all: serde_json::Value =
-        serde_json::from_str(include_str!("fixtures/peers.json")).unwrap();
+    let all: serde_json::Value = serde_json::from_str(include_str!("fixtures/peers.json")).unwrap();
     all[name].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
 }
 

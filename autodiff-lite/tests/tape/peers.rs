@@ -13,7 +13,8 @@ impl Peers {
 
     fn array(&self, name: &str) -> ArrayD<f64> {
         let list = |key: &str| self.0[name][key].as_array().unwrap();
-        let shape: Vec<usize> = list("shape").iter().map(|n| n.as_u64().unwrap() as usize).collect();
+        let shape: Vec<usize> =
+            list("shape").iter().map(|n| n.as_u64().unwrap() as usize).collect();
         let data = list("data").iter().map(|x| x.as_f64().unwrap()).collect();
         ArrayD::from_shape_vec(IxDyn(&shape), data).unwrap()
     }

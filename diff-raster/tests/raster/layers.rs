@@ -21,7 +21,8 @@ impl Peers {
 
     fn array(&self, name: &str) -> ArrayD<f64> {
         let list = |key: &str| self.0[name][key].as_array().unwrap();
-        let shape: Vec<usize> = list("shape").iter().map(|n| n.as_u64().unwrap() as usize).collect();
+        let shape: Vec<usize> =
+            list("shape").iter().map(|n| n.as_u64().unwrap() as usize).collect();
         let data = list("data").iter().map(|x| x.as_f64().unwrap()).collect();
         ArrayD::from_shape_vec(IxDyn(&shape), data).unwrap()
     }
@@ -31,7 +32,10 @@ impl Peers {
         assert_eq!(found.len(), expected.len(), "{name}");
         for (found, expected) in found.iter().zip(&expected) {
             let size = expected.abs().max(1.0);
-            assert!((found - expected).abs() < 1e-9 * size, "{name}: {found} instead of {expected}");
+            assert!(
+                (found - expected).abs() < 1e-9 * size,
+                "{name}: {found} instead of {expected}"
+            );
         }
     }
 }
@@ -149,7 +153,8 @@ fn the_first_layer_is_what_is_seen() {
     let ball = primitives::icosphere(2);
     let camera = Camera::look_at([0.4, 0.8, 3.0], [0.0; 3], [0.0, 1.0, 0.0], 0.9, 24, 24);
     let tape = Tape::<f64>::eval();
-    let projected = tape.constant(ball.vertices()).project(tape.constant(Camera::matrices(&[camera])));
+    let projected =
+        tape.constant(ball.vertices()).project(tape.constant(Camera::matrices(&[camera])));
     let faces = Arc::new(Faces::of(&ball).unwrap());
     let layers = rasterize_layers(projected, &faces, &LayerSettings::new(24, 24, 4));
     let seen = diff_raster::rasterize(projected, &faces, &diff_raster::Settings::new(24, 24));

@@ -195,3 +195,36 @@ fn weighted<'y, Y>(h: f64, weights: &[f64], derivatives: &'y [Y]) -> Vec<(f64, &
     let all = weights.iter().zip(derivatives);
     all.filter(|(w, _)| **w != 0.0).map(|(w, k)| (h * w, k)).collect()
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use crate::solve::{HEUN, Problem, StepController, solve};
+
+    /// Each way in which numbers are no method is found before anything is integrated.
+    #[test]
+    fn what_is_no_method_is_refused() {
+        const SHORT: Tableau = Tableau { c: &[0.0], ..HEUN };
+        const IMPLICIT: Tableau = Tableau { a: &[&[0.5], &[0.5]], ..HEUN };
+        const ELSEWHERE: Tableau = Tableau { c: &[0.0, 0.5], ..HEUN };
+        const HEAVY: Tableau = Tableau { b: &[0.5, 0.6], ..HEUN };
+        const WRONG: Tableau = Tableau { error: Some(&[0.5, 0.5]), ..HEUN };
+        const NOTHING: Tableau = Tableau { a: &[], b: &[], c: &[], error: None, ..HEUN };
+        for (tableau, what) in [
+            (&SHORT, "one row for each stage"),
+            (&IMPLICIT, "not yet known"),
+            (&ELSEWHERE, "add up to its c"),
+            (&HEAVY, "add up to 1"),
+            (&WRONG, "add up to 0"),
+            (&NOTHING, "at least one"),
+        ] {
+            let problem = Problem::new([0.0, 1.0], tableau, StepController::Fixed { step: 0.1 });
+            let error = solve(|_, y: &f64| *y, 1.0, &problem).unwrap_err().to_string();
+            assert!(
+                error.starts_with("the method heun is none:") && error.contains(what),
+                "{error}"
+            );
+        }
+    }
+}

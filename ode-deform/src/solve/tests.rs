@@ -79,29 +79,6 @@ fn tableaux_satisfy_the_conditions_of_their_order_and_of_no_higher() {
     assert_eq!(Tableau::ALL.map(Tableau::evaluations_per_step), [1, 2, 2, 4, 3, 6, 3, 4, 1, 6]);
 }
 
-/// Each way in which numbers are no method is found before anything is integrated.
-#[test]
-fn what_is_no_method_is_refused() {
-    const SHORT: Tableau = Tableau { c: &[0.0], ..HEUN };
-    const IMPLICIT: Tableau = Tableau { a: &[&[0.5], &[0.5]], ..HEUN };
-    const ELSEWHERE: Tableau = Tableau { c: &[0.0, 0.5], ..HEUN };
-    const HEAVY: Tableau = Tableau { b: &[0.5, 0.6], ..HEUN };
-    const WRONG: Tableau = Tableau { error: Some(&[0.5, 0.5]), ..HEUN };
-    const NOTHING: Tableau = Tableau { a: &[], b: &[], c: &[], error: None, ..HEUN };
-    for (tableau, what) in [
-        (&SHORT, "one row for each stage"),
-        (&IMPLICIT, "not yet known"),
-        (&ELSEWHERE, "add up to its c"),
-        (&HEAVY, "add up to 1"),
-        (&WRONG, "add up to 0"),
-        (&NOTHING, "at least one"),
-    ] {
-        let problem = Problem::new([0.0, 1.0], tableau, fixed(0.1));
-        let error = solve(|_, y: &f64| *y, 1.0, &problem).unwrap_err().to_string();
-        assert!(error.starts_with("the method heun is none:") && error.contains(what), "{error}");
-    }
-}
-
 /// Slope of log error over log step by least squares.
 fn regress(points: &[(f64, f64)]) -> f64 {
     let n = points.len() as f64;
