@@ -87,7 +87,7 @@ impl PointTree {
 
 fn grow(points: &mut [(u32, Vec3)], start: usize, nodes: &mut Vec<Node>) {
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for (_, p) in points.iter() {
+    for (_, p) in &*points {
         for k in 0..3 {
             low[k] = low[k].min(p[k]);
             high[k] = high[k].max(p[k]);

@@ -76,12 +76,11 @@ impl<F: Real, V: VectorField<F>> Replay<F, V> {
             let carried = n.checked_sub(1).and_then(|before| self.carried.get(before));
             let carried = carried.map(|derivative| tape.leaf(derivative.tensor().clone()));
             let step = tableau.attempt(&mut field, times, &y, carried, !within.is_empty());
-            let end = match tableau.carries_last {
-                true => step.derivatives.last().copied(),
-                false => {
-                    let needed = !within.is_empty() && !tableau.is_fsal();
-                    needed.then(|| field(to, &step.after))
-                }
+            let needed = !within.is_empty() && !tableau.is_fsal();
+            let end = if tableau.carries_last {
+                step.derivatives.last().copied()
+            } else {
+                needed.then(|| field(to, &step.after))
             };
             let mut terms = vec![(step.after, at_end.of_state)];
             if let (Some(seed), Some(&last)) = (at_end.of_carried, step.derivatives.last()) {
