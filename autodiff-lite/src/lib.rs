@@ -43,7 +43,7 @@
 //! | models | [`Param`], [`Module`], [`impl_module!`] |
 //! | operations | the methods of [`Var`] and [`Tape`]; the loops behind them in [`kernels`] |
 //! | an operation of your own | [`Tape::record_fn`], [`Op`], [`Backward`], [`Tape::check`], [`Var::map`], [`Var::zip`] |
-//! | training | [`optim`]: SGD, Adam, AdamW, uniform Adam, schedules, clipping |
+//! | training | [`optim`]: SGD, RMSprop, Adam, AdamW, uniform Adam, schedules, clipping |
 //! | files | [`state`]: safetensors, with optimiser moments |
 //! | tests of operations | `testkit` (feature of that name): gradient checks in `f64` |
 //!
@@ -113,7 +113,7 @@ pub use kernels::sampling::Padding;
 pub use module::{Module, Visitor, VisitorMut, join_path};
 pub use nested::NestedTape;
 pub use op::Op;
-pub use ops::{BatchStatistics, GraphWeights};
+pub use ops::{BatchStatistics, Conv3dGeometry, GraphWeights};
 pub use param::{Param, ParamId};
 pub use pool::{Pool, PoolVec, Pooled};
 pub use real::Real;

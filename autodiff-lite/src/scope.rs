@@ -23,7 +23,7 @@ impl<F: Real> Tape<F> {
         let _path = self.enter(name);
         let start = self.len();
         let result = f();
-        if !self.is_training() {
+        if !self.is_recording() {
             let mut kept = Vec::new();
             result.for_each(&mut |var| kept.push(var.id as usize));
             let mut nodes = self.nodes.borrow_mut();

@@ -53,7 +53,7 @@ pub enum SparseError {
         /// Columns of the matrix.
         columns: usize,
     },
-    /// The offsets do not begin at 0, rise, and end at the number of entries.
+    /// The offsets do not begin at 0, rise, and end at the number of entries, or are not one more than the rows.
     #[error("the offsets of the rows do not run from 0 up to the {entries} entries")]
     Offsets {
         /// Number of entries.
@@ -123,8 +123,9 @@ impl<F: Real> SparseMatrix<F> {
     /// From compressed rows: row `i` has entries `offsets[i] .. offsets[i + 1]`.
     ///
     /// # Errors
-    /// If the offsets do not fit the entries, or an index is not below `columns`.
+    /// If the offsets do not fit the rows and the entries, or an index is not below `columns`.
     pub fn from_csr(
+        rows: usize,
         columns: usize,
         offsets: Vec<u32>,
         indices: Vec<u32>,
@@ -132,10 +133,10 @@ impl<F: Real> SparseMatrix<F> {
     ) -> Result<Self, SparseError> {
         let entries = indices.len();
         let ends = (offsets.first(), offsets.last().map(|&end| end as usize));
-        if ends != (Some(&0), Some(entries)) || !offsets.is_sorted() || values.len() != entries {
+        let fits = ends == (Some(&0), Some(entries)) && offsets.len() - 1 == rows;
+        if !fits || !offsets.is_sorted() || values.len() != entries {
             return Err(SparseError::Offsets { entries });
         }
-        let rows = offsets.len() - 1;
         if let Some(entry) = indices.iter().position(|&j| j as usize >= columns) {
             let row = offsets.partition_point(|&offset| offset as usize <= entry) - 1;
             let column = indices[entry] as usize;

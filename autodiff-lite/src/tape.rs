@@ -19,7 +19,8 @@ use crate::{
 ///
 /// A *training* tape keeps every value and records every operation, so that
 /// [`Var::backward`] can walk them in reverse. An *eval* tape runs the same code, drops the
-/// operations at once and frees values as [scopes](Tape::scope) end.
+/// operations at once and frees values as [scopes](Tape::scope) end. Between the two is a tape that records while
+/// layers act as in evaluation: [`eval_with_gradients`](Tape::eval_with_gradients).
 ///
 /// One tape serves a whole training: [`reset`](Tape::reset) empties it after each step and keeps
 /// its memory, so that the next step takes none from the system.
@@ -53,6 +54,8 @@ pub struct Tape<F: Real = f32> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
     Train,
+    /// Records as in training, and layers act as in evaluation.
+    Recorded,
     Eval,
 }
 
@@ -103,9 +106,23 @@ impl<F: Real> Tape<F> {
         Self::new(Mode::Eval, 0)
     }
 
-    /// Whether it records: layers that act otherwise in training (dropout, batch norm) ask this.
+    /// A tape that records, on which layers act as they do in evaluation: dropout is the identity, batch norm uses its
+    /// running statistics and does not change them, and gradients go to inputs and parameters all the same.
+    ///
+    /// PyTorch's `model.eval()` outside of `no_grad`: for fine-tuning with fixed statistics, for optimising an input
+    /// under a finished network, and for gradients that say what a network looks at.
+    pub fn eval_with_gradients() -> Self {
+        Self::new(Mode::Recorded, 0)
+    }
+
+    /// Whether layers act as in training: those that act otherwise in evaluation (dropout, batch norm) ask this.
     pub fn is_training(&self) -> bool {
         self.mode == Mode::Train
+    }
+
+    /// Whether it records operations, so that [`Var::backward`] can walk them.
+    pub fn is_recording(&self) -> bool {
+        self.mode != Mode::Eval
     }
 
     /// The number of values put on it since the last reset.
@@ -127,7 +144,7 @@ impl<F: Real> Tape<F> {
     /// A differentiable input; its gradient is [`Gradients::wrt`](crate::Gradients::wrt).
     #[track_caller]
     pub fn leaf(&self, x: impl Into<Tensor<F>>) -> Var<'_, F> {
-        self.push("leaf", x.into(), &[], None, self.is_training(), None)
+        self.push("leaf", x.into(), &[], None, self.is_recording(), None)
     }
 
     /// A parameter, by reference count; the same parameter twice is the same node.
@@ -141,7 +158,7 @@ impl<F: Real> Tape<F> {
             );
             return Var { tape: self, id };
         }
-        let wanted = param.trainable && self.is_training();
+        let wanted = param.trainable && self.is_recording();
         let id = Some(param.id());
         let var = self.push("param", param.value.clone(), &[], None, wanted, id);
         self.params.borrow_mut().insert(param.id(), var.id);
@@ -278,7 +295,7 @@ impl<F: Real> Tape<F> {
 
     /// Notes a change of a buffer (a running statistic), to be applied by the owner of the module.
     ///
-    /// Ignored on an eval tape.
+    /// Ignored where layers do not act as in training.
     pub fn push_update(&self, update: BufferUpdate<F>) {
         if self.is_training() {
             self.updates.borrow_mut().push(update);
@@ -366,6 +383,21 @@ mod tests {
         let _ = tape.record_fn("hold", &[x], tape.array(&[24]), rule);
         tape.reset();
         assert_eq!(tape.pool().bytes(), 4096);
+    }
+
+    /// Layers see evaluation, gradients flow, and scopes keep what the walk back needs.
+    #[test]
+    fn evaluation_can_be_recorded() {
+        let tape = Tape::<f32>::eval_with_gradients();
+        assert!(tape.is_recording() && !tape.is_training());
+        let x = tape.leaf(arr1(&[1.0, 2.0]));
+        let y = tape.scope("block", || x.square().dropout(0.5).square().sum());
+        assert_eq!(y.item(), 17.0, "nothing is dropped");
+        let gradients = y.backward();
+        assert_eq!(gradients.wrt(x).map(|g| g.as_slice().to_vec()), Some(vec![4.0, 32.0]));
+        assert!(tape.nested().is_recording() && !tape.nested().is_training());
+        let frozen = Tape::<f32>::eval();
+        assert!(!frozen.is_recording() && !frozen.leaf(arr1(&[1.0])).needs_grad());
     }
 
     #[test]

@@ -38,7 +38,7 @@ impl<F: Real> Tape<F> {
     /// their rule has run.
     #[track_caller]
     fn backward_from(&self, root: u32, seed: Tensor<F>) -> Gradients<F> {
-        assert!(self.is_training(), "backward on an eval tape: nothing was recorded");
+        assert!(self.is_recording(), "backward on an eval tape: nothing was recorded");
         let (nodes, ops) = (self.nodes.borrow(), self.ops.borrow());
         let edges = self.edges.borrow();
         let mut slots = self.slots.take();

@@ -38,7 +38,6 @@ fn main() {
 
     let ball = primitives::icosphere(4);
     let topology = Topology::new(ball.positions.len(), &ball.faces);
-    let pairs = topology.face_pairs(&ball.faces);
     let flat = ball.positions.as_flattened().to_vec();
     let positions = Array2::from_shape_vec((ball.positions.len(), 3), flat).expect("three each");
     let mesh = [positions.into()];
@@ -47,12 +46,8 @@ fn main() {
     step(&mut group, "edge_length", &mesh, |x| losses::edge_length(x[0], &topology.edges, 0.0));
     step(&mut group, "laplacian_squared", &mesh, |x| losses::laplacian_squared(x[0], rings));
     step(&mut group, "laplacian_norm", &mesh, |x| losses::laplacian_norm(x[0], rings));
-    step(&mut group, "face_angle", &mesh, |x| {
-        losses::face_angle(x[0], &ball.faces, &topology.edge_faces)
-    });
-    step(&mut group, "normal_consistency", &mesh, |x| {
-        losses::normal_consistency(x[0], &topology.edges, &pairs)
-    });
+    step(&mut group, "face_angle", &mesh, |x| losses::face_angle(x[0], &topology));
+    step(&mut group, "normal_consistency", &mesh, |x| losses::normal_consistency(x[0], &topology));
     step(&mut group, "vertex_normals", &mesh, |x| losses::vertex_normals(x[0], &ball.faces).sum());
     group.finish();
 

@@ -19,7 +19,6 @@ use diff_raster::{Faces, Renderer, Settings};
 use mesh_core::{
     ByteImage, Camera, DiffusionSolver, Topology, TriMesh, primitives, write_mesh, write_png,
 };
-use ndarray::{Array2, Array3};
 
 const SIZE: usize = 128;
 const VIEWS: usize = 8;
@@ -41,8 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         64,
     );
     let target = {
-        let projected =
-            tape.constant(flat(&vase.positions)).project(tape.constant(cameras.clone()));
+        let projected = tape.constant(vase.vertices()).project(tape.constant(cameras.clone()));
         let renderer = Renderer::new(Arc::new(Faces::of(&vase)?), settings.clone());
         renderer.frame(projected).antialiased_silhouette().value()
     };
@@ -53,8 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut mesh = primitives::icosphere(4);
     mesh.positions.iter_mut().flatten().for_each(|x| *x *= 0.5);
     let faces = Arc::new(Faces::of(&mesh)?);
-    let mut solver =
-        DiffusionSolver::factored(&Topology::new(faces.vertex_count(), &mesh.faces), 25.0);
+    let mut solver = DiffusionSolver::factored(&Topology::of(&mesh), 25.0);
     let renderer = Renderer::new(faces, settings);
     let mut u = mesh.positions.clone();
     solver.apply(&mesh.positions, &mut u);
@@ -62,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut adam = AdamUniform::new(0.02);
 
     for step in 0..=STEPS {
-        let positions = tape.leaf(flat(&mesh.positions));
+        let positions = tape.leaf(mesh.vertices());
         let frame = renderer.frame(positions.project(tape.constant(cameras.clone())));
         // The soft silhouette sees from afar, the antialiased one is exact.
         let wanted = tape.constant(target.clone());
@@ -94,21 +91,14 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// Projection matrices of cameras all around, from a little above and below. `[N, 3, 4]`
 fn cameras() -> Tensor<f32> {
-    let rows: Vec<f32> = (0..VIEWS)
-        .flat_map(|k| {
+    let all: Vec<Camera> = (0..VIEWS)
+        .map(|k| {
             let (sin, cos) = (k as f64 * std::f64::consts::TAU / VIEWS as f64).sin_cos();
             let eye = [3.0 * sin, if k % 2 == 0 { 1.0 } else { -0.4 }, 3.0 * cos];
-            let camera = Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 0.65, SIZE, SIZE);
-            camera.projection().concat()
+            Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 0.65, SIZE, SIZE)
         })
-        .map(|x| x as f32)
         .collect();
-    Array3::from_shape_vec((VIEWS, 3, 4), rows).expect("12 numbers each").into()
-}
-
-fn flat(positions: &[[f32; 3]]) -> Array2<f32> {
-    let numbers = positions.as_flattened().to_vec();
-    Array2::from_shape_vec((positions.len(), 3), numbers).expect("three numbers each")
+    Camera::matrices(&all).into()
 }
 
 /// The views side by side, in two rows.

@@ -39,6 +39,7 @@
 //! | textures | [`texture`], around a sphere [`sphere_texture`] |
 //! | silhouettes | [`soft_silhouette`] pulls from afar, [`antialiased_silhouette`] is exact |
 //! | depth | [`depth`] |
+//! | several faces a pixel, blended as PyTorch3D does it | [`Layers`], [`LayerSettings`], [`BlendSettings`]; plain values, [`rasterize_layers`] |
 //! | the other way: every face a cloud | [`fn@softras`], [`SoftRas`], [`Paint`] |
 //! | the loops, without a tape | [`kernels`] |
 //! | a slow twin to check against | [`mod@reference`] |
@@ -74,6 +75,8 @@ pub mod reference;
 mod faces;
 mod fragments;
 mod frame;
+mod layers;
+mod positions;
 mod rasterize;
 mod renderer;
 mod scratch;
@@ -85,10 +88,12 @@ mod softras_settings;
 pub use faces::{Faces, FacesError, NONE};
 pub use fragments::Fragments;
 pub use frame::Frame;
+pub use layers::{LayerSettings, LayeredFragments, Layers, rasterize_layers};
 pub use ops::{
-    Paint, antialiased_silhouette, depth, interpolate, interpolate_corners, soft_silhouette,
-    softras, sphere_texture, texture,
+    BlendSettings, Paint, antialiased_silhouette, depth, interpolate, interpolate_corners,
+    soft_silhouette, softras, sphere_texture, texture,
 };
+pub use positions::Positions;
 pub use rasterize::{rasterize, rasterize_into};
 pub use renderer::Renderer;
 pub use scratch::Scratch;

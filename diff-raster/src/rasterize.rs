@@ -10,11 +10,11 @@ use crate::faces::{Faces, NONE};
 use crate::fragments::Fragments;
 use crate::kernels::setup::{BAND_ROWS, Setup};
 use crate::kernels::visibility::{BandOutput, draw_band};
-use crate::{Scratch, Settings};
+use crate::{Positions, Scratch, Settings};
 
 /// Finds what is seen at each pixel of a batch of images.
 ///
-/// `projected` is `[N, V, 3]`: NDC `x` (right), NDC `y` (up) and planar depth (positive in front
+/// `projected` is `[N, V, 3]`, a variable of a tape, a tensor or an array: NDC `x` (right), NDC `y` (up) and planar depth (positive in front
 /// of the camera). The centre of pixel (row `i`, column `j`) is at
 /// `((2j+1-W)/W, (H-2i-1)/H)`. Faces with a corner that is not finite, or not beyond
 /// [`Settings::near`], are dropped whole, never clipped and never wrapped; so are faces of zero
@@ -37,16 +37,20 @@ use crate::{Scratch, Settings};
 /// let fragments = rasterize(corners.view(), &faces, &Settings::new(4, 4));
 /// assert_eq!(fragments.face[..4], [0, NONE, NONE, NONE]); // the top row
 /// assert_eq!(fragments.depth[0], 2.0);
+/// // Positions on a tape are taken as they are.
+/// let tape = autodiff_lite::Tape::eval();
+/// assert_eq!(fragments, rasterize(tape.constant(corners), &faces, &Settings::new(4, 4)));
 /// # Ok::<(), diff_raster::FacesError>(())
 /// ```
-#[allow(clippy::needless_pass_by_value, reason = "views are passed like slices")]
 pub fn rasterize<F: Real>(
-    projected: ArrayView3<'_, F>,
+    projected: impl Positions<F>,
     faces: &Arc<Faces>,
     settings: &Settings,
 ) -> Arc<Fragments<F>> {
     let mut fragments = Fragments::default();
-    rasterize_into(projected, faces, settings, &Scratch::default(), &mut fragments);
+    projected.with(|projected| {
+        rasterize_into(projected, faces, settings, &Scratch::default(), &mut fragments);
+    });
     Arc::new(fragments)
 }
 

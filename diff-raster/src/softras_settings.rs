@@ -28,6 +28,8 @@ pub struct SoftRasSettings {
     pub least: f64,
     /// The background stands at this part of the range from its end.
     pub background: f64,
+    /// What shows where nothing is, one number for each channel of the paint. Empty is black, as published.
+    pub background_color: Vec<f64>,
     /// Whether colours of vertices are interpolated as a perspective camera sees them. Depth is so
     /// in any case.
     pub perspective: bool,
@@ -54,6 +56,7 @@ impl SoftRasSettings {
             far: 100.0,
             least: 1e-4,
             background: 1e-3,
+            background_color: Vec::new(),
             perspective: false,
         }
     }

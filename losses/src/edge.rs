@@ -15,16 +15,19 @@ use crate::scalar::{record, vertices, wanted};
 /// number of edges. For a figure that does not, see [`edge_length`].
 ///
 /// # Shapes
-/// `positions [V, 3]` or `[N, V, 3]`, `edges` as in `mesh_core::Topology::edges` → a scalar.
+/// `positions [V, 3]` or `[N, V, 3]`, `edges` a `mesh_core::Topology` or its list of edges → a scalar.
 /// # Cost
 /// `O(N E)`; the gradient is made in the same pass.
 /// # Panics
 /// If the shape is another or an edge names a vertex that does not exist.
 #[track_caller]
-pub fn edge_length_sum<'t, F: Real>(positions: Var<'t, F>, edges: &[[u32; 2]]) -> Var<'t, F> {
+pub fn edge_length_sum<'t, F: Real>(
+    positions: Var<'t, F>,
+    edges: &(impl AsRef<[[u32; 2]]> + ?Sized),
+) -> Var<'t, F> {
     let [n, _] = vertices("edge_length_sum", "positions", positions);
     let weight = 1.0 / n.max(1) as f64;
-    over_edges("edge_length_sum", positions, edges, weight, |square| {
+    over_edges("edge_length_sum", positions, edges.as_ref(), weight, |square| {
         (square.to_f64(), F::one() + F::one())
     })
 }
@@ -38,7 +41,7 @@ pub fn edge_length_sum<'t, F: Real>(positions: Var<'t, F>, edges: &[[u32; 2]]) -
 /// With `target = 0` this is the mean squared edge length.
 ///
 /// # Shapes
-/// `positions [V, 3]` or `[N, V, 3]`, `edges` as in `mesh_core::Topology::edges` → a scalar.
+/// `positions [V, 3]` or `[N, V, 3]`, `edges` a `mesh_core::Topology` or its list of edges → a scalar.
 /// # Gradient
 /// Zero at an edge of no length, where the direction is undefined.
 /// # Cost
@@ -50,9 +53,10 @@ pub fn edge_length_sum<'t, F: Real>(positions: Var<'t, F>, edges: &[[u32; 2]]) -
 #[track_caller]
 pub fn edge_length<'t, F: Real>(
     positions: Var<'t, F>,
-    edges: &[[u32; 2]],
+    edges: &(impl AsRef<[[u32; 2]]> + ?Sized),
     target: f64,
 ) -> Var<'t, F> {
+    let edges = edges.as_ref();
     let [n, _] = vertices("edge_length", "positions", positions);
     let weight = 1.0 / (n.max(1) * edges.len().max(1)) as f64;
     let (goal, two) = (F::from_f64(target), F::one() + F::one());

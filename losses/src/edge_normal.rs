@@ -12,7 +12,7 @@ use crate::scalar::{record, vertices, wanted};
 /// ```
 ///
 /// # Shapes
-/// `positions [V, 3]` or `[N, V, 3]`; `normals`, three numbers for each true point, unit vectors, set after set in a
+/// `positions [V, 3]` or `[N, V, 3]`; `edges` a list or a `mesh_core::Topology`; `normals`, three numbers for each true point, unit vectors, set after set in a
 /// batch; `nearest`, for each vertex the index of the nearest true point in its set
 /// ([`Matches::x_to_y`](crate::Matches::x_to_y)) → a scalar in `[0, 1]`.
 /// # Gradient
@@ -28,10 +28,11 @@ use crate::scalar::{record, vertices, wanted};
 #[track_caller]
 pub fn edge_normal<'t, F: Real>(
     positions: Var<'t, F>,
-    edges: &[[u32; 2]],
+    edges: &(impl AsRef<[[u32; 2]]> + ?Sized),
     normals: &[F],
     nearest: &[u32],
 ) -> Var<'t, F> {
+    let edges = edges.as_ref();
     let [n, v] = vertices("edge_normal", "positions", positions);
     let normals = points(normals);
     let per_set = normals.len().checked_div(n).unwrap_or(0);

@@ -1,7 +1,7 @@
 //! Face angle and normal consistency: neighbouring faces should lie flat.
 
 use autodiff_lite::{PoolVec, Real, Var};
-use mesh_core::{FacePair, Topology};
+use mesh_core::Topology;
 
 use crate::kernels::vec3::{
     accumulate, add, area_vector, area_vector_grad, cross, dot, points, points_mut, scale, sub,
@@ -20,8 +20,8 @@ use crate::scalar::{record, vertices, wanted};
 /// and pulls folds open. Its weight in img2mesh is 1e-3 at 1,920 edges.
 ///
 /// # Shapes
-/// `positions [V, 3]` or `[N, V, 3]`; `faces` and `edge_faces` as in `mesh_core::Topology` (edges without
-/// exactly two faces are skipped) → a scalar.
+/// `positions [V, 3]` or `[N, V, 3]`, and the mesh's topology (edges without exactly two faces are skipped) →
+/// a scalar.
 /// # Gradient
 /// Exact; a face of no area has a zero normal and pulls at nothing that has a direction.
 /// # Cost
@@ -31,11 +31,8 @@ use crate::scalar::{record, vertices, wanted};
 /// # References
 /// img2mesh (`flat` loss) after the DIB-R tutorial of kaolin.
 #[track_caller]
-pub fn face_angle<'t, F: Real>(
-    positions: Var<'t, F>,
-    faces: &[[u32; 3]],
-    edge_faces: &[[u32; 2]],
-) -> Var<'t, F> {
+pub fn face_angle<'t, F: Real>(positions: Var<'t, F>, topology: &Topology) -> Var<'t, F> {
+    let Topology { faces, edge_faces, .. } = topology;
     let name = "face_angle";
     let [n, v] = vertices(name, "positions", positions);
     let tape = positions.tape();
@@ -95,8 +92,8 @@ pub fn face_angle<'t, F: Real>(
 /// does not matter: it is 0 where two faces are coplanar and unfolded, 2 where one lies on the other.
 ///
 /// # Shapes
-/// `positions [V, 3]` or `[N, V, 3]`; `edges` as in `mesh_core::Topology::edges` and `pairs` from
-/// `Topology::face_pairs` → a scalar, 0 when there are no pairs.
+/// `positions [V, 3]` or `[N, V, 3]`, and the mesh's topology, whose
+/// [`face_pairs`](mesh_core::Topology::face_pairs) these are → a scalar, 0 when there are no pairs.
 /// # Cost
 /// `O(N P)`; the gradient is made in the same pass.
 /// # Panics
@@ -104,23 +101,21 @@ pub fn face_angle<'t, F: Real>(
 /// # References
 /// `mesh_normal_consistency` of PyTorch3D.
 #[track_caller]
-pub fn normal_consistency<'t, F: Real>(
-    positions: Var<'t, F>,
-    edges: &[[u32; 2]],
-    pairs: &[FacePair],
-) -> Var<'t, F> {
+pub fn normal_consistency<'t, F: Real>(positions: Var<'t, F>, topology: &Topology) -> Var<'t, F> {
     let name = "normal_consistency";
     let [n, v] = vertices(name, "positions", positions);
     let value = positions.value();
     let value = value.as_slice();
     let mut gradient = wanted(positions);
-    let count = (n.max(1) * pairs.len().max(1)) as f64;
+    let mut pairs = 0_usize;
+    topology.each_face_pair(|_| pairs += 1);
+    let count = (n.max(1) * pairs.max(1)) as f64;
     let weight = F::from_f64(1.0 / count);
     let mut total = 0.0;
     for (k, mesh) in points(value).chunks(v.max(1)).enumerate() {
         let mut out = gradient.as_mut().map(|g| &mut points_mut(g)[k * v..(k + 1) * v]);
-        for pair in pairs {
-            let [v0, v1] = edges[pair.edge as usize].map(|v| v as usize);
+        topology.each_face_pair(|pair| {
+            let [v0, v1] = topology.edges[pair.edge as usize].map(|v| v as usize);
             let [a, b] = pair.opposite.map(|v| v as usize);
             let edge = sub(mesh[v1], mesh[v0]);
             let (to_a, to_b) = (sub(mesh[a], mesh[v0]), sub(mesh[b], mesh[v0]));
@@ -138,7 +133,7 @@ pub fn normal_consistency<'t, F: Real>(
                 accumulate(&mut out[b], on_b);
                 out[v0] = sub(out[v0], add(on_edge, add(on_a, on_b)));
             }
-        }
+        });
     }
     record(name, [positions], total / count, [gradient])
 }
@@ -162,10 +157,9 @@ mod tests {
     }
 
     fn both(mesh: &TriMesh, topology: &Topology) -> [f64; 2] {
-        let pairs = topology.face_pairs(&mesh.faces);
         [
-            testing::value(mesh, |x| face_angle(x, &mesh.faces, &topology.edge_faces)),
-            testing::value(mesh, |x| normal_consistency(x, &topology.edges, &pairs)),
+            testing::value(mesh, |x| face_angle(x, topology)),
+            testing::value(mesh, |x| normal_consistency(x, topology)),
         ]
     }
 
@@ -173,12 +167,11 @@ mod tests {
         #[test]
         fn gradients((v, faces) in testing::soup(), batch in proptest::option::of(1usize..3), seed: u64) {
             let topology = Topology::new(v, &faces);
-            let pairs = topology.face_pairs(&faces);
             let shapes = [testing::shape(batch, v)];
             // A sliver among random triangles makes differences inexact, not the rule.
             let options = testing::options(seed).tolerance(1e-4);
-            testing::checked(&|x: &[Var<'_, f64>]| face_angle(x[0], &faces, &topology.edge_faces), &shapes, &options)?;
-            testing::checked(&|x: &[Var<'_, f64>]| normal_consistency(x[0], &topology.edges, &pairs), &shapes, &options)?;
+            testing::checked(&|x: &[Var<'_, f64>]| face_angle(x[0], &topology), &shapes, &options)?;
+            testing::checked(&|x: &[Var<'_, f64>]| normal_consistency(x[0], &topology), &shapes, &options)?;
         }
 
         #[test]
@@ -221,15 +214,10 @@ mod tests {
 
     #[test]
     fn vanished_faces_keep_gradients_finite() {
-        let (mesh, topology) = hinge(0.0);
-        let pairs = topology.face_pairs(&mesh.faces);
+        let (_, topology) = hinge(0.0);
         let tape = autodiff_lite::Tape::<f32>::train(0);
         let x = tape.leaf(ndarray::Array2::zeros((4, 3)));
-        let loss = face_angle(x, &mesh.faces, &topology.edge_faces).add(normal_consistency(
-            x,
-            &topology.edges,
-            &pairs,
-        ));
+        let loss = face_angle(x, &topology).add(normal_consistency(x, &topology));
         assert!(loss.item().is_finite());
         assert!(loss.backward().is_finite());
     }

@@ -22,8 +22,8 @@ use crate::scalar::{record, vertices, wanted};
 /// ```
 ///
 /// # Shapes
-/// `offsets [V, 3]` or `[N, V, 3]`, `neighbours` with V rows (`mesh_core::Topology::vertex_vertices`,
-/// symmetric) → a scalar.
+/// `offsets [V, 3]` or `[N, V, 3]`, `neighbours` a `mesh_core::Topology`, or V symmetric rows as its
+/// `vertex_vertices` → a scalar.
 /// # Cost
 /// `O(N (V + E))`; the gradient is made in the same pass.
 /// # Panics
@@ -31,11 +31,14 @@ use crate::scalar::{record, vertices, wanted};
 /// # References
 /// Chen et al. 2019 (DIB-R), the loss in their code; kaolin's DIB-R tutorial.
 #[track_caller]
-pub fn laplacian_squared<'t, F: Real>(offsets: Var<'t, F>, neighbours: &Csr) -> Var<'t, F> {
+pub fn laplacian_squared<'t, F: Real>(
+    offsets: Var<'t, F>,
+    neighbours: &impl AsRef<Csr>,
+) -> Var<'t, F> {
     let [n, _] = vertices("laplacian_squared", "offsets", offsets);
     let weight = 1.0 / n.max(1) as f64;
     let derivative = F::from_f64(2.0 * weight);
-    over_rows("laplacian_squared", offsets, neighbours, weight, |square| {
+    over_rows("laplacian_squared", offsets, neighbours.as_ref(), weight, |square, _| {
         (Real::to_f64(square), derivative)
     })
 }
@@ -47,10 +50,11 @@ pub fn laplacian_squared<'t, F: Real>(offsets: Var<'t, F>, neighbours: &Csr) -> 
 /// ```
 ///
 /// # Shapes
-/// `positions [V, 3]` or `[N, V, 3]`, `neighbours` with V rows (`mesh_core::Topology::vertex_vertices`,
-/// symmetric) → a scalar.
+/// `positions [V, 3]` or `[N, V, 3]`, `neighbours` a `mesh_core::Topology`, or V symmetric rows as its
+/// `vertex_vertices` → a scalar.
 /// # Gradient
-/// Zero at a vertex whose Laplacian is zero, where the norm has no derivative.
+/// Zero at a vertex whose Laplacian is zero, where the norm has no derivative, or no longer than the rounding errors
+/// of positions and sums: on flat parts there is no direction in which to pull.
 /// # Cost
 /// `O(N (V + E))`; the gradient is made in the same pass.
 /// # Panics
@@ -58,25 +62,42 @@ pub fn laplacian_squared<'t, F: Real>(offsets: Var<'t, F>, neighbours: &Csr) -> 
 /// # References
 /// `mesh_laplacian_smoothing(method="uniform")` of PyTorch3D; MCMR applies it to shape and deformation.
 #[track_caller]
-pub fn laplacian_norm<'t, F: Real>(positions: Var<'t, F>, neighbours: &Csr) -> Var<'t, F> {
+pub fn laplacian_norm<'t, F: Real>(
+    positions: Var<'t, F>,
+    neighbours: &impl AsRef<Csr>,
+) -> Var<'t, F> {
     let [n, v] = vertices("laplacian_norm", "positions", positions);
     let weight = 1.0 / (n * v).max(1) as f64;
     let factor = F::from_f64(weight);
-    over_rows("laplacian_norm", positions, neighbours, weight, |square| {
+    over_rows("laplacian_norm", positions, neighbours.as_ref(), weight, |square, noise| {
         let length = square.sqrt();
-        let derivative = if length > F::zero() { factor / length } else { F::zero() };
+        let derivative = if length > noise { factor / length } else { F::zero() };
         (Real::to_f64(length), derivative)
     })
 }
 
-/// `weight Σ_i f(‖(L x)_i‖²)`, where `f` gives its value and the weighted derivative along `(L x)_i`, as a factor.
+/// How many units in the last place of its largest coordinate a weighted mean of so many positions, less one more, may
+/// be long by rounding alone: of the positions, which are rounded as they come, and of the sum.
+pub(crate) fn rounding(terms: usize) -> f64 {
+    // √3 (terms / 2 + 2), rounded up.
+    terms as f64 + 4.0
+}
+
+/// The largest coordinate.
+#[inline]
+pub(crate) fn largest<F: Real>([x, y, z]: [F; 3]) -> F {
+    x.abs().max(y.abs()).max(z.abs())
+}
+
+/// `weight Σ_i f(‖(L x)_i‖², noise)`, where `f` gives its value and the weighted derivative along `(L x)_i`, as a factor;
+/// the noise is how long `(L x)_i` may be by rounding alone.
 #[track_caller]
 fn over_rows<'t, F: Real>(
     name: &'static str,
     x: Var<'t, F>,
     neighbours: &Csr,
     weight: f64,
-    f: impl Fn(F) -> (f64, F),
+    f: impl Fn(F, F) -> (f64, F),
 ) -> Var<'t, F> {
     let [_, v] = vertices(name, "vertices", x);
     if neighbours.len() != v {
@@ -96,12 +117,14 @@ fn over_rows<'t, F: Real>(
             let mut row_derivative = [F::zero(); 3];
             if !row.is_empty() {
                 let share = F::one() / F::from_f64(row.len() as f64);
-                let mut sum = [F::zero(); 3];
+                let (mut sum, mut reach) = ([F::zero(); 3], largest(mesh[i]));
                 for &j in row {
                     accumulate(&mut sum, mesh[j as usize]);
+                    reach = reach.max(largest(mesh[j as usize]));
                 }
                 let laplacian = sub(scale(sum, share), mesh[i]);
-                let (part, derivative) = f(dot(laplacian, laplacian));
+                let noise = reach * F::from_f64(rounding(row.len())) * F::epsilon();
+                let (part, derivative) = f(dot(laplacian, laplacian), noise);
                 total += part;
                 row_derivative = scale(laplacian, derivative * share);
                 if let Some(out) = &mut out {
@@ -150,6 +173,22 @@ mod tests {
             let of = |mesh: &TriMesh| testing::value(mesh, |x| laplacian_norm(x, &rows));
             prop_assert!((of(&ball) - of(&other)).abs() < 1e-5);
         }
+    }
+
+    /// A tilted plane: what pulled with full strength at every vertex was rounding. A bump still pulls.
+    #[test]
+    fn a_plane_is_quiet_within() {
+        let (n, mut mesh) = testing::tilted_plane();
+        let topology = Topology::of(&mesh);
+        let gradient = |mesh: &TriMesh| {
+            let tape = autodiff_lite::Tape::<f32>::train(0);
+            let x = tape.leaf(testing::array::<f32>(&mesh.positions));
+            laplacian_norm(x, &topology).backward().wrt(x).expect("a leaf").to_owned()
+        };
+        testing::assert_quiet(n, &gradient(&mesh).into());
+        let middle = n / 2 * n + n / 2;
+        mesh.positions[middle][2] += 1e-3;
+        assert!(gradient(&mesh)[[middle, 2]] > 0.5 / (n * n) as f32);
     }
 
     #[test]

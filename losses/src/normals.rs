@@ -12,7 +12,7 @@ use crate::scalar::vertices;
 /// The unit normals of the faces, along `(b - a) × (c - a)`.
 ///
 /// # Shapes
-/// `positions [V, 3]` or `[N, V, 3]`, `faces [F]` → `[F, 3]` or `[N, F, 3]`.
+/// `positions [V, 3]` or `[N, V, 3]`, `faces` F of them or a `mesh_core::Topology` → `[F, 3]` or `[N, F, 3]`.
 /// # Gradient
 /// A face of (nearly) no area has a normal shorter than one, and a finite derivative.
 /// # Cost
@@ -20,14 +20,17 @@ use crate::scalar::vertices;
 /// # Panics
 /// If the shape is another, or a face names a vertex that does not exist.
 #[track_caller]
-pub fn face_normals<'t, F: Real>(positions: Var<'t, F>, faces: &[[u32; 3]]) -> Var<'t, F> {
-    normals("face_normals", positions, faces, Site::Face)
+pub fn face_normals<'t, F: Real>(
+    positions: Var<'t, F>,
+    faces: &(impl AsRef<[[u32; 3]]> + ?Sized),
+) -> Var<'t, F> {
+    normals("face_normals", positions, faces.as_ref(), Site::Face)
 }
 
 /// The unit normals of the vertices: the mean of the faces around, weighted by their area.
 ///
 /// # Shapes
-/// `positions [V, 3]` or `[N, V, 3]`, `faces [F]` → the shape of `positions`. A vertex without faces gets
+/// `positions [V, 3]` or `[N, V, 3]`, `faces` or a `mesh_core::Topology` → the shape of `positions`. A vertex without faces gets
 /// zero.
 /// # Gradient
 /// Finite also where the faces around cancel.
@@ -36,8 +39,11 @@ pub fn face_normals<'t, F: Real>(positions: Var<'t, F>, faces: &[[u32; 3]]) -> V
 /// # Panics
 /// If the shape is another, or a face names a vertex that does not exist.
 #[track_caller]
-pub fn vertex_normals<'t, F: Real>(positions: Var<'t, F>, faces: &[[u32; 3]]) -> Var<'t, F> {
-    normals("vertex_normals", positions, faces, Site::Vertex)
+pub fn vertex_normals<'t, F: Real>(
+    positions: Var<'t, F>,
+    faces: &(impl AsRef<[[u32; 3]]> + ?Sized),
+) -> Var<'t, F> {
+    normals("vertex_normals", positions, faces.as_ref(), Site::Vertex)
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -27,13 +27,41 @@ use crate::scalar::{same_shape, scalar, seed};
 /// Similarity*.
 #[track_caller]
 pub fn ssim_loss<'t, F: Real>(image: Var<'t, F>, target: Var<'t, F>) -> Var<'t, F> {
-    let name = "ssim_loss";
+    loss("ssim_loss", image, target, 0)
+}
+
+/// [`ssim_loss`] averaged over the pixels whose window lies within the image: nothing is padded, and five rows and columns
+/// at each border count only as neighbours.
+///
+/// # Shapes, gradient, cost
+/// As [`ssim_loss`].
+/// # Panics
+/// As [`ssim_loss`], and if the image has fewer than 11 rows or columns.
+/// # References
+/// The mean that scikit-image's `structural_similarity` takes, with `gaussian_weights=True, sigma=1.5,
+/// use_sample_covariance=False, data_range=1`.
+#[track_caller]
+pub fn ssim_loss_valid<'t, F: Real>(image: Var<'t, F>, target: Var<'t, F>) -> Var<'t, F> {
+    loss("ssim_loss_valid", image, target, ssim::RADIUS)
+}
+
+#[track_caller]
+fn loss<'t, F: Real>(
+    name: &'static str,
+    image: Var<'t, F>,
+    target: Var<'t, F>,
+    margin: usize,
+) -> Var<'t, F> {
     let tape = image.tape();
     same_shape(name, ["image", "target"], image, target);
     let axes = ["N", "H", "W", "C"];
     let [images, height, width, channels] =
         tape.check(name, |shapes| shapes.axes("image", &image.shape(), axes));
-    let plane = Plane { images, height, width, channels };
+    let plane = Plane { images, height, width, channels, margin };
+    if plane.counted() == 0 && !plane.is_empty() {
+        let message = format!("no window of {} pixels lies within the image", 2 * margin + 1);
+        tape.refuse(name, message, &[("image", &image.shape(), "N, H, W, C")]);
+    }
     let (x, y) = (image.value(), target.value());
     let mut derivatives =
         tape.wants_grad(&[image, target]).then(|| tape.buffer(DERIVATIVES * plane.len()));
@@ -50,7 +78,7 @@ pub fn ssim_loss<'t, F: Real>(image: Var<'t, F>, target: Var<'t, F>) -> Var<'t, 
             return;
         };
         let inputs = [cx.input(0), cx.input(1)];
-        let scale = -seed(cx) / F::from_f64(plane.len() as f64);
+        let scale = -seed(cx) / F::from_f64(plane.counted() as f64);
         let mut scratch = cx.scratch(plane.scratch_len());
         for i in 0..2 {
             let [x, y] = [i, 1 - i].map(|i| inputs[i].as_slice());
@@ -72,12 +100,18 @@ mod tests {
     use crate::testing;
 
     /// The definition, window by window.
-    fn plain(x: &Array4<f64>, y: &Array4<f64>) -> f64 {
+    fn plain(x: &Array4<f64>, y: &Array4<f64>, margin: usize) -> f64 {
         let (n, h, w, c) = x.dim();
         let gauss = |d: isize| (-(d * d) as f64 / 4.5).exp();
         let norm: f64 = (-5..=5).map(gauss).sum();
         let mut total = 0.0;
+        let mut count = 0;
         for (b, i, j, k) in ndarray::indices((n, h, w, c)) {
+            let within = |i: usize, size: usize| i >= margin && i + margin < size;
+            if !within(i, h) || !within(j, w) {
+                continue;
+            }
+            count += 1;
             let [mut m, mut u, mut p, mut r, mut q] = [0.0; 5];
             for di in -5isize..=5 {
                 for dj in -5isize..=5 {
@@ -98,7 +132,7 @@ mod tests {
             total += (2.0 * m * u + 1e-4) * (2.0 * (q - m * u) + 9e-4)
                 / ((m * m + u * u + 1e-4) * (p - m * m + r - u * u + 9e-4));
         }
-        total / (n * h * w * c) as f64
+        total / count as f64
     }
 
     proptest! {
@@ -117,8 +151,29 @@ mod tests {
             let tape = Tape::<f64>::eval();
             let loss = ssim_loss(tape.constant(x.clone()), tape.constant(y.clone())).item();
             let four = |a: &ndarray::ArrayD<f64>| a.clone().into_shape_with_order((n, h, w, c)).expect("four axes");
-            prop_assert!((1.0 - loss - plain(&four(&x), &four(&y))).abs() < 1e-12);
+            prop_assert!((1.0 - loss - plain(&four(&x), &four(&y), 0)).abs() < 1e-12);
         }
+
+        #[test]
+        fn within_the_image(n in 1usize..3, h in 11usize..26, w in 11usize..20, c in 1usize..3, seed: u64) {
+            let x = testing::random(&[n, h, w, c], 0.0, 1.0, seed);
+            let y = testing::random(&[n, h, w, c], 0.0, 1.0, seed ^ 1);
+            let tape = Tape::<f64>::eval();
+            let loss = ssim_loss_valid(tape.constant(x.clone()), tape.constant(y.clone())).item();
+            let four = |a: &ndarray::ArrayD<f64>| a.clone().into_shape_with_order((n, h, w, c)).expect("four axes");
+            prop_assert!((1.0 - loss - plain(&four(&x), &four(&y), 5)).abs() < 1e-12);
+            let shapes = [vec![1, 12, 11, 2], vec![1, 12, 11, 2]];
+            let options = testing::Options { probes: 40, ..testing::options(seed).range(0.0, 1.0) };
+            testing::checked(&|x: &[Var<'_, f64>]| ssim_loss_valid(x[0], x[1]), &shapes, &options)?;
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "ssim_loss_valid: no window of 11 pixels lies within the image")]
+    fn an_image_without_a_window() {
+        let tape = Tape::<f32>::eval();
+        let x = tape.constant(Array4::zeros((1, 10, 30, 1)));
+        let _ = ssim_loss_valid(x, x);
     }
 
     #[test]

@@ -15,7 +15,7 @@ use crate::kernels::vec3::{accumulate, add, points, points_mut, scale};
 /// ```
 ///
 /// # Shapes
-/// `positions [V, 3]`, `faces [F]`, `samples [P]` (from `mesh_core::sample_surface`) → `[P, 3]`.
+/// `positions [V, 3]`, `faces` F of them or a `mesh_core::Topology`, `samples [P]` (from `mesh_core::sample_surface`) → `[P, 3]`.
 /// # Gradient
 /// To the vertices; the choice of faces and weights counts as fixed.
 /// # Cost
@@ -25,9 +25,10 @@ use crate::kernels::vec3::{accumulate, add, points, points_mut, scale};
 #[track_caller]
 pub fn surface_points<'t, F: Real>(
     positions: Var<'t, F>,
-    faces: &[[u32; 3]],
+    faces: &(impl AsRef<[[u32; 3]]> + ?Sized),
     samples: &[SurfacePoint],
 ) -> Var<'t, F> {
+    let faces = faces.as_ref();
     let name = "surface_points";
     let tape = positions.tape();
     let shape = positions.shape();
@@ -92,7 +93,7 @@ pub fn surface_points<'t, F: Real>(
 /// ```
 ///
 /// # Shapes
-/// `positions [V, 3]`, `faces [F]`, `samples [P]` → `[P, 3]`.
+/// `positions [V, 3]`, `faces` F of them or a `mesh_core::Topology`, `samples [P]` → `[P, 3]`.
 /// # Gradient
 /// To the vertices of the faces that are drawn; the choice of faces counts as fixed. A face of (nearly) no area
 /// has a normal shorter than one, and a finite derivative; it is never drawn.
@@ -103,9 +104,10 @@ pub fn surface_points<'t, F: Real>(
 #[track_caller]
 pub fn surface_normals<'t, F: Real>(
     positions: Var<'t, F>,
-    faces: &[[u32; 3]],
+    faces: &(impl AsRef<[[u32; 3]]> + ?Sized),
     samples: &[SurfacePoint],
 ) -> Var<'t, F> {
+    let faces = faces.as_ref();
     let tape = positions.tape();
     let mut drawn = tape.indices(3 * samples.len());
     let corners = drawn.as_chunks_mut::<3>().0;

@@ -2,7 +2,7 @@
 
 use autodiff_lite::testkit::check;
 pub(crate) use autodiff_lite::testkit::{Options, function};
-use autodiff_lite::{Real, Tape, Var};
+use autodiff_lite::{Real, Tape, Tensor, Var};
 use mesh_core::TriMesh;
 use ndarray::{Array2, ArrayD, IxDyn};
 use proptest::prelude::*;
@@ -75,4 +75,30 @@ pub(crate) fn moved(mesh: &TriMesh, angles: [f32; 2], scale: f32, by: [f32; 3]) 
 pub(crate) fn random(shape: &[usize], low: f64, high: f64, seed: u64) -> ArrayD<f64> {
     let drawn = Options { seed, ..Options::default() }.range(low, high).draw(&[shape.to_vec()]);
     drawn.into_iter().next().unwrap_or_else(|| ArrayD::zeros(IxDyn(shape)))
+}
+
+/// A regular grid of `n²` vertices on a plane that is askew to all axes.
+pub(crate) fn tilted_plane() -> (usize, TriMesh) {
+    let n = 17_usize;
+    let place = |k: usize| {
+        let (u, v) = ((k % n) as f32 * 0.11 - 0.7, (k / n) as f32 * 0.13 - 0.9);
+        [0.91 * u - 0.17 * v + 0.3, 0.23 * u + 0.83 * v - 0.4, 0.31 * u - 0.57 * v + 1.1]
+    };
+    let mut faces = Vec::new();
+    for k in (0..n * n - n).filter(|k| k % n + 1 < n) {
+        let (a, below) = (k as u32, (k + n) as u32);
+        faces.extend([[a, below, a + 1], [a + 1, below, below + 1]]);
+    }
+    (n, TriMesh::new((0..n * n).map(place).collect(), faces))
+}
+
+/// No vertex two steps from the border of such a grid is pulled.
+pub(crate) fn assert_quiet(n: usize, gradient: &Tensor) {
+    for k in 0..n * n {
+        if (2..n - 2).contains(&(k % n)) && (2..n - 2).contains(&(k / n)) {
+            let row = [0, 1, 2].map(|axis| gradient[[k, axis]]);
+            assert_eq!(row, [0.0; 3], "vertex {k}");
+        }
+    }
+    assert!(gradient.iter().any(|&g| g != 0.0), "the border is not a mean of its neighbours");
 }

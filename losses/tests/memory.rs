@@ -4,7 +4,7 @@
 use autodiff_lite::testkit::CountingAllocator;
 use autodiff_lite::{Tape, Tensor};
 use losses::{Directions, Matches};
-use mesh_core::{FacePair, SurfacePoint, Topology, primitives, sample_surface};
+use mesh_core::{SurfacePoint, Topology, primitives, sample_surface};
 use ndarray::{Array2, Array4, s};
 
 #[global_allocator]
@@ -20,7 +20,6 @@ struct Scene {
     depth: Tensor,
     faces: Vec<[u32; 3]>,
     topology: Topology,
-    pairs: Vec<FacePair>,
     samples: Vec<SurfacePoint>,
 }
 
@@ -44,7 +43,6 @@ impl Scene {
             target: image(17),
             mask: image(5).slice(s![.., .., .., 0]).to_owned().into(),
             depth: image(9).slice(s![.., .., .., 0]).mapv(|v| 1.1 - v).into(),
-            pairs: topology.face_pairs(&ball.faces),
             samples: sample_surface(&ball, 3000, 1),
             faces: ball.faces,
             topology,
@@ -82,10 +80,10 @@ impl Scene {
                     0.5,
                     losses::DepthMean::Images,
                 ),
-                losses::face_angle(x, &self.faces, &self.topology.edge_faces),
-                losses::normal_consistency(x, &self.topology.edges, &self.pairs),
-                losses::edge_length(x, &self.topology.edges, 0.1),
-                losses::edge_length_sum(x, &self.topology.edges),
+                losses::face_angle(x, &self.topology),
+                losses::normal_consistency(x, &self.topology),
+                losses::edge_length(x, &self.topology, 0.1),
+                losses::edge_length_sum(x, &self.topology),
                 losses::laplacian_squared(x, rings),
                 losses::laplacian_norm(x, rings),
                 losses::deformation_norm(x),

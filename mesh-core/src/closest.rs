@@ -1,7 +1,7 @@
 //! The point of a surface that is closest to a given point.
 
 use crate::vector::{Vec3, add, cross, dot, scale, sub, triangle, widen};
-use crate::{SurfacePoint, TriMesh};
+use crate::{Scalar, SurfacePoint, TriMesh};
 
 /// A mesh's faces in a tree of boxes, to be asked for closest points.
 ///
@@ -51,9 +51,17 @@ impl ClosestPoint {
     /// # Panics
     /// If a face names a vertex that does not exist.
     pub fn new(mesh: &TriMesh) -> Self {
+        Self::of(&mesh.positions, &mesh.faces)
+    }
+
+    /// [`new`](Self::new) of faces between positions of either precision.
+    ///
+    /// # Panics
+    /// If a face names a vertex that does not exist.
+    pub fn of<T: Scalar>(positions: &[[T; 3]], all: &[[u32; 3]]) -> Self {
         let (mut faces, mut corners) = (Vec::new(), Vec::new());
-        for (name, &face) in mesh.faces.iter().enumerate() {
-            let at = triangle(&mesh.positions, face);
+        for (name, &face) in all.iter().enumerate() {
+            let at = triangle(positions, face);
             if at.iter().flatten().all(|x| x.is_finite()) {
                 faces.push((name as u32, at));
             }
@@ -71,7 +79,8 @@ impl ClosestPoint {
         self.find_wide(widen(p))
     }
 
-    pub(crate) fn find_wide(&self, p: Vec3) -> Option<Closest> {
+    /// [`find`](Self::find) in double precision.
+    pub fn find_wide(&self, p: Vec3) -> Option<Closest> {
         if !p.iter().all(|x| x.is_finite()) || self.nodes.is_empty() {
             return None;
         }
@@ -146,7 +155,14 @@ fn blend([a, b, c]: [Vec3; 3], w: Vec3) -> Vec3 {
 ///
 /// Inside the three planes through the sides, upright on the triangle, it is the foot of the normal;
 /// else the closest point of a side. A triangle without area has sides only.
-fn closest_weights(corners: [Vec3; 3], p: Vec3) -> Vec3 {
+///
+/// ```
+/// use mesh_core::closest_weights;
+/// let corners = [[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+/// assert_eq!(closest_weights(corners, [0.5, 0.5, 3.0]), [0.5, 0.25, 0.25]);
+/// assert_eq!(closest_weights(corners, [9.0, -1.0, 0.0]), [0.0, 1.0, 0.0]);
+/// ```
+pub fn closest_weights(corners: [Vec3; 3], p: Vec3) -> Vec3 {
     let [a, b, c] = corners;
     let normal = cross(sub(b, a), sub(c, a));
     let square = dot(normal, normal);

@@ -20,6 +20,12 @@ pub struct Csr {
     pub indices: Vec<u32>,
 }
 
+impl AsRef<Self> for Csr {
+    fn as_ref(&self) -> &Self {
+        self
+    }
+}
+
 impl Csr {
     /// Groups `[row, entry]` pairs by row, keeping their order within each row.
     ///

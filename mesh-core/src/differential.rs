@@ -1,31 +1,43 @@
 //! Discrete differential operators on triangle meshes, as sparse rows.
 
 use crate::vector::{area_vector, cross, dot, norm, sub, triangle};
-use crate::{Csr, Topology};
+use crate::{Csr, Scalar, Topology};
 
 /// A square sparse matrix over the vertices: rows of columns, and a value beside each.
+///
+/// Values are `f32` or `f64`, as where it is used asks for. On a tape, `losses::sparse_matrix` makes a matrix of it
+/// that variables are multiplied with; other libraries take its three lists.
+///
+/// ```
+/// use mesh_core::{Topology, primitives, uniform_laplacian};
+/// let ball = primitives::icosphere(1);
+/// let topology = Topology::new(ball.positions.len(), &ball.faces);
+/// let (rows, columns, values) = uniform_laplacian::<f64>(&topology).into_csr();
+/// assert_eq!((rows.len(), columns.len()), (42 + 1, values.len()));
+/// assert_eq!(values[..6].iter().sum::<f64>(), 0.0); // the first row: a vertex of five neighbours
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct SparseRows {
+pub struct SparseRows<T: Scalar = f32> {
     /// The columns of each row, ascending.
     pub rows: Csr,
     /// The values, in the order of `rows.indices`.
-    pub values: Vec<f32>,
+    pub values: Vec<T>,
 }
 
-impl SparseRows {
+impl<T: Scalar> SparseRows<T> {
     /// The product with a column per component of `x`, `[V, K]`.
     ///
     /// # Panics
     /// If `x` has not one row per vertex.
-    pub fn apply<const K: usize>(&self, x: &[[f32; K]]) -> Vec<[f32; K]> {
+    pub fn apply<const K: usize>(&self, x: &[[T; K]]) -> Vec<[T; K]> {
         assert_eq!(x.len(), self.rows.len(), "SparseRows::apply: one row per vertex");
         (0..self.rows.len())
             .map(|row| {
-                let mut sum = [0.0; K];
+                let mut sum = [T::default(); K];
                 for slot in self.rows.range(row) {
                     let (x, w) = (x[self.rows.indices[slot] as usize], self.values[slot]);
                     for k in 0..K {
-                        sum[k] += w * x[k];
+                        sum[k] = sum[k] + w * x[k];
                     }
                 }
                 sum
@@ -34,9 +46,15 @@ impl SparseRows {
     }
 
     /// The value at `(row, column)`, zero where there is no entry.
-    pub fn at(&self, row: usize, column: u32) -> f32 {
+    pub fn at(&self, row: usize, column: u32) -> T {
         let found = self.rows.row(row).binary_search(&column);
-        found.map_or(0.0, |k| self.values[self.rows.range(row).start + k])
+        found.map_or(T::default(), |k| self.values[self.rows.range(row).start + k])
+    }
+
+    /// The lists of compressed sparse rows, as other libraries name them: where each row begins and the last ends,
+    /// the column of each entry, and its value.
+    pub fn into_csr(self) -> (Vec<u32>, Vec<u32>, Vec<T>) {
+        (self.rows.offsets, self.rows.indices, self.values)
     }
 }
 
@@ -44,8 +62,17 @@ impl SparseRows {
 ///
 /// What "Laplacian smoothing" means in Pixel2Mesh and PyTorch3D (`method="uniform"`). The row of an
 /// isolated vertex is empty, so it feels nothing.
-pub fn uniform_laplacian(topology: &Topology) -> SparseRows {
-    with_diagonal(topology, |_, degree| 1.0 / degree as f32, |_| -1.0)
+pub fn uniform_laplacian<T: Scalar>(topology: &Topology) -> SparseRows<T> {
+    // The quotient in the precision of the values: rounded once.
+    let share = |degree: usize| T::narrowed(1.0 / degree as f64);
+    with_diagonal(topology, |_, degree| share(degree), |_| T::narrowed(-1.0))
+}
+
+/// The adjacency matrix `A`: 1 between vertices that an edge joins.
+pub fn adjacency<T: Scalar>(topology: &Topology) -> SparseRows<T> {
+    let rows = topology.vertex_vertices.clone();
+    let values = vec![T::narrowed(1.0); rows.indices.len()];
+    SparseRows { rows, values }
 }
 
 /// The combinatorial Laplacian `D - A`, symmetric and positive semi-definite.
@@ -53,8 +80,8 @@ pub fn uniform_laplacian(topology: &Topology) -> SparseRows {
 /// # References
 /// Nicolet et al. 2021, *Large Steps in Inverse Rendering of Geometry*, section 3.1; its solver is
 /// [`DiffusionSolver`](crate::DiffusionSolver).
-pub fn combinatorial_laplacian(topology: &Topology) -> SparseRows {
-    with_diagonal(topology, |_, _| -1.0, |degree| degree as f32)
+pub fn combinatorial_laplacian<T: Scalar>(topology: &Topology) -> SparseRows<T> {
+    with_diagonal(topology, |_, _| T::narrowed(-1.0), |degree| T::narrowed(degree as f64))
 }
 
 /// The cotangent weight of every edge, `[E]`: `w = (cot α + cot β) / 2`.
@@ -75,11 +102,19 @@ pub fn combinatorial_laplacian(topology: &Topology) -> SparseRows {
 /// If `topology` was made of other faces, or a face names a vertex that does not exist.
 /// # References
 /// Pinkall and Polthier 1993, *Computing Discrete Minimal Surfaces and Their Conjugates*.
-pub fn cotangent_weights(
-    positions: &[[f32; 3]],
+pub fn cotangent_weights<T: Scalar>(
+    positions: &[[T; 3]],
     faces: &[[u32; 3]],
     topology: &Topology,
-) -> Vec<f32> {
+) -> Vec<T> {
+    wide_weights(positions, faces, topology).into_iter().map(T::narrowed).collect()
+}
+
+fn wide_weights<T: Scalar>(
+    positions: &[[T; 3]],
+    faces: &[[u32; 3]],
+    topology: &Topology,
+) -> Vec<f64> {
     assert_eq!(faces.len(), topology.face_count(), "cotangent_weights: another mesh");
     let mut weights = vec![0.0_f64; topology.edges.len()];
     for (&face, &edges) in faces.iter().zip(&topology.face_edges) {
@@ -94,7 +129,7 @@ pub fn cotangent_weights(
             }
         }
     }
-    weights.into_iter().map(|w| w as f32).collect()
+    weights
 }
 
 /// The cotangent Laplacian: `(L x)_i = Σ_j w_ij (x_j - x_i)` with [`cotangent_weights`].
@@ -105,25 +140,26 @@ pub fn cotangent_weights(
 ///
 /// # Panics
 /// As [`cotangent_weights`].
-pub fn cotangent_laplacian(
-    positions: &[[f32; 3]],
+pub fn cotangent_laplacian<T: Scalar>(
+    positions: &[[T; 3]],
     faces: &[[u32; 3]],
     topology: &Topology,
-) -> SparseRows {
+) -> SparseRows<T> {
     let weights = cotangent_weights(positions, faces, topology);
     let mut sums = vec![0.0_f64; topology.vertex_count()];
     for (&[a, b], &w) in topology.edges.iter().zip(&weights) {
-        sums[a as usize] += f64::from(w);
-        sums[b as usize] += f64::from(w);
+        sums[a as usize] += w.widened();
+        sums[b as usize] += w.widened();
     }
-    let mut matrix = with_diagonal(topology, |_, _| 0.0, |_| 0.0);
+    let mut matrix = with_diagonal(topology, |_, _| T::default(), |_| T::default());
     for row in 0..matrix.rows.len() {
         for slot in matrix.rows.range(row) {
             let column = matrix.rows.indices[slot];
             matrix.values[slot] = if column as usize == row {
-                -sums[row] as f32
+                T::narrowed(-sums[row])
             } else {
-                topology.edge_between(row as u32, column).map_or(0.0, |e| weights[e as usize])
+                let edge = topology.edge_between(row as u32, column);
+                edge.map_or(T::default(), |e| weights[e as usize])
             };
         }
     }
@@ -134,7 +170,7 @@ pub fn cotangent_laplacian(
 ///
 /// # Panics
 /// If a face names a vertex that does not exist.
-pub fn vertex_areas(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<f32> {
+pub fn vertex_areas<T: Scalar>(positions: &[[T; 3]], faces: &[[u32; 3]]) -> Vec<T> {
     let mut areas = vec![0.0_f64; positions.len()];
     for &face in faces {
         let third = norm(area_vector(triangle(positions, face))) / 6.0;
@@ -142,15 +178,15 @@ pub fn vertex_areas(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<f32> {
             areas[v as usize] += third;
         }
     }
-    areas.into_iter().map(|a| a as f32).collect()
+    areas.into_iter().map(T::narrowed).collect()
 }
 
 /// Rows of neighbours with the vertex itself in its sorted place.
-fn with_diagonal(
+fn with_diagonal<T: Scalar>(
     topology: &Topology,
-    off: impl Fn(u32, usize) -> f32,
-    diagonal: impl Fn(usize) -> f32,
-) -> SparseRows {
+    off: impl Fn(u32, usize) -> T,
+    diagonal: impl Fn(usize) -> T,
+) -> SparseRows<T> {
     let mut matrix =
         SparseRows { rows: Csr { offsets: vec![0], indices: Vec::new() }, values: Vec::new() };
     for (vertex, ring) in topology.vertex_vertices.rows().enumerate() {

@@ -29,14 +29,15 @@
 //!   [`Subdivision`]; better triangles by [`improve`], of one size by [`fn@remesh`], fewer by [`simplify`]
 //! - **who is next to whom**: [`Topology`] (edges, face pairs, rings), [`Csr`]
 //! - **measure**: [`face_normals`], [`vertex_normals`], [`face_areas`], [`vertex_areas`];
-//!   [`uniform_laplacian`], [`combinatorial_laplacian`], [`cotangent_laplacian`] as [`SparseRows`]
+//!   [`adjacency`], [`uniform_laplacian`], [`combinatorial_laplacian`], [`cotangent_laplacian`] as [`SparseRows`]
 //! - **smooth steps**: [`DiffusionSolver`], `(I + λ L) x = b`
-//! - **points and cells**: [`sample_surface`], [`nearest`], [`ClosestPoint`]; [`voxelize_solid`], [`voxelize_surface`],
-//!   [`voxelize_parity`], [`voxelize_enclosed`], [`VoxelGrid::iou`]; back to a mesh by [`cubify`]; the cells that a
+//! - **points and cells**: [`sample_surface`], [`nearest`], [`ClosestPoint`], [`closest_weights`]; [`voxelize_solid`], [`voxelize_surface`],
+//!   [`voxelize_parity`], [`voxelize_enclosed`], [`VoxelGrid::iou`]; back to a mesh by [`cubify`] and
+//!   [`marching_cubes`]; the cells that a
 //!   camera sees, [`CameraVolume`]
 //! - **see**: [`Camera`] with every convention that data comes in, [`Distortion`], [`UpAxis`]; [`Image`], [`ByteImage`], [`DepthMap`],
 //!   [`DisparityMap`] and the [`GroundPlane`] that estimators make up
-//! - **compute** with three numbers: [`vector`]
+//! - **compute** with three numbers: [`vector`]; on a tape, with the feature `ndarray`: `TriMesh::vertices`, `Camera::matrices`
 //! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB, STL; 3MF with the feature `3mf`), [`read_image`], [`write_png`], EXR depth, PFM;
 //!   module [`io`]; how much memory reading may take and what else it may open, [`Limits`]
 //!
@@ -63,6 +64,8 @@
 //!
 //! Gradients (see `autodiff-lite` and `losses`), rendering (`diff-raster`), booleans, hole filling.
 
+#[cfg(feature = "ndarray")]
+mod arrays;
 mod camera;
 mod closest;
 mod csr;
@@ -76,11 +79,13 @@ mod intersect;
 pub mod io;
 pub mod kernels;
 mod limits;
+mod marching_cubes;
 mod mesh;
 mod normals;
 pub mod primitives;
 mod remesh;
 mod sample;
+mod scalar;
 mod subdivide;
 mod texture;
 mod topology;
@@ -90,14 +95,15 @@ mod voxel;
 
 pub use camera::{
     Camera, CameraError, CameraVolume, ColmapCamera, Distortion, KaolinCamera, Lens, OpenCvCamera,
-    Projected, Pytorch3dCamera, R2n2View, Ray, WeakPerspective,
+    Projected, Pytorch3dCamera, R2n2View, Ray, SphericalView, WeakPerspective,
+    look_at_view_transform,
 };
-pub use closest::{Closest, ClosestPoint};
+pub use closest::{Closest, ClosestPoint, closest_weights};
 pub use csr::Csr;
 pub use cubify::{EmptyGrid, cubify};
 pub use differential::{
-    SparseRows, combinatorial_laplacian, cotangent_laplacian, cotangent_weights, uniform_laplacian,
-    vertex_areas,
+    SparseRows, adjacency, combinatorial_laplacian, cotangent_laplacian, cotangent_weights,
+    uniform_laplacian, vertex_areas,
 };
 pub use diffusion::{DiffusionSolver, SolveReport};
 pub use examination::Examination;
@@ -112,6 +118,7 @@ pub use image::{
 pub use io::{ReadMeshError, Remark, WriteError, read_mesh, read_mesh_with, write_mesh};
 pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_into};
 pub use limits::{Budget, Limits, OverLimit};
+pub use marching_cubes::marching_cubes;
 pub use mesh::{MeshError, Texture, TriMesh};
 pub use nalgebra;
 pub use normals::{face_areas, face_normals, vertex_normals};
@@ -119,6 +126,7 @@ pub use remesh::{
     ImproveOptions, Improvement, RemeshError, RemeshOptions, Remeshed, improve, remesh, simplify,
 };
 pub use sample::{SurfacePoint, sample_points, sample_surface};
+pub use scalar::Scalar;
 pub use subdivide::{Subdivision, subdivide};
 pub use topology::{FacePair, Topology};
 pub use up_axis::{UpAxis, UpAxisError};

@@ -1,6 +1,6 @@
 //! Which vertices, edges and faces of a triangle mesh touch each other.
 
-use crate::Csr;
+use crate::{Csr, TriMesh};
 
 /// The edges of a triangle mesh and its neighbourhoods, in a deterministic order.
 ///
@@ -30,6 +30,29 @@ pub struct Topology {
     pub vertex_faces: Csr,
     /// For each vertex the vertices joined to it by an edge, ascending.
     pub vertex_vertices: Csr,
+    /// The faces it was made of, `[F]`.
+    pub faces: Vec<[u32; 3]>,
+}
+
+/// The edges.
+impl AsRef<[[u32; 2]]> for Topology {
+    fn as_ref(&self) -> &[[u32; 2]] {
+        &self.edges
+    }
+}
+
+/// The faces.
+impl AsRef<[[u32; 3]]> for Topology {
+    fn as_ref(&self) -> &[[u32; 3]] {
+        &self.faces
+    }
+}
+
+/// The neighbours of the vertices.
+impl AsRef<Csr> for Topology {
+    fn as_ref(&self) -> &Csr {
+        &self.vertex_vertices
+    }
 }
 
 /// Two faces on one edge, and the corner of each that is not on it.
@@ -137,7 +160,16 @@ impl Topology {
             vertex_faces: Csr::from_pairs(vertex_count, &around),
             vertex_vertices: Csr::from_pairs(vertex_count, &both),
             edges,
+            faces: faces.to_vec(),
         }
+    }
+
+    /// That of a mesh.
+    ///
+    /// # Panics
+    /// As [`new`](Self::new).
+    pub fn of(mesh: &TriMesh) -> Self {
+        Self::new(mesh.positions.len(), &mesh.faces)
     }
 
     /// The number of vertices, isolated ones included.
@@ -177,28 +209,29 @@ impl Topology {
     /// If `faces` are not those that the topology was made of.
     pub fn face_pairs(&self, faces: &[[u32; 3]]) -> Vec<FacePair> {
         assert_eq!(faces.len(), self.face_count(), "face_pairs: another mesh");
+        let mut pairs = Vec::with_capacity(self.edges.len());
+        self.each_face_pair(|pair| pairs.push(pair));
+        pairs
+    }
+
+    /// Calls `f` with the pairs of [`face_pairs`](Self::face_pairs), in their order, without a list of them.
+    pub fn each_face_pair(&self, mut f: impl FnMut(FacePair)) {
         let opposite = |face: u32, [a, b]: [u32; 2]| {
-            let [p, q, r] = faces[face as usize];
+            let [p, q, r] = self.faces[face as usize];
             (p != q && q != r && r != p)
                 .then(|| [p, q, r].into_iter().find(|&v| v != a && v != b))
                 .flatten()
         };
-        let mut pairs = Vec::with_capacity(self.edges.len());
         for (edge, &ends) in self.edges.iter().enumerate() {
-            let ring = self.edge_rings.row(edge);
+            let (edge, ring) = (edge as u32, self.edge_rings.row(edge));
             for (i, &first) in ring.iter().enumerate() {
                 for &second in &ring[i + 1..] {
                     if let (Some(a), Some(b)) = (opposite(first, ends), opposite(second, ends)) {
-                        pairs.push(FacePair {
-                            edge: edge as u32,
-                            faces: [first, second],
-                            opposite: [a, b],
-                        });
+                        f(FacePair { edge, faces: [first, second], opposite: [a, b] });
                     }
                 }
             }
         }
-        pairs
     }
 }
 

@@ -7,6 +7,8 @@
 //! assert_eq!(dot(x, y), 0.0);
 //! ```
 
+use crate::Scalar;
+
 /// A place or a direction.
 pub type Vec3 = [f64; 3];
 
@@ -76,8 +78,8 @@ pub fn angle(a: Vec3, b: Vec3) -> f64 {
 /// # Panics
 /// If it names a vertex that does not exist.
 #[inline]
-pub fn triangle(positions: &[[f32; 3]], face: [u32; 3]) -> [Vec3; 3] {
-    face.map(|v| widen(positions[v as usize]))
+pub fn triangle<T: Scalar>(positions: &[[T; 3]], face: [u32; 3]) -> [Vec3; 3] {
+    face.map(|v| positions[v as usize].map(T::widened))
 }
 
 /// `(b - a) × (c - a)`: twice the area long, along the outward normal.

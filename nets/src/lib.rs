@@ -89,6 +89,7 @@ pub use init::{FanMode, Init, Nonlinearity, fans};
 pub use layers::batch_norm::{BatchNorm1d, BatchNorm2d, FrozenBatchNorm2d};
 pub use layers::conv_transpose2d::ConvTranspose2d;
 pub use layers::conv2d::Conv2d;
+pub use layers::conv3d::Conv3d;
 pub use layers::dropout::Dropout;
 pub use layers::graph_conv::{ChebyshevConv, GraphConv};
 pub use layers::group_norm::GroupNorm;

@@ -34,12 +34,14 @@
 //! | for | see |
 //! |---|---|
 //! | integrating arrays, tuples, variables of a tape | [`solve::solve`], [`solve::State`] |
-//! | a loop of your own, events | [`solve::Stepper`], [`solve::Tableau::attempt`] |
-//! | methods | [`solve::EULER`], [`solve::HEUN`], [`solve::MIDPOINT`], [`solve::RK4`], [`solve::BOSH3`], [`solve::DOPRI5`] |
+//! | stopping at an event | [`solve::solve_until`] |
+//! | a loop of your own | [`solve::Stepper`], [`solve::Tableau::attempt`] |
+//! | methods | [`solve::EULER`], [`solve::HEUN`], [`solve::MIDPOINT`], [`solve::RK4`], [`solve::BOSH3`], [`solve::DOPRI5`], [`solve::TSIT5`], [`solve::HEUN3`], [`solve::THREE_EIGHTHS`], [`solve::ADAPTIVE_HEUN`] |
 //! | step sizes | [`solve::StepController`]: fixed, random, or following the error |
 //! | states at asked times | [`Problem::save_at`](solve::Problem::save_at) |
+//! | the solution as a curve | [`Problem::save_dense`](solve::Problem::save_dense), [`solve::Dense`] |
 //! | a field with parameters | [`VectorField`], [`field_fn`] |
-//! | gradients | [`Adjoint`] |
+//! | gradients | [`Adjoint`]; with respect to times too, [`Adjoint::integrate_between`] over a [`TimedField`] |
 //!
 //! # Conventions
 //!
@@ -57,12 +59,14 @@
 //!
 //! # What this crate does not do
 //!
-//! Implicit methods for stiff equations, events found by root finding, gradients with respect to times and step sizes,
-//! second derivatives.
+//! Implicit methods for stiff equations, gradients with respect to step sizes or through the time of an event, second
+//! derivatives.
 
 pub mod deform;
 pub mod solve;
 
 mod adjoint;
 
-pub use adjoint::{Adjoint, FieldFn, Flow, VectorField, field_fn};
+pub use adjoint::{
+    Adjoint, FieldFn, Flow, TimedField, TimedFieldFn, VectorField, field_fn, timed_field_fn,
+};

@@ -133,7 +133,6 @@ fn by_gradients(views: &Views, rate: f64) -> Result<TriMesh, Box<dyn Error>> {
 
     let mut mesh = primitives::icosphere(LEVEL).scaled([0.5; 3]);
     let topology = Topology::new(mesh.positions.len(), &mesh.faces);
-    let pairs = topology.face_pairs(&mesh.faces);
     let settings = Settings { cull_back_faces: true, ..Settings::published(height, width) };
     let renderer = Renderer::new(Arc::new(Faces::of(&mesh)?), settings);
     let mut colors = vec![[0.5_f32; 3]; mesh.positions.len()];
@@ -154,9 +153,9 @@ fn by_gradients(views: &Views, rate: f64) -> Result<TriMesh, Box<dyn Error>> {
         let images = Array4::from_shape_vec((n, height, width, 3), images)?;
         let silhouette = (frame.soft_silhouette() - masks).square().mean();
         let color = (frame.interpolate(painted) - tape.constant(images)).square().mean();
-        let smooth = losses::edge_length(positions, &topology.edges, 0.0).scale(EDGE)
-            + losses::normal_consistency(positions, &topology.edges, &pairs).scale(NORMAL)
-            + losses::laplacian_norm(positions, &topology.vertex_vertices).scale(LAPLACIAN);
+        let smooth = losses::edge_length(positions, &topology, 0.0).scale(EDGE)
+            + losses::normal_consistency(positions, &topology).scale(NORMAL)
+            + losses::laplacian_norm(positions, &topology).scale(LAPLACIAN);
         let loss = silhouette.scale(SILHOUETTE) + color.scale(COLOR) + smooth;
         let gradients = loss.backward();
         let of = |leaf: Var<'_>| gradients.wrt(leaf).map(|g| g.as_slice().to_vec());

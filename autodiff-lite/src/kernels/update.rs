@@ -88,3 +88,60 @@ pub fn sgd<F: Real>(h: &SgdStep<F>, w: &mut [F], g: &[F], v: &mut [F]) {
         sgd_chunk(h, w, beside(g, k, CHUNK, w), v);
     });
 }
+
+/// The numbers of one RMSprop step.
+#[derive(Clone, Copy, Debug)]
+pub struct RmsPropStep<F> {
+    /// Learning rate.
+    pub lr: F,
+    /// Decay of the mean of squares, and of the mean.
+    pub alpha: F,
+    /// Added to the root.
+    pub epsilon: F,
+    /// Added to the gradient, times the weight.
+    pub decay: F,
+    /// Decay of the velocity.
+    pub momentum: F,
+    /// Whether the square of the mean is subtracted.
+    pub centered: bool,
+}
+
+#[inline(always)]
+fn rmsprop_body<F: Real>(
+    h: &RmsPropStep<F>,
+    w: &mut [F],
+    g: &[F],
+    v: &mut [F],
+    m: &mut [F],
+    a: &mut [F],
+) {
+    let rest = F::one() - h.alpha;
+    for ((((w, &g), v), m), a) in w.iter_mut().zip(g).zip(v).zip(m).zip(a) {
+        let g = g + h.decay * *w;
+        *v = h.alpha * *v + rest * g * g;
+        let mut square = *v;
+        if h.centered {
+            *a = h.alpha * *a + rest * g;
+            // Never below zero but for rounding.
+            square = (square - *a * *a).max(F::zero());
+        }
+        *m = h.momentum * *m + g / (square.sqrt() + h.epsilon);
+        *w -= h.lr * *m;
+    }
+}
+
+clones!(fn rmsprop_chunk[F: Real](h: &RmsPropStep<F>, w: &mut [F], g: &[F], v: &mut [F], m: &mut [F], a: &mut [F]) = rmsprop_body);
+
+/// One step of RMSprop on `w` with gradient `g`, mean of squares `v`, velocity `m` and mean `a`.
+pub fn rmsprop<F: Real>(h: &RmsPropStep<F>, w: &mut [F], g: &[F], [v, m, a]: [&mut [F]; 3]) {
+    if w.len() < PARALLEL_FROM {
+        return rmsprop_chunk(h, w, g, v, m, a);
+    }
+    let (v, m, a) = (Shared::new(v), Shared::new(m), Shared::new(a));
+    for_each_part(w, CHUNK, true, |k, w| {
+        let (start, len) = (k * CHUNK, w.len());
+        // SAFETY: no other part has these elements.
+        let (v, m, a) = unsafe { (v.slice(start, len), m.slice(start, len), a.slice(start, len)) };
+        rmsprop_chunk(h, w, beside(g, k, CHUNK, w), v, m, a);
+    });
+}

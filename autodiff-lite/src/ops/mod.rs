@@ -3,6 +3,7 @@
 
 mod attention;
 mod conv;
+mod conv3d;
 mod dropout;
 mod elementwise;
 mod gather;
@@ -20,6 +21,7 @@ mod resample;
 mod softmax;
 mod sparse;
 
+pub use conv3d::Conv3dGeometry;
 pub use graph::GraphWeights;
 pub use norm::BatchStatistics;
 

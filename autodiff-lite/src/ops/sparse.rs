@@ -99,8 +99,12 @@ mod tests {
             error,
             SparseError::OutOfRange { entry: 1, row: 1, column: 2, rows: 2, columns: 2 }
         );
-        let error = SparseMatrix::from_csr(2, vec![0, 2], vec![0], vec![1.0_f32]).unwrap_err();
+        let error = SparseMatrix::from_csr(1, 2, vec![0, 2], vec![0], vec![1.0_f32]).unwrap_err();
         assert_eq!(error, SparseError::Offsets { entries: 1 });
-        assert!(SparseMatrix::from_csr(2, vec![0, 1, 2], vec![0, 2], vec![1.0_f32; 2]).is_err());
+        let of_rows = |rows, column| {
+            SparseMatrix::from_csr(rows, 2, vec![0, 1, 2], vec![0, column], vec![1.0_f32; 2])
+        };
+        assert!(of_rows(2, 1).is_ok() && of_rows(2, 2).is_err());
+        assert_eq!(of_rows(3, 1).unwrap_err(), SparseError::Offsets { entries: 2 });
     }
 }

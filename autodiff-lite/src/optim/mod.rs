@@ -20,6 +20,7 @@
 
 mod adam;
 mod clip;
+mod rmsprop;
 mod schedule;
 mod sgd;
 
@@ -31,6 +32,7 @@ use crate::{Gradients, Module, Param, Real};
 
 pub use adam::{Adam, AdamMethod, AdamUniform, AdamUniformMethod, AdamW, AdamWMethod};
 pub use clip::{clip_grad_norm, clip_value};
+pub use rmsprop::{RmsProp, RmsPropMethod};
 pub use schedule::{Plateau, Schedule};
 pub use sgd::{Sgd, SgdMethod};
 

@@ -4,4 +4,5 @@
 
 mod determinism;
 mod extents;
+mod peers;
 mod state;

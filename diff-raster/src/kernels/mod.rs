@@ -4,10 +4,12 @@
 
 pub mod antialias;
 pub mod bits;
+pub mod blend;
 mod distance;
 pub mod gather;
 pub mod interpolate;
 pub mod lanes;
+pub mod layers;
 pub mod setup;
 pub mod silhouette;
 pub mod softras;

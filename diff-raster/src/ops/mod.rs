@@ -3,13 +3,16 @@
 //! What these functions need between their passes is allocated in each call; the same operations of a
 //! [`Frame`](crate::Frame) use that of earlier frames.
 
+mod blend;
 mod depth;
 mod interpolate;
+mod layers;
 mod silhouette;
 mod softras;
 mod sphere_texture;
 mod texture;
 
+pub use blend::BlendSettings;
 pub use depth::depth;
 pub use interpolate::{interpolate, interpolate_corners};
 pub use silhouette::{antialiased_silhouette, soft_silhouette};

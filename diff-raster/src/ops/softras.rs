@@ -28,7 +28,8 @@ pub enum Paint<'t, F: Real = f32> {
 /// ζ runs from 0 at `far` to 1 at `near`. The original's aggregation, to compare with
 /// [`interpolate`](crate::interpolate) and [`soft_silhouette`](crate::soft_silhouette): gradients reach
 /// hidden faces and depths, and a silhouette shrinks as readily as it grows. Colours are not multiplied by
-/// alpha: beside an object they are those of the nearest face around.
+/// alpha: beside an object they are those of the nearest face around, and of the
+/// [background](crate::SoftRasSettings::background_color) where no face reaches.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -79,6 +80,11 @@ pub fn softras<'t, F: Real>(
         }
     };
     let (mode, channels) = paint.map_or((Mode::Vertices, 0), |paint| check(paint, batch, renderer));
+    let behind = renderer.settings.background_color.len();
+    if channels > 0 && behind > 0 && behind != channels {
+        let message = format!("a background of {behind} channels behind paint of {channels}");
+        tape.refuse("softras", message, &[("projected", shape, "N, V, 3")]);
+    }
     let painted = paint.map(|(Paint::Vertices(x) | Paint::Texels(x))| x);
     let colours = painted.map(Var::value);
     let colours = colours.as_ref().map_or(&[][..], Tensor::as_slice);

@@ -54,8 +54,11 @@ pub fn softras(
         let weight = |height: f64| ((height - peak) / settings.gamma).exp();
         let total =
             weight(settings.background) + seen.iter().map(|s| s.0 * weight(s.1)).sum::<f64>();
-        let colour =
-            |c: usize| seen.iter().map(|s| s.0 * weight(s.1) * s.2[c]).sum::<f64>() / total;
+        let behind = |c: usize| settings.background_color.get(c).copied().unwrap_or(0.0);
+        let colour = |c: usize| {
+            let own = seen.iter().map(|s| s.0 * weight(s.1) * s.2[c]).sum::<f64>();
+            (own + weight(settings.background) * behind(c)) / total
+        };
         (0..channels).map(colour).chain([1.0 - clear]).collect()
     };
     (0..settings.height * settings.width).map(pixel).collect()

@@ -6,6 +6,7 @@ mod analytic;
 mod common;
 mod golden;
 mod gradients;
+mod layers;
 mod renderer;
 mod softras;
 mod twins;

@@ -18,6 +18,8 @@ fn settings(scene: &Scene, perspective: bool) -> SoftRasSettings {
         gamma: 0.1,
         near: 0.5,
         far: 6.0,
+        // Black, or a colour behind both channels.
+        background_color: if perspective { vec![0.3, -0.8] } else { Vec::new() },
         perspective,
         ..SoftRasSettings::new(s.height, s.width)
     }

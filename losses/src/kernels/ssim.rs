@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use super::chunks;
 
 /// Half the width of the window.
-const RADIUS: usize = 5;
+pub const RADIUS: usize = 5;
 /// The stabilising constants for values in `[0, 1]`: `(0.01)²` and `(0.03)²`.
 const C1: f64 = 1e-4;
 const C2: f64 = 9e-4;
@@ -38,6 +38,9 @@ pub struct Plane {
     pub width: usize,
     /// C.
     pub channels: usize,
+    /// How many rows and columns at each border do not count: none, or [`RADIUS`] where only windows count that lie
+    /// within the image.
+    pub margin: usize,
 }
 
 impl Plane {
@@ -63,6 +66,21 @@ impl Plane {
         self.len() == 0
     }
 
+    /// The number of values that the mean is over.
+    pub fn counted(&self) -> usize {
+        let within = |size: usize| size.saturating_sub(2 * self.margin);
+        self.images * within(self.height) * within(self.width) * self.channels
+    }
+
+    /// The values of a row of the batch that count.
+    fn counted_of_row(&self, r: usize) -> Range<usize> {
+        let i = r % self.height;
+        if i < self.margin || i + self.margin >= self.height || self.width <= 2 * self.margin {
+            return 0..0;
+        }
+        self.margin * self.channels..(self.width - self.margin) * self.channels
+    }
+
     /// How many values of scratch [`ssim`] and [`ssim_grad`] need.
     pub fn scratch_len(&self) -> usize {
         self.bands() * 2 * SUMS * self.row()
@@ -72,7 +90,7 @@ impl Plane {
 /// `∂S/∂m, ∂S/∂n, ∂S/∂p (= ∂S/∂r), ∂S/∂q` per value: four maps of [`Plane::len`] values one after another.
 pub const DERIVATIVES: usize = 4;
 
-/// The mean of S over all values of two batches of images; writes the derivatives of S when asked.
+/// The mean of S over all values that count of two batches of images; writes the derivatives of S when asked.
 ///
 /// `scratch` has [`Plane::scratch_len`] values, `derivatives` has [`DERIVATIVES`] maps.
 pub fn ssim<F: Real>(
@@ -90,12 +108,19 @@ pub fn ssim<F: Real>(
         let mut total = 0.0;
         let rows = band * band_rows..((band + 1) * band_rows).min(plane.rows());
         for (local, r) in rows.enumerate() {
-            window_sums(x, y, plane, r, &taps, sums, column);
+            let counted = plane.counted_of_row(r);
             let out = local * row..(local + 1) * row;
+            if plane.margin > 0 && !maps[0].is_empty() {
+                maps.iter_mut().for_each(|map| map[out.clone()].fill(F::zero()));
+            }
+            if counted.is_empty() {
+                continue;
+            }
+            window_sums(x, y, plane, r, &taps, sums, column);
             total += if maps[0].is_empty() {
-                similarity(sums, row, &mut [&mut [], &mut [], &mut [], &mut []])
+                similarity(sums, row, counted, &mut [&mut [], &mut [], &mut [], &mut []])
             } else {
-                similarity(sums, row, &mut maps.each_mut().map(|m| &mut m[out.clone()]))
+                similarity(sums, row, counted, &mut maps.each_mut().map(|m| &mut m[out.clone()]))
             };
         }
         total
@@ -126,7 +151,7 @@ pub fn ssim<F: Real>(
                 });
         }
     }
-    partial.iter().sum::<f64>() / plane.len() as f64
+    partial.iter().sum::<f64>() / plane.counted() as f64
 }
 
 /// Writes `scale * ∂(Σ S)/∂x` into `out`, from the derivatives that [`ssim`] wrote.
@@ -256,12 +281,17 @@ fn axpy<F: Real>(out: &mut [F], g: F, src: &[F]) {
     }
 }
 
-/// The sum of S along one row; fills the derivatives when the maps are not empty.
-fn similarity<F: Real>(sums: &[F], row: usize, maps: &mut [&mut [F]; DERIVATIVES]) -> f64 {
+/// The sum of S along what counts of one row; fills the derivatives there when the maps are not empty.
+fn similarity<F: Real>(
+    sums: &[F],
+    row: usize,
+    counted: Range<usize>,
+    maps: &mut [&mut [F]; DERIVATIVES],
+) -> f64 {
     let (c1, c2, two) = (F::from_f64(C1), F::from_f64(C2), F::one() + F::one());
     let mut total = 0.0;
     let derivatives = !maps[0].is_empty();
-    for j in 0..row {
+    for j in counted {
         let [m, n, p, r, q] = std::array::from_fn(|k| sums[k * row + j]);
         let (a1, a2) = (two * m * n + c1, two * (q - m * n) + c2);
         let (b1, b2) = (m * m + n * n + c1, p - m * m + r - n * n + c2);

@@ -71,6 +71,21 @@ pub fn psnr_inside(image: &Image, target: &Image, mask: &Image) -> Option<f64> {
 /// Similarity*.
 pub fn ssim(image: &Image, target: &Image) -> f64 {
     same_size("ssim", image, target);
+    ssim_within(image, target, 0)
+}
+
+/// [`ssim`] as the mean over the pixels whose window lies within the image: without five rows and columns at each
+/// border. `NaN` where none is left.
+///
+/// # References
+/// `structural_similarity(gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1)` of
+/// scikit-image, and the figures of most papers.
+pub fn ssim_valid(image: &Image, target: &Image) -> f64 {
+    same_size("ssim_valid", image, target);
+    ssim_within(image, target, ssim::RADIUS)
+}
+
+fn ssim_within(image: &Image, target: &Image, margin: usize) -> f64 {
     if image.data.is_empty() {
         return 1.0;
     }
@@ -79,6 +94,7 @@ pub fn ssim(image: &Image, target: &Image) -> f64 {
         height: image.height,
         width: image.width,
         channels: image.channels,
+        margin,
     };
     let mut scratch = vec![0.0f32; plane.scratch_len()];
     ssim::ssim(&image.data, &target.data, plane, &mut scratch, None)

@@ -28,7 +28,9 @@ mod voxel;
 pub use depth::{DepthError, depth_error};
 pub use frame::FrameMismatch;
 pub use frechet::{FrechetError, feature_distance, frechet};
-pub use image::{MaskRule, l1, mask_iou, mask_iou_by, mse, overlap, psnr, psnr_inside, ssim};
+pub use image::{
+    MaskRule, l1, mask_iou, mask_iou_by, mse, overlap, psnr, psnr_inside, ssim, ssim_valid,
+};
 pub use mcmr::{McmrAlignment, mcmr_iou};
 pub use points::{FScore, PointDistances, point_distances};
 pub use protocol::{

@@ -23,7 +23,7 @@ pub use error::CameraError;
 pub use kaolin::KaolinCamera;
 pub use opencv::OpenCvCamera;
 pub use project::{Projected, Ray};
-pub use pytorch3d::Pytorch3dCamera;
+pub use pytorch3d::{Pytorch3dCamera, SphericalView, look_at_view_transform};
 pub use r2n2::R2n2View;
 pub use volume::CameraVolume;
 pub use weak_perspective::WeakPerspective;

@@ -22,6 +22,62 @@ fn flip_x_z() -> Matrix3<f64> {
     Matrix3::from_diagonal(&Vector3::new(-1.0, 1.0, -1.0))
 }
 
+/// Where a camera stands on a sphere around what it looks at, as PyTorch3D counts it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SphericalView {
+    /// From the object to the camera.
+    pub distance: f64,
+    /// Above the horizontal plane, in degrees.
+    pub elevation: f64,
+    /// Around the vertical axis from +z towards +x, in degrees.
+    pub azimuth: f64,
+    /// What it looks at.
+    pub at: [f64; 3],
+    /// Which way is up.
+    pub up: [f64; 3],
+}
+
+impl SphericalView {
+    /// Looks at the origin, +y being up.
+    pub fn new(distance: f64, elevation: f64, azimuth: f64) -> Self {
+        Self { distance, elevation, azimuth, at: [0.0; 3], up: [0.0, 1.0, 0.0] }
+    }
+
+    /// Where the camera stands: PyTorch3D's `camera_position_from_spherical_angles`, about [`at`](Self::at).
+    pub fn eye(&self) -> [f64; 3] {
+        let (elevation, azimuth) = (self.elevation.to_radians(), self.azimuth.to_radians());
+        let way =
+            [elevation.cos() * azimuth.sin(), elevation.sin(), elevation.cos() * azimuth.cos()];
+        [0, 1, 2].map(|k| self.at[k] + self.distance * way[k])
+    }
+}
+
+/// `R` by rows and `T` of PyTorch3D's `look_at_view_transform(dist, elev, azim, at=.., up=..)`: for row vectors,
+/// `X_cam = X R + T`, x left, y up, z forward.
+///
+/// ```
+/// use mesh_core::{Camera, SphericalView, look_at_view_transform};
+///
+/// let (r, t) = look_at_view_transform(&SphericalView::new(2.7, 0.0, 180.0));
+/// assert!((r[0][0] - 1.0).abs() < 1e-12 && (t[2] - 2.7).abs() < 1e-12);
+/// // FoVPerspectiveCameras(fov=60): a focal length of 1 / tan(30°) in NDC.
+/// let focal = 1.0 / 30_f64.to_radians().tan();
+/// let camera = Camera::from_pytorch3d_ndc(r, t, [focal; 2], [0.0; 2], 256, 256);
+/// assert!((camera.project([0.0; 3]).depth - 2.7).abs() < 1e-12);
+/// ```
+///
+/// Where the line of sight is along `up`, another axis takes its place, as in [`Camera::look_at`]; PyTorch3D gives a
+/// matrix without an inverse there.
+///
+/// # References
+/// `pytorch3d.renderer.look_at_view_transform`.
+pub fn look_at_view_transform(view: &SphericalView) -> ([[f64; 3]; 3], [f64; 3]) {
+    let camera = Camera::look_at(view.eye(), view.at, view.up, 1.0, 1, 1);
+    let r = flip_x_z() * camera.rotation;
+    let rows = std::array::from_fn(|i| std::array::from_fn(|j| r[(j, i)]));
+    (rows, (flip_x_z() * camera.translation).into())
+}
+
 impl Camera {
     /// From a PyTorch3D camera with intrinsics in pixels (`in_ndc=False`).
     ///
@@ -104,6 +160,17 @@ mod tests {
     use super::super::tests::{assert_same, off_centre};
     use super::*;
     use approx::assert_relative_eq;
+
+    #[test]
+    fn a_view_from_the_pole_has_a_rotation() {
+        for elevation in [90.0, -90.0, 30.0] {
+            let (r, t) = look_at_view_transform(&SphericalView::new(2.0, elevation, 20.0));
+            let r = Matrix3::from_fn(|i, j| r[i][j]);
+            assert_relative_eq!(r * r.transpose(), Matrix3::identity(), epsilon = 1e-9);
+            assert_relative_eq!(r.determinant(), 1.0, epsilon = 1e-9);
+            assert_relative_eq!(t[2], 2.0, epsilon = 1e-9);
+        }
+    }
 
     #[test]
     fn both_kinds_of_intrinsics_round_trip() {

@@ -89,7 +89,7 @@ impl Packed {
             }
         }
         let (total, values) = (starts[shapes.len()], vec![1.0; indices.len()]);
-        let graph = SparseMatrix::from_csr(total, offsets, indices, values)
+        let graph = SparseMatrix::from_csr(total, total, offsets, indices, values)
             .expect("neighbours are vertices");
         Self { shapes, starts, longest, spread, gathered, graph }
     }

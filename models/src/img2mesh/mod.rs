@@ -293,7 +293,7 @@ impl System for Img2Mesh {
         let image = stacked(tape, targets().map(|view| &view.target[..]), &[m, side, side, 3]);
         let mask = stacked(tape, targets().map(|view| &view.mask[..]), &[m, side, side]);
         let topology = &finest.renderer.topology;
-        let flat = losses::face_angle(meshes.raw, &finest.renderer.corners, &topology.edge_faces);
+        let flat = losses::face_angle(meshes.raw, topology);
         let mut terms = Terms::new()
             .with("image", c.image_weight, losses::l1(rendered.image, image, None))
             .with("mask", c.mask_weight, losses::mask_iou(rendered.silhouette, mask))

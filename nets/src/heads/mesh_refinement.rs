@@ -264,9 +264,14 @@ mod tests {
         let second = rows.offsets[1..].iter().map(|&o| o + rows.indices.len() as u32);
         let indices = rows.indices.iter().copied().chain(rows.indices.iter().map(|&v| v + 4));
         let values = [rows.values, rows.values].concat();
-        let both =
-            SparseMatrix::from_csr(8, offsets.chain(second).collect(), indices.collect(), values)
-                .expect("a graph of eight vertices");
+        let both = SparseMatrix::from_csr(
+            8,
+            8,
+            offsets.chain(second).collect(),
+            indices.collect(),
+            values,
+        )
+        .expect("a graph of eight vertices");
         let options = Options::default().range(-0.9, 0.9);
         let drawn = options.draw(&[vec![2, 4, 6], vec![2, 4, 3], vec![2, 4, 2]]);
         let tape = Tape::<f64>::eval();

@@ -8,7 +8,8 @@ use crate::Init;
 ///
 /// On a training tape it normalises with the statistics of the batch and notes the change of its
 /// running ones ([`Tape::take_updates`](autodiff_lite::Tape::take_updates)); on an eval tape it
-/// uses those. `num_batches_tracked` of PyTorch's files is not kept.
+/// uses those, with gradients to input, weight and bias where the tape
+/// [records](autodiff_lite::Tape::eval_with_gradients). `num_batches_tracked` of PyTorch's files is not kept.
 ///
 /// ```
 /// use autodiff_lite::Tape;
@@ -67,6 +68,9 @@ impl<F: Real> BatchNorm2d<F> {
             let tape = x.tape();
             let (weight, bias) = (tape.param(&self.weight), tape.param(&self.bias));
             if !tape.is_training() {
+                if tape.wants_grad(&[weight, bias]) {
+                    return self.with_running_statistics(x, [weight, bias], activation);
+                }
                 return affine(x, self.scale_and_shift(), activation);
             }
             let (y, seen) = x.batch_norm(weight, bias, self.eps, activation);
@@ -75,6 +79,22 @@ impl<F: Real> BatchNorm2d<F> {
             tape.push_update(BufferUpdate::new(&self.running_var, seen.variance, momentum));
             y
         }
+    }
+
+    /// `(x - mean) / sqrt(variance + eps) · weight + bias` on the tape, the statistics as constants.
+    #[track_caller]
+    fn with_running_statistics<'t>(
+        &self,
+        x: Var<'t, F>,
+        [weight, bias]: [Var<'t, F>; 2],
+        activation: Activation,
+    ) -> Var<'t, F> {
+        let tape = x.tape();
+        let root = |&variance: &F| (variance + F::from_f64(self.eps)).sqrt();
+        let roots = ndarray::Array1::from_iter(self.running_var.as_slice().iter().map(root));
+        let scale = weight.div(tape.constant(roots));
+        let shift = bias.sub(tape.constant(self.running_mean.value.clone()).mul(scale));
+        crate::activate(x.mul(scale).add(shift), activation)
     }
 
     /// What it is with its running statistics: `x scale + shift`.
@@ -173,6 +193,49 @@ mod tests {
         let tape = Tape::eval();
         let y = norm.forward(tape.constant(arr2(&[[1.0]]))).value();
         assert!((y[[0, 0]] - 0.8 / 1.10001_f32.sqrt()).abs() < 1e-6);
+    }
+
+    /// PyTorch's `model.eval()` outside of `no_grad`: values of evaluation, gradients to everything that is trained.
+    #[test]
+    fn evaluation_has_gradients_where_the_tape_records() {
+        let mut norm = BatchNorm2d::<f64>::new(&Init::new(0), 3);
+        (norm.running_mean.value, norm.running_var.value) = (wavy(1.0).value, wavy(2.0).value);
+        let x = Array4::from_shape_fn((2, 2, 2, 3), |(n, i, j, c)| {
+            ((3 * n + 5 * i + 7 * j + 2 * c) as f64).sin()
+        });
+        let tape = Tape::eval_with_gradients();
+        let leaf = tape.leaf(x.clone());
+        let y = norm.forward_then(leaf, Activation::Tanh);
+        let plain = Tape::eval();
+        assert_eq!(
+            y.value(),
+            norm.forward_then(plain.constant(x.clone()), Activation::Tanh).value()
+        );
+        assert!(tape.take_updates().is_empty(), "statistics stay");
+        let gradients = y.square().sum().backward();
+        let loss = |norm: &BatchNorm2d<f64>, x: &Array4<f64>| {
+            let tape = Tape::eval();
+            norm.forward_then(tape.constant(x.clone()), Activation::Tanh).square().sum().item()
+        };
+        let step = 1e-6;
+        for c in 0..3 {
+            let changed = |field: fn(&mut BatchNorm2d<f64>) -> &mut Param<f64>, by: f64| {
+                let mut norm = norm.clone();
+                field(&mut norm).as_slice_mut()[c] += by;
+                loss(&norm, &x)
+            };
+            let fields: [fn(&mut BatchNorm2d<f64>) -> &mut Param<f64>; 2] =
+                [|norm| &mut norm.weight, |norm| &mut norm.bias];
+            for (field, param) in fields.into_iter().zip([&norm.weight, &norm.bias]) {
+                let expected = (changed(field, step) - changed(field, -step)) / (2.0 * step);
+                let found = gradients.of(param).unwrap()[c];
+                assert!((found - expected).abs() < 1e-7, "{found} {expected}");
+            }
+        }
+        let mut moved = x.clone();
+        moved[[1, 0, 1, 2]] += step;
+        let expected = (loss(&norm, &moved) - loss(&norm, &x)) / step;
+        assert!((gradients.wrt(leaf).unwrap()[[1, 0, 1, 2]] - expected).abs() < 1e-5);
     }
 
     #[test]

@@ -23,6 +23,7 @@ macro_rules! forward {
 pub(crate) mod activation;
 pub(crate) mod batch_norm;
 pub(crate) mod conv2d;
+pub(crate) mod conv3d;
 pub(crate) mod conv_transpose2d;
 pub(crate) mod dropout;
 pub(crate) mod graph_conv;

@@ -67,13 +67,13 @@ impl<F: Real> Norm<F> {
 
     /// `activation(norm(conv(x)))`, `[N, H, W, I]` to `[N, H', W', O]`.
     ///
-    /// Where the norm is an affine map (frozen, or on an eval tape) it is multiplied into the weight
+    /// Where the norm is an affine map (frozen, or on a tape that only computes) it is multiplied into the weight
     /// of the convolution, which then does all in one pass.
     #[track_caller]
     pub fn after<'t>(&self, conv: &Conv2d<F>, x: Var<'t, F>, activation: Activation) -> Var<'t, F> {
         let tape = x.tape();
         let [scale, shift] = match self {
-            Self::Batch(norm) if tape.is_training() => {
+            Self::Batch(norm) if tape.is_recording() => {
                 return norm.forward_then(conv.forward(x), activation);
             }
             Self::Batch(norm) => norm.scale_and_shift(),

@@ -139,7 +139,8 @@ impl<F: Real, V: VectorField<F>> Backsolve<F, V> {
         let evaluator = RefCell::new(evaluator);
         let back = |state: Augmented<F>, span: [f64; 2]| {
             let ending = Ending::Exact;
-            let problem = Problem { span, ending, save_at: Vec::new(), ..self.problem.clone() };
+            let (save_at, dense) = (Vec::new(), false);
+            let problem = Problem { span, ending, save_at, dense, ..self.problem.clone() };
             let field = |t: f64, s: &Augmented<F>| {
                 self.derivative(&mut evaluator.borrow_mut(), inputs, t, s)
             };

@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use autodiff_lite::{Backward, Op, Param, Real, Var};
+use autodiff_lite::{Backward, Op, Param, Real, Tensor, Var};
 
 use super::kept::Kept;
 use super::replay::{Evaluator, inputs_on, pass_on, seeds, sources, stacked, weighted};
@@ -29,6 +29,7 @@ pub(super) fn integrate<'t, F: Real, V: VectorField<F>>(
         inputs: inputs.len(),
         params,
         befores: path.befores,
+        carried: path.carried,
         times: times.clone(),
     };
     let output = tape.record(&vars, value, op);
@@ -41,7 +42,15 @@ struct Replay<F: Real, V> {
     inputs: usize,
     params: Vec<Param<F>>,
     befores: Vec<Kept<F>>,
+    carried: Vec<Kept<F>>,
     times: Vec<f64>,
+}
+
+/// Gradients at the beginning or the end of a step.
+struct Seeds<F: Real> {
+    of_state: Kept<F>,
+    /// Of the derivative that the method carries from one step to the next.
+    of_carried: Option<Kept<F>>,
 }
 
 impl<F: Real, V: VectorField<F>> Replay<F, V> {
@@ -52,9 +61,9 @@ impl<F: Real, V: VectorField<F>> Replay<F, V> {
         cx: &mut Backward<'_, F>,
         evaluator: &mut Evaluator<F, V>,
         n: usize,
-        at_end: Kept<F>,
+        at_end: Seeds<F>,
         within: Vec<(f64, Kept<F>)>,
-    ) -> Kept<F> {
+    ) -> Seeds<F> {
         let times @ [from, to] = [self.times[n], self.times[n + 1]];
         let before = {
             let (evaluator, tape) = (&*evaluator, &*evaluator.tape);
@@ -62,11 +71,21 @@ impl<F: Real, V: VectorField<F>> Replay<F, V> {
             let inputs = inputs_on(tape, cx, self.inputs);
             let mut field = over(y, |t, y| evaluator.derivative(t, *y, &inputs));
             // The first derivative is computed anew even where it was the last of the step before: of this state it is the
-            // same function.
+            // same function. But what a method carries on is not: it comes in as a variable of its own.
             let tableau = self.problem.tableau;
-            let step = tableau.attempt(&mut field, times, &y, None, !within.is_empty());
-            let end = (!within.is_empty() && !tableau.is_fsal()).then(|| field(to, &step.after));
-            let mut terms = vec![(step.after, at_end)];
+            let carried = n.checked_sub(1).and_then(|before| self.carried.get(before));
+            let carried = carried.map(|derivative| tape.leaf(derivative.tensor().clone()));
+            let step = tableau.attempt(&mut field, times, &y, carried, !within.is_empty());
+            let needed = !within.is_empty() && !tableau.is_fsal();
+            let end = if tableau.carries_last {
+                step.derivatives.last().copied()
+            } else {
+                needed.then(|| field(to, &step.after))
+            };
+            let mut terms = vec![(step.after, at_end.of_state)];
+            if let (Some(seed), Some(&last)) = (at_end.of_carried, step.derivatives.last()) {
+                terms.push((last, seed));
+            }
             for (time, seed) in within {
                 let theta = (time - from) / (to - from);
                 let state =
@@ -76,9 +95,13 @@ impl<F: Real, V: VectorField<F>> Replay<F, V> {
             let total = weighted(terms).expect("there is a term for the end");
             let gradients = total.backward();
             pass_on(cx, &gradients, &inputs, &self.params);
-            match gradients.wrt(y) {
+            let of = |gradient: Option<&Tensor<F>>| match gradient {
                 Some(gradient) => Kept::new(gradient.clone(), cx.pool()),
                 None => Kept::zeros(self.befores[n].tensor().shape(), cx.pool()),
+            };
+            Seeds {
+                of_state: of(gradients.wrt(y)),
+                of_carried: carried.map(|carried| of(gradients.wrt(carried))),
             }
         };
         evaluator.tape.reset();
@@ -99,7 +122,11 @@ impl<F: Real, V: VectorField<F>> Op<F> for Replay<F, V> {
     fn pullback(&self, cx: &mut Backward<'_, F>) {
         let mut evaluator = self.evaluator.lock().unwrap_or_else(PoisonError::into_inner);
         let save_at = &self.problem.save_at;
-        let (mut waiting, mut gradient) = seeds(cx, save_at.len());
+        let (mut waiting, end) = seeds(cx, save_at.len());
+        let mut gradient = Seeds { of_state: end, of_carried: None };
+        let add = |gradient: &mut Seeds<F>, seed: &Kept<F>| {
+            gradient.of_state = Kept::lincomb(&[(1.0, &gradient.of_state), (1.0, seed)]);
+        };
         for n in (0..self.befores.len()).rev() {
             let [from, to] = [self.times[n], self.times[n + 1]];
             let mut within = Vec::new();
@@ -109,7 +136,7 @@ impl<F: Real, V: VectorField<F>> Op<F> for Replay<F, V> {
             {
                 let seed = waiting.pop().expect("there is one for each time of save_at");
                 if time == to {
-                    gradient = Kept::lincomb(&[(1.0, &gradient), (1.0, &seed)]);
+                    add(&mut gradient, &seed);
                 } else {
                     within.push((time, seed));
                 }
@@ -117,8 +144,8 @@ impl<F: Real, V: VectorField<F>> Op<F> for Replay<F, V> {
             gradient = self.step_back(cx, &mut evaluator, n, gradient, within);
         }
         for seed in waiting {
-            gradient = Kept::lincomb(&[(1.0, &gradient), (1.0, &seed)]);
+            add(&mut gradient, &seed);
         }
-        cx.give(0, gradient.into_tensor());
+        cx.give(0, gradient.of_state.into_tensor());
     }
 }

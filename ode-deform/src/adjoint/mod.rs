@@ -9,18 +9,20 @@ mod kept;
 mod replay;
 #[cfg(test)]
 mod tests;
+mod timed;
 
 use autodiff_lite::{Real, Var};
 
 pub use field::{FieldFn, VectorField, field_fn};
 pub use flow::Flow;
+pub use timed::{TimedField, TimedFieldFn, timed_field_fn};
 
 use crate::solve::{Problem, SolveError};
 
 /// How the gradient of an integration is found.
 ///
-/// Steps are constants to all of them: no gradient flows into step sizes, times or tolerances, and replayed steps are
-/// those that were accepted.
+/// Steps are constants to all of them: no gradient flows into step sizes or tolerances, nor into times but by
+/// [`integrate_between`](Adjoint::integrate_between), and replayed steps are those that were accepted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(
     feature = "serde",

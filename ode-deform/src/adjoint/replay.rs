@@ -45,6 +45,8 @@ fn trainable<F: Real>(field: &impl Module<F>) -> Vec<Param<F>> {
 pub(super) struct Path<F: Real> {
     /// The state at the beginning of each step.
     pub(super) befores: Vec<Kept<F>>,
+    /// For a method that carries its last stage on, what was carried into each step but the first.
+    pub(super) carried: Vec<Kept<F>>,
     pub(super) solution: Solution<Kept<F>>,
 }
 
@@ -63,7 +65,7 @@ impl<F: Real, V: VectorField<F>> Evaluator<F, V> {
         wanted: bool,
     ) -> Result<Path<F>, SolveError> {
         let pool = self.tape.pool().clone();
-        let mut befores = Vec::new();
+        let (mut befores, mut carried) = (Vec::new(), Vec::new());
         // No gradient flows here: with frozen parameters nothing is recorded at all.
         let mut frozen = self.field.clone();
         frozen.set_trainable("", false);
@@ -80,10 +82,13 @@ impl<F: Real, V: VectorField<F>> Evaluator<F, V> {
         };
         let solution = solve_watched(field, Kept::new(start, &pool), problem, |step| {
             if wanted {
+                if problem.tableau.carries_last && !befores.is_empty() {
+                    carried.extend(step.derivatives.first().cloned());
+                }
                 befores.push(step.before.clone());
             }
         })?;
-        Ok(Path { befores, solution })
+        Ok(Path { befores, carried, solution })
     }
 
     /// The field on this evaluator's tape, drawing what it drew before.

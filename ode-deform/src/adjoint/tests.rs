@@ -6,7 +6,9 @@ use ndarray::{ArrayD, IxDyn, arr1, arr2};
 use nets::{Init, Mlp};
 
 use super::*;
-use crate::solve::{BOSH3, DOPRI5, EULER, HEUN, MIDPOINT, RK4, StepController, Tableau};
+use crate::solve::{
+    BOSH3, DOPRI5, EULER, HEUN, MIDPOINT, RK4, StepController, THREE_EIGHTHS, Tableau,
+};
 
 /// Layers over `[y, input]`, scaled by time: what a deformation field is, in small.
 fn field() -> impl VectorField<f64> {
@@ -249,4 +251,70 @@ fn derivatives_have_the_shape_of_the_state() {
         &[],
         &problem(&HEUN, 0.1),
     );
+}
+
+/// A pendulum pushed with time: the gradient by the times themselves, beside all others.
+fn between<'t>(
+    adjoint: Adjoint,
+    [t0, t1, y, push]: [Var<'t, f64>; 4],
+    control: StepController,
+    tableau: &'static Tableau,
+) -> Var<'t, f64> {
+    let mlp = Mlp::<f64>::new(&Init::new(3), &[2, 2], Activation::Tanh);
+    let field = timed_field_fn(
+        mlp,
+        |mlp: &Mlp<f64>, t: Var<'_, f64>, y: Var<'_, f64>, inputs: &[Var<'_, f64>]| {
+            mlp.forward(y).add(inputs[0].mul(t.scale(2.0).sin()))
+        },
+    );
+    let problem = Problem::new([0.0, 1.0], tableau, control);
+    adjoint.integrate_between(&field, [t0, t1], y, &[push], &problem).unwrap().end
+}
+
+const FIFTHS: StepController = StepController::Fixed { step: 0.2 };
+
+gradcheck!(times_when_recorded: |a, b, y, p| between(Adjoint::Direct, [a, b.add_scalar(2.5), y, p], FIFTHS, &RK4),
+    shapes [[[], [], [3, 2], [2]]], options Options::default().range(-0.4, 0.4));
+gradcheck!(times_when_replayed: |a, b, y, p| between(Adjoint::Checkpointed, [a, b.add_scalar(-2.5), y, p], FIFTHS, &THREE_EIGHTHS),
+    shapes [[[1], [1], [3, 2], [2]]], options Options::default().range(-0.4, 0.4));
+
+/// `d y(t1) / d t1` is the field at the end, and `d y(t1) / d t0` minus the field at the beginning, carried along.
+#[test]
+fn the_gradient_by_the_last_time_is_the_field_there() {
+    for adjoint in Adjoint::ALL {
+        let tape = Tape::<f64>::train(0);
+        let (t0, t1) = (tape.leaf(ndarray::arr0(0.3)), tape.leaf(ndarray::arr0(1.7)));
+        let y = tape.leaf(arr1(&[0.8]));
+        // y' = y cos t, so y = y0 exp(sin t - sin t0).
+        let empty = Mlp::<f64>::new(&Init::new(0), &[1, 1], Activation::Tanh);
+        let field = timed_field_fn(empty, |_: &Mlp<f64>, t: Var<'_, f64>, y: Var<'_, f64>, _| {
+            y.mul(t.cos())
+        });
+        let control = StepController::adaptive(1e-10, 1e-10);
+        let problem = Problem::new([0.0, 1.0], &DOPRI5, control).save_at([0.5]);
+        // Times of the problem are those of its span: the middle is between the two variables' middle.
+        let flow = adjoint.integrate_between(&field, [t0, t1], y, &[], &problem).unwrap();
+        let truth = |t: f64| 0.8 * (t.sin() - 0.3_f64.sin()).exp();
+        assert!((flow.end.item() - truth(1.7)).abs() < 1e-8);
+        assert!((flow.states[0].item() - truth(1.0)).abs() < 1e-8);
+        assert_eq!((flow.times[0], flow.times[flow.times.len() - 1]), (0.3, 1.7));
+        let gradients = flow.end.sum().backward();
+        let found = [t0, t1, y].map(|var| gradients.wrt(var).unwrap().as_slice()[0]);
+        let end = truth(1.7);
+        let expected = [-end * 0.3_f64.cos(), end * 1.7_f64.cos(), end / 0.8];
+        for (found, expected) in found.into_iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-6, "{adjoint:?}: {found} {expected}");
+        }
+    }
+}
+
+#[test]
+fn times_that_are_one_are_refused() {
+    let tape = Tape::<f64>::train(0);
+    let (t, y) = (tape.leaf(ndarray::arr0(0.3)), tape.leaf(arr1(&[0.8])));
+    let mlp = Mlp::<f64>::new(&Init::new(0), &[1, 1], Activation::Tanh);
+    let field = timed_field_fn(mlp, |_: &Mlp<f64>, _: Var<'_, f64>, y: Var<'_, f64>, _| y);
+    let problem = Problem::new([0.0, 1.0], &RK4, FIFTHS);
+    let error = Adjoint::Direct.integrate_between(&field, [t, t], y, &[], &problem).unwrap_err();
+    assert!(error.to_string().contains("the last time"), "{error}");
 }

@@ -14,8 +14,24 @@ pub enum SolveError {
         /// What it must be.
         expected: &'static str,
     },
+    /// The numbers of a method do not fit together.
+    #[error("the method {method} is none: {what}")]
+    Tableau {
+        /// The method.
+        method: &'static str,
+        /// What does not fit.
+        what: &'static str,
+    },
+    /// What should end the integration is infinite or not a number.
+    #[error("the value of the event at t = {t} is infinite or not a number")]
+    Event {
+        /// When.
+        t: f64,
+    },
     /// The step size should follow the error, of which this method has no estimate.
-    #[error("{method} estimates no error: choose heun, midpoint, bosh3 or dopri5, or fixed steps")]
+    #[error(
+        "{method} estimates no error: choose heun, midpoint, bosh3, dopri5 or tsit5, or fixed steps"
+    )]
     NoErrorEstimate {
         /// The method.
         method: &'static str,

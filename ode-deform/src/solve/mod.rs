@@ -17,7 +17,9 @@
 //! ```
 
 mod control;
+mod dense;
 mod error;
+mod event;
 mod methods;
 mod problem;
 mod state;
@@ -28,8 +30,12 @@ mod tests;
 mod tolerance;
 
 pub use control::{Pid, StepController};
+pub use dense::Dense;
 pub use error::SolveError;
-pub use methods::{BOSH3, DOPRI5, EULER, HEUN, MIDPOINT, RK4};
+pub use event::solve_until;
+pub use methods::{
+    ADAPTIVE_HEUN, BOSH3, DOPRI5, EULER, HEUN, HEUN3, MIDPOINT, RK4, THREE_EIGHTHS, TSIT5,
+};
 pub use problem::{Ending, Limits, Problem};
 pub use state::{Squares, State};
 pub(crate) use state::{combine, slice_squares};
@@ -39,6 +45,7 @@ pub use tolerance::Tolerance;
 
 /// What an integration gave.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Solution<Y> {
     /// The state at the end.
     pub end: Y,
@@ -48,6 +55,10 @@ pub struct Solution<Y> {
     pub times: Vec<f64>,
     /// How much work it was.
     pub stats: Stats,
+    /// The solution as a curve, where the [problem](Problem::save_dense) asks for it and there was a step.
+    pub dense: Option<Dense<Y>>,
+    /// When an event ended it before the last time, see [`solve_until`].
+    pub event: Option<f64>,
 }
 
 /// Integrates `dy/dt = field(t, y)` from the state at the beginning.
@@ -78,6 +89,7 @@ pub fn solve_watched<Y: State>(
     let mut states = Vec::with_capacity(problem.save_at.len());
     let mut stepper = Stepper::new(problem, start)?;
     let mut times = vec![stepper.time()];
+    let mut pieces = Vec::new();
     while save_at.next_if_eq(&problem.span[0]).is_some() {
         states.push(stepper.state().clone());
     }
@@ -87,8 +99,11 @@ pub fn solve_watched<Y: State>(
             states.push(stepper.interpolate(&mut field, time));
         }
         times.push(reached);
+        if problem.dense {
+            pieces.extend(stepper.piece(&mut field));
+        }
         stepper.last_step().into_iter().for_each(&mut watch);
     }
-    let stats = stepper.stats();
-    Ok(Solution { end: stepper.into_state(), states, times, stats })
+    let (stats, dense) = (stepper.stats(), Dense::new(problem.tableau, pieces));
+    Ok(Solution { end: stepper.into_state(), states, times, stats, dense, event: None })
 }

@@ -20,6 +20,9 @@ pub struct Problem {
     /// Times at which the state is wanted besides the end, in the order in which they are passed. Steps do not depend
     /// on them: what lies within one is interpolated.
     pub save_at: Vec<f64>,
+    /// Whether the solution is kept as a curve, to be asked for any time afterwards: see
+    /// [`Solution::dense`](super::Solution::dense). Not by adjoints.
+    pub dense: bool,
 }
 
 /// What the last step does.
@@ -53,13 +56,20 @@ impl Problem {
     /// Ends exactly, and asks for no time in between.
     pub fn new(span: [f64; 2], tableau: &'static Tableau, control: StepController) -> Self {
         let (ending, limits) = (Ending::default(), Limits::default());
-        Self { span, tableau, control, ending, limits, save_at: Vec::new() }
+        Self { span, tableau, control, ending, limits, save_at: Vec::new(), dense: false }
     }
 
     /// The same problem, asking for the states at these times.
     #[must_use]
     pub fn save_at(mut self, times: impl IntoIterator<Item = f64>) -> Self {
         self.save_at = times.into_iter().collect();
+        self
+    }
+
+    /// The same problem, whose solution is kept as a curve.
+    #[must_use]
+    pub fn save_dense(mut self) -> Self {
+        self.dense = true;
         self
     }
 
@@ -96,6 +106,7 @@ impl Problem {
             }
             before = time;
         }
+        self.tableau.check()?;
         self.control.check(self.tableau)
     }
 }

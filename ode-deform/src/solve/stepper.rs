@@ -1,6 +1,7 @@
 //! The loop's body: from one accepted step to the next.
 
 use super::control::{Memory, Verdict};
+use super::dense::Piece;
 use super::state::is_finite;
 use super::{Attempt, Ending, Problem, SolveError, State, Tolerance};
 
@@ -39,7 +40,8 @@ struct Made<Y> {
 
 /// An integration that is under way.
 ///
-/// [`solve`](super::solve) is a loop over [`advance`](Self::advance); make your own to stop at an event.
+/// [`solve`](super::solve) is a loop over [`advance`](Self::advance); make your own to stop where you like
+/// ([`solve_until`](super::solve_until) stops at an event).
 ///
 /// ```
 /// use ode_deform::solve::{EULER, Problem, StepController, Stepper};
@@ -62,7 +64,8 @@ pub struct Stepper<'p, Y> {
     /// The state at the beginning of the last step.
     y: Y,
     last: Option<Made<Y>>,
-    /// The derivative at `t`, where it is known and not among those of the last step.
+    /// The derivative at `t`, where it is known and not among those of the last step; what a method carries on instead
+    /// of it counts as that.
     derivative: Option<Y>,
     memory: Memory,
     /// Size of the next attempt; none before the first.
@@ -171,20 +174,42 @@ impl<'p, Y: State> Stepper<'p, Y> {
         if time == to {
             return last.after.clone();
         }
-        if self.derivative.is_none() && !tableau.is_fsal() {
+        let known = tableau.is_fsal() || tableau.carries_last;
+        if self.derivative.is_none() && !known {
             // The next step begins with it, so it is not lost.
             self.stats.evaluations += 1;
             self.derivative = Some(field(to, &last.after));
         }
         let theta = (time - from) / (to - from);
-        tableau.interpolate(theta, to - from, &self.y, &last.derivatives, self.derivative.as_ref())
+        let end =
+            if tableau.carries_last { last.derivatives.last() } else { self.derivative.as_ref() };
+        tableau.interpolate(theta, to - from, &self.y, &last.derivatives, end)
+    }
+
+    /// The last step as a piece of a curve.
+    pub(super) fn piece(&mut self, field: &mut impl FnMut(f64, &Y) -> Y) -> Option<Piece<Y>> {
+        let tableau = self.problem.tableau;
+        let last = self.last.as_ref()?;
+        if self.derivative.is_none() && !tableau.is_fsal() && !tableau.carries_last {
+            self.stats.evaluations += 1;
+            self.derivative = Some(field(last.times[1], &last.after));
+        }
+        let end =
+            if tableau.carries_last { last.derivatives.last() } else { self.derivative.as_ref() };
+        Some(Piece {
+            times: last.times,
+            before: self.y.clone(),
+            after: last.after.clone(),
+            derivatives: last.derivatives.clone(),
+            end: end.cloned(),
+        })
     }
 
     /// Makes the end of the last step the beginning of the next.
     fn settle(&mut self) {
         if let Some(mut last) = self.last.take() {
             self.y = last.after;
-            if self.problem.tableau.is_fsal() {
+            if self.problem.tableau.is_fsal() || self.problem.tableau.carries_last {
                 self.derivative = last.derivatives.pop();
             }
         }

@@ -1,6 +1,6 @@
 //! Runge-Kutta methods as data.
 
-use super::State;
+use super::{SolveError, State};
 
 /// A Butcher tableau as printed in the books, and what turns its stages into a curve.
 ///
@@ -8,7 +8,8 @@ use super::State;
 /// k_i = f(t + c_i h, y + h Σ_j a_ij k_j)        y' = y + h Σ b_i k_i        error = h Σ e_i k_i
 /// ```
 ///
-/// The coefficients are checked by the tests of this crate, not at run time; a method of your own is another constant.
+/// A method of your own is another constant. [`check`](Self::check) sees whether its numbers fit together, when a
+/// [`Problem`](super::Problem) is; whether it has the order that it claims is for tests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tableau {
     /// Its name in messages and reports.
@@ -25,6 +26,9 @@ pub struct Tableau {
     pub error: Option<&'static [f64]>,
     /// What each stage adds, times `θ² (1 - θ)²`, to the cubic through both ends of a step.
     pub dense: Option<&'static [f64]>,
+    /// Whether the last stage is taken for the first of the next step although it is not quite that
+    /// ([`is_fsal`](Self::is_fsal) says whether it is).
+    pub carries_last: bool,
     /// Where the numbers are from.
     pub reference: &'static str,
 }
@@ -64,7 +68,40 @@ impl Tableau {
 
     /// Evaluations of the field in each step but the first.
     pub const fn evaluations_per_step(&self) -> usize {
-        self.stages() - self.is_fsal() as usize
+        self.stages() - (self.is_fsal() || self.carries_last) as usize
+    }
+
+    /// Whether these are the numbers of an explicit method: lists of one length, rows of stages before, whose sums are
+    /// where they lie, weights of sum 1 and those of the error of sum 0.
+    ///
+    /// # Errors
+    /// What does not fit.
+    pub fn check(&self) -> Result<(), SolveError> {
+        let fail = |what| Err(SolveError::Tableau { method: self.name, what });
+        let near = |sum: f64, value: f64| (sum - value).abs() < 1e-12;
+        let stages = self.b.len();
+        if stages == 0 || self.a.len() != stages || self.c.len() != stages {
+            return fail("a, b and c need one row for each stage, at least one");
+        }
+        for (stage, (row, &c)) in self.a.iter().zip(self.c).enumerate() {
+            if row.len() > stage {
+                return fail("a row of a weighs a stage that is not yet known");
+            }
+            if !near(row.iter().sum(), c) {
+                return fail("a row of a does not add up to its c");
+            }
+        }
+        if self.order == 0 || !near(self.b.iter().sum(), 1.0) {
+            return fail("the weights b do not add up to 1, or the order is 0");
+        }
+        for weights in [self.error, self.dense].into_iter().flatten() {
+            if weights.len() != stages || !near(weights.iter().sum(), 0.0) {
+                return fail(
+                    "weights of the error or between the ends do not add up to 0, one a stage",
+                );
+            }
+        }
+        Ok(())
     }
 
     /// One step from `t` to `next`: manual stepping.
@@ -157,4 +194,37 @@ fn shifted<Y: State>(y: &Y, h: f64, weights: &[f64], derivatives: &[Y]) -> Y {
 fn weighted<'y, Y>(h: f64, weights: &[f64], derivatives: &'y [Y]) -> Vec<(f64, &'y Y)> {
     let all = weights.iter().zip(derivatives);
     all.filter(|(w, _)| **w != 0.0).map(|(w, k)| (h * w, k)).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use crate::solve::{HEUN, Problem, StepController, solve};
+
+    /// Each way in which numbers are no method is found before anything is integrated.
+    #[test]
+    fn what_is_no_method_is_refused() {
+        const SHORT: Tableau = Tableau { c: &[0.0], ..HEUN };
+        const IMPLICIT: Tableau = Tableau { a: &[&[0.5], &[0.5]], ..HEUN };
+        const ELSEWHERE: Tableau = Tableau { c: &[0.0, 0.5], ..HEUN };
+        const HEAVY: Tableau = Tableau { b: &[0.5, 0.6], ..HEUN };
+        const WRONG: Tableau = Tableau { error: Some(&[0.5, 0.5]), ..HEUN };
+        const NOTHING: Tableau = Tableau { a: &[], b: &[], c: &[], error: None, ..HEUN };
+        for (tableau, what) in [
+            (&SHORT, "one row for each stage"),
+            (&IMPLICIT, "not yet known"),
+            (&ELSEWHERE, "add up to its c"),
+            (&HEAVY, "add up to 1"),
+            (&WRONG, "add up to 0"),
+            (&NOTHING, "at least one"),
+        ] {
+            let problem = Problem::new([0.0, 1.0], tableau, StepController::Fixed { step: 0.1 });
+            let error = solve(|_, y: &f64| *y, 1.0, &problem).unwrap_err().to_string();
+            assert!(
+                error.starts_with("the method heun is none:") && error.contains(what),
+                "{error}"
+            );
+        }
+    }
 }

@@ -72,10 +72,11 @@ fn tableaux_satisfy_the_conditions_of_their_order_and_of_no_higher() {
         if let Some(dense) = t.dense {
             assert!(dense.iter().sum::<f64>().abs() < 1e-13, "a constant derivative stays one");
         }
-        assert_eq!(t.is_fsal(), ["bosh3", "dopri5"].contains(&t.name));
+        assert_eq!(t.is_fsal(), ["bosh3", "dopri5", "tsit5"].contains(&t.name));
+        assert_eq!(t.check(), Ok(()));
         assert_eq!(Tableau::named(t.name), Some(t));
     }
-    assert_eq!(Tableau::ALL.map(Tableau::evaluations_per_step), [1, 2, 2, 4, 3, 6]);
+    assert_eq!(Tableau::ALL.map(Tableau::evaluations_per_step), [1, 2, 2, 4, 3, 6, 3, 4, 1, 6]);
 }
 
 /// Slope of log error over log step by least squares.
@@ -190,7 +191,7 @@ fn an_orbit_of_three_bodies_closes() {
 
 #[test]
 fn time_runs_back_to_where_it_began() {
-    for t in [&HEUN, &MIDPOINT, &BOSH3, &DOPRI5] {
+    for t in [&HEUN, &MIDPOINT, &BOSH3, &DOPRI5, &TSIT5, &ADAPTIVE_HEUN] {
         let control = StepController::adaptive(1e-8, 1e-8);
         let there =
             solve(driven, driven_truth(0.0), &Problem::new([0.0, 2.0], t, control)).unwrap();

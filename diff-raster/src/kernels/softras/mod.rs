@@ -6,7 +6,7 @@
 //! D = sigmoid(± d² / σ)            d the distance from the border, + inside, left out below `least`
 //! A = 1 - Π (1 - D)                alpha, over all faces
 //! ζ = (far - z) / (far - near)     z = 1 / Σ c_k / z_k at the nearest weights c of the face
-//! W = D exp((ζ - max ζ) / γ)       and that of the background exp((ε - max ζ) / γ), its colour black
+//! W = D exp((ζ - max ζ) / γ)       and that of the background exp((ε - max ζ) / γ), whose colour is set
 //! C = Σ W colour / Σ W
 //! ```
 //!
@@ -176,7 +176,14 @@ fn draw<F: Real>(
     let (width, centres) = (scene.renderer.settings.width, &scene.renderer.centres);
     let background = F::from_f64(scene.renderer.settings.background);
     sums.fill([F::one(), background, F::one()]);
-    out.fill(F::zero());
+    // The background is what weighs 1 at first.
+    let behind = &scene.renderer.settings.background_color;
+    for pixel in out.chunks_exact_mut(c + 1) {
+        for (channel, v) in pixel.iter_mut().enumerate() {
+            let colour = if channel < c { behind.get(channel).copied() } else { None };
+            *v = F::from_f64(colour.unwrap_or(0.0));
+        }
+    }
     let last = first + sums.len() / width;
     for &item in items {
         let (face, ready) = (item as usize, &faces[item as usize]);

@@ -14,5 +14,6 @@ pub const BOSH3: Tableau = Tableau {
         -1.0 / 8.0,
     ]),
     dense: None,
+    carries_last: false,
     reference: "Bogacki, Shampine 1989, A 3(2) pair of Runge-Kutta formulas",
 };

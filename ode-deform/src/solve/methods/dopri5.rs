@@ -36,5 +36,6 @@ pub const DOPRI5: Tableau = Tableau {
         -1453857185.0 / 822651844.0,
         69997945.0 / 29380423.0,
     ]),
+    carries_last: false,
     reference: "Dormand, Prince 1980, A family of embedded Runge-Kutta formulae; Hairer, Nørsett, Wanner 1993, II.6",
 };

@@ -9,5 +9,6 @@ pub const EULER: Tableau = Tableau {
     c: &[0.0],
     error: None,
     dense: None,
+    carries_last: false,
     reference: "Euler 1768, Institutiones calculi integralis",
 };

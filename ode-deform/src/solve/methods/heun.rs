@@ -9,5 +9,6 @@ pub const HEUN: Tableau = Tableau {
     c: &[0.0, 1.0],
     error: Some(&[-0.5, 0.5]),
     dense: None,
+    carries_last: false,
     reference: "Heun 1900, Zeitschrift für Mathematik und Physik 45",
 };

@@ -10,5 +10,6 @@ pub const MIDPOINT: Tableau = Tableau {
     c: &[0.0, 0.5],
     error: Some(&[-1.0, 1.0]),
     dense: None,
+    carries_last: false,
     reference: "Runge 1895, Mathematische Annalen 46",
 };

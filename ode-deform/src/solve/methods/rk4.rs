@@ -9,5 +9,6 @@ pub const RK4: Tableau = Tableau {
     c: &[0.0, 0.5, 0.5, 1.0],
     error: None,
     dense: None,
+    carries_last: false,
     reference: "Kutta 1901, Zeitschrift für Mathematik und Physik 46",
 };
