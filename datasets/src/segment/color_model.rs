@@ -22,7 +22,7 @@ const LONGEST: usize = 256;
 /// Cells along each side of the hull.
 const SIDE: usize = 112;
 /// Rounds of colours, cuts and hull.
-const ROUNDS: usize = 10;
+const ROUNDS: usize = 8;
 /// Share of the views that may speak against a pixel of the object: in the first round, and from the middle one on.
 const TOLERANCE: [f64; 2] = [0.25, 0.08];
 /// The most that a colour can say, as the logarithm of how much likelier it is.
@@ -31,6 +31,10 @@ const SURE: f32 = 4.0;
 const BOND: f32 = 3.0;
 /// What it counts for a pixel that all other views allow the object there.
 const ALLOWED: f32 = 0.7;
+/// A colour's share that is as good as none.
+const NEVER: f32 = 2e-5;
+/// How much of the background, by its colours, shows how much of it is in what is taken for the object.
+const COMMON: f32 = 0.6;
 /// Units of the cut's whole numbers.
 const UNIT: f32 = 1024.0;
 
@@ -70,7 +74,7 @@ pub fn segment_by_color(
         let last = round + 1 == ROUNDS;
         looks.par_iter_mut().enumerate().for_each(|(k, look)| {
             let judged = look.judge(&colors.of_view(k));
-            look.cut(&judged, tolerance, None);
+            look.cut(&judged, tolerance, round >= ROUNDS / 2, None);
             if last {
                 look.keep_largest();
             }
@@ -146,11 +150,24 @@ impl Colors {
     }
 }
 
-/// How much likelier a cell's colour is on the object than beside it, as a logarithm.
-fn likelier([object, background]: &[Palette; 2], cell: u16) -> f32 {
-    const NEVER: f32 = 1e-5;
-    let odds = (object.share(cell) + NEVER) / (background.share(cell) + NEVER);
-    odds.ln().clamp(-SURE, SURE)
+/// For each cell how much likelier its colour is on the object than beside it, as a logarithm.
+///
+/// What is taken for the object has some background in it, in the first rounds most of it. A share of it that explains
+/// what is commonly met of the background's colours is taken off first: what is left is the object's.
+fn odds([taken, background]: &[Palette; 2]) -> Vec<f32> {
+    let ratios: Vec<f32> =
+        (0..taken.len()).map(|k| (taken.share(k) + NEVER) / (background.share(k) + NEVER)).collect();
+    let mut order: Vec<(f32, f32)> =
+        ratios.iter().enumerate().map(|(k, &ratio)| (ratio, background.share(k))).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut below = 0.0;
+    let mixed = order.iter().find(|(_, share)| {
+        below += share;
+        below >= COMMON
+    });
+    let mixed = mixed.map_or(0.0, |(ratio, _)| ratio.min(0.95));
+    let pure = |ratio: &f32| ((ratio - mixed) / (1.0 - mixed)).max(1e-6).ln().clamp(-SURE, SURE);
+    ratios.iter().map(pure).collect()
 }
 
 impl Look {
@@ -217,13 +234,14 @@ impl Look {
 
     /// How much likelier each pixel's colour is on the object.
     fn judge(&self, colors: &[Palette; 2]) -> Vec<f32> {
-        self.cells.iter().map(|&cell| likelier(colors, cell)).collect()
+        let odds = odds(colors);
+        self.cells.iter().map(|&cell| odds[usize::from(cell)]).collect()
     }
 
     /// Parts object and background where it costs the least.
     ///
-    /// Where `known` says something the pixel is not asked.
-    fn cut(&mut self, judged: &[f32], tolerance: u8, known: Option<&[Option<bool>]>) {
+    /// Where `known` says something the pixel is not asked; with `fill` it counts that all others allow the object.
+    fn cut(&mut self, judged: &[f32], tolerance: u8, fill: bool, known: Option<&[Option<bool>]>) {
         let width = self.silhouette.camera.width;
         let state = |at: usize| match known {
             Some(known) => known[at],
@@ -241,7 +259,7 @@ impl Look {
         let sharpness = self.sharpness();
         let height = judged.len() / width;
         for (number, &at) in asked.iter().enumerate() {
-            let heard = if self.others[at] == 0 { ALLOWED } else { 0.0 };
+            let heard = if fill && self.others[at] == 0 { ALLOWED } else { 0.0 };
             graph.incline(number, ((judged[at] + heard) * UNIT) as i64);
             let (i, j) = ((at / width) as isize, (at % width) as isize);
             for (di, dj) in AROUND {
@@ -320,7 +338,7 @@ impl Look {
             .collect();
         fine.others.fill(1);
         let judged = fine.judge(colors);
-        fine.cut(&judged, 0, Some(&known));
+        fine.cut(&judged, 0, false, Some(&known));
         let mut mask = fine.image();
         keep_largest_part(&mut mask);
         mask
