@@ -156,7 +156,8 @@ mod tests {
         assert_eq!(std::fs::read_to_string(&log).unwrap(), "word\ntwice\n");
         assert!(answer(Command::new(&good).arg("hello")).unwrap().contains("hello\ntwice"));
         let bad = script(place.path(), "bad", "echo first; echo the reason; exit 7");
-        let Err(Failure::Other(text)) = run(Command::new(&bad).arg("verb"), &log, &interrupt, || ())
+        let Err(Failure::Other(text)) =
+            run(Command::new(&bad).arg("verb"), &log, &interrupt, || ())
         else {
             panic!("it failed");
         };

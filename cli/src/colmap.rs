@@ -40,7 +40,8 @@ impl Colmap {
     /// If it is not there; the message says how it is installed.
     pub(crate) fn find(program: &Path, threads: u16) -> Result<Self, Failure> {
         let found = child::find(program, std::env::var_os("PATH").as_deref());
-        let missing = || Failure::Other(format!("{}: COLMAP is not there: {INSTALL}", program.display()));
+        let missing =
+            || Failure::Other(format!("{}: COLMAP is not there: {INSTALL}", program.display()));
         let program = found.ok_or_else(missing)?;
         let has = |verb: &str, option: &str| {
             let text = child::answer(Command::new(&program).args([verb, "-h"]))?;
@@ -60,7 +61,12 @@ impl Colmap {
     }
 
     /// The steps from images to a sparse model, in words and as arguments; `work` gets a database and `sparse`.
-    fn steps(&self, images: &Path, work: &Path, asked: Asked<'_>) -> Vec<(&'static str, Vec<OsString>)> {
+    fn steps(
+        &self,
+        images: &Path,
+        work: &Path,
+        asked: Asked<'_>,
+    ) -> Vec<(&'static str, Vec<OsString>)> {
         let database = work.join("database.db");
         let threads = match self.threads {
             0 => "-1".to_owned(),
@@ -174,7 +180,8 @@ mod tests {
         let asked = Asked { lens: "OPENCV", one_lens: true, sequential: true };
         let steps = colmap.steps(Path::new("in"), Path::new("work"), asked);
         let words = |k: usize| {
-            let words: Vec<_> = steps[k].1.iter().map(|w| w.to_string_lossy().into_owned()).collect();
+            let words: Vec<_> =
+                steps[k].1.iter().map(|w| w.to_string_lossy().into_owned()).collect();
             words.join(" ")
         };
         assert_eq!(

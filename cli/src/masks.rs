@@ -44,8 +44,12 @@ pub(crate) fn make(
         Ok(agreement) => {
             return Ok(Made { dropped: agreement.dropped, filled: agreement.filled });
         }
-        Err(error @ (SegmentError::FewViews { .. } | SegmentError::NoObject)) => console.warn(error),
-        Err(_) => console.remark("no cameras: each mask keeps its largest part, and its holes are filled"),
+        Err(error @ (SegmentError::FewViews { .. } | SegmentError::NoObject)) => {
+            console.warn(error)
+        }
+        Err(_) => {
+            console.remark("no cameras: each mask keeps its largest part, and its holes are filled")
+        }
     }
     views.iter_mut().for_each(|view| tidy(&mut view.mask));
     Ok(Made::default())
@@ -67,8 +71,8 @@ fn estimated(
     views: &[View],
 ) -> Result<Vec<ByteImage>, Failure> {
     let Some(model) = &masking.model else { return Ok(Vec::new()) };
-    let estimator = datasets::MaskEstimator::open(model, masking.kind.input())
-        .map_err(Failure::input)?;
+    let estimator =
+        datasets::MaskEstimator::open(model, masking.kind.input()).map_err(Failure::input)?;
     let progress = Progress::new(console, "mask");
     let mask = |(done, view): (usize, &View)| {
         progress.set(done, views.len());

@@ -174,7 +174,8 @@ pub(crate) fn assemble(
                 .map_err(|problem| ReadViewsError::new(&path, problem))?
         }
     };
-    let can_invert = matches!(options.mask, MaskSource::Auto | MaskSource::Alpha | MaskSource::Files);
+    let can_invert =
+        matches!(options.mask, MaskSource::Auto | MaskSource::Alpha | MaskSource::Files);
     if options.invert && can_invert {
         invert(&mut mask);
     }

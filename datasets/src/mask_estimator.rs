@@ -91,7 +91,13 @@ mod tests {
             assert!(off(&estimator.mask(&picture()).unwrap()) < 25, "{input:?}");
         }
         // Logits, at a size that the file fixes: 0.7 between red and green of the disc, 0 beside.
-        let bytes = model(&[1, 3, 48, 80], [10.0 * 0.229, -10.0 * 0.224, 0.0], -3.0 + 10.0 * (0.485 - 0.456), 1, &[]);
+        let bytes = model(
+            &[1, 3, 48, 80],
+            [10.0 * 0.229, -10.0 * 0.224, 0.0],
+            -3.0 + 10.0 * (0.485 - 0.456),
+            1,
+            &[],
+        );
         let estimator = MaskEstimator::open(saved(&folder, &bytes), MaskInput::birefnet()).unwrap();
         let shares = estimator.estimate(&picture()).unwrap();
         assert!(shares.data[0] < 0.06 && shares.data[18 * 60 + 35] > 0.95, "{shares:?}");
@@ -102,12 +108,7 @@ mod tests {
     #[test]
     fn the_output_is_the_one_that_is_published() {
         let folder = tempfile::tempdir().unwrap();
-        let conv = node(
-            "Conv",
-            &["picture", "weights"],
-            "first",
-            &[ints("kernel_shape", &[1, 1])],
-        );
+        let conv = node("Conv", &["picture", "weights"], "first", &[ints("kernel_shape", &[1, 1])]);
         let graph = Message::default()
             .message(1, &conv)
             .message(1, &node("Neg", &["first"], "last", &[]))
@@ -129,7 +130,8 @@ mod tests {
     #[test]
     fn errors_name_the_model() {
         let folder = tempfile::tempdir().unwrap();
-        let error = MaskEstimator::open(saved(&folder, b"no model"), MaskInput::u2net()).unwrap_err();
+        let error =
+            MaskEstimator::open(saved(&folder, b"no model"), MaskInput::u2net()).unwrap_err();
         assert!(matches!(error.problem, NetworkProblem::Load(_)), "{error}");
         assert!(error.to_string().contains("tiny.onnx"), "{error}");
     }

@@ -154,7 +154,12 @@ mod tests {
                 assert!(channel.iter().all(|v| (v - wanted).abs() < 1e-4), "{input:?} {found:?}");
             }
         }
-        assert!(MaskInput::u2net().prepare(&ByteImage::new(2, 2, 3), [2, 2]).iter().all(|v| v.is_finite()));
+        assert!(
+            MaskInput::u2net()
+                .prepare(&ByteImage::new(2, 2, 3), [2, 2])
+                .iter()
+                .all(|v| v.is_finite())
+        );
     }
 
     #[test]

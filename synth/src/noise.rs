@@ -65,7 +65,8 @@ mod tests {
 
     #[test]
     fn noise_is_smooth_and_fills_its_range() {
-        let line: Vec<f32> = (0..4000).map(|k| clouds([k as f32 * 0.01, 0.3, -7.2], 4, 3)).collect();
+        let line: Vec<f32> =
+            (0..4000).map(|k| clouds([k as f32 * 0.01, 0.3, -7.2], 4, 3)).collect();
         let (low, high) = line.iter().fold((1.0f32, 0.0f32), |(a, b), v| (a.min(*v), b.max(*v)));
         assert!(low > 0.0 && low < 0.3 && high < 1.0 && high > 0.7, "{low} {high}");
         let steepest = line.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);

@@ -91,7 +91,8 @@ impl Room {
             let share = f32::from(own) / 255.0;
             for c in 0..3 {
                 let color = share * f32::from(rgba.data[4 * at + c]) / 255.0;
-                pixel[c] = ((color + (1.0 - share) * behind[c]).clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+                pixel[c] =
+                    ((color + (1.0 - share) * behind[c]).clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
             }
         }
     }
@@ -127,7 +128,12 @@ impl Room {
             }
             Cloth::Print => {
                 let patch = clouds([3.0 * x, 0.0, 3.0 * z], 2, self.seed ^ 3);
-                let tones = [[0.15, 0.22, 0.30], [0.55, 0.25, 0.20], [0.75, 0.68, 0.45], [0.30, 0.42, 0.33]];
+                let tones = [
+                    [0.15, 0.22, 0.30],
+                    [0.55, 0.25, 0.20],
+                    [0.75, 0.68, 0.45],
+                    [0.30, 0.42, 0.33],
+                ];
                 let tone = tones[((patch - 0.25) * 8.0).clamp(0.0, 3.0) as usize];
                 tone.map(|v| v + 0.3 * (stain - 0.5))
             }
@@ -208,7 +214,8 @@ mod tests {
     #[test]
     fn the_object_is_seen_before_the_room_and_nothing_else_changes() {
         let ball = marbled(&primitives::icosphere(4), [[0.9, 0.1, 0.1], [0.2, 0.9, 0.2]], 3.0, 1);
-        let orbit = Orbit { count: 4, elevation: [10.0, 40.0], width: 48, height: 40, ..Orbit::default() };
+        let orbit =
+            Orbit { count: 4, elevation: [10.0, 40.0], width: 48, height: 40, ..Orbit::default() };
         let (cameras, options) = (orbit.cameras(), RenderOptions::default());
         let plain = crate::render_views(&ball, &cameras, &options, &|_, _| {}).unwrap();
         for (cloth, wall) in [

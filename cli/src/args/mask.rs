@@ -80,8 +80,11 @@ impl MaskModelKind {
 }
 
 fn region(text: &str) -> Result<Region, String> {
-    let numbers: Vec<f64> =
-        text.split(',').filter_map(|n| n.trim().parse().ok()).filter(|n: &f64| n.is_finite()).collect();
+    let numbers: Vec<f64> = text
+        .split(',')
+        .filter_map(|n| n.trim().parse().ok())
+        .filter(|n: &f64| n.is_finite())
+        .collect();
     match numbers[..] {
         [a, b, c, d, e, f] if a < d && b < e && c < f && text.split(',').count() == 6 => {
             Ok(Region::cuboid([a, b, c], [d, e, f]))

@@ -119,7 +119,8 @@ fn mask_source(text: &str) -> Result<MaskSource, String> {
         },
         _ => {
             return Err(
-                "expected auto, alpha, files, backdrop, backdrop:RRGGBB:TOLERANCE or color-model".into(),
+                "expected auto, alpha, files, backdrop, backdrop:RRGGBB:TOLERANCE or color-model"
+                    .into(),
             );
         }
     };

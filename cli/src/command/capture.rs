@@ -61,9 +61,10 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Capture) -> Resu
         one_lens: upright.one_size,
         sequential: arguments.sequential,
     };
-    let (model, _) = colmap.reconstruct(&work.join("images"), &work, asked, &interrupt, |step| {
-        progress.say(step);
-    })?;
+    let (model, _) =
+        colmap.reconstruct(&work.join("images"), &work, asked, &interrupt, |step| {
+            progress.say(step);
+        })?;
     progress.finish();
     keep_model(&model, &folder, &work)?;
     let mut views = read_whole(console, &work)?;

@@ -96,4 +96,3 @@ pub(crate) fn saved(folder: &tempfile::TempDir, bytes: &[u8]) -> PathBuf {
     std::fs::write(&path, bytes).unwrap();
     path
 }
-

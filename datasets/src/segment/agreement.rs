@@ -65,7 +65,8 @@ pub fn agree(views: &mut [View]) -> Result<Agreement, SegmentError> {
         let dissent = Dissent::count(&small, &region, SIDE);
         let Some(bounds) = dissent.bounds(tolerance) else { return Err(SegmentError::NoObject) };
         let dissent = Dissent::count(&small, &bounds, SIDE);
-        let heard: Vec<Heard> = small.par_iter().map(|s| Heard::of(s, &dissent, tolerance)).collect();
+        let heard: Vec<Heard> =
+            small.par_iter().map(|s| Heard::of(s, &dissent, tolerance)).collect();
         // Every hull of silhouettes is too large by a rim that depends on how many there are.
         let rim: f64 = heard.iter().map(|h| h.missing as f64).sum::<f64>()
             / heard.iter().map(|h| h.outline as f64).sum::<f64>().max(1.0);
@@ -230,11 +231,12 @@ mod tests {
     fn views_put_each_other_right() {
         let truth = views(24);
         let mut spoiled = truth.clone();
-        let mut paint = |view: usize, rows: std::ops::Range<usize>, columns: std::ops::Range<usize>, value| {
-            for i in rows {
-                spoiled[view].mask.data[i * 80..][columns.clone()].fill(value);
-            }
-        };
+        let mut paint =
+            |view: usize, rows: std::ops::Range<usize>, columns: std::ops::Range<usize>, value| {
+                for i in rows {
+                    spoiled[view].mask.data[i * 80..][columns.clone()].fill(value);
+                }
+            };
         // A bite, a hole, and something else that hangs on the object.
         paint(2, 25..45, 20..36, 0);
         paint(5, 30..40, 36..46, 0);

@@ -93,7 +93,8 @@ impl Graph {
             }
         }
         while let Some(&node) = self.active.front() {
-            let found = if self.nodes[node as usize].parent == NONE { None } else { self.grow(node) };
+            let found =
+                if self.nodes[node as usize].parent == NONE { None } else { self.grow(node) };
             match found {
                 // The node stays in front: it may have more.
                 Some(bridge) => {
@@ -235,7 +236,9 @@ impl Graph {
         while arc != NONE {
             let Arc { head, next, .. } = self.arcs[arc as usize];
             let near = &self.nodes[head as usize];
-            if near.in_sink == in_sink && near.parent != NONE && self.left(arc ^ 1, in_sink) > 0
+            if near.in_sink == in_sink
+                && near.parent != NONE
+                && self.left(arc ^ 1, in_sink) > 0
                 && let Some(steps) = self.distance(head)
                 && steps < best.0
             {

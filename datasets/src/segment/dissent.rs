@@ -84,7 +84,11 @@ impl Dissent {
     pub(super) fn bounds(&self, tolerance: u8) -> Option<Region> {
         let mut bounds: Option<([usize; 3], [usize; 3])> = None;
         for (k, _) in self.against.iter().enumerate().filter(|(_, n)| **n <= tolerance) {
-            let at = [k % self.dims[0], k / self.dims[0] % self.dims[1], k / self.dims[0] / self.dims[1]];
+            let at = [
+                k % self.dims[0],
+                k / self.dims[0] % self.dims[1],
+                k / self.dims[0] / self.dims[1],
+            ];
             let (low, high) = bounds.get_or_insert((at, at));
             for a in 0..3 {
                 low[a] = low[a].min(at[a]);

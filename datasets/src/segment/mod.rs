@@ -22,10 +22,14 @@ pub enum SegmentError {
         found: usize,
     },
     /// The cameras do not surround anything.
-    #[error("the cameras look at no common point, so nothing says where the object is; a box around it would")]
+    #[error(
+        "the cameras look at no common point, so nothing says where the object is; a box around it would"
+    )]
     NoRegion,
     /// Nothing in the region differs from what is around it.
-    #[error("nothing that all views show differs from its surroundings; a tighter box around the object may help")]
+    #[error(
+        "nothing that all views show differs from its surroundings; a tighter box around the object may help"
+    )]
     NoObject,
 }
 

@@ -29,9 +29,8 @@ pub(super) fn lab(color: &ByteImage) -> Vec<[f32; 3]> {
 
 /// A cell of the histogram.
 pub(super) fn cell(lab: [f32; 3]) -> u16 {
-    let at: [usize; 3] = std::array::from_fn(|k| {
-        (((lab[k] - FIRST[k]) / CELL).max(0.0) as usize).min(CELLS[k] - 1)
-    });
+    let at: [usize; 3] =
+        std::array::from_fn(|k| (((lab[k] - FIRST[k]) / CELL).max(0.0) as usize).min(CELLS[k] - 1));
     ((at[0] * CELLS[1] + at[1]) * CELLS[2] + at[2]) as u16
 }
 
@@ -120,7 +119,10 @@ mod tests {
             .flat_map(|[r, g]| levels.iter().flat_map(move |&b| [r, g, b]))
             .collect();
         let cells: std::collections::BTreeSet<u16> =
-            lab(&ByteImage { height: 6, width: 36, channels: 3, data }).into_iter().map(cell).collect();
+            lab(&ByteImage { height: 6, width: 36, channels: 3, data })
+                .into_iter()
+                .map(cell)
+                .collect();
         // Two of such steps are never one colour.
         assert!(cells.len() > 205, "{}", cells.len());
         let mut palette = Palette::new();

@@ -156,7 +156,8 @@ mod tests {
     #[test]
     fn masks_say_how_large_it_is() {
         let cameras = ring(6);
-        let seen: Vec<(&Camera, [usize; 4])> = cameras.iter().map(|c| (c, [18, 26, 12, 12])).collect();
+        let seen: Vec<(&Camera, [usize; 4])> =
+            cameras.iter().map(|c| (c, [18, 26, 12, 12])).collect();
         let ball = Region::of_masks(&seen).unwrap();
         // A box of 12 pixels, as wide as its diagonal.
         let pixel = 5.0 * 2.0 * 0.3_f64.tan() / 48.0;

@@ -71,7 +71,8 @@ fn describe(masked: &Masked) -> String {
     );
     if masked.made.dropped + masked.made.filled > 0 {
         let Made { dropped, filled } = masked.made;
-        text += &format!("the views put each other right: {dropped} pixels dropped, {filled} filled\n");
+        text +=
+            &format!("the views put each other right: {dropped} pixels dropped, {filled} filled\n");
     }
     text
 }
@@ -108,7 +109,8 @@ fn images(folder: &Path) -> Result<Vec<View>, Failure> {
         let color = read_image(&path).map_err(Failure::input)?.over([0; 3]);
         let (height, width) = (color.height, color.width);
         let mask = ByteImage { height, width, channels: 1, data: vec![255; height * width] };
-        let camera = Camera::look_at([0.0, 0.0, 1.0], [0.0; 3], [0.0, 1.0, 0.0], 1.0, width, height);
+        let camera =
+            Camera::look_at([0.0, 0.0, 1.0], [0.0; 3], [0.0, 1.0, 0.0], 1.0, width, height);
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         views.push(View { name, color, mask, camera, depth: None });
     }
