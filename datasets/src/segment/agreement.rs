@@ -65,17 +65,12 @@ pub fn agree(views: &mut [View]) -> Result<Agreement, SegmentError> {
         let dissent = Dissent::count(&small, &region, SIDE);
         let Some(bounds) = dissent.bounds(tolerance) else { return Err(SegmentError::NoObject) };
         let dissent = Dissent::count(&small, &bounds, SIDE);
-        let heard: Vec<Heard> =
-            small.par_iter().map(|s| Heard::of(s, &dissent, tolerance)).collect();
-        // Every hull of silhouettes is too large by a rim that depends on how many there are.
-        let rim: f64 = heard.iter().map(|h| h.missing as f64).sum::<f64>()
-            / heard.iter().map(|h| h.outline as f64).sum::<f64>().max(1.0);
-        let radius = (2.0 * rim).ceil() as usize + 1;
+        let found = corrections(&small, &dissent, tolerance);
         let changes: Vec<Agreement> = views
             .par_iter_mut()
             .zip(&small)
-            .zip(&heard)
-            .map(|((view, small), heard)| heard.mend(view, small, radius))
+            .zip(&found)
+            .map(|((view, small), found)| found.apply(view, small))
             .collect();
         sum.dropped += changes.iter().map(|c| c.dropped).sum::<usize>();
         sum.filled += changes.iter().map(|c| c.filled).sum::<usize>();
@@ -93,42 +88,67 @@ fn small(view: &View) -> Silhouette {
 }
 
 /// What the other views make of one.
-struct Heard {
+pub(super) struct Correction {
     /// Whether the others' hull covers a pixel.
-    covered: Vec<bool>,
-    /// How many pixels it covers and the mask misses.
-    missing: usize,
-    /// How many pixels of the mask lie at its edge.
-    outline: usize,
+    pub(super) covered: Vec<bool>,
+    /// What it covers and the mask misses, where that is wider than the hull is too large everywhere.
+    pub(super) gap: Vec<bool>,
 }
 
-impl Heard {
-    fn of(view: &Silhouette, dissent: &Dissent, tolerance: u8) -> Self {
-        let grown = view.grown();
-        let covered: Vec<bool> = dissent
-            .seen_by(&view.camera)
-            .into_iter()
-            .zip(&grown)
-            .map(|(n, &own)| n != NOWHERE && n.saturating_sub(u8::from(!own)) <= tolerance)
-            .collect();
-        let missing = covered.iter().zip(&view.mask).filter(|(c, m)| **c && !**m).count();
-        let width = view.camera.width;
-        let inner = |at: usize| {
-            at % width > 0
-                && at % width + 1 < width
-                && at >= width
-                && at + width < view.mask.len()
-                && [at - 1, at + 1, at - width, at + width].iter().all(|&k| view.mask[k])
-        };
-        let outline = (0..view.mask.len()).filter(|&at| view.mask[at] && !inner(at)).count();
-        Self { covered, missing, outline }
-    }
+/// What the others make of each view, where so many may be wrong about a place.
+pub(super) fn corrections(
+    views: &[Silhouette],
+    dissent: &Dissent,
+    tolerance: u8,
+) -> Vec<Correction> {
+    let covered: Vec<Vec<bool>> =
+        views.par_iter().map(|view| covered(view, dissent, tolerance)).collect();
+    let missing = |(view, covered): (&Silhouette, &Vec<bool>)| -> Vec<bool> {
+        covered.iter().zip(&view.mask).map(|(c, m)| *c && !*m).collect()
+    };
+    let missing: Vec<Vec<bool>> = views.iter().zip(&covered).map(missing).collect();
+    let count = |images: &[Vec<bool>]| images.iter().flatten().filter(|m| **m).count() as f64;
+    let outlines: Vec<Vec<bool>> = views.par_iter().map(outline).collect();
+    // Every hull of silhouettes is too large by a rim that depends on how many there are.
+    let rim = count(&missing) / count(&outlines).max(1.0);
+    let radius = (2.0 * rim).ceil() as usize + 1;
+    views
+        .par_iter()
+        .zip(covered)
+        .zip(missing)
+        .map(|((view, covered), missing)| {
+            let gap = opened(&missing, [view.camera.height, view.camera.width], radius);
+            Correction { covered, gap }
+        })
+        .collect()
+}
 
-    /// Puts one mask right.
-    fn mend(&self, view: &mut View, small: &Silhouette, radius: usize) -> Agreement {
+/// The pixels that the others' hull covers.
+fn covered(view: &Silhouette, dissent: &Dissent, tolerance: u8) -> Vec<bool> {
+    let grown = view.grown();
+    let seen = dissent.seen_by(&view.camera);
+    let allowed =
+        |(n, own): (u8, &bool)| n != NOWHERE && n.saturating_sub(u8::from(!own)) <= tolerance;
+    seen.into_iter().zip(&grown).map(allowed).collect()
+}
+
+/// The pixels of the mask that have others beside them.
+fn outline(view: &Silhouette) -> Vec<bool> {
+    let width = view.camera.width;
+    let inner = |at: usize| {
+        at % width > 0
+            && at % width + 1 < width
+            && at >= width
+            && at + width < view.mask.len()
+            && [at - 1, at + 1, at - width, at + width].iter().all(|&k| view.mask[k])
+    };
+    (0..view.mask.len()).map(|at| view.mask[at] && !inner(at)).collect()
+}
+
+impl Correction {
+    /// Puts one mask right, of any size.
+    fn apply(&self, view: &mut View, small: &Silhouette) -> Agreement {
         let (h, w) = (small.camera.height, small.camera.width);
-        let gap: Vec<bool> = self.covered.iter().zip(&small.mask).map(|(c, m)| *c && !*m).collect();
-        let gap = opened(&gap, [h, w], radius);
         let (height, width) = (view.mask.height, view.mask.width);
         let mut done = Agreement::default();
         for (at, m) in view.mask.data.iter_mut().enumerate() {
@@ -137,7 +157,7 @@ impl Heard {
             if *m != 0 && !self.covered[k] {
                 *m = 0;
                 done.dropped += 1;
-            } else if *m == 0 && gap[k] {
+            } else if *m == 0 && self.gap[k] {
                 *m = 255;
                 done.filled += 1;
             }

@@ -9,6 +9,7 @@
 use mesh_core::{ByteImage, Camera};
 use rayon::prelude::*;
 
+use super::agreement::corrections;
 use super::cut::Graph;
 use super::dissent::{Dissent, NOWHERE, Silhouette};
 use super::palette::{Palette, cell, lab};
@@ -90,6 +91,13 @@ pub fn segment_by_color(
             grid = bounds;
         }
         looks.par_iter_mut().for_each(|look| look.hear(&dissent));
+    }
+    // What a view cannot tell from its background the others know.
+    let silhouettes: Vec<Silhouette> = looks.iter().map(|look| look.silhouette.clone()).collect();
+    let found = corrections(&silhouettes, &dissent, tolerance(ROUNDS, looks.len()));
+    for (look, correction) in looks.iter_mut().zip(found) {
+        let mask = look.silhouette.mask.iter_mut().zip(&correction.gap).zip(&look.possible);
+        mask.for_each(|((m, gap), possible)| *m |= *gap && *possible);
     }
     let colors = Colors::of(&looks);
     let masks = views
