@@ -45,7 +45,7 @@ impl Colmap {
         let program = found.ok_or_else(missing)?;
         let has = |verb: &str, option: &str| {
             let text = child::answer(Command::new(&program).args([verb, "-h"]))?;
-            Ok(text.contains(option))
+            Ok::<bool, Failure>(text.contains(option))
         };
         let extraction = if has("feature_extractor", "FeatureExtraction.use_gpu")? {
             "FeatureExtraction"

@@ -58,13 +58,15 @@ fn masks_are_found_beside_the_views_and_fit_takes_them() {
     let run = ["data", "mask", "views", "-o", "found", "--json", "--threads", "2"];
     let found = unsphere(place.path(), run).ok().json();
     assert_eq!(found["views"].as_array().unwrap().len(), 12, "{found}");
-    let again = unsphere(place.path(), ["data", "mask", "views", "-o", "again", "-q", "--threads", "1"]);
+    let again =
+        unsphere(place.path(), ["data", "mask", "views", "-o", "again", "-q", "--threads", "1"]);
     again.ok();
     let mut sum = 0.0;
     for (k, view) in views.iter().enumerate() {
         let file = format!("{k:04}.png");
-        let [mask, same] = ["found", "again"]
-            .map(|folder| mesh_core::read_image(place.path().join(folder).join("images").join(&file)));
+        let [mask, same] = ["found", "again"].map(|folder| {
+            mesh_core::read_image(place.path().join(folder).join("images").join(&file))
+        });
         let mask = mask.unwrap();
         assert_eq!(mask, same.unwrap());
         assert!(mask.data.iter().all(|&m| m == 0 || m == 255));
@@ -75,7 +77,8 @@ fn masks_are_found_beside_the_views_and_fit_takes_them() {
     for with in [["--masks", "found"], ["--mask", "color-model"]] {
         let found = unsphere_with(
             place.path(),
-            &[&["data", "inspect", "views", "-o", &with[1].replace('-', "_"), "--json"][..], &with].concat(),
+            &[&["data", "inspect", "views", "-o", &with[1].replace('-', "_"), "--json"][..], &with]
+                .concat(),
         );
         let iou = found.ok().json()["looked_at"][0]["agreement"]["hull_iou"].as_f64().unwrap();
         assert!(iou > 0.97, "{with:?}: {iou}");
@@ -91,6 +94,8 @@ fn what_cannot_be_masked_is_refused() {
     assert!(!place.path().join("found").exists());
     let far = ["data", "mask", "two", "-o", "found", "--box", "0,0,0,1,1"];
     unsphere(place.path(), far).fails(2, &["six numbers"]);
+    let other = ["data", "mask", "two", "-o", "found", "--mask", "backdrop"];
+    unsphere(place.path(), other).fails(2, &["--mask"]);
     let both = ["data", "mask", "two", "--model", "m.onnx", "--box", "0,0,0,1,1,1"];
     unsphere(place.path(), both).fails(2, &["--model", "--box"]);
 }
@@ -178,7 +183,8 @@ fn ctrl_c_stops_colmap_and_leaves_nothing() {
         sign("ended").display()
     );
     fake(&bin, &text);
-    let mut run = capture(place.path(), bin.to_str().unwrap()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut run =
+        capture(place.path(), bin.to_str().unwrap()).stderr(Stdio::piped()).spawn().unwrap();
     let start = Instant::now();
     while !sign("started").exists() {
         assert!(start.elapsed() < Duration::from_secs(60), "it did not start");
@@ -209,7 +215,8 @@ fn bent(view: &View, lens: &Distortion, [width, height]: [usize; 2]) -> [ByteIma
         let near = |v: f64, size: usize| (v.max(0.0) as usize).min(size - 2);
         let (x, y) = (near(place[0], w), near(place[1], h));
         let (s, t) = (place[0] - x as f64, place[1] - y as f64);
-        let taps = [(0, (1.0 - s) * (1.0 - t)), (1, s * (1.0 - t)), (w, (1.0 - s) * t), (w + 1, s * t)];
+        let taps =
+            [(0, (1.0 - s) * (1.0 - t)), (1, s * (1.0 - t)), (w, (1.0 - s) * t), (w + 1, s * t)];
         let blend = |image: &ByteImage, c: usize| -> f64 {
             let at = |tap: usize| f64::from(image.data[(y * w + x + tap) * image.channels + c]);
             taps.iter().map(|&(tap, weight)| weight * at(tap)).sum()

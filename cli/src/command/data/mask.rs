@@ -30,6 +30,11 @@ struct Share {
 }
 
 pub(crate) fn run(console: Console, arguments: &Mask) -> Result<(), Failure> {
+    let asked = &arguments.reading;
+    if asked.mask != MaskSource::Auto || asked.masks.is_some() || asked.invert_masks {
+        let problem = "masks are made here: leave --mask, --masks and --invert-masks away";
+        return Err(Failure::Usage(problem.to_owned()));
+    }
     let target = match &arguments.output {
         Some(folder) => folder.clone(),
         None if arguments.path.is_dir() => arguments.path.join("masks"),
