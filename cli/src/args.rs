@@ -1,11 +1,13 @@
 //! The command line: what can be said, and the help that teaches it.
 
+mod capture;
 mod convert;
 mod data;
 mod dataset;
 mod depth;
 mod eval;
 mod export;
+mod mask;
 mod output;
 mod predict;
 mod reading;
@@ -19,6 +21,7 @@ use clap::{Args, Parser, Subcommand};
 use mesh_core::UpAxis;
 
 use crate::shard::Shard;
+pub(crate) use capture::Capture;
 pub(crate) use convert::ConvertMesh;
 pub(crate) use data::{Data, DataVerb, DepthKind, Generate};
 pub(crate) use dataset::{Convert, Inspect, Validate, WrittenLayout};
@@ -27,6 +30,7 @@ pub(crate) use depth::Depth;
 pub(crate) use depth::DepthModelKind;
 pub(crate) use eval::Eval;
 pub(crate) use export::Export;
+pub(crate) use mask::{Mask, Masking};
 pub(crate) use output::{Output, Picture, refuse_existing};
 pub(crate) use predict::Predict;
 pub(crate) use reading::Reading;
@@ -99,6 +103,8 @@ pub(crate) enum Command {
     Metrics(Metrics),
     /// Examine a mesh, views, or a configuration, before work is spent on them.
     Check(Check),
+    /// Find the cameras of photographs with COLMAP, and what in them is the object: views to fit.
+    Capture(Capture),
     /// Make, inspect, validate and convert datasets.
     Data(Data),
     /// Make a published table again, with what it claims.

@@ -45,6 +45,12 @@ impl Interrupt {
         self.0.worthwhile.store(true, Ordering::Relaxed);
     }
 
+    /// As if Ctrl-C was pressed.
+    #[cfg(test)]
+    pub(crate) fn press(&self) {
+        self.0.pressed.store(true, Ordering::Relaxed);
+    }
+
     /// Whether the work goes on.
     pub(crate) fn flow(&self) -> ControlFlow<()> {
         if self.0.pressed.load(Ordering::Relaxed) {

@@ -17,11 +17,14 @@
 
 mod args;
 mod checkpoint;
+mod child;
+mod colmap;
 mod command;
 mod configuration;
 mod console;
 mod failure;
 mod interrupt;
+mod masks;
 mod mesh_file;
 mod model_card;
 mod object_list;

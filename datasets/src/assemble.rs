@@ -162,7 +162,8 @@ pub(crate) fn assemble(
         (_, found) if options.masks.is_some() => found.map(|(_, mask)| mask).ok_or_else(no_mask)?,
         (MaskSource::Auto | MaskSource::Files, Some((_, mask))) => mask,
         (MaskSource::Auto | MaskSource::Alpha, _) => mask_from_alpha(&image).ok_or_else(no_mask)?,
-        (MaskSource::Whole, _) => {
+        // What is object follows from all views, when they are read.
+        (MaskSource::Whole | MaskSource::ColorModel, _) => {
             let (height, width) = (image.height, image.width);
             ByteImage { height, width, channels: 1, data: vec![255; height * width] }
         }
@@ -173,7 +174,8 @@ pub(crate) fn assemble(
                 .map_err(|problem| ReadViewsError::new(&path, problem))?
         }
     };
-    let can_invert = !matches!(options.mask, MaskSource::Backdrop { .. } | MaskSource::Whole);
+    let can_invert =
+        matches!(options.mask, MaskSource::Auto | MaskSource::Alpha | MaskSource::Files);
     if options.invert && can_invert {
         invert(&mut mask);
     }

@@ -102,6 +102,9 @@ pub enum ViewsProblem {
         /// How far a channel may differ from it.
         tolerance: u8,
     },
+    /// The views do not show together what the object is.
+    #[error("field `mask`: {0}")]
+    Segment(#[from] crate::SegmentError),
     /// The image cannot be decoded.
     #[error("{0}")]
     Image(#[from] mesh_core::ImageError),
@@ -200,7 +203,9 @@ impl ReadViewsError {
             | ViewsProblem::Field { field, .. }
             | ViewsProblem::Camera { field, .. }
             | ViewsProblem::SeesNothing { field, .. } => Some(field),
-            ViewsProblem::NoMask { .. } | ViewsProblem::BusyBackdrop { .. } => Some("mask"),
+            ViewsProblem::NoMask { .. }
+            | ViewsProblem::BusyBackdrop { .. }
+            | ViewsProblem::Segment(_) => Some("mask"),
             _ => None,
         }
     }

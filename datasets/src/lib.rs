@@ -44,6 +44,7 @@
 //! | keep views back for judging | [`split()`], [`is_held_out`] |
 //! | read one depth map, or a disparity | [`read_depth_file`], [`read_disparity_file`] |
 //! | estimate depth from an image | `DepthEstimator` (feature `onnx`) with a [`DepthInput`] |
+//! | find the object in images without a plain backdrop | [`segment_by_color`]; `MaskEstimator` (feature `onnx`) with a [`MaskInput`], then [`agree`] |
 //!
 //! # Layouts
 //!
@@ -87,12 +88,18 @@ mod error;
 mod formats;
 mod layouts;
 mod mask;
+#[cfg(feature = "onnx")]
+mod mask_estimator;
 mod mask_file;
+mod mask_input;
 mod natural;
+#[cfg(feature = "onnx")]
+mod network;
 mod open;
 mod options;
 mod parts;
 mod read;
+mod segment;
 mod source;
 mod split;
 mod subsets;
@@ -104,7 +111,7 @@ pub use backdrop::mask_from_backdrop;
 pub use convention::{CameraAxes, Convention, PoseDirection};
 pub use dataset::{Catalog, Dataset, Entry, Subset, SurfacePoints, Truth};
 #[cfg(feature = "onnx")]
-pub use depth_estimator::{DepthEstimator, DepthModelError, DepthModelProblem};
+pub use depth_estimator::DepthEstimator;
 pub use depth_file::{read_depth_file, read_disparity_file};
 pub use depth_input::{DepthInput, SizeFit};
 pub use error::{ReadViewsError, ViewsProblem, WriteViewsError};
@@ -120,8 +127,14 @@ pub use layouts::pix3d::{Pix3d, Pix3dAnnotation};
 pub use layouts::transforms::write_transforms;
 pub use layouts::{pixel2mesh, r2n2};
 pub use mask::mask_from_alpha;
+#[cfg(feature = "onnx")]
+pub use mask_estimator::MaskEstimator;
+pub use mask_input::{MaskInput, MaskScale, PixelScale, mask_of_shares};
+#[cfg(feature = "onnx")]
+pub use network::{NetworkError, NetworkProblem};
 pub use open::{choose, open, open_with, read_views};
 pub use options::{MaskSource, OnInconsistent, ReadOptions, Turntable};
+pub use segment::{Agreement, Region, SegmentError, agree, segment_by_color, tidy};
 pub use split::{Split, is_held_out, split, split_objects};
 pub use subsets::{LeakError, Subsets};
 pub use undistort::OffAxisError;

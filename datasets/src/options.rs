@@ -109,6 +109,9 @@ pub enum MaskSource {
         /// How far a channel may differ from it and still be backdrop.
         tolerance: u8,
     },
+    /// What all views together show before whatever lies behind it, by its colours and by the cameras:
+    /// [`segment_by_color`](crate::segment_by_color).
+    ColorModel,
 }
 
 impl ReadOptions {

@@ -10,7 +10,9 @@ use crate::consistency;
 use crate::content::over;
 use crate::convention::reread;
 use crate::error::ReadViewsError;
+use crate::mask::fill_holes;
 use crate::options::{MaskSource, OnInconsistent, ReadOptions};
+use crate::segment::segment_by_color;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 
@@ -134,6 +136,16 @@ pub(crate) fn read_chosen(
     }
     if views.is_empty() && total > 0 {
         return Err(ReadViewsError::field(path, "masks", "none in any view", "one at least"));
+    }
+    if options.mask == MaskSource::ColorModel && options.masks.is_none() {
+        let masks = segment_by_color(&views, None, &|_, _| ())
+            .map_err(|error| ReadViewsError::new(path, error))?;
+        for (view, mask) in views.iter_mut().zip(masks) {
+            view.mask = mask;
+            if options.fill_holes {
+                fill_holes(&mut view.mask);
+            }
+        }
     }
     if options.on_inconsistent == OnInconsistent::Refuse
         && options.mask != MaskSource::Whole

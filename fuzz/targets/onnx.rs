@@ -1,9 +1,9 @@
 //! What models in ONNX's form are held to before the runtime sees them.
 #![allow(dead_code, reason = "of what is checked nothing is used")]
 
-#[path = "../../datasets/src/depth_estimator/check.rs"]
+#[path = "../../datasets/src/network/check.rs"]
 mod check;
-#[path = "../../datasets/src/depth_estimator/wire.rs"]
+#[path = "../../datasets/src/network/wire.rs"]
 mod wire;
 
 pub(crate) fn model(bytes: &[u8]) {

@@ -8,6 +8,7 @@ use synth::generate::{CameraSet, Normalize, OutputLayout};
 
 use super::dataset::{Convert, Inspect, Validate};
 use super::depth::Depth;
+use super::mask::Mask;
 use super::output::folder;
 use super::settings::DataSettings;
 use super::values::{Choices, LIGHTS, Light, hex_color, one_of};
@@ -31,6 +32,8 @@ pub(crate) enum DataVerb {
     Convert(Convert),
     /// Estimate the depth of images with a network of yours, in ONNX's form.
     Depth(Depth),
+    /// Find the object in images before any background: by its colours in all views, or with a network of yours.
+    Mask(Box<Mask>),
 }
 
 #[derive(Args, Debug)]

@@ -21,10 +21,11 @@ const POSES: &Choices<PoseDirection> = &[
 #[derive(Args, Clone, Debug)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a switch of its own")]
 pub(crate) struct Reading {
-    /// Where masks come from: auto, alpha, files, backdrop, or backdrop:RRGGBB:TOLERANCE.
+    /// Where masks come from: auto, alpha, files, backdrop, backdrop:RRGGBB:TOLERANCE, or color-model.
     ///
     /// `auto` takes mask files where the layout has them, else alpha. `backdrop` takes all that
-    /// differs from a plain background, whose colour is found at the border unless it is given.
+    /// differs from a plain background, whose colour is found at the border unless it is given. `color-model` finds what
+    /// all cameras look at before any background, by its colours in all views (`unsphere data mask` shows what it finds).
     #[arg(long, value_name = "SOURCE", default_value = "auto", value_parser = mask_source)]
     pub(crate) mask: MaskSource,
     /// A folder of masks, called as their images are: 7.png, 7.jpg.png, 7_mask.png or 7_seg.png for 7.jpg.
@@ -108,6 +109,7 @@ fn mask_source(text: &str) -> Result<MaskSource, String> {
         Some("auto") => MaskSource::Auto,
         Some("alpha") => MaskSource::Alpha,
         Some("files") => MaskSource::Files,
+        Some("color-model") => MaskSource::ColorModel,
         Some("backdrop") => MaskSource::Backdrop {
             color: parts.next().filter(|c| !c.is_empty()).map(hex_color).transpose()?,
             tolerance: match parts.next() {
@@ -116,7 +118,10 @@ fn mask_source(text: &str) -> Result<MaskSource, String> {
             },
         },
         _ => {
-            return Err("expected auto, alpha, files, backdrop or backdrop:RRGGBB:TOLERANCE".into());
+            return Err(
+                "expected auto, alpha, files, backdrop, backdrop:RRGGBB:TOLERANCE or color-model"
+                    .into(),
+            );
         }
     };
     match parts.next() {

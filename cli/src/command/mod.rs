@@ -1,6 +1,7 @@
 //! The commands, one file each.
 
 mod batch;
+mod capture;
 pub(crate) mod check;
 mod completions;
 mod convert;
@@ -46,6 +47,7 @@ pub(crate) fn run(arguments: Arguments, systems: &Systems) -> Result<(), Failure
         Command::Convert(arguments) => convert::run(console, &arguments),
         Command::Metrics(arguments) => metrics::run(console, global, &arguments),
         Command::Check(arguments) => check::run(console, global, &arguments, systems),
+        Command::Capture(arguments) => capture::run(console, global, &arguments),
         Command::Data(arguments) => data::run(console, global, &arguments),
         Command::Reproduce(arguments) => reproduce::run(console, global, &arguments),
         Command::Completions(arguments) => completions::run(&arguments, systems),

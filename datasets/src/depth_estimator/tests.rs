@@ -1,103 +1,8 @@
-//! Models of a few bytes, written here, and what they say about images.
-
-use std::path::PathBuf;
+//! What models of a few bytes say about images.
 
 use super::*;
-
-/// Fields of a message in the wire format of protocol buffers.
-#[derive(Clone, Default)]
-struct Message(Vec<u8>);
-
-impl Message {
-    fn varint(&mut self, mut value: u64) {
-        while value >= 0x80 {
-            self.0.push(value as u8 | 0x80);
-            value >>= 7;
-        }
-        self.0.push(value as u8);
-    }
-
-    fn int(mut self, field: u64, value: u64) -> Self {
-        self.varint(field << 3);
-        self.varint(value);
-        self
-    }
-
-    fn bytes(mut self, field: u64, value: &[u8]) -> Self {
-        self.varint(field << 3 | 2);
-        self.varint(value.len() as u64);
-        self.0.extend(value);
-        self
-    }
-
-    fn message(self, field: u64, value: &Self) -> Self {
-        self.bytes(field, &value.0)
-    }
-}
-
-const FLOAT: u64 = 1;
-
-/// `ValueInfoProto` of floats; 0 stands for an axis of any length.
-fn value_info(name: &str, shape: &[u64]) -> Message {
-    let axes = shape.iter().fold(Message::default(), |axes, &n| {
-        let axis = Message::default();
-        let axis = if n > 0 { axis.int(1, n) } else { axis.bytes(2, b"any") };
-        axes.message(1, &axis)
-    });
-    let tensor = Message::default().int(1, FLOAT).message(2, &axes);
-    Message::default().bytes(1, name.as_bytes()).message(2, &Message::default().message(1, &tensor))
-}
-
-/// `TensorProto` of floats.
-fn tensor(name: &str, shape: &[u64], values: &[f32]) -> Message {
-    let raw: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-    let dims = shape.iter().fold(Message::default(), |m, &n| m.int(1, n));
-    dims.int(2, FLOAT).bytes(8, name.as_bytes()).bytes(9, &raw)
-}
-
-/// `NodeProto`.
-fn node(op: &str, inputs: &[&str], output: &str, attributes: &[Message]) -> Message {
-    let node = inputs.iter().fold(Message::default(), |m, i| m.bytes(1, i.as_bytes()));
-    let node = node.bytes(2, output.as_bytes()).bytes(4, op.as_bytes());
-    attributes.iter().fold(node, |m, a| m.message(5, a))
-}
-
-/// `AttributeProto` of integers.
-fn ints(name: &str, values: &[u64]) -> Message {
-    let attribute = Message::default().bytes(1, name.as_bytes());
-    values.iter().fold(attribute, |m, &v| m.int(8, v)).int(20, 7)
-}
-
-/// A weighted sum of the channels plus a constant, `strides` pixels each way left out, then perhaps more nodes.
-fn model(
-    input: &[u64],
-    weights: [f32; 3],
-    constant: f32,
-    stride: u64,
-    more: &[Message],
-) -> Vec<u8> {
-    let conv = node(
-        "Conv",
-        &["picture", "weights", "constant"],
-        if more.is_empty() { "depth" } else { "sum" },
-        &[ints("kernel_shape", &[1, 1]), ints("strides", &[stride, stride])],
-    );
-    let graph = more.iter().fold(Message::default().message(1, &conv), |m, n| m.message(1, n));
-    let graph = graph
-        .bytes(2, b"tiny")
-        .message(5, &tensor("weights", &[1, 3, 1, 1], &weights))
-        .message(5, &tensor("constant", &[1], &[constant]))
-        .message(11, &value_info("picture", input))
-        .message(12, &value_info("depth", &[]));
-    let opset = Message::default().bytes(1, b"").int(2, 12);
-    Message::default().int(1, 7).message(7, &graph).message(8, &opset).0
-}
-
-fn saved(folder: &tempfile::TempDir, bytes: &[u8]) -> PathBuf {
-    let path = folder.path().join("tiny.onnx");
-    std::fs::write(&path, bytes).unwrap();
-    path
-}
+use crate::network::NetworkProblem;
+use crate::network::tiny::{Message, ints, model, node, saved, tensor, value_info};
 
 /// Red that grows to the right; green and blue constant.
 fn picture(height: usize, width: usize) -> ByteImage {
@@ -166,16 +71,16 @@ fn errors_name_the_model() {
         assert!(error.to_string().contains("tiny.onnx"), "{error}");
         error.problem
     };
-    assert!(matches!(open(b"not a model"), DepthModelProblem::Load(_)));
-    assert!(matches!(open(b""), DepthModelProblem::Load(_) | DepthModelProblem::Input { .. }));
+    assert!(matches!(open(b"not a model"), NetworkProblem::Load(_)));
+    assert!(matches!(open(b""), NetworkProblem::Load(_) | NetworkProblem::Input { .. }));
     let grey = model(&[1, 1, 32, 32], [1.0; 3], 0.0, 1, &[]);
     let problem = open(&grey);
     assert!(problem.to_string().contains("[1, 1, 32, 32]"), "{problem}");
     let flat = model(&[3, 64], [1.0; 3], 0.0, 1, &[]);
-    assert!(matches!(open(&flat), DepthModelProblem::Input { .. }));
+    assert!(matches!(open(&flat), NetworkProblem::Input { .. }));
     let missing = DepthEstimator::open(folder.path().join("none.onnx"), DepthInput::midas());
     let missing = missing.unwrap_err();
-    assert!(matches!(missing.problem, DepthModelProblem::Io(_)), "{missing}");
+    assert!(matches!(missing.problem, NetworkProblem::Io(_)), "{missing}");
 
     // An answer that is one number.
     let mean = node("GlobalAveragePool", &["sum"], "mean", &[]);
@@ -183,7 +88,7 @@ fn errors_name_the_model() {
     let path = saved(&folder, &model(&[1, 3, 0, 0], [1.0; 3], 0.0, 1, &[mean, squeeze]));
     let estimator = DepthEstimator::open(path, DepthInput::midas()).unwrap();
     let error = estimator.estimate(&picture(8, 8)).unwrap_err();
-    assert!(matches!(error.problem, DepthModelProblem::Output { .. }), "{error}");
+    assert!(matches!(error.problem, NetworkProblem::Output { .. }), "{error}");
 }
 
 /// Bytes changed and cut anywhere: an error or a model, never a panic.
@@ -271,7 +176,7 @@ fn files_of_a_few_bytes_end_at_once() {
 
 #[test]
 fn constants_of_a_usual_size_are_computed_while_loading() {
-    let small = |bytes: &[u8]| !check::check(bytes).unwrap().constants_may_grow;
+    let small = |bytes: &[u8]| !crate::network::check::check(bytes).unwrap().constants_may_grow;
     assert!(small(&model(&[1, 3, 0, 0], [0.0, 2.0, -1.0], 0.25, 1, &[])));
     assert!(small(&grown("ConstantOfShape", &[3, 4, 5])));
     assert!(!small(&grown("ConstantOfShape", &[1 << 20; 2])));

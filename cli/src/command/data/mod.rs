@@ -4,6 +4,7 @@ mod convert;
 mod depth;
 mod generate;
 mod inspect;
+pub(crate) mod mask;
 mod validate;
 
 use crate::args::{Data, DataVerb, Global};
@@ -17,5 +18,6 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Data) -> Result<
         DataVerb::Validate(arguments) => validate::run(console, arguments),
         DataVerb::Convert(arguments) => convert::run(console, arguments),
         DataVerb::Depth(arguments) => depth::run(console, arguments),
+        DataVerb::Mask(arguments) => mask::run(console, arguments),
     }
 }

@@ -1,0 +1,163 @@
+//! `unsphere data mask`: what in each view is the object.
+
+use std::path::{Path, PathBuf};
+
+use datasets::{Layout, MaskSource, OnInconsistent, ReadOptions, View, ViewsProblem};
+use mesh_core::{ByteImage, Camera, encode_png, read_image};
+use serde::Serialize;
+use train::output::{OutputFolder, disk};
+
+use crate::args::Mask;
+use crate::console::Console;
+use crate::failure::Failure;
+use crate::masks::{self, Made};
+
+/// What is printed with `--json`.
+#[derive(Debug, Serialize)]
+struct Masked {
+    output: PathBuf,
+    #[serde(flatten)]
+    made: Made,
+    views: Vec<Share>,
+}
+
+#[derive(Debug, Serialize)]
+struct Share {
+    name: String,
+    file: String,
+    /// How much of the image is object, 0 to 1.
+    share: f64,
+}
+
+pub(crate) fn run(console: Console, arguments: &Mask) -> Result<(), Failure> {
+    let asked = &arguments.reading;
+    if asked.mask != MaskSource::Auto || asked.masks.is_some() || asked.invert_masks {
+        let problem = "masks are made here: leave --mask, --masks and --invert-masks away";
+        return Err(Failure::Usage(problem.to_owned()));
+    }
+    let target = match &arguments.output {
+        Some(folder) => folder.clone(),
+        None if arguments.path.is_dir() => arguments.path.join("masks"),
+        None => {
+            let problem = "is no folder that masks could be put into: name one with -o";
+            return Err(Failure::Usage(format!("{}: {problem}", arguments.path.display())));
+        }
+    };
+    // Refusals come before the work.
+    let folder = OutputFolder::create(&target, arguments.force)?;
+    let (mut views, named) = views(console, arguments)?;
+    let made = masks::make(console, &arguments.source, &mut views, named.is_some())?;
+    let mut shares = Vec::new();
+    for view in &views {
+        let file = file_of(&view.name, named);
+        let path = folder.path().join(&file);
+        disk::make_folders(path.parent().unwrap_or(folder.path())).map_err(Failure::other)?;
+        folder.write(&file, &encode_png(&view.mask))?;
+        let share = view.mask_pixels() as f64 / view.mask.data.len() as f64;
+        if share == 0.0 {
+            console.warn(format_args!("{}: no object found", view.name));
+        }
+        shares.push(Share { name: view.name.clone(), file, share });
+    }
+    let output = folder.commit()?;
+    console.result(&Masked { output, made, views: shares }, describe)
+}
+
+fn describe(masked: &Masked) -> String {
+    let mut shares: Vec<f64> = masked.views.iter().map(|view| view.share).collect();
+    shares.sort_by(f64::total_cmp);
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let mut text = format!(
+        "{} masks in {}; the object covers {} to {} of an image\n",
+        masked.views.len(),
+        masked.output.display(),
+        percent(shares.first().copied().unwrap_or(0.0)),
+        percent(shares.last().copied().unwrap_or(0.0)),
+    );
+    if masked.made.dropped + masked.made.filled > 0 {
+        let Made { dropped, filled } = masked.made;
+        text +=
+            &format!("the views put each other right: {dropped} pixels dropped, {filled} filled\n");
+    }
+    text
+}
+
+/// The views with masks of all pixels, and their layout; none where there are images only.
+fn views(console: Console, arguments: &Mask) -> Result<(Vec<View>, Option<Layout>), Failure> {
+    let options = ReadOptions {
+        mask: MaskSource::Whole,
+        masks: None,
+        // Masks lie beside the images as they are.
+        undistort: false,
+        on_inconsistent: OnInconsistent::Accept,
+        ..arguments.reading.options()
+    };
+    match datasets::read_views(&arguments.path, &options, &|_, _| ()) {
+        Ok(views) => {
+            views.warnings.iter().for_each(|warning| console.warn(warning));
+            Ok((views.views, Some(views.layout)))
+        }
+        Err(error) => match error.problem {
+            ViewsProblem::UnknownLayout { .. } if arguments.source.model.is_some() => {
+                let images = images(&arguments.path)?;
+                if images.is_empty() { Err(error.into()) } else { Ok((images, None)) }
+            }
+            _ => Err(error.into()),
+        },
+    }
+}
+
+/// The images of a folder as views from nowhere.
+fn images(folder: &Path) -> Result<Vec<View>, Failure> {
+    let mut views = Vec::new();
+    for path in photographs(folder)? {
+        let color = read_image(&path).map_err(Failure::input)?.over([0; 3]);
+        let (height, width) = (color.height, color.width);
+        let mask = ByteImage { height, width, channels: 1, data: vec![255; height * width] };
+        let camera =
+            Camera::look_at([0.0, 0.0, 1.0], [0.0; 3], [0.0, 1.0, 0.0], 1.0, width, height);
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        views.push(View { name, color, mask, camera, depth: None });
+    }
+    Ok(views)
+}
+
+/// The images of a folder, by name.
+pub(crate) fn photographs(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let failed = |error| Failure::Input(format!("{}: {error}", folder.display()));
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        let end = path.extension().map(|end| end.to_string_lossy().to_lowercase());
+        let hidden = path.file_name().is_some_and(|n| n.as_encoded_bytes().starts_with(b"."));
+        if !hidden && end.is_some_and(|end| ["png", "jpg", "jpeg"].contains(&end.as_str())) {
+            paths.push(path);
+        }
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+/// The file of a view's mask, as `--masks` looks for it.
+fn file_of(name: &str, layout: Option<Layout>) -> String {
+    match layout {
+        // The name is the number, and the image's is this.
+        Some(Layout::KaolinFolder | Layout::KaolinZip) => format!("{name}_rgb.png"),
+        _ => {
+            let parts = name.split('/').filter(|part| !part.is_empty() && *part != "..");
+            format!("{}.png", parts.collect::<Vec<_>>().join("/"))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masks_are_called_as_fit_looks_for_them() {
+        assert_eq!(file_of("7", Some(Layout::KaolinFolder)), "7_rgb.png");
+        assert_eq!(file_of("left/0001", Some(Layout::Colmap)), "left/0001.png");
+        assert_eq!(file_of("../up/0001", None), "up/0001.png");
+    }
+}
