@@ -42,7 +42,7 @@ impl<F: Real> Var<'_, F> {
             Matrix::transposed(w.as_slice(), d),
             F::zero(),
             y.as_slice_mut(),
-            |row, column| finish(row, bias_slice.map(|b| &b[column..]), activation),
+            |part, [_, column]| finish(part, bias_slice.map(|b| &b[column..]), activation),
         );
         let mut inputs = vec![self, weight];
         inputs.extend(bias);
