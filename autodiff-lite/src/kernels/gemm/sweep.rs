@@ -56,7 +56,8 @@ impl<'a, F: Lane> Sweep<'a, F> {
         finish: Option<Finish<'a, F>>,
     ) -> Self {
         let lanes = LINE / size_of::<F>();
-        let cuts = Cuts::new(sizes, a.len().max(b.len()), MOST_ROWS, 2 * lanes);
+        let terms = [a.len().max(b.len()), c.len()];
+        let cuts = Cuts::new(sizes, terms, [MOST_ROWS, 2 * lanes]);
         let longest = sizes[1].div_ceil(cuts.slabs);
         let strips = Strips::new(&a[0], MOST_ROWS, longest);
         let c = c.iter_mut().map(|c| Shared::new(c)).collect();
