@@ -113,7 +113,7 @@ pub use kernels::sampling::Padding;
 pub use module::{Module, Visitor, VisitorMut, join_path};
 pub use nested::NestedTape;
 pub use op::Op;
-pub use ops::{BatchStatistics, GraphWeights};
+pub use ops::{BatchStatistics, GraphWeights, LinearThen};
 pub use param::{Param, ParamId};
 pub use pool::{Pool, PoolVec, Pooled};
 pub use real::Real;

@@ -21,6 +21,7 @@ mod softmax;
 mod sparse;
 
 pub use graph::GraphWeights;
+pub use linear::LinearThen;
 pub use norm::BatchStatistics;
 
 #[cfg(test)]
