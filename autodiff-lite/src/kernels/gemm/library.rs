@@ -38,6 +38,61 @@ pub(super) fn multiply<F: Lane>(
     }
 }
 
+/// One product of the crate's: all three matrices lie in memory, C in rows `c_step` apart.
+#[derive(Clone, Copy, Debug)]
+pub struct Product<F> {
+    sizes: [usize; 3],
+    alpha: F,
+    beta: F,
+    a: *const F,
+    a_steps: [usize; 2],
+    b: *const F,
+    b_steps: [usize; 2],
+    c: *mut F,
+    c_step: usize,
+}
+
+/// The crates are one for each type; `gemm` itself has complex and half numbers too, which take longer to compile than all
+/// that is used here.
+pub trait Crate: Sized {
+    /// # Safety
+    /// The matrices are as large as they say, and nobody else touches C.
+    unsafe fn multiply(product: &Product<Self>);
+}
+
+macro_rules! of_crate {
+    ($float:ident, $library:ident) => {
+        impl Crate for $float {
+            unsafe fn multiply(p: &Product<Self>) {
+                let [m, k, n] = p.sizes;
+                let [a_row, a_column, b_row, b_column] =
+                    [p.a_steps[0], p.a_steps[1], p.b_steps[0], p.b_steps[1]].map(|s| s as isize);
+                let (step, none) = (p.c_step as isize, gemm_common::Parallelism::None);
+                let run = $library::gemm::$float::get_gemm_fn();
+                let (read, plain) = (p.beta != 0.0, false);
+                // SAFETY: the caller's promise. The crate wants the columns of C contiguous, as those of its transpose are,
+                // and takes what C is multiplied by first.
+                unsafe {
+                    if step > 1 {
+                        run(
+                            n, m, k, p.c, step, 1, read, p.b, b_row, b_column, p.a, a_row,
+                            a_column, p.beta, p.alpha, plain, plain, plain, none,
+                        );
+                    } else {
+                        run(
+                            m, n, k, p.c, 1, step, read, p.a, a_column, a_row, p.b, b_column,
+                            b_row, p.beta, p.alpha, plain, plain, plain, none,
+                        );
+                    }
+                }
+            }
+        }
+    };
+}
+
+of_crate!(f32, gemm_f32);
+of_crate!(f64, gemm_f64);
+
 fn one<F: Lane>(
     [m, k, n]: [usize; 3],
     alpha: F,
@@ -116,27 +171,18 @@ fn blocks<F: Lane>(
         // SAFETY: all three matrices were checked to lie in their slices; blocks of C are
         // disjoint.
         unsafe {
-            gemm::gemm(
-                here_m,
-                here_n,
-                k,
-                out.at(i * n + j, (here_m - 1) * n + here_n),
-                1,
-                n as isize,
-                beta != F::zero(),
-                a.data.as_ptr().add(i * a.steps[0]),
-                a.steps[1] as isize,
-                a.steps[0] as isize,
-                b.data.as_ptr().add(j * b.steps[1]),
-                b.steps[1] as isize,
-                b.steps[0] as isize,
-                beta,
+            let product = Product {
+                sizes: [here_m, k, here_n],
                 alpha,
-                false,
-                false,
-                false,
-                gemm::Parallelism::None,
-            );
+                beta,
+                a: a.data.as_ptr().add(i * a.steps[0]),
+                a_steps: a.steps,
+                b: b.data.as_ptr().add(j * b.steps[1]),
+                b_steps: b.steps,
+                c: out.at(i * n + j, (here_m - 1) * n + here_n),
+                c_step: n,
+            };
+            F::multiply(&product);
         }
         if let Some(finish) = finish {
             for row in i..i + here_m {

@@ -8,7 +8,7 @@
 //! *BLIS: a framework for rapidly instantiating BLAS functionality*.
 
 mod blocks;
-mod library;
+pub(crate) mod library;
 mod pack;
 mod strip;
 mod sweep;
