@@ -66,7 +66,7 @@
 //!   softmax and norms). Without fused multiply-add the first three round twice: on processors that have
 //!   neither, results differ in the last bits.
 //! - The steady state of a training loop takes no fresh block of memory of 4 KiB or more, but for
-//!   the packing buffer that the gemm crate takes and gives back in each large matrix product.
+//!   the packing buffer that the gemm crate takes and gives back in those matrix products that are left to it.
 //! - Operations have a single output. Rules work on arrays, so there are no second derivatives.
 //! - A tape belongs to one thread at a time.
 //!
