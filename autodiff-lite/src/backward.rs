@@ -114,6 +114,16 @@ impl<F: Real> Backward<'_, F> {
         }
     }
 
+    /// As [`give_with`](Self::give_with), but where input `i` has a gradient already, `write` is called with that and
+    /// `true`, and adds to it.
+    pub fn add_with(&mut self, i: usize, write: impl FnOnce(&mut [F], bool)) {
+        if self.is_first(i) {
+            self.give_with(i, |gradient| write(gradient, false));
+        } else if self.needs(i) {
+            write(self.grad_slice_mut(i), true);
+        }
+    }
+
     /// Gives the memory of an array to the pool, if nobody else holds it.
     pub fn recycle(&self, array: impl Into<Tensor<F>>) {
         self.pool.recycle(array.into());

@@ -66,7 +66,7 @@
 //!   softmax and norms). Without fused multiply-add the first three round twice: on processors that have
 //!   neither, results differ in the last bits.
 //! - The steady state of a training loop takes no fresh block of memory of 4 KiB or more, but for
-//!   the packing buffer that the gemm crate takes and gives back in each large matrix product.
+//!   the packing buffer that the gemm crate takes and gives back in those matrix products that are left to it.
 //! - Operations have a single output. Rules work on arrays, so there are no second derivatives.
 //! - A tape belongs to one thread at a time.
 //!
@@ -113,7 +113,7 @@ pub use kernels::sampling::Padding;
 pub use module::{Module, Visitor, VisitorMut, join_path};
 pub use nested::NestedTape;
 pub use op::Op;
-pub use ops::{BatchStatistics, Conv3dGeometry, GraphWeights};
+pub use ops::{BatchStatistics, Conv3dGeometry, GraphWeights, LinearThen};
 pub use param::{Param, ParamId};
 pub use pool::{Pool, PoolVec, Pooled};
 pub use real::Real;

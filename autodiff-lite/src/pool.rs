@@ -134,7 +134,7 @@ impl Pool {
             stack.free.pop()
         };
         let mut buffer = recycled.unwrap_or_else(|| vec![T::default(); len]);
-        if cfg!(debug_assertions) {
+        if cfg!(any(debug_assertions, feature = "testkit")) {
             buffer.fill(T::POISON);
         }
         buffer
@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    #[cfg(debug_assertions)]
+    #[cfg(any(debug_assertions, feature = "testkit"))]
     fn debug_builds_poison() {
         let pool = Pool::new();
         assert!(pool.vec::<f64>(3).iter().all(|x| x.is_nan()));

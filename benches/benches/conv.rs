@@ -5,11 +5,12 @@ use std::hint::black_box;
 use autodiff_lite::kernels::activation::Activation;
 use autodiff_lite::kernels::columns::column_sums;
 use autodiff_lite::kernels::conv::{Conv, ConvAlgorithm, ConvGeometry, ConvSizes};
-use benches::{criterion, numbers, pool};
+use benches::{criterion, numbers, pool, yardsticks};
 use criterion::Throughput;
 
 fn main() {
     let mut criterion = criterion();
+    yardsticks(&mut criterion, "conv2d");
     let mut group = criterion.benchmark_group("conv2d");
     for [batch, side, cin, cout] in [[8, 56, 64, 64], [8, 28, 128, 128]] {
         let geometry = ConvGeometry::new().padding(1);

@@ -3,11 +3,12 @@
 use std::hint::black_box;
 
 use autodiff_lite::kernels::gemm::{Matrix, gemm};
-use benches::{criterion, numbers, pool};
+use benches::{criterion, numbers, pool, yardsticks};
 use criterion::Throughput;
 
 fn main() {
     let mut criterion = criterion();
+    yardsticks(&mut criterion, "gemm");
     let mut group = criterion.benchmark_group("gemm");
     for [m, k, n] in [[2466, 963, 192], [2562, 1024, 512], [1024, 1024, 1024]] {
         let (a, b) = (numbers(m * k, 1), numbers(k * n, 2));

@@ -3,7 +3,7 @@
 //! The work of the peer's step: images and renderings of 128x128, a small CNN, two layers of
 //! attention of width 256, an icosphere of 642 vertices, colours and soft silhouettes.
 
-use benches::{TrainingStep, criterion, pool};
+use benches::{TrainingStep, criterion, pool, yardsticks};
 use models::img2mesh::{Img2Mesh, Img2MeshConfig, SilhouetteKind};
 
 fn config(batch: usize) -> Img2MeshConfig {
@@ -24,6 +24,7 @@ fn config(batch: usize) -> Img2MeshConfig {
 
 fn main() {
     let mut criterion = criterion();
+    yardsticks(&mut criterion, "img2mesh");
     let mut group = criterion.benchmark_group("img2mesh");
     for batch in [1, 4] {
         let mut step = TrainingStep::<Img2Mesh>::new(&config(batch), batch);

@@ -3,11 +3,12 @@
 use std::hint::black_box;
 
 use autodiff_lite::{Tape, Tensor};
-use benches::{criterion, pool, sphere_points};
+use benches::{criterion, pool, sphere_points, yardsticks};
 use losses::{Directions, Matches, chamfer_distance, chamfer_normals};
 
 fn main() {
     let mut criterion = criterion();
+    yardsticks(&mut criterion, "chamfer");
     let mut group = criterion.benchmark_group("chamfer");
     let (p, q) = (2466, 9000);
     let [x, y] = [(p, 1), (q, 2)].map(|(n, seed)| Tensor::from(sphere_points(n, seed)));

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use benches::{TrainingStep, criterion, pool};
+use benches::{TrainingStep, criterion, pool, yardsticks};
 use models::mcmr::{Mcmr, McmrConfig, RendererKind};
 use train::settings::read_text;
 use train::{Configuration, System};
@@ -23,6 +23,7 @@ fn preset(name: &str) -> McmrConfig {
 
 fn main() {
     let mut criterion = criterion();
+    yardsticks(&mut criterion, "mcmr");
     let mut group = criterion.benchmark_group("mcmr");
     // As earlier records of this bench: the preset itself draws by SoftRas.
     let published = McmrConfig {

@@ -2,7 +2,7 @@
 
 use autodiff_lite::optim::Adam;
 use autodiff_lite::{Param, SparseMatrix, Tape, Tensor, impl_module};
-use benches::{criterion, numbers, pool};
+use benches::{criterion, numbers, pool, yardsticks};
 use mesh_core::primitives::icosphere;
 use ndarray::ArrayD;
 use nets::{
@@ -21,6 +21,7 @@ fn array(shape: &[usize], seed: u32) -> Tensor {
 
 fn main() {
     let mut criterion = criterion();
+    yardsticks(&mut criterion, "nets");
     let (init, pool) = (Init::new(0), pool(2));
     let mut group = criterion.benchmark_group("nets");
     group.sample_size(10);

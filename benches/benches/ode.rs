@@ -2,7 +2,7 @@
 
 use autodiff_lite::optim::Adam;
 use autodiff_lite::{Activation, SparseMatrix, Tape, Tensor, Var, impl_module};
-use benches::{criterion, numbers, pool};
+use benches::{criterion, numbers, pool, yardsticks};
 use criterion::{BatchSize, Criterion};
 use mesh_core::Topology;
 use mesh_core::primitives::pixel2mesh_ellipsoid;
@@ -159,6 +159,7 @@ fn training(criterion: &mut Criterion) {
 
 fn main() {
     let mut criterion = criterion();
+    yardsticks(&mut criterion, "ode");
     overhead(&mut criterion);
     adjoints(&mut criterion);
     training(&mut criterion);

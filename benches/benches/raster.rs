@@ -5,7 +5,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use autodiff_lite::{Tape, Tensor};
-use benches::{criterion, pool};
+use benches::{criterion, pool, yardsticks};
 use criterion::BenchmarkId;
 use diff_raster::{
     Faces, Fragments, Frame, Paint, Renderer, Scratch, Settings, SoftRas, SoftRasSettings, softras,
@@ -77,6 +77,7 @@ impl Scene {
 
 fn main() {
     let mut criterion = criterion();
+    yardsticks(&mut criterion, "raster");
     let pool = pool(2);
     let mut group = criterion.benchmark_group("raster");
     for (level, size, images) in [(4, 256, 1), (5, 512, 1), (4, 256, 4)] {

@@ -19,6 +19,8 @@ import torch.nn.functional as functional
 GEMMS = [(2466, 963, 192), (2562, 1024, 512), (1024, 1024, 1024)]
 CONVS = [(8, 56, 64, 64), (8, 28, 128, 128)]  # batch, side, channels in, channels out
 CHAMFER = (2466, 9000)
+# Products of 512 tokens of width 512, 2048 hidden columns, and attention to 64: three times the forward pass.
+ENCODER_FLOPS = 3 * 2 * (512 * 512 * (4 * 512 + 2 * 2048) + 2 * 8 * 64 * 64 * 512)
 
 
 def timed(work, seconds):
@@ -101,10 +103,42 @@ def chamfers():
     yield f"chamfer/{p}x{q}/nearest/2t", "SciPy KD-tree", tree, None
 
 
+def nets():
+    """A transformer's encoder layer, and a graph convolution with all its gradients."""
+    torch.set_num_threads(2)
+    layer = torch.nn.TransformerEncoderLayer(512, 8, 2048, batch_first=True)
+    tokens = torch.randn(8, 64, 512, requires_grad=True)
+    inputs = [tokens, *layer.parameters()]
+
+    def encode():
+        torch.autograd.grad(layer(tokens).sum(), inputs)
+
+    yield "nets/encoder-layer/8x64x512/forward-backward/2t", "PyTorch", encode, ENCODER_FLOPS
+
+    # As many entries in each row as an icosphere's vertices have neighbours.
+    vertices, width, out = 2562, 963, 192
+    rows = torch.arange(vertices).repeat_interleave(6)
+    columns = (rows + torch.tensor([1, 2, 40, 2522, 2560, 2561]).repeat(vertices)) % vertices
+    graph = torch.sparse_coo_tensor(
+        torch.stack([rows, columns]), torch.ones(6 * vertices), (vertices, vertices)
+    ).to_sparse_csr()
+    own, across = torch.nn.Linear(width, out), torch.nn.Linear(width, out)
+    x = torch.randn(vertices, width, requires_grad=True)
+    weights = [x, *own.parameters(), *across.parameters()]
+
+    def convolve():
+        y = own(x) + graph @ across(x)
+        torch.autograd.grad(y, weights, y.detach())
+
+    flops = 3 * 2 * 2 * vertices * width * out
+    yield f"nets/graph-conv/{vertices}/{width}-{out}/forward-backward/2t", "PyTorch", convolve, flops
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=1.0, help="time per case")
     parser.add_argument("--only", default="", help="ids that begin with this")
+    parser.add_argument("--label", default="", help="put behind each peer's name")
     options = parser.parse_args()
     torch.manual_seed(0)
     version = {
@@ -115,7 +149,7 @@ def main():
         "cores": os.cpu_count(),
     }
     print(json.dumps({"versions": version}), flush=True)
-    for family in [gemms, convs, chamfers]:
+    for family in [gemms, convs, chamfers, nets]:
         for name, peer, work, flops in family():
             if not name.startswith(options.only):
                 continue
@@ -123,7 +157,7 @@ def main():
             median, least = statistics.median(durations), min(durations)
             row = {
                 "id": name,
-                "peer": peer,
+                "peer": peer + options.label,
                 "median_ms": median * 1e3,
                 "min_ms": least * 1e3,
                 "runs": len(durations),

@@ -4,7 +4,9 @@
 //! that `peers/run.sh` can put the two side by side. Run one with
 //! `cargo bench -p unsphere-benches --bench raster`.
 
+pub mod gate;
 mod training_step;
+mod yardstick;
 
 use std::time::Duration;
 
@@ -12,6 +14,7 @@ use criterion::Criterion;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 pub use training_step::TrainingStep;
+pub use yardstick::yardsticks;
 
 /// Short runs: medians of twenty samples over two seconds.
 pub fn criterion() -> Criterion {

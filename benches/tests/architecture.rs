@@ -45,7 +45,9 @@ const RESERVED: &[(&str, &[&str])] = &[
     ("image", &["mesh-core"]),
     ("exr", &["mesh-core"]),
     ("nalgebra", &["mesh-core"]),
-    ("gemm", &["autodiff-lite"]),
+    ("gemm-common", &["autodiff-lite"]),
+    ("gemm-f32", &["autodiff-lite"]),
+    ("gemm-f64", &["autodiff-lite"]),
     ("safetensors", &["autodiff-lite"]),
     ("zip", &["datasets", "mesh-core", "nets"]),
 ];

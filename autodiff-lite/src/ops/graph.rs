@@ -1,7 +1,7 @@
 //! The fused graph convolution.
 
 use crate::kernels::activation::Activation;
-use crate::kernels::gemm::{Matrix, gemm, gemm_then};
+use crate::kernels::gemm::{Joined, Matrix, gemm_joined};
 use crate::kernels::isa::Isa;
 use crate::kernels::sparse::{csr_add_rows, csr_times_rows};
 use crate::{Backward, PoolVec, Real, SparseMatrix, Tensor, Var};
@@ -66,24 +66,23 @@ impl<'t, F: Real> Var<'t, F> {
         }
         let mut y = tape.array(&shape);
         let mut z = tape.buffer(y.len());
-        let x = x.as_slice();
-        let parts = [(&across, &sent, &mut z[..]), (&own, &bias, y.as_slice_mut())];
-        for (weight, bias, out) in parts {
-            let bias = bias.as_ref().map(Tensor::as_slice);
-            gemm_then(
-                [sizes.rows(), sizes.d, sizes.o],
-                F::one(),
-                Matrix::rows(x, sizes.d),
-                sizes.weight(weight.as_slice()),
-                F::zero(),
-                out,
-                |row, column| {
-                    if let Some(bias) = bias {
-                        row.iter_mut().zip(&bias[column..]).for_each(|(y, &b)| *y += b);
-                    }
-                },
-            );
-        }
+        let matrices = [&own, &across].map(|w| sizes.weight(w.as_slice()));
+        let biases = [&bias, &sent].map(|b| b.as_ref().map(Tensor::as_slice));
+        // Both weights in one product: the input, often the largest operand, is read once.
+        gemm_joined(
+            Joined::Columns,
+            [sizes.rows(), sizes.d, sizes.o],
+            F::one(),
+            &[Matrix::rows(x.as_slice(), sizes.d)],
+            &matrices,
+            F::zero(),
+            &mut [y.as_slice_mut(), &mut z[..]],
+            Some(&|part: &mut [F], [which, _, column]: [usize; 3]| {
+                if let Some(bias) = biases[which] {
+                    part.iter_mut().zip(&bias[column..]).for_each(|(y, &b)| *y += b);
+                }
+            }),
+        );
         csr_add_rows(
             Isa::best(),
             graph.view(),
@@ -106,15 +105,15 @@ impl<'t, F: Real> Var<'t, F> {
             // The gradient of what the vertices sent.
             let mut sent: PoolVec<F> = cx.scratch(g.len());
             csr_times_rows(Isa::best(), transpose.view(), v, batch, o, g, &mut sent);
-            let (own, across) = (cx.input(1), cx.input(2));
+            let weights = [cx.input(1), cx.input(2)];
+            let gradients = [g, &sent[..]];
             cx.give_with(0, |gx| {
-                for (w, g, beta) in [(own, g, F::zero()), (across, &sent[..], F::one())] {
-                    let w = sizes.weight_turned(w.as_slice());
-                    gemm([sizes.rows(), o, d], F::one(), Matrix::rows(g, o), w, beta, gx);
-                }
+                let left = gradients.map(|g| Matrix::rows(g, o));
+                let right = weights.each_ref().map(|w| sizes.weight_turned(w.as_slice()));
+                let size = [sizes.rows(), o, d];
+                gemm_joined(Joined::Sum, size, F::one(), &left, &right, F::zero(), &mut [gx], None);
             });
-            sizes.give_weight(cx, 1, g);
-            sizes.give_weight(cx, 2, &sent);
+            sizes.give_weights(cx, gradients);
             if bias {
                 give_bias(cx, 3, g);
             }
@@ -150,20 +149,31 @@ impl Sizes {
         if self.output_first { Matrix::rows(w, self.d) } else { Matrix::transposed(w, self.o) }
     }
 
-    /// Gives a weight its gradient: the inputs' transpose times `g`, the gradient of what it gave.
-    fn give_weight<F: Real>(self, cx: &mut Backward<'_, F>, i: usize, g: &[F]) {
+    /// Gives the weights that want one their gradients: the inputs' transpose times `g`, the gradients of what they gave.
+    fn give_weights<F: Real>(self, cx: &mut Backward<'_, F>, g: [&[F]; 2]) {
         let (Self { d, o, output_first, .. }, rows) = (self, self.rows());
-        let (x, one, zero) = (cx.input(0), F::one(), F::zero());
+        let wanted: Vec<usize> = (0..2).filter(|&i| cx.needs(1 + i)).collect();
+        if wanted.is_empty() {
+            return;
+        }
+        let x = cx.input(0);
         let x = x.as_slice();
-        cx.give_with(i, |gw| {
-            if output_first {
-                let (g, x) = (Matrix::transposed(g, o), Matrix::rows(x, d));
-                gemm([o, rows, d], one, g, x, zero, gw);
-            } else {
-                let (x, g) = (Matrix::transposed(x, d), Matrix::rows(g, o));
-                gemm([d, rows, o], one, x, g, zero, gw);
-            }
-        });
+        let shape = if output_first { [o, d] } else { [d, o] };
+        let mut gradients: Vec<_> = wanted.iter().map(|_| cx.array(&shape)).collect();
+        let mut out: Vec<&mut [F]> = gradients.iter_mut().map(Tensor::as_slice_mut).collect();
+        let sizes = [shape[0], rows, shape[1]];
+        let g = wanted.iter().map(|&i| g[i]);
+        let (joined, left, right): (_, Vec<_>, Vec<_>) = if output_first {
+            let left = g.map(|g| Matrix::transposed(g, o)).collect();
+            (Joined::Rows, left, vec![Matrix::rows(x, d)])
+        } else {
+            let right = g.map(|g| Matrix::rows(g, o)).collect();
+            (Joined::Columns, vec![Matrix::transposed(x, d)], right)
+        };
+        gemm_joined(joined, sizes, F::one(), &left, &right, F::zero(), &mut out, None);
+        for (i, gradient) in wanted.into_iter().zip(gradients) {
+            cx.give(1 + i, gradient);
+        }
     }
 }
 

@@ -2,11 +2,32 @@
 
 use crate::kernels::activation::Activation;
 use crate::kernels::columns::column_sums;
+use crate::kernels::dropout::Kept;
 use crate::kernels::elementwise;
 use crate::kernels::gemm::{Matrix, gemm, gemm_then};
 use crate::{Backward, Real, Tensor, Var};
 
-impl<F: Real> Var<'_, F> {
+use super::dropout::{keep_mask, keep_scale};
+
+/// What follows the product of a [linear layer](Var::linear_then) in the same pass.
+#[derive(Clone, Copy, Debug)]
+pub struct LinearThen<'t, F: Real = f32> {
+    /// Acts on the sum with the bias.
+    pub activation: Activation,
+    /// The probability of an element to be [dropped](Var::dropout) after that; on training tapes alone.
+    pub dropout: f64,
+    /// Added last, of the shape of the output.
+    pub residual: Option<Var<'t, F>>,
+}
+
+impl<F: Real> Default for LinearThen<'_, F> {
+    /// Nothing.
+    fn default() -> Self {
+        Self { activation: Activation::None, dropout: 0.0, residual: None }
+    }
+}
+
+impl<'t, F: Real> Var<'t, F> {
     /// `activation(x Wᵀ + b)`: `x [.., D]`, `weight [O, D]` (PyTorch's layout), `bias [O]` to
     /// `[.., O]`, in one pass over the output.
     ///
@@ -16,7 +37,25 @@ impl<F: Real> Var<'_, F> {
     /// If sizes differ, or `x` has no axis.
     #[track_caller]
     pub fn linear(self, weight: Self, bias: Option<Self>, activation: Activation) -> Self {
+        self.linear_then(weight, bias, LinearThen { activation, ..LinearThen::default() })
+    }
+
+    /// `residual + dropout(activation(x Wᵀ + b))` in one pass over the output; sizes and cost as [`linear`](Self::linear).
+    ///
+    /// The gradient is made in one pass too; where an activation and a residual sum come together the sum is an operation
+    /// of its own, since the derivative is told from the output.
+    ///
+    /// # Panics
+    /// If sizes differ, `x` has no axis, or the probability is not within `[0, 1)`.
+    #[track_caller]
+    pub fn linear_then(self, weight: Self, bias: Option<Self>, then: LinearThen<'t, F>) -> Self {
+        let LinearThen { activation, dropout, residual } = then;
+        if let (Some(residual), true) = (residual, activation != Activation::None) {
+            let then = LinearThen { activation, dropout, residual: None };
+            return residual + self.linear_then(weight, bias, then);
+        }
         let (x, w, b) = (self.value(), weight.value(), bias.map(Self::value));
+        let shortcut = residual.map(Self::value);
         let [rows, d, o] = self.tape.check("linear", |shapes| {
             let Some((&d, leading)) = x.shape().split_last() else {
                 return Err(shapes.error("the input has no axis"));
@@ -27,14 +66,27 @@ impl<F: Real> Var<'_, F> {
             if let Some(b) = &b {
                 shapes.axes("bias", b.shape(), ["O"])?;
             }
+            if let Some(shortcut) = &shortcut {
+                let shape = [&x.shape()[..x.ndim() - 1], &[o]].concat();
+                if shortcut.shape() != shape {
+                    return Err(shapes.error(format!("a residual of shape {shape:?} expected")));
+                }
+            }
             Ok([rows, d, o])
         });
         let mut shape = x.shape().to_vec();
         if let Some(last) = shape.last_mut() {
             *last = o;
         }
+        let mask = keep_mask(self.tape, rows * o, dropout);
+        let scale = keep_scale(dropout);
         let mut y = self.tape.array(&shape);
-        let bias_slice = b.as_ref().map(Tensor::as_slice);
+        let finish = Then {
+            bias: b.as_ref().map(Tensor::as_slice),
+            activation,
+            kept: mask.as_ref().map(|bits| Kept { bits, scale }),
+            residual: shortcut.as_ref().map(Tensor::as_slice),
+        };
         gemm_then(
             [rows, d, o],
             F::one(),
@@ -42,34 +94,117 @@ impl<F: Real> Var<'_, F> {
             Matrix::transposed(w.as_slice(), d),
             F::zero(),
             y.as_slice_mut(),
-            |row, column| finish(row, bias_slice.map(|b| &b[column..]), activation),
+            |part, [row, column]| finish.apply(part, row * o + column, column),
         );
         let mut inputs = vec![self, weight];
         inputs.extend(bias);
+        inputs.extend(residual);
+        let (has_bias, has_residual) = (bias.is_some(), residual.is_some());
         self.tape.record_fn("linear", &inputs, y, move |cx: &mut Backward<'_, F>| {
-            let g = before_activation(cx, activation);
+            let kept = mask.as_ref().map(|bits| Kept { bits, scale });
+            let whole = if has_residual { Some(cx.take_grad_out()) } else { None };
+            // A residual sum hands its gradient on as it is.
+            let own = match (&whole, &kept) {
+                (None, _) => Some(before_dropout(cx, activation, kept)),
+                (Some(_), None) => None,
+                (Some(whole), Some(kept)) => {
+                    let mut own = cx.array(whole.shape());
+                    kept.apply_to(whole.as_slice(), own.as_slice_mut());
+                    Some(own)
+                }
+            };
+            let g = own.as_ref().or(whole.as_ref()).expect("one of both is there");
             let grad = g.as_slice();
             let (x, w, one, zero) = (cx.input(0), cx.input(1), F::one(), F::zero());
             let (x, w) = (Matrix::rows(x.as_slice(), d), Matrix::rows(w.as_slice(), d));
-            cx.give_with(0, |gx| gemm([rows, o, d], one, Matrix::rows(grad, o), w, zero, gx));
-            cx.give_with(1, |gw| gemm([o, rows, d], one, Matrix::transposed(grad, o), x, zero, gw));
-            give_bias(cx, 2, grad);
-            cx.recycle(g);
+            cx.add_with(0, |gx, add| {
+                let beta = if add { one } else { zero };
+                gemm([rows, o, d], one, Matrix::rows(grad, o), w, beta, gx);
+            });
+            cx.add_with(1, |gw, add| {
+                let beta = if add { one } else { zero };
+                gemm([o, rows, d], one, Matrix::transposed(grad, o), x, beta, gw);
+            });
+            if has_bias {
+                give_bias(cx, 2, grad);
+            }
+            if let Some(own) = own {
+                cx.recycle(own);
+            }
+            if let Some(whole) = whole {
+                cx.give(2 + usize::from(has_bias), whole);
+            }
         })
     }
 }
 
-fn finish<F: Real>(row: &mut [F], bias: Option<&[F]>, activation: Activation) {
-    if let Some(bias) = bias {
-        for (y, &b) in row.iter_mut().zip(bias) {
-            *y += b;
+/// What is done with a part of a row of the product.
+struct Then<'a, F> {
+    bias: Option<&'a [F]>,
+    activation: Activation,
+    kept: Option<Kept<'a, F>>,
+    residual: Option<&'a [F]>,
+}
+
+impl<F: Real> Then<'_, F> {
+    /// The part begins with element `first` of the output, in this column.
+    fn apply(&self, part: &mut [F], first: usize, column: usize) {
+        if let Some(bias) = self.bias {
+            for (y, &b) in part.iter_mut().zip(&bias[column..]) {
+                *y += b;
+            }
+        }
+        match self.activation {
+            Activation::None => {}
+            // Named, so that the loop vectorises.
+            Activation::Relu => {
+                for y in &mut *part {
+                    *y = if *y < F::zero() { F::zero() } else { *y };
+                }
+            }
+            other => {
+                for y in &mut *part {
+                    *y = other.apply(*y);
+                }
+            }
+        }
+        if let Some(kept) = &self.kept {
+            kept.apply(first, part);
+        }
+        if let Some(residual) = self.residual {
+            for (y, &x) in part.iter_mut().zip(&residual[first..]) {
+                *y += x;
+            }
         }
     }
+}
+
+/// The gradient before activation and dropout, from that of the output, in place.
+fn before_dropout<F: Real>(
+    cx: &mut Backward<'_, F>,
+    activation: Activation,
+    kept: Option<Kept<'_, F>>,
+) -> Tensor<F> {
+    let Some(kept) = kept else { return before_activation(cx, activation) };
+    let y = cx.output();
+    let mut g = cx.take_grad_out();
+    let (y, scale) = (y.as_slice(), kept.scale);
+    let gradient = g.as_slice_mut();
+    if activation == Activation::Relu {
+        // What was dropped is 0 in the output, as what the rectifier stopped.
+        elementwise::update(
+            gradient,
+            y,
+            y,
+            |g, y, _| if y > F::zero() { g * scale } else { F::zero() },
+        );
+        return g;
+    }
+    kept.apply_all(gradient);
     if activation != Activation::None {
-        for y in row {
-            *y = activation.apply(*y);
-        }
+        elementwise::update(gradient, y, y, |g, y, _| g * activation.derivative(y / scale));
     }
+    g
 }
 
 /// The gradient before the activation, from that of the output, in place.
@@ -105,7 +240,9 @@ pub(crate) fn give_bias<F: Real>(cx: &mut Backward<'_, F>, i: usize, g: &[F]) {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
+    use super::LinearThen;
     use crate::kernels::activation::Activation;
     use crate::testkit::gradcheck;
 
@@ -113,6 +250,71 @@ mod tests {
         shapes [[[3, 5], [2, 5]], [[5], [3, 5]], [[2, 3, 4], [1, 4]], [[0, 4], [2, 4]]]);
     gradcheck!(with_bias: |x, w, b| x.linear(w, Some(b), Activation::Tanh),
         shapes [[[3, 5], [2, 5], [2]], [[1, 1], [17, 1], [17]]]);
+    gradcheck!(dropped: |x, w, b| {
+        let then = LinearThen { activation: Activation::Sigmoid, dropout: 0.4, residual: None };
+        x.linear_then(w, Some(b), then)
+    }, shapes [[[3, 5], [2, 5], [2]], [[2, 3, 4], [17, 4], [17]]]);
+    gradcheck!(rectified_and_dropped: |x, w, b| {
+        let then = LinearThen { activation: Activation::Relu, dropout: 0.3, residual: None };
+        x.linear_then(w, Some(b), then)
+    }, shapes [[[3, 5], [2, 5], [2]], [[7, 4], [40, 4], [40]]]);
+    gradcheck!(onto_a_residual: |x, w, b, r| {
+        let then = LinearThen { dropout: 0.4, residual: Some(r), ..LinearThen::default() };
+        x.linear_then(w, Some(b), then)
+    }, shapes [[[3, 5], [2, 5], [2], [3, 2]], [[2, 3, 4], [17, 4], [17], [2, 3, 17]]]);
+    gradcheck!(onto_its_input: |x, w| {
+        x.linear_then(w, None, LinearThen { residual: Some(x), ..LinearThen::default() })
+    }, shapes [[[3, 5], [5, 5]]]);
+    gradcheck!(activated_onto_a_residual: |x, w, r| {
+        let then = LinearThen { activation: Activation::Tanh, residual: Some(r), dropout: 0.2 };
+        x.linear_then(w, None, then)
+    }, shapes [[[3, 5], [2, 5], [3, 2]]]);
+
+    /// The parts, one operation each, draw the same bits.
+    #[test]
+    fn it_is_what_it_is_made_of() {
+        for (rows, o) in [(5, 7), (70, 130)] {
+            let noise = |n: usize, k: f32| (0..n).map(|i| (i as f32 * 0.61 + k).sin()).collect();
+            let array =
+                |m: usize, n: usize, k| ndarray::Array2::from_shape_vec((m, n), noise(m * n, k));
+            let run = |fused: bool| {
+                let tape = crate::Tape::<f32>::train(4);
+                let [x, w, r] = [(rows, 64, 0.0), (o, 64, 1.0), (rows, o, 2.0)]
+                    .map(|(m, n, k)| tape.leaf(array(m, n, k).unwrap()));
+                let b = tape.leaf(ndarray::Array1::from_vec(noise(o, 3.0)));
+                let (y, z) = if fused {
+                    let then =
+                        LinearThen { activation: Activation::Relu, dropout: 0.3, residual: None };
+                    let onto =
+                        LinearThen { dropout: 0.3, residual: Some(r), ..LinearThen::default() };
+                    (x.linear_then(w, Some(b), then), x.linear_then(w, Some(b), onto))
+                } else {
+                    (
+                        x.linear(w, Some(b), Activation::Relu).dropout(0.3),
+                        r + x.linear(w, Some(b), Activation::None).dropout(0.3),
+                    )
+                };
+                let gradients = (y.square().sum() + z.square().sum()).backward();
+                let all = [x, w, b, r].map(|v| gradients.wrt(v).unwrap().clone());
+                (y.value(), z.value(), all)
+            };
+            let ((y, z, all), (y2, z2, all2)) = (run(true), run(false));
+            assert!(y == y2 && z == z2);
+            for (a, b) in all.iter().zip(&all2) {
+                a.iter().zip(b).for_each(|(a, b)| assert!((a - b).abs() < 2e-4 * (1.0 + b.abs())));
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "a residual of shape [3, 2] expected")]
+    fn a_residual_has_the_shape_of_the_output() {
+        let tape = crate::Tape::<f64>::eval();
+        let [x, w, r] =
+            [[3, 4], [2, 4], [2, 2]].map(|s| tape.constant(ndarray::Array2::<f64>::zeros(s)));
+        let _ = x.linear_then(w, None, LinearThen { residual: Some(r), ..LinearThen::default() });
+    }
+
     gradcheck!(sigmoid: |x, w, b| x.linear(w, Some(b), Activation::Sigmoid),
         shapes [[[3, 5], [2, 5], [2]]]);
 

@@ -23,6 +23,7 @@ mod sparse;
 
 pub use conv3d::Conv3dGeometry;
 pub use graph::GraphWeights;
+pub use linear::LinearThen;
 pub use norm::BatchStatistics;
 
 #[cfg(test)]

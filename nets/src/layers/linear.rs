@@ -1,6 +1,6 @@
 //! The linear layer.
 
-use autodiff_lite::{Activation, Param, Real, Var, impl_module};
+use autodiff_lite::{Activation, LinearThen, Param, Real, Var, impl_module};
 
 use crate::Init;
 
@@ -59,6 +59,14 @@ impl<F: Real> Linear<F> {
             let bias = self.bias.as_ref().map(|bias| tape.param(bias));
             x.linear(tape.param(&self.weight), bias, activation)
         }
+    }
+
+    /// `residual + dropout(activation(x Wᵀ + b))` in one pass, as `then` says; see [`Var::linear_then`].
+    #[track_caller]
+    pub fn forward_fused<'t>(&self, x: Var<'t, F>, then: LinearThen<'t, F>) -> Var<'t, F> {
+        let tape = x.tape();
+        let bias = self.bias.as_ref().map(|bias| tape.param(bias));
+        x.linear_then(tape.param(&self.weight), bias, then)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Multi-head attention.
 
-use autodiff_lite::{Param, Real, Tensor, Var, impl_module};
+use autodiff_lite::{LinearThen, Param, Real, Tensor, Var, impl_module};
 
 use crate::{Init, Linear};
 
@@ -69,10 +69,21 @@ impl<F: Real> MultiHeadAttention<F> {
     /// [`Var::attention`].
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>, mask: Option<&Tensor<F>>) -> Var<'t, F> {
+        self.forward_fused(x, mask, LinearThen::default())
+    }
+
+    /// [`forward`](Self::forward), and then what [`LinearThen`] says in the pass that writes the output.
+    #[track_caller]
+    pub fn forward_fused<'t>(
+        &self,
+        x: Var<'t, F>,
+        mask: Option<&Tensor<F>>,
+        then: LinearThen<'t, F>,
+    ) -> Var<'t, F> {
         let tape = x.tape();
         let (weight, bias) = (tape.param(&self.in_proj_weight), tape.param(&self.in_proj_bias));
         let packed = x.linear(weight, Some(bias), autodiff_lite::Activation::None);
-        self.out_proj.forward(packed.self_attention(self.heads, mask, self.dropout))
+        self.out_proj.forward_fused(packed.self_attention(self.heads, mask, self.dropout), then)
     }
 
     /// Queries `[N, Tq, D]` attend to a memory `[N, Tk, D]`.

@@ -1,6 +1,6 @@
 //! The transformer's encoder layer, and a stack of them.
 
-use autodiff_lite::{Activation, Real, Tensor, Var, impl_module};
+use autodiff_lite::{Activation, LinearThen, Real, Tensor, Var, impl_module};
 
 use crate::{Dropout, Init, LayerNorm, Linear, MultiHeadAttention};
 
@@ -122,26 +122,31 @@ impl<F: Real> TransformerEncoderLayer<F> {
     /// [`Var::attention`].
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>, mask: Option<&Tensor<F>>) -> Var<'t, F> {
-        let attend = |x| self.dropout.forward(self.self_attn.forward(x, mask));
-        let feed = |x| self.dropout.forward(self.linear2.forward(self.hidden(x)));
+        let dropout = self.dropout.p;
+        let onto =
+            |residual| LinearThen { dropout, residual: Some(residual), ..LinearThen::default() };
+        let attend = |x, residual| self.self_attn.forward_fused(x, mask, onto(residual));
+        let feed = |x, residual| self.linear2.forward_fused(self.hidden(x), onto(residual));
         match self.norm {
             NormPlacement::Post => {
-                let x = self.norm1.forward(x + attend(x));
-                self.norm2.forward(x + feed(x))
+                let x = self.norm1.forward(attend(x, x));
+                self.norm2.forward(feed(x, x))
             }
             NormPlacement::Pre => {
-                let x = x + attend(self.norm1.forward(x));
-                x + feed(self.norm2.forward(x))
+                let x = attend(self.norm1.forward(x), x);
+                feed(self.norm2.forward(x), x)
             }
         }
     }
 
     fn hidden<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
-        let y = match self.feed_forward {
-            FeedForward::Relu => self.linear1.forward_then(x, Activation::Relu),
-            FeedForward::Gelu => self.linear1.forward(x).gelu(),
-        };
-        self.dropout.forward(y)
+        match self.feed_forward {
+            FeedForward::Relu => {
+                let (activation, dropout) = (Activation::Relu, self.dropout.p);
+                self.linear1.forward_fused(x, LinearThen { activation, dropout, residual: None })
+            }
+            FeedForward::Gelu => self.dropout.forward(self.linear1.forward(x).gelu()),
+        }
     }
 }
 
