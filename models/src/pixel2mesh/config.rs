@@ -11,11 +11,14 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use train::settings::above_to;
 
-use crate::paired::PairsConfig;
+use crate::paired::{FrameKind, PairsConfig};
 
 train::options! {
     /// What both have: images, encoder, template, losses.
     pub struct SharedConfig extends pairs: PairsConfig = PairsConfig::default() => {
+        /// Whose frame truth, ellipsoid and prediction live in: `"camera"` as published, or `"object"`, the object's own, in
+        /// which the camera has to be told.
+        pub frame: FrameKind = FrameKind::Camera;
         /// Channels of the encoder's six stages; maps are read from the last four. Published are `[16, 32, 64, 128,
         /// 256, 512]`.
         pub channels: [usize; 6] = [8, 8, 16, 32, 64, 64], in 1..=2048;
@@ -44,15 +47,22 @@ train::options! {
         pub chamfer_weight: f64 = 100.0, in above_to(0.0, 1e9);
         /// What its way from prediction to truth counts beside the other; 0.55 in the original Pixel2Mesh.
         pub chamfer_back: f64 = 1.0, in 0.0..=1e9;
-        /// Weight of the mean squared edge length.
+        /// Weight of the mean squared edge length, which falls with the second power of the edges of a finer mesh.
         pub edge_weight: f64 = 5.0, in 0.0..=1e9;
         /// Whether each vertex counts as an edge of no length in the means over edges, as in the published lists of
         /// edges, which are those of the supports: both means are smaller by a seventh.
         pub self_loops: bool = false;
         /// Weight of edges against the true normals.
         pub normal_weight: f64 = 0.0, in 0.0..=1e9;
-        /// Weight of the change of Laplacian coordinates, a mean over vertices.
+        /// Weight of the change of Laplacian coordinates, a mean over vertices, which falls with the fourth power.
         pub laplacian_weight: f64 = 0.0, in 0.0..=1e9;
+        /// Weight of the mean squared edge length in units of the ellipsoid's at the same level: the same at any number of
+        /// vertices. Published: 0, with `edge-weight` in its place.
+        pub stretch_weight: f64 = 0.0, in 0.0..=1e9;
+        /// Weight of a stage's bending, the mean square of the Laplacian of its displacement over the square of the
+        /// ellipsoid's mean squared edge: about the same at any number of vertices. Published: 0, with `laplacian-weight`
+        /// in its place.
+        pub bending_weight: f64 = 0.0, in 0.0..=1e9;
         /// Weight of the mean squared displacement.
         pub move_weight: f64 = 0.0, in 0.0..=1e9;
         /// Weight of half the sum of the squares of all weights of the encoder's convolutions.
@@ -75,6 +85,10 @@ impl SharedConfig {
             && !(slope > 0.0 && slope <= 1.0)
         {
             problems.push(format!("`activation`: the slope is {slope}, expected above 0 to 1"));
+        }
+        if self.projection.is_some() && self.frame == FrameKind::Object {
+            let what = "\"none\": in the object's frame each image has its own camera";
+            problems.push(format!("`projection` is given with `frame` \"object\", expected {what}"));
         }
         if let Some([focal, middle]) = self.projection
             && !(focal > 0.0 && focal <= 1e5 && (0.0..=224.0).contains(&middle))

@@ -2,7 +2,6 @@
 
 use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut};
 use datasets::View;
-use losses::{Directions, Matches};
 use mesh_core::TriMesh;
 use nets::{Init, Pixel2MeshEncoder};
 use ode_deform::solve::{SolveError, Stats};
@@ -14,10 +13,11 @@ use train::{
 
 use super::config::{EncoderForm, SharedConfig};
 use super::decay::half_squares;
-use super::deformer::{Deformed, Deformer, Run, Stage};
+use super::deformer::{Deformed, Deformer, Run};
 use super::projection::published_lens;
+use super::stage_terms::Sums;
 use super::template::Template;
-use crate::paired::{Pair, Pairs, Picture};
+use crate::paired::{FrameKind, Pair, Pairs, Picture};
 use crate::stacked::stacked;
 
 /// An encoder, a template and what deforms it.
@@ -28,20 +28,6 @@ pub struct SingleView<D: Deformer> {
     pub(super) encoder: Pixel2MeshEncoder,
     pub(super) deformer: D,
     pub(super) template: Template,
-}
-
-/// What the stages miss, summed over them; nothing where no stage counts it.
-#[derive(Clone, Copy, Debug, Default)]
-struct Sums<'t> {
-    chamfer: Option<Var<'t>>,
-    edge: Option<Var<'t>>,
-    normal: Option<Var<'t>>,
-    laplacian: Option<Var<'t>>,
-    moved: Option<Var<'t>>,
-}
-
-fn add<'t>(sum: &mut Option<Var<'t>>, value: Var<'t>) {
-    *sum = Some(sum.map_or(value, |sum| sum + value));
 }
 
 impl<D: Deformer> Module<f32> for SingleView<D> {
@@ -98,7 +84,7 @@ impl<D: Deformer> SingleView<D> {
         other
     }
 
-    /// Meshes of images, in the frames of their cameras.
+    /// Meshes of images, in the frames of their pictures.
     pub(super) fn deformed<'t>(
         &self,
         tape: &'t Tape,
@@ -120,7 +106,7 @@ impl<D: Deformer> SingleView<D> {
         self.deformer.deform(&self.template, &inputs, run)
     }
 
-    /// The mesh of one image in the frame of its camera, and the work that it took.
+    /// The mesh of one image in the frame of its picture, and the work that it took.
     ///
     /// # Errors
     /// If an integration does not come to its end.
@@ -132,7 +118,7 @@ impl<D: Deformer> SingleView<D> {
     }
 
     /// The mesh of one image as [`mesh_of`](Self::mesh_of) has it, and meshes on the way from the ellipsoid to it, in
-    /// the frame of the camera.
+    /// the frame of the picture.
     ///
     /// # Errors
     /// If an integration does not come to its end.
@@ -158,41 +144,6 @@ impl<D: Deformer> SingleView<D> {
         let value = positions.value();
         let rows = value.as_slice().as_chunks::<3>().0.to_vec();
         TriMesh::new(rows, self.template.levels[level].mesh.faces.clone())
-    }
-
-    fn stage_terms<'t>(
-        &self,
-        stage: &Stage<'t>,
-        truth: Var<'t>,
-        normals: &[f32],
-        sums: &mut Sums<'t>,
-    ) {
-        let shared = self.shared();
-        let level = &self.template.levels[stage.level];
-        let (edges, neighbours) = (&level.topology.edges, &level.topology.vertex_vertices);
-        let mut matches = Matches::default();
-        matches.find(stage.positions, truth);
-        let ways = Directions { x_to_y: shared.chamfer_back, y_to_x: 1.0 };
-        let vertices = level.mesh.positions.len() as f32;
-        let moved = stage.positions - stage.before;
-        let chamfer = losses::chamfer_distance(stage.positions, truth, &matches, ways);
-        add(&mut sums.chamfer, chamfer);
-        let listed = 2.0 * edges.len() as f32;
-        let share = if shared.self_loops { listed / (listed + vertices) } else { 1.0 };
-        let of_edges = |mean: Var<'t>| if share < 1.0 { mean.scale(share) } else { mean };
-        add(&mut sums.edge, of_edges(losses::edge_length(stage.positions, edges, 0.0)));
-        if shared.normal_weight > 0.0 && !normals.is_empty() {
-            let turned = losses::edge_normal(stage.positions, edges, normals, matches.x_to_y());
-            add(&mut sums.normal, of_edges(turned));
-        }
-        if shared.laplacian_weight > 0.0 {
-            let change = losses::laplacian_squared(moved, neighbours);
-            add(&mut sums.laplacian, change.scale(stage.laplacian as f32 / vertices));
-        }
-        if shared.move_weight > 0.0 && stage.displacement > 0.0 {
-            let moved = moved.square().mean().scale(3.0 * stage.displacement as f32);
-            add(&mut sums.moved, moved);
-        }
     }
 }
 
@@ -255,7 +206,10 @@ impl<D: Deformer> System for SingleView<D> {
     fn new(config: &D::Config, seed: u64) -> Self {
         let init = Init::new(seed);
         let shared = D::shared(config);
-        let template = Template::new(shared.level);
+        let template = match shared.frame {
+            FrameKind::Camera => Template::new(shared.level),
+            FrameKind::Object => Template::new(shared.level).about_origin(),
+        };
         let at = init.at("encoder");
         let plain = Pixel2MeshEncoder::new(&at, shared.channels, shared.encoder_init);
         let encoder = match shared.encoder_form {
@@ -270,7 +224,8 @@ impl<D: Deformer> System for SingleView<D> {
         config: &D::Config,
         source: &Source<'_, Self::ReadOptions>,
     ) -> Result<Pairs, DataError> {
-        Pairs::open(&D::shared(config).pairs, source)
+        let shared = D::shared(config);
+        Ok(Pairs::open(&shared.pairs, source)?.with_frame(shared.frame))
     }
 
     fn fingerprint(data: &Pairs) -> u64 {
@@ -304,7 +259,6 @@ impl<D: Deformer> System for SingleView<D> {
         let normals: Vec<f32> =
             batch.iter().flat_map(|pair| pair.truth.normals.as_flattened()).copied().collect();
         let normals = if normals.len() == 3 * count * batch.len() { &normals[..] } else { &[] };
-        let zero = || tape.constant(ndarray::arr0(0.0));
         let mut sums = Sums::default();
         match self.deformed(tape, &pictures, run) {
             Ok(deformed) => {
@@ -318,19 +272,7 @@ impl<D: Deformer> System for SingleView<D> {
             }
             Err(error) => return Err(LossError::solve(error)),
         }
-        let shared = self.shared();
-        let mut terms = Terms::new();
-        for (name, weight, sum) in [
-            ("chamfer", shared.chamfer_weight, sums.chamfer),
-            ("edge", shared.edge_weight, sums.edge),
-            ("normal", shared.normal_weight, sums.normal),
-            ("laplacian", shared.laplacian_weight, sums.laplacian),
-            ("move", shared.move_weight, sums.moved),
-        ] {
-            if weight > 0.0 {
-                terms = terms.with(name, weight, sum.unwrap_or_else(zero));
-            }
-        }
+        let terms = sums.weighted(self.shared(), || tape.constant(ndarray::arr0(0.0)));
         Ok(self.decayed(tape, terms))
     }
 
@@ -362,6 +304,6 @@ impl<D: Deformer> SingleView<D> {
     pub(crate) fn picture(&self, views: &[View]) -> Result<Picture, PredictError> {
         let view = views.first().ok_or(PredictError::NoView)?;
         let pairs = &self.shared().pairs;
-        Ok(Picture::new(view, pairs.image_size, pairs.scale)?)
+        Ok(Picture::new(view, pairs.image_size, pairs.scale)?.with_frame(self.shared().frame))
     }
 }

@@ -40,6 +40,7 @@ impl Deformer for Staged {
         ("paper", include_str!("presets/pixel2mesh/paper.toml")),
         ("paper-table", include_str!("presets/pixel2mesh/paper-table.toml")),
         ("table", include_str!("presets/pixel2mesh/table.toml")),
+        ("object", include_str!("presets/pixel2mesh/object.toml")),
     ];
     const ABOUT: &'static str = "One image to a mesh in three stages, learned from true surfaces";
     const TRAINING: &'static str =

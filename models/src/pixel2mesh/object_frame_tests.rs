@@ -1,0 +1,121 @@
+//! What is special where truth and prediction live in the object's own frame.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use autodiff_lite::Tape;
+use autodiff_lite::optim::Adam;
+use train::{Draw, StepInfo, System};
+
+use super::*;
+use crate::paired::{FrameKind, Pair, Pairs, PairsConfig, point_scores};
+
+fn config(frame: FrameKind) -> StagesConfig {
+    let pairs = PairsConfig {
+        image_size: 32,
+        points: 300,
+        objects: 4,
+        test_objects: 1,
+        synthetic_views: 4,
+        ..PairsConfig::default()
+    };
+    let shared = SharedConfig {
+        pairs,
+        frame,
+        channels: [4, 4, 8, 16, 16, 16],
+        encoder_form: EncoderForm::Residual,
+        feature_scale: 0.1,
+        level: 0,
+        hidden: 32,
+        stretch_weight: 0.02,
+        edge_weight: 0.0,
+        ..SharedConfig::default()
+    };
+    StagesConfig { shared, blocks: 2, ..StagesConfig::default() }
+}
+
+/// A system after so many steps on all objects and views.
+fn learned(frame: FrameKind, steps: u64) -> (Pixel2Mesh, Pairs) {
+    let config = config(frame);
+    let data = crate::testing::made::<Pixel2Mesh>(&config, 0);
+    let mut system = Pixel2Mesh::new(&config, 0);
+    let (mut tape, mut adam) = (Tape::train(0), Adam::new(3e-3));
+    for step in 0..steps {
+        let item = |i: u64| {
+            let index = 4 * step + i;
+            let item = (index % data.trained().len() as u64) as usize;
+            Draw { seed: 1, epoch: step, index, item }
+        };
+        let batch: Vec<Pair> =
+            (0..4).map(|i| system.draw(&data, &item(i)).unwrap()).collect();
+        let gradients = {
+            let terms = system.loss(&tape, &batch, StepInfo { step, epoch: 0 }).unwrap().0;
+            let total = terms.iter().map(|term| term.value.scale(term.weight as f32));
+            total.reduce(|a, b| a + b).unwrap().backward()
+        };
+        tape.reset();
+        adam.step(&mut system, &gradients);
+    }
+    (system, data)
+}
+
+/// Mean Chamfer distance on what was learned from, with the camera of the image or with that of another view.
+fn error(system: &Pixel2Mesh, data: &Pairs, elsewhere: usize) -> f64 {
+    let mut sum = 0.0;
+    for &object in data.trained() {
+        for view in 0..4 {
+            let pair = data.pair(object, view).unwrap();
+            let other = data.picture(object, (view + elsewhere) % 4).unwrap();
+            let mut picture = (*pair.picture).clone();
+            picture.lens = other.lens;
+            let (mesh, _) = system.mesh_of(&picture).unwrap();
+            sum += point_scores(&mesh, &pair.truth).chamfer;
+        }
+    }
+    sum / (4 * data.trained().len()) as f64
+}
+
+/// In as many steps the shape is found in the object's frame and not yet in the camera's, and it is read through the camera
+/// that is told: through another one it is worse.
+#[test]
+fn shapes_are_learned_sooner_in_the_objects_frame() {
+    let (system, data) = learned(FrameKind::Object, 150);
+    let [told, wrong] = [0, 2].map(|elsewhere| error(&system, &data, elsewhere));
+    let (system, data) = learned(FrameKind::Camera, 150);
+    let camera = error(&system, &data, 0);
+    assert!(told < 0.5 * camera && wrong > 1.2 * told, "{told} {wrong} {camera}");
+}
+
+/// What the regularisers cost a smooth deformation does not depend on how fine the mesh is.
+#[test]
+fn regularisers_mean_the_same_at_each_level() {
+    let terms = |level: u32| {
+        let mut config = config(FrameKind::Object);
+        config.shared.level = level;
+        config.shared.edge_weight = 1.0;
+        config.shared.laplacian_weight = 1.0;
+        config.shared.bending_weight = 1.0;
+        let template = Template::new(level).about_origin();
+        let level = &template.levels[level as usize];
+        let tape = Tape::eval();
+        let positions = |f: fn([f32; 3]) -> [f32; 3]| {
+            let rows: Vec<[f32; 3]> = level.mesh.positions.iter().map(|&p| f(p)).collect();
+            tape.constant(ndarray::Array2::from(rows)).insert_axis(0)
+        };
+        let stage = Stage {
+            level: template.levels.len() - 1,
+            positions: positions(|[x, y, z]| [1.3 * x, y + 0.1 * (8.0 * x).sin(), z + x * y]),
+            before: positions(|p| p),
+            laplacian: 1.0,
+            displacement: 1.0,
+        };
+        let system = Pixel2Mesh::new(&config, 0);
+        let mut sums = stage_terms::Sums::default();
+        system.stage_terms(&stage, stage.before, &[], &mut sums);
+        [sums.edge, sums.stretch, sums.laplacian, sums.bending].map(|sum| sum.unwrap().item())
+    };
+    let (fine, finest) = (terms(1), terms(2));
+    let [edge, stretch, laplacian, bending] = std::array::from_fn(|k| fine[k] / finest[k]);
+    assert!((3.5..4.5).contains(&edge) && (0.8..1.25).contains(&stretch), "{edge} {stretch}");
+    assert!((12.0..20.0).contains(&laplacian), "{laplacian}");
+    assert!((0.75..1.25).contains(&bending), "{bending}");
+}
