@@ -11,8 +11,8 @@ use synth::{Orbit, Placement, Procedural, families_named};
 use train::{DataError, DataSummary, Source, Subset};
 
 use super::config::PairsConfig;
-use super::paint::colors_of;
 use super::frame::{Frame, FrameKind};
+use super::paint::colors_of;
 use super::picture::Picture;
 use crate::parts;
 use crate::view_cache::ViewCache;

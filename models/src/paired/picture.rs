@@ -50,6 +50,24 @@ impl Picture {
         })
     }
 
+    /// The image with its mask and its camera.
+    pub fn view(&self) -> View {
+        let bytes = |channels: usize, data: &[u8]| ByteImage {
+            height: self.camera.height,
+            width: self.camera.width,
+            channels,
+            data: data.to_vec(),
+        };
+        let (color, mask) = (bytes(3, &self.image), bytes(1, &self.mask));
+        View { name: self.name.clone(), color, mask, camera: self.camera.clone(), depth: None }
+    }
+
+    /// The same in the object's frame, seen by another camera of the same size.
+    #[must_use]
+    pub fn seen_by(&self, camera: Camera) -> Self {
+        Self { camera, ..self.clone() }.with_frame(FrameKind::Object)
+    }
+
     /// The same in another frame.
     #[must_use]
     pub fn with_frame(self, kind: FrameKind) -> Self {
@@ -113,7 +131,10 @@ mod tests {
     fn a_frame_is_asked_for() {
         let camera = Picture::new(&view(), 32, 0.57).unwrap();
         let object = camera.clone().with_frame(FrameKind::Object);
-        assert_eq!((camera.frame, object.frame), (Frame::of(&view().camera, 0.57), Frame::object(0.57)));
+        assert_eq!(
+            (camera.frame, object.frame),
+            (Frame::of(&view().camera, 0.57), Frame::object(0.57))
+        );
         assert_eq!(object.lens, FrameKind::Object.lens(&view().camera.resized(32, 32), 0.57));
         let back = object.with_frame(FrameKind::Camera);
         assert_eq!((back.lens, back.frame), (camera.lens, camera.frame));

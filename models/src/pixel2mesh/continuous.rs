@@ -133,6 +133,7 @@ impl Deformer for Continuous {
         ),
         ("table", include_str!("presets/ode-pixel2mesh/table.toml")),
         ("object", include_str!("presets/ode-pixel2mesh/object.toml")),
+        ("object-estimated", include_str!("presets/ode-pixel2mesh/object-estimated.toml")),
     ];
     const ABOUT: &'static str =
         "One image to a mesh in continuous time, learned from true surfaces";

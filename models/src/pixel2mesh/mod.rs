@@ -9,11 +9,13 @@
 //!
 //! Features are read anew wherever the vertices then are. The losses compare with points of the true surface; see
 //! [`paired`](crate::paired) for the data and the frame. In the object's own frame (`frame = "object"`) the ellipsoid lies about the
-//! origin, and where a vertex is seen follows from a camera that is told.
+//! origin, and where a vertex is seen follows from a camera that is told, or estimated from the image by a head of its own
+//! ([`viewpoint`](mod@crate::viewpoint)).
 //!
 //! # References
 //! Wang et al. 2018, *Pixel2Mesh: Generating 3D Mesh Models from Single RGB Images*; the paper on neural ODEs for Pixel2Mesh.
 
+mod camera;
 mod config;
 mod continuous;
 mod decay;
@@ -33,8 +35,10 @@ mod template;
 #[cfg(test)]
 mod tests;
 
+pub use camera::{Estimate, Seen};
 pub use config::{
-    DeformationKind, EncoderForm, GraphInit, Method, OdeConfig, SharedConfig, StagesConfig,
+    CameraSource, DeformationKind, EncoderForm, GraphInit, Method, OdeConfig, SharedConfig,
+    StagesConfig,
 };
 pub use continuous::Continuous;
 pub use deformer::{Deformed, Deformer, Run, Stage};

@@ -4,10 +4,13 @@
 
 use autodiff_lite::Tape;
 use autodiff_lite::optim::Adam;
+use datasets::{View, Views};
 use train::{Draw, StepInfo, System};
 
+use super::camera::overlap;
 use super::*;
-use crate::paired::{FrameKind, Pair, Pairs, PairsConfig, point_scores};
+use crate::paired::{FrameKind, Pair, Pairs, PairsConfig, Picture, point_scores};
+use crate::predict::{Choice, PredictInput};
 
 fn config(frame: FrameKind) -> StagesConfig {
     let pairs = PairsConfig {
@@ -45,8 +48,7 @@ fn learned(frame: FrameKind, steps: u64) -> (Pixel2Mesh, Pairs) {
             let item = (index % data.trained().len() as u64) as usize;
             Draw { seed: 1, epoch: step, index, item }
         };
-        let batch: Vec<Pair> =
-            (0..4).map(|i| system.draw(&data, &item(i)).unwrap()).collect();
+        let batch: Vec<Pair> = (0..4).map(|i| system.draw(&data, &item(i)).unwrap()).collect();
         let gradients = {
             let terms = system.loss(&tape, &batch, StepInfo { step, epoch: 0 }).unwrap().0;
             let total = terms.iter().map(|term| term.value.scale(term.weight as f32));
@@ -118,4 +120,84 @@ fn regularisers_mean_the_same_at_each_level() {
     assert!((3.5..4.5).contains(&edge) && (0.8..1.25).contains(&stretch), "{edge} {stretch}");
     assert!((12.0..20.0).contains(&laplacian), "{laplacian}");
     assert!((0.75..1.25).contains(&bending), "{bending}");
+}
+
+/// With a camera head that is not trained: all directions are as likely.
+fn estimating(camera: CameraSource) -> (Pixel2Mesh, Pairs) {
+    let mut config = config(FrameKind::Object);
+    config.shared.camera_weight = 1.0;
+    config.shared.camera = camera;
+    config.shared.camera_hypotheses = 8;
+    let data = crate::testing::made::<Pixel2Mesh>(&config, 0);
+    let mut system = Pixel2Mesh::new(&config, 0);
+    system.init_from_data(&data).unwrap();
+    (system, data)
+}
+
+/// Of the likely cameras that one is kept whose mesh has the outline of the image, and the mesh is that camera's.
+#[test]
+fn the_outline_chooses_the_camera() {
+    let (system, data) = estimating(CameraSource::Estimated);
+    let mut chosen = Vec::new();
+    for view in 0..4 {
+        let picture = data.picture(data.trained()[0], view).unwrap();
+        let tries: Vec<(f64, mesh_core::TriMesh)> = system
+            .viewpoints_of(&picture)
+            .iter()
+            .map(|likely| {
+                let camera = likely.viewpoint.camera(&picture.camera);
+                let (mesh, _) = system.mesh_told(&picture.seen_by(camera.clone())).unwrap();
+                let world = picture.frame.mesh_in_world(mesh.clone());
+                (overlap(&picture, &world, &camera), mesh)
+            })
+            .collect();
+        let best = (0..tries.len()).rev().max_by(|&a, &b| tries[a].0.total_cmp(&tries[b].0));
+        let best = best.unwrap();
+        let estimate = system.estimate(&picture).unwrap().unwrap();
+        assert_eq!((estimate.tried, estimate.outline), (8, tries[best].0));
+        assert_eq!(system.mesh_of(&picture).unwrap().0, tries[best].1);
+        assert!(estimate.outline > 0.2, "{}", estimate.outline);
+        chosen.push(best);
+    }
+    assert!(chosen.iter().any(|&k| k != 0), "{chosen:?}");
+}
+
+fn input(picture: &Picture) -> PredictInput {
+    let side = picture.camera.width;
+    let camera = mesh_core::Camera::from_r2n2(0.0, 27.5, 0.8, side, side);
+    let view = View { camera, ..picture.view() };
+    let input = PredictInput::part(Views::in_memory(vec![view]), Choice::All).unwrap();
+    PredictInput { camera_assumed: true, ..input }
+}
+
+/// An image without a camera gets one, and whoever asks for the mesh by it gets what the estimate was; without a head that is
+/// refused.
+#[test]
+fn an_image_without_a_camera_gets_one() {
+    let (system, data) = estimating(CameraSource::Told);
+    let picture = data.picture(data.trained()[0], 1).unwrap();
+    let mut plain = input(&picture);
+    system.give_camera(&mut plain).unwrap();
+    let estimate = system.estimate(&picture).unwrap().unwrap();
+    assert!((plain.given[0].camera.rotation - estimate.camera.rotation).abs().max() < 1e-9);
+    assert!(
+        plain.warnings.iter().any(|text| text.contains("is estimated")),
+        "{:?}",
+        plain.warnings
+    );
+    let near = |a: &mesh_core::TriMesh, b: &mesh_core::TriMesh| {
+        let pairs = a.positions.as_flattened().iter().zip(b.positions.as_flattened());
+        pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-4)
+    };
+    let upright = picture.frame.mesh_in_world(estimate.mesh.clone());
+    assert!(near(&system.predict(&plain.given).unwrap(), &upright));
+    // Where the camera is estimated in any case, the mesh stands before the one that was given.
+    let (estimating, _) = estimating(CameraSource::Estimated);
+    let found = estimating.predict(&input(&picture).given).unwrap();
+    let given = &input(&picture).given[0].camera;
+    assert!(!near(&found, &upright));
+    assert!(near(&crate::viewpoint::as_seen(upright, &estimate.camera, given), &found));
+    let headless = Pixel2Mesh::new(&config(FrameKind::Object), 0);
+    let error = headless.give_camera(&mut input(&picture)).unwrap_err().to_string();
+    assert!(error.contains("no camera, expected views with cameras"), "{error}");
 }

@@ -3,7 +3,7 @@
 use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut};
 use datasets::View;
 use mesh_core::TriMesh;
-use nets::{Init, Pixel2MeshEncoder};
+use nets::{Init, Pixel2MeshEncoder, ViewpointHead};
 use ode_deform::solve::{SolveError, Stats};
 use recon::scene::scene_of;
 use train::{
@@ -11,7 +11,7 @@ use train::{
     Summary, System, Terms,
 };
 
-use super::config::{EncoderForm, SharedConfig};
+use super::config::{DIRECTIONS, EncoderForm, SharedConfig};
 use super::decay::half_squares;
 use super::deformer::{Deformed, Deformer, Run};
 use super::projection::published_lens;
@@ -28,17 +28,21 @@ pub struct SingleView<D: Deformer> {
     pub(super) encoder: Pixel2MeshEncoder,
     pub(super) deformer: D,
     pub(super) template: Template,
+    /// What estimates cameras, where the configuration asks for it.
+    pub(super) viewpoint: Option<ViewpointHead>,
 }
 
 impl<D: Deformer> Module<f32> for SingleView<D> {
     fn visit(&self, path: &str, visitor: &mut dyn Visitor<f32>) {
         self.encoder.visit(&autodiff_lite::join_path(path, "encoder"), visitor);
         self.deformer.visit(&autodiff_lite::join_path(path, "deformer"), visitor);
+        self.viewpoint.visit(&autodiff_lite::join_path(path, "viewpoint"), visitor);
     }
 
     fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<f32>) {
         self.encoder.visit_mut(&autodiff_lite::join_path(path, "encoder"), visitor);
         self.deformer.visit_mut(&autodiff_lite::join_path(path, "deformer"), visitor);
+        self.viewpoint.visit_mut(&autodiff_lite::join_path(path, "viewpoint"), visitor);
     }
 }
 
@@ -91,8 +95,8 @@ impl<D: Deformer> SingleView<D> {
         pictures: &[&Picture],
         run: Run,
     ) -> Result<Deformed<'t>, SolveError> {
-        let (n, side) = (pictures.len(), self.shared().pairs.image_size);
-        let images = stacked(tape, pictures.iter().map(|p| &p.image[..]), &[n, side, side, 3]);
+        let n = pictures.len();
+        let images = self.images(tape, pictures);
         let camera = match self.shared().projection {
             Some(lens) => published_lens(tape, n, lens),
             None => stacked(tape, pictures.iter().map(|p| &p.lens[..]), &[n, 3, 4]),
@@ -106,19 +110,26 @@ impl<D: Deformer> SingleView<D> {
         self.deformer.deform(&self.template, &inputs, run)
     }
 
-    /// The mesh of one image in the frame of its picture, and the work that it took.
+    /// `[N, S, S, 3]`.
+    pub(super) fn images<'t>(&self, tape: &'t Tape, pictures: &[&Picture]) -> Var<'t> {
+        let side = self.shared().pairs.image_size;
+        let pixels = pictures.iter().map(|p| &p.image[..]);
+        stacked(tape, pixels, &[pictures.len(), side, side, 3])
+    }
+
+    /// The mesh of one image by the picture's own camera, in the frame of the picture, and the work that it took.
     ///
     /// # Errors
     /// If an integration does not come to its end.
-    pub fn mesh_of(&self, picture: &Picture) -> Result<(TriMesh, Stats), SolveError> {
+    pub(super) fn mesh_told(&self, picture: &Picture) -> Result<(TriMesh, Stats), SolveError> {
         let tape = Tape::eval();
         let deformed = self.deformed(&tape, &[picture], Run::Test)?;
         let last = deformed.stages.last().expect("a stage");
         Ok((self.mesh(last.level, last.positions), deformed.stats))
     }
 
-    /// The mesh of one image as [`mesh_of`](Self::mesh_of) has it, and meshes on the way from the ellipsoid to it, in
-    /// the frame of the picture.
+    /// The mesh of one image by the picture's own camera, and meshes on the way from the ellipsoid to it, in the frame of the
+    /// picture.
     ///
     /// # Errors
     /// If an integration does not come to its end.
@@ -198,9 +209,16 @@ impl<D: Deformer> System for SingleView<D> {
         let vertices = 2 + (156 - 2) * 4_usize.pow(shared.level);
         shapes.push(("mesh".to_owned(), format!("[N, {vertices}, 3], {} faces", 2 * vertices - 4)));
         let encoder = shared.encoder_parameters();
+        let camera = shared.camera_parameters();
+        if camera > 0 {
+            let directions =
+                format!("{DIRECTIONS} directions, a turn from each, elevation, distance");
+            shapes.push(("camera".to_owned(), directions));
+            shapes.push(("trained in the camera head".to_owned(), camera.to_string()));
+        }
         shapes.push(("trained in the encoder".to_owned(), encoder.to_string()));
         shapes.push(("trained in the deformation".to_owned(), deformer.to_string()));
-        Summary { trainable: encoder + deformer, frozen: 0, shapes }
+        Summary { trainable: encoder + deformer + camera, frozen: 0, shapes }
     }
 
     fn new(config: &D::Config, seed: u64) -> Self {
@@ -217,7 +235,13 @@ impl<D: Deformer> System for SingleView<D> {
             EncoderForm::Residual => plain.residual(&at),
         };
         let deformer = D::new(config, &init.at("deformer"), &template);
-        Self { config: config.clone(), seed, encoder, deformer, template }
+        let head = || ViewpointHead::new(&init.at("viewpoint"), 3, DIRECTIONS);
+        let viewpoint = shared.has_camera_head().then(head);
+        Self { config: config.clone(), seed, encoder, deformer, template, viewpoint }
+    }
+
+    fn init_from_data(&mut self, data: &Pairs) -> Result<(), DataError> {
+        self.camera_begins_at(data)
     }
 
     fn open(
@@ -273,7 +297,7 @@ impl<D: Deformer> System for SingleView<D> {
             Err(error) => return Err(LossError::solve(error)),
         }
         let terms = sums.weighted(self.shared(), || tape.constant(ndarray::arr0(0.0)));
-        Ok(self.decayed(tape, terms))
+        Ok(self.decayed(tape, self.with_camera(tape, &pictures, terms)))
     }
 
     fn data_summary(data: &Pairs) -> Option<DataSummary> {
@@ -294,8 +318,8 @@ impl<D: Deformer> System for SingleView<D> {
     /// The mesh in the world of the camera, from the first view.
     fn predict(&self, views: &[View]) -> Result<TriMesh, PredictError> {
         let picture = self.picture(views)?;
-        let (mesh, _) = self.mesh_of(&picture).map_err(PredictError::solve)?;
-        Ok(picture.frame.mesh_in_world(mesh))
+        let seen = self.seen(&picture).map_err(PredictError::solve)?;
+        Ok(seen.in_world_of(&picture))
     }
 }
 
