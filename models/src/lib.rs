@@ -19,6 +19,7 @@
 //!   [`paired`]
 //! - **the same with depth, and through voxels**: [`depth`], depth-aware Pixel2Mesh and Mesh R-CNN
 //! - **photo collections of many categories to textured meshes**: [`mod@mcmr`], learned from masks and rough poses
+//! - **from where an image was taken**, guessed: [`mod@viewpoint`]
 //! - **apply what was trained** to a user's files: [`predict`]
 //! - **all systems**, for a program that offers them: [`register`]
 //! - **published forms** are the presets `paper`; their rows in tables `paper-table`; what mends them: [`repairs`]
@@ -38,6 +39,7 @@ pub mod mcmr;
 pub mod paired;
 pub mod pixel2mesh;
 pub mod predict;
+pub mod viewpoint;
 
 mod mesh_pairs;
 mod parts;

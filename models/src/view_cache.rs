@@ -64,6 +64,11 @@ impl<T: Stored> ViewCache<T> {
         Self { dataset, options, kept }
     }
 
+    /// The same with nothing kept: what is made of views is about to change.
+    pub(crate) fn forgetting(self) -> Self {
+        Self::new(self.dataset, self.options)
+    }
+
     /// How many views an object has.
     pub(crate) fn count(&self, object: usize) -> usize {
         self.dataset.entries()[object].views

@@ -42,6 +42,7 @@
 //! | heads of Mesh R-CNN | [`VoxelHead`], [`MeshRefinementHead`], [`MeshRefinementStage`] |
 //! | image encoders | [`SmallCnn`], [`Vgg16`], [`ResNet`], [`ConvFrontEnd`], [`Pixel2MeshEncoder`] |
 //! | images from maps | [`ImageDecoder`] |
+//! | the camera of an image | [`ViewpointHead`] |
 //! | networks that measure | [`InceptionV3`], [`Vgg16`] with [`LpipsWeights`] |
 //! | weights from files, freezing | [`LoadWeights`], [`read_weights`], [`freeze`], [`unfreeze`] |
 //!
@@ -84,6 +85,7 @@ pub use backbones::vgg::Vgg16;
 pub use heads::graph_bottleneck::{GraphBottleneck, GraphResBlock};
 pub use heads::image_decoder::{ImageDecoder, PreactivatedBlock};
 pub use heads::mesh_refinement::{MeshRefinementHead, MeshRefinementStage, RefinedVertices};
+pub use heads::viewpoint_head::{ViewpointGuess, ViewpointHead};
 pub use heads::voxel_head::VoxelHead;
 pub use init::{FanMode, Init, Nonlinearity, fans};
 pub use layers::batch_norm::{BatchNorm1d, BatchNorm2d, FrozenBatchNorm2d};

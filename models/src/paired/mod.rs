@@ -1,7 +1,8 @@
 //! One image and the surface that it shows: what systems of a single view learn from.
 //!
 //! Everything lives in the frame of the image's camera: the object in front of it, -z ahead, lengths multiplied by a
-//! factor (Pixel2Mesh: 0.57, which brings ShapeNet's objects about 0.8 before the camera).
+//! factor (Pixel2Mesh: 0.57, which brings ShapeNet's objects about 0.8 before the camera). Or, where that is
+//! [asked for](Pairs::with_frame), in the object's own: the world of its cameras, times the same factor.
 //!
 //! ```
 //! use models::paired::{Pairs, PairsConfig};
@@ -22,6 +23,7 @@
 //! ```
 
 mod config;
+mod frame;
 mod paint;
 mod pairs;
 mod picture;
@@ -29,8 +31,9 @@ mod score;
 mod shown;
 
 pub use config::PairsConfig;
+pub use frame::{Frame, FrameKind};
 pub use pairs::{Pair, Pairs, Surface};
 pub(crate) use pairs::{placed, some};
-pub use picture::{Frame, Picture};
-pub use score::{EMD_POINTS, PointScores, point_scores, surface_scores};
+pub use picture::Picture;
+pub use score::{CROSSED, EMD_POINTS, PointScores, point_scores, surface_scores};
 pub(crate) use shown::{in_studio, picture_above};

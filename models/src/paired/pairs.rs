@@ -11,8 +11,9 @@ use synth::{Orbit, Placement, Procedural, families_named};
 use train::{DataError, DataSummary, Source, Subset};
 
 use super::config::PairsConfig;
+use super::frame::{Frame, FrameKind};
 use super::paint::colors_of;
-use super::picture::{Frame, Picture};
+use super::picture::Picture;
 use crate::parts;
 use crate::view_cache::ViewCache;
 
@@ -29,6 +30,7 @@ pub struct Pairs {
     parts: Subsets,
     side: usize,
     scale: f64,
+    frame: FrameKind,
     hash: u64,
 }
 
@@ -43,7 +45,7 @@ pub struct Surface {
     pub mesh: Option<TriMesh>,
 }
 
-/// An image and the surface that it shows, in the frame of its camera.
+/// An image and the surface that it shows, in one frame.
 #[derive(Clone, Debug)]
 pub struct Pair {
     /// What the network sees.
@@ -108,7 +110,8 @@ impl Pairs {
         let mut hash = cache.fingerprint();
         let surfaces = cache.entries().iter().map(|_| OnceLock::new()).collect();
         let (side, scale) = (config.image_size, config.scale);
-        let mut pairs = Self { cache, surfaces, parts, side, scale, hash: 0 };
+        let frame = FrameKind::Camera;
+        let mut pairs = Self { cache, surfaces, parts, side, scale, frame, hash: 0 };
         for &object in pairs.parts.train.iter().take(HASHED) {
             let pair = pairs.pair(object, 0)?;
             let points = pair.truth.positions.as_flattened().iter().flat_map(|x| x.to_le_bytes());
@@ -116,6 +119,12 @@ impl Pairs {
         }
         pairs.hash = hash.value();
         Ok(pairs)
+    }
+
+    /// The same in another frame than the cameras'. What was prepared of the images is made again.
+    #[must_use]
+    pub fn with_frame(self, frame: FrameKind) -> Self {
+        Self { cache: self.cache.forgetting(), frame, ..self }
     }
 
     /// Objects that are trained on.
@@ -226,7 +235,9 @@ impl Pairs {
     /// # Errors
     /// If a file cannot be read.
     pub fn picture(&self, object: usize, view: usize) -> Result<Arc<Picture>, DataError> {
-        let prepare = |view: &datasets::View| Picture::new(view, self.side, self.scale);
+        let prepare = |view: &datasets::View| {
+            Ok(Picture::new(view, self.side, self.scale)?.with_frame(self.frame))
+        };
         let mut found = self.cache.views(object, &[view], &prepare)?;
         Ok(found.swap_remove(0))
     }
@@ -261,7 +272,7 @@ impl Pairs {
     }
 }
 
-/// Points of a surface in the frame of an image: distinct ones while there are enough.
+/// Points of a surface in the frame of a picture: distinct ones while there are enough.
 fn some_of(
     picture: &Picture,
     surface: &Surface,

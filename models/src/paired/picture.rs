@@ -1,10 +1,10 @@
-//! One image as a network takes it, and the frame of its camera.
+//! One image as a network takes it, and what its camera says.
 
 use datasets::View;
-use mesh_core::nalgebra::{Matrix3, Vector3};
-use mesh_core::{ByteImage, Camera, DepthMap, TriMesh};
+use mesh_core::{ByteImage, Camera, DepthMap};
 use train::DataError;
 
+use super::frame::{Frame, FrameKind};
 use crate::view_cache::Stored;
 
 /// An image of `[S, S, 3]`, white outside of the object, with what its camera says.
@@ -18,66 +18,16 @@ pub struct Picture {
     pub mask: Vec<u8>,
     /// Planar depth `[S, S]` in the world's unit, `+∞` where nothing is seen; where the view has depth.
     pub depth: Option<Vec<f32>>,
-    /// From the camera's frame to the image plane, `[3, 4]` in a row: normalised device coordinates, y up, then depth.
+    /// From the frame to the image plane, `[3, 4]` in a row: normalised device coordinates, y up, then depth.
     pub lens: [f32; 12],
     /// Where the camera stands, with the size of the image.
     pub camera: Camera,
-    /// The camera's frame.
+    /// Where truth and prediction live: the camera's frame, unless another was [asked for](Self::with_frame).
     pub frame: Frame,
 }
 
-/// The frame of a camera: from the world by a rotation, a translation and a factor.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Frame {
-    rotation: Matrix3<f64>,
-    translation: Vector3<f64>,
-    scale: f64,
-}
-
-impl Frame {
-    /// That of a camera, lengths multiplied by `scale`.
-    pub fn of(camera: &Camera, scale: f64) -> Self {
-        Self { rotation: camera.rotation, translation: camera.translation, scale }
-    }
-
-    /// What lengths are multiplied by.
-    pub fn scale(&self) -> f64 {
-        self.scale
-    }
-
-    /// A point of the world.
-    pub fn place(&self, p: [f32; 3]) -> [f32; 3] {
-        let p = self.rotation * Vector3::from(p.map(f64::from)) + self.translation;
-        (p * self.scale).map(|x| x as f32).into()
-    }
-
-    /// A direction of the world.
-    pub fn turn(&self, n: [f32; 3]) -> [f32; 3] {
-        (self.rotation * Vector3::from(n.map(f64::from))).map(|x| x as f32).into()
-    }
-
-    /// A point of the frame in the world.
-    pub fn world(&self, p: [f32; 3]) -> [f32; 3] {
-        let p = Vector3::from(p.map(f64::from)) / self.scale - self.translation;
-        (self.rotation.transpose() * p).map(|x| x as f32).into()
-    }
-
-    /// A mesh of the world in the frame.
-    #[must_use]
-    pub fn mesh_placed(&self, mesh: &TriMesh) -> TriMesh {
-        mesh.clone().map_positions(|p| self.place(p))
-    }
-
-    /// A mesh of the frame in the world.
-    #[must_use]
-    pub fn mesh_in_world(&self, mut mesh: TriMesh) -> TriMesh {
-        mesh.positions.iter_mut().for_each(|p| *p = self.world(*p));
-        mesh
-    }
-}
-
 impl Picture {
-    /// Resizes a view to `side` pixels; one that is not square is squeezed, and its lens with it.
+    /// Resizes a view to `side` pixels; one that is not square is squeezed, and its lens with it. In the camera's frame.
     ///
     /// # Errors
     /// If the camera is orthographic.
@@ -89,18 +39,41 @@ impl Picture {
         }
         let mask = view.mask.resized(side, side);
         let camera = view.camera.resized(side, side);
-        let (rotation, translation) = (Matrix3::identity(), Vector3::zeros());
-        let here = Camera { rotation, translation, ..camera.clone() };
-        let rows = here.projection();
         Ok(Self {
             name: view.name.clone(),
             image: on_white(view).resized(side, side).data,
             mask: mask.data,
             depth: view.depth.as_ref().map(|depth| nearest(depth, side)),
-            lens: std::array::from_fn(|k| rows[k / 4][k % 4] as f32),
+            lens: FrameKind::Camera.lens(&camera, scale),
             frame: Frame::of(&camera, scale),
             camera,
         })
+    }
+
+    /// The image with its mask and its camera.
+    pub fn view(&self) -> View {
+        let bytes = |channels: usize, data: &[u8]| ByteImage {
+            height: self.camera.height,
+            width: self.camera.width,
+            channels,
+            data: data.to_vec(),
+        };
+        let (color, mask) = (bytes(3, &self.image), bytes(1, &self.mask));
+        View { name: self.name.clone(), color, mask, camera: self.camera.clone(), depth: None }
+    }
+
+    /// The same in the object's frame, seen by another camera of the same size.
+    #[must_use]
+    pub fn seen_by(&self, camera: Camera) -> Self {
+        Self { camera, ..self.clone() }.with_frame(FrameKind::Object)
+    }
+
+    /// The same in another frame.
+    #[must_use]
+    pub fn with_frame(self, kind: FrameKind) -> Self {
+        let scale = self.frame.scale();
+        let (lens, frame) = (kind.lens(&self.camera, scale), kind.of(&self.camera, scale));
+        Self { lens, frame, ..self }
     }
 }
 
@@ -144,28 +117,6 @@ mod tests {
         View { name: "7".into(), color, mask, camera, depth: None::<DepthMap> }
     }
 
-    /// A point goes the same way through the world's camera and through the frame and its lens.
-    #[test]
-    fn frame_and_lens_are_the_camera() {
-        let view = view();
-        let picture = Picture::new(&view, 32, 0.57).unwrap();
-        let point = [0.1_f32, -0.2, 0.15];
-        let seen = view.camera.project(point.map(f64::from));
-        let p = picture.frame.place(point);
-        let row = |k: usize| -> f64 {
-            let m = &picture.lens[4 * k..4 * k + 4];
-            (0..3).map(|j| f64::from(m[j]) * f64::from(p[j])).sum::<f64>() + f64::from(m[3])
-        };
-        let (x, y, depth) = (row(0) / row(2), row(1) / row(2), row(2));
-        assert!((x - (2.0 * seen.column / 40.0 - 1.0)).abs() < 1e-5);
-        assert!((y - (1.0 - 2.0 * seen.row / 30.0)).abs() < 1e-5);
-        assert!((depth - 0.57 * seen.depth).abs() < 1e-5 && p[2] < 0.0);
-        let back = picture.frame.world(p);
-        (0..3).for_each(|k| assert!((back[k] - point[k]).abs() < 1e-5));
-        let n = picture.frame.turn([0.0, 1.0, 0.0]);
-        assert!((n.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-6);
-    }
-
     #[test]
     fn depth_keeps_its_edges() {
         let mut view = view();
@@ -173,13 +124,20 @@ mod tests {
         view.depth = Some(DepthMap { height: 30, width: 40, data });
         let depth = Picture::new(&view, 32, 0.57).unwrap().depth.unwrap();
         assert_eq!((depth[15], depth[16]), (1.5, f32::INFINITY));
-        let frame = Frame::of(&view.camera, 0.5);
-        let mesh = mesh_core::primitives::cuboid([0.2; 3]);
-        let there = frame.mesh_placed(&mesh);
-        let back = frame.mesh_in_world(there.clone());
-        assert!((there.volume() - 0.125 * mesh.volume()).abs() < 1e-7 && frame.scale() == 0.5);
-        let pairs = back.positions.as_flattened().iter().zip(mesh.positions.as_flattened());
-        assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-6));
+    }
+
+    /// The lens is that of the resized camera, whose image is no longer 4 to 3.
+    #[test]
+    fn a_frame_is_asked_for() {
+        let camera = Picture::new(&view(), 32, 0.57).unwrap();
+        let object = camera.clone().with_frame(FrameKind::Object);
+        assert_eq!(
+            (camera.frame, object.frame),
+            (Frame::of(&view().camera, 0.57), Frame::object(0.57))
+        );
+        assert_eq!(object.lens, FrameKind::Object.lens(&view().camera.resized(32, 32), 0.57));
+        let back = object.with_frame(FrameKind::Camera);
+        assert_eq!((back.lens, back.frame), (camera.lens, camera.frame));
     }
 
     #[test]

@@ -10,10 +10,12 @@ use crate::quality::Quality;
 
 /// Points of each surface that the earth mover's distance pairs.
 pub const EMD_POINTS: usize = 512;
+/// The share of a mesh's faces that may run through another one before it counts as unsound.
+pub const CROSSED: f64 = 0.01;
 /// Squared distances below which a point counts as found.
 const THRESHOLDS: [f64; 2] = [1e-4, 2e-4];
 
-/// Scores in the frame of the camera, in units of the scaled object.
+/// Scores in units of the scaled object; whose frame it is makes no difference.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PointScores {
     /// Mean squared distance between predicted **vertices** and true points, both ways added, times 1000.
@@ -32,7 +34,7 @@ pub struct PointScores {
 
 impl PointScores {
     /// With their names, and whether more is better.
-    pub fn named(&self) -> [(&'static str, f64, bool); 7] {
+    pub fn named(&self) -> [(&'static str, f64, bool); 9] {
         [
             ("chamfer", self.chamfer, false),
             ("f-score", self.f_score, true),
@@ -41,7 +43,32 @@ impl PointScores {
             ("normals", self.normals, true),
             ("self-intersecting", self.quality.self_intersecting, false),
             ("folded", self.quality.folded, false),
+            ("sound", if self.is_sound() { 1.0 } else { 0.0 }, true),
+            ("likeness", self.likeness(), true),
         ]
+    }
+
+    /// Whether less than [`CROSSED`] of the faces run through another one.
+    pub fn is_sound(&self) -> bool {
+        self.quality.self_intersecting < CROSSED
+    }
+
+    /// From 0 to 1, what an eye would choose by: the fourth root of
+    ///
+    /// ```text
+    /// F(τ) · normals · 1 / max(EMD, 1) · min(1, CROSSED / share of the faces that run through another one)
+    /// ```
+    ///
+    /// Chamfer distance and F-score alone prefer crumpled paper that is near everywhere to a smooth surface of the right shape.
+    /// Surfaces without true normals count 1 for them; what is no mesh has 0.
+    pub fn likeness(&self) -> f64 {
+        let crossing = self.quality.self_intersecting;
+        if self.earth_mover.is_nan() || crossing.is_nan() {
+            return 0.0;
+        }
+        let normals = if self.normals.is_nan() { 1.0 } else { self.normals };
+        let sound = if crossing < CROSSED { 1.0 } else { CROSSED / crossing };
+        (self.f_score * normals * sound / self.earth_mover.max(1.0)).powf(0.25)
     }
 
     /// The means of several.
@@ -61,7 +88,7 @@ impl PointScores {
     }
 }
 
-/// Compares a mesh with true points, both in the frame of the camera.
+/// Compares a mesh with true points, both in one frame.
 ///
 /// Pixel2Mesh's protocol compares the predicted **vertices**, not points of the surface between them; the earth
 /// mover's distance, which needs as many points on either side, takes points spread over the surface.
@@ -144,6 +171,27 @@ mod tests {
         let scores = point_scores(&ball, &same);
         assert_eq!((scores.chamfer, scores.f_score, scores.f_score_double), (0.0, 1.0, 1.0));
         assert!(scores.normals.is_nan());
+    }
+
+    /// Rows that were measured: crumpled paper has the better distance and F-score, a smooth airplane the better likeness.
+    #[test]
+    fn likeness_has_eyes() {
+        let scores = |[chamfer, f_score, earth_mover, normals, self_intersecting]: [f64; 5]| {
+            let quality = Quality { self_intersecting, folded: 0.0 };
+            PointScores { chamfer, f_score, f_score_double: 0.0, earth_mover, normals, quality }
+        };
+        let crumpled = scores([0.328, 0.546, 4.19, 0.604, 0.9]);
+        let smooth = scores([0.414, 0.561, 3.65, 0.672, 0.2]);
+        let object = scores([0.174, 0.747, 2.86, 0.778, 0.009]);
+        assert!(crumpled.likeness() < 0.8 * smooth.likeness());
+        assert!(smooth.likeness() < 0.7 * object.likeness());
+        assert!(object.is_sound() && !smooth.is_sound());
+        // By hand: what is sound pays nothing for what crosses.
+        assert!((object.likeness() - (0.747 * 0.778 / 2.86_f64).powf(0.25)).abs() < 1e-12);
+        let perfect = scores([0.0, 1.0, 0.5, f64::NAN, 0.0]);
+        assert_eq!(perfect.likeness(), 1.0);
+        let none = PointScores { earth_mover: f64::NAN, ..perfect };
+        assert_eq!(none.likeness(), 0.0);
     }
 
     /// Points spread over a surface say of it what its vertices say where those are spread as well, whatever they are.

@@ -1,7 +1,7 @@
 //! What the two systems can be told, beside the loop's own options.
 
 use autodiff_lite::Activation;
-use nets::{EncoderInit, MapSampling};
+use nets::{EncoderInit, MapSampling, ViewpointHead};
 use ode_deform::Adjoint;
 use ode_deform::deform::{FieldConfig, Schedule, StackedConfig};
 use ode_deform::solve::{
@@ -11,11 +11,25 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use train::settings::above_to;
 
-use crate::paired::PairsConfig;
+use crate::paired::{FrameKind, PairsConfig};
+
+/// Directions around the object that the camera head tells apart.
+pub(super) const DIRECTIONS: usize = 8;
 
 train::options! {
     /// What both have: images, encoder, template, losses.
     pub struct SharedConfig extends pairs: PairsConfig = PairsConfig::default() => {
+        /// Whose frame truth, ellipsoid and prediction live in: `"camera"` as published, or `"object"`, the object's own, in
+        /// which the camera has to be told.
+        pub frame: FrameKind = FrameKind::Camera;
+        /// Where the camera is known from in the object's frame: `"told"` by the data, or `"estimated"` from the image by the
+        /// camera head. It is trained on true cameras in any case.
+        pub camera: CameraSource = CameraSource::Told;
+        /// Weight of what the camera head misses in the loss; with 0 there is no head.
+        pub camera_weight: f64 = 0.0, in 0.0..=1e9;
+        /// How many estimated cameras are tried at most, each with a mesh of its own; the one whose outline fits the image's
+        /// mask best is kept.
+        pub camera_hypotheses: usize = 3, in 1..=DIRECTIONS;
         /// Channels of the encoder's six stages; maps are read from the last four. Published are `[16, 32, 64, 128,
         /// 256, 512]`.
         pub channels: [usize; 6] = [8, 8, 16, 32, 64, 64], in 1..=2048;
@@ -44,15 +58,22 @@ train::options! {
         pub chamfer_weight: f64 = 100.0, in above_to(0.0, 1e9);
         /// What its way from prediction to truth counts beside the other; 0.55 in the original Pixel2Mesh.
         pub chamfer_back: f64 = 1.0, in 0.0..=1e9;
-        /// Weight of the mean squared edge length.
+        /// Weight of the mean squared edge length, which falls with the second power of the edges of a finer mesh.
         pub edge_weight: f64 = 5.0, in 0.0..=1e9;
         /// Whether each vertex counts as an edge of no length in the means over edges, as in the published lists of
         /// edges, which are those of the supports: both means are smaller by a seventh.
         pub self_loops: bool = false;
         /// Weight of edges against the true normals.
         pub normal_weight: f64 = 0.0, in 0.0..=1e9;
-        /// Weight of the change of Laplacian coordinates, a mean over vertices.
+        /// Weight of the change of Laplacian coordinates, a mean over vertices, which falls with the fourth power.
         pub laplacian_weight: f64 = 0.0, in 0.0..=1e9;
+        /// Weight of the mean squared edge length in units of the ellipsoid's at the same level: the same at any number of
+        /// vertices. Published: 0, with `edge-weight` in its place.
+        pub stretch_weight: f64 = 0.0, in 0.0..=1e9;
+        /// Weight of a stage's bending, the mean square of the Laplacian of its displacement over the square of the
+        /// ellipsoid's mean squared edge: about the same at any number of vertices. Published: 0, with `laplacian-weight`
+        /// in its place.
+        pub bending_weight: f64 = 0.0, in 0.0..=1e9;
         /// Weight of the mean squared displacement.
         pub move_weight: f64 = 0.0, in 0.0..=1e9;
         /// Weight of half the sum of the squares of all weights of the encoder's convolutions.
@@ -63,6 +84,16 @@ train::options! {
 }
 
 impl SharedConfig {
+    /// Whether cameras are estimated from images.
+    pub fn has_camera_head(&self) -> bool {
+        self.frame == FrameKind::Object && self.camera_weight > 0.0
+    }
+
+    /// Trained numbers of what estimates cameras.
+    pub(super) fn camera_parameters(&self) -> usize {
+        if self.has_camera_head() { ViewpointHead::<f32>::parameters(3, DIRECTIONS) } else { 0 }
+    }
+
     /// Channels of the four maps together.
     pub fn features(&self) -> usize {
         self.channels[2..].iter().sum()
@@ -75,6 +106,20 @@ impl SharedConfig {
             && !(slope > 0.0 && slope <= 1.0)
         {
             problems.push(format!("`activation`: the slope is {slope}, expected above 0 to 1"));
+        }
+        if self.frame == FrameKind::Camera && self.camera_weight > 0.0 {
+            let (weight, what) =
+                (self.camera_weight, "0 where `frame` is \"camera\": none is needed there");
+            problems.push(format!("`camera-weight` is {weight}, expected {what}"));
+        }
+        if self.camera == CameraSource::Estimated && !self.has_camera_head() {
+            let what = "\"told\", or `frame` \"object\" and a `camera-weight` above 0";
+            problems.push(format!("`camera` is \"estimated\", expected {what}"));
+        }
+        if self.projection.is_some() && self.frame == FrameKind::Object {
+            let what = "\"none\": in the object's frame each image has its own camera";
+            problems
+                .push(format!("`projection` is given with `frame` \"object\", expected {what}"));
         }
         if let Some([focal, middle]) = self.projection
             && !(focal > 0.0 && focal <= 1e5 && (0.0..=224.0).contains(&middle))
@@ -101,6 +146,17 @@ impl SharedConfig {
         }
         total
     }
+}
+
+/// Where a camera is known from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CameraSource {
+    /// The data.
+    #[default]
+    Told,
+    /// The image.
+    Estimated,
 }
 
 /// What an encoder's layers are.

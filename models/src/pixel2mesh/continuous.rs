@@ -132,6 +132,8 @@ impl Deformer for Continuous {
             include_str!("presets/ode-pixel2mesh/paper-res-shallow-table.toml"),
         ),
         ("table", include_str!("presets/ode-pixel2mesh/table.toml")),
+        ("object", include_str!("presets/ode-pixel2mesh/object.toml")),
+        ("object-estimated", include_str!("presets/ode-pixel2mesh/object-estimated.toml")),
     ];
     const ABOUT: &'static str =
         "One image to a mesh in continuous time, learned from true surfaces";

@@ -8,29 +8,37 @@
 //! ```
 //!
 //! Features are read anew wherever the vertices then are. The losses compare with points of the true surface; see
-//! [`paired`](crate::paired) for the data and the frame.
+//! [`paired`](crate::paired) for the data and the frame. In the object's own frame (`frame = "object"`) the ellipsoid lies about the
+//! origin, and where a vertex is seen follows from a camera that is told, or estimated from the image by a head of its own
+//! ([`viewpoint`](mod@crate::viewpoint)).
 //!
 //! # References
 //! Wang et al. 2018, *Pixel2Mesh: Generating 3D Mesh Models from Single RGB Images*; the paper on neural ODEs for Pixel2Mesh.
 
+mod camera;
 mod config;
 mod continuous;
 mod decay;
 mod deformer;
 mod mesh_pairs;
+#[cfg(test)]
+mod object_frame_tests;
 mod predictor;
 mod projection;
 #[cfg(test)]
 mod published_tests;
 mod score;
 mod single_view;
+mod stage_terms;
 mod staged;
 mod template;
 #[cfg(test)]
 mod tests;
 
+pub use camera::{Estimate, Seen};
 pub use config::{
-    DeformationKind, EncoderForm, GraphInit, Method, OdeConfig, SharedConfig, StagesConfig,
+    CameraSource, DeformationKind, EncoderForm, GraphInit, Method, OdeConfig, SharedConfig,
+    StagesConfig,
 };
 pub use continuous::Continuous;
 pub use deformer::{Deformed, Deformer, Run, Stage};

@@ -1,10 +1,15 @@
 //! A single image's mesh and its way there, from a user's files.
 
+use mesh_core::TriMesh;
 use train::{DataError, PredictError};
 
+use super::camera::{Estimate, Seen};
+use super::config::CameraSource;
 use super::deformer::Deformer;
 use super::single_view::SingleView;
-use crate::predict::{PredictInput, Prediction, Predictor, Request};
+use crate::paired::FrameKind;
+use crate::predict::{Detail, PredictInput, Prediction, Predictor, Request};
+use crate::viewpoint::as_seen;
 
 /// Meshes of a deformation through time.
 const FRAMES: usize = 25;
@@ -13,19 +18,92 @@ impl<D: Deformer> Predictor for SingleView<D> {
     const ABOUT: &'static str = D::ABOUT;
     const TRAINING: &'static str = D::TRAINING;
 
+    /// In the object's frame an image that has no camera is given the one that is estimated, so that its mesh stands upright.
     fn load(&self, request: &Request<'_>) -> Result<PredictInput, DataError> {
-        PredictInput::single(request)
+        let mut input = PredictInput::single(request)?;
+        if input.camera_assumed && self.shared().frame == FrameKind::Object {
+            self.give_camera(&mut input)?;
+        }
+        Ok(input)
+    }
+
+    fn input(config: &D::Config) -> String {
+        let shared = D::shared(config);
+        let camera = match (shared.frame, shared.camera) {
+            (FrameKind::Camera, _) => "",
+            (_, CameraSource::Estimated) => ", whose camera is estimated",
+            _ if shared.has_camera_head() => {
+                ", and its camera, which is estimated where it has none"
+            }
+            _ => ", and its camera in the object's frame",
+        };
+        format!("one image with its mask{camera}")
     }
 
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
         let picture = self.picture(&input.given)?;
-        let (mesh, sequence) =
-            self.mesh_and_sequence_of(&picture, FRAMES).map_err(PredictError::solve)?;
-        let in_world = |mesh| picture.frame.mesh_in_world(mesh);
+        let estimate = match self.seen(&picture).map_err(PredictError::solve)? {
+            Seen::Told(..) => None,
+            Seen::Estimated(estimate) => Some(estimate),
+        };
+        let through = estimate.as_ref().map(|estimate| picture.seen_by(estimate.camera.clone()));
+        let (mesh, sequence) = self
+            .mesh_and_sequence_of(through.as_ref().unwrap_or(&picture), FRAMES)
+            .map_err(PredictError::solve)?;
+        let in_world = |mesh: TriMesh| {
+            let mesh = picture.frame.mesh_in_world(mesh);
+            match &estimate {
+                None => mesh,
+                Some(Estimate { camera, .. }) => as_seen(mesh, camera, &picture.camera),
+            }
+        };
         Ok(Prediction {
             mesh: in_world(mesh),
             sequence: sequence.into_iter().map(in_world).collect(),
+            details: estimate.iter().flat_map(details).collect(),
             ..Prediction::default()
         })
     }
+}
+
+impl<D: Deformer> SingleView<D> {
+    /// Puts the estimated camera in the place of the assumed one, and says so.
+    pub(super) fn give_camera(&self, input: &mut PredictInput) -> Result<(), DataError> {
+        let refused = |what: &str| {
+            let source = input.source.display();
+            DataError::Unfit(format!("{source}: {what}"))
+        };
+        let picture = self.picture(&input.given).map_err(|error| refused(&error.to_string()))?;
+        let estimate = self.estimate(&picture).map_err(|error| refused(&error.to_string()))?;
+        let Some(Estimate { camera, hypothesis, outline, .. }) = estimate else {
+            let what = "no camera, expected views with cameras (a folder) or a checkpoint that estimates them \
+                        (`camera-weight` above 0)";
+            return Err(refused(what));
+        };
+        let view = &mut input.given[0];
+        view.camera = camera.resized(view.camera.width, view.camera.height);
+        let at = hypothesis.viewpoint;
+        let warning = format!(
+            "the camera of a single image is estimated: azimuth {:.0}, elevation {:.0} degrees (held {:.0} % likely; the outline \
+             agrees by {outline:.2}), through a lens of 35 mm on a sensor 32 mm wide, the object in the middle",
+            at.azimuth.to_degrees().rem_euclid(360.0),
+            at.elevation.to_degrees(),
+            100.0 * hypothesis.probability,
+        );
+        input.warnings.retain(|warning| !warning.starts_with("the camera of a single image"));
+        input.warnings.push(warning);
+        Ok(())
+    }
+}
+
+/// What is known of an estimated camera.
+fn details(estimate: &Estimate) -> Vec<Detail> {
+    let at = estimate.hypothesis.viewpoint;
+    let degrees = [at.azimuth, at.elevation].map(f64::to_degrees);
+    vec![
+        ("camera azimuth and elevation", degrees.to_vec()),
+        ("camera probability", vec![estimate.hypothesis.probability]),
+        ("camera outline IoU", vec![estimate.outline]),
+        ("cameras tried", vec![estimate.tried as f64]),
+    ]
 }

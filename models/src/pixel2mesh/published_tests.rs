@@ -170,6 +170,9 @@ fn the_published_camera_is_not_the_images() {
     }
     let wrong = tiny::<OdePixel2Mesh>("paper", &[("projection", "[0.0, 300.0]")]);
     assert!(OdePixel2Mesh::check(&wrong.system).join(" ").contains("`projection`"));
+    // In the object's frame it would be no camera at all.
+    let wrong = tiny::<OdePixel2Mesh>("paper", &[("frame", "object")]);
+    assert!(OdePixel2Mesh::check(&wrong.system).join(" ").contains("`projection`"));
 }
 
 /// Glorot's numbers where the first version has them, PyTorch's elsewhere.

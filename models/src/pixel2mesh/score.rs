@@ -2,15 +2,18 @@
 
 use std::collections::BTreeMap;
 
+use mesh_core::TriMesh;
 use ode_deform::solve::Stats;
 use rayon::prelude::*;
 use train::report::ViewPair;
 use train::{Better, DataError, Metric, Subset};
 
+use super::camera::{Estimate, Seen};
 use super::deformer::Deformer;
 use super::single_view::SingleView;
 use crate::paired::{Pair, Pairs, PointScores, picture_above, point_scores};
 use crate::parts::mean_metric;
+use crate::viewpoint::Viewpoint;
 
 /// Objects shown together.
 const SHOWN: usize = 6;
@@ -22,7 +25,12 @@ pub struct Scored {
     pub each: Vec<(usize, PointScores, Stats)>,
     /// What the object of each is called: category and name.
     pub names: Vec<String>,
+    /// By how many degrees the azimuth of each is wrong, where a camera head guesses it; else empty.
+    pub azimuths: Vec<f64>,
 }
+
+/// An azimuth that is wrong by more degrees takes the front for the back.
+const FLIPPED: f64 = 120.0;
 
 impl Scored {
     /// The means over objects, of each the mean over its images.
@@ -48,6 +56,24 @@ impl Scored {
         sum as f64 / self.each.len().max(1) as f64
     }
 
+    /// The median error of the azimuth in degrees; not a number where none is guessed.
+    pub fn azimuth_error(&self) -> f64 {
+        let mut errors = self.azimuths.clone();
+        errors.sort_by(f64::total_cmp);
+        let middle = errors.len() / 2;
+        match errors.as_slice() {
+            [] => f64::NAN,
+            all if all.len() % 2 == 1 => all[middle],
+            all => 0.5 * (all[middle - 1] + all[middle]),
+        }
+    }
+
+    /// The share of the images whose azimuth is wrong by more than 120 degrees; not a number where none is guessed.
+    pub fn flips(&self) -> f64 {
+        let flipped = self.azimuths.iter().filter(|&&error| error > FLIPPED).count();
+        flipped as f64 / self.azimuths.len() as f64
+    }
+
     /// The means over objects by name with the values of each, and the evaluations.
     pub fn metrics(&self) -> Vec<Metric> {
         let mean = |name: &str, better, of: &dyn Fn(&(usize, PointScores, Stats)) -> f64| {
@@ -62,6 +88,12 @@ impl Scored {
             })
             .filter(|metric| metric.name != "normals" || metric.value.is_finite())
             .collect();
+        if !self.azimuths.is_empty() {
+            metrics.push(Metric::smaller("azimuth-error", self.azimuth_error()));
+            let flips = self.names.iter().zip(&self.azimuths);
+            let flips = flips.map(|(name, &error)| (&**name, f64::from(u8::from(error > FLIPPED))));
+            metrics.push(mean_metric("flips", Better::Smaller, flips));
+        }
         metrics.push(mean("evaluations", Better::Smaller, &|(.., stats)| stats.evaluations as f64));
         metrics
     }
@@ -74,19 +106,32 @@ impl Scored {
     /// If a file cannot be read, there is nothing for that, or `of` says so.
     pub fn of(
         data: &Pairs,
-        (subset, views): (Subset, usize),
+        subset: (Subset, usize),
         of: impl Fn(&Pair) -> Result<(PointScores, Stats), DataError> + Sync,
     ) -> Result<Self, DataError> {
-        let one = |k: usize| -> Result<(usize, PointScores, Stats), DataError> {
+        Self::judged(data, subset, |pair| of(pair).map(|(scores, stats)| (scores, stats, None)))
+    }
+
+    /// The same with the error of the azimuth, where one is guessed.
+    fn judged(
+        data: &Pairs,
+        (subset, views): (Subset, usize),
+        of: impl Fn(&Pair) -> Result<(PointScores, Stats, Option<f64>), DataError> + Sync,
+    ) -> Result<Self, DataError> {
+        let one = |k: usize| {
             let (object, pair) = data.trial(subset, views, k)?;
-            let (scores, stats) = of(&pair)?;
-            Ok((object, scores, stats))
+            Ok((object, of(&pair)?))
         };
         let count = data.trials(subset, views)?;
-        let all: Vec<_> = (0..count).into_par_iter().map(one).collect();
-        let each: Vec<_> = all.into_iter().collect::<Result<_, _>>()?;
-        let names = each.iter().map(|(object, ..)| data.object_name(*object)).collect();
-        Ok(Self { each, names })
+        let all: Vec<Result<_, DataError>> = (0..count).into_par_iter().map(one).collect();
+        let mut scored = Self::default();
+        for found in all {
+            let (object, (scores, stats, azimuth)) = found?;
+            scored.each.push((object, scores, stats));
+            scored.names.push(data.object_name(object));
+            scored.azimuths.extend(azimuth);
+        }
+        Ok(scored)
     }
 }
 
@@ -96,10 +141,22 @@ impl<D: Deformer> SingleView<D> {
     /// # Errors
     /// If a file cannot be read, or there is nothing for that.
     pub fn scored(&self, data: &Pairs, subset: Subset) -> Result<Scored, DataError> {
-        Scored::of(data, (subset, self.shared().pairs.scored_views), |pair| {
+        Scored::judged(data, (subset, self.shared().pairs.scored_views), |pair| {
+            let picture = &*pair.picture;
             // What does not come to its end is no mesh at all.
-            let (mesh, stats) = self.mesh_of(&pair.picture).unwrap_or_default();
-            Ok((point_scores(&mesh, &pair.truth), stats))
+            let (mesh, stats, guess) = match self.seen(picture) {
+                Ok(Seen::Told(mesh, stats)) => {
+                    (mesh, stats, self.viewpoints_of(picture).first().copied())
+                }
+                Ok(Seen::Estimated(Estimate { mesh, stats, hypothesis, .. })) => {
+                    (mesh, stats, Some(hypothesis))
+                }
+                Err(_) => (TriMesh::default(), Stats::default(), None),
+            };
+            let truth = Viewpoint::of(&picture.camera);
+            let error = guess.map(|guess| guess.viewpoint.azimuth_error(&truth));
+            let error = error.or(self.viewpoint.as_ref().map(|_| 180.0));
+            Ok((point_scores(&mesh, &pair.truth), stats, error))
         })
     }
 

@@ -2,9 +2,8 @@
 
 use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut};
 use datasets::View;
-use losses::{Directions, Matches};
 use mesh_core::TriMesh;
-use nets::{Init, Pixel2MeshEncoder};
+use nets::{Init, Pixel2MeshEncoder, ViewpointHead};
 use ode_deform::solve::{SolveError, Stats};
 use recon::scene::scene_of;
 use train::{
@@ -12,12 +11,13 @@ use train::{
     Summary, System, Terms,
 };
 
-use super::config::{EncoderForm, SharedConfig};
+use super::config::{DIRECTIONS, EncoderForm, SharedConfig};
 use super::decay::half_squares;
-use super::deformer::{Deformed, Deformer, Run, Stage};
+use super::deformer::{Deformed, Deformer, Run};
 use super::projection::published_lens;
+use super::stage_terms::Sums;
 use super::template::Template;
-use crate::paired::{Pair, Pairs, Picture};
+use crate::paired::{FrameKind, Pair, Pairs, Picture};
 use crate::stacked::stacked;
 
 /// An encoder, a template and what deforms it.
@@ -28,31 +28,21 @@ pub struct SingleView<D: Deformer> {
     pub(super) encoder: Pixel2MeshEncoder,
     pub(super) deformer: D,
     pub(super) template: Template,
-}
-
-/// What the stages miss, summed over them; nothing where no stage counts it.
-#[derive(Clone, Copy, Debug, Default)]
-struct Sums<'t> {
-    chamfer: Option<Var<'t>>,
-    edge: Option<Var<'t>>,
-    normal: Option<Var<'t>>,
-    laplacian: Option<Var<'t>>,
-    moved: Option<Var<'t>>,
-}
-
-fn add<'t>(sum: &mut Option<Var<'t>>, value: Var<'t>) {
-    *sum = Some(sum.map_or(value, |sum| sum + value));
+    /// What estimates cameras, where the configuration asks for it.
+    pub(super) viewpoint: Option<ViewpointHead>,
 }
 
 impl<D: Deformer> Module<f32> for SingleView<D> {
     fn visit(&self, path: &str, visitor: &mut dyn Visitor<f32>) {
         self.encoder.visit(&autodiff_lite::join_path(path, "encoder"), visitor);
         self.deformer.visit(&autodiff_lite::join_path(path, "deformer"), visitor);
+        self.viewpoint.visit(&autodiff_lite::join_path(path, "viewpoint"), visitor);
     }
 
     fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<f32>) {
         self.encoder.visit_mut(&autodiff_lite::join_path(path, "encoder"), visitor);
         self.deformer.visit_mut(&autodiff_lite::join_path(path, "deformer"), visitor);
+        self.viewpoint.visit_mut(&autodiff_lite::join_path(path, "viewpoint"), visitor);
     }
 }
 
@@ -98,15 +88,15 @@ impl<D: Deformer> SingleView<D> {
         other
     }
 
-    /// Meshes of images, in the frames of their cameras.
+    /// Meshes of images, in the frames of their pictures.
     pub(super) fn deformed<'t>(
         &self,
         tape: &'t Tape,
         pictures: &[&Picture],
         run: Run,
     ) -> Result<Deformed<'t>, SolveError> {
-        let (n, side) = (pictures.len(), self.shared().pairs.image_size);
-        let images = stacked(tape, pictures.iter().map(|p| &p.image[..]), &[n, side, side, 3]);
+        let n = pictures.len();
+        let images = self.images(tape, pictures);
         let camera = match self.shared().projection {
             Some(lens) => published_lens(tape, n, lens),
             None => stacked(tape, pictures.iter().map(|p| &p.lens[..]), &[n, 3, 4]),
@@ -120,19 +110,26 @@ impl<D: Deformer> SingleView<D> {
         self.deformer.deform(&self.template, &inputs, run)
     }
 
-    /// The mesh of one image in the frame of its camera, and the work that it took.
+    /// `[N, S, S, 3]`.
+    pub(super) fn images<'t>(&self, tape: &'t Tape, pictures: &[&Picture]) -> Var<'t> {
+        let side = self.shared().pairs.image_size;
+        let pixels = pictures.iter().map(|p| &p.image[..]);
+        stacked(tape, pixels, &[pictures.len(), side, side, 3])
+    }
+
+    /// The mesh of one image by the picture's own camera, in the frame of the picture, and the work that it took.
     ///
     /// # Errors
     /// If an integration does not come to its end.
-    pub fn mesh_of(&self, picture: &Picture) -> Result<(TriMesh, Stats), SolveError> {
+    pub(super) fn mesh_told(&self, picture: &Picture) -> Result<(TriMesh, Stats), SolveError> {
         let tape = Tape::eval();
         let deformed = self.deformed(&tape, &[picture], Run::Test)?;
         let last = deformed.stages.last().expect("a stage");
         Ok((self.mesh(last.level, last.positions), deformed.stats))
     }
 
-    /// The mesh of one image as [`mesh_of`](Self::mesh_of) has it, and meshes on the way from the ellipsoid to it, in
-    /// the frame of the camera.
+    /// The mesh of one image by the picture's own camera, and meshes on the way from the ellipsoid to it, in the frame of the
+    /// picture.
     ///
     /// # Errors
     /// If an integration does not come to its end.
@@ -158,41 +155,6 @@ impl<D: Deformer> SingleView<D> {
         let value = positions.value();
         let rows = value.as_slice().as_chunks::<3>().0.to_vec();
         TriMesh::new(rows, self.template.levels[level].mesh.faces.clone())
-    }
-
-    fn stage_terms<'t>(
-        &self,
-        stage: &Stage<'t>,
-        truth: Var<'t>,
-        normals: &[f32],
-        sums: &mut Sums<'t>,
-    ) {
-        let shared = self.shared();
-        let level = &self.template.levels[stage.level];
-        let (edges, neighbours) = (&level.topology.edges, &level.topology.vertex_vertices);
-        let mut matches = Matches::default();
-        matches.find(stage.positions, truth);
-        let ways = Directions { x_to_y: shared.chamfer_back, y_to_x: 1.0 };
-        let vertices = level.mesh.positions.len() as f32;
-        let moved = stage.positions - stage.before;
-        let chamfer = losses::chamfer_distance(stage.positions, truth, &matches, ways);
-        add(&mut sums.chamfer, chamfer);
-        let listed = 2.0 * edges.len() as f32;
-        let share = if shared.self_loops { listed / (listed + vertices) } else { 1.0 };
-        let of_edges = |mean: Var<'t>| if share < 1.0 { mean.scale(share) } else { mean };
-        add(&mut sums.edge, of_edges(losses::edge_length(stage.positions, edges, 0.0)));
-        if shared.normal_weight > 0.0 && !normals.is_empty() {
-            let turned = losses::edge_normal(stage.positions, edges, normals, matches.x_to_y());
-            add(&mut sums.normal, of_edges(turned));
-        }
-        if shared.laplacian_weight > 0.0 {
-            let change = losses::laplacian_squared(moved, neighbours);
-            add(&mut sums.laplacian, change.scale(stage.laplacian as f32 / vertices));
-        }
-        if shared.move_weight > 0.0 && stage.displacement > 0.0 {
-            let moved = moved.square().mean().scale(3.0 * stage.displacement as f32);
-            add(&mut sums.moved, moved);
-        }
     }
 }
 
@@ -247,15 +209,25 @@ impl<D: Deformer> System for SingleView<D> {
         let vertices = 2 + (156 - 2) * 4_usize.pow(shared.level);
         shapes.push(("mesh".to_owned(), format!("[N, {vertices}, 3], {} faces", 2 * vertices - 4)));
         let encoder = shared.encoder_parameters();
+        let camera = shared.camera_parameters();
+        if camera > 0 {
+            let directions =
+                format!("{DIRECTIONS} directions, a turn from each, elevation, distance");
+            shapes.push(("camera".to_owned(), directions));
+            shapes.push(("trained in the camera head".to_owned(), camera.to_string()));
+        }
         shapes.push(("trained in the encoder".to_owned(), encoder.to_string()));
         shapes.push(("trained in the deformation".to_owned(), deformer.to_string()));
-        Summary { trainable: encoder + deformer, frozen: 0, shapes }
+        Summary { trainable: encoder + deformer + camera, frozen: 0, shapes }
     }
 
     fn new(config: &D::Config, seed: u64) -> Self {
         let init = Init::new(seed);
         let shared = D::shared(config);
-        let template = Template::new(shared.level);
+        let template = match shared.frame {
+            FrameKind::Camera => Template::new(shared.level),
+            FrameKind::Object => Template::new(shared.level).about_origin(),
+        };
         let at = init.at("encoder");
         let plain = Pixel2MeshEncoder::new(&at, shared.channels, shared.encoder_init);
         let encoder = match shared.encoder_form {
@@ -263,14 +235,21 @@ impl<D: Deformer> System for SingleView<D> {
             EncoderForm::Residual => plain.residual(&at),
         };
         let deformer = D::new(config, &init.at("deformer"), &template);
-        Self { config: config.clone(), seed, encoder, deformer, template }
+        let head = || ViewpointHead::new(&init.at("viewpoint"), 3, DIRECTIONS);
+        let viewpoint = shared.has_camera_head().then(head);
+        Self { config: config.clone(), seed, encoder, deformer, template, viewpoint }
+    }
+
+    fn init_from_data(&mut self, data: &Pairs) -> Result<(), DataError> {
+        self.camera_begins_at(data)
     }
 
     fn open(
         config: &D::Config,
         source: &Source<'_, Self::ReadOptions>,
     ) -> Result<Pairs, DataError> {
-        Pairs::open(&D::shared(config).pairs, source)
+        let shared = D::shared(config);
+        Ok(Pairs::open(&shared.pairs, source)?.with_frame(shared.frame))
     }
 
     fn fingerprint(data: &Pairs) -> u64 {
@@ -304,7 +283,6 @@ impl<D: Deformer> System for SingleView<D> {
         let normals: Vec<f32> =
             batch.iter().flat_map(|pair| pair.truth.normals.as_flattened()).copied().collect();
         let normals = if normals.len() == 3 * count * batch.len() { &normals[..] } else { &[] };
-        let zero = || tape.constant(ndarray::arr0(0.0));
         let mut sums = Sums::default();
         match self.deformed(tape, &pictures, run) {
             Ok(deformed) => {
@@ -318,20 +296,8 @@ impl<D: Deformer> System for SingleView<D> {
             }
             Err(error) => return Err(LossError::solve(error)),
         }
-        let shared = self.shared();
-        let mut terms = Terms::new();
-        for (name, weight, sum) in [
-            ("chamfer", shared.chamfer_weight, sums.chamfer),
-            ("edge", shared.edge_weight, sums.edge),
-            ("normal", shared.normal_weight, sums.normal),
-            ("laplacian", shared.laplacian_weight, sums.laplacian),
-            ("move", shared.move_weight, sums.moved),
-        ] {
-            if weight > 0.0 {
-                terms = terms.with(name, weight, sum.unwrap_or_else(zero));
-            }
-        }
-        Ok(self.decayed(tape, terms))
+        let terms = sums.weighted(self.shared(), || tape.constant(ndarray::arr0(0.0)));
+        Ok(self.decayed(tape, self.with_camera(tape, &pictures, terms)))
     }
 
     fn data_summary(data: &Pairs) -> Option<DataSummary> {
@@ -352,8 +318,8 @@ impl<D: Deformer> System for SingleView<D> {
     /// The mesh in the world of the camera, from the first view.
     fn predict(&self, views: &[View]) -> Result<TriMesh, PredictError> {
         let picture = self.picture(views)?;
-        let (mesh, _) = self.mesh_of(&picture).map_err(PredictError::solve)?;
-        Ok(picture.frame.mesh_in_world(mesh))
+        let seen = self.seen(&picture).map_err(PredictError::solve)?;
+        Ok(seen.in_world_of(&picture))
     }
 }
 
@@ -362,6 +328,6 @@ impl<D: Deformer> SingleView<D> {
     pub(crate) fn picture(&self, views: &[View]) -> Result<Picture, PredictError> {
         let view = views.first().ok_or(PredictError::NoView)?;
         let pairs = &self.shared().pairs;
-        Ok(Picture::new(view, pairs.image_size, pairs.scale)?)
+        Ok(Picture::new(view, pairs.image_size, pairs.scale)?.with_frame(self.shared().frame))
     }
 }

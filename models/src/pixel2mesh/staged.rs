@@ -40,6 +40,8 @@ impl Deformer for Staged {
         ("paper", include_str!("presets/pixel2mesh/paper.toml")),
         ("paper-table", include_str!("presets/pixel2mesh/paper-table.toml")),
         ("table", include_str!("presets/pixel2mesh/table.toml")),
+        ("object", include_str!("presets/pixel2mesh/object.toml")),
+        ("object-estimated", include_str!("presets/pixel2mesh/object-estimated.toml")),
     ];
     const ABOUT: &'static str = "One image to a mesh in three stages, learned from true surfaces";
     const TRAINING: &'static str =

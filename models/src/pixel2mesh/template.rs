@@ -17,7 +17,7 @@ pub struct Template {
 /// One level.
 #[derive(Clone, Debug)]
 pub struct Level {
-    /// In the camera's frame.
+    /// In the camera's frame, or about the origin of the object's.
     pub mesh: TriMesh,
     /// Its edges and neighbours.
     pub topology: Topology,
@@ -25,6 +25,8 @@ pub struct Level {
     pub support: SparseMatrix,
     /// From this level's vertices to the next one's: themselves, then the midpoints of edges. None at the last.
     pub unpool: Option<SparseMatrix>,
+    /// The mean squared length of its edges.
+    pub squared_edge: f64,
 }
 
 impl Template {
@@ -57,9 +59,24 @@ impl Template {
             let topology = Topology::new(mesh.positions.len(), &mesh.faces);
             let support = chebyshev(&topology);
             let unpool = pairs.next().map(|pairs| unpool(mesh.positions.len(), &pairs));
-            Level { mesh, topology, support, unpool }
+            let squared_edge = squared_edge(&mesh, &topology);
+            Level { mesh, topology, support, unpool, squared_edge }
         };
         Self { levels: meshes.into_iter().map(level).collect() }
+    }
+
+    /// The same moved so that its middle is at the origin: where it begins in the object's own frame.
+    #[must_use]
+    pub fn about_origin(mut self) -> Self {
+        let bounds = self.levels.first().and_then(|level| level.mesh.bounds());
+        if let Some((low, high)) = bounds {
+            let middle: [f32; 3] = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
+            for level in &mut self.levels {
+                let positions = level.mesh.positions.iter_mut();
+                positions.for_each(|p| *p = std::array::from_fn(|k| p[k] - middle[k]));
+            }
+        }
+        self
     }
 
     /// The finest level.
@@ -71,6 +88,14 @@ impl Template {
 /// The pairs of vertices whose midpoints the next level appends, in its order.
 fn midpoints(mesh: &TriMesh) -> Vec<[u32; 2]> {
     Topology::new(mesh.positions.len(), &mesh.faces).edges
+}
+
+fn squared_edge(mesh: &TriMesh, topology: &Topology) -> f64 {
+    let squares = topology.edges.iter().map(|&[a, b]| {
+        let [p, q] = [a, b].map(|v| mesh.positions[v as usize]);
+        (0..3).map(|k| f64::from(p[k] - q[k]).powi(2)).sum::<f64>()
+    });
+    squares.sum::<f64>() / topology.edges.len().max(1) as f64
 }
 
 fn unpool(vertices: usize, pairs: &[[u32; 2]]) -> SparseMatrix {
@@ -181,6 +206,19 @@ mod tests {
                 assert!((found - expected).abs() < 1e-6, "{found} {expected}");
             }
         }
+    }
+
+    #[test]
+    fn it_goes_to_the_origin() {
+        let (there, here) = (Template::new(1), Template::new(1).about_origin());
+        for (a, b) in there.levels.iter().zip(&here.levels) {
+            for (p, q) in a.mesh.positions.iter().zip(&b.mesh.positions) {
+                let moved = [q[0], q[1], q[2] - 0.8];
+                assert!((0..3).all(|k| (p[k] - moved[k]).abs() < 1e-3), "{p:?} {q:?}");
+            }
+        }
+        let ratio = here.levels[0].squared_edge / here.levels[1].squared_edge;
+        assert!((ratio - 4.0).abs() < 1e-3, "{ratio}");
     }
 
     /// Diagonals `2 / λmax - 1` and numbers of entries as the published file has them.

@@ -7,7 +7,7 @@ use train::settings::read_text;
 use train::{Configuration, Draw, StepInfo, System};
 
 use super::*;
-use crate::paired::{Pairs, PairsConfig};
+use crate::paired::{FrameKind, Pairs, PairsConfig};
 
 fn data() -> PairsConfig {
     PairsConfig {
@@ -45,6 +45,18 @@ fn residual_encoder() -> OdeConfig {
     OdeConfig { shared, ..stacked() }
 }
 
+/// In the object's frame, with a camera head.
+fn object() -> StagesConfig {
+    let shared = SharedConfig {
+        frame: FrameKind::Object,
+        camera_weight: 1.0,
+        stretch_weight: 0.1,
+        bending_weight: 0.1,
+        ..stages().shared
+    };
+    StagesConfig { shared, ..stages() }
+}
+
 fn stages() -> StagesConfig {
     let shared = SharedConfig {
         normal_weight: 0.1,
@@ -74,6 +86,7 @@ fn parameters_are_counted_without_making_them() {
     counted::<OdePixel2Mesh>(&residual_encoder());
     counted::<OdePixel2Mesh>(&OdeConfig { deformation: DeformationKind::Residual, ..ode() });
     counted::<Pixel2Mesh>(&stages());
+    counted::<Pixel2Mesh>(&object());
     counted::<Pixel2Mesh>(&StagesConfig { shared: shared(), ..stages() });
 }
 
@@ -122,8 +135,19 @@ fn what_is_out_of_range_is_named() {
         shared: SharedConfig { level: 7, ..shared() },
         ..ode()
     };
-    let problems = OdePixel2Mesh::check(&wrong).join("; ");
+    let mut problems = OdePixel2Mesh::check(&wrong).join("; ");
+    let camera = CameraSource::Estimated;
+    let unframed = SharedConfig { camera, camera_weight: 1.0, ..shared() };
+    problems += &OdePixel2Mesh::check(&OdeConfig { shared: unframed, ..ode() }).join("; ");
+    let headless = SharedConfig { camera, frame: FrameKind::Object, ..shared() };
+    let headless = OdePixel2Mesh::check(&OdeConfig { shared: headless, ..ode() }).join("; ");
+    assert!(
+        headless.contains("`camera`") && !headless.contains("`camera-weight` is"),
+        "{headless}"
+    );
     for field in [
+        "`camera`",
+        "`camera-weight`",
         "`start`",
         "`step`",
         "`tolerance`",
@@ -137,9 +161,12 @@ fn what_is_out_of_range_is_named() {
 }
 
 /// Loss terms of a batch at a step, and the gradient of their weighted sum by path.
-fn step<S: System<Data = Pairs>>(config: &S::Config, step: u64) -> (Vec<f32>, Vec<(String, f32)>) {
+fn step<S: System<Data = Pairs, ReadOptions = datasets::ReadOptions>>(
+    config: &S::Config,
+    step: u64,
+) -> (Vec<f32>, Vec<(String, f32)>) {
     let system = S::new(config, 3);
-    let pairs = Pairs::synthetic(&data()).unwrap();
+    let pairs = crate::testing::made::<S>(config, 0);
     let draw = |i: u64| Draw { seed: 1, epoch: 0, index: i, item: i as usize };
     let batch: Vec<S::Sample> = (0..2).map(|i| system.draw(&pairs, &draw(i)).unwrap()).collect();
     let tape = Tape::train(0);
@@ -164,6 +191,7 @@ fn every_parameter_learns_and_steps_are_drawn() {
         step::<OdePixel2Mesh>(&residual_encoder(), 0),
         step::<OdePixel2Mesh>(&residual, 0),
         step::<Pixel2Mesh>(&stages(), 0),
+        step::<Pixel2Mesh>(&object(), 0),
     ] {
         assert!(values.iter().all(|v| v.is_finite() && *v > 0.0), "{values:?}");
         for (path, norm) in norms {

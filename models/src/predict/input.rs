@@ -56,6 +56,8 @@ pub struct PredictInput {
     pub layout: Layout,
     /// What a user should know, one sentence each.
     pub warnings: Vec<String>,
+    /// Whether nothing said where the camera of the given view stands.
+    pub camera_assumed: bool,
 }
 
 impl<'a> Request<'a> {
@@ -152,6 +154,7 @@ impl PredictInput {
             source: path.to_owned(),
             layout: Layout::Photos,
             warnings: vec![warning.to_owned()],
+            camera_assumed: true,
         })
     }
 
@@ -197,7 +200,7 @@ impl PredictInput {
         let mut views: Vec<Option<View>> = views.into_iter().map(Some).collect();
         let given = chosen.iter().filter_map(|&at| views[at].take()).collect();
         let others = views.into_iter().flatten().collect();
-        Ok(Self { given, others, source, layout, warnings })
+        Ok(Self { given, others, source, layout, warnings, camera_assumed: false })
     }
 }
 
