@@ -20,6 +20,11 @@ const SLENDER: f64 = 1.5;
 /// Rounds of smoothing of the cells' surface.
 const ROUNDS: usize = 6;
 
+/// Whether an object reaches so far that a sphere would be a bad start.
+pub(super) fn is_slender(placement: &Placement) -> bool {
+    placement.half_extent >= SLENDER * placement.radius
+}
+
 /// Cells, and which of them may hold some of the object.
 #[derive(Debug)]
 pub(super) struct Hull {
@@ -29,15 +34,12 @@ pub(super) struct Hull {
 }
 
 impl Hull {
-    /// The hull around a placement, where a sphere would be a bad start; `targets` are placed anew.
+    /// The hull around a placement; `targets` are placed anew.
     pub(super) fn of(
         views: &[&View],
         targets: &mut [Target],
         placement: &Placement,
     ) -> Option<Self> {
-        if placement.half_extent < SLENDER * placement.radius {
-            return None;
-        }
         // Two cells of air on each side.
         let half = placement.half_extent * SIDE as f64 / (SIDE as f64 - 4.0);
         for target in targets.iter_mut() {
@@ -51,6 +53,11 @@ impl Hull {
             }
         }
         Some(Self { inside, cell: 2.0 * half / SIDE as f64 / placement.radius })
+    }
+
+    /// The side of a cell in units of the placement's radius.
+    pub(super) fn cell(&self) -> f32 {
+        self.cell as f32
     }
 
     /// The smoothed surface of a ball of cells that fills the hull, in units of the placement's
@@ -171,7 +178,7 @@ fn neighbours(at: [usize; 3]) -> impl Iterator<Item = usize> {
 }
 
 /// Rounds off the steps of the cells; every second round swells, so that thin parts stay.
-fn smooth(mesh: &mut TriMesh) {
+pub(super) fn smooth(mesh: &mut TriMesh) {
     let topology = Topology::new(mesh.positions.len(), &mesh.faces);
     for round in 0..2 * ROUNDS {
         let share = if round % 2 == 0 { 0.5 } else { -0.52 };

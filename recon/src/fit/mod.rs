@@ -47,13 +47,19 @@ mod config;
 mod distance;
 mod error;
 mod event;
+mod grading;
 mod hull;
+mod kuhn;
+mod lattice;
 mod outline;
 mod placement;
 mod quality;
 mod refine;
 mod shape;
 mod sight;
+mod skin;
+mod solid;
+mod start;
 mod stepper;
 mod target;
 mod texture;
@@ -67,7 +73,7 @@ use mesh_core::{Health, TriMesh};
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
-pub use config::{ColorKind, FitConfig};
+pub use config::{ColorKind, FitConfig, TopologyKind};
 pub use distance::signed_distance;
 pub use error::FitError;
 pub use event::{Event, Step};
@@ -77,8 +83,8 @@ pub use quality::{Quality, unused_detail};
 pub use refine::{RefineConfig, refine};
 pub use stepper::Stepper;
 
-use hull::Hull;
 use shape::Shape;
+use start::Start;
 use target::Target;
 
 /// Share of the object's size that is kept around it in each view.
@@ -142,7 +148,7 @@ struct Run<'a> {
     on_event: &'a mut dyn FnMut(Event) -> ControlFlow<()>,
     train: Vec<Target>,
     held_out: Vec<Target>,
-    hull: Option<Hull>,
+    start: Option<Start>,
     fitted: Fitted,
     clock: Instant,
 }
@@ -197,7 +203,7 @@ impl<'a> Run<'a> {
         let (mut train, mut held_out) = (measure(&train_views), measure(&held_out_views));
         let seen: Vec<&View> = train_views.iter().map(|&i| &views[i]).collect();
         let placement = placement::place(&seen, &mut train)?;
-        let hull = Hull::of(&seen, &mut train, &placement);
+        let start = Start::of(&seen, &mut train, &placement, config);
         for target in train.iter_mut().chain(&mut held_out) {
             target.place(placement.center, placement.radius);
         }
@@ -214,7 +220,7 @@ impl<'a> Run<'a> {
             warnings: Vec::new(),
             interrupted: false,
         };
-        let mut run = Self { on_event, train, held_out, hull, fitted, clock };
+        let mut run = Self { on_event, train, held_out, start: Some(start), fitted, clock };
         run.tell(Event::Started {
             train: run.train.len(),
             held_out: run.held_out.len(),
@@ -248,7 +254,7 @@ impl<'a> Run<'a> {
     /// Fits the shape, level by level.
     fn shape(&mut self, config: &FitConfig) -> Result<Shape, FitError> {
         self.clock = Instant::now();
-        let (mut shape, start) = self.start(config);
+        let (mut shape, start) = self.start.take().unwrap_or(Start::Sphere).shape(config);
         let mut order = Order::new(self.train.len(), config);
         let total = config.total_steps();
         for level in start..=config.level {
@@ -268,18 +274,6 @@ impl<'a> Run<'a> {
             }
         }
         Ok(shape)
-    }
-
-    /// A sphere, or a ball that fills the hull of a slender object, and the level that it has.
-    fn start(&self, config: &FitConfig) -> (Shape, u32) {
-        let coarse = config.start_level;
-        let Some(grown) = self.hull.as_ref().and_then(Hull::surface) else {
-            return (Shape::sphere(coarse, config), coarse);
-        };
-        // What is thin would be lost in coarse triangles.
-        let level = coarse.max(config.level - 1);
-        let shape = Shape::of(grown.positions, grown.faces, config);
-        (shape.evened(20 << (2 * level), config), level)
     }
 
     /// The steps of one level.
@@ -435,4 +429,9 @@ fn check(view: &View) -> Result<(), FitError> {
     view.camera
         .validate()
         .map_err(|e| FitError::Camera { view: view.name.clone(), problem: e.to_string() })
+}
+
+/// Development only.
+pub(crate) fn tune(name: &str, default: f32) -> f32 {
+    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
 }
