@@ -55,6 +55,7 @@ mod outline;
 mod placement;
 mod quality;
 mod refine;
+mod settle;
 mod shape;
 mod sight;
 mod skin;
@@ -254,11 +255,16 @@ impl<'a> Run<'a> {
     /// Fits the shape, level by level.
     fn shape(&mut self, config: &FitConfig) -> Result<Shape, FitError> {
         self.clock = Instant::now();
-        let (mut shape, start) = self.start.take().unwrap_or(Start::Sphere).shape(config);
+        let start = self.start.take().unwrap_or(Start::Sphere);
+        let thin = matches!(start, Start::Surface { .. });
+        let (mut shape, start) = start.shape(config);
         let mut order = Order::new(self.train.len(), config);
         let total = config.total_steps();
         for level in start..=config.level {
             if level > start {
+                if thin {
+                    settle::mend(&mut shape);
+                }
                 shape = shape.subdivided(config);
             }
             let name = format!("level {level}");
@@ -272,6 +278,11 @@ impl<'a> Run<'a> {
             if self.fitted.interrupted {
                 break;
             }
+        }
+        if thin {
+            settle::settle(&mut shape, &self.train, config, self.fitted.history.len())?;
+            self.evaluate(&shape, self.fitted.history.len());
+            self.lap("settle");
         }
         Ok(shape)
     }

@@ -82,7 +82,7 @@ impl Start {
         // What is thin would be lost in coarse triangles.
         let level = coarse.max(config.level - super::tune("BELOW", 1.0) as u32);
         let topology = Topology::new(mesh.positions.len(), &mesh.faces);
-        let lengths = grading::lengths(&mesh, &topology, 20 << (2 * level), f64::from(cell * super::tune("SHORT", 1.0)));
+        let lengths = grading::lengths(&mesh, &topology, (super::tune("FACES", 0.75) * (20 << (2 * level)) as f32) as usize, f64::from(cell * super::tune("SHORT", 1.0)));
         let mesh = coarsen(&mesh, &lengths).unwrap_or(mesh);
         (Shape::of(mesh.positions, mesh.faces, config), level)
     }
