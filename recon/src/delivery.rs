@@ -430,7 +430,10 @@ pub fn mesh_table(found: &Examination) -> Table {
     let rows = [
         ("vertices, faces", format!("{}, {}", health.vertices, health.faces)),
         ("it is", found.to_string()),
-        ("holes", holes(health).unwrap_or_else(|| format!("not known: Euler number {}", health.euler))),
+        (
+            "holes",
+            holes(health).unwrap_or_else(|| format!("not known: Euler number {}", health.euler)),
+        ),
         ("pairs of faces that run through each other", found.self_intersections.to_string()),
         ("sharpest fold between faces", format!("{:.1}°", health.largest_dihedral_degrees)),
         ("smallest angle", format!("{:.2}°", health.smallest_angle_degrees)),

@@ -14,15 +14,19 @@ const ROUNDS: usize = 6;
 const LONGEST: f64 = 2.5;
 
 /// A length for each vertex so that about `faces` triangles result, none shorter than `shortest`.
-pub(super) fn lengths(mesh: &TriMesh, topology: &Topology, faces: usize, shortest: f64) -> Vec<f64> {
-    let longest = f64::from(super::tune("LONG", LONGEST as f32));
+pub(super) fn lengths(
+    mesh: &TriMesh,
+    topology: &Topology,
+    faces: usize,
+    shortest: f64,
+) -> Vec<f64> {
     let wished = by_curvature(mesh, topology);
     // An equilateral triangle of side l has the area sqrt(3)/4 l^2.
     let even = (mesh.area() / (0.433 * faces as f64)).sqrt();
     let shortest = shortest.min(even);
     let areas = mesh_core::vertex_areas(&mesh.positions, &mesh.faces);
     let bounded =
-        |length: f32, scale: f64| (scale * f64::from(length)).clamp(shortest, longest * even);
+        |length: f32, scale: f64| (scale * f64::from(length)).clamp(shortest, LONGEST * even);
     let count = |scale: f64| -> f64 {
         let of = |(&length, &area): (&f32, &f32)| {
             f64::from(area) / (0.433 * bounded(length, scale).powi(2))
@@ -61,16 +65,42 @@ fn by_curvature(mesh: &TriMesh, topology: &Topology) -> Vec<f32> {
             })
             .collect();
     }
-    let growth = super::tune("GROWTH", GROWTH);
     let mut lengths: Vec<f32> =
-        curvature.into_iter().map(|square| super::tune("ANGLE", ANGLE) / square.sqrt().max(1e-3)).collect();
+        curvature.into_iter().map(|square| ANGLE / square.sqrt().max(1e-3)).collect();
     for _ in 0..ROUNDS {
         for v in 0..lengths.len() {
             for &w in rings.row(v) {
-                let near = lengths[w as usize] + growth * apart(&mesh.positions, v, w).sqrt();
+                let near = lengths[w as usize] + GROWTH * apart(&mesh.positions, v, w).sqrt();
                 lengths[v] = lengths[v].min(near);
             }
         }
     }
     lengths
+}
+
+#[cfg(test)]
+mod tests {
+    use mesh_core::primitives;
+
+    use super::*;
+
+    #[test]
+    fn edges_are_short_where_the_surface_bends() {
+        // A thin plate with a round rim.
+        let plate = primitives::icosphere(5).scaled([1.0, 0.05, 1.0]);
+        let topology = Topology::new(plate.positions.len(), &plate.faces);
+        let lengths = lengths(&plate, &topology, 2_000, 1e-3);
+        let mean = |range: std::ops::Range<f32>| {
+            let within = |p: &[f32; 3]| range.contains(&p[0].hypot(p[2]));
+            let kept = plate.positions.iter().zip(&lengths).filter(|(p, _)| within(p));
+            let (sum, count) = kept.fold((0.0, 0), |(s, n), (_, l)| (s + l, n + 1));
+            sum / f64::from(count)
+        };
+        let (middle, rim) = (mean(0.0..0.5), mean(0.99..1.01));
+        assert!(rim < 0.4 * middle, "{rim} at the rim, {middle} in the middle");
+        let areas = mesh_core::vertex_areas(&plate.positions, &plate.faces);
+        let faces: f64 =
+            areas.iter().zip(&lengths).map(|(&a, l)| f64::from(a) / (0.433 * l * l)).sum();
+        assert!((faces / 2_000.0 - 1.0).abs() < 0.02, "{faces} faces");
+    }
 }

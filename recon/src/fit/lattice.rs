@@ -107,8 +107,7 @@ impl Lattice {
                 let size = [BLOCK.min(nx - x), BLOCK.min(ny - y), layers];
                 let first = [x, y, bottom];
                 let middle = std::array::from_fn(|k| {
-                    self.origin[k]
-                        + self.step * (first[k] as f32 + 0.5 * (size[k] as f32 - 1.0))
+                    self.origin[k] + self.step * (first[k] as f32 + 0.5 * (size[k] as f32 - 1.0))
                 });
                 let across: f32 = size.iter().map(|&n| (n as f32).powi(2)).sum::<f32>().sqrt();
                 // Far enough from the surface for all of the block, with a step to spare.

@@ -2,8 +2,8 @@
 //!
 //! A sphere is placed where the masks allow an object ([`Placement`]), and moved by small steps
 //! until its outline in every view lies on the edge of that view's mask: coarse first, then with
-//! each face in four. Where the object is too slender for that, a ball is first grown inside the
-//! visual hull (the private module `hull` says how). Colours are then the ones that best explain all
+//! each face in four. Where the object is too slender for that, or masks show holes through it, the start is the
+//! surface of the visual hull instead, with its holes (the private module `solid` says which are real). Colours are then the ones that best explain all
 //! images at once.
 //!
 //! What keeps the surface whole: steps are preconditioned by `(I + lambda L)^-1`, so that a pull
@@ -98,7 +98,7 @@ const WINDOW: usize = 20;
 /// What a fit found.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// The mesh in the world coordinates of the input: closed, oriented outwards.
+    /// The mesh in the world coordinates of the input: closed, oriented outwards, with the holes of the start.
     pub mesh: TriMesh,
     /// The examination of the mesh.
     pub health: Health,
@@ -204,7 +204,8 @@ impl<'a> Run<'a> {
         let (mut train, mut held_out) = (measure(&train_views), measure(&held_out_views));
         let seen: Vec<&View> = train_views.iter().map(|&i| &views[i]).collect();
         let placement = placement::place(&seen, &mut train)?;
-        let start = Start::of(&seen, &mut train, &placement, config);
+        let (start, remark) = Start::of(&seen, &mut train, &placement, config);
+        warnings.extend(remark);
         for target in train.iter_mut().chain(&mut held_out) {
             target.place(placement.center, placement.radius);
         }
@@ -256,7 +257,7 @@ impl<'a> Run<'a> {
     fn shape(&mut self, config: &FitConfig) -> Result<Shape, FitError> {
         self.clock = Instant::now();
         let start = self.start.take().unwrap_or(Start::Sphere);
-        let thin = matches!(start, Start::Surface { .. });
+        let thin = matches!(start, Start::Surface(..));
         let (mut shape, start) = start.shape(config);
         let mut order = Order::new(self.train.len(), config);
         let total = config.total_steps();
@@ -440,9 +441,4 @@ fn check(view: &View) -> Result<(), FitError> {
     view.camera
         .validate()
         .map_err(|e| FitError::Camera { view: view.name.clone(), problem: e.to_string() })
-}
-
-/// Development only.
-pub(crate) fn tune(name: &str, default: f32) -> f32 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
 }

@@ -26,10 +26,10 @@ pub(super) fn settle(
     let views: Vec<usize> = (0..targets.len()).collect();
     let mut best = (shape.mask_iou(targets), shape.positions.clone());
     for round in 0..ROUNDS {
-        for k in 0..super::tune("SSTEPS", STEPS as f32) as usize {
+        for k in 0..STEPS {
             let edge = shape.mean_edge();
             let stride = |target: &Target| target.lines_between_samples(edge);
-            let rate = super::tune("SHARE", SHARE) * config.learning_rate;
+            let rate = SHARE * config.learning_rate;
             shape.step(targets, &views, stride, config, rate, step + round * STEPS + k)?;
         }
         if !mend(shape) {

@@ -48,7 +48,8 @@ impl Skin<'_> {
     /// The triangles of a tetrahedron that is oriented positively.
     fn cut(&mut self, points: [usize; 4], inside: &[bool]) {
         // The points inside first, by an even permutation.
-        let set = points.iter().enumerate().fold(0, |set, (i, &p)| set | usize::from(inside[p]) << i);
+        let set =
+            points.iter().enumerate().fold(0, |set, (i, &p)| set | usize::from(inside[p]) << i);
         let order: [usize; 4] = match set {
             1 | 14 => [0, 1, 2, 3],
             2 | 13 => [1, 0, 3, 2],
@@ -80,7 +81,8 @@ impl Skin<'_> {
         let (a, b) = if inside[a] { (a, b) } else { (b, a) };
         *self.vertices.entry((a, b)).or_insert_with(|| {
             let [near, far] = [a, b].map(|p| self.lattice.distance[p]);
-            let t = if near < 0.0 && far > 0.0 { near / (near - far) } else { f32::from(near < 0.0) };
+            let t =
+                if near < 0.0 && far > 0.0 { near / (near - far) } else { f32::from(near < 0.0) };
             let t = t.clamp(NEAREST, 1.0 - NEAREST);
             let [p, q] = [a, b].map(|p| self.lattice.place(p));
             let number = self.mesh.positions.len() as u32;

@@ -34,10 +34,9 @@ impl Solid {
     /// The object in a lattice, as `targets` show it; `None` where there is nothing.
     pub(super) fn of(lattice: &Lattice, targets: &[Target]) -> Option<Self> {
         let links = Links::new();
-        let (skin, tunnel) = (super::tune("SKIN", SKIN), super::tune("TUNNEL", TUNNEL));
         let open = |slot: usize| !lattice.is_border(slot);
         let mut hull: Vec<bool> =
-            (0..lattice.distance.len()).map(|s| open(s) && lattice.distance[s] < skin).collect();
+            (0..lattice.distance.len()).map(|s| open(s) && lattice.distance[s] < SKIN).collect();
         fill_cavities(lattice, &mut hull);
         let parts = Parts::of(lattice, &hull);
         let needed = parts.needed(lattice, targets);
@@ -46,7 +45,10 @@ impl Solid {
         }
         // The swollen hull, of which what is not needed is taken off again without a change of topology.
         let mut solid: Vec<bool> = (0..hull.len())
-            .map(|s| hull[s] || open(s) && lattice.agreed[s] < tunnel && lattice.distance[s] < 4.0 * tunnel)
+            .map(|s| {
+                hull[s]
+                    || open(s) && lattice.agreed[s] < TUNNEL && lattice.distance[s] < 4.0 * TUNNEL
+            })
             .collect();
         fill_cavities(lattice, &mut solid);
         shrink(lattice, &links, &mut solid, &hull);
@@ -71,9 +73,10 @@ impl Solid {
 
 /// The neighbours of a point that are in a set, a bit each.
 fn neighbours(set: &[bool], strides: &[isize; 14], slot: usize) -> u16 {
-    strides.iter().enumerate().fold(0, |bits, (i, step)| {
-        bits | u16::from(set[slot.wrapping_add_signed(*step)]) << i
-    })
+    strides
+        .iter()
+        .enumerate()
+        .fold(0, |bits, (i, step)| bits | u16::from(set[slot.wrapping_add_signed(*step)]) << i)
 }
 
 /// Adds all that cannot be reached from outside.
@@ -123,7 +126,6 @@ fn shrink(lattice: &Lattice, links: &Links, solid: &mut [bool], kept: &[bool]) {
 /// Takes off what joins parts of the hull that are apart; what closes a tunnel stays.
 fn cut_bridges(lattice: &Lattice, links: &Links, solid: &mut [bool], hull: &[bool]) {
     let strides = lattice.strides();
-    let gap = super::tune("GAP", GAP);
     let added: Vec<bool> = solid.iter().zip(hull).map(|(&s, &h)| s && !h).collect();
     let parts = Parts::of(lattice, &added);
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); parts.count + 1];
@@ -138,7 +140,7 @@ fn cut_bridges(lattice: &Lattice, links: &Links, solid: &mut [bool], hull: &[boo
             solid[slot] = false;
         }
         // The Euler number falls where a tunnel opens.
-        if lost > 0 || widest < gap {
+        if lost > 0 || widest < GAP {
             part.iter().for_each(|&slot| solid[slot] = true);
         }
     }
@@ -202,7 +204,7 @@ impl Parts {
         let mut needed = vec![false; self.count + 1];
         for target in targets {
             for (part, pixels) in self.alone(lattice, target, &surface).into_iter().enumerate() {
-                needed[part] |= part > 0 && pixels >= super::tune("PIXELS", PIXELS as f32) as usize;
+                needed[part] |= part > 0 && pixels >= PIXELS;
             }
         }
         needed
@@ -241,5 +243,72 @@ impl Parts {
             }
         }
         pixels
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use crate::fit::skin::skin;
+
+    /// A lattice of a function, in steps, around the origin.
+    fn lattice(side: usize, distance: impl Fn([f32; 3]) -> f32) -> Lattice {
+        let dims = [side, side + 3, side - 2];
+        let origin = dims.map(|n| -0.5 * n as f32);
+        let empty = Lattice { dims, origin, step: 1.0, distance: Vec::new(), agreed: Vec::new() };
+        let distance: Vec<f32> =
+            (0..dims.iter().product()).map(|slot| distance(empty.place(slot))).collect();
+        Lattice { agreed: distance.clone(), distance, ..empty }
+    }
+
+    fn ring([x, y, z]: [f32; 3], major: f32, minor: f32) -> f32 {
+        (x.hypot(y) - major).hypot(z) - minor
+    }
+
+    /// Holes and parts, and a surface that is as they say.
+    fn found(lattice: &Lattice) -> (usize, usize) {
+        let solid = Solid::of(lattice, &[]).unwrap();
+        let mesh = skin(lattice, &solid.inside);
+        let found = mesh.examined();
+        assert!(found.is_solid(), "{found}");
+        assert_eq!(found.health.genus(), Some(solid.genus));
+        assert_eq!(found.health.components, solid.components);
+        (solid.genus, solid.components)
+    }
+
+    #[test]
+    fn what_persists_is_kept() {
+        let ball = |p: [f32; 3], r: f32| p.iter().map(|x| x * x).sum::<f32>().sqrt() - r;
+        assert_eq!(found(&lattice(24, |p| ball(p, 8.0))), (0, 1));
+        assert_eq!(found(&lattice(30, |p| ring(p, 8.0, 3.0))), (1, 1));
+        // The hole is narrower than the images can tell.
+        assert_eq!(found(&lattice(30, |p| ring(p, 5.0, 4.2))), (0, 1));
+        // A hollow is none that an outline shows.
+        assert_eq!(found(&lattice(24, |p| ball(p, 8.0).max(-ball(p, 5.0)))), (0, 1));
+        let two = |[x, y, z]: [f32; 3]| {
+            ring([x - 4.3, y, z], 4.3, 1.5).min(ring([x + 4.3, y, z], 4.3, 1.5))
+        };
+        assert_eq!(found(&lattice(36, two)), (2, 1));
+    }
+
+    #[test]
+    fn parts_close_together_stay_apart_and_a_thin_sheet_stays_whole() {
+        // A gap of a step and a half between two slabs, which swelling closes.
+        let slab = |[x, y, z]: [f32; 3], low: f32, high: f32| {
+            (low - z).max(z - high).max(x.abs() - 8.0).max(y.abs() - 8.0)
+        };
+        // A slit that is open all around is no tunnel: no membrane stays in it.
+        let comb = |p: [f32; 3]| {
+            let back = (p[0] - 8.0).max(6.0 - p[0]).max(p[1].abs() - 8.0).max(p[2].abs() - 5.0);
+            slab(p, -5.0, -1.3).min(slab(p, 1.3, 5.0)).min(back)
+        };
+        assert_eq!(found(&lattice(28, comb)), (0, 1));
+        // Thinner than a step, and a little tilted, so that points miss it here and there.
+        let sheet = |[x, y, z]: [f32; 3]| {
+            let height = z + 0.11 * x + 0.07 * y;
+            (height.abs() - 0.25).max(x.abs() - 9.0).max(y.abs() - 9.0)
+        };
+        assert_eq!(found(&lattice(30, sheet)), (0, 1));
     }
 }

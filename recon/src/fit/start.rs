@@ -27,77 +27,73 @@ const HOLE: f32 = 1.0;
 pub(super) enum Start {
     /// The unit sphere.
     Sphere,
-    /// A surface in the frame of the placement.
-    Surface {
-        /// Closed, manifold, oriented outwards.
-        mesh: TriMesh,
-        /// The side of the cells that it was made of.
-        cell: f32,
-        /// Holes that were seen in it and filled or cut, since a sphere was asked for.
-        cut: usize,
-    },
+    /// A closed, oriented surface in the frame of the placement, and the side of the cells that it was made of.
+    Surface(TriMesh, f32),
 }
 
 impl Start {
-    /// Finds it from the masks; the frame of `targets` is left as that of the placement.
+    /// Finds it from the masks, and what there is to say of it; the frame of `targets` is left as that of the placement.
     pub(super) fn of(
         views: &[&View],
         targets: &mut [Target],
         placement: &Placement,
         config: &FitConfig,
-    ) -> Self {
+    ) -> (Self, Option<String>) {
         let slender = hull::is_slender(placement);
-        let found = (slender || targets.iter().any(|t| t.shows_a_hole(HOLE)))
-            .then(|| seen(targets, placement, config))
-            .flatten();
-        let (mesh, solid, cell) = match found {
-            Some(found) => found,
-            None => return Self::Sphere,
-        };
-        let holed = solid.genus > 0 || solid.components > 1;
-        match config.topology {
-            TopologyKind::Auto if holed || slender => Self::Surface { mesh, cell, cut: 0 },
-            TopologyKind::Sphere if slender && !holed => Self::Surface { mesh, cell, cut: 0 },
-            TopologyKind::Sphere if slender => {
-                let ball = Hull::of(views, targets, placement);
-                for target in targets {
-                    target.place(placement.center, placement.radius);
-                }
-                let ball = ball.and_then(|hull| Some((hull.surface()?, hull.cell())));
-                match ball {
-                    Some((mesh, cell)) => Self::Surface { mesh, cell, cut: solid.genus },
-                    None => Self::Sphere,
-                }
-            }
-            _ => Self::Sphere,
+        if !slender && !targets.iter().any(|target| target.shows_a_hole(HOLE)) {
+            return (Self::Sphere, None);
         }
+        let longest = (LONGEST << config.level.saturating_sub(5)).min(MOST);
+        let lattice = Lattice::of(targets, placement, longest);
+        let found = lattice.and_then(|l| Solid::of(&l, targets).map(|solid| (l, solid)));
+        let Some((lattice, solid)) = found else { return (Self::Sphere, None) };
+        let holed = solid.genus > 0 || solid.components > 1;
+        if holed && config.topology == TopologyKind::Sphere {
+            let ball = slender.then(|| ball(views, targets, placement)).flatten();
+            return (ball.unwrap_or(Self::Sphere), Some(cut(&solid)));
+        }
+        if !holed && !slender {
+            return (Self::Sphere, None);
+        }
+        let mut mesh = skin(&lattice, &solid.inside);
+        hull::smooth(&mut mesh);
+        (Self::Surface(mesh, lattice.step), None)
     }
 
     /// The mesh of this start, and its level.
     pub(super) fn shape(self, config: &FitConfig) -> (Shape, u32) {
         let coarse = config.start_level;
-        let Self::Surface { mesh, cell, .. } = self else {
+        let Self::Surface(mesh, cell) = self else {
             return (Shape::sphere(coarse, config), coarse);
         };
         // What is thin would be lost in coarse triangles.
-        let level = coarse.max(config.level - super::tune("BELOW", 1.0) as u32);
+        let level = coarse.max(config.level - 1);
         let topology = Topology::new(mesh.positions.len(), &mesh.faces);
-        let lengths = grading::lengths(&mesh, &topology, (super::tune("FACES", 0.75) * (20 << (2 * level)) as f32) as usize, f64::from(cell * super::tune("SHORT", 1.0)));
+        let lengths = grading::lengths(&mesh, &topology, 20 << (2 * level), f64::from(cell));
         let mesh = coarsen(&mesh, &lengths).unwrap_or(mesh);
         (Shape::of(mesh.positions, mesh.faces, config), level)
     }
 }
 
-/// The hull's surface, smoothed, with the holes that masks show.
-fn seen(
-    targets: &mut [Target],
-    placement: &Placement,
-    config: &FitConfig,
-) -> Option<(TriMesh, Solid, f32)> {
-    let longest = ((super::tune("SIDE", LONGEST as f32) as usize) << config.level.saturating_sub(5)).min(MOST);
-    let lattice = Lattice::of(targets, placement, longest)?;
-    let solid = Solid::of(&lattice, targets)?;
-    let mut mesh = skin(&lattice, &solid.inside);
-    hull::smooth(&mut mesh);
-    Some((mesh, solid, lattice.step))
+/// A ball grown inside the hull: what is left of an object with holes if it must be a sphere.
+fn ball(views: &[&View], targets: &mut [Target], placement: &Placement) -> Option<Start> {
+    let hull = Hull::of(views, targets, placement);
+    for target in targets {
+        target.place(placement.center, placement.radius);
+    }
+    let hull = hull?;
+    Some(Start::Surface(hull.surface()?, hull.cell()))
+}
+
+/// What a sphere cannot become.
+fn cut(solid: &Solid) -> String {
+    let holes = if solid.genus == 1 { "a hole" } else { "holes" };
+    let what = match (solid.genus, solid.components) {
+        (0, parts) => format!("{parts} parts, of which a sphere becomes one"),
+        (genus, 1) => format!("{holes} (genus {genus}), which a sphere is cut or skinned over at"),
+        (genus, parts) => {
+            format!("{parts} parts and {holes} (genus {genus}); a sphere has neither")
+        }
+    };
+    format!("the masks show {what}: `topology = \"auto\"` keeps them")
 }

@@ -56,12 +56,11 @@ impl Target {
             .collect();
         let reach = (reach * size).max(2.0);
         let unit = reach / f32::from(i16::MAX);
-        let sure = super::tune("SURE", SURE);
         let distance = signed_distance(&mask, height, width, sigma)
             .into_iter()
             .zip(&mask)
             // What is a pixel wide would be blurred away: what the mask says of a pixel holds.
-            .map(|(d, &inside)| if inside { d.min(-sure) } else { d.max(sure) })
+            .map(|(d, &inside)| if inside { d.min(-SURE) } else { d.max(SURE) })
             .map(|d| (d.clamp(-reach, reach) / unit).round() as i16)
             .collect();
         let mut bits = vec![0u8; mask.len().div_ceil(8)];
