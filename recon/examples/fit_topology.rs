@@ -65,7 +65,7 @@ fn measure(
     folder: &str,
     topology: TopologyKind,
 ) -> Result<(String, [Vec<View>; 2]), Failure> {
-    let truth = framed(shape(name)?);
+    let truth = framed(colored(shape(name)?));
     let look = RenderOptions { lighting: Lighting::studio(), ..RenderOptions::default() };
     let orbit = |count: usize, side: usize| Orbit {
         count,
@@ -95,11 +95,6 @@ fn measure(
         fitted.self_intersections,
         fitted.health.vertices,
     );
-    if std::env::var_os("LAPS").is_some() {
-        let mut err = std::io::stderr().lock();
-        writeln!(err, "{:?} {:?}", fitted.seconds, fitted.warnings)?;
-        writeln!(err, "{:?} {:?}", fitted.evaluations, fitted.history.last())?;
-    }
     let from = Orbit { elevation: [20.0, 35.0], ..orbit(2, TILE) };
     let render = |mesh: &TriMesh| render_views(mesh, &from.cameras(), &look, &|_, _| {});
     let gray = |mesh: &TriMesh| TriMesh { texture: None, ..mesh.clone() }.colored([0.7; 3]);
@@ -124,7 +119,16 @@ fn shape(name: &str) -> Result<TriMesh, Failure> {
             &|t| [t.cos() + 0.8 * t.cos().signum() * t.cos().abs().sqrt(), t.sin(), 0.0],
             0.3,
         ),
-        "ring" => torus(0.55, 0.3, 96, 48).scaled([1.0, 4.0, 1.0]),
+        "ring" => {
+            // A short pipe with rounded edges.
+            let square = |[x, y, z]: [f32; 3]| {
+                let (away, out) = (x.hypot(z), x.hypot(z) - 0.6);
+                let round = (out.powi(6) + y.powi(6)).powf(1.0 / 6.0) / out.hypot(y);
+                let share = (0.6 + out / round) / away;
+                [share * x, 1.6 * y / round, share * z]
+            };
+            torus(0.6, 0.3, 96, 64).map_positions(square)
+        }
         "trefoil" => loop_of(
             &|t| {
                 [t.sin() + 2.0 * (2.0 * t).sin(), t.cos() - 2.0 * (2.0 * t).cos(), -(3.0 * t).sin()]
@@ -139,8 +143,7 @@ fn shape(name: &str) -> Result<TriMesh, Failure> {
             Some((family, seed)) => family.parse::<Family>()?.draw(seed.parse()?).mesh(),
             None => read_mesh(name)?,
         },
-    }
-    .colored_where_plain())
+    })
 }
 
 fn both(mut first: TriMesh, second: TriMesh) -> Result<TriMesh, Failure> {
@@ -157,19 +160,13 @@ fn framed(mesh: TriMesh) -> TriMesh {
 }
 
 /// Plain shapes are coloured by place, so that a colour is seen where it belongs.
-trait Plain {
-    fn colored_where_plain(self) -> Self;
-}
-
-impl Plain for TriMesh {
-    fn colored_where_plain(self) -> Self {
-        if self.colors.is_some() || self.texture.is_some() {
-            return self;
-        }
-        let color = |p: &[f32; 3]| p.map(|x| (0.5 + 0.4 * (3.0 * x).sin()).clamp(0.0, 1.0));
-        let colors = self.positions.iter().map(color).collect();
-        Self { colors: Some(colors), ..self }
+fn colored(mesh: TriMesh) -> TriMesh {
+    if mesh.colors.is_some() || mesh.texture.is_some() {
+        return mesh;
     }
+    let color = |p: &[f32; 3]| p.map(|x| (0.5 + 0.4 * (3.0 * x).sin()).clamp(0.0, 1.0));
+    let colors = mesh.positions.iter().map(color).collect();
+    TriMesh { colors: Some(colors), ..mesh }
 }
 
 /// Fitted meshes above, true ones below; two tiles for each object, four objects in a line.

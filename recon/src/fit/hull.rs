@@ -1,9 +1,10 @@
 //! A ball in the visual hull as a start, for slender objects that have holes and must be spheres.
 //!
 //! A leg that is thinner than a coarse triangle never grows out of a sphere: its mask is too narrow to
-//! pull at it; the hull's own surface has its holes. So a ball of one cell is grown inside the hull instead, cell by cell, and never
-//! becomes anything but a ball: a cell is added only where what it touches is a disc. The surface
-//! of what results is a sphere; where the object has a handle, a slit one cell wide stays open.
+//! pull at it. The hull's own surface has the legs, and its holes too. So a ball of one cell is grown
+//! inside the hull instead, cell by cell, and never becomes anything but a ball: a cell is added only
+//! where what it touches is a disc. The surface of what results is a sphere; where the object has a
+//! handle, a slit one cell wide stays open.
 
 use std::collections::VecDeque;
 

@@ -3,13 +3,13 @@
 //! A sphere is placed where the masks allow an object ([`Placement`]), and moved by small steps
 //! until its outline in every view lies on the edge of that view's mask: coarse first, then with
 //! each face in four. Where the object is too slender for that, or masks show holes through it, the start is the
-//! surface of the visual hull instead, with its holes (the private module `solid` says which are real). Colours are then the ones that best explain all
-//! images at once.
+//! surface of the visual hull instead, with its holes (the private module `solid` says which are
+//! real). Colours are then the ones that best explain all images at once.
 //!
 //! What keeps the surface whole: steps are preconditioned by `(I + lambda L)^-1`, so that a pull
 //! on one vertex moves its neighbourhood; a weak bending energy; vertices that slide along the
-//! surface to keep the triangles even; and a last pass that smooths away any place where the
-//! surface still passes through itself.
+//! surface to keep the triangles even; and a last pass that mends any place where the surface still
+//! passes through itself.
 //!
 //! The outline of a closed mesh is found without drawing it (the private module `outline` says
 //! how), at sub-pixel level and in time that follows its length rather than the image's size.
@@ -280,7 +280,7 @@ impl<'a> Run<'a> {
                 break;
             }
         }
-        if thin {
+        if thin && !self.fitted.interrupted {
             settle::settle(&mut shape, &self.train, config, self.fitted.history.len())?;
             self.evaluate(&shape, self.fitted.history.len());
             self.lap("settle");
