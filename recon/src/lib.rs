@@ -48,3 +48,4 @@ pub mod fit;
 pub mod inspect;
 pub mod scene;
 pub mod turntable;
+pub mod verdict;

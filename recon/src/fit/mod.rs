@@ -42,6 +42,8 @@
 //! # References
 //! Nicolet, Jacobson and Jakob 2021, *Large Steps in Inverse Rendering of Geometry*.
 
+mod alignment;
+mod cameras;
 mod color;
 mod config;
 mod distance;
@@ -67,6 +69,7 @@ use mesh_core::{Health, TriMesh};
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
+pub use alignment::RefinedCameras;
 pub use config::{ColorKind, FitConfig};
 pub use distance::signed_distance;
 pub use error::FitError;
@@ -77,6 +80,7 @@ pub use quality::{Quality, unused_detail};
 pub use refine::{RefineConfig, refine};
 pub use stepper::Stepper;
 
+use alignment::Alignment;
 use hull::Hull;
 use shape::Shape;
 use target::Target;
@@ -107,6 +111,9 @@ pub struct Fitted {
     pub train_views: Vec<usize>,
     /// Indices of the views that were held out.
     pub held_out_views: Vec<usize>,
+    /// The cameras that the mesh agrees with, where they are not those of the views: see
+    /// [`FitConfig::refine_cameras`].
+    pub cameras: Option<RefinedCameras>,
     /// Seconds that each stage took, by name.
     pub seconds: Vec<(String, f64)>,
     /// What [`Event::Warned`] said.
@@ -143,6 +150,7 @@ struct Run<'a> {
     train: Vec<Target>,
     held_out: Vec<Target>,
     hull: Option<Hull>,
+    alignment: Option<Alignment>,
     fitted: Fitted,
     clock: Instant,
 }
@@ -210,11 +218,12 @@ impl<'a> Run<'a> {
             evaluations: Vec::new(),
             train_views,
             held_out_views,
+            cameras: None,
             seconds: vec![("placement".into(), clock.elapsed().as_secs_f64())],
             warnings: Vec::new(),
             interrupted: false,
         };
-        let mut run = Self { on_event, train, held_out, hull, fitted, clock };
+        let mut run = Self { on_event, train, held_out, hull, alignment: None, fitted, clock };
         run.tell(Event::Started {
             train: run.train.len(),
             held_out: run.held_out.len(),
@@ -262,6 +271,9 @@ impl<'a> Run<'a> {
                 faces: shape.faces.len(),
             });
             self.level(&mut shape, &mut order, total, config)?;
+            if level < config.level || level == start {
+                self.align(&mut shape, &mut order, total, config)?;
+            }
             self.lap(&name);
             if self.fitted.interrupted {
                 break;
@@ -345,6 +357,7 @@ impl<'a> Run<'a> {
     /// Brings the mesh back to the world.
     fn finish(mut self, shape: Shape, config: &FitConfig, views: &[View]) -> Fitted {
         let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
+        self.fitted.cameras = self.refined_cameras(&shape, views);
         let Shape { mut positions, faces, topology, .. } = shape;
         let untangled = untangle::untangle(&mut positions, &faces, &topology).is_some();
         let (positions, faces, topology) = (&positions, &faces, &topology);

@@ -28,13 +28,21 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod coherence;
+mod coverage;
 mod diagnosis;
 mod error;
 mod eye;
+mod finer;
 mod hull;
+mod lens;
+mod mask_edge;
 mod page;
 mod picture;
+mod silhouette;
 
+pub use coherence::Coherence;
+pub use lens::LensFit;
 pub use diagnosis::{Agreement, Problem};
 pub use error::InspectError;
 pub use page::write_report;
@@ -42,8 +50,8 @@ pub use page::write_report;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use datasets::{Dataset, Entry, OnInconsistent, ReadOptions, Subset, Truth, Views};
-use mesh_core::ByteImage;
+use datasets::{Dataset, Entry, OnInconsistent, ReadOptions, Subset, Truth, View, Views};
+use mesh_core::{ByteImage, Camera};
 use mesh_core::nalgebra::Vector3;
 use serde::Serialize;
 
@@ -180,6 +188,21 @@ pub fn inspect(
         warnings: dataset.warnings().to_vec(),
         looked_at,
     })
+}
+
+/// How the masks of views fit together in the mean, with no word about why; none where they fix no body.
+pub(crate) fn coherence_of(views: &[View]) -> Option<Coherence> {
+    let eyes: Vec<Eye> = views.iter().map(Eye::new).collect();
+    finer::coherence(views, hull::ball(&eyes)?)
+}
+
+/// Share of the directions that a surface can face in which no camera sees it, and the axis nearest to their middle.
+pub(crate) fn unseen_of<'a>(
+    cameras: impl Iterator<Item = &'a Camera>,
+    center: [f64; 3],
+) -> (f64, String) {
+    let unseen = coverage::Unseen::of(cameras, center);
+    (unseen.share, unseen.side())
 }
 
 fn subset_name(subset: Subset) -> String {
