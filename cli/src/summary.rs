@@ -100,15 +100,14 @@ impl Summary {
         let names: Vec<&str> = FIGURES.iter().map(|(name, _)| *name).collect();
         let mut text = format!("object,views,state,verdict,{},remark\n", names.join(","));
         for row in &self.objects {
-            let _ =
-                write!(
-                    text,
-                    "{},{},{},{}",
-                    quoted(&row.name),
-                    quoted(&row.views),
-                    row.state.name(),
-                    row.verdict
-                );
+            let _ = write!(
+                text,
+                "{},{},{},{}",
+                quoted(&row.name),
+                quoted(&row.views),
+                row.state.name(),
+                row.verdict
+            );
             for figure in &row.figures {
                 let _ = write!(text, ",{}", figure.map_or_else(String::new, |x| x.to_string()));
             }
@@ -178,7 +177,14 @@ impl Row {
             .unwrap_or_default()
             .to_owned();
         let figures = metrics.map_or_else(|| vec![None; FIGURES.len()], |found| figures(&found));
-        Self { name: object.name.clone(), views: object.entry.clone(), state, verdict, figures, remark }
+        Self {
+            name: object.name.clone(),
+            views: object.entry.clone(),
+            state,
+            verdict,
+            figures,
+            remark,
+        }
     }
 }
 

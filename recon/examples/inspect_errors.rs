@@ -176,20 +176,14 @@ fn main() -> Result<(), Failure> {
     let ways = [
         ("24 of 128 px, from all around", orbit()),
         ("12 of 96 px, from all around", small),
-        ("30 of 64 px, a turntable from 25 degrees above", Orbit {
-            count: 30,
-            width: 64,
-            height: 64,
-            elevation: [24.0, 26.0],
-            ..orbit()
-        }),
-        ("16 of 256 px, from above the ground", Orbit {
-            count: 16,
-            width: 256,
-            height: 256,
-            elevation: [0.0, 60.0],
-            ..orbit()
-        }),
+        (
+            "30 of 64 px, a turntable from 25 degrees above",
+            Orbit { count: 30, width: 64, height: 64, elevation: [24.0, 26.0], ..orbit() },
+        ),
+        (
+            "16 of 256 px, from above the ground",
+            Orbit { count: 16, width: 256, height: 256, elevation: [0.0, 60.0], ..orbit() },
+        ),
     ];
     for (name, orbit) in ways {
         let mut found = Vec::new();

@@ -265,8 +265,7 @@ mod tests {
         assert!((0.3..0.7).contains(&deviation), "{deviation}");
 
         let area = |views: &[View], k: usize| views[k].mask_pixels() as f64;
-        let blobs =
-            Planted::Blobs { views: 0.25, area: 0.2 }.plant(good.clone(), [0.0; 3], 0);
+        let blobs = Planted::Blobs { views: 0.25, area: 0.2 }.plant(good.clone(), [0.0; 3], 0);
         let changed: Vec<usize> = (0..12).filter(|&k| blobs[k] != good[k]).collect();
         assert_eq!(changed, [2, 6, 10]);
         let grown = area(&blobs, 2) / area(&good, 2);

@@ -80,12 +80,8 @@ pub(crate) fn run(
     // Of what is finished, also where the rest was stopped.
     let summary = batch.summarise(console)?;
     let counts = fitted?;
-    let outcome = Outcome {
-        output: &batch.folder,
-        shard: shard.to_string(),
-        counts,
-        summary: &summary,
-    };
+    let outcome =
+        Outcome { output: &batch.folder, shard: shard.to_string(), counts, summary: &summary };
     console.result(&outcome, describe)?;
     let Counts { failed, refused, .. } = counts;
     let problems = [
@@ -166,12 +162,7 @@ impl Batch<'_> {
     }
 
     /// Whether the mesh is one that the verdict lets pass.
-    fn object(
-        &self,
-        console: Console,
-        object: &ListedObject,
-        place: &str,
-    ) -> Result<bool, Failed> {
+    fn object(&self, console: Console, object: &ListedObject, place: &str) -> Result<bool, Failed> {
         let start = Instant::now();
         // What a process that was killed left is swept by the folder.
         let target = self.place(object);

@@ -140,7 +140,7 @@ pub fn fit(
         return Err(FitError::Config(problems));
     }
     let mut run = Run::prepare(views, config, on_event)?;
-    let shape = run.shape(config)?;
+    let shape = run.shape(config, &views.views)?;
     Ok(run.finish(shape, config, &views.views))
 }
 
@@ -255,7 +255,7 @@ impl<'a> Run<'a> {
     }
 
     /// Fits the shape, level by level.
-    fn shape(&mut self, config: &FitConfig) -> Result<Shape, FitError> {
+    fn shape(&mut self, config: &FitConfig, views: &[View]) -> Result<Shape, FitError> {
         self.clock = Instant::now();
         let (mut shape, start) = self.start(config);
         let mut order = Order::new(self.train.len(), config);
@@ -271,9 +271,7 @@ impl<'a> Run<'a> {
                 faces: shape.faces.len(),
             });
             self.level(&mut shape, &mut order, total, config)?;
-            if level < config.level || level == start {
-                self.align(&mut shape, &mut order, total, config)?;
-            }
+            self.align(views, &mut shape, &mut order, total, config)?;
             self.lap(&name);
             if self.fitted.interrupted {
                 break;

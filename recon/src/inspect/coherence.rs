@@ -9,7 +9,7 @@
 use std::cell::Cell;
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::hull::Ball;
 use super::silhouette::Silhouette;
@@ -28,7 +28,7 @@ const MOST_GAP: f32 = 8.0;
 const COARSE: usize = 72;
 
 /// How one view fits the others.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Coherence {
     /// Share of the mask that the hull of the other views misses by more than a pixel.
     pub missing: f64,
@@ -59,10 +59,8 @@ impl Outlines<'_> {
         let others = self.others(k);
         let share = |range, wanted: &dyn Fn(f32) -> bool, enough: f32| {
             let (count, pixels) = view.pixels(range, PIXELS);
-            let found = pixels
-                .iter()
-                .filter(|p| wanted(self.deepest(k, **p, &others, enough).0))
-                .count();
+            let found =
+                pixels.iter().filter(|p| wanted(self.deepest(k, **p, &others, enough).0)).count();
             count as f64 * found as f64 / pixels.len().max(1) as f64 / view.area as f64
         };
         Some(Coherence {
@@ -77,7 +75,9 @@ impl Outlines<'_> {
     pub(super) fn mean_gap(&self, places: usize) -> f64 {
         let sums: Vec<(f64, usize)> = (0..self.views.len())
             .into_par_iter()
-            .map(|k| self.gaps(k, places).fold((0.0, 0), |(s, n), (g, _)| (s + f64::from(g), n + 1)))
+            .map(|k| {
+                self.gaps(k, places).fold((0.0, 0), |(s, n), (g, _)| (s + f64::from(g), n + 1))
+            })
             .collect();
         let (sum, count) = sums.iter().fold((0.0, 0), |(s, n), (t, m)| (s + t, n + m));
         if count == 0 { f64::from(MOST_GAP) } else { sum / count as f64 }

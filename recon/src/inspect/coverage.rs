@@ -63,7 +63,8 @@ mod tests {
     fn around(elevation: f64, azimuths: impl Iterator<Item = f64>) -> Unseen {
         let cameras: Vec<Camera> = azimuths
             .map(|azimuth| {
-                let (y, ring) = (5.0 * elevation.to_radians().sin(), 5.0 * elevation.to_radians().cos());
+                let (y, ring) =
+                    (5.0 * elevation.to_radians().sin(), 5.0 * elevation.to_radians().cos());
                 let eye = [ring * azimuth.to_radians().sin(), y, ring * azimuth.to_radians().cos()];
                 Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 0.7, 64, 64)
             })
@@ -76,9 +77,9 @@ mod tests {
         // A turntable leaves the cap below: 90 - 25 + 80 degrees are seen, (1 - cos 35) / 2 are not.
         let table = around(25.0, (0..24).map(|k| f64::from(15 * k)));
         assert!((table.share - 0.09).abs() < 0.01 && table.side() == "-y", "{table:?}");
-        // From straight on, views from -45 to 45 degrees leave 110 of 360.
+        // From straight on, views from -45 to 45 degrees leave 110 of 360, and a little at the poles.
         let front = around(0.0, (0..10).map(|k| f64::from(10 * k - 45)));
-        assert!((front.share - 110.0 / 360.0).abs() < 0.03 && front.side() == "-z", "{front:?}");
+        assert!((0.3..0.35).contains(&front.share) && front.side() == "-z", "{front:?}");
         assert!(around(0.0, [90.0].into_iter()).side() == "-x");
     }
 }

@@ -1,7 +1,7 @@
 //! The focal length and principal point, common to all views, under which the outlines fit together best.
 
 use mesh_core::Camera;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::coherence::Outlines;
 use super::hull::Ball;
@@ -18,7 +18,7 @@ const HALVINGS: u32 = 4;
 const ROOM: f64 = 1.3;
 
 /// A lens that explains the outlines better than the one given.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LensFit {
     /// The focal length, times the one given.
     pub focal: f64,

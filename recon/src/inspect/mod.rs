@@ -29,6 +29,7 @@
 //! ```
 
 mod coherence;
+mod consistency;
 mod coverage;
 mod diagnosis;
 mod error;
@@ -42,17 +43,18 @@ mod picture;
 mod silhouette;
 
 pub use coherence::Coherence;
-pub use lens::LensFit;
+pub(crate) use consistency::Consistency;
 pub use diagnosis::{Agreement, Problem};
 pub use error::InspectError;
+pub use lens::LensFit;
 pub use page::write_report;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use datasets::{Dataset, Entry, OnInconsistent, ReadOptions, Subset, Truth, View, Views};
-use mesh_core::{ByteImage, Camera};
 use mesh_core::nalgebra::Vector3;
+use mesh_core::{ByteImage, Camera};
 use serde::Serialize;
 
 use eye::Eye;
@@ -190,8 +192,8 @@ pub fn inspect(
     })
 }
 
-/// How the masks of views fit together in the mean, with no word about why; none where they fix no body.
-pub(crate) fn coherence_of(views: &[View]) -> Option<Coherence> {
+/// How the masks of views fit together in the mean, and the lens that explains them better, if one does; none where they fix no body.
+pub(crate) fn coherence_of(views: &[View]) -> Option<(Coherence, Option<LensFit>)> {
     let eyes: Vec<Eye> = views.iter().map(Eye::new).collect();
     finer::coherence(views, hull::ball(&eyes)?)
 }

@@ -115,7 +115,11 @@ impl Silhouette {
     }
 
     /// Middles of pixels whose distance, in pixels, lies in a range: how many there are, and at most so many of them, evenly spread.
-    pub(super) fn pixels(&self, range: std::ops::Range<f32>, most: usize) -> (usize, Vec<[f64; 2]>) {
+    pub(super) fn pixels(
+        &self,
+        range: std::ops::Range<f32>,
+        most: usize,
+    ) -> (usize, Vec<[f64; 2]>) {
         let w = self.camera.width;
         let inside = |d: &i8| range.contains(&(f32::from(*d) / STEPS));
         let found: Vec<[f64; 2]> = self

@@ -3,7 +3,7 @@
 use datasets::View;
 use diff_raster::FacesError;
 use mesh_core::{ByteImage, Camera, TriMesh};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use synth::RenderOptions;
 
 use crate::evaluate::seen_from;
@@ -17,7 +17,7 @@ const TOLERANCE: f32 = 1.0;
 const HOLE: (f64, usize) = (0.002, 8);
 
 /// How a mesh differs from the mask of one view. Shares are of the mask's area, beyond a pixel of an image of at most 320.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Disagreement {
     /// The view's index.
     pub index: usize,

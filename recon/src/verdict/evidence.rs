@@ -4,14 +4,14 @@ use datasets::{View, Views};
 use diff_raster::FacesError;
 use mesh_core::Camera;
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::disagreement::{self, Disagreement};
 use crate::fit::Fitted;
-use crate::inspect::{Coherence, coherence_of, unseen_of};
+use crate::inspect::{Coherence, LensFit, coherence_of, unseen_of};
 
 /// What a verdict is made of: figures that depend on views and mesh alone, without any truth.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     /// Mean mask IoU of the views that were held out; of all where none was.
     pub mask_iou: f64,
@@ -21,6 +21,8 @@ pub struct Evidence {
     pub fitted_views: usize,
     /// How the masks fit together, under the cameras that the mesh agrees with; none where they fix no body.
     pub coherence: Option<Coherence>,
+    /// A lens that explains the masks better than the one of these cameras; none where that one does.
+    pub lens: Option<LensFit>,
     /// Share of all directions that a surface can face in which no fitted view sees it, and the axis nearest to their middle.
     pub unseen: (f64, String),
     /// How far the outlines moved because cameras were refined, pixels; 0 where they were not.
@@ -70,12 +72,14 @@ impl Evidence {
                 camera: camera(i).clone(),
             })
             .collect();
+        let (coherence, lens) = coherence_of(&train).unzip();
         let seen = fitted.train_views.iter().map(|&i| camera(i));
         Ok(Self {
             mask_iou,
             fitted_iou,
             fitted_views: fitted.train_views.len(),
-            coherence: coherence_of(&train),
+            coherence,
+            lens: lens.flatten(),
             unseen: unseen_of(seen, fitted.placement.center),
             motion: fitted.cameras.as_ref().map_or(0.0, |refined| refined.motion),
             self_intersections: fitted.self_intersections,

@@ -12,7 +12,7 @@ const VIEW_IOU: f64 = 0.85;
 /// A piece of this share of a mask, in one view, is a part that is missing or too much.
 const PIECE: f64 = 0.02;
 /// Pixels of gap between outlines that exact cameras and masks do not leave.
-const GAP: f64 = 0.5;
+const GAP: f64 = 0.3;
 /// What masks show that no body can, as a share of the masks.
 const MISSING: f64 = 0.01;
 /// What the hull has beside the masks, as a share of the masks, where the views leave the shape open.
@@ -67,7 +67,8 @@ fn disagreements(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
     if let Some(names) = named(&|view| view.mask_iou < VIEW_IOU) {
         say(Grade::Doubtful, format!("{names} disagree with the mesh (mask IoU below {VIEW_IOU})"));
     }
-    if let Some(names) = named(&|view| view.holes > 0).filter(|_| evidence.count(|v| v.holes > 0) > 1)
+    if let Some(names) =
+        named(&|view| view.holes > 0).filter(|_| evidence.count(|v| v.holes > 0) > 1)
     {
         let text = format!(
             "masks have holes that the mesh covers, in {names}: a surface of the sphere's topology has none"
@@ -106,6 +107,15 @@ fn masks(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
         );
         say(Grade::Doubtful, text);
     }
+    if let Some(lens) = evidence.lens {
+        let [right, down] = lens.shift;
+        let text = format!(
+            "another lens explains the masks better: {:.3} times the focal length (--focal-scale), the principal point \
+             {right:+.1} pixels to the right and {down:+.1} down",
+            lens.focal
+        );
+        say(Grade::Doubtful, text);
+    }
     if evidence.motion > MOTION {
         let text = format!("the cameras had to be moved by {:.1} pixels", evidence.motion);
         say(Grade::Doubtful, text);
@@ -115,7 +125,8 @@ fn masks(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
 /// What the views do not show.
 fn views(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
     if evidence.fitted_views < FEW {
-        let text = format!("{} views are few: what lies between them is a guess", evidence.fitted_views);
+        let text =
+            format!("{} views are few: what lies between them is a guess", evidence.fitted_views);
         say(Grade::Doubtful, text);
     }
     let (share, side) = &evidence.unseen;
