@@ -3,7 +3,7 @@
 //! `cargo run -p unsphere-recon --example inspect_errors -- [file]`
 //!
 //! Objects of the procedural families are seen by 24 cameras from all around, 128 pixels wide. Each mistake is planted into the
-//! views of three of them; good views are those of all families, under four ways of taking images. The table goes to the file
+//! views of two of them; good views are those of all families, under four ways of taking images. The table goes to the file
 //! named, the figures behind it to standard output; it takes two minutes on two cores.
 
 use std::fmt::Write as _;
@@ -17,8 +17,7 @@ use synth::{Lighting, Orbit, Planted, RenderOptions, render_views};
 type Failure = Box<dyn std::error::Error>;
 
 /// Objects into whose views mistakes are planted.
-const OBJECTS: [(Family, u64); 3] =
-    [(Family::Car, 11), (Family::Chair, 12), (Family::AlarmClock, 14)];
+const OBJECTS: [(Family, u64); 2] = [(Family::Car, 11), (Family::Chair, 12)];
 /// Seed of the objects whose good views are looked at.
 const GOOD: u64 = 21;
 
@@ -41,7 +40,7 @@ fn mistakes() -> Vec<(&'static str, Vec<(String, Planted)>)> {
     let pixels = |make: fn(usize) -> Planted| -> Vec<_> {
         [1, 2, 4].map(|n| (format!("{n} px"), make(n))).into()
     };
-    let factors = [0.7, 0.85, 0.9, 0.95, 0.98, 1.02, 1.05, 1.1, 1.15, 1.4];
+    let factors = [0.7, 0.9, 0.95, 0.98, 1.02, 1.05, 1.1, 1.4];
     let areas = [0.01, 0.03, 0.1];
     vec![
         ("axes of OpenCV for OpenGL's", vec![(String::new(), Planted::Axes)]),

@@ -42,7 +42,7 @@ fn a_good_fit_is_good_until_something_speaks_against_it() {
     assert_eq!((verdict.grade, verdict.reasons), (Grade::Good, Vec::new()), "{good:?}");
     assert_eq!((good.fitted_views, good.views.len()), (16, 20));
     let flaws: [Flaw; 10] = [
-        (|e| e.mask_iou = 0.8, Grade::Failed, "mask IoU"),
+        (|e| e.mask_iou = 0.6, Grade::Failed, "mask IoU"),
         (|e| e.closed = false, Grade::Failed, "not closed"),
         (|e| e.mask_iou = 0.94, Grade::Doubtful, "mask IoU"),
         (|e| e.self_intersections = 3, Grade::Doubtful, "3 pairs"),

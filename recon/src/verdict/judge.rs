@@ -6,7 +6,7 @@ use super::{Disagreement, Evidence, Grade, Verdict};
 // do on others.
 
 /// Mean mask IoU of held-out views below which a fit failed, and below which it is doubtful.
-const IOU: [f64; 2] = [0.85, 0.95];
+const IOU: [f64; 2] = [0.7, 0.95];
 /// One view disagrees where its IoU is below this.
 const VIEW_IOU: f64 = 0.85;
 /// A piece of this share of a mask, in one view, is a part that is missing or too much.
