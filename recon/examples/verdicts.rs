@@ -268,7 +268,7 @@ fn tried(case: Case) -> Result<Outcome, Failure> {
     let holes = evidence.views.iter().filter(|view| view.holes > 0).count();
     say(&format!(
         "{name} ({seed}): 3d {iou:.3}; iou {:.4} fitted {:.4} worst {:.3}; largest {:.3} missing {:.4} excess \
-         {:.4} holes {holes}; c.missing {:.4} c.excess {:.4} c.gap {:.3}; unseen {:.2} motion {:.2} focal {:.3} lens {:.3} \
+         {:.4} holes {holes}; c.missing {:.4} c.excess {:.4} c.gap {:.3}; unseen {:.2} motion {:.2} focal {:.3} lens {:.3} edge {:.2} \
          views {} crossings {}: {}: {}\n",
         evidence.mask_iou,
         evidence.fitted_iou,
@@ -283,6 +283,7 @@ fn tried(case: Case) -> Result<Outcome, Failure> {
         evidence.motion,
         fitted.cameras.as_ref().map_or(1.0, |c| c.focal),
         evidence.lens.map_or(1.0, |lens| lens.focal),
+        evidence.mask_edge.unwrap_or(f64::NAN),
         evidence.fitted_views,
         evidence.self_intersections,
         verdict.grade,

@@ -41,8 +41,8 @@ fn a_good_fit_is_good_until_something_speaks_against_it() {
     let verdict = judge(&good);
     assert_eq!((verdict.grade, verdict.reasons), (Grade::Good, Vec::new()), "{good:?}");
     assert_eq!((good.fitted_views, good.views.len()), (16, 20));
-    let flaws: [Flaw; 10] = [
-        (|e| e.mask_iou = 0.6, Grade::Failed, "mask IoU"),
+    let flaws: [Flaw; 11] = [
+        (|e| e.mask_iou = 0.5, Grade::Failed, "mask IoU"),
         (|e| e.closed = false, Grade::Failed, "not closed"),
         (|e| e.mask_iou = 0.94, Grade::Doubtful, "mask IoU"),
         (|e| e.self_intersections = 3, Grade::Doubtful, "3 pairs"),
@@ -51,6 +51,7 @@ fn a_good_fit_is_good_until_something_speaks_against_it() {
         (|e| e.motion = 9.0, Grade::Doubtful, "moved"),
         (|e| e.views[0].mask_iou = 0.7, Grade::Doubtful, "disagree"),
         (|e| e.views.iter_mut().for_each(|v| v.cut = true), Grade::Doubtful, "out of frame"),
+        (|e| e.mask_edge = Some(-1.5), Grade::Doubtful, "larger"),
         (|e| e.coherence = None, Grade::Doubtful, "fix no body"),
     ];
     for (flaw, grade, word) in flaws {

@@ -4,17 +4,14 @@ use datasets::View;
 use mesh_core::Camera;
 
 use super::cameras::{Cameras, longer};
+use super::config::REFINING;
 use super::target::Target;
 use super::{Event, FitConfig, FitError, Order, Run, Shape, Step};
 use crate::inspect::Consistency;
 
-/// The most rounds of cameras and shape in turn after a level.
-const ROUNDS: usize = 12;
-/// They end where one takes away less than this share of the outlines' distance to the masks.
+/// Rounds end where one takes away less than this share of the outlines' distance to the masks.
 const WORTHWHILE: f64 = 0.005;
-/// Steps of the shape in a round.
-const STEPS: usize = 10;
-/// Their length, as a share of the longest.
+/// Length of the steps, as a share of the longest.
 const RATE: f32 = 0.2;
 /// Cameras whose outlines miss one another by less than so many pixels in the mean (of an image of at most 320) are left alone.
 const EXACT: f64 = 0.22;
@@ -85,9 +82,9 @@ impl Run<'_> {
         });
         let start = shape.positions.clone();
         let mut distance = before;
-        for round in 0..ROUNDS {
+        for round in 0..REFINING.0 {
             alignment.cameras.improve(shape, &mut self.train);
-            for _ in 0..STEPS {
+            for _ in 0..REFINING.1 {
                 if self.fitted.interrupted {
                     break;
                 }
@@ -148,9 +145,4 @@ impl Run<'_> {
 fn like(given: &Camera, posed: &Camera, focal: f64) -> Camera {
     let Camera { rotation, translation, .. } = posed.clone();
     Camera { rotation, translation, lens: longer(given.lens, focal), ..given.clone() }
-}
-
-/// The most steps that refining takes in a fit of so many levels.
-pub(super) fn most_steps(levels: usize) -> usize {
-    levels * ROUNDS * STEPS
 }

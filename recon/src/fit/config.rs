@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 use train::settings::{LARGEST, Options as _};
 
-use super::alignment;
+/// The most rounds in which cameras and shape are refined in turn after a level, and the steps of the shape in each.
+pub(super) const REFINING: (usize, usize) = (12, 10);
 
 train::options! {
     /// Options of a fit, each with the default that [`FitConfig::default`] gives.
@@ -84,7 +85,7 @@ impl FitConfig {
     /// The most steps that a fit with these options takes.
     pub fn total_steps(&self) -> usize {
         let levels = (self.level - self.start_level + 1) as usize;
-        let refining = if self.refine_cameras { alignment::most_steps(levels) } else { 0 };
+        let refining = if self.refine_cameras { levels * REFINING.0 * REFINING.1 } else { 0 };
         levels * self.steps + refining
     }
 }

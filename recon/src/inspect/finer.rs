@@ -1,6 +1,7 @@
 //! What only measures between pixels find: a view that stands apart, a lens that is a little off, masks that are too large.
 
 use datasets::View;
+use mesh_core::ByteImage;
 
 use super::coherence::{Coherence, Outlines};
 use super::coverage::Unseen;
@@ -44,7 +45,8 @@ pub(super) fn look(views: &[View], ball: Ball, found: &mut Agreement, problems: 
     found.coherence = mean(&found.coherence_by_view);
     let unseen = Unseen::of(views.iter().map(|view| &view.camera), ball.center);
     found.unseen = Some(unseen.share);
-    found.mask_edge = mask_edge::offset(views, &silhouettes);
+    let colors: Vec<&ByteImage> = views.iter().map(|view| &view.color).collect();
+    found.mask_edge = mask_edge::offset(&colors, &silhouettes);
     if unseen.share > ONE_SIDED {
         let message = format!(
             "no view shows the side towards {} ({:.0} % of all directions): the shape there is a guess",
@@ -151,11 +153,26 @@ fn edge_problem(offset: f64, silhouettes: &[Silhouette]) -> Option<Problem> {
     Some(Problem::new(kind, message))
 }
 
-/// How the masks fit together in the mean, and the lens that explains them better, if one does.
-pub(super) fn coherence(views: &[View], ball: Ball) -> Option<(Coherence, Option<LensFit>)> {
+/// How masks fit together, in a few figures.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fitness {
+    /// The means over views.
+    pub(crate) coherence: Coherence,
+    /// The lens that explains the masks better, if one does.
+    pub(crate) lens: Option<LensFit>,
+    /// As [`Agreement::mask_edge`].
+    pub(crate) mask_edge: Option<f64>,
+}
+
+/// How masks fit together, and to the colours that belong to them.
+pub(super) fn fitness(views: &[View], colors: &[&ByteImage], ball: Ball) -> Option<Fitness> {
     let silhouettes: Vec<Silhouette> = views.iter().map(Silhouette::new).collect();
     let outlines = Outlines { views: &silhouettes, ball: roomy(ball) };
-    Some((mean(&outlines.coherence())?, best_lens(&outlines).filter(explains)))
+    Some(Fitness {
+        coherence: mean(&outlines.coherence())?,
+        lens: best_lens(&outlines).filter(explains),
+        mask_edge: mask_edge::offset(colors, &silhouettes),
+    })
 }
 
 /// The ball with room for wider cones.

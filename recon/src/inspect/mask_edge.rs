@@ -1,7 +1,6 @@
 //! Where images change beside the masks' edges: masks that are too large or too small fit together as well as right ones, but
 //! their edges do not lie where the colours change.
 
-use datasets::View;
 use mesh_core::ByteImage;
 use rayon::prelude::*;
 
@@ -18,14 +17,14 @@ const CLEAR: f32 = 2.5;
 
 /// How far outside of the masks' edges the colours change most, pixels of the silhouettes: negative where masks are too large. The
 /// median over the views that tell; none where less than half do.
-pub(super) fn offset(views: &[View], silhouettes: &[Silhouette]) -> Option<f64> {
-    let mut found: Vec<f64> = views
+pub(super) fn offset(colors: &[&ByteImage], silhouettes: &[Silhouette]) -> Option<f64> {
+    let mut found: Vec<f64> = colors
         .par_iter()
         .zip(silhouettes)
-        .filter_map(|(view, silhouette)| of_view(&view.color, silhouette))
+        .filter_map(|(color, silhouette)| of_view(color, silhouette))
         .collect();
     found.sort_by(f64::total_cmp);
-    (2 * found.len() >= views.len().max(1)).then(|| found[found.len() / 2])
+    (2 * found.len() >= colors.len().max(1)).then(|| found[found.len() / 2])
 }
 
 fn of_view(color: &ByteImage, silhouette: &Silhouette) -> Option<f64> {

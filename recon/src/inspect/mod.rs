@@ -58,6 +58,7 @@ use mesh_core::{ByteImage, Camera};
 use serde::Serialize;
 
 use eye::Eye;
+use finer::Fitness;
 
 /// Cells along the longest side of the hull that is drawn.
 const GRID: usize = 64;
@@ -192,10 +193,10 @@ pub fn inspect(
     })
 }
 
-/// How the masks of views fit together in the mean, and the lens that explains them better, if one does; none where they fix no body.
-pub(crate) fn coherence_of(views: &[View]) -> Option<(Coherence, Option<LensFit>)> {
+/// How the masks of views fit together, and to the images that `colors` has instead of theirs; none where they fix no body.
+pub(crate) fn fitness_of(views: &[View], colors: &[&ByteImage]) -> Option<Fitness> {
     let eyes: Vec<Eye> = views.iter().map(Eye::new).collect();
-    finer::coherence(views, hull::ball(&eyes)?)
+    finer::fitness(views, colors, hull::ball(&eyes)?)
 }
 
 /// Share of the directions that a surface can face in which no camera sees it, and the axis nearest to their middle.

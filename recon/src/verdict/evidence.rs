@@ -2,13 +2,13 @@
 
 use datasets::{View, Views};
 use diff_raster::FacesError;
-use mesh_core::Camera;
+use mesh_core::{ByteImage, Camera};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::disagreement::{self, Disagreement};
 use crate::fit::Fitted;
-use crate::inspect::{Coherence, LensFit, coherence_of, unseen_of};
+use crate::inspect::{Coherence, LensFit, fitness_of, unseen_of};
 
 /// What a verdict is made of: figures that depend on views and mesh alone, without any truth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,6 +23,9 @@ pub struct Evidence {
     pub coherence: Option<Coherence>,
     /// A lens that explains the masks better than the one of these cameras; none where that one does.
     pub lens: Option<LensFit>,
+    /// How far outside of the masks' edges the colours change most, pixels; negative where masks are too large, none where images do
+    /// not tell.
+    pub mask_edge: Option<f64>,
     /// Share of all directions that a surface can face in which no fitted view sees it, and the axis nearest to their middle.
     pub unseen: (f64, String),
     /// How far the outlines moved because cameras were refined, pixels; 0 where they were not.
@@ -41,7 +44,7 @@ impl Evidence {
     ///
     /// # Cost
     /// A render and two distance transforms for each view, at most 320 pixels wide, and what
-    /// [`coherence_of`](crate::inspect) takes: about a second for a hundred views.
+    /// [`inspect_views`](crate::inspect::inspect_views) takes for its finer figures: about a second for a hundred views.
     ///
     /// # Errors
     /// If a face names a vertex that is not there.
@@ -65,21 +68,24 @@ impl Evidence {
             .train_views
             .iter()
             .map(|&i| View {
-                color: mesh_core::ByteImage::default(),
+                color: ByteImage::default(),
                 depth: None,
                 name: String::new(),
                 mask: views.views[i].mask.clone(),
                 camera: camera(i).clone(),
             })
             .collect();
-        let (coherence, lens) = coherence_of(&train).unzip();
+        let colors: Vec<&ByteImage> =
+            fitted.train_views.iter().map(|&i| &views.views[i].color).collect();
+        let fitness = fitness_of(&train, &colors);
         let seen = fitted.train_views.iter().map(|&i| camera(i));
         Ok(Self {
             mask_iou,
             fitted_iou,
             fitted_views: fitted.train_views.len(),
-            coherence,
-            lens: lens.flatten(),
+            coherence: fitness.map(|fitness| fitness.coherence),
+            lens: fitness.and_then(|fitness| fitness.lens),
+            mask_edge: fitness.and_then(|fitness| fitness.mask_edge),
             unseen: unseen_of(seen, fitted.placement.center),
             motion: fitted.cameras.as_ref().map_or(0.0, |refined| refined.motion),
             self_intersections: fitted.self_intersections,

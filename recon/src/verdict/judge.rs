@@ -6,13 +6,15 @@ use super::{Disagreement, Evidence, Grade, Verdict};
 // do on others.
 
 /// Mean mask IoU of held-out views below which a fit failed, and below which it is doubtful.
-const IOU: [f64; 2] = [0.7, 0.95];
+const IOU: [f64; 2] = [0.6, 0.98];
 /// One view disagrees where its IoU is below this.
 const VIEW_IOU: f64 = 0.85;
 /// A piece of this share of a mask, in one view, is a part that is missing or too much.
 const PIECE: f64 = 0.02;
 /// Pixels of gap between outlines that exact cameras and masks do not leave.
 const GAP: f64 = 0.3;
+/// Pixels between the masks' edges and those of the images.
+const EDGE: f64 = 0.7;
 /// What masks show that no body can, as a share of the masks.
 const MISSING: f64 = 0.01;
 /// What the hull has beside the masks, as a share of the masks, where the views leave the shape open.
@@ -113,6 +115,14 @@ fn masks(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
             "another lens explains the masks better: {:.3} times the focal length (--focal-scale), the principal point \
              {right:+.1} pixels to the right and {down:+.1} down",
             lens.focal
+        );
+        say(Grade::Doubtful, text);
+    }
+    if let Some(edge) = evidence.mask_edge.filter(|edge| edge.abs() > EDGE) {
+        let word = if edge < 0.0 { "larger" } else { "smaller" };
+        let text = format!(
+            "the masks are about {:.1} pixels {word} than the object in the images",
+            edge.abs()
         );
         say(Grade::Doubtful, text);
     }
