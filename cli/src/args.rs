@@ -147,6 +147,9 @@ source keeps for tests (transforms_test.json, test_filenames); --set hold-out=no
 and config.toml. The mesh is in the coordinates of the cameras; mesh.glb is turned so that up is +Y.
 Ctrl-C ends the fit early and writes what there is.
 
+A verdict says how far the mesh can be trusted: good, doubtful or failed, each with its reasons. Failed
+is an error (exit code 1), with --strict doubtful too; the mesh is written all the same.
+
 Examples:
   unsphere fit rendered_clock.zip -o clock
   unsphere fit scan/transforms.json -o scan-mesh --quality high
@@ -180,6 +183,9 @@ pub(crate) struct Fit {
     /// beside the views that does not is suggested.
     #[arg(long, value_name = "MESH")]
     pub(crate) truth: Option<PathBuf>,
+    /// A verdict of doubtful is an error too, as one of failed is; the mesh is written all the same.
+    #[arg(long)]
+    pub(crate) strict: bool,
     /// Which axis is up: y, z, -y and so on; auto finds it by the cameras. The page, the turntable and mesh.glb stand
     /// upright.
     #[arg(long, value_name = "AXIS", default_value = "auto", allow_hyphen_values = true, value_parser = up_axis)]

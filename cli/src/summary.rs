@@ -21,6 +21,8 @@ pub(crate) struct Row {
     name: String,
     views: String,
     state: State,
+    /// How far the mesh can be trusted, in a word; empty where there is none.
+    verdict: String,
     /// By name, in the order of [`FIGURES`]; none of an object that is not done, or where the figure is not known.
     figures: Vec<Option<f64>>,
     /// What is wrong with the mesh or why there is none, in words.
@@ -96,10 +98,16 @@ impl Summary {
             }
         };
         let names: Vec<&str> = FIGURES.iter().map(|(name, _)| *name).collect();
-        let mut text = format!("object,views,state,{},remark\n", names.join(","));
+        let mut text = format!("object,views,state,verdict,{},remark\n", names.join(","));
         for row in &self.objects {
-            let _ =
-                write!(text, "{},{},{}", quoted(&row.name), quoted(&row.views), row.state.name());
+            let _ = write!(
+                text,
+                "{},{},{},{}",
+                quoted(&row.name),
+                quoted(&row.views),
+                row.state.name(),
+                row.verdict
+            );
             for figure in &row.figures {
                 let _ = write!(text, ",{}", figure.map_or_else(String::new, |x| x.to_string()));
             }
@@ -113,7 +121,7 @@ impl Summary {
         let [done, failed, waiting] =
             [State::Done, State::Failed, State::Waiting].map(|state| self.count(state));
         let mut body = format!(
-            "<h1>{} objects</h1><p class=\"lead\">{done} done, {failed} failed, {waiting} waiting.</p><table><tr><th></th><th>object</th>",
+            "<h1>{} objects</h1><p class=\"lead\">{done} done, {failed} failed, {waiting} waiting.</p><table><tr><th></th><th>object</th><th>verdict</th>",
             self.objects.len()
         );
         for (name, _) in FIGURES {
@@ -131,6 +139,7 @@ impl Summary {
             } else {
                 let _ = write!(body, "<tr><td>{}</td><td>{name}</td>", row.state.name());
             }
+            let _ = write!(body, "<td>{}</td>", escape(&row.verdict));
             for (figure, (_, digits)) in row.figures.iter().zip(FIGURES) {
                 let text = figure.map_or_else(String::new, |x| format!("{x:.digits$}"));
                 let _ = write!(body, "<td>{text}</td>");
@@ -162,8 +171,20 @@ impl Row {
             Some(metrics) => remark(metrics),
             None => failed.unwrap_or_default().trim().to_owned(),
         };
+        let verdict = metrics
+            .as_ref()
+            .and_then(|metrics| metrics["verdict"]["grade"].as_str())
+            .unwrap_or_default()
+            .to_owned();
         let figures = metrics.map_or_else(|| vec![None; FIGURES.len()], |found| figures(&found));
-        Self { name: object.name.clone(), views: object.entry.clone(), state, figures, remark }
+        Self {
+            name: object.name.clone(),
+            views: object.entry.clone(),
+            state,
+            verdict,
+            figures,
+            remark,
+        }
     }
 }
 
@@ -191,8 +212,11 @@ fn figures(metrics: &Value) -> Vec<Option<f64>> {
     ]
 }
 
-/// What the figures say that a reader must not overlook.
+/// What a reader must not overlook: why the verdict is not better, or, where there is none, what the figures say.
 fn remark(metrics: &Value) -> String {
+    if let Some(reasons) = metrics["verdict"]["reasons"].as_array() {
+        return reasons.iter().filter_map(Value::as_str).collect::<Vec<_>>().join("; ");
+    }
     let count = metrics["self_intersections"].as_u64().unwrap_or_default();
     Examination::crossings_of(count as usize).unwrap_or_default()
 }
@@ -216,6 +240,7 @@ mod tests {
         let metrics = serde_json::json!({
             "views": { "mask_iou": 0.975, "psnr": null, "image_l1": 0.5, "ssim": 0.25 },
             "health": { "vertices": 642 }, "self_intersections": 3, "truth": [],
+            "verdict": { "grade": "doubtful", "reasons": ["one", "two"] },
         });
         std::fs::write(place.path().join("mug/metrics.json"), metrics.to_string()).unwrap();
         std::fs::write(place.path().join("<cup>.failed.txt"), "no \"views\"\n").unwrap();
@@ -226,13 +251,13 @@ mod tests {
         );
         let csv = summary.csv();
         let lines: Vec<&str> = csv.lines().collect();
-        assert!(lines[0].starts_with("object,views,state,mask IoU,PSNR,"));
+        assert!(lines[0].starts_with("object,views,state,verdict,mask IoU,PSNR,"));
         assert_eq!(
             lines[1],
-            "mug,\"views of, mug\",done,0.975,,0.5,0.25,642,3,,,,3 pairs of faces run through each other"
+            "mug,\"views of, mug\",done,doubtful,0.975,,0.5,0.25,642,3,,,,one; two"
         );
-        assert_eq!(lines[2], "<cup>,\"views of, <cup>\",failed,,,,,,,,,,\"no \"\"views\"\"\"");
-        assert_eq!(lines[3], "jug,\"views of, jug\",waiting,,,,,,,,,,");
+        assert_eq!(lines[2], "<cup>,\"views of, <cup>\",failed,,,,,,,,,,,\"no \"\"views\"\"\"");
+        assert_eq!(lines[3], "jug,\"views of, jug\",waiting,,,,,,,,,,,");
         let html = summary.html();
         assert!(
             html.contains("mug/turntable.gif")

@@ -218,6 +218,32 @@ fn a_truth_in_another_frame_is_found_out() {
 }
 
 #[test]
+fn a_verdict_is_said_and_with_strict_it_counts() {
+    let place = tempfile::tempdir().unwrap();
+    clock_views(place.path());
+    let run = |line: &str| unsphere_with(place.path(), &line.split(' ').collect::<Vec<_>>());
+    // Forty-two vertices are no clock.
+    let coarse = "--set start-level=1 --set level=1 --set steps=2";
+    let said = run(&format!("fit made/views -o out --strict {coarse}"));
+    assert_eq!(said.code(), Some(1), "{}", said.stderr());
+    let metrics = std::fs::read_to_string(place.path().join("out/metrics.json")).unwrap();
+    let metrics: serde_json::Value = serde_json::from_str(&metrics).unwrap();
+    let verdict = &metrics["verdict"];
+    let grade = verdict["grade"].as_str().unwrap();
+    assert!(said.stderr().contains(&format!("the fit is {grade}")), "{}", said.stderr());
+    assert!(
+        said.stdout().contains(grade) && said.stdout().contains("verdict"),
+        "{}",
+        said.stdout()
+    );
+    let reason = verdict["reasons"][0].as_str().unwrap();
+    assert!(reason.contains("mask IoU"), "{verdict}");
+    let page = std::fs::read_to_string(place.path().join("out/report.html")).unwrap();
+    assert!(page.contains(reason) && page.contains("missing (orange)"));
+    assert!(place.path().join("out/mesh.glb").is_file());
+}
+
+#[test]
 fn all_agree_about_faces_that_run_through_each_other() {
     let place = tempfile::tempdir().unwrap();
     clock_views(place.path());

@@ -28,6 +28,12 @@ fn datasets_are_converted_inspected_and_validated() {
     }
     run(["data", "convert", "d", "e", "--layout", "kaolin", "-q"]).fails(1, &["e exists already"]);
 
+    // Nothing is written unless it is asked for.
+    let before = files_in(place.path());
+    let found = unsphere(place.path(), ["data", "inspect", "a", "--json"]).ok().json();
+    assert!(found["output"].is_null() && found["looked_at"].is_array(), "{found}");
+    unsphere(place.path(), ["data", "inspect", "a", "--force"]).fails(2, &["--force", "-o"]);
+    assert_eq!(files_in(place.path()), before);
     let found =
         unsphere(place.path(), ["data", "inspect", "a", "-o", "look", "--json"]).ok().json();
     assert_eq!(found["layout"], "COLMAP model");

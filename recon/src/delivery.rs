@@ -17,6 +17,7 @@ use crate::evaluate::{ViewScores, masked, score_views, seen_from};
 use crate::fit::{FitConfig, Fitted};
 use crate::scene::scene_of;
 use crate::turntable::{encode_gif, orbit};
+use crate::verdict::{Assessment, Evidence, Verdict};
 
 /// Views shown in the report; more make it long, not clearer.
 const MOST_VIEWS: usize = 15;
@@ -40,6 +41,8 @@ pub struct Delivery<'a> {
     pub config: &'a FitConfig,
     /// The fit.
     pub fitted: &'a Fitted,
+    /// What is said of it.
+    pub assessment: &'a Assessment,
     /// The object's true mesh, where it is known.
     pub truth: Option<&'a TriMesh>,
     /// Which way is up in the world of the cameras: turntable, page and GLB stand upright.
@@ -63,6 +66,12 @@ pub struct Metrics {
     /// The axis that is up in the coordinates of the mesh: `y` for most, `z` for NeRF's. `mesh.glb` is turned so that it is +Y
     /// there, as in viewers; `mesh.ply` and `mesh.obj` are not.
     pub up: &'static str,
+    /// How far the mesh can be trusted, and why.
+    pub verdict: Verdict,
+    /// What the verdict is made of.
+    pub evidence: Evidence,
+    /// What the cameras were refined by; none where they are those of the input.
+    pub cameras: Option<Refinement>,
     /// Which views the scores are of: `held-out`, or `fitted` where none was held out.
     pub scored_on: &'static str,
     /// The scores on those views.
@@ -77,6 +86,19 @@ pub struct Metrics {
     pub self_intersections: usize,
     /// Against the true mesh, one entry for each protocol; empty where it is not known.
     pub truth: Vec<Comparison>,
+}
+
+/// What became of cameras that were refined.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Refinement {
+    /// The focal length, times the one given.
+    pub focal: f64,
+    /// How far the outlines moved in the images, root mean square in pixels.
+    pub motion: f64,
+    /// Distance of the outlines to the masks before and after, root mean square in pixels.
+    pub distance: [f64; 2],
+    /// How far outlines miss one another before and after, mean in pixels of an image of at most 320, measured without the mesh.
+    pub gap: [f64; 2],
 }
 
 impl Metrics {
@@ -196,7 +218,17 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
     } else {
         ("held-out", &fitted.held_out_views)
     };
-    let views: Vec<&View> = indices.iter().map(|&i| &delivery.views.views[i]).collect();
+    let mut refined = Vec::new();
+    if let Some(found) = &fitted.cameras {
+        for &i in indices {
+            let camera = found.cameras[i].clone();
+            refined.push(View { camera, ..delivery.views.views[i].clone() });
+        }
+    }
+    let views: Vec<&View> = match &fitted.cameras {
+        Some(_) => refined.iter().collect(),
+        None => indices.iter().map(|&i| &delivery.views.views[i]).collect(),
+    };
     let (scores, pairs) = compare(&fitted.mesh, &views, delivery.config.picture_size)?;
     let against = |truth| {
         let protocols = Preset::ALL.map(|preset| preset.protocol(delivery.config.seed));
@@ -208,6 +240,14 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         steps: fitted.history.len(),
         interrupted: fitted.interrupted,
         up: delivery.up.name(),
+        verdict: delivery.assessment.verdict.clone(),
+        evidence: delivery.assessment.evidence.clone(),
+        cameras: fitted.cameras.as_ref().map(|found| Refinement {
+            focal: found.focal,
+            motion: found.motion,
+            distance: found.distance,
+            gap: found.gap,
+        }),
         scored_on,
         views: scores,
         health: fitted.health.clone(),
@@ -281,15 +321,26 @@ fn close_up(view: &View, render: &ByteImage, most: usize) -> (ByteImage, ByteIma
 fn report(delivery: &Delivery<'_>, metrics: &Metrics, views: Vec<ViewPair>) -> Report {
     let fitted = delivery.fitted;
     let source = delivery.views.source.display();
-    let mut warnings: Vec<String> = delivery.views.warnings.clone();
+    let Assessment { verdict, pictures, .. } = delivery.assessment;
+    let reason = |reason: &String| format!("{}: {reason}", verdict.grade);
+    let mut warnings: Vec<String> = verdict.reasons.iter().map(reason).collect();
+    warnings.extend(delivery.views.warnings.iter().cloned());
     warnings.extend(fitted.warnings.iter().cloned());
     if metrics.interrupted {
         warnings.push("The fit was interrupted: this is what it had by then.".into());
     }
+    // Where it is worst, the difference stands above the photograph.
+    let worst = pictures.iter().map(|view| ViewPair {
+        caption: view.caption.clone(),
+        model: view.difference.clone(),
+        truth: view.photograph.clone(),
+    });
+    let views = worst.chain(views).collect();
     Report {
         title: delivery.title.into(),
         summary: format!(
-            "A sphere deformed to agree with {} views of {source}; the figures are means over the {} {} views.",
+            "Verdict: {}. A sphere deformed to agree with {} views of {source}; the figures are means over the {} {} views.",
+            verdict.grade,
             fitted.train_views.len(),
             metrics.views.views.len(),
             metrics.scored_on,
@@ -317,7 +368,8 @@ pub fn score_figures(scores: &ViewScores) -> Vec<Figure> {
 }
 
 fn figures(metrics: &Metrics) -> Vec<Figure> {
-    let mut figures = score_figures(&metrics.views);
+    let mut figures = vec![Figure::new("verdict", metrics.verdict.grade.name())];
+    figures.extend(score_figures(&metrics.views));
     // One protocol is enough for the cards, the one whose unit is the object itself; the tables have all.
     let occnet = metrics.truth.iter().find(|c| c.protocol.name == Preset::OccNet.name());
     if let Some(comparison) = occnet {

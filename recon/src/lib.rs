@@ -31,6 +31,7 @@
 //! - **fit one object**: [`fit`](mod@fit)
 //! - **score a mesh on views**: [`evaluate`]
 //! - **find out what is wrong with views**: [`inspect`](mod@inspect)
+//! - **know whether a fit can be trusted**: [`verdict`]
 //! - **make views with a known truth**: the crate `synth`
 //! - **deliver**: [`delivery`] writes what a user keeps, [`turntable`] its GIF
 //!
@@ -49,3 +50,4 @@ pub mod fit;
 pub mod inspect;
 pub mod scene;
 pub mod turntable;
+pub mod verdict;

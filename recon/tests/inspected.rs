@@ -10,7 +10,7 @@ use recon::evaluate::score_views;
 use recon::fit::{FitConfig, fit};
 use recon::inspect::{ObjectInspection, inspect_views};
 use synth::shapes::AlarmClock;
-use synth::{Orbit, RenderOptions, render_views};
+use synth::{Orbit, Planted, RenderOptions, render_views};
 
 /// A box that looks different from every side, off the origin.
 fn wedge() -> TriMesh {
@@ -131,6 +131,53 @@ fn wrong_focal_lengths_are_named() {
             }
         });
     }
+}
+
+#[test]
+fn small_errors_are_named() {
+    let clock = AlarmClock::default().build().colored([0.8, 0.5, 0.3]);
+    let orbit = Orbit { count: 20, width: 144, height: 128, ..Orbit::default() };
+    let render = RenderOptions { background: [0.2, 0.3, 0.4], ..RenderOptions::default() };
+    let good = render_views(&clock, &orbit.cameras(), &render, &|_, _| {}).unwrap();
+    let kinds = |views: Vec<View>| -> Vec<&'static str> {
+        let found = inspected(views, &Truth::default());
+        found.problems.iter().map(|problem| problem.kind).collect()
+    };
+    assert!(kinds(good.clone()).is_empty());
+    for (mistake, kind) in [
+        (Planted::Focal(1.08), "focal_length"),
+        (Planted::PrincipalPoint([3.0, -2.0]), "principal_point"),
+        (Planted::Poses(0.3), "loose_cameras"),
+        (Planted::OneView(15.0), "odd_views"),
+        (Planted::Dilated(2), "large_masks"),
+        (Planted::Eroded(2), "small_masks"),
+        (Planted::OneSided(40.0), "one_sided"),
+    ] {
+        let found = kinds(mistake.plant(good.clone(), orbit.target, 1));
+        assert!(found.contains(&kind), "{mistake:?}: {found:?}");
+    }
+}
+
+#[test]
+fn both_sides_of_a_disagreement_are_measured() {
+    let orbit = Orbit { count: 20, width: 96, height: 96, ..Orbit::default() };
+    let good = views_of(&AlarmClock::default().build(), &orbit);
+    let measured = |views: Vec<View>| {
+        let found = inspected(views, &Truth::default()).agreement;
+        (found.coherence.unwrap(), found.coherence_by_view)
+    };
+    let (before, by_view) = measured(good.clone());
+    assert!(before.missing < 0.001 && before.gap < 0.2, "{before:?}");
+    // A blob on one mask is missed by the hull of the others; a bite out of it is covered by that hull.
+    let spoilt = 10;
+    let blob = Planted::Blobs { views: 0.0, area: 0.1 }.plant(good.clone(), [0.0; 3], 1);
+    let (_, with_blob) = measured(blob);
+    let missing = with_blob[spoilt].unwrap().missing;
+    assert!((0.02..0.12).contains(&missing), "{missing}");
+    let bite = Planted::Bites { views: 0.0, area: 0.1 }.plant(good, [0.0; 3], 1);
+    let (_, with_bite) = measured(bite);
+    let grown = with_bite[spoilt].unwrap().excess - by_view[spoilt].unwrap().excess;
+    assert!((0.02..0.12).contains(&grown), "{grown}");
 }
 
 #[test]

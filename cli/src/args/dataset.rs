@@ -9,10 +9,13 @@ use super::reading::Reading;
 
 #[derive(Args, Debug)]
 #[command(
-    after_help = "The folder gets report.html, inspection.json, and for each object that was looked at a contact
-sheet with the masks outlined and a drawing of the cameras around the visual hull. Flipped
-pictures, axes of another tool, inverted masks, wrong focal lengths and objects out of frame are
-named in words.
+    after_help = "What looks wrong is named in words: flipped pictures, axes of another tool, inverted masks, masks
+that are too large or too small, a lens or poses that are a little off, views that disagree with
+the others, objects out of frame, sides that no view shows. docs/inspect.md has which sizes are found.
+
+With -o a folder gets report.html, inspection.json, and for each object that was looked at a contact
+sheet with the masks outlined and a drawing of the cameras around the visual hull; without, nothing
+is written.
 
 Examples:
   unsphere data inspect scan/                        a COLMAP project, transforms.json, photographs

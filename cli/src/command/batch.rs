@@ -11,7 +11,7 @@ use train::output::{
 use train::settings;
 
 use crate::args::{Fit, Global};
-use crate::command::fit::{FOLDER, Job, configuration, up_axis};
+use crate::command::fit::{FOLDER, Job, configuration, refused, up_axis};
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -29,11 +29,20 @@ const PATIENCE: Duration = Duration::from_secs(60);
 struct Outcome<'a> {
     output: &'a Path,
     shard: String,
-    /// How many this process fitted, and how many of those that it tried it could not.
-    fitted: usize,
-    failed: usize,
+    #[serde(flatten)]
+    counts: Counts,
     #[serde(flatten)]
     summary: &'a Summary,
+}
+
+/// What became of the objects that this process tried.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+struct Counts {
+    fitted: usize,
+    /// Those that could not be.
+    failed: usize,
+    /// Of the fitted ones, those whose verdict is an error.
+    refused: usize,
 }
 
 /// A batch under way.
@@ -70,21 +79,21 @@ pub(crate) fn run(
     let fitted = batch.fit(console, shard);
     // Of what is finished, also where the rest was stopped.
     let summary = batch.summarise(console)?;
-    let (fitted, failed) = fitted?;
-    let outcome = Outcome {
-        output: &batch.folder,
-        shard: shard.to_string(),
-        fitted,
-        failed,
-        summary: &summary,
-    };
+    let counts = fitted?;
+    let outcome =
+        Outcome { output: &batch.folder, shard: shard.to_string(), counts, summary: &summary };
     console.result(&outcome, describe)?;
-    if failed > 0 {
-        let place = batch.folder.join(PAGE);
-        let text = format!("{failed} objects could not be fitted; {} says why", place.display());
-        return Err(Failure::Other(text));
+    let Counts { failed, refused, .. } = counts;
+    let problems = [
+        (failed, format!("{failed} objects could not be fitted")),
+        (refused, format!("the verdict on {refused} objects is an error")),
+    ];
+    let said: Vec<String> = problems.into_iter().filter(|p| p.0 > 0).map(|p| p.1).collect();
+    if said.is_empty() {
+        return Ok(());
     }
-    Ok(())
+    let place = batch.folder.join(PAGE);
+    Err(Failure::Other(format!("{}; {} says why", said.join(", and "), place.display())))
 }
 
 impl Batch<'_> {
@@ -112,11 +121,11 @@ impl Batch<'_> {
         Ok(())
     }
 
-    /// Fits what is missing of a shard: how many were fitted, and how many could not be.
-    fn fit(&self, console: Console, shard: Shard) -> Result<(usize, usize), Failure> {
+    /// Fits what is missing of a shard.
+    fn fit(&self, console: Console, shard: Shard) -> Result<Counts, Failure> {
         let own: Vec<&ListedObject> =
             self.list.iter().enumerate().filter(|(k, _)| shard.has(*k)).map(|(_, o)| o).collect();
-        let (mut fitted, mut failed) = (0, 0);
+        let mut counts = Counts::default();
         for (k, object) in own.iter().enumerate() {
             let place = format!("{} of {}, {}", k + 1, own.len(), object.name);
             if self.is_done(object) && !self.arguments.output.force {
@@ -129,18 +138,21 @@ impl Batch<'_> {
                 return Err(self.interrupted());
             }
             match self.object(console, object, &place) {
-                Ok(()) => fitted += 1,
+                Ok(passes) => {
+                    counts.fitted += 1;
+                    counts.refused += usize::from(!passes);
+                }
                 // One that another process is at, is that process's.
                 Err(Failed::Busy(text)) => console.remark(format_args!("{place}: {text}")),
                 Err(Failed::Whole(failure)) => return Err(failure),
                 Err(Failed::Object(text)) => {
-                    failed += 1;
+                    counts.failed += 1;
                     console.warn(format_args!("{place}: {text}"));
                     self.note(&failure_file(&object.name), text.as_bytes())?;
                 }
             }
         }
-        Ok((fitted, failed))
+        Ok(counts)
     }
 
     fn interrupted(&self) -> Failure {
@@ -149,7 +161,8 @@ impl Batch<'_> {
         Failure::Interrupted(text)
     }
 
-    fn object(&self, console: Console, object: &ListedObject, place: &str) -> Result<(), Failed> {
+    /// Whether the mesh is one that the verdict lets pass.
+    fn object(&self, console: Console, object: &ListedObject, place: &str) -> Result<bool, Failed> {
         let start = Instant::now();
         // What a process that was killed left is swept by the folder.
         let target = self.place(object);
@@ -179,6 +192,7 @@ impl Batch<'_> {
             up,
             folder,
             interrupt: self.interrupt.clone(),
+            strict: self.arguments.strict,
             start,
         };
         let finished = job.finish(silent, true).map_err(|failure| match failure {
@@ -188,10 +202,10 @@ impl Batch<'_> {
         // It may have failed before.
         let _ = std::fs::remove_file(self.folder.join(failure_file(&object.name)));
         console.remark(format_args!(
-            "{place}: mask IoU {:.4}, {:.1} s",
-            finished.metrics.views.mask_iou, finished.seconds
+            "{place}: {}, mask IoU {:.4}, {:.1} s",
+            finished.metrics.verdict.grade, finished.metrics.views.mask_iou, finished.seconds
         ));
-        Ok(())
+        Ok(refused(finished.metrics.verdict.grade, self.arguments.strict).is_none())
     }
 
     /// Writes table and page of all that is there, by whichever process it was made: the last one to end writes all of it.

@@ -44,5 +44,6 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Demo) -> Result<
     let title = "Alarm clock";
     let truth = Truth::known(clock);
     let (truth, up) = (Some(&truth), UpAxis::Y);
-    Job { title, views, config: &config, truth, up, folder, interrupt, start }.run(console)
+    let strict = false;
+    Job { title, views, config: &config, truth, up, folder, interrupt, strict, start }.run(console)
 }

@@ -7,7 +7,10 @@ use datasets::Views;
 use mesh_core::{ByteImage, UpAxis};
 use recon::delivery::{DeliverError, Delivery, Metrics, deliver, holes};
 use recon::evaluate::ViewScores;
-use recon::fit::{ColorKind, Event, FitConfig, FitError, Fitted, Quality, fit, unused_detail};
+use recon::fit::{
+    ColorKind, Event, FitConfig, FitError, Fitted, Quality, RefinedCameras, fit, unused_detail,
+};
+use recon::verdict::{Grade, assess};
 use serde::Serialize;
 use train::output::OutputFolder;
 use train::settings;
@@ -34,9 +37,6 @@ struct Outcome<'a> {
     metrics: &'a Metrics,
 }
 
-/// Below this mean mask IoU something is likely wrong with the input, and is looked for.
-const DOUBTFUL: f64 = 0.93;
-
 /// A fit that is written.
 pub(crate) struct Finished {
     pub(crate) output: PathBuf,
@@ -58,6 +58,8 @@ pub(crate) struct Job<'a> {
     pub(crate) up: UpAxis,
     pub(crate) folder: OutputFolder,
     pub(crate) interrupt: Interrupt,
+    /// Whether a doubtful fit is an error.
+    pub(crate) strict: bool,
     /// When the command began.
     pub(crate) start: Instant,
 }
@@ -94,7 +96,9 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(
     let title = name.to_string_lossy();
     let truth = truth.as_ref();
     let up = up_axis(console, arguments, &views);
-    Job { title: &title, views, config: &config, truth, up, folder, interrupt, start }.run(console)
+    let strict = arguments.strict;
+    Job { title: &title, views, config: &config, truth, up, folder, interrupt, strict, start }
+        .run(console)
 }
 
 /// The axis that is asked for, or what the cameras say.
@@ -141,6 +145,7 @@ impl Job<'_> {
     /// Fits, scores, writes and prints. Ctrl-C ends the fit early; what there is is written.
     pub(crate) fn run(self, console: Console) -> Result<(), Failure> {
         self.interrupt.worthwhile();
+        let strict = self.strict;
         let Finished { output, seconds, metrics, fitted, views, finer } =
             self.finish(console, false)?;
         let outcome = Outcome { output: &output, seconds, metrics: &metrics };
@@ -152,7 +157,10 @@ impl Job<'_> {
         if let Some(text) = finer {
             console.remark(text);
         }
-        Ok(())
+        refused(metrics.verdict.grade, strict).map_or(Ok(()), |word| {
+            let text = format!("the fit is {word}: {}", metrics.verdict.reasons.join("; "));
+            Err(Failure::Other(format!("{text}; the mesh is in {}", output.display())))
+        })
     }
 
     /// Fits, scores and writes. What Ctrl-C ended early is written too, unless only what is `whole` counts.
@@ -161,7 +169,12 @@ impl Job<'_> {
         if whole && fitted.interrupted {
             return Err(Failure::Interrupted("it was not finished".to_owned()));
         }
-        if fitted.evaluations.last().is_some_and(|&(_, iou)| iou < DOUBTFUL) {
+        if let Some(refined) = &fitted.cameras {
+            console.remark(format_args!("{}", refined_words(refined)));
+        }
+        let assessment = assess(&self.views, &fitted).map_err(Failure::other)?;
+        // Something may be wrong with the input.
+        if assessment.verdict.grade != Grade::Good {
             for reason in diagnosis(&self.views) {
                 console.warn(&reason);
                 fitted.warnings.push(reason);
@@ -188,6 +201,7 @@ impl Job<'_> {
             views: &self.views,
             config: self.config,
             fitted: &fitted,
+            assessment: &assessment,
             truth: self.truth.map(|truth| &truth.mesh),
             up: self.up,
             provenance: facts(["unsphere", "threads", "machine"]).into(),
@@ -256,6 +270,25 @@ impl Job<'_> {
     }
 }
 
+/// The word for a verdict that is an error; none where it is not one.
+pub(crate) fn refused(grade: Grade, strict: bool) -> Option<&'static str> {
+    (grade == Grade::Failed || strict && grade == Grade::Doubtful).then(|| grade.name())
+}
+
+/// What was done to the cameras.
+fn refined_words(refined: &RefinedCameras) -> String {
+    let RefinedCameras { focal, motion, distance: [before, after], .. } = refined;
+    let lens = if (focal - 1.0).abs() < 0.002 {
+        String::new()
+    } else {
+        format!(", the focal length is {focal:.3} times the one given")
+    };
+    format!(
+        "cameras were refined: outlines moved by {motion:.2} pixels{lens}; they miss the masks by {after:.2} pixels \
+         instead of {before:.2} (--set refine-cameras=false leaves cameras as they are)"
+    )
+}
+
 /// Mean scores over views.
 pub(crate) fn score_rows(scores: &ViewScores) -> Vec<(&'static str, String)> {
     vec![
@@ -274,7 +307,9 @@ fn describe(outcome: &Outcome<'_>, [fitted, views]: [usize; 2]) -> String {
     let found = metrics.examination();
     let holes = holes(health).map_or_else(String::new, |holes| format!(", {holes}"));
     let mesh = format!("{} vertices, {found}{holes}", health.vertices);
-    let mut rows = score_rows(scores);
+    let mut rows = vec![("verdict", metrics.verdict.grade.name().to_owned())];
+    rows.extend(metrics.verdict.reasons.iter().map(|reason| ("", reason.clone())));
+    rows.extend(score_rows(scores));
     rows.push(("mesh", mesh));
     rows.push(("time", format!("{:.1} s, {} steps", outcome.seconds, metrics.steps)));
     rows.push(("output", outcome.output.display().to_string()));

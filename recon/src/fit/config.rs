@@ -3,6 +3,9 @@
 use serde::{Deserialize, Serialize};
 use train::settings::{LARGEST, Options as _};
 
+/// The most rounds in which cameras and shape are refined in turn after a level, and the steps of the shape in each.
+pub(super) const REFINING: (usize, usize) = (12, 10);
+
 train::options! {
     /// Options of a fit, each with the default that [`FitConfig::default`] gives.
     ///
@@ -45,6 +48,8 @@ train::options! {
         pub reach: f32 = 0.15, in 0.001..=2.0;
         /// Blur of the masks' signed distance in pixels: what makes their edges known between pixels.
         pub mask_blur: f32 = 1.0, in 0.0..=16.0;
+        /// Whether poses and focal length are refined where the outlines show that they are off.
+        pub refine_cameras: bool = true;
         /// A level ends early, after half of its steps, when the outline's distance to the masks falls by less than
         /// this share over 20 steps.
         pub tolerance: f64 = 0.01, in 0.0..1.0;
@@ -91,7 +96,9 @@ impl FitConfig {
 
     /// The most steps that a fit with these options takes.
     pub fn total_steps(&self) -> usize {
-        (self.level - self.start_level + 1) as usize * self.steps
+        let levels = (self.level - self.start_level + 1) as usize;
+        let refining = if self.refine_cameras { levels * REFINING.0 * REFINING.1 } else { 0 };
+        levels * self.steps + refining
     }
 }
 

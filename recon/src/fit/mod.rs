@@ -42,6 +42,8 @@
 //! # References
 //! Nicolet, Jacobson and Jakob 2021, *Large Steps in Inverse Rendering of Geometry*.
 
+mod alignment;
+mod cameras;
 mod color;
 mod config;
 mod distance;
@@ -74,6 +76,7 @@ use mesh_core::{Health, TriMesh};
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
+pub use alignment::RefinedCameras;
 pub use config::{ColorKind, FitConfig, TopologyKind};
 pub use distance::signed_distance;
 pub use error::FitError;
@@ -84,6 +87,7 @@ pub use quality::{Quality, unused_detail};
 pub use refine::{RefineConfig, refine};
 pub use stepper::Stepper;
 
+use alignment::Alignment;
 use shape::Shape;
 use start::Start;
 use target::Target;
@@ -114,6 +118,9 @@ pub struct Fitted {
     pub train_views: Vec<usize>,
     /// Indices of the views that were held out.
     pub held_out_views: Vec<usize>,
+    /// The cameras that the mesh agrees with, where they are not those of the views: see
+    /// [`FitConfig::refine_cameras`].
+    pub cameras: Option<RefinedCameras>,
     /// Seconds that each stage took, by name.
     pub seconds: Vec<(String, f64)>,
     /// What [`Event::Warned`] said.
@@ -140,7 +147,7 @@ pub fn fit(
         return Err(FitError::Config(problems));
     }
     let mut run = Run::prepare(views, config, on_event)?;
-    let shape = run.shape(config)?;
+    let shape = run.shape(config, &views.views)?;
     Ok(run.finish(shape, config, &views.views))
 }
 
@@ -150,6 +157,7 @@ struct Run<'a> {
     train: Vec<Target>,
     held_out: Vec<Target>,
     start: Option<Start>,
+    alignment: Option<Alignment>,
     fitted: Fitted,
     clock: Instant,
 }
@@ -218,11 +226,13 @@ impl<'a> Run<'a> {
             evaluations: Vec::new(),
             train_views,
             held_out_views,
+            cameras: None,
             seconds: vec![("placement".into(), clock.elapsed().as_secs_f64())],
             warnings: Vec::new(),
             interrupted: false,
         };
-        let mut run = Self { on_event, train, held_out, start: Some(start), fitted, clock };
+        let start = Some(start);
+        let mut run = Self { on_event, train, held_out, start, alignment: None, fitted, clock };
         run.tell(Event::Started {
             train: run.train.len(),
             held_out: run.held_out.len(),
@@ -254,7 +264,7 @@ impl<'a> Run<'a> {
     }
 
     /// Fits the shape, level by level.
-    fn shape(&mut self, config: &FitConfig) -> Result<Shape, FitError> {
+    fn shape(&mut self, config: &FitConfig, views: &[View]) -> Result<Shape, FitError> {
         self.clock = Instant::now();
         let start = self.start.take().unwrap_or(Start::Sphere);
         let thin = matches!(start, Start::Surface(..));
@@ -275,6 +285,7 @@ impl<'a> Run<'a> {
                 faces: shape.faces.len(),
             });
             self.level(&mut shape, &mut order, total, config)?;
+            self.align(views, &mut shape, &mut order, total, config)?;
             self.lap(&name);
             if self.fitted.interrupted {
                 break;
@@ -351,6 +362,7 @@ impl<'a> Run<'a> {
     /// Brings the mesh back to the world.
     fn finish(mut self, shape: Shape, config: &FitConfig, views: &[View]) -> Fitted {
         let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
+        self.fitted.cameras = self.refined_cameras(&shape, views);
         let Shape { mut positions, faces, topology, .. } = shape;
         let untangled = untangle::untangle(&mut positions, &faces, &topology).is_some();
         let (positions, faces, topology) = (&positions, &faces, &topology);

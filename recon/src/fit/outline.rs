@@ -102,8 +102,60 @@ pub(super) fn outline(
     scratch: &mut Scratch,
     gradient: &mut [[f32; 3]],
 ) -> Option<Measure> {
-    project(target, positions, faces, edges, scratch)?;
     let mut measure = Measure::default();
+    borders(target, positions, faces, edges, stride, scratch, |border, projected| {
+        let Border { distance, weight, normal, ends, share, .. } = border;
+        measure = measure.plus(border.measure());
+        let force = distance * weight;
+        for (vertex, share) in [(ends[0], 1.0 - share), (ends[1], share)] {
+            let g = [force * share * normal[0], force * share * normal[1]];
+            let pulled = target.pull(projected[vertex as usize], g);
+            for (into, g) in gradient[vertex as usize].iter_mut().zip(pulled) {
+                *into += g;
+            }
+        }
+    })?;
+    Some(measure)
+}
+
+/// A place on the outline, where it crosses a line of pixel centres.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Border {
+    /// Column and row.
+    pub(super) point: [f32; 2],
+    /// Outward unit normal in the image.
+    pub(super) normal: [f32; 2],
+    /// Signed distance to the mask's edge in pixels, negative inside of the mask.
+    pub(super) distance: f32,
+    /// Length of the outline that it stands for, pixels.
+    pub(super) weight: f32,
+    /// The edge of the mesh that is crossed.
+    pub(super) ends: [u32; 2],
+    /// How far along it, in the image.
+    pub(super) share: f32,
+}
+
+impl Border {
+    /// What it adds to the measure of its outline.
+    pub(super) fn measure(&self) -> Measure {
+        let Self { distance, weight, .. } = *self;
+        let energy = f64::from(0.5 * distance * distance * weight);
+        Measure { energy, length: f64::from(weight) }
+    }
+}
+
+/// Calls `visit` with every place where the outline crosses every `stride`-th line, and with the projected vertices. `None`,
+/// without a call, when a vertex is not in front of the camera.
+pub(super) fn borders(
+    target: &Target,
+    positions: &[[f32; 3]],
+    faces: &[[u32; 3]],
+    edges: &Edges,
+    stride: usize,
+    scratch: &mut Scratch,
+    mut visit: impl FnMut(Border, &[[f32; 3]]),
+) -> Option<()> {
+    project(target, positions, faces, edges, scratch)?;
     for axis in 0..2 {
         let (lines, limit) =
             if axis == 0 { (target.height, target.width) } else { (target.width, target.height) };
@@ -113,7 +165,7 @@ pub(super) fn outline(
             let (a, b) = (scratch.projected[ends[0] as usize], scratch.projected[ends[1] as usize]);
             let across = 1 - axis;
             let line = crossing.line as f32 + 0.5;
-            let t = (line - a[across]) / (b[across] - a[across]);
+            let share = (line - a[across]) / (b[across] - a[across]);
             let derivative = (b[axis] - a[axis]) / (b[across] - a[across]);
             // Outward unit normal: along the line, and across it.
             let along = outward / (1.0 + derivative * derivative).sqrt();
@@ -126,19 +178,10 @@ pub(super) fn outline(
                 return; // the picture cuts the object off: nothing is known beyond its border
             }
             let weight = along.abs() * stride as f32;
-            measure.energy += f64::from(0.5 * distance * distance * weight);
-            measure.length += f64::from(weight);
-            let force = distance * weight;
-            for (vertex, share) in [(ends[0], 1.0 - t), (ends[1], t)] {
-                let g = [force * share * normal[0], force * share * normal[1]];
-                let pulled = target.pull(scratch.projected[vertex as usize], g);
-                for (into, g) in gradient[vertex as usize].iter_mut().zip(pulled) {
-                    *into += g;
-                }
-            }
+            visit(Border { point, normal, distance, weight, ends, share }, &scratch.projected);
         });
     }
-    Some(measure)
+    Some(())
 }
 
 /// Projects the vertices and finds the edges of the outline.

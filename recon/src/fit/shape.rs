@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::{
     config::FitConfig,
     error::FitError,
-    outline::{self, Edges, Measure, Scratch},
+    outline::{self, Border, Edges, Measure, Scratch},
     target::Target,
 };
 
@@ -255,6 +255,32 @@ impl Shape {
         }
         self.positions.copy_from_slice(&self.smoothed);
         self.optimizer.read(&self.positions);
+    }
+
+    /// Every place of the outline in a view; see [`outline::borders`].
+    pub(super) fn borders(
+        &self,
+        target: &Target,
+        stride: usize,
+        visit: impl FnMut(Border, &[[f32; 3]]),
+    ) -> Option<()> {
+        let (positions, mut scratch) = (&self.positions, Scratch::default());
+        outline::borders(target, positions, &self.faces, &self.edges, stride, &mut scratch, visit)
+    }
+
+    /// Distance of the outlines to the edges of all masks, root mean square in pixels.
+    pub(super) fn distance(&self, targets: &[Target]) -> f64 {
+        let edge = self.mean_edge();
+        let measures: Vec<Measure> = targets
+            .par_iter()
+            .map(|target| {
+                let mut sum = Measure::default();
+                let stride = target.lines_between_samples(edge);
+                let _ = self.borders(target, stride, |border, _| sum = sum.plus(border.measure()));
+                sum
+            })
+            .collect();
+        measures.into_iter().fold(Measure::default(), Measure::plus).rms()
     }
 
     /// Puts the vertices elsewhere.

@@ -1,6 +1,7 @@
 //! What the outline of the mesh is pulled towards in one view.
 
 use datasets::View;
+use mesh_core::Camera;
 
 use super::distance::signed_distance;
 
@@ -25,6 +26,8 @@ pub(super) struct Target {
     pub(super) height: usize,
     /// Whether the lens divides by depth.
     pub(super) perspective: bool,
+    /// The camera of the box.
+    camera: Camera,
     /// Rows x, y, depth of the camera over world points, to pixels of the box.
     world: [[f64; 4]; 3],
     /// The same over the normalised coordinates in which the shape is fitted.
@@ -68,24 +71,15 @@ impl Target {
             bits[pixel / 8] |= 1 << (pixel % 8);
         }
         let camera = view.camera.cropped(left, top, width, height);
-        let [x, y, depth] = camera.projection();
-        let perspective = camera.is_perspective();
-        // NDC to pixels of the box: column = (x + 1) W / 2, row = (1 - y) H / 2.
-        let (w, h) = (width as f64 / 2.0, height as f64 / 2.0);
-        let one = if perspective { depth } else { [0.0, 0.0, 0.0, 1.0] };
-        let world = [
-            std::array::from_fn(|k| (x[k] + one[k]) * w),
-            std::array::from_fn(|k| (one[k] - y[k]) * h),
-            depth,
-        ];
         let mut target = Self {
             name: view.name.clone(),
             left,
             top,
             width,
             height,
-            perspective,
-            world,
+            perspective: camera.is_perspective(),
+            world: rows_of(&camera),
+            camera,
             rows: [[0.0; 4]; 3],
             distance,
             unit,
@@ -93,6 +87,17 @@ impl Target {
         };
         target.place([0.0; 3], 1.0);
         Some(target)
+    }
+
+    /// The camera of the box.
+    pub(super) fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// Takes another camera of the same box; [`place`](Self::place) is to follow.
+    pub(super) fn set_camera(&mut self, camera: Camera) {
+        self.world = rows_of(&camera);
+        self.camera = camera;
     }
 
     /// Sets the frame of [`project`](Self::project): world point = `center + radius * point`.
@@ -196,4 +201,17 @@ impl Target {
     pub(super) fn depth_per_unit(&self) -> f32 {
         self.rows[2][..3].iter().map(|v| v * v).sum::<f32>().sqrt()
     }
+}
+
+/// Rows x, y, depth over world points, to pixels.
+fn rows_of(camera: &Camera) -> [[f64; 4]; 3] {
+    let [x, y, depth] = camera.projection();
+    // NDC to pixels of the box: column = (x + 1) W / 2, row = (1 - y) H / 2.
+    let (w, h) = (camera.width as f64 / 2.0, camera.height as f64 / 2.0);
+    let one = if camera.is_perspective() { depth } else { [0.0, 0.0, 0.0, 1.0] };
+    [
+        std::array::from_fn(|k| (x[k] + one[k]) * w),
+        std::array::from_fn(|k| (one[k] - y[k]) * h),
+        depth,
+    ]
 }

@@ -28,26 +28,37 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod coherence;
+mod consistency;
+mod coverage;
 mod diagnosis;
 mod error;
 mod eye;
+mod finer;
 mod hull;
+mod lens;
+mod mask_edge;
 mod page;
 mod picture;
+mod silhouette;
 
+pub use coherence::Coherence;
+pub(crate) use consistency::Consistency;
 pub use diagnosis::{Agreement, Problem};
 pub use error::InspectError;
+pub use lens::LensFit;
 pub use page::write_report;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use datasets::{Dataset, Entry, OnInconsistent, ReadOptions, Subset, Truth, Views};
-use mesh_core::ByteImage;
+use datasets::{Dataset, Entry, OnInconsistent, ReadOptions, Subset, Truth, View, Views};
 use mesh_core::nalgebra::Vector3;
+use mesh_core::{ByteImage, Camera};
 use serde::Serialize;
 
 use eye::Eye;
+use finer::Fitness;
 
 /// Cells along the longest side of the hull that is drawn.
 const GRID: usize = 64;
@@ -180,6 +191,21 @@ pub fn inspect(
         warnings: dataset.warnings().to_vec(),
         looked_at,
     })
+}
+
+/// How the masks of views fit together, and to the images that `colors` has instead of theirs; none where they fix no body.
+pub(crate) fn fitness_of(views: &[View], colors: &[&ByteImage]) -> Option<Fitness> {
+    let eyes: Vec<Eye> = views.iter().map(Eye::new).collect();
+    finer::fitness(views, colors, hull::ball(&eyes)?)
+}
+
+/// Share of the directions that a surface can face in which no camera sees it, and the axis nearest to their middle.
+pub(crate) fn unseen_of<'a>(
+    cameras: impl Iterator<Item = &'a Camera>,
+    center: [f64; 3],
+) -> (f64, String) {
+    let unseen = coverage::Unseen::of(cameras, center);
+    (unseen.share, unseen.side())
 }
 
 fn subset_name(subset: Subset) -> String {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use recon::inspect::{Inspection, inspect, write_report};
 use serde::Serialize;
+use train::output::OutputFolder;
 
 use crate::args::Inspect;
 use crate::console::{Console, table};
@@ -12,19 +13,23 @@ use crate::failure::Failure;
 use crate::progress::Progress;
 use crate::provenance::typed_command;
 
-/// Where the report goes when nothing is said.
-const FOLDER: &str = "unsphere-inspect";
-
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
 struct Inspected<'a> {
-    output: &'a Path,
+    /// The folder of the report, where one was asked for.
+    output: Option<&'a Path>,
     #[serde(flatten)]
     inspection: &'a Inspection,
 }
 
 pub(crate) fn run(console: Console, arguments: &Inspect) -> Result<(), Failure> {
-    let folder = arguments.output.create(FOLDER)?;
+    let wanted = arguments.output.folder.as_ref();
+    if wanted.is_none() && arguments.output.force {
+        let text = "--force replaces a folder: it goes with -o, without which none is written";
+        return Err(Failure::Usage(text.to_owned()));
+    }
+    let folder =
+        wanted.map(|path| OutputFolder::create(path, arguments.output.force)).transpose()?;
     let options = arguments.reading.options();
     let dataset = datasets::open_with(&arguments.path, &options)?;
     let progress = Progress::new(console, "inspect");
@@ -33,9 +38,12 @@ pub(crate) fn run(console: Console, arguments: &Inspect) -> Result<(), Failure> 
             progress.set(done, all);
         })?;
     progress.finish();
-    write_report(&inspection, &typed_command(), &folder)?;
-    let output = folder.commit()?;
-    let inspected = Inspected { output: &output, inspection: &inspection };
+    let mut output = None;
+    if let Some(folder) = folder {
+        write_report(&inspection, &typed_command(), &folder)?;
+        output = Some(folder.commit()?);
+    }
+    let inspected = Inspected { output: output.as_deref(), inspection: &inspection };
     console.result(&inspected, describe)
 }
 
@@ -64,5 +72,8 @@ fn describe(inspected: &Inspected<'_>) -> String {
             let _ = writeln!(text, "  problem: {}", problem.message);
         }
     }
-    text + &format!("{}\n", output.join("report.html").display())
+    match output {
+        Some(folder) => text + &format!("{}\n", folder.join("report.html").display()),
+        None => text + "-o FOLDER writes a page with the views and the cameras\n",
+    }
 }

@@ -1,0 +1,148 @@
+//! When cameras are refined in the course of a fit, and whether that is kept.
+
+use datasets::View;
+use mesh_core::Camera;
+
+use super::cameras::{Cameras, longer};
+use super::config::REFINING;
+use super::target::Target;
+use super::{Event, FitConfig, FitError, Order, Run, Shape, Step};
+use crate::inspect::Consistency;
+
+/// Rounds end where one takes away less than this share of the outlines' distance to the masks.
+const WORTHWHILE: f64 = 0.005;
+/// Length of the steps, as a share of the longest.
+const RATE: f32 = 0.2;
+/// Cameras whose outlines miss one another by less than so many pixels in the mean (of an image of at most 320) are left alone.
+const EXACT: f64 = 0.22;
+/// Refined cameras are kept if that falls at least to this share: it is measured without the mesh, which follows any cameras.
+const HELPS: f64 = 0.75;
+/// Fewer views leave too much open.
+const FEWEST: usize = 4;
+
+/// What became of the cameras of a fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RefinedCameras {
+    /// The cameras of all views, in their order. Views that are held out keep their pose, since it must not be taken from the masks
+    /// that score; the focal length, which all views share, is refined in them too.
+    pub cameras: Vec<Camera>,
+    /// The focal length, times the one given.
+    pub focal: f64,
+    /// How far the outlines moved in the images that were fitted, root mean square in pixels.
+    pub motion: f64,
+    /// Distance of the outlines to the masks before and after, root mean square in pixels.
+    pub distance: [f64; 2],
+    /// How far outlines miss one another before and after, mean in pixels of an image of at most 320, measured without the mesh; see
+    /// [`Coherence::gap`](crate::inspect::Coherence::gap).
+    pub gap: [f64; 2],
+}
+
+/// Cameras that are being refined.
+#[derive(Clone, Debug)]
+pub(super) struct Alignment {
+    cameras: Cameras,
+    /// Those of the held-out views as they were given, in the targets' boxes.
+    held_out: Vec<Camera>,
+    distance: [f64; 2],
+    gap: [f64; 2],
+}
+
+impl Run<'_> {
+    /// Refines the cameras for the shape that a level ended with, and keeps them if that helps.
+    pub(super) fn align(
+        &mut self,
+        views: &[View],
+        shape: &mut Shape,
+        order: &mut Order,
+        total: usize,
+        config: &FitConfig,
+    ) -> Result<(), FitError> {
+        if !config.refine_cameras || self.train.len() < FEWEST || self.fitted.interrupted {
+            return Ok(());
+        }
+        let placement = self.fitted.placement;
+        let first = self.alignment.is_none();
+        let mut given = None;
+        if first {
+            let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
+            let Some(consistency) = Consistency::of(&seen) else { return Ok(()) };
+            let cameras: Vec<Camera> = seen.iter().map(|view| view.camera.clone()).collect();
+            let gap = consistency.gap(&cameras);
+            if gap < EXACT {
+                return Ok(());
+            }
+            given = Some((consistency, cameras, gap));
+        }
+        let before = shape.distance(&self.train);
+        let mut alignment = self.alignment.take().unwrap_or_else(|| Alignment {
+            cameras: Cameras::of(&self.train, placement.center, placement.radius),
+            held_out: self.held_out.iter().map(|target| target.camera().clone()).collect(),
+            distance: [before; 2],
+            gap: [0.0; 2],
+        });
+        let start = shape.positions.clone();
+        let mut distance = before;
+        for round in 0..REFINING.0 {
+            alignment.cameras.improve(shape, &mut self.train);
+            for _ in 0..REFINING.1 {
+                if self.fitted.interrupted {
+                    break;
+                }
+                let rate = RATE * config.learning_rate / ((round + 1) as f32).sqrt();
+                let step = self.fitted.history.len() + 1;
+                let edge = shape.mean_edge();
+                let stride = |target: &Target| target.lines_between_samples(edge);
+                let terms = shape.step(&self.train, order.next(), stride, config, rate, step)?;
+                let terms = vec![("silhouette", terms.outline.rms()), ("bending", terms.bending)];
+                let report = Step { step, total, terms };
+                self.fitted.history.push(report.clone());
+                self.tell(Event::Step(report));
+            }
+            let now = shape.distance(&self.train);
+            if now > (1.0 - WORTHWHILE) * distance && round > 2 {
+                break;
+            }
+            distance = now;
+        }
+        if let Some((consistency, cameras, gap)) = given {
+            let refined: Vec<Camera> = cameras
+                .iter()
+                .zip(&self.train)
+                .map(|(given, target)| like(given, target.camera(), alignment.cameras.focal))
+                .collect();
+            alignment.gap = [gap, consistency.gap(&refined)];
+            if alignment.gap[1] > HELPS * gap {
+                alignment.cameras.give_back(&mut self.train);
+                shape.place(start);
+                return Ok(());
+            }
+        }
+        alignment.distance[1] = shape.distance(&self.train);
+        for (target, given) in self.held_out.iter_mut().zip(&alignment.held_out) {
+            let lens = longer(given.lens, alignment.cameras.focal);
+            target.set_camera(Camera { lens, ..given.clone() });
+            target.place(placement.center, placement.radius);
+        }
+        self.alignment = Some(alignment);
+        Ok(())
+    }
+
+    /// What became of the cameras, for the shape at the end.
+    pub(super) fn refined_cameras(&self, shape: &Shape, views: &[View]) -> Option<RefinedCameras> {
+        let Alignment { cameras, distance, gap, .. } = self.alignment.as_ref()?;
+        let focal = cameras.focal;
+        let mut refined: Vec<Camera> =
+            views.iter().map(|view| like(&view.camera, &view.camera, focal)).collect();
+        for (&i, target) in self.fitted.train_views.iter().zip(&self.train) {
+            refined[i] = like(&views[i].camera, target.camera(), focal);
+        }
+        let motion = cameras.motion(shape, &self.train);
+        Some(RefinedCameras { cameras: refined, focal, motion, distance: *distance, gap: *gap })
+    }
+}
+
+/// A camera with the pose of another and a longer lens.
+fn like(given: &Camera, posed: &Camera, focal: f64) -> Camera {
+    let Camera { rotation, translation, .. } = posed.clone();
+    Camera { rotation, translation, lens: longer(given.lens, focal), ..given.clone() }
+}

@@ -1,0 +1,150 @@
+//! A mask as a signed distance with its camera: how far inside the object's outline a point is seen.
+
+use std::sync::Arc;
+
+use datasets::View;
+use mesh_core::Camera;
+
+use crate::fit::signed_distance;
+
+/// Longer sides are averaged down to this.
+const LONGEST: usize = 320;
+/// Blur of the distance, pixels: what makes the edge known between pixels.
+const BLUR: f32 = 0.7;
+/// Steps of the stored distance in a pixel: one byte each, up to 15.9 pixels.
+const STEPS: f32 = 8.0;
+
+/// One view's outline.
+#[derive(Clone, Debug)]
+pub(super) struct Silhouette {
+    pub(super) camera: Camera,
+    /// Rows x, y, depth of the camera over world points, to pixels.
+    rows: [[f64; 4]; 3],
+    /// Signed distance to the outline in eighths of a pixel, negative inside.
+    distance: Arc<[i8]>,
+    /// Whether the object leaves the image, so that what is outside is not known.
+    open: bool,
+    /// Pixels of the mask.
+    pub(super) area: usize,
+    /// Pixels of the view to one of these.
+    pub(super) scale: f64,
+}
+
+impl Silhouette {
+    pub(super) fn new(view: &View) -> Self {
+        let side = view.mask.height.max(view.mask.width);
+        let scaled = |n: usize| ((n * LONGEST + side / 2) / side).max(1);
+        let (mask, camera) = if side > LONGEST {
+            let (h, w) = (scaled(view.mask.height), scaled(view.mask.width));
+            (view.mask.resized(h, w), view.camera.resized(w, h))
+        } else {
+            (view.mask.clone(), view.camera.clone())
+        };
+        let (h, w) = (camera.height, camera.width);
+        let bits: Vec<bool> = mask.data.iter().map(|&m| m >= 128).collect();
+        let on = |i: usize, j: usize| bits[i * w + j];
+        let open =
+            (0..w).any(|j| on(0, j) || on(h - 1, j)) || (0..h).any(|i| on(i, 0) || on(i, w - 1));
+        let distance = signed_distance(&bits, h, w, BLUR)
+            .into_iter()
+            .map(|d| (STEPS * d).round().clamp(-127.0, 127.0) as i8)
+            .collect();
+        Self {
+            rows: rows(&camera),
+            distance,
+            open,
+            area: bits.iter().filter(|bit| **bit).count(),
+            scale: side as f64 / side.min(LONGEST) as f64,
+            camera,
+        }
+    }
+
+    /// The same mask seen by another camera.
+    pub(super) fn with(&self, camera: Camera) -> Self {
+        Self { rows: rows(&camera), camera, ..self.clone() }
+    }
+
+    /// Signed distance in pixels of where a world point is seen, negative inside of the outline: bilinear, up to 15.9. What is
+    /// behind the camera or outside of the image is far outside, unless the object goes on there.
+    pub(super) fn at(&self, p: [f64; 3]) -> f32 {
+        const FAR: f32 = 127.0 / STEPS;
+        let [x, y, depth] = self.rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3]);
+        let over = if self.camera.is_perspective() { depth } else { 1.0 };
+        if over <= 0.0 {
+            return FAR;
+        }
+        let (w, h) = (self.camera.width, self.camera.height);
+        let (column, row) = ((x / over) as f32, (y / over) as f32);
+        if !(column >= 0.0 && row >= 0.0 && column <= w as f32 && row <= h as f32) {
+            return if self.open { -FAR } else { FAR };
+        }
+        self.between([column, row])
+    }
+
+    /// Signed distance in pixels at a place in the image.
+    pub(super) fn between(&self, [column, row]: [f32; 2]) -> f32 {
+        let (w, h) = (self.camera.width, self.camera.height);
+        let x = (column - 0.5).clamp(0.0, (w - 1) as f32);
+        let y = (row - 0.5).clamp(0.0, (h - 1) as f32);
+        let (j, i) = ((x as usize).min(w.max(2) - 2), (y as usize).min(h.max(2) - 2));
+        let (fx, fy) = (x - j as f32, y - i as f32);
+        let at = |i: usize, j: usize| f32::from(self.distance[i.min(h - 1) * w + j.min(w - 1)]);
+        let upper = at(i, j) + fx * (at(i, j + 1) - at(i, j));
+        let lower = at(i + 1, j) + fx * (at(i + 1, j + 1) - at(i + 1, j));
+        (upper + fy * (lower - upper)) / STEPS
+    }
+
+    /// Places on the outline, at most so many, evenly spread; those on the image's border are not of it.
+    pub(super) fn outline(&self, most: usize) -> Vec<[f64; 2]> {
+        let (w, h) = (self.camera.width, self.camera.height);
+        let mut found = Vec::new();
+        let at = |i: usize, j: usize| f64::from(self.distance[i * w + j]);
+        for i in 0..h {
+            for j in 0..w {
+                let here = at(i, j);
+                for (a, b) in [(i, j + 1), (i + 1, j)] {
+                    if a < h && b < w && (here <= 0.0) != (at(a, b) <= 0.0) {
+                        let t = here / (here - at(a, b));
+                        let [di, dj] = [a - i, b - j].map(|d| t * d as f64 + 0.5);
+                        found.push([j as f64 + dj, i as f64 + di]);
+                    }
+                }
+            }
+        }
+        spread(found, most)
+    }
+
+    /// Middles of pixels whose distance, in pixels, lies in a range: how many there are, and at most so many of them, evenly spread.
+    pub(super) fn pixels(
+        &self,
+        range: std::ops::Range<f32>,
+        most: usize,
+    ) -> (usize, Vec<[f64; 2]>) {
+        let w = self.camera.width;
+        let inside = |d: &i8| range.contains(&(f32::from(*d) / STEPS));
+        let found: Vec<[f64; 2]> = self
+            .distance
+            .iter()
+            .enumerate()
+            .filter(|(_, d)| inside(d))
+            .map(|(k, _)| [(k % w) as f64 + 0.5, (k / w) as f64 + 0.5])
+            .collect();
+        (found.len(), spread(found, most))
+    }
+}
+
+fn spread(found: Vec<[f64; 2]>, most: usize) -> Vec<[f64; 2]> {
+    let count = found.len().min(most);
+    (0..count).map(|k| found[(2 * k + 1) * found.len() / (2 * count)]).collect()
+}
+
+fn rows(camera: &Camera) -> [[f64; 4]; 3] {
+    let [x, y, depth] = camera.projection();
+    let (w, h) = (camera.width as f64 / 2.0, camera.height as f64 / 2.0);
+    let one = if camera.is_perspective() { depth } else { [0.0, 0.0, 0.0, 1.0] };
+    [
+        std::array::from_fn(|k| (x[k] + one[k]) * w),
+        std::array::from_fn(|k| (one[k] - y[k]) * h),
+        depth,
+    ]
+}

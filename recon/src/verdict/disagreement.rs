@@ -1,0 +1,166 @@
+//! Where a mesh and a mask disagree, beyond what rounding to pixels explains.
+
+use datasets::View;
+use diff_raster::FacesError;
+use mesh_core::{ByteImage, Camera, TriMesh};
+use serde::{Deserialize, Serialize};
+use synth::RenderOptions;
+
+use crate::evaluate::seen_from;
+use crate::fit::signed_distance;
+
+/// Longer sides are averaged down to this.
+const LONGEST: usize = 320;
+/// What is nearer to the other outline than this, pixels, agrees.
+const TOLERANCE: f32 = 1.0;
+/// A hole in a mask has at least so large a share of the mask, and so many pixels.
+const HOLE: (f64, usize) = (0.002, 8);
+
+/// How a mesh differs from the mask of one view. Shares are of the mask's area, beyond a pixel of an image of at most 320.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Disagreement {
+    /// The view's index.
+    pub index: usize,
+    /// Its name.
+    pub name: String,
+    /// Intersection over union of mesh and mask.
+    pub mask_iou: f64,
+    /// What of the mask the mesh misses.
+    pub missing: f64,
+    /// What the mesh covers beside the mask.
+    pub excess: f64,
+    /// The largest piece of the two that hangs together.
+    pub largest: f64,
+    /// Holes in the mask that the mesh covers.
+    pub holes: usize,
+    /// Whether the mask is cut by the border of the image.
+    pub cut: bool,
+}
+
+/// A view's mask and the mesh's, both small.
+struct Pair {
+    width: usize,
+    mask: Vec<bool>,
+    mesh: Vec<bool>,
+    /// Wrong pixels beyond the tolerance: missing, excess.
+    wrong: [Vec<bool>; 2],
+}
+
+impl Pair {
+    fn of(mesh: &TriMesh, mask: &ByteImage, camera: &Camera) -> Result<Self, FacesError> {
+        let side = mask.height.max(mask.width);
+        let scaled = |n: usize| ((n * LONGEST + side / 2) / side).max(1);
+        let (mask, camera) = if side > LONGEST {
+            let (h, w) = (scaled(mask.height), scaled(mask.width));
+            (mask.resized(h, w), camera.resized(w, h))
+        } else {
+            (mask.clone(), camera.clone())
+        };
+        let options = RenderOptions { supersample: 1, ..RenderOptions::default() };
+        let seen = seen_from(mesh, &camera, &options)?.mask;
+        let bits = |image: &ByteImage| image.data.iter().map(|&m| m >= 128).collect::<Vec<_>>();
+        let (mask, mesh) = (bits(&mask), bits(&seen));
+        let beyond = |own: &[bool], other: &[bool]| -> Vec<bool> {
+            let distance = signed_distance(other, camera.height, camera.width, 0.0);
+            own.iter().zip(distance).map(|(&own, d)| own && d > TOLERANCE).collect()
+        };
+        let wrong = [beyond(&mask, &mesh), beyond(&mesh, &mask)];
+        Ok(Self { width: camera.width, mask, mesh, wrong })
+    }
+
+    fn judged(&self, index: usize, name: &str) -> Disagreement {
+        let count = |bits: &[bool]| bits.iter().filter(|bit| **bit).count();
+        let area = count(&self.mask).max(1) as f64;
+        let both = self.mask.iter().zip(&self.mesh).filter(|(a, b)| **a && **b).count();
+        let either = self.mask.iter().zip(&self.mesh).filter(|(a, b)| **a || **b).count();
+        let largest = self.wrong.iter().flat_map(|wrong| pieces(wrong, self.width));
+        let (w, h) = (self.width, self.mask.len() / self.width);
+        let on_border = |k: usize| k % w == 0 || k % w == w - 1 || k < w || k >= (h - 1) * w;
+        let background: Vec<bool> = self.mask.iter().map(|m| !m).collect();
+        let least = ((HOLE.0 * area) as usize).max(HOLE.1);
+        let is_filled_hole = |piece: &Vec<usize>| {
+            piece.len() >= least
+                && !piece.iter().any(|&k| on_border(k))
+                && 2 * piece.iter().filter(|&&k| self.mesh[k]).count() > piece.len()
+        };
+        Disagreement {
+            index,
+            name: name.to_owned(),
+            mask_iou: both as f64 / either.max(1) as f64,
+            missing: count(&self.wrong[0]) as f64 / area,
+            excess: count(&self.wrong[1]) as f64 / area,
+            largest: largest.map(|piece| piece.len()).max().unwrap_or(0) as f64 / area,
+            holes: pieces(&background, w).iter().filter(|piece| is_filled_hole(piece)).count(),
+            cut: (0..self.mask.len()).any(|k| on_border(k) && self.mask[k]),
+        }
+    }
+}
+
+/// The difference in one view, seen by `camera`.
+///
+/// # Errors
+/// If a face names a vertex that is not there.
+pub(super) fn of_view(
+    mesh: &TriMesh,
+    index: usize,
+    view: &View,
+    camera: &Camera,
+) -> Result<Disagreement, FacesError> {
+    Ok(Pair::of(mesh, &view.mask, camera)?.judged(index, &view.name))
+}
+
+/// The view in grey; what the mesh misses of its mask in orange, what it covers beside it in blue, beyond the tolerance in full
+/// colour and within it in half.
+pub(super) fn picture(
+    mesh: &TriMesh,
+    view: &View,
+    camera: &Camera,
+) -> Result<ByteImage, FacesError> {
+    const COLORS: [[u8; 3]; 2] = [[230, 110, 0], [0, 120, 220]];
+    let small = view.clone().at_most(LONGEST);
+    let camera = camera.resized(small.mask.width, small.mask.height);
+    let pair = Pair::of(mesh, &small.mask, &camera)?;
+    let mut image = ByteImage::new(small.mask.height, small.mask.width, 3);
+    for (k, pixel) in image.data.chunks_exact_mut(3).enumerate() {
+        let color = &small.color.data[k * small.color.channels..][..small.color.channels];
+        let grey = color.iter().map(|&c| usize::from(c)).sum::<usize>() / color.len();
+        let grey = if pair.mask[k] { 80 + grey / 2 } else { grey / 4 };
+        pixel.fill(grey as u8);
+        let kinds = [pair.mask[k] && !pair.mesh[k], pair.mesh[k] && !pair.mask[k]];
+        for (kind, color) in COLORS.iter().enumerate().filter(|(kind, _)| kinds[*kind]) {
+            let share = if pair.wrong[kind][k] { 4 } else { 2 };
+            for (value, &c) in pixel.iter_mut().zip(color) {
+                *value = ((usize::from(*value) * (4 - share) + usize::from(c) * share) / 4) as u8;
+            }
+        }
+    }
+    Ok(image)
+}
+
+/// The pieces that hang together by their sides, each as its pixels.
+fn pieces(bits: &[bool], width: usize) -> Vec<Vec<usize>> {
+    let mut left = bits.to_vec();
+    let mut found = Vec::new();
+    for start in 0..bits.len() {
+        if !left[start] {
+            continue;
+        }
+        left[start] = false;
+        let (mut piece, mut next) = (vec![start], 0);
+        while next < piece.len() {
+            let k = piece[next];
+            next += 1;
+            let beside = [
+                (k % width > 0).then(|| k - 1),
+                (k % width + 1 < width).then_some(k + 1),
+                k.checked_sub(width),
+                (k + width < bits.len()).then_some(k + width),
+            ];
+            for n in beside.into_iter().flatten().filter(|&n| std::mem::take(&mut left[n])) {
+                piece.push(n);
+            }
+        }
+        found.push(piece);
+    }
+    found
+}

@@ -1,0 +1,155 @@
+//! From evidence to a verdict.
+
+use super::{Disagreement, Evidence, Grade, Verdict};
+
+// The bounds below are chosen on the fits of the example `verdicts` with its seeds for choosing; `docs/verdict.md` has how they
+// do on others.
+
+/// Mean mask IoU of held-out views below which a fit failed, and below which it is doubtful.
+const IOU: [f64; 2] = [0.6, 0.98];
+/// One view disagrees where its IoU is below this.
+const VIEW_IOU: f64 = 0.85;
+/// A piece of this share of a mask, in one view, is a part that is missing or too much.
+const PIECE: f64 = 0.02;
+/// Pixels of gap between outlines that exact cameras and masks do not leave.
+const GAP: f64 = 0.3;
+/// Pixels between the masks' edges and those of the images.
+const EDGE: f64 = 0.7;
+/// What masks show that no body can, as a share of the masks.
+const MISSING: f64 = 0.01;
+/// What the hull has beside the masks, as a share of the masks, where the views leave the shape open.
+const EXCESS: f64 = 0.1;
+/// Share of directions that no view shows.
+const UNSEEN: f64 = 0.3;
+/// Views below which any shape is a guess.
+const FEW: usize = 7;
+/// Pixels that cameras were moved by beyond which their frame is not sure.
+const MOTION: f64 = 3.0;
+/// Share of the views that the border of the image cuts.
+const CUT: f64 = 0.1;
+
+/// Weighs the evidence.
+pub fn judge(evidence: &Evidence) -> Verdict {
+    let mut reasons: Vec<(Grade, String)> = Vec::new();
+    let mut say = |grade, text: String| reasons.push((grade, text));
+    let iou = evidence.mask_iou;
+    for (bound, grade) in IOU.into_iter().zip([Grade::Failed, Grade::Doubtful]) {
+        if iou < bound {
+            say(grade, format!("the mask IoU on held-out views is {iou:.3}, below {bound}"));
+            break;
+        }
+    }
+    if !evidence.closed {
+        say(Grade::Failed, "the mesh is not closed".to_owned());
+    }
+    disagreements(evidence, &mut say);
+    masks(evidence, &mut say);
+    views(evidence, &mut say);
+    if evidence.self_intersections > 0 {
+        let text = format!("{} pairs of faces run through each other", evidence.self_intersections);
+        say(Grade::Doubtful, text);
+    }
+    let grade = reasons.iter().map(|(grade, _)| *grade).max().unwrap_or(Grade::Good);
+    reasons.sort_by(|a, b| b.0.cmp(&a.0));
+    Verdict { grade, reasons: reasons.into_iter().map(|(_, text)| text).collect() }
+}
+
+/// Where mesh and masks differ.
+fn disagreements(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
+    let named = |wanted: &dyn Fn(&Disagreement) -> bool| -> Option<String> {
+        let names: Vec<&str> =
+            evidence.views.iter().filter(|v| wanted(v)).map(|v| v.name.as_str()).collect();
+        match names.len() {
+            0 => None,
+            1 => Some(format!("view {}", names[0])),
+            2..=4 => Some(format!("views {}", names.join(", "))),
+            n => Some(format!("{n} views ({}, ..)", names[..3].join(", "))),
+        }
+    };
+    if let Some(names) = named(&|view| view.mask_iou < VIEW_IOU) {
+        say(Grade::Doubtful, format!("{names} disagree with the mesh (mask IoU below {VIEW_IOU})"));
+    }
+    if let Some(names) =
+        named(&|view| view.holes > 0).filter(|_| evidence.count(|v| v.holes > 0) > 1)
+    {
+        let text = format!(
+            "masks have holes that the mesh covers, in {names}: a surface of the sphere's topology has none"
+        );
+        say(Grade::Doubtful, text);
+    }
+    if let Some(names) = named(&|view| view.largest > PIECE) {
+        say(Grade::Doubtful, format!("a part is missing, or is too much, in {names}"));
+    }
+}
+
+/// What masks and cameras say of each other.
+fn masks(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
+    let Some(coherence) = evidence.coherence else {
+        say(Grade::Doubtful, "cameras and masks fix no body".to_owned());
+        return;
+    };
+    if coherence.gap > GAP {
+        let text = format!(
+            "outlines miss one another by {:.2} pixels in the mean: cameras or masks are off",
+            coherence.gap
+        );
+        say(Grade::Doubtful, text);
+    }
+    if coherence.missing > MISSING {
+        let text = format!(
+            "{:.1} % of the masks lie where other views see no object: masks show something else, or cameras are off",
+            100.0 * coherence.missing
+        );
+        say(Grade::Doubtful, text);
+    }
+    if coherence.excess > EXCESS {
+        let text = format!(
+            "the views leave the shape open: what they allow covers {:.0} % of a mask beside it",
+            100.0 * coherence.excess
+        );
+        say(Grade::Doubtful, text);
+    }
+    if let Some(lens) = evidence.lens {
+        let [right, down] = lens.shift;
+        let text = format!(
+            "another lens explains the masks better: {:.3} times the focal length (--focal-scale), the principal point \
+             {right:+.1} pixels to the right and {down:+.1} down",
+            lens.focal
+        );
+        say(Grade::Doubtful, text);
+    }
+    if let Some(edge) = evidence.mask_edge.filter(|edge| edge.abs() > EDGE) {
+        let word = if edge < 0.0 { "larger" } else { "smaller" };
+        let text = format!(
+            "the masks are about {:.1} pixels {word} than the object in the images",
+            edge.abs()
+        );
+        say(Grade::Doubtful, text);
+    }
+    if evidence.motion > MOTION {
+        let text = format!("the cameras had to be moved by {:.1} pixels", evidence.motion);
+        say(Grade::Doubtful, text);
+    }
+}
+
+/// What the views do not show.
+fn views(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
+    if evidence.fitted_views < FEW {
+        let text =
+            format!("{} views are few: what lies between them is a guess", evidence.fitted_views);
+        say(Grade::Doubtful, text);
+    }
+    let (share, side) = &evidence.unseen;
+    if *share > UNSEEN {
+        let text = format!(
+            "no view shows the side towards {side} ({:.0} % of all directions)",
+            100.0 * share
+        );
+        say(Grade::Doubtful, text);
+    }
+    let cut = evidence.count(|view| view.cut);
+    if cut as f64 > CUT * evidence.views.len() as f64 {
+        let text = format!("the object is out of frame in {cut} of {} views", evidence.views.len());
+        say(Grade::Doubtful, text);
+    }
+}

@@ -1,0 +1,55 @@
+//! Is the mesh what the images show? A verdict with its reasons, from views and mesh alone.
+//!
+//! Good is a mesh that a user need not look at twice. Doubtful is one that is off somewhere, or may be where no view tells; failed is
+//! one that is not the object. The bounds are chosen on fits of procedural objects under planted mistakes and hold on others
+//! (`docs/verdict.md`, made by the example `verdicts`).
+
+mod assess;
+mod disagreement;
+mod evidence;
+mod judge;
+
+pub use assess::{Assessment, WorstView, assess};
+pub use disagreement::Disagreement;
+pub use evidence::Evidence;
+pub use judge::judge;
+
+use serde::Serialize;
+
+/// How far a fit can be trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Grade {
+    /// The mesh agrees with what its views show.
+    Good,
+    /// It is off somewhere, or may be where no view tells.
+    Doubtful,
+    /// It is not what the views show.
+    Failed,
+}
+
+impl Grade {
+    /// As it is written.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Doubtful => "doubtful",
+            Self::Failed => "failed",
+        }
+    }
+}
+
+impl std::fmt::Display for Grade {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A grade and why.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Verdict {
+    /// How far the fit can be trusted.
+    pub grade: Grade,
+    /// Why it is not better, one sentence each, what weighs most first; empty where it is good.
+    pub reasons: Vec<String>,
+}

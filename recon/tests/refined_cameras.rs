@@ -1,0 +1,94 @@
+//! Cameras that are a little off are put right by the fit, and right ones are left alone.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::ops::ControlFlow;
+
+use datasets::{View, Views};
+use mesh_core::nalgebra::{Matrix3, Vector3};
+use mesh_core::{Camera, TriMesh};
+use recon::evaluate::score_views;
+use recon::fit::{FitConfig, Fitted, Quality, fit};
+use synth::shapes::Family;
+use synth::{Orbit, Placement, Planted, RenderOptions, render_views};
+
+fn object() -> TriMesh {
+    Family::Car.draw(5).mesh()
+}
+
+fn orbit(count: usize) -> Orbit {
+    let distance = [1.6, 1.8];
+    Orbit { count, target: [0.0; 3], distance, width: 128, height: 128, ..Orbit::default() }
+}
+
+fn rendered(orbit: &Orbit) -> Vec<View> {
+    render_views(&object(), &orbit.cameras(), &RenderOptions::default(), &|_, _| {}).unwrap()
+}
+
+fn fitted(views: Vec<View>, refine_cameras: bool) -> Fitted {
+    let config = FitConfig { hold_out: None, refine_cameras, ..Quality::Draft.config() };
+    fit(&Views::in_memory(views), &config, &mut |_| ControlFlow::Continue(())).unwrap()
+}
+
+/// The mesh brought from the frame of some cameras to that of the true ones by the similarity that takes the ones' centres to
+/// the others' (Umeyama 1991).
+fn aligned(mesh: &TriMesh, from: &[Camera], to: &[Camera]) -> TriMesh {
+    let centers = |cameras: &[Camera]| cameras.iter().map(Camera::center).collect::<Vec<_>>();
+    let (a, b) = (centers(from), centers(to));
+    let mean = |points: &[Vector3<f64>]| points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+    let (middle_a, middle_b) = (mean(&a), mean(&b));
+    let (mut covariance, mut square) = (Matrix3::zeros(), 0.0);
+    for (p, q) in a.iter().zip(&b) {
+        covariance += (q - middle_b) * (p - middle_a).transpose();
+        square += (p - middle_a).norm_squared();
+    }
+    let svd = covariance.svd(true, true);
+    let (u, v) = (svd.u.unwrap(), svd.v_t.unwrap());
+    let turn = u * v;
+    let scale = svd.singular_values.sum() / square;
+    let positions = mesh.positions.iter().map(|p| {
+        let p = scale * (turn * (Vector3::from(p.map(f64::from)) - middle_a)) + middle_b;
+        [p.x as f32, p.y as f32, p.z as f32]
+    });
+    TriMesh { positions: positions.collect(), ..mesh.clone() }
+}
+
+/// Mean mask IoU on views from elsewhere, whose poses are exact, under a lens of so many times their focal length.
+fn score(mesh: &TriMesh, focal: f64) -> f64 {
+    let others = rendered(&Orbit { placement: Placement::Random, seed: 3, ..orbit(10) });
+    let others = Planted::Focal(focal).plant(others, [0.0; 3], 0);
+    let others: Vec<&View> = others.iter().collect();
+    score_views(mesh, &others, &|_, _| {}).unwrap().mask_iou
+}
+
+#[test]
+fn noise_of_poses_and_focal_length_is_taken_back() {
+    let good = rendered(&orbit(24));
+    let truth: Vec<Camera> = good.iter().map(|view| view.camera.clone()).collect();
+    // All have the same wrong lens, those that score too; their poses are right.
+    let noisy = Planted::Poses(0.3).plant(good.clone(), [0.0; 3], 1);
+    let noisy = Planted::Focal(1.01).plant(noisy, [0.0; 3], 1);
+    let given: Vec<Camera> = noisy.iter().map(|view| view.camera.clone()).collect();
+
+    let clean = score(&fitted(good, true).mesh, 1.0);
+    let plain = fitted(noisy.clone(), false);
+    assert!(plain.cameras.is_none());
+    let without = score(&aligned(&plain.mesh, &given, &truth), 1.01);
+    let refined = fitted(noisy, true);
+    let cameras = refined.cameras.as_ref().unwrap();
+    let mesh = aligned(&refined.mesh, &cameras.cameras, &truth);
+    let with = score(&mesh, 1.01 * cameras.focal);
+    let found = format!(
+        "clean {clean:.4}, noisy {without:.4}, refined {with:.4}, focal {:.4}, motion {:.2}, {:?}, {:?}",
+        cameras.focal, cameras.motion, cameras.distance, cameras.gap
+    );
+    assert!(without < clean - 0.006, "{found}");
+    assert!(with > clean - 0.003, "{found}");
+}
+
+#[test]
+fn exact_cameras_are_left_alone() {
+    let views = rendered(&orbit(16));
+    let (with, without) = (fitted(views.clone(), true), fitted(views, false));
+    assert!(with.cameras.is_none(), "{:?}", with.cameras.map(|c| (c.motion, c.distance)));
+    assert_eq!(with.mesh, without.mesh);
+}
