@@ -29,8 +29,14 @@ fn steps_of_a_training_take_no_large_fresh_block() {
     let place = tempfile::tempdir().unwrap();
     let run = RunFolder::create(&place.path().join("run"), false).unwrap();
     let provenance = Provenance::default();
-    let job =
-        Job { config: &config, data: &data, run: &run, provenance: &provenance, resume: false };
+    let job = Job {
+        config: &config,
+        data: &data,
+        run: &run,
+        provenance: &provenance,
+        resume: false,
+        from: None,
+    };
     let mut blocks = Vec::with_capacity(1000);
     train::<Img2Mesh>(&job, &mut |event| {
         if let Event::Step(_) = event {
