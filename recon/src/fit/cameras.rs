@@ -25,6 +25,9 @@ const ITERATIONS: usize = 2;
 const DAMPING: f64 = 0.002;
 /// The same for moves ahead and the focal length, which only perspective tells apart: more would stop them on their way.
 const FAINT: f64 = 0.0001;
+/// How strongly the focal length is held where it was given, in the same unit: on bodies like balls and capsules no outline tells it
+/// from the distance, and it would drift.
+const HELD: f64 = 0.002;
 /// Distances from here on, in pixels or in medians, count less: they are parts that the shape does not have.
 const OUTLIER: f64 = 1.0;
 const MEDIANS: f64 = 2.5;
@@ -46,6 +49,8 @@ struct Equations {
     focal: f64,
     right: Vector6<f64>,
     right_focal: f64,
+    /// Of all residuals.
+    weight: f64,
     /// Pixels to a unit of a turn (radians), of a move aside, of a move ahead, and of the focal length's logarithm: the equations are in
     /// pixels.
     units: [f64; 4],
@@ -64,7 +69,7 @@ impl Cameras {
         for _ in 0..ITERATIONS {
             let equations: Vec<Option<Equations>> =
                 targets.par_iter().map(|target| self.equations(shape, target, edge)).collect();
-            let focal = shared_focal(&equations);
+            let focal = shared_focal(&equations, self.focal.ln());
             self.focal *= focal.exp();
             for (target, equations) in targets.iter_mut().zip(&equations) {
                 let step = equations.as_ref().map_or_else(Vector6::zeros, |e| {
@@ -146,6 +151,7 @@ impl Cameras {
             focal: normal[(6, 6)] + FAINT * total,
             right: right.fixed_view::<6, 1>(0, 0).into_owned(),
             right_focal: right[6],
+            weight: total,
             units,
         })
     }
@@ -236,14 +242,15 @@ impl Cameras {
     }
 }
 
-/// The step of the logarithm of the focal length that all views share.
-fn shared_focal(equations: &[Option<Equations>]) -> f64 {
+/// The step of the logarithm of the focal length that all views share, from where it is: `moved` from the one given.
+fn shared_focal(equations: &[Option<Equations>], moved: f64) -> f64 {
     let (mut normal, mut right) = (0.0, 0.0);
     for e in equations.iter().flatten() {
         let eliminated = solve(&e.pose, &e.coupling);
         let unit = e.units[3];
-        normal += (e.focal - e.coupling.dot(&eliminated)) * unit * unit;
-        right += (e.right_focal - eliminated.dot(&e.right)) * unit;
+        let held = HELD * e.weight * unit * unit;
+        normal += (e.focal - e.coupling.dot(&eliminated)) * unit * unit + held;
+        right += (e.right_focal - eliminated.dot(&e.right)) * unit - held * moved;
     }
     if normal > 0.0 { (right / normal).clamp(-0.1, 0.1) } else { 0.0 }
 }
@@ -332,13 +339,14 @@ mod tests {
         for _ in 0..6 {
             cameras.improve(&mut shape, &mut targets);
         }
-        assert!((cameras.focal * 1.03 - 1.0).abs() < 0.004, "{}", cameras.focal);
-        assert!(shape.distance(&targets) < 0.3, "{}", shape.distance(&targets));
+        // It is held where it was given, so it comes back in part.
+        assert!((0.965..0.995).contains(&cameras.focal), "{}", cameras.focal);
+        assert!(shape.distance(&targets) < 0.35, "{}", shape.distance(&targets));
         // Cameras stay as far away as they were; the shape keeps its size.
         let size = shape.positions.iter().map(|p| p[0]).fold(0.0, f32::max);
         let given =
             spoilt(Planted::Focal(1.03)).0.positions.iter().map(|p| p[0]).fold(0.0, f32::max);
-        assert!((size / given - 1.0).abs() < 0.005, "{size} {given}");
+        assert!((size / given - 1.0).abs() < 0.02, "{size} {given}");
     }
 
     #[test]

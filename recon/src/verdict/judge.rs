@@ -12,7 +12,7 @@ const VIEW_IOU: f64 = 0.85;
 /// A piece of this share of a mask, in one view, is a part that is missing or too much.
 const PIECE: f64 = 0.02;
 /// Pixels of gap between outlines that exact cameras and masks do not leave.
-const GAP: f64 = 0.3;
+const GAP: f64 = 0.35;
 /// Pixels between the masks' edges and those of the images.
 const EDGE: f64 = 0.7;
 /// What masks show that no body can, as a share of the masks.
