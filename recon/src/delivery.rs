@@ -339,7 +339,7 @@ fn report(delivery: &Delivery<'_>, metrics: &Metrics, views: Vec<ViewPair>) -> R
     Report {
         title: delivery.title.into(),
         summary: format!(
-            "Verdict: {}. A sphere deformed to agree with {} views of {source}; the figures are means over the {} {} views.",
+            "Verdict: {}. A mesh deformed to agree with {} views of {source}; the figures are means over the {} {} views.",
             verdict.grade,
             fitted.train_views.len(),
             metrics.views.views.len(),

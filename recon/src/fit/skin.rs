@@ -51,11 +51,10 @@ impl Skin<'_> {
         let set =
             points.iter().enumerate().fold(0, |set, (i, &p)| set | usize::from(inside[p]) << i);
         let order: [usize; 4] = match set {
-            1 | 14 => [0, 1, 2, 3],
+            1 | 14 | 3 | 12 => [0, 1, 2, 3],
             2 | 13 => [1, 0, 3, 2],
             4 | 11 => [2, 3, 0, 1],
             8 | 7 => [3, 2, 1, 0],
-            3 | 12 => [0, 1, 2, 3],
             5 | 10 => [0, 2, 3, 1],
             9 | 6 => [0, 3, 1, 2],
             _ => return,

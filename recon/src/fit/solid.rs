@@ -85,7 +85,9 @@ fn fill_cavities(lattice: &Lattice, inside: &mut [bool]) {
     let mut reached = vec![false; inside.len()];
     // The border is one part of the outside.
     let mut queue: Vec<usize> = (0..inside.len()).filter(|&s| lattice.is_border(s)).collect();
-    queue.iter().for_each(|&s| reached[s] = true);
+    for &slot in &queue {
+        reached[slot] = true;
+    }
     while let Some(slot) = queue.pop() {
         for step in strides {
             let Some(next) = slot.checked_add_signed(step).filter(|&s| s < inside.len()) else {
@@ -141,7 +143,9 @@ fn cut_bridges(lattice: &Lattice, links: &Links, solid: &mut [bool], hull: &[boo
         }
         // The Euler number falls where a tunnel opens.
         if lost > 0 || widest < GAP {
-            part.iter().for_each(|&slot| solid[slot] = true);
+            for &slot in part {
+                solid[slot] = true;
+            }
         }
     }
 }

@@ -171,12 +171,17 @@ impl Target {
     pub(super) fn shows_a_hole(&self, far: f32) -> bool {
         let (width, height) = (self.width, self.height);
         let border = |p: usize| {
-            p < width || p + width >= width * height || p % width == 0 || p % width == width - 1
+            p < width
+                || p + width >= width * height
+                || p.is_multiple_of(width)
+                || (p + 1).is_multiple_of(width)
         };
         let mut reached: Vec<bool> = (0..width * height).map(|p| self.in_mask(p)).collect();
         let mut queue: Vec<usize> =
             (0..width * height).filter(|&p| border(p) && !reached[p]).collect();
-        queue.iter().for_each(|&p| reached[p] = true);
+        for &p in &queue {
+            reached[p] = true;
+        }
         while let Some(pixel) = queue.pop() {
             for next in [pixel.wrapping_sub(width), pixel.wrapping_sub(1), pixel + 1, pixel + width]
             {
