@@ -26,7 +26,7 @@
 //!   [`TriMesh::self_intersections`], both as [`TriMesh::examined`] says them, bounds, area, volume, transforms, [`TriMesh::append`],
 //!   [`TriMesh::vertex_colors`]
 //! - **make one**: [`primitives`]; finer by [`subdivide`], with anything that lives on the vertices by
-//!   [`Subdivision`]; better triangles by [`improve`], of one size by [`fn@remesh`], fewer by [`simplify`]
+//!   [`Subdivision`]; better triangles by [`improve`], of one size by [`fn@remesh`], fewer by [`simplify`], fewer and graded by [`coarsen`]
 //! - **who is next to whom**: [`Topology`] (edges, face pairs, rings), [`Csr`]
 //! - **measure**: [`face_normals`], [`vertex_normals`], [`face_areas`], [`vertex_areas`];
 //!   [`uniform_laplacian`], [`combinatorial_laplacian`], [`cotangent_laplacian`] as [`SparseRows`]
@@ -116,7 +116,8 @@ pub use mesh::{MeshError, Texture, TriMesh};
 pub use nalgebra;
 pub use normals::{face_areas, face_normals, vertex_normals};
 pub use remesh::{
-    ImproveOptions, Improvement, RemeshError, RemeshOptions, Remeshed, improve, remesh, simplify,
+    ImproveOptions, Improvement, RemeshError, RemeshOptions, Remeshed, coarsen, improve, remesh,
+    simplify,
 };
 pub use sample::{SurfacePoint, sample_points, sample_surface};
 pub use subdivide::{Subdivision, subdivide};

@@ -1,6 +1,7 @@
 //! Changing the triangles of a closed surface while keeping its shape.
 
 mod error;
+mod graded;
 mod improve;
 mod isotropic;
 mod shape;
@@ -8,6 +9,7 @@ mod simplify;
 mod surface;
 
 pub use error::RemeshError;
+pub use graded::coarsen;
 pub use improve::{ImproveOptions, Improvement, improve};
 pub use isotropic::{RemeshOptions, Remeshed, remesh};
 pub use simplify::simplify;

@@ -1,8 +1,9 @@
 //! Properties that hold for any mesh of the kind.
 
 use mesh_core::{
-    ImproveOptions, Subdivision, Topology, TriMesh, improve, nearest, primitives, sample_points,
-    sample_surface, subdivide, uniform_laplacian, vertex_normals, voxelize_parity, voxelize_solid,
+    ImproveOptions, Subdivision, Topology, TriMesh, coarsen, improve, nearest, primitives,
+    sample_points, sample_surface, subdivide, uniform_laplacian, vertex_normals, voxelize_parity,
+    voxelize_solid,
 };
 use proptest::prelude::*;
 
@@ -172,5 +173,20 @@ proptest! {
         prop_assert!(
             after.smallest_angle_degrees >= before.smallest_angle_degrees.min(35.0) - 1e-3
         );
+    }
+
+    #[test]
+    fn coarsening_leaves_a_closed_surface_of_the_same_kind(mesh in closed(), wish in 0.05_f64..0.8) {
+        let fine = subdivide(&subdivide(&mesh));
+        let before = fine.health();
+        let lengths: Vec<f64> =
+            fine.positions.iter().map(|p| if p[0] > 0.0 { wish } else { 0.2 * wish }).collect();
+        let coarse = coarsen(&fine, &lengths).expect("closed");
+        let after = coarse.health();
+        prop_assert!(after.is_watertight() || !before.outward, "{after}");
+        prop_assert_eq!((after.genus(), after.components), (before.genus(), before.components));
+        prop_assert!(after.faces <= before.faces);
+        prop_assert_eq!(coarsen(&fine, &lengths).expect("closed"), coarse);
+        prop_assert!(coarsen(&fine, &lengths[1..]).is_err());
     }
 }

@@ -41,6 +41,14 @@ pub enum RemeshError {
         /// The length.
         found: f64,
     },
+    /// There is not one length for each vertex.
+    #[error("{lengths} lengths of edges for {vertices} vertices")]
+    Lengths {
+        /// The lengths.
+        lengths: usize,
+        /// The vertices.
+        vertices: usize,
+    },
     /// The mesh has a texture, which would not fit the new faces.
     #[error("the mesh has a texture, expected none (make the texture after remeshing)")]
     Textured,
