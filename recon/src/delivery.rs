@@ -69,6 +69,10 @@ pub struct Metrics {
     pub views: ViewScores,
     /// Whether the mesh is whole.
     pub health: Health,
+    /// Its holes, as in a ring, which has one; null where it is not closed.
+    pub genus: Option<usize>,
+    /// The same in words: `genus 3: three holes`.
+    pub holes: Option<String>,
     /// Pairs of faces that run through each other.
     pub self_intersections: usize,
     /// Against the true mesh, one entry for each protocol; empty where it is not known.
@@ -207,6 +211,8 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         scored_on,
         views: scores,
         health: fitted.health.clone(),
+        genus: fitted.health.genus(),
+        holes: holes(&fitted.health),
         self_intersections: fitted.self_intersections,
         truth,
     };
@@ -392,6 +398,31 @@ pub fn comparison_rows(comparison: &Comparison) -> Vec<(String, String)> {
     rows
 }
 
+/// The genus of a mesh in words, as in `genus 3: three holes`; with several parts, how many there are. `None` of one that is
+/// not closed.
+///
+/// ```
+/// use mesh_core::primitives::{icosphere, torus};
+/// use recon::delivery::holes;
+///
+/// assert_eq!(holes(&icosphere(1).health()).as_deref(), Some("genus 0: no holes"));
+/// assert_eq!(holes(&torus(1.0, 0.3, 16, 8).health()).as_deref(), Some("genus 1: one hole"));
+/// ```
+pub fn holes(health: &Health) -> Option<String> {
+    const WORDS: [&str; 10] =
+        ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine"];
+    let counted = |count: usize, what: &str| {
+        let number = WORDS.get(count).map_or_else(|| count.to_string(), |word| (*word).to_owned());
+        format!("{number} {what}{}", if count == 1 { "" } else { "s" })
+    };
+    let genus = health.genus()?;
+    let parts = match health.components {
+        0 | 1 => String::new(),
+        count => format!(", in {}", counted(count, "part")),
+    };
+    Some(format!("genus {genus}: {}{parts}", counted(genus, "hole")))
+}
+
 /// What there is to say about a mesh by itself.
 pub fn mesh_table(found: &Examination) -> Table {
     let health = &found.health;
@@ -399,7 +430,10 @@ pub fn mesh_table(found: &Examination) -> Table {
     let rows = [
         ("vertices, faces", format!("{}, {}", health.vertices, health.faces)),
         ("it is", found.to_string()),
-        ("Euler number", health.euler.to_string()),
+        (
+            "holes",
+            holes(health).unwrap_or_else(|| format!("not known: Euler number {}", health.euler)),
+        ),
         ("pairs of faces that run through each other", found.self_intersections.to_string()),
         ("sharpest fold between faces", format!("{:.1}°", health.largest_dihedral_degrees)),
         ("smallest angle", format!("{:.2}°", health.smallest_angle_degrees)),

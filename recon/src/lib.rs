@@ -38,7 +38,8 @@
 //!
 //! - Nothing is printed; a fit tells what happens through events, and each event can end it.
 //! - The same views and configuration give the same bytes for any number of threads.
-//! - A fitted mesh is closed, oriented outwards, of Euler number 2, in the coordinates of the cameras.
+//! - A fitted mesh is closed and oriented outwards, in the coordinates of the cameras. Its genus is that of its start: 0 with
+//!   `topology = "sphere"`, else the holes that masks show.
 //! - Output folders appear whole or not at all.
 
 pub mod atlas;

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use datasets::Views;
 use mesh_core::{ByteImage, UpAxis};
-use recon::delivery::{DeliverError, Delivery, Metrics, deliver};
+use recon::delivery::{DeliverError, Delivery, Metrics, deliver, holes};
 use recon::evaluate::ViewScores;
 use recon::fit::{ColorKind, Event, FitConfig, FitError, Fitted, Quality, fit, unused_detail};
 use serde::Serialize;
@@ -272,7 +272,8 @@ fn describe(outcome: &Outcome<'_>, [fitted, views]: [usize; 2]) -> String {
     let health = &metrics.health;
     let count = scores.views.len();
     let found = metrics.examination();
-    let mesh = format!("{} vertices, {found}, Euler number {}", health.vertices, health.euler);
+    let holes = holes(health).map_or_else(String::new, |holes| format!(", {holes}"));
+    let mesh = format!("{} vertices, {found}{holes}", health.vertices);
     let mut rows = score_rows(scores);
     rows.push(("mesh", mesh));
     rows.push(("time", format!("{:.1} s, {} steps", outcome.seconds, metrics.steps)));

@@ -16,11 +16,13 @@ train::options! {
         /// for tests (NeRF's and nerfstudio's splits), it is those; `none` fits all.
         #[serde(with = "train::settings::optional")]
         pub hold_out: Option<usize> = Some(5), in 2..=LARGEST as usize;
-        /// Subdivision level of the icosphere to start from; slender objects start from their hull, at the level
-        /// before the last or this one. Level 3 has 642 vertices.
+        /// Subdivision level of the icosphere to start from; slender objects and those with holes start from their
+        /// hull, at the level before the last or this one. Level 3 has 642 vertices.
         pub start_level: u32 = 3, in 1..=6;
         /// Subdivision level to end with; 5 has 10,242 vertices.
         pub level: u32 = 5, in 1..=7;
+        /// How many holes the mesh may have: `"auto"`, those that masks show, or `"sphere"`, none; then an object that has some is cut.
+        pub topology: TopologyKind = TopologyKind::Auto;
         /// Steps at each level, at most.
         pub steps: usize = 150, in 1..=100_000;
         /// Views in each step; without, all, which is cheap and has no noise.
@@ -64,6 +66,16 @@ pub enum ColorKind {
     Vertex,
     /// A texture, with one colour per vertex besides.
     Texture,
+}
+
+/// How many holes a fitted mesh may have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TopologyKind {
+    /// As many as masks show, and as many parts.
+    Auto,
+    /// None, in one part.
+    Sphere,
 }
 
 impl FitConfig {

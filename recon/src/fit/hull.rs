@@ -1,9 +1,10 @@
-//! The visual hull as a start, for objects that a round start cannot grow into.
+//! A ball in the visual hull as a start, for slender objects that have holes and must be spheres.
 //!
 //! A leg that is thinner than a coarse triangle never grows out of a sphere: its mask is too narrow to
-//! pull at it. So a ball of one cell is grown inside the hull instead, cell by cell, and never
-//! becomes anything but a ball: a cell is added only where what it touches is a disc. The surface
-//! of what results is a sphere; where the object has a handle, a slit one cell wide stays open.
+//! pull at it. The hull's own surface has the legs, and its holes too. So a ball of one cell is grown
+//! inside the hull instead, cell by cell, and never becomes anything but a ball: a cell is added only
+//! where what it touches is a disc. The surface of what results is a sphere; where the object has a
+//! handle, a slit one cell wide stays open.
 
 use std::collections::VecDeque;
 
@@ -20,6 +21,11 @@ const SLENDER: f64 = 1.5;
 /// Rounds of smoothing of the cells' surface.
 const ROUNDS: usize = 6;
 
+/// Whether an object reaches so far that a sphere would be a bad start.
+pub(super) fn is_slender(placement: &Placement) -> bool {
+    placement.half_extent >= SLENDER * placement.radius
+}
+
 /// Cells, and which of them may hold some of the object.
 #[derive(Debug)]
 pub(super) struct Hull {
@@ -29,15 +35,12 @@ pub(super) struct Hull {
 }
 
 impl Hull {
-    /// The hull around a placement, where a sphere would be a bad start; `targets` are placed anew.
+    /// The hull around a placement; `targets` are placed anew.
     pub(super) fn of(
         views: &[&View],
         targets: &mut [Target],
         placement: &Placement,
     ) -> Option<Self> {
-        if placement.half_extent < SLENDER * placement.radius {
-            return None;
-        }
         // Two cells of air on each side.
         let half = placement.half_extent * SIDE as f64 / (SIDE as f64 - 4.0);
         for target in targets.iter_mut() {
@@ -51,6 +54,11 @@ impl Hull {
             }
         }
         Some(Self { inside, cell: 2.0 * half / SIDE as f64 / placement.radius })
+    }
+
+    /// The side of a cell in units of the placement's radius.
+    pub(super) fn cell(&self) -> f32 {
+        self.cell as f32
     }
 
     /// The smoothed surface of a ball of cells that fills the hull, in units of the placement's
@@ -171,7 +179,7 @@ fn neighbours(at: [usize; 3]) -> impl Iterator<Item = usize> {
 }
 
 /// Rounds off the steps of the cells; every second round swells, so that thin parts stay.
-fn smooth(mesh: &mut TriMesh) {
+pub(super) fn smooth(mesh: &mut TriMesh) {
     let topology = Topology::new(mesh.positions.len(), &mesh.faces);
     for round in 0..2 * ROUNDS {
         let share = if round % 2 == 0 { 0.5 } else { -0.52 };

@@ -2,14 +2,14 @@
 //!
 //! A sphere is placed where the masks allow an object ([`Placement`]), and moved by small steps
 //! until its outline in every view lies on the edge of that view's mask: coarse first, then with
-//! each face in four. Where the object is too slender for that, a ball is first grown inside the
-//! visual hull (the private module `hull` says how). Colours are then the ones that best explain all
-//! images at once.
+//! each face in four. Where the object is too slender for that, or masks show holes through it, the start is the
+//! surface of the visual hull instead, with its holes (the private module `solid` says which are
+//! real). Colours are then the ones that best explain all images at once.
 //!
 //! What keeps the surface whole: steps are preconditioned by `(I + lambda L)^-1`, so that a pull
 //! on one vertex moves its neighbourhood; a weak bending energy; vertices that slide along the
-//! surface to keep the triangles even; and a last pass that smooths away any place where the
-//! surface still passes through itself.
+//! surface to keep the triangles even; and a last pass that mends any place where the surface still
+//! passes through itself.
 //!
 //! The outline of a closed mesh is found without drawing it (the private module `outline` says
 //! how), at sub-pixel level and in time that follows its length rather than the image's size.
@@ -47,13 +47,20 @@ mod config;
 mod distance;
 mod error;
 mod event;
+mod grading;
 mod hull;
+mod kuhn;
+mod lattice;
 mod outline;
 mod placement;
 mod quality;
 mod refine;
+mod settle;
 mod shape;
 mod sight;
+mod skin;
+mod solid;
+mod start;
 mod stepper;
 mod target;
 mod texture;
@@ -67,7 +74,7 @@ use mesh_core::{Health, TriMesh};
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
-pub use config::{ColorKind, FitConfig};
+pub use config::{ColorKind, FitConfig, TopologyKind};
 pub use distance::signed_distance;
 pub use error::FitError;
 pub use event::{Event, Step};
@@ -77,8 +84,8 @@ pub use quality::{Quality, unused_detail};
 pub use refine::{RefineConfig, refine};
 pub use stepper::Stepper;
 
-use hull::Hull;
 use shape::Shape;
+use start::Start;
 use target::Target;
 
 /// Share of the object's size that is kept around it in each view.
@@ -91,7 +98,7 @@ const WINDOW: usize = 20;
 /// What a fit found.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// The mesh in the world coordinates of the input: closed, oriented outwards.
+    /// The mesh in the world coordinates of the input: closed, oriented outwards, with the holes of the start.
     pub mesh: TriMesh,
     /// The examination of the mesh.
     pub health: Health,
@@ -142,7 +149,7 @@ struct Run<'a> {
     on_event: &'a mut dyn FnMut(Event) -> ControlFlow<()>,
     train: Vec<Target>,
     held_out: Vec<Target>,
-    hull: Option<Hull>,
+    start: Option<Start>,
     fitted: Fitted,
     clock: Instant,
 }
@@ -197,7 +204,8 @@ impl<'a> Run<'a> {
         let (mut train, mut held_out) = (measure(&train_views), measure(&held_out_views));
         let seen: Vec<&View> = train_views.iter().map(|&i| &views[i]).collect();
         let placement = placement::place(&seen, &mut train)?;
-        let hull = Hull::of(&seen, &mut train, &placement);
+        let (start, remark) = Start::of(&seen, &mut train, &placement, config);
+        warnings.extend(remark);
         for target in train.iter_mut().chain(&mut held_out) {
             target.place(placement.center, placement.radius);
         }
@@ -214,7 +222,7 @@ impl<'a> Run<'a> {
             warnings: Vec::new(),
             interrupted: false,
         };
-        let mut run = Self { on_event, train, held_out, hull, fitted, clock };
+        let mut run = Self { on_event, train, held_out, start: Some(start), fitted, clock };
         run.tell(Event::Started {
             train: run.train.len(),
             held_out: run.held_out.len(),
@@ -248,11 +256,16 @@ impl<'a> Run<'a> {
     /// Fits the shape, level by level.
     fn shape(&mut self, config: &FitConfig) -> Result<Shape, FitError> {
         self.clock = Instant::now();
-        let (mut shape, start) = self.start(config);
+        let start = self.start.take().unwrap_or(Start::Sphere);
+        let thin = matches!(start, Start::Surface(..));
+        let (mut shape, start) = start.shape(config);
         let mut order = Order::new(self.train.len(), config);
         let total = config.total_steps();
         for level in start..=config.level {
             if level > start {
+                if thin {
+                    settle::mend(&mut shape);
+                }
                 shape = shape.subdivided(config);
             }
             let name = format!("level {level}");
@@ -267,19 +280,12 @@ impl<'a> Run<'a> {
                 break;
             }
         }
+        if thin && !self.fitted.interrupted {
+            settle::settle(&mut shape, &self.train, config, self.fitted.history.len())?;
+            self.evaluate(&shape, self.fitted.history.len());
+            self.lap("settle");
+        }
         Ok(shape)
-    }
-
-    /// A sphere, or a ball that fills the hull of a slender object, and the level that it has.
-    fn start(&self, config: &FitConfig) -> (Shape, u32) {
-        let coarse = config.start_level;
-        let Some(grown) = self.hull.as_ref().and_then(Hull::surface) else {
-            return (Shape::sphere(coarse, config), coarse);
-        };
-        // What is thin would be lost in coarse triangles.
-        let level = coarse.max(config.level - 1);
-        let shape = Shape::of(grown.positions, grown.faces, config);
-        (shape.evened(20 << (2 * level), config), level)
     }
 
     /// The steps of one level.

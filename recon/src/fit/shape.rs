@@ -1,8 +1,6 @@
 //! The mesh that is fitted, and the step that moves it.
 
-use mesh_core::{
-    DiffusionSolver, RemeshOptions, Subdivision, Topology, TriMesh, primitives, remesh,
-};
+use mesh_core::{DiffusionSolver, Subdivision, Topology, primitives};
 use rayon::prelude::*;
 
 use super::{
@@ -118,19 +116,6 @@ impl Shape {
         let subdivision = Subdivision::along(&self.topology, &self.faces);
         let positions = subdivision.apply(&self.positions);
         Self::of(positions, subdivision.faces, config)
-    }
-
-    /// The same surface with `faces` triangles or so, all of about one size; unchanged where it cannot
-    /// be had.
-    ///
-    pub(super) fn evened(self, faces: usize, config: &FitConfig) -> Self {
-        let mesh = TriMesh::new(self.positions.clone(), self.faces.clone());
-        // An equilateral triangle of side l has the area sqrt(3)/4 l^2.
-        let edge_length = (mesh.area() / (0.433 * faces as f64)).sqrt();
-        match remesh(&mesh, &RemeshOptions { edge_length, passes: 3 }) {
-            Ok(even) => Self::of(even.mesh.positions, even.mesh.faces, config),
-            Err(_) => self,
-        }
     }
 
     /// Moves the vertices once, against the losses over `views` of `targets`.
@@ -269,6 +254,12 @@ impl Shape {
             });
         }
         self.positions.copy_from_slice(&self.smoothed);
+        self.optimizer.read(&self.positions);
+    }
+
+    /// Puts the vertices elsewhere.
+    pub(super) fn place(&mut self, positions: Vec<[f32; 3]>) {
+        self.positions = positions;
         self.optimizer.read(&self.positions);
     }
 

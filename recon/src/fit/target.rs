@@ -4,6 +4,9 @@ use datasets::View;
 
 use super::distance::signed_distance;
 
+/// How far inside the centre of a pixel of the mask is at least, in pixels, and how far outside that of another.
+const SURE: f32 = 0.1;
+
 /// One view as the shape sees it: the mask's signed distance around the object, and the camera.
 ///
 /// Only the box around the object is kept, so that memory and time follow the object's size in
@@ -55,6 +58,9 @@ impl Target {
         let unit = reach / f32::from(i16::MAX);
         let distance = signed_distance(&mask, height, width, sigma)
             .into_iter()
+            .zip(&mask)
+            // What is a pixel wide would be blurred away: what the mask says of a pixel holds.
+            .map(|(d, &inside)| if inside { d.min(-SURE) } else { d.max(SURE) })
             .map(|d| (d.clamp(-reach, reach) / unit).round() as i16)
             .collect();
         let mut bits = vec![0u8; mask.len().div_ceil(8)];
@@ -154,6 +160,33 @@ impl Target {
     /// Whether a pixel of the box, counted row by row, is in the mask.
     pub(super) fn in_mask(&self, pixel: usize) -> bool {
         self.mask[pixel / 8] >> (pixel % 8) & 1 == 1
+    }
+
+    /// Whether the mask encloses background that is somewhere further than `far` pixels from it.
+    pub(super) fn shows_a_hole(&self, far: f32) -> bool {
+        let (width, height) = (self.width, self.height);
+        let border = |p: usize| {
+            p < width
+                || p + width >= width * height
+                || p.is_multiple_of(width)
+                || (p + 1).is_multiple_of(width)
+        };
+        let mut reached: Vec<bool> = (0..width * height).map(|p| self.in_mask(p)).collect();
+        let mut queue: Vec<usize> =
+            (0..width * height).filter(|&p| border(p) && !reached[p]).collect();
+        for &p in &queue {
+            reached[p] = true;
+        }
+        while let Some(pixel) = queue.pop() {
+            for next in [pixel.wrapping_sub(width), pixel.wrapping_sub(1), pixel + 1, pixel + width]
+            {
+                if next < reached.len() && !reached[next] {
+                    reached[next] = true;
+                    queue.push(next);
+                }
+            }
+        }
+        (0..reached.len()).any(|p| !reached[p] && f32::from(self.distance[p]) * self.unit > far)
     }
 
     /// How many lines apart the outline is sampled so that an edge of this length is met about four

@@ -1,35 +1,53 @@
 //! The last guard: smoothing away the places where a surface passes through itself or folds.
 
-use mesh_core::{Examination, Topology, TriMesh};
+use mesh_core::{Examination, Topology, TriMesh, vertex_normals};
+
+use super::shape::minus;
 
 /// Folds sharper than this are smoothed, in degrees: 0 is flat, 180 folded back.
 const FOLD: f32 = 165.0;
 /// Rounds of smoothing before giving up.
 const ROUNDS: usize = 40;
+/// Rounds in which the two sides of a sheet are moved apart; what is left then is smoothed.
+const SWELLS: usize = 24;
+/// How far the sides move in a round, in lengths of their edges.
+const SWELL: f32 = 0.12;
 
-/// Smooths the neighbourhood of every self-intersection and sharp fold until there are none; returns
+/// Mends the neighbourhood of every self-intersection and sharp fold until there are none; returns
 /// the rounds that it took, or `None` when some remained.
 ///
-/// Nothing moves where the surface is sound. From round to round the neighbourhood grows, so that
-/// what a small repair cannot solve is flattened further out.
+/// Where the two sides of a sheet pass through each other, or meet in an edge like a blade's, they are moved apart: smoothing
+/// would eat the sheet. Elsewhere the surface is smoothed. Nothing moves where it is sound. From round to round the
+/// neighbourhood grows, so that what a small repair cannot solve is flattened further out.
 pub(super) fn untangle(
     positions: &mut Vec<[f32; 3]>,
     faces: &[[u32; 3]],
     topology: &Topology,
 ) -> Option<usize> {
     for round in 0..ROUNDS {
-        let mut marked = tangled(positions, faces, topology);
+        let Tangled { mut thin, mut marked } = tangled(positions, faces, topology);
         if !marked.contains(&true) {
             return Some(round);
         }
+        if round >= SWELLS {
+            thin.fill(false);
+        }
         for _ in 0..=round / 8 {
             marked = grown(&marked, topology);
+            thin = grown(&thin, topology);
+        }
+        if thin.contains(&true) {
+            swell(positions, &thin, faces, topology);
+        }
+        for (marked, thin) in marked.iter_mut().zip(&thin) {
+            *marked &= !thin;
         }
         for _ in 0..3 {
             smooth(positions, &marked, topology);
         }
     }
-    (!tangled(positions, faces, topology).contains(&true)).then_some(ROUNDS)
+    let clean = !tangled(positions, faces, topology).marked.contains(&true);
+    clean.then_some(ROUNDS)
 }
 
 /// What to say of a mesh after it, if anything: the count is that of the finished mesh, which rounding may have changed.
@@ -42,28 +60,96 @@ pub(super) fn remaining(found: &Examination, untangled: bool) -> Option<String> 
     text.map(|text| text + " where smoothing could not help")
 }
 
+/// Vertices that something is wrong with.
+struct Tangled {
+    /// Those of sheets whose sides have met.
+    thin: Vec<bool>,
+    /// All.
+    marked: Vec<bool>,
+}
+
 /// The vertices of faces that intersect others or are folded onto a neighbour.
-fn tangled(positions: &mut Vec<[f32; 3]>, faces: &[[u32; 3]], topology: &Topology) -> Vec<bool> {
-    let mut marked = vec![false; positions.len()];
+fn tangled(positions: &mut Vec<[f32; 3]>, faces: &[[u32; 3]], topology: &Topology) -> Tangled {
+    let mut tangled =
+        Tangled { thin: vec![false; positions.len()], marked: vec![false; positions.len()] };
     let mesh = TriMesh::new(std::mem::take(positions), faces.to_vec());
-    for face in mesh.self_intersections().into_iter().flatten() {
-        faces[face as usize].iter().for_each(|&v| marked[v as usize] = true);
-    }
+    let pairs = mesh.self_intersections();
     *positions = mesh.positions;
     let normals = mesh_core::face_normals(positions, faces);
+    let along = |f: u32, g: u32| -> f32 {
+        let (a, b) = (normals[f as usize], normals[g as usize]);
+        (0..3).map(|k| a[k] * b[k]).sum()
+    };
+    for [f, g] in pairs {
+        tangled.mark([f, g], faces, along(f, g) < 0.0);
+    }
     let limit = FOLD.to_radians().cos();
     for &[f, g] in &topology.edge_faces {
-        if f == Topology::NONE || g == Topology::NONE {
+        if f == Topology::NONE || g == Topology::NONE || along(f, g) >= limit {
             continue;
         }
-        let (a, b) = (normals[f as usize], normals[g as usize]);
-        if (0..3).map(|k| a[k] * b[k]).sum::<f32>() < limit {
-            for face in [f, g] {
-                faces[face as usize].iter().for_each(|&v| marked[v as usize] = true);
-            }
+        // A blade's edge has the rest of the other face behind each of its faces.
+        let middle = |f: u32| -> [f32; 3] {
+            let corners = faces[f as usize].map(|v| positions[v as usize]);
+            std::array::from_fn(|k| corners.iter().map(|p| p[k]).sum())
+        };
+        let (way, normal) = (minus(middle(g), middle(f)), normals[f as usize]);
+        let behind = (0..3).map(|k| way[k] * normal[k]).sum::<f32>() < 0.0;
+        tangled.mark([f, g], faces, behind);
+    }
+    tangled
+}
+
+impl Tangled {
+    fn mark(&mut self, pair: [u32; 2], faces: &[[u32; 3]], thin: bool) {
+        for vertex in pair.into_iter().flat_map(|face| faces[face as usize]) {
+            self.marked[vertex as usize] = true;
+            self.thin[vertex as usize] |= thin;
         }
     }
-    marked
+}
+
+/// Moves the marked vertices outwards, and along the surface towards the centre of their ring.
+fn swell(positions: &mut [[f32; 3]], marked: &[bool], faces: &[[u32; 3]], topology: &Topology) {
+    let rings = &topology.vertex_vertices;
+    // Where the surface is crumpled only the neighbourhood knows what is outwards.
+    let mut normals = vertex_normals(positions, faces);
+    for _ in 0..2 {
+        normals = (0..normals.len())
+            .map(|v| {
+                if !marked[v] {
+                    return normals[v];
+                }
+                let sum: [f32; 3] = std::array::from_fn(|k| {
+                    let ring = rings.row(v).iter().map(|&w| normals[w as usize][k]);
+                    normals[v][k] + ring.sum::<f32>()
+                });
+                let length = sum.iter().map(|x| x * x).sum::<f32>().sqrt();
+                if length > 0.0 { sum.map(|x| x / length) } else { normals[v] }
+            })
+            .collect();
+    }
+    let moved: Vec<(usize, [f32; 3])> = (0..positions.len())
+        .filter(|&v| marked[v])
+        .map(|v| {
+            let (ring, here, normal) = (rings.row(v), positions[v], normals[v]);
+            let share = 1.0 / ring.len().max(1) as f32;
+            let (mut centre, mut edge) = ([0.0; 3], 0.0);
+            for &w in ring {
+                let to = minus(positions[w as usize], here);
+                edge += share * to.iter().map(|x| x * x).sum::<f32>().sqrt();
+                centre = std::array::from_fn(|k| centre[k] + share * to[k]);
+            }
+            let up: f32 = (0..3).map(|k| centre[k] * normal[k]).sum();
+            let to = std::array::from_fn(|k| {
+                here[k] + SWELL * edge * normal[k] + 0.3 * (centre[k] - up * normal[k])
+            });
+            (v, to)
+        })
+        .collect();
+    for (v, to) in moved {
+        positions[v] = to;
+    }
 }
 
 fn grown(marked: &[bool], topology: &Topology) -> Vec<bool> {
@@ -110,6 +196,23 @@ mod tests {
         assert!(sphere.health().largest_dihedral_degrees < 170.0);
         let moved = before.iter().zip(&sphere.positions).filter(|(a, b)| a != b).count();
         assert!(moved < before.len() / 2, "{moved} vertices moved");
+    }
+
+    #[test]
+    fn a_sheet_whose_sides_have_met_keeps_its_size() {
+        let mut sheet = primitives::icosphere(4).scaled([1.0, 0.03, 0.7]);
+        let topology = Topology::new(sheet.positions.len(), &sheet.faces);
+        // The sides change places in the middle.
+        for p in &mut sheet.positions {
+            if p[0].hypot(p[2]) < 0.3 {
+                p[1] *= -0.4;
+            }
+        }
+        let area = sheet.area();
+        assert!(sheet.self_intersections().len() > 20);
+        let rounds = untangle(&mut sheet.positions, &sheet.faces, &topology);
+        assert!(rounds.is_some(), "{} left", sheet.self_intersections().len());
+        assert!(sheet.area() > 0.95 * area, "{} of {area}", sheet.area());
     }
 
     #[test]

@@ -1,0 +1,202 @@
+//! The visual hull as a function: how far each point of a lattice lies outside of what the masks allow.
+
+use rayon::prelude::*;
+
+use super::{kuhn::STEPS, placement::Placement, target::Target};
+
+/// Points along a side of the blocks that are looked at as a whole first.
+const BLOCK: usize = 4;
+/// Points along the longest side of the first, coarse look, which finds the box.
+const COARSE: usize = 48;
+/// Points of air around the object.
+const AIR: usize = 4;
+/// Distances in perspective change by a little more than the way: distances are in units of the middle's pixels.
+const SLACK: f32 = 1.3;
+/// How much further from a mask's edge a point must be seen by one view alone than by two to be as far outside, in points.
+const ALONE: f32 = 1.5;
+
+/// A box of points around the object, with two distances from the hull at each, in steps of the lattice: negative inside.
+#[derive(Clone, Debug)]
+pub(super) struct Lattice {
+    /// Points along each axis.
+    pub(super) dims: [usize; 3],
+    /// Place of the first point, in the frame of the targets.
+    pub(super) origin: [f32; 3],
+    /// Length of a step.
+    pub(super) step: f32,
+    /// Distance to the hull's surface: the largest over the views.
+    pub(super) distance: Vec<f32>,
+    /// The same, where what one view sees alone counts less: what tunnels are judged by.
+    pub(super) agreed: Vec<f32>,
+}
+
+impl Lattice {
+    /// Measures the hull on a lattice of at most `longest` points along a side, and no finer than the images.
+    ///
+    /// As many views may see a point outside of their mask as see the best point so. The frame of `targets` is left as that of `placement`, in
+    /// which lengths are radii. `None` where nothing is inside.
+    ///
+    /// # Cost
+    /// Of the points of the box those near the surface are looked at in every view; the others eight times as coarse.
+    pub(super) fn of(
+        targets: &mut [Target],
+        placement: &Placement,
+        longest: usize,
+    ) -> Option<Self> {
+        for target in targets.iter_mut() {
+            target.place(placement.center, placement.radius);
+        }
+        let targets = &*targets;
+        let half = (placement.half_extent / placement.radius) as f32 * 1.05;
+        let step = 2.0 * half / (COARSE - 1) as f32;
+        let tolerated = tolerated(targets, half);
+        let coarse = Self::measured(targets, [COARSE; 3], [-half; 3], step, tolerated);
+        // All that may be inside, a step around.
+        let mut low = [f32::INFINITY; 3];
+        let mut high = [f32::NEG_INFINITY; 3];
+        for (slot, _) in coarse.distance.iter().enumerate().filter(|(_, d)| **d < 1.0) {
+            let p = coarse.place(slot);
+            for k in 0..3 {
+                low[k] = low[k].min(p[k] - step);
+                high[k] = high[k].max(p[k] + step);
+            }
+        }
+        let side = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
+        if !(side.is_finite() && side > 0.0) {
+            return None;
+        }
+        let pixels: f32 = targets.iter().map(|t| t.pixels_per_unit(t.project([0.0; 3])[2])).sum();
+        let pixel = targets.len() as f32 / pixels;
+        let step = (side / (longest - 2 * AIR) as f32).max(pixel);
+        let dims = std::array::from_fn(|k| ((high[k] - low[k]) / step).ceil() as usize + 2 * AIR);
+        let origin = std::array::from_fn(|k| low[k] - AIR as f32 * step);
+        Some(Self::measured(targets, dims, origin, step, tolerated))
+    }
+
+    fn measured(
+        targets: &[Target],
+        dims: [usize; 3],
+        origin: [f32; 3],
+        step: f32,
+        tolerated: usize,
+    ) -> Self {
+        let count = dims.iter().product();
+        let mut lattice =
+            Self { dims, origin, step, distance: vec![0.0; count], agreed: vec![0.0; count] };
+        let layer = dims[0] * dims[1];
+        let eye = Eye { targets, tolerated, step };
+        let (mut distance, mut agreed) =
+            (std::mem::take(&mut lattice.distance), std::mem::take(&mut lattice.agreed));
+        distance
+            .par_chunks_mut(layer * BLOCK)
+            .zip(agreed.par_chunks_mut(layer * BLOCK))
+            .enumerate()
+            .for_each(|(slab, (distance, agreed))| {
+                lattice.slab(&eye, slab * BLOCK, distance, agreed);
+            });
+        Self { distance, agreed, ..lattice }
+    }
+
+    /// A few layers, from `bottom` on, block by block.
+    fn slab(&self, eye: &Eye<'_>, bottom: usize, distance: &mut [f32], agreed: &mut [f32]) {
+        let [nx, ny, _] = self.dims;
+        let layers = distance.len() / (nx * ny);
+        let mut found = Vec::new();
+        for y in (0..ny).step_by(BLOCK) {
+            for x in (0..nx).step_by(BLOCK) {
+                let size = [BLOCK.min(nx - x), BLOCK.min(ny - y), layers];
+                let first = [x, y, bottom];
+                let middle = std::array::from_fn(|k| {
+                    self.origin[k] + self.step * (first[k] as f32 + 0.5 * (size[k] as f32 - 1.0))
+                });
+                let across: f32 = size.iter().map(|&n| (n as f32).powi(2)).sum::<f32>().sqrt();
+                // Far enough from the surface for all of the block, with a step to spare.
+                let far = SLACK * 0.5 * across + 3.0;
+                let whole = eye.look(middle, &mut found);
+                let same = (whole[1] > far || whole[0] < -far).then_some(whole);
+                for z in 0..layers {
+                    for y in y..y + size[1] {
+                        for x in x..x + size[0] {
+                            let p = self.at([x, y, bottom + z]);
+                            let at = (z * ny + y) * nx + x;
+                            [distance[at], agreed[at]] =
+                                same.unwrap_or_else(|| eye.look(p, &mut found));
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Where a point is.
+    pub(super) fn place(&self, slot: usize) -> [f32; 3] {
+        let [nx, ny, _] = self.dims;
+        self.at([slot % nx, slot / nx % ny, slot / (nx * ny)])
+    }
+
+    fn at(&self, point: [usize; 3]) -> [f32; 3] {
+        std::array::from_fn(|k| self.origin[k] + self.step * point[k] as f32)
+    }
+
+    /// How far apart neighbours are in the arrays.
+    pub(super) fn strides(&self) -> [isize; 14] {
+        let [nx, ny, _] = self.dims.map(|n| n as isize);
+        STEPS.map(|[x, y, z]| x + nx * (y + ny * z))
+    }
+
+    /// Whether a point is on the border of the box, where neighbours are missing.
+    pub(super) fn is_border(&self, slot: usize) -> bool {
+        let [nx, ny, nz] = self.dims;
+        let point = [slot % nx, slot / nx % ny, slot / (nx * ny)];
+        point.iter().zip([nx, ny, nz]).any(|(&i, n)| i == 0 || i + 1 == n)
+    }
+}
+
+/// How many views see even the best point outside of their mask: 0 where masks and cameras are right.
+fn tolerated(targets: &[Target], half: f32) -> usize {
+    let side = COARSE / 2;
+    let at = |i: usize| half * ((2 * i + 1) as f32 / side as f32 - 1.0);
+    let outside = |slot: usize| {
+        let point = [slot % side, slot / side % side, slot / (side * side)].map(at);
+        let sees = |target: &&Target| {
+            let [column, row, depth] = target.project(point);
+            let reach = half / side as f32 * target.pixels_per_unit(depth);
+            !(depth > 0.0 && target.distance(column, row) < reach)
+        };
+        targets.iter().filter(sees).count()
+    };
+    (0..side.pow(3)).into_par_iter().map(outside).min().unwrap_or(0)
+}
+
+/// All views of a point.
+struct Eye<'a> {
+    targets: &'a [Target],
+    tolerated: usize,
+    step: f32,
+}
+
+impl Eye<'_> {
+    /// How far outside the masks a point is: for all views but those tolerated, and for one less.
+    fn look(&self, point: [f32; 3], largest: &mut Vec<f32>) -> [f32; 2] {
+        largest.clear();
+        largest.resize(self.tolerated + 2, f32::NEG_INFINITY);
+        for target in self.targets {
+            let [column, row, depth] = target.project(point);
+            let seen = depth > 0.0 && column.is_finite() && row.is_finite();
+            let distance = if seen {
+                target.distance(column, row) / (target.pixels_per_unit(depth) * self.step)
+            } else {
+                f32::MAX
+            };
+            // The largest ones, in falling order.
+            let mut carried = distance;
+            for kept in largest.iter_mut() {
+                if carried > *kept {
+                    std::mem::swap(&mut carried, kept);
+                }
+            }
+        }
+        let [first, second] = [largest[self.tolerated], largest[self.tolerated + 1]];
+        [first, second.max(first - ALONE)]
+    }
+}
