@@ -289,7 +289,7 @@ fn report(delivery: &Delivery<'_>, metrics: &Metrics, views: Vec<ViewPair>) -> R
     Report {
         title: delivery.title.into(),
         summary: format!(
-            "A sphere deformed to agree with {} views of {source}; the figures are means over the {} {} views.",
+            "A mesh deformed to agree with {} views of {source}; the figures are means over the {} {} views.",
             fitted.train_views.len(),
             metrics.views.views.len(),
             metrics.scored_on,
