@@ -5,6 +5,7 @@
 //! Both sides come from one process.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -168,10 +169,11 @@ pub fn picture(history: &str) -> String {
         let path: Vec<String> =
             points.iter().map(place).map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
         let end = points.last().map_or(0.0, |point| point.1);
-        svg += &format!(
+        let _ = writeln!(
+            svg,
             "<text x=\"10\" y=\"{:.1}\">{id}</text><line x1=\"{LEFT}\" y1=\"{y}\" x2=\"{}\" y2=\"{y}\" stroke=\"#ddd\"/>\
              <polyline points=\"{}\" fill=\"none\" stroke=\"#1f6feb\" stroke-width=\"1.5\" marker-end=\"none\"/>\
-             <text x=\"{}\" y=\"{:.1}\">{end:.3}</text>\n",
+             <text x=\"{}\" y=\"{:.1}\">{end:.3}</text>",
             y + 4.0,
             LEFT + WIDE,
             path.join(" "),

@@ -47,7 +47,7 @@ fn check() -> Result<bool, Box<dyn Error>> {
     let (before, now) = (table(&root().join("benches/results/table.csv"))?, measured()?);
     let mut out = std::io::stdout().lock();
     for (id, figure) in &now {
-        let was = before.get(id).map_or("new".to_owned(), |was| format!("{was:.3}"));
+        let was = before.get(id).map_or_else(|| "new".to_owned(), |was| format!("{was:.3}"));
         writeln!(out, "{id}: {figure:.3} ({was})")?;
     }
     let worse = worse(&before, &now, SHARE);
@@ -69,7 +69,9 @@ fn record(date: &str, commit: &str) -> Result<(), Box<dyn Error>> {
     };
     let processor = processor();
     for (id, figure) in &now {
-        history += &format!("{date},{commit},{processor},{id},{figure:.4}\n");
+        let line = [date, commit, &processor, id, &format!("{figure:.4}")].join(",");
+        history.push_str(&line);
+        history.push('\n');
     }
     // Benches that did not run now keep their figures.
     let mut all = table(&results.join("table.csv")).unwrap_or_default();

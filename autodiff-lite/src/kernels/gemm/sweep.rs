@@ -249,8 +249,6 @@ impl<'a, F: Lane> Block<'_, 'a, F> {
         let (s, cuts, width) = (self.sweep, &self.sweep.cuts, 2 * self.sweep.lanes);
         let rows = &strip.rows;
         assert!(strip.packed.len() >= s.strips.len && len <= s.longest, "a strip beyond the end");
-        let lines = panels.as_ptr().align_offset(LINE) == 0 && panel_step.is_multiple_of(width);
-        assert!(lines, "panels that do not begin at cache lines");
         for (i, panel) in self.panels.clone().enumerate() {
             let columns = cuts.columns(&(panel..panel + 1));
             let reach = (rows.len() - 1) * cuts.n + columns.len();
@@ -258,6 +256,7 @@ impl<'a, F: Lane> Block<'_, 'a, F> {
                 len,
                 a: strip.packed.as_ptr(),
                 b: panels[i * panel_step..][..len * width].as_ptr(),
+                b_step: width,
                 c: self.c.at(rows.start * cuts.n + columns.start, reach),
                 c_step: cuts.n,
                 columns: columns.len(),
