@@ -87,6 +87,24 @@ impl<F: Real> LayeredFragments<F> {
         &self.settings
     }
 
+    /// Fills in what the faces of each pixel show, at positions `[N, V, 3]`.
+    fn measure(&mut self, positions: &[F]) {
+        let [_, height, width, k] = self.shape();
+        let (per_image, stride) = (height * width * k, 3 * self.faces.vertex_count());
+        for slot in 0..self.face.len() {
+            let face = self.face[slot];
+            if face == NONE {
+                continue;
+            }
+            let n = slot / per_image;
+            let own = &positions[stride * n..stride * (n + 1)];
+            let corners = corner_positions(own, self.faces.corners()[face as usize]);
+            let layer = measure(self.centre(slot / k), &corners, &self.settings);
+            self.barycentric[3 * slot..3 * slot + 3].copy_from_slice(&layer.shown);
+            (self.depth[slot], self.distance[slot]) = (layer.depth, layer.signed);
+        }
+    }
+
     /// Where the centre of a pixel (counted through all images) is in NDC.
     pub(crate) fn centre(&self, pixel: usize) -> [F; 2] {
         let LayerSettings { height, width, .. } = self.settings;
@@ -164,18 +182,7 @@ pub fn rasterize_layers<F: Real>(
             let own = &positions[3 * vertices * n..3 * vertices * (n + 1)];
             draw_layers(own, faces.corners(), settings, &found.centres, face, depth);
         }
-        for slot in 0..slots {
-            let face = found.face[slot];
-            if face == NONE {
-                continue;
-            }
-            let (pixel, n) = (slot / settings.faces_per_pixel, slot / per_image);
-            let own = &positions[3 * vertices * n..3 * vertices * (n + 1)];
-            let corners = corner_positions(own, faces.corners()[face as usize]);
-            let layer = measure(found.centre(pixel), &corners, settings);
-            found.barycentric[3 * slot..3 * slot + 3].copy_from_slice(&layer.shown);
-            found.distance[slot] = layer.signed;
-        }
+        found.measure(positions);
         Arc::new(found)
     })
 }
@@ -226,21 +233,35 @@ impl<'t, F: Real> Layers<'t, F> {
         Self { projected, fragments: rasterize_layers(projected, faces, settings) }
     }
 
-    /// Layers whose faces are known already: of the same meshes, from [`rasterize_layers`] or earlier layers.
+    /// The same faces at each pixel as in earlier layers, measured at other positions: visibility is held fixed for some
+    /// steps, or for a test of gradients.
     ///
     /// # Panics
     /// If the positions have not the shape of those that were rasterised.
     #[track_caller]
-    pub fn of(projected: Var<'t, F>, fragments: Arc<LayeredFragments<F>>) -> Self {
-        let expected = [fragments.batch, fragments.faces.vertex_count(), 3];
-        let shape = projected.shape();
-        if shape != expected {
-            let message = "the positions are not those that were rasterised";
-            let operands =
-                [("projected", &shape[..], "N, V, 3"), ("rasterised", &expected, "N, V, 3")];
+    pub fn again(&self, projected: Var<'t, F>) -> Self {
+        Self::of(projected, &self.fragments)
+    }
+
+    /// [`again`](Self::again) from plain values, of [`rasterize_layers`] or of layers on another tape.
+    ///
+    /// # Panics
+    /// If the positions have not the shape of those that were rasterised.
+    #[track_caller]
+    pub fn of(projected: Var<'t, F>, earlier: &Arc<LayeredFragments<F>>) -> Self {
+        let expected = [earlier.batch, earlier.faces.vertex_count(), 3];
+        let positions = projected.value();
+        if positions.shape() != expected {
+            let message = "the positions are not of the meshes that were rasterised";
+            let operands = [
+                ("projected", positions.shape(), "N, V, 3"),
+                ("rasterised", &expected[..], "N, V, 3"),
+            ];
             projected.tape().refuse("layers", message, &operands);
         }
-        Self { projected, fragments }
+        let mut fragments = LayeredFragments::clone(earlier);
+        fragments.measure(positions.as_slice());
+        Self { projected, fragments: Arc::new(fragments) }
     }
 
     /// The plain values.

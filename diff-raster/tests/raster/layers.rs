@@ -108,7 +108,7 @@ proptest! {
         let inputs = [scene.positions.clone().into_dyn(), colours];
         let blend = BlendSettings { sigma: 0.05, gamma: 0.2, background: vec![0.1, 0.7], near: 0.5, far: 6.0 };
         let f = rule(|x: &[Var<'_, f64>]| {
-            let layers = Layers::of(x[0], Arc::clone(&fragments));
+            let layers = Layers::of(x[0], &fragments);
             let image = layers.softmax_blend(layers.interpolate(x[1]), &blend);
             image.sum().add(weighed(layers.depth())).add(weighed(layers.distance()).scale(0.3))
                 .add(weighed(layers.alpha(0.04)))

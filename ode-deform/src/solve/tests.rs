@@ -119,10 +119,12 @@ fn observed_orders_are_those_of_the_tableaux() {
             between.push((h, worst));
         }
         let (order, dense) = (regress(&ends), regress(&between));
-        assert!((order - t.order as f64).abs() < 0.3, "{}: observed order {order}", t.name);
+        // The leading error of Tsitouras' method is so small that the next one still shows at these steps.
+        let within = |excess: f64| excess > -0.3 && excess < 0.45;
+        assert!(within(order - t.order as f64), "{}: observed order {order}", t.name);
         // The cubic has order 3 in itself, which means an error of fourth order at the step's scale.
         let expected = if t.dense.is_some() { t.order as f64 } else { t.order.min(4) as f64 };
-        assert!((dense - expected).abs() < 0.35, "{} between: observed order {dense}", t.name);
+        assert!(within(dense - expected), "{} between: observed order {dense}", t.name);
     }
 }
 
@@ -369,7 +371,8 @@ fn evaluations_are_counted_as_they_are_made() {
         let solution = solve(field, driven_truth(0.0), &problem).unwrap();
         assert_eq!(solution.stats.evaluations, calls);
         // The derivative at the end of a step, for the asked time, is the first of the next.
-        assert_eq!(calls, usize::from(t.is_fsal()) + 10 * t.evaluations_per_step(), "{}", t.name);
+        let first = usize::from(t.is_fsal() || t.carries_last);
+        assert_eq!(calls, first + 10 * t.evaluations_per_step(), "{}", t.name);
     }
 }
 
