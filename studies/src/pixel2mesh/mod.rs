@@ -2,11 +2,13 @@
 
 mod integrated;
 mod memory;
+mod object_frame;
 mod planes;
 mod retrieval;
 mod solvers;
 
 pub use memory::MemoryStudy;
+pub use object_frame::ObjectFrameStudy;
 pub use planes::PlanesStudy;
 pub use solvers::SolversStudy;
 
@@ -16,7 +18,7 @@ use models::pixel2mesh::Scored;
 use crate::{Cell, Row, Study};
 
 /// The studies of this module, in the order of lists.
-pub const STUDIES: &[&dyn Study] = &[&PlanesStudy, &SolversStudy, &MemoryStudy];
+pub const STUDIES: &[&dyn Study] = &[&PlanesStudy, &SolversStudy, &ObjectFrameStudy, &MemoryStudy];
 
 /// What makes the quick ones quick. In fewer steps, or with the published encoder, a model that sees is no better than one
 /// that does not.
