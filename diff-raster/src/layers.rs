@@ -239,6 +239,7 @@ impl<'t, F: Real> Layers<'t, F> {
     /// # Panics
     /// If the positions have not the shape of those that were rasterised.
     #[track_caller]
+    #[must_use]
     pub fn again(&self, projected: Var<'t, F>) -> Self {
         Self::of(projected, &self.fragments)
     }

@@ -380,7 +380,7 @@ mod tests {
         matches.find(x, y);
         l1.find_l1(x, y);
         assert_eq!((matches.x_to_y(), l1.x_to_y()), (&[0][..], &[1][..]));
-        assert_eq!(chamfer_l1(x, y, &l1, Directions::default()).item(), 3.0 + (4.0 + 3.0) / 2.0);
+        assert_eq!(chamfer_l1(x, y, &l1, Directions::default()).item(), 3.0 + 3.5);
         let up = tape.constant(ndarray::arr2(&[[0.0, 0.0, 2.0]]));
         let down = tape.constant(ndarray::arr2(&[[0.0, 0.0, -1.0]]));
         let mut one = Matches::default();

@@ -48,7 +48,7 @@ impl<T: Scalar> SparseRows<T> {
     /// The value at `(row, column)`, zero where there is no entry.
     pub fn at(&self, row: usize, column: u32) -> T {
         let found = self.rows.row(row).binary_search(&column);
-        found.map_or(T::default(), |k| self.values[self.rows.range(row).start + k])
+        found.map(|k| self.values[self.rows.range(row).start + k]).unwrap_or_default()
     }
 
     /// The lists of compressed sparse rows, as other libraries name them: where each row begins and the last ends,
@@ -159,7 +159,7 @@ pub fn cotangent_laplacian<T: Scalar>(
                 T::narrowed(-sums[row])
             } else {
                 let edge = topology.edge_between(row as u32, column);
-                edge.map_or(T::default(), |e| weights[e as usize])
+                edge.map(|e| weights[e as usize]).unwrap_or_default()
             };
         }
     }

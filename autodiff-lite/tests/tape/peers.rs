@@ -59,10 +59,13 @@ fn silu() {
     peers.near("silu.grad", x.silu().sum().backward().wrt(x).unwrap());
 }
 
+/// What a variant of the method changes of its options.
+type Change = fn(&mut RmsPropMethod);
+
 #[test]
 fn rmsprop_step_by_step() {
     let peers = Peers::read();
-    let methods: [(&str, fn(&mut RmsPropMethod)); 3] = [
+    let methods: [(&str, Change); 3] = [
         ("plain", |_| {}),
         ("momentum", |m| (m.momentum, m.weight_decay) = (0.9, 0.1)),
         ("centered", |m| (m.centered, m.alpha, m.epsilon) = (true, 0.9, 1e-3)),

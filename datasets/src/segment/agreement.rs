@@ -136,7 +136,7 @@ fn covered(view: &Silhouette, dissent: &Dissent, tolerance: u8) -> Vec<bool> {
 fn outline(view: &Silhouette) -> Vec<bool> {
     let width = view.camera.width;
     let inner = |at: usize| {
-        at % width > 0
+        !at.is_multiple_of(width)
             && at % width + 1 < width
             && at >= width
             && at + width < view.mask.len()
@@ -280,7 +280,9 @@ mod tests {
         let found = agree(&mut same).unwrap();
         assert!(found.dropped + found.filled < 20, "{found:?}");
         assert_eq!(agree(&mut same[..2]).unwrap_err(), SegmentError::FewViews { found: 2 });
-        same.iter_mut().for_each(|view| view.mask.data.fill(0));
+        for view in &mut same {
+            view.mask.data.fill(0);
+        }
         assert_eq!(agree(&mut same).unwrap_err(), SegmentError::NoObject);
     }
 }

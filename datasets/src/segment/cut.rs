@@ -95,19 +95,16 @@ impl Graph {
         while let Some(&node) = self.active.front() {
             let found =
                 if self.nodes[node as usize].parent == NONE { None } else { self.grow(node) };
-            match found {
+            if let Some(bridge) = found {
                 // The node stays in front: it may have more.
-                Some(bridge) => {
-                    self.time += 1;
-                    self.augment(bridge);
-                    while let Some(orphan) = self.orphans.pop_front() {
-                        self.adopt(orphan);
-                    }
+                self.time += 1;
+                self.augment(bridge);
+                while let Some(orphan) = self.orphans.pop_front() {
+                    self.adopt(orphan);
                 }
-                None => {
-                    self.active.pop_front();
-                    self.nodes[node as usize].queued = false;
-                }
+            } else {
+                self.active.pop_front();
+                self.nodes[node as usize].queued = false;
             }
         }
         self.nodes.iter().map(|node| node.parent != NONE && !node.in_sink).collect()
@@ -311,7 +308,9 @@ mod tests {
             let joined: Vec<_> = joined.into_iter().filter(|j| j.0 != j.1).collect();
             let mut graph = Graph::new(10, joined.len());
             inclined.iter().enumerate().for_each(|(k, &toward)| graph.incline(k, toward));
-            joined.iter().for_each(|&(a, b, cost)| graph.join(a, b, cost));
+            for &(a, b, cost) in &joined {
+                graph.join(a, b, cost);
+            }
             let found = cost(&graph.cut(), &inclined, &joined);
             let least = (0..1u32 << 10).map(|bits| {
                 let sides: Vec<bool> = (0..10).map(|k| bits >> k & 1 == 1).collect();

@@ -72,7 +72,9 @@ impl Palette {
             }
         }
         let total = counts.iter().sum::<f32>().max(f32::MIN_POSITIVE);
-        counts.iter_mut().for_each(|n| *n /= total);
+        for n in &mut counts {
+            *n /= total;
+        }
         Self { counts }
     }
 
@@ -126,7 +128,9 @@ mod tests {
         // Two of such steps are never one colour.
         assert!(cells.len() > 205, "{}", cells.len());
         let mut palette = Palette::new();
-        cells.iter().for_each(|&cell| palette.count(cell));
+        for &cell in &cells {
+            palette.count(cell);
+        }
         let smooth = palette.smooth();
         let total: f32 = (0..smooth.len()).map(|k| smooth.share(k)).sum();
         assert!((total - 1.0).abs() < 1e-4);

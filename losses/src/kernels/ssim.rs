@@ -111,7 +111,9 @@ pub fn ssim<F: Real>(
             let counted = plane.counted_of_row(r);
             let out = local * row..(local + 1) * row;
             if plane.margin > 0 && !maps[0].is_empty() {
-                maps.iter_mut().for_each(|map| map[out.clone()].fill(F::zero()));
+                for map in &mut maps {
+                    map[out.clone()].fill(F::zero());
+                }
             }
             if counted.is_empty() {
                 continue;

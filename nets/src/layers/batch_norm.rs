@@ -219,13 +219,13 @@ mod tests {
         };
         let step = 1e-6;
         for c in 0..3 {
-            let changed = |field: fn(&mut BatchNorm2d<f64>) -> &mut Param<f64>, by: f64| {
+            type Field = fn(&mut BatchNorm2d<f64>) -> &mut Param<f64>;
+            let changed = |field: Field, by: f64| {
                 let mut norm = norm.clone();
                 field(&mut norm).as_slice_mut()[c] += by;
                 loss(&norm, &x)
             };
-            let fields: [fn(&mut BatchNorm2d<f64>) -> &mut Param<f64>; 2] =
-                [|norm| &mut norm.weight, |norm| &mut norm.bias];
+            let fields: [Field; 2] = [|norm| &mut norm.weight, |norm| &mut norm.bias];
             for (field, param) in fields.into_iter().zip([&norm.weight, &norm.bias]) {
                 let expected = (changed(field, step) - changed(field, -step)) / (2.0 * step);
                 let found = gradients.of(param).unwrap()[c];
