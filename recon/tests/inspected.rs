@@ -134,31 +134,6 @@ fn wrong_focal_lengths_are_named() {
 }
 
 #[test]
-fn small_errors_are_named() {
-    let clock = AlarmClock::default().build().colored([0.8, 0.5, 0.3]);
-    let orbit = Orbit { count: 20, width: 144, height: 128, ..Orbit::default() };
-    let render = RenderOptions { background: [0.2, 0.3, 0.4], ..RenderOptions::default() };
-    let good = render_views(&clock, &orbit.cameras(), &render, &|_, _| {}).unwrap();
-    let kinds = |views: Vec<View>| -> Vec<&'static str> {
-        let found = inspected(views, &Truth::default());
-        found.problems.iter().map(|problem| problem.kind).collect()
-    };
-    assert!(kinds(good.clone()).is_empty());
-    for (mistake, kind) in [
-        (Planted::Focal(1.08), "focal_length"),
-        (Planted::PrincipalPoint([3.0, -2.0]), "principal_point"),
-        (Planted::Poses(0.3), "loose_cameras"),
-        (Planted::OneView(15.0), "odd_views"),
-        (Planted::Dilated(2), "large_masks"),
-        (Planted::Eroded(2), "small_masks"),
-        (Planted::OneSided(40.0), "one_sided"),
-    ] {
-        let found = kinds(mistake.plant(good.clone(), orbit.target, 1));
-        assert!(found.contains(&kind), "{mistake:?}: {found:?}");
-    }
-}
-
-#[test]
 fn both_sides_of_a_disagreement_are_measured() {
     let orbit = Orbit { count: 20, width: 96, height: 96, ..Orbit::default() };
     let good = views_of(&AlarmClock::default().build(), &orbit);
