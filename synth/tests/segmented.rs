@@ -64,8 +64,7 @@ fn masked_whole(views: &[View]) -> Vec<View> {
 }
 
 fn segmented(name: &str, object: &TriMesh, room: Room) {
-    let truth =
-        photographed(object, &room, 24, std::env::var("SIZE").map_or(144, |s| s.parse().unwrap()));
+    let truth = photographed(object, &room, 24, 96);
     let start = std::time::Instant::now();
     let found = segment_by_color(&masked_whole(&truth), None, &|_, _| ()).unwrap();
     let scores = scores(&truth, &found);
