@@ -64,11 +64,7 @@ fn masked_whole(views: &[View]) -> Vec<View> {
 }
 
 fn segmented(name: &str, object: &TriMesh, room: Room) {
-    let truth =
-        photographed(object, &room, 24, std::env::var("SIZE").map_or(144, |s| s.parse().unwrap()));
-    if let Some(folder) = std::env::var_os("DUMP") {
-        return datasets::write_photos(&truth, &std::path::Path::new(&folder).join(name)).unwrap();
-    }
+    let truth = photographed(object, &room, 24, 96);
     let start = std::time::Instant::now();
     let found = segment_by_color(&masked_whole(&truth), None, &|_, _| ()).unwrap();
     let scores = scores(&truth, &found);
@@ -78,14 +74,6 @@ fn segmented(name: &str, object: &TriMesh, room: Room) {
         "{name}: mask IoU {mean:.4}, worst {worst:.4}, {:.1} s",
         start.elapsed().as_secs_f64()
     );
-    if let Some(folder) = std::env::var_os("SEGMENTED") {
-        for (k, (view, mask)) in truth.iter().zip(&found).enumerate().step_by(5) {
-            let path =
-                |kind: &str| std::path::Path::new(&folder).join(format!("{name}_{k}_{kind}.png"));
-            mesh_core::write_png(path("image"), &view.color).unwrap();
-            mesh_core::write_png(path("mask"), mask).unwrap();
-        }
-    }
     assert!(mean >= 0.97, "{name}: {mean:.4}, {scores:.3?}");
 }
 
