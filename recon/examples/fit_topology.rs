@@ -84,13 +84,13 @@ fn measure(
     let held_out: Vec<&View> = fitted.held_out_views.iter().map(|&i| &views.views[i]).collect();
     let scores = score_views(&fitted.mesh, &held_out, &|_, _| {})?;
     let worst = scores.views.iter().map(|v| v.mask_iou).fold(1.0, f64::min);
-    let stem = Path::new(name).file_stem().map_or(name.into(), |s| s.to_string_lossy());
+    let stem = Path::new(name).file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy());
     write_mesh(Path::new(folder).join(format!("{}.ply", stem.replace(':', "-"))), &fitted.mesh)?;
     let line = format!(
         "| {stem} | {:.4} | {worst:.4} | {:.4} | {} | {} | {} | {} | {seconds:.1} |\n",
         scores.mask_iou,
         voxel_iou(&fitted.mesh, &truth, CELLS),
-        fitted.health.genus().map_or("none".into(), |g| g.to_string()),
+        fitted.health.genus().map_or_else(|| "none".into(), |g| g.to_string()),
         fitted.health.components,
         fitted.self_intersections,
         fitted.health.vertices,

@@ -7,7 +7,9 @@ use std::hash::Hasher as _;
 fn hash(cell: [i32; 3], seed: u64) -> f32 {
     let mut hasher = FnvHasher::default();
     hasher.write_u64(seed);
-    cell.iter().for_each(|k| hasher.write_i32(*k));
+    for k in cell {
+        hasher.write_i32(k);
+    }
     // FNV leaves the last bytes in the low bits: they are mixed down from all.
     let mut bits = hasher.finish();
     bits ^= bits >> 33;
@@ -18,7 +20,7 @@ fn hash(cell: [i32; 3], seed: u64) -> f32 {
 
 /// Smooth noise of period 1.
 fn value(p: [f32; 3], seed: u64) -> f32 {
-    let cell = p.map(|v| v.floor());
+    let cell = p.map(f32::floor);
     let t: [f32; 3] = std::array::from_fn(|a| {
         let t = p[a] - cell[a];
         t * t * (3.0 - 2.0 * t)
@@ -55,8 +57,8 @@ pub(crate) fn scatter(p: [f32; 3], seed: u64) -> [f32; 3] {
         (apart < radius).then(|| std::array::from_fn(|c| hash(cell, seed ^ (c as u64 + 21))))
     };
     layer(p, seed, 0.45)
-        .or_else(|| layer(p.map(|v| 1.7 * v + 0.5), seed ^ 40, 0.5))
-        .unwrap_or_else(|| [0.85 * clouds(p, 2, seed ^ 50); 3])
+        .or_else(|| layer(p.map(|v| 1.7 * v + 0.5), seed ^ 0x28, 0.5))
+        .unwrap_or_else(|| [0.85 * clouds(p, 2, seed ^ 0x32); 3])
 }
 
 #[cfg(test)]

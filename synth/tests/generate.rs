@@ -47,7 +47,7 @@ fn small(layout: OutputLayout) -> GenerateConfig {
 }
 
 fn run(config: &GenerateConfig, folder: &Path) -> Generated {
-    generate(config, None, folder, &|_, _| ControlFlow::Continue(())).unwrap()
+    generate(config, &[], folder, &|_, _| ControlFlow::Continue(())).unwrap()
 }
 
 /// Every file below a folder with its bytes.

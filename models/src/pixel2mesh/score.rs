@@ -155,7 +155,7 @@ impl<D: Deformer> SingleView<D> {
             };
             let truth = Viewpoint::of(&picture.camera);
             let error = guess.map(|guess| guess.viewpoint.azimuth_error(&truth));
-            let error = error.or(self.viewpoint.as_ref().map(|_| 180.0));
+            let error = error.or_else(|| self.viewpoint.as_ref().map(|_| 180.0));
             Ok((point_scores(&mesh, &pair.truth), stats, error))
         })
     }

@@ -61,7 +61,9 @@ fn merged(mut all: Vec<Hypothesis>, reach: f64) -> Vec<Hypothesis> {
         }
     }
     kept.sort_by(likelier);
-    kept.iter_mut().for_each(|one| one.viewpoint.azimuth = wrapped(one.viewpoint.azimuth));
+    for one in &mut kept {
+        one.viewpoint.azimuth = wrapped(one.viewpoint.azimuth);
+    }
     kept
 }
 

@@ -301,7 +301,9 @@ mod tests {
         let bad = mistake.plant(good, [0.0; 3], 2);
         let mut targets: Vec<Target> =
             bad.iter().map(|view| Target::new(view, 1.0, 0.3, 0.3).unwrap()).collect();
-        targets.iter_mut().for_each(|target| target.place([0.0; 3], 1.0));
+        for target in &mut targets {
+            target.place([0.0; 3], 1.0);
+        }
         (Shape::of(mesh.positions, mesh.faces, &FitConfig::default()), targets)
     }
 
