@@ -97,7 +97,9 @@ impl Outlines<'_> {
                         row[by] += f64::from(gap);
                     }
                 }
-                row.iter_mut().for_each(|b| *b /= places.max(1.0));
+                for blame in &mut row {
+                    *blame /= places.max(1.0);
+                }
                 row
             })
             .collect()

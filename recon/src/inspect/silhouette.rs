@@ -111,7 +111,7 @@ impl Silhouette {
                 }
             }
         }
-        spread(found, most)
+        spread(&found, most)
     }
 
     /// Middles of pixels whose distance, in pixels, lies in a range: how many there are, and at most so many of them, evenly spread.
@@ -129,11 +129,11 @@ impl Silhouette {
             .filter(|(_, d)| inside(d))
             .map(|(k, _)| [(k % w) as f64 + 0.5, (k / w) as f64 + 0.5])
             .collect();
-        (found.len(), spread(found, most))
+        (found.len(), spread(&found, most))
     }
 }
 
-fn spread(found: Vec<[f64; 2]>, most: usize) -> Vec<[f64; 2]> {
+fn spread(found: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
     let count = found.len().min(most);
     (0..count).map(|k| found[(2 * k + 1) * found.len() / (2 * count)]).collect()
 }

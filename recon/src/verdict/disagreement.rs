@@ -75,7 +75,8 @@ impl Pair {
         let either = self.mask.iter().zip(&self.mesh).filter(|(a, b)| **a || **b).count();
         let largest = self.wrong.iter().flat_map(|wrong| pieces(wrong, self.width));
         let (w, h) = (self.width, self.mask.len() / self.width);
-        let on_border = |k: usize| k % w == 0 || k % w == w - 1 || k < w || k >= (h - 1) * w;
+        let on_border =
+            |k: usize| k.is_multiple_of(w) || k % w == w - 1 || k < w || k >= (h - 1) * w;
         let background: Vec<bool> = self.mask.iter().map(|m| !m).collect();
         let least = ((HOLE.0 * area) as usize).max(HOLE.1);
         let is_filled_hole = |piece: &Vec<usize>| {

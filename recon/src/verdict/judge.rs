@@ -50,7 +50,7 @@ pub fn judge(evidence: &Evidence) -> Verdict {
         say(Grade::Doubtful, text);
     }
     let grade = reasons.iter().map(|(grade, _)| *grade).max().unwrap_or(Grade::Good);
-    reasons.sort_by(|a, b| b.0.cmp(&a.0));
+    reasons.sort_by_key(|reason| std::cmp::Reverse(reason.0));
     Verdict { grade, reasons: reasons.into_iter().map(|(_, text)| text).collect() }
 }
 
