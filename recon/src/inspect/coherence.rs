@@ -97,8 +97,8 @@ impl Outlines<'_> {
                         row[by] += f64::from(gap);
                     }
                 }
-                for b in &mut row {
-                    *b /= places.max(1.0);
+                for blame in &mut row {
+                    *blame /= places.max(1.0);
                 }
                 row
             })
