@@ -109,11 +109,11 @@ fn shape(name: &str) -> Result<TriMesh, Failure> {
     Ok(match name {
         "torus" => torus(1.0, 0.35, 96, 48),
         "double" => {
-            both(torus(0.6, 0.22, 96, 48), torus(0.6, 0.22, 96, 48).translated([1.2, 0.0, 0.0]))?
+            both(torus(0.6, 0.22, 96, 48), &torus(0.6, 0.22, 96, 48).translated([1.2, 0.0, 0.0]))?
         }
         "cup" => {
             let handle = loop_of(&|t| [0.75 + 0.5 * t.cos(), 0.5 * t.sin(), 0.0], 0.12);
-            both(cylinder(0.7, 1.8, 96), handle)?
+            both(cylinder(0.7, 1.8, 96), &handle)?
         }
         "link" => loop_of(
             &|t| [t.cos() + 0.8 * t.cos().signum() * t.cos().abs().sqrt(), t.sin(), 0.0],
@@ -137,7 +137,7 @@ fn shape(name: &str) -> Result<TriMesh, Failure> {
         ),
         "links" => {
             let ring = |t: f32| [t.cos(), t.sin(), 0.0];
-            both(loop_of(&ring, 0.2), loop_of(&|t| [t.cos() + 1.0, 0.0, t.sin()], 0.2))?
+            both(loop_of(&ring, 0.2), &loop_of(&|t| [t.cos() + 1.0, 0.0, t.sin()], 0.2))?
         }
         _ => match name.split_once(':') {
             Some((family, seed)) => family.parse::<Family>()?.draw(seed.parse()?).mesh(),
@@ -146,8 +146,8 @@ fn shape(name: &str) -> Result<TriMesh, Failure> {
     })
 }
 
-fn both(mut first: TriMesh, second: TriMesh) -> Result<TriMesh, Failure> {
-    first.append(&second)?;
+fn both(mut first: TriMesh, second: &TriMesh) -> Result<TriMesh, Failure> {
+    first.append(second)?;
     Ok(first)
 }
 
