@@ -117,7 +117,13 @@ pub(super) fn corrections(
         .zip(covered)
         .zip(missing)
         .map(|((view, covered), missing)| {
-            let gap = opened(&missing, [view.camera.height, view.camera.width], radius);
+            let size = [view.camera.height, view.camera.width];
+            // Wide, or far from the hull's own edge, where the rim is: a hole.
+            let beside: Vec<bool> = covered.iter().map(|c| !c).collect();
+            let near_edge = spread(&beside, size, radius, false);
+            let wide = opened(&missing, size, radius);
+            let gap =
+                (0..missing.len()).map(|k| missing[k] && (wide[k] || !near_edge[k])).collect();
             Correction { covered, gap }
         })
         .collect()
