@@ -134,7 +134,9 @@ mod tests {
     fn programs_are_found_as_a_shell_finds_them() {
         let place = tempfile::tempdir().unwrap();
         let [empty, full] = ["empty", "full"].map(|name| place.path().join(name));
-        [&empty, &full].iter().for_each(|folder| std::fs::create_dir(folder).unwrap());
+        for folder in [&empty, &full] {
+            std::fs::create_dir(folder).unwrap();
+        }
         let program = script(&full, "fake", "true");
         // A file of that name that is no program is passed over, and so is a folder.
         std::fs::write(empty.join("fake"), "text").unwrap();
@@ -161,7 +163,7 @@ mod tests {
         else {
             panic!("it failed");
         };
-        assert!(text.contains("bad verb failed") && text.contains("7"), "{text}");
+        assert!(text.contains("bad verb failed") && text.contains('7'), "{text}");
         assert!(text.ends_with("first / the reason"), "{text}");
         let none = run(&mut Command::new(place.path().join("none")), &log, &interrupt, || ());
         assert!(matches!(none, Err(Failure::Other(_))));

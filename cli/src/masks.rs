@@ -25,13 +25,12 @@ pub(crate) fn make(
     views: &mut [View],
     cameras: bool,
 ) -> Result<Made, Failure> {
-    let masks = match &masking.model {
-        Some(_) => estimated(console, masking, views)?,
-        None => {
-            let progress = Progress::in_shares(console, "mask");
-            segment_by_color(views, masking.region, &|done, all| progress.set(done, all))
-                .map_err(Failure::input)?
-        }
+    let masks = if masking.model.is_some() {
+        estimated(console, masking, views)?
+    } else {
+        let progress = Progress::in_shares(console, "mask");
+        segment_by_color(views, masking.region, &|done, all| progress.set(done, all))
+            .map_err(Failure::input)?
     };
     for (view, mask) in views.iter_mut().zip(masks) {
         view.mask = mask;
@@ -45,13 +44,16 @@ pub(crate) fn make(
             return Ok(Made { dropped: agreement.dropped, filled: agreement.filled });
         }
         Err(error @ (SegmentError::FewViews { .. } | SegmentError::NoObject)) => {
-            console.warn(error)
+            console.warn(error);
         }
         Err(_) => {
-            console.remark("no cameras: each mask keeps its largest part, and its holes are filled")
+            console
+                .remark("no cameras: each mask keeps its largest part, and its holes are filled");
         }
     }
-    views.iter_mut().for_each(|view| tidy(&mut view.mask));
+    for view in views {
+        tidy(&mut view.mask);
+    }
     Ok(Made::default())
 }
 

@@ -1,6 +1,7 @@
 //! `unsphere capture`: photographs in, views out; cameras by COLMAP.
 
 use std::collections::BTreeSet;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use datasets::{MaskSource, ReadOptions, Views, write_photos};
@@ -91,10 +92,10 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Capture) -> Resu
 }
 
 fn stopped(interrupt: &Interrupt) -> Result<(), Failure> {
-    match interrupt.flow().is_break() {
-        true => Err(Failure::Interrupted("nothing is written".to_owned())),
-        false => Ok(()),
+    if interrupt.flow().is_break() {
+        return Err(Failure::Interrupted("nothing is written".to_owned()));
     }
+    Ok(())
 }
 
 /// The photographs as they are to be seen.
@@ -174,13 +175,13 @@ fn describe(captured: &Captured) -> String {
     let Captured { output, photographs, views, lost, agreement, problems, .. } = captured;
     let mut text = format!("{}: {views} views of {photographs} photographs\n", output.display());
     if !lost.is_empty() {
-        text += &format!("  no camera found for {}\n", lost.join(", "));
+        let _ = writeln!(text, "  no camera found for {}", lost.join(", "));
     }
     if let Some(agreement) = agreement {
-        text += &format!("  cameras and masks agree to {:.1} %\n", 100.0 * agreement);
+        let _ = writeln!(text, "  cameras and masks agree to {:.1} %", 100.0 * agreement);
     }
     for problem in problems {
-        text += &format!("  problem: {problem}\n");
+        let _ = writeln!(text, "  problem: {problem}");
     }
     text + &format!(
         "{}\nunsphere fit {} -o mesh makes a mesh of them\n",

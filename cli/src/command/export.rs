@@ -79,7 +79,7 @@ pub(crate) fn run<S: Predictor>(
 
 /// Whole or not at all.
 fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    let folder = path.parent().unwrap_or(Path::new(""));
+    let folder = path.parent().unwrap_or_else(|| Path::new(""));
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     write_within(folder, &name, bytes).map_err(|(path, error)| {
         Failure::Other(format!("{}: cannot be written: {error}", path.display()))

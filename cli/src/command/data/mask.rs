@@ -1,5 +1,6 @@
 //! `unsphere data mask`: what in each view is the object.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use datasets::{Layout, MaskSource, OnInconsistent, ReadOptions, View, ViewsProblem};
@@ -25,8 +26,8 @@ struct Masked {
 struct Share {
     name: String,
     file: String,
-    /// How much of the image is object, 0 to 1.
-    share: f64,
+    /// The object's part of the image, 0 to 1.
+    covered: f64,
 }
 
 pub(crate) fn run(console: Console, arguments: &Mask) -> Result<(), Failure> {
@@ -51,20 +52,21 @@ pub(crate) fn run(console: Console, arguments: &Mask) -> Result<(), Failure> {
     for view in &views {
         let file = file_of(&view.name, named);
         let path = folder.path().join(&file);
-        disk::make_folders(path.parent().unwrap_or(folder.path())).map_err(Failure::other)?;
+        disk::make_folders(path.parent().unwrap_or_else(|| folder.path()))
+            .map_err(Failure::other)?;
         folder.write(&file, &encode_png(&view.mask))?;
-        let share = view.mask_pixels() as f64 / view.mask.data.len() as f64;
-        if share == 0.0 {
+        let covered = view.mask_pixels() as f64 / view.mask.data.len() as f64;
+        if covered == 0.0 {
             console.warn(format_args!("{}: no object found", view.name));
         }
-        shares.push(Share { name: view.name.clone(), file, share });
+        shares.push(Share { name: view.name.clone(), file, covered });
     }
     let output = folder.commit()?;
     console.result(&Masked { output, made, views: shares }, describe)
 }
 
 fn describe(masked: &Masked) -> String {
-    let mut shares: Vec<f64> = masked.views.iter().map(|view| view.share).collect();
+    let mut shares: Vec<f64> = masked.views.iter().map(|view| view.covered).collect();
     shares.sort_by(f64::total_cmp);
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let mut text = format!(
@@ -76,8 +78,10 @@ fn describe(masked: &Masked) -> String {
     );
     if masked.made.dropped + masked.made.filled > 0 {
         let Made { dropped, filled } = masked.made;
-        text +=
-            &format!("the views put each other right: {dropped} pixels dropped, {filled} filled\n");
+        let _ = writeln!(
+            text,
+            "the views put each other right: {dropped} pixels dropped, {filled} filled"
+        );
     }
     text
 }
@@ -140,14 +144,12 @@ pub(crate) fn photographs(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
 
 /// The file of a view's mask, as `--masks` looks for it.
 fn file_of(name: &str, layout: Option<Layout>) -> String {
-    match layout {
+    if let Some(Layout::KaolinFolder | Layout::KaolinZip) = layout {
         // The name is the number, and the image's is this.
-        Some(Layout::KaolinFolder | Layout::KaolinZip) => format!("{name}_rgb.png"),
-        _ => {
-            let parts = name.split('/').filter(|part| !part.is_empty() && *part != "..");
-            format!("{}.png", parts.collect::<Vec<_>>().join("/"))
-        }
+        return format!("{name}_rgb.png");
     }
+    let parts = name.split('/').filter(|part| !part.is_empty() && *part != "..");
+    format!("{}.png", parts.collect::<Vec<_>>().join("/"))
 }
 
 #[cfg(test)]
