@@ -146,6 +146,8 @@ fn library_sources() -> Vec<(PathBuf, String)> {
         .iter()
         .filter(|(member, _)| *member != "cli")
         .flat_map(|(member, _)| sources(&root().join(member).join("src")))
+        // A program reads what it is told.
+        .filter(|(path, _)| !path.parent().is_some_and(|folder| folder.ends_with("src/bin")))
         .collect()
 }
 

@@ -235,7 +235,8 @@ fn a_missing_view_is_left_out() {
 
 #[test]
 fn without_a_checkpoint_it_says_how_one_is_had() {
-    predict("x", ["views"]).fails(2, &["--checkpoint", "unsphere train img2mesh VIEWS", "minutes"]);
+    let none = predict("x", ["views", "--weights-dir", "views"]);
+    none.fails(2, &["--checkpoint", "unsphere train img2mesh VIEWS", "minutes"]);
     predict("x", ["views", "-c", "gone"]).fails(3, &["gone", "unsphere train img2mesh VIEWS"]);
     assert!(!place().join("x").exists());
 }

@@ -46,7 +46,7 @@ fn two_shards_of_which_one_was_killed_are_one_process() {
     let batch = "fit --batch objects/list.txt";
     let said = run(&format!("{batch} -o one {TINY}")).ok();
     assert!(said.stdout().contains("5 objects: 5 done, 0 failed, 0 waiting"), "{}", said.stdout());
-    assert!(said.stderr().contains("2 of 5, a_2: mask IoU 0."), "{}", said.stderr());
+    assert!(said.stderr().contains("2 of 5, a_2: doubtful, mask IoU 0."), "{}", said.stderr());
 
     // The first shard has the first, third and fifth object; it is killed behind the first.
     let line = format!("{batch} -o two --shard 1/2 {TINY}");
@@ -84,7 +84,7 @@ fn two_shards_of_which_one_was_killed_are_one_process() {
     // The killed one goes on where it was, and what it left is gone.
     let said = run(&line).ok().stderr();
     assert!(
-        said.contains("1 of 3, a_1: is done") && said.contains("3 of 3, b_2: mask IoU"),
+        said.contains("1 of 3, a_1: is done") && said.contains("3 of 3, b_2: doubtful, mask IoU"),
         "{said}"
     );
     let (one, two) = (bytes(&place.path().join("one")), bytes(&place.path().join("two")));

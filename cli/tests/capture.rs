@@ -77,8 +77,7 @@ fn masks_are_found_beside_the_views_and_fit_takes_them() {
     for with in [["--masks", "found"], ["--mask", "color-model"]] {
         let found = unsphere_with(
             place.path(),
-            &[&["data", "inspect", "views", "-o", &with[1].replace('-', "_"), "--json"][..], &with]
-                .concat(),
+            &[&["data", "inspect", "views", "--json"][..], &with].concat(),
         );
         let iou = found.ok().json()["looked_at"][0]["agreement"]["hull_iou"].as_f64().unwrap();
         assert!(iou > 0.97, "{with:?}: {iou}");

