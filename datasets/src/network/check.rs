@@ -22,9 +22,9 @@ const NUMBER: u64 = 24;
 
 /// What was found in a sound file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Checked {
+pub(crate) struct Checked {
     /// Whether something that follows from constants may be too large to be computed while loading.
-    pub(super) constants_may_grow: bool,
+    pub(crate) constants_may_grow: bool,
     /// The files beside the model's that hold its weights.
     pub(super) external: Vec<String>,
 }
@@ -72,7 +72,7 @@ impl Message {
 /// # Errors
 /// What is wrong with its messages, or that the runtime would take more memory for them than a file
 /// of this length may.
-pub(super) fn check(bytes: &[u8]) -> Result<Checked, String> {
+pub(crate) fn check(bytes: &[u8]) -> Result<Checked, String> {
     let length = bytes.len() as u64;
     let mut walk = Walk {
         budget: Limits::default().budget(length),
