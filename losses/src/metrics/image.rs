@@ -74,7 +74,7 @@ pub fn ssim(image: &Image, target: &Image) -> f64 {
     ssim_within(image, target, 0)
 }
 
-/// [`ssim`] as the mean over the pixels whose window lies within the image: without five rows and columns at each
+/// [`ssim()`] as the mean over the pixels whose window lies within the image: without five rows and columns at each
 /// border. `NaN` where none is left.
 ///
 /// # References
