@@ -269,6 +269,18 @@ fn the_words_are_those_of_the_field() {
     }
 }
 
+/// `cargo run` starts the binary only where it is the workspace's only one.
+#[test]
+fn there_is_one_binary() {
+    for (member, _) in MAY_USE.iter().filter(|(member, _)| *member != "cli") {
+        let folder = root().join(member);
+        assert!(!folder.join("src/bin").exists(), "{member}: make it an example");
+        assert!(!folder.join("src/main.rs").exists(), "{member}: make it an example");
+        let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
+        assert!(!manifest.contains("[[bin]]"), "{member}: make it an example");
+    }
+}
+
 #[test]
 fn every_crate_explains_itself() {
     for (member, _) in MAY_USE.iter().filter(|(member, _)| *member != "benches") {
