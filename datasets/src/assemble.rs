@@ -7,7 +7,7 @@ use mesh_core::{ByteImage, Camera, DepthMap, decode_image_with, encode_depth, en
 
 use crate::backdrop::Backdrop;
 use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
-use crate::mask::{fill_holes, invert, keep_largest_part, mask_from_alpha};
+use crate::mask::{clean, invert, mask_from_alpha};
 use crate::mask_file::{MaskFile, mask_of_folder};
 use crate::natural;
 use crate::options::{MaskSource, ReadOptions};
@@ -179,12 +179,7 @@ pub(crate) fn assemble(
     if options.invert && can_invert {
         invert(&mut mask);
     }
-    if options.largest_part {
-        keep_largest_part(&mut mask);
-    }
-    if options.fill_holes {
-        fill_holes(&mut mask);
-    }
+    clean(&mut mask, options);
     let view = View { name, color, mask, camera, depth: depth.map(|(_, depth)| depth) };
     Ok(match options.max_size {
         Some(longest) => view.at_most(longest),

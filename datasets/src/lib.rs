@@ -92,6 +92,7 @@ mod mask;
 mod mask_estimator;
 mod mask_file;
 mod mask_input;
+mod morphology;
 mod natural;
 #[cfg(feature = "onnx")]
 mod network;

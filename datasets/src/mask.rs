@@ -2,6 +2,8 @@
 
 use mesh_core::ByteImage;
 
+use crate::morphology::{dilate, erode};
+use crate::options::ReadOptions;
 use crate::parts::parts;
 
 /// The mask that an image's alpha gives, 255 = object; `None` where there is no alpha to speak
@@ -54,6 +56,18 @@ pub(crate) fn fill_holes(mask: &mut ByteImage) {
         if !open[p as usize] {
             *m = 255;
         }
+    }
+}
+
+/// What the options mend in a mask, in the order of their documentation.
+pub(crate) fn clean(mask: &mut ByteImage, options: &ReadOptions) {
+    dilate(mask, options.dilate);
+    erode(mask, options.erode);
+    if options.largest_part {
+        keep_largest_part(mask);
+    }
+    if options.fill_holes {
+        fill_holes(mask);
     }
 }
 

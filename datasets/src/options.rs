@@ -20,6 +20,12 @@ pub struct ReadOptions {
     pub largest_part: bool,
     /// Whether background that a mask surrounds on all sides is object.
     pub fill_holes: bool,
+    /// By how many pixels masks are dilated, with a disk, before the two above; 0 leaves them.
+    pub dilate: usize,
+    /// By how many pixels masks are eroded after that: as much as they were dilated is a closing.
+    pub erode: usize,
+    /// The only views that are read, by their names or their images' file names; `None` reads all.
+    pub only: Option<Vec<String>>,
     /// Rows above and below, columns left and right that are no part of a scene with a plain backdrop: bars of a video. Found by
     /// itself where [`MaskSource::Backdrop`] has no colour.
     pub bars: [usize; 4],
@@ -114,7 +120,21 @@ pub enum MaskSource {
     ColorModel,
 }
 
+/// Whether a view or a file is meant by a name: its own, or that of its image.
+pub(crate) fn is_called(view: &str, name: &str) -> bool {
+    let file = |text: &'_ str| text.rsplit(['/', '\\']).next().unwrap_or(text).to_owned();
+    let stem =
+        |file: &str| file.rsplit_once('.').map_or(file.to_owned(), |(stem, _)| stem.to_owned());
+    let (view, name) = (file(view), file(name));
+    view == name || view == stem(&name) || stem(&view) == name
+}
+
 impl ReadOptions {
+    /// Whether a view, or the view of a file, is one of those that are read.
+    pub(crate) fn wants(&self, view: &str) -> bool {
+        self.only.as_ref().is_none_or(|only| only.iter().any(|name| is_called(view, name)))
+    }
+
     /// Whether the layout's files of masks are taken.
     pub(crate) fn reads_mask_files(&self) -> bool {
         self.masks.is_none() && matches!(self.mask, MaskSource::Auto | MaskSource::Files)
@@ -128,6 +148,9 @@ impl Default for ReadOptions {
             masks: None,
             largest_part: false,
             fill_holes: false,
+            dilate: 0,
+            erode: 0,
+            only: None,
             bars: [0; 4],
             invert: false,
             background: [0; 3],

@@ -10,8 +10,8 @@ use crate::consistency;
 use crate::content::over;
 use crate::convention::reread;
 use crate::error::ReadViewsError;
-use crate::mask::fill_holes;
-use crate::options::{MaskSource, OnInconsistent, ReadOptions};
+use crate::mask::clean;
+use crate::options::{MaskSource, OnInconsistent, ReadOptions, is_called};
 use crate::segment::segment_by_color;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
@@ -122,6 +122,9 @@ pub(crate) fn read_chosen(
     for (at, result) in results.into_iter().enumerate() {
         let index = which.map_or(at, |which| which[at]);
         match result {
+            Ok(view) if !options.wants(&view.name) => {}
+            // What is not wanted may be what cannot be read.
+            Err(error) if !options.wants(&error.path.to_string_lossy()) => {}
             Ok(view) => {
                 if kept_for_test.binary_search(&index).is_ok() {
                     test.push(views.len());
@@ -134,6 +137,16 @@ pub(crate) fn read_chosen(
             Err(error) => return Err(error),
         }
     }
+    for name in options.only.iter().flatten() {
+        if !views.iter().any(|view| is_called(&view.name, name)) {
+            return Err(ReadViewsError::field(
+                path,
+                "views",
+                format!("none called {name}"),
+                "those that are named",
+            ));
+        }
+    }
     if views.is_empty() && total > 0 {
         return Err(ReadViewsError::field(path, "masks", "none in any view", "one at least"));
     }
@@ -142,9 +155,7 @@ pub(crate) fn read_chosen(
             .map_err(|error| ReadViewsError::new(path, error))?;
         for (view, mask) in views.iter_mut().zip(masks) {
             view.mask = mask;
-            if options.fill_holes {
-                fill_holes(&mut view.mask);
-            }
+            clean(&mut view.mask, options);
         }
     }
     if options.on_inconsistent == OnInconsistent::Refuse

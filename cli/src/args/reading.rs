@@ -1,11 +1,15 @@
 //! How views are read.
 
 use clap::Args;
+use std::io::Read;
 use std::path::PathBuf;
 
 use datasets::{CameraAxes, MaskSource, PoseDirection, ReadOptions, Turntable};
 
 use super::values::{Choices, degrees, factor, hex_color, one_of};
+
+/// A hundred thousand names fit.
+const LIST_BYTES: u64 = 1 << 24;
 
 const AXES: &Choices<CameraAxes> = &[
     ("opencv", "x right, y down, looking along z", CameraAxes::OpenCv),
@@ -37,6 +41,15 @@ pub(crate) struct Reading {
     /// Fill the holes of masks: what an object surrounds is object.
     #[arg(long)]
     pub(crate) fill_holes: bool,
+    /// Dilate masks by so many pixels, with a disk, before the two above.
+    #[arg(long, value_name = "PIXELS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=64))]
+    pub(crate) dilate_masks: u32,
+    /// Then erode them by so many pixels: as many as they were dilated by close gaps and notches.
+    #[arg(long, value_name = "PIXELS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=64))]
+    pub(crate) erode_masks: u32,
+    /// Only the views that a text file names, one a line.
+    #[arg(long, value_name = "FILE", value_parser = view_names)]
+    pub(crate) only: Option<ViewNames>,
     /// Masks mark the background instead of the object.
     #[arg(long)]
     pub(crate) invert_masks: bool,
@@ -84,6 +97,9 @@ impl Reading {
             masks: self.masks.clone(),
             largest_part: self.largest_part,
             fill_holes: self.fill_holes,
+            dilate: self.dilate_masks as usize,
+            erode: self.erode_masks as usize,
+            only: self.only.clone().map(|names| names.0),
             axes: self.axes,
             poses: self.poses,
             focal_scale: self.focal_scale,
@@ -101,6 +117,20 @@ impl Reading {
             ..ReadOptions::default()
         }
     }
+}
+
+/// The views that a file names.
+#[derive(Clone, Debug)]
+pub(crate) struct ViewNames(Vec<String>);
+
+fn view_names(path: &str) -> Result<ViewNames, String> {
+    let mut text = String::new();
+    let read =
+        std::fs::File::open(path).and_then(|file| file.take(LIST_BYTES).read_to_string(&mut text));
+    read.map_err(|error| error.to_string())?;
+    let names: Vec<String> =
+        text.lines().map(str::trim).filter(|name| !name.is_empty()).map(str::to_owned).collect();
+    if names.is_empty() { Err("names no view".to_owned()) } else { Ok(ViewNames(names)) }
 }
 
 fn mask_source(text: &str) -> Result<MaskSource, String> {

@@ -293,3 +293,44 @@ fn depth_in_whole_millimetres_is_read() {
     assert!((read_depth().data[2] - 15.02).abs() < 1e-5);
     let _ = ByteImage::default();
 }
+
+#[test]
+fn only_the_views_that_are_named_are_read() {
+    let folder = transforms_folder(4);
+    let broken = folder.path().join("images/0001.png");
+    std::fs::write(broken, b"no image").unwrap();
+    let only = |names: &[&str]| ReadOptions {
+        only: Some(names.iter().map(|&name| name.to_owned()).collect()),
+        ..ReadOptions::default()
+    };
+    let all = read_with(folder.path(), &ReadOptions::default()).unwrap_err();
+    assert!(all.to_string().contains("0001"), "{all}");
+    let views = read_with(folder.path(), &only(&["0003.png", "0000"])).unwrap();
+    assert_eq!((&views.views[0].mask, &views.views[1].mask), (&ball(4)[0].mask, &ball(4)[3].mask));
+    assert_eq!(views.len(), 2);
+    let unknown = read_with(folder.path(), &only(&["0000", "9.png"])).unwrap_err();
+    assert!(unknown.to_string().contains("none called 9.png"), "{unknown}");
+    assert!(read_with(folder.path(), &only(&["0001.png"])).is_err());
+}
+
+#[test]
+fn masks_are_closed_before_holes_are_filled() {
+    let [folder, masks] = with_masks_apart(2, |i| format!("{i:04}.png"));
+    let clean = ball(2)[1].mask.clone();
+    // A crack from the middle to the frame: no hole, until it is closed.
+    let mut cracked = clean.clone();
+    let middle = clean.width / 2;
+    for row in cracked.data.chunks_mut(clean.width).take(clean.height / 2) {
+        row[middle] = 0;
+    }
+    write_png(masks.path().join("0001.png"), &cracked).unwrap();
+    let options = ReadOptions { masks: Some(masks.path().into()), ..ReadOptions::default() };
+    let off = |options: &ReadOptions| {
+        let views = read_with(folder.path(), options).unwrap();
+        views.views[1].mask.data.iter().zip(&clean.data).filter(|(a, b)| a != b).count()
+    };
+    assert!(off(&ReadOptions { fill_holes: true, ..options.clone() }) > 8);
+    // A disk's closing rounds what a disk does not fit into.
+    assert!(off(&ReadOptions { dilate: 2, erode: 2, ..options.clone() }) <= 4);
+    assert!(off(&ReadOptions { dilate: 2, ..options }) > 50);
+}
