@@ -7,7 +7,7 @@ use datasets::{View, Views};
 use diff_raster::FacesError;
 use losses::metrics::{CompareError, Preset, Report as Comparison, evaluate};
 use mesh_core::io::{glb, write_mesh};
-use mesh_core::{ByteImage, Examination, Health, TriMesh, UpAxis, WriteError};
+use mesh_core::{ByteImage, Camera, Examination, Health, TriMesh, UpAxis, WriteError};
 use serde::Serialize;
 use synth::{Lighting, RenderOptions, render_views};
 use train::output::{OutputError, OutputFolder};
@@ -99,6 +99,9 @@ pub struct Refinement {
     pub distance: [f64; 2],
     /// How far outlines miss one another before and after, mean in pixels of an image of at most 320, measured without the mesh.
     pub gap: [f64; 2],
+    /// The scores on held-out views if their poses, which are as far off as the others were, are found from their own masks by the
+    /// finished mesh; none where no view is held out.
+    pub located: Option<ViewScores>,
 }
 
 impl Metrics {
@@ -230,6 +233,8 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         None => indices.iter().map(|&i| &delivery.views.views[i]).collect(),
     };
     let (scores, pairs) = compare(&fitted.mesh, &views, delivery.config.picture_size)?;
+    let located = fitted.cameras.as_ref().filter(|found| !found.located.is_empty());
+    let located = located.map(|found| located_scores(delivery, &found.located)).transpose()?;
     let against = |truth| {
         let protocols = Preset::ALL.map(|preset| preset.protocol(delivery.config.seed));
         protocols.iter().map(|p| evaluate(&fitted.mesh, truth, p)).collect::<Result<_, _>>()
@@ -247,6 +252,7 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
             motion: found.motion,
             distance: found.distance,
             gap: found.gap,
+            located,
         }),
         scored_on,
         views: scores,
@@ -257,6 +263,15 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         truth,
     };
     Ok((metrics, pairs))
+}
+
+/// The scores on held-out views from these cameras.
+fn located_scores(delivery: &Delivery<'_>, cameras: &[Camera]) -> Result<ViewScores, FacesError> {
+    let held_out = delivery.fitted.held_out_views.iter().zip(cameras);
+    let views: Vec<View> = held_out
+        .map(|(&i, camera)| View { camera: camera.clone(), ..delivery.views.views[i].clone() })
+        .collect();
+    score_views(&delivery.fitted.mesh, &views.iter().collect::<Vec<_>>(), &|_, _| ())
 }
 
 /// Scores a mesh on views, and shows it above them, at most `side` pixels wide: every so many where there are more than a

@@ -310,6 +310,12 @@ fn describe(outcome: &Outcome<'_>, [fitted, views]: [usize; 2]) -> String {
     let mut rows = vec![("verdict", metrics.verdict.grade.name().to_owned())];
     rows.extend(metrics.verdict.reasons.iter().map(|reason| ("", reason.clone())));
     rows.extend(score_rows(scores));
+    let located = metrics.cameras.as_ref().and_then(|cameras| cameras.located.as_ref());
+    if let Some(located) = located {
+        let text =
+            format!("mask IoU {:.4} where held-out poses are found anew too", located.mask_iou);
+        rows.push(("", text));
+    }
     rows.push(("mesh", mesh));
     rows.push(("time", format!("{:.1} s, {} steps", outcome.seconds, metrics.steps)));
     rows.push(("output", outcome.output.display().to_string()));

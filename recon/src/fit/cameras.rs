@@ -20,9 +20,11 @@ use super::target::Target;
 
 /// Gauss-Newton steps of a round.
 const ITERATIONS: usize = 2;
+/// Gauss-Newton steps of a view whose mesh is finished.
+const LOCATING: usize = 10;
 /// Damping, as a share of the weight of a residual that moves with its parameter pixel by pixel: what the masks do not tell (how a
 /// ball is turned) stays as it was.
-const DAMPING: f64 = 0.002;
+const DAMPING: f64 = 0.0003;
 /// The same for moves ahead and the focal length, which only perspective tells apart: more would stop them on their way.
 const FAINT: f64 = 0.0001;
 /// How strongly the focal length is held where it was given, in the same unit: on bodies like balls and capsules no outline tells it
@@ -56,11 +58,36 @@ struct Equations {
     units: [f64; 4],
 }
 
+impl Equations {
+    /// The turn (radians) and the move of the camera, where the focal length's logarithm moves by `focal`.
+    fn step(&self, focal: f64) -> Vector6<f64> {
+        let [turn, aside, ahead, lens] = self.units;
+        solve(&self.pose, &(self.right - self.coupling * focal * lens))
+            .component_div(&Vector6::new(turn, turn, turn, aside, aside, ahead))
+    }
+}
+
 impl Cameras {
     /// Those of targets that are placed around `center`.
     pub(super) fn of(targets: &[Target], center: [f64; 3], radius: f64) -> Self {
         let given = targets.iter().map(|target| target.camera().clone()).collect();
         Self { given, center: center.into(), radius, focal: 1.0 }
+    }
+
+    /// The cameras from which the mesh, as it is, looks most like the masks of targets; focal lengths stay.
+    pub(super) fn locate(&self, shape: &Shape, targets: &[Target]) -> Vec<Camera> {
+        let edge = shape.mean_edge();
+        let located = |target: &Target| {
+            let mut target = target.clone();
+            for _ in 0..LOCATING {
+                let Some(equations) = self.equations(shape, &target, edge) else { break };
+                let camera = moved(target.camera(), self.center, equations.step(0.0), 0.0);
+                target.set_camera(camera);
+                target.place(self.center.into(), self.radius);
+            }
+            target.camera().clone()
+        };
+        targets.par_iter().map(located).collect()
     }
 
     /// Improves the cameras of all targets for the shape as it is.
@@ -72,11 +99,7 @@ impl Cameras {
             let focal = shared_focal(&equations, self.focal.ln());
             self.focal *= focal.exp();
             for (target, equations) in targets.iter_mut().zip(&equations) {
-                let step = equations.as_ref().map_or_else(Vector6::zeros, |e| {
-                    let [turn, aside, ahead, lens] = e.units;
-                    solve(&e.pose, &(e.right - e.coupling * focal * lens))
-                        .component_div(&Vector6::new(turn, turn, turn, aside, aside, ahead))
-                });
+                let step = equations.as_ref().map_or_else(Vector6::zeros, |e| e.step(focal));
                 let camera = moved(target.camera(), self.center, step, focal);
                 target.set_camera(camera);
                 target.place(self.center.into(), self.radius);

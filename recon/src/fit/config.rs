@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use train::settings::{LARGEST, Options as _};
 
 /// The most rounds in which cameras and shape are refined in turn after a level, and the steps of the shape in each.
-pub(super) const REFINING: (usize, usize) = (12, 10);
+pub(super) const REFINING: (usize, usize) = (20, 20);
 
 train::options! {
     /// Options of a fit, each with the default that [`FitConfig::default`] gives.
@@ -48,9 +48,8 @@ train::options! {
         pub reach: f32 = 0.15, in 0.001..=2.0;
         /// Blur of the masks' signed distance in pixels: what makes their edges known between pixels.
         pub mask_blur: f32 = 1.0, in 0.0..=16.0;
-        /// Whether poses and focal length are refined where the outlines show that they are off. With noise of 0.3 degrees and
-        /// 1 % it takes back three fifths of what the mask IoU has lost by it, so far not all.
-        pub refine_cameras: bool = false;
+        /// Whether poses and focal length are refined where the outlines show that they are off.
+        pub refine_cameras: bool = true;
         /// A level ends early, after half of its steps, when the outline's distance to the masks falls by less than
         /// this share over 20 steps.
         pub tolerance: f64 = 0.01, in 0.0..1.0;

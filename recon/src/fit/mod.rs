@@ -285,7 +285,10 @@ impl<'a> Run<'a> {
                 faces: shape.faces.len(),
             });
             self.level(&mut shape, &mut order, total, config)?;
-            self.align(views, &mut shape, &mut order, total, config)?;
+            // What a coarse mesh cannot tell of the cameras, a finer one does not either.
+            if level == start || self.alignment.is_some() {
+                self.align(views, &mut shape, &mut order, total, config)?;
+            }
             self.lap(&name);
             if self.fitted.interrupted {
                 break;
