@@ -57,7 +57,6 @@ impl Run<'_> {
         views: &[View],
         shape: &mut Shape,
         order: &mut Order,
-        total: usize,
         config: &FitConfig,
     ) -> Result<(), FitError> {
         if !config.refine_cameras || self.train.len() < FEWEST || self.fitted.interrupted {
@@ -76,6 +75,7 @@ impl Run<'_> {
             }
             given = Some((consistency, cameras, gap));
         }
+        self.total += REFINING.0 * REFINING.1;
         let before = shape.distance(&self.train);
         let mut alignment = self.alignment.take().unwrap_or_else(|| Alignment {
             cameras: Cameras::of(&self.train, placement.center, placement.radius),
@@ -97,7 +97,7 @@ impl Run<'_> {
                 let stride = |target: &Target| target.lines_between_samples(edge);
                 let terms = shape.step(&self.train, order.next(), stride, config, rate, step)?;
                 let terms = vec![("silhouette", terms.outline.rms()), ("bending", terms.bending)];
-                let report = Step { step, total, terms };
+                let report = Step { step, total: self.total, terms };
                 self.fitted.history.push(report.clone());
                 self.tell(Event::Step(report));
             }

@@ -94,11 +94,10 @@ impl FitConfig {
         problems
     }
 
-    /// The most steps that a fit with these options takes.
+    /// The most steps that a fit with these options takes, without those in which it refines cameras.
     pub fn total_steps(&self) -> usize {
         let levels = (self.level - self.start_level + 1) as usize;
-        let refining = if self.refine_cameras { levels * REFINING.0 * REFINING.1 } else { 0 };
-        levels * self.steps + refining
+        levels * self.steps
     }
 }
 

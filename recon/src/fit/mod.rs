@@ -158,6 +158,8 @@ struct Run<'a> {
     held_out: Vec<Target>,
     start: Option<Start>,
     alignment: Option<Alignment>,
+    /// The most steps, as far as is known by now.
+    total: usize,
     fitted: Fitted,
     clock: Instant,
 }
@@ -232,7 +234,8 @@ impl<'a> Run<'a> {
             interrupted: false,
         };
         let start = Some(start);
-        let mut run = Self { on_event, train, held_out, start, alignment: None, fitted, clock };
+        let mut run =
+            Self { on_event, train, held_out, start, alignment: None, total: 0, fitted, clock };
         run.tell(Event::Started {
             train: run.train.len(),
             held_out: run.held_out.len(),
@@ -270,7 +273,7 @@ impl<'a> Run<'a> {
         let thin = matches!(start, Start::Surface(..));
         let (mut shape, start) = start.shape(config);
         let mut order = Order::new(self.train.len(), config);
-        let total = config.total_steps();
+        self.total = config.total_steps();
         for level in start..=config.level {
             if level > start {
                 if thin {
@@ -284,10 +287,10 @@ impl<'a> Run<'a> {
                 vertices: shape.positions.len(),
                 faces: shape.faces.len(),
             });
-            self.level(&mut shape, &mut order, total, config)?;
+            self.level(&mut shape, &mut order, config)?;
             // What a coarse mesh cannot tell of the cameras, a finer one does not either.
             if level == start || self.alignment.is_some() {
-                self.align(views, &mut shape, &mut order, total, config)?;
+                self.align(views, &mut shape, &mut order, config)?;
             }
             self.lap(&name);
             if self.fitted.interrupted {
@@ -307,7 +310,6 @@ impl<'a> Run<'a> {
         &mut self,
         shape: &mut Shape,
         order: &mut Order,
-        total: usize,
         config: &FitConfig,
     ) -> Result<(), FitError> {
         let mut distances = Vec::with_capacity(config.steps);
@@ -336,8 +338,11 @@ impl<'a> Run<'a> {
                     reason: "the mesh reached the cameras: no view sees all of it in front".into(),
                 });
             }
-            let report =
-                Step { step, total, terms: vec![("silhouette", rms), ("bending", terms.bending)] };
+            let report = Step {
+                step,
+                total: self.total,
+                terms: vec![("silhouette", rms), ("bending", terms.bending)],
+            };
             self.fitted.history.push(report.clone());
             self.tell(Event::Step(report));
             distances.push(rms);

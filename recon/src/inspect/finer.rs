@@ -79,7 +79,7 @@ pub(super) fn look(views: &[View], ball: Ball, found: &mut Agreement, problems: 
     } else if let Some(c) = found.coherence.filter(|c| c.gap > LOOSE) {
         let message = format!(
             "outlines miss one another by {:.1} pixels in the mean: poses are a little off, or masks show \
-             what is not the object (fit refines cameras with refine-cameras = true)",
+             what is not the object (fit refines cameras where that helps)",
             c.gap * silhouettes.first().map_or(1.0, |s| s.scale)
         );
         problems.push(Problem::new("loose_cameras", message));
