@@ -59,6 +59,8 @@ Exit codes: 0 done, 1 failure, 2 wrong usage, 3 bad input data, 130 stopped by C
 pub(crate) struct Arguments {
     #[command(flatten)]
     pub(crate) global: Global,
+    #[command(flatten)]
+    pub(crate) logging: Logging,
     #[command(subcommand)]
     pub(crate) command: Command,
 }
@@ -79,6 +81,14 @@ pub(crate) struct Global {
     /// Print results as JSON on stdout.
     #[arg(long, global = true)]
     pub(crate) json: bool,
+}
+
+/// Where the events of a command are logged.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct Logging {
+    /// Also write what happens as JSON, an object a line, behind what is in the file; - for stdout, the result included.
+    #[arg(long, global = true, value_name = "FILE")]
+    pub(crate) log_json: Option<PathBuf>,
 }
 
 #[derive(Debug, Subcommand)]

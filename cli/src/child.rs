@@ -70,7 +70,7 @@ pub(crate) fn run(
         if let Some(status) = child.0.try_wait().map_err(failed)? {
             break status;
         }
-        if interrupt.flow().is_break() {
+        if interrupt.is_pressed() {
             drop(child);
             return Err(Failure::Interrupted(format!("{program} was stopped; nothing is written")));
         }
@@ -78,7 +78,7 @@ pub(crate) fn run(
         std::thread::sleep(BLINK);
     };
     // The terminal sends Ctrl-C to the child as well.
-    if interrupt.flow().is_break() {
+    if interrupt.is_pressed() {
         return Err(Failure::Interrupted(format!("{program} was stopped; nothing is written")));
     }
     if status.success() {

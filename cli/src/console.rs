@@ -4,8 +4,11 @@ use std::fmt::Display;
 use std::io::Write;
 
 use serde::Serialize;
+use train::progress::{Event, Observer, Watch};
 
+use crate::event_log::EventLog;
 use crate::failure::Failure;
+use crate::interrupt::Interrupt;
 use crate::printable;
 use crate::terminal::{aside, say};
 
@@ -16,6 +19,8 @@ pub(crate) struct Console {
     pub(crate) json: bool,
     /// Nothing on stderr but errors.
     pub(crate) quiet: bool,
+    /// Events as lines of JSON.
+    pub(crate) log: Option<&'static EventLog>,
 }
 
 impl Console {
@@ -25,6 +30,12 @@ impl Console {
         value: &T,
         text: impl FnOnce(&T) -> String,
     ) -> Result<(), Failure> {
+        if let Some(log) = self.log {
+            log.result(value);
+            if log.is_stdout() {
+                return Ok(());
+            }
+        }
         let out = if self.json {
             printable::json(&serde_json::to_string_pretty(value).map_err(Failure::other)?) + "\n"
         } else {
@@ -42,7 +53,33 @@ impl Console {
 
     /// A warning, on stderr.
     pub(crate) fn warn(self, text: impl Display) {
+        self.log(|| Event::Warned { text: text.to_string() });
         self.remark(format_args!("warning: {text}"));
+    }
+
+    /// An event, where they are logged.
+    pub(crate) fn log(self, event: impl FnOnce() -> Event) {
+        if let Some(log) = self.log {
+            log.tell(&event());
+        }
+    }
+
+    /// For what is told by events, which the log hears by itself.
+    pub(crate) fn unlogged(self) -> Self {
+        Self { log: None, ..self }
+    }
+
+    /// Who hears of a job: the log, and then what shows it to people. Ctrl-C ends it.
+    pub(crate) fn watch<'a>(
+        self,
+        interrupt: &Interrupt,
+        shown: impl Observer + Send + 'a,
+    ) -> Watch<'a> {
+        let watch = Watch::default().until(interrupt.cancel());
+        match self.log {
+            Some(log) => watch.and(log).and(shown),
+            None => watch.and(shown),
+        }
     }
 }
 

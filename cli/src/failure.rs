@@ -32,21 +32,31 @@ impl Failure {
     }
 
     pub(crate) fn exit_code(&self) -> ExitCode {
-        ExitCode::from(match self {
+        ExitCode::from(self.code())
+    }
+
+    pub(crate) fn code(&self) -> u8 {
+        match self {
             Self::Other(_) => 1,
             Self::Usage(_) => 2,
             Self::Input(_) => 3,
             Self::Interrupted(_) => 130,
-        })
+        }
+    }
+
+    /// What went wrong.
+    pub(crate) fn text(&self) -> &str {
+        match self {
+            Self::Other(text) | Self::Usage(text) | Self::Input(text) | Self::Interrupted(text) => {
+                text
+            }
+        }
     }
 
     /// One line on stderr; errors name file, field and remedy themselves.
     pub(crate) fn print(&self) {
-        let (word, text) = match self {
-            Self::Interrupted(text) => ("stopped", text),
-            Self::Other(text) | Self::Usage(text) | Self::Input(text) => ("error", text),
-        };
-        say(&format!("{word}: {text}"));
+        let word = if matches!(self, Self::Interrupted(_)) { "stopped" } else { "error" };
+        say(&format!("{word}: {}", self.text()));
     }
 }
 

@@ -1,9 +1,10 @@
 //! Ctrl-C: the first asks the work to finish what it has, the second ends it at once.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+use train::progress::Cancel;
 
 use crate::failure::Failure;
 
@@ -13,7 +14,7 @@ pub(crate) struct Interrupt(Arc<State>);
 
 #[derive(Debug, Default)]
 struct State {
-    pressed: AtomicBool,
+    pressed: Cancel,
     worthwhile: AtomicBool,
 }
 
@@ -27,7 +28,8 @@ impl Interrupt {
         let state = Arc::clone(&interrupt.0);
         let unfinished = unfinished.map(Path::to_owned);
         ctrlc::set_handler(move || {
-            let again = state.pressed.swap(true, Ordering::Relaxed);
+            let again = state.pressed.is_cancelled();
+            state.pressed.cancel();
             if again || !state.worthwhile.load(Ordering::Relaxed) {
                 if let Some(unfinished) = &unfinished {
                     // The program ends either way; a folder that resists is left.
@@ -48,15 +50,16 @@ impl Interrupt {
     /// As if Ctrl-C was pressed.
     #[cfg(test)]
     pub(crate) fn press(&self) {
-        self.0.pressed.store(true, Ordering::Relaxed);
+        self.0.pressed.cancel();
     }
 
-    /// Whether the work goes on.
-    pub(crate) fn flow(&self) -> ControlFlow<()> {
-        if self.0.pressed.load(Ordering::Relaxed) {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
+    /// What Ctrl-C pulls.
+    pub(crate) fn cancel(&self) -> Cancel {
+        self.0.pressed.clone()
+    }
+
+    /// Whether the work is to end.
+    pub(crate) fn is_pressed(&self) -> bool {
+        self.0.pressed.is_cancelled()
     }
 }

@@ -22,6 +22,7 @@ mod colmap;
 mod command;
 mod configuration;
 mod console;
+mod event_log;
 mod failure;
 mod interrupt;
 mod masks;

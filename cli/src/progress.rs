@@ -8,6 +8,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use train::progress::{Event, Facts};
 
 use crate::console::Console;
 use crate::printable;
@@ -27,6 +28,7 @@ const BAR: usize = 12;
 pub(crate) struct Progress {
     state: Arc<Mutex<State>>,
     watch: Option<Watch>,
+    console: Console,
 }
 
 impl Progress {
@@ -43,17 +45,24 @@ impl Progress {
     fn of(console: Console, state: State) -> Self {
         let state = Arc::new(Mutex::new(state));
         let watch = (!console.quiet).then(|| Watch::on_stderr(Arc::clone(&state)));
-        Self { state, watch }
+        let name = || locked(&state).name.clone();
+        console.log(|| Event::Stage { name: name(), facts: Facts::default() });
+        Self { state, watch, console }
     }
 
     /// So many of so many are done. The first call says what was done before: it tells nothing of the time that is left.
     pub(crate) fn set(&self, done: usize, total: usize) {
-        locked(&self.state).set(done, total, Instant::now());
+        let mut state = locked(&self.state);
+        state.set(done, total, Instant::now());
+        // Under the lock, so that the log hears it in order.
+        self.console.log(|| state.event());
     }
 
     /// What is going on, behind the count.
     pub(crate) fn say(&self, text: &str) {
-        locked(&self.state).message = printable::line(text);
+        let mut state = locked(&self.state);
+        state.message = printable::line(text);
+        self.console.log(|| state.event());
     }
 
     /// Takes the line away.
@@ -87,6 +96,11 @@ impl State {
         self.counted.get_or_insert((now, done));
         // Threads report out of order; it only grows.
         self.done = self.done.max(done);
+    }
+
+    fn event(&self) -> Event {
+        let (done, total) = (self.done as u64, self.total as u64);
+        Event::Progress { done, total, text: self.message.clone() }
     }
 
     /// None until it is known.

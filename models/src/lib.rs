@@ -52,6 +52,8 @@ mod testing;
 mod view_cache;
 
 pub use mesh_pairs::{MeshPair, MeshPairs};
+/// Networks in ONNX's form, as [`predict::Predictor::to_onnx`] gives them.
+pub use nets::onnx::{OnnxModel, OnnxValue};
 pub use quality::Quality;
 pub use registry::{Registry, register};
 pub use repairs::{Repair, repairs};

@@ -1,6 +1,7 @@
 //! Samples into the arrays of a batch.
 
 use autodiff_lite::{Tape, Var};
+use ndarray::ArrayD;
 
 /// Parts of equal length, one after the other, as an array on the tape.
 pub(crate) fn stacked<'t, 'a, T: Stackable>(
@@ -17,6 +18,12 @@ pub(crate) fn stacked<'t, 'a, T: Stackable>(
     }
     debug_assert!(rest.is_empty(), "the parts fill {shape:?}");
     tape.constant(array)
+}
+
+/// The numbers of a variable.
+pub(crate) fn numbers(x: Var<'_>) -> ArrayD<f32> {
+    let values = x.value().as_slice().to_vec();
+    ArrayD::from_shape_vec(x.shape(), values).expect("as many numbers as the shape says")
 }
 
 /// What arrays are stacked from.

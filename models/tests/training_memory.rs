@@ -2,12 +2,11 @@
 //! those of matrix products.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use std::ops::ControlFlow;
-
 use autodiff_lite::testkit::CountingAllocator;
 use datasets::ReadOptions;
 use models::img2mesh::Img2Mesh;
-use train::{Configuration, Event, Job, Provenance, RunFolder, Source, System, train};
+use train::progress::{Event, Watch};
+use train::{Configuration, Job, Provenance, RunFolder, Source, System, train};
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator::new();
@@ -38,13 +37,13 @@ fn steps_of_a_training_take_no_large_fresh_block() {
         from: None,
     };
     let mut blocks = Vec::with_capacity(1000);
-    train::<Img2Mesh>(&job, &mut |event| {
+    let mut watch = Watch::new(|event: &Event| {
         if let Event::Step(_) = event {
             blocks.push([ALLOCATOR.blocks(), ALLOCATOR.bytes()]);
         }
-        ControlFlow::Continue(())
-    })
-    .unwrap();
+    });
+    train::<Img2Mesh>(&job, &mut watch).unwrap();
+    drop(watch);
     // The gemm crate takes a packing buffer for each larger matrix product and gives it back: ten
     // here. Beside these a log or a list grows now and then.
     let (steps, last) = (blocks.len() - 20, blocks[blocks.len() - 1]);

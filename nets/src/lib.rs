@@ -44,6 +44,7 @@
 //! | images from maps | [`ImageDecoder`] |
 //! | the camera of an image | [`ViewpointHead`] |
 //! | networks that measure | [`InceptionV3`], [`Vgg16`] with [`LpipsWeights`] |
+//! | networks for other programs to run | `onnx` (a feature) |
 //! | weights from files, freezing | [`LoadWeights`], [`read_weights`], [`freeze`], [`unfreeze`] |
 //!
 //! # Conventions
@@ -68,6 +69,8 @@ mod backbones;
 mod heads;
 mod init;
 mod layers;
+#[cfg(feature = "onnx")]
+pub mod onnx;
 #[cfg(test)]
 mod testing;
 mod weights;

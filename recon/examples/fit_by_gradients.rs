@@ -13,7 +13,6 @@
 #![allow(clippy::print_stdout, reason = "a program")]
 
 use std::error::Error;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -26,6 +25,7 @@ use mesh_core::{Topology, TriMesh, primitives};
 use ndarray::{Array2, Array3, Array4};
 use recon::evaluate::{masked, score_views};
 use recon::fit::{FitConfig, cones, fit};
+use recon::progress::Watch;
 use synth::shapes::AlarmClock;
 use synth::{Lighting, Orbit, RenderOptions, render_views};
 
@@ -73,7 +73,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ("`fit`", &views, FitConfig::default()),
     ] {
         let start = Instant::now();
-        let fitted = fit(views_of, &config, &mut |_| ControlFlow::Continue(()))?;
+        let fitted = fit(views_of, &config, &mut Watch::default())?;
         row(name, &fitted.mesh, views_of, &views, start.elapsed().as_secs_f64())?;
     }
     Ok(())

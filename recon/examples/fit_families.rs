@@ -11,7 +11,6 @@
 //! hidden inside as well, which no image shows: they are upper bounds.
 
 use std::fmt::Write as _;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -20,6 +19,7 @@ use losses::metrics::{Preset, evaluate};
 use mesh_core::{ByteImage, TriMesh, write_png};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, Fitted, fit};
+use recon::progress::Watch;
 use synth::shapes::{Family, Shape};
 use synth::{Lighting, Orbit, Placement, RenderOptions, render_views};
 
@@ -87,7 +87,7 @@ fn measure(shape: Shape) -> Result<Row, Failure> {
 
     let config = FitConfig { hold_out: None, ..FitConfig::default() };
     let start = Instant::now();
-    let Fitted { mesh, health, .. } = fit(&views, &config, &mut |_| ControlFlow::Continue(()))?;
+    let Fitted { mesh, health, .. } = fit(&views, &config, &mut Watch::default())?;
     let seconds = start.elapsed().as_secs_f64();
 
     let others: Vec<&View> = others.iter().collect();

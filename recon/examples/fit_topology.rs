@@ -8,7 +8,6 @@
 
 use std::f32::consts::TAU;
 use std::io::Write as _;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -19,6 +18,7 @@ use mesh_core::primitives::{TubeEnds, cylinder, torus, tube};
 use mesh_core::{ByteImage, TriMesh, write_png};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, TopologyKind, fit};
+use recon::progress::Watch;
 use synth::shapes::Family;
 use synth::{Lighting, Orbit, RenderOptions, render_views};
 
@@ -79,7 +79,7 @@ fn measure(
     let views = Views::in_memory(views);
     let config = FitConfig { topology, ..FitConfig::default() };
     let start = Instant::now();
-    let fitted = fit(&views, &config, &mut |_| ControlFlow::Continue(()))?;
+    let fitted = fit(&views, &config, &mut Watch::default())?;
     let seconds = start.elapsed().as_secs_f64();
     let held_out: Vec<&View> = fitted.held_out_views.iter().map(|&i| &views.views[i]).collect();
     let scores = score_views(&fitted.mesh, &held_out, &|_, _| {})?;

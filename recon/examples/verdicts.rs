@@ -9,7 +9,6 @@
 //! on two cores.
 
 use std::fmt::Write as _;
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use datasets::{View, Views};
@@ -19,6 +18,7 @@ use mesh_core::primitives::{capsule, cuboid, extrude, icosphere, rounded_cuboid,
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use recon::fit::{Quality, fit};
+use recon::progress::Watch;
 use recon::verdict::{Evidence, Grade, Verdict, judge};
 use serde::{Deserialize, Serialize};
 use synth::shapes::Family;
@@ -253,8 +253,7 @@ fn tried(case: Case) -> Result<Outcome, Failure> {
         views = mistake.plant(views, [0.0; 3], seed);
     }
     let views = Views::in_memory(views);
-    let Ok(fitted) = fit(&views, &Quality::Draft.config(), &mut |_| ControlFlow::Continue(()))
-    else {
+    let Ok(fitted) = fit(&views, &Quality::Draft.config(), &mut Watch::default()) else {
         say(&format!("{name}: refused\n"))?;
         return Ok(Outcome { name, fit: None });
     };

@@ -243,7 +243,7 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
     let metrics = Metrics {
         schema_version: 1,
         steps: fitted.history.len(),
-        interrupted: fitted.interrupted,
+        interrupted: fitted.ended.is_cancelled(),
         up: delivery.up.name(),
         verdict: delivery.assessment.verdict.clone(),
         evidence: delivery.assessment.evidence.clone(),

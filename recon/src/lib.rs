@@ -3,8 +3,8 @@
 //! ```
 //! use datasets::Views;
 //! use synth::shapes::AlarmClock;
-//! use std::ops::ControlFlow;
-//! use recon::fit::{Event, FitConfig, fit};
+//! use recon::fit::{FitConfig, fit};
+//! use recon::progress::{Event, Watch};
 //! use synth::{Orbit, RenderOptions, render_views};
 //!
 //! // A dozen small images of a clock, with masks and cameras.
@@ -15,12 +15,12 @@
 //!
 //! // A sphere becomes the clock; coarse and short, since this is an example.
 //! let config = FitConfig { level: 3, steps: 40, ..FitConfig::default() };
-//! let fitted = fit(&views, &config, &mut |event| {
-//!     if let Event::Evaluated { step, mask_iou } = event {
-//!         assert!(step <= 40 && mask_iou > 0.0); // a progress bar would show it
+//! let mut watch = Watch::new(|event: &Event| {
+//!     if let Event::Evaluated { step, metrics, .. } = event {
+//!         assert!(*step <= 40 && metrics[0].value > 0.0); // a progress bar would show it
 //!     }
-//!     ControlFlow::Continue(())
-//! })?;
+//! });
+//! let fitted = fit(&views, &config, &mut watch)?;
 //! assert!(fitted.health.is_watertight());
 //! assert_eq!(fitted.health.euler, 2);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -37,7 +37,7 @@
 //!
 //! # Invariants
 //!
-//! - Nothing is printed; a fit tells what happens through events, and each event can end it.
+//! - Nothing is printed; [`progress`] says how a fit tells what happens, and how it is ended early.
 //! - The same views and configuration give the same bytes for any number of threads.
 //! - A fitted mesh is closed and oriented outwards, in the coordinates of the cameras. Its genus is that of its start: 0 with
 //!   `topology = "sphere"`, else the holes that masks show.
@@ -51,3 +51,6 @@ pub mod inspect;
 pub mod scene;
 pub mod turntable;
 pub mod verdict;
+
+/// How a fit tells what it does, and how it is ended early.
+pub use train::progress;

@@ -1,12 +1,11 @@
 //! Whole fits: shapes that are known, at a size that takes seconds.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use std::ops::ControlFlow;
-
 use datasets::Views;
 use mesh_core::{TriMesh, primitives};
 use recon::evaluate::score_views;
-use recon::fit::{ColorKind, Event, FitConfig, FitError, Fitted, TopologyKind, fit};
+use recon::fit::{ColorKind, FitConfig, FitError, Fitted, TopologyKind, fit};
+use recon::progress::{Ended, Event, Watch};
 use synth::{Orbit, RenderOptions, render_views};
 
 /// Views of a mesh from all around, 64 pixels wide.
@@ -40,7 +39,7 @@ fn config() -> FitConfig {
 }
 
 fn run(views: &Views, config: &FitConfig) -> Fitted {
-    fit(views, config, &mut |_| ControlFlow::Continue(())).unwrap()
+    fit(views, config, &mut Watch::default()).unwrap()
 }
 
 /// Fits, holds the mesh to what every fit promises, and returns held-out mask IoU and PSNR.
@@ -164,15 +163,15 @@ fn the_number_of_threads_changes_nothing() {
 fn stopping_gives_what_there_is() {
     let views = views_of(&placed(primitives::icosphere(3)), 10);
     let mut steps = 0;
-    let fitted = fit(&views, &config(), &mut |event| match event {
-        Event::Step(step) => {
+    let mut watch = Watch::new(|event: &Event| {
+        if let Event::Step(step) = event {
             steps = step.step;
-            if step.step == 7 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         }
-        _ => ControlFlow::Continue(()),
     })
-    .unwrap();
-    assert!(fitted.interrupted);
+    .until_event(|event| matches!(event, Event::Step(step) if step.step == 7));
+    let fitted = fit(&views, &config(), &mut watch).unwrap();
+    drop(watch);
+    assert_eq!(fitted.ended, Ended::Cancelled);
     assert_eq!((steps, fitted.history.len()), (7, 7));
     assert!(fitted.health.is_watertight() && fitted.mesh.colors.is_some());
 }
@@ -180,9 +179,8 @@ fn stopping_gives_what_there_is() {
 #[test]
 fn what_cannot_be_fitted_is_an_error_that_says_why() {
     let good = views_of(&placed(primitives::icosphere(3)), 10);
-    let fails = |views: &Views, config: &FitConfig| {
-        fit(views, config, &mut |_| ControlFlow::Continue(())).unwrap_err()
-    };
+    let fails =
+        |views: &Views, config: &FitConfig| fit(views, config, &mut Watch::default()).unwrap_err();
     let none = Views { views: Vec::new(), ..good.clone() };
     assert_eq!(fails(&none, &config()), FitError::NoViews);
 

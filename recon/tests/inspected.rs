@@ -1,14 +1,13 @@
 //! From files of others to meshes, and what an inspection says of good and of spoilt views.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use std::ops::ControlFlow;
-
 use datasets::{ColmapForm, Layout, ReadOptions, Truth, View, Views, read_views, write_colmap};
 use mesh_core::nalgebra::{Matrix3, Vector3};
 use mesh_core::{Lens, TriMesh, primitives};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, fit};
 use recon::inspect::{ObjectInspection, inspect_views};
+use recon::progress::Watch;
 use synth::shapes::AlarmClock;
 use synth::{Orbit, Planted, RenderOptions, render_views};
 
@@ -46,14 +45,14 @@ fn a_colmap_project_is_fitted() {
     let views = read_views(folder.path(), &ReadOptions::default(), &|_, _| {}).unwrap();
     assert_eq!(views.layout, Layout::Colmap);
     let config = FitConfig { start_level: 2, level: 3, steps: 60, ..FitConfig::default() };
-    let fitted = fit(&views, &config, &mut |_| ControlFlow::Continue(())).unwrap();
+    let fitted = fit(&views, &config, &mut Watch::default()).unwrap();
     let score = |mesh: &TriMesh| {
         let held: Vec<&View> = fitted.held_out_views.iter().map(|&i| &made[i]).collect();
         score_views(mesh, &held, &|_, _| {}).unwrap().mask_iou
     };
     // As good as from memory: a principal point half a pixel off, or fx for fy, loses more.
     let views = Views { views: made.clone(), layout: Layout::Memory, ..views };
-    let direct = fit(&views, &config, &mut |_| ControlFlow::Continue(())).unwrap();
+    let direct = fit(&views, &config, &mut Watch::default()).unwrap();
     let (read, direct) = (score(&fitted.mesh), score(&direct.mesh));
     assert!(read > 0.92 && (read - direct).abs() < 0.004, "{read} {direct}");
 }

@@ -1,13 +1,12 @@
 //! Cameras that are a little off are put right by the fit, and right ones are left alone.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use std::ops::ControlFlow;
-
 use datasets::{View, Views};
 use mesh_core::nalgebra::{Matrix3, Vector3};
 use mesh_core::{Camera, TriMesh};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, Fitted, Quality, fit};
+use recon::progress::Watch;
 use synth::shapes::Family;
 use synth::{Orbit, Placement, Planted, RenderOptions, render_views};
 
@@ -26,7 +25,7 @@ fn rendered(orbit: &Orbit) -> Vec<View> {
 
 fn fitted(views: Vec<View>, refine_cameras: bool) -> Fitted {
     let config = FitConfig { hold_out: None, refine_cameras, ..Quality::Draft.config() };
-    fit(&Views::in_memory(views), &config, &mut |_| ControlFlow::Continue(())).unwrap()
+    fit(&Views::in_memory(views), &config, &mut Watch::default()).unwrap()
 }
 
 /// The mesh brought from the frame of some cameras to that of the true ones by the similarity that takes the ones' centres to
@@ -95,7 +94,7 @@ fn held_out_poses_are_found_by_the_finished_mesh() {
     let config = FitConfig { hold_out: Some(5), ..Quality::Draft.config() };
     let scores = |views: &[View]| {
         let views = Views::in_memory(views.to_vec());
-        let fitted = fit(&views, &config, &mut |_| ControlFlow::Continue(())).unwrap();
+        let fitted = fit(&views, &config, &mut Watch::default()).unwrap();
         let located = fitted.cameras.map_or_else(Vec::new, |found| found.located);
         let held_out = |cameras: &[Camera]| {
             let of = |(k, &i): (usize, &usize)| {

@@ -1,11 +1,10 @@
 //! Verdicts: a good fit is good, and each thing that is wrong has its word.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use std::ops::ControlFlow;
-
 use datasets::Views;
 use mesh_core::{TriMesh, primitives};
 use recon::fit::{Fitted, Quality, fit};
+use recon::progress::Watch;
 use recon::verdict::{Assessment, Evidence, Grade, assess, judge};
 use synth::{Orbit, Planted, RenderOptions, render_views};
 
@@ -24,7 +23,7 @@ fn views_of(mesh: &TriMesh) -> Views {
 }
 
 fn fitted(views: &Views) -> Fitted {
-    fit(views, &Quality::Draft.config(), &mut |_| ControlFlow::Continue(())).unwrap()
+    fit(views, &Quality::Draft.config(), &mut Watch::default()).unwrap()
 }
 
 fn egg() -> TriMesh {

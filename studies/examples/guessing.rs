@@ -3,11 +3,11 @@
 //! `cargo run -p unsphere-studies --example guessing -- [folder]`; without a folder, a temporary one.
 
 use std::io::Write;
-use std::ops::ControlFlow;
 use std::path::PathBuf;
 
+use studies::progress::Watch;
 use studies::{
-    Cell, Claim, Order, Plan, Row, Scale, Score, Seeds, Study, StudyError, Watch, Work, reproduce,
+    Cell, Claim, Order, Plan, Row, Scale, Score, Seeds, Study, StudyError, Work, reproduce,
 };
 
 struct Guessing;
@@ -26,7 +26,7 @@ impl Study for Guessing {
     }
 
     /// Twenty games a seed, which are the objects here: the same ones for every strategy.
-    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
         work.tell(watch, 0.5, "half of it")?;
         let skill = if work.id == "high" { 0.75 } else { 0.5 };
         // Luck is large, of either sign, and another one in every seed.
@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder =
         std::env::args().nth(1).map_or_else(|| place.path().join("guessing"), PathBuf::from);
     let order = Order { seeds: Seeds::Listed(vec![0, 1, 2]), ..Order::default() };
-    let made = reproduce(&Guessing, &folder, &order, &mut |_| ControlFlow::Continue(()))?;
+    let made = reproduce(&Guessing, &folder, &order, &mut Watch::default())?;
     let table = std::fs::read_to_string(folder.join("table.md"))?;
     let mut out = std::io::stdout().lock();
     writeln!(out, "{table}")?;

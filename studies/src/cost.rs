@@ -72,7 +72,8 @@ pub fn measured(study: &dyn Study, results: &Results) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Plan, PlannedJob, Row, Scale, Seeds, StudyError, Watch, Work};
+    use crate::progress::Watch;
+    use crate::{Plan, PlannedJob, Row, Scale, Seeds, StudyError, Work};
 
     struct Two;
 
@@ -88,7 +89,7 @@ mod tests {
             let job = |id: &str| PlannedJob { id: id.into(), label: id.into(), length };
             Plan { jobs: vec![job("one"), job("other")], settings: String::new() }
         }
-        fn run(&self, _: &Work<'_>, _: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+        fn run(&self, _: &Work<'_>, _: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
             Ok(Vec::new())
         }
     }

@@ -8,9 +8,9 @@ use train::{CheckpointError, DataError, RunError, TrainError};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StudyError {
-    /// It was asked to stop; what it has is kept in its folder.
-    #[error("stopped")]
-    Stopped,
+    /// It was cancelled; what it has is kept in its folder.
+    #[error("cancelled")]
+    Cancelled,
     /// The training failed.
     #[error(transparent)]
     Train(Box<TrainError>),

@@ -7,8 +7,8 @@
 //! processes made.
 //!
 //! ```
-//! use std::ops::ControlFlow;
-//! use studies::{Cell, Claim, Order, Plan, Row, Scale, Score, Seeds, Study, StudyError, Verdict, Watch, Work, reproduce};
+//! use studies::progress::Watch;
+//! use studies::{Cell, Claim, Order, Plan, Row, Scale, Score, Seeds, Study, StudyError, Verdict, Work, reproduce};
 //!
 //! /// Does guessing pay? One job a strategy; a real study trains a model in each.
 //! struct Guessing;
@@ -23,7 +23,7 @@
 //!     fn plan(&self, _: Scale) -> Plan {
 //!         Plan::of(["low", "high"], "strategies = 2\n")
 //!     }
-//!     fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+//!     fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
 //!         work.tell(watch, 0.5, "half of it")?;
 //!         let won = if work.id == "high" { 0.75 } else { 0.5 } + 0.01 * work.seed as f64;
 //!         Ok(vec![Row::new("Guesses", &work.id).with(Cell::larger("won", won, 2))])
@@ -36,7 +36,7 @@
 //!
 //! let out = tempfile::tempdir()?;
 //! let order = Order { seeds: Seeds::Listed(vec![0, 1]), ..Order::default() };
-//! let made = reproduce(&Guessing, out.path(), &order, &mut |_| ControlFlow::Continue(()))?;
+//! let made = reproduce(&Guessing, out.path(), &order, &mut Watch::default())?;
 //! assert_eq!(made.claims[0].verdict, Verdict::Holds);
 //! let table = std::fs::read_to_string(out.path().join("table.md"))?;
 //! assert!(table.contains("| high | **0.76** (0.75, 0.76) |"), "{table}"); // the mean and each seed
@@ -112,10 +112,12 @@ pub use registry::studies;
 pub use remake::remake;
 pub use results::{CellRecord, ColumnRecord, CurveRecord, JobRecord, Results, RowRecord};
 pub use row::{Cell, Picture, PictureKind, Row};
-pub use run::{Event, Reproduced, reproduce};
+pub use run::{Reproduced, reproduce};
 pub use scale::{Scale, Seeds};
 pub use store::KeptPicture;
 pub use study::Study;
 pub use table::{Column, Line, Table, Tables};
+/// How [`reproduce`](fn@reproduce) tells what it does, and how it is ended early.
+pub use train::progress;
 pub use verdict::{Finding, Judged, Verdict, judge};
-pub use work::{Tick, Trained, Watch, Work};
+pub use work::{Trained, Work};

@@ -10,6 +10,7 @@ use crate::error::ReproduceError;
 use crate::order::Order;
 use crate::output::write_all;
 use crate::pages::Pages;
+use crate::progress::Ended;
 use crate::results::Results;
 use crate::run::{Reproduced, identity, same_build};
 use crate::store::{Kept, Store, changed, io, kept_in, read, result};
@@ -60,7 +61,7 @@ pub fn merge(
     let results = Results::of(study.name(), &plan.settings, order, &kept, left);
     let pages = Pages::of(study, &results, store.root());
     write_all(&pages, store.root())?;
-    Ok(Reproduced::of(pages, false, 0.0))
+    Ok(Reproduced::of(pages, Ended::Completed, 0.0))
 }
 
 /// With one more, which must be of the same build, and the same bytes where it is there already.

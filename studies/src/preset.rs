@@ -10,7 +10,8 @@ use super::error::StudyError;
 use super::plan::{Plan, PlannedJob};
 use super::row::{Cell, Row};
 use super::scale::Scale;
-use super::work::{Trained, Watch, Work};
+use super::work::{Trained, Work};
+use crate::progress::Watch;
 
 /// A setting over a preset.
 pub(crate) type Change = (&'static str, &'static str);
@@ -98,7 +99,7 @@ pub(crate) fn open<S: System<ReadOptions = ReadOptions>>(
 pub(crate) fn train_job<S: System<ReadOptions = ReadOptions>>(
     config: &Configuration<S::Config>,
     work: &Work<'_>,
-    watch: Watch<'_>,
+    watch: &mut Watch<'_>,
 ) -> Result<(S::Data, Trained<S>), StudyError> {
     let data = open::<S>(work, config)?;
     let trained = work.train::<S>(config, &data, watch)?;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::error::ReproduceError;
 use crate::output::write;
 use crate::pages::Pages;
+use crate::progress::Ended;
 use crate::results::{FILE, Results};
 use crate::run::Reproduced;
 use crate::study::Study;
@@ -24,5 +25,5 @@ pub fn remake(study: &dyn Study, from: &Path, out: &Path) -> Result<Reproduced, 
     let root = path.parent().unwrap_or_else(|| Path::new(""));
     let pages = Pages::of(study, &results, root);
     write(&pages, out)?;
-    Ok(Reproduced::of(pages, false, 0.0))
+    Ok(Reproduced::of(pages, Ended::Completed, 0.0))
 }

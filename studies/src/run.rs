@@ -1,10 +1,10 @@
 //! The course of a study: job after job, seed after seed.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
+use train::progress::{Ended, Event, Facts, Watch};
 
 use super::claim::Claim;
 use super::error::{ReproduceError, StudyError};
@@ -18,44 +18,7 @@ use super::store::{Kept, Store, result};
 use super::study::Study;
 use super::table::Tables;
 use super::verdict::Judged;
-use super::work::{Tick, Work};
-
-/// What happened, in the order in which it does.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum Event {
-    /// Everything is ready.
-    Started {
-        /// Jobs of all seeds.
-        jobs: usize,
-        /// Those of them that were finished before.
-        kept: usize,
-    },
-    /// A job goes on.
-    Working {
-        /// Jobs finished, the kept ones included.
-        finished: usize,
-        /// Jobs of all seeds.
-        jobs: usize,
-        /// The job.
-        job: String,
-        /// Its seed.
-        seed: u64,
-        /// How far it is.
-        tick: Tick,
-    },
-    /// A job is done and kept, and the tables have it.
-    Finished {
-        /// Jobs finished, the kept ones included.
-        finished: usize,
-        /// The job.
-        job: String,
-        /// Its seed.
-        seed: u64,
-        /// What it took.
-        seconds: f64,
-    },
-}
+use super::work::Work;
 
 /// What came of a study.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -68,25 +31,30 @@ pub struct Reproduced {
     pub checks: Vec<Check>,
     /// Jobs that five seeds instead of three may be expected to decide something about.
     pub close: Vec<String>,
-    /// Whether it was stopped before its end.
-    pub interrupted: bool,
+    /// Whether all its jobs are done; in JSON `interrupted`, whether they are not.
+    #[serde(rename = "interrupted", serialize_with = "is_cancelled")]
+    pub ended: Ended,
     /// What the jobs took that were done now.
     pub seconds: f64,
 }
 
 impl Reproduced {
-    pub(crate) fn of(pages: Pages<'_>, interrupted: bool, seconds: f64) -> Self {
+    pub(crate) fn of(pages: Pages<'_>, ended: Ended, seconds: f64) -> Self {
         let close = pages.close();
         let Pages { tables, claims, checks, .. } = pages;
-        Self { tables, claims, checks, close, interrupted, seconds }
+        Self { tables, claims, checks, close, ended, seconds }
     }
+}
+
+fn is_cancelled<S: Serializer>(ended: &Ended, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_bool(ended.is_cancelled())
 }
 
 /// Makes a study's tables in a folder, and goes on with what is there.
 ///
-/// Finished jobs are kept and not done again; the tables are written anew after each. `watch` is
-/// asked again and again; when it answers [`ControlFlow::Break`], the job at hand stops and is gone on with
-/// the next time.
+/// Finished jobs are kept and not done again; the tables are written anew after each. `watch` hears how many are done, and
+/// [within](Event::Within) them what each job tells, its trainings above all. Once it is [cancelled](train::progress::Cancel), the job at
+/// hand ends, after a checkpoint where it trains, and is gone on with the next time.
 ///
 /// # Errors
 /// If the folder holds results of something else, a job fails, or a file cannot be read or written.
@@ -97,7 +65,7 @@ pub fn reproduce(
     study: &dyn Study,
     out: &Path,
     order: &Order<'_>,
-    watch: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    watch: &mut Watch<'_>,
 ) -> Result<Reproduced, ReproduceError> {
     let plan = study.plan(order.scale);
     let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
@@ -178,52 +146,43 @@ impl StudyRunner<'_> {
         (0..most).flat_map(nth).collect()
     }
 
-    fn run(
-        &mut self,
-        watch: &mut dyn FnMut(Event) -> ControlFlow<()>,
-    ) -> Result<Reproduced, ReproduceError> {
+    fn run(&mut self, watch: &mut Watch<'_>) -> Result<Reproduced, ReproduceError> {
         let start = Instant::now();
         let asked: Vec<(String, u64)> =
             self.wanted().into_iter().filter(|(job, _)| self.order.asks_for(job)).collect();
-        let (jobs, kept) =
-            (asked.len(), asked.iter().filter(|(job, seed)| self.has(job, *seed)).count());
-        let mut stopped = watch(Event::Started { jobs, kept }) == ControlFlow::Break(());
-        let mut finished = kept;
+        let total = asked.len() as u64;
+        let mut done = asked.iter().filter(|(job, seed)| self.has(job, *seed)).count() as u64;
+        let facts = Facts::default();
+        watch.tell(&Event::Started { job: "reproduce", total, done, facts });
         for (job, seed) in asked {
             if self.has(&job, seed) {
                 continue;
             }
-            if stopped {
+            if watch.is_cancelled() {
                 break;
             }
-            let mut tell = |tick| {
-                let job = job.clone();
-                let flow = watch(Event::Working { finished, jobs, job, seed, tick });
-                stopped |= flow == ControlFlow::Break(());
-                flow
-            };
-            let Some(seconds) = self.job(&job, seed, &mut tell)? else {
-                stopped = true;
+            let Some(seconds) = self.job(&job, seed, &mut watch.within(&job, Some(seed)))? else {
                 break;
             };
-            finished += 1;
+            done += 1;
             self.write()?;
-            let flow = watch(Event::Finished { finished, job, seed, seconds });
-            stopped |= flow == ControlFlow::Break(());
+            let text = format!("{job}, seed {seed}: done in {seconds:.1} s");
+            watch.tell(&Event::Progress { done, total, text });
         }
         self.write()?;
         let results = self.results();
         let pages = Pages::of(self.study, &results, self.store.root());
-        let interrupted = stopped && finished < jobs;
-        Ok(Reproduced::of(pages, interrupted, start.elapsed().as_secs_f64()))
+        let (ended, seconds) = (Ended::early(done < total), start.elapsed().as_secs_f64());
+        watch.tell(&Event::Finished { ended, done, seconds });
+        Ok(Reproduced::of(pages, ended, seconds))
     }
 
-    /// Does one job and keeps it; says what it took, or nothing if it was stopped.
+    /// Does one job and keeps it; says what it took, or nothing if it was cancelled.
     fn job(
         &mut self,
         job: &str,
         seed: u64,
-        tell: &mut dyn FnMut(Tick) -> ControlFlow<()>,
+        watch: &mut Watch<'_>,
     ) -> Result<Option<f64>, ReproduceError> {
         let began = Instant::now();
         let folder = self.store.work(job, seed);
@@ -235,9 +194,9 @@ impl StudyRunner<'_> {
             data: self.order.data,
             provenance: &self.order.provenance,
         };
-        let rows = match self.study.run(&work, tell) {
+        let rows = match self.study.run(&work, watch) {
             Ok(rows) => rows,
-            Err(StudyError::Stopped) => return Ok(None),
+            Err(StudyError::Cancelled) => return Ok(None),
             Err(error) => return Err(ReproduceError::Job { job: job.to_owned(), seed, error }),
         };
         let seconds = began.elapsed().as_secs_f64();

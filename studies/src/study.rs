@@ -6,7 +6,8 @@ use super::floor::Floor;
 use super::plan::Plan;
 use super::row::Row;
 use super::scale::Scale;
-use super::work::{Watch, Work};
+use super::work::Work;
+use crate::progress::Watch;
 
 /// A published table, or several, as jobs that make its rows.
 pub trait Study: Sync {
@@ -23,8 +24,8 @@ pub trait Study: Sync {
     /// the same ones.
     ///
     /// # Errors
-    /// [`StudyError::Stopped`] as soon as `watch` answers [`Break`](std::ops::ControlFlow::Break), and whatever prevents the rows.
-    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError>;
+    /// [`StudyError::Cancelled`] as soon as `watch` is, which [`Work::tell`] and [`Work::train`] see to, and whatever prevents the rows.
+    fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError>;
 
     /// What the tables are to show, stated without knowing them; judged by one rule ([`verdict`](crate::verdict)), not in the
     /// quick form.

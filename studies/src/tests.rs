@@ -1,7 +1,6 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::fs;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Mutex;
 
@@ -13,6 +12,7 @@ use train::report::ViewPair;
 use train::{Configuration, Source, System, settings};
 
 use super::*;
+use crate::progress::{Ended, Event, Watch};
 
 /// Colours of what the first job shows.
 const MODEL: [u8; 3] = [210, 90, 40];
@@ -47,7 +47,7 @@ impl Study for Toy {
         Plan::of(["one", "two"], self.settings)
     }
 
-    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
         self.begun.lock().unwrap().push(format!("{} {}", work.id, work.seed));
         work.tell(watch, 0.25, "thinking")?;
         let seed = work.seed as f64;
@@ -82,7 +82,7 @@ impl Study for Toy {
 }
 
 fn make(toy: &Toy, out: &Path, order: &Order<'_>) -> Result<Reproduced, ReproduceError> {
-    reproduce(toy, out, order, &mut |_| ControlFlow::Continue(()))
+    reproduce(toy, out, order, &mut Watch::default())
 }
 
 fn order(seeds: &[u64]) -> Order<'static> {
@@ -94,7 +94,7 @@ fn the_table_has_means_seeds_and_claims() {
     let place = tempfile::tempdir().unwrap();
     let made = make(&Toy::new(), place.path(), &order(&[0, 1, 2])).unwrap();
     // Lower in all three seeds, but by 0.1, 0.3 and 0.5: Student's interval of that reaches beyond 0.
-    assert!(!made.interrupted && made.claims[0].verdict == Verdict::Undecided);
+    assert!(made.ended == Ended::Completed && made.claims[0].verdict == Verdict::Undecided);
     let text = fs::read_to_string(place.path().join("table.md")).unwrap();
     let lines: Vec<&str> = text.lines().filter(|line| line.starts_with('|')).collect();
     assert_eq!(
@@ -138,12 +138,12 @@ fn what_is_finished_is_not_done_again() {
     let toy = Toy::new();
     // Stopped in the middle of the third of four jobs.
     let mut told = 0;
-    let stopped = reproduce(&toy, place.path(), &order(&[0, 1]), &mut |event| {
-        told += u64::from(matches!(event, Event::Working { .. }));
-        if told == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    let mut watch = Watch::default().until_event(|event| {
+        told += u64::from(matches!(event, Event::Within { .. }));
+        told == 3
     });
-    let stopped = stopped.unwrap();
-    assert!(stopped.interrupted && stopped.claims.is_empty());
+    let stopped = reproduce(&toy, place.path(), &order(&[0, 1]), &mut watch).unwrap();
+    assert!(stopped.ended == Ended::Cancelled && stopped.claims.is_empty());
     assert_eq!(toy.begun(), ["one 0", "two 0", "one 1"]);
     let read = |name: &str| fs::read_to_string(place.path().join(name)).unwrap();
     assert!(
@@ -244,7 +244,7 @@ impl Study for Training {
         Plan::of(["model"], settings::to_toml(&configuration()))
     }
 
-    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let config = configuration();
         let source = Source {
             path: work.data,
@@ -260,21 +260,32 @@ impl Study for Training {
     }
 }
 
+/// The step of a job's training that an event is about.
+fn step(event: &Event) -> Option<u64> {
+    match event {
+        Event::Within { told, .. } => match &**told {
+            Event::Step(step) => Some(step.step),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
 #[test]
 fn a_training_that_was_stopped_goes_on_to_the_same_bits() {
     let [stopped, whole] = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
     let run = |out: &Path, most: usize| {
         let mut steps = 0;
-        let made = reproduce(&Training, out, &order(&[3]), &mut |event| {
-            steps += usize::from(
-                matches!(event, Event::Working { tick, .. } if tick.text.starts_with("step")),
-            );
-            if steps >= most { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        let mut watch = Watch::default().until_event(|event| {
+            steps += usize::from(step(event).is_some());
+            steps >= most
         });
-        (made.unwrap(), steps)
+        let made = reproduce(&Training, out, &order(&[3]), &mut watch).unwrap();
+        drop(watch);
+        (made, steps)
     };
     let (first, steps) = run(stopped.path(), 2);
-    assert!(first.interrupted && steps == 2);
+    assert!(first.ended == Ended::Cancelled && steps == 2);
     let (second, rest) = run(stopped.path(), usize::MAX);
     let (all, total) = run(whole.path(), usize::MAX);
     assert_eq!(steps + rest, total);
@@ -294,11 +305,9 @@ fn a_training_that_was_stopped_goes_on_to_the_same_bits() {
 #[test]
 fn a_training_that_cannot_go_on_is_left_alone() {
     let place = tempfile::tempdir().unwrap();
-    let stop = &mut |event: Event| match event {
-        Event::Working { tick, .. } if tick.text.starts_with("step 3") => ControlFlow::Break(()),
-        _ => ControlFlow::Continue(()),
-    };
-    assert!(reproduce(&Training, place.path(), &order(&[3]), stop).unwrap().interrupted);
+    let stop = &mut Watch::default().until_event(|event| step(event) == Some(3));
+    let made = reproduce(&Training, place.path(), &order(&[3]), stop).unwrap();
+    assert_eq!(made.ended, Ended::Cancelled);
     let named = |name: &str| {
         let mut pending = vec![place.path().to_owned()];
         while let Some(folder) = pending.pop() {
@@ -315,7 +324,7 @@ fn a_training_that_cannot_go_on_is_left_alone() {
     let (log, last) = (named("metrics.jsonl"), named("last.safetensors"));
     let before = fs::read(&log).unwrap();
     fs::remove_file(last).unwrap();
-    let on = &mut |_| ControlFlow::Continue(());
+    let on = &mut Watch::default();
     let error = reproduce(&Training, place.path(), &order(&[3]), on).unwrap_err().to_string();
     assert!(error.contains("last.safetensors"), "{error}");
     assert!(fs::read(&log).unwrap() == before);

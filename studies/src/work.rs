@@ -1,8 +1,8 @@
 //! One job as a study is handed it, and the training in it.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
+use train::progress::{Event, Watch};
 use train::{Configuration, Job, Provenance, RunError, RunFolder, System, train};
 
 use super::error::StudyError;
@@ -26,17 +26,8 @@ pub struct Work<'a> {
     pub provenance: &'a Provenance,
 }
 
-/// How far a job is.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Tick {
-    /// From 0 to 1.
-    pub done: f64,
-    /// What is going on.
-    pub text: String,
-}
-
-/// Whom a job tells how far it is; stops it by answering [`ControlFlow::Break`].
-pub type Watch<'a> = &'a mut (dyn FnMut(Tick) -> ControlFlow<()> + 'a);
+/// Parts of a job that are told apart.
+const PARTS: f64 = 1000.0;
 
 /// A model that a job trained.
 #[derive(Debug)]
@@ -52,20 +43,19 @@ pub struct Trained<S> {
 }
 
 impl Work<'_> {
-    /// Says how far the job is.
+    /// Says how far the job is, from 0 to 1, as an [`Event::Progress`] in thousandths.
     ///
     /// # Errors
-    /// [`StudyError::Stopped`] if it is to stop.
+    /// [`StudyError::Cancelled`] if it is to end.
     pub fn tell(
         &self,
-        watch: Watch<'_>,
+        watch: &mut Watch<'_>,
         done: f64,
         text: impl Into<String>,
     ) -> Result<(), StudyError> {
-        match watch(Tick { done, text: text.into() }) {
-            ControlFlow::Continue(()) => Ok(()),
-            ControlFlow::Break(()) => Err(StudyError::Stopped),
-        }
+        let done = (done.clamp(0.0, 1.0) * PARTS) as u64;
+        watch.tell(&Event::Progress { done, total: PARTS as u64, text: text.into() });
+        if watch.is_cancelled() { Err(StudyError::Cancelled) } else { Ok(()) }
     }
 
     /// A system as it is before its first step: what a floor must tell from a trained one.
@@ -88,13 +78,13 @@ impl Work<'_> {
     /// The bits of the result do not depend on interruptions.
     ///
     /// # Errors
-    /// As [`train`](fn@train::train); [`StudyError::Stopped`] if it is to stop, after a checkpoint. A training that is there
+    /// As [`train`](fn@train::train); [`StudyError::Cancelled`] if it is to end, after a checkpoint. A training that is there
     /// and cannot go on is an error too: it is never replaced.
     pub fn train<S: System>(
         &self,
         config: &Configuration<S::Config>,
         data: &S::Data,
-        watch: Watch<'_>,
+        watch: &mut Watch<'_>,
     ) -> Result<Trained<S>, StudyError> {
         let mut config = config.clone();
         config.train.seed = self.seed;
@@ -106,20 +96,9 @@ impl Work<'_> {
         };
         let provenance = self.provenance;
         let job = Job { config: &config, data, run: &run, provenance, resume, from: None };
-        let outcome = train(&job, &mut |event| match event {
-            train::Event::Step(step) => {
-                let done = step.step as f64 / step.total.max(1) as f64;
-                let text = format!("step {} of {}, loss {:.4}", step.step, step.total, step.loss);
-                watch(Tick { done, text })
-            }
-            train::Event::Started { total, done, .. } => {
-                let done = done as f64 / total.max(1) as f64;
-                watch(Tick { done, text: "starting".into() })
-            }
-            _ => ControlFlow::Continue(()),
-        })?;
-        if outcome.interrupted {
-            return Err(StudyError::Stopped);
+        let outcome = train(&job, watch)?;
+        if outcome.ended.is_cancelled() {
+            return Err(StudyError::Cancelled);
         }
         let seconds = run.seconds()?;
         Ok(Trained { system: outcome.system, run, steps: outcome.steps, seconds })

@@ -39,3 +39,5 @@ pub use render::{RenderOptions, render, render_views};
 pub use rendering::{NormalSpace, Rendering};
 pub use room::{Cloth, Room, Wall, marbled};
 pub use shade::Lighting;
+/// How [`generate`] tells what it does, and how it is ended early.
+pub use train::progress;

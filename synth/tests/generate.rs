@@ -7,9 +7,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::ops::ControlFlow;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use datasets::r2n2::R2n2;
 use datasets::{Dataset, Layout, ReadOptions, View, read_views};
@@ -18,6 +16,7 @@ use synth::generate::{
     CameraSet, GenerateConfig, GenerateError, Generated, Model, Normalize, OutputLayout, generate,
     read_rough_poses,
 };
+use synth::progress::{Ended, Event, Watch};
 use synth::shapes::Family;
 use synth::{Monocular, NormalSpace, R2n2Cameras, RenderOptions, render_views};
 
@@ -47,7 +46,7 @@ fn small(layout: OutputLayout) -> GenerateConfig {
 }
 
 fn run(config: &GenerateConfig, folder: &Path) -> Generated {
-    generate(config, &[], folder, &|_, _| ControlFlow::Continue(())).unwrap()
+    generate(config, &[], folder, &mut Watch::default()).unwrap()
 }
 
 /// Every file below a folder with its bytes.
@@ -143,25 +142,31 @@ fn a_run_that_was_stopped_is_taken_up() {
     let config = GenerateConfig { depth: false, monocular: None, ..small(OutputLayout::Kaolin) };
     let whole = place.path().join("whole");
     let all = run(&config, &whole);
-    assert_eq!((all.made, all.skipped, all.total, all.stopped), (4, 0, 4, false));
+    assert_eq!((all.made, all.skipped, all.total, all.ended), (4, 0, 4, Ended::Completed));
 
     let folder = place.path().join("stopped");
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    let begun = pool.install(|| {
-        generate(&config, &[], &folder, &|done, all| {
-            assert_eq!(all, 12);
-            if done >= 4 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })
-    });
-    let begun = begun.unwrap();
-    assert!(begun.stopped && begun.made == 2 && begun.objects.len() == 2, "{begun:?}");
+    let mut heard = Vec::new();
+    let mut watch = Watch::new(|event: &Event| heard.push(event.clone()))
+        .until_event(|event| matches!(event, Event::Progress { done: 4, total: 12, .. }));
+    let begun = pool.install(|| generate(&config, &[], &folder, &mut watch)).unwrap();
+    drop(watch);
+    assert_eq!((begun.ended, begun.made, begun.objects.len()), (Ended::Cancelled, 2, 2));
+    // The object that was being drawn is finished: so many views are done of the twelve.
+    let job = "generate";
+    assert!(
+        matches!(heard[0], Event::Started { total: 12, done: 0, job: found, .. } if found == job)
+    );
+    let [.., last, end] = &heard[..] else { panic!("{heard:?}") };
+    assert!(matches!(last, Event::Progress { done: 6, total: 12, .. }), "{last:?}");
+    assert!(matches!(end, Event::Finished { ended: Ended::Cancelled, done: 6, .. }), "{end:?}");
     assert!(!folder.join("objects.json").exists());
 
     // What another run was killed over, and an object that lost its manifest.
     fs::create_dir_all(folder.join(".unfinished/table-0000")).unwrap();
     fs::remove_file(folder.join("alarm_clock/0001/object.json")).unwrap();
     let end = run(&config, &folder);
-    assert_eq!((end.made, end.skipped, end.stopped), (3, 1, false));
+    assert_eq!((end.made, end.skipped, end.ended), (3, 1, Ended::Completed));
     assert!(files(&whole) == files(&folder));
     assert_eq!(run(&config, &folder).skipped, 4);
 }
@@ -174,25 +179,24 @@ fn folders_of_others_are_left_alone() {
     run(&config, &folder);
     let before = files(&folder);
     let other = GenerateConfig { seed: 12, ..config.clone() };
-    let error = generate(&other, &[], &folder, &|_, _| ControlFlow::Continue(())).unwrap_err();
+    let error = generate(&other, &[], &folder, &mut Watch::default()).unwrap_err();
     assert!(matches!(error, GenerateError::Different { .. }), "{error}");
     let text = error.to_string();
     assert!(text.contains("seed = 11") && text.contains("seed = 12"), "{text}");
     let model = model(place.path());
-    let error =
-        generate(&config, std::slice::from_ref(&model), &folder, &|_, _| ControlFlow::Continue(()))
-            .unwrap_err();
+    let error = generate(&config, std::slice::from_ref(&model), &folder, &mut Watch::default())
+        .unwrap_err();
     assert!(matches!(error, GenerateError::Different { .. }), "{error}");
     assert!(before == files(&folder));
 
     let mine = place.path().join("mine");
     fs::create_dir(&mine).unwrap();
     fs::write(mine.join("letter.txt"), "dear").unwrap();
-    let error = generate(&config, &[], &mine, &|_, _| ControlFlow::Continue(())).unwrap_err();
+    let error = generate(&config, &[], &mine, &mut Watch::default()).unwrap_err();
     assert!(matches!(error, GenerateError::Foreign { .. }), "{error}");
     assert_eq!(files(&mine).len(), 1);
     let wrong = GenerateConfig { views: 0, ..config };
-    let error = generate(&wrong, &[], &mine, &|_, _| ControlFlow::Continue(())).unwrap_err();
+    let error = generate(&wrong, &[], &mine, &mut Watch::default()).unwrap_err();
     assert!(error.to_string().contains("`views` is 0"), "{error}");
 }
 
@@ -334,12 +338,10 @@ fn a_mesh_of_the_users_own_keeps_its_texture() {
     let model = model(place.path());
     let folder = place.path().join("set");
     let config = GenerateConfig { cameras: CameraSet::Sphere, ..small(OutputLayout::Kaolin) };
-    let stop = AtomicBool::new(false);
-    let made = generate(&config, std::slice::from_ref(&model), &folder, &|_, all| {
-        stop.store(all != 3, Ordering::Relaxed);
-        ControlFlow::Continue(())
+    let mut watch = Watch::new(|event: &Event| {
+        assert!(!matches!(event, Event::Progress { total, .. } if *total != 3), "{event:?}");
     });
-    assert!(!stop.into_inner());
+    let made = generate(&config, std::slice::from_ref(&model), &folder, &mut watch);
     assert_eq!(made.unwrap().objects[0].category, "block");
     let object = folder.join("block/0000");
     let mesh = read_mesh(object.join("mesh.glb")).unwrap();

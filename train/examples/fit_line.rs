@@ -3,15 +3,15 @@
 //! `cargo run -p unsphere-train --example fit_line -- [folder]`; without a folder, a temporary one.
 
 use std::io::Write;
-use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use autodiff_lite::{Activation, Param, Tape, impl_module};
 use ndarray::{Array1, Array2};
 use rand::RngExt;
+use train::progress::{Event, Watch};
 use train::{
-    Configuration, DataError, Draw, Event, Job, LossError, Metric, PredictError, Provenance,
-    RunFolder, Source, StepInfo, Subset, Summary, System, Terms, options, train,
+    Configuration, DataError, Draw, Job, LossError, Metric, PredictError, Provenance, RunFolder,
+    Source, StepInfo, Subset, Summary, System, Terms, options, train,
 };
 
 options! {
@@ -106,7 +106,7 @@ impl Line {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let mut out = std::io::stdout().lock();
+    let mut out = std::io::stdout();
     let place = tempfile::tempdir()?;
     let folder = std::env::args().nth(1).map_or_else(|| place.path().join("line"), PathBuf::from);
     let mut config: Configuration<LineConfig> = Configuration::default();
@@ -121,12 +121,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         resume: false,
         from: None,
     };
-    let outcome = train::<Line>(&job, &mut |event| {
+    let mut watch = Watch::new(|event: &Event| {
         if let Event::Evaluated { step, metrics, .. } = event {
             let _ = writeln!(out, "after {step:3} steps: off by {:.4}", metrics[0].value);
         }
-        ControlFlow::Continue(())
-    })?;
+    });
+    let outcome = train::<Line>(&job, &mut watch)?;
+    drop(watch);
     writeln!(out, "at 0.5 the line is at {:.3}", outcome.system.at(0.5))?;
     Ok(())
 }

@@ -30,7 +30,7 @@
 //!
 //! # Invariants
 //!
-//! - The loop prints nothing; each [`Event`] can stop it, and a checkpoint is then written.
+//! - The loop prints nothing; [`progress`] says how it tells what it does, and how it is ended early, with a checkpoint.
 //! - The sum of shards is taken in their order; their number is an option, never that of threads.
 //! - Files appear whole or not at all, but for logs, which lose at most their last line; a checkpoint and the log up to it
 //!   outlast a power cut. The table and the page are made again if it took them; sheets of samples and TensorBoard's
@@ -43,7 +43,6 @@ mod checkpoint_path;
 mod config;
 mod draw;
 mod error;
-mod event;
 mod inherited;
 mod log;
 mod non_finite;
@@ -51,6 +50,7 @@ mod not_finite;
 mod optimizer;
 pub mod output;
 mod page;
+pub mod progress;
 mod record;
 pub mod report;
 mod run;
@@ -69,7 +69,6 @@ pub use checkpoint_path::{CheckpointPath, RunMetadata};
 pub use config::{CHANGEABLE, Configuration, OptimizerKind, ScheduleKind, TrainConfig};
 pub use draw::Draw;
 pub use error::{CheckpointError, DataError, LossError, PredictError, RunError, TrainError};
-pub use event::{Event, Step};
 pub use inherited::Inherited;
 pub use log::Curves;
 pub use not_finite::{NotFinite, Tensor};

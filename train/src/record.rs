@@ -13,9 +13,9 @@ use serde_json::json;
 use super::config::Configuration;
 use super::error::DataError;
 use super::error::{RunError, TrainError};
-use super::event::Step;
 use super::log::{History, Line, Log};
 use super::page;
+use super::progress::{Step, TrainingStep};
 use super::run::{Provenance, RunFolder};
 use super::system::{Metric, Shown, Summary, System};
 use super::tensorboard::Events;
@@ -187,26 +187,27 @@ impl<'a> Record<'a> {
         self.optional("the log", appended);
     }
 
-    pub(super) fn step(&mut self, step: &Step) {
+    pub(super) fn step(&mut self, step: &Step, training: TrainingStep) {
+        let TrainingStep { epoch, learning_rate, gradient_norm, seconds } = training;
         let terms: Vec<(String, f64)> =
             step.terms.iter().map(|&(name, value)| (name.to_owned(), value)).collect();
         self.tensorboard(|events| {
             let mut values = vec![
                 ("loss".to_owned(), step.loss),
-                ("learning_rate".to_owned(), step.learning_rate),
-                ("gradient_norm".to_owned(), step.gradient_norm),
+                ("learning_rate".to_owned(), learning_rate),
+                ("gradient_norm".to_owned(), gradient_norm),
             ];
             values.extend(terms.iter().map(|(name, value)| (format!("term/{name}"), *value)));
             events.scalars(wall_time(), step.step, &values)
         });
         self.log(&Line::Step {
             step: step.step,
-            epoch: step.epoch,
+            epoch,
             loss: step.loss,
             terms,
-            learning_rate: step.learning_rate,
-            gradient_norm: step.gradient_norm,
-            seconds: step.seconds,
+            learning_rate,
+            gradient_norm,
+            seconds,
         });
     }
 

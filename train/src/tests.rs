@@ -9,12 +9,12 @@ mod events;
 mod folders;
 mod power;
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use autodiff_lite::{Module, Param};
 
 use super::log::{History, Line};
+use super::progress::{Ended, Event, Step, Watch};
 use super::*;
 use blob::{Blob, Options, silhouette};
 use events::scalars;
@@ -36,7 +36,7 @@ fn run_in(
     folder: &Path,
     config: &Config,
     resume: bool,
-    watch: &mut dyn FnMut(Event) -> ControlFlow<()>,
+    watch: &mut Watch<'_>,
 ) -> Result<Outcome<Blob>, TrainError> {
     let run = if resume { RunFolder::resume(folder)? } else { RunFolder::create(folder, false)? };
     let provenance = Provenance { version: "test".into(), ..Provenance::default() };
@@ -46,8 +46,8 @@ fn run_in(
     )
 }
 
-fn on(_: Event) -> ControlFlow<()> {
-    ControlFlow::Continue(())
+fn on() -> Watch<'static> {
+    Watch::default()
 }
 
 fn weights(system: &Blob) -> Vec<f32> {
@@ -75,16 +75,14 @@ fn it_learns() {
     let place = tempfile::tempdir().unwrap();
     let config = config(|c| (c.train.epochs, c.system.hidden) = (60, 32));
     let (mut scores, mut losses) = (Vec::new(), Vec::new());
-    let outcome = run_in(&place.path().join("run"), &config, false, &mut |event| {
-        match event {
-            Event::Evaluated { metrics, .. } => scores.push(metrics[0].value),
-            Event::Step(step) => losses.push(step.loss),
-            _ => {}
-        }
-        ControlFlow::Continue(())
-    })
-    .unwrap();
-    assert_eq!((outcome.steps, scores.len(), outcome.interrupted), (240, 60, false));
+    let mut watch = Watch::new(|event: &Event| match event {
+        Event::Evaluated { metrics, .. } => scores.push(metrics[0].value),
+        Event::Step(step) => losses.push(step.loss),
+        _ => {}
+    });
+    let outcome = run_in(&place.path().join("run"), &config, false, &mut watch).unwrap();
+    drop(watch);
+    assert_eq!((outcome.steps, scores.len(), outcome.ended), (240, 60, Ended::Completed));
     let best = scores.iter().copied().fold(0.0, f64::max);
     assert_eq!(outcome.best.unwrap().0, best);
     // From 0.67 to 0.82, and from 0.29 to 0.14.
@@ -113,20 +111,17 @@ fn a_run_that_was_stopped_goes_on_as_if_it_had_not() {
         c.system.grow_at = Some(1);
     });
     let whole = place.path().join("whole");
-    let expected = weights(&run_in(&whole, &config, false, &mut on).unwrap().system);
+    let expected = weights(&run_in(&whole, &config, false, &mut on()).unwrap().system);
     assert!(logged(&whole).iter().any(|line| matches!(line, Line::Skipped { .. })));
     for at in [1, 3, 4, 5, 8, 11] {
         let folder = place.path().join(format!("stopped-{at}"));
-        let mut stop = |event| match event {
-            Event::Step(Step { step, .. }) | Event::Skipped { step, .. } if step >= at => {
-                ControlFlow::Break(())
-            }
-            _ => ControlFlow::Continue(()),
-        };
+        let mut stop = on().until_event(|event| {
+            matches!(event, Event::Step(Step { step, .. }) | Event::Skipped { step, .. } if *step >= at)
+        });
         let outcome = run_in(&folder, &config, false, &mut stop).unwrap();
-        assert!(outcome.interrupted && outcome.steps == at);
-        let resumed = run_in(&folder, &config, true, &mut on).unwrap();
-        assert!(!resumed.interrupted);
+        assert_eq!((outcome.ended, outcome.steps), (Ended::Cancelled, at));
+        let resumed = run_in(&folder, &config, true, &mut on()).unwrap();
+        assert_eq!(resumed.ended, Ended::Completed);
         assert_eq!(weights(&resumed.system), expected, "stopped at {at}");
         assert_eq!(logged(&folder), logged(&whole), "stopped at {at}");
         let last =
@@ -141,20 +136,21 @@ fn a_run_that_was_killed_goes_on_as_if_it_had_not() {
     let place = tempfile::tempdir().unwrap();
     let config = config(|c| c.train.checkpoint_steps = Some(3));
     let whole = place.path().join("whole");
-    let expected = weights(&run_in(&whole, &config, false, &mut on).unwrap().system);
+    let expected = weights(&run_in(&whole, &config, false, &mut on()).unwrap().system);
     for at in [4, 7, 10] {
         let folder = place.path().join(format!("killed-{at}"));
         let killed = std::panic::catch_unwind(|| {
-            run_in(&folder, &config, false, &mut |event| match event {
-                Event::Step(Step { step, .. }) if step == at => panic!("killed"),
-                _ => ControlFlow::Continue(()),
-            })
+            let mut watch = Watch::new(|event: &Event| match event {
+                Event::Step(Step { step, .. }) if *step == at => panic!("killed"),
+                _ => (),
+            });
+            run_in(&folder, &config, false, &mut watch)
         });
         assert!(killed.is_err());
         let log = folder.join("metrics.jsonl");
         let text = std::fs::read_to_string(&log).unwrap() + "{\"kind\":\"st";
         std::fs::write(&log, text).unwrap();
-        let resumed = run_in(&folder, &config, true, &mut on).unwrap();
+        let resumed = run_in(&folder, &config, true, &mut on()).unwrap();
         assert_eq!(weights(&resumed.system), expected, "killed at {at}");
         assert_eq!(logged(&folder), logged(&whole), "killed at {at}");
     }
@@ -168,7 +164,7 @@ fn threads_change_no_bit() {
         let of = |threads: usize| {
             let folder = place.path().join(format!("{shards}-{threads}"));
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let outcome = pool.install(|| run_in(&folder, &config, false, &mut on)).unwrap();
+            let outcome = pool.install(|| run_in(&folder, &config, false, &mut on())).unwrap();
             (weights(&outcome.system), logged(&folder))
         };
         let one = of(1);
@@ -188,7 +184,7 @@ fn batches_may_be_cut_or_accumulated() {
             (c.train.clip_norm, c.train.optimizer) = (None, OptimizerKind::Sgd);
         });
         let folder = place.path().join(name);
-        weights(&run_in(&folder, &config, false, &mut on).unwrap().system)
+        weights(&run_in(&folder, &config, false, &mut on()).unwrap().system)
     };
     let whole = of("whole", 6, 1, 1);
     for other in [of("accumulated", 2, 3, 1), of("cut", 6, 1, 4), of("both", 3, 2, 2)] {
@@ -208,7 +204,7 @@ fn a_number_that_is_none_is_traced() {
         c.train.shards = 2;
         c.train.checkpoint_steps = Some(1);
     });
-    let error = run_in(&place.path().join("run"), &config, false, &mut on).unwrap_err();
+    let error = run_in(&place.path().join("run"), &config, false, &mut on()).unwrap_err();
     let TrainError::NotFinite(found) = &error else { panic!("{error}") };
     assert_eq!((found.term.as_str(), found.sample.as_str()), ("mask", "sample object 4"));
     assert_eq!(found.tensor, Tensor::Value);
@@ -234,21 +230,56 @@ fn a_sample_that_cannot_be_read_ends_its_own_step() {
         let config = config(|c| c.system.unreadable = Some(order[3 * at + 1] as u64));
         let mut steps = 0;
         let folder = place.path().join(format!("failed-{at}"));
-        let error = run_in(&folder, &config, false, &mut |event| {
+        let mut watch = Watch::new(|event: &Event| {
             steps += usize::from(matches!(event, Event::Step(_)));
-            ControlFlow::Continue(())
         });
+        let error = run_in(&folder, &config, false, &mut watch);
+        drop(watch);
         let error = error.unwrap_err().to_string();
         assert!(error.contains("cannot be read"), "{error}");
         assert_eq!(steps, at);
         // A run that ends before that step does not hear of it.
         let folder = place.path().join(format!("stopped-{at}"));
-        let stop = &mut |event: Event| match event {
-            Event::Step(Step { step, .. }) if step == at as u64 => ControlFlow::Break(()),
-            _ => ControlFlow::Continue(()),
-        };
+        let stop = &mut on().until_event(
+            |event| matches!(event, Event::Step(Step { step, .. }) if *step == at as u64),
+        );
         assert_eq!(run_in(&folder, &config, false, stop).is_ok(), at > 0);
     }
+}
+
+/// The token is pulled elsewhere, while the training waits in the middle of its first step's event.
+#[test]
+fn another_thread_ends_it_with_a_checkpoint() {
+    let place = tempfile::tempdir().unwrap();
+    let (config, folder) = (config(|_| ()), place.path().join("run"));
+    let whole = place.path().join("whole");
+    let expected = weights(&run_in(&whole, &config, false, &mut on()).unwrap().system);
+    let (begun, begins) = std::sync::mpsc::channel();
+    let (pulled, pull) = std::sync::mpsc::channel();
+    let (mut saved, cancel) = (Vec::new(), progress::Cancel::default());
+    let wait = move |event: &Event| {
+        if let Event::Step(_) = event {
+            begun.send(()).unwrap();
+            pull.recv().unwrap();
+        }
+    };
+    let mut watch = Watch::new(wait).until(cancel.clone()).and(|event: &Event| {
+        if let Event::Saved { step, .. } = event {
+            saved.push(*step);
+        }
+    });
+    let outcome = std::thread::scope(|scope| {
+        scope.spawn(move || {
+            begins.recv().unwrap();
+            cancel.cancel();
+            pulled.send(()).unwrap();
+        });
+        run_in(&folder, &config, false, &mut watch).unwrap()
+    });
+    drop(watch);
+    assert_eq!((outcome.ended, outcome.steps, saved), (Ended::Cancelled, 1, vec![1]));
+    let resumed = run_in(&folder, &config, true, &mut on()).unwrap();
+    assert_eq!(weights(&resumed.system), expected);
 }
 
 #[test]
@@ -256,7 +287,7 @@ fn what_cannot_be_is_refused() {
     let place = tempfile::tempdir().unwrap();
     let fails = |change: &dyn Fn(&mut Config)| {
         let folder = place.path().join("run");
-        let error = run_in(&folder, &config(change), false, &mut on).unwrap_err().to_string();
+        let error = run_in(&folder, &config(change), false, &mut on()).unwrap_err().to_string();
         std::fs::remove_dir_all(folder).unwrap();
         error
     };
@@ -275,7 +306,7 @@ fn steps_outlast_scores_that_fail() {
         c.train.best = Some("psnr".into());
         (c.train.epochs, c.train.validation_every, c.train.checkpoint_minutes) = (3, None, None);
     });
-    run_in(&folder, &changed, false, &mut on).unwrap_err();
+    run_in(&folder, &changed, false, &mut on()).unwrap_err();
     let path = folder.join("checkpoints/last.safetensors");
     let last = Checkpoint::read(&path).unwrap();
     assert!(last.step().unwrap() > 0, "all steps are lost");
@@ -286,7 +317,7 @@ fn all_logs_say_the_same() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path().join("run");
     let config = config(|c| c.train.epochs = 2);
-    run_in(&folder, &config, false, &mut on).unwrap();
+    run_in(&folder, &config, false, &mut on()).unwrap();
     let csv = std::fs::read_to_string(folder.join("metrics.csv")).unwrap();
     let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
     let column = |name: &str| rows[0].iter().position(|&n| n == name).unwrap();
@@ -338,12 +369,12 @@ fn resuming_takes_a_run() {
     assert!(RunFolder::resume(place.path()).is_err());
     let folder = place.path().join("run");
     let config = config(|c| c.train.epochs = 1);
-    run_in(&folder, &config, false, &mut on).unwrap();
-    assert!(run_in(&folder, &config, false, &mut on).is_err());
+    run_in(&folder, &config, false, &mut on()).unwrap();
+    assert!(run_in(&folder, &config, false, &mut on()).is_err());
     // More epochs than at first.
     let mut longer = config.clone();
     longer.train.epochs = 2;
-    assert_eq!(run_in(&folder, &longer, true, &mut on).unwrap().steps, 8);
+    assert_eq!(run_in(&folder, &longer, true, &mut on()).unwrap().steps, 8);
     let (path, progress) = (None, &|_, _| ());
     Blob::open(&longer.system, &Source { path, options: &(), seed: 0, progress }).unwrap();
 }

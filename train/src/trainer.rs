@@ -1,6 +1,5 @@
 //! The trainer: a training, from its first step to its last.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -12,8 +11,8 @@ use super::checkpoint::{Checkpoint, TrainState, save};
 use super::config::Configuration;
 use super::draw::{Draw, order};
 use super::error::{DataError, TrainError};
-use super::event::{Event, Step};
 use super::optimizer::{AnyOptimizer, OptimizerState};
+use super::progress::{Ended, Event, Step, TrainingStep, Watch};
 use super::record::{Heading, Record};
 use super::run::{Provenance, RunFolder};
 use super::step::Tapes;
@@ -49,8 +48,8 @@ pub struct Outcome<S> {
     pub system: S,
     /// Steps taken, in all parts of the run together.
     pub steps: u64,
-    /// Whether it was stopped before its end.
-    pub interrupted: bool,
+    /// Whether it came to its end.
+    pub ended: Ended,
     /// The last scores of validation, of this part of the run.
     pub metrics: Vec<Metric>,
     /// The best value of the chosen metric and the step that had it.
@@ -59,28 +58,28 @@ pub struct Outcome<S> {
 
 /// Trains a system, or goes on training it, and keeps everything in the run's folder.
 ///
-/// `watch` hears of every step; when it answers [`ControlFlow::Break`], a checkpoint is written and the
-/// function returns. The same configuration and data give the same parameters bit by bit, for any
-/// number of threads, and whether or not the run was interrupted on the way.
+/// `watch` hears of every step; once it is [cancelled](super::progress::Cancel), a checkpoint is written after the step or the scoring that
+/// goes on, and the function returns. The same configuration and data give the same parameters bit by bit, for any
+/// number of threads, and whether or not the run was cancelled on the way.
 ///
 /// # Errors
 /// If an option is out of range, a file cannot be read or written, or a number becomes infinite or
 /// NaN; the last checkpoint is then untouched. Where it is the scores that fail, the steps before them are saved.
-pub fn train<S: System>(
-    job: &Job<'_, S>,
-    watch: &mut dyn FnMut(Event) -> ControlFlow<()>,
-) -> Result<Outcome<S>, TrainError> {
+pub fn train<S: System>(job: &Job<'_, S>, watch: &mut Watch<'_>) -> Result<Outcome<S>, TrainError> {
+    let begun = Instant::now();
     let mut trainer = Trainer::prepare(job, watch)?;
-    let stopped = trainer.run()?;
+    let ended = trainer.run()?;
     trainer.record.sync()?;
     trainer.digest()?;
     trainer.warn();
+    let (done, seconds) = (trainer.state.step, begun.elapsed().as_secs_f64());
+    trainer.tell(&Event::Finished { ended, done, seconds });
     // What predicts.
     trainer.exchange();
     Ok(Outcome {
         system: trainer.system,
         steps: trainer.state.step,
-        interrupted: stopped,
+        ended,
         metrics: trainer.metrics,
         best: trainer.state.best,
     })
@@ -93,9 +92,9 @@ struct Ahead<T> {
     samples: Result<Vec<T>, TrainError>,
 }
 
-struct Trainer<'j, 'w, S: System> {
+struct Trainer<'j, 'w, 'o, S: System> {
     job: &'j Job<'j, S>,
-    watch: &'w mut dyn FnMut(Event) -> ControlFlow<()>,
+    watch: &'w mut Watch<'o>,
     system: S,
     optimizer: AnyOptimizer,
     average: Option<Average>,
@@ -114,11 +113,8 @@ struct Trainer<'j, 'w, S: System> {
     saved: (u64, Instant),
 }
 
-impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
-    fn prepare(
-        job: &'j Job<'j, S>,
-        watch: &'w mut dyn FnMut(Event) -> ControlFlow<()>,
-    ) -> Result<Self, TrainError> {
+impl<'j, 'w, 'o, S: System> Trainer<'j, 'w, 'o, S> {
+    fn prepare(job: &'j Job<'j, S>, watch: &'w mut Watch<'o>) -> Result<Self, TrainError> {
         let config = job.config;
         let train = &config.train;
         let problems = S::problems(config);
@@ -191,31 +187,33 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
             // Whatever happens from here on, the run can go on.
             trainer.write(&job.run.last())?;
         }
-        let (trainable, done) = (summary.trainable, trainer.state.step);
-        trainer.tell(Event::Started { trainable, steps_per_epoch, total, done });
+        let (trainable, done) = (summary.trainable as f64, trainer.state.step);
+        let facts = [("trainable", trainable), ("steps_per_epoch", steps_per_epoch as f64)];
+        trainer.tell(&Event::Started { job: "train", total, done, facts: facts.into() });
         if let Some(inherited) = inherited {
-            trainer.tell(Event::Inherited(inherited));
+            trainer.tell(&Event::Inherited(inherited));
         }
         for text in S::data_summary(job.data).into_iter().flat_map(|summary| summary.warnings) {
-            trainer.tell(Event::Warned(text));
+            trainer.tell(&Event::Warned { text });
         }
         trainer.warn();
         Ok(trainer)
     }
 
-    fn tell(&mut self, event: Event) {
-        self.stop |= (self.watch)(event) == ControlFlow::Break(());
+    /// Tells of an event. Only now it is asked whether to stop, so that within a step the answer is one.
+    fn tell(&mut self, event: &Event) {
+        self.watch.tell(event);
+        self.stop |= self.watch.is_cancelled();
     }
 
     /// Passes on what a user should know.
     fn warn(&mut self) {
         for text in self.record.warnings() {
-            self.tell(Event::Warned(text));
+            self.tell(&Event::Warned { text });
         }
     }
 
-    /// Returns whether it was stopped before the end.
-    fn run(&mut self) -> Result<bool, TrainError> {
+    fn run(&mut self) -> Result<Ended, TrainError> {
         loop {
             if self.state.pending && !self.stop {
                 let evaluated = self.score_epoch()?;
@@ -229,7 +227,7 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
                 if self.saved.0 != self.state.step || self.stop {
                     self.save()?;
                 }
-                return Ok(!ended);
+                return Ok(Ended::early(!ended));
             }
             self.step()?;
             let step = self.state.step;
@@ -282,7 +280,7 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         {
             self.record.skipped([step, at.epoch], loss, average);
             self.warn();
-            self.tell(Event::Skipped { step, loss, average });
+            self.tell(&Event::Skipped { step, loss, average });
             return Ok(());
         }
         self.state.average = Some(average.map_or(loss, |a| MEMORY * a + (1.0 - MEMORY) * loss));
@@ -298,20 +296,18 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
                 average.update(system, step);
             }
         });
-        let report = Step {
-            step,
-            total: self.total,
+        let training = TrainingStep {
             epoch: at.epoch,
-            loss,
-            terms: std::mem::take(&mut gradient.terms),
             learning_rate: train.learning_rate * factor,
             gradient_norm: gradient.norm,
             seconds: start.elapsed().as_secs_f64(),
         };
+        let terms = std::mem::take(&mut gradient.terms);
+        let report = Step { training: Some(training), ..Step::of(step, self.total, terms) };
         drop(gradient);
-        self.record.step(&report);
+        self.record.step(&report, training);
         self.warn();
-        self.tell(Event::Step(report));
+        self.tell(&Event::Step(report));
         Ok(())
     }
 
@@ -359,7 +355,8 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
                 self.write(&path)?;
             }
             let metrics = self.metrics.clone();
-            self.tell(Event::Evaluated { step, epoch, metrics, best });
+            let (epoch, best) = (Some(epoch), Some(best));
+            self.tell(&Event::Evaluated { step, epoch, metrics, best });
         }
         if turn(train.samples_every) {
             let data = self.job.data;
@@ -423,7 +420,7 @@ impl<'j, 'w, S: System> Trainer<'j, 'w, S> {
         self.record.sync()?;
         self.write(&path)?;
         self.saved = (self.state.step, Instant::now());
-        self.tell(Event::Saved { step: self.state.step, path });
+        self.tell(&Event::Saved { step: self.state.step, path });
         Ok(())
     }
 

@@ -15,9 +15,14 @@ written does on validation; with --test on the test objects too, once, when noth
 card stands in the weights as well. `predict --checkpoint FILE.safetensors` takes them, and without
 --checkpoint what lies as SYSTEM.safetensors in one of the places that its help names.
 
+With --onnx the networks are written that run on an image alone, for other programs: encoders, and heads
+that are plain networks (opset 17, images [batch, channels, height, width] of the size that the system was
+trained for, colours in [0, 1]). Nothing is scored then, unless -o is there too.
+
 Examples:
   unsphere export img2mesh --checkpoint runs/clock -o weights/img2mesh.safetensors
-  unsphere export mcmr -c runs/cars -o cars.safetensors --test"
+  unsphere export mcmr -c runs/cars -o cars.safetensors --test
+  unsphere export mcmr -c runs/cars --onnx cars.onnx"
 )]
 pub(crate) struct Export {
     /// What was trained.
@@ -34,15 +39,26 @@ pub(crate) struct Export {
     pub(crate) last: bool,
     /// Where the weights go.
     #[arg(long, short, value_name = "FILE.safetensors", value_parser = weights())]
-    pub(crate) output: PathBuf,
+    #[arg(required_unless_present = "onnx")]
+    pub(crate) output: Option<PathBuf>,
+    /// Where its networks go, in ONNX's form.
+    #[arg(long, value_name = "FILE.onnx", value_parser = onnx())]
+    pub(crate) onnx: Option<PathBuf>,
     /// Replace files that are there.
     #[arg(long)]
     pub(crate) force: bool,
     /// Score the test data too: it is for the end.
-    #[arg(long)]
+    #[arg(long, requires = "output")]
     pub(crate) test: bool,
     #[command(flatten)]
     pub(crate) reading: Reading,
+}
+
+fn onnx() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| match path.extension() {
+        Some(ending) if ending == "onnx" => Ok(path),
+        _ => Err("networks are written: the name ends in .onnx"),
+    })
 }
 
 fn weights() -> impl TypedValueParser<Value = PathBuf> {

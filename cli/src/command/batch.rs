@@ -134,7 +134,7 @@ impl Batch<'_> {
                 console.remark(format_args!("{place}: is done"));
                 continue;
             }
-            if self.interrupt.flow().is_break() {
+            if self.interrupt.is_pressed() {
                 return Err(self.interrupted());
             }
             match self.object(console, object, &place) {
@@ -192,6 +192,7 @@ impl Batch<'_> {
             up,
             folder,
             interrupt: self.interrupt.clone(),
+            listed: Some(&object.name),
             strict: self.arguments.strict,
             start,
         };

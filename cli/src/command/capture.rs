@@ -92,7 +92,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Capture) -> Resu
 }
 
 fn stopped(interrupt: &Interrupt) -> Result<(), Failure> {
-    if interrupt.flow().is_break() {
+    if interrupt.is_pressed() {
         return Err(Failure::Interrupted("nothing is written".to_owned()));
     }
     Ok(())

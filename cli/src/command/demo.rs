@@ -44,6 +44,6 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Demo) -> Result<
     let title = "Alarm clock";
     let truth = Truth::known(clock);
     let (truth, up) = (Some(&truth), UpAxis::Y);
-    let strict = false;
-    Job { title, views, config: &config, truth, up, folder, interrupt, strict, start }.run(console)
+    let (config, listed, strict) = (&config, None, false);
+    Job { title, views, config, truth, up, folder, interrupt, listed, strict, start }.run(console)
 }

@@ -1,12 +1,13 @@
 //! `unsphere export`: a training in, weights to give away out.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use models::OnnxValue;
 use models::predict::Predictor;
 use serde::Serialize;
 use train::output::write_within;
-use train::{Checkpoint, RunFolder, RunMetadata, Subset};
+use train::{Checkpoint, CheckpointPath, Configuration, RunFolder, RunMetadata, Subset};
 
 use crate::args::{Export, Global, refuse_existing};
 use crate::checkpoint::{checkpoint_path, configuration};
@@ -23,6 +24,21 @@ struct Exported<'a> {
     card: &'a Path,
     bytes: usize,
     about: &'a ModelCard,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    onnx: Option<Networks>,
+}
+
+/// What a file in ONNX's form has.
+#[derive(Debug, Serialize)]
+struct Networks {
+    path: PathBuf,
+    bytes: usize,
+    operators: usize,
+    /// Numbers of all weights.
+    numbers: usize,
+    /// Names, and axes behind the batch.
+    inputs: BTreeMap<String, Vec<usize>>,
+    outputs: BTreeMap<String, Vec<usize>>,
 }
 
 pub(crate) fn run<S: Predictor>(
@@ -30,18 +46,60 @@ pub(crate) fn run<S: Predictor>(
     global: Global,
     arguments: &Export,
 ) -> Result<(), Failure> {
-    let (output, page) = (&arguments.output, arguments.output.with_extension("md"));
-    refuse_existing(&[output, &page], arguments.force)?;
+    let Export { output, onnx, force, .. } = arguments;
+    let page = output.as_ref().map(|output| output.with_extension("md"));
+    let files: Vec<&PathBuf> = output.iter().chain(&page).chain(onnx).collect();
+    refuse_existing(&files, *force)?;
     let found = checkpoint_path::<S>(&arguments.checkpoint, arguments.last)?;
     let checkpoint = Checkpoint::read(&found.file).map_err(Failure::input)?;
     let config = configuration::<S>(&checkpoint, &[], global.seed)?;
+    let networks = onnx.as_deref().map(|path| networks::<S>(path, &checkpoint, &config));
+    let networks = networks.transpose()?;
+    let (Some(output), Some(page)) = (output, &page) else {
+        return console
+            .result(&networks, |networks| networks.as_ref().map_or_else(String::new, listed));
+    };
+    let (card, bytes) = weights::<S>(console, arguments, output, (&found, &checkpoint, &config))?;
+    write(page, card.to_string().as_bytes())?;
+    let exported = Exported { output, card: page, bytes, about: &card, onnx: networks };
+    console.result(&exported, describe)
+}
+
+/// Writes the networks that others can run.
+fn networks<S: Predictor>(
+    path: &Path,
+    checkpoint: &Checkpoint<'_>,
+    config: &Configuration<S::Config>,
+) -> Result<Networks, Failure> {
+    let system = checkpoint.load_as::<S>(config).map_err(Failure::input)?;
+    let Some(model) = system.to_onnx() else {
+        let text = format!("no part of this {} is a network that runs on an image alone", S::NAME);
+        return Err(Failure::Usage(format!("--onnx: {text}")));
+    };
+    let bytes = model.to_bytes();
+    write(path, &bytes)?;
+    let (operators, numbers) = model.size();
+    let named = |values: &[OnnxValue]| {
+        values.iter().map(|value| (value.name.clone(), value.shape.clone())).collect()
+    };
+    let (inputs, outputs) = (named(&model.inputs), named(&model.outputs));
+    Ok(Networks { path: path.to_owned(), bytes: bytes.len(), operators, numbers, inputs, outputs })
+}
+
+/// Scores and writes the weights; their model card, and how many bytes they take.
+fn weights<S: Predictor>(
+    console: Console,
+    arguments: &Export,
+    output: &Path,
+    (found, checkpoint, config): (&CheckpointPath, &Checkpoint<'_>, &Configuration<S::Config>),
+) -> Result<(ModelCard, usize), Failure> {
     let noted = found.run.as_deref().map(RunMetadata::of).unwrap_or_default();
     let data = arguments.data.clone().or_else(|| noted.data.clone());
-    let opened = open::<S>(console, &config, data.as_deref(), &arguments.reading.options())?;
+    let opened = open::<S>(console, config, data.as_deref(), &arguments.reading.options())?;
     // What is scored is what is written: half precision rounds.
     let bytes = checkpoint.weights("");
     let rounded = Checkpoint::from_bytes(output, &bytes).map_err(Failure::input)?;
-    let system = rounded.load_as::<S>(&config).map_err(Failure::input)?;
+    let system = rounded.load_as::<S>(config).map_err(Failure::input)?;
     let subsets: &[Subset] =
         if arguments.test { &[Subset::Validation, Subset::Test] } else { &[Subset::Validation] };
     let mut scores = Vec::new();
@@ -72,9 +130,7 @@ pub(crate) fn run<S: Predictor>(
     let text = card.to_string();
     let bytes = checkpoint.weights(&text);
     write(output, &bytes)?;
-    write(&page, text.as_bytes())?;
-    let exported = Exported { output, card: &page, bytes: bytes.len(), about: &card };
-    console.result(&exported, describe)
+    Ok((card, bytes.len()))
 }
 
 /// Whole or not at all.
@@ -95,4 +151,18 @@ fn describe(exported: &Exported<'_>) -> String {
     let size = format!("{}, {:.1} MB", exported.output.display(), exported.bytes as f64 / 1e6);
     let files = [("weights", size), ("model card", exported.card.display().to_string())];
     table(scores.chain(files.map(|(name, text)| (name.to_owned(), text))))
+        + &exported.onnx.as_ref().map_or_else(String::new, listed)
+}
+
+/// A line for the file, and one for each input and output.
+fn listed(networks: &Networks) -> String {
+    let (path, size) = (networks.path.display(), networks.bytes as f64 / 1e6);
+    let file = format!("{path}, {size:.1} MB, {} operators", networks.operators);
+    let all = networks.inputs.iter().map(|value| ("in", value));
+    let all = all.chain(networks.outputs.iter().map(|value| ("out", value)));
+    let rows = all.map(|(way, (name, shape))| {
+        let axes: String = shape.iter().map(|n| format!(", {n}")).collect();
+        (format!("{way} {name}"), format!("[batch{axes}]"))
+    });
+    table(std::iter::once(("networks".to_owned(), file)).chain(rows))
 }

@@ -8,8 +8,9 @@ use mesh_core::{ByteImage, UpAxis};
 use recon::delivery::{DeliverError, Delivery, Metrics, deliver, holes};
 use recon::evaluate::ViewScores;
 use recon::fit::{
-    ColorKind, Event, FitConfig, FitError, Fitted, Quality, RefinedCameras, fit, unused_detail,
+    ColorKind, FitConfig, FitError, Fitted, Quality, RefinedCameras, fit, unused_detail,
 };
+use recon::progress::Event;
 use recon::verdict::{Grade, assess};
 use serde::Serialize;
 use train::output::OutputFolder;
@@ -58,6 +59,8 @@ pub(crate) struct Job<'a> {
     pub(crate) up: UpAxis,
     pub(crate) folder: OutputFolder,
     pub(crate) interrupt: Interrupt,
+    /// Its name, where it is one of a list.
+    pub(crate) listed: Option<&'a str>,
     /// Whether a doubtful fit is an error.
     pub(crate) strict: bool,
     /// When the command began.
@@ -97,8 +100,8 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(
     let truth = truth.as_ref();
     let up = up_axis(console, arguments, &views);
     let strict = arguments.strict;
-    Job { title: &title, views, config: &config, truth, up, folder, interrupt, strict, start }
-        .run(console)
+    let (config, title, listed) = (&config, &*title, None);
+    Job { title, views, config, truth, up, folder, interrupt, listed, strict, start }.run(console)
 }
 
 /// The axis that is asked for, or what the cameras say.
@@ -166,7 +169,7 @@ impl Job<'_> {
     /// Fits, scores and writes. What Ctrl-C ended early is written too, unless only what is `whole` counts.
     pub(crate) fn finish(mut self, console: Console, whole: bool) -> Result<Finished, Failure> {
         let mut fitted = self.fit(console)?;
-        if whole && fitted.interrupted {
+        if whole && fitted.ended.is_cancelled() {
             return Err(Failure::Interrupted("it was not finished".to_owned()));
         }
         if let Some(refined) = &fitted.cameras {
@@ -235,27 +238,32 @@ impl Job<'_> {
     }
 
     fn fit(&self, console: Console) -> Result<Fitted, Failure> {
-        let progress = Progress::new(console, "fit");
-        let mut on_event = |event: Event| {
-            match event {
-                Event::Started { train, held_out, total, .. } => {
-                    progress.set(0, total);
-                    console
-                        .remark(format_args!("fitting to {train} views, {held_out} are held out"));
-                }
-                Event::Stage { name, vertices, .. } => {
-                    progress.say(&format!("{name}: {vertices} vertices"));
-                }
-                Event::Step(step) => progress.set(step.step, step.total),
-                Event::Evaluated { mask_iou, .. } => {
-                    progress.say(&format!("mask IoU {mask_iou:.4}"));
-                }
-                Event::Warned(text) => console.warn(text),
-                _ => {}
+        let shown = console.unlogged();
+        let progress = Progress::new(shown, "fit");
+        let bar = |event: &Event| match event {
+            Event::Started { total, facts, .. } => {
+                progress.set(0, *total as usize);
+                let [views, held_out] =
+                    ["views", "held_out"].map(|name| facts.get(name).unwrap_or(0.0));
+                shown.remark(format_args!("fitting to {views} views, {held_out} are held out"));
             }
-            self.interrupt.flow()
+            Event::Stage { name, facts } => {
+                let vertices = facts.get("vertices").unwrap_or(0.0);
+                progress.say(&format!("{name}: {vertices} vertices"));
+            }
+            Event::Step(step) => progress.set(step.step as usize, step.total as usize),
+            Event::Evaluated { metrics, .. } => {
+                progress.say(&format!("mask IoU {:.4}", metrics[0].value));
+            }
+            Event::Warned { text } => shown.warn(text),
+            _ => {}
         };
-        fit(&self.views, self.config, &mut on_event).map_err(|error| match error {
+        let mut watch = console.watch(&self.interrupt, bar);
+        let fitted = match self.listed {
+            Some(name) => fit(&self.views, self.config, &mut watch.within(name, None)),
+            None => fit(&self.views, self.config, &mut watch),
+        };
+        fitted.map_err(|error| match error {
             FitError::Config(_) => Failure::Usage(error.to_string()),
             FitError::NotFinite { .. } => Failure::other(error),
             error => {

@@ -16,15 +16,34 @@ mod render;
 mod reproduce;
 pub(crate) mod train;
 
-use crate::args::{Arguments, Command};
+use crate::args::{Arguments, Command, Global};
 use crate::console::Console;
+use crate::event_log::EventLog;
 use crate::failure::Failure;
 use crate::system::Systems;
 
 /// Does what the command line asks, with one pool of threads around all of it.
 pub(crate) fn run(arguments: Arguments, systems: &Systems) -> Result<(), Failure> {
-    let Arguments { global, command } = arguments;
-    let console = Console { json: global.json, quiet: global.quiet };
+    let Arguments { global, logging, command } = arguments;
+    let log = logging.log_json.as_deref().map(EventLog::open).transpose()?;
+    let console = Console { json: global.json, quiet: global.quiet, log };
+    let done = perform(console, global, command, systems);
+    match log {
+        None => done,
+        // What failed is told before that the log lacks lines.
+        Some(log) => {
+            let logged = log.end(done.as_ref().err());
+            done.and(logged)
+        }
+    }
+}
+
+fn perform(
+    console: Console,
+    global: Global,
+    command: Command,
+    systems: &Systems,
+) -> Result<(), Failure> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(global.threads.into()).build().map_err(
         |error| Failure::Other(format!("cannot start {} threads: {error}", global.threads)),
     )?;

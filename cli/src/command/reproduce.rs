@@ -4,9 +4,10 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+use studies::progress::{Event, Step};
 use studies::{
-    Cost, Event, Order, ReproduceError, Reproduced, Scale, Seeds, Study, StudyError, Verdict,
-    costs, measured, merge, remake, reproduce, studies,
+    Cost, Order, ReproduceError, Reproduced, Scale, Seeds, Study, StudyError, Verdict, costs,
+    measured, merge, remake, reproduce, studies,
 };
 use train::TrainError;
 
@@ -206,35 +207,52 @@ fn make(
     order: &Order<'_>,
     out: &Path,
 ) -> Result<(), Failure> {
-    let progress = Progress::in_shares(console, study.name());
-    let mut watch = |event: Event| {
-        match event {
-            Event::Started { jobs, kept } => {
-                progress.set(kept * TICKS, jobs * TICKS);
-                if kept > 0 {
-                    console.remark(format_args!("{kept} of {jobs} jobs were finished before"));
-                }
+    let shown = console.unlogged();
+    let progress = Progress::in_shares(shown, study.name());
+    let (mut jobs, mut finished) = (0, 0);
+    let bar = |event: &Event| match event {
+        Event::Started { total, done, .. } => {
+            (jobs, finished) = (*total as usize, *done as usize);
+            progress.set(finished * TICKS, jobs * TICKS);
+            if finished > 0 {
+                shown.remark(format_args!("{finished} of {jobs} jobs were finished before"));
             }
-            Event::Working { finished, jobs, job, seed, tick } => {
-                let done = (tick.done.clamp(0.0, 1.0) * TICKS as f64) as usize;
-                progress.set(finished * TICKS + done, jobs * TICKS);
-                let text =
-                    format!("job {} of {jobs}, {job}, seed {seed}: {}", finished + 1, tick.text);
-                progress.say(&text);
-            }
-            Event::Finished { job, seed, seconds, .. } => {
-                console.remark(format_args!("{job}, seed {seed}: done in {seconds:.1} s"));
-            }
-            _ => {}
         }
-        interrupt.flow()
+        Event::Within { job, seed, told } => {
+            if let Some((share, text)) = working(told) {
+                progress.set(finished * TICKS + (share * TICKS as f64) as usize, jobs * TICKS);
+                let seed = seed.unwrap_or_default();
+                let at = finished + 1;
+                progress.say(&format!("job {at} of {jobs}, {job}, seed {seed}: {text}"));
+            }
+        }
+        Event::Progress { done, text, .. } => {
+            finished = *done as usize;
+            shown.remark(text);
+        }
+        _ => {}
     };
+    let mut watch = console.watch(interrupt, bar);
     let made = reproduce(study, out, order, &mut watch).map_err(failed)?;
+    drop(watch);
     progress.finish();
-    if !made.interrupted && order.scale != Scale::Quick {
+    if !made.ended.is_cancelled() && order.scale != Scale::Quick {
         note_costs(study, out);
     }
     tell(console, study, order.scale, out, &made)
+}
+
+/// How far a job is by what it tells, from 0 to 1, and what goes on.
+fn working(told: &Event) -> Option<(f64, String)> {
+    let share = |done: u64, total: u64| (done as f64 / total.max(1) as f64).min(1.0);
+    match told {
+        Event::Started { total, done, .. } => Some((share(*done, *total), "starting".to_owned())),
+        Event::Step(Step { step, total, loss, .. }) => {
+            Some((share(*step, *total), format!("step {step} of {total}, loss {loss:.4}")))
+        }
+        Event::Progress { done, total, text } => Some((share(*done, *total), text.clone())),
+        _ => None,
+    }
 }
 
 /// What each row took, in the form of the table that `--plan` reads.
@@ -255,7 +273,7 @@ fn tell(
 ) -> Result<(), Failure> {
     let outcome = Outcome { study: study.name(), scale, output: out, made };
     console.result(&outcome, describe)?;
-    if made.interrupted {
+    if made.ended.is_cancelled() {
         let text = format!("what is finished is in {}; the same command goes on", out.display());
         return Err(Failure::Interrupted(text));
     }

@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 
 use models::predict::Predictor;
 use serde::Serialize;
+use train::progress::Event;
 use train::{
-    CHANGEABLE, Checkpoint, CheckpointError, Configuration, Event, Job, Outcome, RunError,
-    RunFolder, RunMetadata, Subset, System, TrainError, settings, train,
+    CHANGEABLE, Checkpoint, CheckpointError, Configuration, Job, Outcome, RunError, RunFolder,
+    RunMetadata, Subset, System, TrainError, settings, train,
 };
 
 use crate::args::{Global, Train};
@@ -109,7 +110,7 @@ impl Command<'_> {
             run: run.path(),
             system: S::NAME,
             steps: outcome.steps,
-            interrupted: outcome.interrupted,
+            interrupted: outcome.ended.is_cancelled(),
             seconds: start.elapsed().as_secs_f64(),
             metrics: outcome.metrics.iter().map(|m| (m.name.clone(), m.value)).collect(),
             best: outcome.best.map(|(value, step)| Best { value, step }),
@@ -172,48 +173,48 @@ fn watched<S: Predictor>(
     called: &str,
     interrupt: &Interrupt,
 ) -> Result<Outcome<S>, Failure> {
-    let progress = Progress::new(console, "train");
+    let shown = console.unlogged();
+    let progress = Progress::new(shown, "train");
     let (mut scores, mut pace) = (String::new(), Pace::default());
-    let mut watch = |event: Event| {
-        match event {
-            Event::Started { trainable, total, steps_per_epoch, done } => {
-                progress.set(done as usize, total as usize);
-                let from = if done > 0 { format!(", from step {done} on") } else { String::new() };
-                console.remark(format_args!(
-                    "training {}, {called}: {trainable} numbers, {total} steps of {} samples, \
+    let bar = |event: &Event| match event {
+        Event::Started { total, done, facts, .. } => {
+            let [trainable, steps_per_epoch] =
+                ["trainable", "steps_per_epoch"].map(|name| facts.get(name).unwrap_or(0.0));
+            progress.set(*done as usize, *total as usize);
+            let from = if *done > 0 { format!(", from step {done} on") } else { String::new() };
+            shown.remark(format_args!(
+                "training {}, {called}: {trainable} numbers, {total} steps of {} samples, \
                      {steps_per_epoch} an epoch{from}\n{}",
-                    S::NAME,
-                    job.config.train.batch * job.config.train.accumulate,
-                    circumstances(job)
-                ));
-                pace.begin(done);
-            }
-            Event::Step(step) => {
-                progress.set(step.step as usize, step.total as usize);
-                let terms = named(step.terms.iter().copied());
-                progress.say(&format!("loss {:.4} ={terms}{scores}", step.loss));
-                if let Some(text) = pace.told(step.step, step.total) {
-                    console.remark(text);
-                }
-            }
-            Event::Evaluated { metrics, .. } => {
-                scores = format!(";{}", named(metrics.iter().map(|m| (&*m.name, m.value))));
-            }
-            Event::Inherited(inherited) => {
-                console.remark(format_args!("{} arrays are from there", inherited.taken));
-                inherited.remarks().into_iter().for_each(|text| console.warn(text));
-            }
-            Event::Skipped { step, loss, average } => {
-                console.warn(format_args!(
-                    "step {step} is left out: its loss {loss:.4} leapt from {average:.4}"
-                ));
-            }
-            Event::Warned(text) => console.warn(text),
-            _ => {}
+                S::NAME,
+                job.config.train.batch * job.config.train.accumulate,
+                circumstances(job)
+            ));
+            pace.begin(*done);
         }
-        interrupt.flow()
+        Event::Step(step) => {
+            progress.set(step.step as usize, step.total as usize);
+            let terms = named(step.terms.iter().copied());
+            progress.say(&format!("loss {:.4} ={terms}{scores}", step.loss));
+            if let Some(text) = pace.told(step.step, step.total) {
+                shown.remark(text);
+            }
+        }
+        Event::Evaluated { metrics, .. } => {
+            scores = format!(";{}", named(metrics.iter().map(|m| (&*m.name, m.value))));
+        }
+        Event::Inherited(inherited) => {
+            shown.remark(format_args!("{} arrays are from there", inherited.taken));
+            inherited.remarks().into_iter().for_each(|text| shown.warn(text));
+        }
+        Event::Skipped { step, loss, average } => {
+            shown.warn(format_args!(
+                "step {step} is left out: its loss {loss:.4} leapt from {average:.4}"
+            ));
+        }
+        Event::Warned { text } => shown.warn(text),
+        _ => {}
     };
-    train(job, &mut watch).map_err(|error| match error {
+    train(job, &mut console.watch(interrupt, bar)).map_err(|error| match error {
         TrainError::Config(_) | TrainError::NoSuchMetric { .. } => {
             Failure::Usage(error.to_string())
         }

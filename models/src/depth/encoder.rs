@@ -7,15 +7,15 @@ use super::config::RefineConfig;
 use super::scenes::Scene;
 
 /// Mean and deviation of ImageNet's images, as torchvision's weights expect them, and of the depth channel.
-const MEAN: [f32; 4] = [0.485, 0.456, 0.406, 0.5];
-const DEVIATION: [f32; 4] = [0.229, 0.224, 0.225, 0.25];
+pub(super) const MEAN: [f32; 4] = [0.485, 0.456, 0.406, 0.5];
+pub(super) const DEVIATION: [f32; 4] = [0.229, 0.224, 0.225, 0.25];
 
 /// A residual network over colours, and depth where it is given.
 #[derive(Clone, Debug)]
 pub(super) struct Encoder {
-    resnet: ResNet,
+    pub(super) resnet: ResNet,
     black: bool,
-    blind: bool,
+    pub(super) blind: bool,
 }
 impl_module!(Encoder: f32 { resnet } fixed { black, blind });
 
@@ -34,6 +34,11 @@ impl Encoder {
         loading.load(path, &mut self.resnet).map(|_| ())
     }
 
+    /// Channels of the images: colours, and depth.
+    pub(super) fn channels(&self) -> usize {
+        self.resnet.conv1.weight.shape()[1]
+    }
+
     /// The maps of scenes' images.
     pub(super) fn maps<'t>(&self, tape: &'t Tape, scenes: &[&Scene]) -> [Var<'t>; 4] {
         self.resnet.forward_maps(tape.constant(self.images(tape, scenes)))
@@ -42,7 +47,7 @@ impl Encoder {
     /// Images as the network takes them, `[N, S, S, 3 or 4]`.
     pub(super) fn images(&self, tape: &Tape, scenes: &[&Scene]) -> Tensor<f32> {
         let side = scenes[0].picture.camera.width;
-        let channels = self.resnet.conv1.weight.shape()[1];
+        let channels = self.channels();
         let mut images = tape.array(&[scenes.len(), side, side, channels]);
         let values = images.as_slice_mut();
         if self.blind {

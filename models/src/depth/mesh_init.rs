@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use autodiff_lite::{Module, Tape, Var};
 use mesh_core::TriMesh;
-use nets::Init;
+use nets::{Init, VoxelHead};
 use train::settings::Options;
 
 use super::config::RefineConfig;
@@ -50,6 +50,11 @@ pub trait MeshInit: Module<f32> + Debug + Send + Sync + Sized + 'static {
     /// Steps at first in which random meshes stand in for these.
     fn random_steps(_: &Self::Config) -> u64 {
         0
+    }
+
+    /// What gives the cells' logits, where there are cells.
+    fn voxel_head(&self) -> Option<&VoxelHead> {
+        None
     }
 
     /// Which cells one image's logits say are occupied.

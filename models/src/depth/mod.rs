@@ -21,6 +21,7 @@ mod encoder;
 mod guide;
 mod mesh_init;
 mod mesh_pairs;
+mod onnx;
 mod packed;
 #[cfg(test)]
 mod pix3d_tests;

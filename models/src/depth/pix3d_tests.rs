@@ -7,6 +7,7 @@ use std::path::Path;
 use mesh_core::primitives::cuboid;
 use mesh_core::{Camera, TriMesh, encode_png, io::write_mesh};
 use synth::{RenderOptions, render_views};
+use train::progress::Watch;
 use train::{
     Draw, Job, Provenance, RunFolder, Source, StepInfo, Subset, System, TrainConfig, train,
 };
@@ -138,7 +139,7 @@ fn photographs_are_cut_to_their_boxes_and_trained_on() {
         from: None,
     };
     let fresh = MeshRcnn::new(&config.system, 0);
-    let outcome = train(&job, &mut |_| std::ops::ControlFlow::Continue(())).unwrap();
+    let outcome = train(&job, &mut Watch::default()).unwrap();
     assert_eq!(outcome.steps, 6);
     let batch: Vec<Scene> = (0..2)
         .map(|i| fresh.draw(&data, &Draw { seed: 0, epoch: 0, index: i, item: 0 }).unwrap())

@@ -4,6 +4,8 @@ use std::path::Path;
 
 use datasets::{ReadOptions, View, read_depth_file, read_disparity_file};
 use mesh_core::{DepthMap, Lens};
+use ndarray::ArrayD;
+use nets::onnx::OnnxModel;
 use train::{DataError, PredictError};
 
 use super::{DepthKind, MeshInit, Refined};
@@ -41,6 +43,14 @@ impl<B: MeshInit> Predictor for Refined<B> {
             "one image with its mask and its {depth} depth, which `predict` takes as --depth (--set depth=false \
              trains without)"
         )
+    }
+
+    fn to_onnx(&self) -> Option<OnnxModel> {
+        self.image_side_to_onnx()
+    }
+
+    fn onnx_outputs(&self, inputs: &[ArrayD<f32>]) -> Vec<ArrayD<f32>> {
+        self.image_side(inputs)
     }
 
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {

@@ -36,7 +36,7 @@ const TETRAHEDRA: u64 = 1 << 32;
 pub struct Refined<B: MeshInit> {
     pub(super) config: B::Config,
     seed: u64,
-    encoder: Encoder,
+    pub(super) encoder: Encoder,
     pub(super) mesh_init: B,
     head: MeshRefinementHead,
     pub(super) scratch: Scratch,

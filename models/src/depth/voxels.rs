@@ -105,6 +105,10 @@ impl MeshInit for Voxels {
         Self { head, threshold: config.threshold as f32, corner_aligned }
     }
 
+    fn voxel_head(&self) -> Option<&VoxelHead> {
+        Some(&self.head)
+    }
+
     fn init<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> InitialMeshes<'t> {
         let tape = coarsest.tape();
         let logits = tape.scope("voxels", || self.head.forward(coarsest));

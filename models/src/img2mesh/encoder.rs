@@ -7,17 +7,17 @@ use nets::{ConvFrontEnd, Init, LoadWeights, SmallCnn, Vgg16, WeightsError, freez
 use super::config::{EncoderKind, Img2MeshConfig};
 
 /// Mean and deviation of ImageNet's images, as torchvision's weights expect them.
-const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
-const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
+pub(super) const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
+pub(super) const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 
 /// One of the encoders.
 #[derive(Clone, Debug)]
 pub(super) struct Encoder {
-    small: Option<SmallCnn>,
-    cnn: Option<ConvFrontEnd>,
-    vgg: Option<Vgg16>,
+    pub(super) small: Option<SmallCnn>,
+    pub(super) cnn: Option<ConvFrontEnd>,
+    pub(super) vgg: Option<Vgg16>,
     width: usize,
-    normalize: bool,
+    pub(super) normalize: bool,
 }
 impl_module!(Encoder: f32 { small, cnn, vgg } fixed { width, normalize });
 

@@ -33,6 +33,7 @@ mod mesh_pairs;
 mod model;
 mod observation;
 mod offsets;
+mod onnx;
 mod predictor;
 mod prepared;
 #[cfg(test)]

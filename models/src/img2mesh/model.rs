@@ -14,18 +14,18 @@ use super::view_stage::ViewStage;
 #[derive(Clone, Debug)]
 pub(super) struct Model {
     pub(super) encoder: Encoder,
-    camera: Option<Linear>,
-    layers: Vec<TransformerEncoderLayer>,
-    fc: Linear,
+    pub(super) camera: Option<Linear>,
+    pub(super) layers: Vec<TransformerEncoderLayer>,
+    pub(super) fc: Linear,
     pub(super) mesh_fc: Offsets,
-    mesh_pos_fc: Linear,
-    mesh_color_fc: Linear,
+    pub(super) mesh_pos_fc: Linear,
+    pub(super) mesh_color_fc: Linear,
     stages: Vec<ViewStage>,
     /// Centre and scale of the data in its world: `[4]`.
     pub(super) frame: Param,
-    attention: AttentionKind,
-    offset_scale: f32,
-    sphere: Array2<f32>,
+    pub(super) attention: AttentionKind,
+    pub(super) offset_scale: f32,
+    pub(super) sphere: Array2<f32>,
 }
 impl_module!(Model: f32 { encoder, camera, layers, fc, mesh_fc, mesh_pos_fc, mesh_color_fc, stages, frame }
     fixed { attention, offset_scale, sphere });

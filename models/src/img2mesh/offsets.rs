@@ -61,6 +61,31 @@ impl Offsets {
         self.coarse.len() + 1
     }
 
+    /// All that counts as one linear layer from a code to the finest level's `3 V` numbers: weight, row by row, and bias.
+    pub(super) fn folded(&self) -> (Vec<f32>, Vec<f32>) {
+        let [rows, width] = [0, 1].map(|axis| self.fine.weight.shape()[axis]);
+        let (mut weight, mut bias) = (vec![0.0; rows * width], vec![0.0; rows]);
+        let mut add = |head: &Linear, row: usize, from: usize, share: f32| {
+            let source = &head.weight.as_slice()[from * width..(from + 1) * width];
+            let own = &mut weight[row * width..(row + 1) * width];
+            own.iter_mut().zip(source).for_each(|(own, &value)| *own += share * value);
+            bias[row] += share * head.bias.as_ref().map_or(0.0, |bias| bias.as_slice()[from]);
+        };
+        for (head, up) in self.coarse.iter().zip(&self.up).take(self.active) {
+            let rows = up.view();
+            for (vertex, ends) in rows.offsets.windows(2).enumerate() {
+                for at in ends[0] as usize..ends[1] as usize {
+                    let (parent, share) = (rows.indices[at] as usize, rows.values[at]);
+                    (0..3).for_each(|k| add(head, 3 * vertex + k, 3 * parent + k, share));
+                }
+            }
+        }
+        if self.active > self.coarse.len() {
+            (0..rows).for_each(|row| add(&self.fine, row, row, 1.0));
+        }
+        (weight, bias)
+    }
+
     /// Codes `[N, D]` to offsets `[N, V, 3]` of the finest level.
     pub(super) fn forward<'t>(&self, code: Var<'t>) -> Var<'t> {
         let [n, _] = code.dims();

@@ -1,5 +1,7 @@
 //! A mesh from all of a user's views.
 
+use ndarray::ArrayD;
+use nets::onnx::OnnxModel;
 use train::{PredictError, System as _};
 
 use super::{Img2Mesh, Img2MeshConfig};
@@ -18,5 +20,13 @@ impl Predictor for Img2Mesh {
 
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
         Ok(Prediction { mesh: self.predict(&input.given)?, ..Prediction::default() })
+    }
+
+    fn to_onnx(&self) -> Option<OnnxModel> {
+        self.model.to_onnx(self.config.image_size)
+    }
+
+    fn onnx_outputs(&self, inputs: &[ArrayD<f32>]) -> Vec<ArrayD<f32>> {
+        self.model.onnx_outputs(inputs)
     }
 }

@@ -1,12 +1,11 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use std::ops::ControlFlow;
-
 use autodiff_lite::{Module, Param};
 use datasets::{Catalog, Dataset, Entry, Layout, ReadOptions, ReadViewsError, Views};
 use mesh_core::primitives::icosphere;
 use synth::{Orbit, RenderOptions, render_views};
-use train::{Better, Configuration, Event, Job, Provenance, RunFolder, train};
+use train::progress::Watch;
+use train::{Better, Configuration, Job, Provenance, RunFolder, train};
 
 use super::*;
 
@@ -148,7 +147,7 @@ fn a_tiny_training_finds_the_shape() {
         resume: false,
         from: None,
     };
-    let outcome = train::<Img2Mesh>(&job, &mut |_: Event| ControlFlow::Continue(())).unwrap();
+    let outcome = train::<Img2Mesh>(&job, &mut Watch::default()).unwrap();
     let after = &outcome.metrics;
     assert_eq!((after[0].name.as_str(), after[0].better), ("mask-iou", Better::Larger));
     // From 0.66 and 8.6 dB to 0.93 and 15.9 dB.
@@ -283,8 +282,7 @@ fn pretrained_weights_are_loaded_and_frozen_ones_stay() {
         resume: false,
         from: None,
     };
-    let trained =
-        train::<Img2Mesh>(&job, &mut |_: Event| ControlFlow::Continue(())).unwrap().system;
+    let trained = train::<Img2Mesh>(&job, &mut Watch::default()).unwrap().system;
     let mut found = 0;
     trained.visit("", &mut |path: &str, param: &Param| {
         if let Some(name) = path.strip_prefix("encoder.cnn.features.") {
@@ -477,6 +475,6 @@ fn tests_alone_are_never_trained_on() {
         resume: false,
         from: None,
     };
-    let error = train::<Img2Mesh>(&job, &mut |_: Event| ControlFlow::Continue(())).unwrap_err();
+    let error = train::<Img2Mesh>(&job, &mut Watch::default()).unwrap_err();
     assert!(error.to_string().contains("nothing to train on"), "{error}");
 }

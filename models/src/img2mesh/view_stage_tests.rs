@@ -1,8 +1,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use std::ops::ControlFlow;
-
-use train::{Configuration, Event, Job, Provenance, RunFolder, train};
+use train::progress::Watch;
+use train::{Configuration, Job, Provenance, RunFolder, train};
 
 use super::tests::tiny;
 use super::*;
@@ -46,7 +45,7 @@ fn stages_learn_from_where_vertices_are_seen() {
         resume: false,
         from: None,
     };
-    let outcome = train::<Img2Mesh>(&job, &mut |_: Event| ControlFlow::Continue(())).unwrap();
+    let outcome = train::<Img2Mesh>(&job, &mut Watch::default()).unwrap();
     let system = &outcome.system;
     let error = |mesh: usize| {
         let trials = data.trials(Subset::Validation, 2).unwrap();

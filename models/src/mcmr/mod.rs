@@ -39,6 +39,7 @@ mod gallery;
 mod mesh_pairs;
 mod model;
 mod noise;
+mod onnx;
 mod perceptual;
 mod photo;
 mod pose;

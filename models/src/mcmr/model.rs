@@ -12,16 +12,16 @@ use super::shapes::{self, Template};
 use super::texture::closed;
 
 /// Slope of negative numbers, as published.
-const LEAKY: Activation = Activation::LeakyRelu(0.2);
+pub(super) const LEAKY: Activation = Activation::LeakyRelu(0.2);
 /// Mean and deviation of ImageNet's images, as torchvision's weights expect them.
-const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
-const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
+pub(super) const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
+pub(super) const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 
 /// A linear layer, batch norm, leaky ReLU.
 #[derive(Clone, Debug)]
 pub(super) struct NormedLinear {
-    linear: Linear,
-    norm: BatchNorm1d,
+    pub(super) linear: Linear,
+    pub(super) norm: BatchNorm1d,
 }
 impl_module!(NormedLinear: f32 { linear, norm });
 
@@ -33,7 +33,7 @@ impl NormedLinear {
         }
     }
 
-    fn forward<'t>(&self, x: Var<'t>) -> Var<'t> {
+    pub(super) fn forward<'t>(&self, x: Var<'t>) -> Var<'t> {
         self.norm.forward_then(self.linear.forward(x), LEAKY)
     }
 }
@@ -42,22 +42,22 @@ impl NormedLinear {
 #[derive(Clone, Debug)]
 pub(super) struct Model {
     pub(super) encoder: ResNet,
-    enc_conv: Conv2d,
-    enc_norm: Norm,
-    enc_fc: NormedLinear,
-    selection: NormedLinear,
-    selection_out: Linear,
+    pub(super) enc_conv: Conv2d,
+    pub(super) enc_norm: Norm,
+    pub(super) enc_fc: NormedLinear,
+    pub(super) selection: NormedLinear,
+    pub(super) selection_out: Linear,
     /// The mean shapes, `[N, V, 3]`.
     pub(super) shapes: Param,
-    deformation: PointMlp,
-    camera: NormedLinear,
-    camera_out: Linear,
-    texture: ImageDecoder,
-    temperature: f32,
-    vertex_scale: f32,
-    camera_dropout: Dropout,
-    first_size: f32,
-    closed_texture: bool,
+    pub(super) deformation: PointMlp,
+    pub(super) camera: NormedLinear,
+    pub(super) camera_out: Linear,
+    pub(super) texture: ImageDecoder,
+    pub(super) temperature: f32,
+    pub(super) vertex_scale: f32,
+    pub(super) camera_dropout: Dropout,
+    pub(super) first_size: f32,
+    pub(super) closed_texture: bool,
 }
 impl_module!(Model: f32 {
     encoder, enc_conv, enc_norm, enc_fc, selection, selection_out, shapes, deformation, camera, camera_out, texture
@@ -150,7 +150,7 @@ impl Model {
     }
 
     /// Images to the maps that code and texture are made from, `[B, S/64, S/64, 16 texture-width]`.
-    fn map<'t>(&self, images: Var<'t>) -> Var<'t> {
+    pub(super) fn map<'t>(&self, images: Var<'t>) -> Var<'t> {
         let tape = images.tape();
         let shift = tape.constant(Array1::from(MEAN.to_vec()));
         let factor = tape.constant(Array1::from(DEVIATION.map(f32::recip).to_vec()));

@@ -1,5 +1,7 @@
 //! A textured mesh, its camera and the mean shapes that it is mixed from, from a user's photograph.
 
+use ndarray::ArrayD;
+use nets::onnx::OnnxModel;
 use train::{DataError, PredictError, System as _};
 
 use super::Mcmr;
@@ -13,6 +15,14 @@ impl Predictor for Mcmr {
 
     fn load(&self, request: &Request<'_>) -> Result<PredictInput, DataError> {
         PredictInput::single(request)
+    }
+
+    fn to_onnx(&self) -> Option<OnnxModel> {
+        Some(self.model.to_onnx(self.config.image_size))
+    }
+
+    fn onnx_outputs(&self, inputs: &[ArrayD<f32>]) -> Vec<ArrayD<f32>> {
+        self.model.onnx_outputs(inputs)
     }
 
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {

@@ -2,13 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use autodiff_lite::{Module, Param};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use train::{Configuration, Event, Job, Outcome, Provenance, RunFolder, train};
+use train::progress::{Ended, Event, Watch};
+use train::{Configuration, Job, Outcome, Provenance, RunFolder, train};
 
 use super::*;
 
@@ -206,11 +206,9 @@ fn run_in(folder: &Path, config: &Config, resume: bool, stop: u64) -> Outcome<Mc
     let data = Data::synthetic(&config.system).unwrap();
     let provenance = Provenance::default();
     let job = Job { config, data: &data, run: &run, provenance: &provenance, resume, from: None };
-    train::<Mcmr>(&job, &mut |event| match event {
-        Event::Step(step) if step.step == stop => ControlFlow::Break(()),
-        _ => ControlFlow::Continue(()),
-    })
-    .unwrap()
+    let mut watch = Watch::default()
+        .until_event(|event| matches!(event, Event::Step(step) if step.step == stop));
+    train::<Mcmr>(&job, &mut watch).unwrap()
 }
 
 fn values(system: &Mcmr) -> Vec<(String, Vec<f32>)> {
@@ -234,7 +232,7 @@ fn a_checkpoint_resumes_across_the_subdivision() {
     let whole = run_in(&place.path().join("whole"), &config, false, u64::MAX);
     let folder = place.path().join("parts");
     let part = run_in(&folder, &config, false, 3);
-    assert!(part.interrupted && part.system.model.shapes.shape() == [2, 42, 3]);
+    assert!(part.ended == Ended::Cancelled && part.system.model.shapes.shape() == [2, 42, 3]);
     let rest = run_in(&folder, &config, true, u64::MAX);
     assert_eq!(rest.steps, whole.steps);
     assert_eq!(rest.system.model.shapes.shape(), [2, 162, 3]);
@@ -292,7 +290,7 @@ fn collections_on_disk_have_their_rough_poses() {
         layout: OutputLayout::Kaolin,
         ..GenerateConfig::default()
     };
-    generate(&collection, &[], &folder, &|_, _| ControlFlow::Continue(())).unwrap();
+    generate(&collection, &[], &folder, &mut Watch::default()).unwrap();
     let options = datasets::ReadOptions::default();
     let source = Source { path: Some(&folder), options: &options, seed: 0, progress: &|_, _| () };
     let config = tiny();

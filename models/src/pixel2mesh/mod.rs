@@ -23,6 +23,7 @@ mod deformer;
 mod mesh_pairs;
 #[cfg(test)]
 mod object_frame_tests;
+mod onnx;
 mod predictor;
 mod projection;
 #[cfg(test)]

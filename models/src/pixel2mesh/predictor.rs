@@ -1,6 +1,8 @@
 //! A single image's mesh and its way there, from a user's files.
 
 use mesh_core::TriMesh;
+use ndarray::ArrayD;
+use nets::onnx::OnnxModel;
 use train::{DataError, PredictError};
 
 use super::camera::{Estimate, Seen};
@@ -38,6 +40,14 @@ impl<D: Deformer> Predictor for SingleView<D> {
             _ => ", and its camera in the object's frame",
         };
         format!("one image with its mask{camera}")
+    }
+
+    fn to_onnx(&self) -> Option<OnnxModel> {
+        Some(self.image_side_to_onnx())
+    }
+
+    fn onnx_outputs(&self, inputs: &[ArrayD<f32>]) -> Vec<ArrayD<f32>> {
+        self.image_side(inputs)
     }
 
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {

@@ -4,6 +4,8 @@ use std::time::Instant;
 
 use datasets::ReadOptions;
 use mesh_core::TriMesh;
+use ndarray::ArrayD;
+use nets::onnx::OnnxModel;
 use train::{DataError, PredictError, System};
 
 use super::input::{PredictInput, Request};
@@ -39,6 +41,21 @@ pub trait Predictor: System<ReadOptions = ReadOptions> + 'static {
     /// # Errors
     /// Why the input does not serve.
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError>;
+
+    /// What of it is a plain network from an image on, in ONNX's form, for other programs to run; nothing where no part is one.
+    /// Images are `[N, C, H, W]` of the size that the configuration says, colours in `[0, 1]`.
+    fn to_onnx(&self) -> Option<OnnxModel> {
+        None
+    }
+
+    /// What the outputs of [`to_onnx`](Self::to_onnx) are for these inputs, computed here, in its axes and order: to hold another
+    /// program to.
+    ///
+    /// # Panics
+    /// If the inputs are not those of the model.
+    fn onnx_outputs(&self, _inputs: &[ArrayD<f32>]) -> Vec<ArrayD<f32>> {
+        Vec::new()
+    }
 }
 
 /// What a system makes of its input.

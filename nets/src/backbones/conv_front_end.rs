@@ -38,8 +38,8 @@ pub struct ConvFrontEnd<F: Real = f32> {
 impl_module!(ConvFrontEnd { features, narrow } fixed { downscale });
 
 const CHANNELS: [usize; 5] = [256, 64, 16, 4, 1];
-const BLOCKS: [usize; 3] = [2, 2, 3];
-const LEAK: Activation = Activation::LeakyRelu(0.01);
+pub(crate) const BLOCKS: [usize; 3] = [2, 2, 3];
+pub(crate) const LEAK: Activation = Activation::LeakyRelu(0.01);
 
 impl<F: Real> ConvFrontEnd<F> {
     /// Without resizing; torchvision's initial values for `features`, PyTorch's for the rest.

@@ -86,7 +86,7 @@ impl<F: Real> Module<F> for Pixel2MeshEncoder<F> {
     }
 }
 
-fn name(layer: &str, stage: usize, index: usize) -> String {
+pub(crate) fn name(layer: &str, stage: usize, index: usize) -> String {
     format!("{layer}{stage}_{}", index + 1)
 }
 

@@ -40,7 +40,7 @@ pub struct SmallCnn<F: Real = f32> {
 }
 impl_module!(SmallCnn { convs, norms, fc, norm });
 
-const GRID: usize = 4;
+pub(crate) const GRID: usize = 4;
 /// Channels of a group.
 const GROUP: usize = 8;
 

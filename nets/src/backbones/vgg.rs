@@ -5,10 +5,10 @@ use autodiff_lite::{Activation, ConvGeometry, PoolGeometry, Real, Var, impl_modu
 use crate::{Conv2d, Dropout, Indexed, Init, Linear};
 
 /// Channels of the convolutions in front of each pool.
-const BLOCKS: [&[usize]; 5] =
+pub(crate) const BLOCKS: [&[usize]; 5] =
     [&[64, 64], &[128, 128], &[256, 256, 256], &[512, 512, 512], &[512, 512, 512]];
 /// Rows and columns that the classifier sees.
-const GRID: usize = 7;
+pub(crate) const GRID: usize = 7;
 const HIDDEN: usize = 4096;
 
 /// VGG16 without batch norm, or its first part; names as in torchvision's `vgg16`.

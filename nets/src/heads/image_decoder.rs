@@ -5,7 +5,7 @@ use autodiff_lite::{Activation, ConvGeometry, Real, Var, impl_module};
 use crate::{Conv2d, Init};
 
 /// The slope of negative numbers.
-const SLOPE: f64 = 0.2;
+pub(crate) const SLOPE: f64 = 0.2;
 
 /// A residual block that activates before it convolves:
 ///
@@ -57,7 +57,7 @@ fn convolution<F: Real>(init: &Init, inputs: usize, outputs: usize, kernel: usiz
 
 /// Blocks in order: name, inputs and outputs in units of the width, and whether the map is made twice
 /// as large before (2: only where there are six such steps).
-const BLOCKS: [(&str, usize, usize, u8); 7] = [
+pub(crate) const BLOCKS: [(&str, usize, usize, u8); 7] = [
     ("head_0", 16, 16, 0),
     ("G_middle_0", 16, 16, 1),
     ("G_middle_1", 16, 16, 2),

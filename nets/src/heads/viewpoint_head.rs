@@ -9,7 +9,7 @@ use crate::{Init, Linear, SmallCnn};
 /// Features of the encoder.
 const FEATURES: usize = 128;
 /// Images are halved until their longer side is below this: pose shows at 64 pixels.
-const SIDE: usize = 128;
+pub(crate) const SIDE: usize = 128;
 /// Deviation of the last layer's first weights: all hypotheses begin alike.
 const DEVIATION: f64 = 0.01;
 

@@ -85,7 +85,7 @@ impl<F: Real> VoxelHead<F> {
 }
 
 /// The name of a convolution in files: they count from one.
-fn name(k: usize) -> String {
+pub(crate) fn name(k: usize) -> String {
     format!("voxel_fcn{}", k + 1)
 }
 

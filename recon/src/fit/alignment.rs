@@ -6,7 +6,7 @@ use mesh_core::Camera;
 use super::cameras::{Cameras, longer};
 use super::config::REFINING;
 use super::target::Target;
-use super::{Event, FitConfig, FitError, Order, Run, Shape, Step};
+use super::{FitConfig, FitError, Order, Run, Shape};
 use crate::inspect::Consistency;
 
 /// Rounds end where one takes away less than this share of the outlines' distance to the masks.
@@ -50,7 +50,7 @@ pub(super) struct Alignment {
     gap: [f64; 2],
 }
 
-impl Run<'_> {
+impl Run<'_, '_> {
     /// Refines the cameras for the shape that a level ended with, and keeps them if that helps.
     pub(super) fn align(
         &mut self,
@@ -59,7 +59,7 @@ impl Run<'_> {
         order: &mut Order,
         config: &FitConfig,
     ) -> Result<(), FitError> {
-        if !config.refine_cameras || self.train.len() < FEWEST || self.fitted.interrupted {
+        if !config.refine_cameras || self.train.len() < FEWEST || self.is_cancelled() {
             return Ok(());
         }
         let placement = self.fitted.placement;
@@ -88,7 +88,7 @@ impl Run<'_> {
         for round in 0..REFINING.0 {
             alignment.cameras.improve(shape, &mut self.train);
             for _ in 0..REFINING.1 {
-                if self.fitted.interrupted {
+                if self.is_cancelled() {
                     break;
                 }
                 let rate = RATE * config.learning_rate / ((round + 1) as f32).sqrt();
@@ -97,9 +97,7 @@ impl Run<'_> {
                 let stride = |target: &Target| target.lines_between_samples(edge);
                 let terms = shape.step(&self.train, order.next(), stride, config, rate, step)?;
                 let terms = vec![("silhouette", terms.outline.rms()), ("bending", terms.bending)];
-                let report = Step { step, total: self.total, terms };
-                self.fitted.history.push(report.clone());
-                self.tell(Event::Step(report));
+                self.stepped(terms);
             }
             let now = shape.distance(&self.train);
             if now > (1.0 - WORTHWHILE) * distance && round > 2 {

@@ -18,8 +18,8 @@
 //! ```
 //! use datasets::Views;
 //! use mesh_core::primitives;
-//! use std::ops::ControlFlow;
 //! use recon::fit::{FitConfig, fit};
+//! use recon::progress::Watch;
 //! use synth::{Orbit, RenderOptions, render_views};
 //!
 //! // Twelve images of a red ellipsoid.
@@ -29,7 +29,7 @@
 //! let views = Views::in_memory(views);
 //!
 //! let config = FitConfig { start_level: 2, level: 3, steps: 60, ..FitConfig::default() };
-//! let fitted = fit(&views, &config, &mut |_event| ControlFlow::Continue(()))?;
+//! let fitted = fit(&views, &config, &mut Watch::default())?;
 //! assert!(fitted.health.is_watertight());
 //! assert!(fitted.evaluations.last().unwrap().1 > 0.9); // mask IoU on the views held out
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -48,7 +48,6 @@ mod color;
 mod config;
 mod distance;
 mod error;
-mod event;
 mod grading;
 mod hull;
 mod kuhn;
@@ -68,19 +67,19 @@ mod target;
 mod texture;
 mod untangle;
 
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 use datasets::{View, Views};
 use mesh_core::{Health, TriMesh};
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
+use train::Metric;
+use train::progress::{Ended, Event, Facts, Step, Watch};
 
 pub use alignment::RefinedCameras;
 pub use config::{ColorKind, FitConfig, TopologyKind};
 pub use distance::signed_distance;
 pub use error::FitError;
-pub use event::{Event, Step};
 pub use placement::{Placement, cones};
 pub(crate) use placement::{distance, nearest_point};
 pub use quality::{Quality, unused_detail};
@@ -123,37 +122,32 @@ pub struct Fitted {
     pub cameras: Option<RefinedCameras>,
     /// Seconds that each stage took, by name.
     pub seconds: Vec<(String, f64)>,
-    /// What [`Event::Warned`] said.
+    /// What each [`Event::Warned`] said.
     pub warnings: Vec<String>,
-    /// Whether [`ControlFlow::Break`] ended it early.
-    pub interrupted: bool,
+    /// Whether it came to its end.
+    pub ended: Ended,
 }
 
 /// Fits a mesh to views of one object.
 ///
-/// `on_event` hears of every step and can stop the fit; what there is then is finished and
-/// returned, marked as interrupted. The result depends on the views and the configuration alone,
-/// not on the number of threads.
+/// `watch` hears of every step. Once it is [cancelled](train::progress::Cancel), no further step is taken; what there is then is
+/// finished and returned, and says so. The result depends on the views and the configuration alone, not on the number of threads.
 ///
 /// # Errors
 /// See [`FitError`]. Views with an empty mask are left out with a warning.
-pub fn fit(
-    views: &Views,
-    config: &FitConfig,
-    on_event: &mut dyn FnMut(Event) -> ControlFlow<()>,
-) -> Result<Fitted, FitError> {
+pub fn fit(views: &Views, config: &FitConfig, watch: &mut Watch<'_>) -> Result<Fitted, FitError> {
     let problems = config.check();
     if !problems.is_empty() {
         return Err(FitError::Config(problems));
     }
-    let mut run = Run::prepare(views, config, on_event)?;
+    let mut run = Run::prepare(views, config, watch)?;
     let shape = run.shape(config, &views.views)?;
     Ok(run.finish(shape, config, &views.views))
 }
 
 /// A fit under way.
-struct Run<'a> {
-    on_event: &'a mut dyn FnMut(Event) -> ControlFlow<()>,
+struct Run<'a, 'o> {
+    watch: &'a mut Watch<'o>,
     train: Vec<Target>,
     held_out: Vec<Target>,
     start: Option<Start>,
@@ -161,15 +155,16 @@ struct Run<'a> {
     /// The most steps, as far as is known by now.
     total: usize,
     fitted: Fitted,
+    begun: Instant,
     clock: Instant,
 }
 
-impl<'a> Run<'a> {
+impl<'a, 'o> Run<'a, 'o> {
     /// Checks and measures the views, and places the sphere.
     fn prepare(
         views: &Views,
         config: &FitConfig,
-        on_event: &'a mut dyn FnMut(Event) -> ControlFlow<()>,
+        watch: &'a mut Watch<'o>,
     ) -> Result<Self, FitError> {
         let clock = Instant::now();
         let held_back = views.split(config.hold_out).held_out;
@@ -231,33 +226,52 @@ impl<'a> Run<'a> {
             cameras: None,
             seconds: vec![("placement".into(), clock.elapsed().as_secs_f64())],
             warnings: Vec::new(),
-            interrupted: false,
+            ended: Ended::Completed,
         };
         let start = Some(start);
+        let (alignment, begun) = (None, clock);
+        let total = config.total_steps();
         let mut run =
-            Self { on_event, train, held_out, start, alignment: None, total: 0, fitted, clock };
-        run.tell(Event::Started {
-            train: run.train.len(),
-            held_out: run.held_out.len(),
-            total: config.total_steps(),
-            placement,
-        });
+            Self { watch, train, held_out, start, alignment, total, fitted, begun, clock };
+        let [center_x, center_y, center_z] = placement.center;
+        let facts = Facts::from([
+            ("views", run.train.len() as f64),
+            ("held_out", run.held_out.len() as f64),
+            ("center_x", center_x),
+            ("center_y", center_y),
+            ("center_z", center_z),
+            ("radius", placement.radius),
+        ]);
+        run.watch.tell(&Event::Started { job: "fit", total: total as u64, done: 0, facts });
         for warning in warnings {
             run.warn(warning);
         }
         Ok(run)
     }
 
-    /// Tells of an event and remembers the answer.
-    fn tell(&mut self, event: Event) {
-        if (self.on_event)(event) == ControlFlow::Break(()) {
-            self.fitted.interrupted = true;
+    /// Whether no further step is to be taken.
+    fn is_cancelled(&mut self) -> bool {
+        if self.watch.is_cancelled() {
+            self.fitted.ended = Ended::Cancelled;
         }
+        self.fitted.ended.is_cancelled()
+    }
+
+    /// Keeps what a step came to, and tells of it.
+    fn stepped(&mut self, terms: Vec<(&'static str, f64)>) {
+        let step = Step::of(self.fitted.history.len() as u64 + 1, self.total as u64, terms);
+        self.watch.tell(&Event::Step(step.clone()));
+        self.fitted.history.push(step);
+    }
+
+    fn stage(&mut self, name: &str, vertices: usize, faces: usize) {
+        let facts = Facts::from([("vertices", vertices as f64), ("faces", faces as f64)]);
+        self.watch.tell(&Event::Stage { name: name.to_owned(), facts });
     }
 
     fn warn(&mut self, warning: String) {
         self.fitted.warnings.push(warning.clone());
-        self.tell(Event::Warned(warning));
+        self.watch.tell(&Event::Warned { text: warning });
     }
 
     /// Ends a stage's time and begins the next.
@@ -273,7 +287,6 @@ impl<'a> Run<'a> {
         let thin = matches!(start, Start::Surface(..));
         let (mut shape, start) = start.shape(config);
         let mut order = Order::new(self.train.len(), config);
-        self.total = config.total_steps();
         for level in start..=config.level {
             if level > start {
                 if thin {
@@ -282,22 +295,18 @@ impl<'a> Run<'a> {
                 shape = shape.subdivided(config);
             }
             let name = format!("level {level}");
-            self.tell(Event::Stage {
-                name: name.clone(),
-                vertices: shape.positions.len(),
-                faces: shape.faces.len(),
-            });
+            self.stage(&name, shape.positions.len(), shape.faces.len());
             self.level(&mut shape, &mut order, config)?;
             // What a coarse mesh cannot tell of the cameras, a finer one does not either.
             if level == start || self.alignment.is_some() {
                 self.align(views, &mut shape, &mut order, config)?;
             }
             self.lap(&name);
-            if self.fitted.interrupted {
+            if self.is_cancelled() {
                 break;
             }
         }
-        if thin && !self.fitted.interrupted {
+        if thin && !self.is_cancelled() {
             settle::settle(&mut shape, &self.train, config, self.fitted.history.len())?;
             self.evaluate(&shape, self.fitted.history.len());
             self.lap("settle");
@@ -314,7 +323,7 @@ impl<'a> Run<'a> {
     ) -> Result<(), FitError> {
         let mut distances = Vec::with_capacity(config.steps);
         for k in 0..config.steps {
-            if self.fitted.interrupted {
+            if self.is_cancelled() {
                 break;
             }
             let step = self.fitted.history.len() + 1;
@@ -338,15 +347,9 @@ impl<'a> Run<'a> {
                     reason: "the mesh reached the cameras: no view sees all of it in front".into(),
                 });
             }
-            let report = Step {
-                step,
-                total: self.total,
-                terms: vec![("silhouette", rms), ("bending", terms.bending)],
-            };
-            self.fitted.history.push(report.clone());
-            self.tell(Event::Step(report));
+            self.stepped(vec![("silhouette", rms), ("bending", terms.bending)]);
             distances.push(rms);
-            let last = k + 1 == config.steps || self.fitted.interrupted;
+            let last = k + 1 == config.steps || self.is_cancelled();
             let converged = order.is_whole()
                 && k >= WINDOW.max(config.steps / 2)
                 && distances[k] > (1.0 - config.tolerance) * distances[k - WINDOW];
@@ -364,7 +367,8 @@ impl<'a> Run<'a> {
         let targets = if self.held_out.is_empty() { &self.train } else { &self.held_out };
         let mask_iou = shape.mask_iou(targets);
         self.fitted.evaluations.push((step, mask_iou));
-        self.tell(Event::Evaluated { step, mask_iou });
+        let (step, metrics) = (step as u64, vec![Metric::larger("mask_iou", mask_iou)]);
+        self.watch.tell(&Event::Evaluated { step, epoch: None, metrics, best: None });
     }
 
     /// Brings the mesh back to the world.
@@ -375,13 +379,13 @@ impl<'a> Run<'a> {
         let untangled = untangle::untangle(&mut positions, &faces, &topology).is_some();
         let (positions, faces, topology) = (&positions, &faces, &topology);
         let (vertices, count) = (positions.len(), faces.len());
-        self.tell(Event::Stage { name: "color".into(), vertices, faces: count });
+        self.stage("color", vertices, count);
         self.clock = Instant::now();
         let colors = color::vertex_colors(&seen, &self.train, positions, faces, topology, None);
         self.lap("color");
         let mut texture = None;
         if config.color == ColorKind::Texture {
-            self.tell(Event::Stage { name: "texture".into(), vertices, faces: count });
+            self.stage("texture", vertices, count);
             texture =
                 texture::bake(&seen, &self.train, positions, faces, &colors, config.texture_size);
             if let (None, Some(side)) = (&texture, config.texture_size) {
@@ -402,6 +406,9 @@ impl<'a> Run<'a> {
         }
         self.fitted.health = found.health;
         self.fitted.self_intersections = found.self_intersections;
+        let (ended, done) = (self.fitted.ended, self.fitted.history.len() as u64);
+        let seconds = self.begun.elapsed().as_secs_f64();
+        self.watch.tell(&Event::Finished { ended, done, seconds });
         self.fitted
     }
 }

@@ -6,7 +6,8 @@ use self::retrieval::retrieved;
 use crate::effort::{ABOUT, with_effort};
 use crate::gallery::predicted;
 use crate::preset::{Change, Planned, open, plan, planned, preset, scaled, train_job};
-use crate::{Cell, Claim, Floor, Plan, PlannedJob, Row, Scale, Study, StudyError, Watch, Work};
+use crate::progress::Watch;
+use crate::{Cell, Claim, Floor, Plan, PlannedJob, Row, Scale, Study, StudyError, Work};
 use models::depth::{
     DepthKind, DepthPixel2Mesh, MeshInit, MeshRcnn, RefineConfig, Refined, Scenes, Score, Scored,
     Sphere, Voxels,
@@ -209,7 +210,7 @@ impl Study for DepthStudy {
         plan
     }
 
-    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
         if work.id == RETRIEVED {
             let (.., config) = &spheres(work.scale)[0];
             let data = open::<DepthPixel2Mesh>(work, config)?;
@@ -341,7 +342,7 @@ fn rows<B: MeshInit>(
     system: usize,
     (_, variant, config): Planned<Refined<B>>,
     work: &Work<'_>,
-    watch: Watch<'_>,
+    watch: &mut Watch<'_>,
 ) -> Result<Vec<Row>, StudyError> {
     let variant = VARIANTS.iter().find(|other| other.id == variant).expect("one of them");
     let (data, trained) = train_job::<Refined<B>>(&config, work, watch)?;

@@ -6,7 +6,8 @@ use train::{DataError, Subset, System as _};
 use super::{Config, Jobs};
 use crate::effort::with_effort;
 use crate::preset::{open, plan, planned, preset, scaled, scored};
-use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};
+use crate::progress::Watch;
+use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Work};
 
 /// The name of the table.
 const TABLE: &str = "The paper's setting: a mesh of the clock from held-out views";
@@ -59,7 +60,7 @@ impl Study for ClockStudy {
         plan::<Img2Mesh>(&jobs(scale))
     }
 
-    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (_, label, config) = planned::<Img2Mesh>(jobs(work.scale), work);
         let data = open::<Img2Mesh>(work, &config)?;
         if !data.is_one() {

@@ -1,7 +1,5 @@
 //! What learns nothing, from the same views: the nearest training view's object, the visual hull, `fit`.
 
-use std::ops::ControlFlow;
-
 use datasets::{View, Views};
 use mesh_core::{Camera, EmptyGrid, TriMesh, VoxelGrid, cubify};
 use models::img2mesh::{Data, Group, Img2MeshConfig, evaluate_meshes};
@@ -9,6 +7,7 @@ use recon::fit::{FitConfig, fit};
 use train::{DataError, Metric, Subset};
 
 use crate::nearest::{Nearest, features};
+use crate::progress::Watch;
 
 /// Cells of a hull along each side.
 const CELLS: usize = 64;
@@ -145,7 +144,7 @@ fn mean_color(views: &[&View]) -> [f32; 3] {
 fn fitted(group: &Group) -> TriMesh {
     let config = FitConfig { hold_out: None, level: 4, ..FitConfig::default() };
     let views = Views::in_memory(group.given.clone());
-    let fitted = fit(&views, &config, &mut |_| ControlFlow::Continue(()));
+    let fitted = fit(&views, &config, &mut Watch::default());
     fitted.map(|fitted| fitted.mesh).unwrap_or_default()
 }
 

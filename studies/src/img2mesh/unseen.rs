@@ -9,8 +9,9 @@ use super::controls::Control;
 use crate::effort::with_effort;
 use crate::gallery::predicted;
 use crate::preset::{Change, Listed, open, over, plan, planned, scaled, scored};
+use crate::progress::Watch;
 use crate::{
-    Claim, Comparison, Floor, Plan, PlannedJob, Row, Scale, Score, Study, StudyError, Watch, Work,
+    Claim, Comparison, Floor, Plan, PlannedJob, Row, Scale, Score, Study, StudyError, Work,
 };
 
 /// The name of the table.
@@ -84,7 +85,7 @@ fn jobs(scale: Scale) -> Jobs {
 fn controlled(
     (control, _, label_of, counts): (Control, &str, &str, &[usize]),
     work: &Work<'_>,
-    watch: Watch<'_>,
+    watch: &mut Watch<'_>,
 ) -> Result<Vec<Row>, StudyError> {
     let (.., config) = &jobs(work.scale)[0];
     let data = open::<Img2Mesh>(work, config)?;
@@ -133,7 +134,7 @@ impl Study for UnseenStudy {
         plan
     }
 
-    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
         if let Some(control) = Control::ALL.into_iter().find(|(_, id, ..)| *id == work.id) {
             return controlled(control, work, watch);
         }

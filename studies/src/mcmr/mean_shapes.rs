@@ -11,7 +11,8 @@ use super::{
 use crate::effort::{ABOUT as ABOUT_EFFORT, samples, with_effort};
 use crate::gallery::predicted;
 use crate::preset::{Change, Listed, Planned, over, plan, planned, train_job};
-use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};
+use crate::progress::Watch;
+use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Work};
 
 /// The names of the tables.
 const TABLE: &str = "Mean shapes";
@@ -151,7 +152,7 @@ impl Study for MeanShapesStudy {
         plan::<Mcmr>(&jobs(scale))
     }
 
-    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (id, label, config) = planned::<Mcmr>(jobs(work.scale), work);
         let (data, trained) = train_job::<Mcmr>(&config, work, watch)?;
         let scored = trained.system.scored(&data, Subset::Test)?;

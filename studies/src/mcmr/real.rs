@@ -6,7 +6,8 @@ use train::{DataError, Subset};
 use super::{ABOUT, ABOUT_RULE, Published, QUICK, RULE, at_scale, by_published_rule, with_figures};
 use crate::gallery::predicted;
 use crate::preset::{Planned, over, plan, planned, train_job};
-use crate::{Plan, Row, Scale, Study, StudyError, Watch, Work};
+use crate::progress::Watch;
+use crate::{Plan, Row, Scale, Study, StudyError, Work};
 
 /// What the talk compares with on Pascal3D+: 3D IoU of aeroplanes and cars.
 const OTHERS: &str = "The talk, 3D IoU of aeroplane and car: CSDM 0.400, 0.600; DRC 0.420, 0.670; CMR 0.460, 0.640; IMR 0.440, 0.660; U-CMR -, \
@@ -80,7 +81,7 @@ impl Study for RealStudy {
         plan::<Mcmr>(&self.jobs(scale))
     }
 
-    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (id, label, config) = planned::<Mcmr>(self.jobs(work.scale), work);
         let table = self.table;
         if work.data.is_none() {
@@ -118,8 +119,6 @@ impl Study for RealStudy {
 mod tests {
     use std::path::Path;
 
-    use std::ops::ControlFlow;
-
     use super::*;
     use crate::{Order, ReproduceError, reproduce};
 
@@ -132,8 +131,7 @@ mod tests {
             let place = tempfile::tempdir().unwrap();
             let data = fixtures.join(folder);
             let order = Order { scale: Scale::Quick, data: Some(&data), ..Order::default() };
-            let made =
-                reproduce(study, place.path(), &order, &mut |_| ControlFlow::Continue(())).unwrap();
+            let made = reproduce(study, place.path(), &order, &mut Watch::default()).unwrap();
             let rows = &made.tables.table(study.table).unwrap().rows;
             assert_eq!(rows.len(), 2);
             for row in rows {
@@ -142,8 +140,7 @@ mod tests {
             }
             let order = Order { data: None, ..order };
             let other = place.path().join("other");
-            let error =
-                reproduce(study, &other, &order, &mut |_| ControlFlow::Continue(())).unwrap_err();
+            let error = reproduce(study, &other, &order, &mut Watch::default()).unwrap_err();
             assert!(matches!(&error, ReproduceError::Job { error: StudyError::Data(_), .. }));
             assert!(error.to_string().contains("--data"), "{error}");
         }

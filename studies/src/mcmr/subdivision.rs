@@ -8,7 +8,8 @@ use super::{
 };
 use crate::gallery::predicted;
 use crate::preset::{Change, Listed, Planned, over, plan, planned, train_job};
-use crate::{Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};
+use crate::progress::Watch;
+use crate::{Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Work};
 
 /// The name of the table.
 const TABLE: &str = "Subdivision";
@@ -70,7 +71,7 @@ impl Study for SubdivisionStudy {
         plan::<Mcmr>(&jobs(scale))
     }
 
-    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (_, label, config) = planned::<Mcmr>(jobs(work.scale), work);
         let (data, trained) = train_job::<Mcmr>(&config, work, watch)?;
         let scored = trained.system.scored(&data, Subset::Test)?;

@@ -1,11 +1,9 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use std::ops::ControlFlow;
-
 use super::*;
+use crate::progress::Watch;
 use crate::{
-    Cell, Claim, Plan, Row, Scale, Score, Seeds, StudyError, Verdict, Watch, Work, remake,
-    reproduce,
+    Cell, Claim, Plan, Row, Scale, Score, Seeds, StudyError, Verdict, Work, remake, reproduce,
 };
 
 /// Two rows of ten objects each.
@@ -28,7 +26,7 @@ impl Study for Toy {
         Plan::of(["one", "two", "other"], self.settings)
     }
 
-    fn run(&self, work: &Work<'_>, _: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, _: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let of =
             |k: u64| if work.id == "two" { 1.0 } else { 2.0 } + 0.1 * ((k + work.seed) % 3) as f64;
         let objects = (0..10).map(|k| (format!("car/{k}"), of(k)));
@@ -53,7 +51,7 @@ fn order(seeds: &[u64], only: &[&str]) -> Order<'static> {
 }
 
 fn make(toy: &Toy, out: &Path, order: &Order<'_>) -> Reproduced {
-    reproduce(toy, out, order, &mut |_| ControlFlow::Continue(())).unwrap()
+    reproduce(toy, out, order, &mut Watch::default()).unwrap()
 }
 
 fn text(folder: &Path, name: &str) -> String {
@@ -133,9 +131,7 @@ fn a_table_is_made_by_one_build() {
     make(&TOY, place.path(), &order(&[0], &["one"]));
     let mut later = order(&[0], &[]);
     later.provenance.commit = "abc1234".into();
-    let go_on = |order: &Order<'_>| {
-        reproduce(&TOY, place.path(), order, &mut |_| ControlFlow::Continue(()))
-    };
+    let go_on = |order: &Order<'_>| reproduce(&TOY, place.path(), order, &mut Watch::default());
     let error = go_on(&later).unwrap_err();
     assert!(matches!(&error, ReproduceError::OtherBuild { field: "commit", .. }), "{error}");
     go_on(&order(&[0], &[])).unwrap();
@@ -185,8 +181,7 @@ fn rows_that_a_claim_needs_have_three_seeds() {
     let tenth = tempfile::tempdir().unwrap();
     let made = make(&TOY, tenth.path(), &Order { scale: Scale::Tenth, ..Order::default() });
     assert_eq!(seeds(&made), [2, 2, 2]);
-    let error =
-        reproduce(&TOY, tenth.path(), &order(&[0], &["three"]), &mut |_| ControlFlow::Continue(()));
+    let error = reproduce(&TOY, tenth.path(), &order(&[0], &["three"]), &mut Watch::default());
     assert!(
         error
             .unwrap_err()

@@ -18,7 +18,8 @@ use train::{Configuration, System};
 use super::QUICK;
 use crate::effort::{one_step, samples};
 use crate::preset::{open, preset};
-use crate::{Cell, Claim, Plan, PlannedJob, Row, Scale, Score, Study, StudyError, Watch, Work};
+use crate::progress::Watch;
+use crate::{Cell, Claim, Plan, PlannedJob, Row, Scale, Score, Study, StudyError, Work};
 
 const TABLE: &str = "A training step at so many evaluations";
 /// Times that a step is timed; the median counts.
@@ -79,7 +80,7 @@ impl Study for MemoryStudy {
         Plan { jobs, settings }
     }
 
-    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let wanted = |count: &&usize| format!("evaluations-{count}") == work.id;
         let count = *counts(work.scale).iter().find(wanted).expect("one of the jobs");
         let config = config(work.scale);

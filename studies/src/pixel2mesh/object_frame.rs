@@ -11,7 +11,8 @@ use super::{BLINDED, COLUMNS, QUICK as QUICKLY, with_scores};
 use crate::effort::{ABOUT, with_effort};
 use crate::gallery::predicted;
 use crate::preset::{Change, Listed, Planned, over, plan, planned, scaled, train_job};
-use crate::{Cell, Claim, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};
+use crate::progress::Watch;
+use crate::{Cell, Claim, Plan, Row, Scale, Score, Study, StudyError, Work};
 
 /// The name of the table.
 const TABLE: &str = "One image in whose frame, airplanes";
@@ -82,7 +83,7 @@ impl Study for ObjectFrameStudy {
         plan::<Pixel2Mesh>(&jobs(scale)).with("emd = 512 points\n")
     }
 
-    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (_, label, config) = planned::<Pixel2Mesh>(jobs(work.scale), work);
         let (data, trained) = train_job::<Pixel2Mesh>(&config, work, watch)?;
         let system = &trained.system;

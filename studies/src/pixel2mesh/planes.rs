@@ -7,7 +7,8 @@ use super::{BLINDED, COLUMNS, QUICK as QUICKLY, by_category, with_scores};
 use crate::effort::{ABOUT, with_effort};
 use crate::gallery::predicted;
 use crate::preset::{Change, Listed, Planned, over, plan, planned, scaled, train_job};
-use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};
+use crate::progress::Watch;
+use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Work};
 
 /// The names of the tables.
 const TABLE: &str = "Planes";
@@ -67,7 +68,7 @@ impl Study for PlanesStudy {
         plan::<Pixel2Mesh>(&staged).and(continuous).with("emd = 512 points\n")
     }
 
-    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (staged, continuous) = jobs(work.scale);
         if staged.iter().any(|(id, ..)| *id == work.id) {
             rows::<Staged>(planned::<Pixel2Mesh>(staged, work), work, watch)
@@ -122,7 +123,7 @@ impl Study for PlanesStudy {
 fn rows<D: Deformer>(
     (_, label, config): Planned<SingleView<D>>,
     work: &Work<'_>,
-    watch: Watch<'_>,
+    watch: &mut Watch<'_>,
 ) -> Result<Vec<Row>, StudyError> {
     let (data, trained) = train_job::<SingleView<D>>(&config, work, watch)?;
     let scored = trained.system.scored(&data, Subset::Test)?;

@@ -11,7 +11,8 @@ use super::{BLINDED, COLUMNS, QUICK as QUICKLY, with_scores};
 use crate::effort::{ABOUT, with_effort};
 use crate::gallery::predicted;
 use crate::preset::{Change, Listed, Planned, open, over, plan, planned, scaled, train_job};
-use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Watch, Work};
+use crate::progress::Watch;
+use crate::{Cell, Claim, Floor, Plan, Row, Scale, Score, Study, StudyError, Work};
 
 /// The names of the tables.
 const TABLE: &str = "Methods of integration beside residual networks, on planes";
@@ -166,7 +167,7 @@ impl Study for SolversStudy {
         plan::<OdePixel2Mesh>(&jobs(scale)).with("emd = 512 points\n")
     }
 
-    fn run(&self, work: &Work<'_>, watch: Watch<'_>) -> Result<Vec<Row>, StudyError> {
+    fn run(&self, work: &Work<'_>, watch: &mut Watch<'_>) -> Result<Vec<Row>, StudyError> {
         let (_, label, config) = planned::<OdePixel2Mesh>(jobs(work.scale), work);
         if label == RETRIEVAL {
             let data = open::<OdePixel2Mesh>(work, &config)?;

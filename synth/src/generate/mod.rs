@@ -2,8 +2,8 @@
 //!
 //! ```
 //! use synth::shapes::Family;
-//! use std::ops::ControlFlow;
 //! use synth::generate::{GenerateConfig, generate};
+//! use synth::progress::Watch;
 //!
 //! let config = GenerateConfig {
 //!     families: vec![Family::AlarmClock],
@@ -15,7 +15,7 @@
 //! };
 //! let place = tempfile::tempdir()?;
 //! let folder = place.path().join("clocks");
-//! let made = generate(&config, &[], &folder, &|_, _| ControlFlow::Continue(()))?;
+//! let made = generate(&config, &[], &folder, &mut Watch::default())?;
 //! assert_eq!((made.made, made.skipped), (2, 0));
 //! let views = datasets::read_views(
 //!     &folder.join("alarm_clock/0001"),
@@ -25,7 +25,7 @@
 //! assert_eq!(views.len(), 3);
 //!
 //! // What is there already is not made again.
-//! assert_eq!(generate(&config, &[], &folder, &|_, _| ControlFlow::Continue(()))?.skipped, 2);
+//! assert_eq!(generate(&config, &[], &folder, &mut Watch::default())?.skipped, 2);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -70,11 +70,13 @@ mod splits;
 mod store;
 mod visible;
 
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
 
 use rayon::prelude::*;
+use train::progress::{Ended, Event, Watch};
 
 pub use config::{CameraSet, GenerateConfig, OutputLayout};
 pub use error::GenerateError;
@@ -99,15 +101,14 @@ pub struct Generated {
     pub skipped: usize,
     /// Objects that the whole dataset has.
     pub total: usize,
-    /// Whether it was stopped before the end.
-    pub stopped: bool,
+    /// Whether it came to its end.
+    pub ended: Ended,
 }
 
 /// Makes a dataset in a folder, or goes on with one that was begun there.
 ///
-/// With models, the objects are these meshes instead of those of the families. `progress` is
-/// told from any thread how many views are done, of how many, and can end the run: what is being
-/// drawn is finished, the rest is left for the next run.
+/// With models, the objects are these meshes instead of those of the families. `watch` hears how many views are done, of how
+/// many. Once it is [cancelled](train::progress::Cancel), what is being drawn is finished, and the rest is left for the next run.
 ///
 /// # Errors
 /// Values out of their range; a folder of another dataset or of something else; a model whose
@@ -120,26 +121,32 @@ pub fn generate(
     config: &GenerateConfig,
     models: &[Model],
     folder: &Path,
-    progress: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
+    watch: &mut Watch<'_>,
 ) -> Result<Generated, GenerateError> {
     let wrong = config.check();
     if !wrong.is_empty() {
         return Err(GenerateError::Config(wrong));
     }
+    let begun = Instant::now();
     let store = Store::open(folder, config, models)?;
     let jobs = jobs(config, models);
-    let total = jobs.len() * config.views;
-    let (done, stop, skipped) = (AtomicUsize::new(0), AtomicBool::new(false), AtomicUsize::new(0));
+    let total = (jobs.len() * config.views) as u64;
+    let facts = [("objects", jobs.len() as f64)].into();
+    watch.tell(&Event::Started { job: "generate", total, done: 0, facts });
+    let cancel = watch.cancel();
+    let (failed, skipped) = (AtomicBool::new(false), AtomicUsize::new(0));
+    // Counted and told under one lock: whoever hears it hears it in order.
+    let told = Mutex::new((0, watch));
     let advance = |views: usize| {
-        let done = done.fetch_add(views, Ordering::Relaxed) + views;
-        if progress(done, total) == ControlFlow::Break(()) {
-            stop.store(true, Ordering::Relaxed);
-        }
+        let mut told = told.lock().unwrap_or_else(PoisonError::into_inner);
+        let (done, watch) = &mut *told;
+        *done += views as u64;
+        watch.tell(&Event::Progress { done: *done, total, text: String::new() });
     };
     let results: Vec<Result<Option<ObjectInfo>, GenerateError>> = jobs
         .par_iter()
         .map(|job| {
-            if stop.load(Ordering::Relaxed) {
+            if failed.load(Ordering::Relaxed) || cancel.is_cancelled() {
                 return Ok(None);
             }
             if let Some(info) = store.find(job) {
@@ -151,7 +158,7 @@ pub fn generate(
             let made = job.make(config, &|_, _| advance(1)).map_err(GenerateError::from);
             let put = made.and_then(|made| store.put(made, config));
             if put.is_err() {
-                stop.store(true, Ordering::Relaxed);
+                failed.store(true, Ordering::Relaxed);
             }
             put.map(Some)
         })
@@ -161,13 +168,15 @@ pub fn generate(
     let found = found.inspect_err(|_| store.clear())?;
     let objects: Vec<ObjectInfo> = found.into_iter().flatten().collect();
     let skipped = skipped.into_inner();
-    let stopped = objects.len() < jobs.len();
-    if !stopped {
+    let ended = Ended::early(objects.len() < jobs.len());
+    if ended == Ended::Completed {
         let drawn = splits::of(config, &objects).into_iter().zip(&jobs);
         let subsets: Vec<_> = drawn.map(|(drawn, job)| job.of.subset().unwrap_or(drawn)).collect();
         store.finish(&objects, &subsets, &sheet::draw(config, &jobs)?)?;
     }
     store.clear();
     let made = objects.len() - skipped;
-    Ok(Generated { objects, made, skipped, total: jobs.len(), stopped })
+    let (done, watch) = told.into_inner().unwrap_or_else(PoisonError::into_inner);
+    watch.tell(&Event::Finished { ended, done, seconds: begun.elapsed().as_secs_f64() });
+    Ok(Generated { objects, made, skipped, total: jobs.len(), ended })
 }

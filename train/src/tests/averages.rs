@@ -27,12 +27,13 @@ fn begun_with(
         from: Some(from),
     };
     let mut inherited = None;
-    let outcome = train::<Blob>(&job, &mut |event| {
+    let mut watch = Watch::new(|event: &Event| {
         if let Event::Inherited(what) = event {
-            inherited = Some(what);
+            inherited = Some(what.clone());
         }
-        ControlFlow::Continue(())
     });
+    let outcome = train::<Blob>(&job, &mut watch);
+    drop(watch);
     (outcome, inherited)
 }
 
@@ -42,8 +43,8 @@ fn averages_predict_and_leave_the_training_as_it_is() {
     let place = tempfile::tempdir().unwrap();
     let [raw, mean] = [config(|_| ()), averaged(|_| ())];
     let [raw_run, mean_run] = ["raw", "mean"].map(|name| place.path().join(name));
-    let raw_outcome = run_in(&raw_run, &raw, false, &mut on).unwrap();
-    let mean_outcome = run_in(&mean_run, &mean, false, &mut on).unwrap();
+    let raw_outcome = run_in(&raw_run, &raw, false, &mut on()).unwrap();
+    let mean_outcome = run_in(&mean_run, &mean, false, &mut on()).unwrap();
     let losses = |folder: &Path| {
         let steps = logged(folder).into_iter().filter(|line| matches!(line, Line::Step { .. }));
         steps.collect::<Vec<_>>()
@@ -66,15 +67,14 @@ fn averages_go_on_to_the_bit_after_a_stop() {
     let config = averaged(|c| c.system.grow_at = Some(1));
     let last = |folder: &Path| std::fs::read(folder.join("checkpoints/last.safetensors")).unwrap();
     let whole = place.path().join("whole");
-    run_in(&whole, &config, false, &mut on).unwrap();
+    run_in(&whole, &config, false, &mut on()).unwrap();
     for at in [2, 4, 7] {
         let folder = place.path().join(format!("stopped-{at}"));
-        let mut stop = |event| match event {
-            Event::Step(Step { step, .. }) if step >= at => ControlFlow::Break(()),
-            _ => ControlFlow::Continue(()),
-        };
-        assert!(run_in(&folder, &config, false, &mut stop).unwrap().interrupted);
-        run_in(&folder, &config, true, &mut on).unwrap();
+        let mut stop = on()
+            .until_event(|event| matches!(event, Event::Step(Step { step, .. }) if *step >= at));
+        let ended = run_in(&folder, &config, false, &mut stop).unwrap().ended;
+        assert_eq!(ended, Ended::Cancelled);
+        run_in(&folder, &config, true, &mut on()).unwrap();
         assert!(last(&folder) == last(&whole), "stopped at {at}");
         assert_eq!(logged(&folder), logged(&whole), "stopped at {at}");
     }
@@ -84,7 +84,7 @@ fn averages_go_on_to_the_bit_after_a_stop() {
 fn a_training_begins_with_the_weights_of_another() {
     let place = tempfile::tempdir().unwrap();
     let first = place.path().join("first");
-    let trained = run_in(&first, &averaged(|_| ()), false, &mut on).unwrap();
+    let trained = run_in(&first, &averaged(|_| ()), false, &mut on()).unwrap();
     let from = first.join("checkpoints/last.safetensors");
     // A rate of nothing leaves them as they were taken.
     let still = config(|c| (c.train.learning_rate, c.train.epochs) = (1e-30, 1));
@@ -104,7 +104,7 @@ fn a_training_begins_with_the_weights_of_another() {
 fn weights_are_given_away_in_half_the_bytes() {
     let place = tempfile::tempdir().unwrap();
     let run = place.path().join("run");
-    let trained = run_in(&run, &averaged(|_| ()), false, &mut on).unwrap();
+    let trained = run_in(&run, &averaged(|_| ()), false, &mut on()).unwrap();
     let last = run.join("checkpoints/last.safetensors");
     let checkpoint = Checkpoint::read(&last).unwrap();
     assert_eq!(checkpoint.card(), None);

@@ -9,7 +9,7 @@ use super::*;
 fn finished(place: &Path) -> (PathBuf, Config, PathBuf, Vec<u8>) {
     let folder = place.join("run");
     let config = config(|c| c.train.epochs = 1);
-    run_in(&folder, &config, false, &mut on).unwrap();
+    run_in(&folder, &config, false, &mut on()).unwrap();
     let path = folder.join("checkpoints/last.safetensors");
     let bytes = std::fs::read(&path).unwrap();
     (folder, config, path, bytes)
@@ -31,7 +31,7 @@ fn what_cannot_be_is_named() {
     let (folder, config, path, sound) = finished(place.path());
     for cut in [0, 7, 8, 100, sound.len() / 2, sound.len() - 1] {
         std::fs::write(&path, &sound[..cut]).unwrap();
-        let error = run_in(&folder, &config, true, &mut on).unwrap_err();
+        let error = run_in(&folder, &config, true, &mut on()).unwrap_err();
         assert!(matches!(error, TrainError::Checkpoint(_)), "{error}");
         assert!(error.to_string().contains("last.safetensors"), "{error}");
     }
@@ -57,16 +57,16 @@ fn what_cannot_be_is_named() {
         ("\"hidden.0\"", "\"hibben.0\"", "hidden.0"),
     ] {
         std::fs::write(&path, seal(replaced(&sound, from, to))).unwrap();
-        let error = run_in(&folder, &config, true, &mut on).unwrap_err().to_string();
+        let error = run_in(&folder, &config, true, &mut on()).unwrap_err().to_string();
         assert!(error.contains(word), "{from}: {error}");
     }
     // Moments of another length than their parameter's.
     let mut other = config.clone();
     other.system.hidden = 9;
     std::fs::write(&path, &sound).unwrap();
-    let error = run_in(&folder, &other, true, &mut on).unwrap_err().to_string();
+    let error = run_in(&folder, &other, true, &mut on()).unwrap_err().to_string();
     assert!(error.contains("hidden.0 is [8, 3] instead of [9, 3]"), "{error}");
-    run_in(&folder, &config, true, &mut on).unwrap();
+    run_in(&folder, &config, true, &mut on()).unwrap();
 }
 
 /// No byte of a checkpoint can change without being noticed, the entry of the checksum included.
@@ -106,7 +106,7 @@ fn those_of_the_first_format_have_no_checksum() {
     std::fs::write(&path, &former).unwrap();
     assert_eq!(Checkpoint::read(&path).unwrap().step().unwrap(), 4);
     config.train.epochs = 2;
-    assert_eq!(run_in(&folder, &config, true, &mut on).unwrap().steps, 8);
+    assert_eq!(run_in(&folder, &config, true, &mut on()).unwrap().steps, 8);
     // One of the present format has lost it.
     std::fs::write(&path, &unversioned).unwrap();
     let error = Checkpoint::read(&path).unwrap_err().to_string();

@@ -1,7 +1,5 @@
 //! The folder of a run: what stays, what goes, and who works in it.
 
-use std::ops::ControlFlow;
-
 use super::*;
 use crate::output::journal::{Change, recorded};
 
@@ -32,10 +30,10 @@ fn what_was_logged_stays_to_the_byte() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path().join("run");
     let config = config(|c| c.train.epochs = 6);
-    run_in(&folder, &config, false, &mut on).unwrap();
+    run_in(&folder, &config, false, &mut on()).unwrap();
     let before = read(&folder, "metrics.jsonl");
     // There is nothing left to train.
-    run_in(&folder, &config, true, &mut on).unwrap();
+    run_in(&folder, &config, true, &mut on()).unwrap();
     let after = read(&folder, "metrics.jsonl");
     assert!(after.starts_with(&before));
     let more = String::from_utf8(after[before.len()..].to_vec()).unwrap();
@@ -48,30 +46,27 @@ fn pages_keep_their_pictures() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path().join("run");
     let config = config(|c| c.train.epochs = 2);
-    let (_, changes) = recorded(|| run_in(&folder, &config, false, &mut on).unwrap());
+    let (_, changes) = recorded(|| run_in(&folder, &config, false, &mut on()).unwrap());
     // One for each evaluation.
     assert_eq!(changes.iter().filter(|change| is_page(change)).count(), 2);
     let (page, table) = (read(&folder, "report.html"), read(&folder, "metrics.csv"));
     let pictures = |page: &[u8]| String::from_utf8_lossy(page).matches("data:image/png").count();
     assert!(pictures(&page) > 0);
-    let (_, changes) = recorded(|| run_in(&folder, &config, true, &mut on).unwrap());
+    let (_, changes) = recorded(|| run_in(&folder, &config, true, &mut on()).unwrap());
     assert_eq!(changes.iter().filter(|change| is_page(change)).count(), 0);
     assert!(read(&folder, "report.html") == page && read(&folder, "metrics.csv") == table);
     // What a kill or a power cut took of them comes back.
     for (name, whole) in [("report.html", &page), ("metrics.csv", &table)] {
         std::fs::write(folder.join(name), &whole[..whole.len() / 2]).unwrap();
-        run_in(&folder, &config, true, &mut on).unwrap();
+        run_in(&folder, &config, true, &mut on()).unwrap();
         assert_eq!(pictures(&read(&folder, "report.html")), pictures(&page), "{name}");
         assert!(read(&folder, "metrics.csv") == table, "{name}");
     }
     // A part of a run that ends before its next samples.
     let mut longer = config.clone();
     longer.train.epochs = 4;
-    run_in(&folder, &longer, true, &mut |event| match event {
-        Event::Step(_) => ControlFlow::Break(()),
-        _ => ControlFlow::Continue(()),
-    })
-    .unwrap();
+    let mut stop = on().until_event(|event| matches!(event, Event::Step(_)));
+    run_in(&folder, &longer, true, &mut stop).unwrap();
     assert!(read(&folder, "metrics.csv").len() > table.len());
     assert_eq!(pictures(&read(&folder, "report.html")), pictures(&page));
 }
@@ -86,17 +81,17 @@ fn there_is_a_checkpoint_before_the_first_step() {
     let place = tempfile::tempdir().unwrap();
     let config = config(|_| ());
     let whole = place.path().join("whole");
-    let expected = weights(&run_in(&whole, &config, false, &mut on).unwrap().system);
+    let expected = weights(&run_in(&whole, &config, false, &mut on()).unwrap().system);
     let folder = place.path().join("killed");
     let killed = std::panic::catch_unwind(|| {
-        run_in(&folder, &config, false, &mut |event| match event {
-            Event::Started { .. } => panic!("killed"),
-            _ => ControlFlow::Continue(()),
-        })
+        let mut watch = Watch::new(|event: &Event| {
+            assert!(!matches!(event, Event::Started { .. }), "killed");
+        });
+        run_in(&folder, &config, false, &mut watch)
     });
     assert!(killed.is_err());
     // A kill before even that one leaves a run that begins anew, either way.
-    let resumed = run_in(&folder, &config, true, &mut on).unwrap();
+    let resumed = run_in(&folder, &config, true, &mut on()).unwrap();
     assert_eq!(weights(&resumed.system), expected);
     assert_eq!(logged(&folder), logged(&whole));
     for resume in [true, false] {
@@ -108,7 +103,7 @@ fn there_is_a_checkpoint_before_the_first_step() {
         let header = read(&whole, "metrics.jsonl").iter().position(|&b| b == b'\n').unwrap();
         let log = &read(&whole, "metrics.jsonl")[..=header];
         std::fs::write(bare.join("metrics.jsonl"), log).unwrap();
-        let begun = run_in(&bare, &config, resume, &mut on).unwrap();
+        let begun = run_in(&bare, &config, resume, &mut on()).unwrap();
         assert_eq!(weights(&begun.system), expected);
         assert_eq!(logged(&bare), logged(&whole));
     }
@@ -121,10 +116,10 @@ fn a_run_that_lost_a_file_is_left_alone() {
     let config = config(|c| c.train.epochs = 2);
     for lost in ["checkpoints/last.safetensors", "config.toml", "metrics.jsonl"] {
         let folder = place.path().join(lost.replace('/', "-"));
-        run_in(&folder, &config, false, &mut on).unwrap();
+        run_in(&folder, &config, false, &mut on()).unwrap();
         std::fs::remove_file(folder.join(lost)).unwrap();
         let before = contents(&folder);
-        let error = run_in(&folder, &config, true, &mut on).unwrap_err();
+        let error = run_in(&folder, &config, true, &mut on()).unwrap_err();
         assert!(matches!(error, TrainError::Run(RunError::Lost { .. })), "{error}");
         assert!(error.to_string().contains(lost), "{error}");
         assert!(contents(&folder) == before, "{lost}");
@@ -140,7 +135,7 @@ fn a_run_that_lost_a_file_is_left_alone() {
             from: None,
         };
         if lost.starts_with("checkpoints") {
-            train::<Blob>(&job, &mut on).unwrap_err();
+            train::<Blob>(&job, &mut on()).unwrap_err();
             assert!(contents(&folder) == before, "{lost}");
         }
         assert!(matches!(RunFolder::examine(&folder, false), Err(RunError::Exists { .. })));
@@ -154,7 +149,7 @@ fn two_do_not_work_in_one_folder() {
     let folder = place.path().join("run");
     let mut tried = 0;
     let short = config(|c| c.train.epochs = 1);
-    run_in(&folder, &short, false, &mut |event| {
+    let mut watch = Watch::new(|event: &Event| {
         if let Event::Step(_) = event {
             tried += 1;
             for again in [RunFolder::resume(&folder), RunFolder::create(&folder, true)] {
@@ -166,9 +161,9 @@ fn two_do_not_work_in_one_folder() {
             // Those who only read may.
             assert!(CheckpointPath::find(&folder, true).is_ok());
         }
-        ControlFlow::Continue(())
-    })
-    .unwrap();
+    });
+    run_in(&folder, &short, false, &mut watch).unwrap();
+    drop(watch);
     assert_eq!(tried, 4);
     assert!(!folder.join(".lock").exists());
     RunFolder::resume(&folder).unwrap();
@@ -179,7 +174,7 @@ fn what_killed_ones_left_is_swept() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path().join("run");
     let config = config(|c| c.train.epochs = 1);
-    run_in(&folder, &config, false, &mut on).unwrap();
+    run_in(&folder, &config, false, &mut on()).unwrap();
     let left = [
         ".lock",
         ".unfinished-config.toml",
@@ -194,7 +189,7 @@ fn what_killed_ones_left_is_swept() {
     // Who only asks removes nothing but the lock's file.
     RunFolder::examine(&folder, true).unwrap();
     assert!(left[1..].iter().all(|name| folder.join(name).exists()));
-    run_in(&folder, &config, true, &mut on).unwrap();
+    run_in(&folder, &config, true, &mut on()).unwrap();
     assert!(left.iter().all(|name| !folder.join(name).exists()));
     assert!(mine.iter().all(|name| folder.join(name).exists()));
 }
@@ -204,26 +199,24 @@ fn what_is_optional_may_fail() {
     let place = tempfile::tempdir().unwrap();
     let config = config(|_| ());
     let whole = place.path().join("whole");
-    let expected = weights(&run_in(&whole, &config, false, &mut on).unwrap().system);
+    let expected = weights(&run_in(&whole, &config, false, &mut on()).unwrap().system);
     let folder = place.path().join("run");
     let (mut warned, mut blocked) = (Vec::new(), false);
-    let outcome = run_in(&folder, &config, false, &mut |event| {
-        match event {
-            Event::Started { .. } => {
-                // Files where folders are to be, and folders where files are.
-                std::fs::write(folder.join("samples"), "").unwrap();
-                for name in ["metrics.csv", "report.html"] {
-                    std::fs::create_dir(folder.join(name)).unwrap();
-                }
-                blocked = true;
+    let mut watch = Watch::new(|event: &Event| match event {
+        Event::Started { .. } => {
+            // Files where folders are to be, and folders where files are.
+            std::fs::write(folder.join("samples"), "").unwrap();
+            for name in ["metrics.csv", "report.html"] {
+                std::fs::create_dir(folder.join(name)).unwrap();
             }
-            Event::Warned(text) => warned.push(text),
-            _ => {}
+            blocked = true;
         }
-        ControlFlow::Continue(())
-    })
-    .unwrap();
-    assert!(blocked && !outcome.interrupted);
+        Event::Warned { text } => warned.push(text.clone()),
+        _ => {}
+    });
+    let outcome = run_in(&folder, &config, false, &mut watch).unwrap();
+    drop(watch);
+    assert!(blocked && outcome.ended == Ended::Completed);
     assert_eq!((weights(&outcome.system), logged(&folder)), (expected, logged(&whole)));
     // Each once, though each failed three times.
     assert_eq!(warned.len(), 3, "{warned:?}");
@@ -242,7 +235,7 @@ fn files_are_as_the_umask_has_it() {
     std::fs::write(&plain, "").unwrap();
     let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode() & 0o777;
     let folder = place.path().join("run");
-    run_in(&folder, &config(|c| c.train.epochs = 1), false, &mut on).unwrap();
+    run_in(&folder, &config(|c| c.train.epochs = 1), false, &mut on()).unwrap();
     for name in ["config.toml", "metrics.jsonl", "checkpoints/last.safetensors", "report.html"] {
         assert_eq!(mode(&folder.join(name)), mode(&plain), "{name}");
     }
@@ -254,7 +247,7 @@ fn a_loss_without_a_value_is_told_as_that() {
     for shards in [1, 3] {
         let config = config(|c| (c.system.unsolved, c.train.shards) = (Some(4), shards));
         let folder = place.path().join(format!("run-{shards}"));
-        let error = run_in(&folder, &config, false, &mut on).unwrap_err();
+        let error = run_in(&folder, &config, false, &mut on()).unwrap_err();
         let TrainError::Loss { samples, error: reason, .. } = &error else { panic!("{error}") };
         assert_eq!(samples, "sample object 4");
         assert!(matches!(reason, LossError::Solve(_)));

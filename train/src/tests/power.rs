@@ -1,7 +1,6 @@
 //! A training whose machine loses power, at every change of a file.
 
 use std::collections::BTreeSet;
-use std::ops::ControlFlow;
 
 use super::*;
 use crate::output::OutputFolder;
@@ -11,14 +10,14 @@ use crate::output::journal::{Change, Disk, Loss, note, recorded};
 /// A run as it is left: gone on with if it is one, and begun anew if it is none.
 fn finish(folder: &Path, config: &Config, at_least: u64) -> Outcome<Blob> {
     let mut first = None;
-    let mut watch = |event: Event| {
+    let mut watch = Watch::new(|event: &Event| {
         if let Event::Started { done, .. } = event {
-            first = Some(done);
+            first = Some(*done);
         }
-        ControlFlow::Continue(())
-    };
+    });
     let resume = RunFolder::resume(folder).is_ok();
     let outcome = run_in(folder, config, resume, &mut watch).unwrap();
+    drop(watch);
     // What was not synced is made again.
     let history = History::read(&folder.join("metrics.jsonl")).unwrap();
     let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
@@ -39,12 +38,12 @@ fn a_training_outlasts_a_cut_at_every_change() {
         c.system.hidden = 2;
     });
     let (outcome, changes) = recorded(|| {
-        run_in(&folder, &config, false, &mut |event| {
+        let mut watch = Watch::new(|event: &Event| {
             if let Event::Saved { step, .. } = event {
-                note(Change::Said(step));
+                note(Change::Said(*step));
             }
-            ControlFlow::Continue(())
-        })
+        });
+        run_in(&folder, &config, false, &mut watch)
     });
     let expected = weights(&outcome.unwrap().system);
     assert!(changes.len() > 60, "{}", changes.len());

@@ -8,6 +8,7 @@ use synth::generate::{
     CameraSet, GenerateConfig, GenerateError, Generated, Model, ModelFolder, SplitList, UNFINISHED,
     generate,
 };
+use synth::progress::Event;
 use synth::shapes::Family;
 
 use crate::args::{DepthKind, Generate, Global};
@@ -36,14 +37,17 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Generate) -> Res
     let interrupt = Interrupt::listen(Some(&output.join(UNFINISHED)))?;
     // Every object that is complete is worth keeping, so the first press lets them be completed.
     interrupt.worthwhile();
-    let progress = Progress::new(console, "generate");
-    let generated = generate(&config, &models, output, &|done, all| {
-        progress.set(done, all);
-        interrupt.flow()
-    })
-    .map_err(failure)?;
+    let progress = Progress::new(console.unlogged(), "generate");
+    let bar = |event: &Event| {
+        if let Event::Progress { done, total, .. } = event {
+            progress.set(*done as usize, *total as usize);
+        }
+    };
+    let mut watch = console.watch(&interrupt, bar);
+    let generated = generate(&config, &models, output, &mut watch).map_err(failure)?;
+    drop(watch);
     progress.finish();
-    if generated.stopped {
+    if generated.ended.is_cancelled() {
         let Generated { objects, total, .. } = &generated;
         return Err(Failure::Interrupted(format!(
             "{} of {total} objects are complete in {}; the same command again goes on from there",

@@ -1,0 +1,50 @@
+//! The image side in ONNX's form: the encoder, and what estimates cameras.
+
+use autodiff_lite::{Tape, Var};
+use ndarray::ArrayD;
+use nets::onnx::{OnnxGraph, OnnxModel, ToOnnx, channels_first, channels_last};
+
+use super::deformer::Deformer;
+use super::single_view::SingleView;
+use crate::stacked::numbers;
+
+impl<D: Deformer> SingleView<D> {
+    /// Images `[N, 3, S, S]` to the four maps that vertices look at, finest first, and to the camera's numbers where it is estimated.
+    pub(super) fn image_side_to_onnx(&self) -> OnnxModel {
+        let shared = self.shared();
+        let side = shared.pairs.image_size;
+        let mut graph = OnnxGraph::new(D::NAME);
+        let image = graph.input("image", &[3, side, side]);
+        let maps = graph.scope("encoder", |graph| self.encoder.to_onnx(graph, &image));
+        let scale = shared.feature_scale as f32;
+        for (k, map) in maps.iter().enumerate() {
+            let map = if scale == 1.0 { map.clone() } else { graph.scale(map, scale) };
+            graph.output(&format!("map_{k}"), &map);
+        }
+        if let Some(head) = &self.viewpoint {
+            let guess = graph.scope("viewpoint", |graph| head.to_onnx(graph, &image));
+            graph.output("logits", &guess.logits);
+            graph.output("turns", &guess.turns);
+            graph.output("elevation", &guess.elevation);
+            graph.output("log_distance", &guess.log_distance);
+        }
+        graph.finish()
+    }
+
+    /// The same on the tape.
+    pub(super) fn image_side(&self, inputs: &[ArrayD<f32>]) -> Vec<ArrayD<f32>> {
+        let tape = Tape::eval();
+        let images = tape.constant(channels_last(&inputs[0]));
+        let scale = self.shared().feature_scale as f32;
+        let maps = self.encoder.forward(images).map(|map| map.scale(scale));
+        let mut outputs: Vec<_> =
+            maps.into_iter().map(|map| channels_first(&numbers(map))).collect();
+        if let Some(head) = &self.viewpoint {
+            let guess = head.forward(images);
+            let column = |x: Var<'_>| numbers(x.reshape(&[x.shape()[0], 1]));
+            outputs.extend([numbers(guess.logits), numbers(guess.turns)]);
+            outputs.extend([column(guess.elevation), column(guess.log_distance)]);
+        }
+        outputs
+    }
+}
