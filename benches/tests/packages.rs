@@ -115,6 +115,40 @@ fn each_has_what_it_includes() {
     }
 }
 
+/// A stranger reads one screen: what it is, lines that run, how fast, what it needs.
+#[test]
+fn each_says_on_one_screen_what_it_is() {
+    for (package, folder) in published() {
+        let readme = fs::read_to_string(folder.join("README.md")).unwrap();
+        let screen: Vec<&str> = readme.lines().take(45).collect();
+        for wanted in ["```", "**Speed.**", "**Needs.**"] {
+            let found = screen.iter().any(|line| line.starts_with(wanted));
+            assert!(found, "{}: no {wanted} on the first screen", package["name"]);
+        }
+    }
+}
+
+/// Links and pictures of the pages that a stranger sees lead somewhere.
+#[test]
+fn links_lead_to_files() {
+    let folders = published().into_iter().map(|(_, folder)| folder);
+    for folder in folders.chain([root(), root().join("docs")]) {
+        for page in fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()) {
+            if page.extension().is_none_or(|e| e != "md") {
+                continue;
+            }
+            let text = fs::read_to_string(&page).unwrap();
+            for after in text.split("](").skip(1) {
+                let link = after.split([')', '#', ' ']).next().unwrap();
+                // Options are described in the words of rustdoc, whose paths are no files.
+                let elsewhere = link.contains("://") || link.contains("::") || link.is_empty();
+                let there = folder.join(link).exists();
+                assert!(elsewhere || there, "{}: {link} leads nowhere", page.display());
+            }
+        }
+    }
+}
+
 #[test]
 fn the_citation_is_of_this_version() {
     let citation = fs::read_to_string(root().join("CITATION.cff")).unwrap();
