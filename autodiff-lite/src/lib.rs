@@ -79,6 +79,9 @@
 //!
 //! GPUs, half precision, second derivatives, static shapes, automatic fusion.
 
+/// The crate whose arrays go in and come out.
+pub use ndarray;
+
 pub mod kernels;
 pub mod ops;
 pub mod optim;

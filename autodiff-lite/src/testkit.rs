@@ -101,6 +101,7 @@ impl Options {
 
 /// A gradient that disagrees with the differences.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Mismatch {
     /// One element is off.
     #[error(

@@ -204,6 +204,24 @@ fn libraries_leave_the_process_alone() {
     }
 }
 
+/// So that what can be had without threads has the same bits: the same loops, in one place.
+#[test]
+fn threads_are_known_in_one_place() {
+    let without = ["mesh-core", "autodiff-lite", "diff-raster", "losses", "nets", "ode-deform"];
+    for member in without {
+        for (path, text) in sources(&root().join(member).join("src")) {
+            let place = path.ends_with("kernels/threads.rs");
+            for (line, code) in code(&text).filter(|(_, code)| code.contains("rayon::")) {
+                assert!(
+                    place || code.contains("ThreadPoolBuilder"),
+                    "{}:{line}: {code}",
+                    path.display()
+                );
+            }
+        }
+    }
+}
+
 /// Cargo gives the seed to the tests, from `.cargo/config.toml` unless it is set.
 #[test]
 fn property_tests_draw_the_same_cases_in_every_run() {

@@ -31,6 +31,7 @@ pub struct Faces {
 
 /// Why a list of faces cannot be drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FacesError {
     /// A face names a vertex that is not there.
     #[error("face {face} names vertex {index}, but there are {vertices} vertices")]

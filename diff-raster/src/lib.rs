@@ -68,6 +68,9 @@
 //!
 //! Shape mistakes panic at the caller. There are no second derivatives.
 
+/// The crates whose types stand in this one's functions.
+pub use {autodiff_lite, mesh_core, ndarray};
+
 pub mod kernels;
 pub mod ops;
 pub mod reference;

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use autodiff_lite::Real;
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 use ndarray::ArrayView3;
-use rayon::prelude::*;
 
 use crate::faces::{Faces, NONE};
 use crate::fragments::Fragments;

@@ -87,6 +87,7 @@ impl Settings {
 
 /// The two conventions on borders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Rule {
     /// A pixel centre on the border of a face is inside. Neighbouring faces leave no gap.
     Closed,
@@ -97,6 +98,7 @@ pub enum Rule {
 
 /// Which vector instructions a kernel uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Instructions {
     /// The widest that the processor has.
     Best,

@@ -51,6 +51,9 @@
 //! It weighs no losses against each other, draws no samples (mesh-core does) and renders nothing
 //! (diff-raster does).
 
+/// The crates whose types stand in this one's functions.
+pub use {autodiff_lite, mesh_core, ndarray};
+
 pub mod kernels;
 pub mod metrics;
 

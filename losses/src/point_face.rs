@@ -1,9 +1,9 @@
 //! Distances between points and the faces of a mesh.
 
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 use autodiff_lite::{Backward, Real, Var};
 use mesh_core::ClosestPoint;
 use mesh_core::vector::Vec3;
-use rayon::prelude::*;
 
 use crate::kernels::point_tree::{PointTree, way_to_triangle};
 use crate::kernels::vec3::{accumulate, points, points_mut, scale};
@@ -26,7 +26,10 @@ pub fn nearest_faces<F: Real>(
     let [from, mesh] = operands("nearest_faces", x, positions, faces.as_ref());
     let tree = ClosestPoint::of(&mesh, faces.as_ref());
     let find = |&p: &Vec3| tree.find_wide(p).map_or(u32::MAX, |found| found.point.face);
-    from.par_iter().with_min_len(64).map(find).collect()
+    let mut faces = vec![u32::MAX; from.len()];
+    let points = faces.par_iter_mut().zip(from.par_iter()).with_min_len(64);
+    points.for_each(|(face, p)| *face = find(p));
+    faces
 }
 
 /// The point nearest to each face: of equally near ones the lowest, `u32::MAX` where there is none.
@@ -48,7 +51,11 @@ pub fn nearest_points<F: Real>(
     let tree = PointTree::new(from);
     let find =
         |face: &[u32; 3]| tree.closest_to(face.map(|v| mesh[v as usize])).unwrap_or(u32::MAX);
-    faces.as_ref().par_iter().with_min_len(64).map(find).collect()
+    let faces = faces.as_ref();
+    let mut points = vec![u32::MAX; faces.len()];
+    let each = points.par_iter_mut().zip(faces.par_iter()).with_min_len(64);
+    each.for_each(|(point, face)| *point = find(face));
+    points
 }
 
 /// The **squared** distance from each point to the nearest face.

@@ -35,6 +35,7 @@ struct Node {
 
 /// The closest point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Closest {
     /// Where it is, as weights on a face; of equally close faces the lowest.
     pub point: SurfacePoint,

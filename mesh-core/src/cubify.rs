@@ -4,6 +4,7 @@ use crate::{TriMesh, VoxelGrid};
 
 /// What the surface of a grid without any occupied cell is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum EmptyGrid {
     /// A mesh of nothing.
     #[default]

@@ -60,6 +60,7 @@ enum Preconditioner {
 
 /// How a solve went.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SolveReport {
     /// The number of iterations.
     pub iterations: usize,

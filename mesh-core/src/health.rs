@@ -2,8 +2,6 @@
 
 use std::fmt;
 
-use serde::Serialize;
-
 use crate::mesh::signed_volume;
 use crate::vector::{angle, area_vector, cross, dot, norm, sub, triangle, widen};
 use crate::{Topology, TriMesh};
@@ -22,7 +20,9 @@ use crate::{Topology, TriMesh};
 /// println!("{health}");
 /// ```
 #[allow(clippy::struct_excessive_bools, reason = "a list of independent findings")]
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Health {
     /// The number of vertices.
     pub vertices: usize,

@@ -1,8 +1,7 @@
 //! Self-intersections of a mesh, decided in exact arithmetic.
 
-use rayon::prelude::*;
-
 use crate::TriMesh;
+use crate::kernels::threads;
 
 /// A point in the integers that all tests are made in.
 type Point = [i64; 3];
@@ -31,21 +30,18 @@ impl TriMesh {
     pub fn self_intersections(&self) -> Vec<[u32; 2]> {
         let Some(faces) = Faces::of(self) else { return Vec::new() };
         let tree = Tree::new(&faces);
-        let chunks: Vec<Vec<[u32; 2]>> = (0..faces.corners.len().div_ceil(CHUNK))
-            .into_par_iter()
-            .map(|chunk| {
-                let mut found = Vec::new();
-                let last = (chunk * CHUNK + CHUNK).min(faces.corners.len());
-                for face in chunk * CHUNK..last {
-                    tree.visit(&faces.boxes[face], |other| {
-                        if other > face && cross(&faces.corners[face], &faces.corners[other]) {
-                            found.push([faces.names[face], faces.names[other]]);
-                        }
-                    });
-                }
-                found
-            })
-            .collect();
+        let chunks = threads::map(faces.corners.len().div_ceil(CHUNK), |chunk| {
+            let mut found = Vec::new();
+            let last = (chunk * CHUNK + CHUNK).min(faces.corners.len());
+            for face in chunk * CHUNK..last {
+                tree.visit(&faces.boxes[face], |other| {
+                    if other > face && cross(&faces.corners[face], &faces.corners[other]) {
+                        found.push([faces.names[face], faces.names[other]]);
+                    }
+                });
+            }
+            found
+        });
         let mut pairs = chunks.concat();
         pairs.sort_unstable();
         pairs

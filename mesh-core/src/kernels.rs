@@ -4,5 +4,6 @@
 //! functions at the crate root choose it themselves.
 
 pub mod nearest;
+pub(crate) mod threads;
 
 pub use pulp::Arch;

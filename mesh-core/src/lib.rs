@@ -41,6 +41,12 @@
 //! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB, STL; 3MF with the feature `3mf`), [`read_image`], [`write_png`], EXR depth, PFM;
 //!   module [`io`]; how much memory reading may take and what else it may open, [`Limits`]
 //!
+//! # Features
+//!
+//! On by default: `files` (mesh files; brings `images`), `images` (PNG, JPEG and PFM), `exr` (depth in EXR), `serde` (a [`Health`] as
+//! text) and `rayon` (threads; without them the same bits). Without any of them there is geometry alone, with half of the
+//! dependencies. Off by default: `ndarray` (meshes and cameras as arrays), `3mf`.
+//!
 //! # Conventions
 //!
 //! Right-handed, +Y up, unit-free. Faces are counter-clockwise seen from outside. Arrays are row-major
@@ -76,6 +82,7 @@ mod examination;
 mod health;
 mod image;
 mod intersect;
+#[cfg(feature = "images")]
 pub mod io;
 pub mod kernels;
 mod limits;
@@ -109,13 +116,22 @@ pub use diffusion::{DiffusionSolver, SolveReport};
 pub use examination::Examination;
 pub use health::Health;
 pub use image::{
-    ByteImage, DepthMap, DisparityMap, GroundPlane, Image, ImageError, Pixels, decode_depth,
-    decode_depth_png, decode_depth_png_with, decode_depth_with, decode_image, decode_image_with,
-    decode_pfm, decode_pfm_with, encode_depth, encode_exr, encode_pfm, encode_png, linear_to_srgb,
-    read_depth, read_depth_png, read_image, read_image_with, read_pfm, srgb_to_linear, write_depth,
-    write_pfm, write_png,
+    ByteImage, DepthMap, DisparityMap, GroundPlane, Image, Pixels, linear_to_srgb, srgb_to_linear,
 };
-pub use io::{ReadMeshError, Remark, WriteError, read_mesh, read_mesh_with, write_mesh};
+#[cfg(feature = "images")]
+pub use image::{
+    ImageError, decode_depth_png, decode_depth_png_with, decode_image, decode_image_with,
+    decode_pfm, decode_pfm_with, encode_pfm, encode_png, read_depth_png, read_image,
+    read_image_with, read_pfm, write_pfm, write_png,
+};
+#[cfg(feature = "exr")]
+pub use image::{
+    decode_depth, decode_depth_with, encode_depth, encode_exr, read_depth, write_depth,
+};
+#[cfg(feature = "images")]
+pub use io::WriteError;
+#[cfg(feature = "files")]
+pub use io::{ReadMeshError, Remark, read_mesh, read_mesh_with, write_mesh};
 pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_into};
 pub use limits::{Budget, Limits, OverLimit};
 pub use marching_cubes::marching_cubes;

@@ -17,6 +17,7 @@ use crate::{Texture, Topology, TriMesh};
 /// assert_eq!(finer.faces.len(), 4 * mesh.faces.len());
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Subdivision {
     /// The number of vertices before.
     pub old_vertices: usize,

@@ -16,6 +16,7 @@ use crate::{Csr, TriMesh};
 /// assert!(topology.is_closed());
 /// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Topology {
     /// Unique edges `[E]` as `[v0, v1]` with `v0 < v1`, sorted.
     pub edges: Vec<[u32; 2]>,
@@ -57,6 +58,7 @@ impl AsRef<Csr> for Topology {
 
 /// Two faces on one edge, and the corner of each that is not on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct FacePair {
     /// The edge, as an index into [`Topology::edges`].
     pub edge: u32,

@@ -109,6 +109,7 @@ impl UpAxis {
     }
 
     /// [`upright`](Self::upright) as a matrix, by columns, as glTF has it.
+    #[cfg(any(test, feature = "files"))]
     pub(crate) fn columns(self) -> [[f32; 3]; 3] {
         [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| self.upright(axis))
     }

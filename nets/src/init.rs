@@ -45,6 +45,7 @@ pub enum FanMode {
 
 /// What follows a layer, for [its gain](Self::gain).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Nonlinearity {
     /// Nothing, or a sigmoid: gain 1.
     Linear,

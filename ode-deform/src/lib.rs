@@ -62,6 +62,12 @@
 //! Implicit methods for stiff equations, gradients with respect to step sizes or through the time of an event, second
 //! derivatives.
 
+#[cfg(feature = "deform")]
+pub use nets;
+/// The crates whose types stand in this one's functions.
+pub use {autodiff_lite, ndarray};
+
+#[cfg(feature = "deform")]
 pub mod deform;
 pub mod solve;
 

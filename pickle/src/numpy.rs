@@ -7,6 +7,7 @@ use crate::value::{Value, bytes, wholes};
 
 /// An array of numbers, row-major.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Numbers {
     /// Lengths of the axes.
     pub shape: Vec<usize>,

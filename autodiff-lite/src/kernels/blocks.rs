@@ -1,6 +1,6 @@
 //! Work in fixed blocks, so that no result depends on the number of threads.
 
-use rayon::prelude::*;
+use super::threads::on_threads;
 
 /// A slice that fixed blocks write disjoint parts of.
 ///
@@ -70,12 +70,6 @@ pub(crate) fn for_each_block(count: usize, parallel: bool, f: impl Fn(usize) + S
     } else {
         (0..count).for_each(f);
     }
-}
-
-/// The one parallel loop of this crate. It knows its work by a pointer: with a type of its own for each kernel, half of what a
-/// program of ours was compiled to were copies of it.
-fn on_threads(count: usize, f: &(dyn Fn(usize) + Sync)) {
-    (0..count).into_par_iter().with_max_len(1).for_each(f);
 }
 
 /// Calls `f(i, part)` for each part of `len` elements of `out`.

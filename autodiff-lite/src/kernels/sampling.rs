@@ -12,6 +12,7 @@ const LANES: usize = 16;
 
 /// What lies outside an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Padding {
     /// Zeros: beyond the outermost pixel centres values fade to zero within one pixel.
     Zeros,

@@ -9,6 +9,7 @@ use super::linear::before_activation;
 /// What a batch norm measured, for running averages
 /// ([`BufferUpdate`](crate::BufferUpdate)).
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct BatchStatistics<F: Real = f32> {
     /// Mean of each channel.
     pub mean: PoolVec<F>,

@@ -2,6 +2,7 @@
 
 /// A factor for the learning rate as a function of the step: nothing to save, nothing to resume.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Schedule {
     /// Always 1.
     Constant,

@@ -19,6 +19,7 @@ pub struct SaveError {
 
 /// A state file could not be loaded.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum LoadError {
     /// The file cannot be read.
     #[error("cannot read {}", path.display())]

@@ -2,7 +2,7 @@
 //!
 //! Names are module paths, which are PyTorch's when fields are named alike; layouts are PyTorch's
 //! too (linear weights `[out, in]`, convolution weights `[O, I, KH, KW]`), because parameters are
-//! kept in that master layout and kernels pack them. Moments stand under `optim.m.<path>` and
+//! kept in that master layout and kernels pack them. Files are behind the feature `files`, which is on by default. Moments stand under `optim.m.<path>` and
 //! `optim.v.<path>`, the number of updates of a parameter under `optim.t.<path>`.
 //!
 //! ```
@@ -21,10 +21,13 @@
 
 mod error;
 mod half;
+#[cfg(feature = "files")]
 mod read;
+#[cfg(feature = "files")]
 mod write;
 
 use std::collections::BTreeMap;
+#[cfg(feature = "files")]
 use std::path::Path;
 
 use crate::optim::{self, Method, Optimizer};
@@ -337,10 +340,11 @@ impl State {
     }
 }
 
-/// Saves the parameters and buffers of a module.
+/// Saves the parameters and buffers of a module (feature `files`).
 ///
 /// # Errors
 /// If the file cannot be written; an earlier file of that name is then untouched.
+#[cfg(feature = "files")]
 pub fn save<F: Real>(
     path: impl AsRef<Path>,
     module: &(impl Module<F> + ?Sized),
@@ -350,10 +354,11 @@ pub fn save<F: Real>(
     state.write(path)
 }
 
-/// Loads the parameters and buffers of a module.
+/// Loads the parameters and buffers of a module (feature `files`).
 ///
 /// # Errors
 /// If the file cannot be read or does not fit the module; the module is then unchanged.
+#[cfg(feature = "files")]
 pub fn load<F: Real>(
     path: impl AsRef<Path>,
     module: &mut (impl Module<F> + ?Sized),

@@ -21,7 +21,7 @@
 //! section 3.4.
 
 use autodiff_lite::Real;
-use rayon::prelude::*;
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 
 use crate::faces::NONE;
 use crate::fragments::Fragments;

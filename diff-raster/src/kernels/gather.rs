@@ -1,7 +1,7 @@
 //! From gradients of face corners to gradients of vertices: each vertex sums its own corners.
 
 use autodiff_lite::Real;
-use rayon::prelude::*;
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 
 use crate::Faces;
 

@@ -24,7 +24,8 @@
 use std::ops::Range;
 
 use autodiff_lite::Real;
-use rayon::prelude::*;
+use autodiff_lite::kernels::parallel::{InParts, Parts};
+use autodiff_lite::kernels::threads::join;
 
 use crate::faces::NONE;
 use crate::kernels::lanes::{Job, Lanes, dispatch};
@@ -227,7 +228,7 @@ fn sum_bands<F: Real>(
         let bands = &fragments.setup(image).bands;
         let places = bands.offset(middle) - bands.offset(first);
         let (left, right) = sums.split_at_mut(places * 3 * (channels + 1));
-        rayon::join(
+        join(
             || sum_bands(incoming, image, first..middle, left),
             || sum_bands(incoming, image, middle..range.end, right),
         );

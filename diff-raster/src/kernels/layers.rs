@@ -12,7 +12,7 @@
 //! The order of these and their guards are those of PyTorch3D's `rasterize_meshes`.
 
 use autodiff_lite::Real;
-use rayon::prelude::*;
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 
 use crate::kernels::setup::{Centres, extent, visible_corners};
 use crate::{LayerSettings, NONE};
@@ -21,6 +21,8 @@ use crate::{LayerSettings, NONE};
 const GUARD: f64 = 1e-8;
 /// The least sum of cut-off weights.
 const LEAST_SUM: f64 = 1e-5;
+/// Faces of one task.
+const CHUNK: usize = 512;
 /// Rows of one task.
 const ROWS: usize = 8;
 /// Partial sums of gradients of one image.
@@ -225,23 +227,23 @@ pub fn draw_layers<F: Real>(
     let (width, k) = (settings.width, settings.faces_per_pixel);
     let (blur, guard) = (F::from_f64(settings.blur_radius), F::from_f64(GUARD));
     let reach = blur.max(F::zero()).sqrt();
-    let ready: Vec<_> = corners
-        .par_iter()
-        .map(|&corners| {
-            let [a, b, c] = visible_corners(projected, corners, F::zero())?;
-            let area = twice_area([a, b, c].map(|[x, y, _]| [x, y]));
-            if area.abs() <= guard || (settings.cull_back_faces && area < F::zero()) {
-                return None;
-            }
-            let [x, y] = [0, 1].map(|axis| {
-                let [low, high] = extent(a[axis], b[axis], c[axis]);
-                [low - reach, high + reach]
-            });
-            let columns = centres.columns(x[0], x[1], false).map(|c| c as usize);
-            let rows = centres.rows(y[0], y[1], false).map(|r| r as usize);
-            Some(([a, b, c], rows, columns))
-        })
-        .collect();
+    let prepared = |corners: [u32; 3]| {
+        let [a, b, c] = visible_corners(projected, corners, F::zero())?;
+        let area = twice_area([a, b, c].map(|[x, y, _]| [x, y]));
+        if area.abs() <= guard || (settings.cull_back_faces && area < F::zero()) {
+            return None;
+        }
+        let [x, y] = [0, 1].map(|axis| {
+            let [low, high] = extent(a[axis], b[axis], c[axis]);
+            [low - reach, high + reach]
+        });
+        let columns = centres.columns(x[0], x[1], false).map(|c| c as usize);
+        let rows = centres.rows(y[0], y[1], false).map(|r| r as usize);
+        Some(([a, b, c], rows, columns))
+    };
+    let mut ready = vec![None; corners.len()];
+    let faces = ready.par_iter_mut().zip(corners.par_iter()).with_min_len(CHUNK);
+    faces.for_each(|(ready, &corners)| *ready = prepared(corners));
     let bands = face.par_chunks_mut(ROWS * width * k).zip(depth.par_chunks_mut(ROWS * width * k));
     bands.enumerate().for_each(|(band, (face, depth))| {
         let first = band * ROWS;

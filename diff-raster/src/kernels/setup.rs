@@ -6,7 +6,7 @@
 //! other way, so that two faces that share an edge leave no pixel out.
 
 use autodiff_lite::Real;
-use rayon::prelude::*;
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 
 use crate::kernels::lanes::MAX_LANES;
 use crate::{Rule, Settings};
@@ -181,14 +181,14 @@ impl<F: Real> Setup<F> {
         self.triangles.resize(corners.len(), Triangle::default());
         self.boxes.resize(corners.len(), PixelBox::default());
         let near = near::<F>(settings);
-        (&mut self.triangles, &mut self.boxes, corners)
-            .into_par_iter()
-            .with_min_len(CHUNK)
-            .for_each(|(triangle, pixels, &corners)| {
+        let faces = self.triangles.par_iter_mut().zip(self.boxes.par_iter_mut());
+        faces.zip(corners.par_iter()).with_min_len(CHUNK).for_each(
+            |((triangle, pixels), &corners)| {
                 *pixels = visible_corners(projected, corners, near)
                     .and_then(|p| prepare_face(p, centres, settings, triangle))
                     .unwrap_or_default();
-            });
+            },
+        );
         self.bands.sort(settings.height, self.boxes.iter().map(|b| b.rows));
     }
 }

@@ -13,7 +13,7 @@
 //! everything again: each face reads shared planes and writes its own six numbers.
 
 use autodiff_lite::Real;
-use rayon::prelude::*;
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 
 use crate::faces::{Faces, NONE};
 use crate::kernels::bits::Bits;
@@ -139,10 +139,8 @@ impl<F: Real> ImageState<F> {
             (!pixels.is_empty() && background.any(pixels)).then_some((p, pixels))
         };
         self.near.resize(corners.len(), false);
-        (&mut self.near, corners)
-            .into_par_iter()
-            .with_min_len(CHUNK)
-            .for_each(|(near, corners)| *near = reached(corners).is_some());
+        let faces = self.near.par_iter_mut().zip(corners.par_iter());
+        faces.with_min_len(CHUNK).for_each(|(near, corners)| *near = reached(corners).is_some());
 
         self.slots.resize(corners.len(), NONE);
         self.reaches.clear();

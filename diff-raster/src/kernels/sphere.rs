@@ -6,7 +6,7 @@
 //! is upright and not mirrored.
 
 use autodiff_lite::Real;
-use rayon::prelude::*;
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 
 use super::texture::Texture;
 

@@ -5,7 +5,7 @@
 //! `[0, 1]` take the border. No mip levels: a texture much finer than the image aliases.
 
 use autodiff_lite::Real;
-use rayon::prelude::*;
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 
 use crate::faces::NONE;
 
@@ -112,7 +112,7 @@ pub fn texture_grad_uv<F: Real>(
         .par_chunks_exact_mut(2)
         .zip(uv.par_chunks_exact(2))
         .zip(grad.par_chunks_exact(texture.channels))
-        .zip(face)
+        .zip(face.par_iter())
         .with_min_len(CHUNK);
     pixels.for_each(|(((out, uv), grad), &face)| {
         if face == NONE {

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 use autodiff_lite::{Backward, Real, Tensor, Var};
-use rayon::prelude::*;
 
 use crate::Layers;
 use crate::kernels::blend::{Blend, Grads, Pixel, clear_but_one, coverage};

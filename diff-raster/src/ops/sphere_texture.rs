@@ -1,7 +1,7 @@
 //! Textures around a sphere. The rule stands in [`kernels::sphere`](crate::kernels::sphere).
 
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 use autodiff_lite::{Backward, Real, Tensor, Var};
-use rayon::prelude::*;
 
 use crate::kernels::sphere::{
     sphere_texture as forward, sphere_texture_grad_directions, sphere_texture_grad_texels,

@@ -9,6 +9,7 @@ use super::{
 
 /// How scale and shift are taken out, and what the rest is measured with.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Robustness {
     /// The prediction is [aligned](align_scale_shift) by least squares, the rest squared.
     LeastSquares {

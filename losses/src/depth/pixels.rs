@@ -4,6 +4,7 @@ use autodiff_lite::{PoolVec, Real, Tensor, Var};
 
 /// How the pixels of a batch are averaged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum DepthMean {
     /// Every pixel that counts weighs the same, whichever image it is in.
     #[default]

@@ -1,8 +1,7 @@
 //! Sums and fills over fixed chunks, so that no result depends on the number of threads.
 
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 use std::ops::Range;
-
-use rayon::prelude::*;
 
 /// No sum is cut into more parts than this: the partial sums then fit on the stack.
 const MAX_CHUNKS: usize = 256;

@@ -1,10 +1,11 @@
 //! The k nearest of a set of points, in either precision.
 
 use autodiff_lite::Real;
-use rayon::prelude::*;
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 
 /// How far apart two points are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Norm {
     /// `Σ |x - y|`: PyTorch3D's `norm=1`.
     L1,

@@ -13,7 +13,7 @@
 use std::ops::Range;
 
 use autodiff_lite::Real;
-use rayon::prelude::*;
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 
 use super::chunks;
 

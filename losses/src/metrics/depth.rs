@@ -4,6 +4,7 @@ use mesh_core::{DepthMap, Image};
 
 /// The depth error at one view.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct DepthError {
     /// The mean over the pixels that count of `|d - d*|`, or of the penalty where nothing was rendered.
     pub mean: f64,

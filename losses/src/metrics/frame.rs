@@ -37,6 +37,7 @@ const SAMPLES: usize = 1_000;
 /// );
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum FrameMismatch {
     /// The sizes differ by more than a few times.
     Size {

@@ -6,6 +6,7 @@ use ndarray::{ArrayView2, Axis};
 
 /// Why there is no Fréchet distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FrechetError {
     /// A spread needs two images.
     #[error(

@@ -111,6 +111,7 @@ pub fn mask_iou(prediction: &Image, target: &Image) -> f64 {
 
 /// From which value on a pixel of a soft mask is object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum MaskRule {
     /// Above 0: MCMR's published figures. Any trace of a soft silhouette counts, so that outlines come out
     /// too large on both sides.

@@ -11,6 +11,7 @@ const STEP: f64 = 0.5;
 
 /// A translation followed by a scaling about the origin, which brings predictions to the truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct McmrAlignment {
     /// Added first.
     pub translation: [f64; 3],

@@ -7,6 +7,7 @@ use serde::Serialize;
 ///
 /// Distances are not squared; the nearest point is found in `f32`, its distance computed in `f64`.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct PointDistances {
     /// From each predicted point to the nearest true one.
     pub accuracy: Vec<f64>,
@@ -20,6 +21,7 @@ pub struct PointDistances {
 
 /// Precision, recall and their harmonic mean at one distance.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct FScore {
     /// The distance (never squared) below which a point counts as matched.
     pub threshold: f64,

@@ -7,6 +7,7 @@ use serde::Serialize;
 /// A named, published protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Preset {
     /// Pixel2Mesh, as the Mesh R-CNN code evaluates it.
     P2m,
@@ -21,6 +22,7 @@ pub enum Preset {
 /// A name that is none of the presets'.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown preset \"{found}\": expected one of p2m, meshrcnn, occnet, mcmr")]
+#[non_exhaustive]
 pub struct UnknownPreset {
     /// What was given.
     pub found: String,
@@ -63,6 +65,7 @@ impl FromStr for Preset {
 /// Which points stand for a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Points {
     /// Its vertices (what Pixel2Mesh compares; depends on the tessellation).
     Vertices,
@@ -76,6 +79,7 @@ pub enum Points {
 /// What is done to both meshes before they are compared; always the same to both.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Normalisation {
     /// Nothing.
     AsGiven,
@@ -99,6 +103,7 @@ pub enum Normalisation {
 /// How the two directions become one distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Combination {
     /// `mean(prediction -> truth) + mean(truth -> prediction)`.
     Sum,
@@ -109,6 +114,7 @@ pub enum Combination {
 /// How volumes are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum IouProtocol {
     /// Solid voxels on one grid over the common bounding box, nothing aligned: see [`voxel_iou`](super::voxel_iou).
     CommonBox {

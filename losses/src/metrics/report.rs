@@ -11,6 +11,7 @@ use super::{
 
 /// The figures of one comparison and the protocol that made them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Report {
     /// How the figures were made.
     pub protocol: Protocol,

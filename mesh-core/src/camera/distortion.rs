@@ -23,6 +23,7 @@ const FARTHEST: f64 = 11.430_052_302_761_343;
 /// assert!((back[0] - 0.5).abs() < 1e-12 && (back[1] - 0.3).abs() < 1e-12);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Distortion {
     /// Brown and Conrady's, with a quotient of polynomials in `q = x^2 + y^2`:
     ///

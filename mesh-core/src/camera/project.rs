@@ -6,6 +6,7 @@ use super::{Camera, Lens};
 
 /// Where a world point lands.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Projected {
     /// Pixels from the left edge of the image; pixel `j` has its centre at `j + 0.5`.
     pub column: f64,
@@ -17,6 +18,7 @@ pub struct Projected {
 
 /// A half-line in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Ray {
     /// Where it starts.
     pub origin: [f64; 3],

@@ -26,14 +26,17 @@ pub struct DisparityMap {
 
 /// Files write "nothing here" as 1e10 (Blender), 65504 (half floats) or infinity; depths of real
 /// scenes end well below this.
+#[cfg(feature = "exr")]
 const FAR: f32 = 1e9;
 
 /// The depth of a pixel as a file holds it: `+inf` for each of the markers of a hole.
+#[cfg(feature = "exr")]
 pub(super) fn from_file(value: f32) -> f32 {
     if value.is_finite() && value < FAR { value } else { f32::INFINITY }
 }
 
 /// The depth of a pixel as files hold it: 1e10, Blender's marker, where nothing is seen.
+#[cfg(feature = "exr")]
 pub(super) fn to_file(value: f32) -> f32 {
     if value.is_finite() { value } else { 1e10 }
 }

@@ -2,22 +2,30 @@
 
 mod color;
 mod depth;
+#[cfg(feature = "images")]
 mod error;
+#[cfg(feature = "exr")]
 mod exr;
+#[cfg(feature = "images")]
 mod file;
 mod ground;
+#[cfg(feature = "images")]
 mod pfm;
 mod resize;
 
 pub use color::{linear_to_srgb, srgb_to_linear};
 pub use depth::{DepthMap, DisparityMap};
+#[cfg(feature = "images")]
 pub use error::ImageError;
+#[cfg(feature = "exr")]
 pub use exr::{decode_depth, decode_depth_with, encode_depth, encode_exr, read_depth, write_depth};
+#[cfg(feature = "images")]
 pub use file::{
     decode_depth_png, decode_depth_png_with, decode_image, decode_image_with, encode_png,
     read_depth_png, read_image, read_image_with, write_png,
 };
 pub use ground::GroundPlane;
+#[cfg(feature = "images")]
 pub use pfm::{decode_pfm, decode_pfm_with, encode_pfm, read_pfm, write_pfm};
 
 /// Pixels of any kind of number, `[H, W, C]`, row-major, row 0 at the top.
@@ -114,6 +122,7 @@ impl ByteImage {
     }
 
     /// [`to_rgb`](Self::to_rgb) as floats, without bytes in between.
+    #[cfg(feature = "files")]
     pub(crate) fn to_rgb_floats(&self) -> Image {
         let Self { height, width, channels, .. } = *self;
         let taken = if channels < 3 { [0; 3] } else { [0, 1, 2] };

@@ -60,6 +60,7 @@ fn at(line: Option<usize>) -> String {
     line.map_or_else(String::new, |line| format!(":{line}"))
 }
 
+#[cfg(feature = "files")]
 impl ReadMeshError {
     /// `OverLimit`, for `map_err`.
     pub(super) fn over_limit(path: &Path) -> impl Fn(OverLimit) -> Self {
@@ -97,6 +98,7 @@ impl ReadMeshError {
 
 /// At most 80 characters, so that a line of megabytes does not become a message of megabytes, and no
 /// control characters, which a terminal would obey.
+#[cfg(feature = "files")]
 fn shortened(text: String) -> String {
     let mut text = if text.chars().take(81).any(char::is_control) {
         let plain = text.chars().take(81).flat_map(|c| {
@@ -130,6 +132,7 @@ pub enum EncodeError {
     },
 }
 
+#[cfg(feature = "files")]
 impl EncodeError {
     pub(super) fn at(self, path: &Path) -> WriteError {
         WriteError::Mesh { path: path.to_owned(), source: self }
@@ -181,7 +184,7 @@ pub enum WriteError {
     },
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "files"))]
 mod tests {
     use super::*;
 

@@ -1,11 +1,9 @@
-//! Opening files: regular ones only, and those that a file names only below its own folder.
+//! Opening mesh files, and those that a file names only below its own folder.
 
 use std::borrow::Cow;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::{NotRead, ReadMeshError};
+use super::{NotRead, ReadMeshError, regular};
 use crate::{Budget, Image, Limits, read_image_with};
 
 /// A mesh file, or its bytes alone, and what reading it may hold and open.
@@ -96,22 +94,6 @@ pub(super) fn texture(path: &Path, file: &Path, limits: &Limits) -> Result<Image
     let image = read_image_with(file, limits)
         .map_err(|source| ReadMeshError::Texture { path: path.to_owned(), source })?;
     Ok(image.to_rgb_floats())
-}
-
-/// The bytes of a regular file. Devices and pipes may never end, and opening a pipe may never
-/// return, so they are refused unopened.
-pub(crate) fn regular(path: &Path) -> std::io::Result<Vec<u8>> {
-    let kind = std::fs::metadata(path)?;
-    if !kind.is_file() {
-        let what = if kind.is_dir() { "it is a folder" } else { "not a regular file" };
-        return Err(std::io::Error::other(what));
-    }
-    let mut bytes = Vec::new();
-    // What grows while it is read ends where it ended when it was opened.
-    let length = kind.len();
-    bytes.try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX))?;
-    File::open(path)?.take(length).read_to_end(&mut bytes)?;
-    Ok(bytes)
 }
 
 /// The folder of a mesh, below which the files that it names must be.

@@ -5,7 +5,8 @@
 //! instructions serve one query and one vector of points; four queries share each load.
 
 use pulp::{Arch, Simd, WithSimd};
-use rayon::prelude::*;
+
+use super::threads::for_each_pair;
 
 /// The point nearest to a query.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -86,7 +87,7 @@ pub fn nearest_with(
     if queries.len().saturating_mul(points.len()) < SERIAL_PAIRS {
         run(queries, found);
     } else {
-        queries.par_chunks(CHUNK).zip(found.par_chunks_mut(CHUNK)).for_each(|(q, f)| run(q, f));
+        for_each_pair(queries, found, CHUNK, run);
     }
 }
 

@@ -7,6 +7,7 @@ use crate::vector::{Vec3, add, cross, dot, narrow, norm, scale, sub, unit, widen
 
 /// How a [`tube`] ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum TubeEnds {
     /// With flat discs through the first and the last point.
     Flat,

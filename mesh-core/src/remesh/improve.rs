@@ -39,6 +39,7 @@ impl Default for ImproveOptions {
 
 /// What [`improve`] did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Improvement {
     /// Edges turned.
     pub flips: usize,

@@ -21,6 +21,7 @@ pub struct RemeshOptions {
 
 /// A mesh of new triangles, and where they come from.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Remeshed {
     /// The new mesh; its colours are taken from `sources`.
     pub mesh: TriMesh,

@@ -48,6 +48,7 @@ pub struct Pixel2MeshEncoder<F: Real = f32> {
     derive(serde::Serialize, serde::Deserialize),
     serde(rename_all = "kebab-case")
 )]
+#[non_exhaustive]
 pub enum EncoderInit {
     /// Deviation `√(2 / inputs)`, inputs of the kernel: as large behind a layer as before it.
     #[default]

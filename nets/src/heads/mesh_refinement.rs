@@ -148,6 +148,7 @@ impl<F: Real> MeshRefinementStage<F> {
 
 /// What a stage says about each vertex.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct RefinedVertices<'t, F: Real = f32> {
     /// How it moves, each coordinate in (-1, 1): `[N, V, 3]`.
     pub offset: Var<'t, F>,

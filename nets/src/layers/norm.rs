@@ -7,6 +7,7 @@ use crate::{BatchNorm2d, Conv2d, FrozenBatchNorm2d, Init};
 /// The norm behind a convolution: a batch norm that is trained with the network, or a frozen one.
 /// Both have the same names in files.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub enum Norm<F: Real = f32> {
     /// Statistics of the batch while training.
     Batch(BatchNorm2d<F>),

@@ -9,6 +9,7 @@ use pickle::budget::OverLimit;
 
 /// Weights could not be loaded.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum WeightsError {
     /// The file cannot be read.
     #[error("cannot read {}", path.display())]
@@ -47,6 +48,7 @@ pub enum WeightsError {
 
 /// Bytes are no file of weights.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum FormatError {
     /// They do not begin like a file of PyTorch's, and are no safetensors either.
     #[error("neither safetensors nor a PyTorch file: {0}")]
@@ -58,6 +60,7 @@ pub enum FormatError {
 
 /// What is wrong with a file of PyTorch's.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PthError {
     /// The zip archive cannot be read.
     #[error("{0}")]

@@ -22,6 +22,7 @@ pub struct NameMap(Vec<(String, String)>);
 /// A rule without its equals sign.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{rule}` is no rule for names: expected old=new, as in module.=,encoder.=backbone.")]
+#[non_exhaustive]
 pub struct MapError {
     /// As it was given.
     pub rule: String,

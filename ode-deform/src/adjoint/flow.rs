@@ -6,6 +6,7 @@ use crate::solve::Stats;
 
 /// An integration on a tape.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Flow<'t, F: Real = f32> {
     /// The state at the end.
     pub end: Var<'t, F>,

@@ -29,6 +29,7 @@ use crate::solve::{Problem, SolveError};
     derive(serde::Serialize, serde::Deserialize),
     serde(rename_all = "kebab-case")
 )]
+#[non_exhaustive]
 pub enum Adjoint {
     /// Every operation of every evaluation is recorded: exact, and the memory grows with the evaluations.
     Direct,

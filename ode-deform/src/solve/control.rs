@@ -9,6 +9,7 @@ use super::{SolveError, Tableau, Tolerance};
 ///
 /// Another policy is a loop of your own over [`Tableau::attempt`].
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum StepController {
     /// All of the same size, but for the last.
     Fixed {

@@ -27,6 +27,7 @@ pub struct Problem {
 
 /// What the last step does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Ending {
     /// It is cut so that it ends at the last time exactly.
     #[default]

@@ -18,6 +18,7 @@ pub struct Stats {
 
 /// An accepted step.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Step<'s, Y> {
     /// When it began and ended.
     pub times: [f64; 2],

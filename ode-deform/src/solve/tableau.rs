@@ -8,8 +8,8 @@ use super::{SolveError, State};
 /// k_i = f(t + c_i h, y + h Σ_j a_ij k_j)        y' = y + h Σ b_i k_i        error = h Σ e_i k_i
 /// ```
 ///
-/// A method of your own is another constant. [`check`](Self::check) sees whether its numbers fit together, when a
-/// [`Problem`](super::Problem) is; whether it has the order that it claims is for tests.
+/// A method of your own is another constant. [`checked`](Self::checked) sees whether its numbers fit together when it is
+/// compiled, and [`check`](Self::check) when a [`Problem`](super::Problem) is; whether it has the order that it claims is for tests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tableau {
     /// Its name in messages and reports.
@@ -35,6 +35,7 @@ pub struct Tableau {
 
 /// What one step gave, before it is judged.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Attempt<Y> {
     /// The state at the end.
     pub after: Y,
@@ -71,37 +72,84 @@ impl Tableau {
         self.stages() - (self.is_fsal() || self.carries_last) as usize
     }
 
+    /// The same, if these are the numbers of an explicit method: a constant that is made so and is none does not compile.
+    ///
+    /// ```
+    /// use ode_deform::solve::{HEUN, Tableau};
+    ///
+    /// const RALSTON: Tableau = Tableau {
+    ///     name: "ralston",
+    ///     a: &[&[], &[2.0 / 3.0]],
+    ///     b: &[1.0 / 4.0, 3.0 / 4.0],
+    ///     c: &[0.0, 2.0 / 3.0],
+    ///     error: None,
+    ///     ..HEUN
+    /// }
+    /// .checked();
+    /// # assert_eq!(RALSTON.stages(), 2);
+    /// ```
+    ///
+    /// ```compile_fail
+    /// # use ode_deform::solve::{HEUN, Tableau};
+    /// const HEAVY: Tableau = Tableau { b: &[0.5, 0.6], ..HEUN }.checked();
+    /// # assert_eq!(HEAVY.stages(), 2);
+    /// ```
+    ///
+    /// # Panics
+    /// With what [`check`](Self::check) finds.
+    #[must_use]
+    pub const fn checked(self) -> Self {
+        match self.misfit() {
+            None => self,
+            Some(what) => panic!("{}", what),
+        }
+    }
+
     /// Whether these are the numbers of an explicit method: lists of one length, rows of stages before, whose sums are
     /// where they lie, weights of sum 1 and those of the error of sum 0.
     ///
     /// # Errors
     /// What does not fit.
-    pub fn check(&self) -> Result<(), SolveError> {
-        let fail = |what| Err(SolveError::Tableau { method: self.name, what });
-        let near = |sum: f64, value: f64| (sum - value).abs() < 1e-12;
+    pub const fn check(&self) -> Result<(), SolveError> {
+        match self.misfit() {
+            None => Ok(()),
+            Some(what) => Err(SolveError::Tableau { method: self.name, what }),
+        }
+    }
+
+    /// What does not fit together.
+    const fn misfit(&self) -> Option<&'static str> {
         let stages = self.b.len();
         if stages == 0 || self.a.len() != stages || self.c.len() != stages {
-            return fail("a, b and c need one row for each stage, at least one");
+            return Some("a, b and c need one row for each stage, at least one");
         }
-        for (stage, (row, &c)) in self.a.iter().zip(self.c).enumerate() {
-            if row.len() > stage {
-                return fail("a row of a weighs a stage that is not yet known");
+        let mut stage = 0;
+        while stage < stages {
+            if self.a[stage].len() > stage {
+                return Some("a row of a weighs a stage that is not yet known");
             }
-            if !near(row.iter().sum(), c) {
-                return fail("a row of a does not add up to its c");
+            if !near(sum(self.a[stage]), self.c[stage]) {
+                return Some("a row of a does not add up to its c");
             }
+            stage += 1;
         }
-        if self.order == 0 || !near(self.b.iter().sum(), 1.0) {
-            return fail("the weights b do not add up to 1, or the order is 0");
+        if self.order == 0 || !near(sum(self.b), 1.0) {
+            return Some("the weights b do not add up to 1, or the order is 0");
         }
-        for weights in [self.error, self.dense].into_iter().flatten() {
-            if weights.len() != stages || !near(weights.iter().sum(), 0.0) {
-                return fail(
-                    "weights of the error or between the ends do not add up to 0, one a stage",
-                );
-            }
+        if !self.adds_nothing(self.error) || !self.adds_nothing(self.dense) {
+            return Some(
+                "weights of the error or between the ends do not add up to 0, one a stage",
+            );
         }
-        Ok(())
+        None
+    }
+
+    /// Whether weights, if there are any, are one a stage and of sum 0.
+    const fn adds_nothing(&self, weights: Option<&[f64]>) -> bool {
+        match weights {
+            None => true,
+            Some(weights) => weights.len() == self.b.len() && near(sum(weights), 0.0),
+        }
     }
 
     /// One step from `t` to `next`: manual stepping.
@@ -180,6 +228,19 @@ impl Tableau {
         }
         Y::lincomb(&terms)
     }
+}
+
+const fn sum(weights: &[f64]) -> f64 {
+    let (mut sum, mut i) = (0.0, 0);
+    while i < weights.len() {
+        sum += weights[i];
+        i += 1;
+    }
+    sum
+}
+
+const fn near(sum: f64, value: f64) -> bool {
+    (sum - value).abs() < 1e-12
 }
 
 /// `y + h Σ w k`.

@@ -80,6 +80,7 @@ impl ConvGeometry {
 
 /// Which convolution algorithm may run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum ConvAlgorithm {
     /// Winograd F(4,3) where it pays (`f32`, 3x3, stride 1, enough channels and pixels), else
     /// direct. Winograd's rounding errors are about five times those of the direct form.

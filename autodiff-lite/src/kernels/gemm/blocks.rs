@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use crate::kernels::blocks::SERIAL_BELOW;
 use crate::kernels::extent::work;
+use crate::kernels::threads;
 
 use super::tile::MOST_PRODUCTS;
 
@@ -59,7 +60,7 @@ impl Cuts {
     ) -> Self {
         let flops = work(&[2, m, k, n, terms]);
         let parallel = flops >= SERIAL_BELOW;
-        let threads = if parallel { rayon::current_num_threads() } else { 1 };
+        let threads = if parallel { threads::available() } else { 1 };
         let (strips, panels) = (m.div_ceil(height), n.div_ceil(width));
         let packs_alone = m <= LOW && (threads == 1 || panels * outputs >= 4 * threads);
         let mut cuts = Self {

@@ -20,7 +20,7 @@ mod pull;
 mod state;
 
 use autodiff_lite::Real;
-use rayon::prelude::*;
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 
 use crate::SoftRas;
 use crate::kernels::setup::{BAND_ROWS, visible_corners};
@@ -151,13 +151,12 @@ impl<F: Real> ImageState<F> {
     fn prepare(&mut self, renderer: &SoftRas<F>, projected: &[F]) {
         let reach = F::from_f64(renderer.settings.reach());
         self.faces.resize(renderer.faces.len(), Ready::default());
-        (&mut self.faces, renderer.faces.corners()).into_par_iter().with_min_len(CHUNK).for_each(
-            |(ready, &corners)| {
-                let corners = visible_corners(projected, corners, F::zero());
-                let found = corners.and_then(|p| Ready::new(p, &renderer.centres, reach));
-                *ready = found.unwrap_or_default();
-            },
-        );
+        let faces = self.faces.par_iter_mut().zip(renderer.faces.corners().par_iter());
+        faces.with_min_len(CHUNK).for_each(|(ready, &corners)| {
+            let corners = visible_corners(projected, corners, F::zero());
+            let found = corners.and_then(|p| Ready::new(p, &renderer.centres, reach));
+            *ready = found.unwrap_or_default();
+        });
         self.bands.sort(renderer.settings.height, self.faces.iter().map(|f| f.pixels.rows));
     }
 }

@@ -1,7 +1,7 @@
 //! The gradient of the aggregation, face by face.
 
 use autodiff_lite::Real;
-use rayon::prelude::*;
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 
 use super::face::{Constants, Ready, SUM_GUARD, Shown, Touch};
 use super::state::{ImageState, State};
@@ -35,13 +35,14 @@ pub fn softras_grad<F: Real>(
         return;
     }
     let mut none: Vec<&mut [F]> = Vec::new();
-    let parts: Vec<&mut [F]> = if wanted {
+    let mut parts: Vec<&mut [F]> = if wanted {
         of_colours.chunks_exact_mut(stride).collect()
     } else {
         none.resize_with(state.images.len(), Default::default);
         none
     };
-    let batch = state.images.par_iter_mut().zip(parts).zip(of_projected.par_chunks_mut(positions));
+    let states = state.images.par_iter_mut().zip(parts.par_iter_mut());
+    let batch = states.zip(of_projected.par_chunks_mut(positions));
     batch.enumerate().for_each(|(n, ((state, of_colours), out))| {
         let range = pixels * n..pixels * (n + 1);
         let planes = [&images[range.clone()], &grad[range]];

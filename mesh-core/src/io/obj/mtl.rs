@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use super::lines::{Lines, split_word};
 use super::parse::Parsed;
-use crate::io::open::{Root, folder_of, regular};
+use crate::io::open::{Root, folder_of};
+use crate::io::regular;
 use crate::io::remark::not_read;
 use crate::io::{NotRead, ReadMeshError, Remark};
 use crate::{Budget, Limits};

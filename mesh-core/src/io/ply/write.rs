@@ -8,6 +8,7 @@ use crate::io::{EncodeError, WriteError, check, write_atomic};
 
 /// How the numbers of a PLY file are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Encoding {
     /// Little-endian bytes.
     #[default]

@@ -10,4 +10,5 @@ pub const ADAPTIVE_HEUN: Tableau = Tableau {
     carries_last: true,
     reference: "Heun 1900, Zeitschrift für Mathematik und Physik 45; as torchdiffeq continues its steps",
     ..super::HEUN
-};
+}
+.checked();

@@ -16,4 +16,5 @@ pub const BOSH3: Tableau = Tableau {
     dense: None,
     carries_last: false,
     reference: "Bogacki, Shampine 1989, A 3(2) pair of Runge-Kutta formulas",
-};
+}
+.checked();

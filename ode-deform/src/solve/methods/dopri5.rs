@@ -38,4 +38,5 @@ pub const DOPRI5: Tableau = Tableau {
     ]),
     carries_last: false,
     reference: "Dormand, Prince 1980, A family of embedded Runge-Kutta formulae; Hairer, Nørsett, Wanner 1993, II.6",
-};
+}
+.checked();

@@ -11,4 +11,5 @@ pub const EULER: Tableau = Tableau {
     dense: None,
     carries_last: false,
     reference: "Euler 1768, Institutiones calculi integralis",
-};
+}
+.checked();

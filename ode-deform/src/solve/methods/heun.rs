@@ -11,4 +11,5 @@ pub const HEUN: Tableau = Tableau {
     dense: None,
     carries_last: false,
     reference: "Heun 1900, Zeitschrift für Mathematik und Physik 45",
-};
+}
+.checked();

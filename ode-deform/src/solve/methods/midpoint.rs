@@ -12,4 +12,5 @@ pub const MIDPOINT: Tableau = Tableau {
     dense: None,
     carries_last: false,
     reference: "Runge 1895, Mathematische Annalen 46",
-};
+}
+.checked();

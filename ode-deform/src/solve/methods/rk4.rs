@@ -11,4 +11,5 @@ pub const RK4: Tableau = Tableau {
     dense: None,
     carries_last: false,
     reference: "Kutta 1901, Zeitschrift für Mathematik und Physik 46",
-};
+}
+.checked();

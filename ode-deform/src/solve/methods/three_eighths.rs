@@ -11,4 +11,5 @@ pub const THREE_EIGHTHS: Tableau = Tableau {
     dense: None,
     carries_last: false,
     reference: "Kutta 1901, Beitrag zur näherungsweisen Integration totaler Differentialgleichungen",
-};
+}
+.checked();

@@ -59,4 +59,5 @@ pub const TSIT5: Tableau = Tableau {
     ]),
     carries_last: false,
     reference: "Tsitouras 2011, Runge-Kutta pairs of order 5(4) satisfying only the first column simplifying assumption",
-};
+}
+.checked();
