@@ -1,6 +1,8 @@
 //! What can go wrong with mesh files.
 
-use std::path::{Path, PathBuf};
+#[cfg(feature = "files")]
+use std::path::Path;
+use std::path::PathBuf;
 
 use crate::{ImageError, OverLimit};
 

@@ -14,7 +14,7 @@
 //!
 //! Readers take any bytes: what is wrong becomes an error that names the file, the line or field,
 //! what was found and what was expected; no length that a file claims is believed before the
-//! bytes are there. Memory and images are held to [`Limits`]: those of `read` and `decode` are the
+//! bytes are there. Memory and images are held to [`Limits`](crate::Limits): those of `read` and `decode` are the
 //! default, those of `read_with` and `decode_with` the caller's, and what the mesh does not hold of
 //! the file is added to a list of [`Remark`]s. Only regular files are opened, and of those that a file
 //! names only what is in its folder or below it.

@@ -33,7 +33,7 @@ fn main() -> Result<(), SolveError> {
     let problem = Problem::new([0.0, 6.5], &DOPRI5, StepController::adaptive(1e-9, 1e-9));
     let problem = problem.save_at((0..65).map(|i| 0.1 * f64::from(i)));
     let curve = solve(truth, [2.0, 0.0], &problem)?.states;
-    let at = |first| Array2::from_shape_fn((64, 2), |(i, k)| curve[first + i][k] as f32);
+    let at = |first: usize| Array2::from_shape_fn((64, 2), |(i, k)| curve[first + i][k] as f32);
 
     let mlp = Mlp::new(&Init::new(0), &[2, 32, 2], Activation::Tanh);
     let mut field = field_fn(mlp, |mlp: &Mlp, _, y: Var<'_>, _| mlp.forward(y * y * y));
