@@ -279,3 +279,22 @@ fn weights_are_exported_found_and_predict() {
     missing.fails(2, &["no img2mesh.safetensors in views", "unsphere train img2mesh"]);
     assert!(!place().join("by-none").exists());
 }
+
+/// Networks for other programs; that their numbers are right, `benches/tests/exported.rs` sees.
+#[test]
+fn networks_are_exported_and_described() {
+    let arguments = ["export", "img2mesh", "--json", "-c", "run", "--onnx", "given/net.onnx"];
+    let networks = run(&arguments).ok().json();
+    let file = std::fs::read(place().join("given/net.onnx")).unwrap();
+    assert_eq!(networks["bytes"].as_u64(), Some(file.len() as u64));
+    // The first field is the version of the format.
+    assert_eq!(file[..2], [8, 8]);
+    let side = networks["inputs"]["image"][1].clone();
+    assert_eq!(networks["inputs"]["image"], serde_json::json!([3, side, side]));
+    assert_eq!(networks["outputs"]["positions"][1], 3);
+    let weights = networks["numbers"].as_u64().unwrap() * 4;
+    assert!(weights > 100_000 && weights < file.len() as u64, "{networks}");
+    run(&arguments).fails(1, &["given/net.onnx", "--force"]);
+    run(&["export", "img2mesh", "-c", "run", "--onnx", "given/net.bin"]).fails(2, &[".onnx"]);
+    run(&["export", "img2mesh", "-c", "run"]).fails(2, &["--output"]);
+}

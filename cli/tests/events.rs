@@ -78,7 +78,7 @@ fn stdout_has_nothing_but_lines_where_they_go_there() {
 }
 
 #[test]
-fn trainings_and_studies_tell_their_steps() {
+fn trainings_tell_their_steps() {
     let place = tempfile::tempdir().unwrap();
     let small = "--set level=1 --set synthetic-views=10 --set epochs=2";
     let line = format!("train img2mesh --preset tiny -o run -q --log-json train.jsonl {small}");

@@ -318,12 +318,20 @@ fn heads() -> Vec<Network> {
         },
         layer(
             "image-decoder",
-            ImageDecoder::<f32>::new(&init.at("decoder"), 2, 3),
+            louder(ImageDecoder::<f32>::new(&init.at("decoder"), 2, 3)),
             &[32, 2, 1],
             |l, x| l.forward(x),
         ),
         of_points(points),
     ]
+}
+
+/// With weights so large that the image is not grey all over.
+fn louder(mut decoder: ImageDecoder) -> ImageDecoder {
+    decoder.visit_mut("", &mut |_: &str, param: &mut autodiff_lite::Param| {
+        param.as_slice_mut().iter_mut().for_each(|x| *x *= 8.0);
+    });
+    decoder
 }
 
 /// Code and points are two inputs.

@@ -98,7 +98,7 @@ train::options! {
         pub bending_weight: f64 = 0.0, in 0.0..=1e6;
         /// What the loss of the masks counts of each mesh before the last stage's.
         pub early_weight: f64 = 0.3, in 0.0..=1.0;
-        /// Whether DIB-R draws by its published rules ([`Settings::published`](diff_raster::Settings::published)): colours
+        /// Whether DIB-R draws by its published rules (`diff_raster::Settings::published`): colours
         /// linear on the screen, no near plane, faces that turn away invisible, a silhouette of at most 30 faces a
         /// pixel, the first by their numbers.
         pub published_rules: bool = false;

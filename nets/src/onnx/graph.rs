@@ -150,14 +150,16 @@ impl OnnxGraph {
         shape: &[usize],
     ) -> OnnxValue {
         let name = self.named(op);
+        // Nodes and values have names of one kind in some runtimes.
+        let value = OnnxValue { name: format!("{name}_output"), shape: shape.to_vec() };
         self.graph.node.push(Node {
             input: inputs.iter().map(|&input| input.to_owned()).collect(),
-            output: vec![name.clone()],
-            name: name.clone(),
+            output: vec![value.name.clone()],
+            name,
             op_type: op.to_owned(),
             attribute,
         });
-        OnnxValue { name, shape: shape.to_vec() }
+        value
     }
 }
 

@@ -2,7 +2,7 @@
 
     pip install onnx onnxruntime numpy
     ONNX_FOLDER=/tmp/networks cargo test -p unsphere-benches --features onnx --test exported
-    python benches/peers/onnx.py /tmp/networks
+    python benches/peers/exported.py /tmp/networks
 
 Prints for each network the largest difference from the tape as a share of the range of the numbers, and fails above 1e-5.
 """
