@@ -15,7 +15,7 @@ fn pages(root: &Path) -> BTreeMap<PathBuf, String> {
             let name = path.file_name().unwrap().to_str().unwrap();
             if path.is_dir() && !name.starts_with('.') && name != "target" && name != "corpus" {
                 pending.push(path);
-            } else if name.ends_with(".md") {
+            } else if path.extension().is_some_and(|end| end == "md") {
                 let text = prose(&fs::read_to_string(&path).unwrap());
                 found.insert(path.strip_prefix(root).unwrap().to_owned(), text);
             }

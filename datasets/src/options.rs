@@ -122,9 +122,8 @@ pub enum MaskSource {
 
 /// Whether a view or a file is meant by a name: its own, or that of its image.
 pub(crate) fn is_called(view: &str, name: &str) -> bool {
-    let file = |text: &'_ str| text.rsplit(['/', '\\']).next().unwrap_or(text).to_owned();
-    let stem =
-        |file: &str| file.rsplit_once('.').map_or(file.to_owned(), |(stem, _)| stem.to_owned());
+    let file = |text: &str| text.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
+    let stem = |file: &str| file.rsplit_once('.').map_or(file, |(stem, _)| stem).to_owned();
     let (view, name) = (file(view), file(name));
     view == name || view == stem(&name) || stem(&view) == name
 }

@@ -1,5 +1,9 @@
 //! From a fit to the folder that a user keeps: meshes, turntable, report and figures.
 
+mod refinement;
+
+pub use refinement::Refinement;
+
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 
@@ -7,7 +11,7 @@ use datasets::{View, Views};
 use diff_raster::FacesError;
 use losses::metrics::{CompareError, Preset, Report as Comparison, evaluate};
 use mesh_core::io::{glb, write_mesh};
-use mesh_core::{ByteImage, Camera, Examination, Health, TriMesh, UpAxis, WriteError};
+use mesh_core::{ByteImage, Examination, Health, TriMesh, UpAxis, WriteError};
 use serde::Serialize;
 use synth::{Lighting, RenderOptions, render_views};
 use train::output::{OutputError, OutputFolder};
@@ -86,22 +90,6 @@ pub struct Metrics {
     pub self_intersections: usize,
     /// Against the true mesh, one entry for each protocol; empty where it is not known.
     pub truth: Vec<Comparison>,
-}
-
-/// What became of cameras that were refined.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Refinement {
-    /// The focal length, times the one given.
-    pub focal: f64,
-    /// How far the outlines moved in the images, root mean square in pixels.
-    pub motion: f64,
-    /// Distance of the outlines to the masks before and after, root mean square in pixels.
-    pub distance: [f64; 2],
-    /// How far outlines miss one another before and after, mean in pixels of an image of at most 320, measured without the mesh.
-    pub gap: [f64; 2],
-    /// The scores on held-out views if their poses, which are as far off as the others were, are found from their own masks by the
-    /// finished mesh; none where no view is held out.
-    pub located: Option<ViewScores>,
 }
 
 impl Metrics {
@@ -233,8 +221,6 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         None => indices.iter().map(|&i| &delivery.views.views[i]).collect(),
     };
     let (scores, pairs) = compare(&fitted.mesh, &views, delivery.config.picture_size)?;
-    let located = fitted.cameras.as_ref().filter(|found| !found.located.is_empty());
-    let located = located.map(|found| located_scores(delivery, &found.located)).transpose()?;
     let against = |truth| {
         let protocols = Preset::ALL.map(|preset| preset.protocol(delivery.config.seed));
         protocols.iter().map(|p| evaluate(&fitted.mesh, truth, p)).collect::<Result<_, _>>()
@@ -247,13 +233,7 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         up: delivery.up.name(),
         verdict: delivery.assessment.verdict.clone(),
         evidence: delivery.assessment.evidence.clone(),
-        cameras: fitted.cameras.as_ref().map(|found| Refinement {
-            focal: found.focal,
-            motion: found.motion,
-            distance: found.distance,
-            gap: found.gap,
-            located,
-        }),
+        cameras: Refinement::of(fitted, &delivery.views.views)?,
         scored_on,
         views: scores,
         health: fitted.health.clone(),
@@ -263,15 +243,6 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         truth,
     };
     Ok((metrics, pairs))
-}
-
-/// The scores on held-out views from these cameras.
-fn located_scores(delivery: &Delivery<'_>, cameras: &[Camera]) -> Result<ViewScores, FacesError> {
-    let held_out = delivery.fitted.held_out_views.iter().zip(cameras);
-    let views: Vec<View> = held_out
-        .map(|(&i, camera)| View { camera: camera.clone(), ..delivery.views.views[i].clone() })
-        .collect();
-    score_views(&delivery.fitted.mesh, &views.iter().collect::<Vec<_>>(), &|_, _| ())
 }
 
 /// Scores a mesh on views, and shows it above them, at most `side` pixels wide: every so many where there are more than a

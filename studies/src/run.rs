@@ -46,6 +46,7 @@ impl Reproduced {
     }
 }
 
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
 fn is_cancelled<S: Serializer>(ended: &Ended, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_bool(ended.is_cancelled())
 }

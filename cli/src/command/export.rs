@@ -161,7 +161,7 @@ fn listed(networks: &Networks) -> String {
     let all = networks.inputs.iter().map(|value| ("in", value));
     let all = all.chain(networks.outputs.iter().map(|value| ("out", value)));
     let rows = all.map(|(way, (name, shape))| {
-        let axes: String = shape.iter().map(|n| format!(", {n}")).collect();
+        let axes = shape.iter().fold(String::new(), |text, n| format!("{text}, {n}"));
         (format!("{way} {name}"), format!("[batch{axes}]"))
     });
     table(std::iter::once(("networks".to_owned(), file)).chain(rows))
