@@ -118,13 +118,15 @@ pub(crate) fn read_chosen(
         )
         .collect();
     let mut views = Vec::with_capacity(results.len());
-    let mut test = Vec::new();
+    let (mut test, mut unread) = (Vec::new(), None);
     for (at, result) in results.into_iter().enumerate() {
         let index = which.map_or(at, |which| which[at]);
         match result {
             Ok(view) if !options.wants(&view.name) => {}
-            // What is not wanted may be what cannot be read.
-            Err(error) if !options.wants(&error.path.to_string_lossy()) => {}
+            // What is not wanted may be what cannot be read; or it is the file of all cameras, and a view will be missed.
+            Err(error) if !options.wants(&error.path.to_string_lossy()) => {
+                unread = unread.or(Some(error));
+            }
             Ok(view) => {
                 if kept_for_test.binary_search(&index).is_ok() {
                     test.push(views.len());
@@ -139,12 +141,10 @@ pub(crate) fn read_chosen(
     }
     for name in options.only.iter().flatten() {
         if !views.iter().any(|view| is_called(&view.name, name)) {
-            return Err(ReadViewsError::field(
-                path,
-                "views",
-                format!("none called {name}"),
-                "those that are named",
-            ));
+            let why =
+                unread.map_or_else(String::new, |error| format!(" that can be read: {error}"));
+            let found = format!("none called {name}{why}");
+            return Err(ReadViewsError::field(path, "views", found, "those that are named"));
         }
     }
     if views.is_empty() && total > 0 {
