@@ -26,7 +26,8 @@
 //!   [`TriMesh::self_intersections`], both as [`TriMesh::examined`] says them, bounds, area, volume, transforms, [`TriMesh::append`],
 //!   [`TriMesh::vertex_colors`]
 //! - **make one**: [`primitives`]; finer by [`subdivide`], with anything that lives on the vertices by
-//!   [`Subdivision`]; better triangles by [`improve`], of one size by [`fn@remesh`], fewer by [`simplify`], fewer and graded by [`coarsen`]
+//!   [`Subdivision`]; better triangles by [`improve`], of one size by [`fn@remesh`], fewer by [`simplify`], fewer and graded by [`coarsen`];
+//!   without self-intersections by [`TriMesh::untangle`]
 //! - **who is next to whom**: [`Topology`] (edges, face pairs, rings), [`Csr`]
 //! - **measure**: [`face_normals`], [`vertex_normals`], [`face_areas`], [`vertex_areas`];
 //!   [`adjacency`], [`uniform_laplacian`], [`combinatorial_laplacian`], [`cotangent_laplacian`] as [`SparseRows`]
@@ -96,6 +97,7 @@ mod scalar;
 mod subdivide;
 mod texture;
 mod topology;
+mod untangle;
 mod up_axis;
 pub mod vector;
 mod voxel;
@@ -146,6 +148,7 @@ pub use sample::{SurfacePoint, sample_points, sample_surface};
 pub use scalar::Scalar;
 pub use subdivide::{Subdivision, subdivide};
 pub use topology::{FacePair, Topology};
+pub use untangle::untangle;
 pub use up_axis::{UpAxis, UpAxisError};
 pub use voxel::{
     Bounds, VoxelGrid, voxelize_enclosed, voxelize_parity, voxelize_solid, voxelize_surface,

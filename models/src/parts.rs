@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use datasets::{Entry, Subsets};
+use mesh_core::TriMesh;
 use train::{Better, DataError, DataSummary, Metric, Subset};
 
 /// The same three in the words of the readers.
@@ -39,6 +40,15 @@ pub(crate) fn wanted(parts: &Subsets, subset: Subset) -> Result<&[usize], DataEr
 /// of its own it has half of the tests'.
 pub(crate) fn counts(train: usize, validation: Option<usize>, test: usize) -> [usize; 3] {
     [train, validation.unwrap_or_else(|| test.div_ceil(2)), test]
+}
+
+/// The mesh of a network as it is scored and delivered: moved apart, if that is wanted, where it passes through itself.
+pub(crate) fn finished(mut mesh: TriMesh, untangle: bool) -> TriMesh {
+    if untangle && mesh.positions.as_flattened().iter().all(|x| x.is_finite()) {
+        // What cannot be mended stays: whoever asks for the mesh's health hears of it.
+        let _ = mesh.untangle();
+    }
+    mesh
 }
 
 /// What there is to say of them.

@@ -58,7 +58,7 @@ impl<B: MeshInit> Predictor for Refined<B> {
         let (mesh, stages) = self.mesh_and_stages_of(&scene);
         let in_world = |mesh| scene.depth_targets.frame.mesh_in_world(mesh);
         Ok(Prediction {
-            mesh: in_world(mesh),
+            mesh: in_world(self.refine().pairs.finished(mesh)),
             sequence: stages.into_iter().map(in_world).collect(),
             ..Prediction::default()
         })

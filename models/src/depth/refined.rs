@@ -138,15 +138,16 @@ impl<B: MeshInit> Refined<B> {
     }
 
     /// The mesh of one image in the frame of its camera, coloured where the last stage knows colours; and the logits of
-    /// its cells.
+    /// its cells. Moved apart where it passes through itself, if the options say so.
     pub fn mesh_of(&self, scene: &Scene) -> (TriMesh, Vec<f32>) {
         let tape = Tape::eval();
         let forward = self.forward(&tape, &[scene]);
         let logits = forward.logits.map(|logits| logits.value().iter().copied().collect());
-        (mesh(forward.last(), forward.colors), logits.unwrap_or_default())
+        let mesh = mesh(forward.last(), forward.colors);
+        (self.refine().pairs.finished(mesh), logits.unwrap_or_default())
     }
 
-    /// The mesh of one image as [`mesh_of`](Self::mesh_of) has it, and the meshes before and after each stage, without
+    /// The mesh of one image as the network puts it out, and the meshes before and after each stage, without
     /// colours; all in the frame of the camera.
     pub fn mesh_and_stages_of(&self, scene: &Scene) -> (TriMesh, Vec<TriMesh>) {
         let tape = Tape::eval();

@@ -53,6 +53,7 @@ use std::sync::Arc;
 use autodiff_lite::{Tape, Var, impl_module};
 use datasets::View;
 use mesh_core::TriMesh;
+use ndarray::ArrayD;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use train::{
@@ -60,6 +61,7 @@ use train::{
     StepInfo, Subset, Summary, System, Terms,
 };
 
+use crate::parts::finished;
 use crate::stacked::stacked;
 use encoder::Encoder;
 use feature_cache::FeatureCache;
@@ -94,6 +96,19 @@ impl Img2Mesh {
     /// The same from images that are not looked at again: no features are kept.
     fn meshes_uncached<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
         *self.sequence_uncached(tape, n, views).last().expect("a mesh at least")
+    }
+
+    /// The only mesh of a batch as it is scored and delivered.
+    fn finished<'t>(&self, tape: &'t Tape, meshes: Meshes<'t>) -> Meshes<'t> {
+        if !self.config.untangle {
+            return meshes;
+        }
+        let shape = meshes.positions.shape();
+        let rows = meshes.positions.value().as_slice().as_chunks::<3>().0.to_vec();
+        let mesh = finished(TriMesh::new(rows, self.finest().renderer.corners.clone()), true);
+        let values = mesh.positions.into_flattened();
+        let positions = ArrayD::from_shape_vec(shape, values).expect("as many vertices");
+        Meshes { positions: tape.constant(positions), ..meshes }
     }
 
     /// The finest level, on which predictions are.
@@ -349,7 +364,7 @@ impl System for Img2Mesh {
             .map(|view| Prepared::new(view, &self.config).map(Arc::new))
             .collect::<Result<Vec<_>, _>>()?;
         let tape = Tape::eval();
-        Ok(self.mesh(self.meshes_uncached(&tape, 1, &prepared)))
+        Ok(self.mesh(self.finished(&tape, self.meshes_uncached(&tape, 1, &prepared))))
     }
 }
 

@@ -1,9 +1,10 @@
-//! Which images and surfaces.
+//! Which images and surfaces, and what of a prediction is scored.
 
+use mesh_core::TriMesh;
 use synth::families_named;
 use train::settings::LARGEST;
 
-use crate::parts::counts;
+use crate::parts::{counts, finished};
 
 train::options! {
     /// Options of the data, in one table with those of the system that learns from it.
@@ -35,6 +36,9 @@ train::options! {
         pub validation_objects: Option<usize> = None, in 1..=100_000;
         /// Others of each family that are scored at the end.
         pub test_objects: usize = 20, in 0..=100_000;
+        /// Whether what passes through itself is moved apart in the mesh that the network puts out
+        /// ([`TriMesh::untangle`](mesh_core::TriMesh::untangle)), before it is scored or written.
+        pub untangle: bool = false;
         /// The families; empty takes all.
         pub families: Vec<String> = vec!["airplane".to_owned()];
     }
@@ -49,6 +53,11 @@ impl PairsConfig {
     /// Procedural objects of each family for training, validation and test.
     pub(super) fn counts(&self) -> [usize; 3] {
         counts(self.objects, self.validation_objects, self.test_objects)
+    }
+
+    /// The mesh as it is scored and delivered.
+    pub(crate) fn finished(&self, mesh: TriMesh) -> TriMesh {
+        finished(mesh, self.untangle)
     }
 
     /// What is wrong beside ranges, one sentence each.

@@ -114,10 +114,16 @@ impl<D: Deformer> SingleView<D> {
             CameraSource::Told => None,
             CameraSource::Estimated => self.estimate(picture)?,
         };
-        estimate.map_or_else(
-            || self.mesh_told(picture).map(|(mesh, stats)| Seen::Told(mesh, stats)),
-            |estimate| Ok(Seen::Estimated(estimate)),
-        )
+        let finished = |mesh| self.shared().pairs.finished(mesh);
+        match estimate {
+            Some(estimate) => {
+                Ok(Seen::Estimated(Estimate { mesh: finished(estimate.mesh), ..estimate }))
+            }
+            None => {
+                let (mesh, stats) = self.mesh_told(picture)?;
+                Ok(Seen::Told(finished(mesh), stats))
+            }
+        }
     }
 
     /// The mesh of one image by a camera that is estimated from it: of the likely ones that whose mesh has the outline that fits

@@ -68,7 +68,7 @@ impl<D: Deformer> Predictor for SingleView<D> {
             }
         };
         Ok(Prediction {
-            mesh: in_world(mesh),
+            mesh: in_world(self.shared().pairs.finished(mesh)),
             sequence: sequence.into_iter().map(in_world).collect(),
             details: estimate.iter().flat_map(details).collect(),
             ..Prediction::default()

@@ -65,12 +65,11 @@ mod start;
 mod stepper;
 mod target;
 mod texture;
-mod untangle;
 
 use std::time::Instant;
 
 use datasets::{View, Views};
-use mesh_core::{Health, TriMesh};
+use mesh_core::{Health, TriMesh, untangle};
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 use train::Metric;
@@ -376,7 +375,7 @@ impl<'a, 'o> Run<'a, 'o> {
         let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
         self.fitted.cameras = self.refined_cameras(&shape, views);
         let Shape { mut positions, faces, topology, .. } = shape;
-        let untangled = untangle::untangle(&mut positions, &faces, &topology).is_some();
+        let untangled = untangle(&mut positions, &faces, &topology).is_some();
         let (positions, faces, topology) = (&positions, &faces, &topology);
         let (vertices, count) = (positions.len(), faces.len());
         self.stage("color", vertices, count);
@@ -401,7 +400,7 @@ impl<'a, 'o> Run<'a, 'o> {
         self.fitted.mesh =
             TriMesh { positions: world, faces: faces.clone(), colors: Some(colors), texture };
         let found = self.fitted.mesh.examined();
-        if let Some(text) = untangle::remaining(&found, untangled) {
+        if let Some(text) = settle::remaining(&found, untangled) {
             self.warn(text);
         }
         self.fitted.health = found.health;

@@ -1,12 +1,11 @@
 //! A mesh that is nearly right, moved until its outlines agree with a few views.
 
 use datasets::View;
-use mesh_core::{Topology, TriMesh, subdivide};
+use mesh_core::{Topology, TriMesh, subdivide, untangle};
 use train::settings::{LARGEST, Options as _};
 
 use super::{
     MARGIN, check, color, config::FitConfig, error::FitError, shape::Shape, target::Target,
-    untangle,
 };
 
 train::options! {
@@ -93,7 +92,7 @@ pub fn refine(mesh: &TriMesh, views: &[View], config: &RefineConfig) -> Result<T
     // Before the steps, which give back what smoothing takes: a surface that passes through itself has outlines that pull
     // at its wrong side.
     let topology = Topology::new(start.len(), &mesh.faces);
-    let _ = untangle::untangle(&mut start, &mesh.faces, &topology);
+    let _ = untangle(&mut start, &mesh.faces, &topology);
     let options = FitConfig {
         smoothness: config.smoothness,
         bending: config.bending,
@@ -113,7 +112,7 @@ pub fn refine(mesh: &TriMesh, views: &[View], config: &RefineConfig) -> Result<T
     }
     let Shape { mut positions, faces, topology, .. } = shape;
     // What cannot be mended stays: whoever asks for the mesh's health hears of it.
-    let _ = untangle::untangle(&mut positions, &faces, &topology);
+    let _ = untangle(&mut positions, &faces, &topology);
     let before = mesh.colors.as_deref();
     let colors = color::vertex_colors(&seen, &targets, &positions, &faces, &topology, before);
     let world = positions

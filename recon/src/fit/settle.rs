@@ -1,6 +1,8 @@
 //! The last steps of a mesh with thin parts, which mending pushed off the masks' edges.
 
-use super::{config::FitConfig, error::FitError, shape::Shape, target::Target, untangle::untangle};
+use mesh_core::{Examination, untangle};
+
+use super::{config::FitConfig, error::FitError, shape::Shape, target::Target};
 
 /// How often the mesh is moved and mended again, at most.
 const ROUNDS: usize = 6;
@@ -53,4 +55,41 @@ pub(super) fn mend(shape: &mut Shape) -> bool {
         shape.place(positions);
     }
     rounds.is_some()
+}
+
+/// What to say of a mesh after it, if anything: the count is that of the finished mesh, which rounding may have changed.
+pub(super) fn remaining(found: &Examination, untangled: bool) -> Option<String> {
+    let fold = || {
+        let degrees = found.health.largest_dihedral_degrees;
+        format!("the surface is folded by {degrees:.0} degrees")
+    };
+    let text = found.crossings().or_else(|| (!untangled).then(fold));
+    text.map(|text| text + " where smoothing could not help")
+}
+
+#[cfg(test)]
+mod tests {
+    use mesh_core::primitives;
+
+    use super::*;
+
+    #[test]
+    fn what_is_said_of_the_rest_is_what_is_counted() {
+        let ball = primitives::icosphere(2);
+        assert_eq!(remaining(&ball.examined(), true), None);
+        // Folds alone are no self-intersections, and are not called so.
+        let text = remaining(&ball.examined(), false).unwrap_or_default();
+        assert!(text.starts_with("the surface is folded by"), "{text}");
+        let mut two = ball.clone();
+        assert!(two.append(&ball.translated([0.9, 0.1, 0.2])).is_ok());
+        let found = two.examined();
+        for untangled in [true, false] {
+            let text = remaining(&found, untangled).unwrap_or_default();
+            let count = found.self_intersections;
+            assert!(
+                count > 1
+                    && text.starts_with(&format!("{count} pairs of faces run through each other"))
+            );
+        }
+    }
 }
