@@ -31,17 +31,26 @@ impl<F: Real> Backward<'_, F> {
     }
 
     /// The value of input `i`.
+    ///
+    /// # Shapes
+    /// That of input `i`.
     pub fn input(&self, i: usize) -> Tensor<F> {
         self.nodes[self.inputs[i] as usize].value().clone()
     }
 
     /// The value that the operation gave.
+    ///
+    /// # Shapes
+    /// That which the operation gave.
     pub fn output(&self) -> Tensor<F> {
         self.nodes[self.node].value().clone()
     }
 
     /// The gradient of the output. Drop it before [`take_grad_out`](Self::take_grad_out), which
     /// must else copy.
+    ///
+    /// # Shapes
+    /// That of the output.
     ///
     /// # Panics
     /// If it was taken.
@@ -51,6 +60,9 @@ impl<F: Real> Backward<'_, F> {
 
     /// The gradient of the output, to be changed in place and [given](Self::give) on. If it is
     /// not given on, [`recycle`](Self::recycle) it, or its memory is lost to the pool.
+    ///
+    /// # Shapes
+    /// That of the output.
     ///
     /// # Panics
     /// If it was taken before.
@@ -75,6 +87,9 @@ impl<F: Real> Backward<'_, F> {
 
     /// Adds `gradient` to that of input `i`; moves it in when there is none yet. It goes back to
     /// the pool when input `i` wants none.
+    ///
+    /// # Shapes
+    /// `gradient`: that of input `i`.
     ///
     /// # Panics
     /// If its shape is not that of the input.
@@ -125,6 +140,9 @@ impl<F: Real> Backward<'_, F> {
     }
 
     /// Gives the memory of an array to the pool, if nobody else holds it.
+    ///
+    /// # Shapes
+    /// Any.
     pub fn recycle(&self, array: impl Into<Tensor<F>>) {
         self.pool.recycle(array.into());
     }
@@ -135,6 +153,9 @@ impl<F: Real> Backward<'_, F> {
     }
 
     /// A tensor from the pool, stale but initialised: to be written whole and [given](Self::give).
+    ///
+    /// # Shapes
+    /// `shape`.
     pub fn array(&self, shape: &[usize]) -> Tensor<F> {
         self.pool.array(shape)
     }

@@ -53,6 +53,9 @@ impl<F: Real> Gradients<F> {
     }
 
     /// The gradient of a parameter, if the scalar depends on it.
+    ///
+    /// # Shapes
+    /// That of the parameter.
     pub fn of(&self, param: &Param<F>) -> Option<&Tensor<F>> {
         self.find(param.id()).map(|i| &self.entries[i].gradient)
     }

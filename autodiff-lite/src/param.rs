@@ -34,11 +34,17 @@ pub struct Param<F: Real = f32> {
 
 impl<F: Real> Param<F> {
     /// A trainable parameter with a new identity.
+    ///
+    /// # Shapes
+    /// Any, which the parameter then has for good.
     pub fn new(value: impl Into<Tensor<F>>) -> Self {
         Self { id: ParamId::fresh(), value: value.into(), trainable: true }
     }
 
     /// A parameter that is saved but not trained.
+    ///
+    /// # Shapes
+    /// Any, which the parameter then has for good.
     pub fn buffer(value: impl Into<Tensor<F>>) -> Self {
         Self { trainable: false, ..Self::new(value) }
     }

@@ -155,6 +155,9 @@ impl Pool {
     }
 
     /// Puts the memory of a tensor on its free list, if nobody else holds it.
+    ///
+    /// # Shapes
+    /// Any.
     pub fn recycle<T: Pooled>(&self, tensor: Tensor<T>) {
         if let Some(buffer) = tensor.try_into_vec() {
             self.give(buffer);
@@ -167,6 +170,9 @@ impl Pool {
     }
 
     /// A tensor of this shape, stale but initialised.
+    ///
+    /// # Shapes
+    /// `shape`.
     pub fn array<T: Pooled>(&self, shape: &[usize]) -> Tensor<T> {
         let buffer = self.take(shape.iter().product());
         let array = ArrayD::from_shape_vec(IxDyn(shape), buffer);
@@ -174,6 +180,9 @@ impl Pool {
     }
 
     /// A tensor of this shape, all of whose elements are `value`.
+    ///
+    /// # Shapes
+    /// `shape`.
     pub fn filled<T: Pooled>(&self, shape: &[usize], value: T) -> Tensor<T> {
         let mut tensor = self.array(shape);
         tensor.as_slice_mut().fill(value);
@@ -181,6 +190,9 @@ impl Pool {
     }
 
     /// A tensor of one's own with the elements of another.
+    ///
+    /// # Shapes
+    /// That of `tensor`.
     pub fn copy<T: Pooled>(&self, tensor: &Tensor<T>) -> Tensor<T> {
         let mut own = self.array(tensor.shape());
         own.as_slice_mut().copy_from_slice(tensor.as_slice());

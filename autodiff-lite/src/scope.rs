@@ -116,6 +116,9 @@ impl Drop for PathGuard<'_> {
 /// What a [scope](Tape::scope) may return: handles, and arrays, vectors, options, tuples of them.
 pub trait Handles<'t, F: Real> {
     /// Calls `f` with each handle.
+    ///
+    /// # Shapes
+    /// Any; the handles need not be alike.
     fn for_each(&self, f: &mut dyn FnMut(Var<'t, F>));
 }
 

@@ -136,18 +136,27 @@ impl<F: Real> Tape<F> {
     }
 
     /// A value without gradient.
+    ///
+    /// # Shapes
+    /// Any; the variable has that of `x`.
     #[track_caller]
     pub fn constant(&self, x: impl Into<Tensor<F>>) -> Var<'_, F> {
         self.push("constant", x.into(), &[], None, false, None)
     }
 
     /// A differentiable input; its gradient is [`Gradients::wrt`](crate::Gradients::wrt).
+    ///
+    /// # Shapes
+    /// Any; the variable has that of `x`.
     #[track_caller]
     pub fn leaf(&self, x: impl Into<Tensor<F>>) -> Var<'_, F> {
         self.push("leaf", x.into(), &[], None, self.is_recording(), None)
     }
 
     /// A parameter, by reference count; the same parameter twice is the same node.
+    ///
+    /// # Shapes
+    /// That of the parameter.
     #[track_caller]
     pub fn param(&self, param: &Param<F>) -> Var<'_, F> {
         if let Some(&id) = self.params.borrow().get(&param.id()) {
@@ -170,6 +179,9 @@ impl<F: Real> Tape<F> {
     /// Puts the result of an operation on the tape: the only way to record an op, for all crates.
     ///
     /// The operation is kept only if a gradient can flow through it.
+    ///
+    /// # Shapes
+    /// `inputs` of any shapes; the variable has that of `value`. The rule gives each input a gradient of its shape.
     #[track_caller]
     pub fn record(
         &self,
@@ -185,6 +197,9 @@ impl<F: Real> Tape<F> {
 
     /// [`record`](Self::record) with a closure as the rule, which keeps what it captures. An [`Op`] of its own
     /// is for rules of several functions.
+    ///
+    /// # Shapes
+    /// As [`record`](Self::record).
     #[track_caller]
     pub fn record_fn(
         &self,
@@ -197,6 +212,9 @@ impl<F: Real> Tape<F> {
     }
 
     /// Whether any of the inputs needs a gradient: if not, an operation need not save anything.
+    ///
+    /// # Shapes
+    /// Any.
     pub fn wants_grad(&self, inputs: &[Var<'_, F>]) -> bool {
         let nodes = self.nodes.borrow();
         inputs.iter().any(|input| nodes[input.id as usize].needs_grad)
@@ -286,11 +304,17 @@ impl<F: Real> Tape<F> {
     }
 
     /// A tensor from the pool, stale but initialised: to be written whole and recorded.
+    ///
+    /// # Shapes
+    /// `shape`.
     pub fn array(&self, shape: &[usize]) -> Tensor<F> {
         self.pool.array(shape)
     }
 
     /// Gives the memory of a value to the pool, if nobody else holds it.
+    ///
+    /// # Shapes
+    /// Any.
     pub fn recycle(&self, value: impl Into<Tensor<F>>) {
         self.pool.recycle(value.into());
     }

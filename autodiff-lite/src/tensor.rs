@@ -66,6 +66,9 @@ impl<F: Copy> Tensor<F> {
     }
 
     /// The elements as an array to be written, in place or in a copy as with [`as_slice_mut`](Self::as_slice_mut).
+    ///
+    /// # Shapes
+    /// That of the tensor.
     pub fn view_mut(&mut self) -> ArrayViewMutD<'_, F> {
         self.0.view_mut()
     }
@@ -84,11 +87,17 @@ impl<F: Copy> Tensor<F> {
     }
 
     /// An array of one's own: the memory itself when nobody else holds it, else a copy.
+    ///
+    /// # Shapes
+    /// That of the tensor.
     pub fn into_owned(self) -> ArrayD<F> {
         self.0.into_owned()
     }
 
     /// A copy as an array of one's own.
+    ///
+    /// # Shapes
+    /// That of the tensor.
     pub fn to_owned(&self) -> ArrayD<F> {
         self.0.to_owned()
     }

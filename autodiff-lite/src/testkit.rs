@@ -87,6 +87,9 @@ impl Options {
     }
 
     /// Random inputs of these shapes.
+    ///
+    /// # Shapes
+    /// One array for each of `shapes`.
     pub fn draw(&self, shapes: &[Vec<usize>]) -> Vec<ArrayD<f64>> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         let mut number = || loop {
@@ -130,6 +133,9 @@ pub enum Mismatch {
 
 /// The closure itself: wrapping it lets the compiler see that input and output share a lifetime,
 /// which it does not see in a closure that is bound to a name first.
+///
+/// # Shapes
+/// Those that the closure takes and gives.
 pub fn function<C>(f: C) -> C
 where
     C: for<'t> Fn(&[Var<'t, f64>]) -> Var<'t, f64>,
@@ -138,6 +144,9 @@ where
 }
 
 /// Checks the gradient of `f` at the given inputs.
+///
+/// # Shapes
+/// `inputs`: those that `f` takes. What `f` gives may have any shape; its elements are summed with random weights.
 ///
 /// # Errors
 /// The first mismatch.
@@ -252,6 +261,9 @@ fn beside(at: &mut impl FnMut(f64) -> f64, centre: f64, rule: f64, options: &Opt
 }
 
 /// Checks the gradient of `f` at random inputs of these shapes.
+///
+/// # Shapes
+/// `shapes`: one for each input that `f` takes.
 ///
 /// # Panics
 /// With the first mismatch.

@@ -18,6 +18,8 @@ impl<F: Real> fmt::Debug for Var<'_, F> {
     }
 }
 
+/// # Shapes
+/// Any, where nothing else is said.
 impl<'t, F: Real> Var<'t, F> {
     /// The tape it lives on.
     pub fn tape(self) -> &'t Tape<F> {

@@ -5,6 +5,9 @@ use crate::{Backward, Gradients, Real, Tape, Tensor, Var};
 impl<F: Real> Var<'_, F> {
     /// Gradients of this scalar with respect to every leaf and trainable parameter it depends on.
     ///
+    /// # Shapes
+    /// `self`: one element, `[]` or `[1]`. Each gradient has the shape of what it is the gradient of.
+    ///
     /// # Panics
     /// If it has more than one element, or lives on an eval tape.
     #[track_caller]
@@ -18,6 +21,9 @@ impl<F: Real> Var<'_, F> {
     }
 
     /// Gradients of `Σ seed ⊙ self`: a product of a vector with the Jacobian.
+    ///
+    /// # Shapes
+    /// `seed`: that of `self`. Each gradient has the shape of what it is the gradient of.
     ///
     /// # Panics
     /// If the shape of `seed` is another, or the tape is an eval tape.
@@ -79,6 +85,9 @@ impl<F: Real> Tape<F> {
 impl<F: Real> Gradients<F> {
     /// The gradient of a [leaf](Tape::leaf) or of a parameter's node, if the scalar depends on it.
     /// Values in between have none: their gradients were recycled.
+    ///
+    /// # Shapes
+    /// That of `var`.
     ///
     /// # Panics
     /// If the tape was reset since.

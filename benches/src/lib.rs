@@ -6,6 +6,7 @@
 
 pub mod gate;
 mod training_step;
+pub mod workspace;
 mod yardstick;
 
 use std::time::Duration;

@@ -6,8 +6,9 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::path::PathBuf;
+
+use benches::workspace::{packages, root, sources};
 
 /// What each crate may depend on within the workspace: "Who may know whom" of ARCHITECTURE.md, as data.
 const MAY_USE: &[(&str, &str)] = &[
@@ -88,10 +89,6 @@ const REPLACED: &[(&str, &str, &str)] = &[
     ("ode-deform", "slope", "derivative"),
 ];
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_path_buf()
-}
-
 /// The folder of a package: `unsphere-losses` is in `losses`, the program in `cli`.
 fn folder(package: &str) -> String {
     match package {
@@ -102,43 +99,13 @@ fn folder(package: &str) -> String {
 
 /// For each member of the workspace its dependencies (not those of its tests).
 fn members() -> BTreeMap<String, Vec<String>> {
-    let output = Command::new(env!("CARGO"))
-        .args(["metadata", "--no-deps", "--offline", "--format-version", "1"])
-        .current_dir(root())
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let text = |value: &serde_json::Value| value.as_str().unwrap().to_owned();
     let dependencies = |package: &serde_json::Value| {
         let all = package["dependencies"].as_array().unwrap().iter();
         all.filter(|d| d["kind"].is_null()).map(|d| folder(&text(&d["name"]))).collect()
     };
-    let packages = metadata["packages"].as_array().unwrap().iter();
-    packages.map(|package| (folder(&text(&package["name"])), dependencies(package))).collect()
-}
-
-/// All Rust files under a folder, with their text up to the unit tests.
-fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
-    let mut found = Vec::new();
-    let mut pending = vec![folder.to_path_buf()];
-    while let Some(folder) = pending.pop() {
-        let Ok(entries) = fs::read_dir(&folder) else { continue };
-        for path in entries.map(|entry| entry.unwrap().path()) {
-            if path.is_dir() {
-                pending.push(path);
-            } else if path.extension().is_some_and(|e| e == "rs") {
-                let text = fs::read_to_string(&path).unwrap();
-                let end = text.find("\n#[cfg(test)]\nmod ").unwrap_or(text.len());
-                // `mod tests;` in a file of its own: what follows is not a test.
-                let inline = text[end..].lines().nth(2).is_some_and(|line| line.ends_with('{'))
-                    || text[end..].contains("mod tests {");
-                found.push((path, if inline { text[..end].to_owned() } else { text }));
-            }
-        }
-    }
-    found.sort();
-    found
+    let all = packages();
+    all.iter().map(|package| (folder(&text(&package["name"])), dependencies(package))).collect()
 }
 
 fn library_sources() -> Vec<(PathBuf, String)> {

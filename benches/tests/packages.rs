@@ -4,28 +4,16 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
+use benches::workspace::{packages, root};
 use serde_json::Value;
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_path_buf()
-}
 
 /// The packages that are published, with their folders.
 fn published() -> Vec<(Value, PathBuf)> {
-    let output = Command::new(env!("CARGO"))
-        .args(["metadata", "--no-deps", "--offline", "--format-version", "1"])
-        .current_dir(root())
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let metadata: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let packages = metadata["packages"].as_array().unwrap().iter();
-    let published = packages.filter(|package| package["publish"].is_null());
+    let published = packages().into_iter().filter(|package| package["publish"].is_null());
     let folder =
         |p: &Value| Path::new(p["manifest_path"].as_str().unwrap()).parent().unwrap().into();
-    let all: Vec<_> = published.map(|package| (package.clone(), folder(package))).collect();
+    let all: Vec<_> = published.map(|package| (package.clone(), folder(&package))).collect();
     assert_eq!(all.len(), 14, "benches alone are not for others");
     all
 }

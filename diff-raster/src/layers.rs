@@ -226,8 +226,8 @@ pub struct Layers<'t, F: Real = f32> {
 impl<'t, F: Real> Layers<'t, F> {
     /// Rasterises; which faces a pixel has is held fixed by all gradients.
     ///
-    /// # Shapes, cost, panics
-    /// As [`rasterize_layers`].
+    /// # Shapes
+    /// `projected [N, V, 3]` as for [`rasterize_layers`]; cost and panics are the same.
     #[track_caller]
     pub fn new(projected: Var<'t, F>, faces: &Arc<Faces>, settings: &LayerSettings) -> Self {
         Self { projected, fragments: rasterize_layers(projected, faces, settings) }
@@ -235,6 +235,9 @@ impl<'t, F: Real> Layers<'t, F> {
 
     /// The same faces at each pixel as in earlier layers, measured at other positions: visibility is held fixed for some
     /// steps, or for a test of gradients.
+    ///
+    /// # Shapes
+    /// `projected [N, V, 3]`, of the batch and mesh that were rasterised.
     ///
     /// # Panics
     /// If the positions have not the shape of those that were rasterised.
@@ -245,6 +248,9 @@ impl<'t, F: Real> Layers<'t, F> {
     }
 
     /// [`again`](Self::again) from plain values, of [`rasterize_layers`] or of layers on another tape.
+    ///
+    /// # Shapes
+    /// `projected [N, V, 3]`, of the batch and mesh that were rasterised.
     ///
     /// # Panics
     /// If the positions have not the shape of those that were rasterised.

@@ -7,6 +7,9 @@ use ndarray::{Array3, ArrayView3, ArrayViewD, Ix3};
 pub trait Positions<F: Real> {
     /// Calls `f` with them as an array.
     ///
+    /// # Shapes
+    /// `[N, V, 3]`: x and y in NDC, planar depth.
+    ///
     /// # Panics
     /// If they have not three axes.
     fn with<R>(self, f: impl FnOnce(ArrayView3<'_, F>) -> R) -> R;

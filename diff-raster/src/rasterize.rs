@@ -59,6 +59,9 @@ pub fn rasterize<F: Real>(
 /// Nothing is allocated if `fragments` were as large before and `scratch` is the same. On a tape a
 /// [`Renderer`](crate::Renderer) does all that.
 ///
+/// # Shapes
+/// `projected [N, V, 3]` as for [`rasterize`].
+///
 /// # Panics
 /// As [`rasterize`].
 ///

@@ -35,8 +35,10 @@ pub struct Matches {
 }
 
 impl Matches {
-    /// Finds the nearest points of two sets, `[P, 3]` and `[Q, 3]`, or of N pairs of sets.
+    /// Finds the nearest points of two sets, or of N pairs of sets.
     ///
+    /// # Shapes
+    /// `x [P, 3]` and `y [Q, 3]`, or `[N, P, 3]` and `[N, Q, 3]`.
     /// # Cost
     /// `O(N P Q)`: all pairs are compared, so the cost does not depend on where the points are. In `f32`
     /// 2466 x 9000 points take about 1.2 ms on two AVX-512 cores (bench `losses`).
@@ -57,6 +59,9 @@ impl Matches {
     }
 
     /// [`find`](Self::find) under the L1 norm, `|Δx| + |Δy| + |Δz|`: for [`chamfer_l1`].
+    ///
+    /// # Shapes
+    /// As for [`find`](Self::find).
     ///
     /// # Cost
     /// `O(N P Q)`, in parallel over points.
@@ -110,6 +115,9 @@ impl Default for Directions {
 /// The Chamfer distance: the mean squared distance to the nearest point, both ways added.
 ///
 /// [`chamfer_distance`] with matches of its own and both directions weighing 1.
+///
+/// # Shapes
+/// `x [P, 3]` and `y [Q, 3]`, or `[N, P, 3]` and `[N, Q, 3]` → a scalar, in squared units.
 ///
 /// # Panics
 /// If the shapes are others, or a set is empty.

@@ -42,8 +42,10 @@ pub fn l1<'t, F: Real>(
 
 /// Mean squared difference, `mean(w (a - b)²)`.
 ///
-/// Shapes, weights, gradient and cost as in [`l1`]. On soft masks this is the mask loss of MCMR.
+/// Weights, gradient and cost as in [`l1`]. On soft masks this is the mask loss of MCMR.
 ///
+/// # Shapes
+/// As for [`l1`].
 /// # Panics
 /// If the shapes do not fit.
 #[track_caller]

@@ -34,10 +34,12 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
-    /// Finds the k points of `y [Q, D]` nearest to each of `x [P, D]`, or of N pairs of sets.
+    /// Finds the k nearest points of one set to each of another, or of N pairs of sets.
     ///
     /// Of equally near points the lowest come first.
     ///
+    /// # Shapes
+    /// `x [P, D]` and `y [Q, D]`, of which the neighbours are; or `[N, P, D]` and `[N, Q, D]`.
     /// # Cost
     /// `O(N P Q D)`: all pairs are compared, in parallel over the points of `x`.
     /// # Panics
@@ -77,6 +79,9 @@ impl Neighbours {
 /// Finds the k nearest points and how far they are: [`Neighbours::find`], then [`knn_distances`].
 ///
 /// PyTorch3D's `knn_points(x, y, K=k)`: the distances are **squared**.
+///
+/// # Shapes
+/// `x [P, D]` and `y [Q, D]` → `[P, k]`, or `[N, P, D]` and `[N, Q, D]` → `[N, P, k]`; squared units.
 ///
 /// # Panics
 /// As [`Neighbours::find`].

@@ -83,8 +83,8 @@ pub fn lab_lightness<'t, F: Real>(
 
 /// Mean squared difference of colour, `mean(w ((a - a')² + (b - b')²) / 2)`, over all pixels.
 ///
-/// Shapes and panics as [`lab_lightness`].
-///
+/// # Shapes
+/// As for [`lab_lightness`], and so are panics.
 /// # References
 /// The colour loss of Simoni et al. 2021, for masks of 0 and 1.
 #[track_caller]

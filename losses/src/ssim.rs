@@ -33,8 +33,8 @@ pub fn ssim_loss<'t, F: Real>(image: Var<'t, F>, target: Var<'t, F>) -> Var<'t, 
 /// [`ssim_loss`] averaged over the pixels whose window lies within the image: nothing is padded, and five rows and columns
 /// at each border count only as neighbours.
 ///
-/// # Shapes, gradient, cost
-/// As [`ssim_loss`].
+/// # Shapes
+/// As for [`ssim_loss`], and so are gradient and cost.
 /// # Panics
 /// As [`ssim_loss`], and if the image has fewer than 11 rows or columns.
 /// # References

@@ -5,22 +5,28 @@ use ndarray::{Array2, Array3, ArrayView2};
 use crate::{Camera, Scalar, TriMesh};
 
 impl TriMesh {
-    /// The positions as an array, `[V, 3]`, in either precision: `tape.leaf(mesh.vertices())`.
+    /// The positions as an array, in either precision: `tape.leaf(mesh.vertices())`.
     ///
     /// ```
     /// use mesh_core::primitives::icosphere;
     /// let vertices: ndarray::Array2<f64> = icosphere(2).vertices();
     /// assert_eq!(vertices.dim(), (162, 3));
     /// ```
+    ///
+    /// # Shapes
+    /// `[V, 3]`, in the mesh's units.
     pub fn vertices<T: Scalar>(&self) -> Array2<T> {
         Array2::from_shape_fn((self.positions.len(), 3), |(vertex, axis)| {
             T::narrowed(f64::from(self.positions[vertex][axis]))
         })
     }
 
-    /// Moves the vertices to the rows of an array, `[V, 3]`: what [`vertices`](Self::vertices) gave, moved.
+    /// Moves the vertices to the rows of an array: what [`vertices`](Self::vertices) gave, moved.
     ///
     /// Coordinates are rounded to `f32`.
+    ///
+    /// # Shapes
+    /// `vertices [V, 3]`, in the mesh's units.
     ///
     /// # Panics
     /// If the array has another shape.
@@ -35,8 +41,7 @@ impl TriMesh {
 }
 
 impl Camera {
-    /// The [projections](Self::projection) of cameras as an array, `[N, 3, 4]`: what positions on a tape are
-    /// projected by.
+    /// The [projections](Self::projection) of cameras as an array: what positions on a tape are projected by.
     ///
     /// ```
     /// use mesh_core::Camera;
@@ -45,6 +50,10 @@ impl Camera {
     /// assert_eq!(matrices.dim(), (1, 3, 4));
     /// assert_eq!(matrices[[0, 2, 3]], 5.0); // the depth of the origin
     /// ```
+    ///
+    /// # Shapes
+    /// N cameras → `[N, 3, 4]`: rows X, Y and W, each to be applied to `(x, y, z, 1)` of a point of the world. W is planar depth; NDC
+    /// are `(X/W, Y/W)`, of an orthographic camera `(X, Y)`.
     pub fn matrices<T: Scalar>(cameras: &[Self]) -> Array3<T> {
         let rows: Vec<_> = cameras.iter().map(Self::projection).collect();
         Array3::from_shape_fn((cameras.len(), 3, 4), |(camera, row, column)| {

@@ -205,6 +205,9 @@ impl<'t> Terms<'t> {
     }
 
     /// With one more part.
+    ///
+    /// # Shapes
+    /// `value []`, a scalar.
     #[must_use]
     pub fn with(mut self, name: &'static str, weight: f64, value: Var<'t>) -> Self {
         self.0.push(Term { name, weight, value });

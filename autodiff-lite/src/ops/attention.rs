@@ -12,16 +12,19 @@ use crate::{Backward, Real, ShapeError, Shapes, Tensor, Var};
 use super::dropout::{keep_mask, keep_scale};
 
 impl<F: Real> Var<'_, F> {
-    /// Attention of these queries `[N, Tq, D]` to keys and values `[N, Tk, D]`, split into `heads`
-    /// groups of neighbouring columns of width `d = D / heads`:
+    /// Attention of these queries to keys and values, split into `heads` groups of neighbouring columns of width
+    /// `d = D / heads`:
     ///
     /// ```text
-    /// y = dropout( softmax(Q Kᵀ / √d + mask) ) V        [N, Tq, D]
+    /// y = dropout( softmax(Q Kᵀ / √d + mask) ) V
     /// ```
     ///
-    /// The mask, `[Tq, Tk]` or `[N, Tq, Tk]`, is added to the scores of every head and has no
-    /// gradient; `-∞` forbids a pair, and each query needs one that is allowed, or its output is
-    /// NaN. Dropout acts on probabilities and on training tapes alone, as in PyTorch.
+    /// The mask is added to the scores of every head and has no gradient; `-∞` forbids a pair, and each query needs
+    /// one that is allowed, or its output is NaN. Dropout acts on probabilities and on training tapes alone, as in
+    /// PyTorch.
+    ///
+    /// # Shapes
+    /// `self [N, Tq, D]`, `keys` and `values` `[N, Tk, D]`, `mask [Tq, Tk]` or `[N, Tq, Tk]` → `[N, Tq, D]`.
     ///
     /// # Cost
     /// `4 N Tq Tk D` flops forward, `8 N Tq Tk D` backward; `N heads Tq Tk` numbers are kept.
@@ -49,8 +52,11 @@ impl<F: Real> Var<'_, F> {
         attend(&[self, keys, values], sizes, mask, dropout)
     }
 
-    /// [`attention`](Self::attention) where queries, keys and values stand side by side,
-    /// `[N, T, 3 D]`, as one linear layer makes them; gives `[N, T, D]`.
+    /// [`attention`](Self::attention) where queries, keys and values stand side by side, as one linear layer makes
+    /// them.
+    ///
+    /// # Shapes
+    /// `self [N, T, 3 D]`, `mask [T, T]` or `[N, T, T]` → `[N, T, D]`.
     ///
     /// # Panics
     /// As [`attention`](Self::attention).

@@ -7,13 +7,15 @@ use crate::{Backward, Real, Tensor, Var};
 use super::linear::{before_activation, give_bias};
 
 impl<F: Real> Var<'_, F> {
-    /// Convolution: `x [N, H, W, C]`, `weight [O, C, KH, KW]` (PyTorch's layout), `bias [O]` to
-    /// `[N, H', W', O]`:
+    /// Convolution:
     ///
     /// ```text
     /// y[n,i,j,o] = activation( b[o] + Σ x[n, i s - p + u d, j s - p + v d, c] w[o,c,u,v] )
     /// H' = (H + 2p - d (KH - 1) - 1) / s + 1
     /// ```
+    ///
+    /// # Shapes
+    /// `self [N, H, W, C]`, `weight [O, C, KH, KW]` (PyTorch's layout), `bias [O]` → `[N, H', W', O]`.
     ///
     /// # Cost
     /// `2 N H' W' O C KH KW` flops, each gradient as many; Winograd does a quarter of them where
@@ -46,11 +48,12 @@ impl<F: Real> Var<'_, F> {
         )
     }
 
-    /// Transposed convolution: `x [N, H, W, C]`, `weight [C, O, KH, KW]` (PyTorch's layout),
-    /// `bias [O]` to `[N, H', W', O]` with `H' = (H - 1) s - 2p + d (KH - 1) + 1 + output_padding`.
+    /// Transposed convolution: the gradient of the input of [`conv2d`](Self::conv2d) with the same weight; it costs
+    /// what that costs.
     ///
-    /// It is the gradient of the input of [`conv2d`](Self::conv2d) with the same weight, and
-    /// costs what that costs.
+    /// # Shapes
+    /// `self [N, H, W, C]`, `weight [C, O, KH, KW]` (PyTorch's layout), `bias [O]` → `[N, H', W', O]` with
+    /// `H' = (H - 1) s - 2p + d (KH - 1) + 1 + output_padding`, and `W'` likewise.
     ///
     /// # Panics
     /// If sizes differ, the output would be empty, or `output_padding` is not below the stride.

@@ -64,8 +64,10 @@ impl Conv3dGeometry {
 }
 
 impl<F: Real> Var<'_, F> {
-    /// Convolution over three axes: `x [N, D, H, W, C]`, `weight [O, C, KD, KH, KW]` (PyTorch's layout), `bias [O]` to
-    /// `[N, D', H', W', O]`; the formula is that of [`conv2d`](Self::conv2d) with one axis more.
+    /// Convolution over three axes; the formula is that of [`conv2d`](Self::conv2d) with one axis more.
+    ///
+    /// # Shapes
+    /// `self [N, D, H, W, C]`, `weight [O, C, KD, KH, KW]` (PyTorch's layout), `bias [O]` → `[N, D', H', W', O]`.
     ///
     /// # Cost
     /// For each of the KD slices of the window one convolution over two axes of all slices of the input that it meets,

@@ -10,6 +10,9 @@ impl<F: Real> Var<'_, F> {
     /// What is dropped follows from the tape's seed and from how many random operations came
     /// before; see [`Tape::reseed`](crate::Tape::reseed).
     ///
+    /// # Shapes
+    /// Any → the same.
+    ///
     /// # Panics
     /// If `p` is not within `[0, 1)`.
     #[track_caller]

@@ -10,6 +10,9 @@ macro_rules! unary {
         impl<F: Real> Var<'_, F> {
             $(
                 $(#[$doc])*
+                ///
+                /// # Shapes
+                /// Any → the same.
                 #[track_caller]
                 pub fn $name(self $(, $p: F)*) -> Self {
                     self.map_named(stringify!($name), move |$x: F| $f, move |$dx: F, $dy: F| $df)
@@ -90,6 +93,9 @@ unary! {
 
 impl<F: Real> Var<'_, F> {
     /// `-x`.
+    ///
+    /// # Shapes
+    /// Any → the same.
     #[track_caller]
     #[allow(clippy::should_implement_trait, reason = "the trait is implemented too")]
     pub fn neg(self) -> Self {
@@ -97,6 +103,9 @@ impl<F: Real> Var<'_, F> {
     }
 
     /// `xⁿ` for a whole number `n`.
+    ///
+    /// # Shapes
+    /// Any → the same.
     #[track_caller]
     pub fn powi(self, n: i32) -> Self {
         let factor = F::from_f64(n as f64);
@@ -116,6 +125,9 @@ impl<F: Real> Var<'_, F> {
     /// let gradients = y.backward();
     /// assert_eq!(gradients.wrt(x).unwrap().as_slice(), [1.0 / 2.25, 1.0 / 9.0]);
     /// ```
+    ///
+    /// # Shapes
+    /// Any → the same.
     #[track_caller]
     pub fn map(
         self,

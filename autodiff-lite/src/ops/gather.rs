@@ -4,9 +4,12 @@ use crate::kernels::rows;
 use crate::{Backward, PoolVec, Real, Var};
 
 impl<F: Real> Var<'_, F> {
-    /// Row `indices[k]` as row `k`: `[.., V, D] -> [.., K, D]`, the same indices for each batch.
+    /// Row `indices[k]` as row `k`, the same indices for each batch.
     ///
     /// The gradient is a scatter in the order of `k`, one thread per batch element.
+    ///
+    /// # Shapes
+    /// `self [.., V, D]`, `K` indices below `V` → `[.., K, D]`.
     ///
     /// # Panics
     /// If there are fewer than two axes, or an index is not below `V`.
@@ -26,8 +29,11 @@ impl<F: Real> Var<'_, F> {
         })
     }
 
-    /// A table of `rows` rows, to row `indices[k]` of which row `k` is added:
-    /// `[.., K, D] -> [.., rows, D]`. Rows that no index names are zero.
+    /// A table of `rows` rows, to row `indices[k]` of which row `k` is added: sums over segments that need not be
+    /// sorted. Rows that no index names are zero.
+    ///
+    /// # Shapes
+    /// `self [.., K, D]`, `K` indices below `rows` → `[.., rows, D]`.
     ///
     /// # Panics
     /// If there are fewer than two axes, the number of indices is not `K`, or one is not below

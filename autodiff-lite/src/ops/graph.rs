@@ -24,11 +24,16 @@ pub struct GraphWeights<'t, F: Real = f32> {
 }
 
 impl<'t, F: Real> Var<'t, F> {
-    /// `activation(x W + b + A (x U + c))` for each batch element: `x [.., V, D]`, the graph `A [V, V]`, `W` the
-    /// [own](GraphWeights::own) weight and `U` the one [across](GraphWeights::across), to `[.., V, O]`.
+    /// `activation(x W + b + A (x U + c))` for each batch element, with `W` the [own](GraphWeights::own) weight and `U`
+    /// the one [across](GraphWeights::across).
     ///
-    /// `4 V D O` flops and `2 entries O`, the gradient twice as many; nothing is kept for it. The graph is applied after
-    /// the weight, as is cheaper while `O <= D`. No gradient to the entries of `A`.
+    /// The graph is applied after the weight, as is cheaper while `O <= D`. No gradient to the entries of `A`.
+    ///
+    /// # Shapes
+    /// `self [.., V, D]`, `graph [V, V]`, weights as [`GraphWeights`] says → `[.., V, O]`.
+    ///
+    /// # Cost
+    /// `4 V D O` flops and `2 entries O`, the gradient twice as many; nothing is kept for it.
     ///
     /// # Panics
     /// If sizes differ, or `x` has fewer than two axes.

@@ -8,10 +8,13 @@ use crate::{Backward, PoolVec, Real, SparseMatrix, Var};
 use super::linear::{before_activation, give_bias};
 
 impl<F: Real> Var<'_, F> {
-    /// `activation(x_own + b + A x_sent)` for `x [.., V, 2 O]`, whose first `O` columns stay at their vertex and whose
-    /// others are sent over the graph `A [V, V]`; bias `b [O]`; to `[.., V, O]`.
+    /// `activation(x_own + b + A x_sent)`, where the first half of the columns stays at its vertex and the other is sent
+    /// over the graph `A`.
     ///
     /// A [graph convolution](Var::graph_conv) whose weights were applied before, both at once.
+    ///
+    /// # Shapes
+    /// `self [.., V, 2 O]`, `graph [V, V]`, `bias [O]` → `[.., V, O]`.
     ///
     /// # Panics
     /// If sizes differ, or the number of columns is odd.

@@ -8,6 +8,9 @@ use crate::{Backward, Real, Tape, Var};
 impl<F: Real> Var<'_, F> {
     /// The same elements in row-major order under another shape. Nothing is copied.
     ///
+    /// # Shapes
+    /// Any → `shape`, of as many elements.
+    ///
     /// # Panics
     /// If the number of elements differs.
     #[track_caller]
@@ -25,6 +28,9 @@ impl<F: Real> Var<'_, F> {
     }
 
     /// An axis of size one before axis `axis`.
+    ///
+    /// # Shapes
+    /// `[.., ..]` → `[.., 1, ..]`, 1 being axis `axis` of the result.
     #[track_caller]
     pub fn insert_axis(self, axis: usize) -> Self {
         let mut shape = self.shape();
@@ -37,6 +43,9 @@ impl<F: Real> Var<'_, F> {
     }
 
     /// The axes in another order: axis `k` of the result is axis `order[k]`.
+    ///
+    /// # Shapes
+    /// `[A, B, C]` with `order` `[2, 0, 1]` → `[C, A, B]`; any number of axes.
     ///
     /// # Panics
     /// If `order` does not name each axis once.
@@ -62,7 +71,10 @@ impl<F: Real> Var<'_, F> {
         })
     }
 
-    /// Elements `range` along `axis`: `[.., n, ..] -> [.., range.len(), ..]`.
+    /// Elements `range` along `axis`.
+    ///
+    /// # Shapes
+    /// `[.., n, ..]` → `[.., range.len(), ..]`.
     ///
     /// # Panics
     /// If the range is not within the axis.
@@ -101,6 +113,9 @@ impl<F: Real> Var<'_, F> {
 
     /// Element `index` along `axis`, which disappears.
     ///
+    /// # Shapes
+    /// `[.., n, ..]` → `[.., ..]`.
+    ///
     /// # Panics
     /// If there is no such element.
     #[track_caller]
@@ -113,7 +128,10 @@ impl<F: Real> Var<'_, F> {
 }
 
 impl<F: Real> Tape<F> {
-    /// Values one after the other along `axis`: `[.., n, ..], [.., m, ..] -> [.., n + m, ..]`.
+    /// Values one after the other along `axis`.
+    ///
+    /// # Shapes
+    /// `parts [.., n, ..]`, `[.., m, ..]` and so on, alike but for axis `axis` → `[.., n + m + .., ..]`.
     ///
     /// # Panics
     /// If there is no value, or they differ in another axis than `axis`.
@@ -171,7 +189,10 @@ impl<F: Real> Tape<F> {
         })
     }
 
-    /// Values of one shape along a new axis: `k × [.., ..] -> [.., k, ..]`.
+    /// Values of one shape along a new axis.
+    ///
+    /// # Shapes
+    /// `k` parts of one shape `[.., ..]` → `[.., k, ..]`, `k` being axis `axis` of the result.
     ///
     /// # Panics
     /// If there is no value, or the shapes differ.

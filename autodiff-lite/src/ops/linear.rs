@@ -28,9 +28,12 @@ impl<F: Real> Default for LinearThen<'_, F> {
 }
 
 impl<'t, F: Real> Var<'t, F> {
-    /// `activation(x Wᵀ + b)`: `x [.., D]`, `weight [O, D]` (PyTorch's layout), `bias [O]` to
-    /// `[.., O]`, in one pass over the output.
+    /// `activation(x Wᵀ + b)` in one pass over the output.
     ///
+    /// # Shapes
+    /// `self [.., D]`, `weight [O, D]` (PyTorch's layout), `bias [O]` → `[.., O]`.
+    ///
+    /// # Cost
     /// `2 rows D O` flops forward, twice that backward.
     ///
     /// # Panics
@@ -40,10 +43,13 @@ impl<'t, F: Real> Var<'t, F> {
         self.linear_then(weight, bias, LinearThen { activation, ..LinearThen::default() })
     }
 
-    /// `residual + dropout(activation(x Wᵀ + b))` in one pass over the output; sizes and cost as [`linear`](Self::linear).
+    /// `residual + dropout(activation(x Wᵀ + b))` in one pass over the output; cost as [`linear`](Self::linear).
     ///
     /// The gradient is made in one pass too; where an activation and a residual sum come together the sum is an operation
     /// of its own, since the derivative is told from the output.
+    ///
+    /// # Shapes
+    /// `self [.., D]`, `weight [O, D]`, `bias [O]`, a residual `[.., O]` → `[.., O]`.
     ///
     /// # Panics
     /// If sizes differ, `x` has no axis, or the probability is not within `[0, 1)`.

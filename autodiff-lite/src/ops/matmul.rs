@@ -5,18 +5,25 @@ use crate::kernels::gemm::{Matrix, gemm};
 use crate::{Backward, Real, Var};
 
 impl<F: Real> Var<'_, F> {
-    /// `A B`: `[.., M, K] x [.., K, N] -> [.., M, N]`.
+    /// `A B`.
     ///
-    /// The leading axes are equal, or the right operand is one matrix for all.
     /// `2 M K N` flops each, at about nine tenths of the peak of a Zen 4 core for large ones
     /// (bench `gemm`).
+    ///
+    /// # Shapes
+    /// `self [.., M, K]`, `other [.., K, N]` → `[.., M, N]`. The leading axes are equal, or `other` is one matrix
+    /// `[K, N]` for all.
     #[track_caller]
     pub fn matmul(self, other: Self) -> Self {
         self.matmul_transposed(other, [false, false])
     }
 
     /// [`matmul`](Self::matmul) of operands of which either may be read as its transpose, without
-    /// a copy: with `[true, false]`, `[.., K, M] x [.., K, N] -> [.., M, N]`.
+    /// a copy.
+    ///
+    /// # Shapes
+    /// As for [`matmul`](Self::matmul), with the last two axes of an operand that is read as its transpose exchanged:
+    /// with `[true, false]`, `self [.., K, M]` and `other [.., K, N]` → `[.., M, N]`.
     ///
     /// # Panics
     /// If the inner sizes or the leading axes differ, or an operand has fewer than two axes.

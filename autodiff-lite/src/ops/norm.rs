@@ -18,13 +18,16 @@ pub struct BatchStatistics<F: Real = f32> {
 }
 
 impl<F: Real> Var<'_, F> {
-    /// Layer norm over the last axis: `x [.., D]`, `weight [D]`, `bias [D]`.
+    /// Layer norm over the last axis:
     ///
     /// ```text
     /// y = activation( (x - mean) / sqrt(variance + epsilon) · weight + bias )
     /// ```
     ///
     /// Ba et al. 2016, *Layer Normalization*; variance biased, as everywhere.
+    ///
+    /// # Shapes
+    /// `self [.., D]`, `weight [D]`, `bias [D]` → `[.., D]`.
     ///
     /// # Panics
     /// If `D` differs.
@@ -59,11 +62,13 @@ impl<F: Real> Var<'_, F> {
         self.tape.record_fn("layer_norm", &[self, weight, bias], y, rule)
     }
 
-    /// Group norm: `x [N, .., C]`, statistics per element of the batch and group of neighbouring
-    /// channels; `weight [C]`, `bias [C]`. The formula is that of
+    /// Group norm: statistics per element of the batch and group of neighbouring channels. The formula is that of
     /// [`layer_norm`](Self::layer_norm). With as many groups as channels it is instance norm.
     ///
     /// Wu and He 2018, *Group Normalization*.
+    ///
+    /// # Shapes
+    /// `self [N, .., C]`, `weight [C]`, `bias [C]` → `[N, .., C]`.
     ///
     /// # Panics
     /// If `C` differs, or is not a multiple of `groups`.
@@ -88,11 +93,14 @@ impl<F: Real> Var<'_, F> {
         self.normalized("group_norm", sizes, weight, bias, epsilon, activation).0
     }
 
-    /// Batch norm with the statistics of this batch: `x [.., C]`, `weight [C]`, `bias [C]`; each
-    /// channel over all else. The formula is that of [`layer_norm`](Self::layer_norm).
+    /// Batch norm with the statistics of this batch, each channel over all else. The formula is that of
+    /// [`layer_norm`](Self::layer_norm).
     ///
     /// Ioffe and Szegedy 2015, *Batch Normalization*. With running statistics the layer is
     /// affine: `x.mul(scale).add(shift)`.
+    ///
+    /// # Shapes
+    /// `self [.., C]`, `weight [C]`, `bias [C]` → `[.., C]`, and the statistics, `C` of each kind.
     ///
     /// # Panics
     /// If `C` differs.

@@ -10,6 +10,9 @@ macro_rules! pairwise {
         impl<F: Real> Var<'_, F> {
             $(
                 $(#[$doc])*
+                ///
+                /// # Shapes
+                /// Any two that broadcast by NumPy's rules: `[3, 1]` and `[4]` → `[3, 4]`.
                 #[track_caller]
                 #[allow(clippy::should_implement_trait, reason = "the traits are implemented too")]
                 pub fn $name(self, other: Self) -> Self {
@@ -50,6 +53,10 @@ fn share<F: Real>(first: bool, second: bool) -> (F, F) {
 impl<F: Real> Var<'_, F> {
     /// `y = f(a, b)` for each pair of elements of `self` and `other`, which broadcast by NumPy's
     /// rules, with `(dy/da, dy/db) = df(a, b, y)`.
+    ///
+    /// # Shapes
+    /// Any two that broadcast by NumPy's rules, `[3, 1]` and `[4]` → `[3, 4]`; a gradient is summed over the axes along
+    /// which its operand was repeated.
     #[track_caller]
     pub fn zip(
         self,
@@ -99,6 +106,9 @@ impl<F: Real> Var<'_, F> {
 
 impl<F: Real> Tape<F> {
     /// `Σ c x` over terms of one shape, in one pass: the stages of an ODE step, a weighted loss.
+    ///
+    /// # Shapes
+    /// Terms of one shape → the same shape.
     ///
     /// # Panics
     /// If there is no term, or the shapes differ.

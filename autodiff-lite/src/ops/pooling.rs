@@ -4,8 +4,10 @@ use crate::kernels::pooling::{self, PoolGeometry, Windows};
 use crate::{Backward, Real, Var};
 
 impl<F: Real> Var<'_, F> {
-    /// The largest pixel of each window: `[N, H, W, C]` to `[N, H', W', C]` with
-    /// `H' = (H + 2 padding - kernel) / stride + 1`. The gradient goes to the first largest.
+    /// The largest pixel of each window. The gradient goes to the first largest.
+    ///
+    /// # Shapes
+    /// `[N, H, W, C]` → `[N, H', W', C]` with `H' = (H + 2 padding - kernel) / stride + 1`, and `W'` likewise.
     ///
     /// # Panics
     /// If the window does not fit, or padding is more than half of it.
@@ -23,8 +25,10 @@ impl<F: Real> Var<'_, F> {
         })
     }
 
-    /// The mean of each window; padding counts as zeros, as in PyTorch. Shapes as for
-    /// [`max_pool2d`](Self::max_pool2d).
+    /// The mean of each window; padding counts as zeros, as in PyTorch.
+    ///
+    /// # Shapes
+    /// As for [`max_pool2d`](Self::max_pool2d).
     ///
     /// # Panics
     /// If the window does not fit, or padding is more than half of it.
@@ -35,6 +39,9 @@ impl<F: Real> Var<'_, F> {
 
     /// The means of `height x width` windows that share out the image: output `i` covers rows
     /// `floor(i H / height) .. ceil((i + 1) H / height)`.
+    ///
+    /// # Shapes
+    /// `[N, H, W, C]` → `[N, height, width, C]`.
     ///
     /// # Panics
     /// If the image is empty.

@@ -4,8 +4,7 @@ use crate::kernels::project::{self, Projection};
 use crate::{Backward, Real, Tensor, Var};
 
 impl<F: Real> Var<'_, F> {
-    /// Perspective projection: points `[N, V, 3]` (or `[1, V, 3]` or `[V, 3]`, shared by all
-    /// cameras) through `matrices [N, 3, 4]` to `[N, V, 3] = (X/W, Y/W, W)`, where
+    /// Perspective projection of points to `(X/W, Y/W, W)`, where
     ///
     /// ```text
     /// (X, Y, W) = M (x, y, z, 1)
@@ -13,6 +12,9 @@ impl<F: Real> Var<'_, F> {
     ///
     /// Gradients to both. A point with `|W| < 1e-8`, or whose W is not finite, has no place in
     /// the image: it is put at `(0, 0, W)` and gets no gradient.
+    ///
+    /// # Shapes
+    /// `self [N, V, 3]`, or `[1, V, 3]` or `[V, 3]`, shared by all cameras; `matrices [N, 3, 4]` → `[N, V, 3]`.
     ///
     /// # Panics
     /// If sizes differ.
@@ -23,6 +25,9 @@ impl<F: Real> Var<'_, F> {
 
     /// Affine projection, for orthographic cameras: [`project`](Self::project) without the
     /// division, to `(X, Y, W)`.
+    ///
+    /// # Shapes
+    /// As for [`project`](Self::project).
     ///
     /// # Panics
     /// If sizes differ.

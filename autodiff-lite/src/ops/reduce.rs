@@ -4,13 +4,19 @@ use crate::kernels::{elementwise, reduce};
 use crate::{Backward, Real, Var};
 
 impl<F: Real> Var<'_, F> {
-    /// The sum of all elements, a scalar `[]`.
+    /// The sum of all elements.
+    ///
+    /// # Shapes
+    /// Any → `[]`.
     #[track_caller]
     pub fn sum(self) -> Self {
         self.total("sum", F::one())
     }
 
-    /// The mean of all elements, a scalar `[]`.
+    /// The mean of all elements.
+    ///
+    /// # Shapes
+    /// Any but empty → `[]`.
     ///
     /// # Panics
     /// If there is none.
@@ -33,13 +39,19 @@ impl<F: Real> Var<'_, F> {
         })
     }
 
-    /// The sum along `axis`, which disappears: `[.., n, ..] -> [.., ..]`.
+    /// The sum along `axis`, which disappears.
+    ///
+    /// # Shapes
+    /// `[.., n, ..]` → `[.., ..]`.
     #[track_caller]
     pub fn sum_axis(self, axis: usize) -> Self {
         self.along("sum_axis", axis, F::one())
     }
 
-    /// The mean along `axis`, which disappears: `[.., n, ..] -> [.., ..]`.
+    /// The mean along `axis`, which disappears.
+    ///
+    /// # Shapes
+    /// `[.., n, ..]` → `[.., ..]`.
     ///
     /// # Panics
     /// If the axis is empty or there is no such axis.
@@ -77,8 +89,10 @@ impl<F: Real> Var<'_, F> {
         })
     }
 
-    /// The largest element along `axis`, which disappears: `[.., n, ..] -> [.., ..]`. The gradient
-    /// goes to the first of equal ones.
+    /// The largest element along `axis`, which disappears. The gradient goes to the first of equal ones.
+    ///
+    /// # Shapes
+    /// `[.., n, ..]` → `[.., ..]`.
     ///
     /// # Panics
     /// If the axis is empty or there is no such axis.
@@ -99,7 +113,10 @@ impl<F: Real> Var<'_, F> {
         })
     }
 
-    /// The largest of all elements, a scalar `[]`; the gradient goes to the first of equal ones.
+    /// The largest of all elements; the gradient goes to the first of equal ones.
+    ///
+    /// # Shapes
+    /// Any but empty → `[]`.
     ///
     /// # Panics
     /// If there is none.

@@ -5,9 +5,11 @@ use crate::kernels::sampling::{self, Padding, Sampling};
 use crate::{Backward, Real, Tensor, Var};
 
 impl<F: Real> Var<'_, F> {
-    /// `[N, H, W, C]` to `[N, height, width, C]`, bilinear, without antialiasing, as PyTorch's
-    /// `interpolate`. With `align_corners` the outermost pixel centres stay where they are, else
-    /// the outer edges of the image.
+    /// Another size of images: bilinear, without antialiasing, as PyTorch's `interpolate`. With `align_corners` the
+    /// outermost pixel centres stay where they are, else the outer edges of the image.
+    ///
+    /// # Shapes
+    /// `[N, H, W, C]` → `[N, height, width, C]`.
     ///
     /// # Panics
     /// If the input has not four axes, or is empty where the output is not.
@@ -32,12 +34,14 @@ impl<F: Real> Var<'_, F> {
         })
     }
 
-    /// The image `[N, H, W, C]` at `points [N, P, 2]`, bilinear, to `[N, P, C]`.
+    /// Images at points, bilinear; PyTorch's `grid_sample`.
     ///
-    /// A point is (x, y), x to the right and y *down*, (-1, -1) the top left and (1, 1) the
-    /// bottom right: the centres of the corner pixels with `align_corners`, else the corners of
-    /// the image; PyTorch's `grid_sample`. Gradients to image and points; kinks where a point
-    /// crosses a pixel centre.
+    /// Gradients to image and points; kinks where a point crosses a pixel centre.
+    ///
+    /// # Shapes
+    /// `self [N, H, W, C]`, `points [N, P, 2]` → `[N, P, C]`. A point is (x, y), x to the right and y *down*, (-1, -1) the
+    /// top left and (1, 1) the bottom right: the centres of the corner pixels with `align_corners`, else the corners of
+    /// the image.
     ///
     /// # Panics
     /// If sizes differ.
@@ -67,11 +71,13 @@ impl<F: Real> Var<'_, F> {
         })
     }
 
-    /// `self [N, P, C]` plus several images `[N, H, W, C]` of any sizes at the same `points [N, P, 2]`, each read as by
-    /// [`bilinear_sample`](Self::bilinear_sample).
+    /// This plus what several images show at the same points, each read as by [`bilinear_sample`](Self::bilinear_sample).
     ///
     /// One pass an image over the sum, where separate readings would each be written, kept and added. Gradients to
     /// all.
+    ///
+    /// # Shapes
+    /// `self [N, P, C]`, `images [N, H, W, C]` of any `H` and `W` each, `points [N, P, 2]` → `[N, P, C]`.
     ///
     /// # Panics
     /// If sizes differ.

@@ -6,6 +6,9 @@ use crate::{Backward, Real, Var};
 impl<F: Real> Var<'_, F> {
     /// `exp(x) / Σ exp(x)` over the last axis; any finite row gives a finite result.
     ///
+    /// # Shapes
+    /// `[.., D]` → `[.., D]`; each row of `D` sums to 1.
+    ///
     /// # Panics
     /// If there is no axis.
     #[track_caller]
@@ -15,6 +18,9 @@ impl<F: Real> Var<'_, F> {
 
     /// `x - ln Σ exp(x)` over the last axis: the logarithm of [`softmax`](Self::softmax), without
     /// its underflow.
+    ///
+    /// # Shapes
+    /// `[.., D]` → `[.., D]`.
     ///
     /// # Panics
     /// If there is no axis.

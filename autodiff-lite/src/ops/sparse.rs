@@ -5,11 +5,15 @@ use crate::kernels::sparse::csr_times_rows;
 use crate::{Backward, Real, SparseMatrix, Var};
 
 impl<F: Real> Var<'_, F> {
-    /// `A x` for each batch element: `A` of `K` rows and `V` columns, `x [.., V, D]` to
-    /// `[.., K, D]`.
+    /// `A x` for each batch element.
     ///
-    /// `2 entries D` flops per batch element, the gradient (with `Aᵀ`) as many. No gradient to
-    /// the entries of `A`. Where a weight follows, multiply first by whichever makes `D` smaller.
+    /// No gradient to the entries of `A`. Where a weight follows, multiply first by whichever makes `D` smaller.
+    ///
+    /// # Shapes
+    /// `self [.., V, D]`, `matrix [K, V]` → `[.., K, D]`.
+    ///
+    /// # Cost
+    /// `2 entries D` flops per batch element, the gradient (with `Aᵀ`) as many.
     ///
     /// # Panics
     /// If `x` has fewer than two axes, or `V` differs.

@@ -151,6 +151,9 @@ impl State {
     }
 
     /// An array by its name, if it is there and of real numbers.
+    ///
+    /// # Shapes
+    /// That which the array has in the file.
     pub fn array<F: Real>(&self, name: &str) -> Option<Tensor<F>> {
         let stored = self.arrays.get(name).filter(|stored| stored.numbers.is_real())?;
         // As many as there are: a shape alone may claim more than any memory holds.

@@ -34,9 +34,12 @@ pub fn interpolate<'t, F: Real>(
     Frame::new(projected, Arc::clone(fragments), Scratch::default()).interpolate(attributes)
 }
 
-/// [`interpolate`] with attributes of their own for each face corner, `[F, 3, C]`: texture
-/// coordinates across a seam, or one colour per face.
+/// [`interpolate`] with attributes of their own for each face corner: texture coordinates across a seam, or one
+/// colour per face.
 ///
+/// # Shapes
+/// `projected [N, V, 3]`, the positions that were rasterised; `attributes [F, 3, C]`, any `C`,
+/// one table for all images → `[N, H, W, C]`.
 /// # Panics
 /// If the shapes do not fit what was rasterised.
 #[track_caller]

@@ -9,6 +9,9 @@ use crate::kernels::alignment::ScaleShift;
 ///
 /// Infinitely far would be a disparity of 0; but `+∞` marks that nothing was seen, and the mark is kept so
 /// that the losses here leave such pixels alone. They have no gradient.
+///
+/// # Shapes
+/// Any → the same; depth above zero in any unit, its reciprocal.
 pub fn disparity<F: Real>(depth: Var<'_, F>) -> Var<'_, F> {
     depth.map(
         |z| if z == F::infinity() { z } else { F::one() / z },

@@ -89,7 +89,10 @@ impl ScaleShiftInvariant {
         }
     }
 
-    /// The loss of images `[N, H, W]` or `[N, H, W, 1]`; a scalar.
+    /// The loss of images.
+    ///
+    /// # Shapes
+    /// `prediction`, `target` and `mask` `[N, H, W]` or `[N, H, W, 1]`, alike → a scalar.
     ///
     /// # Panics
     /// If the shapes differ.

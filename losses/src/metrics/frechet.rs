@@ -29,7 +29,7 @@ pub enum FrechetError {
     NotFinite,
 }
 
-/// The Fréchet distance of two sets of features `[images, features]`, each taken for a Gaussian:
+/// The Fréchet distance of two sets of features, each taken for a Gaussian:
 ///
 /// ```text
 /// ‖μ - ν‖² + tr(C + D - 2 (C D)^(1/2))
@@ -43,6 +43,8 @@ pub enum FrechetError {
 /// are more images than features) the trace of the root is the sum of the singular values of `A Bᵀ`. No
 /// matrix is inverted, nothing is added to a diagonal, and no imaginary part appears.
 ///
+/// # Shapes
+/// `a [P, D]` and `b [Q, D]`: P and Q images, at least two each, with D features.
 /// # Errors
 /// If a set has less than two images, widths differ, or a number is not finite.
 /// # Cost

@@ -44,7 +44,10 @@ pub trait MeshInit: Module<f32> + Debug + Send + Sync + Sized + 'static {
     /// With fresh parameters.
     fn new(config: &Self::Config, init: &Init) -> Self;
 
-    /// The first meshes of scenes, from the backbone's last map `[N, S/32, S/32, C]`.
+    /// The first meshes of scenes, from the backbone's last map.
+    ///
+    /// # Shapes
+    /// `coarsest [N, S/32, S/32, C]`, `S` the side of the images in pixels; N scenes.
     fn init<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> InitialMeshes<'t>;
 
     /// Steps at first in which random meshes stand in for these.

@@ -104,7 +104,10 @@ impl Packed {
         self.starts[mesh]..self.starts[mesh + 1]
     }
 
-    /// Rows of one mesh: `[1, ΣV, D]` to `[V, D]`.
+    /// Rows of one mesh.
+    ///
+    /// # Shapes
+    /// `x [1, ΣV, D]` → `[V, D]`.
     pub fn part<'t>(&self, x: Var<'t>, mesh: usize) -> Var<'t> {
         let columns = x.shape()[2];
         let range = self.range(mesh);
@@ -112,14 +115,20 @@ impl Packed {
         x.slice_axis(1, range).reshape(&[count, columns])
     }
 
-    /// `[1, ΣV, D]` to `[N, Vmax, D]`.
+    /// Meshes apart from one another, the shorter ones filled up.
+    ///
+    /// # Shapes
+    /// `x [1, ΣV, D]` → `[N, Vmax, D]`.
     pub fn spread<'t>(&self, x: Var<'t>) -> Var<'t> {
         let columns = x.shape()[2];
         let rows = x.reshape(&[self.vertices(), columns]).gather_rows(&self.spread);
         rows.reshape(&[self.shapes.len(), self.longest, columns])
     }
 
-    /// `[N, Vmax, D]` to `[1, ΣV, D]`: the inverse of [`spread`](Self::spread).
+    /// Meshes one behind the other: the inverse of [`spread`](Self::spread).
+    ///
+    /// # Shapes
+    /// `x [N, Vmax, D]` → `[1, ΣV, D]`.
     pub fn gathered<'t>(&self, x: Var<'t>) -> Var<'t> {
         let columns = x.shape()[2];
         let rows = x.reshape(&[self.shapes.len() * self.longest, columns]);

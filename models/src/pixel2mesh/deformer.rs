@@ -36,7 +36,10 @@ pub trait Deformer: Module<f32> + Debug + Send + Sync + Sized + 'static {
     /// With fresh parameters.
     fn new(config: &Self::Config, init: &Init, template: &Template) -> Self;
 
-    /// Meshes of all stages. `inputs` are the camera `[N, 3, 4]` and the feature maps.
+    /// Meshes of all stages.
+    ///
+    /// # Shapes
+    /// `inputs`: the camera `[N, 3, 4]` and the feature maps `[N, H, W, C]`.
     ///
     /// # Errors
     /// If an integration does not come to its end.

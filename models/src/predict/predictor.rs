@@ -51,6 +51,9 @@ pub trait Predictor: System<ReadOptions = ReadOptions> + 'static {
     /// What the outputs of [`to_onnx`](Self::to_onnx) are for these inputs, computed here, in its axes and order: to hold another
     /// program to.
     ///
+    /// # Shapes
+    /// Those of the graph: images and maps `[N, C, H, W]`.
+    ///
     /// # Panics
     /// If the inputs are not those of the model.
     fn onnx_outputs(&self, _inputs: &[ArrayD<f32>]) -> Vec<ArrayD<f32>> {

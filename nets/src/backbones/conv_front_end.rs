@@ -58,7 +58,11 @@ impl<F: Real> ConvFrontEnd<F> {
         (height / 8) * (width / 8)
     }
 
-    /// `x [N, H, W, 3]` to `[N, D]`.
+    /// Features of images.
+    ///
+    /// # Shapes
+    /// `x [N, H, W, 3]` → `[N, D]`, `D` being [`width`](Self::width) of the sides that the image has after
+    /// [`downscale`](Self::downscale).
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
         let [n, h, w, _] = x.dims();

@@ -162,8 +162,11 @@ impl<F: Real> Pixel2MeshEncoder<F> {
         self.stages.iter().skip(2).map(last).sum()
     }
 
-    /// Images `[N, H, W, 3]` to four maps, finest first: `[N, H / 4, W / 4, C2]` to
-    /// `[N, H / 32, W / 32, C5]`, halves rounded up.
+    /// The maps of four depths, finest first.
+    ///
+    /// # Shapes
+    /// `images [N, H, W, 3]` → `[N, H / 4, W / 4, C2]`, then half the side each to `[N, H / 32, W / 32, C5]`, halves
+    /// rounded up.
     #[track_caller]
     pub fn forward<'t>(&self, images: Var<'t, F>) -> [Var<'t, F>; 4] {
         let mut x = images;

@@ -72,14 +72,21 @@ impl<F: Real> SmallCnn<F> {
         self.fc.weight.shape()[0]
     }
 
-    /// `x [N, H, W, C]` to `[N, D]`; any size of at least 1 pixel, 64 to 256 make sense.
+    /// Features of images; 64 to 256 pixels a side make sense.
+    ///
+    /// # Shapes
+    /// `x [N, H, W, C]`, at least one pixel → `[N, D]`, `D` being [`width`](Self::width).
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
         let maps = self.maps(x);
         self.features(&maps)
     }
 
-    /// The maps behind each convolution, finest first: `x [N, H, W, C]` to `[N, H / 2, W / 2, 32]`, then half the side each.
+    /// The maps behind each convolution, finest first.
+    ///
+    /// # Shapes
+    /// `x [N, H, W, C]` → `[N, H / 2, W / 2, 32]`, then half the side each, halves rounded up; channels are
+    /// [`CHANNELS`](Self::CHANNELS).
     #[track_caller]
     pub fn maps<'t>(&self, x: Var<'t, F>) -> Vec<Var<'t, F>> {
         let layers = self.convs.iter().zip(&self.norms);
@@ -90,7 +97,10 @@ impl<F: Real> SmallCnn<F> {
         layers.scan(x, next).collect()
     }
 
-    /// The features `[N, D]` that follow from the [maps](Self::maps).
+    /// The features that follow from the [maps](Self::maps).
+    ///
+    /// # Shapes
+    /// `maps`: what [`maps`](Self::maps) gave, of which the last is used → `[N, D]`.
     ///
     /// # Panics
     /// If there is no map.

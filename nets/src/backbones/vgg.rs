@@ -100,7 +100,10 @@ impl<F: Real> Vgg16<F> {
             .count()
     }
 
-    /// Images `[N, H, W, 3]` to maps `[N, H / 2ᵏ, W / 2ᵏ, C]` after the `k`th and last pool.
+    /// The map after the last pool.
+    ///
+    /// # Shapes
+    /// `x [N, H, W, 3]` → `[N, H / 2ᵏ, W / 2ᵏ, C]` after `k` pools, rounded down.
     #[track_caller]
     pub fn forward_features<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
         let last = |maps: &mut Vec<Var<'t, F>>| maps.pop();
@@ -108,6 +111,9 @@ impl<F: Real> Vgg16<F> {
     }
 
     /// The maps after each pool, largest first.
+    ///
+    /// # Shapes
+    /// `x [N, H, W, 3]` → `[N, H / 2, W / 2, 64]`, then half the side each, rounded down.
     #[track_caller]
     pub fn forward_maps<'t>(&self, x: Var<'t, F>) -> Vec<Var<'t, F>> {
         let (mut x, mut maps, mut layers) = (x, Vec::new(), self.features.iter());
@@ -120,6 +126,9 @@ impl<F: Real> Vgg16<F> {
 
     /// The maps before each pool, largest first: `relu1_2`, `relu2_2`, `relu3_3`, `relu4_3`,
     /// `relu5_3`, which perceptual distances compare. The last pool is not computed.
+    ///
+    /// # Shapes
+    /// `x [N, H, W, 3]` → `[N, H, W, 64]`, then half the side each, rounded down.
     #[track_caller]
     pub fn forward_before_pools<'t>(&self, x: Var<'t, F>) -> Vec<Var<'t, F>> {
         let (mut maps, mut layers): (Vec<Var<'t, F>>, _) = (Vec::new(), self.features.iter());
@@ -130,9 +139,11 @@ impl<F: Real> Vgg16<F> {
         maps
     }
 
-    /// Images `[N, H, W, 3]` through features and classifier: logits `[N, classes]`, or 4096
-    /// features after a ReLU if the classifier is cut. Without a classifier, the flattened maps
-    /// in the order of PyTorch (channels first).
+    /// Features and classifier: logits, or 4096 features after a ReLU if the classifier is cut. Without a classifier, the
+    /// flattened maps in the order of PyTorch (channels first).
+    ///
+    /// # Shapes
+    /// `x [N, H, W, 3]` → `[N, classes]`, `[N, 4096]`, or `[N, C H' W']`.
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
         let mut maps = self.forward_features(x);

@@ -26,7 +26,10 @@ impl<F: Real> GraphResBlock<F> {
         }
     }
 
-    /// `x [.., V, width]` to the same shape.
+    /// Two graph convolutions and a skip.
+    ///
+    /// # Shapes
+    /// `x [.., V, width]`, `graph [V, V]` → `[.., V, width]`.
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>, graph: &SparseMatrix<F>) -> Var<'t, F> {
         let hidden = self.conv1.forward_then(x, graph, self.activation);
@@ -86,7 +89,10 @@ impl<F: Real> GraphBottleneck<F> {
         }
     }
 
-    /// `x [.., V, input]` to `[.., V, output]` and the hidden features `[.., V, hidden]`.
+    /// The output, and the hidden features from which it is made.
+    ///
+    /// # Shapes
+    /// `x [.., V, input]`, `graph [V, V]` → `[.., V, output]` and `[.., V, hidden]`.
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>, graph: &SparseMatrix<F>) -> (Var<'t, F>, Var<'t, F>) {
         let first = self.conv1.forward_then(x, graph, self.activation);

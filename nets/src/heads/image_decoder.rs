@@ -39,7 +39,10 @@ impl<F: Real> PreactivatedBlock<F> {
         }
     }
 
-    /// `[N, H, W, inputs]` to `[N, H, W, outputs]`.
+    /// Two convolutions, each behind a leaky ReLU, and a shortcut.
+    ///
+    /// # Shapes
+    /// `x [N, H, W, inputs]` → `[N, H, W, outputs]`.
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
         let active = x.leaky_relu(F::from_f64(SLOPE));
@@ -113,7 +116,10 @@ impl<F: Real> ImageDecoder<F> {
         }
     }
 
-    /// `[N, H, W, 16 width]` to `[N, 64 H, 64 W, outputs]` in (0, 1).
+    /// The image.
+    ///
+    /// # Shapes
+    /// `x [N, H, W, 16 width]` → `[N, 64 H, 64 W, outputs]` in (0, 1); 32 times as large where there are five steps.
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
         let mut x = x;

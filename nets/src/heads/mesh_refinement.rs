@@ -78,9 +78,13 @@ impl<F: Real> MeshRefinementStage<F> {
         self
     }
 
-    /// Maps `[N, H, W, C]` of any sizes, `place [N, V, 3]`, the features `[N, V, previous]` of the stage before
-    /// (brought to the vertices of this mesh) and the graph `[V, V]`, to the offsets `[N, V, 3]`, each in (-1, 1),
-    /// and the features `[N, V, hidden]`. [`look`](Self::look), then [`refine`](Self::refine).
+    /// Offsets of a mesh's vertices from what maps show where they are: [`look`](Self::look), then
+    /// [`refine`](Self::refine).
+    ///
+    /// # Shapes
+    /// `maps [N, H, W, C]` of any sizes, `place [N, V, 3]`, `previous [N, V, previous]`, the features of the stage before
+    /// brought to the vertices of this mesh, `graph [V, V]` → offsets `[N, V, 3]`, each in (-1, 1), and features
+    /// `[N, V, hidden]`.
     ///
     /// # Panics
     /// If sizes differ.
@@ -96,10 +100,13 @@ impl<F: Real> MeshRefinementStage<F> {
         (refined.offset, refined.hidden)
     }
 
-    /// What the maps `[N, H, W, C]` show at the vertices: `place [N, V, 3]` to `[N, V, hidden]`.
+    /// What the maps show at the vertices.
     ///
     /// Maps are read at `place`'s first two coordinates, x to the right and y *up*, (-1, 1) and (1, -1) the
     /// centres of the top left and bottom right pixel; beyond them a map fades to zero.
+    ///
+    /// # Shapes
+    /// `maps [N, H, W, C]` of any sizes, `place [N, V, 3]` → `[N, V, hidden]`.
     ///
     /// # Panics
     /// If sizes differ.
@@ -110,11 +117,13 @@ impl<F: Real> MeshRefinementStage<F> {
         pool_linear(maps, points, MapSampling::Centres, &self.bottleneck, Activation::Relu)
     }
 
-    /// The graph convolutions: what was [seen](Self::look) `[N, V, hidden]`, `place [N, V, 3]`, the features
-    /// `[N, V, previous]` and the graph `[V, V]` to offsets and features.
+    /// The graph convolutions, from what was [seen](Self::look) to offsets and features.
     ///
     /// Meshes of different graphs go through it together as one of N = 1: their vertices one after the other, and no edge
     /// between them.
+    ///
+    /// # Shapes
+    /// `seen [N, V, hidden]`, `place [N, V, 3]`, `previous [N, V, previous]`, `graph [V, V]` → as [`RefinedVertices`] says.
     ///
     /// # Panics
     /// If sizes differ.

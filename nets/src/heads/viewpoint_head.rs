@@ -94,7 +94,10 @@ impl<F: Real> ViewpointHead<F> {
         }
     }
 
-    /// Images `[N, H, W, C]` to what they show of their cameras.
+    /// What images show of their cameras.
+    ///
+    /// # Shapes
+    /// `images [N, H, W, C]` → as [`ViewpointGuess`] says, `[N, K]` and `[N]`.
     #[track_caller]
     pub fn forward<'t>(&self, images: Var<'t, F>) -> ViewpointGuess<'t, F> {
         let mut x = images;

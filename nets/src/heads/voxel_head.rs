@@ -73,7 +73,10 @@ impl<F: Real> VoxelHead<F> {
         self.predictor.weight.shape()[0]
     }
 
-    /// `map [N, H, W, I]` to logits `[N, V, V, V]`: row (downwards), column, step in depth.
+    /// Logits of a grid of cells before the camera.
+    ///
+    /// # Shapes
+    /// `map [N, H, W, I]` → `[N, V, V, V]`, `V` being [`cells`](Self::cells): row (downwards), column, step in depth.
     #[track_caller]
     pub fn forward<'t>(&self, map: Var<'t, F>) -> Var<'t, F> {
         let half = self.cells() / 2;

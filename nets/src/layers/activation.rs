@@ -3,6 +3,9 @@
 use autodiff_lite::{Activation, Real, Var};
 
 /// `activation(x)` as an operation of its own.
+///
+/// # Shapes
+/// Any → the same.
 #[track_caller]
 pub fn activate<F: Real>(x: Var<'_, F>, activation: Activation) -> Var<'_, F> {
     match activation {

@@ -63,7 +63,10 @@ impl<F: Real> BatchNorm2d<F> {
     }
 
     forward! {
-        /// `x [.., C]` to `[.., C]`.
+        /// By the statistics of the batch on a training tape, else by those that run along.
+        ///
+        /// # Shapes
+        /// `x [.., C]` → `[.., C]`.
         |self, x, activation| {
             let tape = x.tape();
             let (weight, bias) = (tape.param(&self.weight), tape.param(&self.bias));
@@ -136,7 +139,10 @@ impl<F: Real> FrozenBatchNorm2d<F> {
     }
 
     forward! {
-        /// `x [.., C]` to `[.., C]`; the gradient goes to `x` alone.
+        /// By the statistics that are kept; the gradient goes to `x` alone.
+        ///
+        /// # Shapes
+        /// `x [.., C]` → `[.., C]`.
         |self, x, activation| {
             affine(x, self.scale_and_shift(), activation)
         }

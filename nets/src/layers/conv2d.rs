@@ -79,7 +79,10 @@ impl<F: Real> Conv2d<F> {
     }
 
     forward! {
-        /// `x [N, H, W, I]` to `[N, H', W', O]`.
+        /// [`Var::conv2d`] with this weight and bias.
+        ///
+        /// # Shapes
+        /// `x [N, H, W, I]` → `[N, H', W', O]`.
         |self, x, activation| {
             let tape = x.tape();
             let bias = self.bias.as_ref().map(|bias| tape.param(bias));

@@ -51,7 +51,10 @@ impl<F: Real> Conv3d<F> {
     }
 
     forward! {
-        /// `x [N, D, H, W, I]` to `[N, D', H', W', O]`.
+        /// [`Var::conv3d`] with this weight and bias.
+        ///
+        /// # Shapes
+        /// `x [N, D, H, W, I]` → `[N, D', H', W', O]`.
         |self, x, activation| {
             let tape = x.tape();
             let bias = self.bias.as_ref().map(|bias| tape.param(bias));

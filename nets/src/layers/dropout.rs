@@ -27,7 +27,10 @@ impl Dropout {
         Self { p }
     }
 
-    /// The shape stays.
+    /// [`Var::dropout`] with this probability.
+    ///
+    /// # Shapes
+    /// Any → the same.
     #[track_caller]
     pub fn forward<F: Real>(self, x: Var<'_, F>) -> Var<'_, F> {
         x.dropout(self.p)

@@ -43,7 +43,10 @@ impl<F: Real> GraphConv<F> {
     }
 
     forward! {
-        /// `x [.., V, in]` to `[.., V, out]`.
+        /// The vertices' new features.
+        ///
+        /// # Shapes
+        /// `x [.., V, in]`, `graph [V, V]` → `[.., V, out]`.
         |self, x, activation, graph: &SparseMatrix<F>| {
             let tape = x.tape();
             let bias = |linear: &Linear<F>| linear.bias.as_ref().map(|bias| tape.param(bias));
@@ -92,7 +95,10 @@ impl<F: Real> ChebyshevConv<F> {
     }
 
     forward! {
-        /// `x [.., V, in]` to `[.., V, out]`.
+        /// The vertices' new features.
+        ///
+        /// # Shapes
+        /// `x [.., V, in]`, `graph [V, V]` → `[.., V, out]`.
         |self, x, activation, graph: &SparseMatrix<F>| {
             let tape = x.tape();
             let weights = GraphWeights {

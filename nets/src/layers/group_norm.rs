@@ -42,7 +42,10 @@ impl<F: Real> GroupNorm<F> {
     }
 
     forward! {
-        /// `x [N, .., C]` to `[N, .., C]`.
+        /// [`Var::group_norm`] with this weight and bias.
+        ///
+        /// # Shapes
+        /// `x [N, .., C]` → `[N, .., C]`.
         |self, x, activation| {
             let tape = x.tape();
             let (weight, bias) = (tape.param(&self.weight), tape.param(&self.bias));

@@ -30,7 +30,10 @@ impl<F: Real> LayerNorm<F> {
         }
     }
 
-    /// `x [.., D]` to `[.., D]`.
+    /// [`Var::layer_norm`] with this weight and bias.
+    ///
+    /// # Shapes
+    /// `x [.., D]` → `[.., D]`.
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
         let tape = x.tape();

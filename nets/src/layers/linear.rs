@@ -53,7 +53,10 @@ impl<F: Real> Linear<F> {
     }
 
     forward! {
-        /// `x [.., in]` to `[.., out]`.
+        /// [`Var::linear`] with this weight and bias.
+        ///
+        /// # Shapes
+        /// `x [.., in]` → `[.., out]`.
         |self, x, activation| {
             let tape = x.tape();
             let bias = self.bias.as_ref().map(|bias| tape.param(bias));
@@ -62,6 +65,9 @@ impl<F: Real> Linear<F> {
     }
 
     /// `residual + dropout(activation(x Wᵀ + b))` in one pass, as `then` says; see [`Var::linear_then`].
+    ///
+    /// # Shapes
+    /// `x [.., in]`, a residual `[.., out]` → `[.., out]`.
     #[track_caller]
     pub fn forward_fused<'t>(&self, x: Var<'t, F>, then: LinearThen<'t, F>) -> Var<'t, F> {
         let tape = x.tape();

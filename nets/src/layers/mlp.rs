@@ -31,7 +31,10 @@ impl<F: Real> Mlp<F> {
         Self { layers: widths.windows(2).enumerate().map(layer).collect(), activation }
     }
 
-    /// `x [.., widths[0]]` to the last width.
+    /// All layers, one after the other.
+    ///
+    /// # Shapes
+    /// `x [.., D]`, `D` the first of the widths → `[.., O]`, `O` the last.
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
         let Some((last, others)) = self.layers.split_last() else { return x };

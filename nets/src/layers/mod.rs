@@ -10,6 +10,9 @@ macro_rules! forward {
         }
 
         /// [`forward`](Self::forward) and an activation, in the same pass where that is possible.
+        ///
+        /// # Shapes
+        /// As for [`forward`](Self::forward).
         #[track_caller]
         pub fn forward_then<'t>(
             &$self,

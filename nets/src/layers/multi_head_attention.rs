@@ -65,14 +65,19 @@ impl<F: Real> MultiHeadAttention<F> {
         }
     }
 
-    /// Tokens `[N, T, D]` attend to each other. The mask is added to the scores, see
-    /// [`Var::attention`].
+    /// Tokens attend to each other. The mask is added to the scores, see [`Var::attention`].
+    ///
+    /// # Shapes
+    /// `x [N, T, D]`, `mask [T, T]` or `[N, T, T]` → `[N, T, D]`.
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>, mask: Option<&Tensor<F>>) -> Var<'t, F> {
         self.forward_fused(x, mask, LinearThen::default())
     }
 
     /// [`forward`](Self::forward), and then what [`LinearThen`] says in the pass that writes the output.
+    ///
+    /// # Shapes
+    /// As for [`forward`](Self::forward); a residual `[N, T, D]`.
     #[track_caller]
     pub fn forward_fused<'t>(
         &self,
@@ -86,7 +91,10 @@ impl<F: Real> MultiHeadAttention<F> {
         self.out_proj.forward_fused(packed.self_attention(self.heads, mask, self.dropout), then)
     }
 
-    /// Queries `[N, Tq, D]` attend to a memory `[N, Tk, D]`.
+    /// Queries attend to a memory.
+    ///
+    /// # Shapes
+    /// `queries [N, Tq, D]`, `memory [N, Tk, D]`, `mask [Tq, Tk]` or `[N, Tq, Tk]` → `[N, Tq, D]`.
     #[track_caller]
     pub fn cross<'t>(
         &self,

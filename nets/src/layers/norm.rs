@@ -66,10 +66,13 @@ impl<F: Real> Norm<F> {
         self
     }
 
-    /// `activation(norm(conv(x)))`, `[N, H, W, I]` to `[N, H', W', O]`.
+    /// `activation(norm(conv(x)))`.
     ///
     /// Where the norm is an affine map (frozen, or on a tape that only computes) it is multiplied into the weight
     /// of the convolution, which then does all in one pass.
+    ///
+    /// # Shapes
+    /// `x [N, H, W, I]` → `[N, H', W', O]`.
     #[track_caller]
     pub fn after<'t>(&self, conv: &Conv2d<F>, x: Var<'t, F>, activation: Activation) -> Var<'t, F> {
         let tape = x.tape();

@@ -33,8 +33,7 @@ pub enum MapSampling {
     Centres,
 }
 
-/// Features of points from several maps of one image, side by side: maps `[N, H, W, C]` of any
-/// sizes and `points [N, P, 2]` to `[N, P, ΣC]`.
+/// Features of points from several maps of one image, side by side.
 ///
 /// A point is (x, y) with x to the right and y *down*, (-1, -1) the image's top left corner and
 /// (1, 1) its bottom right one, but for [`MapSampling::Centres`]. Points outside take what is at the border, with
@@ -54,6 +53,9 @@ pub enum MapSampling {
 /// let features = pool_features(&[fine, coarse], points, MapSampling::Bilinear);
 /// assert_eq!(features.shape(), [1, 2, 8]);
 /// ```
+///
+/// # Shapes
+/// `maps [N, H, W, C]` of any sizes, `points [N, P, 2]` → `[N, P, ΣC]`.
 ///
 /// # Panics
 /// If there is no map, or numbers of images differ.
@@ -80,11 +82,14 @@ pub fn pool_features<'t, F: Real>(
     points.tape().concat(&read, 2)
 }
 
-/// [`pool_features`], a linear layer, and an activation: `[N, P, O]`.
+/// [`pool_features`], a linear layer, and an activation.
 ///
 /// Sampling is linear in the maps and a point's features are four pixels' at most, so where there are more points
 /// than pixels (a mesh of 2562 vertices over the last maps of a ResNet) the layer is applied to the maps, with the
 /// part of its weight for each, and the results are read and added: the same to rounding, at a fraction of the cost.
+///
+/// # Shapes
+/// `maps [N, H, W, C]` of any sizes, `points [N, P, 2]`, `layer` from `ΣC` to `O` → `[N, P, O]`.
 ///
 /// # Panics
 /// As [`pool_features`], or if the layer is not of as many inputs as the maps have channels together.

@@ -123,7 +123,10 @@ impl<F: Real> PointMlp<F> {
         }
     }
 
-    /// `code [N, D]` and `points [N, V, P]` to `[N, V, outputs]`.
+    /// What points become under a code.
+    ///
+    /// # Shapes
+    /// `code [N, D]`, `points [N, V, P]` → `[N, V, outputs]`.
     #[track_caller]
     pub fn forward<'t>(&self, code: Var<'t, F>, points: Var<'t, F>) -> Var<'t, F> {
         code.tape().check("PointMlp", |shapes| {

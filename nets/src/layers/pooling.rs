@@ -21,7 +21,10 @@ pub struct AdaptiveAvgPool2d {
 }
 
 impl MaxPool2d {
-    /// `[N, H, W, C]` to `[N, H', W', C]`.
+    /// [`Var::max_pool2d`].
+    ///
+    /// # Shapes
+    /// `x [N, H, W, C]` → `[N, H', W', C]`.
     #[track_caller]
     pub fn forward<F: Real>(self, x: Var<'_, F>) -> Var<'_, F> {
         x.max_pool2d(self.0)
@@ -29,7 +32,10 @@ impl MaxPool2d {
 }
 
 impl AvgPool2d {
-    /// `[N, H, W, C]` to `[N, H', W', C]`.
+    /// [`Var::avg_pool2d`].
+    ///
+    /// # Shapes
+    /// `x [N, H, W, C]` → `[N, H', W', C]`.
     #[track_caller]
     pub fn forward<F: Real>(self, x: Var<'_, F>) -> Var<'_, F> {
         x.avg_pool2d(self.0)
@@ -37,7 +43,10 @@ impl AvgPool2d {
 }
 
 impl AdaptiveAvgPool2d {
-    /// `[N, H, W, C]` to `[N, height, width, C]`.
+    /// [`Var::adaptive_avg_pool2d`].
+    ///
+    /// # Shapes
+    /// `x [N, H, W, C]` → `[N, height, width, C]`.
     #[track_caller]
     pub fn forward<F: Real>(self, x: Var<'_, F>) -> Var<'_, F> {
         x.adaptive_avg_pool2d(self.height, self.width)

@@ -118,8 +118,11 @@ impl<F: Real> TransformerEncoderLayer<F> {
         }
     }
 
-    /// Tokens `[N, T, D]` to `[N, T, D]`; the mask is added to the scores, see
+    /// Attention and the two linear layers, each with its norm and skip; the mask is added to the scores, see
     /// [`Var::attention`].
+    ///
+    /// # Shapes
+    /// `x [N, T, D]`, `mask [T, T]` or `[N, T, T]` → `[N, T, D]`.
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>, mask: Option<&Tensor<F>>) -> Var<'t, F> {
         let dropout = self.dropout.p;
@@ -176,7 +179,10 @@ impl<F: Real> TransformerEncoder<F> {
         }
     }
 
-    /// Tokens `[N, T, D]` to `[N, T, D]`.
+    /// All layers, one after the other.
+    ///
+    /// # Shapes
+    /// `x [N, T, D]`, `mask [T, T]` or `[N, T, T]` → `[N, T, D]`.
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>, mask: Option<&Tensor<F>>) -> Var<'t, F> {
         let x = self.layers.iter().fold(x, |x, layer| layer.forward(x, mask));

@@ -49,7 +49,10 @@ impl<F: Real> WeightNormLinear<F> {
         }
     }
 
-    /// The weight `[out, in]` on the tape of `like`.
+    /// The weight, on the tape of `like`.
+    ///
+    /// # Shapes
+    /// `like`: any → `[out, in]`.
     #[track_caller]
     pub fn weight<'t>(&self, like: Var<'t, F>) -> Var<'t, F> {
         let tape = like.tape();
@@ -57,7 +60,10 @@ impl<F: Real> WeightNormLinear<F> {
     }
 
     forward! {
-        /// `x [.., in]` to `[.., out]`.
+        /// [`Var::linear`] with the weight that direction and length make.
+        ///
+        /// # Shapes
+        /// `x [.., in]` → `[.., out]`.
         |self, x, activation| {
             let bias = self.bias.as_ref().map(|bias| x.tape().param(bias));
             x.linear(self.weight(x), bias, activation)
@@ -65,10 +71,13 @@ impl<F: Real> WeightNormLinear<F> {
     }
 }
 
-/// `g v / ‖v‖`, row by row of the first axis: `v [O, ..]`, `g` of `O` elements, to `[O, ..]`. PyTorch's
-/// `weight_norm` with `dim=0`, for convolutions as well as for linear layers.
+/// `g v / ‖v‖`, row by row of the first axis: PyTorch's `weight_norm` with `dim=0`, for convolutions as well as for
+/// linear layers.
 ///
 /// A row of zeros, which has no direction, gives zeros and gets no gradient (PyTorch: NaN).
+///
+/// # Shapes
+/// `v [O, ..]`, `g` of `O` elements in any axes → `[O, ..]`.
 ///
 /// # Panics
 /// If `g` has another number of elements than `v` rows.

@@ -41,7 +41,10 @@ pub use encoders::SmallCnnOnnx;
 pub use graph::{OnnxGraph, OnnxModel, OnnxValue};
 pub use heads::ViewpointOnnx;
 
-/// Images `[N, C, H, W]`, as graphs take them, in the order of the tape, `[N, H, W, C]`.
+/// Images as graphs take them, in the order of the tape.
+///
+/// # Shapes
+/// `images [N, C, H, W]` → `[N, H, W, C]`.
 ///
 /// # Panics
 /// If there are not four axes.
@@ -49,7 +52,10 @@ pub fn channels_last(images: &ArrayD<f32>) -> ArrayD<f32> {
     images.view().permuted_axes(&[0, 2, 3, 1][..]).as_standard_layout().into_owned()
 }
 
-/// Maps `[N, H, W, C]`, as the tape has them, in the order of graphs, `[N, C, H, W]`.
+/// Maps as the tape has them, in the order of graphs.
+///
+/// # Shapes
+/// `maps [N, H, W, C]` → `[N, C, H, W]`.
 ///
 /// # Panics
 /// If there are not four axes.

@@ -42,8 +42,11 @@ impl<F: Real> LpipsWeights<F> {
         [0, 1, 2, 3, 4].map(|i| self.lin[i].as_slice())
     }
 
-    /// Images `[N, H, W, 3]` in `[-1, 1]` as LPIPS gives them to VGG16. (MCMR's code gives it images
-    /// in `[0, 1]` instead; for those of `[0, 1]` pass `2 x - 1`.)
+    /// Images as LPIPS gives them to VGG16. (MCMR's code gives it images in `[0, 1]` instead; for those of `[0, 1]` pass
+    /// `2 x - 1`.)
+    ///
+    /// # Shapes
+    /// `images [N, H, W, 3]` in `[-1, 1]` → `[N, H, W, 3]`.
     #[track_caller]
     pub fn normalised(images: Var<'_, F>) -> Var<'_, F> {
         let tape = images.tape();

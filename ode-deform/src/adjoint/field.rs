@@ -9,7 +9,10 @@ use autodiff_lite::{Module, Real, Var, Visitor, VisitorMut};
 /// that a field holds would be refused there. The field is a function: what it draws (dropout) is the same at every
 /// evaluation of one integration, but for [`Direct`](crate::Adjoint::Direct).
 pub trait VectorField<F: Real = f32>: Module<F> + Clone + Send + 'static {
-    /// The derivative, of the shape of `y`, on the tape of `y`.
+    /// The derivative, on the tape of `y`.
+    ///
+    /// # Shapes
+    /// `y`: any, `inputs`: those of the field → that of `y`. `t` is the time.
     fn eval<'t>(&self, t: f64, y: Var<'t, F>, inputs: &[Var<'t, F>]) -> Var<'t, F>;
 }
 
@@ -38,6 +41,9 @@ pub struct FieldFn<M, C> {
 /// assert!(gradients.wrt(points).is_some() && gradients.of(&field.module().layers[0].weight).is_some());
 /// # Ok::<(), ode_deform::solve::SolveError>(())
 /// ```
+///
+/// # Shapes
+/// Those of [`VectorField::eval`]: the function gives the shape of `y`.
 pub fn field_fn<F, M, C>(module: M, function: C) -> FieldFn<M, C>
 where
     F: Real,

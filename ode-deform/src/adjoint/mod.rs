@@ -59,6 +59,10 @@ impl Adjoint {
     ///
     /// Gradients reach `start`, the `inputs`, and the trainable parameters of the field.
     ///
+    /// # Shapes
+    /// `start`: any that the field takes, `inputs`: those of the field → the shape of `start` at the end and at each asked
+    /// time.
+    ///
     /// # Errors
     /// As [`solve`](crate::solve::solve).
     ///

@@ -9,7 +9,10 @@ use crate::solve::{Pid, Problem, SolveError, StepController};
 ///
 /// What [`VectorField`] says of parameters and inputs holds here too.
 pub trait TimedField<F: Real = f32>: Module<F> + Clone + Send + 'static {
-    /// The derivative, of the shape of `y`, on the tape of `y`; `t` has no axes.
+    /// The derivative, on the tape of `y`.
+    ///
+    /// # Shapes
+    /// `t []`, the time; `y`: any, `inputs`: those of the field → that of `y`.
     fn eval<'t>(&self, t: Var<'t, F>, y: Var<'t, F>, inputs: &[Var<'t, F>]) -> Var<'t, F>;
 }
 
@@ -40,6 +43,9 @@ pub struct TimedFieldFn<M, C> {
 /// assert!((gradients.wrt(last).unwrap().sum() + (-1.0_f64).exp()).abs() < 1e-8); // the field at the end
 /// # Ok::<(), ode_deform::solve::SolveError>(())
 /// ```
+///
+/// # Shapes
+/// Those of [`TimedField::eval`]: the function gives the shape of `y`.
 pub fn timed_field_fn<F, M, C>(module: M, function: C) -> TimedFieldFn<M, C>
 where
     F: Real,
@@ -111,6 +117,9 @@ impl Adjoint {
     /// the two times. With the span that the times have at present, a step of 0.1 is one of 0.1. Gradients reach both times
     /// beside all that they reach in [`integrate`](Self::integrate): the steps move along with the times, each keeping its
     /// share of the whole, so that the gradient is exact for the numbers computed.
+    ///
+    /// # Shapes
+    /// `times`: one element each, in the units of the field's time; else as [`integrate`](Self::integrate).
     ///
     /// # Errors
     /// As [`integrate`](Self::integrate), and if the two times, or both ends of the span, are one or not finite.

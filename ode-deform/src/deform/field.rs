@@ -171,14 +171,19 @@ pub(super) fn seen<'a, 't, F: Real>(
     (project_points(positions(y), *camera), maps)
 }
 
-/// The positions `[N, V, 3]` of states `[N, V, 3..]`.
+/// The positions within states.
+///
+/// # Shapes
+/// `y [N, V, D]`, `D` at least 3 → `[N, V, 3]`.
 pub fn positions<F: Real>(y: Var<'_, F>) -> Var<'_, F> {
     let [_, _, columns] = y.dims();
     if columns == 3 { y } else { y.slice_axis(2, 0..3) }
 }
 
-/// Where points `[N, V, 3]` are seen by cameras `[N, 3, 4]`, as [`pool_features`] counts: `[N, V, 2]`,
-/// x to the right and y **down**, -1 to 1.
+/// Where points are seen by cameras, as [`pool_features`] counts.
+///
+/// # Shapes
+/// `points [N, V, 3]`, `cameras [N, 3, 4]` → `[N, V, 2]`, x to the right and y **down**, -1 to 1.
 #[track_caller]
 pub fn project_points<'t, F: Real>(points: Var<'t, F>, cameras: Var<'t, F>) -> Var<'t, F> {
     let (one, down) = (F::from_f64(1.0), F::from_f64(-1.0));

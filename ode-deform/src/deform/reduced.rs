@@ -49,6 +49,9 @@ impl<F: Real> DeformationField<F> {
     /// # Ok::<(), autodiff_lite::SparseError>(())
     /// ```
     ///
+    /// # Shapes
+    /// `maps [N, H, W, C]` of any sizes, `ΣC` the field's features → `[N, H, W, 2 hidden]` each.
+    ///
     /// # Panics
     /// If the maps have together another number of channels than the field takes.
     #[track_caller]

@@ -40,8 +40,11 @@ impl<F: Real> ResidualDeformation<F> {
         Self { blocks: (0..blocks).map(block).collect() }
     }
 
-    /// The mesh before the first block and after each: `[N, V, 3]`, from `start`. Inputs are those of a
-    /// [`DeformationField`].
+    /// The mesh before the first block and after each.
+    ///
+    /// # Shapes
+    /// `start [N, V, 3]`, `inputs` those of a [`DeformationField`], cameras `[N, 3, 4]` and maps `[N, H, W, C]` →
+    /// `[N, V, 3]`, one more than there are blocks.
     ///
     /// # Panics
     /// If the inputs are not those of the field.

@@ -170,7 +170,10 @@ impl<F: Real> StackedField<F> {
         }
     }
 
-    /// The maps `[N, H, W, C]` reduced to the columns that an evaluation reads, its inputs behind the cameras.
+    /// The maps reduced to the columns that an evaluation reads, its inputs behind the cameras.
+    ///
+    /// # Shapes
+    /// `maps [N, H, W, C]` of any sizes, `ΣC` the field's features → `[N, H, W, feature_dim + 12]` each.
     ///
     /// # Panics
     /// If the maps have together another number of channels than the field takes.

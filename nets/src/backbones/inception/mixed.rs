@@ -46,7 +46,10 @@ impl<F: Real> ConvNormRelu<F> {
         Self { conv: Conv2d { weight, bias: None, geometry }, bn }
     }
 
-    /// `[N, H, W, I]` to `[N, H', W', O]`.
+    /// Convolution, frozen batch norm, ReLU.
+    ///
+    /// # Shapes
+    /// `x [N, H, W, I]` → `[N, H', W', O]`.
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
         self.bn.after(&self.conv, x, Activation::Relu)
@@ -148,7 +151,10 @@ impl<F: Real> Mixed<F> {
         self.branches.iter().map(of).sum::<usize>() + pooled
     }
 
-    /// `[N, H, W, I]` to `[N, H, W, O]`, or half the size in the blocks that halve.
+    /// All branches, side by side.
+    ///
+    /// # Shapes
+    /// `x [N, H, W, I]` → `[N, H, W, O]`; about half the height and width in the blocks that halve.
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
         let mut parts = Vec::new();

@@ -99,7 +99,10 @@ impl<F: Real> InceptionV3<F> {
         Self { stem, mixed }
     }
 
-    /// Images `[N, H, W, 3]` in `[-1, 1]`, at least 75 x 75, to features `[N, 2048]`.
+    /// Features of images that have the range and size which the network takes.
+    ///
+    /// # Shapes
+    /// `images [N, H, W, 3]` in `[-1, 1]`, at least 75 x 75 → `[N, 2048]`.
     ///
     /// # Panics
     /// If the images are smaller.
@@ -114,9 +117,11 @@ impl<F: Real> InceptionV3<F> {
         x.adaptive_avg_pool2d(1, 1).reshape(&[n, c])
     }
 
-    /// Images `[N, H, W, 3]` in `[0, 1]` of any size to features `[N, 2048]`, as the distance is
-    /// defined in PyTorch's port: resized to 299 x 299 (bilinear, corners not aligned), then
-    /// `2 x - 1`.
+    /// Features of images as the distance is defined in PyTorch's port: resized to 299 x 299 (bilinear, corners not
+    /// aligned), then `2 x - 1`.
+    ///
+    /// # Shapes
+    /// `images [N, H, W, 3]` in `[0, 1]`, of any size → `[N, 2048]`.
     #[track_caller]
     pub fn forward<'t>(&self, images: Var<'t, F>) -> Var<'t, F> {
         let two = F::from_f64(2.0);

@@ -83,7 +83,10 @@ impl<F: Real> ResidualBlock<F> {
         }
     }
 
-    /// `[N, H, W, inputs]` to `[N, H / stride, W / stride, outputs]`, halves rounded up.
+    /// The block's convolutions and its shortcut, added.
+    ///
+    /// # Shapes
+    /// `x [N, H, W, inputs]` → `[N, H / stride, W / stride, outputs]`, halves rounded up.
     #[track_caller]
     pub fn forward<'t>(&self, x: Var<'t, F>) -> Var<'t, F> {
         let (relu, none) = (Activation::Relu, Activation::None);

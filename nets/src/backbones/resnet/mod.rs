@@ -100,8 +100,11 @@ impl<F: Real> ResNet<F> {
         self.stages().map(last)
     }
 
-    /// Images `[N, H, W, C]` to the maps of the four stages, `[N, H / 4, W / 4, C1]` to
-    /// `[N, H / 32, W / 32, C4]`, halves rounded up.
+    /// The maps of the four stages, finest first.
+    ///
+    /// # Shapes
+    /// `images [N, H, W, C]` → `[N, H / 4, W / 4, C1]`, then half the side each to `[N, H / 32, W / 32, C4]`, halves
+    /// rounded up.
     #[track_caller]
     pub fn forward_maps<'t>(&self, images: Var<'t, F>) -> [Var<'t, F>; 4] {
         let x = self.bn1.after(&self.conv1, images, Activation::Relu);
@@ -112,7 +115,10 @@ impl<F: Real> ResNet<F> {
         })
     }
 
-    /// Images `[N, H, W, C]` to the means of the last maps, `[N, C4]`.
+    /// The means of the last maps.
+    ///
+    /// # Shapes
+    /// `images [N, H, W, C]` → `[N, C4]`.
     #[track_caller]
     pub fn forward_features<'t>(&self, images: Var<'t, F>) -> Var<'t, F> {
         let [.., last] = self.forward_maps(images);
@@ -120,8 +126,10 @@ impl<F: Real> ResNet<F> {
         last.adaptive_avg_pool2d(1, 1).reshape(&[n, c])
     }
 
-    /// Images `[N, H, W, C]` to logits `[N, classes]`; without a classifier to
-    /// [features](Self::forward_features).
+    /// Logits; without a classifier the [features](Self::forward_features).
+    ///
+    /// # Shapes
+    /// `images [N, H, W, C]` → `[N, classes]`, or `[N, C4]`.
     #[track_caller]
     pub fn forward<'t>(&self, images: Var<'t, F>) -> Var<'t, F> {
         let features = self.forward_features(images);
