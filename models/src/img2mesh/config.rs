@@ -97,7 +97,7 @@ train::options! {
         /// fourth power of an edge of the sphere's, which is the same at each level.
         pub bending_weight: f64 = 0.0, in 0.0..=1e6;
         /// Whether what passes through itself is moved apart in the mesh that the network puts out
-        /// ([`TriMesh::untangle`](mesh_core::TriMesh::untangle)), before it is scored or written.
+        /// (`mesh_core::TriMesh::untangle`), before it is scored or written.
         pub untangle: bool = false;
         /// What the loss of the masks counts of each mesh before the last stage's.
         pub early_weight: f64 = 0.3, in 0.0..=1.0;

@@ -37,7 +37,7 @@ train::options! {
         /// Others of each family that are scored at the end.
         pub test_objects: usize = 20, in 0..=100_000;
         /// Whether what passes through itself is moved apart in the mesh that the network puts out
-        /// ([`TriMesh::untangle`](mesh_core::TriMesh::untangle)), before it is scored or written.
+        /// (`mesh_core::TriMesh::untangle`), before it is scored or written.
         pub untangle: bool = false;
         /// The families; empty takes all.
         pub families: Vec<String> = vec!["airplane".to_owned()];
