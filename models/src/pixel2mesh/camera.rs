@@ -115,14 +115,11 @@ impl<D: Deformer> SingleView<D> {
             CameraSource::Estimated => self.estimate(picture)?,
         };
         let finished = |mesh| self.shared().pairs.finished(mesh);
-        match estimate {
-            Some(estimate) => {
-                Ok(Seen::Estimated(Estimate { mesh: finished(estimate.mesh), ..estimate }))
-            }
-            None => {
-                let (mesh, stats) = self.mesh_told(picture)?;
-                Ok(Seen::Told(finished(mesh), stats))
-            }
+        if let Some(estimate) = estimate {
+            Ok(Seen::Estimated(Estimate { mesh: finished(estimate.mesh), ..estimate }))
+        } else {
+            let (mesh, stats) = self.mesh_told(picture)?;
+            Ok(Seen::Told(finished(mesh), stats))
         }
     }
 
