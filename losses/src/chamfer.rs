@@ -1,98 +1,13 @@
 //! Chamfer distance between point sets, and the agreement of normals at nearest points.
 //!
-//! Which point is nearest to which is not differentiable, so it is a plain value, [`Matches`], that
-//! distance and normals share.
+//! Which point is nearest to which is a plain value, [`Matches`], that distance and normals share.
 
 use autodiff_lite::{Real, Var};
 
-use crate::kernels::matching::{Scratch, nearest_indices};
-use crate::kernels::neighbours::{Norm, k_nearest};
+use crate::kernels::neighbours::Norm;
 use crate::kernels::vec3::{add, dot, points, points_mut, scale, sub, unit, unit_grad};
-use crate::scalar::{record, vertices, wanted};
-
-/// Which point of one set is nearest to each point of the other, both ways.
-///
-/// Keep it from step to step: it is then found again in the same memory.
-///
-/// ```
-/// use autodiff_lite::Tape;
-/// use losses::{Directions, Matches, chamfer_distance};
-///
-/// let tape = Tape::<f32>::train(0);
-/// let x = tape.leaf(ndarray::arr2(&[[0.0, 0.0, 0.0]]));
-/// let y = tape.constant(ndarray::arr2(&[[3.0, 0.0, 0.0], [0.0, 4.0, 0.0]]));
-/// let mut matches = Matches::default();
-/// matches.find(x, y);
-/// assert_eq!(matches.x_to_y(), [0]);
-/// let loss = chamfer_distance(x, y, &matches, Directions::default());
-/// assert_eq!(loss.item(), 9.0 + (9.0 + 16.0) / 2.0);
-/// ```
-#[derive(Clone, Debug, Default)]
-pub struct Matches {
-    x_to_y: Vec<u32>,
-    y_to_x: Vec<u32>,
-    scratch: Scratch,
-}
-
-impl Matches {
-    /// Finds the nearest points of two sets, or of N pairs of sets.
-    ///
-    /// # Shapes
-    /// `x [P, 3]` and `y [Q, 3]`, or `[N, P, 3]` and `[N, Q, 3]`.
-    /// # Cost
-    /// `O(N P Q)`: all pairs are compared, so the cost does not depend on where the points are. In `f32`
-    /// 2466 x 9000 points take about 1.2 ms on two AVX-512 cores (bench `losses`).
-    /// # Panics
-    /// If the shapes are others, or one set is empty and the other is not.
-    #[track_caller]
-    pub fn find<F: Real>(&mut self, x: Var<'_, F>, y: Var<'_, F>) {
-        let [n, p, q] = sets("chamfer matches", x, y);
-        self.x_to_y.clear();
-        self.y_to_x.clear();
-        let (x, y) = (x.value(), y.value());
-        let (x, y) = (x.as_slice(), y.as_slice());
-        for k in 0..n {
-            let (x, y) = (&x[3 * k * p..3 * (k + 1) * p], &y[3 * k * q..3 * (k + 1) * q]);
-            nearest_indices(x, y, &mut self.scratch, &mut self.x_to_y);
-            nearest_indices(y, x, &mut self.scratch, &mut self.y_to_x);
-        }
-    }
-
-    /// [`find`](Self::find) under the L1 norm, `|Δx| + |Δy| + |Δz|`: for [`chamfer_l1`].
-    ///
-    /// # Shapes
-    /// As for [`find`](Self::find).
-    ///
-    /// # Cost
-    /// `O(N P Q)`, in parallel over points.
-    /// # Panics
-    /// As [`find`](Self::find).
-    #[track_caller]
-    pub fn find_l1<F: Real>(&mut self, x: Var<'_, F>, y: Var<'_, F>) {
-        let [n, p, q] = sets("chamfer matches", x, y);
-        self.x_to_y.clear();
-        self.x_to_y.resize(n * p, 0);
-        self.y_to_x.clear();
-        self.y_to_x.resize(n * q, 0);
-        let (x, y) = (x.value(), y.value());
-        let (x, y) = (x.as_slice(), y.as_slice());
-        for k in 0..n {
-            let (x, y) = (&x[3 * k * p..3 * (k + 1) * p], &y[3 * k * q..3 * (k + 1) * q]);
-            k_nearest(x, y, 3, 1, Norm::L1, &mut self.x_to_y[k * p..(k + 1) * p]);
-            k_nearest(y, x, 3, 1, Norm::L1, &mut self.y_to_x[k * q..(k + 1) * q]);
-        }
-    }
-
-    /// For each point of the first set the nearest of the second; set after set in a batch.
-    pub fn x_to_y(&self) -> &[u32] {
-        &self.x_to_y
-    }
-
-    /// For each point of the second set the nearest of the first; set after set in a batch.
-    pub fn y_to_x(&self) -> &[u32] {
-        &self.y_to_x
-    }
-}
+use crate::matches::{Matches, sets};
+use crate::scalar::{record, wanted};
 
 /// The weights of the two directions.
 ///
@@ -266,8 +181,8 @@ fn both_ways<'t, F: Real>(
     f: impl Fn([F; 3], [F; 3]) -> (F, [F; 3], [F; 3]) + Copy,
 ) -> Var<'t, F> {
     let [n, p, q] = sets(name, x, y);
-    if matches.x_to_y.len() != n * p || matches.y_to_x.len() != n * q || p * q == 0 {
-        let (of_x, of_y) = (matches.x_to_y.len(), matches.y_to_x.len());
+    if matches.x_to_y().len() != n * p || matches.y_to_x().len() != n * q || p * q == 0 {
+        let (of_x, of_y) = (matches.x_to_y().len(), matches.y_to_x().len());
         let message = format!("the matches are of {of_x} and {of_y} points");
         x.tape().refuse(name, message, &[("x", &x.shape(), ""), ("y", &y.shape(), "")]);
     }
@@ -282,7 +197,7 @@ fn both_ways<'t, F: Real>(
         let (a, b) = (&points(a)[of_x.clone()], &points(b)[of_y.clone()]);
         let mut at_x = at_x.as_mut().map(|g| &mut points_mut(g)[of_x.clone()]);
         let mut at_y = at_y.as_mut().map(|g| &mut points_mut(g)[of_y.clone()]);
-        let (near_x, near_y) = (&matches.x_to_y[of_x], &matches.y_to_x[of_y]);
+        let (near_x, near_y) = (&matches.x_to_y()[of_x], &matches.y_to_x()[of_y]);
         total +=
             weight_x * one_way(a, b, near_x, weight_x, at_x.as_deref_mut(), at_y.as_deref_mut(), f);
         total += weight_y * one_way(b, a, near_y, weight_y, at_y, at_x, f);
@@ -314,18 +229,6 @@ fn one_way<F: Real>(
         }
     }
     total
-}
-
-/// N, P and Q of two sets or of two batches of sets.
-#[track_caller]
-fn sets<F: Real>(name: &'static str, x: Var<'_, F>, y: Var<'_, F>) -> [usize; 3] {
-    let ([n, p], [m, q]) = (vertices(name, "x", x), vertices(name, "y", y));
-    if n != m || (p == 0) != (q == 0) {
-        let message = "two sets of points, or as many of the one as of the other, expected";
-        let operands = [("x", &x.shape()[..], "N, P, 3"), ("y", &y.shape(), "N, Q, 3")];
-        x.tape().refuse(name, message, &operands);
-    }
-    [n, p, q]
 }
 
 #[cfg(test)]
@@ -419,20 +322,6 @@ mod tests {
                 matches.find(tape.constant(fixed[0].clone()), tape.constant(fixed[1].clone()));
                 chamfer_normals(n[0], n[1], &matches, directions)
             }, &shapes, &options)?;
-        }
-
-        #[test]
-        fn single_and_double_precision_match_alike(p in 1usize..40, q in 1usize..40, seed: u64) {
-            let drawn = testing::options(seed).draw(&[vec![p, 3], vec![q, 3]]);
-            // The same numbers in both precisions.
-            let single = drawn.iter().map(|a| a.mapv(|v| v as f32)).collect::<Vec<_>>();
-            let (coarse, fine) = (Tape::<f32>::eval(), Tape::<f64>::eval());
-            let (mut a, mut b) = (Matches::default(), Matches::default());
-            a.find(coarse.constant(single[0].clone()), coarse.constant(single[1].clone()));
-            let double = single.iter().map(|a| a.mapv(f64::from)).collect::<Vec<_>>();
-            b.find(fine.constant(double[0].clone()), fine.constant(double[1].clone()));
-            prop_assert_eq!(a.x_to_y(), b.x_to_y());
-            prop_assert_eq!(a.y_to_x(), b.y_to_x());
         }
 
         #[test]

@@ -73,6 +73,7 @@ mod lab;
 mod laplacian;
 mod logits;
 mod mask;
+mod matches;
 mod normals;
 mod perceptual;
 mod point_face;
@@ -85,8 +86,7 @@ mod testing;
 
 pub use camera::{camera_loss, quaternion_length, rotation_loss, rotation_sine};
 pub use chamfer::{
-    Directions, Matches, chamfer, chamfer_distance, chamfer_l1, chamfer_normals,
-    chamfer_normals_signed,
+    Directions, chamfer, chamfer_distance, chamfer_l1, chamfer_normals, chamfer_normals_signed,
 };
 pub use cotangent::laplacian_cotangent;
 pub use curvature::laplacian_cotcurv;
@@ -108,6 +108,7 @@ pub use lab::{lab_colour, lab_lightness, rgb_to_lab};
 pub use laplacian::{laplacian_norm, laplacian_squared};
 pub use logits::{cross_entropy, mask_bce_logits};
 pub use mask::{mask_bce, mask_iou};
+pub use matches::Matches;
 pub use normals::{face_normals, vertex_normals};
 pub use perceptual::{lpips, pyramid};
 pub use point_face::{

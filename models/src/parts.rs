@@ -147,4 +147,16 @@ pub(crate) mod tests {
         let low: Vec<u64> = (0..24).map(|i| identity(&entry("a", &i.to_string())) % 24).collect();
         assert!(low.iter().collect::<std::collections::BTreeSet<_>>().len() > 10, "{low:?}");
     }
+
+    #[test]
+    fn what_passes_through_itself_is_moved_apart_where_that_is_wanted() {
+        let mut spiked = mesh_core::primitives::icosphere(3);
+        spiked.positions[5] = spiked.positions[5].map(|x| -1.5 * x);
+        assert!(finished(spiked.clone(), true).self_intersections().is_empty());
+        assert_eq!(finished(spiked.clone(), false), spiked);
+        // What is no mesh is not mended, for ever or at all.
+        spiked.positions[7][1] = f32::NAN;
+        let kept = finished(spiked.clone(), true).positions;
+        assert_eq!(kept[5], spiked.positions[5]);
+    }
 }

@@ -18,7 +18,7 @@ impl MeshPairs for Img2Mesh {
         let trial = data.trial(&self.config, (Subset::Test, self.config.views), at)?;
         let Some(truth) = trial.truth else { return Ok(None) };
         let tape = Tape::eval();
-        let mesh = self.mesh(self.finished(&tape, self.meshes(&tape, 1, &trial.given)));
+        let mesh = self.mesh(self.meshes(&tape, &trial.given));
         Ok(Some(MeshPair { name: name.to_owned(), mesh: Some(mesh), truth }))
     }
 }

@@ -88,18 +88,19 @@ pub struct Img2Mesh {
 impl_module!(Img2Mesh: f32 = model);
 
 impl Img2Mesh {
-    /// Meshes of `n` objects from all given views, object by object, each as many.
-    fn meshes<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
-        *self.sequence(tape, n, views).last().expect("a mesh at least")
+    /// The mesh of one object from all given views, as it is scored and delivered.
+    fn meshes<'t>(&self, tape: &'t Tape, views: &[Arc<Prepared>]) -> Meshes<'t> {
+        self.finished(tape, &self.sequence(tape, 1, views))
     }
 
     /// The same from images that are not looked at again: no features are kept.
-    fn meshes_uncached<'t>(&self, tape: &'t Tape, n: usize, views: &[Arc<Prepared>]) -> Meshes<'t> {
-        *self.sequence_uncached(tape, n, views).last().expect("a mesh at least")
+    fn meshes_uncached<'t>(&self, tape: &'t Tape, views: &[Arc<Prepared>]) -> Meshes<'t> {
+        self.finished(tape, &self.sequence_uncached(tape, 1, views))
     }
 
-    /// The only mesh of a batch as it is scored and delivered.
-    fn finished<'t>(&self, tape: &'t Tape, meshes: Meshes<'t>) -> Meshes<'t> {
+    /// The last mesh of one object's, moved apart where it passes through itself if that is wanted.
+    fn finished<'t>(&self, tape: &'t Tape, sequence: &[Meshes<'t>]) -> Meshes<'t> {
+        let meshes = *sequence.last().expect("a mesh at least");
         if !self.config.untangle {
             return meshes;
         }
@@ -364,7 +365,7 @@ impl System for Img2Mesh {
             .map(|view| Prepared::new(view, &self.config).map(Arc::new))
             .collect::<Result<Vec<_>, _>>()?;
         let tape = Tape::eval();
-        Ok(self.mesh(self.finished(&tape, self.meshes_uncached(&tape, 1, &prepared))))
+        Ok(self.mesh(self.meshes_uncached(&tape, &prepared)))
     }
 }
 

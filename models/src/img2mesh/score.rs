@@ -70,7 +70,7 @@ impl Img2Mesh {
 
     fn score_group(&self, trial: &Trial) -> Score {
         let tape = Tape::eval();
-        let meshes = self.finished(&tape, self.meshes(&tape, 1, &trial.given));
+        let meshes = self.meshes(&tape, &trial.given);
         let mut sum = Score { object: trial.object.clone(), ..Score::default() };
         for view in &trial.scored {
             let rendered = self.draw_view(&tape, meshes, view);
@@ -98,7 +98,7 @@ impl Img2Mesh {
     pub(super) fn shown(&self, data: &Data, subset: Subset) -> Result<Shown, DataError> {
         let trial = data.trial(&self.config, (subset, self.config.views), 0)?;
         let tape = Tape::eval();
-        let meshes = self.finished(&tape, self.meshes(&tape, 1, &trial.given));
+        let meshes = self.meshes(&tape, &trial.given);
         let views = trial.scored.iter().take(MOST_SHOWN);
         let views = views.map(|view| self.pair(&tape, meshes, view)).collect();
         Ok(Shown { views, scene: Some(scene_of(&self.mesh(meshes))) })
@@ -121,7 +121,7 @@ impl Img2Mesh {
             .map(|k| {
                 let trial = data.trial(&self.config, (subset, views), k)?;
                 let tape = Tape::eval();
-                let meshes = self.finished(&tape, self.meshes(&tape, 1, &trial.given));
+                let meshes = self.meshes(&tape, &trial.given);
                 Ok(self.pair(&tape, meshes, &trial.scored[0]))
             })
             .collect()
@@ -139,7 +139,7 @@ impl Img2Mesh {
     /// The mesh from all views of a sample; their features are not kept.
     pub fn predict_sample(&self, sample: &super::Sample) -> TriMesh {
         let tape = Tape::eval();
-        self.mesh(self.finished(&tape, self.meshes_uncached(&tape, 1, &sample.views)))
+        self.mesh(self.meshes_uncached(&tape, &sample.views))
     }
 
     fn pair(&self, tape: &Tape, meshes: Meshes<'_>, view: &Prepared) -> ViewPair {

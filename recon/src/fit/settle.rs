@@ -57,7 +57,7 @@ pub(super) fn mend(shape: &mut Shape) -> bool {
     rounds.is_some()
 }
 
-/// What to say of a mesh after it, if anything: the count is that of the finished mesh, which rounding may have changed.
+/// What to say of a mesh after mending, if anything: the count is that of the finished mesh, which rounding may have changed.
 pub(super) fn remaining(found: &Examination, untangled: bool) -> Option<String> {
     let fold = || {
         let degrees = found.health.largest_dihedral_degrees;
