@@ -1,7 +1,7 @@
 //! What the documents say of the studies is what their results say.
 //!
-//! `docs/results` has a `results.json` of each study, under its name, and the tables made of it. In `docs/*.md` and the
-//! README stand two kinds of places, each ended by `<!-- end -->`:
+//! `docs/results` has a `results.json` of each study, under its name, and the tables made of it. In the laboratory notebooks,
+//! `docs/notebooks/*.md`, stand two kinds of places, each ended by `<!-- end -->`:
 //!
 //! - `<!-- claims STUDY -->`: how it was run, and every claim with its verdict;
 //! - `<!-- table STUDY: TABLE: COLUMN; COLUMN -->`: these columns of a table, with intervals.
@@ -64,7 +64,7 @@ fn claims(name: &str, made: &Made) -> String {
         [Verdict::Holds, Verdict::Reversed, Verdict::Undecided].map(count);
     let mut text = format!(
         "`{}`{scale}, {} seeds: of {} claims {holds} hold, {reversed} are reversed, {undecided} are undecided\n\
-         ([all tables, intervals and seeds](results/{name}.md)).\n\n",
+         ([all tables, intervals and seeds](../results/{name}.md)).\n\n",
         made.results.command,
         seeds.len(),
         claims.len(),
@@ -158,13 +158,10 @@ fn documents_quote_the_results() {
         let name = path.file_stem().unwrap().to_str().unwrap();
         assert!(made.contains_key(name), "{}: of no study, or without results", path.display());
     }
-    let documents = fs::read_dir(root().join("docs")).unwrap().map(|entry| entry.unwrap().path());
-    for path in documents.chain([root().join("README.md")]) {
-        if path.extension().is_some_and(|ending| ending == "md") {
-            let text = fs::read_to_string(&path).unwrap();
-            let text = filled(&text, &made);
-            expected.push((path, text));
-        }
+    for entry in fs::read_dir(root().join("docs/notebooks")).unwrap() {
+        let path = entry.unwrap().path();
+        let text = filled(&fs::read_to_string(&path).unwrap(), &made);
+        expected.push((path, text));
     }
     for (path, text) in expected {
         if std::env::var_os("UPDATE_DOCS").is_some() {
