@@ -53,9 +53,3 @@ pub fn sphere_points(count: usize, seed: u32) -> ndarray::Array2<f32> {
     }
     points
 }
-
-/// The code in the workspace's README, so that it is tested with everything else.
-#[cfg(doctest)]
-#[doc = include_str!("../../README.md")]
-#[derive(Debug)]
-pub struct Readme;
