@@ -32,7 +32,6 @@
 //! | flat, unfolded surfaces | [`face_angle`], [`normal_consistency`] |
 //! | even, smooth surfaces | [`edge_length`], [`edge_length_sum`], [`laplacian_squared`], [`laplacian_norm`], [`laplacian_cotangent`], [`laplacian_cotcurv`] |
 //! | small deformations | [`deformation_norm`] |
-//! | thin parts whose sides stay apart | [`wall_thickness`] over [`Walls`] |
 //! | point sets | [`chamfer`], [`chamfer_distance`] and [`chamfer_normals`] over [`Matches`], [`chamfer_l1`], [`chamfer_normals_signed`], [`earth_mover`]; [`knn_points`], [`knn_gather`] over [`Neighbours`] |
 //! | points and a surface | [`point_mesh_face_distance`], [`point_face_distance`], [`face_point_distance`]; [`nearest_faces`], [`nearest_points`] |
 //! | edges in a true surface | [`edge_normal`] |
@@ -84,7 +83,6 @@ mod ssim;
 mod surface;
 #[cfg(test)]
 mod testing;
-mod thickness;
 
 pub use camera::{camera_loss, quaternion_length, rotation_loss, rotation_sine};
 pub use chamfer::{
@@ -120,4 +118,3 @@ pub use point_face::{
 pub use sparse::sparse_matrix;
 pub use ssim::{ssim_loss, ssim_loss_valid};
 pub use surface::{surface_normals, surface_points};
-pub use thickness::{Walls, wall_thickness};

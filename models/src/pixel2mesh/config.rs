@@ -74,11 +74,6 @@ train::options! {
         /// ellipsoid's mean squared edge: about the same at any number of vertices. Published: 0, with `laplacian-weight`
         /// in its place.
         pub bending_weight: f64 = 0.0, in 0.0..=1e9;
-        /// Weight of what walls lack of `least-wall`: keeps the two sides of thin parts, as wings are, from passing through each
-        /// other. Published: 0.
-        pub wall_weight: f64 = 0.0, in 0.0..=1e9;
-        /// How thick walls should be at least, in edges of the ellipsoid at the same level.
-        pub least_wall: f64 = 0.3, in above_to(0.0, 10.0);
         /// Weight of the mean squared displacement.
         pub move_weight: f64 = 0.0, in 0.0..=1e9;
         /// Weight of half the sum of the squares of all weights of the encoder's convolutions.

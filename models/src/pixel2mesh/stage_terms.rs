@@ -1,15 +1,12 @@
 //! What the mesh of each stage misses of the true surface, and how regular it is.
 
 use autodiff_lite::Var;
-use losses::{Directions, Matches, Walls};
+use losses::{Directions, Matches};
 use train::Terms;
 
 use super::config::SharedConfig;
 use super::deformer::{Deformer, Stage};
 use super::single_view::SingleView;
-
-/// How far from a vertex the other side of a wall is looked for, in edges of the ellipsoid.
-const WALL_REACH: f64 = 1.5;
 
 /// What the stages miss, summed over them; nothing where no stage counts it.
 #[derive(Clone, Copy, Debug, Default)]
@@ -21,7 +18,6 @@ pub(super) struct Sums<'t> {
     pub(super) moved: Option<Var<'t>>,
     pub(super) stretch: Option<Var<'t>>,
     pub(super) bending: Option<Var<'t>>,
-    pub(super) wall: Option<Var<'t>>,
 }
 
 fn add<'t>(sum: &mut Option<Var<'t>>, value: Var<'t>) {
@@ -39,7 +35,6 @@ impl<'t> Sums<'t> {
             ("move", shared.move_weight, self.moved),
             ("stretch", shared.stretch_weight, self.stretch),
             ("bending", shared.bending_weight, self.bending),
-            ("wall", shared.wall_weight, self.wall),
         ]
         .into_iter()
         .filter(|&(_, weight, _)| weight > 0.0)
@@ -83,13 +78,6 @@ impl<D: Deformer> SingleView<D> {
             add(&mut sums.laplacian, change.scale(stage.laplacian as f32 / vertices));
             let unit = f64::from(vertices) * level.squared_edge.powi(2);
             add(&mut sums.bending, change.scale((1.0 / unit) as f32));
-        }
-        if shared.wall_weight > 0.0 {
-            let edge = level.squared_edge.sqrt();
-            let mut walls = Walls::default();
-            walls.find(stage.positions, &level.mesh.faces, WALL_REACH * edge);
-            let lacking = losses::wall_thickness(stage.positions, &walls, shared.least_wall * edge);
-            add(&mut sums.wall, lacking);
         }
         if shared.move_weight > 0.0 && stage.displacement > 0.0 {
             let moved = moved.square().mean().scale(3.0 * stage.displacement as f32);
