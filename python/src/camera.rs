@@ -218,13 +218,13 @@ pub(crate) fn matrices<'py>(
 /// points: [N, V, 3], or [V, 3] shared by all cameras, in the world. matrices: [N, 3, 4], from `matrices`. perspective: False for parallel rays.
 /// Value [N, V, 3]: x right, y up, depth. Gradients: points, matrices.
 #[pyfunction]
-#[pyo3(signature = (points, matrices, *, perspective=true, wrt=Wanted::All))]
+#[pyo3(signature = (points, matrices, *, perspective=true, wrt=None))]
 pub(crate) fn project(
     py: Python<'_>,
     points: Floats<'_>,
     matrices: Floats<'_>,
     perspective: bool,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     let mut shapes = Shapes::of("project");
     let [_, rows, columns] = fits(shapes.axes("matrices", matrices.shape(), ["N", "3", "4"]))?;
@@ -238,7 +238,7 @@ pub(crate) fn project(
         return Err(error::value(shapes.error(text)));
     }
     let inputs = [("points", &points), ("matrices", &matrices)];
-    record!(py, Arguments::new("project", inputs, &wrt)?, |points, matrices| {
+    record!(py, Arguments::new("project", inputs, wrt.as_ref())?, |points, matrices| {
         if perspective { points.project(matrices) } else { points.project_affine(matrices) }
     })
 }

@@ -224,9 +224,9 @@ impl Frame {
         py: Python<'_>,
         op: &'static str,
         draw: impl Draw,
-        wrt: &Wanted,
+        wrt: Option<&Wanted>,
     ) -> PyResult<Recorded> {
-        let wanted = wrt.among(op, ["projected"])?;
+        let wanted = Wanted::among(wrt, op, ["projected"])?;
         with_drawn!(self, drawn => drawn.record(py, op, wanted, &self.topology, draw))
     }
 }

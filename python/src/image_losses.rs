@@ -43,24 +43,24 @@ fn check_masked(
 /// image, target: any shape, alike. mask: like the image, or without its channels. The mean is over all values. Value: a float.
 /// Gradients: image, target, mask; at equal values 0.
 #[pyfunction]
-#[pyo3(signature = (image, target, mask=None, *, wrt=Wanted::All))]
+#[pyo3(signature = (image, target, mask=None, *, wrt=None))]
 pub(crate) fn l1(
     py: Python<'_>,
     image: Floats<'_>,
     target: Floats<'_>,
     mask: Option<Floats<'_>>,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     check_masked("l1", &image, &target, mask.as_ref())?;
     let inputs = [("image", &image), ("target", &target)];
     match &mask {
-        None => record!(py, Arguments::new("l1", inputs, &wrt)?, |image, target| {
+        None => record!(py, Arguments::new("l1", inputs, wrt.as_ref())?, |image, target| {
             losses::l1(image, target, None)
         }),
         Some(mask) => {
             let [image, target] = inputs;
             let inputs = [image, target, ("mask", mask)];
-            record!(py, Arguments::new("l1", inputs, &wrt)?, |image, target, mask| {
+            record!(py, Arguments::new("l1", inputs, wrt.as_ref())?, |image, target, mask| {
                 losses::l1(image, target, Some(mask))
             })
         }
@@ -72,24 +72,24 @@ pub(crate) fn l1(
 /// image, target: any shape, alike. mask: like the image, or without its channels. The mean is over all values. Value: a float.
 /// Gradients: image, target, mask.
 #[pyfunction]
-#[pyo3(signature = (image, target, mask=None, *, wrt=Wanted::All))]
+#[pyo3(signature = (image, target, mask=None, *, wrt=None))]
 pub(crate) fn l2(
     py: Python<'_>,
     image: Floats<'_>,
     target: Floats<'_>,
     mask: Option<Floats<'_>>,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     check_masked("l2", &image, &target, mask.as_ref())?;
     let inputs = [("image", &image), ("target", &target)];
     match &mask {
-        None => record!(py, Arguments::new("l2", inputs, &wrt)?, |image, target| {
+        None => record!(py, Arguments::new("l2", inputs, wrt.as_ref())?, |image, target| {
             losses::l2(image, target, None)
         }),
         Some(mask) => {
             let [image, target] = inputs;
             let inputs = [image, target, ("mask", mask)];
-            record!(py, Arguments::new("l2", inputs, &wrt)?, |image, target, mask| {
+            record!(py, Arguments::new("l2", inputs, wrt.as_ref())?, |image, target, mask| {
                 losses::l2(image, target, Some(mask))
             })
         }
@@ -101,13 +101,13 @@ pub(crate) fn l2(
 /// image, target: [N, H, W, C], alike. valid: only pixels whose window lies within the image count (scikit-image's mean with
 /// gaussian_weights); else borders are padded with 0. Value: a float. Gradients: image, target.
 #[pyfunction]
-#[pyo3(signature = (image, target, *, valid=false, wrt=Wanted::All))]
+#[pyo3(signature = (image, target, *, valid=false, wrt=None))]
 pub(crate) fn ssim_loss(
     py: Python<'_>,
     image: Floats<'_>,
     target: Floats<'_>,
     valid: bool,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     let op = "ssim_loss";
     check_alike(op, [("image", &image), ("target", &target)])?;
@@ -117,7 +117,7 @@ pub(crate) fn ssim_loss(
         return Err(error::value(shapes.error("no window of 11 pixels lies within the image")));
     }
     let inputs = [("image", &image), ("target", &target)];
-    record!(py, Arguments::new(op, inputs, &wrt)?, |image, target| {
+    record!(py, Arguments::new(op, inputs, wrt.as_ref())?, |image, target| {
         if valid {
             losses::ssim_loss_valid(image, target)
         } else {
@@ -130,19 +130,19 @@ pub(crate) fn ssim_loss(
 ///
 /// prediction, target: [N, ...] in [0, 1], alike. Value: a float. Gradients: prediction, target.
 #[pyfunction]
-#[pyo3(signature = (prediction, target, *, wrt=Wanted::All))]
+#[pyo3(signature = (prediction, target, *, wrt=None))]
 pub(crate) fn mask_iou(
     py: Python<'_>,
     prediction: Floats<'_>,
     target: Floats<'_>,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     let inputs = [("prediction", &prediction), ("target", &target)];
     check_alike("mask_iou", inputs)?;
     if prediction.shape().is_empty() {
         return Err(error::value("mask_iou: a batch axis expected, found a single number"));
     }
-    record!(py, Arguments::new("mask_iou", inputs, &wrt)?, |prediction, target| {
+    record!(py, Arguments::new("mask_iou", inputs, wrt.as_ref())?, |prediction, target| {
         losses::mask_iou(prediction, target)
     })
 }
@@ -151,16 +151,16 @@ pub(crate) fn mask_iou(
 ///
 /// prediction, target: in [0, 1], alike. Value: a float. Gradients: prediction, target.
 #[pyfunction]
-#[pyo3(signature = (prediction, target, *, wrt=Wanted::All))]
+#[pyo3(signature = (prediction, target, *, wrt=None))]
 pub(crate) fn mask_bce(
     py: Python<'_>,
     prediction: Floats<'_>,
     target: Floats<'_>,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     let inputs = [("prediction", &prediction), ("target", &target)];
     check_alike("mask_bce", inputs)?;
-    record!(py, Arguments::new("mask_bce", inputs, &wrt)?, |prediction, target| {
+    record!(py, Arguments::new("mask_bce", inputs, wrt.as_ref())?, |prediction, target| {
         losses::mask_bce(prediction, target)
     })
 }
@@ -190,8 +190,8 @@ pub(crate) fn log_depth(
 ) -> PyResult<Recorded> {
     let inputs = [("prediction", &prediction), ("target", &target), ("mask", &mask)];
     check_depth("log_depth", inputs)?;
-    let wrt = Wanted::Named(vec!["prediction".to_owned()]);
-    record!(py, Arguments::new("log_depth", inputs, &wrt)?, |prediction, target, mask| {
+    let wrt = Some(Wanted::of("prediction"));
+    record!(py, Arguments::new("log_depth", inputs, wrt.as_ref())?, |prediction, target, mask| {
         losses::log_depth(prediction, target, mask, weight, DepthMean::Pixels)
     })
 }
@@ -220,8 +220,8 @@ pub(crate) fn scale_shift_invariant(
     let published = ScaleShiftInvariant::least_squares();
     let robustness = if robust { Robustness::Trimmed { share: 0.2 } } else { published.robustness };
     let loss = ScaleShiftInvariant { robustness, gradient_weight, scales, ..published };
-    let wrt = Wanted::Named(vec!["prediction".to_owned()]);
-    record!(py, Arguments::new(op, inputs, &wrt)?, |prediction, target, mask| {
+    let wrt = Some(Wanted::of("prediction"));
+    record!(py, Arguments::new(op, inputs, wrt.as_ref())?, |prediction, target, mask| {
         loss.loss(prediction, target, mask)
     })
 }

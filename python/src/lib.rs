@@ -65,4 +65,11 @@ mod _unsphere {
     use super::topology::Topology;
     #[pymodule_export]
     use super::views::{Views, read_views};
+
+    use pyo3::prelude::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
 }

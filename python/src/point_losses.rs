@@ -39,18 +39,18 @@ fn check_sets(op: &'static str, x: &Floats<'_>, y: &Floats<'_>) -> PyResult<()> 
 /// Gradients: x, y; which points are nearest counts as fixed.
 /// Cost: O(N P Q), all pairs are compared.
 #[pyfunction]
-#[pyo3(signature = (x, y, *, x_to_y=1.0, y_to_x=1.0, wrt=Wanted::All))]
+#[pyo3(signature = (x, y, *, x_to_y=1.0, y_to_x=1.0, wrt=None))]
 pub(crate) fn chamfer(
     py: Python<'_>,
     x: Floats<'_>,
     y: Floats<'_>,
     x_to_y: f64,
     y_to_x: f64,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     check_sets("chamfer", &x, &y)?;
     let directions = Directions { x_to_y, y_to_x };
-    record!(py, Arguments::new("chamfer", [("x", &x), ("y", &y)], &wrt)?, |x, y| {
+    record!(py, Arguments::new("chamfer", [("x", &x), ("y", &y)], wrt.as_ref())?, |x, y| {
         let mut matches = Matches::default();
         matches.find(x, y);
         losses::chamfer_distance(x, y, &matches, directions)
@@ -61,18 +61,18 @@ pub(crate) fn chamfer(
 ///
 /// x: [P, 3] or [N, P, 3]. y: [Q, 3] or [N, Q, 3]. Value: a float, in units of the points. Gradients: x, y.
 #[pyfunction]
-#[pyo3(signature = (x, y, *, x_to_y=1.0, y_to_x=1.0, wrt=Wanted::All))]
+#[pyo3(signature = (x, y, *, x_to_y=1.0, y_to_x=1.0, wrt=None))]
 pub(crate) fn chamfer_l1(
     py: Python<'_>,
     x: Floats<'_>,
     y: Floats<'_>,
     x_to_y: f64,
     y_to_x: f64,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     check_sets("chamfer_l1", &x, &y)?;
     let directions = Directions { x_to_y, y_to_x };
-    record!(py, Arguments::new("chamfer_l1", [("x", &x), ("y", &y)], &wrt)?, |x, y| {
+    record!(py, Arguments::new("chamfer_l1", [("x", &x), ("y", &y)], wrt.as_ref())?, |x, y| {
         let mut matches = Matches::default();
         matches.find_l1(x, y);
         losses::chamfer_l1(x, y, &matches, directions)
@@ -84,13 +84,13 @@ pub(crate) fn chamfer_l1(
 /// x, y: [P, 3] or [N, P, 3], alike. excess: None finds the least sum (O(P**3), meant up to 2048 points); 0.01, say, stops at one that is at
 /// most 1 % more. Value: a float, in units of the points. Gradients: x, y, through the pairing as it is.
 #[pyfunction]
-#[pyo3(signature = (x, y, *, excess=None, wrt=Wanted::All))]
+#[pyo3(signature = (x, y, *, excess=None, wrt=None))]
 pub(crate) fn earth_mover(
     py: Python<'_>,
     x: Floats<'_>,
     y: Floats<'_>,
     excess: Option<f64>,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     check_sets("earth_mover", &x, &y)?;
     if x.shape() != y.shape() {
@@ -106,7 +106,7 @@ pub(crate) fn earth_mover(
         return Err(error::value("earth_mover: coordinates must be finite"));
     }
     let method = excess.map_or(Assignment::Exact, |excess| Assignment::Auction { excess });
-    record!(py, Arguments::new("earth_mover", [("x", &x), ("y", &y)], &wrt)?, |x, y| {
+    record!(py, Arguments::new("earth_mover", [("x", &x), ("y", &y)], wrt.as_ref())?, |x, y| {
         losses::earth_mover(x, y, method)
     })
 }
@@ -136,18 +136,18 @@ fn check_surface(
 ///
 /// x: [P, 3]. positions: [V, 3]. topology: the faces. Value: a float, in squared units. Gradients: x, positions.
 #[pyfunction]
-#[pyo3(signature = (x, positions, topology, *, wrt=Wanted::All))]
+#[pyo3(signature = (x, positions, topology, *, wrt=None))]
 pub(crate) fn point_mesh_face_distance(
     py: Python<'_>,
     x: Floats<'_>,
     positions: Floats<'_>,
     topology: &Topology,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     let op = "point_mesh_face_distance";
     check_surface(op, &x, &positions, topology)?;
     let inputs = [("x", &x), ("positions", &positions)];
-    record!(py, Arguments::new(op, inputs, &wrt)?, |x, positions| {
+    record!(py, Arguments::new(op, inputs, wrt.as_ref())?, |x, positions| {
         losses::point_mesh_face_distance(x, positions, topology.corners())
     })
 }
@@ -156,18 +156,18 @@ pub(crate) fn point_mesh_face_distance(
 ///
 /// x: [P, 3]. positions: [V, 3]. topology: the faces. Value [P], in squared units. Gradients: x, positions.
 #[pyfunction]
-#[pyo3(signature = (x, positions, topology, *, wrt=Wanted::All))]
+#[pyo3(signature = (x, positions, topology, *, wrt=None))]
 pub(crate) fn point_face_distance(
     py: Python<'_>,
     x: Floats<'_>,
     positions: Floats<'_>,
     topology: &Topology,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     let op = "point_face_distance";
     check_surface(op, &x, &positions, topology)?;
     let inputs = [("x", &x), ("positions", &positions)];
-    record!(py, Arguments::new(op, inputs, &wrt)?, |x, positions| {
+    record!(py, Arguments::new(op, inputs, wrt.as_ref())?, |x, positions| {
         losses::point_face_distance(x, positions, topology.corners())
     })
 }
@@ -176,18 +176,18 @@ pub(crate) fn point_face_distance(
 ///
 /// x: [P, 3]. positions: [V, 3]. topology: the faces. Value [F], in squared units. Gradients: x, positions.
 #[pyfunction]
-#[pyo3(signature = (x, positions, topology, *, wrt=Wanted::All))]
+#[pyo3(signature = (x, positions, topology, *, wrt=None))]
 pub(crate) fn face_point_distance(
     py: Python<'_>,
     x: Floats<'_>,
     positions: Floats<'_>,
     topology: &Topology,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     let op = "face_point_distance";
     check_surface(op, &x, &positions, topology)?;
     let inputs = [("x", &x), ("positions", &positions)];
-    record!(py, Arguments::new(op, inputs, &wrt)?, |x, positions| {
+    record!(py, Arguments::new(op, inputs, wrt.as_ref())?, |x, positions| {
         losses::face_point_distance(x, positions, topology.corners())
     })
 }

@@ -18,8 +18,11 @@ use crate::wanted::Wanted;
 /// `value` is a float where the result is a single number, else a read-only array that shares its memory with this object (copy it to
 /// change it). `backward` gives the gradients of the inputs, in the order of `inputs`. It unpacks into both:
 ///
-/// >>> loss, backward = unsphere.l2(image, target)
+/// >>> import numpy, unsphere
+/// >>> loss, backward = unsphere.l2(numpy.zeros(4), numpy.ones(4))
 /// >>> of_image, of_target = backward()
+/// >>> loss, of_image
+/// (1.0, array([-0.5, -0.5, -0.5, -0.5]))
 #[pyclass(frozen, module = "unsphere")]
 pub(crate) struct Recorded {
     #[pyo3(get)]
@@ -181,10 +184,10 @@ impl<'a, 'py, const N: usize> Arguments<'a, 'py, N> {
     pub(crate) fn new(
         op: &'static str,
         named: [(&'static str, &'a Floats<'py>); N],
-        wrt: &Wanted,
+        wrt: Option<&Wanted>,
     ) -> PyResult<Self> {
         let (names, arrays) = (named.map(|(name, _)| name), named.map(|(_, array)| array));
-        let wanted = wrt.among(op, names)?;
+        let wanted = Wanted::among(wrt, op, names)?;
         Ok(Self { op, names, arrays, wanted })
     }
 

@@ -16,14 +16,14 @@ use crate::wanted::Wanted;
 /// Gradients: projected [N, V, 3] (visibility held fixed), attributes.
 /// Cost: O(N H W C). Raises ValueError where the attributes do not fit the vertices.
 #[pyfunction]
-#[pyo3(signature = (frame, attributes, *, wrt=Wanted::All))]
+#[pyo3(signature = (frame, attributes, *, wrt=None))]
 pub(crate) fn interpolate(
     py: Python<'_>,
     frame: &Frame,
     attributes: Floats<'_>,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
-    let wanted = wrt.among("interpolate", ["projected", "attributes"])?;
+    let wanted = Wanted::among(wrt.as_ref(), "interpolate", ["projected", "attributes"])?;
     let mut shapes = Shapes::of("interpolate");
     let [n, ..] = frame.shape();
     fits(shapes.axes(
@@ -44,14 +44,14 @@ pub(crate) fn interpolate(
 /// frame: from `rasterize`. attributes: [F, 3, C], the same for all images. Value [N, H, W, C].
 /// Gradients: projected [N, V, 3] (visibility held fixed), attributes.
 #[pyfunction]
-#[pyo3(signature = (frame, attributes, *, wrt=Wanted::All))]
+#[pyo3(signature = (frame, attributes, *, wrt=None))]
 pub(crate) fn interpolate_corners(
     py: Python<'_>,
     frame: &Frame,
     attributes: Floats<'_>,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
-    let wanted = wrt.among("interpolate_corners", ["projected", "attributes"])?;
+    let wanted = Wanted::among(wrt.as_ref(), "interpolate_corners", ["projected", "attributes"])?;
     let mut shapes = Shapes::of("interpolate_corners");
     fits(shapes.axes("faces", &[frame.topology.get().faces.len(), 3], ["F", "3"]))?;
     fits(shapes.axes("attributes", attributes.shape(), ["F", "3", "C"]))?;
@@ -71,9 +71,13 @@ impl Draw for SoftSilhouette {
 /// frame: from `rasterize`, whose sigma_inv, box_length and max_faces shape it. Value [N, H, W] in [0, 1].
 /// Gradient: projected [N, V, 3]; none to depth, none from pixels that show a face.
 #[pyfunction]
-#[pyo3(signature = (frame, *, wrt=Wanted::All))]
-pub(crate) fn soft_silhouette(py: Python<'_>, frame: &Frame, wrt: Wanted) -> PyResult<Recorded> {
-    frame.record(py, "soft_silhouette", SoftSilhouette, &wrt)
+#[pyo3(signature = (frame, *, wrt=None))]
+pub(crate) fn soft_silhouette(
+    py: Python<'_>,
+    frame: &Frame,
+    wrt: Option<Wanted>,
+) -> PyResult<Recorded> {
+    frame.record(py, "soft_silhouette", SoftSilhouette, wrt.as_ref())
 }
 
 struct AntialiasedSilhouette;
@@ -89,13 +93,13 @@ impl Draw for AntialiasedSilhouette {
 ///
 /// frame: from `rasterize`. Value [N, H, W] in [0, 1]. Gradient: projected [N, V, 3]; none to depth.
 #[pyfunction]
-#[pyo3(signature = (frame, *, wrt=Wanted::All))]
+#[pyo3(signature = (frame, *, wrt=None))]
 pub(crate) fn antialiased_silhouette(
     py: Python<'_>,
     frame: &Frame,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
-    frame.record(py, "antialiased_silhouette", AntialiasedSilhouette, &wrt)
+    frame.record(py, "antialiased_silhouette", AntialiasedSilhouette, wrt.as_ref())
 }
 
 struct Depth {
@@ -112,14 +116,14 @@ impl Draw for Depth {
 ///
 /// frame: from `rasterize`. Value [N, H, W]. Gradient: projected [N, V, 3], visibility held fixed.
 #[pyfunction]
-#[pyo3(signature = (frame, background=0.0, *, wrt=Wanted::All))]
+#[pyo3(signature = (frame, background=0.0, *, wrt=None))]
 pub(crate) fn depth(
     py: Python<'_>,
     frame: &Frame,
     background: f64,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
-    frame.record(py, "depth", Depth { background }, &wrt)
+    frame.record(py, "depth", Depth { background }, wrt.as_ref())
 }
 
 /// Colours of a texture at each pixel, bilinear; 0 at background.
@@ -127,15 +131,15 @@ pub(crate) fn depth(
 /// frame: from `rasterize`. uv: [N, H, W, 2], interpolated texture coordinates, v up, clamped to [0, 1]. image: [Ht, Wt, C], the same for all
 /// images of the batch. Value [N, H, W, C]. Gradients: uv (with kinks between texels), image.
 #[pyfunction]
-#[pyo3(signature = (frame, uv, image, *, wrt=Wanted::All))]
+#[pyo3(signature = (frame, uv, image, *, wrt=None))]
 pub(crate) fn texture(
     py: Python<'_>,
     frame: &Frame,
     uv: Floats<'_>,
     image: Floats<'_>,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
-    let wanted = wrt.among("texture", ["uv", "image"])?;
+    let wanted = Wanted::among(wrt.as_ref(), "texture", ["uv", "image"])?;
     let mut shapes = Shapes::of("texture");
     fits(shapes.axes("frame", &frame.shape(), ["N", "H", "W"]))?;
     let [.., two] = fits(shapes.axes("uv", uv.shape(), ["N", "H", "W", "2"]))?;

@@ -38,17 +38,17 @@ macro_rules! mesh_losses {
     ($($(#[$docs:meta])* $name:ident => |$positions:ident, $topology:ident| $body:expr;)+) => {$(
         $(#[$docs])*
         #[pyfunction]
-        #[pyo3(signature = (positions, topology, *, wrt=Wanted::All))]
+        #[pyo3(signature = (positions, topology, *, wrt=None))]
         pub(crate) fn $name(
             py: Python<'_>,
             positions: Floats<'_>,
             topology: &Topology,
-            wrt: Wanted,
+            wrt: Option<Wanted>,
         ) -> PyResult<Recorded> {
             check_mesh(stringify!($name), "positions", &positions, topology)?;
             let $topology = topology;
             let inputs = [("positions", &positions)];
-            record!(py, Arguments::new(stringify!($name), inputs, &wrt)?, |$positions| $body)
+            record!(py, Arguments::new(stringify!($name), inputs, wrt.as_ref())?, |$positions| $body)
         }
     )+};
 }
@@ -92,17 +92,17 @@ mesh_losses! {
 ///
 /// positions: [V, 3] or [N, V, 3]. topology: the faces. target: a length. Value: a float, in squared units. Gradient: positions.
 #[pyfunction]
-#[pyo3(signature = (positions, topology, target=0.0, *, wrt=Wanted::All))]
+#[pyo3(signature = (positions, topology, target=0.0, *, wrt=None))]
 pub(crate) fn edge_length(
     py: Python<'_>,
     positions: Floats<'_>,
     topology: &Topology,
     target: f64,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     check_mesh("edge_length", "positions", &positions, topology)?;
     let inputs = [("positions", &positions)];
-    record!(py, Arguments::new("edge_length", inputs, &wrt)?, |positions| {
+    record!(py, Arguments::new("edge_length", inputs, wrt.as_ref())?, |positions| {
         losses::edge_length(positions, &topology.topology, target)
     })
 }
@@ -111,11 +111,11 @@ pub(crate) fn edge_length(
 ///
 /// offsets: [V, 3] or [N, V, 3]. Value: a float, in units of the offsets. Gradient: offsets.
 #[pyfunction]
-#[pyo3(signature = (offsets, *, wrt=Wanted::All))]
+#[pyo3(signature = (offsets, *, wrt=None))]
 pub(crate) fn deformation_norm(
     py: Python<'_>,
     offsets: Floats<'_>,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     if !matches!(*offsets.shape(), [_, 3] | [_, _, 3]) {
         let found = offsets.shape();
@@ -123,9 +123,11 @@ pub(crate) fn deformation_norm(
             "deformation_norm: offsets [N, V, 3] expected, found {found:?}"
         )));
     }
-    record!(py, Arguments::new("deformation_norm", [("offsets", &offsets)], &wrt)?, |offsets| {
-        losses::deformation_norm(offsets)
-    })
+    record!(
+        py,
+        Arguments::new("deformation_norm", [("offsets", &offsets)], wrt.as_ref())?,
+        |offsets| { losses::deformation_norm(offsets) }
+    )
 }
 
 /// Samples that belong to a topology.
@@ -150,18 +152,18 @@ fn samples_of<'a>(
 ///
 /// positions: [V, 3]. topology: the faces. samples: P of them. Value [P, 3]. Gradient: positions, the samples held on their faces.
 #[pyfunction]
-#[pyo3(signature = (positions, topology, samples, *, wrt=Wanted::All))]
+#[pyo3(signature = (positions, topology, samples, *, wrt=None))]
 pub(crate) fn surface_points(
     py: Python<'_>,
     positions: Floats<'_>,
     topology: &Topology,
     samples: &SurfaceSamples,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     let op = "surface_points";
     check_single(op, &positions, topology)?;
     let points = samples_of(op, samples, topology)?;
-    record!(py, Arguments::new(op, [("positions", &positions)], &wrt)?, |positions| {
+    record!(py, Arguments::new(op, [("positions", &positions)], wrt.as_ref())?, |positions| {
         losses::surface_points(positions, topology.corners(), points)
     })
 }
@@ -170,18 +172,18 @@ pub(crate) fn surface_points(
 ///
 /// positions: [V, 3]. topology: the faces. samples: P of them. Value [P, 3]. Gradient: positions.
 #[pyfunction]
-#[pyo3(signature = (positions, topology, samples, *, wrt=Wanted::All))]
+#[pyo3(signature = (positions, topology, samples, *, wrt=None))]
 pub(crate) fn surface_normals(
     py: Python<'_>,
     positions: Floats<'_>,
     topology: &Topology,
     samples: &SurfaceSamples,
-    wrt: Wanted,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     let op = "surface_normals";
     check_single(op, &positions, topology)?;
     let points = samples_of(op, samples, topology)?;
-    record!(py, Arguments::new(op, [("positions", &positions)], &wrt)?, |positions| {
+    record!(py, Arguments::new(op, [("positions", &positions)], wrt.as_ref())?, |positions| {
         losses::surface_normals(positions, topology.corners(), points)
     })
 }
