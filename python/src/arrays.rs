@@ -76,10 +76,7 @@ impl Floats<'_> {
     /// The elements in single precision, the last axis running fastest.
     pub(crate) fn singles(&self) -> Vec<f32> {
         match self {
-            Self::Single(array) => match array.as_slice() {
-                Ok(slice) => slice.to_vec(),
-                Err(_) => array.as_array().iter().copied().collect(),
-            },
+            Self::Single(array) => array.as_array().iter().copied().collect(),
             Self::Double(array) => array.as_array().iter().map(|&x| x as f32).collect(),
         }
     }
@@ -105,9 +102,11 @@ impl Floats<'_> {
             )));
         };
         let mut tensor = tape.array(array.shape());
-        match array.as_slice() {
-            Ok(slice) => tensor.as_slice_mut().copy_from_slice(slice),
-            Err(_) => tensor.view_mut().assign(&array.as_array()),
+        let lent = array.as_array();
+        // A view's slice is row-major, where that of NumPy's array may be in Fortran's order.
+        match lent.as_slice() {
+            Some(slice) => tensor.as_slice_mut().copy_from_slice(slice),
+            None => tensor.view_mut().assign(&lent),
         }
         Ok(tensor)
     }

@@ -2,31 +2,18 @@
 
 use std::sync::Arc;
 
-use autodiff_lite::{Shapes, Tensor, Var, Vjp};
+use autodiff_lite::Shapes;
 use diff_raster::{Fragments, Renderer, Settings};
 use numpy::IntoPyArray;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::arrays::{self, Floats};
+use crate::drawn::{Drawn, Seen};
 use crate::error;
 use crate::precision::{self, Precision};
-use crate::recorded::{Call, Recorded, fits};
+use crate::recorded::fits;
 use crate::topology::Topology;
-use crate::wanted::Wanted;
-
-/// Projected positions with their fragments.
-#[derive(Clone)]
-pub(crate) struct Drawn<F: Precision> {
-    pub(crate) projected: Tensor<F>,
-    pub(crate) fragments: Arc<Fragments<F>>,
-}
-
-/// The same in either precision.
-pub(crate) enum Seen {
-    Single(Drawn<f32>),
-    Double(Drawn<f64>),
-}
 
 /// What is seen of a batch of meshes at each pixel: what `rasterize` finds, and the drawing functions take.
 ///
@@ -41,8 +28,8 @@ pub(crate) struct Frame {
 macro_rules! with_drawn {
     ($frame:expr, $drawn:ident => $body:expr) => {
         match &$frame.seen {
-            $crate::frame::Seen::Single($drawn) => $body,
-            $crate::frame::Seen::Double($drawn) => $body,
+            $crate::drawn::Seen::Single($drawn) => $body,
+            $crate::drawn::Seen::Double($drawn) => $body,
         }
     };
 }
@@ -205,104 +192,14 @@ fn draw<F: Precision>(
 ) -> PyResult<Seen> {
     let tape = precision::tape::<F>();
     let projected = projected.tensor("rasterize: projected", &tape)?;
-    let (faces, scratch) = (Arc::clone(&topology.faces), F::scratch(topology));
+    let (faces, scratch) = (Arc::clone(&topology.faces), F::scratch(topology).clone());
     let drawn = py.detach(move || {
         error::caught(|| {
-            let renderer = Renderer::new(faces, settings).with_scratch(scratch);
+            let renderer = Renderer::new(faces, settings).with_scratch(&scratch);
             let fragments =
                 Arc::clone(renderer.frame(tape.constant(projected.clone())).fragments());
-            Drawn { projected, fragments }
+            Drawn { projected, fragments, scratch }
         })
     })?;
     Ok(F::seen(drawn))
-}
-
-impl Frame {
-    /// Draws what depends on the positions alone.
-    pub(crate) fn record(
-        &self,
-        py: Python<'_>,
-        op: &'static str,
-        draw: impl Draw,
-        wrt: Option<&Wanted>,
-    ) -> PyResult<Recorded> {
-        let wanted = Wanted::among(wrt, op, ["projected"])?;
-        with_drawn!(self, drawn => drawn.record(py, op, wanted, &self.topology, draw))
-    }
-}
-
-/// A drawing of a frame, in either precision.
-pub(crate) trait Draw: Send {
-    fn draw<'t, F: Precision>(&self, frame: &diff_raster::Frame<'t, F>) -> Var<'t, F>;
-}
-
-impl<F: Precision> Drawn<F> {
-    fn record(
-        &self,
-        py: Python<'_>,
-        op: &'static str,
-        wanted: [bool; 1],
-        topology: &Py<Topology>,
-        draw: impl Draw,
-    ) -> PyResult<Recorded> {
-        let shape = self.projected.shape().to_vec();
-        let call = Call { op, inputs: vec!["projected"], wanted: vec![wanted[0].then_some(shape)] };
-        let (tape, own) = (precision::tape::<F>(), self.clone());
-        let scratch = F::scratch(topology.get()).clone();
-        Recorded::new(py, call, move || {
-            Vjp::new(tape, [own.projected], wanted, |[projected]| {
-                draw.draw(&diff_raster::Frame::new(projected, own.fragments, scratch))
-            })
-        })
-    }
-
-    /// Draws attributes, with gradients to positions and attributes.
-    pub(crate) fn interpolate(
-        &self,
-        py: Python<'_>,
-        attributes: &Floats<'_>,
-        wanted: [bool; 2],
-        topology: &Py<Topology>,
-        corners: bool,
-    ) -> PyResult<Recorded> {
-        let op = if corners { "interpolate_corners" } else { "interpolate" };
-        let tape = precision::tape::<F>();
-        let values = attributes.tensor(&format!("{op}: attributes"), &tape)?;
-        let own = self.clone();
-        let shapes = [own.projected.shape().to_vec(), values.shape().to_vec()];
-        let wanted_shapes = shapes.into_iter().zip(wanted).map(|(s, wanted)| wanted.then_some(s));
-        let (inputs, wanted_shapes) = (vec!["projected", "attributes"], wanted_shapes.collect());
-        let call = Call { op, inputs, wanted: wanted_shapes };
-        let scratch = F::scratch(topology.get()).clone();
-        Recorded::new(py, call, move || {
-            Vjp::new(tape, [own.projected, values], wanted, |[projected, values]| {
-                let frame = diff_raster::Frame::new(projected, own.fragments, scratch);
-                if corners { frame.interpolate_corners(values) } else { frame.interpolate(values) }
-            })
-        })
-    }
-
-    /// Looks a texture up, with gradients to coordinates and texels.
-    pub(crate) fn texture(
-        &self,
-        py: Python<'_>,
-        [uv, image]: [&Floats<'_>; 2],
-        wanted: [bool; 2],
-        topology: &Py<Topology>,
-    ) -> PyResult<Recorded> {
-        let tape = precision::tape::<F>();
-        let inputs = [uv.tensor("texture: uv", &tape)?, image.tensor("texture: image", &tape)?];
-        let shapes = [uv.shape().to_vec(), image.shape().to_vec()];
-        let wanted_shapes = shapes.into_iter().zip(wanted).map(|(s, wanted)| wanted.then_some(s));
-        let call =
-            Call { op: "texture", inputs: vec!["uv", "image"], wanted: wanted_shapes.collect() };
-        let (own, scratch) = (self.clone(), F::scratch(topology.get()).clone());
-        Recorded::new(py, call, move || {
-            Vjp::new(tape, inputs, wanted, |[uv, image]| {
-                // The texture needs no positions, only where something is seen.
-                let still = uv.tape().constant(own.projected);
-                diff_raster::Frame::new(still, own.fragments, scratch).texture(uv, image)
-            })
-        })
-    }
 }

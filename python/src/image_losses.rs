@@ -149,7 +149,7 @@ pub(crate) fn mask_iou(
 
 /// The mean binary cross entropy of masks.
 ///
-/// prediction, target: in [0, 1], alike. Value: a float. Gradients: prediction, target.
+/// prediction, target: in [0, 1], alike. Value: a float. Gradient: prediction.
 #[pyfunction]
 #[pyo3(signature = (prediction, target, *, wrt=None))]
 pub(crate) fn mask_bce(
@@ -160,7 +160,7 @@ pub(crate) fn mask_bce(
 ) -> PyResult<Recorded> {
     let inputs = [("prediction", &prediction), ("target", &target)];
     check_alike("mask_bce", inputs)?;
-    record!(py, Arguments::new("mask_bce", inputs, wrt.as_ref())?, |prediction, target| {
+    record!(py, Arguments::leading(1, "mask_bce", inputs, wrt.as_ref())?, |prediction, target| {
         losses::mask_bce(prediction, target)
     })
 }
@@ -180,20 +180,24 @@ fn check_depth(op: &'static str, [a, b, mask]: [(&str, &Floats<'_>); 3]) -> PyRe
 /// prediction, target, mask: [N, H, W], alike; pixels count where the mask is above 1/2. weight: 0.5 is published, 1 ignores the scale.
 /// Value: a float. Gradient: prediction.
 #[pyfunction]
-#[pyo3(signature = (prediction, target, mask, weight=0.5))]
+#[pyo3(signature = (prediction, target, mask, weight=0.5, *, wrt=None))]
 pub(crate) fn log_depth(
     py: Python<'_>,
     prediction: Floats<'_>,
     target: Floats<'_>,
     mask: Floats<'_>,
     weight: f64,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     let inputs = [("prediction", &prediction), ("target", &target), ("mask", &mask)];
     check_depth("log_depth", inputs)?;
-    let wrt = Some(Wanted::of("prediction"));
-    record!(py, Arguments::new("log_depth", inputs, wrt.as_ref())?, |prediction, target, mask| {
-        losses::log_depth(prediction, target, mask, weight, DepthMean::Pixels)
-    })
+    record!(
+        py,
+        Arguments::leading(1, "log_depth", inputs, wrt.as_ref())?,
+        |prediction, target, mask| {
+            losses::log_depth(prediction, target, mask, weight, DepthMean::Pixels)
+        }
+    )
 }
 
 /// MiDaS's loss between disparities (1 / depth), which scale and shift of the prediction do not change.
@@ -201,7 +205,7 @@ pub(crate) fn log_depth(
 /// prediction, target, mask: [N, H, W], alike; pixels count where the mask is above 1/2. robust: by median and mean distance, a fifth of the
 /// pixels left out, instead of least squares. gradient_weight, scales: of the gradient term. Value: a float. Gradient: prediction.
 #[pyfunction]
-#[pyo3(signature = (prediction, target, mask, *, robust=false, gradient_weight=0.5, scales=4))]
+#[pyo3(signature = (prediction, target, mask, *, robust=false, gradient_weight=0.5, scales=4, wrt=None))]
 pub(crate) fn scale_shift_invariant(
     py: Python<'_>,
     prediction: Floats<'_>,
@@ -210,6 +214,7 @@ pub(crate) fn scale_shift_invariant(
     robust: bool,
     gradient_weight: f64,
     scales: usize,
+    wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     let op = "scale_shift_invariant";
     let inputs = [("prediction", &prediction), ("target", &target), ("mask", &mask)];
@@ -220,8 +225,7 @@ pub(crate) fn scale_shift_invariant(
     let published = ScaleShiftInvariant::least_squares();
     let robustness = if robust { Robustness::Trimmed { share: 0.2 } } else { published.robustness };
     let loss = ScaleShiftInvariant { robustness, gradient_weight, scales, ..published };
-    let wrt = Some(Wanted::of("prediction"));
-    record!(py, Arguments::new(op, inputs, wrt.as_ref())?, |prediction, target, mask| {
+    record!(py, Arguments::leading(1, op, inputs, wrt.as_ref())?, |prediction, target, mask| {
         loss.loss(prediction, target, mask)
     })
 }

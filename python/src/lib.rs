@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 
 mod arrays;
 mod camera;
+mod drawn;
 mod error;
 mod fit;
 mod frame;

@@ -7,7 +7,7 @@ use diff_raster::{Fragments, Scratch};
 use numpy::{Element, PyReadonlyArrayDyn};
 
 use crate::arrays::Floats;
-use crate::frame::{Drawn, Seen};
+use crate::drawn::{Drawn, Seen};
 use crate::topology::Topology;
 
 /// `f32` or `f64`, with what depends on which of the two it is.

@@ -33,9 +33,32 @@ pub(crate) struct Recorded {
 
 /// What was called: its name, its differentiable inputs, and the shapes of those whose gradients are wanted.
 pub(crate) struct Call {
-    pub(crate) op: &'static str,
-    pub(crate) inputs: Vec<&'static str>,
-    pub(crate) wanted: Vec<Option<Vec<usize>>>,
+    op: &'static str,
+    inputs: Vec<&'static str>,
+    wanted: Vec<Option<Vec<usize>>>,
+}
+
+impl Call {
+    /// Of differentiable inputs of these shapes.
+    ///
+    /// # Errors
+    /// If `wrt` names none of them.
+    pub(crate) fn new(
+        op: &'static str,
+        inputs: &[(&'static str, &[usize])],
+        wrt: Option<&Wanted>,
+    ) -> PyResult<Self> {
+        let names: Vec<&'static str> = inputs.iter().map(|(name, _)| *name).collect();
+        let wanted = Wanted::among(wrt, op, &names)?;
+        let shapes = inputs.iter().map(|(_, shape)| shape.to_vec());
+        let wanted = shapes.zip(wanted).map(|(shape, wanted)| wanted.then_some(shape)).collect();
+        Ok(Self { op, inputs: names, wanted })
+    }
+
+    /// Of which inputs gradients are wanted; of none beyond those that are differentiable.
+    pub(crate) fn wanted<const N: usize>(&self) -> [bool; N] {
+        std::array::from_fn(|i| self.wanted.get(i).is_some_and(Option::is_some))
+    }
 }
 
 #[pymethods]
@@ -170,47 +193,52 @@ fn seed<F: Precision>(
     Ok(own.to_owned_array().into())
 }
 
-/// The differentiable arguments of a call: what Python lent, and which gradients it wants.
+/// The arrays that Python lends for a call.
 pub(crate) struct Arguments<'a, 'py, const N: usize> {
-    pub(crate) op: &'static str,
-    pub(crate) names: [&'static str; N],
-    pub(crate) arrays: [&'a Floats<'py>; N],
-    pub(crate) wanted: [bool; N],
+    pub(crate) call: Call,
+    arrays: [(&'static str, &'a Floats<'py>); N],
 }
 
 impl<'a, 'py, const N: usize> Arguments<'a, 'py, N> {
+    /// All of them are differentiable.
+    ///
     /// # Errors
     /// If `wrt` names none of them.
     pub(crate) fn new(
         op: &'static str,
-        named: [(&'static str, &'a Floats<'py>); N],
+        arrays: [(&'static str, &'a Floats<'py>); N],
         wrt: Option<&Wanted>,
     ) -> PyResult<Self> {
-        let (names, arrays) = (named.map(|(name, _)| name), named.map(|(_, array)| array));
-        let wanted = Wanted::among(wrt, op, names)?;
-        Ok(Self { op, names, arrays, wanted })
+        Self::leading(N, op, arrays, wrt)
     }
 
-    /// What is called.
-    pub(crate) fn call(&self) -> Call {
-        let shapes = self.arrays.iter().zip(self.wanted);
-        let wanted = shapes.map(|(array, wanted)| wanted.then(|| array.shape().to_vec())).collect();
-        Call { op: self.op, inputs: self.names.to_vec(), wanted }
+    /// The first `count` are differentiable, the others data.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub(crate) fn leading(
+        count: usize,
+        op: &'static str,
+        arrays: [(&'static str, &'a Floats<'py>); N],
+        wrt: Option<&Wanted>,
+    ) -> PyResult<Self> {
+        let shapes = arrays.map(|(name, array)| (name, array.shape()));
+        Ok(Self { call: Call::new(op, &shapes[..count], wrt)?, arrays })
     }
 
     /// Whether the first array, which decides, is of double precision.
     pub(crate) fn is_double(&self) -> bool {
-        matches!(self.arrays.first(), Some(Floats::Double(_)))
+        matches!(self.arrays.first(), Some((_, Floats::Double(_))))
     }
 
     /// The arrays in the memory of a tape.
     pub(crate) fn load<F: Precision>(&self) -> PyResult<(NestedTape<F>, [Tensor<F>; N])> {
         let tape = precision::tape::<F>();
         let mut tensors = Vec::with_capacity(N);
-        for (name, array) in self.names.iter().zip(self.arrays) {
-            tensors.push(array.tensor(&format!("{}: {name}", self.op), &tape)?);
+        for (name, array) in self.arrays {
+            tensors.push(array.tensor(&format!("{}: {name}", self.call.op), &tape)?);
         }
-        let tensors = tensors.try_into().unwrap_or_else(|_| unreachable!("one for each name"));
+        let tensors = tensors.try_into().unwrap_or_else(|_| unreachable!("one for each array"));
         Ok((tape, tensors))
     }
 }
@@ -226,15 +254,15 @@ pub(crate) fn fits<R>(check: Result<R, ShapeError>) -> PyResult<R> {
 macro_rules! record {
     ($py:expr, $arguments:expr, |$($var:ident),+| $body:expr) => {{
         let (py, arguments) = ($py, $arguments);
-        let (call, wanted) = (arguments.call(), arguments.wanted);
+        let wanted = arguments.call.wanted();
         if arguments.is_double() {
             let (tape, inputs) = arguments.load::<f64>()?;
-            $crate::recorded::Recorded::new(py, call, || {
+            $crate::recorded::Recorded::new(py, arguments.call, || {
                 autodiff_lite::Vjp::new(tape, inputs, wanted, |[$($var),+]| $body)
             })
         } else {
             let (tape, inputs) = arguments.load::<f32>()?;
-            $crate::recorded::Recorded::new(py, call, || {
+            $crate::recorded::Recorded::new(py, arguments.call, || {
                 autodiff_lite::Vjp::new(tape, inputs, wanted, |[$($var),+]| $body)
             })
         }

@@ -4,8 +4,9 @@ use autodiff_lite::{Shapes, Var};
 use pyo3::prelude::*;
 
 use crate::arrays::Floats;
+use crate::drawn::{Attributes, Draw};
 use crate::error;
-use crate::frame::{Draw, Frame, with_drawn};
+use crate::frame::{Frame, with_drawn};
 use crate::precision::Precision;
 use crate::recorded::{Recorded, fits};
 use crate::wanted::Wanted;
@@ -23,7 +24,6 @@ pub(crate) fn interpolate(
     attributes: Floats<'_>,
     wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
-    let wanted = Wanted::among(wrt.as_ref(), "interpolate", ["projected", "attributes"])?;
     let mut shapes = Shapes::of("interpolate");
     let [n, ..] = frame.shape();
     fits(shapes.axes(
@@ -36,7 +36,7 @@ pub(crate) fn interpolate(
     } else {
         fits(shapes.axes("attributes", attributes.shape(), ["N", "V", "C"]))?;
     }
-    with_drawn!(frame, drawn => drawn.interpolate(py, &attributes, wanted, &frame.topology, false))
+    with_drawn!(frame, drawn => drawn.interpolate(py, &attributes, Attributes::Vertices, wrt.as_ref()))
 }
 
 /// Attributes of the corners of faces at each pixel, 0 at background: texture coordinates across a seam, or one colour per face.
@@ -51,16 +51,17 @@ pub(crate) fn interpolate_corners(
     attributes: Floats<'_>,
     wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
-    let wanted = Wanted::among(wrt.as_ref(), "interpolate_corners", ["projected", "attributes"])?;
     let mut shapes = Shapes::of("interpolate_corners");
     fits(shapes.axes("faces", &[frame.topology.get().faces.len(), 3], ["F", "3"]))?;
     fits(shapes.axes("attributes", attributes.shape(), ["F", "3", "C"]))?;
-    with_drawn!(frame, drawn => drawn.interpolate(py, &attributes, wanted, &frame.topology, true))
+    with_drawn!(frame, drawn => drawn.interpolate(py, &attributes, Attributes::Corners, wrt.as_ref()))
 }
 
 struct SoftSilhouette;
 
 impl Draw for SoftSilhouette {
+    const OP: &'static str = "soft_silhouette";
+
     fn draw<'t, F: Precision>(&self, frame: &diff_raster::Frame<'t, F>) -> Var<'t, F> {
         frame.soft_silhouette()
     }
@@ -77,12 +78,14 @@ pub(crate) fn soft_silhouette(
     frame: &Frame,
     wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
-    frame.record(py, "soft_silhouette", SoftSilhouette, wrt.as_ref())
+    with_drawn!(frame, drawn => drawn.draw(py, SoftSilhouette, wrt.as_ref()))
 }
 
 struct AntialiasedSilhouette;
 
 impl Draw for AntialiasedSilhouette {
+    const OP: &'static str = "antialiased_silhouette";
+
     fn draw<'t, F: Precision>(&self, frame: &diff_raster::Frame<'t, F>) -> Var<'t, F> {
         frame.antialiased_silhouette()
     }
@@ -99,7 +102,7 @@ pub(crate) fn antialiased_silhouette(
     frame: &Frame,
     wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
-    frame.record(py, "antialiased_silhouette", AntialiasedSilhouette, wrt.as_ref())
+    with_drawn!(frame, drawn => drawn.draw(py, AntialiasedSilhouette, wrt.as_ref()))
 }
 
 struct Depth {
@@ -107,6 +110,8 @@ struct Depth {
 }
 
 impl Draw for Depth {
+    const OP: &'static str = "depth";
+
     fn draw<'t, F: Precision>(&self, frame: &diff_raster::Frame<'t, F>) -> Var<'t, F> {
         frame.depth(F::from_f64(self.background))
     }
@@ -123,7 +128,7 @@ pub(crate) fn depth(
     background: f64,
     wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
-    frame.record(py, "depth", Depth { background }, wrt.as_ref())
+    with_drawn!(frame, drawn => drawn.draw(py, Depth { background }, wrt.as_ref()))
 }
 
 /// Colours of a texture at each pixel, bilinear; 0 at background.
@@ -139,7 +144,6 @@ pub(crate) fn texture(
     image: Floats<'_>,
     wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
-    let wanted = Wanted::among(wrt.as_ref(), "texture", ["uv", "image"])?;
     let mut shapes = Shapes::of("texture");
     fits(shapes.axes("frame", &frame.shape(), ["N", "H", "W"]))?;
     let [.., two] = fits(shapes.axes("uv", uv.shape(), ["N", "H", "W", "2"]))?;
@@ -149,5 +153,5 @@ pub(crate) fn texture(
             shapes.error("two coordinates and an image that has texels expected"),
         ));
     }
-    with_drawn!(frame, drawn => drawn.texture(py, [&uv, &image], wanted, &frame.topology))
+    with_drawn!(frame, drawn => drawn.texture(py, &uv, &image, wrt.as_ref()))
 }

@@ -22,25 +22,16 @@ impl FromPyObject<'_, '_> for Wanted {
 }
 
 impl Wanted {
-    /// That of one input.
-    pub(crate) fn of(name: &str) -> Self {
-        Self(vec![name.to_owned()])
-    }
-
     /// Which of these inputs; all where nothing is said.
     ///
     /// # Errors
     /// If a name is none of theirs.
-    pub(crate) fn among<const N: usize>(
-        wanted: Option<&Self>,
-        op: &str,
-        names: [&'static str; N],
-    ) -> PyResult<[bool; N]> {
-        let Some(Self(wanted)) = wanted else { return Ok([true; N]) };
+    pub(crate) fn among(wanted: Option<&Self>, op: &str, names: &[&str]) -> PyResult<Vec<bool>> {
+        let Some(Self(wanted)) = wanted else { return Ok(vec![true; names.len()]) };
         if let Some(other) = wanted.iter().find(|name| !names.contains(&name.as_str())) {
             let known = names.join(", ");
-            return Err(error::value(format!("{op}: wrt names {other:?}, expected among {known}")));
+            return Err(error::value(format!("{op}: wrt names '{other}', expected among {known}")));
         }
-        Ok(names.map(|name| wanted.iter().any(|other| other == name)))
+        Ok(names.iter().map(|name| wanted.iter().any(|other| other == name)).collect())
     }
 }
