@@ -65,10 +65,11 @@ pub(crate) fn odeint(
     save_at: Vec<f64>,
     max_steps: usize,
 ) -> PyResult<Solution> {
-    let Some(tableau) = Tableau::named(method) else {
-        let known: Vec<&str> = Tableau::ALL.iter().map(|tableau| tableau.name).collect();
+    // Python's words are joined by underscores.
+    let Some(tableau) = Tableau::named(&method.replace('_', "-")) else {
+        let known: Vec<String> = Tableau::ALL.iter().map(|t| t.name.replace('-', "_")).collect();
         let known = known.join(", ");
-        return Err(error::value(format!("odeint: method {method:?}, expected one of {known}")));
+        return Err(error::value(format!("odeint: method '{method}', expected one of {known}")));
     };
     let control = match (step, rtol, atol) {
         (Some(step), None, None) => StepController::Fixed { step },
