@@ -29,7 +29,10 @@ fn checked(camera: mesh_core::Camera) -> PyResult<Camera> {
 impl Camera {
     /// A perspective camera at `eye` that looks at `target`. fov_y: the vertical field of view, radians. width, height: pixels.
     #[staticmethod]
-    #[pyo3(signature = (eye, target, *, up=[0.0, 1.0, 0.0], fov_y=0.8, width, height))]
+    #[pyo3(
+        signature = (eye, target, *, up=[0.0, 1.0, 0.0], fov_y=0.8, width, height),
+        text_signature = "(eye, target, *, up=(0.0, 1.0, 0.0), fov_y=0.8, width, height)"
+    )]
     fn look_at(
         eye: [f64; 3],
         target: [f64; 3],
@@ -71,7 +74,10 @@ impl Camera {
 
     /// From PyTorch3D's `PerspectiveCameras` in NDC: rows `p R + T`, focal length and principal point as its cameras have them.
     #[staticmethod]
-    #[pyo3(signature = (rotation, translation, focal, principal=[0.0, 0.0], *, width, height))]
+    #[pyo3(
+        signature = (rotation, translation, focal, principal=[0.0, 0.0], *, width, height),
+        text_signature = "(rotation, translation, focal, principal=(0.0, 0.0), *, width, height)"
+    )]
     fn from_pytorch3d(
         rotation: [[f64; 3]; 3],
         translation: [f64; 3],

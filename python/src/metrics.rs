@@ -63,7 +63,10 @@ pub(crate) fn iou(prediction: Floats<'_>, target: Floats<'_>) -> PyResult<f64> {
 /// Result: a dict of `accuracy` [P] (to the nearest true point) and `completeness` [Q] (to the nearest predicted one), `chamfer` (their means,
 /// added), and, for each of `thresholds`, an entry of `f_scores`: threshold, precision, recall, f_score.
 #[pyfunction]
-#[pyo3(signature = (prediction, truth, thresholds=vec![]))]
+#[pyo3(
+    signature = (prediction, truth, thresholds=vec![]),
+    text_signature = "(prediction, truth, thresholds=())"
+)]
 pub(crate) fn point_distances<'py>(
     py: Python<'py>,
     prediction: Floats<'_>,

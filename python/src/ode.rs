@@ -50,9 +50,12 @@ impl Solution {
 ///
 /// What the field raises is raised. Raises ValueError with a remedy where the solution is not finite, or steps would be too small or too many.
 #[pyfunction]
-#[pyo3(signature = (
-    field, start, span, *, method="dopri5", step=None, rtol=None, atol=None, save_at=vec![], max_steps=100_000
-))]
+#[pyo3(
+    signature = (
+        field, start, span, *, method="dopri5", step=None, rtol=None, atol=None, save_at=vec![], max_steps=100_000
+    ),
+    text_signature = "(field, start, span, *, method='dopri5', step=None, rtol=None, atol=None, save_at=(), max_steps=100000)"
+)]
 pub(crate) fn odeint(
     py: Python<'_>,
     field: &Bound<'_, PyAny>,

@@ -1,6 +1,7 @@
 //! Random points on the surface of a mesh.
 
 use mesh_core::{SurfacePoint, TriMesh};
+use numpy::IntoPyArray;
 use pyo3::prelude::*;
 
 use crate::arrays::{self, Floats};
@@ -19,10 +20,11 @@ impl SurfaceSamples {
         self.points.len()
     }
 
-    /// The face of each point, uint32 [P, 1].
+    /// The face of each point, uint32 [P].
     #[getter]
-    fn face<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Ok(arrays::table(py, self.points.iter().map(|p| [p.face]).collect())?.into_any())
+    fn face<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        let faces: Vec<u32> = self.points.iter().map(|point| point.face).collect();
+        faces.into_pyarray(py).into_any()
     }
 
     /// The weights of its corners, float32 [P, 3]: not negative, of sum 1.

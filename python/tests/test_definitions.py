@@ -51,7 +51,7 @@ def test_losses():
     close(us.edge_length(y, scene.topology, 0.3).value, plain.edge_length(np, y, scene.edges, 0.3))
     close(us.laplacian_norm(y, scene.topology).value, plain.laplacian_norm(np, y, scene.adjacency))
     close(us.normal_consistency(y, scene.topology).value, plain.normal_consistency(np, y, scene.pairs))
-    corner = scene.faces[scene.samples.face[:, 0]]
+    corner = scene.faces[scene.samples.face]
     share = scene.samples.barycentric.astype(np.float64)
     close(us.surface_points(y, scene.topology, scene.samples).value, plain.surface_points(np, y, corner, share))
 

@@ -105,7 +105,7 @@ def test_losses(scene):
     compare(scene, lambda x: ut.edge_length(x, topology, 0.3), lambda x: plain.edge_length(torch, x, edges, 0.3), y)
     compare(scene, lambda x: ut.laplacian_norm(x, topology), lambda x: plain.laplacian_norm(torch, x, adjacency), y)
     compare(scene, lambda x: ut.normal_consistency(x, topology), lambda x: plain.normal_consistency(torch, x, pairs), y)
-    corner = index(scene.faces[scene.samples.face[:, 0]])
+    corner = index(scene.faces[scene.samples.face])
     share = torch.tensor(scene.samples.barycentric.astype(scene.dtype))
     compare(
         scene,

@@ -26,6 +26,10 @@ Wrong shapes and values raise ValueError, files OSError.
 """
 
 import json as _json
+from collections.abc import Callable as _Callable
+from os import PathLike as _PathLike
+from typing import Optional as _Optional
+from typing import Union as _Union
 
 from . import _unsphere
 from ._unsphere import (
@@ -148,8 +152,10 @@ __all__ = [
     "write_png",
 ]
 
+_Path = _Union[str, "_PathLike[str]"]
 
-def read_views(path, **options):
+
+def read_views(path: _Path, **options: object) -> Views:
     """Reads views of one object from whatever is at a path: a folder, a zip, a transforms.json, a COLMAP model and others.
 
     path: where. options: `max_size` (pixels of the longer side), `object` (its name, where there are several), `allow_missing` and the other fields of
@@ -160,7 +166,7 @@ def read_views(path, **options):
     return _unsphere.read_views(path, _json.dumps(options, default=str))
 
 
-def fit(views, callback=None, **options):
+def fit(views: Views, callback: _Optional[_Callable[[int, int, float], object]] = None, **options: object) -> Fitted:
     """Fits a closed mesh with colours to views of one object.
 
     views: `Views`. callback: called with (step, total, loss) after each step, where total is the most steps there can be; if it returns False the fit
@@ -173,7 +179,7 @@ def fit(views, callback=None, **options):
     return _unsphere.fit(views, [(name, _setting(value)) for name, value in options.items()], callback)
 
 
-def _setting(value):
+def _setting(value: object) -> str:
     """A value as TOML has it."""
     if value is None:
         return "none"
