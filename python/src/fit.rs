@@ -13,7 +13,7 @@ use crate::interrupt::Interrupt;
 use crate::mesh::Mesh;
 use crate::views::Views;
 
-/// What a fit found.
+/// What a fit found: a mesh, and how it came about.
 #[pyclass(frozen, module = "unsphere")]
 pub(crate) struct Fitted {
     fitted: recon::fit::Fitted,
@@ -77,7 +77,7 @@ impl Fitted {
     }
 }
 
-/// Fits. options: names and values as TOML has them.
+/// Fits a mesh to views. options: names and values as TOML has them. callback: hears of each step.
 #[pyfunction]
 pub(crate) fn fit(
     py: Python<'_>,

@@ -232,7 +232,7 @@ pub(crate) fn icosphere(py: Python<'_>, level: u32) -> PyResult<Mesh> {
     Mesh::of(py, primitives::icosphere(level))
 }
 
-/// A torus around the y axis: radius of the ring, radius of the tube, and parts around either.
+/// A torus around the y axis. major, minor: radii of ring and tube. rings, sides: parts around either.
 #[pyfunction]
 #[pyo3(signature = (major=1.0, minor=0.4, rings=48, sides=24))]
 pub(crate) fn torus(

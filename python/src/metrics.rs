@@ -41,9 +41,9 @@ pub(crate) fn ssim(
 ) -> PyResult<f64> {
     let [image, target] = pair("ssim", &image, &target)?;
     py.detach(|| {
-        error::caught(|| match valid {
-            true => metrics::ssim_valid(&image, &target),
-            false => metrics::ssim(&image, &target),
+        error::caught(|| {
+            let of = if valid { metrics::ssim_valid } else { metrics::ssim };
+            of(&image, &target)
         })
     })
 }

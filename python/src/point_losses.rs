@@ -59,7 +59,8 @@ pub(crate) fn chamfer(
 
 /// The Chamfer distance with the sum of absolute differences, `norm=1` of PyTorch3D; matches are nearest by the same.
 ///
-/// x: [P, 3] or [N, P, 3]. y: [Q, 3] or [N, Q, 3]. Value: a float, in units of the points. Gradients: x, y.
+/// x: [P, 3] or [N, P, 3]. y: [Q, 3] or [N, Q, 3]. x_to_y, y_to_x: weights of the two directions. Value: a float, in units of the points.
+/// Gradients: x, y.
 #[pyfunction]
 #[pyo3(signature = (x, y, *, x_to_y=1.0, y_to_x=1.0, wrt=None))]
 pub(crate) fn chamfer_l1(

@@ -4,9 +4,9 @@ use std::sync::{Mutex, PoisonError};
 
 use autodiff_lite::{NestedTape, ShapeError, Tensor, Vjp};
 use numpy::PyArrayMethods;
-use pyo3::exceptions::{PyIndexError, PyTypeError};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyIterator, PyTuple};
 
 use crate::arrays::{self, Floats};
 use crate::error;
@@ -82,16 +82,9 @@ impl Recorded {
         PyTuple::new(py, self.back.pull(py, &self.call, cotangent)?)
     }
 
-    fn __len__(&self) -> usize {
-        2
-    }
-
-    fn __getitem__(this: &Bound<'_, Self>, index: isize) -> PyResult<Py<PyAny>> {
-        match index {
-            0 | -2 => Ok(this.get().value.clone_ref(this.py())),
-            1 | -1 => Ok(this.getattr("backward")?.unbind()),
-            _ => Err(PyIndexError::new_err("a value and its backward: 0 or 1")),
-        }
+    fn __iter__<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyIterator>> {
+        let value = this.get().value.bind(this.py());
+        PyTuple::new(this.py(), [value, &this.getattr("backward")?])?.try_iter()
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {

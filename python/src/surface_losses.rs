@@ -65,19 +65,19 @@ mesh_losses! {
     /// The mean length of the mean curvature normal. PyTorch3D's `mesh_laplacian_smoothing("cotcurv")`, whose weights count as fixed.
     ///
     /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value: a float, in 1 / units. Gradient: positions.
-    laplacian_cotcurv => |positions, topology| losses::laplacian_cotcurv(positions, &topology.topology);
+    laplacian_cotcurv => |positions, topology| losses::laplacian_cotcurv(positions, &topology.connectivity);
     /// The mean of 1 - cos between the normals of faces that share an edge. PyTorch3D's `mesh_normal_consistency`.
     ///
     /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value: a float from 0 to 2. Gradient: positions.
-    normal_consistency => |positions, topology| losses::normal_consistency(positions, &topology.topology);
+    normal_consistency => |positions, topology| losses::normal_consistency(positions, &topology.connectivity);
     /// The flatness of img2mesh: the sum of squared (1 - cos) over pairs of faces, averaged over the batch.
     ///
     /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value: a float. Gradient: positions.
-    face_angle => |positions, topology| losses::face_angle(positions, &topology.topology);
+    face_angle => |positions, topology| losses::face_angle(positions, &topology.connectivity);
     /// The sum of squared lengths of all edges, averaged over the batch.
     ///
     /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value: a float, in squared units. Gradient: positions.
-    edge_length_sum => |positions, topology| losses::edge_length_sum(positions, &topology.topology);
+    edge_length_sum => |positions, topology| losses::edge_length_sum(positions, &topology.connectivity);
     /// Unit normals of the faces.
     ///
     /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value [F, 3] or [N, F, 3]. Gradient: positions.
@@ -103,7 +103,7 @@ pub(crate) fn edge_length(
     check_mesh("edge_length", "positions", &positions, topology)?;
     let inputs = [("positions", &positions)];
     record!(py, Arguments::new("edge_length", inputs, wrt.as_ref())?, |positions| {
-        losses::edge_length(positions, &topology.topology, target)
+        losses::edge_length(positions, &topology.connectivity, target)
     })
 }
 

@@ -19,7 +19,7 @@ use crate::{arrays, error};
 #[pyclass(frozen, module = "unsphere")]
 pub(crate) struct Topology {
     pub(crate) faces: Arc<Faces>,
-    pub(crate) topology: mesh_core::Topology,
+    pub(crate) connectivity: mesh_core::Topology,
     pub(crate) single: Scratch<f32>,
     pub(crate) double: Scratch<f64>,
 }
@@ -27,9 +27,9 @@ pub(crate) struct Topology {
 impl Topology {
     pub(crate) fn of(vertices: usize, corners: &[[u32; 3]]) -> PyResult<Self> {
         let faces = Arc::new(Faces::new(vertices, corners).map_err(error::value)?);
-        let topology = mesh_core::Topology::new(vertices, corners);
+        let connectivity = mesh_core::Topology::new(vertices, corners);
         let (single, double) = (Scratch::default(), Scratch::default());
-        Ok(Self { faces, topology, single, double })
+        Ok(Self { faces, connectivity, single, double })
     }
 
     /// The vertices of each face.
@@ -39,7 +39,7 @@ impl Topology {
 
     /// The neighbours of each vertex.
     pub(crate) fn neighbours(&self) -> &Csr {
-        self.topology.as_ref()
+        self.connectivity.as_ref()
     }
 }
 
@@ -65,14 +65,14 @@ impl Topology {
     /// The edges, uint32 [E, 2], each once, the lower index first.
     #[getter]
     fn edges<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let edges: &[[u32; 2]] = self.topology.as_ref();
+        let edges: &[[u32; 2]] = self.connectivity.as_ref();
         Ok(arrays::table(py, edges.to_vec())?.into_any())
     }
 
     /// Whether every edge has two faces.
     #[getter]
     fn is_closed(&self) -> bool {
-        self.topology.is_closed()
+        self.connectivity.is_closed()
     }
 
     fn __repr__(&self) -> String {
