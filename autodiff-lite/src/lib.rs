@@ -39,7 +39,7 @@
 //! | for | see |
 //! |---|---|
 //! | values and handles | [`Tape`], [`NestedTape`], [`Var`], [`Tensor`] |
-//! | gradients | [`Var::backward`], [`Gradients`] |
+//! | gradients | [`Var::backward`], [`Gradients`]; of a function that owns its tape, [`Vjp`] |
 //! | models | [`Param`], [`Module`], [`impl_module!`] |
 //! | operations | the methods of [`Var`] and [`Tape`]; the loops behind them in [`kernels`] |
 //! | an operation of your own | [`Tape::record_fn`], [`Op`], [`Backward`], [`Tape::check`], [`Var::map`], [`Var::zip`] |
@@ -105,6 +105,7 @@ mod tape;
 mod tensor;
 mod updates;
 mod var;
+mod vjp;
 mod walk;
 
 pub use backward::Backward;
@@ -127,3 +128,4 @@ pub use tape::Tape;
 pub use tensor::Tensor;
 pub use updates::{BufferUpdate, Updates};
 pub use var::Var;
+pub use vjp::Vjp;

@@ -1,0 +1,205 @@
+//! NumPy arrays in and out: borrowed on the way in, moved or shared on the way out.
+
+use std::any::Any;
+
+use autodiff_lite::{Tape, Tensor};
+use ndarray::{ArrayD, ArrayViewD};
+use numpy::{
+    Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray,
+    PyUntypedArrayMethods,
+};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+
+use crate::error;
+use crate::precision::Precision;
+
+/// A floating-point array that Python lends for a call.
+pub(crate) enum Floats<'py> {
+    Single(PyReadonlyArrayDyn<'py, f32>),
+    Double(PyReadonlyArrayDyn<'py, f64>),
+}
+
+impl<'py> FromPyObject<'_, 'py> for Floats<'py> {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if let Ok(array) = object.cast::<PyArrayDyn<f32>>() {
+            return Ok(Self::Single(array.try_readonly().map_err(error::value)?));
+        }
+        if let Ok(array) = object.cast::<PyArrayDyn<f64>>() {
+            return Ok(Self::Double(array.try_readonly().map_err(error::value)?));
+        }
+        let found = found(&object)?;
+        let expected = "a NumPy array of float32 or float64 expected";
+        Err(PyTypeError::new_err(format!("{expected}, found {found}")))
+    }
+}
+
+/// What an object is, for messages.
+fn found(object: &Bound<'_, PyAny>) -> PyResult<String> {
+    let kind = object.get_type().name()?.to_string();
+    Ok(match object.cast::<PyUntypedArray>() {
+        Ok(array) => format!("an array of {}", array.dtype()),
+        Err(_) => format!("a {kind}"),
+    })
+}
+
+impl Floats<'_> {
+    pub(crate) fn shape(&self) -> &[usize] {
+        match self {
+            Self::Single(array) => array.shape(),
+            Self::Double(array) => array.shape(),
+        }
+    }
+
+    pub(crate) fn dtype(&self) -> &'static str {
+        match self {
+            Self::Single(_) => "float32",
+            Self::Double(_) => "float64",
+        }
+    }
+
+    /// The elements in single precision, in rows of `K`.
+    pub(crate) fn rows<const K: usize>(&self, name: &str) -> PyResult<Vec<[f32; K]>> {
+        if !matches!(*self.shape(), [_, k] if k == K) {
+            return Err(PyValueError::new_err(format!(
+                "{name}: an array [n, {K}] expected, found {:?}",
+                self.shape()
+            )));
+        }
+        let flat = self.singles();
+        let (rows, _) = flat.as_chunks::<K>();
+        Ok(rows.to_vec())
+    }
+
+    /// The elements in single precision, the last axis running fastest.
+    pub(crate) fn singles(&self) -> Vec<f32> {
+        match self {
+            Self::Single(array) => array.as_array().iter().copied().collect(),
+            Self::Double(array) => array.as_array().iter().map(|&x| x as f32).collect(),
+        }
+    }
+
+    /// The elements in double precision, the last axis running fastest.
+    pub(crate) fn doubles(&self) -> Vec<f64> {
+        match self {
+            Self::Single(array) => array.as_array().iter().map(|&x| f64::from(x)).collect(),
+            Self::Double(array) => array.as_array().iter().copied().collect(),
+        }
+    }
+
+    /// A tensor in the memory of a tape: the array may change afterwards, and gradients are still those of what it was.
+    ///
+    /// # Errors
+    /// If it is of the other precision.
+    pub(crate) fn tensor<F: Precision>(&self, name: &str, tape: &Tape<F>) -> PyResult<Tensor<F>> {
+        let Some(array) = F::of(self) else {
+            return Err(PyTypeError::new_err(format!(
+                "{name}: an array of {} expected as the others are, found {}",
+                F::DTYPE,
+                self.dtype()
+            )));
+        };
+        let mut tensor = tape.array(array.shape());
+        let lent = array.as_array();
+        // A view's slice is row-major, where that of NumPy's array may be in Fortran's order.
+        match lent.as_slice() {
+            Some(slice) => tensor.as_slice_mut().copy_from_slice(slice),
+            None => tensor.view_mut().assign(&lent),
+        }
+        Ok(tensor)
+    }
+}
+
+/// Triples or pairs of indices that Python lends: any of NumPy's usual integers.
+pub(crate) fn indices<const K: usize>(
+    name: &str,
+    array: &Bound<'_, PyAny>,
+) -> PyResult<Vec<[u32; K]>> {
+    let flat = match array.cast::<PyArrayDyn<u32>>() {
+        Ok(array) => {
+            array.try_readonly().map_err(error::value)?.as_array().iter().copied().collect()
+        }
+        Err(_) => narrowed(name, array)?,
+    };
+    let shape = array.cast::<PyUntypedArray>()?.shape().to_vec();
+    if !matches!(shape[..], [_, k] if k == K) {
+        return Err(PyValueError::new_err(format!(
+            "{name}: an array [n, {K}] expected, found {shape:?}"
+        )));
+    }
+    let (rows, _) = flat.as_chunks::<K>();
+    Ok(rows.to_vec())
+}
+
+fn narrowed(name: &str, array: &Bound<'_, PyAny>) -> PyResult<Vec<u32>> {
+    let outside = |x: &dyn std::fmt::Display| {
+        PyValueError::new_err(format!("{name}: {x} is no index, expected 0 to 4294967294"))
+    };
+    let narrow = |x: i64| u32::try_from(x).map_err(|_| outside(&x));
+    if let Ok(array) = array.cast::<PyArrayDyn<i64>>() {
+        let array = array.try_readonly().map_err(error::value)?;
+        return array.as_array().iter().map(|&x| narrow(x)).collect();
+    }
+    if let Ok(array) = array.cast::<PyArrayDyn<i32>>() {
+        let array = array.try_readonly().map_err(error::value)?;
+        return array.as_array().iter().map(|&x| narrow(i64::from(x))).collect();
+    }
+    let found = found(array)?;
+    Err(PyTypeError::new_err(format!("{name}: a NumPy array of integers expected, found {found}")))
+}
+
+/// A NumPy array that takes the memory over.
+pub(crate) fn moved<F: Element, D: ndarray::Dimension>(
+    py: Python<'_>,
+    array: ndarray::Array<F, D>,
+) -> Bound<'_, PyArrayDyn<F>> {
+    PyArrayDyn::from_owned_array(py, array.into_dyn())
+}
+
+/// A NumPy array `[n, K]` that takes the memory over.
+pub(crate) fn table<F: Element + bytemuck::Pod, const K: usize>(
+    py: Python<'_>,
+    rows: Vec<[F; K]>,
+) -> PyResult<Bound<'_, numpy::PyArray2<F>>> {
+    let shape = [rows.len(), K];
+    PyArray1::from_vec(py, rows.into_flattened()).reshape(shape)
+}
+
+/// What keeps the memory of an array that was shared with Python: the array's `base`.
+#[pyclass(frozen, module = "unsphere")]
+struct Memory(Box<dyn Any + Send + Sync>);
+
+/// A NumPy array over memory that `owner` holds. Nothing is copied, so nobody may write to it.
+pub(crate) fn shared<'py, T: Element, O: Send + Sync + 'static>(
+    py: Python<'py>,
+    owner: O,
+    data: impl for<'a> FnOnce(&'a O) -> ArrayViewD<'a, T>,
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    let memory = Bound::new(py, Memory(Box::new(owner)))?;
+    let owner: &O = memory.get().0.downcast_ref().expect("it was just put there");
+    let view = data(owner);
+    #[allow(unsafe_code, reason = "NumPy's arrays know no lifetimes")]
+    // SAFETY: `view` borrows from what `memory` owns in a box, which is frozen: it neither moves nor changes until `memory`, the base
+    // of the array, is dropped. The array is made read-only below, before anybody has it.
+    let array = unsafe { PyArrayDyn::borrow_from_array(&view, memory.clone().into_any()) };
+    array.try_readwrite().map_err(error::value)?.make_nonwriteable();
+    Ok(array)
+}
+
+/// A tensor as a read-only NumPy array over the same memory.
+pub(crate) fn tensor<F: Precision>(
+    py: Python<'_>,
+    tensor: Tensor<F>,
+) -> PyResult<Bound<'_, PyArrayDyn<F>>> {
+    shared(py, tensor, |tensor| tensor.view())
+}
+
+/// Zeros of a shape.
+pub(crate) fn zeros<'py, F: Precision>(
+    py: Python<'py>,
+    shape: &[usize],
+) -> Bound<'py, PyArrayDyn<F>> {
+    moved(py, ArrayD::zeros(shape))
+}

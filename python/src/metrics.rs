@@ -1,0 +1,135 @@
+//! Figures: how good images, masks, points and meshes are.
+
+use losses::metrics::{self, Preset};
+use mesh_core::Image;
+use numpy::IntoPyArray;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::Floats;
+use crate::error;
+use crate::mesh::{self, Mesh};
+
+/// Two images of one size.
+fn pair(op: &str, image: &Floats<'_>, target: &Floats<'_>) -> PyResult<[Image; 2]> {
+    if image.shape() != target.shape() {
+        let (a, b) = (image.shape(), target.shape());
+        return Err(error::value(format!(
+            "{op}: images of one shape expected, found {a:?} and {b:?}"
+        )));
+    }
+    Ok([mesh::image(op, image)?, mesh::image(op, target)?])
+}
+
+/// Peak signal-to-noise ratio in decibels, of images [H, W, C] in [0, 1]; inf where they are equal.
+#[pyfunction]
+pub(crate) fn psnr(image: Floats<'_>, target: Floats<'_>) -> PyResult<f64> {
+    let [image, target] = pair("psnr", &image, &target)?;
+    Ok(metrics::psnr(&image, &target))
+}
+
+/// Structural similarity of images [H, W, C] in [0, 1], 1 where they are equal: Gaussian window of 11 x 11, standard deviation 1.5.
+///
+/// valid: only pixels whose window lies within the image count (scikit-image's), NaN where there are none; else borders are padded with 0.
+#[pyfunction]
+#[pyo3(signature = (image, target, *, valid=false))]
+pub(crate) fn ssim(
+    py: Python<'_>,
+    image: Floats<'_>,
+    target: Floats<'_>,
+    valid: bool,
+) -> PyResult<f64> {
+    let [image, target] = pair("ssim", &image, &target)?;
+    py.detach(|| {
+        error::caught(|| {
+            let of = if valid { metrics::ssim_valid } else { metrics::ssim };
+            of(&image, &target)
+        })
+    })
+}
+
+/// Intersection over union of two masks [H, W], object above 1/2; 1 where both are empty.
+#[pyfunction]
+pub(crate) fn iou(prediction: Floats<'_>, target: Floats<'_>) -> PyResult<f64> {
+    let [prediction, target] = pair("iou", &prediction, &target)?;
+    if prediction.channels != 1 {
+        return Err(error::value("iou: masks [H, W] of one channel expected"));
+    }
+    Ok(metrics::mask_iou(&prediction, &target))
+}
+
+/// Distances between two sets of points, [P, 3] and [Q, 3]; never squared.
+///
+/// Result: a dict of `accuracy` [P] (to the nearest true point) and `completeness` [Q] (to the nearest predicted one), `chamfer` (their means,
+/// added), and, for each of `thresholds`, an entry of `f_scores`: threshold, precision, recall, f_score.
+#[pyfunction]
+#[pyo3(
+    signature = (prediction, truth, thresholds=vec![]),
+    text_signature = "(prediction, truth, thresholds=())"
+)]
+pub(crate) fn point_distances<'py>(
+    py: Python<'py>,
+    prediction: Floats<'_>,
+    truth: Floats<'_>,
+    thresholds: Vec<f64>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let prediction = prediction.rows("point_distances: prediction")?;
+    let truth = truth.rows("point_distances: truth")?;
+    if prediction.is_empty() || truth.is_empty() {
+        return Err(error::value("point_distances: both sets need points"));
+    }
+    let found = py.detach(|| metrics::point_distances(&prediction, &truth));
+    let scores = thresholds.iter().map(|&threshold| {
+        let score = found.f_score(threshold);
+        let entry = PyDict::new(py);
+        entry.set_item("threshold", score.threshold)?;
+        entry.set_item("precision", score.precision)?;
+        entry.set_item("recall", score.recall)?;
+        entry.set_item("f_score", score.f_score)?;
+        Ok(entry)
+    });
+    let scores = scores.collect::<PyResult<Vec<_>>>()?;
+    let (there, back) = found.chamfer(false);
+    let result = PyDict::new(py);
+    result.set_item("chamfer", there + back)?;
+    result.set_item("f_scores", scores)?;
+    result.set_item("accuracy", found.accuracy.into_pyarray(py))?;
+    result.set_item("completeness", found.completeness.into_pyarray(py))?;
+    Ok(result)
+}
+
+/// Compares two meshes under a published protocol, which is part of the answer.
+///
+/// protocol: "p2m" (Pixel2Mesh), "meshrcnn" (Mesh R-CNN), "occnet" (Occupancy Networks) or "mcmr" (3D IoU). seed: of the points that are drawn.
+/// Result: JSON of figures and protocol.
+#[pyfunction]
+pub(crate) fn evaluate(
+    py: Python<'_>,
+    prediction: &Mesh,
+    truth: &Mesh,
+    protocol: &str,
+    seed: u64,
+) -> PyResult<String> {
+    let preset: Preset = protocol.parse().map_err(error::value)?;
+    let (prediction, truth) = (prediction.checked(py)?, truth.checked(py)?);
+    let report = py.detach(|| metrics::evaluate(&prediction, &truth, &preset.protocol(seed)));
+    serde_json::to_string(&report.map_err(error::value)?).map_err(error::value)
+}
+
+/// Intersection over union of two closed meshes as they lie. resolution: cells along the longest edge of their common box, 1 to 1024.
+#[pyfunction]
+#[pyo3(signature = (prediction, truth, resolution=64))]
+pub(crate) fn voxel_iou(
+    py: Python<'_>,
+    prediction: &Mesh,
+    truth: &Mesh,
+    resolution: usize,
+) -> PyResult<f64> {
+    if !(1..=1024).contains(&resolution) {
+        return Err(error::value(format!(
+            "voxel_iou: resolution {resolution}, expected 1 to 1024"
+        )));
+    }
+    let (prediction, truth) = (prediction.checked(py)?, truth.checked(py)?);
+    Ok(py.detach(|| metrics::voxel_iou(&prediction, &truth, resolution)))
+}

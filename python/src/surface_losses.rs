@@ -1,0 +1,198 @@
+//! Losses of a mesh by itself, and geometry that carries gradients.
+
+use autodiff_lite::Shapes;
+use mesh_core::SurfacePoint;
+use pyo3::prelude::*;
+
+use crate::arrays::Floats;
+use crate::error;
+use crate::recorded::{Arguments, Recorded, fits, record};
+use crate::sample::SurfaceSamples;
+use crate::topology::Topology;
+use crate::wanted::Wanted;
+
+/// Checks vertices `[V, 3]` or `[N, V, 3]` of a topology.
+fn check_mesh(
+    op: &'static str,
+    name: &str,
+    positions: &Floats<'_>,
+    topology: &Topology,
+) -> PyResult<()> {
+    let mut shapes = Shapes::of(op);
+    fits(shapes.axes("topology", &[topology.faces.vertex_count()], ["V"]))?;
+    let found = positions.shape();
+    let three = if found.len() == 2 {
+        fits(shapes.axes(name, found, ["V", "3"]))?[1]
+    } else {
+        fits(shapes.axes(name, found, ["N", "V", "3"]))?[2]
+    };
+    if three == 3 {
+        Ok(())
+    } else {
+        Err(error::value(shapes.error("a vertex has three coordinates")))
+    }
+}
+
+/// Losses of positions and topology alone: each with its docstring, and the function of the tape behind it.
+macro_rules! mesh_losses {
+    ($($(#[$docs:meta])* $name:ident => |$positions:ident, $topology:ident| $body:expr;)+) => {$(
+        $(#[$docs])*
+        #[pyfunction]
+        #[pyo3(signature = (positions, topology, *, wrt=None))]
+        pub(crate) fn $name(
+            py: Python<'_>,
+            positions: Floats<'_>,
+            topology: &Topology,
+            wrt: Option<Wanted>,
+        ) -> PyResult<Recorded> {
+            check_mesh(stringify!($name), "positions", &positions, topology)?;
+            let $topology = topology;
+            let inputs = [("positions", &positions)];
+            record!(py, Arguments::new(stringify!($name), inputs, wrt.as_ref())?, |$positions| $body)
+        }
+    )+};
+}
+
+mesh_losses! {
+    /// The mean length of each vertex's offset from the mean of its neighbours. PyTorch3D's `mesh_laplacian_smoothing("uniform")`.
+    ///
+    /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value: a float, in units of the positions. Gradient: positions.
+    laplacian_norm => |positions, topology| losses::laplacian_norm(positions, topology.neighbours());
+    /// The sum of squared Laplacian coordinates, DIB-R's, of positions or of the offsets from another shape.
+    ///
+    /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value: a float, in squared units. Gradient: positions.
+    laplacian_squared => |positions, topology| losses::laplacian_squared(positions, topology.neighbours());
+    /// The mean length of the mean curvature normal. PyTorch3D's `mesh_laplacian_smoothing("cotcurv")`, whose weights count as fixed.
+    ///
+    /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value: a float, in 1 / units. Gradient: positions.
+    laplacian_cotcurv => |positions, topology| losses::laplacian_cotcurv(positions, &topology.connectivity);
+    /// The mean of 1 - cos between the normals of faces that share an edge. PyTorch3D's `mesh_normal_consistency`.
+    ///
+    /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value: a float from 0 to 2. Gradient: positions.
+    normal_consistency => |positions, topology| losses::normal_consistency(positions, &topology.connectivity);
+    /// The flatness of img2mesh: the sum of squared (1 - cos) over pairs of faces, averaged over the batch.
+    ///
+    /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value: a float. Gradient: positions.
+    face_angle => |positions, topology| losses::face_angle(positions, &topology.connectivity);
+    /// The sum of squared lengths of all edges, averaged over the batch.
+    ///
+    /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value: a float, in squared units. Gradient: positions.
+    edge_length_sum => |positions, topology| losses::edge_length_sum(positions, &topology.connectivity);
+    /// Unit normals of the faces.
+    ///
+    /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value [F, 3] or [N, F, 3]. Gradient: positions.
+    face_normals => |positions, topology| losses::face_normals(positions, topology.corners());
+    /// Unit normals of the vertices, those of the faces weighed by area.
+    ///
+    /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value like positions. Gradient: positions.
+    vertex_normals => |positions, topology| losses::vertex_normals(positions, topology.corners());
+}
+
+/// The mean squared deviation of the edges' lengths from `target`. PyTorch3D's `mesh_edge_loss`.
+///
+/// positions: [V, 3] or [N, V, 3]. topology: the faces. target: a length. Value: a float, in squared units. Gradient: positions.
+#[pyfunction]
+#[pyo3(signature = (positions, topology, target=0.0, *, wrt=None))]
+pub(crate) fn edge_length(
+    py: Python<'_>,
+    positions: Floats<'_>,
+    topology: &Topology,
+    target: f64,
+    wrt: Option<Wanted>,
+) -> PyResult<Recorded> {
+    check_mesh("edge_length", "positions", &positions, topology)?;
+    let inputs = [("positions", &positions)];
+    record!(py, Arguments::new("edge_length", inputs, wrt.as_ref())?, |positions| {
+        losses::edge_length(positions, &topology.connectivity, target)
+    })
+}
+
+/// The mean length of the offsets: MCMR's deformation loss.
+///
+/// offsets: [V, 3] or [N, V, 3]. Value: a float, in units of the offsets. Gradient: offsets.
+#[pyfunction]
+#[pyo3(signature = (offsets, *, wrt=None))]
+pub(crate) fn deformation_norm(
+    py: Python<'_>,
+    offsets: Floats<'_>,
+    wrt: Option<Wanted>,
+) -> PyResult<Recorded> {
+    if !matches!(*offsets.shape(), [_, 3] | [_, _, 3]) {
+        let found = offsets.shape();
+        return Err(error::value(format!(
+            "deformation_norm: offsets [N, V, 3] expected, found {found:?}"
+        )));
+    }
+    record!(
+        py,
+        Arguments::new("deformation_norm", [("offsets", &offsets)], wrt.as_ref())?,
+        |offsets| { losses::deformation_norm(offsets) }
+    )
+}
+
+/// Samples that belong to a topology.
+fn samples_of<'a>(
+    op: &str,
+    samples: &'a SurfaceSamples,
+    topology: &Topology,
+) -> PyResult<&'a [SurfacePoint]> {
+    let faces = topology.faces.len();
+    match samples.points.iter().find(|point| point.face as usize >= faces) {
+        None => Ok(&samples.points),
+        Some(point) => {
+            let face = point.face;
+            Err(error::value(format!(
+                "{op}: a sample is on face {face}, but the topology has {faces}"
+            )))
+        }
+    }
+}
+
+/// Where samples of a surface are, as functions of its vertices. With `sample_surface` it is PyTorch3D's `sample_points_from_meshes`.
+///
+/// positions: [V, 3]. topology: the faces. samples: P of them. Value [P, 3]. Gradient: positions, the samples held on their faces.
+#[pyfunction]
+#[pyo3(signature = (positions, topology, samples, *, wrt=None))]
+pub(crate) fn surface_points(
+    py: Python<'_>,
+    positions: Floats<'_>,
+    topology: &Topology,
+    samples: &SurfaceSamples,
+    wrt: Option<Wanted>,
+) -> PyResult<Recorded> {
+    let op = "surface_points";
+    check_single(op, &positions, topology)?;
+    let points = samples_of(op, samples, topology)?;
+    record!(py, Arguments::new(op, [("positions", &positions)], wrt.as_ref())?, |positions| {
+        losses::surface_points(positions, topology.corners(), points)
+    })
+}
+
+/// Unit normals at samples of a surface: those of their faces.
+///
+/// positions: [V, 3]. topology: the faces. samples: P of them. Value [P, 3]. Gradient: positions.
+#[pyfunction]
+#[pyo3(signature = (positions, topology, samples, *, wrt=None))]
+pub(crate) fn surface_normals(
+    py: Python<'_>,
+    positions: Floats<'_>,
+    topology: &Topology,
+    samples: &SurfaceSamples,
+    wrt: Option<Wanted>,
+) -> PyResult<Recorded> {
+    let op = "surface_normals";
+    check_single(op, &positions, topology)?;
+    let points = samples_of(op, samples, topology)?;
+    record!(py, Arguments::new(op, [("positions", &positions)], wrt.as_ref())?, |positions| {
+        losses::surface_normals(positions, topology.corners(), points)
+    })
+}
+
+fn check_single(op: &'static str, positions: &Floats<'_>, topology: &Topology) -> PyResult<()> {
+    check_mesh(op, "positions", positions, topology)?;
+    if positions.shape().len() == 2 {
+        return Ok(());
+    }
+    let found = positions.shape();
+    Err(error::value(format!("{op}: one set of vertices [V, 3] expected, found {found:?}")))
+}

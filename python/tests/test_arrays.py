@@ -1,0 +1,177 @@
+"""What goes in and what comes out: memory, kinds of arrays, mistakes."""
+
+import gc
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import unsphere as us
+
+
+def frame(dtype=np.float32):
+    ball = us.icosphere(2)
+    camera = us.Camera.look_at([0, 0, 3], [0, 0, 0], width=24, height=16)
+    projected = us.project(ball.vertices.astype(dtype), us.matrices([camera], np.dtype(dtype).name)).value
+    return us.rasterize(projected, ball.topology(), 16, 24)
+
+
+def test_values_share_their_memory_and_outlive_what_made_them():
+    made = us.soft_silhouette(frame())
+    value = made.value
+    assert value is made.value and not value.flags.owndata and not value.flags.writeable
+    before = value.copy()
+    del made
+    gc.collect()
+    for _ in range(20):
+        us.soft_silhouette(frame())  # would write over it, if its memory were free
+    assert np.array_equal(before, value)
+    with pytest.raises(ValueError, match="read-only"):
+        value[0, 0, 0] = 2.0
+
+
+def test_gradients_are_the_callers_own():
+    (gradient,) = us.soft_silhouette(frame()).backward(np.ones((1, 16, 24), np.float32))
+    assert gradient.flags.writeable
+    gradient *= 2
+
+
+def test_arrays_of_any_strides():
+    x = np.random.default_rng(0).standard_normal((5, 7, 3))
+    for other in (x[::2], x[:, ::-1], np.asfortranarray(x), x.transpose(1, 0, 2)):
+        own = np.ascontiguousarray(other)
+        target = np.arange(own.size).reshape(own.shape) / 10
+        a, b = us.l2(other, target), us.l2(own, target)
+        assert a.value == b.value and np.array_equal(a.backward()[0], b.backward()[0])
+        assert np.allclose(a.backward()[0], 2 * (own - target) / own.size)
+    image = us.depth(frame())
+    turned = np.asfortranarray(np.ones((1, 16, 24), np.float32))
+    assert np.array_equal(image.backward(turned)[0], image.backward(np.ones((1, 16, 24), np.float32))[0])
+
+
+def test_faces_of_any_integers():
+    faces = us.icosphere(1).faces
+    for kind in (np.int32, np.int64, np.uint32):
+        assert np.array_equal(us.Topology(faces.astype(kind), 42).faces, faces)
+    with pytest.raises(ValueError, match="face 0 names vertex"):
+        us.Topology(faces, 12)
+    with pytest.raises(ValueError, match="-1 is no index"):
+        us.Topology(np.array([[0, 1, -1]]), 3)
+    with pytest.raises(ValueError, match=r"\[n, 3\] expected, found \[2, 4\]"):
+        us.Topology(np.zeros((2, 4), np.int64), 3)
+    with pytest.raises(TypeError, match="integers expected, found an array of float64"):
+        us.Topology(np.zeros((2, 3)), 3)
+
+
+def test_what_is_seen():
+    seen = frame()
+    assert seen.shape == (1, 16, 24) or list(seen.shape) == [1, 16, 24]
+    inside = seen.face >= 0
+    assert np.array_equal(inside, seen.mask == 1) and np.array_equal(inside, np.isfinite(seen.depth))
+    assert np.allclose(seen.barycentric.sum(-1), inside, atol=1e-6)
+    assert np.array_equal(us.depth(seen, 0.5).value, np.where(inside, seen.depth, np.float32(0.5)))
+
+
+ball = us.icosphere(1)
+topology = ball.topology()
+V = ball.vertices
+SEEN = frame()
+MISTAKES = {
+    "l2": lambda: us.l2(np.ones(3), np.ones(4)),
+    "l2 mask": lambda: us.l2(np.ones((2, 3)), np.ones((2, 3)), np.ones(5)),
+    "ssim axes": lambda: us.ssim_loss(np.ones((3, 3)), np.ones((3, 3))),
+    "ssim size": lambda: us.ssim_loss(np.ones((1, 8, 8, 1)), np.ones((1, 8, 8, 1)), valid=True),
+    "mask_iou scalar": lambda: us.mask_iou(np.ones(()), np.ones(())),
+    "chamfer empty": lambda: us.chamfer(np.ones((0, 3)), np.ones((4, 3))),
+    "chamfer batch": lambda: us.chamfer(np.ones((2, 4, 3)), np.ones((3, 4, 3))),
+    "chamfer ranks": lambda: us.chamfer(np.ones((4, 3)), np.ones((1, 4, 3))),
+    "chamfer axes": lambda: us.chamfer(np.ones((4, 2)), np.ones((4, 2))),
+    "earth mover": lambda: us.earth_mover(np.ones((4, 3)), np.ones((5, 3))),
+    "earth mover nan": lambda: us.earth_mover(np.full((4, 3), np.nan), np.ones((4, 3))),
+    "laplacian": lambda: us.laplacian_norm(V[:-1], topology),
+    "edge axes": lambda: us.edge_length(V[:, :2].copy(), topology),
+    "surface": lambda: us.surface_points(V, topology, us.sample_surface(us.icosphere(2).vertices, us.icosphere(2).topology(), 99)),
+    "point face": lambda: us.point_face_distance(np.ones((0, 3)), V.astype(float), topology),
+    "depths": lambda: us.log_depth(np.ones((3, 3)), np.ones((3, 3)), np.ones((3, 3))),
+    "scales": lambda: us.scale_shift_invariant(*np.ones((3, 1, 4, 4)), scales=40),
+    "project": lambda: us.project(V, np.ones((1, 4, 4), np.float32)),
+    "rasterize": lambda: us.rasterize(np.ones((1, 7, 3), np.float32), topology, 8, 8),
+    "rasterize huge": lambda: us.rasterize(V[None], topology, 2**40, 2**40),
+    "rasterize sigma": lambda: us.rasterize(V[None], topology, 8, 8, sigma_inv=-1),
+    "interpolate": lambda: us.interpolate(SEEN, np.ones((5, 3), np.float32)),
+    "interpolate batch": lambda: us.interpolate(SEEN, np.ones((3, 162, 3), np.float32)),
+    "corners": lambda: us.interpolate_corners(SEEN, np.ones((5, 3, 2), np.float32)),
+    "texture": lambda: us.texture(SEEN, np.ones((1, 16, 24, 3), np.float32), np.ones((4, 4, 3), np.float32)),
+    "texture empty": lambda: us.texture(SEEN, np.ones((1, 16, 24, 2), np.float32), np.ones((0, 4, 3), np.float32)),
+    "cotangent shape": lambda: us.depth(SEEN).backward(np.ones((16, 24), np.float32)),
+    "no cotangent": lambda: us.depth(SEEN).backward(),
+    "metrics": lambda: us.metrics.psnr(np.ones((4, 4)), np.ones((4, 5))),
+    "metrics iou": lambda: us.metrics.iou(np.ones((4, 4, 3)), np.ones((4, 4, 3))),
+    "metrics points": lambda: us.metrics.point_distances(np.ones((0, 3)), np.ones((4, 3))),
+    "protocol": lambda: us.metrics.evaluate(ball, ball, "emd"),
+    "camera": lambda: us.Camera.look_at([0, 0, float("nan")], [0, 0, 0], width=8, height=8),
+    "mesh index": lambda: us.Mesh(np.zeros((3, 3)), np.array([[0, 1, 3]])),
+    "mesh nan": lambda: us.Mesh(np.full((3, 3), np.nan), np.array([[0, 1, 2]])),
+    "mesh uv": lambda: us.Mesh(V, ball.faces, uv=np.zeros((3, 2), np.float32)),
+    "samples": lambda: us.sample_surface(np.zeros_like(V), topology, 5),
+    "level": lambda: us.icosphere(30),
+    "torus": lambda: us.torus(rings=2),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_mistakes_are_value_errors(name, capfd):
+    with pytest.raises(ValueError) as caught:
+        MISTAKES[name]()
+    assert len(str(caught.value)) > 15
+    assert "panicked" not in capfd.readouterr().err, "checked before the library had to refuse it"
+
+
+def test_types_are_told():
+    with pytest.raises(TypeError, match="found an array of int64"):
+        us.l2(np.ones(3, np.int64), np.ones(3))
+    with pytest.raises(TypeError, match="found a list"):
+        us.l2([1.0], np.ones(1))
+    with pytest.raises(TypeError, match="l2: target: an array of float32 expected as the others are, found float64"):
+        us.l2(np.ones(3, np.float32), np.ones(3))
+    with pytest.raises(TypeError, match="a cotangent of float32 expected, found float64"):
+        us.depth(SEEN).backward(np.ones((1, 16, 24)))
+
+
+def test_other_threads_run_meanwhile():
+    random = np.random.default_rng(0)
+    x, y = random.standard_normal((2, 20_000, 3)).astype(np.float32)
+    ticks, done = [], threading.Event()
+
+    def tick():
+        while not done.is_set():
+            ticks.append(time.perf_counter())
+            time.sleep(1e-4)
+
+    ticking = threading.Thread(target=tick)
+    ticking.start()
+    start = time.perf_counter()
+    while len(ticks) < 3 or time.perf_counter() - start < 0.2:
+        us.chamfer(x, y)
+    done.set()
+    ticking.join()
+    assert len(ticks) > 20, "the interpreter was held"
+
+
+def test_threads_may_share_a_result():
+    seen = frame()
+    made = us.soft_silhouette(seen)
+    one = np.ones((1, 16, 24), np.float32)
+    expected = made.backward(one)[0]
+    found = [None] * 8
+
+    def pull(i):
+        for _ in range(20):
+            found[i] = made.backward(one)[0]
+            us.depth(seen).backward(one)
+
+    threads = [threading.Thread(target=pull, args=(i,)) for i in range(8)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    assert all(np.array_equal(expected, gradient) for gradient in found)
