@@ -62,8 +62,17 @@ fn logged(folder: &Path) -> Vec<Line> {
     let timeless = |line| match line {
         Line::Resumed { .. } => None,
         Line::Step { step, epoch, loss, terms, learning_rate, gradient_norm, .. } => {
-            let seconds = 0.0;
-            Some(Line::Step { step, epoch, loss, terms, learning_rate, gradient_norm, seconds })
+            let (seconds, communication) = (0.0, None);
+            Some(Line::Step {
+                step,
+                epoch,
+                loss,
+                terms,
+                learning_rate,
+                gradient_norm,
+                seconds,
+                communication,
+            })
         }
         line => Some(line),
     };
@@ -214,8 +223,9 @@ fn a_number_that_is_none_is_traced() {
     spoiled.offsets.1.as_slice_mut()[3] = f32::INFINITY;
     let samples: Vec<_> = (0..3).map(|k| silhouette(k, 0.0, k.to_string())).collect();
     let at = StepInfo { step: 5, epoch: 1 };
-    let mut tapes = super::step::Tapes::new(1);
-    let error = tapes.gradient(&mut spoiled, &samples, 3, at, 0, |_| ()).unwrap_err();
+    let mut tapes = super::step::Tapes::new(super::share::Share::new(3, 1, [0, 1]));
+    let mut alone = super::ranks::Ranks::new(&Solo);
+    let error = tapes.gradient(&mut spoiled, &samples, (at, 0), &mut alone, |_| ()).unwrap_err();
     let TrainError::NotFinite(error) = error else { panic!("{error}") };
     assert_eq!(error.tensor, Tensor::Parameter("offsets.1".into()));
     assert_eq!((error.step, error.epoch), (5, 1));

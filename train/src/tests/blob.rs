@@ -242,8 +242,8 @@ impl System for Blob {
         state.carry("offsets.0", halves);
     }
 
-    fn couples_samples(&self) -> bool {
-        self.options.coupled
+    fn coupling(&self) -> Option<&'static str> {
+        self.options.coupled.then_some("it was asked to (`coupled = false`)")
     }
 
     fn rates(&self) -> Vec<(String, f64)> {
