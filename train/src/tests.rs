@@ -8,6 +8,8 @@ mod checkpoints;
 mod events;
 mod folders;
 mod power;
+mod processes;
+mod threads;
 
 use std::path::Path;
 
@@ -39,11 +41,19 @@ fn run_in(
     watch: &mut Watch<'_>,
 ) -> Result<Outcome<Blob>, TrainError> {
     let run = if resume { RunFolder::resume(folder)? } else { RunFolder::create(folder, false)? };
+    run_at(&run, config, resume, &Solo, watch)
+}
+
+fn run_at(
+    run: &RunFolder,
+    config: &Config,
+    resume: bool,
+    communicator: &dyn Communicator,
+    watch: &mut Watch<'_>,
+) -> Result<Outcome<Blob>, TrainError> {
     let provenance = Provenance { version: "test".into(), ..Provenance::default() };
-    train::<Blob>(
-        &Job { config, data: &(), run: &run, provenance: &provenance, resume, from: None },
-        watch,
-    )
+    let job = Job { config, data: &(), run, provenance: &provenance, resume, from: None };
+    train_among::<Blob>(&job, communicator, watch)
 }
 
 fn on() -> Watch<'static> {
