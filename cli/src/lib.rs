@@ -31,6 +31,7 @@ mod model_card;
 mod object_list;
 mod options;
 mod printable;
+mod processes;
 mod program;
 mod progress;
 mod provenance;
