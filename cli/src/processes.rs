@@ -5,8 +5,14 @@ use train::{Communicator, Solo};
 use crate::args::Command;
 use crate::failure::Failure;
 
-/// How launchers tell a process how many they started: Open MPI's, and those that speak PMI (MPICH, Slurm).
-const STARTED: &[&str] = &["OMPI_COMM_WORLD_SIZE", "PMI_SIZE"];
+/// How launchers tell a process how many they started: Open MPI's, those that speak PMI (MPICH), and Slurm's. By Slurm's alone
+/// a program without MPI cannot know that they are to share anything.
+const STARTED: &[&str] = &[
+    "OMPI_COMM_WORLD_SIZE",
+    "PMI_SIZE",
+    #[cfg(feature = "mpi")]
+    "SLURM_STEP_NUM_TASKS",
+];
 
 /// Those that `mpirun` or `srun` started together for a training, where the program was built with feature `mpi`; else this
 /// process alone. The first one speaks for all.
@@ -25,9 +31,24 @@ impl Processes {
         if !matches!(command, Command::Train(_)) || started < 2 {
             return Ok(Self::default());
         }
-        #[cfg(feature = "mpi")]
-        return Ok(Self { joined: Some(train::Mpi::begin().map_err(Failure::other)?) });
-        #[cfg(not(feature = "mpi"))]
+        Self::joined(started)
+    }
+
+    #[cfg(feature = "mpi")]
+    fn joined(started: usize) -> Result<Self, Failure> {
+        let joined = train::Mpi::begin().map_err(Failure::other)?;
+        let found = joined.size();
+        if found != started {
+            return Err(Failure::Usage(format!(
+                "{started} processes were started for one training, but MPI knows of {found}: start them with the `mpirun` of the \
+                 library that the program was built with, or in Slurm with `srun --mpi=pmix` (docs/clusters.md)"
+            )));
+        }
+        Ok(Self { joined: Some(joined) })
+    }
+
+    #[cfg(not(feature = "mpi"))]
+    fn joined(started: usize) -> Result<Self, Failure> {
         Err(Failure::Usage(format!(
             "{started} processes were started for one training, but this program was built without MPI: build it with \
              `--features mpi` (docs/clusters.md), or start one"

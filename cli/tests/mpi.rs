@@ -29,7 +29,7 @@ const TRAINING: &[&str] = &[
     "--set",
     "shards=4",
     "--set",
-    "epochs=15",
+    "epochs=40",
     "--set",
     "validation-every=5",
     "--set",

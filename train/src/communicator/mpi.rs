@@ -106,6 +106,11 @@ impl Communicator for Mpi {
         });
         // From here on all are there.
         let lengths: Vec<usize> = lengths.into_iter().map(|length| length as usize).collect();
+        if lengths.iter().all(|&length| length == 0) {
+            return vec![Vec::new(); self.size];
+        }
+        // An empty slice may stand at the address 1, which in Open MPI is the name of something else (MPI_IN_PLACE).
+        let bytes = if bytes.is_empty() { &[0][..0] } else { bytes };
         let (counts, places) = (counts(&lengths), places(&lengths));
         let mut all = vec![0; lengths.iter().sum()];
         let mut received = PartitionMut::new(&mut all[..], &counts[..], &places[..]);
