@@ -58,12 +58,11 @@ impl Reduction {
             if !param.trainable {
                 return;
             }
-            match gradients.slice_of(param) {
-                Some(gradient) => self.own.extend_from_slice(gradient),
-                None => {
-                    absent.push(index);
-                    self.own.resize(self.own.len() + param.len(), 0.0);
-                }
+            if let Some(gradient) = gradients.slice_of(param) {
+                self.own.extend_from_slice(gradient);
+            } else {
+                absent.push(index);
+                self.own.resize(self.own.len() + param.len(), 0.0);
             }
             index += 1;
         });

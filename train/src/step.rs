@@ -16,7 +16,7 @@ use super::system::{System, Terms};
 /// The tapes of a run, kept so that their memory is, and what sums their gradients with those of other processes.
 #[derive(Debug)]
 pub(super) struct Tapes {
-    tapes: Vec<Tape>,
+    of_shards: Vec<Tape>,
     share: Share,
     reduction: Reduction,
 }
@@ -47,8 +47,8 @@ struct Part {
 impl Tapes {
     /// Those of the shards that are this process's.
     pub(super) fn new(share: Share) -> Self {
-        let tapes = share.own_shards().map(|_| Tape::train(0)).collect();
-        Self { tapes, share, reduction: Reduction::default() }
+        let of_shards = share.own_shards().map(|_| Tape::train(0)).collect();
+        Self { of_shards, share, reduction: Reduction::default() }
     }
 
     /// The mean gradient over all samples, batch after batch; within a batch all shards at once,
@@ -85,14 +85,14 @@ impl Tapes {
         }
         let mut gradient = sum.expect("a step has samples");
         if !ranks.is_alone() {
-            gradient.gradients = self.reduction.end(system, &self.tapes[0], ranks);
+            gradient.gradients = self.reduction.end(system, &self.of_shards[0], ranks);
         }
         gradient.norm = gradient.gradients.norm();
         if gradient.norm.is_finite() && gradient.terms.iter().all(|(_, value)| value.is_finite()) {
             return Ok(gradient);
         }
         drop(gradient);
-        Err(locate_non_finite(&mut self.tapes[0], system, samples, &self.share, at, ranks))
+        Err(locate_non_finite(&mut self.of_shards[0], system, samples, &self.share, at, ranks))
     }
 
     /// What the shards of a batch compute, side by side.
@@ -106,7 +106,7 @@ impl Tapes {
         meanwhile: Option<impl FnOnce(&S) + Send>,
     ) -> Result<Vec<Part>, TrainError> {
         let shard = self.share.samples_each();
-        let tapes = self.tapes.par_iter_mut().zip(batch.par_chunks(shard)).enumerate();
+        let tapes = self.of_shards.par_iter_mut().zip(batch.par_chunks(shard)).enumerate();
         let parts = tapes.map(|(i, (tape, chunk))| {
             tape.reseed(seeds(i));
             part(tape, system, chunk, chunk.len() as f64 / total, at)
@@ -116,7 +116,7 @@ impl Tapes {
             None => parts.collect(),
         };
         let whole = parts.into_iter().zip(batch.chunks(shard)).map(|(part, chunk)| {
-            part.map_err(|error| without_value(&mut self.tapes[0], system, chunk, at, error))
+            part.map_err(|error| without_value(&mut self.of_shards[0], system, chunk, at, error))
         });
         whole.collect()
     }
@@ -138,7 +138,7 @@ impl Tapes {
         let all: Vec<Message> = ranks.gather(&own).into_iter().flatten().collect();
         let mut terms = sum.map(|sum| sum.terms);
         for message in &all {
-            message.updates(system, &self.tapes[0]).apply(system);
+            message.updates(system, &self.of_shards[0]).apply(system);
             let values = names.iter().copied().zip(message.terms());
             match &mut terms {
                 None => terms = Some(values.collect()),
@@ -148,7 +148,7 @@ impl Tapes {
         let absent: Vec<Vec<usize>> = all.into_iter().map(|message| message.absent).collect();
         self.reduction.add(&self.share, &absent, ranks);
         let terms = terms.expect("a batch has shards");
-        StepGradient { gradients: self.tapes[0].gradients(), terms, norm: 0.0 }
+        StepGradient { gradients: self.of_shards[0].gradients(), terms, norm: 0.0 }
     }
 }
 

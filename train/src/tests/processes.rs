@@ -113,13 +113,15 @@ fn another_number_of_processes_goes_on() {
     }
 }
 
+/// Spoils a training at an object.
+type Spoil = fn(&mut Config, u64);
+
 /// Wherever something fails, all end, and say what one process says.
 #[test]
 fn all_end_with_what_failed_in_one() {
     let place = tempfile::tempdir().unwrap();
     let order = crate::draw::order(0, 0, 12);
-    type Change = fn(&mut Config, u64);
-    let spoils: [Change; 4] = [
+    let spoils: [Spoil; 4] = [
         |c, item| c.system.poisoned = Some(item),
         |c, item| c.system.unreadable = Some(item),
         |c, item| c.system.unsolved = Some(item),

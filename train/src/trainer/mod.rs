@@ -141,7 +141,7 @@ struct Trainer<'j, 'w, 'o, S: System> {
     saved: (u64, Instant),
 }
 
-impl<'j, 'w, 'o, S: System> Trainer<'j, 'w, 'o, S> {
+impl<S: System> Trainer<'_, '_, '_, S> {
     fn tell(&mut self, event: &Event) {
         self.watch.tell(event);
     }
