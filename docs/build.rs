@@ -152,7 +152,7 @@ impl Page<'_> {
         }
         if let [folder, member] = self.module
             && folder == "crates"
-            && member != "cli"
+            && !["cli", "python"].contains(&member.as_str())
         {
             let _ = writeln!(made, "\n[All items of `{member}`](../../../{member}/index.html)");
         }

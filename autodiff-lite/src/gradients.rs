@@ -87,6 +87,25 @@ impl<F: Real> Gradients<F> {
         }
     }
 
+    /// Puts a parameter's gradient, which was computed elsewhere, in the place of the one that is here, if any; see
+    /// [`Tape::gradients`](crate::Tape::gradients).
+    ///
+    /// # Shapes
+    /// `gradient` has as many elements as the parameter, row-major.
+    ///
+    /// # Panics
+    /// If the lengths differ.
+    #[track_caller]
+    pub fn insert(&mut self, param: &Param<F>, gradient: &[F]) {
+        assert_eq!(param.len(), gradient.len(), "a parameter and its gradient differ in length");
+        let i = self.find(param.id()).unwrap_or_else(|| {
+            self.push(u32::MAX, Some(param.id()), self.pool.array(param.shape()));
+            self.sort();
+            self.find(param.id()).expect("it was added")
+        });
+        self.entries[i].gradient.as_slice_mut().copy_from_slice(gradient);
+    }
+
     /// Multiplies all of them by `factor`.
     pub fn scale(&mut self, factor: F) {
         for g in self.slices_mut().flatten() {
@@ -153,5 +172,24 @@ mod tests {
         assert_eq!(sum.slice_of(&q), Some(&[1.0][..]));
         assert!((sum.norm() - 35.0_f64.sqrt()).abs() < 1e-12);
         assert!(sum.is_finite());
+    }
+
+    #[test]
+    fn gradients_from_elsewhere_are_as_those_from_here() {
+        let (p, q) = (Param::<f64>::new(arr1(&[1.0, 2.0])), Param::<f64>::new(arr1(&[5.0])));
+        let mut tape = Tape::train(0);
+        let here = (tape.param(&p).square().sum() + tape.param(&q).sum()).backward();
+        let mut there = tape.gradients();
+        there.insert(&q, &[7.0]);
+        // The order of the calls does not count, and the last word does.
+        for param in [&p, &q] {
+            there.insert(param, here.slice_of(param).unwrap());
+        }
+        assert_eq!(
+            (there.slice_of(&p), there.slice_of(&q)),
+            (Some(&[2.0, 4.0][..]), Some(&[1.0][..]))
+        );
+        assert_eq!(there.norm().to_bits(), here.norm().to_bits());
+        tape.reset();
     }
 }

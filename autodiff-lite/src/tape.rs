@@ -12,7 +12,8 @@ use crate::gradients::Spare;
 use crate::node::Node;
 use crate::op::FnOp;
 use crate::{
-    Backward, BufferUpdate, Op, Param, ParamId, Pool, PoolVec, Real, Tensor, Updates, Var,
+    Backward, BufferUpdate, Gradients, Op, Param, ParamId, Pool, PoolVec, Real, Tensor, Updates,
+    Var,
 };
 
 /// Everything computed in one evaluation of a model, in the order of computation.
@@ -326,6 +327,12 @@ impl<F: Real> Tape<F> {
         if self.is_training() {
             self.updates.borrow_mut().push(update);
         }
+    }
+
+    /// No gradients yet, in this tape's memory: for those that other processes computed
+    /// ([`Gradients::insert`]).
+    pub fn gradients(&self) -> Gradients<F> {
+        Gradients::empty(&self.spare, &self.pool, self.epoch.get())
     }
 
     /// All buffer changes noted since the last reset, in order.

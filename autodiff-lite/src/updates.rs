@@ -24,6 +24,21 @@ impl<F: Real> BufferUpdate<F> {
         assert_eq!(buffer.len(), value.len(), "a buffer and its update differ in length");
         Self { param: buffer.id(), value, momentum }
     }
+
+    /// The buffer that is moved.
+    pub fn param(&self) -> ParamId {
+        self.param
+    }
+
+    /// The observation.
+    pub fn value(&self) -> &[F] {
+        &self.value
+    }
+
+    /// The fraction of the way to it.
+    pub fn momentum(&self) -> F {
+        self.momentum
+    }
 }
 
 /// The buffer updates of one step, in order; see [`Tape::take_updates`](crate::Tape::take_updates).
@@ -44,6 +59,11 @@ impl<F: Real> Updates<F> {
                 }
             }
         });
+    }
+
+    /// One by one, in order: to be told to another process, which makes them anew.
+    pub fn iter(&self) -> impl Iterator<Item = &BufferUpdate<F>> {
+        self.0.iter()
     }
 
     /// Whether there is none.

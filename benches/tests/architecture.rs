@@ -46,6 +46,7 @@ const RESERVED: &[(&str, &[&str])] = &[
     ("indicatif", &["cli"]),
     ("ctrlc", &["cli"]),
     ("toml", &["train"]),
+    ("mpi", &["train"]),
     ("gif", &["recon"]),
     ("image", &["mesh-core"]),
     ("exr", &["mesh-core"]),

@@ -20,7 +20,8 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use mesh_core::UpAxis;
 
-use crate::shard::Shard;
+use train::Shard;
+
 pub(crate) use capture::Capture;
 pub(crate) use convert::ConvertMesh;
 pub(crate) use data::{Data, DataVerb, DepthKind, Generate};

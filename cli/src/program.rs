@@ -8,6 +8,7 @@ use models::predict::Predictor;
 use models::{Registry, register};
 
 use crate::args::Arguments;
+use crate::processes::Processes;
 use crate::system::Systems;
 use crate::{command, printable, terminal};
 
@@ -46,10 +47,19 @@ impl Program {
             Ok(arguments) => arguments,
             Err(error) => return refused(&error),
         };
-        match command::run(arguments, &self.systems) {
-            Ok(()) => ExitCode::SUCCESS,
+        let processes = match Processes::join(&arguments.command) {
+            Ok(processes) => processes,
             Err(failure) => {
                 failure.print();
+                return failure.exit_code();
+            }
+        };
+        match command::run(arguments, &self.systems, &processes) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(failure) => {
+                if processes.is_first() {
+                    failure.print();
+                }
                 failure.exit_code()
             }
         }

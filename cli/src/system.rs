@@ -1,5 +1,6 @@
 //! The systems that the commands can be told.
 
+use ::train::Communicator;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use models::Registry;
 use models::predict::Predictor;
@@ -16,7 +17,7 @@ use crate::options::{self, ListedOption};
 pub(crate) struct SystemCommands {
     name: &'static str,
     about: &'static str,
-    pub(crate) train: fn(Console, Global, &Train) -> Result<(), Failure>,
+    pub(crate) train: fn(Console, Global, &Train, &dyn Communicator) -> Result<(), Failure>,
     pub(crate) eval: fn(Console, Global, &Eval) -> Result<(), Failure>,
     pub(crate) export: fn(Console, Global, &Export) -> Result<(), Failure>,
     pub(crate) predict: fn(Console, &Predict) -> Result<(), Failure>,

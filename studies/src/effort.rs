@@ -68,7 +68,7 @@ pub(crate) fn step_bytes<S: System>(
     config: &Configuration<S::Config>,
     data: &S::Data,
 ) -> Result<f64, DataError> {
-    let shards = if system.couples_samples() { 1 } else { config.train.shards.max(1) };
+    let shards = if system.coupling().is_some() { 1 } else { config.train.shards.max(1) };
     let batch = samples(system, data, config.train.batch.div_ceil(shards))?;
     let mut tape = Tape::train(0);
     one_step(system, &batch, &tape);

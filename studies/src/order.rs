@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use train::Provenance;
+use train::{Provenance, Shard};
 
 use super::scale::{Scale, Seeds};
 
@@ -15,6 +15,8 @@ pub struct Order<'a> {
     pub seeds: Seeds,
     /// The jobs that are done; empty for all of them. What is kept of others stays in the tables.
     pub only: Vec<String>,
+    /// Of these, seed by seed, the share that is done here; see [`merge`](fn@super::merge).
+    pub shard: Shard,
     /// Data that the user has, instead of what the study makes.
     pub data: Option<&'a Path>,
     /// Whether results of other settings are dropped.

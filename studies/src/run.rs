@@ -149,8 +149,10 @@ impl StudyRunner<'_> {
 
     fn run(&mut self, watch: &mut Watch<'_>) -> Result<Reproduced, ReproduceError> {
         let start = Instant::now();
-        let asked: Vec<(String, u64)> =
-            self.wanted().into_iter().filter(|(job, _)| self.order.asks_for(job)).collect();
+        // Counted before it is parted: what is there already moves no job to another share.
+        let asked = self.wanted().into_iter().filter(|(job, _)| self.order.asks_for(job));
+        let own = asked.enumerate().filter(|(k, _)| self.order.shard.has(*k));
+        let asked: Vec<(String, u64)> = own.map(|(_, asked)| asked).collect();
         let total = asked.len() as u64;
         let mut done = asked.iter().filter(|(job, seed)| self.has(job, *seed)).count() as u64;
         let facts = Facts::default();

@@ -14,7 +14,7 @@ use datasets::{Dataset, Layout, ReadOptions, View, read_views};
 use mesh_core::{Camera, TriMesh, primitives, read_mesh};
 use synth::generate::{
     CameraSet, GenerateConfig, GenerateError, Generated, Model, Normalize, OutputLayout, generate,
-    read_rough_poses,
+    generate_shard, read_rough_poses,
 };
 use synth::progress::{Ended, Event, Watch};
 use synth::shapes::Family;
@@ -356,4 +356,41 @@ fn a_mesh_of_the_users_own_keeps_its_texture() {
     let colors: std::collections::BTreeSet<&[u8]> =
         read.views.iter().flat_map(|view| view.color.data.chunks_exact(3)).collect();
     assert!(colors.len() > 50, "{} colours", colors.len());
+}
+
+/// Several processes at one folder, one of which is stopped and run again, make the bytes of one.
+#[test]
+fn shares_make_the_whole() {
+    for layout in [OutputLayout::Kaolin, OutputLayout::R2n2] {
+        let place = tempfile::tempdir().unwrap();
+        let [whole, shared] = ["whole", "shared"].map(|name| place.path().join(name));
+        let config = GenerateConfig { objects: 3, ..small(layout) };
+        run(&config, &whole);
+        let share = |index: u64, watch: &mut Watch<'_>| {
+            let shard = train::Shard::new(index, 4).unwrap();
+            generate_shard(&config, &[], shard, &shared, watch).unwrap()
+        };
+        // Cancelled from the start: nothing of it is done.
+        let mut cancelled = Watch::default();
+        cancelled.cancel().cancel();
+        let stopped = share(3, &mut cancelled);
+        assert_eq!((stopped.made, stopped.ended), (0, Ended::Cancelled));
+        let ends: Vec<Generated> = std::thread::scope(|scope| {
+            let share = &share;
+            let threads =
+                [1, 2, 4].map(|index| scope.spawn(move || share(index, &mut Watch::default())));
+            threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+        });
+        assert_eq!(ends.iter().map(|end| end.made).sum::<usize>(), 5);
+        assert!(ends.iter().all(|end| end.ended == Ended::Completed && !end.complete));
+        assert!(!shared.join("splits.json").exists());
+        let last = share(3, &mut Watch::default());
+        assert_eq!((last.made, last.total, last.complete), (1, 1, true));
+        assert!(files(&shared) == files(&whole));
+        // What is there is not made again, by whomever.
+        let again = share(1, &mut Watch::default());
+        assert_eq!((again.made, again.skipped, again.complete), (0, 2, true));
+        assert_eq!(run(&config, &shared).skipped, 6);
+        assert!(files(&shared) == files(&whole));
+    }
 }

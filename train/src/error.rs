@@ -51,6 +51,25 @@ pub enum TrainError {
         /// The names there are.
         metrics: Vec<String>,
     },
+    /// Another process of the training failed.
+    #[error("process {rank}: {message}")]
+    Elsewhere {
+        /// Its rank.
+        rank: usize,
+        /// What its error says.
+        message: String,
+    },
+    /// Two processes of the training have not the same.
+    #[error(
+        "process {rank} has other {what} than process 0: all must run the same program, with the same options, on the same data \
+         and run folder; the last checkpoint is whole"
+    )]
+    Apart {
+        /// What differs.
+        what: &'static str,
+        /// The first process that has another.
+        rank: usize,
+    },
 }
 
 /// Why data cannot be had.

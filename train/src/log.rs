@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::error::RunError;
+use super::progress::Communication;
 use crate::output::disk::{Growing, write_whole};
 
 /// A line after the header.
@@ -24,6 +25,8 @@ pub(super) enum Line {
         learning_rate: f64,
         gradient_norm: f64,
         seconds: f64,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        communication: Option<Communication>,
     },
     /// A step that was left out.
     Skipped { step: u64, epoch: u64, loss: f64, average: f64 },
@@ -37,7 +40,18 @@ pub(super) enum Line {
         best: bool,
     },
     /// The run went on here.
-    Resumed { step: u64, unix_seconds: u64, threads: usize },
+    Resumed {
+        step: u64,
+        unix_seconds: u64,
+        threads: usize,
+        #[serde(default = "alone")]
+        processes: usize,
+    },
+}
+
+/// What logs of before mean.
+fn alone() -> usize {
+    1
 }
 
 impl Line {
@@ -299,7 +313,17 @@ mod tests {
     fn step(step: u64) -> Line {
         let terms = vec![("mask".to_owned(), 0.1), ("edge, long".to_owned(), 1.0 / 3.0)];
         let (loss, learning_rate, gradient_norm) = (0.1 + 1.0 / 3.0, 1e-4, 2.5);
-        Line::Step { step, epoch: 0, loss, terms, learning_rate, gradient_norm, seconds: 0.5 }
+        let (seconds, communication) = (0.5, None);
+        Line::Step {
+            step,
+            epoch: 0,
+            loss,
+            terms,
+            learning_rate,
+            gradient_norm,
+            seconds,
+            communication,
+        }
     }
 
     fn validation(step: u64) -> Line {
@@ -371,6 +395,7 @@ mod tests {
                 learning_rate,
                 gradient_norm,
                 seconds,
+                communication: None,
             };
             log.append(&line).unwrap();
         }

@@ -4,36 +4,42 @@ use autodiff_lite::{Gradients, Param, Tape};
 
 use super::error::{LossError, TrainError};
 use super::not_finite::{NotFinite, Tensor};
+use super::ranks::Ranks;
+use super::share::Share;
 use super::step::non_finite_parameter;
 use super::step_info::StepInfo;
 use super::system::System;
 
-/// Repeats a step that failed: each sample alone, then shard by shard, each term by itself.
+/// Repeats a step that failed: each sample alone, then shard by shard, each term by itself. Every process repeats what
+/// was its own, of `samples`; what is not found by all it is told by the others.
 pub(super) fn locate_non_finite<S: System>(
     tape: &mut Tape,
     system: &S,
     samples: &[S::Sample],
-    shard: usize,
+    share: &Share,
     at: StepInfo,
-) -> NotFinite {
+    ranks: &mut Ranks<'_>,
+) -> TrainError {
     let StepInfo { step, epoch } = at;
     let parameter = non_finite_parameter(system).map(Tensor::Parameter);
+    let batches = || samples.chunks(share.own_samples().len());
+    let shard = share.samples_each();
     let sizes = if shard > 1 { vec![1, shard] } else { vec![1] };
-    for chunk in sizes.into_iter().flat_map(|size| samples.chunks(size)) {
-        tape.reset();
-        if let Some((term, tensor)) = first_non_finite(tape, system, chunk, at) {
-            let tensor = parameter.unwrap_or(tensor);
-            return NotFinite {
-                step,
-                epoch,
-                term: term.to_owned(),
-                tensor,
-                sample: named::<S>(chunk),
-            };
+    for size in sizes {
+        let found = batches().flat_map(|batch| batch.chunks(size)).find_map(|chunk| {
+            tape.reset();
+            let (term, tensor) = first_non_finite(tape, system, chunk, at)?;
+            let (term, tensor) = (term.to_owned(), parameter.clone().unwrap_or(tensor));
+            Some(NotFinite { step, epoch, term, tensor, sample: named(&names::<S>(chunk)) })
+        });
+        let found = found.map_or(Ok(()), |found| Err(Box::new(found).into()));
+        if let Err(error) = ranks.together(found) {
+            return error;
         }
     }
     let tensor = parameter.unwrap_or(Tensor::Sum);
-    NotFinite { step, epoch, term: String::new(), tensor, sample: named::<S>(samples) }
+    let sample = named(&ranks.gather(&names::<S>(samples)).concat());
+    Box::new(NotFinite { step, epoch, term: String::new(), tensor, sample }).into()
 }
 
 /// Why a loss has no value: the first sample that has none by itself, or else all of them together.
@@ -48,14 +54,17 @@ pub(super) fn without_value<S: System>(
     for one in samples.chunks(1) {
         tape.reset();
         if let Err(error) = system.loss(tape, one, at) {
-            return TrainError::Loss { step, epoch, samples: named::<S>(one), error };
+            return TrainError::Loss { step, epoch, samples: named(&names::<S>(one)), error };
         }
     }
-    TrainError::Loss { step, epoch, samples: named::<S>(samples), error }
+    TrainError::Loss { step, epoch, samples: named(&names::<S>(samples)), error }
 }
 
-fn named<S: System>(samples: &[S::Sample]) -> String {
-    let names: Vec<String> = samples.iter().map(S::name_of).collect();
+fn names<S: System>(samples: &[S::Sample]) -> Vec<String> {
+    samples.iter().map(S::name_of).collect()
+}
+
+fn named(names: &[String]) -> String {
     let noun = if names.len() == 1 { "sample" } else { "samples" };
     format!("{noun} {}", names.join(", "))
 }

@@ -49,6 +49,7 @@ pub(super) struct Heading<'a, C> {
     pub(super) data_hash: u64,
     pub(super) steps_per_epoch: u64,
     pub(super) total: u64,
+    pub(super) processes: usize,
 }
 
 impl<C: Serialize> Heading<'_, C> {
@@ -65,6 +66,7 @@ impl<C: Serialize> Heading<'_, C> {
             "cpu": cpu,
             "machine": machine,
             "threads": rayon::current_num_threads(),
+            "processes": self.processes,
             "command": command,
             "data": data,
             "data_hash": format!("{:016x}", self.data_hash),
@@ -123,6 +125,7 @@ impl<'a> Record<'a> {
             step,
             unix_seconds: wall_time() as u64,
             threads: rayon::current_num_threads(),
+            processes: heading.processes,
         })?;
         run.write("config.toml", config.as_bytes())?;
         let shown = (!run.path().join("samples").is_dir()).then(Shown::default);
@@ -188,7 +191,7 @@ impl<'a> Record<'a> {
     }
 
     pub(super) fn step(&mut self, step: &Step, training: TrainingStep) {
-        let TrainingStep { epoch, learning_rate, gradient_norm, seconds } = training;
+        let TrainingStep { epoch, learning_rate, gradient_norm, seconds, communication } = training;
         let terms: Vec<(String, f64)> =
             step.terms.iter().map(|&(name, value)| (name.to_owned(), value)).collect();
         self.tensorboard(|events| {
@@ -208,6 +211,7 @@ impl<'a> Record<'a> {
             learning_rate,
             gradient_norm,
             seconds,
+            communication,
         });
     }
 

@@ -5,13 +5,21 @@ use rayon::prelude::*;
 
 use super::draw::tape_seed;
 use super::error::{LossError, TrainError};
+use super::message::Message;
 use super::non_finite::{locate_non_finite, without_value};
+use super::ranks::Ranks;
+use super::reduction::Reduction;
+use super::share::Share;
 use super::step_info::StepInfo;
 use super::system::{System, Terms};
 
-/// The tapes of a run, kept so that their memory is.
+/// The tapes of a run, kept so that their memory is, and what sums their gradients with those of other processes.
 #[derive(Debug)]
-pub(super) struct Tapes(Vec<Tape>);
+pub(super) struct Tapes {
+    of_shards: Vec<Tape>,
+    share: Share,
+    reduction: Reduction,
+}
 
 /// What the batches of a step amount to.
 #[derive(Debug)]
@@ -37,70 +45,134 @@ struct Part {
 }
 
 impl Tapes {
-    pub(super) fn new(shards: usize) -> Self {
-        Self((0..shards).map(|_| Tape::train(0)).collect())
+    /// Those of the shards that are this process's.
+    pub(super) fn new(share: Share) -> Self {
+        let of_shards = share.own_shards().map(|_| Tape::train(0)).collect();
+        Self { of_shards, share, reduction: Reduction::default() }
     }
 
     /// The mean gradient over all samples, batch after batch; within a batch all shards at once,
-    /// summed in their order. `meanwhile` runs beside the first batch, before parameters change.
+    /// summed in their order. Of the samples those of this process are given. `meanwhile` runs beside the first batch,
+    /// before parameters change.
     ///
     /// # Errors
-    /// If anything is not finite, or a loss has no value.
+    /// If anything is not finite, or a loss has no value, here or in another process.
     pub(super) fn gradient<S: System>(
         &mut self,
         system: &mut S,
         samples: &[S::Sample],
-        batch: usize,
-        at: StepInfo,
-        seed: u64,
+        (at, seed): (StepInfo, u64),
+        ranks: &mut Ranks<'_>,
         meanwhile: impl FnOnce(&S) + Send,
     ) -> Result<StepGradient, TrainError> {
-        let shard = batch.div_ceil(self.0.len());
+        let batches = samples.chunks(self.share.own_samples().len());
+        let total = (batches.len() * self.share.batch) as f64;
         let mut sum: Option<StepGradient> = None;
         let mut meanwhile = Some(meanwhile);
-        for (k, batch) in samples.chunks(batch).enumerate() {
-            let first = (k * self.0.len()) as u64;
-            let fresh: &S = system;
-            let tapes = self.0.par_iter_mut().zip(batch.par_chunks(shard)).enumerate();
-            let parts = tapes.map(|(i, (tape, chunk))| {
-                tape.reseed(tape_seed(seed, at.step, first + i as u64));
-                let share = chunk.len() as f64 / samples.len() as f64;
-                part(tape, fresh, chunk, share, at)
-            });
-            let parts: Vec<Result<Part, LossError>> = match meanwhile.take() {
-                Some(other) => rayon::join(|| parts.collect(), || other(fresh)).0,
-                None => parts.collect(),
-            };
-            for (part, chunk) in parts.into_iter().zip(batch.chunks(shard)) {
-                let part = match part {
-                    Ok(part) => part,
-                    Err(error) => {
-                        return Err(without_value(&mut self.0[0], system, chunk, at, error));
-                    }
-                };
-                part.updates.apply(system);
-                match &mut sum {
-                    None => {
-                        let Part { gradients, terms, .. } = part;
-                        sum = Some(StepGradient { gradients, terms, norm: 0.0 });
-                    }
-                    Some(sum) => {
-                        sum.gradients.accumulate(&part.gradients);
-                        for ((_, value), (_, more)) in sum.terms.iter_mut().zip(&part.terms) {
-                            *value += more;
-                        }
-                    }
-                }
+        if !ranks.is_alone() {
+            self.reduction.begin(system);
+        }
+        for (k, batch) in batches.enumerate() {
+            let first = k * self.share.shards + self.share.own_shards().start;
+            let seeds = |i: usize| tape_seed(seed, at.step, (first + i) as u64);
+            let parts = self.parts(system, batch, at, seeds, total, meanwhile.take());
+            let parts = ranks.together(parts)?;
+            if ranks.is_alone() {
+                sum = accumulate(sum, system, parts);
+            } else {
+                sum = Some(self.exchange(sum, system, parts, ranks));
             }
         }
         let mut gradient = sum.expect("a step has samples");
+        if !ranks.is_alone() {
+            gradient.gradients = self.reduction.end(system, &self.of_shards[0], ranks);
+        }
         gradient.norm = gradient.gradients.norm();
         if gradient.norm.is_finite() && gradient.terms.iter().all(|(_, value)| value.is_finite()) {
             return Ok(gradient);
         }
         drop(gradient);
-        Err(Box::new(locate_non_finite(&mut self.0[0], system, samples, shard, at)).into())
+        Err(locate_non_finite(&mut self.of_shards[0], system, samples, &self.share, at, ranks))
     }
+
+    /// What the shards of a batch compute, side by side.
+    fn parts<S: System>(
+        &mut self,
+        system: &S,
+        batch: &[S::Sample],
+        at: StepInfo,
+        seeds: impl Fn(usize) -> u64 + Sync,
+        total: f64,
+        meanwhile: Option<impl FnOnce(&S) + Send>,
+    ) -> Result<Vec<Part>, TrainError> {
+        let shard = self.share.samples_each();
+        let tapes = self.of_shards.par_iter_mut().zip(batch.par_chunks(shard)).enumerate();
+        let parts = tapes.map(|(i, (tape, chunk))| {
+            tape.reseed(seeds(i));
+            part(tape, system, chunk, chunk.len() as f64 / total, at)
+        });
+        let parts: Vec<Result<Part, LossError>> = match meanwhile {
+            Some(other) => rayon::join(|| parts.collect(), || other(system)).0,
+            None => parts.collect(),
+        };
+        let whole = parts.into_iter().zip(batch.chunks(shard)).map(|(part, chunk)| {
+            part.map_err(|error| without_value(&mut self.of_shards[0], system, chunk, at, error))
+        });
+        whole.collect()
+    }
+
+    /// Adds what all processes computed of a batch. The gradients stay behind until all batches are done.
+    fn exchange<S: System>(
+        &mut self,
+        sum: Option<StepGradient>,
+        system: &mut S,
+        parts: Vec<Part>,
+        ranks: &mut Ranks<'_>,
+    ) -> StepGradient {
+        let names: Vec<&'static str> = parts[0].terms.iter().map(|(name, _)| *name).collect();
+        let mut own = Vec::with_capacity(parts.len());
+        for Part { gradients, terms, updates } in parts {
+            let absent = self.reduction.lay(system, &gradients);
+            own.push(Message::new(system, &terms, &updates, absent));
+        }
+        let all: Vec<Message> = ranks.gather(&own).into_iter().flatten().collect();
+        let mut terms = sum.map(|sum| sum.terms);
+        for message in &all {
+            message.updates(system, &self.of_shards[0]).apply(system);
+            let values = names.iter().copied().zip(message.terms());
+            match &mut terms {
+                None => terms = Some(values.collect()),
+                Some(terms) => add_terms(terms, values),
+            }
+        }
+        let absent: Vec<Vec<usize>> = all.into_iter().map(|message| message.absent).collect();
+        self.reduction.add(&self.share, &absent, ranks);
+        let terms = terms.expect("a batch has shards");
+        StepGradient { gradients: self.of_shards[0].gradients(), terms, norm: 0.0 }
+    }
+}
+
+/// Adds what the shards of a batch computed, in their order.
+fn accumulate<S: System>(
+    mut sum: Option<StepGradient>,
+    system: &mut S,
+    parts: Vec<Part>,
+) -> Option<StepGradient> {
+    for Part { gradients, terms, updates } in parts {
+        updates.apply(system);
+        match &mut sum {
+            None => sum = Some(StepGradient { gradients, terms, norm: 0.0 }),
+            Some(sum) => {
+                sum.gradients.accumulate(&gradients);
+                add_terms(&mut sum.terms, terms.into_iter());
+            }
+        }
+    }
+    sum
+}
+
+fn add_terms(terms: &mut [(&'static str, f64)], more: impl Iterator<Item = (&'static str, f64)>) {
+    terms.iter_mut().zip(more).for_each(|((_, value), (_, more))| *value += more);
 }
 
 fn part<S: System>(

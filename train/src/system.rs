@@ -100,7 +100,7 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     /// the same at every step.
     ///
     /// The batch may be a part of the one that was asked for, on a tape of its own; see
-    /// [`couples_samples`](Self::couples_samples).
+    /// [`coupling`](Self::coupling).
     ///
     /// # Errors
     /// If it has no value: an equation that it rests on could not be solved.
@@ -139,10 +139,10 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     /// is loaded, a fresh system is led through the same epochs before the values are filled in.
     fn begin_epoch(&mut self, _epoch: u64, _state: &mut OptimizerState<'_>) {}
 
-    /// Whether what is computed for a sample depends on the others of its batch: batch statistics,
-    /// attention over the batch. Such a batch cannot be cut into shards.
-    fn couples_samples(&self) -> bool {
-        false
+    /// Why what is computed for a sample depends on the others of its batch (batch statistics, attention over the batch), and
+    /// the option that ends that; none where it does not. Such a batch cannot be cut into shards.
+    fn coupling(&self) -> Option<&'static str> {
+        None
     }
 
     /// Parameters, by the beginning of their path, whose learning rate is multiplied by a factor.

@@ -8,6 +8,8 @@ mod checkpoints;
 mod events;
 mod folders;
 mod power;
+mod processes;
+mod threads;
 
 use std::path::Path;
 
@@ -39,11 +41,19 @@ fn run_in(
     watch: &mut Watch<'_>,
 ) -> Result<Outcome<Blob>, TrainError> {
     let run = if resume { RunFolder::resume(folder)? } else { RunFolder::create(folder, false)? };
+    run_at(&run, config, resume, &Solo, watch)
+}
+
+fn run_at(
+    run: &RunFolder,
+    config: &Config,
+    resume: bool,
+    communicator: &dyn Communicator,
+    watch: &mut Watch<'_>,
+) -> Result<Outcome<Blob>, TrainError> {
     let provenance = Provenance { version: "test".into(), ..Provenance::default() };
-    train::<Blob>(
-        &Job { config, data: &(), run: &run, provenance: &provenance, resume, from: None },
-        watch,
-    )
+    let job = Job { config, data: &(), run, provenance: &provenance, resume, from: None };
+    train_among::<Blob>(&job, communicator, watch)
 }
 
 fn on() -> Watch<'static> {
@@ -62,8 +72,17 @@ fn logged(folder: &Path) -> Vec<Line> {
     let timeless = |line| match line {
         Line::Resumed { .. } => None,
         Line::Step { step, epoch, loss, terms, learning_rate, gradient_norm, .. } => {
-            let seconds = 0.0;
-            Some(Line::Step { step, epoch, loss, terms, learning_rate, gradient_norm, seconds })
+            let (seconds, communication) = (0.0, None);
+            Some(Line::Step {
+                step,
+                epoch,
+                loss,
+                terms,
+                learning_rate,
+                gradient_norm,
+                seconds,
+                communication,
+            })
         }
         line => Some(line),
     };
@@ -214,8 +233,9 @@ fn a_number_that_is_none_is_traced() {
     spoiled.offsets.1.as_slice_mut()[3] = f32::INFINITY;
     let samples: Vec<_> = (0..3).map(|k| silhouette(k, 0.0, k.to_string())).collect();
     let at = StepInfo { step: 5, epoch: 1 };
-    let mut tapes = super::step::Tapes::new(1);
-    let error = tapes.gradient(&mut spoiled, &samples, 3, at, 0, |_| ()).unwrap_err();
+    let mut tapes = super::step::Tapes::new(super::share::Share::new(3, 1, [0, 1]));
+    let mut alone = super::ranks::Ranks::new(&Solo);
+    let error = tapes.gradient(&mut spoiled, &samples, (at, 0), &mut alone, |_| ()).unwrap_err();
     let TrainError::NotFinite(error) = error else { panic!("{error}") };
     assert_eq!(error.tensor, Tensor::Parameter("offsets.1".into()));
     assert_eq!((error.step, error.epoch), (5, 1));

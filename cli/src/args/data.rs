@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueEnum};
 use synth::NormalSpace;
 use synth::generate::{CameraSet, Normalize, OutputLayout};
+use train::Shard;
 
 use super::dataset::{Convert, Inspect, Validate};
 use super::depth::Depth;
@@ -56,6 +57,7 @@ Examples:
   unsphere data generate --cameras sphere --size 256 --depth true -o all
   unsphere data generate --cameras collection --layout transforms --size 320x240 -o photos
   unsphere data generate --from furniture/ --splits furniture/list.csv --layout r2n2 -o views
+  unsphere data generate --objects 5000 --shard 2/8 -o shapes
   unsphere data generate --from chair.obj --cameras sphere --views 100 --size 512 -o chair"
 )]
 pub(crate) struct Generate {
@@ -64,6 +66,10 @@ pub(crate) struct Generate {
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) configuration: DataSettings,
+    /// Only the I-th of N parts of the objects, from 1. Several processes make one dataset in one folder, with the same
+    /// options otherwise; the last to end writes the files of the whole.
+    #[arg(long, value_name = "I/N")]
+    pub(crate) shard: Option<Shard>,
     /// What kinds of objects, separated by commas.
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     pub(crate) families: Vec<String>,

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use studies::Scale;
+use train::Shard;
 
 use super::output::folder;
 
@@ -17,8 +18,8 @@ folder in work/ is a run that `unsphere eval` and `unsphere predict` take as --c
 
 Claims hold, are reversed or are undecided by one rule: the 95 % interval of the difference, paired by
 object and seed. results.json has all that the tables, claims and pages are made of; --report makes
-them again from it. Processes may share the work: each with --only or --seed into a folder of its own,
-then --merge.
+them again from it. Processes may share the work: each with --shard, --only or --seed into a folder of its
+own, then --merge; docs/clusters.md has the scripts.
 
 With --quick the exit code is 1 if a floor is missed, or reached by a model that must not, so that it
 can stand in CI.
@@ -31,6 +32,7 @@ Examples:
   unsphere reproduce img2mesh -o table --seeds 5       five, after that
   unsphere reproduce all --scale tenth -o tables       every table in a tenth of the steps
   unsphere reproduce img2mesh -o b --only cnn-2        one row, for another process
+  unsphere reproduce img2mesh -o b --shard 2/8         an eighth of the jobs
   unsphere reproduce img2mesh --merge a b -o table     the tables of both
   unsphere reproduce img2mesh --report docs/results/img2mesh.json -o page"
 )]
@@ -59,6 +61,9 @@ pub(crate) struct Reproduce {
     /// Only these jobs, as --plan names them; what is there of others stays.
     #[arg(long, value_name = "JOB", value_delimiter = ',', conflicts_with = "merge")]
     pub(crate) only: Vec<String>,
+    /// Only the I-th of N parts of the jobs and seeds, from 1, each into a folder of its own; --merge puts them together.
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["merge", "report"])]
+    pub(crate) shard: Option<Shard>,
     /// How much is done: the tables, every row in a tenth of the steps, or a minute's worth.
     #[arg(long, value_name = "SCALE", default_value = "full")]
     pub(crate) scale: ScaleArgument,

@@ -8,15 +8,15 @@ use serde::Serialize;
 use train::output::{
     LockError, OutputError, OutputFolder, disk, lock_folder, remove_within, write_within,
 };
-use train::settings;
+use train::{Shard, settings};
 
 use crate::args::{Fit, Global};
 use crate::command::fit::{FOLDER, Job, configuration, refused, up_axis};
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
+use crate::job_array;
 use crate::object_list::{self, ListedObject};
-use crate::shard::Shard;
 use crate::summary::{PAGE, State, Summary, TABLE, failure_file};
 use crate::truth::Truth;
 use crate::views::read_views;
@@ -63,7 +63,7 @@ pub(crate) fn run(
     let config = configuration(&arguments.configuration, global)?;
     let shard = match arguments.shard {
         Some(shard) => shard,
-        None => Shard::of_slurm(|name| std::env::var(name).ok())
+        None => job_array::task(|name| std::env::var(name).ok())
             .map_err(Failure::Usage)?
             .unwrap_or(Shard::WHOLE),
     };

@@ -16,18 +16,28 @@ mod render;
 mod reproduce;
 pub(crate) mod train;
 
+use ::train::Communicator;
+
 use crate::args::{Arguments, Command, Global};
 use crate::console::Console;
 use crate::event_log::EventLog;
 use crate::failure::Failure;
+use crate::processes::{Processes, together};
 use crate::system::Systems;
 
 /// Does what the command line asks, with one pool of threads around all of it.
-pub(crate) fn run(arguments: Arguments, systems: &Systems) -> Result<(), Failure> {
+pub(crate) fn run(
+    arguments: Arguments,
+    systems: &Systems,
+    processes: &Processes,
+) -> Result<(), Failure> {
     let Arguments { global, logging, command } = arguments;
-    let log = logging.log_json.as_deref().map(EventLog::open).transpose()?;
-    let console = Console { json: global.json, quiet: global.quiet, log };
-    let done = perform(console, global, command, systems);
+    let communicator = processes.communicator();
+    let first = processes.is_first();
+    let log = logging.log_json.as_deref().filter(|_| first).map(EventLog::open).transpose();
+    let log = together(communicator, log)?;
+    let console = Console { json: global.json, quiet: global.quiet || !first, log };
+    let done = perform(console, global, command, systems, communicator);
     match log {
         None => done,
         // What failed is told before that the log lacks lines.
@@ -43,6 +53,7 @@ fn perform(
     global: Global,
     command: Command,
     systems: &Systems,
+    communicator: &dyn Communicator,
 ) -> Result<(), Failure> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(global.threads.into()).build().map_err(
         |error| Failure::Other(format!("cannot start {} threads: {error}", global.threads)),
@@ -51,7 +62,7 @@ fn perform(
         Command::Demo(arguments) => demo::run(console, global, &arguments),
         Command::Fit(arguments) => fit::run(console, global, &arguments),
         Command::Train(arguments) => {
-            (systems.named(&arguments.system).train)(console, global, &arguments)
+            (systems.named(&arguments.system).train)(console, global, &arguments, communicator)
         }
         Command::Eval(arguments) => {
             (systems.named(&arguments.system).eval)(console, global, &arguments)

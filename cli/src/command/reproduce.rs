@@ -146,6 +146,7 @@ fn order(global: Global, arguments: &Reproduce) -> Order<'_> {
         scale: arguments.scale(),
         seeds: arguments.seeds.map_or(Seeds::From(base), |count| Seeds::Listed(listed(count))),
         only: arguments.only.clone(),
+        shard: arguments.shard.unwrap_or_default(),
         data: arguments.data.as_deref(),
         force: arguments.force,
         provenance: provenance(arguments.data.as_deref()),

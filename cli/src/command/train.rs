@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 
 use models::predict::Predictor;
 use serde::Serialize;
-use train::progress::Event;
+use train::progress::{Communication, Event, Step};
 use train::{
-    CHANGEABLE, Checkpoint, CheckpointError, Configuration, Job, Outcome, RunError, RunFolder,
-    RunMetadata, Subset, System, TrainError, settings, train,
+    CHANGEABLE, Checkpoint, CheckpointError, Communicator, Configuration, Job, Outcome, RunError,
+    RunFolder, RunMetadata, Subset, System, TrainError, settings, train_among,
 };
 
 use crate::args::{Global, Train};
@@ -18,6 +18,7 @@ use crate::configuration::configuration;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
+use crate::processes::together;
 use crate::progress::{Progress, spoken};
 use crate::provenance::provenance;
 use crate::views::open;
@@ -36,6 +37,11 @@ struct Trained<'a> {
     /// The last scores of validation.
     metrics: BTreeMap<String, f64>,
     best: Option<Best>,
+    /// How many shared it.
+    processes: usize,
+    /// What that cost in a step of this part of the run, in the mean; none of a process alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    communication: Option<Communication>,
 }
 
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -48,8 +54,9 @@ pub(crate) fn run<S: Predictor>(
     console: Console,
     global: Global,
     arguments: &Train,
+    communicator: &dyn Communicator,
 ) -> Result<(), Failure> {
-    Command { console, global, arguments }.run::<S>()
+    Command { console, global, arguments, communicator }.run::<S>()
 }
 
 #[derive(Clone, Copy)]
@@ -57,6 +64,7 @@ struct Command<'a> {
     console: Console,
     global: Global,
     arguments: &'a Train,
+    communicator: &'a dyn Communicator,
 }
 
 /// What is settled before any data is read.
@@ -69,30 +77,25 @@ struct Prepared<C> {
 
 impl Command<'_> {
     fn run<S: Predictor>(self) -> Result<(), Failure> {
-        let Self { console, global, arguments } = self;
+        let Self { console, arguments, communicator, .. } = self;
         let start = Instant::now();
         let from = arguments.from.as_deref();
-        let from = from.map(|path| checkpoint_path::<S>(path, false)).transpose()?;
-        let Prepared { run, config, data } = if let Some(path) = &arguments.resume {
-            self.resumed::<S>(path)?
-        } else {
-            let config = match &from {
-                Some(from) => {
-                    let read = Checkpoint::read(&from.file).map_err(Failure::input)?;
-                    checkpoint::configuration::<S>(&read, &arguments.settings.set, global.seed)?
-                }
-                None => configuration::<S>(&arguments.settings, global)?,
-            };
-            RunFolder::examine(self.place(), arguments.force).map_err(failed)?;
-            Prepared { run: None, config, data: arguments.data.clone() }
-        };
-        let interrupt = Interrupt::listen(None)?;
-        let opened = open::<S>(console, &config, data.as_deref(), &arguments.reading.options())?;
+        let from = from.map(|path| checkpoint_path::<S>(path, false)).transpose();
+        let from = together(communicator, from)?;
+        let prepared = self.prepared::<S>(from.as_ref().map(|from| &*from.file));
+        let Prepared { run, config, data } = together(communicator, prepared)?;
+        let interrupt = together(communicator, Interrupt::listen(None))?;
+        let opened = open::<S>(console, &config, data.as_deref(), &arguments.reading.options());
+        let opened = together(communicator, opened)?;
         // Only now: what cannot be opened must not cost the run that it was to replace.
         let run = match run {
-            Some(run) => run,
-            None => RunFolder::create(self.place(), arguments.force).map_err(failed)?,
+            Some(run) => Ok(run),
+            None if self.is_first() => {
+                RunFolder::create(self.place(), arguments.force).map_err(failed)
+            }
+            None => Ok(RunFolder::at(self.place())),
         };
+        let run = together(communicator, run)?;
         interrupt.worthwhile();
         let provenance = provenance(data.as_deref());
         let resume = arguments.resume.is_some();
@@ -105,7 +108,14 @@ impl Command<'_> {
             resume,
             from,
         };
-        let outcome = watched::<S>(console, &job, &self.called(), &interrupt)?;
+        let (outcome, communication) = self.watched::<S>(&job, &interrupt)?;
+        if !self.is_first() {
+            return if outcome.ended.is_cancelled() {
+                Err(Failure::Interrupted(String::new()))
+            } else {
+                Ok(())
+            };
+        }
         let trained = Trained {
             run: run.path(),
             system: S::NAME,
@@ -114,6 +124,8 @@ impl Command<'_> {
             seconds: start.elapsed().as_secs_f64(),
             metrics: outcome.metrics.iter().map(|m| (m.name.clone(), m.value)).collect(),
             best: outcome.best.map(|(value, step)| Best { value, step }),
+            processes: communicator.size(),
+            communication,
         };
         console.result(&trained, describe)?;
         if trained.interrupted {
@@ -129,6 +141,30 @@ impl Command<'_> {
 }
 
 impl Command<'_> {
+    /// Whether this process speaks and writes.
+    fn is_first(&self) -> bool {
+        self.communicator.rank() == 0
+    }
+
+    /// What is settled before any data is read; `from` are weights that a new run begins with.
+    fn prepared<S: Predictor>(&self, from: Option<&Path>) -> Result<Prepared<S::Config>, Failure> {
+        let Self { global, arguments, .. } = *self;
+        if let Some(path) = &arguments.resume {
+            return self.resumed::<S>(path);
+        }
+        let config = match from {
+            Some(from) => {
+                let read = Checkpoint::read(from).map_err(Failure::input)?;
+                checkpoint::configuration::<S>(&read, &arguments.settings.set, global.seed)?
+            }
+            None => configuration::<S>(&arguments.settings, global)?,
+        };
+        if self.is_first() {
+            RunFolder::examine(self.place(), arguments.force).map_err(failed)?;
+        }
+        Ok(Prepared { run: None, config, data: arguments.data.clone() })
+    }
+
     /// Where a new run goes.
     fn place(&self) -> &Path {
         self.arguments.output.as_deref().unwrap_or_else(|| Path::new("run"))
@@ -147,7 +183,11 @@ impl Command<'_> {
 
     /// The folder of a run that goes on, its configuration, and where its data is.
     fn resumed<S: System>(&self, path: &Path) -> Result<Prepared<S::Config>, Failure> {
-        let run = RunFolder::resume(path).map_err(failed)?;
+        let run = if self.is_first() {
+            RunFolder::resume(path).map_err(failed)?
+        } else {
+            RunFolder::at(path)
+        };
         let set = &self.arguments.settings.set;
         for (key, value) in set {
             if !CHANGEABLE.contains(&key.replace('_', "-").as_str()) {
@@ -165,64 +205,98 @@ impl Command<'_> {
         let data = self.arguments.data.clone().or_else(|| RunMetadata::of(path).data);
         Ok(Prepared { run: Some(run), config, data })
     }
+
+    /// Trains, and shows how it goes. Beside what came of it what a step's communication was in the mean.
+    fn watched<S: Predictor>(
+        &self,
+        job: &Job<'_, S>,
+        interrupt: &Interrupt,
+    ) -> Result<(Outcome<S>, Option<Communication>), Failure> {
+        let (console, called) = (self.console, self.called());
+        let shown = console.unlogged();
+        let progress = Progress::new(shown, "train");
+        let (mut scores, mut pace, mut cost) = (String::new(), Pace::default(), Cost::default());
+        let bar = |event: &Event| match event {
+            Event::Started { total, done, facts, .. } => {
+                let [trainable, steps_per_epoch] =
+                    ["trainable", "steps_per_epoch"].map(|name| facts.get(name).unwrap_or(0.0));
+                progress.set(*done as usize, *total as usize);
+                let from = if *done > 0 { format!(", from step {done} on") } else { String::new() };
+                shown.remark(format_args!(
+                    "training {}, {called}: {trainable} numbers, {total} steps of {} samples, \
+                         {steps_per_epoch} an epoch{from}\n{}",
+                    S::NAME,
+                    job.config.train.batch * job.config.train.accumulate,
+                    circumstances(job)
+                ));
+                pace.begin(*done);
+            }
+            Event::Step(step) => {
+                cost.add(step);
+                progress.set(step.step as usize, step.total as usize);
+                let terms = named(step.terms.iter().copied());
+                progress.say(&format!("loss {:.4} ={terms}{scores}", step.loss));
+                if let Some(text) = pace.told(step.step, step.total) {
+                    shown.remark(text);
+                }
+            }
+            Event::Evaluated { metrics, .. } => {
+                scores = format!(";{}", named(metrics.iter().map(|m| (&*m.name, m.value))));
+            }
+            Event::Inherited(inherited) => {
+                shown.remark(format_args!("{} arrays are from there", inherited.taken));
+                inherited.remarks().into_iter().for_each(|text| shown.warn(text));
+            }
+            Event::Skipped { step, loss, average } => {
+                shown.warn(format_args!(
+                    "step {step} is left out: its loss {loss:.4} leapt from {average:.4}"
+                ));
+            }
+            Event::Warned { text } => shown.warn(text),
+            _ => {}
+        };
+        let outcome = train_among(job, self.communicator, &mut console.watch(interrupt, bar));
+        let outcome = outcome.map_err(|error| match error {
+            TrainError::Config(_) | TrainError::NoSuchMetric { .. } => {
+                Failure::Usage(error.to_string())
+            }
+            TrainError::Checkpoint(CheckpointError::Save { .. }) => Failure::other(error),
+            TrainError::Data(_) | TrainError::Checkpoint(_) => Failure::input(error),
+            TrainError::Run(error) => failed(error),
+            error => Failure::other(error),
+        })?;
+        Ok((outcome, cost.mean()))
+    }
 }
 
-fn watched<S: Predictor>(
-    console: Console,
-    job: &Job<'_, S>,
-    called: &str,
-    interrupt: &Interrupt,
-) -> Result<Outcome<S>, Failure> {
-    let shown = console.unlogged();
-    let progress = Progress::new(shown, "train");
-    let (mut scores, mut pace) = (String::new(), Pace::default());
-    let bar = |event: &Event| match event {
-        Event::Started { total, done, facts, .. } => {
-            let [trainable, steps_per_epoch] =
-                ["trainable", "steps_per_epoch"].map(|name| facts.get(name).unwrap_or(0.0));
-            progress.set(*done as usize, *total as usize);
-            let from = if *done > 0 { format!(", from step {done} on") } else { String::new() };
-            shown.remark(format_args!(
-                "training {}, {called}: {trainable} numbers, {total} steps of {} samples, \
-                     {steps_per_epoch} an epoch{from}\n{}",
-                S::NAME,
-                job.config.train.batch * job.config.train.accumulate,
-                circumstances(job)
-            ));
-            pace.begin(*done);
+/// What communication cost so far.
+#[derive(Debug, Default)]
+struct Cost {
+    steps: u64,
+    sum: Communication,
+}
+
+impl Cost {
+    fn add(&mut self, step: &Step) {
+        let told = step.training.and_then(|training| training.communication);
+        if let Some(Communication { bytes, seconds, waiting }) = told {
+            self.steps += 1;
+            self.sum.bytes += bytes;
+            self.sum.seconds += seconds;
+            self.sum.waiting += waiting;
         }
-        Event::Step(step) => {
-            progress.set(step.step as usize, step.total as usize);
-            let terms = named(step.terms.iter().copied());
-            progress.say(&format!("loss {:.4} ={terms}{scores}", step.loss));
-            if let Some(text) = pace.told(step.step, step.total) {
-                shown.remark(text);
-            }
-        }
-        Event::Evaluated { metrics, .. } => {
-            scores = format!(";{}", named(metrics.iter().map(|m| (&*m.name, m.value))));
-        }
-        Event::Inherited(inherited) => {
-            shown.remark(format_args!("{} arrays are from there", inherited.taken));
-            inherited.remarks().into_iter().for_each(|text| shown.warn(text));
-        }
-        Event::Skipped { step, loss, average } => {
-            shown.warn(format_args!(
-                "step {step} is left out: its loss {loss:.4} leapt from {average:.4}"
-            ));
-        }
-        Event::Warned { text } => shown.warn(text),
-        _ => {}
-    };
-    train(job, &mut console.watch(interrupt, bar)).map_err(|error| match error {
-        TrainError::Config(_) | TrainError::NoSuchMetric { .. } => {
-            Failure::Usage(error.to_string())
-        }
-        TrainError::Checkpoint(CheckpointError::Save { .. }) => Failure::other(error),
-        TrainError::Data(_) | TrainError::Checkpoint(_) => Failure::input(error),
-        TrainError::Run(error) => failed(error),
-        error => Failure::other(error),
-    })
+    }
+
+    /// Of a step.
+    fn mean(&self) -> Option<Communication> {
+        let Communication { bytes, seconds, waiting } = self.sum;
+        let steps = self.steps as f64;
+        (self.steps > 0).then(|| Communication {
+            bytes: bytes / self.steps,
+            seconds: seconds / steps,
+            waiting: waiting / steps,
+        })
+    }
 }
 
 /// What a training is given and where it goes, a line each.
@@ -286,6 +360,16 @@ fn describe(trained: &Trained<'_>) -> String {
         rows.push(("best", format!("{:.4} at step {}", best.value, best.step)));
     }
     rows.push(("steps", format!("{} in {:.1} s", trained.steps, trained.seconds)));
+    if let Some(Communication { bytes, seconds, waiting }) = trained.communication {
+        let (megabytes, exchanged) = (bytes as f64 / 1e6, 1e3 * seconds);
+        let (processes, waited) = (trained.processes, 1e3 * waiting);
+        rows.push((
+            "processes",
+            format!(
+                "{processes}; the first sent {megabytes:.2} MB a step, which took {exchanged:.1} ms, and waited {waited:.1} ms"
+            ),
+        ));
+    }
     rows.push(("run", trained.run.display().to_string()));
     table(rows)
 }

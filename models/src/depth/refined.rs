@@ -408,8 +408,9 @@ impl<B: MeshInit> System for Refined<B> {
         Ok(Shown { views: self.gallery(data, subset)?, scene: Some(scene_of(&mesh)) })
     }
 
-    fn couples_samples(&self) -> bool {
-        self.refine().norm == NormKind::Batch
+    fn coupling(&self) -> Option<&'static str> {
+        let text = "`norm` is \"batch\", whose statistics are those of the batch (`norm = \"frozen\"` has none)";
+        (self.refine().norm == NormKind::Batch).then_some(text)
     }
 
     /// The mesh in the world of the camera, from the first view.

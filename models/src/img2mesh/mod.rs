@@ -351,8 +351,9 @@ impl System for Img2Mesh {
         vec![("mesh_color_fc".to_owned(), self.config.color_rate)]
     }
 
-    fn couples_samples(&self) -> bool {
-        self.config.attention == AttentionKind::Published
+    fn coupling(&self) -> Option<&'static str> {
+        let text = "`attention` is \"published\", which is over the objects of the batch (`attention = \"views\"` is not)";
+        (self.config.attention == AttentionKind::Published).then_some(text)
     }
 
     /// A coloured mesh in the world of the cameras, from any number of views.

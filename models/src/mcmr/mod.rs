@@ -329,8 +329,10 @@ impl System for Mcmr {
     }
 
     /// Batch norm: the statistics are those of the batch.
-    fn couples_samples(&self) -> bool {
-        true
+    fn coupling(&self) -> Option<&'static str> {
+        Some(
+            "the published network has batch norm, whose statistics are those of the batch, and no option for another",
+        )
     }
 
     /// A textured mesh, its camera and the selection, from the first view; of the view's own camera only the lens counts,

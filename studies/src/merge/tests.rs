@@ -58,6 +58,32 @@ fn text(folder: &Path, name: &str) -> String {
     fs::read_to_string(folder.join(name)).unwrap()
 }
 
+/// Each job and seed is in one share, whatever is there already, and the shares make the whole.
+#[test]
+fn shares_make_the_whole() {
+    let place = tempfile::tempdir().unwrap();
+    let at = |name: &str| place.path().join(name);
+    let whole = make(&TOY, &at("whole"), &order(&[0, 1, 2], &[]));
+    let mut kept = 0;
+    for index in 1..=4 {
+        let shard = train::Shard::new(index, 4).unwrap();
+        let share = Order { shard, ..order(&[0, 1, 2], &[]) };
+        let out = at(&index.to_string());
+        let made = make(&TOY, &out, &share);
+        assert_eq!((made.claims.len(), made.ended), (0, crate::progress::Ended::Completed));
+        let results = || fs::read_dir(out.join("results")).unwrap().count();
+        kept += results();
+        // Again, as after a kill: what is there is kept, and nothing of another share is done.
+        let before = results();
+        make(&TOY, &out, &share);
+        assert_eq!(results(), before);
+    }
+    assert_eq!(kept, 3 * 3);
+    let folders: Vec<PathBuf> = (1..=4).map(|index: u64| at(&index.to_string())).collect();
+    let merged = merge(&TOY, &folders, &at("merged"), &order(&[0, 1, 2], &[])).unwrap();
+    assert_eq!((merged.claims, merged.tables), (whole.claims, whole.tables));
+}
+
 /// What several processes made is what one would have made.
 #[test]
 fn parts_make_the_whole() {

@@ -57,6 +57,7 @@
 //! - The bytes are a function of the configuration alone, whatever the number of threads, however
 //!   often it was stopped. Adding objects or families moves no other.
 
+mod claim;
 mod config;
 mod error;
 mod model;
@@ -76,8 +77,10 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use rayon::prelude::*;
+use train::Shard;
 use train::progress::{Ended, Event, Watch};
 
+pub use claim::UNFINISHED;
 pub use config::{CameraSet, GenerateConfig, OutputLayout};
 pub use error::GenerateError;
 pub use model::{Model, Normalize, ReadModelError};
@@ -85,24 +88,25 @@ pub use model_folder::ModelFolder;
 pub use object::ObjectInfo;
 pub use rough::{RoughPosesError, read_rough_poses};
 pub use split_list::SplitList;
-pub use store::UNFINISHED;
 
-use object::jobs;
+use object::{Job, jobs};
 use store::Store;
 
 /// What [`generate`] did.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Generated {
-    /// Objects that are there now, in their order; all of them unless it was stopped.
+    /// Objects of this share that are there now, in their order; all of them unless it was stopped.
     pub objects: Vec<ObjectInfo>,
     /// Objects that were made.
     pub made: usize,
     /// Objects that were there already.
     pub skipped: usize,
-    /// Objects that the whole dataset has.
+    /// Objects that this share has, of the dataset.
     pub total: usize,
     /// Whether it came to its end.
     pub ended: Ended,
+    /// Whether the whole dataset is there: of a share, whether the others were done before.
+    pub complete: bool,
 }
 
 /// Makes a dataset in a folder, or goes on with one that was begun there.
@@ -123,13 +127,31 @@ pub fn generate(
     folder: &Path,
     watch: &mut Watch<'_>,
 ) -> Result<Generated, GenerateError> {
+    generate_shard(config, models, Shard::WHOLE, folder, watch)
+}
+
+/// [`generate`] for one of several processes, on one machine or more, that make a dataset in one folder together: each makes
+/// its share of the objects, and the last to end writes the files of the whole. The bytes are those of one process. One that
+/// was stopped or killed is taken up by running it again.
+///
+/// # Errors
+/// As [`generate`]; also if another process is at this share, or at the whole.
+pub fn generate_shard(
+    config: &GenerateConfig,
+    models: &[Model],
+    shard: Shard,
+    folder: &Path,
+    watch: &mut Watch<'_>,
+) -> Result<Generated, GenerateError> {
     let wrong = config.check();
     if !wrong.is_empty() {
         return Err(GenerateError::Config(wrong));
     }
     let begun = Instant::now();
-    let store = Store::open(folder, config, models)?;
-    let jobs = jobs(config, models);
+    let store = Store::open(folder, config, models, shard)?;
+    let all = jobs(config, models);
+    let own = all.iter().enumerate().filter(|(k, _)| shard.has(*k));
+    let jobs: Vec<&Job<'_>> = own.map(|(_, job)| job).collect();
     let total = (jobs.len() * config.views) as u64;
     let facts = [("objects", jobs.len() as f64)].into();
     watch.tell(&Event::Started { job: "generate", total, done: 0, facts });
@@ -169,14 +191,20 @@ pub fn generate(
     let objects: Vec<ObjectInfo> = found.into_iter().flatten().collect();
     let skipped = skipped.into_inner();
     let ended = Ended::early(objects.len() < jobs.len());
-    if ended == Ended::Completed {
-        let drawn = splits::of(config, &objects).into_iter().zip(&jobs);
+    // Of several processes that end at once all may find it whole: they write the same.
+    let whole: Option<Vec<ObjectInfo>> = match ended {
+        Ended::Completed => all.iter().map(|job| store.find(job)).collect(),
+        Ended::Cancelled => None,
+    };
+    if let Some(whole) = &whole {
+        let drawn = splits::of(config, whole).into_iter().zip(&all);
         let subsets: Vec<_> = drawn.map(|(drawn, job)| job.of.subset().unwrap_or(drawn)).collect();
-        store.finish(&objects, &subsets, &sheet::draw(config, &jobs)?)?;
+        store.finish(whole, &subsets, &sheet::draw(config, &all)?)?;
     }
     store.clear();
     let made = objects.len() - skipped;
     let (done, watch) = told.into_inner().unwrap_or_else(PoisonError::into_inner);
     watch.tell(&Event::Finished { ended, done, seconds: begun.elapsed().as_secs_f64() });
-    Ok(Generated { objects, made, skipped, total: jobs.len(), ended })
+    let complete = whole.is_some();
+    Ok(Generated { objects, made, skipped, total: jobs.len(), ended, complete })
 }

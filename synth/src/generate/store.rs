@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::hash::Hasher;
-use std::io;
 use std::path::{Path, PathBuf};
 
 use datasets::{Subset, View, write_kaolin, write_transforms};
@@ -11,19 +10,18 @@ use fnv::FnvHasher;
 use mesh_core::io::{write_atomic, write_mesh};
 use mesh_core::{ByteImage, Camera, TriMesh, encode_exr, encode_png};
 use serde::Serialize;
-use train::output::{Lock, LockError, disk, is_incidental, lock_folder, own_folder, write_within};
+use train::Shard;
+use train::output::{disk, is_incidental, write_within};
 use train::settings::settings_of;
 use train::settings::to_toml;
 
+use super::claim::{Claim, lock_now, lock_soon};
 use super::config::{GenerateConfig, MANIFEST, OutputLayout};
 use super::error::GenerateError;
 use super::model::Model;
 use super::object::{Job, Made, ObjectInfo};
 use super::{rough, shapenet};
 
-/// The folder, in the root of a dataset, of objects that are being written; a run that was killed
-/// leaves it, and the next one removes it. On a file system without locks each run has its own, whose name goes on.
-pub const UNFINISHED: &str = ".unfinished";
 /// What is known of an object; in the folder that is moved to its place last.
 const OBJECT: &str = "object.json";
 
@@ -41,9 +39,9 @@ struct Manifest<'a> {
 #[derive(Debug)]
 pub(super) struct Store {
     root: PathBuf,
-    /// The folder of what is unfinished, this process's own.
-    unfinished: PathBuf,
-    _lock: Lock,
+    claim: Claim,
+    /// Whether others work in it too, at other objects.
+    shared: bool,
     layout: OutputLayout,
 }
 
@@ -53,12 +51,11 @@ impl Store {
         root: &Path,
         config: &GenerateConfig,
         models: &[Model],
+        shard: Shard,
     ) -> Result<Self, GenerateError> {
         disk::make_folders(root).map_err(GenerateError::io(root))?;
-        let lock = lock_folder(root).map_err(|error| match error {
-            LockError::Busy(holder) => GenerateError::Busy { path: root.to_owned(), holder },
-            LockError::Io(source) => GenerateError::io(root)(source),
-        })?;
+        let shared = !shard.is_whole();
+        let lock = if shared { lock_soon(root)? } else { lock_now(root)? };
         let manifest = root.join(MANIFEST);
         let asked = to_toml(&Manifest {
             version: env!("CARGO_PKG_VERSION"),
@@ -77,14 +74,14 @@ impl Store {
             }
             put_for_good(root, MANIFEST, asked.as_bytes())?;
         }
-        let unfinished = unfinished(root, lock.is_held()).map_err(GenerateError::io(root))?;
-        Ok(Self { root: root.to_owned(), unfinished, _lock: lock, layout: config.layout })
+        let claim = Claim::new(root, lock, shard)?;
+        Ok(Self { root: root.to_owned(), claim, shared, layout: config.layout })
     }
 
     /// Removes what this run left unfinished.
     pub(super) fn clear(&self) {
         // There may be none; one that resists is in nobody's way.
-        let _ = fs::remove_dir_all(&self.unfinished);
+        let _ = fs::remove_dir_all(&self.claim.unfinished);
     }
 
     /// What is known of an object that is there as a whole.
@@ -117,7 +114,7 @@ impl Store {
     ) -> Result<ObjectInfo, GenerateError> {
         let ObjectInfo { category, synset, name, .. } = &made.info;
         let folders = self.folders(category, synset, name);
-        let work = self.unfinished.join(format!("{category}-{name}"));
+        let work = self.claim.unfinished.join(format!("{category}-{name}"));
         fs::create_dir_all(&work).map_err(GenerateError::io(&work))?;
         let last = work.join(folders.last().expect("every layout has a folder"));
         fs::create_dir_all(&last).map_err(GenerateError::io(&last))?;
@@ -144,6 +141,7 @@ impl Store {
         subsets: &[Subset],
         sheet: &ByteImage,
     ) -> Result<(), GenerateError> {
+        let _others_wait = self.shared.then(|| lock_soon(&self.root)).transpose()?;
         let text = serde_json::to_string_pretty(objects).expect("numbers and names");
         put_for_good(&self.root, "objects.json", text.as_bytes())?;
         let mut splits: BTreeMap<&str, BTreeMap<&str, BTreeMap<&str, Vec<usize>>>> =
@@ -173,16 +171,6 @@ fn fingerprint(models: &[Model]) -> Option<String> {
         hash.write(format!("{category}/{name} {subset:?} {fingerprint}\n").as_bytes());
     }
     Some(format!("{} meshes {:016x}", models.len(), hash.finish()))
-}
-
-/// The folder of what is unfinished. Of a dataset that is locked for this process, what lies there is nobody's.
-fn unfinished(root: &Path, locked: bool) -> io::Result<PathBuf> {
-    if !locked {
-        return own_folder(root, UNFINISHED.as_ref());
-    }
-    let folder = root.join(UNFINISHED);
-    let _ = fs::remove_dir_all(&folder);
-    Ok(folder)
 }
 
 /// How a layout of one folder for each object names what it has besides views.
@@ -281,23 +269,6 @@ fn first_difference(found: &str, asked: &str) -> Option<(String, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn only_who_holds_the_lock_removes_what_others_left() {
-        let place = tempfile::tempdir().expect("a folder");
-        let left = place.path().join(UNFINISHED).join("table-0001");
-        fs::create_dir_all(&left).expect("a folder");
-        let own = unfinished(place.path(), false).expect("a folder of its own");
-        let other = unfinished(place.path(), false).expect("another");
-        assert!(left.is_dir() && own.is_dir() && other.is_dir() && own != other);
-        let names = [&own, &other].map(|folder| folder.file_name().expect("it has a name"));
-        assert!(names.iter().all(|name| is_incidental(name)), "{names:?}");
-        assert_eq!(
-            unfinished(place.path(), true).expect("the place"),
-            place.path().join(UNFINISHED)
-        );
-        assert!(!left.exists() && own.is_dir());
-    }
 
     #[test]
     fn the_setting_that_differs_is_named() {

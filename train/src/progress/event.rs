@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Serialize, Serializer};
 
-use super::{Ended, Facts};
+use super::{Communication, Ended, Facts};
 use crate::inherited::Inherited;
 use crate::system::Metric;
 
@@ -137,6 +137,9 @@ pub struct TrainingStep {
     pub gradient_norm: f64,
     /// How long it took.
     pub seconds: f64,
+    /// What it cost to be several processes, where they are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub communication: Option<Communication>,
 }
 
 /// Terms by name.

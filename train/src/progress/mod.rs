@@ -36,6 +36,7 @@
 #![doc = include_str!("events.md")]
 
 mod cancel;
+mod communication;
 mod ended;
 mod event;
 mod facts;
@@ -43,6 +44,7 @@ mod json_lines;
 mod watch;
 
 pub use cancel::Cancel;
+pub use communication::Communication;
 pub use ended::Ended;
 pub use event::{Event, Step, TrainingStep};
 pub use facts::Facts;

@@ -91,7 +91,7 @@ fn a_training_begins_with_the_weights_of_another() {
     let (outcome, inherited) = begun_with(&from, &place.path().join("second"), &still);
     assert_eq!(weights(&outcome.unwrap().system), weights(&trained.system));
     let inherited = inherited.unwrap();
-    assert_eq!((inherited.taken, inherited.remarks()), (4, Vec::new()));
+    assert_eq!((inherited.taken, inherited.remarks()), (6, Vec::new()));
     // Other shapes are an error that names them.
     let wider = config(|c| c.system.hidden = 16);
     let (outcome, _) = begun_with(&from, &place.path().join("third"), &wider);

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use autodiff_lite::{Activation, Param, Tape, impl_module};
+use autodiff_lite::{Activation, BufferUpdate, Param, Tape, impl_module};
 use diff_raster::{Faces, Renderer, Settings};
 use mesh_core::{ByteImage, Camera, Topology, TriMesh, primitives};
 use ndarray::{Array2, ArrayD, IxDyn};
@@ -40,6 +40,8 @@ crate::options! {
         /// The epoch before which the hidden layer doubles.
         #[serde(with = "crate::settings::optional")]
         pub(super) grow_at: Option<u64> = None;
+        /// Whether one object's loss depends on a parameter more, and statistics run along.
+        pub(super) uneven: bool = false;
         /// Couples the samples of a batch, to be refused with shards.
         pub(super) coupled: bool = false;
     }
@@ -49,12 +51,16 @@ crate::options! {
 pub(super) struct Blob {
     hidden: (Param, Param),
     pub(super) offsets: (Param, Param),
+    /// What only one object's loss depends on: the other shards of its batch have no gradient of it.
+    rare: Param,
+    /// A running mean of radii, which depends on the order of what was seen.
+    pub(super) seen: Param,
     options: Options,
     renderer: Renderer,
     edges: Vec<[u32; 2]>,
     sphere: ArrayD<f32>,
 }
-impl_module!(Blob: f32 { hidden, offsets } fixed { options, renderer, edges, sphere });
+impl_module!(Blob: f32 { hidden, offsets, rare, seen } fixed { options, renderer, edges, sphere });
 
 pub(super) struct Silhouette {
     name: String,
@@ -124,8 +130,8 @@ impl System for Blob {
     type Prediction = Vec<f32>;
 
     fn summary(config: &Options) -> Summary {
-        let trainable = 4 * config.hidden + 126 * (config.hidden + 1);
-        Summary { trainable, ..Summary::default() }
+        let trainable = 4 * config.hidden + 126 * (config.hidden + 1) + 1;
+        Summary { trainable, frozen: 3, ..Summary::default() }
     }
 
     fn new(config: &Options, seed: u64) -> Self {
@@ -141,6 +147,8 @@ impl System for Blob {
         Self {
             hidden: (weights(hidden, 3, 2.0), Param::new(ndarray::Array1::zeros(hidden))),
             offsets: (weights(out, hidden, 0.2), Param::new(ndarray::Array1::zeros(out))),
+            rare: Param::new(ndarray::arr1(&[0.1])),
+            seen: Param::buffer(ndarray::arr1(&[0.6; 3])),
             options: config.clone(),
             edges: Topology::new(mesh.positions.len(), &mesh.faces).edges.clone(),
             renderer: renderer(&mesh),
@@ -191,7 +199,17 @@ impl System for Blob {
         let wanted = batch.iter().flat_map(|s| s.mask.clone()).collect();
         let wanted = ArrayD::from_shape_vec(IxDyn(&[batch.len(), SIDE, SIDE]), wanted).unwrap();
         let mask = losses::mask_iou(masks, tape.constant(wanted));
-        let edge = losses::edge_length(offsets, &self.edges, 0.0);
+        let mut edge = losses::edge_length(offsets, &self.edges, 0.0);
+        let rare = |sample: &Silhouette| sample.name == "object 3";
+        if self.options.uneven && batch.iter().any(rare) {
+            edge = edge + tape.param(&self.rare).square().sum();
+        }
+        if self.options.uneven && tape.is_training() {
+            let mut mean = tape.buffer(3);
+            let of = |k: usize| batch.iter().map(|s| s.radii[k]).sum::<f32>() / batch.len() as f32;
+            mean.iter_mut().enumerate().for_each(|(k, mean)| *mean = of(k));
+            tape.push_update(BufferUpdate::new(&self.seen, mean, 0.25));
+        }
         let terms = Terms::new().with("mask", 1.0, mask).with("edge", 0.1, edge);
         Ok(terms.with("watched", 0.0, mask))
     }
@@ -242,8 +260,8 @@ impl System for Blob {
         state.carry("offsets.0", halves);
     }
 
-    fn couples_samples(&self) -> bool {
-        self.options.coupled
+    fn coupling(&self) -> Option<&'static str> {
+        self.options.coupled.then_some("it was asked to (`coupled = false`)")
     }
 
     fn rates(&self) -> Vec<(String, f64)> {

@@ -6,7 +6,7 @@ use std::time::Instant;
 use serde::Serialize;
 use synth::generate::{
     CameraSet, GenerateConfig, GenerateError, Generated, Model, ModelFolder, SplitList, UNFINISHED,
-    generate,
+    generate_shard,
 };
 use synth::progress::Event;
 use synth::shapes::Family;
@@ -21,6 +21,9 @@ use crate::progress::Progress;
 #[derive(Debug, Serialize)]
 struct Summary<'a> {
     output: &'a Path,
+    shard: String,
+    /// Whether the objects of all shares are there.
+    complete: bool,
     objects: usize,
     made: usize,
     skipped: usize,
@@ -44,7 +47,9 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Generate) -> Res
         }
     };
     let mut watch = console.watch(&interrupt, bar);
-    let generated = generate(&config, &models, output, &mut watch).map_err(failure)?;
+    let shard = arguments.shard.unwrap_or_default();
+    let generated = generate_shard(&config, &models, shard, output, &mut watch);
+    let generated = generated.map_err(failure)?;
     drop(watch);
     progress.finish();
     if generated.ended.is_cancelled() {
@@ -58,6 +63,8 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Generate) -> Res
     let faces = generated.objects.iter().map(|object| object.faces);
     let summary = Summary {
         output,
+        shard: shard.to_string(),
+        complete: generated.complete,
         objects: generated.objects.len(),
         made: generated.made,
         skipped: generated.skipped,
@@ -70,14 +77,19 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Generate) -> Res
             0 => s.objects.to_string(),
             skipped => format!("{}, of which {skipped} were there already", s.objects),
         };
-        table([
+        let mut rows = vec![
             ("dataset", s.output.display().to_string()),
             ("objects", objects),
             ("views", s.views.to_string()),
             ("faces", format!("{} to {} an object", s.faces[0], s.faces[1])),
-            ("sheet", s.output.join("contact_sheet.png").display().to_string()),
-            ("time", format!("{:.1} s", s.seconds)),
-        ])
+        ];
+        rows.push(if s.complete {
+            ("sheet", s.output.join("contact_sheet.png").display().to_string())
+        } else {
+            ("share", format!("{}, whose others are not done yet", s.shard))
+        });
+        rows.push(("time", format!("{:.1} s", s.seconds)));
+        table(rows)
     })
 }
 

@@ -8,7 +8,13 @@ use super::*;
 use crate::progress::{JsonLines, Observer};
 
 fn training_step() -> Step {
-    let training = TrainingStep { epoch: 1, learning_rate: 0.1, gradient_norm: 2.0, seconds: 0.5 };
+    let training = TrainingStep {
+        epoch: 1,
+        learning_rate: 0.1,
+        gradient_norm: 2.0,
+        seconds: 0.5,
+        communication: None,
+    };
     Step { training: Some(training), ..Step::of(3, 9, vec![("mask", 0.5), ("edge", f64::NAN)]) }
 }
 
