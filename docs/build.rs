@@ -114,7 +114,10 @@ impl Chapter {
         let mut text = String::new();
         if !name.is_empty() {
             let _ = match &self.page {
-                Some(page) => writeln!(text, "#[doc = include_str!({:?})]", pages.join(page)),
+                Some(page) => {
+                    let path = pages.join(page);
+                    writeln!(text, "#[doc = include_str!(r#\"{}\"#)]", path.display())
+                }
                 None => writeln!(text, "/// Pages of the folder `{name}`."),
             };
             let _ = writeln!(text, "pub mod {name} {{");
@@ -201,9 +204,12 @@ impl Page<'_> {
         if link.target.contains("://") || file.is_empty() {
             let _ = write!(made, "[{}]({})", link.text, link.target);
         } else if let Some(module) = self.pages.get(&self.beside(file)) {
-            let up = "../".repeat(self.module.len());
-            let down: String = module.iter().map(|part| format!("{part}/")).collect();
-            let _ = write!(made, "[{}]({up}{down}index.html{heading})", link.text);
+            let mut way = "../".repeat(self.module.len());
+            for part in module {
+                way.push_str(part);
+                way.push('/');
+            }
+            let _ = write!(made, "[{}]({way}index.html{heading})", link.text);
         } else {
             made.push_str(link.text);
         }
@@ -212,7 +218,7 @@ impl Page<'_> {
     /// What a page calls `target`, as a path from the root.
     fn beside(&self, target: &str) -> PathBuf {
         let mut path = PathBuf::new();
-        let folder = self.path.parent().unwrap_or(Path::new(""));
+        let folder = self.path.parent().unwrap_or_else(|| Path::new(""));
         for part in folder.join(target).components() {
             match part {
                 Component::ParentDir => drop(path.pop()),

@@ -55,6 +55,10 @@ impl Processes {
         )))
     }
 
+    #[cfg_attr(
+        not(feature = "mpi"),
+        expect(clippy::unused_self, reason = "without MPI all are alone")
+    )]
     pub(crate) fn communicator(&self) -> &dyn Communicator {
         #[cfg(feature = "mpi")]
         if let Some(joined) = &self.joined {
