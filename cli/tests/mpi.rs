@@ -246,7 +246,9 @@ fn what_cannot_be_shared_is_refused_by_one_voice() {
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(!output.status.success(), "{said}");
         assert_eq!(said.matches("error: ").count(), 1, "{said}");
-        words.iter().for_each(|word| assert!(said.contains(word), "{word}: {said}"));
+        for word in words {
+            assert!(said.contains(word), "{word}: {said}");
+        }
     };
     let mcmr = ["train", "mcmr", "-q", "--preset", "tiny", "-o", "mcmr"];
     refused(2, &mcmr, &["2 processes, expected 1", "batch norm"]);
