@@ -16,8 +16,9 @@ use autodiff_lite::{Gradients, Module, Param, Tape};
 use super::ranks::Ranks;
 use super::share::Share;
 
-/// Numbers that are exchanged at once, over all slices: what is sent and received stays in the caches.
-const PIECE: usize = 1 << 20;
+/// Numbers that are exchanged at once, over all slices: what is sent and received stays in the caches. The tests' systems are
+/// small, and have several pieces too.
+const PIECE: usize = if cfg!(test) { 250 } else { 1 << 20 };
 
 /// The running sum of a step, and memory that serves all steps.
 #[derive(Debug, Default)]

@@ -57,7 +57,8 @@ fn perform(
 ) -> Result<(), Failure> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(global.threads.into()).build().map_err(
         |error| Failure::Other(format!("cannot start {} threads: {error}", global.threads)),
-    )?;
+    );
+    let pool = together(communicator, pool)?;
     pool.install(|| match command {
         Command::Demo(arguments) => demo::run(console, global, &arguments),
         Command::Fit(arguments) => fit::run(console, global, &arguments),

@@ -18,6 +18,13 @@ fn training_step() -> Step {
     Step { training: Some(training), ..Step::of(3, 9, vec![("mask", 0.5), ("edge", f64::NAN)]) }
 }
 
+fn shared_step() -> Step {
+    let mut step = training_step();
+    let training = step.training.as_mut().unwrap();
+    training.communication = Some(Communication { bytes: 64, seconds: 0.1, waiting: 0.2 });
+    step
+}
+
 /// Each event, with and without what it may lack, and how the table calls it.
 fn all() -> Vec<(&'static str, Event)> {
     let facts = Facts::from([("vertices", 42.0)]);
@@ -46,6 +53,7 @@ fn all() -> Vec<(&'static str, Event)> {
         ("within", Event::Within { job: "chair".into(), seed: None, told: told.clone() }),
         ("within of a study", Event::Within { job: "chair".into(), seed: Some(7), told }),
         ("finished", Event::Finished { ended: Ended::Cancelled, done: 3, seconds: 1.5 }),
+        ("step of several processes", Event::Step(shared_step())),
     ]
 }
 
