@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 use crate::arrays::Floats;
 use crate::precision::{self, Precision};
 use crate::recorded::{Call, Recorded};
+use crate::topology::Topology;
 use crate::wanted::Wanted;
 
 /// Projected positions with their fragments.
@@ -24,6 +25,31 @@ pub(crate) enum Seen {
     Single(Drawn<f32>),
     Double(Drawn<f64>),
 }
+
+/// A precision that is drawn in.
+pub(crate) trait Drawable: Precision {
+    /// The memory for drawing a topology.
+    fn scratch(topology: &Topology) -> &Scratch<Self>;
+
+    /// What was seen, under its precision.
+    fn seen(drawn: Drawn<Self>) -> Seen;
+}
+
+macro_rules! drawable {
+    ($number:ty, $variant:ident, $scratch:ident) => {
+        impl Drawable for $number {
+            fn scratch(topology: &Topology) -> &Scratch<Self> {
+                &topology.$scratch
+            }
+
+            fn seen(drawn: Drawn<Self>) -> Seen {
+                Seen::$variant(drawn)
+            }
+        }
+    };
+}
+drawable!(f32, Single, single);
+drawable!(f64, Double, double);
 
 /// A drawing of positions alone, in either precision.
 pub(crate) trait Draw: Send {
@@ -114,3 +140,9 @@ impl<F: Precision> Drawn<F> {
         })
     }
 }
+
+/// Fragments can be shared with Python.
+const _: fn() = || {
+    fn shared<T: Send + Sync>() {}
+    shared::<Fragments<f32>>();
+};

@@ -9,7 +9,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::arrays::{self, Floats};
-use crate::drawn::{Drawn, Seen};
+use crate::drawn::{Drawable, Drawn, Seen};
 use crate::error;
 use crate::precision::{self, Precision};
 use crate::recorded::fits;
@@ -184,7 +184,7 @@ fn check(settings: &Settings, projected: &Floats<'_>, topology: &Topology) -> Py
     Ok(())
 }
 
-fn draw<F: Precision>(
+fn draw<F: Drawable>(
     py: Python<'_>,
     projected: &Floats<'_>,
     topology: &Topology,

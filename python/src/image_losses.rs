@@ -38,62 +38,48 @@ fn check_masked(
     Err(error::value(error.operand("image", x, "").operand("mask", m, "")))
 }
 
-/// The mean absolute difference, weighed by a mask where there is one.
-///
-/// image, target: any shape, alike. mask: like the image, or without its channels. The mean is over all values. Value: a float.
-/// Gradients: image, target, mask; at equal values 0.
-#[pyfunction]
-#[pyo3(signature = (image, target, mask=None, *, wrt=None))]
-pub(crate) fn l1(
-    py: Python<'_>,
-    image: Floats<'_>,
-    target: Floats<'_>,
-    mask: Option<Floats<'_>>,
-    wrt: Option<Wanted>,
-) -> PyResult<Recorded> {
-    check_masked("l1", &image, &target, mask.as_ref())?;
-    let inputs = [("image", &image), ("target", &target)];
-    match &mask {
-        None => record!(py, Arguments::new("l1", inputs, wrt.as_ref())?, |image, target| {
-            losses::l1(image, target, None)
-        }),
-        Some(mask) => {
-            let [image, target] = inputs;
-            let inputs = [image, target, ("mask", mask)];
-            record!(py, Arguments::new("l1", inputs, wrt.as_ref())?, |image, target, mask| {
-                losses::l1(image, target, Some(mask))
-            })
+/// Differences weighed by a mask where there is one: each with its docstring, and the function of the tape behind it.
+macro_rules! masked_losses {
+    ($($(#[$docs:meta])* $name:ident;)+) => {$(
+        $(#[$docs])*
+        #[pyfunction]
+        #[pyo3(signature = (image, target, mask=None, *, wrt=None))]
+        pub(crate) fn $name(
+            py: Python<'_>,
+            image: Floats<'_>,
+            target: Floats<'_>,
+            mask: Option<Floats<'_>>,
+            wrt: Option<Wanted>,
+        ) -> PyResult<Recorded> {
+            let op = stringify!($name);
+            check_masked(op, &image, &target, mask.as_ref())?;
+            let [x, y] = [("image", &image), ("target", &target)];
+            match &mask {
+                None => record!(py, Arguments::new(op, [x, y], wrt.as_ref())?, |x, y| {
+                    losses::$name(x, y, None)
+                }),
+                Some(mask) => {
+                    let inputs = [x, y, ("mask", mask)];
+                    record!(py, Arguments::new(op, inputs, wrt.as_ref())?, |x, y, mask| {
+                        losses::$name(x, y, Some(mask))
+                    })
+                }
+            }
         }
-    }
+    )+};
 }
 
-/// The mean squared difference, weighed by a mask where there is one.
-///
-/// image, target: any shape, alike. mask: like the image, or without its channels. The mean is over all values. Value: a float.
-/// Gradients: image, target, mask.
-#[pyfunction]
-#[pyo3(signature = (image, target, mask=None, *, wrt=None))]
-pub(crate) fn l2(
-    py: Python<'_>,
-    image: Floats<'_>,
-    target: Floats<'_>,
-    mask: Option<Floats<'_>>,
-    wrt: Option<Wanted>,
-) -> PyResult<Recorded> {
-    check_masked("l2", &image, &target, mask.as_ref())?;
-    let inputs = [("image", &image), ("target", &target)];
-    match &mask {
-        None => record!(py, Arguments::new("l2", inputs, wrt.as_ref())?, |image, target| {
-            losses::l2(image, target, None)
-        }),
-        Some(mask) => {
-            let [image, target] = inputs;
-            let inputs = [image, target, ("mask", mask)];
-            record!(py, Arguments::new("l2", inputs, wrt.as_ref())?, |image, target, mask| {
-                losses::l2(image, target, Some(mask))
-            })
-        }
-    }
+masked_losses! {
+    /// The mean absolute difference, weighed by a mask where there is one.
+    ///
+    /// image, target: any shape, alike. mask: like the image, or without its channels. The mean is over all values. Value: a float.
+    /// Gradients: image, target, mask; at equal values 0.
+    l1;
+    /// The mean squared difference, weighed by a mask where there is one.
+    ///
+    /// image, target: any shape, alike. mask: like the image, or without its channels. The mean is over all values. Value: a float.
+    /// Gradients: image, target, mask.
+    l2;
 }
 
 /// 1 - SSIM, with a Gaussian window of 11 x 11 and standard deviation 1.5, values in [0, 1].

@@ -132,63 +132,41 @@ fn check_surface(
     Ok(())
 }
 
-/// Squared distances between points and a surface, both ways: the mean over points to the nearest face, and the mean over faces to the
-/// nearest point, added. PyTorch3D's `point_mesh_face_distance`.
-///
-/// x: [P, 3]. positions: [V, 3]. topology: the faces. Value: a float, in squared units. Gradients: x, positions.
-#[pyfunction]
-#[pyo3(signature = (x, positions, topology, *, wrt=None))]
-pub(crate) fn point_mesh_face_distance(
-    py: Python<'_>,
-    x: Floats<'_>,
-    positions: Floats<'_>,
-    topology: &Topology,
-    wrt: Option<Wanted>,
-) -> PyResult<Recorded> {
-    let op = "point_mesh_face_distance";
-    check_surface(op, &x, &positions, topology)?;
-    let inputs = [("x", &x), ("positions", &positions)];
-    record!(py, Arguments::new(op, inputs, wrt.as_ref())?, |x, positions| {
-        losses::point_mesh_face_distance(x, positions, topology.corners())
-    })
+/// Distances of points and a mesh: each with its docstring, and the function of the tape behind it.
+macro_rules! surface_distances {
+    ($($(#[$docs:meta])* $name:ident;)+) => {$(
+        $(#[$docs])*
+        #[pyfunction]
+        #[pyo3(signature = (x, positions, topology, *, wrt=None))]
+        pub(crate) fn $name(
+            py: Python<'_>,
+            x: Floats<'_>,
+            positions: Floats<'_>,
+            topology: &Topology,
+            wrt: Option<Wanted>,
+        ) -> PyResult<Recorded> {
+            let op = stringify!($name);
+            check_surface(op, &x, &positions, topology)?;
+            let inputs = [("x", &x), ("positions", &positions)];
+            record!(py, Arguments::new(op, inputs, wrt.as_ref())?, |x, positions| {
+                losses::$name(x, positions, topology.corners())
+            })
+        }
+    )+};
 }
 
-/// The squared distance of each point to the nearest face.
-///
-/// x: [P, 3]. positions: [V, 3]. topology: the faces. Value [P], in squared units. Gradients: x, positions.
-#[pyfunction]
-#[pyo3(signature = (x, positions, topology, *, wrt=None))]
-pub(crate) fn point_face_distance(
-    py: Python<'_>,
-    x: Floats<'_>,
-    positions: Floats<'_>,
-    topology: &Topology,
-    wrt: Option<Wanted>,
-) -> PyResult<Recorded> {
-    let op = "point_face_distance";
-    check_surface(op, &x, &positions, topology)?;
-    let inputs = [("x", &x), ("positions", &positions)];
-    record!(py, Arguments::new(op, inputs, wrt.as_ref())?, |x, positions| {
-        losses::point_face_distance(x, positions, topology.corners())
-    })
-}
-
-/// The squared distance of each face to the nearest point.
-///
-/// x: [P, 3]. positions: [V, 3]. topology: the faces. Value [F], in squared units. Gradients: x, positions.
-#[pyfunction]
-#[pyo3(signature = (x, positions, topology, *, wrt=None))]
-pub(crate) fn face_point_distance(
-    py: Python<'_>,
-    x: Floats<'_>,
-    positions: Floats<'_>,
-    topology: &Topology,
-    wrt: Option<Wanted>,
-) -> PyResult<Recorded> {
-    let op = "face_point_distance";
-    check_surface(op, &x, &positions, topology)?;
-    let inputs = [("x", &x), ("positions", &positions)];
-    record!(py, Arguments::new(op, inputs, wrt.as_ref())?, |x, positions| {
-        losses::face_point_distance(x, positions, topology.corners())
-    })
+surface_distances! {
+    /// Squared distances between points and a surface, both ways: the mean over points to the nearest face, and the mean over faces to the
+    /// nearest point, added. PyTorch3D's `point_mesh_face_distance`.
+    ///
+    /// x: [P, 3]. positions: [V, 3]. topology: the faces. Value: a float, in squared units. Gradients: x, positions.
+    point_mesh_face_distance;
+    /// The squared distance of each point to the nearest face.
+    ///
+    /// x: [P, 3]. positions: [V, 3]. topology: the faces. Value [P], in squared units. Gradients: x, positions.
+    point_face_distance;
+    /// The squared distance of each face to the nearest point.
+    ///
+    /// x: [P, 3]. positions: [V, 3]. topology: the faces. Value [F], in squared units. Gradients: x, positions.
+    face_point_distance;
 }

@@ -3,12 +3,9 @@
 use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
 
 use autodiff_lite::{NestedTape, Real, Tape};
-use diff_raster::{Fragments, Scratch};
 use numpy::{Element, PyReadonlyArrayDyn};
 
 use crate::arrays::Floats;
-use crate::drawn::{Drawn, Seen};
-use crate::topology::Topology;
 
 /// `f32` or `f64`, with what depends on which of the two it is.
 pub(crate) trait Precision: Real + Element {
@@ -20,12 +17,6 @@ pub(crate) trait Precision: Real + Element {
 
     /// The array, if it is of this precision.
     fn of<'a, 'py>(array: &'a Floats<'py>) -> Option<&'a PyReadonlyArrayDyn<'py, Self>>;
-
-    /// The memory for drawing a topology.
-    fn scratch(topology: &Topology) -> &Scratch<Self>;
-
-    /// What was seen, under its precision.
-    fn seen(drawn: Drawn<Self>) -> Seen;
 }
 
 /// A tape for one call.
@@ -38,7 +29,7 @@ pub(crate) fn tape<F: Precision>() -> NestedTape<F> {
 }
 
 macro_rules! precision {
-    ($number:ty, $dtype:literal, $variant:ident, $scratch:ident) => {
+    ($number:ty, $dtype:literal, $variant:ident) => {
         impl Precision for $number {
             const DTYPE: &'static str = $dtype;
 
@@ -54,22 +45,8 @@ macro_rules! precision {
                     _ => None,
                 }
             }
-
-            fn scratch(topology: &Topology) -> &Scratch<Self> {
-                &topology.$scratch
-            }
-
-            fn seen(drawn: Drawn<Self>) -> Seen {
-                Seen::$variant(drawn)
-            }
         }
     };
 }
-precision!(f32, "float32", Single, single);
-precision!(f64, "float64", Double, double);
-
-/// Fragments can be shared with Python.
-const _: fn() = || {
-    fn shared<T: Send + Sync>() {}
-    shared::<Fragments<f32>>();
-};
+precision!(f32, "float32", Single);
+precision!(f64, "float64", Double);

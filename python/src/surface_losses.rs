@@ -148,44 +148,39 @@ fn samples_of<'a>(
     }
 }
 
-/// Where samples of a surface are, as functions of its vertices. With `sample_surface` it is PyTorch3D's `sample_points_from_meshes`.
-///
-/// positions: [V, 3]. topology: the faces. samples: P of them. Value [P, 3]. Gradient: positions, the samples held on their faces.
-#[pyfunction]
-#[pyo3(signature = (positions, topology, samples, *, wrt=None))]
-pub(crate) fn surface_points(
-    py: Python<'_>,
-    positions: Floats<'_>,
-    topology: &Topology,
-    samples: &SurfaceSamples,
-    wrt: Option<Wanted>,
-) -> PyResult<Recorded> {
-    let op = "surface_points";
-    check_single(op, &positions, topology)?;
-    let points = samples_of(op, samples, topology)?;
-    record!(py, Arguments::new(op, [("positions", &positions)], wrt.as_ref())?, |positions| {
-        losses::surface_points(positions, topology.corners(), points)
-    })
+/// What samples of a surface have: each with its docstring, and the function of the tape behind it.
+macro_rules! sampled {
+    ($($(#[$docs:meta])* $name:ident;)+) => {$(
+        $(#[$docs])*
+        #[pyfunction]
+        #[pyo3(signature = (positions, topology, samples, *, wrt=None))]
+        pub(crate) fn $name(
+            py: Python<'_>,
+            positions: Floats<'_>,
+            topology: &Topology,
+            samples: &SurfaceSamples,
+            wrt: Option<Wanted>,
+        ) -> PyResult<Recorded> {
+            let op = stringify!($name);
+            check_single(op, &positions, topology)?;
+            let points = samples_of(op, samples, topology)?;
+            let inputs = [("positions", &positions)];
+            record!(py, Arguments::new(op, inputs, wrt.as_ref())?, |positions| {
+                losses::$name(positions, topology.corners(), points)
+            })
+        }
+    )+};
 }
 
-/// Unit normals at samples of a surface: those of their faces.
-///
-/// positions: [V, 3]. topology: the faces. samples: P of them. Value [P, 3]. Gradient: positions.
-#[pyfunction]
-#[pyo3(signature = (positions, topology, samples, *, wrt=None))]
-pub(crate) fn surface_normals(
-    py: Python<'_>,
-    positions: Floats<'_>,
-    topology: &Topology,
-    samples: &SurfaceSamples,
-    wrt: Option<Wanted>,
-) -> PyResult<Recorded> {
-    let op = "surface_normals";
-    check_single(op, &positions, topology)?;
-    let points = samples_of(op, samples, topology)?;
-    record!(py, Arguments::new(op, [("positions", &positions)], wrt.as_ref())?, |positions| {
-        losses::surface_normals(positions, topology.corners(), points)
-    })
+sampled! {
+    /// Where samples of a surface are, as functions of its vertices. With `sample_surface` it is PyTorch3D's `sample_points_from_meshes`.
+    ///
+    /// positions: [V, 3]. topology: the faces. samples: P of them. Value [P, 3]. Gradient: positions, the samples held on their faces.
+    surface_points;
+    /// Unit normals at samples of a surface: those of their faces.
+    ///
+    /// positions: [V, 3]. topology: the faces. samples: P of them. Value [P, 3]. Gradient: positions.
+    surface_normals;
 }
 
 fn check_single(op: &'static str, positions: &Floats<'_>, topology: &Topology) -> PyResult<()> {
