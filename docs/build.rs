@@ -143,16 +143,18 @@ struct Page<'a> {
 impl Page<'_> {
     fn rewritten(&self, text: &str) -> Result<String, Box<dyn Error>> {
         let mut made = String::with_capacity(text.len());
-        let mut fenced = false;
-        for line in text.lines() {
-            fenced ^= line.trim_start().starts_with("```");
-            if fenced {
-                made.push_str(line);
-            } else {
-                self.rewrite_line(line, &mut made)?;
+        let (mut fenced, mut paragraph) = (false, String::new());
+        for line in text.split_inclusive('\n') {
+            let fence = line.trim_start().starts_with("```");
+            if !fenced && !fence && !line.trim().is_empty() {
+                paragraph.push_str(line);
+                continue;
             }
-            made.push('\n');
+            fenced ^= fence;
+            self.rewrite(&std::mem::take(&mut paragraph), &mut made)?;
+            made.push_str(line);
         }
+        self.rewrite(&paragraph, &mut made)?;
         if let [folder, member] = self.module
             && folder == "crates"
             && !["cli", "python"].contains(&member.as_str())
@@ -162,9 +164,9 @@ impl Page<'_> {
         Ok(made)
     }
 
-    /// A line outside of code, in which what stands between backquotes is code all the same.
-    fn rewrite_line(&self, line: &str, made: &mut String) -> Result<(), Box<dyn Error>> {
-        let mut rest = line;
+    /// A paragraph, whose links may go over the ends of lines; what stands between backquotes is code.
+    fn rewrite(&self, paragraph: &str, made: &mut String) -> Result<(), Box<dyn Error>> {
+        let mut rest = paragraph;
         while let Some(at) = rest.find(['[', '`']) {
             made.push_str(&rest[..at]);
             rest = &rest[at..];
