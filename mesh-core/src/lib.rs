@@ -45,8 +45,9 @@
 //! # Features
 //!
 //! On by default: `files` (mesh files; brings `images`), `images` (PNG, JPEG and PFM), `exr` (depth in EXR), `serde` (a [`Health`] as
-//! text) and `rayon` (threads; without them the same bits). Without any of them there is geometry alone, with half of the
-//! dependencies. Off by default: `ndarray` (meshes and cameras as arrays), `3mf`.
+//! text), `rayon` (threads) and `simd` (vector instructions; without either the same bits). Without any of them there is geometry
+//! alone, with a sixth of the dependencies; `camera` adds cameras, [`UpAxis`] and [`simplify`], and comes with `files`. Off by
+//! default: `ndarray` (meshes and cameras as arrays), `3mf`.
 //!
 //! # Conventions
 //!
@@ -73,6 +74,7 @@
 
 #[cfg(feature = "ndarray")]
 mod arrays;
+#[cfg(feature = "camera")]
 mod camera;
 mod closest;
 mod csr;
@@ -98,10 +100,12 @@ mod subdivide;
 mod texture;
 mod topology;
 mod untangle;
+#[cfg(feature = "camera")]
 mod up_axis;
 pub mod vector;
 mod voxel;
 
+#[cfg(feature = "camera")]
 pub use camera::{
     Camera, CameraError, CameraVolume, ColmapCamera, Distortion, KaolinCamera, Lens, OpenCvCamera,
     Projected, Pytorch3dCamera, R2n2View, Ray, SphericalView, WeakPerspective,
@@ -138,17 +142,20 @@ pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_into};
 pub use limits::{Budget, Limits, OverLimit};
 pub use marching_cubes::marching_cubes;
 pub use mesh::{MeshError, Texture, TriMesh};
+#[cfg(feature = "camera")]
 pub use nalgebra;
 pub use normals::{face_areas, face_normals, vertex_normals};
+#[cfg(feature = "camera")]
+pub use remesh::simplify;
 pub use remesh::{
     ImproveOptions, Improvement, RemeshError, RemeshOptions, Remeshed, coarsen, improve, remesh,
-    simplify,
 };
 pub use sample::{SurfacePoint, sample_points, sample_surface};
 pub use scalar::Scalar;
 pub use subdivide::{Subdivision, subdivide};
 pub use topology::{FacePair, Topology};
 pub use untangle::untangle;
+#[cfg(feature = "camera")]
 pub use up_axis::{UpAxis, UpAxisError};
 pub use voxel::{
     Bounds, VoxelGrid, voxelize_enclosed, voxelize_parity, voxelize_solid, voxelize_surface,

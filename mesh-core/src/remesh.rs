@@ -5,6 +5,7 @@ mod graded;
 mod improve;
 mod isotropic;
 mod shape;
+#[cfg(feature = "camera")]
 mod simplify;
 mod surface;
 
@@ -12,4 +13,5 @@ pub use error::RemeshError;
 pub use graded::coarsen;
 pub use improve::{ImproveOptions, Improvement, improve};
 pub use isotropic::{RemeshOptions, Remeshed, remesh};
+#[cfg(feature = "camera")]
 pub use simplify::simplify;
