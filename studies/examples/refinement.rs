@@ -1,0 +1,116 @@
+//! What refinement on the given views brings to predictions of img2mesh, beside `fit` with the same views.
+//!
+//! `cargo run --release -p unsphere-studies --example refinement -- weights/img2mesh.safetensors [KEY=VALUE ..]`: one line for
+//! each way to a mesh, of the objects for validation that the weights' configuration makes. `data=FOLDER` scores objects of a
+//! dataset, `split=test` those to test on, `views=N` gives so many views (5), `vertices=N`, `bending=X` and the other options of
+//! `RefineConfig` are tried instead of its defaults, `steps=50,150` one after the other; `fit=false` leaves `fit` out.
+
+use std::error::Error;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use datasets::{ReadOptions, Views};
+use mesh_core::TriMesh;
+use models::img2mesh::{Data, Group, Img2Mesh, Img2MeshConfig, evaluate_meshes};
+use recon::fit::{FitConfig, RefineConfig, fit, refine};
+use recon::progress::Watch;
+use train::{Checkpoint, DataError, Source, Subset, System};
+
+/// What is asked for.
+struct Order {
+    data: Option<PathBuf>,
+    subset: Subset,
+    views: usize,
+    steps: Vec<usize>,
+    refine: RefineConfig,
+    fit: bool,
+}
+
+fn order(arguments: &[String]) -> Result<Order, Box<dyn Error>> {
+    let mut order = Order {
+        data: None,
+        subset: Subset::Validation,
+        views: 5,
+        steps: vec![RefineConfig::default().steps],
+        refine: RefineConfig::default(),
+        fit: true,
+    };
+    for argument in arguments {
+        let (key, value) = argument.split_once('=').ok_or("KEY=VALUE is expected")?;
+        match key {
+            "data" => order.data = Some(value.into()),
+            "split" => {
+                order.subset = match value {
+                    "test" => Subset::Test,
+                    "validation" => Subset::Validation,
+                    _ => return Err("split is test or validation".into()),
+                }
+            }
+            "views" => order.views = value.parse()?,
+            "steps" => order.steps = value.split(',').map(str::parse).collect::<Result<_, _>>()?,
+            "learning-rate" => order.refine.learning_rate = value.parse()?,
+            "smoothness" => order.refine.smoothness = value.parse()?,
+            "bending" => order.refine.bending = value.parse()?,
+            "vertices" => order.refine.vertices = value.parse()?,
+            "fit" => order.fit = value.parse()?,
+            _ => return Err(format!("no option called {key}").into()),
+        }
+    }
+    Ok(order)
+}
+
+/// A line of the table: what the meshes score, and the seconds of one.
+fn line(
+    name: &str,
+    (data, config): (&Data, &Img2MeshConfig),
+    order: &Order,
+    mesh_of: impl Fn(&Group) -> Result<TriMesh, DataError> + Sync,
+) -> Result<(), Box<dyn Error>> {
+    let start = Instant::now();
+    let metrics = evaluate_meshes(data, config, (order.subset, order.views), mesh_of)?;
+    let seconds = start.elapsed().as_secs_f64() / data.trials(order.subset, order.views)? as f64;
+    let mut out = std::io::stdout().lock();
+    write!(out, "{name:>24} {seconds:5.2} s")?;
+    for metric in metrics {
+        write!(out, "  {} {:.4}", metric.name, metric.value)?;
+    }
+    writeln!(out)?;
+    Ok(())
+}
+
+fn fitted(group: &Group) -> TriMesh {
+    let config = FitConfig { hold_out: None, level: 4, ..FitConfig::default() };
+    let fitted = fit(&Views::in_memory(group.given.clone()), &config, &mut Watch::default());
+    fitted.map(|fitted| fitted.mesh).unwrap_or_default()
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [weights, rest @ ..] = &arguments[..] else {
+        return Err("the weights' file is missing".into());
+    };
+    let order = order(rest)?;
+    let checkpoint = Checkpoint::read(Path::new(weights))?;
+    let (system, config) = checkpoint.load::<Img2Mesh>()?;
+    let source = Source {
+        path: order.data.as_deref(),
+        options: &ReadOptions::default(),
+        seed: config.train.seed,
+        progress: &|_, _| (),
+    };
+    let data = Img2Mesh::open(&config.system, &source)?;
+    let scored = (&data, &config.system);
+    let predict = |group: &Group| system.predict(&group.given).map_err(DataError::unfit);
+    line("one pass", scored, &order, predict)?;
+    for &steps in &order.steps {
+        let options = RefineConfig { steps, ..order.refine.clone() };
+        line(&format!("refined, {steps} steps"), scored, &order, |group| {
+            refine(&predict(group)?, &group.given, &options).map_err(DataError::unfit)
+        })?;
+    }
+    if order.fit {
+        line("fit", scored, &order, |group| Ok(fitted(group)))?;
+    }
+    Ok(())
+}
