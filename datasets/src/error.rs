@@ -9,7 +9,7 @@ const LOOKED_FOR: &str = "0_rgb.png with 0_metadata.json (kaolin's views), trans
     and images as .bin or .txt in sparse/0, sparse or here (COLMAP), each in a folder or a zip; \
     scene_camera.json in the folders of scenes (BOP); rendering/rendering_metadata.txt (R2N2); \
     .dat (Pixel2Mesh); pix3d.json; Annotations (Pascal3D+); CMR's cache for CUB; annotations/*.yaml \
-    (MCMR); for pictures from a turntable say so (--turntable)";
+    (MCMR); for pictures from a turntable say so (--turntable); photographs without cameras get them by `unsphere capture`";
 
 /// Why views could not be read. The message names the file, the field and the remedy.
 #[derive(Debug, thiserror::Error)]
@@ -80,8 +80,8 @@ pub enum ViewsProblem {
     },
     /// Nothing says which pixels of the image are the object.
     #[error(
-        "field `mask`: found no alpha that says anything{}, expected a mask file, an alpha channel, or the mask \
-         source `backdrop`; views without one can be left out (allow missing)",
+        "field `mask`: found no alpha that says anything{}, expected a mask file (--masks FOLDER), an alpha \
+         channel, or a plain backdrop (--mask backdrop); views without one can be left out (allow missing: --allow-missing)",
         looked_for.as_ref().map(|place| format!(", and no file (looked in {place})")).unwrap_or_default()
     )]
     NoMask {

@@ -148,7 +148,12 @@ pub(crate) fn read_chosen(
         }
     }
     if views.is_empty() && total > 0 {
-        return Err(ReadViewsError::field(path, "masks", "none in any view", "one at least"));
+        return Err(ReadViewsError::field(
+            path,
+            "masks",
+            "none in any view",
+            "one at least (--masks FOLDER, or --mask backdrop)",
+        ));
     }
     if options.mask == MaskSource::ColorModel && options.masks.is_none() {
         let masks = segment_by_color(&views, None, &|_, _| ())

@@ -12,19 +12,21 @@ use super::reading::Reading;
     after_help = "VIEWS is whatever `unsphere fit` reads: images with masks and cameras, of any size and number. A
 view whose file is missing is left out with a warning. Views that are not given judge the mesh.
 
-The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html and metrics.json; where the mesh
-was refined, one-pass.glb too, as the network made it, and its scores beside the others. The mesh
-is in the coordinates of the cameras, which must be those of the training: a model knows objects of
-the size and place that it has seen. Without --checkpoint it is SYSTEM.safetensors, as `unsphere export`
-writes it, in the first of these folders that has it: weights beside the program, share/unsphere/weights where
-it is installed, unsphere/weights among the user's data (XDG_DATA_HOME), weights where it was built.
+The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html and metrics.json; where
+the mesh was refined, one-pass.glb too, as the network made it, and its scores beside the others.
+The mesh is in the coordinates of the cameras, which must be those of the training: a model knows
+objects of the size and place that it has seen. Without --checkpoint it is SYSTEM.safetensors, as
+`unsphere export` writes it, in the first of these folders that has it: weights beside the program,
+share/unsphere/weights where it is installed, unsphere/weights among the user's data
+(XDG_DATA_HOME), weights where it was built.
 
 Examples:
-  unsphere train img2mesh views/ -o runs/clock                     first, to have a checkpoint
-  unsphere predict img2mesh views/ --checkpoint runs/clock -o out  from all views
+  unsphere predict img2mesh views/ -o out                          with the weights that come along
+  unsphere predict pixel2mesh image.png -o out                     from one image, of an airplane
+  unsphere predict img2mesh views/ --checkpoint runs/clock -o out  with weights that you trained
   unsphere predict img2mesh views/ -c runs/clock --views 4,9,14    from three, judged by the others
   unsphere predict img2mesh three/ -c runs/clock --score views/    from all of three/
-  unsphere predict mesh-rcnn chair.png -c runs/chairs --depth chair.pfm    from an image and its depth"
+  unsphere predict mesh-rcnn chair.png -c runs/chairs --depth chair.pfm    with depth"
 )]
 pub(crate) struct Predict {
     /// What was trained.

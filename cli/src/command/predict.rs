@@ -75,6 +75,8 @@ pub(crate) fn run<S: Predictor>(console: Console, arguments: &Predict) -> Result
     let metrics = deliver(&delivery, &folder).map_err(Failure::other)?;
     let output = folder.commit()?;
     progress.finish();
+    let said = input.warnings.len();
+    metrics.warnings.iter().skip(said).for_each(|warning| console.warn(warning));
     console.result(&Outcome { output: &output, metrics: &metrics }, describe)
 }
 
@@ -120,8 +122,11 @@ fn describe(outcome: &Outcome<'_>) -> String {
     rows.push(("output", outcome.output.display().to_string()));
     let rows = table(rows);
     let count = scores.views.len();
-    let judged =
-        if count == 1 { judged.replacen("cameras", "camera", 1) } else { judged.to_owned() };
+    let judged = if count == 1 {
+        judged.replacen("cameras that were", "camera that was", 1)
+    } else {
+        judged.to_owned()
+    };
     let views = if given == 1 { "view" } else { "views" };
     format!("{given} {views} given; the scores are means over {count} {judged}\n{rows}")
 }

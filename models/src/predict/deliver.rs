@@ -18,6 +18,9 @@ use super::input::PredictInput;
 use super::one_pass::OnePass;
 use super::predictor::Prediction;
 
+/// Of a lower IoU than this with the masks that it was given, a mesh is not of that object.
+const MISSED: f64 = 0.3;
+
 /// A prediction with all that its report says.
 #[derive(Clone, Debug)]
 pub struct Delivery<'a> {
@@ -120,6 +123,8 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
     pairs.extend(shown);
     let found = mesh.examined();
     let before = delivery.prediction.before.as_ref();
+    let mut warnings = input.warnings.clone();
+    warnings.extend(missed(&given));
     let metrics = Metrics {
         schema_version: 1,
         system: delivery.system.to_owned(),
@@ -137,7 +142,7 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
             .iter()
             .map(|(name, values)| ((*name).to_owned(), values.clone()))
             .collect(),
-        warnings: input.warnings.clone(),
+        warnings,
     };
     if let Some(mesh) = before {
         write_mesh(folder.path().join("one-pass.glb"), mesh)?;
@@ -145,6 +150,17 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
     write_sequence(&delivery.prediction.sequence, folder)?;
     write_results(mesh, (UpAxis::Y, PICTURE), &metrics, report(delivery, &metrics, pairs), folder)?;
     Ok(metrics)
+}
+
+/// What is to be said of a mesh that is elsewhere than the object it was made for.
+fn missed(given: &ViewScores) -> Option<String> {
+    (given.mask_iou < MISSED).then(|| {
+        format!(
+            "the mesh hardly covers the object in the given views (mask IoU {:.2}): these weights know other \
+             objects, or objects of another size, place or pose in the world of the cameras, or the masks are wrong",
+            given.mask_iou
+        )
+    })
 }
 
 /// The deformation as it goes: `deformation.gif`, and each mesh as `sequence/00.ply`, `01.ply` and so on.

@@ -70,8 +70,9 @@ pub(super) fn look(views: &[View], ball: Ball, found: &mut Agreement, problems: 
     if !odd.is_empty() && APART * odd.len() <= views.len() {
         let names: Vec<&str> = odd.iter().map(|&k| views[k].name.as_str()).collect();
         let message = format!(
-            "{} disagree with the others: look at their cameras and masks",
-            some_of(&names, views.len())
+            "{} {} the others: look at cameras and masks",
+            some_of(&names, views.len()),
+            if names.len() == 1 { "disagrees with" } else { "disagree with" }
         );
         problems.push(Problem::new("odd_views", message));
     } else if let Some(lens) = found.lens.as_ref().filter(|lens| explains(lens)) {
