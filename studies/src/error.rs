@@ -71,6 +71,20 @@ pub enum ReproduceError {
         /// The line that is.
         expected: String,
     },
+    /// A share that is to be put together is of another study, scale, data, or of other settings.
+    #[error(
+        "{}: its results are of `{found}`, and what is put together is of `{expected}`; repeat the options of the shares, \
+         with the program that made them",
+        path.display()
+    )]
+    OtherShare {
+        /// The share's folder.
+        path: PathBuf,
+        /// The line that it has.
+        found: String,
+        /// The line that the others should have.
+        expected: String,
+    },
     /// A result is of another build of the program than the others: a table is made at one commit.
     #[error(
         "{}: `{field}` is {found:?}, that of the other results is {expected:?}; a table is made by one build: choose \

@@ -40,7 +40,7 @@ pub fn merge(
     for folder in merged.then_some(out).into_iter().chain(folders.iter().map(PathBuf::as_path)) {
         match read(folder.join("study.txt"))? {
             Some(text) if text == identity => {}
-            Some(text) => return Err(changed(folder, &text, &identity)),
+            Some(text) => return Err(unlike(folder, out, &text, &identity)),
             None => return Err(ReproduceError::Taken { path: folder.to_owned() }),
         }
         for kept in kept_in(folder, plan.ids())? {
@@ -62,6 +62,16 @@ pub fn merge(
     let pages = Pages::of(study, &results, store.root());
     write_all(&pages, store.root())?;
     Ok(Reproduced::of(pages, Ended::Completed, 0.0))
+}
+
+/// Of what is merged already `--force` can drop the results, of a share nobody's option does.
+fn unlike(folder: &Path, out: &Path, found: &str, expected: &str) -> ReproduceError {
+    match changed(folder, found, expected) {
+        ReproduceError::Changed { path, found, expected } if folder != out => {
+            ReproduceError::OtherShare { path, found, expected }
+        }
+        error => error,
+    }
 }
 
 /// With one more, which must be of the same build, and the same bytes where it is there already.

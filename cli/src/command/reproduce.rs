@@ -166,7 +166,8 @@ fn plan(console: Console, chosen: &[&'static dyn Study], order: &Order<'_>) -> R
 /// Hours of each row, each study and all together.
 fn planned(plans: &[Planned]) -> String {
     let hours = |seconds: f64| format!("{:.2} h", seconds / 3600.0);
-    let sum = |rows: &[Cost]| rows.iter().filter_map(|row| row.seconds).sum::<f64>();
+    // The sum of no numbers is -0, and nobody takes less than no time.
+    let sum = |rows: &[Cost]| 0.0 + rows.iter().filter_map(|row| row.seconds).sum::<f64>();
     let mut lines = Vec::new();
     let (mut total, mut unknown) = (0.0, 0);
     for Planned { study, rows } in plans {

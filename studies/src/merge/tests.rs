@@ -133,6 +133,7 @@ fn parts_of_something_else_are_refused_by_name() {
     make(&TOY, &at("tenth"), &tenth);
     let error = refused(&["a", "tenth"], &order(&[0], &[])).to_string();
     assert!(error.contains("tenth") && error.contains("`scale = full`"), "{error}");
+    assert!(error.contains("repeat the options") && !error.contains("--force"), "{error}");
     let mut later = order(&[0], &["two"]);
     later.provenance.commit = "abc1234".into();
     make(&TOY, &at("later"), &later);
