@@ -9,8 +9,7 @@ use std::time::{Duration, Instant};
 
 use common::{unsphere, unsphere_with};
 use datasets::{MaskSource, ReadOptions, View, read_views, write_photos};
-use image::ImageEncoder;
-use image::codecs::jpeg::JpegEncoder;
+use jpeg_encoder::{ColorType, Encoder};
 use mesh_core::{ByteImage, Camera, Distortion, Lens, TriMesh, primitives, read_mesh};
 use synth::{Cloth, Lighting, Orbit, RenderOptions, Room, Wall, marbled};
 
@@ -238,8 +237,8 @@ fn jpeg(upright: &ByteImage) -> Vec<u8> {
         }
     }
     let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, 93)
-        .write_image(&lying, width as u32, height as u32, image::ExtendedColorType::Rgb8)
+    Encoder::new(&mut bytes, 93)
+        .encode(&lying, width as u16, height as u16, ColorType::Rgb)
         .unwrap();
     let mut exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
     exif.extend([6, 0, 0, 0, 0, 0, 0, 0]);

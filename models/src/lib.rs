@@ -41,11 +41,13 @@ pub mod pixel2mesh;
 pub mod predict;
 pub mod viewpoint;
 
+mod instance;
 mod mesh_pairs;
 mod parts;
 mod quality;
 mod registry;
 mod repairs;
+mod square;
 mod stacked;
 #[cfg(test)]
 mod testing;

@@ -18,6 +18,7 @@ use super::optimizer::{AnyOptimizer, OptimizerState};
 use super::run::Fingerprint;
 use super::system::System;
 use crate::output::disk::write_whole;
+use crate::settings::Tabular as _;
 
 const FORMAT: &str = "2";
 /// Without a checksum; otherwise the same.
@@ -113,7 +114,7 @@ impl<'a> Checkpoint<'a> {
             return Err(self.wrong("system", system, S::NAME));
         }
         let text = self.entry("config")?;
-        let config: Configuration<S::Config> = toml::from_str(text)
+        let config = Configuration::<S::Config>::from_text(text)
             .map_err(|error| self.wrong("config", "damaged", error.message()))?;
         let problems = S::problems(&config);
         if problems.is_empty() {
@@ -140,13 +141,7 @@ impl<'a> Checkpoint<'a> {
         &self,
         config: &Configuration<S::Config>,
     ) -> Result<S, CheckpointError> {
-        let mut optimizer = AnyOptimizer::new(&TrainConfig::default(), &[]);
-        let mut system = self.rebuild::<S>(config, &mut optimizer)?.0;
-        if self.is_averaged() {
-            let averages = self.state.load_module(AVERAGE, &mut system);
-            averages.map_err(|mismatch| self.unlike(mismatch))?;
-        }
-        Ok(system)
+        (S::compiled().load)(self, config)
     }
 
     /// A fresh system led to the checkpoint's shapes and filled with its values.
@@ -320,6 +315,20 @@ fn place(bytes: &[u8]) -> Option<std::ops::Range<usize>> {
     let at = bytes.windows(CHECKSUM.len()).position(|window| window == CHECKSUM)?;
     let place = at + CHECKSUM.len()..at + CHECKSUM.len() + ZEROS.len();
     (bytes.get(place.end) == Some(&b'"')).then_some(place)
+}
+
+/// [`Checkpoint::load_as`], compiled where [`Compiled`](crate::Compiled) is made.
+pub(super) fn load_as<S: System>(
+    checkpoint: &Checkpoint<'_>,
+    config: &Configuration<S::Config>,
+) -> Result<S, CheckpointError> {
+    let mut optimizer = AnyOptimizer::new(&TrainConfig::default(), &[]);
+    let mut system = checkpoint.rebuild::<S>(config, &mut optimizer)?.0;
+    if checkpoint.is_averaged() {
+        let averages = checkpoint.state.load_module(AVERAGE, &mut system);
+        averages.map_err(|mismatch| checkpoint.unlike(mismatch))?;
+    }
+    Ok(system)
 }
 
 /// Writes the checksum into the bytes of a checkpoint, in place of what stands there.

@@ -1,12 +1,11 @@
 //! How a training runs, and the one flat table that holds it beside the system's own options.
 
 use autodiff_lite::optim::Schedule;
-use serde::de::{DeserializeOwned, Error as _};
-use serde::ser::Error as _;
+use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use toml::{Table, Value};
+use toml::Table;
 
-use crate::settings::{LARGEST, Options, above_to, date};
+use crate::settings::{LARGEST, Options, Tabular, above_to, date};
 
 crate::options! {
     /// Options of the training loop, each with the default that [`TrainConfig::default`] gives.
@@ -165,64 +164,93 @@ pub struct Configuration<C> {
     pub system: C,
 }
 
-impl<C: Serialize> Configuration<C> {
+impl<C: Options> Tabular for Configuration<C> {
+    fn from_text(text: &str) -> Result<Self, toml::de::Error> {
+        Self::from_table(toml::from_str(text)?)
+    }
+
+    fn from_table(table: Table) -> Result<Self, toml::de::Error> {
+        let (train, system) = parted(
+            table,
+            &C::retired(),
+            (&TrainConfig::default().to_table(), &is_alias::<TrainConfig>),
+            (&C::default().to_table(), &is_alias::<C>),
+        )?;
+        Ok(Self { train: part(train)?, system: part(system)? })
+    }
+
     /// The one table.
-    pub(super) fn to_table(&self) -> Result<Table, toml::ser::Error> {
-        let mut table = Table::try_from(&self.train)?;
-        table.extend(Table::try_from(&self.system)?);
-        Ok(table)
+    fn to_table(&self) -> Table {
+        let mut table = self.train.to_table();
+        table.extend(self.system.to_table());
+        table
+    }
+
+    fn to_text(&self) -> String {
+        pretty(&self.to_table())
     }
 }
 
-impl<C: Serialize> Serialize for Configuration<C> {
+impl<C: Options> Serialize for Configuration<C> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        self.to_table().map_err(S::Error::custom)?.serialize(serializer)
+        self.to_table().serialize(serializer)
     }
 }
 
 impl<'de, C: Options> Deserialize<'de> for Configuration<C> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let mut table = Table::deserialize(deserializer)?;
-        for key in C::retired() {
-            table.remove(key);
-        }
-        let known = Table::try_from(TrainConfig::default()).map_err(D::Error::custom)?;
-        let own = Table::try_from(C::default()).map_err(D::Error::custom)?;
-        let of_loop = |key: &String| known.contains_key(key) || is_alias::<TrainConfig>(key);
-        let unknown = |key: &String| !of_loop(key) && !own.contains_key(key) && !is_alias::<C>(key);
-        if let Some(key) = table.keys().find(|key| unknown(key)) {
-            let mut names: Vec<&str> = own.keys().chain(known.keys()).map(String::as_str).collect();
-            names.sort_unstable();
-            let names = names.join(", ");
-            return Err(D::Error::custom(format!(
-                "unknown field `{key}`, expected one of {names}"
-            )));
-        }
-        let (train, system): (Table, Table) = table.into_iter().partition(|(key, _)| of_loop(key));
-        Ok(Self {
-            train: part(train).map_err(D::Error::custom)?,
-            system: part(system).map_err(D::Error::custom)?,
-        })
+        let table = Table::deserialize(deserializer)?;
+        Self::from_table(table).map_err(|error| D::Error::custom(error.message()))
     }
+}
+
+fn pretty(table: &Table) -> String {
+    toml::to_string_pretty(table).expect("a table")
+}
+
+/// The options that a half of the table has when nothing is said, and what else it reads.
+type Half<'a> = (&'a Table, &'a dyn Fn(&str) -> bool);
+
+/// What a table says of the loop, and of the system.
+fn parted(
+    mut table: Table,
+    retired: &[&str],
+    (known, of_loop): Half<'_>,
+    (own, of_system): Half<'_>,
+) -> Result<(Table, Table), toml::de::Error> {
+    for key in retired {
+        table.remove(*key);
+    }
+    let of_loop = |key: &String| known.contains_key(key) || of_loop(key);
+    let unknown = |key: &String| !of_loop(key) && !own.contains_key(key) && !of_system(key);
+    if let Some(key) = table.keys().find(|key| unknown(key)) {
+        let mut names: Vec<&str> = own.keys().chain(known.keys()).map(String::as_str).collect();
+        names.sort_unstable();
+        let names = names.join(", ");
+        return Err(toml::de::Error::custom(format!(
+            "unknown field `{key}`, expected one of {names}"
+        )));
+    }
+    Ok(table.into_iter().partition(|(key, _)| of_loop(key)))
 }
 
 /// Whether a configuration reads a key that it does not write: a name that a field had before.
 ///
 /// No field can hold a date, so that one in its place is an error where the key is read and passes where it is not.
-fn is_alias<T: DeserializeOwned>(key: &str) -> bool {
-    T::deserialize(Value::Table([(key.to_owned(), date())].into_iter().collect()))
+fn is_alias<T: Tabular>(key: &str) -> bool {
+    T::from_table([(key.to_owned(), date())].into_iter().collect())
         .is_err_and(|error| !error.message().contains("unknown field"))
 }
 
 /// One half of the table. A value that does not fit is named, which `toml` alone does not do.
-fn part<T: DeserializeOwned>(table: Table) -> Result<T, String> {
+fn part<T: Tabular>(table: Table) -> Result<T, toml::de::Error> {
     for (key, value) in &table {
         let alone: Table = [(key.clone(), value.clone())].into_iter().collect();
-        if let Err(error) = T::deserialize(Value::Table(alone)) {
-            return Err(format!("`{key}`: {}", error.message()));
+        if let Err(error) = T::from_table(alone) {
+            return Err(toml::de::Error::custom(format!("`{key}`: {}", error.message())));
         }
     }
-    T::deserialize(Value::Table(table)).map_err(|error| error.message().to_owned())
+    T::from_table(table)
 }
 
 #[cfg(test)]

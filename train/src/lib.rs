@@ -41,6 +41,7 @@ mod average;
 mod checkpoint;
 mod checkpoint_path;
 mod communicator;
+mod compiled;
 mod config;
 mod draw;
 mod error;
@@ -75,6 +76,7 @@ pub use checkpoint_path::{CheckpointPath, RunMetadata};
 pub use communicator::{Communicator, Solo, first_failure};
 #[cfg(feature = "mpi")]
 pub use communicator::{Mpi, MpiError};
+pub use compiled::Compiled;
 pub use config::{CHANGEABLE, Configuration, OptimizerKind, ScheduleKind, TrainConfig};
 pub use draw::Draw;
 pub use error::{CheckpointError, DataError, LossError, PredictError, RunError, TrainError};

@@ -7,7 +7,6 @@ use std::collections::BTreeSet;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use mesh_core::encode_png;
-use serde::Serialize;
 use serde_json::json;
 
 use super::config::Configuration;
@@ -20,7 +19,7 @@ use super::run::{Provenance, RunFolder};
 use super::system::{Metric, Shown, Summary, System};
 use super::tensorboard::Events;
 use crate::report::sheet;
-use crate::settings::to_toml;
+use crate::settings::{Options, to_toml};
 
 const TABLE: &str = "metrics.csv";
 const PAGE: &str = "report.html";
@@ -52,7 +51,7 @@ pub(super) struct Heading<'a, C> {
     pub(super) processes: usize,
 }
 
-impl<C: Serialize> Heading<'_, C> {
+impl<C: Options> Heading<'_, C> {
     fn facts(&self) -> serde_json::Value {
         let Provenance { version, commit, cpu, machine, command, data } = self.provenance;
         let config = to_toml(self.config);
@@ -87,7 +86,7 @@ pub(super) fn wall_time() -> f64 {
 
 impl<'a> Record<'a> {
     /// Begins the files of a new run. The configuration comes last: a folder that has it has them all.
-    pub(super) fn begin<C: Serialize>(
+    pub(super) fn begin<C: Options>(
         run: &'a RunFolder,
         heading: &Heading<'_, C>,
     ) -> Result<Self, RunError> {
@@ -100,7 +99,7 @@ impl<'a> Record<'a> {
     }
 
     /// Goes on with the files of a run, from a checkpoint on, and says what is odd about it.
-    pub(super) fn resume<C: Serialize>(
+    pub(super) fn resume<C: Options>(
         run: &'a RunFolder,
         heading: &Heading<'_, C>,
         step: u64,

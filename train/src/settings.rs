@@ -3,17 +3,21 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 pub mod optional;
 
 mod options;
 mod ranged;
+mod tabular;
 
 pub(crate) use options::date;
 pub use options::{Declared, OptionInfo, Options};
+pub use tabular::Tabular;
+// For `options!`, wherever it is used.
+#[doc(hidden)]
+pub use toml;
+
 pub use ranged::{LARGEST, Ranged, above_to, out_of_range, range_of};
 
 /// Why a configuration cannot be had.
@@ -65,7 +69,7 @@ pub enum SettingsError {
 /// # Errors
 /// If the file cannot be read, or it or a setting has an unknown field or a wrong value. Ranges are
 /// checked by the configuration itself.
-pub fn read<T: DeserializeOwned>(
+pub fn read<T: Tabular>(
     file: Option<&Path>,
     settings: &[(String, String)],
 ) -> Result<T, SettingsError> {
@@ -81,7 +85,7 @@ pub fn read<T: DeserializeOwned>(
 ///
 /// # Errors
 /// As [`read`], but for the file.
-pub fn read_text<T: DeserializeOwned>(
+pub fn read_text<T: Tabular>(
     name: &Path,
     text: &str,
     settings: &[(String, String)],
@@ -90,18 +94,18 @@ pub fn read_text<T: DeserializeOwned>(
         path: name.to_owned(),
         message: error.to_string(),
     };
-    let mut config: T = toml::from_str(text).map_err(in_file)?;
+    let mut config = T::from_text(text).map_err(in_file)?;
     let mut table: Table = toml::from_str(text).map_err(in_file)?;
     for (key, value) in settings {
         let (name, parsed) = (key.replace('_', "-"), parse(value));
         table.insert(name.clone(), parsed.clone());
-        let mut read = table.clone().try_into::<T>();
+        let mut read = T::from_table(table.clone());
         if read.as_ref().is_err_and(says_twice) {
             // The file has it under a name of before.
             table.retain(|other, there| {
                 other == name || !is_same_field::<T>((other, there), (&name, &parsed))
             });
-            read = table.clone().try_into();
+            read = T::from_table(table.clone());
         }
         // One at a time, so that the error is that of this setting.
         config = read.map_err(|error| SettingsError::Setting {
@@ -114,11 +118,8 @@ pub fn read_text<T: DeserializeOwned>(
 }
 
 /// The configuration as TOML, which [`read`] takes back.
-///
-/// # Panics
-/// If the type cannot be said in TOML, which no configuration of this crate is.
-pub fn to_toml<T: Serialize>(config: &T) -> String {
-    toml::to_string_pretty(config).expect("configurations are plain tables")
+pub fn to_toml<T: Tabular>(config: &T) -> String {
+    config.to_text()
 }
 
 /// Every value of a configuration as text, under its full name (`table.key`); nothing of what is no TOML.
@@ -141,9 +142,9 @@ pub fn settings_of(text: &str) -> BTreeMap<String, String> {
 }
 
 /// Whether two keys name one field, which had another name before.
-fn is_same_field<T: DeserializeOwned>(a: (&str, &Value), b: (&str, &Value)) -> bool {
+fn is_same_field<T: Tabular>(a: (&str, &Value), b: (&str, &Value)) -> bool {
     let both = [a, b].into_iter().map(|(key, value)| (key.to_owned(), value.clone()));
-    T::deserialize(Value::Table(both.collect())).as_ref().is_err_and(says_twice)
+    T::from_table(both.collect()).as_ref().is_err_and(says_twice)
 }
 
 /// Whether a table has a field by two names.
@@ -163,9 +164,9 @@ fn parse(value: &str) -> Value {
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
-    use serde::Deserialize;
+    use serde::{Deserialize, Serialize};
 
-    #[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     #[serde(rename_all = "lowercase")]
     enum ColorKind {
         #[default]
@@ -173,19 +174,20 @@ mod tests {
         Texture,
     }
 
-    #[derive(Debug, PartialEq, Serialize, Deserialize)]
-    #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-    struct FitConfig {
-        level: u32,
-        steps: usize,
-        seed: u64,
-        hold_out: usize,
-        color: ColorKind,
-    }
-
-    impl Default for FitConfig {
-        fn default() -> Self {
-            Self { level: 5, steps: 200, seed: 0, hold_out: 10, color: ColorKind::Vertex }
+    crate::options! {
+        /// Options of a fit.
+        #[serde(deny_unknown_fields)]
+        struct FitConfig {
+            /// Subdivision level.
+            level: u32 = 5;
+            /// How many steps.
+            steps: usize = 200;
+            /// Of what is random.
+            seed: u64 = 0;
+            /// Every so many-th view.
+            hold_out: usize = 10;
+            /// Where colours are.
+            color: ColorKind = ColorKind::Vertex;
         }
     }
 

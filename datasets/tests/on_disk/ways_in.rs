@@ -274,11 +274,14 @@ fn focal(view: &View) -> f64 {
 fn depth_in_whole_millimetres_is_read() {
     let folder = transforms_folder(2);
     let size = ball(2)[0].mask.clone();
-    let (w, h) = (size.width as u32, size.height as u32);
-    let depth = image::ImageBuffer::<image::Luma<u16>, _>::from_fn(w, h, |x, _| {
-        image::Luma([if x == 0 { 0 } else { 1500 + x as u16 }])
-    });
-    depth.save(folder.path().join("d.png")).unwrap();
+    let depth = |x: usize| if x == 0 { 0 } else { 1500 + x as u16 };
+    let depth = (0..size.height).flat_map(|_| (0..size.width).flat_map(|x| depth(x).to_be_bytes()));
+    let file = std::fs::File::create(folder.path().join("d.png")).unwrap();
+    let mut encoder = png::Encoder::new(file, size.width as u32, size.height as u32);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(&depth.collect::<Vec<u8>>()).unwrap();
+    writer.finish().unwrap();
     edit_json(&folder.path().join("transforms.json"), |value| {
         value["frames"][0]["depth_file_path"] = json!("d.png");
     });

@@ -1,6 +1,6 @@
 //! From the world to pixels and back.
 
-use nalgebra::Vector3;
+use nalgebra::{SimilarityMatrix3, Vector3};
 
 use super::{Camera, Lens};
 
@@ -93,6 +93,23 @@ impl Camera {
         let lens = self.lens.with([sx, sy, cx - x, cy - y]);
         Self { lens, width, height, ..self.clone() }
     }
+
+    /// The camera that sees in a world moved by this similarity what this one sees in its own: pixels are the same, depths are
+    /// scaled with the world.
+    #[must_use]
+    pub fn transformed(&self, by: &SimilarityMatrix3<f64>) -> Self {
+        // With w = s Q x + b, s (R x + t) = R Qᵀ (w - b) + s t.
+        let rotation = self.rotation * by.isometry.rotation.matrix().transpose();
+        let moved = by.scaling() * self.translation - rotation * by.isometry.translation.vector;
+        let [sx, sy, cx, cy] = self.lens.numbers();
+        let lens = match self.lens {
+            Lens::Perspective { .. } => self.lens,
+            Lens::Orthographic { .. } => {
+                self.lens.with([sx / by.scaling(), sy / by.scaling(), cx, cy])
+            }
+        };
+        Self { rotation, translation: moved, lens, ..self.clone() }
+    }
 }
 
 #[cfg(test)]
@@ -169,6 +186,23 @@ mod tests {
             let r = c.cropped(7, 11, 20, 20).project(p);
             prop_assert!((r.column - (q.column - 7.0)).abs() < 1e-9);
             prop_assert!((r.row - (q.row - 11.0)).abs() < 1e-9);
+        }
+
+        #[test]
+        fn a_moved_world_is_seen_as_before(
+            p in prop::array::uniform3(-1.0..1.0_f64),
+            turn in prop::array::uniform3(-3.0..3.0_f64),
+            shift in prop::array::uniform3(-9.0..9.0_f64),
+            scale in 0.01..100.0_f64,
+            perspective in any::<bool>(),
+        ) {
+            let by = SimilarityMatrix3::new(shift.into(), turn.into(), scale);
+            let c = camera(perspective);
+            let moved = by.transform_point(&p.into());
+            let (before, after) = (c.project(p), c.transformed(&by).project(moved.coords.into()));
+            prop_assert!((before.column - after.column).abs() < 1e-8);
+            prop_assert!((before.row - after.row).abs() < 1e-8);
+            prop_assert!((scale * before.depth - after.depth).abs() < 1e-8 * (1.0 + scale));
         }
     }
 }

@@ -1,28 +1,12 @@
 //! PNG and JPEG, the only such code in the workspace.
 
-use std::io::Cursor;
 use std::path::Path;
 
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::metadata::Orientation;
-use image::{
-    DynamicImage, ExtendedColorType, GrayAlphaImage, GrayImage, ImageDecoder, ImageEncoder,
-    ImageFormat, ImageReader, RgbImage, RgbaImage,
-};
-
-use super::error::{too_large, too_many, undecodable};
-use super::{ByteImage, DepthMap, ImageError};
+use super::decoded::Decoded;
+use super::error::undecodable;
+use super::{ByteImage, DepthMap, ImageError, jpeg, png};
 use crate::Limits;
 use crate::io::{WriteError, regular, write_atomic};
-
-/// What else than pixels a PNG may unpack to: colour profiles are compressed, and not used here.
-const BESIDE: u64 = 8 << 20;
-/// Scans of a progressive JPEG; each goes over the whole image, and real ones have about ten.
-const SCANS: usize = 256;
-/// Deflate makes at most 1032 bytes of one.
-const DEFLATE_RATIO: u64 = 1032;
-/// A block of 64 pixels takes at least a bit, once per plane.
-const JPEG_RATIO: u64 = 8192;
 
 /// Reads a PNG or JPEG file: 1 to 4 channels as the file has them, 16 bits rounded to 8.
 ///
@@ -61,46 +45,7 @@ pub fn decode_image_with(
     name: impl AsRef<Path>,
     limits: &Limits,
 ) -> Result<ByteImage, ImageError> {
-    let failed = undecodable(name.as_ref());
-    let mut decoder = decoder(bytes, name.as_ref(), limits)?;
-    let orientation = decoder.orientation().map_err(&failed)?;
-    let (width, height) = decoder.dimensions();
-    let color = decoder.color_type();
-    let channels = usize::from(color.channel_count());
-    let mut data = vec![0; decoder.total_bytes() as usize];
-    decoder.read_image(&mut data).map_err(&failed)?;
-    if color.bytes_per_pixel() > color.channel_count() {
-        halve(&mut data);
-    }
-    let image = ByteImage { height: height as usize, width: width as usize, channels, data };
-    Ok(if orientation == Orientation::NoTransforms { image } else { turned(image, orientation) })
-}
-
-/// 16 bits a channel rounded to 8, in place.
-fn halve(data: &mut Vec<u8>) {
-    let half = data.len() / 2;
-    for k in 0..half {
-        let value = u32::from(u16::from_ne_bytes([data[2 * k], data[2 * k + 1]]));
-        data[k] = ((value + 128) / 257) as u8;
-    }
-    data.truncate(half);
-    data.shrink_to_fit();
-}
-
-/// The image as its orientation says it is to be seen.
-fn turned(image: ByteImage, orientation: Orientation) -> ByteImage {
-    let ByteImage { height, width, channels, data } = image;
-    let (w, h) = (width as u32, height as u32);
-    let dynamic = match channels {
-        1 => GrayImage::from_raw(w, h, data).map(DynamicImage::from),
-        2 => GrayAlphaImage::from_raw(w, h, data).map(DynamicImage::from),
-        3 => RgbImage::from_raw(w, h, data).map(DynamicImage::from),
-        _ => RgbaImage::from_raw(w, h, data).map(DynamicImage::from),
-    };
-    let mut dynamic = dynamic.expect("as many bytes as pixels times channels");
-    dynamic.apply_orientation(orientation);
-    let (width, height) = (dynamic.width() as usize, dynamic.height() as usize);
-    ByteImage { height, width, channels, data: dynamic.into_bytes() }
+    decode(bytes, name.as_ref(), limits).map(Decoded::into_bytes)
 }
 
 /// Reads depth from a grey PNG, as nerfstudio (16 bits, millimetres) and BOP keep it.
@@ -136,19 +81,9 @@ pub fn decode_depth_png_with(
     unit: f32,
     limits: &Limits,
 ) -> Result<DepthMap, ImageError> {
-    let failed = undecodable(name.as_ref());
-    let mut decoder = decoder(bytes, name.as_ref(), limits)?;
-    let orientation = decoder.orientation().map_err(&failed)?;
-    let mut image = DynamicImage::from_decoder(decoder).map_err(&failed)?;
-    image.apply_orientation(orientation);
-    let (width, height) = (image.width() as usize, image.height() as usize);
-    // Widening 8 bits to 16 multiplies by 257; the file's own numbers are wanted.
-    let values: Vec<u16> = match image {
-        DynamicImage::ImageLuma8(grey) => grey.into_raw().into_iter().map(u16::from).collect(),
-        other => other.into_luma16().into_raw(),
-    };
+    let (height, width, values) = decode(bytes, name.as_ref(), limits)?.into_grey();
     let depth = |v: u16| if v == 0 { f32::INFINITY } else { f32::from(v) * unit };
-    Ok(DepthMap { height, width, data: values.into_iter().map(depth).collect() })
+    Ok(DepthMap { height, width, data: values.map(depth).collect() })
 }
 
 /// Writes a PNG; the file appears whole or not at all.
@@ -174,82 +109,29 @@ pub fn encode_png(image: &ByteImage) -> Vec<u8> {
         "encode_png: {width} x {height} pixels of {channels} channels in {} bytes",
         data.len()
     );
-    let color = match channels {
-        1 => ExtendedColorType::L8,
-        2 => ExtendedColorType::La8,
-        3 => ExtendedColorType::Rgb8,
-        4 => ExtendedColorType::Rgba8,
-        n => panic!("encode_png: {n} channels, expected 1 to 4"),
-    };
-    let mut bytes = Vec::new();
-    PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive)
-        .write_image(data, width as u32, height as u32, color)
-        .expect("a checked image into memory");
-    bytes
+    png::encode(image)
 }
 
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
     regular(path).map_err(|source| ImageError::Io { path: path.to_owned(), source })
 }
 
-/// A decoder of bytes whose header claims no more than the limits allow and the bytes can hold.
-fn decoder<'a>(
-    bytes: &'a [u8],
-    name: &Path,
-    limits: &Limits,
-) -> Result<impl ImageDecoder + use<'a>, ImageError> {
-    let failed = undecodable::<String>(name);
-    let mut reader =
-        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(undecodable(name))?;
-    let ratio = match reader.format() {
-        None => return Err(failed("the first bytes are neither PNG's nor JPEG's".to_owned())),
-        Some(ImageFormat::Png) => DEFLATE_RATIO,
-        _ => JPEG_RATIO,
-    };
-    if ratio == JPEG_RATIO {
-        let scans = bytes.windows(2).filter(|pair| pair == b"\xff\xda");
-        if scans.take(SCANS + 1).count() > SCANS {
-            return Err(failed(format!("more than {SCANS} scans")));
-        }
+/// Pixels of bytes whose header claims no more than the limits allow and the bytes can hold, the top of the scene in row 0.
+fn decode(bytes: &[u8], name: &Path, limits: &Limits) -> Result<Decoded, ImageError> {
+    if bytes.starts_with(png::SIGNATURE) {
+        return png::decode(bytes, name, limits);
     }
-    let mut own = image::Limits::default();
-    own.max_alloc = Some(BESIDE + 4 * bytes.len() as u64);
-    if let (Some(ImageFormat::Png), Some([width, height])) = (reader.format(), png_size(bytes)) {
-        too_many(name, (width as usize, height as usize), 0, limits)?;
-        // The decoder counts a row as memory beside the pixels.
-        own.max_alloc = own.max_alloc.map(|most| most + 8 * u64::from(width));
+    if bytes.starts_with(jpeg::SIGNATURE) {
+        return jpeg::decode(bytes, name, limits);
     }
-    reader.limits(own);
-    let decoder = reader.into_decoder().map_err(undecodable(name))?;
-    let ((width, height), claimed) = (decoder.dimensions(), decoder.total_bytes());
-    let (width, height) = (width as usize, height as usize);
-    // Palettes and single bits grow up to 32-fold when unpacked into colours.
-    let packed = match decoder.original_color_type() {
-        ExtendedColorType::L1
-        | ExtendedColorType::L2
-        | ExtendedColorType::L4
-        | ExtendedColorType::Rgb1
-        | ExtendedColorType::Rgb2
-        | ExtendedColorType::Rgb4 => claimed / 32,
-        _ => claimed / 4,
-    };
-    let possible = (bytes.len() as u64).saturating_mul(ratio);
-    too_large(name, (width, height), packed, possible, bytes.len())?;
-    too_many(name, (width, height), claimed, limits)?;
-    Ok(decoder)
-}
-
-/// Columns and rows of a PNG, by its header.
-fn png_size(bytes: &[u8]) -> Option<[u32; 2]> {
-    let number = |at: usize| Some(u32::from_be_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
-    Some([number(16)?, number(20)?])
+    Err(undecodable(name)("the first bytes are neither PNG's nor JPEG's"))
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
-    use image::codecs::jpeg::JpegEncoder;
+    use jpeg_encoder::{ColorType, Encoder};
     use proptest::prelude::*;
 
     fn picture(channels: usize) -> ByteImage {
@@ -271,9 +153,11 @@ mod tests {
     fn sixteen_bits_become_eight_or_depth() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
-        let raw: Vec<u8> = [0_u16, 65535, 1000, 128].iter().flat_map(|v| v.to_ne_bytes()).collect();
+        let raw: Vec<u8> = [0_u16, 65535, 1000, 128].iter().flat_map(|v| v.to_be_bytes()).collect();
         let mut png = Vec::new();
-        PngEncoder::new(&mut png).write_image(&raw, 4, 1, ExtendedColorType::L16).unwrap();
+        let mut encoder = ::png::Encoder::new(&mut png, 4, 1);
+        encoder.set_depth(::png::BitDepth::Sixteen);
+        encoder.write_header().unwrap().write_image_data(&raw).unwrap();
         std::fs::write(&path, &png).unwrap();
         assert_eq!(read_image(&path).unwrap().data, [0, 255, 4, 0]);
         let depth = read_depth_png(&path, 0.001).unwrap().data;
@@ -288,9 +172,7 @@ mod tests {
             row[..16 * 3].fill(255);
         }
         let mut bytes = Vec::new();
-        JpegEncoder::new_with_quality(&mut bytes, 95)
-            .write_image(&data, 32, 16, ExtendedColorType::Rgb8)
-            .unwrap();
+        Encoder::new(&mut bytes, 95).encode(&data, 32, 16, ColorType::Rgb).unwrap();
         // APP1 after SOI: "Exif", a little-endian TIFF header, one entry: tag 0x112, a short.
         let mut exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
         exif.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);

@@ -1,16 +1,24 @@
 //! Images: `f32` for arithmetic, bytes for what files hold, planar depth and disparity; PNG, JPEG, EXR and PFM.
 
 mod color;
+#[cfg(feature = "images")]
+mod decoded;
 mod depth;
 #[cfg(feature = "images")]
 mod error;
+#[cfg(feature = "images")]
+mod exif;
 #[cfg(feature = "exr")]
 mod exr;
 #[cfg(feature = "images")]
 mod file;
 mod ground;
 #[cfg(feature = "images")]
+mod jpeg;
+#[cfg(feature = "images")]
 mod pfm;
+#[cfg(feature = "images")]
+mod png;
 mod resize;
 
 pub use color::{linear_to_srgb, srgb_to_linear};

@@ -6,11 +6,14 @@ use std::sync::Arc;
 use autodiff_lite::{Module, Tape, Var};
 use mesh_core::TriMesh;
 use nets::{Init, VoxelHead};
+use train::Compiled;
 use train::settings::Options;
 
 use super::config::RefineConfig;
 use super::packed::{Packed, Shape};
-use super::scenes::Scene;
+use super::refined::Refined;
+use super::scenes::{Scene, Scenes};
+use crate::instance::Instance;
 
 /// Where the meshes come from that are refined.
 pub trait MeshInit: Module<f32> + Debug + Send + Sync + Sized + 'static {
@@ -43,6 +46,12 @@ pub trait MeshInit: Module<f32> + Debug + Send + Sync + Sized + 'static {
 
     /// With fresh parameters.
     fn new(config: &Self::Config, init: &Init) -> Self;
+
+    /// The loop of its system; see [`System::compiled`](train::System::compiled).
+    fn compiled() -> Compiled<Refined<Self>>;
+
+    /// What of its system runs the network.
+    fn instance(system: &Refined<Self>) -> &dyn Instance<Scenes, Scene>;
 
     /// The first meshes of scenes, from the backbone's last map.
     ///

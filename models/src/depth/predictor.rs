@@ -50,10 +50,17 @@ impl<B: MeshInit> Predictor for Refined<B> {
     }
 
     fn onnx_outputs(&self, inputs: &[ArrayD<f32>]) -> Vec<ArrayD<f32>> {
-        self.image_side(inputs)
+        B::instance(self).image_side_outputs(inputs)
     }
 
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
+        B::instance(self).apply(input)
+    }
+}
+
+impl<B: MeshInit> Refined<B> {
+    /// The mesh and its way there, in the world of the given camera.
+    pub(super) fn applied(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
         let scene = self.scene(&input.given)?;
         let (mesh, stages) = self.mesh_and_stages_of(&scene);
         let in_world = |mesh| scene.depth_targets.frame.mesh_in_world(mesh);

@@ -6,12 +6,12 @@ use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut, join_path};
 use datasets::{SurfacePoints, View};
 use diff_raster::Scratch;
 use mesh_core::TriMesh;
-use ndarray::{Array3, arr0};
+use ndarray::{Array3, ArrayD, arr0};
 use nets::{Init, MeshRefinementHead, NormKind};
 use recon::scene::scene_of;
 use train::{
-    DataError, DataSummary, Draw, LossError, Metric, PredictError, Shown, Source, StepInfo, Subset,
-    Summary, System, Terms,
+    Compiled, DataError, DataSummary, Draw, LossError, Metric, PredictError, Shown, Source,
+    StepInfo, Subset, Summary, System, Terms,
 };
 
 use super::config::RefineConfig;
@@ -23,7 +23,9 @@ use super::places::published_places;
 use super::rendered::{Wanted, depth_difference, draw, picture_difference};
 use super::scenes::{Scene, Scenes};
 use super::surface::{SurfaceTerms, Truth, color_difference, compared};
+use crate::instance::Instance;
 use crate::paired::Picture;
+use crate::predict::{PredictInput, Prediction};
 use crate::stacked::stacked;
 
 /// Places beyond so many half-widths of the image say no more than that they are outside.
@@ -364,6 +366,51 @@ impl<B: MeshInit> System for Refined<B> {
         batch: &[Scene],
         at: StepInfo,
     ) -> Result<Terms<'t>, LossError> {
+        B::instance(self).loss(tape, batch, at)
+    }
+
+    fn data_summary(data: &Scenes) -> Option<DataSummary> {
+        Some(data.pairs().summary())
+    }
+
+    fn evaluate(&self, data: &Scenes, subset: Subset) -> Result<Vec<Metric>, DataError> {
+        B::instance(self).evaluate(data, subset)
+    }
+
+    fn show(&self, data: &Scenes, subset: Subset) -> Result<Shown, DataError> {
+        B::instance(self).show(data, subset)
+    }
+
+    fn coupling(&self) -> Option<&'static str> {
+        let text = "`norm` is \"batch\", whose statistics are those of the batch (`norm = \"frozen\"` has none)";
+        (self.refine().norm == NormKind::Batch).then_some(text)
+    }
+
+    fn compiled() -> Compiled<Self> {
+        B::compiled()
+    }
+
+    /// The mesh in the world of the camera, from the first view.
+    fn predict(&self, views: &[View]) -> Result<TriMesh, PredictError> {
+        B::instance(self).predict(views)
+    }
+}
+
+impl<B: MeshInit> Instance<Scenes, Scene> for Refined<B> {
+    fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
+        self.applied(input)
+    }
+
+    fn image_side_outputs(&self, inputs: &[ArrayD<f32>]) -> Vec<ArrayD<f32>> {
+        self.image_side(inputs)
+    }
+
+    fn loss<'t>(
+        &self,
+        tape: &'t Tape,
+        batch: &[Scene],
+        at: StepInfo,
+    ) -> Result<Terms<'t>, LossError> {
         let scenes: Vec<&Scene> = batch.iter().collect();
         let config = self.refine();
         let random = at.step < B::random_steps(&self.config);
@@ -393,10 +440,6 @@ impl<B: MeshInit> System for Refined<B> {
         Ok(terms)
     }
 
-    fn data_summary(data: &Scenes) -> Option<DataSummary> {
-        Some(data.pairs().summary())
-    }
-
     fn evaluate(&self, data: &Scenes, subset: Subset) -> Result<Vec<Metric>, DataError> {
         Ok(self.scored(data, subset)?.metrics())
     }
@@ -408,12 +451,6 @@ impl<B: MeshInit> System for Refined<B> {
         Ok(Shown { views: self.gallery(data, subset)?, scene: Some(scene_of(&mesh)) })
     }
 
-    fn coupling(&self) -> Option<&'static str> {
-        let text = "`norm` is \"batch\", whose statistics are those of the batch (`norm = \"frozen\"` has none)";
-        (self.refine().norm == NormKind::Batch).then_some(text)
-    }
-
-    /// The mesh in the world of the camera, from the first view.
     fn predict(&self, views: &[View]) -> Result<TriMesh, PredictError> {
         let scene = self.scene(views)?;
         let (mesh, _) = self.mesh_of(&scene);

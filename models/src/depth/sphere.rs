@@ -6,12 +6,15 @@ use autodiff_lite::{Var, impl_module};
 use mesh_core::primitives::icosphere;
 use ndarray::Array3;
 use nets::Init;
+use train::Compiled;
 use train::settings::Options as _;
 
 use super::config::{RefineConfig, SphereConfig};
 use super::mesh_init::{InitialMeshes, MeshInit};
 use super::packed::{Packed, Shape};
-use super::scenes::Scene;
+use super::refined::Refined;
+use super::scenes::{Scene, Scenes};
+use crate::instance::Instance;
 
 /// An icosphere where the middle of objects is, or around the camera, subdivided from stage to stage or not.
 #[derive(Clone, Debug)]
@@ -41,6 +44,16 @@ impl MeshInit for Sphere {
         "`unsphere train depth-pixel2mesh -o runs/mine` trains one on procedural objects";
 
     type Config = SphereConfig;
+
+    #[inline(never)]
+    fn compiled() -> Compiled<Refined<Self>> {
+        Compiled::here()
+    }
+
+    #[inline(never)]
+    fn instance(system: &Refined<Self>) -> &dyn Instance<Scenes, Scene> {
+        system
+    }
 
     fn refine(config: &SphereConfig) -> &RefineConfig {
         &config.refine

@@ -6,12 +6,15 @@ use autodiff_lite::{Var, impl_module};
 use mesh_core::{CameraVolume, EmptyGrid, TriMesh, VoxelGrid, cubify};
 use ndarray::Array3;
 use nets::{Init, VoxelHead};
+use train::Compiled;
 use train::settings::Options as _;
 
 use super::config::{RefineConfig, VoxelConfig};
 use super::mesh_init::{InitialMeshes, MeshInit};
 use super::packed::{Packed, Shape};
-use super::scenes::Scene;
+use super::refined::Refined;
+use super::scenes::{Scene, Scenes};
+use crate::instance::Instance;
 
 /// The voxel head, and its probabilities made a mesh.
 ///
@@ -47,6 +50,16 @@ impl MeshInit for Voxels {
         "`unsphere train mesh-rcnn -o runs/mine` trains one on procedural objects";
 
     type Config = VoxelConfig;
+
+    #[inline(never)]
+    fn compiled() -> Compiled<Refined<Self>> {
+        Compiled::here()
+    }
+
+    #[inline(never)]
+    fn instance(system: &Refined<Self>) -> &dyn Instance<Scenes, Scene> {
+        system
+    }
 
     fn refine(config: &VoxelConfig) -> &RefineConfig {
         &config.refine

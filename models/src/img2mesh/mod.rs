@@ -23,6 +23,7 @@
 //! Vertex-aligned features of several views: Wen et al. 2019, *Pixel2Mesh++*. The img2mesh paper and its code; losses and renderer: Chen et al. 2019, *Learning to Predict 3D Objects with
 //! an Interpolation-based Differentiable Renderer*.
 
+mod canonical;
 mod config;
 mod data;
 mod encoder;
@@ -57,8 +58,8 @@ use ndarray::ArrayD;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use train::{
-    DataError, DataSummary, Draw, LossError, Metric, OptimizerState, PredictError, Shown, Source,
-    StepInfo, Subset, Summary, System, Terms,
+    Compiled, DataError, DataSummary, Draw, LossError, Metric, OptimizerState, PredictError, Shown,
+    Source, StepInfo, Subset, Summary, System, Terms,
 };
 
 use crate::parts::finished;
@@ -96,6 +97,15 @@ impl Img2Mesh {
     /// The same from images that are not looked at again: no features are kept.
     fn meshes_uncached<'t>(&self, tape: &'t Tape, views: &[Arc<Prepared>]) -> Meshes<'t> {
         self.finished(tape, &self.sequence_uncached(tape, 1, views))
+    }
+
+    /// Views as the model takes them.
+    fn prepared(&self, views: &[View]) -> Result<Vec<Arc<Prepared>>, PredictError> {
+        if views.is_empty() {
+            return Err(PredictError::NoView);
+        }
+        let prepared = views.iter().map(|view| Prepared::new(view, &self.config).map(Arc::new));
+        Ok(prepared.collect::<Result<_, _>>()?)
     }
 
     /// The last mesh of one object's, moved apart where it passes through itself if that is wanted.
@@ -219,6 +229,11 @@ impl System for Img2Mesh {
     type Sample = Sample;
     type Input = [View];
     type Prediction = TriMesh;
+
+    #[inline(never)]
+    fn compiled() -> Compiled<Self> {
+        Compiled::here()
+    }
 
     fn check(config: &Img2MeshConfig) -> Vec<String> {
         config.check()
@@ -358,15 +373,8 @@ impl System for Img2Mesh {
 
     /// A coloured mesh in the world of the cameras, from any number of views.
     fn predict(&self, views: &[View]) -> Result<TriMesh, PredictError> {
-        if views.is_empty() {
-            return Err(PredictError::NoView);
-        }
-        let prepared = views
-            .iter()
-            .map(|view| Prepared::new(view, &self.config).map(Arc::new))
-            .collect::<Result<Vec<_>, _>>()?;
         let tape = Tape::eval();
-        Ok(self.mesh(self.meshes_uncached(&tape, &prepared)))
+        Ok(self.mesh(self.meshes_uncached(&tape, &self.prepared(views)?)))
     }
 }
 

@@ -2,10 +2,14 @@
 
 use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
-use train::{PredictError, System as _};
+use train::PredictError;
 
+use super::canonical::Canonical;
 use super::{Img2Mesh, Img2MeshConfig};
 use crate::predict::{PredictInput, Prediction, Predictor};
+
+/// Of a lower IoU with the masks that it is made from, a mesh may be of an object that was seen from a side that it does not expect.
+const LIKE: f64 = 0.6;
 
 impl Predictor for Img2Mesh {
     const ABOUT: &'static str = "Several views to one mesh, learned from images and masks";
@@ -18,8 +22,30 @@ impl Predictor for Img2Mesh {
         "views of one object: images, masks and cameras".to_owned()
     }
 
+    /// Views of another world than that of the training are moved into its frame, and the mesh back: [`Canonical`].
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
-        Ok(Prediction { mesh: self.predict(&input.given)?, ..Prediction::default() })
+        let given = &input.given;
+        let (mesh, likeness) = self.judged(given)?;
+        let asis = Prediction { mesh, ..Prediction::default() };
+        let frame: [f32; 4] = std::array::from_fn(|k| self.model.frame.as_slice()[k]);
+        let canonical = Canonical::new(frame.map(f64::from));
+        if likeness >= LIKE && canonical.holds(given) {
+            return Ok(asis);
+        }
+        let (mut best, mut most) = (asis, likeness);
+        for placed in canonical.placed(given) {
+            let (mesh, likeness) = self.judged(&placed.views)?;
+            if likeness > most {
+                best = Prediction {
+                    mesh: placed.back(mesh),
+                    details: placed.details(),
+                    warnings: vec![placed.remark()],
+                    ..Prediction::default()
+                };
+                most = likeness;
+            }
+        }
+        Ok(best)
     }
 
     fn to_onnx(&self) -> Option<OnnxModel> {

@@ -1,11 +1,14 @@
 //! Scores at cameras that were not given, and what there is to show of them.
 
+use std::sync::Arc;
+
 use autodiff_lite::Tape;
+use datasets::View;
 use mesh_core::{ByteImage, TriMesh};
 use rayon::prelude::*;
 use recon::scene::scene_of;
 use train::report::ViewPair;
-use train::{Better, DataError, Metric, Shown, Subset};
+use train::{Better, DataError, Metric, PredictError, Shown, Subset};
 
 use super::data::{Data, Trial};
 use super::prepared::Prepared;
@@ -82,6 +85,22 @@ impl Img2Mesh {
         let n = trial.scored.len() as f64;
         let surface = trial.truth.as_ref().map(|truth| compared(&self.mesh(meshes), truth));
         Score { iou: sum.iou / n, l1: sum.l1 / n, psnr: sum.psnr / n, surface, ..sum }
+    }
+
+    /// A mesh in the world of the cameras, and the mean IoU of its outlines with the masks of the views that it is made from.
+    ///
+    /// # Errors
+    /// Why the views do not serve.
+    pub(super) fn judged(&self, views: &[View]) -> Result<(TriMesh, f64), PredictError> {
+        let prepared = self.prepared(views)?;
+        let tape = Tape::eval();
+        let meshes = self.meshes_uncached(&tape, &prepared);
+        let iou = |view: &Arc<Prepared>| {
+            let (color, mask) = self.draw_view(&tape, meshes, view);
+            score(&color, &mask, view).iou
+        };
+        let likeness = prepared.iter().map(iou).sum::<f64>() / prepared.len() as f64;
+        Ok((self.mesh(meshes), likeness))
     }
 
     /// Colours `[R, R, 3]` and hard mask `[R, R]` from one camera.

@@ -65,8 +65,8 @@ use mesh_core::cotangent_laplacian;
 use nets::LoadWeights;
 use recon::scene::scene_of;
 use train::{
-    DataError, DataSummary, Draw, LossError, Metric, OptimizerState, PredictError, Shown, Source,
-    StepInfo, Subset, Summary, System, Terms,
+    Compiled, DataError, DataSummary, Draw, LossError, Metric, OptimizerState, PredictError, Shown,
+    Source, StepInfo, Subset, Summary, System, Terms,
 };
 
 use crate::stacked::stacked;
@@ -205,6 +205,11 @@ impl System for Mcmr {
     type Sample = (Sample, Arc<PerceptualMetrics>);
     type Input = [View];
     type Prediction = McmrPrediction;
+
+    #[inline(never)]
+    fn compiled() -> Compiled<Self> {
+        Compiled::here()
+    }
 
     fn check(config: &McmrConfig) -> Vec<String> {
         config.check()

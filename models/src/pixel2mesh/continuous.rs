@@ -6,11 +6,15 @@ use nets::Init;
 use ode_deform::VectorField;
 use ode_deform::deform::{DeformationField, ResidualDeformation, StackedField, positions};
 use ode_deform::solve::{Problem, SolveError, Stats};
+use train::Compiled;
 use train::settings::Options as _;
 
 use super::config::{DeformationKind, OdeConfig, SharedConfig};
 use super::deformer::{Deformed, Deformer, Run, Stage};
+use super::single_view::SingleView;
 use super::template::Template;
+use crate::instance::Instance;
+use crate::paired::{Pair, Pairs};
 
 /// A field that is integrated from the ellipsoid to the shape, or separate residual blocks.
 #[derive(Clone, Debug)]
@@ -141,6 +145,16 @@ impl Deformer for Continuous {
         "`unsphere train ode-pixel2mesh -o runs/mine` trains one on procedural airplanes";
 
     type Config = OdeConfig;
+
+    #[inline(never)]
+    fn compiled() -> Compiled<SingleView<Self>> {
+        Compiled::here()
+    }
+
+    #[inline(never)]
+    fn instance(system: &SingleView<Self>) -> &dyn Instance<Pairs, Pair> {
+        system
+    }
 
     fn shared(config: &OdeConfig) -> &SharedConfig {
         &config.shared

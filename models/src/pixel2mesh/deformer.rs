@@ -5,10 +5,14 @@ use std::fmt::Debug;
 use autodiff_lite::{Module, Var};
 use nets::Init;
 use ode_deform::solve::{SolveError, Stats};
+use train::Compiled;
 use train::settings::Options;
 
 use super::config::SharedConfig;
+use super::single_view::SingleView;
 use super::template::Template;
+use crate::instance::Instance;
+use crate::paired::{Pair, Pairs};
 
 /// Turns feature maps and a camera into meshes.
 pub trait Deformer: Module<f32> + Debug + Send + Sync + Sized + 'static {
@@ -35,6 +39,12 @@ pub trait Deformer: Module<f32> + Debug + Send + Sync + Sized + 'static {
 
     /// With fresh parameters.
     fn new(config: &Self::Config, init: &Init, template: &Template) -> Self;
+
+    /// The loop of its system; see [`System::compiled`](train::System::compiled).
+    fn compiled() -> Compiled<SingleView<Self>>;
+
+    /// What of its system runs the network.
+    fn instance(system: &SingleView<Self>) -> &dyn Instance<Pairs, Pair>;
 
     /// Meshes of all stages.
     ///

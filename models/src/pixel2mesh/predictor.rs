@@ -47,10 +47,17 @@ impl<D: Deformer> Predictor for SingleView<D> {
     }
 
     fn onnx_outputs(&self, inputs: &[ArrayD<f32>]) -> Vec<ArrayD<f32>> {
-        self.image_side(inputs)
+        D::instance(self).image_side_outputs(inputs)
     }
 
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
+        D::instance(self).apply(input)
+    }
+}
+
+impl<D: Deformer> SingleView<D> {
+    /// The mesh and its way there, in the world of the given camera.
+    pub(super) fn applied(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
         let picture = self.picture(&input.given)?;
         let estimate = match self.seen(&picture).map_err(PredictError::solve)? {
             Seen::Told(..) => None,
@@ -74,9 +81,7 @@ impl<D: Deformer> Predictor for SingleView<D> {
             ..Prediction::default()
         })
     }
-}
 
-impl<D: Deformer> SingleView<D> {
     /// Puts the estimated camera in the place of the assumed one, and says so.
     pub(super) fn give_camera(&self, input: &mut PredictInput) -> Result<(), DataError> {
         let refused = |what: &str| {

@@ -3,12 +3,13 @@
 use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut};
 use datasets::View;
 use mesh_core::TriMesh;
+use ndarray::ArrayD;
 use nets::{Init, Pixel2MeshEncoder, ViewpointHead};
 use ode_deform::solve::{SolveError, Stats};
 use recon::scene::scene_of;
 use train::{
-    DataError, DataSummary, Draw, LossError, Metric, PredictError, Shown, Source, StepInfo, Subset,
-    Summary, System, Terms,
+    Compiled, DataError, DataSummary, Draw, LossError, Metric, PredictError, Shown, Source,
+    StepInfo, Subset, Summary, System, Terms,
 };
 
 use super::config::{DIRECTIONS, EncoderForm, SharedConfig};
@@ -17,7 +18,9 @@ use super::deformer::{Deformed, Deformer, Run};
 use super::projection::published_lens;
 use super::stage_terms::Sums;
 use super::template::Template;
+use crate::instance::Instance;
 use crate::paired::{FrameKind, Pair, Pairs, Picture};
+use crate::predict::{PredictInput, Prediction};
 use crate::stacked::stacked;
 
 /// An encoder, a template and what deforms it.
@@ -275,6 +278,46 @@ impl<D: Deformer> System for SingleView<D> {
         batch: &[Pair],
         at: StepInfo,
     ) -> Result<Terms<'t>, LossError> {
+        D::instance(self).loss(tape, batch, at)
+    }
+
+    fn data_summary(data: &Pairs) -> Option<DataSummary> {
+        Some(data.summary())
+    }
+
+    fn evaluate(&self, data: &Pairs, subset: Subset) -> Result<Vec<Metric>, DataError> {
+        D::instance(self).evaluate(data, subset)
+    }
+
+    fn show(&self, data: &Pairs, subset: Subset) -> Result<Shown, DataError> {
+        D::instance(self).show(data, subset)
+    }
+
+    fn compiled() -> Compiled<Self> {
+        D::compiled()
+    }
+
+    /// The mesh in the world of the camera, from the first view.
+    fn predict(&self, views: &[View]) -> Result<TriMesh, PredictError> {
+        D::instance(self).predict(views)
+    }
+}
+
+impl<D: Deformer> Instance<Pairs, Pair> for SingleView<D> {
+    fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
+        self.applied(input)
+    }
+
+    fn image_side_outputs(&self, inputs: &[ArrayD<f32>]) -> Vec<ArrayD<f32>> {
+        self.image_side(inputs)
+    }
+
+    fn loss<'t>(
+        &self,
+        tape: &'t Tape,
+        batch: &[Pair],
+        at: StepInfo,
+    ) -> Result<Terms<'t>, LossError> {
         let pictures: Vec<&Picture> = batch.iter().map(|pair| &*pair.picture).collect();
         let run = Run::Training { seed: self.seed, step: at.step };
         let count = batch[0].truth.positions.len();
@@ -300,10 +343,6 @@ impl<D: Deformer> System for SingleView<D> {
         Ok(self.decayed(tape, self.with_camera(tape, &pictures, terms)))
     }
 
-    fn data_summary(data: &Pairs) -> Option<DataSummary> {
-        Some(data.summary())
-    }
-
     fn evaluate(&self, data: &Pairs, subset: Subset) -> Result<Vec<Metric>, DataError> {
         Ok(self.scored(data, subset)?.metrics())
     }
@@ -315,7 +354,6 @@ impl<D: Deformer> System for SingleView<D> {
         Ok(Shown { views: self.gallery(data, subset)?, scene: Some(scene_of(&mesh)) })
     }
 
-    /// The mesh in the world of the camera, from the first view.
     fn predict(&self, views: &[View]) -> Result<TriMesh, PredictError> {
         let picture = self.picture(views)?;
         let seen = self.seen(&picture).map_err(PredictError::solve)?;

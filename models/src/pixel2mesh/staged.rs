@@ -4,12 +4,16 @@ use autodiff_lite::{Activation, Module, Param, Var, impl_module};
 use nets::{ChebyshevConv, GraphBottleneck, Init, pool_features};
 use ode_deform::deform::project_points;
 use ode_deform::solve::{SolveError, Stats};
+use train::Compiled;
 use train::settings::Options as _;
 
 use super::config::{GraphInit, SharedConfig, StagesConfig};
 use super::continuous::start;
 use super::deformer::{Deformed, Deformer, Run, Stage};
+use super::single_view::SingleView;
 use super::template::Template;
+use crate::instance::Instance;
+use crate::paired::{Pair, Pairs};
 
 /// Chains of graph convolutions, each on the vertices of the one before and the midpoints of its edges.
 #[derive(Clone, Debug)]
@@ -48,6 +52,16 @@ impl Deformer for Staged {
         "`unsphere train pixel2mesh -o runs/mine` trains one on procedural airplanes";
 
     type Config = StagesConfig;
+
+    #[inline(never)]
+    fn compiled() -> Compiled<SingleView<Self>> {
+        Compiled::here()
+    }
+
+    #[inline(never)]
+    fn instance(system: &SingleView<Self>) -> &dyn Instance<Pairs, Pair> {
+        system
+    }
 
     fn shared(config: &StagesConfig) -> &SharedConfig {
         &config.shared

@@ -124,6 +124,7 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
     let found = mesh.examined();
     let before = delivery.prediction.before.as_ref();
     let mut warnings = input.warnings.clone();
+    warnings.extend(delivery.prediction.warnings.iter().cloned());
     warnings.extend(missed(&given));
     let metrics = Metrics {
         schema_version: 1,

@@ -73,6 +73,8 @@ pub struct Prediction {
     pub sequence: Vec<TriMesh>,
     /// What else the system knows of what it predicted, by name: a camera, a selection. Empty where it is the mesh alone.
     pub details: Vec<Detail>,
+    /// What a user should know of how it was made, one sentence each.
+    pub warnings: Vec<String>,
 }
 
 /// A name and its numbers.

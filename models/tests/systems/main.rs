@@ -2,5 +2,6 @@
 //! would compile the systems anew.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+mod canonical;
 mod overfit;
 mod ranges;

@@ -12,7 +12,7 @@ use serde::de::DeserializeOwned;
 use synth::Monocular;
 use synth::generate::GenerateConfig;
 use toml::{Table, Value};
-use train::settings::{optional, read_text, to_toml};
+use train::settings::{optional, read_text};
 use train::{Checkpoint, Configuration, System, TrainConfig};
 
 /// Numbers of which each is as good as another, up to the largest of TOML: seeds, and counts after which something
@@ -78,15 +78,19 @@ fn name(place: &Place) -> &str {
 /// What is wrong with a configuration in TOML; nothing where it is sound.
 type Check<'a> = &'a dyn Fn(&str) -> Option<String>;
 
+fn written(value: &impl Serialize) -> String {
+    toml::to_string_pretty(value).unwrap()
+}
+
 /// Every number of a default in turn. How many there were.
 fn assert_ranges<C: Serialize>(what: &str, default: &C, check: Check<'_>) -> usize {
-    let table: Table = toml::from_str(&to_toml(default)).unwrap();
-    assert_eq!(check(&to_toml(default)), None, "{what}");
+    let table: Table = toml::from_str(&written(default)).unwrap();
+    assert_eq!(check(&written(default)), None, "{what}");
     let mut places = Vec::new();
     numbers(&Value::Table(table.clone()), &Vec::new(), &mut places);
     // What is absent and would be a number if it were there.
     for (field, _) in table.iter().filter(|(_, value)| value.as_str() == Some(optional::NONE)) {
-        let one = to_toml(&replaced(&table, &vec![field.clone()], Value::Integer(1)));
+        let one = written(&replaced(&table, &vec![field.clone()], Value::Integer(1)));
         if check(&one).is_none_or(|text| !text.contains("invalid type")) {
             places.push(vec![field.clone()]);
         }
@@ -94,7 +98,7 @@ fn assert_ranges<C: Serialize>(what: &str, default: &C, check: Check<'_>) -> usi
     let (large, none) = (1_000_000_000_000, f64::NAN);
     for place in &places {
         let field = name(place);
-        let tried = |value: Value| check(&to_toml(&replaced(&table, place, value)));
+        let tried = |value: Value| check(&written(&replaced(&table, place, value)));
         let named = |value: Value, text: &str| {
             assert!(text.contains(field), "{what}: {field} = {value}: {text}");
         };

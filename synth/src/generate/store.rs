@@ -13,7 +13,6 @@ use serde::Serialize;
 use train::Shard;
 use train::output::{disk, is_incidental, write_within};
 use train::settings::settings_of;
-use train::settings::to_toml;
 
 use super::claim::{Claim, lock_now, lock_soon};
 use super::config::{GenerateConfig, MANIFEST, OutputLayout};
@@ -57,11 +56,12 @@ impl Store {
         let shared = !shard.is_whole();
         let lock = if shared { lock_soon(root)? } else { lock_now(root)? };
         let manifest = root.join(MANIFEST);
-        let asked = to_toml(&Manifest {
+        let asked = toml::to_string_pretty(&Manifest {
             version: env!("CARGO_PKG_VERSION"),
             model: fingerprint(models).as_deref(),
             dataset: config,
-        });
+        })
+        .expect("a plain table");
         if manifest.exists() {
             let found = fs::read_to_string(&manifest).map_err(GenerateError::io(&manifest))?;
             if let Some((found, asked)) = first_difference(&found, &asked) {

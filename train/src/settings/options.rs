@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use serde::de::DeserializeOwned;
-use toml::{Table, Value};
+use toml::Value;
 
-use super::settings_of;
+use super::{Tabular, settings_of};
 
 /// A configuration that [`options!`](crate::options) declared.
-pub trait Options: Default + Serialize + DeserializeOwned {
+pub trait Options: Default + Tabular {
     /// Keys, meanings and ranges in their order, those of the base first.
     fn declared() -> Vec<Declared>;
 
@@ -23,8 +22,7 @@ pub trait Options: Default + Serialize + DeserializeOwned {
 
     /// All there is to say about the options: what `--help`, the pages of documentation and `check` are made from.
     fn describe() -> Vec<OptionInfo> {
-        let defaults = Table::try_from(Self::default()).expect("configurations are plain tables");
-        let defaults = settings_of(&defaults.to_string());
+        let defaults = settings_of(&Self::default().to_table().to_string());
         Self::declared().into_iter().map(|declared| info::<Self>(declared, &defaults)).collect()
     }
 }
@@ -40,6 +38,16 @@ pub struct Declared {
     pub range: Option<String>,
 }
 
+impl Declared {
+    /// From the name of a field, the lines of its documentation, and its range if it has one.
+    #[must_use]
+    pub fn new(field: &str, documentation: &str, range: &[String]) -> Self {
+        let lines: Vec<&str> = documentation.lines().map(str::trim).collect();
+        let meaning = lines.join(" ").trim().to_owned();
+        Self { key: field.replace('_', "-"), meaning, range: range.first().cloned() }
+    }
+}
+
 /// An option, for people.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct OptionInfo {
@@ -53,16 +61,12 @@ pub struct OptionInfo {
     pub meaning: String,
 }
 
-fn info<T: DeserializeOwned>(
-    declared: Declared,
-    defaults: &BTreeMap<String, String>,
-) -> OptionInfo {
+fn info<T: Tabular>(declared: Declared, defaults: &BTreeMap<String, String>) -> OptionInfo {
     let Declared { key, meaning, range } = declared;
     let expected = range.unwrap_or_else(|| expected::<T>(&key));
     let default = defaults.get(&key).map(|text| short(text)).unwrap_or_default();
     let none = Value::String(super::optional::NONE.to_owned());
-    let optional =
-        T::deserialize(Value::Table([(key.clone(), none)].into_iter().collect())).is_ok();
+    let optional = T::from_table([(key.clone(), none)].into_iter().collect()).is_ok();
     let expected = if optional && !expected.contains("none") {
         format!("{expected}, or \"none\"")
     } else {
@@ -89,9 +93,9 @@ pub(crate) fn date() -> Value {
 }
 
 /// What the type of an option says when it is given what it cannot hold.
-fn expected<T: DeserializeOwned>(key: &str) -> String {
+fn expected<T: Tabular>(key: &str) -> String {
     let text = |value: Value| {
-        let error = T::deserialize(Value::Table([(key.to_owned(), value)].into_iter().collect()));
+        let error = T::from_table([(key.to_owned(), value)].into_iter().collect());
         let message = error.err().map(|error| error.message().to_owned())?;
         message.rsplit_once("expected ").map(|(_, what)| what.trim_end().to_owned())
     };
@@ -174,6 +178,30 @@ macro_rules! options {
             }
         }
 
+        impl $crate::settings::Tabular for $name {
+            #[inline(never)]
+            fn from_text(text: &str) -> Result<Self, $crate::settings::toml::de::Error> {
+                $crate::settings::toml::from_str(text)
+            }
+
+            #[inline(never)]
+            fn from_table(
+                table: $crate::settings::toml::Table,
+            ) -> Result<Self, $crate::settings::toml::de::Error> {
+                table.try_into()
+            }
+
+            #[inline(never)]
+            fn to_table(&self) -> $crate::settings::toml::Table {
+                $crate::settings::toml::Table::try_from(self).expect("options are a plain table")
+            }
+
+            #[inline(never)]
+            fn to_text(&self) -> String {
+                $crate::settings::toml::to_string_pretty(self).expect("options are a plain table")
+            }
+        }
+
         impl $crate::settings::Options for $name {
             fn declared() -> Vec<$crate::settings::Declared> {
                 #[allow(unused_variables, reason = "where no option has a range")]
@@ -181,11 +209,11 @@ macro_rules! options {
                 #[allow(unused_mut, reason = "where nothing is extended")]
                 let mut declared = Vec::new();
                 $(declared.extend(<$base_type as $crate::settings::Options>::declared());)?
-                declared.extend([$($crate::settings::Declared {
-                    key: stringify!($field).replace('_', "-"),
-                    meaning: concat!($($doc, "\n"),+).lines().map(str::trim).collect::<Vec<_>>().join(" ").trim().to_owned(),
-                    range: [$($crate::settings::range_of(&defaults.$field, &$range))?].into_iter().next(),
-                }),*]);
+                $(
+                    let range: &[String] = &[$($crate::settings::range_of(&defaults.$field, &$range))?];
+                    let meaning = concat!($($doc, "\n"),+);
+                    declared.push($crate::settings::Declared::new(stringify!($field), meaning, range));
+                )*
                 declared
             }
 
@@ -202,8 +230,7 @@ macro_rules! options {
                 let mut problems: Vec<String> = Vec::new();
                 $(problems.extend($crate::settings::Options::out_of_range(&self.$base));)?
                 $($(
-                    let key = stringify!($field).replace('_', "-");
-                    problems.extend($crate::settings::out_of_range(&key, &self.$field, &$range));
+                    problems.extend($crate::settings::out_of_range(stringify!($field), &self.$field, &$range));
                 )?)*
                 problems
             }

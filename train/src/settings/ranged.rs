@@ -65,30 +65,10 @@ pub fn above_to<T>(least: T, most: T) -> (Bound<T>, Bound<T>) {
 
 /// A range in words, of the type that a value has: `1 to 64`, `above 0 to 1000`, `0 to less than 1`, `at least 2`.
 pub fn range_of<T: Ranged>(_: &T, range: &impl RangeBounds<T::Number>) -> String {
-    let end = match range.end_bound() {
-        // Any number, but for infinity.
-        Bound::Included(end) if end.to_string() == f64::MAX.to_string() => None,
-        Bound::Included(end) => Some(shown(end)),
-        Bound::Excluded(end) => Some(format!("less than {end}")),
-        Bound::Unbounded => None,
-    };
-    match (range.start_bound(), end) {
-        (Bound::Included(start), Some(end)) => format!("{start} to {end}"),
-        (Bound::Excluded(start), Some(end)) => format!("above {start} to {end}"),
-        (Bound::Included(start), None) => format!("at least {start}"),
-        (Bound::Excluded(start), None) => format!("above {start}"),
-        (Bound::Unbounded, Some(end)) => format!("at most {end}").replace("at most less", "less"),
-        (Bound::Unbounded, None) => "any".to_owned(),
-    }
+    words(range.start_bound().map(ToString::to_string), range.end_bound().map(ToString::to_string))
 }
 
-/// A number; the largest as it is written.
-fn shown(number: &impl Display) -> String {
-    let text = number.to_string();
-    if text == LARGEST.to_string() { "2^63 - 1".to_owned() } else { text }
-}
-
-/// A sentence if a value is not within its range.
+/// A sentence if a value is not within its range; dashes of the key may be underscores.
 pub fn out_of_range<T: Ranged>(
     key: &str,
     value: &T,
@@ -98,9 +78,37 @@ pub fn out_of_range<T: Ranged>(
     if numbers.iter().all(|number| range.contains(number)) {
         return None;
     }
-    let found = numbers.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
-    let found = if T::LIST { format!("[{found}]") } else { found };
-    Some(format!("`{key}` is {found}, expected {}", range_of(value, range)))
+    let found = numbers.iter().map(ToString::to_string).collect();
+    Some(sentence(key, found, T::LIST, &range_of(value, range)))
+}
+
+/// What is wrong with numbers.
+fn sentence(key: &str, found: Vec<String>, is_list: bool, expected: &str) -> String {
+    let key = key.replace('_', "-");
+    let found = found.join(", ");
+    let found = if is_list { format!("[{found}]") } else { found };
+    format!("`{key}` is {found}, expected {expected}")
+}
+
+/// A range by its bounds in digits.
+fn words(start: Bound<String>, end: Bound<String>) -> String {
+    let end = match end {
+        // Any number, but for infinity.
+        Bound::Included(end) if end == f64::MAX.to_string() => None,
+        // As it is written.
+        Bound::Included(end) if end == LARGEST.to_string() => Some("2^63 - 1".to_owned()),
+        Bound::Included(end) => Some(end),
+        Bound::Excluded(end) => Some(format!("less than {end}")),
+        Bound::Unbounded => None,
+    };
+    match (start, end) {
+        (Bound::Included(start), Some(end)) => format!("{start} to {end}"),
+        (Bound::Excluded(start), Some(end)) => format!("above {start} to {end}"),
+        (Bound::Included(start), None) => format!("at least {start}"),
+        (Bound::Excluded(start), None) => format!("above {start}"),
+        (Bound::Unbounded, Some(end)) => format!("at most {end}").replace("at most less", "less"),
+        (Bound::Unbounded, None) => "any".to_owned(),
+    }
 }
 
 #[cfg(test)]

@@ -91,6 +91,15 @@ pub fn train_among<S: System>(
     communicator: &dyn Communicator,
     watch: &mut Watch<'_>,
 ) -> Result<Outcome<S>, TrainError> {
+    (S::compiled().train)(job, communicator, watch)
+}
+
+/// [`train_among`], compiled where [`Compiled`](crate::Compiled) is made.
+pub(crate) fn run<S: System>(
+    job: &Job<'_, S>,
+    communicator: &dyn Communicator,
+    watch: &mut Watch<'_>,
+) -> Result<Outcome<S>, TrainError> {
     let begun = Instant::now();
     let mut trainer = Trainer::prepare(job, Ranks::new(communicator), watch)?;
     let ended = trainer.run()?;

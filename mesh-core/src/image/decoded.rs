@@ -1,0 +1,119 @@
+//! What decoders put out, before it is an image or depth.
+
+use super::ByteImage;
+use super::exif::Orientation;
+
+/// Pixels as a file has them.
+pub(super) struct Decoded {
+    pub(super) height: usize,
+    pub(super) width: usize,
+    /// Grey, grey and alpha, RGB or RGBA.
+    pub(super) channels: usize,
+    /// Whether a channel is two bytes, the larger first, instead of one.
+    pub(super) deep: bool,
+    pub(super) data: Vec<u8>,
+}
+
+impl Decoded {
+    /// With the top of the scene in row 0.
+    pub(super) fn upright(self, orientation: Orientation) -> Self {
+        use Orientation as O;
+        if orientation == O::TopLeft {
+            return self;
+        }
+        let Self { height: h, width: w, channels, deep, ref data } = self;
+        // The row and the column from which a pixel comes.
+        let from = |i: usize, j: usize| match orientation {
+            O::TopLeft => (i, j),
+            O::TopRight => (i, w - 1 - j),
+            O::BottomRight => (h - 1 - i, w - 1 - j),
+            O::BottomLeft => (h - 1 - i, j),
+            O::LeftTop => (j, i),
+            O::RightTop => (h - 1 - j, i),
+            O::RightBottom => (h - 1 - j, w - 1 - i),
+            O::LeftBottom => (j, w - 1 - i),
+        };
+        let lying =
+            matches!(orientation, O::LeftTop | O::RightTop | O::RightBottom | O::LeftBottom);
+        let (height, width) = if lying { (w, h) } else { (h, w) };
+        let pixel = channels << u8::from(deep);
+        let mut upright = Vec::with_capacity(data.len());
+        for (i, j) in (0..height).flat_map(|i| (0..width).map(move |j| (i, j))) {
+            let (row, column) = from(i, j);
+            upright.extend_from_slice(&data[(row * w + column) * pixel..][..pixel]);
+        }
+        Self { height, width, channels, deep, data: upright }
+    }
+
+    /// In bytes: 16 bits a channel are rounded to 8, in place.
+    pub(super) fn into_bytes(self) -> ByteImage {
+        let Self { height, width, channels, deep, mut data } = self;
+        if deep {
+            let half = data.len() / 2;
+            for k in 0..half {
+                let value = u32::from(u16::from_be_bytes([data[2 * k], data[2 * k + 1]]));
+                data[k] = ((value + 128) / 257) as u8;
+            }
+            data.truncate(half);
+            data.shrink_to_fit();
+        }
+        ByteImage { height, width, channels, data }
+    }
+
+    /// Height, width, and the file's own numbers where it is grey; of colours, which have none, their luma, widened to 16 bits.
+    pub(super) fn into_grey(self) -> (usize, usize, impl Iterator<Item = u16>) {
+        let Self { height, width, channels, deep, data } = self;
+        let size = channels << u8::from(deep);
+        let grey = move |k: usize| {
+            let pixel = &data[k * size..(k + 1) * size];
+            let channel = |c: usize| match deep {
+                true => u32::from(u16::from_be_bytes([pixel[2 * c], pixel[2 * c + 1]])),
+                false => u32::from(pixel[c]),
+            };
+            if channels < 3 {
+                return channel(0) as u16;
+            }
+            // Rec. 709.
+            let luma = (2126 * channel(0) + 7152 * channel(1) + 722 * channel(2)) / 10_000;
+            if deep { luma as u16 } else { 257 * luma as u16 }
+        };
+        (height, width, (0..height * width).map(grey))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where the stored first pixel and its neighbour in the first row are seen, by the table of the standard.
+    #[test]
+    fn each_orientation_puts_row_and_column_where_its_name_says() {
+        let (h, w) = (2, 3);
+        // Corner of the first pixel, corner to which the first row leads.
+        let corners = [
+            ((0, 0), (0, 1)),
+            ((0, 1), (0, 0)),
+            ((1, 1), (1, 0)),
+            ((1, 0), (1, 1)),
+            ((0, 0), (1, 0)),
+            ((0, 1), (1, 1)),
+            ((1, 1), (0, 1)),
+            ((1, 0), (0, 0)),
+        ];
+        for deep in [false, true] {
+            for (orientation, (first, last)) in Orientation::ALL.into_iter().zip(corners) {
+                let channels = 2;
+                let size = channels << u8::from(deep);
+                let data: Vec<u8> = (0..h * w * size).map(|k| k as u8).collect();
+                let stored = Decoded { height: h, width: w, channels, deep, data: data.clone() };
+                let seen = stored.upright(orientation);
+                let at = |(i, j): (usize, usize)| {
+                    let (i, j) = (i * (seen.height - 1), j * (seen.width - 1));
+                    &seen.data[(i * seen.width + j) * size..][..size]
+                };
+                assert_eq!(at(first), &data[..size], "{orientation:?}");
+                assert_eq!(at(last), &data[(w - 1) * size..w * size], "{orientation:?}");
+            }
+        }
+    }
+}

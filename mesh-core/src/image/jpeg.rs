@@ -1,0 +1,46 @@
+//! JPEG, by the crate `zune-jpeg`.
+
+use std::path::Path;
+
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::{bytestream::ZCursor, colorspace::ColorSpace, options::DecoderOptions};
+
+use super::ImageError;
+use super::decoded::Decoded;
+use super::error::{too_large, too_many, undecodable};
+use super::exif::Orientation;
+use crate::Limits;
+
+/// How a file begins.
+pub(super) const SIGNATURE: &[u8] = b"\xff\xd8\xff";
+/// Scans of a progressive file; each goes over the whole image, and real ones have about ten.
+const SCANS: usize = 256;
+/// A block of 64 pixels takes at least a bit, once per plane.
+const RATIO: u64 = 8192;
+
+/// Grey stays grey; all else becomes RGB.
+pub(super) fn decode(bytes: &[u8], name: &Path, limits: &Limits) -> Result<Decoded, ImageError> {
+    let scans = bytes.windows(2).filter(|pair| pair == b"\xff\xda");
+    if scans.take(SCANS + 1).count() > SCANS {
+        return Err(undecodable(name)(format!("more than {SCANS} scans")));
+    }
+    let options = DecoderOptions::default()
+        .set_strict_mode(false)
+        .set_max_width(usize::from(u16::MAX))
+        .set_max_height(usize::from(u16::MAX));
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    decoder.decode_headers().map_err(undecodable(name))?;
+    let grey = decoder.input_colorspace() == Some(ColorSpace::Luma);
+    let (space, channels) = if grey { (ColorSpace::Luma, 1) } else { (ColorSpace::RGB, 3) };
+    let (width, height) = decoder.dimensions().unwrap_or_default();
+    let claimed = (width * height * channels) as u64;
+    let possible = (bytes.len() as u64).saturating_mul(RATIO);
+    too_large(name, (width, height), claimed / 4, possible, bytes.len())?;
+    too_many(name, (width, height), claimed, limits)?;
+    decoder.set_options(options.jpeg_set_out_colorspace(space));
+    let orientation = decoder.exif().and_then(|exif| Orientation::of(exif));
+    let mut data = vec![0; claimed as usize];
+    decoder.decode_into(&mut data).map_err(undecodable(name))?;
+    let decoded = Decoded { height, width, channels, deep: false, data };
+    Ok(decoded.upright(orientation.unwrap_or_default()))
+}

@@ -1,0 +1,161 @@
+//! The frame in which objects were learned, found for the views of any other world.
+//!
+//! A network knows its objects in one frame: upright, so large, in the middle. A user's world has units, an origin and a vertical of
+//! its own, and looks at the object from no agreed side. Cameras and masks say where the object is and how large, the tops of
+//! the images what is up; from which side it is seen, only the masks can judge, after the mesh is made.
+
+use std::f64::consts::TAU;
+
+use datasets::View;
+use mesh_core::nalgebra::{Matrix3, Rotation3, SimilarityMatrix3, Vector3};
+use mesh_core::{TriMesh, UpAxis};
+use recon::fit::cones;
+
+use crate::predict::Detail;
+use crate::square::square;
+
+/// Turns about the vertical that are tried.
+const TURNS: usize = 8;
+/// Radius of an object's ball beside that of the widest one that was learned from.
+const USUAL: f64 = 0.9;
+/// How far an object that stands where those learned from did may be from their middle, in radii of the widest.
+const BESIDE: f64 = 0.5;
+/// How much larger than the widest, or smaller, it may be.
+const LARGER: f64 = 1.3;
+const SMALLER: f64 = 0.5;
+/// What the box of an object is widened by: learned images show objects about so.
+const MARGIN: f64 = 1.3;
+
+/// Where an object is: what of all cameras' lines of sight through its masks comes nearest, and how wide it is there.
+#[derive(Clone, Copy, Debug)]
+struct Ball {
+    center: Vector3<f64>,
+    radius: f64,
+}
+
+impl Ball {
+    /// `None` where no view shows the object. Of a single view, or of some along one line, the distance is open: the object is
+    /// then as near to the world's origin as its line of sight comes, or one unit away if the camera stands there.
+    fn of(views: &[View]) -> Option<Self> {
+        let all: Vec<&View> = views.iter().collect();
+        if let Ok((center, radius)) = cones(&all) {
+            return Some(Self { center: center.into(), radius });
+        }
+        views.iter().find_map(|view| {
+            let [top, left, rows, columns] = view.mask_bounds()?.map(|n| n as f64);
+            let (column, row) = (left + columns / 2.0, top + rows / 2.0);
+            let near = -(view.camera.rotation.transpose() * view.camera.translation)
+                .dot(&view.camera.forward());
+            let depth = if near > 0.0 { near } else { 1.0 };
+            let at = |column, row| Vector3::from(view.camera.unproject(column, row, depth));
+            let center = at(column, row);
+            let radius = (at(left, top) - center).norm();
+            (radius.is_finite() && radius > 0.0).then_some(Self { center, radius })
+        })
+    }
+}
+
+/// The frame of a model: the middle and the radius of the widest object that it learned from, upright along +Y.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Canonical {
+    ball: Ball,
+}
+
+/// Views of another world, moved into the frame of a model.
+#[derive(Clone, Debug)]
+pub(super) struct Placed {
+    /// From the world to the frame.
+    similarity: SimilarityMatrix3<f64>,
+    up: UpAxis,
+    /// By how many degrees the world, upright, was turned about the vertical.
+    turn: f64,
+    /// The views, cut to the object, with their cameras in the frame.
+    pub(super) views: Vec<View>,
+}
+
+impl Canonical {
+    /// From centre and scale.
+    pub(super) fn new([x, y, z, radius]: [f64; 4]) -> Self {
+        Self { ball: Ball { center: Vector3::new(x, y, z), radius } }
+    }
+
+    /// Whether an object stands and is as large as those that were learned from, as far as views say.
+    pub(super) fn holds(&self, views: &[View]) -> bool {
+        let Some(found) = Ball::of(views) else { return true };
+        let beside = (found.center - self.ball.center).norm() / self.ball.radius;
+        let larger = found.radius / self.ball.radius;
+        let upright = UpAxis::of_cameras(views.iter().map(|view| &view.camera)) == UpAxis::Y;
+        beside <= BESIDE && (SMALLER..=LARGER).contains(&larger) && upright
+    }
+
+    /// The views in this frame, seen from each side that may be the front.
+    pub(super) fn placed(&self, views: &[View]) -> Vec<Placed> {
+        let Some(found) = Ball::of(views) else { return Vec::new() };
+        let up = UpAxis::of_cameras(views.iter().map(|view| &view.camera));
+        let scale = USUAL * self.ball.radius / found.radius;
+        let cut: Vec<View> = views.iter().map(around_the_object).collect();
+        (0..TURNS)
+            .map(|k| {
+                let turn = k as f64 / TURNS as f64 * TAU;
+                let rotation = Rotation3::from_axis_angle(&Vector3::y_axis(), turn)
+                    * Rotation3::from_matrix_unchecked(upright(up));
+                // p -> s R (p - c) + c'
+                let shift = self.ball.center - scale * (rotation * found.center);
+                let similarity = SimilarityMatrix3::from_parts(shift.into(), rotation, scale);
+                let moved = cut.iter().map(|view| {
+                    let camera = view.camera.transformed(&similarity);
+                    View { camera, depth: None, ..view.clone() }
+                });
+                let views = moved.collect();
+                Placed { similarity, up, turn: turn.to_degrees(), views }
+            })
+            .collect()
+    }
+}
+
+impl Placed {
+    /// What was done, in words.
+    pub(super) fn remark(&self) -> String {
+        format!(
+            "these weights know objects in another frame than that of the cameras: the cameras were moved into it (scaled by \
+             {:.3}, {} up, turned by {:.0} degrees, as fits the masks best), and the mesh was moved back",
+            self.similarity.scaling(),
+            self.up,
+            self.turn,
+        )
+    }
+
+    /// The same as numbers with names.
+    pub(super) fn details(&self) -> Vec<Detail> {
+        let matrix = self.similarity.to_homogeneous();
+        let rows = (0..3).flat_map(|i| (0..4).map(move |j| (i, j)));
+        vec![
+            ("world to model's frame, rows of [A | t]", rows.map(|at| matrix[at]).collect()),
+            ("of this the turn about the vertical, degrees", vec![self.turn]),
+        ]
+    }
+
+    /// A mesh of the frame in the world of the user's cameras.
+    pub(super) fn back(&self, mesh: TriMesh) -> TriMesh {
+        let matrix = self.similarity.inverse().to_homogeneous();
+        mesh.transformed(&std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)])))
+    }
+}
+
+/// The rotation that makes an axis +Y.
+fn upright(up: UpAxis) -> Matrix3<f64> {
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let columns = axes.map(|axis| Vector3::from(up.upright(axis).map(f64::from)));
+    Matrix3::from_columns(&columns)
+}
+
+fn around_the_object(view: &View) -> View {
+    let view = view.clone();
+    match view.mask_bounds() {
+        Some([top, left, rows, columns]) => {
+            let bounds = [left, top, left + columns, top + rows].map(|n| n as f64);
+            square(view, bounds, MARGIN)
+        }
+        None => view,
+    }
+}

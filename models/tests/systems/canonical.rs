@@ -1,0 +1,84 @@
+//! The weights that come along, on an object in worlds of other units, origins and verticals.
+
+use std::path::Path;
+
+use datasets::{Dataset as _, ReadOptions, View, Views};
+use mesh_core::nalgebra::{SimilarityMatrix3, Vector3};
+use models::img2mesh::Img2Mesh;
+use models::predict::{Choice, PredictInput, Predictor as _};
+use recon::evaluate::score_views;
+use synth::shapes::Family;
+use synth::{Orbit, Procedural};
+use train::Checkpoint;
+
+/// Views that the prediction is made from; as many others judge it.
+const GIVEN: usize = 5;
+
+fn shipped() -> Img2Mesh {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/img2mesh.safetensors");
+    Checkpoint::read(&path).unwrap().load().unwrap().0
+}
+
+/// A chair that the weights were not trained on.
+fn chair() -> Vec<View> {
+    let orbit =
+        Orbit { count: 2 * GIVEN, width: 128, height: 128, seed: 5, ..Procedural::orbit() };
+    let set = Procedural::new(&[Family::Chair], [0, 0, 1], orbit);
+    set.views(0, None, &ReadOptions::default(), &|_, _| ()).unwrap().views
+}
+
+/// The IoU at cameras that were not given, and what was said.
+fn predicted(system: &Img2Mesh, views: Vec<View>) -> (f64, Vec<String>) {
+    let input = PredictInput::part(Views::in_memory(views), Choice::First(GIVEN)).unwrap();
+    let prediction = system.apply(&input).unwrap();
+    let others: Vec<&View> = input.others.iter().collect();
+    let scores = score_views(&prediction.mesh, &others, &|_, _| ()).unwrap();
+    (scores.mask_iou, prediction.warnings)
+}
+
+fn moved(views: &[View], by: &SimilarityMatrix3<f64>) -> Vec<View> {
+    views.iter().map(|view| View { camera: view.camera.transformed(by), ..view.clone() }).collect()
+}
+
+/// An image of another size and shape, in which the object is small and beside the middle.
+fn wide(view: &View) -> View {
+    let (left, top, width, height) = (90, 20, 320, 180);
+    let put = |picture: &mesh_core::ByteImage| {
+        let c = picture.channels;
+        let mut out = mesh_core::ByteImage { height, width, channels: c, data: vec![0; height * width * c] };
+        for (i, row) in picture.data.chunks_exact(picture.width * c).enumerate() {
+            let at = ((i + top) * width + left) * c;
+            out.data[at..at + row.len()].copy_from_slice(row);
+        }
+        out
+    };
+    let [fx, fy, cx, cy] = view.camera.lens.numbers();
+    let lens = view.camera.lens.with([fx, fy, cx + left as f64, cy + top as f64]);
+    let camera = mesh_core::Camera { lens, width, height, ..view.camera.clone() };
+    View { color: put(&view.color), mask: put(&view.mask), camera, ..view.clone() }
+}
+
+#[test]
+fn an_object_is_known_in_any_world() {
+    let (system, views) = (shipped(), chair());
+    let (known, warnings) = predicted(&system, views.clone());
+    assert!(known > 0.7, "{known}");
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let quarter = Vector3::x() * std::f64::consts::FRAC_PI_2;
+    let worlds = [
+        ("larger", SimilarityMatrix3::new(Vector3::zeros(), Vector3::zeros(), 100.0)),
+        ("elsewhere", SimilarityMatrix3::new(Vector3::new(4.0, -3.0, 2.0), Vector3::zeros(), 1.0)),
+        ("z up", SimilarityMatrix3::new(Vector3::new(0.1, 0.2, 0.9), quarter, 2.0)),
+        ("turned", SimilarityMatrix3::new(Vector3::zeros(), Vector3::y() * 2.1, 30.0)),
+    ];
+    for (name, world) in worlds {
+        let (iou, warnings) = predicted(&system, moved(&views, &world));
+        println!("{name}: {iou:.3} beside {known:.3}: {warnings:?}");
+        assert!(iou > known - 0.1, "{name}: {iou} beside {known}");
+        assert_eq!(warnings.len(), 1, "{name}");
+    }
+    let wide: Vec<View> = moved(&views, &worlds[0].1).iter().map(wide).collect();
+    let (iou, _) = predicted(&system, wide);
+    println!("wide: {iou:.3} beside {known:.3}");
+    assert!(iou > known - 0.1, "wide: {iou} beside {known}");
+}
