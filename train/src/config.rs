@@ -5,7 +5,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::Table;
 
-use crate::settings::{LARGEST, Options, Tabular, above_to, date};
+use crate::settings::{LARGEST, Options, Reads, Tabular, above_to, date, reads};
 
 crate::options! {
     /// Options of the training loop, each with the default that [`TrainConfig::default`] gives.
@@ -173,10 +173,10 @@ impl<C: Options> Tabular for Configuration<C> {
         let (train, system) = parted(
             table,
             &C::retired(),
-            (&TrainConfig::default().to_table(), &is_alias::<TrainConfig>),
-            (&C::default().to_table(), &is_alias::<C>),
+            (&TrainConfig::default().to_table(), &reads::<TrainConfig>),
+            (&C::default().to_table(), &reads::<C>),
         )?;
-        Ok(Self { train: part(train)?, system: part(system)? })
+        Ok(Self { train: TrainConfig::from_table(train)?, system: C::from_table(system)? })
     }
 
     /// The one table.
@@ -208,21 +208,22 @@ fn pretty(table: &Table) -> String {
     toml::to_string_pretty(table).expect("a table")
 }
 
-/// The options that a half of the table has when nothing is said, and what else it reads.
-type Half<'a> = (&'a Table, &'a dyn Fn(&str) -> bool);
+/// The options that a half of the table has when nothing is said, and what reads it.
+type Half<'a> = (&'a Table, Reads<'a>);
 
 /// What a table says of the loop, and of the system.
 fn parted(
     mut table: Table,
     retired: &[&str],
-    (known, of_loop): Half<'_>,
-    (own, of_system): Half<'_>,
+    (known, reads_loop): Half<'_>,
+    (own, reads_system): Half<'_>,
 ) -> Result<(Table, Table), toml::de::Error> {
     for key in retired {
         table.remove(*key);
     }
-    let of_loop = |key: &String| known.contains_key(key) || of_loop(key);
-    let unknown = |key: &String| !of_loop(key) && !own.contains_key(key) && !of_system(key);
+    let of_loop = |key: &String| known.contains_key(key) || is_alias(key, reads_loop);
+    let unknown =
+        |key: &String| !of_loop(key) && !own.contains_key(key) && !is_alias(key, reads_system);
     if let Some(key) = table.keys().find(|key| unknown(key)) {
         let mut names: Vec<&str> = own.keys().chain(known.keys()).map(String::as_str).collect();
         names.sort_unstable();
@@ -231,26 +232,29 @@ fn parted(
             "unknown field `{key}`, expected one of {names}"
         )));
     }
-    Ok(table.into_iter().partition(|(key, _)| of_loop(key)))
+    let (train, system): (Table, Table) = table.into_iter().partition(|(key, _)| of_loop(key));
+    one_by_one(&train, reads_loop)?;
+    one_by_one(&system, reads_system)?;
+    Ok((train, system))
 }
 
 /// Whether a configuration reads a key that it does not write: a name that a field had before.
 ///
 /// No field can hold a date, so that one in its place is an error where the key is read and passes where it is not.
-fn is_alias<T: Tabular>(key: &str) -> bool {
-    T::from_table([(key.to_owned(), date())].into_iter().collect())
+fn is_alias(key: &str, reads: Reads<'_>) -> bool {
+    reads([(key.to_owned(), date())].into_iter().collect())
         .is_err_and(|error| !error.message().contains("unknown field"))
 }
 
-/// One half of the table. A value that does not fit is named, which `toml` alone does not do.
-fn part<T: Tabular>(table: Table) -> Result<T, toml::de::Error> {
-    for (key, value) in &table {
+/// A value that does not fit is named, which `toml` alone does not do.
+fn one_by_one(table: &Table, reads: Reads<'_>) -> Result<(), toml::de::Error> {
+    for (key, value) in table {
         let alone: Table = [(key.clone(), value.clone())].into_iter().collect();
-        if let Err(error) = T::from_table(alone) {
+        if let Err(error) = reads(alone) {
             return Err(toml::de::Error::custom(format!("`{key}`: {}", error.message())));
         }
     }
-    T::from_table(table)
+    Ok(())
 }
 
 #[cfg(test)]

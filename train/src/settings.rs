@@ -94,27 +94,47 @@ pub fn read_text<T: Tabular>(
         path: name.to_owned(),
         message: error.to_string(),
     };
-    let mut config = T::from_text(text).map_err(in_file)?;
-    let mut table: Table = toml::from_str(text).map_err(in_file)?;
+    let config = T::from_text(text).map_err(in_file)?;
+    if settings.is_empty() {
+        return Ok(config);
+    }
+    let table: Table = toml::from_str(text).map_err(in_file)?;
+    T::from_table(layered(table, settings, &reads::<T>)?).map_err(in_file)
+}
+
+/// Why a table does not hold a configuration.
+pub(crate) type Reads<'a> = &'a dyn Fn(Table) -> Result<(), toml::de::Error>;
+
+/// [`Reads`] of a type.
+pub(crate) fn reads<T: Tabular>(table: Table) -> Result<(), toml::de::Error> {
+    T::from_table(table).map(drop)
+}
+
+/// A table under single settings.
+fn layered(
+    mut table: Table,
+    settings: &[(String, String)],
+    reads: Reads<'_>,
+) -> Result<Table, SettingsError> {
     for (key, value) in settings {
         let (name, parsed) = (key.replace('_', "-"), parse(value));
         table.insert(name.clone(), parsed.clone());
-        let mut read = T::from_table(table.clone());
+        let mut read = reads(table.clone());
         if read.as_ref().is_err_and(says_twice) {
             // The file has it under a name of before.
             table.retain(|other, there| {
-                other == name || !is_same_field::<T>((other, there), (&name, &parsed))
+                other == name || !is_same_field((other, there), (&name, &parsed), reads)
             });
-            read = T::from_table(table.clone());
+            read = reads(table.clone());
         }
         // One at a time, so that the error is that of this setting.
-        config = read.map_err(|error| SettingsError::Setting {
+        read.map_err(|error| SettingsError::Setting {
             key: key.clone(),
             value: value.clone(),
             message: error.message().to_owned(),
         })?;
     }
-    Ok(config)
+    Ok(table)
 }
 
 /// The configuration as TOML, which [`read`] takes back.
@@ -142,9 +162,9 @@ pub fn settings_of(text: &str) -> BTreeMap<String, String> {
 }
 
 /// Whether two keys name one field, which had another name before.
-fn is_same_field<T: Tabular>(a: (&str, &Value), b: (&str, &Value)) -> bool {
+fn is_same_field(a: (&str, &Value), b: (&str, &Value), reads: Reads<'_>) -> bool {
     let both = [a, b].into_iter().map(|(key, value)| (key.to_owned(), value.clone()));
-    T::from_table(both.collect()).as_ref().is_err_and(says_twice)
+    reads(both.collect()).as_ref().is_err_and(says_twice)
 }
 
 /// Whether a table has a field by two names.

@@ -6,6 +6,7 @@ pub mod attention;
 pub(crate) mod blocks;
 pub mod broadcast;
 pub mod columns;
+pub mod compiled;
 pub mod conv;
 #[cfg(feature = "testkit")]
 pub(crate) mod counting;

@@ -7,7 +7,7 @@ use datasets::{SurfacePoints, View};
 use diff_raster::Scratch;
 use mesh_core::TriMesh;
 use ndarray::{Array3, ArrayD, arr0};
-use nets::{Init, MeshRefinementHead, NormKind};
+use nets::{Init, MeshRefinementHead, MeshRefinementStage, NormKind, RefinedVertices};
 use recon::scene::scene_of;
 use train::{
     Compiled, DataError, DataSummary, Draw, LossError, Metric, PredictError, Shown, Source,
@@ -18,7 +18,7 @@ use super::config::RefineConfig;
 use super::depth_targets::{DepthTargets, Known};
 use super::encoder::Encoder;
 use super::mesh_init::{MeshInit, tetrahedra};
-use super::packed::Packed;
+use super::packed::{Packed, Shape};
 use super::places::published_places;
 use super::rendered::{Wanted, depth_difference, draw, picture_difference};
 use super::scenes::{Scene, Scenes};
@@ -119,9 +119,7 @@ impl<B: MeshInit> Refined<B> {
         let mut stages = Vec::new();
         for (i, stage) in self.head.stages.iter().enumerate() {
             if let Some(finer) = (i > 0).then(|| self.mesh_init.divided(i - 1)).flatten() {
-                let (packed, up) = now.packed.divided(vec![finer; scenes.len()]);
-                now = StageMeshes { packed, positions: now.positions.sparse_matmul(&up) };
-                hidden = hidden.map(|hidden: Var<'t>| hidden.sparse_matmul(&up));
+                (now, hidden) = divided(&now, hidden, vec![finer; scenes.len()]);
             }
             let packed = &now.packed;
             let place = if self.refine().published_places {
@@ -129,11 +127,9 @@ impl<B: MeshInit> Refined<B> {
             } else {
                 places(packed, now.positions, cameras, scenes)
             };
-            let seen = packed.gathered(stage.look(&maps, place));
-            let refined = stage.refine(seen, packed.gathered(place), hidden, &packed.graph);
+            let refined = moved(stage, &mut now, &maps, (place, hidden));
             hidden = Some(refined.hidden);
             colors = refined.color;
-            now.positions = now.positions + refined.offset;
             stages.push(now.clone());
         }
         Forward { logits: initial.logits, first, stages, colors, cameras }
@@ -257,6 +253,33 @@ fn mesh(meshes: &StageMeshes<'_>, colors: Option<Var<'_>>) -> TriMesh {
     let rows = |x: Var<'_>| x.value().as_slice().as_chunks::<3>().0.to_vec();
     let faces = meshes.packed.shapes[0].faces.clone();
     TriMesh { colors: colors.map(rows), ..TriMesh::new(rows(meshes.positions), faces) }
+}
+
+/// Meshes and what their vertices know on finer shapes. Like [`moved`] not generic, so that it is compiled here for both systems.
+#[inline(never)]
+fn divided<'t>(
+    meshes: &StageMeshes<'t>,
+    hidden: Option<Var<'t>>,
+    shapes: Vec<Arc<Shape>>,
+) -> (StageMeshes<'t>, Option<Var<'t>>) {
+    let (packed, up) = meshes.packed.divided(shapes);
+    let positions = meshes.positions.sparse_matmul(&up);
+    (StageMeshes { packed, positions }, hidden.map(|hidden| hidden.sparse_matmul(&up)))
+}
+
+/// Moves meshes by what a stage makes of the maps at their vertices' places and of what these know.
+#[inline(never)]
+fn moved<'t>(
+    stage: &MeshRefinementStage,
+    meshes: &mut StageMeshes<'t>,
+    maps: &[Var<'t>],
+    (place, hidden): (Var<'t>, Option<Var<'t>>),
+) -> RefinedVertices<'t> {
+    let packed = &meshes.packed;
+    let seen = packed.gathered(stage.look(maps, place));
+    let refined = stage.refine(seen, packed.gathered(place), hidden, &packed.graph);
+    meshes.positions = meshes.positions + refined.offset;
+    refined
 }
 
 /// The cells' binary cross entropy, a mean over all of them.

@@ -9,7 +9,7 @@ use train::{DataError, Terms};
 
 use super::config::{CameraSource, DIRECTIONS};
 use super::deformer::Deformer;
-use super::single_view::SingleView;
+use super::single_view::{SingleView, guess};
 use crate::paired::{Pairs, Picture};
 use crate::viewpoint::{Hypothesis, Viewpoint, as_seen, hypotheses, viewpoint_loss};
 
@@ -80,7 +80,7 @@ impl<D: Deformer> SingleView<D> {
         let Some(head) = &self.viewpoint else { return terms };
         let truth: Vec<Viewpoint> = pictures.iter().map(|p| Viewpoint::of(&p.camera)).collect();
         let missed = tape.scope("viewpoint", || {
-            viewpoint_loss(&head.forward(self.images(tape, pictures)), &truth)
+            viewpoint_loss(&guess(head, self.images(tape, pictures)), &truth)
         });
         terms.with("camera", self.shared().camera_weight, missed)
     }
@@ -89,7 +89,7 @@ impl<D: Deformer> SingleView<D> {
     pub fn viewpoints_of(&self, picture: &Picture) -> Vec<Hypothesis> {
         let Some(head) = &self.viewpoint else { return Vec::new() };
         let tape = Tape::eval();
-        let guess = head.forward(self.images(&tape, &[picture]));
+        let guess = guess(head, self.images(&tape, &[picture]));
         hypotheses(&guess, DIRECTIONS).swap_remove(0)
     }
 

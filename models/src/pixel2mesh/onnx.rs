@@ -5,7 +5,7 @@ use ndarray::ArrayD;
 use nets::onnx::{OnnxGraph, OnnxModel, ToOnnx, channels_first, channels_last};
 
 use super::deformer::Deformer;
-use super::single_view::SingleView;
+use super::single_view::{SingleView, guess, maps};
 use crate::stacked::numbers;
 
 impl<D: Deformer> SingleView<D> {
@@ -36,11 +36,11 @@ impl<D: Deformer> SingleView<D> {
         let tape = Tape::eval();
         let images = tape.constant(channels_last(&inputs[0]));
         let scale = self.shared().feature_scale as f32;
-        let maps = self.encoder.forward(images).map(|map| map.scale(scale));
+        let maps = maps(&self.encoder, images).map(|map| map.scale(scale));
         let mut outputs: Vec<_> =
             maps.into_iter().map(|map| channels_first(&numbers(map))).collect();
         if let Some(head) = &self.viewpoint {
-            let guess = head.forward(images);
+            let guess = guess(head, images);
             let column = |x: Var<'_>| numbers(x.reshape(&[x.shape()[0], 1]));
             outputs.extend([numbers(guess.logits), numbers(guess.turns)]);
             outputs.extend([column(guess.elevation), column(guess.log_distance)]);

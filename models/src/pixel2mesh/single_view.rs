@@ -4,7 +4,7 @@ use autodiff_lite::{Module, Tape, Var, Visitor, VisitorMut};
 use datasets::View;
 use mesh_core::TriMesh;
 use ndarray::ArrayD;
-use nets::{Init, Pixel2MeshEncoder, ViewpointHead};
+use nets::{Init, Pixel2MeshEncoder, ViewpointGuess, ViewpointHead};
 use ode_deform::solve::{SolveError, Stats};
 use recon::scene::scene_of;
 use train::{
@@ -104,7 +104,7 @@ impl<D: Deformer> SingleView<D> {
             Some(lens) => published_lens(tape, n, lens),
             None => stacked(tape, pictures.iter().map(|p| &p.lens[..]), &[n, 3, 4]),
         };
-        let mut maps = tape.scope("encoder", || self.encoder.forward(images));
+        let mut maps = tape.scope("encoder", || maps(&self.encoder, images));
         let scale = self.shared().feature_scale as f32;
         if scale != 1.0 {
             maps = maps.map(|map| map * scale);
@@ -159,6 +159,18 @@ impl<D: Deformer> SingleView<D> {
         let rows = value.as_slice().as_chunks::<3>().0.to_vec();
         TriMesh::new(rows, self.template.levels[level].mesh.faces.clone())
     }
+}
+
+/// The encoder's maps, finest first. Like [`guess`] not generic, so that it is compiled here for both systems.
+#[inline(never)]
+pub(super) fn maps<'t>(encoder: &Pixel2MeshEncoder, images: Var<'t>) -> [Var<'t>; 4] {
+    encoder.forward(images)
+}
+
+/// From where images were taken.
+#[inline(never)]
+pub(super) fn guess<'t>(head: &ViewpointHead, images: Var<'t>) -> ViewpointGuess<'t> {
+    head.forward(images)
 }
 
 impl<D: Deformer> SingleView<D> {

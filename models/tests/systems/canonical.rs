@@ -21,8 +21,7 @@ fn shipped() -> Img2Mesh {
 
 /// A chair that the weights were not trained on.
 fn chair() -> Vec<View> {
-    let orbit =
-        Orbit { count: 2 * GIVEN, width: 128, height: 128, seed: 5, ..Procedural::orbit() };
+    let orbit = Orbit { count: 2 * GIVEN, width: 128, height: 128, seed: 5, ..Procedural::orbit() };
     let set = Procedural::new(&[Family::Chair], [0, 0, 1], orbit);
     set.views(0, None, &ReadOptions::default(), &|_, _| ()).unwrap().views
 }
@@ -45,7 +44,8 @@ fn wide(view: &View) -> View {
     let (left, top, width, height) = (90, 20, 320, 180);
     let put = |picture: &mesh_core::ByteImage| {
         let c = picture.channels;
-        let mut out = mesh_core::ByteImage { height, width, channels: c, data: vec![0; height * width * c] };
+        let mut out =
+            mesh_core::ByteImage { height, width, channels: c, data: vec![0; height * width * c] };
         for (i, row) in picture.data.chunks_exact(picture.width * c).enumerate() {
             let at = ((i + top) * width + left) * c;
             out.data[at..at + row.len()].copy_from_slice(row);

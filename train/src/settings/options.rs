@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 use toml::Value;
 
-use super::{Tabular, settings_of};
+use super::{Reads, Tabular, reads, settings_of};
 
 /// A configuration that [`options!`](crate::options) declared.
 pub trait Options: Default + Tabular {
@@ -23,7 +23,10 @@ pub trait Options: Default + Tabular {
     /// All there is to say about the options: what `--help`, the pages of documentation and `check` are made from.
     fn describe() -> Vec<OptionInfo> {
         let defaults = settings_of(&Self::default().to_table().to_string());
-        Self::declared().into_iter().map(|declared| info::<Self>(declared, &defaults)).collect()
+        Self::declared()
+            .into_iter()
+            .map(|declared| info(declared, &defaults, &reads::<Self>))
+            .collect()
     }
 }
 
@@ -61,12 +64,12 @@ pub struct OptionInfo {
     pub meaning: String,
 }
 
-fn info<T: Tabular>(declared: Declared, defaults: &BTreeMap<String, String>) -> OptionInfo {
+fn info(declared: Declared, defaults: &BTreeMap<String, String>, reads: Reads<'_>) -> OptionInfo {
     let Declared { key, meaning, range } = declared;
-    let expected = range.unwrap_or_else(|| expected::<T>(&key));
+    let expected = range.unwrap_or_else(|| expected(&key, reads));
     let default = defaults.get(&key).map(|text| short(text)).unwrap_or_default();
     let none = Value::String(super::optional::NONE.to_owned());
-    let optional = T::from_table([(key.clone(), none)].into_iter().collect()).is_ok();
+    let optional = reads([(key.clone(), none)].into_iter().collect()).is_ok();
     let expected = if optional && !expected.contains("none") {
         format!("{expected}, or \"none\"")
     } else {
@@ -93,9 +96,9 @@ pub(crate) fn date() -> Value {
 }
 
 /// What the type of an option says when it is given what it cannot hold.
-fn expected<T: Tabular>(key: &str) -> String {
+fn expected(key: &str, reads: Reads<'_>) -> String {
     let text = |value: Value| {
-        let error = T::from_table([(key.to_owned(), value)].into_iter().collect());
+        let error = reads([(key.to_owned(), value)].into_iter().collect());
         let message = error.err().map(|error| error.message().to_owned())?;
         message.rsplit_once("expected ").map(|(_, what)| what.trim_end().to_owned())
     };

@@ -21,7 +21,7 @@ pub use geometry::{ConvAlgorithm, ConvGeometry, ConvSizes};
 use crate::kernels::activation::Activation;
 use crate::kernels::isa::Isa;
 use crate::kernels::lane::Lane;
-use operands::Operands;
+pub use operands::Operands;
 
 /// What a convolution needs beside its operands.
 #[derive(Clone, Copy, Debug)]
@@ -113,12 +113,7 @@ impl Conv {
         if y.is_empty() {
             return;
         }
-        let run = match self.form::<F>() {
-            Form::Wide => wide::forward,
-            Form::Winograd => winograd::forward,
-            Form::Direct => direct::forward,
-        };
-        run(s, self.isa, Operands { from: x, w, bias, activation, to: y, scratch });
+        F::convolve(self, Operands { from: x, w, bias, activation, to: y, scratch });
     }
 
     /// Numbers of scratch that [`grad_input`](Self::grad_input) needs.
@@ -155,12 +150,7 @@ impl Conv {
         if gx.is_empty() {
             return;
         }
-        let run = match self.form::<F>() {
-            Form::Wide => wide::grad_input,
-            Form::Winograd => winograd::grad_input,
-            Form::Direct => direct::grad_input,
-        };
-        run(s, self.isa, Operands { from: gy, w, bias, activation, to: gx, scratch });
+        F::convolve_back(self, Operands { from: gy, w, bias, activation, to: gx, scratch });
     }
 
     /// Numbers of scratch that [`grad_weight`](Self::grad_weight) needs.
@@ -184,13 +174,44 @@ impl Conv {
         assert_eq!(gw.len(), s.weight_len());
         assert_eq!(gy.len(), s.output_len());
         assert!(gw.is_empty() || gy.is_empty() || s.fits(), "{OUTSIDE}");
-        let run = match self.grad_weight_form::<F>() {
-            Form::Wide => wide::grad_weight,
-            Form::Winograd => winograd::grad_weight,
-            Form::Direct => grad_weight::run,
-        };
-        run(s, self.isa, x, gy, gw, scratch);
+        F::correlate(self, x, gy, gw, scratch);
     }
+}
+
+/// [`Conv::forward`] of sound operands.
+pub(super) fn forward<F: Lane>(conv: &Conv, operands: Operands<'_, F>) {
+    let run = match conv.form::<F>() {
+        Form::Wide => wide::forward,
+        Form::Winograd => winograd::forward,
+        Form::Direct => direct::forward,
+    };
+    run(&conv.sizes, conv.isa, operands);
+}
+
+/// [`Conv::grad_input`] of sound operands.
+pub(super) fn grad_input<F: Lane>(conv: &Conv, operands: Operands<'_, F>) {
+    let run = match conv.form::<F>() {
+        Form::Wide => wide::grad_input,
+        Form::Winograd => winograd::grad_input,
+        Form::Direct => direct::grad_input,
+    };
+    run(&conv.sizes, conv.isa, operands);
+}
+
+/// [`Conv::grad_weight`] of sound operands.
+pub(super) fn grad_weight<F: Lane>(
+    conv: &Conv,
+    x: &[F],
+    gy: &[F],
+    gw: &mut [F],
+    scratch: &mut [F],
+) {
+    let run = match conv.grad_weight_form::<F>() {
+        Form::Wide => wide::grad_weight,
+        Form::Winograd => winograd::grad_weight,
+        Form::Direct => grad_weight::run,
+    };
+    run(&conv.sizes, conv.isa, x, gy, gw, scratch);
 }
 
 #[cfg(test)]

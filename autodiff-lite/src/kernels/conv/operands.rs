@@ -6,7 +6,8 @@ use crate::kernels::lane::Lane;
 
 /// What a pass reads, and where its result goes: of the convolution from `x` to `y`, of the gradient of its input from
 /// the gradient of `y` to that of `x`.
-pub(super) struct Operands<'a, F> {
+#[derive(Debug)]
+pub struct Operands<'a, F> {
     pub(super) from: &'a [F],
     pub(super) w: &'a [F],
     pub(super) bias: Option<&'a [F]>,

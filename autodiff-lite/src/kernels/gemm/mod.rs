@@ -147,6 +147,20 @@ pub fn gemm_joined<F: Lane>(
         }
         return;
     }
+    F::products(joined, sizes, alpha, a, b, beta, c, finish);
+}
+
+/// [`gemm_joined`] of sound sizes, none of them 0: what [`Compiled`](crate::kernels::compiled::Compiled) compiles.
+pub(super) fn products<F: Lane>(
+    joined: Joined,
+    sizes: [usize; 3],
+    alpha: F,
+    a: &[Matrix<'_, F>],
+    b: &[Matrix<'_, F>],
+    beta: F,
+    c: &mut [&mut [F]],
+    finish: Option<Finish<'_, F>>,
+) {
     let isa = Isa::best();
     if sweeps(isa, sizes, a, b) {
         // SAFETY: the best instruction set is there, and it is AVX-512.
