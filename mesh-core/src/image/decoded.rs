@@ -66,9 +66,12 @@ impl Decoded {
         let size = channels << u8::from(deep);
         let grey = move |k: usize| {
             let pixel = &data[k * size..(k + 1) * size];
-            let channel = |c: usize| match deep {
-                true => u32::from(u16::from_be_bytes([pixel[2 * c], pixel[2 * c + 1]])),
-                false => u32::from(pixel[c]),
+            let channel = |c: usize| {
+                if deep {
+                    u32::from(u16::from_be_bytes([pixel[2 * c], pixel[2 * c + 1]]))
+                } else {
+                    u32::from(pixel[c])
+                }
             };
             if channels < 3 {
                 return channel(0) as u16;

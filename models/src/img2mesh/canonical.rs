@@ -16,15 +16,18 @@ use crate::square::square;
 
 /// Turns about the vertical that are tried.
 const TURNS: usize = 8;
-/// Radius of an object's ball beside that of the widest one that was learned from.
-const USUAL: f64 = 0.9;
+/// Radius of an object's ball beside that of the widest one that was learned from: of the shipped weights' families from 0.6
+/// (airplanes, thin in most views) to 1.
+const USUAL: f64 = 0.8;
+/// Sizes that are tried beside the usual one, after the turn is found.
+const SIZES: [f64; 2] = [0.8, 1.2];
 /// How far an object that stands where those learned from did may be from their middle, in radii of the widest.
 const BESIDE: f64 = 0.5;
 /// How much larger than the widest, or smaller, it may be.
 const LARGER: f64 = 1.3;
 const SMALLER: f64 = 0.5;
 /// What the box of an object is widened by: learned images show objects about so.
-const MARGIN: f64 = 1.3;
+const MARGIN: f64 = 1.5;
 
 /// Where an object is: what of all cameras' lines of sight through its masks comes nearest, and how wide it is there.
 #[derive(Clone, Copy, Debug)]
@@ -61,16 +64,14 @@ pub(super) struct Canonical {
     ball: Ball,
 }
 
-/// Views of another world, moved into the frame of a model.
-#[derive(Clone, Debug)]
+/// How another world is moved into the frame of a model.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Placed {
     /// From the world to the frame.
     similarity: SimilarityMatrix3<f64>,
     up: UpAxis,
-    /// By how many degrees the world, upright, was turned about the vertical.
+    /// By how much the world, upright, was turned about the vertical, radians.
     turn: f64,
-    /// The views, cut to the object, with their cameras in the frame.
-    pub(super) views: Vec<View>,
 }
 
 impl Canonical {
@@ -88,32 +89,59 @@ impl Canonical {
         beside <= BESIDE && (SMALLER..=LARGER).contains(&larger) && upright
     }
 
-    /// The views in this frame, seen from each side that may be the front.
-    pub(super) fn placed(&self, views: &[View]) -> Vec<Placed> {
-        let Some(found) = Ball::of(views) else { return Vec::new() };
+    /// The views in this frame, where `judged` makes of them the most: each side may be the front, and then the object a little
+    /// smaller or larger. Nothing where no view shows it.
+    ///
+    /// # Errors
+    /// Those of `judged`.
+    pub(super) fn best<T, E>(
+        &self,
+        views: &[View],
+        judged: impl Fn(&[View]) -> Result<(T, f64), E>,
+    ) -> Result<Option<(Placed, T, f64)>, E> {
+        let Some(found) = Ball::of(views) else { return Ok(None) };
         let up = UpAxis::of_cameras(views.iter().map(|view| &view.camera));
-        let scale = USUAL * self.ball.radius / found.radius;
-        let cut: Vec<View> = views.iter().map(around_the_object).collect();
-        (0..TURNS)
-            .map(|k| {
-                let turn = k as f64 / TURNS as f64 * TAU;
-                let rotation = Rotation3::from_axis_angle(&Vector3::y_axis(), turn)
-                    * Rotation3::from_matrix_unchecked(upright(up));
-                // p -> s R (p - c) + c'
-                let shift = self.ball.center - scale * (rotation * found.center);
-                let similarity = SimilarityMatrix3::from_parts(shift.into(), rotation, scale);
-                let moved = cut.iter().map(|view| {
-                    let camera = view.camera.transformed(&similarity);
-                    View { camera, depth: None, ..view.clone() }
-                });
-                let views = moved.collect();
-                Placed { similarity, up, turn: turn.to_degrees(), views }
-            })
-            .collect()
+        let views: Vec<View> = views.iter().map(around_the_object).collect();
+        let mut best: Option<(Placed, T, f64)> = None;
+        let mut consider = |turn: f64, size: f64| {
+            let placed = self.placed(found, (up, turn), size);
+            let (made, likeness) = judged(&placed.moved(&views))?;
+            if best.as_ref().is_none_or(|(.., most)| likeness > *most) {
+                best = Some((placed, made, likeness));
+            }
+            Ok(best.as_ref().map_or(turn, |(placed, ..)| placed.turn))
+        };
+        let mut turn = 0.0;
+        for k in 0..TURNS {
+            turn = consider(k as f64 / TURNS as f64 * TAU, 1.0)?;
+        }
+        for size in SIZES {
+            consider(turn, size)?;
+        }
+        Ok(best)
+    }
+
+    /// A ball brought to the middle, upright, turned, and to a size beside the usual one.
+    fn placed(&self, found: Ball, (up, turn): (UpAxis, f64), size: f64) -> Placed {
+        let scale = size * USUAL * self.ball.radius / found.radius;
+        let rotation = Rotation3::from_axis_angle(&Vector3::y_axis(), turn)
+            * Rotation3::from_matrix_unchecked(upright(up));
+        // p -> s R (p - c) + c'
+        let shift = self.ball.center - scale * (rotation * found.center);
+        let similarity = SimilarityMatrix3::from_parts(shift.into(), rotation, scale);
+        Placed { similarity, up, turn }
     }
 }
 
 impl Placed {
+    fn moved(&self, views: &[View]) -> Vec<View> {
+        let moved = |view: &View| {
+            let camera = view.camera.transformed(&self.similarity);
+            View { camera, depth: None, ..view.clone() }
+        };
+        views.iter().map(moved).collect()
+    }
+
     /// What was done, in words.
     pub(super) fn remark(&self) -> String {
         format!(
@@ -121,7 +149,7 @@ impl Placed {
              {:.3}, {} up, turned by {:.0} degrees, as fits the masks best), and the mesh was moved back",
             self.similarity.scaling(),
             self.up,
-            self.turn,
+            self.turn.to_degrees(),
         )
     }
 
@@ -131,7 +159,7 @@ impl Placed {
         let rows = (0..3).flat_map(|i| (0..4).map(move |j| (i, j)));
         vec![
             ("world to model's frame, rows of [A | t]", rows.map(|at| matrix[at]).collect()),
-            ("of this the turn about the vertical, degrees", vec![self.turn]),
+            ("of this the turn about the vertical, degrees", vec![self.turn.to_degrees()]),
         ]
     }
 

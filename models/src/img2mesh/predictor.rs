@@ -32,20 +32,16 @@ impl Predictor for Img2Mesh {
         if likeness >= LIKE && canonical.holds(given) {
             return Ok(asis);
         }
-        let (mut best, mut most) = (asis, likeness);
-        for placed in canonical.placed(given) {
-            let (mesh, likeness) = self.judged(&placed.views)?;
-            if likeness > most {
-                best = Prediction {
-                    mesh: placed.back(mesh),
-                    details: placed.details(),
-                    warnings: vec![placed.remark()],
-                    ..Prediction::default()
-                };
-                most = likeness;
-            }
-        }
-        Ok(best)
+        let best = canonical.best(given, |views| self.judged(views))?;
+        Ok(match best {
+            Some((placed, mesh, most)) if most > likeness => Prediction {
+                mesh: placed.back(mesh),
+                details: placed.details(),
+                warnings: vec![placed.remark()],
+                ..Prediction::default()
+            },
+            _ => asis,
+        })
     }
 
     fn to_onnx(&self) -> Option<OnnxModel> {

@@ -73,12 +73,10 @@ fn an_object_is_known_in_any_world() {
     ];
     for (name, world) in worlds {
         let (iou, warnings) = predicted(&system, moved(&views, &world));
-        println!("{name}: {iou:.3} beside {known:.3}: {warnings:?}");
         assert!(iou > known - 0.1, "{name}: {iou} beside {known}");
         assert_eq!(warnings.len(), 1, "{name}");
     }
     let wide: Vec<View> = moved(&views, &worlds[0].1).iter().map(wide).collect();
     let (iou, _) = predicted(&system, wide);
-    println!("wide: {iou:.3} beside {known:.3}");
     assert!(iou > known - 0.1, "wide: {iou} beside {known}");
 }

@@ -12,7 +12,7 @@ use serde::de::DeserializeOwned;
 use synth::Monocular;
 use synth::generate::GenerateConfig;
 use toml::{Table, Value};
-use train::settings::{optional, read_text};
+use train::settings::{Options, optional, read_text};
 use train::{Checkpoint, Configuration, System, TrainConfig};
 
 /// Numbers of which each is as good as another, up to the largest of TOML: seeds, and counts after which something
@@ -186,11 +186,7 @@ fn of_systems() {
     assert_largest::<TrainConfig>("train", &|config| joined(&config.check()));
 }
 
-fn assert_plain<C: Serialize + DeserializeOwned + Default>(
-    what: &str,
-    default: &C,
-    check: &dyn Fn(&C) -> Vec<String>,
-) {
+fn assert_plain<C: Options>(what: &str, default: &C, check: &dyn Fn(&C) -> Vec<String>) {
     assert_ranges(what, default, &|text| match read_text::<C>(Path::new("test"), text, &[]) {
         Err(error) => Some(error.to_string()),
         Ok(config) => joined(&check(&config)),

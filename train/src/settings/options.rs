@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 use toml::Value;
 
 use super::{Reads, Tabular, reads, settings_of};
 
 /// A configuration that [`options!`](crate::options) declared.
-pub trait Options: Default + Tabular {
+pub trait Options: Default + Tabular + Serialize + DeserializeOwned {
     /// Keys, meanings and ranges in their order, those of the base first.
     fn declared() -> Vec<Declared>;
 

@@ -78,12 +78,12 @@ pub fn out_of_range<T: Ranged>(
     if numbers.iter().all(|number| range.contains(number)) {
         return None;
     }
-    let found = numbers.iter().map(ToString::to_string).collect();
-    Some(sentence(key, found, T::LIST, &range_of(value, range)))
+    let found: Vec<String> = numbers.iter().map(ToString::to_string).collect();
+    Some(sentence(key, &found, T::LIST, &range_of(value, range)))
 }
 
 /// What is wrong with numbers.
-fn sentence(key: &str, found: Vec<String>, is_list: bool, expected: &str) -> String {
+fn sentence(key: &str, found: &[String], is_list: bool, expected: &str) -> String {
     let key = key.replace('_', "-");
     let found = found.join(", ");
     let found = if is_list { format!("[{found}]") } else { found };
