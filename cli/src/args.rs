@@ -216,7 +216,9 @@ Examples:
   unsphere train img2mesh --resume runs/clock --set epochs=80
   unsphere train img2mesh mugs/ --from runs/clock -o runs/mugs --set max-steps=500
   unsphere eval img2mesh --checkpoint runs/clock
-  tensorboard --logdir runs"
+  tensorboard --logdir runs
+Several processes, of a build with feature mpi, share the shards of each batch:
+  mpirun -n 4 unsphere train img2mesh mugs/ -o runs/mugs --set shards=4"
 )]
 pub(crate) struct Train {
     /// What is trained.

@@ -85,8 +85,8 @@ pub(crate) fn run(
     console.result(&outcome, describe)?;
     let Counts { failed, refused, .. } = counts;
     let problems = [
-        (failed, format!("{failed} objects could not be fitted")),
-        (refused, format!("the verdict on {refused} objects is an error")),
+        (failed, format!("{} could not be fitted", objects(failed))),
+        (refused, format!("the verdict on {} is an error", objects(refused))),
     ];
     let said: Vec<String> = problems.into_iter().filter(|p| p.0 > 0).map(|p| p.1).collect();
     if said.is_empty() {
@@ -94,6 +94,10 @@ pub(crate) fn run(
     }
     let place = batch.folder.join(PAGE);
     Err(Failure::Other(format!("{}; {} says why", said.join(", and "), place.display())))
+}
+
+fn objects(count: usize) -> String {
+    if count == 1 { "1 object".to_owned() } else { format!("{count} objects") }
 }
 
 impl Batch<'_> {

@@ -22,7 +22,7 @@ impl Predictor for Img2Mesh {
         "views of one object: images, masks and cameras".to_owned()
     }
 
-    /// Views of another world than that of the training are moved into its frame, and the mesh back: [`Canonical`].
+    /// Views of another world than that of the training are moved into its frame, and the mesh back: see `canonical.rs`.
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
         let given = &input.given;
         let (mesh, likeness) = self.judged(given)?;

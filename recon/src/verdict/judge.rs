@@ -67,7 +67,12 @@ fn disagreements(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
         }
     };
     if let Some(names) = named(&|view| view.mask_iou < VIEW_IOU) {
-        say(Grade::Doubtful, format!("{names} disagree with the mesh (mask IoU below {VIEW_IOU})"));
+        let verb = if evidence.count(|view| view.mask_iou < VIEW_IOU) == 1 {
+            "disagrees"
+        } else {
+            "disagree"
+        };
+        say(Grade::Doubtful, format!("{names} {verb} with the mesh (mask IoU below {VIEW_IOU})"));
     }
     if let Some(names) =
         named(&|view| view.holes > 0).filter(|_| evidence.count(|v| v.holes > 0) > 1)

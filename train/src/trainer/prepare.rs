@@ -162,8 +162,8 @@ fn share<S: System>(
         let (batch, shards) = (train.batch, train.shards);
         return refused(format!(
             "there are {size} processes, expected at most {parts}: a `batch` of {batch} with `shards` = {shards} falls into \
-             {parts} shards, and each process computes at least one; results are the same for any number of processes, but \
-             not for any number of shards"
+             {parts} shards, and each process computes at least one (--set shards={size} cuts it into more); results are the same \
+             for any number of processes, but not for any number of shards"
         ));
     }
     Ok(Share::new(train.batch, train.shards, ranks.place()))
