@@ -49,5 +49,8 @@ pub trait Instance<Data, Sample> {
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError>;
 
     /// See [`Predictor::onnx_outputs`](crate::predict::Predictor::onnx_outputs).
+    ///
+    /// # Shapes
+    /// As there.
     fn image_side_outputs(&self, inputs: &[ArrayD<f32>]) -> Vec<ArrayD<f32>>;
 }

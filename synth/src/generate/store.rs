@@ -56,7 +56,7 @@ impl Store {
         let shared = !shard.is_whole();
         let lock = if shared { lock_soon(root)? } else { lock_now(root)? };
         let manifest = root.join(MANIFEST);
-        let asked = toml::to_string_pretty(&Manifest {
+        let asked = train::settings::toml::to_string_pretty(&Manifest {
             version: env!("CARGO_PKG_VERSION"),
             model: fingerprint(models).as_deref(),
             dataset: config,
