@@ -1,7 +1,7 @@
 //! Views cut to a square around the object, their cameras with them.
 
 use datasets::View;
-use mesh_core::{ByteImage, Camera, DepthMap, Lens};
+use mesh_core::{ByteImage, Camera, DepthMap};
 
 /// The square around the part of a box (left, top, right, bottom) that is in the image, wider than the box's longer side by a
 /// factor `margin`; beyond the image it is white and without the object.
@@ -43,14 +43,8 @@ pub(crate) fn square(view: View, [left, top, right, bottom]: [f64; 4], margin: f
 /// The camera of a part of its image, which may reach beyond it.
 fn moved(camera: &Camera, [x, y]: [i64; 2], side: usize) -> Camera {
     let (x, y) = (x as f64, y as f64);
-    let lens = match camera.lens {
-        Lens::Perspective { fx, fy, cx, cy } => {
-            Lens::Perspective { fx, fy, cx: cx - x, cy: cy - y }
-        }
-        Lens::Orthographic { sx, sy, cx, cy } => {
-            Lens::Orthographic { sx, sy, cx: cx - x, cy: cy - y }
-        }
-    };
+    let [sx, sy, cx, cy] = camera.lens.numbers();
+    let lens = camera.lens.with([sx, sy, cx - x, cy - y]);
     Camera { lens, width: side, height: side, ..camera.clone() }
 }
 
@@ -81,6 +75,7 @@ fn pixels<T: Copy>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mesh_core::Lens;
     use mesh_core::nalgebra::{Matrix3, Vector3};
 
     /// A pixel keeps its colour and its ray, wherever the box lies.

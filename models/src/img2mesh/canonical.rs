@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 use datasets::View;
 use mesh_core::nalgebra::{Matrix3, Rotation3, SimilarityMatrix3, Vector3};
-use mesh_core::{TriMesh, UpAxis};
+use mesh_core::{Camera, TriMesh, UpAxis};
 use recon::fit::cones;
 
 use crate::predict::Detail;
@@ -47,9 +47,8 @@ impl Ball {
         views.iter().find_map(|view| {
             let [top, left, rows, columns] = view.mask_bounds()?.map(|n| n as f64);
             let (column, row) = (left + columns / 2.0, top + rows / 2.0);
-            let near = -(view.camera.rotation.transpose() * view.camera.translation)
-                .dot(&view.camera.forward());
-            let depth = if near > 0.0 { near } else { 1.0 };
+            let origin = view.camera.project([0.0; 3]).depth;
+            let depth = if origin > 0.0 { origin } else { 1.0 };
             let at = |column, row| Vector3::from(view.camera.unproject(column, row, depth));
             let center = at(column, row);
             let radius = (at(left, top) - center).norm();
@@ -89,7 +88,7 @@ impl Canonical {
         beside <= BESIDE && (SMALLER..=LARGER).contains(&larger) && upright
     }
 
-    /// The views in this frame, where `judged` makes of them the most: each side may be the front, and then the object a little
+    /// The way into this frame of which `judged` thinks the most: each side may be the front, and then the object a little
     /// smaller or larger. Nothing where no view shows it.
     ///
     /// # Errors
@@ -97,28 +96,24 @@ impl Canonical {
     pub(super) fn best<T, E>(
         &self,
         views: &[View],
-        judged: impl Fn(&[View]) -> Result<(T, f64), E>,
+        judged: impl Fn(&Placed) -> Result<(T, f64), E>,
     ) -> Result<Option<(Placed, T, f64)>, E> {
         let Some(found) = Ball::of(views) else { return Ok(None) };
         let up = UpAxis::of_cameras(views.iter().map(|view| &view.camera));
-        let views: Vec<View> = views.iter().map(around_the_object).collect();
-        let mut best: Option<(Placed, T, f64)> = None;
-        let mut consider = |turn: f64, size: f64| {
+        let tried = |turn: f64, size: f64| {
             let placed = self.placed(found, (up, turn), size);
-            let (made, likeness) = judged(&placed.moved(&views))?;
-            if best.as_ref().is_none_or(|(.., most)| likeness > *most) {
-                best = Some((placed, made, likeness));
-            }
-            Ok(best.as_ref().map_or(turn, |(placed, ..)| placed.turn))
+            let (made, likeness) = judged(&placed)?;
+            Ok((placed, made, likeness))
         };
-        let mut turn = 0.0;
-        for k in 0..TURNS {
-            turn = consider(k as f64 / TURNS as f64 * TAU, 1.0)?;
+        let mut best = tried(0.0, 1.0)?;
+        for k in 1..TURNS {
+            best = better(best, tried(k as f64 / TURNS as f64 * TAU, 1.0)?);
         }
+        let turn = best.0.turn;
         for size in SIZES {
-            consider(turn, size)?;
+            best = better(best, tried(turn, size)?);
         }
-        Ok(best)
+        Ok(Some(best))
     }
 
     /// A ball brought to the middle, upright, turned, and to a size beside the usual one.
@@ -134,12 +129,9 @@ impl Canonical {
 }
 
 impl Placed {
-    fn moved(&self, views: &[View]) -> Vec<View> {
-        let moved = |view: &View| {
-            let camera = view.camera.transformed(&self.similarity);
-            View { camera, depth: None, ..view.clone() }
-        };
-        views.iter().map(moved).collect()
+    /// A camera of the world in the frame.
+    pub(super) fn camera(&self, camera: &Camera) -> Camera {
+        camera.transformed(&self.similarity)
     }
 
     /// What was done, in words.
@@ -170,6 +162,11 @@ impl Placed {
     }
 }
 
+/// That which is more like the masks; of equals the first.
+fn better<T>(a: (Placed, T, f64), b: (Placed, T, f64)) -> (Placed, T, f64) {
+    if b.2 > a.2 { b } else { a }
+}
+
 /// The rotation that makes an axis +Y.
 fn upright(up: UpAxis) -> Matrix3<f64> {
     let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -177,7 +174,8 @@ fn upright(up: UpAxis) -> Matrix3<f64> {
     Matrix3::from_columns(&columns)
 }
 
-fn around_the_object(view: &View) -> View {
+/// The square part of a view that shows the object as large as learned images do.
+pub(super) fn around_the_object(view: &View) -> View {
     let view = view.clone();
     match view.mask_bounds() {
         Some([top, left, rows, columns]) => {

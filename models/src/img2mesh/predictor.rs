@@ -1,10 +1,13 @@
 //! A mesh from all of a user's views.
 
+use std::sync::Arc;
+
+use datasets::View;
 use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
 use train::PredictError;
 
-use super::canonical::Canonical;
+use super::canonical::{Canonical, around_the_object};
 use super::{Img2Mesh, Img2MeshConfig};
 use crate::predict::{PredictInput, Prediction, Predictor};
 
@@ -25,14 +28,20 @@ impl Predictor for Img2Mesh {
     /// Views of another world than that of the training are moved into its frame, and the mesh back: see `canonical.rs`.
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
         let given = &input.given;
-        let (mesh, likeness) = self.judged(given)?;
+        let (mesh, likeness) = self.judged(&self.prepared(given)?);
         let asis = Prediction { mesh, ..Prediction::default() };
         let frame: [f32; 4] = std::array::from_fn(|k| self.model.frame.as_slice()[k]);
         let canonical = Canonical::new(frame.map(f64::from));
         if likeness >= LIKE && canonical.holds(given) {
             return Ok(asis);
         }
-        let best = canonical.best(given, |views| self.judged(views))?;
+        let cut: Vec<View> = given.iter().map(around_the_object).collect();
+        let prepared = self.prepared(&cut)?;
+        let best = canonical.best(given, |placed| {
+            let seen = prepared.iter().zip(&cut);
+            let moved = seen.map(|(seen, view)| seen.through(&placed.camera(&view.camera)));
+            Ok::<_, PredictError>(self.judged(&moved.map(Arc::new).collect::<Vec<_>>()))
+        })?;
         Ok(match best {
             Some((placed, mesh, most)) if most > likeness => Prediction {
                 mesh: placed.back(mesh),

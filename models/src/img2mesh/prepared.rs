@@ -1,7 +1,7 @@
 //! One view as the model takes it.
 
 use datasets::View;
-use mesh_core::ByteImage;
+use mesh_core::{ByteImage, Camera};
 use recon::evaluate::masked;
 use recon::fit::signed_distance;
 use train::{DataError, Fingerprint};
@@ -10,7 +10,7 @@ use super::config::Img2MeshConfig;
 use crate::view_cache::Stored;
 
 /// One view, resized for encoder and losses, in bytes: thousands stay in memory.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Prepared {
     pub(super) name: String,
     /// `[S, S, 3]`, black outside of the object if the configuration says so.
@@ -60,6 +60,11 @@ impl Prepared {
             outline,
             camera: view.camera.projection(),
         })
+    }
+
+    /// The same image, seen by another camera.
+    pub(super) fn through(&self, camera: &Camera) -> Self {
+        Self { camera: camera.projection(), ..self.clone() }
     }
 
     /// From a frame (its centre and scale) to the image plane: `[3, 4]` in a row.

@@ -3,12 +3,11 @@
 use std::sync::Arc;
 
 use autodiff_lite::Tape;
-use datasets::View;
 use mesh_core::{ByteImage, TriMesh};
 use rayon::prelude::*;
 use recon::scene::scene_of;
 use train::report::ViewPair;
-use train::{Better, DataError, Metric, PredictError, Shown, Subset};
+use train::{Better, DataError, Metric, Shown, Subset};
 
 use super::data::{Data, Trial};
 use super::prepared::Prepared;
@@ -88,19 +87,15 @@ impl Img2Mesh {
     }
 
     /// A mesh in the world of the cameras, and the mean IoU of its outlines with the masks of the views that it is made from.
-    ///
-    /// # Errors
-    /// Why the views do not serve.
-    pub(super) fn judged(&self, views: &[View]) -> Result<(TriMesh, f64), PredictError> {
-        let prepared = self.prepared(views)?;
+    pub(super) fn judged(&self, views: &[Arc<Prepared>]) -> (TriMesh, f64) {
         let tape = Tape::eval();
-        let meshes = self.meshes_uncached(&tape, &prepared);
+        let meshes = self.meshes_uncached(&tape, views);
         let iou = |view: &Arc<Prepared>| {
             let (color, mask) = self.draw_view(&tape, meshes, view);
             score(&color, &mask, view).iou
         };
-        let likeness = prepared.iter().map(iou).sum::<f64>() / prepared.len() as f64;
-        Ok((self.mesh(meshes), likeness))
+        let likeness = views.iter().map(iou).sum::<f64>() / views.len() as f64;
+        (self.mesh(meshes), likeness)
     }
 
     /// Colours `[R, R, 3]` and hard mask `[R, R]` from one camera.

@@ -58,6 +58,18 @@ fn wide(view: &View) -> View {
     View { color: put(&view.color), mask: put(&view.mask), camera, ..view.clone() }
 }
 
+/// One image says nothing of depth, and its camera is believed.
+#[test]
+fn a_single_view_of_the_learned_world_stays_there() {
+    let (system, views) = (shipped(), chair());
+    for view in views {
+        let name = view.name.clone();
+        let input = PredictInput::part(Views::in_memory(vec![view]), Choice::All).unwrap();
+        let warnings = system.apply(&input).unwrap().warnings;
+        assert!(warnings.is_empty(), "{name}: {warnings:?}");
+    }
+}
+
 #[test]
 fn an_object_is_known_in_any_world() {
     let (system, views) = (shipped(), chair());
