@@ -5,7 +5,7 @@ use std::iter::Sum;
 use bytemuck::Pod;
 use ndarray::NdFloat;
 
-use crate::kernels::lane::Lane;
+use crate::kernels::compiled::Compiled;
 use crate::kernels::transcendental::Transcendental;
 use crate::pool::Pooled;
 
@@ -26,7 +26,7 @@ pub trait Real:
     + Sum
     + for<'a> Sum<&'a Self>
     + Transcendental
-    + Lane
+    + Compiled
     + Pooled
     + Pod
     + 'static

@@ -2,7 +2,8 @@
 
 use std::hint::black_box;
 
-use autodiff_lite::kernels::gemm::{Matrix, gemm};
+use autodiff_lite::kernels::gemm::Matrix;
+use autodiff_lite::kernels::product::gemm;
 use benches::{criterion, numbers, pool, yardsticks};
 use criterion::Throughput;
 

@@ -17,8 +17,8 @@ use nets::{Init, Linear};
 use rand::RngExt;
 use synth::{RenderOptions, render_views};
 use train::{
-    DataError, DataSummary, Draw, Fingerprint, LossError, Metric, PredictError, Source, StepInfo,
-    Subset, Summary, System, Terms, options,
+    Compile, DataError, DataSummary, Draw, Fingerprint, LossError, Metric, PredictError, Source,
+    StepInfo, Subset, Summary, System, Terms, options,
 };
 use unsphere::Program;
 
@@ -53,6 +53,8 @@ struct Sample {
     cells: Vec<f32>,
     logs: [f32; 3],
 }
+
+impl Compile for Ellipsoid {}
 
 impl System for Ellipsoid {
     const NAME: &'static str = "ellipsoid";

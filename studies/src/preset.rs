@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use datasets::ReadOptions;
 use train::settings::{read_text, to_toml};
-use train::{Configuration, DataError, Metric, Source, System};
+use train::{Compile, Configuration, DataError, Metric, Source, System};
 
 use super::error::StudyError;
 use super::plan::{Plan, PlannedJob};
@@ -96,7 +96,7 @@ pub(crate) fn open<S: System<ReadOptions = ReadOptions>>(
 }
 
 /// Opens a job's data and trains its system, as far as scoring.
-pub(crate) fn train_job<S: System<ReadOptions = ReadOptions>>(
+pub(crate) fn train_job<S: System<ReadOptions = ReadOptions> + Compile>(
     config: &Configuration<S::Config>,
     work: &Work<'_>,
     watch: &mut Watch<'_>,

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use train::progress::{Event, Watch};
-use train::{Configuration, Job, Provenance, RunError, RunFolder, System, train};
+use train::{Compile, Configuration, Job, Provenance, RunError, RunFolder, System, train};
 
 use super::error::StudyError;
 use super::scale::Scale;
@@ -80,7 +80,7 @@ impl Work<'_> {
     /// # Errors
     /// As [`train`](fn@train::train); [`StudyError::Cancelled`] if it is to end, after a checkpoint. A training that is there
     /// and cannot go on is an error too: it is never replaced.
-    pub fn train<S: System>(
+    pub fn train<S: Compile>(
         &self,
         config: &Configuration<S::Config>,
         data: &S::Data,

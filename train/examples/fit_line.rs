@@ -10,8 +10,8 @@ use ndarray::{Array1, Array2};
 use rand::RngExt;
 use train::progress::{Event, Watch};
 use train::{
-    Configuration, DataError, Draw, Job, LossError, Metric, PredictError, Provenance, RunFolder,
-    Source, StepInfo, Subset, Summary, System, Terms, options, train,
+    Compile, Configuration, DataError, Draw, Job, LossError, Metric, PredictError, Provenance,
+    RunFolder, Source, StepInfo, Subset, Summary, System, Terms, options, train,
 };
 
 options! {
@@ -30,6 +30,8 @@ struct Line {
     config: LineConfig,
 }
 impl_module!(Line: f32 { weight, bias } fixed { config });
+
+impl Compile for Line {}
 
 impl System for Line {
     const NAME: &'static str = "line";

@@ -123,27 +123,6 @@ impl<'a> Checkpoint<'a> {
         Err(self.wrong("config", "out of range", &problems.join("; ")))
     }
 
-    /// The trained system with its configuration, ready to predict.
-    ///
-    /// # Errors
-    /// If it is of another system or does not fit it.
-    pub fn load<S: System>(&self) -> Result<(S, Configuration<S::Config>), CheckpointError> {
-        let config = self.config::<S>()?;
-        Ok((self.load_as(&config)?, config))
-    }
-
-    /// The trained system under other options than those of the run, as long as they leave the
-    /// parameters' names and shapes as they are.
-    ///
-    /// # Errors
-    /// If it is of another system; or all parameters that are missing, left over or of another shape.
-    pub fn load_as<S: System>(
-        &self,
-        config: &Configuration<S::Config>,
-    ) -> Result<S, CheckpointError> {
-        (S::compiled().load)(self, config)
-    }
-
     /// A fresh system led to the checkpoint's shapes and filled with its values.
     fn rebuild<S: System>(
         &self,
@@ -317,8 +296,8 @@ fn place(bytes: &[u8]) -> Option<std::ops::Range<usize>> {
     (bytes.get(place.end) == Some(&b'"')).then_some(place)
 }
 
-/// [`Checkpoint::load_as`], compiled where [`Compiled`](crate::Compiled) is made.
-pub(super) fn load_as<S: System>(
+/// The trained system; see [`Checkpoint::load_as`].
+pub(super) fn load<S: System>(
     checkpoint: &Checkpoint<'_>,
     config: &Configuration<S::Config>,
 ) -> Result<S, CheckpointError> {

@@ -23,7 +23,7 @@
 //!
 //! 1. A configuration ([`options!`]) beside the model it configures: each option once, with default, range and
 //!    meaning; none named like one of [`TrainConfig`]'s.
-//! 2. `impl System`, whose scores are of a [`Subset`] of the data, by objects that are in no other; presets `tiny`, `small` and `paper` beside it, each published value with its source.
+//! 2. `impl System` and `impl Compile`, whose scores are of a [`Subset`] of the data, by objects that are in no other; presets `tiny`, `small` and `paper` beside it, each published value with its source.
 //! 3. `impl Predictor` (`models::predict`): from a user's files to a mesh.
 //! 4. One line: `Registry::register` (`models::register`, or a program of its own, as
 //!    `cli/examples/ellipsoid.rs`). Commands, help, `check --options` and `docs/options.md` follow.
@@ -76,7 +76,7 @@ pub use checkpoint_path::{CheckpointPath, RunMetadata};
 pub use communicator::{Communicator, Solo, first_failure};
 #[cfg(feature = "mpi")]
 pub use communicator::{Mpi, MpiError};
-pub use compiled::Compiled;
+pub use compiled::{Compile, Compiled, train, train_among};
 pub use config::{CHANGEABLE, Configuration, OptimizerKind, ScheduleKind, TrainConfig};
 pub use draw::Draw;
 pub use error::{CheckpointError, DataError, LossError, PredictError, RunError, TrainError};
@@ -89,4 +89,4 @@ pub use shard::{Shard, ShardError};
 pub use step_info::StepInfo;
 pub use subset::{DataSummary, Subset};
 pub use system::{Better, Metric, Shown, Source, Summary, System, Term, Terms};
-pub use trainer::{Job, Outcome, train, train_among};
+pub use trainer::{Job, Outcome};

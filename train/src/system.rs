@@ -6,7 +6,6 @@ use std::path::Path;
 use autodiff_lite::{Module, Tape, Var};
 use serde::{Deserialize, Serialize};
 
-use super::compiled::Compiled;
 use super::config::Configuration;
 use super::draw::Draw;
 use super::error::{DataError, LossError, PredictError};
@@ -149,12 +148,6 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     /// Parameters, by the beginning of their path, whose learning rate is multiplied by a factor.
     fn rates(&self) -> Vec<(String, f64)> {
         Vec::new()
-    }
-
-    /// The loop for this system. A library's implementation repeats this line, in a function that is not generic and
-    /// `#[inline(never)]`: the loop is then compiled once, with the system, and not again by every program that trains it.
-    fn compiled() -> Compiled<Self> {
-        Compiled::here()
     }
 
     /// Applies the system.

@@ -8,7 +8,8 @@ use crate::Real;
 use crate::kernels::blocks::{SERIAL_BELOW, Shared, for_each_block};
 use crate::kernels::dropout::Kept;
 use crate::kernels::extent::{elements, work};
-use crate::kernels::gemm::{Matrix, gemm};
+use crate::kernels::gemm::Matrix;
+use crate::kernels::product::gemm;
 use crate::kernels::softmax::{softmax, softmax_grad};
 use crate::kernels::workspace;
 

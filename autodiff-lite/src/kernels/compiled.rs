@@ -6,10 +6,11 @@
 
 use crate::kernels::conv::{self, Conv, Operands};
 use crate::kernels::gemm::{self, Finish, Joined, Matrix};
+use crate::kernels::lane::Lane;
 
 /// Implemented for `f32` and `f64`.
-pub trait Compiled: Sized {
-    /// [`gemm_joined`](gemm::gemm_joined) of sound sizes.
+pub trait Compiled: Lane {
+    /// [`gemm_joined`](crate::kernels::product::gemm_joined) of sound sizes.
     fn products(
         joined: Joined,
         sizes: [usize; 3],

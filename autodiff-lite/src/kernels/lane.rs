@@ -4,7 +4,6 @@ use bytemuck::Pod;
 use ndarray::NdFloat;
 use pulp::Simd;
 
-use crate::kernels::compiled::Compiled;
 use crate::kernels::gemm::library::Crate;
 use crate::kernels::gemm::tile::Multiplied;
 use crate::kernels::tile::Tiled;
@@ -16,7 +15,7 @@ pub const MOST_LANES: usize = 16;
 ///
 /// Forwards to the methods that pulp names once per type, so that a kernel is written once. All
 /// of it inlines into the kernel.
-pub trait Lane: NdFloat + Default + Pod + Tiled + Multiplied + Crate + Compiled {
+pub trait Lane: NdFloat + Default + Pod + Tiled + Multiplied + Crate {
     /// A register of numbers.
     type Vector<S: Simd>: Copy;
 

@@ -8,6 +8,7 @@ pub mod broadcast;
 pub mod columns;
 pub mod compiled;
 pub mod conv;
+pub mod convolution;
 #[cfg(feature = "testkit")]
 pub(crate) mod counting;
 pub mod dropout;
@@ -19,6 +20,7 @@ pub mod lane;
 pub mod norm;
 pub mod parallel;
 pub mod pooling;
+pub mod product;
 pub mod project;
 pub mod reduce;
 pub mod resample;

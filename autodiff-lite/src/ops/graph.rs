@@ -1,8 +1,9 @@
 //! The fused graph convolution.
 
 use crate::kernels::activation::Activation;
-use crate::kernels::gemm::{Joined, Matrix, gemm_joined};
+use crate::kernels::gemm::{Joined, Matrix};
 use crate::kernels::isa::Isa;
+use crate::kernels::product::gemm_joined;
 use crate::kernels::sparse::{csr_add_rows, csr_times_rows};
 use crate::{Backward, PoolVec, Real, SparseMatrix, Tensor, Var};
 

@@ -4,7 +4,8 @@ use crate::kernels::activation::Activation;
 use crate::kernels::columns::column_sums;
 use crate::kernels::dropout::Kept;
 use crate::kernels::elementwise;
-use crate::kernels::gemm::{Matrix, gemm, gemm_then};
+use crate::kernels::gemm::Matrix;
+use crate::kernels::product::{gemm, gemm_then};
 use crate::{Backward, Real, Tensor, Var};
 
 use super::dropout::{keep_mask, keep_scale};

@@ -1,7 +1,8 @@
 //! Matrix products of tensors, in all transpositions.
 
 use crate::kernels::blocks::{SERIAL_BELOW, for_each_part};
-use crate::kernels::gemm::{Matrix, gemm};
+use crate::kernels::gemm::Matrix;
+use crate::kernels::product::gemm;
 use crate::{Backward, Real, Var};
 
 impl<F: Real> Var<'_, F> {

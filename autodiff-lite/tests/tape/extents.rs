@@ -8,12 +8,13 @@ use autodiff_lite::kernels::attention::{
     AttentionGradients, AttentionOperands, AttentionSizes, attention, attention_grad,
 };
 use autodiff_lite::kernels::conv::{Conv, ConvAlgorithm, ConvSizes};
-use autodiff_lite::kernels::gemm::{Matrix, gemm};
+use autodiff_lite::kernels::gemm::Matrix;
 use autodiff_lite::kernels::isa::Isa;
 use autodiff_lite::kernels::norm::{
     NormSizes, Statistics, layer_norm, normalize, normalize_grad, statistics,
 };
 use autodiff_lite::kernels::pooling::{PoolGeometry, Windows, avg_pool, max_pool};
+use autodiff_lite::kernels::product::gemm;
 use autodiff_lite::kernels::project::{Projection, project};
 use autodiff_lite::kernels::reduce::{max_axis, sum_axis};
 use autodiff_lite::kernels::resample::{resize, resize_blends, resize_grad};

@@ -1,6 +1,7 @@
 //! Distances of sets of features: Fréchet's, and the one that MCMR published under its name.
 
-use autodiff_lite::kernels::gemm::{Matrix, gemm};
+use autodiff_lite::kernels::gemm::Matrix;
+use autodiff_lite::kernels::product::gemm;
 use mesh_core::nalgebra::DMatrix;
 use ndarray::{ArrayView2, Axis};
 

@@ -47,7 +47,7 @@ pub trait MeshInit: Module<f32> + Debug + Send + Sync + Sized + 'static {
     /// With fresh parameters.
     fn new(config: &Self::Config, init: &Init) -> Self;
 
-    /// The loop of its system; see [`System::compiled`](train::System::compiled).
+    /// The loop of its system; see [`Compile::compiled`](train::Compile::compiled).
     fn compiled() -> Compiled<Refined<Self>>;
 
     /// What of its system runs the network.

@@ -10,8 +10,8 @@ use ndarray::{Array3, ArrayD, arr0};
 use nets::{Init, MeshRefinementHead, MeshRefinementStage, NormKind, RefinedVertices};
 use recon::scene::scene_of;
 use train::{
-    Compiled, DataError, DataSummary, Draw, LossError, Metric, PredictError, Shown, Source,
-    StepInfo, Subset, Summary, System, Terms,
+    Compile, Compiled, DataError, DataSummary, Draw, LossError, Metric, PredictError, Shown,
+    Source, StepInfo, Subset, Summary, System, Terms,
 };
 
 use super::config::RefineConfig;
@@ -290,6 +290,12 @@ fn cell_loss<'t>(logits: Var<'t>, scenes: &[&Scene]) -> Var<'t> {
     (logits.softplus() - logits * target).mean()
 }
 
+impl<B: MeshInit> Compile for Refined<B> {
+    fn compiled() -> Compiled<Self> {
+        B::compiled()
+    }
+}
+
 impl<B: MeshInit> System for Refined<B> {
     const NAME: &'static str = B::NAME;
     const PRESETS: &'static [(&'static str, &'static str)] = B::PRESETS;
@@ -407,10 +413,6 @@ impl<B: MeshInit> System for Refined<B> {
     fn coupling(&self) -> Option<&'static str> {
         let text = "`norm` is \"batch\", whose statistics are those of the batch (`norm = \"frozen\"` has none)";
         (self.refine().norm == NormKind::Batch).then_some(text)
-    }
-
-    fn compiled() -> Compiled<Self> {
-        B::compiled()
     }
 
     /// The mesh in the world of the camera, from the first view.

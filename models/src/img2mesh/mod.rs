@@ -58,8 +58,8 @@ use ndarray::ArrayD;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use train::{
-    Compiled, DataError, DataSummary, Draw, LossError, Metric, OptimizerState, PredictError, Shown,
-    Source, StepInfo, Subset, Summary, System, Terms,
+    Compile, Compiled, DataError, DataSummary, Draw, LossError, Metric, OptimizerState,
+    PredictError, Shown, Source, StepInfo, Subset, Summary, System, Terms,
 };
 
 use crate::parts::finished;
@@ -208,6 +208,13 @@ impl Img2Mesh {
     }
 }
 
+impl Compile for Img2Mesh {
+    #[inline(never)]
+    fn compiled() -> Compiled<Self> {
+        Compiled::here()
+    }
+}
+
 impl System for Img2Mesh {
     const NAME: &'static str = "img2mesh";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
@@ -229,11 +236,6 @@ impl System for Img2Mesh {
     type Sample = Sample;
     type Input = [View];
     type Prediction = TriMesh;
-
-    #[inline(never)]
-    fn compiled() -> Compiled<Self> {
-        Compiled::here()
-    }
 
     fn check(config: &Img2MeshConfig) -> Vec<String> {
         config.check()

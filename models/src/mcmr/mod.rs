@@ -65,8 +65,8 @@ use mesh_core::cotangent_laplacian;
 use nets::LoadWeights;
 use recon::scene::scene_of;
 use train::{
-    Compiled, DataError, DataSummary, Draw, LossError, Metric, OptimizerState, PredictError, Shown,
-    Source, StepInfo, Subset, Summary, System, Terms,
+    Compile, Compiled, DataError, DataSummary, Draw, LossError, Metric, OptimizerState,
+    PredictError, Shown, Source, StepInfo, Subset, Summary, System, Terms,
 };
 
 use crate::stacked::stacked;
@@ -187,6 +187,13 @@ impl Mcmr {
     }
 }
 
+impl Compile for Mcmr {
+    #[inline(never)]
+    fn compiled() -> Compiled<Self> {
+        Compiled::here()
+    }
+}
+
 impl System for Mcmr {
     const NAME: &'static str = "mcmr";
     const PRESETS: &'static [(&'static str, &'static str)] = &[
@@ -205,11 +212,6 @@ impl System for Mcmr {
     type Sample = (Sample, Arc<PerceptualMetrics>);
     type Input = [View];
     type Prediction = McmrPrediction;
-
-    #[inline(never)]
-    fn compiled() -> Compiled<Self> {
-        Compiled::here()
-    }
 
     fn check(config: &McmrConfig) -> Vec<String> {
         config.check()

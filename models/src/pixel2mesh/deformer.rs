@@ -40,7 +40,7 @@ pub trait Deformer: Module<f32> + Debug + Send + Sync + Sized + 'static {
     /// With fresh parameters.
     fn new(config: &Self::Config, init: &Init, template: &Template) -> Self;
 
-    /// The loop of its system; see [`System::compiled`](train::System::compiled).
+    /// The loop of its system; see [`Compile::compiled`](train::Compile::compiled).
     fn compiled() -> Compiled<SingleView<Self>>;
 
     /// What of its system runs the network.

@@ -32,6 +32,7 @@ mod score;
 mod single_view;
 mod stage_terms;
 mod staged;
+mod sums;
 mod template;
 #[cfg(test)]
 mod tests;

@@ -111,7 +111,7 @@ fn regularisers_mean_the_same_at_each_level() {
             displacement: 1.0,
         };
         let system = Pixel2Mesh::new(&config, 0);
-        let mut sums = stage_terms::Sums::default();
+        let mut sums = sums::Sums::default();
         system.stage_terms(&stage, stage.before, &[], &mut sums);
         [sums.edge, sums.stretch, sums.laplacian, sums.bending].map(|sum| sum.unwrap().item())
     };

@@ -8,15 +8,15 @@ use nets::{Init, Pixel2MeshEncoder, ViewpointGuess, ViewpointHead};
 use ode_deform::solve::{SolveError, Stats};
 use recon::scene::scene_of;
 use train::{
-    Compiled, DataError, DataSummary, Draw, LossError, Metric, PredictError, Shown, Source,
-    StepInfo, Subset, Summary, System, Terms,
+    Compile, Compiled, DataError, DataSummary, Draw, LossError, Metric, PredictError, Shown,
+    Source, StepInfo, Subset, Summary, System, Terms,
 };
 
 use super::config::{DIRECTIONS, EncoderForm, SharedConfig};
 use super::decay::half_squares;
 use super::deformer::{Deformed, Deformer, Run};
 use super::projection::published_lens;
-use super::stage_terms::Sums;
+use super::sums::Sums;
 use super::template::Template;
 use crate::instance::Instance;
 use crate::paired::{FrameKind, Pair, Pairs, Picture};
@@ -190,6 +190,12 @@ impl<D: Deformer> SingleView<D> {
     }
 }
 
+impl<D: Deformer> Compile for SingleView<D> {
+    fn compiled() -> Compiled<Self> {
+        D::compiled()
+    }
+}
+
 impl<D: Deformer> System for SingleView<D> {
     const NAME: &'static str = D::NAME;
     const PRESETS: &'static [(&'static str, &'static str)] = D::PRESETS;
@@ -303,10 +309,6 @@ impl<D: Deformer> System for SingleView<D> {
 
     fn show(&self, data: &Pairs, subset: Subset) -> Result<Shown, DataError> {
         D::instance(self).show(data, subset)
-    }
-
-    fn compiled() -> Compiled<Self> {
-        D::compiled()
     }
 
     /// The mesh in the world of the camera, from the first view.

@@ -6,7 +6,7 @@ use datasets::ReadOptions;
 use mesh_core::TriMesh;
 use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
-use train::{DataError, PredictError, System};
+use train::{Compile, DataError, PredictError, System};
 
 use super::input::{PredictInput, Request};
 
@@ -14,7 +14,7 @@ use super::input::{PredictInput, Request};
 ///
 /// All input is [`View`](datasets::View)s: a system of a single image takes the first, with its
 /// depth where there is one; one that needs no camera gives its own to images that have none.
-pub trait Predictor: System<ReadOptions = ReadOptions> + 'static {
+pub trait Predictor: System<ReadOptions = ReadOptions> + Compile + 'static {
     /// What it does, in one sentence, for lists.
     const ABOUT: &'static str;
     /// How a checkpoint is had, for those who have none: a command and how long it takes.

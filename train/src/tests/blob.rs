@@ -13,8 +13,8 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::report::ViewPair;
 use crate::{
-    DataError, Draw, LossError, Metric, OptimizerState, PredictError, Shown, Source, StepInfo,
-    Subset, Summary, System, Terms,
+    Compile, DataError, Draw, LossError, Metric, OptimizerState, PredictError, Shown, Source,
+    StepInfo, Subset, Summary, System, Terms,
 };
 
 const SIDE: usize = 16;
@@ -117,6 +117,8 @@ impl Blob {
         [self.renderer.frame(projected).antialiased_silhouette(), offsets]
     }
 }
+
+impl Compile for Blob {}
 
 impl System for Blob {
     const NAME: &'static str = "blob";

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::average::Average;
 use crate::checkpoint::{TrainState, save};
-use crate::communicator::{Communicator, Solo};
+use crate::communicator::Communicator;
 use crate::config::Configuration;
 use crate::draw::{Draw, order};
 use crate::error::TrainError;
@@ -63,38 +63,7 @@ pub struct Outcome<S> {
     pub best: Option<(f64, u64)>,
 }
 
-/// Trains a system, or goes on training it, and keeps everything in the run's folder.
-///
-/// `watch` hears of every step; once it is [cancelled](super::progress::Cancel), a checkpoint is written after the step or the scoring that
-/// goes on, and the function returns. The same configuration and data give the same parameters bit by bit, for any
-/// number of threads, and whether or not the run was cancelled on the way.
-///
-/// # Errors
-/// If an option is out of range, a file cannot be read or written, or a number becomes infinite or
-/// NaN; the last checkpoint is then untouched. Where it is the scores that fail, the steps before them are saved.
-pub fn train<S: System>(job: &Job<'_, S>, watch: &mut Watch<'_>) -> Result<Outcome<S>, TrainError> {
-    train_among(job, &Solo, watch)
-}
-
-/// [`train`](fn@train) in several processes, which share the shards of every batch. All of them call it with the same job; the
-/// bits are those of one process with as many shards, and a run goes on with any number of processes.
-///
-/// The first process alone writes, scores and has an [`Outcome`] with scores; the others read the folder of a run that goes on,
-/// so that they must see the same files, and need no lock of it ([`RunFolder::at`]). Each tells its own `watch` of the steps;
-/// whichever is cancelled ends all of them after the same step.
-///
-/// # Errors
-/// As [`train`](fn@train), wherever it happens: all processes return an error, those that did not fail
-/// [`TrainError::Elsewhere`]. Also if there are more processes than shards, or two of them have not the same.
-pub fn train_among<S: System>(
-    job: &Job<'_, S>,
-    communicator: &dyn Communicator,
-    watch: &mut Watch<'_>,
-) -> Result<Outcome<S>, TrainError> {
-    (S::compiled().train)(job, communicator, watch)
-}
-
-/// [`train_among`], compiled where [`Compiled`](crate::Compiled) is made.
+/// The whole training; see [`train_among`](crate::train_among).
 pub(crate) fn run<S: System>(
     job: &Job<'_, S>,
     communicator: &dyn Communicator,

@@ -8,12 +8,12 @@ use crate::kernels::lane::Lane;
 /// the gradient of `y` to that of `x`.
 #[derive(Debug)]
 pub struct Operands<'a, F> {
-    pub(super) from: &'a [F],
-    pub(super) w: &'a [F],
-    pub(super) bias: Option<&'a [F]>,
-    pub(super) activation: Activation,
-    pub(super) to: &'a mut [F],
-    pub(super) scratch: &'a mut [F],
+    pub(crate) from: &'a [F],
+    pub(crate) w: &'a [F],
+    pub(crate) bias: Option<&'a [F]>,
+    pub(crate) activation: Activation,
+    pub(crate) to: &'a mut [F],
+    pub(crate) scratch: &'a mut [F],
 }
 
 /// `activation(x)` in place, for those that the tiles do not apply.

@@ -3,11 +3,11 @@
 
 use super::{Conv, ConvAlgorithm, ConvGeometry, ConvSizes, Operands, wide, winograd};
 use crate::kernels::activation::Activation;
+use crate::kernels::compiled::Compiled;
 use crate::kernels::isa::Isa;
-use crate::kernels::lane::Lane;
 
 /// Reproducible numbers in [-1, 1] without structure that a wrong index could hide behind.
-fn noise<F: Lane>(len: usize, seed: u64) -> Vec<F> {
+fn noise<F: Compiled>(len: usize, seed: u64) -> Vec<F> {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     let next = || {
         state ^= state << 13;
@@ -45,19 +45,19 @@ fn triples(a: usize, b: usize, c: usize) -> impl Iterator<Item = (usize, usize, 
     (0..a).flat_map(move |i| (0..b).flat_map(move |j| (0..c).map(move |k| (i, j, k))))
 }
 
-fn close<F: Lane>(found: &[F], expected: &[f64], tolerance: f64, what: &str) {
+fn close<F: Compiled>(found: &[F], expected: &[f64], tolerance: f64, what: &str) {
     for (i, (f, e)) in found.iter().zip(expected).enumerate() {
         let f = f.to_f64().unwrap();
         assert!((f - e).abs() <= tolerance * (1.0 + e.abs()), "{what}[{i}]: {f} is not {e}");
     }
 }
 
-fn to_f64<F: Lane>(x: &[F]) -> Vec<f64> {
+fn to_f64<F: Compiled>(x: &[F]) -> Vec<f64> {
     x.iter().map(|x| x.to_f64().unwrap()).collect()
 }
 
 /// Forward, both gradients, bias and activation of one shape on one instruction set.
-fn check<F: Lane>(s: ConvSizes, isa: Isa, algorithm: ConvAlgorithm, tolerance: f64) {
+fn check<F: Compiled>(s: ConvSizes, isa: Isa, algorithm: ConvAlgorithm, tolerance: f64) {
     let conv = Conv { sizes: s, algorithm, isa };
     let what = format!("{s:?} {isa:?} {algorithm:?}");
     let x = noise::<F>(s.input_len(), 1);

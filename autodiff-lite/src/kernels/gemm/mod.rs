@@ -15,7 +15,7 @@ mod sweep;
 pub(crate) mod tile;
 mod transpose;
 
-use crate::kernels::extent::{elements, reach, work};
+use crate::kernels::extent::work;
 use crate::kernels::isa::Isa;
 use crate::kernels::lane::Lane;
 
@@ -60,97 +60,12 @@ pub enum Joined {
     Sum,
 }
 
-/// `C = alpha A B + beta C` where `A` is `m x k`, `B` is `k x n` and `C` is `m x n`, contiguous.
-/// With `beta = 0`, `C` is only written.
-///
-/// Large products are shared out to threads: the same bits for any number of them.
-///
-/// # Panics
-/// If a matrix reaches past the end of its slice.
-pub fn gemm<F: Lane>(
-    sizes: [usize; 3],
-    alpha: F,
-    a: Matrix<'_, F>,
-    b: Matrix<'_, F>,
-    beta: F,
-    c: &mut [F],
-) {
-    gemm_joined(Joined::Sum, sizes, alpha, &[a], &[b], beta, &mut [c], None);
-}
-
-/// [`gemm()`], and then `finish(part, place)` for each part of a row of `C`, `place` its row and first column, while it
-/// is still in cache: bias and activation.
-///
-/// # Panics
-/// If a matrix reaches past the end of its slice.
-pub fn gemm_then<F: Lane>(
-    sizes: [usize; 3],
-    alpha: F,
-    a: Matrix<'_, F>,
-    b: Matrix<'_, F>,
-    beta: F,
-    c: &mut [F],
-    finish: impl Fn(&mut [F], [usize; 2]) + Sync,
-) {
-    let finish = |part: &mut [F], [_, row, column]: [usize; 3]| finish(part, [row, column]);
-    gemm_joined(Joined::Sum, sizes, alpha, &[a], &[b], beta, &mut [c], Some(&finish));
-}
-
 /// What is done with a part of a row of a product: its elements, then which product it is of, its row and its first
 /// column.
 pub type Finish<'a, F> = &'a (dyn Fn(&mut [F], [usize; 3]) + Sync);
 
-/// Several products of the same sizes that have a side in [common](Joined), in one sweep. The common side is one matrix,
-/// the others are as many as there are products.
-///
-/// # Panics
-/// If there are other numbers of matrices, or one reaches past the end of its slice.
-pub fn gemm_joined<F: Lane>(
-    joined: Joined,
-    sizes: [usize; 3],
-    alpha: F,
-    a: &[Matrix<'_, F>],
-    b: &[Matrix<'_, F>],
-    beta: F,
-    c: &mut [&mut [F]],
-    finish: Option<Finish<'_, F>>,
-) {
-    let [m, k, n] = sizes;
-    let counts = [a.len(), b.len(), c.len()];
-    let count = a.len().max(b.len());
-    let fits = match joined {
-        Joined::Rows => counts == [count, 1, count],
-        Joined::Columns => counts == [1, count, count],
-        Joined::Sum => counts == [count, count, 1],
-    };
-    assert!(fits && count > 0, "{counts:?} matrices are not joined by {joined:?}");
-    for a in a {
-        assert!(reach([m, k], a.steps) <= a.data.len(), "the left matrix reaches past its end");
-    }
-    for b in b {
-        assert!(reach([k, n], b.steps) <= b.data.len(), "the right matrix reaches past its end");
-    }
-    for c in &*c {
-        assert!(c.len() >= elements(&[m, n]), "the product is longer than its slice");
-    }
-    if m == 0 || n == 0 {
-        return;
-    }
-    if k == 0 {
-        for (i, c) in c.iter_mut().enumerate() {
-            for (row, part) in c[..m * n].chunks_exact_mut(n).enumerate() {
-                scale(beta, part);
-                if let Some(finish) = finish {
-                    finish(part, [i, row, 0]);
-                }
-            }
-        }
-        return;
-    }
-    F::products(joined, sizes, alpha, a, b, beta, c, finish);
-}
-
-/// [`gemm_joined`] of sound sizes, none of them 0: what [`Compiled`](crate::kernels::compiled::Compiled) compiles.
+/// Several products in one sweep, of sound sizes, none of them 0: what [`gemm_joined`](crate::kernels::product::gemm_joined) does
+/// after it has looked at them.
 pub(super) fn products<F: Lane>(
     joined: Joined,
     sizes: [usize; 3],
@@ -199,7 +114,7 @@ fn sweeps<F: Lane>(
 }
 
 /// `beta x`, where nothing is read if `beta` is 0.
-fn scale<F: Lane>(beta: F, x: &mut [F]) {
+pub(super) fn scale<F: Lane>(beta: F, x: &mut [F]) {
     if beta == F::zero() {
         x.fill(F::zero());
     } else if beta != F::one() {

@@ -1,10 +1,12 @@
 use super::*;
+use crate::kernels::compiled::Compiled;
+use crate::kernels::product::{gemm, gemm_joined, gemm_then};
 
 fn noise(len: usize, seed: usize) -> Vec<f64> {
     (0..len).map(|i| ((i * 7919 + seed * 104_729) % 1009) as f64 / 504.5 - 1.0).collect()
 }
 
-fn convert<F: Lane>(x: &[f64]) -> Vec<F> {
+fn convert<F: Compiled>(x: &[f64]) -> Vec<F> {
     x.iter().map(|&x| F::from(x).unwrap()).collect()
 }
 
@@ -23,7 +25,7 @@ fn element(k: usize, a: Matrix<'_, f64>, b: Matrix<'_, f64>, [i, j]: [usize; 2])
     (0..k).map(|p| at(a, i, p) * at(b, p, j)).sum()
 }
 
-fn check<F: Lane>(sizes: [usize; 3], turned: [bool; 2], gap: usize, tolerance: f64) {
+fn check<F: Compiled>(sizes: [usize; 3], turned: [bool; 2], gap: usize, tolerance: f64) {
     let [m, k, n] = sizes;
     let (a, b) = (noise((m + gap) * (k + gap), 1), noise((k + gap) * (n + gap), 2));
     let (af, bf) = (convert::<F>(&a), convert::<F>(&b));
