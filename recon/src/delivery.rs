@@ -76,6 +76,9 @@ pub struct Metrics {
     pub evidence: Evidence,
     /// What the cameras were refined by; none where they are those of the input.
     pub cameras: Option<Refinement>,
+    /// The darkest and the brightest channel of a photograph beside the mesh's colours, in sRGB; none where photographs do not
+    /// differ in exposure or white balance.
+    pub exposure: Option<[f32; 2]>,
     /// Which views the scores are of: `held-out`, or `fitted` where none was held out.
     pub scored_on: &'static str,
     /// The scores on those views.
@@ -234,6 +237,7 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         verdict: delivery.assessment.verdict.clone(),
         evidence: delivery.assessment.evidence.clone(),
         cameras: Refinement::of(fitted, &delivery.views.views)?,
+        exposure: fitted.exposure_range(),
         scored_on,
         views: scores,
         health: fitted.health.clone(),

@@ -175,6 +175,13 @@ impl Job<'_> {
         if let Some(refined) = &fitted.cameras {
             console.remark(format_args!("{}", refined_words(refined)));
         }
+        if let Some([least, most]) = fitted.exposure_range() {
+            console.remark(format_args!(
+                "photographs differ in exposure or white balance, {least:.2} to {most:.2} times the mean: the mesh's colours are \
+                 those of the mean, and scores of images compare it with each photograph as it is (--set balance-colors=false \
+                 mixes them as they are)"
+            ));
+        }
         let assessment = assess(&self.views, &fitted).map_err(Failure::other)?;
         // Something may be wrong with the input.
         if assessment.verdict.grade != Grade::Good {

@@ -6,6 +6,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use train::settings::{LARGEST, above_to};
 
+use super::residuals;
 use crate::paired::PairsConfig;
 
 train::options! {
@@ -44,6 +45,9 @@ train::options! {
         /// fresh.
         #[serde(with = "train::settings::optional")]
         pub weights: Option<String> = None;
+        /// Whether vertices are told, beside their places, what the outline and measured depth say of them: how far they are
+        /// from the outline, and how far behind the surface that is seen there.
+        pub depth_residuals: bool = false;
         /// Refinement stages.
         pub stages: usize = 3, in 1..=8;
         /// Features inside of them; published 128.
@@ -59,6 +63,10 @@ train::options! {
         pub normal_weight: f64 = 0.0, in 0.0..=1e9;
         /// Weight of the mean squared edge length.
         pub edge_weight: f64 = 0.2, in 0.0..=1e9;
+        /// Weight of the squared Laplacian of the positions, in squared edges: of what is rough.
+        pub smoothness_weight: f64 = 0.0, in 0.0..=1e9;
+        /// Weight of the squared Laplacian of each stage's offsets, in edges to the fourth: of what they bend.
+        pub bending_weight: f64 = 0.0, in 0.0..=1e9;
         /// Weight of the rendered-depth loss: the last mesh's depth from the image's camera against what is known of
         /// it.
         pub depth_weight: f64 = 0.0, in 0.0..=1e9;
@@ -85,6 +93,11 @@ impl RefineConfig {
         if self.depth == DepthKind::None { 3 } else { 4 }
     }
 
+    /// Numbers that vertices are told of themselves.
+    pub(super) fn places(&self) -> usize {
+        3 + if self.depth_residuals { residuals::columns(self.depth) } else { 0 }
+    }
+
     /// The backbone, without a classifier.
     pub fn resnet(&self) -> ResNetConfig {
         let base = match self.backbone {
@@ -104,15 +117,15 @@ impl RefineConfig {
     pub(super) fn refinement_parameters(&self) -> usize {
         let channels: usize = self.resnet().channels().iter().sum();
         let linear = |inputs: usize, outputs: usize| outputs * (inputs + 1);
-        let (hidden, last) = (self.hidden, self.stages - 1);
+        let (hidden, places, last) = (self.hidden, self.places(), self.stages - 1);
         let stage = |i: usize| {
-            let first = hidden + 3 + if i == 0 { 0 } else { hidden };
-            let more = (self.graph_convolutions - 1) * 2 * linear(hidden + 3, hidden);
+            let first = hidden + places + if i == 0 { 0 } else { hidden };
+            let more = (self.graph_convolutions - 1) * 2 * linear(hidden + places, hidden);
             let outputs = if self.colors && i == last { 6 } else { 3 };
             linear(channels, hidden)
                 + 2 * linear(first, hidden)
                 + more
-                + linear(hidden + 3, outputs)
+                + linear(hidden + places, outputs)
         };
         (0..self.stages).map(stage).sum()
     }
@@ -154,6 +167,13 @@ impl RefineConfig {
         let [near, far] = self.reach;
         if !((0.01..1.0).contains(&near) && far > 1.0 && far <= 100.0) {
             problems.push(format!("`reach` is [{near}, {far}], expected 0.01 to 1, then 1 to 100"));
+        }
+        if self.place == PlaceKind::Seen && self.depth != DepthKind::True {
+            problems.push("`place` is seen, expected fixed or known: there is no measured depth".to_owned());
+        }
+        if self.depth_residuals && self.published_places {
+            let what = "expected false with `published-places`, whose depths are others";
+            problems.push(format!("`depth-residuals` is true, {what}"));
         }
         let metric = matches!(self.depth_loss, DepthLossKind::Log | DepthLossKind::Plain);
         if metric && self.depth == DepthKind::Estimated {
@@ -211,6 +231,9 @@ train::options! {
         /// Steps at first in which what is refined is a random tetrahedron around the camera instead of the cells'
         /// surface. Published: 100, whose losses count, though only the cells' should.
         pub voxel_only_steps: u64 = 0, in ..=LARGEST;
+        /// Whether cells that the image shows to be empty are: those beside the silhouette, and those before the surface of
+        /// measured depth, whose own cells are occupied. What is left to predict is what lies behind.
+        pub carving: bool = false;
         /// Whether the surface of the cells stands half a cell beside them, as PyTorch3D's `cubify` puts it where nothing
         /// is said of `align`: corners of cells where their middles are.
         pub corner_aligned: bool = false;
@@ -278,6 +301,9 @@ pub enum PlaceKind {
     /// The depth of the world's origin is known, and lengths are such that the image is 2 units wide there: Pix3D, whose
     /// cameras and boxes differ from image to image.
     Known,
+    /// Lengths are those of the data times `scale`; the middle is where measured depth shows the object, its median over the
+    /// silhouette, so that cells and template stand about each object.
+    Seen,
 }
 
 /// The backbone.

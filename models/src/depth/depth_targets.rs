@@ -10,6 +10,7 @@ use mesh_core::{
     voxelize_surface,
 };
 use ndarray::Array3;
+use recon::fit::signed_distance;
 use synth::Monocular;
 
 use super::config::{DepthKind, DepthLossKind, EstimateErrors, PlaceKind, RefineConfig};
@@ -28,6 +29,8 @@ pub struct DepthTargets {
     pub ends: [f32; 2],
     /// What the network is given of depth, `[S, S]`; empty if nothing. 0 to 1, nearer is larger.
     pub channel: Vec<f32>,
+    /// Signed distance from the outline, `[S, S]`, in pixels, negative inside; empty if vertices are not told.
+    pub outline: Vec<f32>,
     /// Planar depth `[S, S]` in the frame, `+∞` where nothing is seen; empty where it is not known.
     pub depth: Vec<f32>,
     /// What a rendered depth is compared with, `[S, S]`: depth, or disparity of any scale and shift.
@@ -49,7 +52,8 @@ pub(super) enum Known<'a> {
 
 impl Stored for DepthTargets {
     fn bytes(&self) -> usize {
-        let floats = self.channel.len() + self.depth.len() + self.target.len();
+        let floats =
+            self.channel.len() + self.outline.len() + self.depth.len() + self.target.len();
         4 * floats + self.compared.len() + self.cells.len()
     }
 }
@@ -62,7 +66,7 @@ impl DepthTargets {
         config: &RefineConfig,
         cells: usize,
     ) -> Self {
-        let place = Placed::of(picture, config);
+        let mut place = Placed::of(picture, config);
         let side = picture.camera.width;
         let object: Vec<bool> = picture.mask.iter().map(|&m| m > 127).collect();
         let depth = match known {
@@ -75,6 +79,9 @@ impl DepthTargets {
                 given.iter().map(|z| z * scale).collect()
             }
         };
+        if config.place == PlaceKind::Seen {
+            place.stand_at(median_depth(&depth, &object), config.reach);
+        }
         let disparity = match known {
             _ if config.depth != DepthKind::Estimated => Vec::new(),
             Known::Surface(mesh, seed) => {
@@ -117,8 +124,10 @@ impl DepthTargets {
             }
             _ => Vec::new(),
         };
+        let told = config.depth_residuals;
+        let outline = told.then(|| signed_distance(&object, side, side, 0.0)).unwrap_or_default();
         let Placed { frame, middle, ends } = place;
-        Self { frame, middle, ends, channel, depth, target, compared, cells }
+        Self { frame, middle, ends, channel, outline, depth, target, compared, cells }
     }
 
     /// The volume whose cells are predicted, in the frame.
@@ -137,7 +146,7 @@ struct Placed {
 impl Placed {
     fn of(picture: &Picture, config: &RefineConfig) -> Self {
         let (frame, middle) = match config.place {
-            PlaceKind::Fixed => (picture.frame, config.middle),
+            PlaceKind::Fixed | PlaceKind::Seen => (picture.frame, config.middle),
             PlaceKind::Known => {
                 let camera = &picture.camera;
                 // Focal length over half of the image.
@@ -153,6 +162,22 @@ impl Placed {
         let ends = config.reach.map(|times| (times * middle) as f32);
         Self { frame, middle: middle as f32, ends }
     }
+
+    /// The middle of the object where its depth is known.
+    fn stand_at(&mut self, middle: Option<f32>, reach: [f64; 2]) {
+        if let Some(middle) = middle {
+            self.middle = middle;
+            self.ends = reach.map(|times| times as f32 * middle);
+        }
+    }
+}
+
+/// Of the object's pixels whose depth is known.
+fn median_depth(depth: &[f32], object: &[bool]) -> Option<f32> {
+    let known = depth.iter().zip(object).filter(|(z, o)| **o && z.is_finite() && **z > 0.0);
+    let mut known: Vec<f32> = known.map(|(z, _)| *z).collect();
+    let middle = known.len() / 2;
+    (!known.is_empty()).then(|| *known.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 fn volume(picture: &Picture, [near, far]: [f32; 2]) -> CameraVolume {

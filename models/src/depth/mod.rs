@@ -15,6 +15,7 @@
 //! Jolly, Quevedo, Manvi, *Depth-Aware Pixel2Mesh* (poster); Gkioxari, Malik, Johnson 2019, *Mesh R-CNN*, and its code.
 
 mod boxes;
+mod carving;
 mod config;
 mod depth_targets;
 mod encoder;
@@ -31,9 +32,11 @@ mod predictor;
 mod published_tests;
 mod refined;
 mod rendered;
+mod residuals;
 mod scenes;
 mod score;
 mod sphere;
+mod stage_meshes;
 mod surface;
 #[cfg(test)]
 mod tests;

@@ -7,7 +7,7 @@ use datasets::{SurfacePoints, View};
 use diff_raster::Scratch;
 use mesh_core::TriMesh;
 use ndarray::{Array3, ArrayD, arr0};
-use nets::{Init, MeshRefinementHead, MeshRefinementStage, NormKind, RefinedVertices};
+use nets::{Init, MeshRefinementHead, NormKind};
 use recon::scene::scene_of;
 use train::{
     Compile, Compiled, DataError, DataSummary, Draw, LossError, Metric, PredictError, Shown,
@@ -18,11 +18,13 @@ use super::config::RefineConfig;
 use super::depth_targets::{DepthTargets, Known};
 use super::encoder::Encoder;
 use super::mesh_init::{MeshInit, tetrahedra};
-use super::packed::{Packed, Shape};
+use super::packed::Packed;
 use super::places::published_places;
 use super::rendered::{Wanted, depth_difference, draw, picture_difference};
 use super::scenes::{Scene, Scenes};
-use super::surface::{SurfaceTerms, Truth, color_difference, compared};
+use super::residuals::depth_residuals;
+use super::stage_meshes::{StageMeshes, divided, mesh, moved};
+use super::surface::{SurfaceTerms, Truth, color_difference, compared, roughness};
 use crate::instance::Instance;
 use crate::paired::Picture;
 use crate::predict::{PredictInput, Prediction};
@@ -56,14 +58,6 @@ impl<B: MeshInit> Module<f32> for Refined<B> {
         self.mesh_init.visit_mut(&join_path(path, "beginning"), visitor);
         self.head.visit_mut(&join_path(path, "mesh_head"), visitor);
     }
-}
-
-/// The meshes of a batch after one stage.
-#[derive(Clone, Debug)]
-pub(super) struct StageMeshes<'t> {
-    pub(super) packed: Packed,
-    /// `[1, ΣV, 3]`
-    pub(super) positions: Var<'t>,
 }
 
 /// All that the network says of a batch.
@@ -113,7 +107,7 @@ impl<B: MeshInit> Refined<B> {
             Some(seed) => tetrahedra(tape, scenes.len(), seed),
             None => (initial.packed, initial.positions),
         };
-        let first = StageMeshes { packed, positions };
+        let first = StageMeshes { packed, positions, before: positions };
         let mut now = first.clone();
         let (mut hidden, mut colors) = (None, None);
         let mut stages = Vec::new();
@@ -127,12 +121,22 @@ impl<B: MeshInit> Refined<B> {
             } else {
                 places(packed, now.positions, cameras, scenes)
             };
-            let refined = moved(stage, &mut now, &maps, (place, hidden));
+            let refined = moved(stage, &mut now, &maps, (place, self.told(place, scenes), hidden));
             hidden = Some(refined.hidden);
             colors = refined.color;
             stages.push(now.clone());
         }
         Forward { logits: initial.logits, first, stages, colors, cameras }
+    }
+
+    /// What vertices are told of themselves: their places, and what there is to say of these.
+    fn told<'t>(&self, place: Var<'t>, scenes: &[&Scene]) -> Var<'t> {
+        let config = self.refine();
+        if !config.depth_residuals {
+            return place;
+        }
+        let residuals = depth_residuals(place, scenes, (config.depth, config.blind));
+        place.tape().concat(&[place, residuals], 2)
     }
 
     /// The mesh of one image in the frame of its camera, coloured where the last stage knows colours; and the logits of
@@ -185,7 +189,7 @@ impl<B: MeshInit> Refined<B> {
         let config = self.refine();
         let truth = Truth::new(tape, scenes);
         let share = 1.0 / forward.stages.len() as f32;
-        let [mut chamfer, mut normal, mut edge] = [const { Vec::new() }; 3];
+        let [mut chamfer, mut normal, mut edge, mut rough] = [const { Vec::new() }; 4];
         let mut color = None;
         for (i, stage) in forward.stages.iter().enumerate() {
             let seed = Draw::for_loss(self.seed, at, i as u64);
@@ -193,6 +197,7 @@ impl<B: MeshInit> Refined<B> {
             let (terms, sampled) = compared(&stage.packed, stage.positions, &truth, normals, seed);
             chamfer.push((share, terms.chamfer));
             edge.push((share, terms.edge));
+            rough.extend(roughness(stage, config).map(|rough| (share, rough)));
             normal.extend(terms.normal.map(|normal| (share, normal)));
             if i + 1 == forward.stages.len() {
                 let difference = |colors| color_difference(&stage.packed, colors, &sampled, scenes);
@@ -200,8 +205,9 @@ impl<B: MeshInit> Refined<B> {
             }
         }
         let sum = |terms: &[(f32, Var<'t>)]| tape.lincomb(terms);
-        let normal = (!normal.is_empty()).then(|| sum(&normal));
-        (SurfaceTerms { chamfer: sum(&chamfer), normal, edge: sum(&edge) }, color)
+        let some = |terms: &[(f32, Var<'t>)]| (!terms.is_empty()).then(|| sum(terms));
+        let (normal, rough) = (some(&normal), some(&rough));
+        (SurfaceTerms { chamfer: sum(&chamfer), normal, edge: sum(&edge), rough }, color)
     }
 
     fn drawn_loss<'t>(
@@ -246,40 +252,6 @@ fn places<'t>(packed: &Packed, positions: Var<'t>, cameras: Var<'t>, scenes: &[&
     let depth = depth.recip().mul(factor).add(summand);
     let both = tape.concat(&[seen.slice_axis(2, 0..2), depth], 2);
     both.clamp(-OUTSIDE, OUTSIDE)
-}
-
-/// The only mesh of a batch.
-fn mesh(meshes: &StageMeshes<'_>, colors: Option<Var<'_>>) -> TriMesh {
-    let rows = |x: Var<'_>| x.value().as_slice().as_chunks::<3>().0.to_vec();
-    let faces = meshes.packed.shapes[0].faces.clone();
-    TriMesh { colors: colors.map(rows), ..TriMesh::new(rows(meshes.positions), faces) }
-}
-
-/// Meshes and what their vertices know on finer shapes. Like [`moved`] not generic, so that it is compiled here for both systems.
-#[inline(never)]
-fn divided<'t>(
-    meshes: &StageMeshes<'t>,
-    hidden: Option<Var<'t>>,
-    shapes: Vec<Arc<Shape>>,
-) -> (StageMeshes<'t>, Option<Var<'t>>) {
-    let (packed, up) = meshes.packed.divided(shapes);
-    let positions = meshes.positions.sparse_matmul(&up);
-    (StageMeshes { packed, positions }, hidden.map(|hidden| hidden.sparse_matmul(&up)))
-}
-
-/// Moves meshes by what a stage makes of the maps at their vertices' places and of what these know.
-#[inline(never)]
-fn moved<'t>(
-    stage: &MeshRefinementStage,
-    meshes: &mut StageMeshes<'t>,
-    maps: &[Var<'t>],
-    (place, hidden): (Var<'t>, Option<Var<'t>>),
-) -> RefinedVertices<'t> {
-    let packed = &meshes.packed;
-    let seen = packed.gathered(stage.look(maps, place));
-    let refined = stage.refine(seen, packed.gathered(place), hidden, &packed.graph);
-    meshes.positions = meshes.positions + refined.offset;
-    refined
 }
 
 /// The cells' binary cross entropy, a mean over all of them.
@@ -343,7 +315,8 @@ impl<B: MeshInit> System for Refined<B> {
         let channels = refine.resnet().channels().iter().sum();
         let (hidden, depth) = (refine.hidden, refine.graph_convolutions);
         let at = init.at("mesh_head");
-        let mut head = MeshRefinementHead::new(&at, channels, hidden, refine.stages, depth);
+        let sizes = [channels, hidden, refine.places()];
+        let mut head = MeshRefinementHead::with_places(&at, sizes, refine.stages, depth);
         if refine.colors {
             head = head.with_color(&at);
         }
@@ -451,6 +424,9 @@ impl<B: MeshInit> Instance<Scenes, Scene> for Refined<B> {
         terms = terms.with("edge", config.edge_weight, surface.edge);
         if config.normal_weight > 0.0 {
             terms = terms.with("normal", config.normal_weight, surface.normal.unwrap_or_else(zero));
+        }
+        if let Some(rough) = surface.rough {
+            terms = terms.with("laplacian", 1.0, rough);
         }
         if let Some(depth) = depth {
             terms = terms.with("depth", config.depth_weight, depth);

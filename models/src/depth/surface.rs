@@ -2,13 +2,15 @@
 
 use autodiff_lite::Var;
 use losses::{
-    Directions, Matches, chamfer_distance, chamfer_normals, edge_length, surface_normals,
-    surface_points,
+    Directions, Matches, chamfer_distance, chamfer_normals, edge_length, laplacian_squared,
+    surface_normals, surface_points,
 };
 use mesh_core::{SurfacePoint, TriMesh, sample_surface};
 
+use super::config::RefineConfig;
 use super::packed::Packed;
 use super::scenes::Scene;
+use super::stage_meshes::StageMeshes;
 use crate::stacked::stacked;
 
 /// The true points of a batch.
@@ -42,6 +44,8 @@ pub(super) struct SurfaceTerms<'t> {
     pub(super) chamfer: Var<'t>,
     pub(super) normal: Option<Var<'t>>,
     pub(super) edge: Var<'t>,
+    /// Weighted, if it counts.
+    pub(super) rough: Option<Var<'t>>,
 }
 
 /// Compares `[1, ΣV, 3]` with as many points on each mesh as there are true ones.
@@ -74,7 +78,30 @@ pub(super) fn compared<'t>(
         .map(|k| (1.0 / n as f32, edge_length(parts[k], &packed.shapes[k].topology.edges, 0.0)))
         .collect();
     let edge = tape.lincomb(&edges);
-    (SurfaceTerms { chamfer, normal, edge }, Sampled { samples, matches })
+    (SurfaceTerms { chamfer, normal, edge, rough: None }, Sampled { samples, matches })
+}
+
+/// The squared Laplacians that the options weigh, a mean over the meshes and their vertices. In units of each mesh's squared edge,
+/// so that a weight means the same at any number of vertices.
+pub(super) fn roughness<'t>(stage: &StageMeshes<'t>, config: &RefineConfig) -> Option<Var<'t>> {
+    let packed = &stage.packed;
+    let tape = stage.positions.tape();
+    let mut terms = Vec::new();
+    for (k, shape) in packed.shapes.iter().enumerate() {
+        let part = |x: Var<'t>| packed.part(x, k);
+        let edges = edge_length(part(stage.before), &shape.topology.edges, 0.0).item();
+        let unit = 1.0 / (shape.vertices() * packed.shapes.len()) as f64;
+        let mut add = |weight: f64, x: Var<'t>, power: i32| {
+            if weight > 0.0 && edges > 0.0 {
+                let factor = weight * unit / f64::from(edges).powi(power);
+                let squared = laplacian_squared(part(x), &shape.topology.vertex_vertices);
+                terms.push((factor as f32, squared));
+            }
+        };
+        add(config.smoothness_weight, stage.positions, 1);
+        add(config.bending_weight, stage.positions - stage.before, 2);
+    }
+    (!terms.is_empty()).then(|| tape.lincomb(&terms))
 }
 
 /// Points by area; of a mesh that has none, its first corner as often.

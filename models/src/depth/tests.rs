@@ -379,3 +379,65 @@ fn controls_are_what_they_say() {
     assert!(images(&config).as_slice().iter().all(|&x| x == 0.0));
     assert!(images(&sphere()).as_slice().iter().any(|&x| x != 0.0));
 }
+
+/// What carving says for sure is true: hardly a cell that it empties is occupied, and nearly every one that it fills is; together
+/// they tell most of the volume.
+#[test]
+fn carving_empties_what_is_empty() {
+    let pairs = PairsConfig { image_size: 64, ..refine().pairs };
+    let config = RefineConfig { pairs, ..refine() };
+    for (place, reach) in [(PlaceKind::Fixed, config.reach), (PlaceKind::Seen, [0.7, 1.45])] {
+        let config = RefineConfig { place, reach, ..config.clone() };
+        let scenes = Scenes::synthetic(&config, 16).unwrap();
+        let (_, scene) = scenes.trial(train::Subset::Train, 1, 0).unwrap();
+        let known = super::carving::carved(&scene, 16);
+        let share = |known_as: fn(f32) -> bool, occupied: bool| {
+            let cells = known.iter().zip(&scene.depth_targets.cells);
+            let chosen: Vec<bool> =
+                cells.filter(|(k, _)| known_as(**k)).map(|(_, &o)| o == occupied).collect();
+            chosen.iter().filter(|&&o| o).count() as f64 / chosen.len() as f64
+        };
+        let (empty, full) = (share(|k| k < 0.0, false), share(|k| k > 0.0, true));
+        assert!(empty > 0.998 && full > 0.9, "{place:?}: {empty} of the empty, {full} of the full");
+        let told = known.iter().filter(|k| **k != 0.0).count();
+        assert!(told > known.len() / 2, "{told} of {}", known.len());
+    }
+}
+
+/// A vertex on the surface that is seen is told 0, one behind it more and one before it less; beside the outline nothing is seen.
+#[test]
+fn residuals_are_zero_on_the_surface_that_is_seen() {
+    let config = RefineConfig { depth_residuals: true, ..refine() };
+    let scenes = Scenes::synthetic(&config, 0).unwrap();
+    let (_, scene) = scenes.trial(train::Subset::Train, 1, 0).unwrap();
+    let side = 32;
+    let (channel, mask) = (&scene.depth_targets.channel, &scene.picture.mask);
+    // All around seen, so that nothing is mixed in.
+    let inside = |p: &usize| {
+        let (i, j) = (p / side, p % side);
+        let near = |i: usize, j: usize| channel[i * side + j] > 0.0 && mask[i * side + j] > 127;
+        (1..31).contains(&i) && (1..31).contains(&j) && near(i, j)
+    };
+    let pixels: Vec<usize> = (0..side * side).filter(inside).collect();
+    assert!(pixels.len() > 50);
+    let tape = Tape::eval();
+    let told = |offset: f32, at: &dyn Fn(usize) -> (usize, usize)| {
+        let places = ndarray::Array3::from_shape_fn((1, pixels.len(), 3), |(_, v, k)| {
+            let (i, j) = at(pixels[v]);
+            let along = |p: usize| (2.0 * p as f32 + 1.0) / side as f32 - 1.0;
+            [along(j), -along(i), 1.0 - 2.0 * channel[pixels[v]] + offset][k]
+        });
+        let place = tape.constant(places);
+        super::residuals::depth_residuals(place, &[&scene], (DepthKind::True, false)).value()
+    };
+    let there = |p: usize| (p / side, p % side);
+    for (offset, least, most) in [(0.0, -1e-3, 1e-3), (0.1, 0.399, 0.401), (-0.1, -0.401, -0.399)] {
+        let found = told(offset, &there);
+        for v in 0..pixels.len() {
+            assert!(found[[0, v, 0]] <= 0.0 && (found[[0, v, 2]] - 1.0).abs() < 1e-5);
+            assert!((least..=most).contains(&found[[0, v, 1]]), "{offset}: {}", found[[0, v, 1]]);
+        }
+    }
+    let beside = told(0.0, &|_| (0, 0));
+    assert!(beside[[0, 0, 0]] > 0.0 && beside[[0, 0, 1]] == 0.0 && beside[[0, 0, 2]] == 0.0);
+}

@@ -9,12 +9,14 @@ use nets::{Init, VoxelHead};
 use train::Compiled;
 use train::settings::Options as _;
 
+use super::carving::carved;
 use super::config::{RefineConfig, VoxelConfig};
 use super::mesh_init::{InitialMeshes, MeshInit};
 use super::packed::{Packed, Shape};
 use super::refined::Refined;
 use super::scenes::{Scene, Scenes};
 use crate::instance::Instance;
+use crate::stacked::stacked;
 
 /// The voxel head, and its probabilities made a mesh.
 ///
@@ -26,14 +28,22 @@ pub struct Voxels {
     head: VoxelHead,
     threshold: f32,
     corner_aligned: bool,
+    carving: bool,
 }
-impl_module!(Voxels: f32 { head } fixed { threshold, corner_aligned });
+impl_module!(Voxels: f32 { head } fixed { threshold, corner_aligned, carving });
 
 /// Where a surface of `cells` along each axis of the cube goes if corner `i` stands where the middles of the first and the
 /// last cell are the ends: at `2 i / (cells - 1) - 1`.
 fn to_corners(cells: usize, surface: TriMesh) -> TriMesh {
     let factor = cells as f32 / (cells - 1) as f32;
     surface.map_positions(|p| p.map(|x| (x + 1.0) * factor - 1.0))
+}
+
+/// Logits with what the images say for sure.
+fn carve<'t>(logits: Var<'t>, scenes: &[&Scene], cells: usize) -> Var<'t> {
+    let known: Vec<Vec<f32>> = scenes.iter().map(|scene| carved(scene, cells)).collect();
+    let known = known.iter().map(|known| &known[..]);
+    logits + stacked(logits.tape(), known, &[scenes.len(), cells, cells, cells])
 }
 
 impl MeshInit for Voxels {
@@ -115,7 +125,8 @@ impl MeshInit for Voxels {
             param.as_slice_mut().fill(bias);
         }
         let corner_aligned = config.corner_aligned;
-        Self { head, threshold: config.threshold as f32, corner_aligned }
+        let carving = config.carving && !config.refine.blind;
+        Self { head, threshold: config.threshold as f32, corner_aligned, carving }
     }
 
     fn voxel_head(&self) -> Option<&VoxelHead> {
@@ -125,7 +136,9 @@ impl MeshInit for Voxels {
     fn init<'t>(&self, coarsest: Var<'t>, scenes: &[&Scene]) -> InitialMeshes<'t> {
         let tape = coarsest.tape();
         let logits = tape.scope("voxels", || self.head.forward(coarsest));
-        let (value, cells) = (logits.value(), self.head.cells());
+        let cells = self.head.cells();
+        let logits = if self.carving { carve(logits, scenes, cells) } else { logits };
+        let value = logits.value();
         let value = value.as_slice();
         let (mut shapes, mut rows) = (Vec::new(), Vec::new());
         for (scene, logits) in scenes.iter().zip(value.chunks_exact(cells.pow(3))) {

@@ -57,14 +57,24 @@ impl<F: Real> MeshRefinementStage<F> {
     /// # Panics
     /// If there is no convolution.
     pub fn new(init: &Init, channels: usize, previous: usize, hidden: usize, depth: usize) -> Self {
+        Self::with_places(init, [channels, previous, hidden, 3], depth)
+    }
+
+    /// The same where more is said of a vertex than three numbers: `[channels, previous, hidden, places]`, the last how many
+    /// columns [`refine`](Self::refine)'s `place` has.
+    ///
+    /// # Panics
+    /// If there is no convolution.
+    pub fn with_places(init: &Init, sizes: [usize; 4], depth: usize) -> Self {
         assert!(depth > 0, "MeshRefinementStage: at least one graph convolution expected");
+        let [channels, previous, hidden, places] = sizes;
         let gconv = |i: usize| {
-            let inputs = hidden + 3 + if i == 0 { previous } else { 0 };
+            let inputs = hidden + places + if i == 0 { previous } else { 0 };
             GraphConv::new(&init.at("gconvs").index(i), inputs, hidden)
         };
         Self {
             bottleneck: Linear::normal(&init.at("bottleneck"), channels, hidden, 0.01),
-            vert_offset: Linear::zeros(&init.at("vert_offset"), hidden + 3, 3),
+            vert_offset: Linear::zeros(&init.at("vert_offset"), hidden + places, 3),
             gconvs: (0..depth).map(gconv).collect(),
         }
     }
@@ -123,7 +133,8 @@ impl<F: Real> MeshRefinementStage<F> {
     /// between them.
     ///
     /// # Shapes
-    /// `seen [N, V, hidden]`, `place [N, V, 3]`, `previous [N, V, previous]`, `graph [V, V]` → as [`RefinedVertices`] says.
+    /// `seen [N, V, hidden]`, `place [N, V, 3]`, or of as many columns as it was [made for](Self::with_places), `previous
+    /// [N, V, previous]`, `graph [V, V]` → as [`RefinedVertices`] says.
     ///
     /// # Panics
     /// If sizes differ.
@@ -188,10 +199,23 @@ impl<F: Real> MeshRefinementHead<F> {
     /// # Panics
     /// If there is no convolution.
     pub fn new(init: &Init, channels: usize, hidden: usize, stages: usize, depth: usize) -> Self {
+        Self::with_places(init, [channels, hidden, 3], stages, depth)
+    }
+
+    /// The same of stages [with more places](MeshRefinementStage::with_places): `[channels, hidden, places]`.
+    ///
+    /// # Panics
+    /// If there is no convolution.
+    pub fn with_places(
+        init: &Init,
+        [channels, hidden, places]: [usize; 3],
+        stages: usize,
+        depth: usize,
+    ) -> Self {
         let stage = |i: usize| {
             let previous = if i == 0 { 0 } else { hidden };
             let init = init.at("stages").index(i);
-            MeshRefinementStage::new(&init, channels, previous, hidden, depth)
+            MeshRefinementStage::with_places(&init, [channels, previous, hidden, places], depth)
         };
         Self { stages: (0..stages).map(stage).collect() }
     }

@@ -6,17 +6,11 @@
 //! edge, so it is summed pixel by pixel and solved by conjugate gradients in milliseconds; what
 //! optimising colours by gradient steps would approach slowly.
 
-use std::sync::Arc;
-
-use datasets::View;
-use diff_raster::Faces;
 use mesh_core::Topology;
 use rayon::prelude::*;
 
-use super::{
-    sight::{Sample, Sight},
-    target::Target,
-};
+use super::exposure::Exposure;
+use super::sight::{Photographed, Sample, Sight};
 
 /// Parts in which views are summed; fixed, so that sums do not depend on the number of threads.
 const PARTS: usize = 8;
@@ -158,64 +152,26 @@ fn quotient(a: f64, b: f64) -> f32 {
 
 /// Solves for the colours of the vertices, sRGB in `[0, 1]`.
 ///
-/// `views` and `targets` correspond. Smooth is what colours differ by from those `before`, where there are some: what no view
-/// shows keeps its pattern.
+/// Smooth is what colours differ by from those `before`, where there are some: what no view shows keeps its pattern.
 pub(super) fn vertex_colors(
-    views: &[&View],
-    targets: &[Target],
-    positions: &[[f32; 3]],
-    faces: &[[u32; 3]],
+    seen: &Photographed<'_>,
     topology: &Topology,
+    exposure: &Exposure,
     before: Option<&[[f32; 3]]>,
 ) -> Vec<[f32; 3]> {
-    let drawn = Arc::new(
-        Faces::new(positions.len(), faces).expect("the faces of a fitted mesh name its vertices"),
-    );
-    let first = before.map_or_else(|| vec![[0.5; 3]; positions.len()], <[_]>::to_vec);
+    let first = before.map_or_else(|| vec![[0.5; 3]; seen.positions.len()], <[_]>::to_vec);
     let mut colors = first.clone();
-    let per_part = targets.len().div_ceil(PARTS).max(1);
     for round in 0..ROUNDS {
-        let parts: Vec<Normal> = targets
-            .par_chunks(per_part)
-            .zip(views.par_chunks(per_part))
-            .map(|(targets, views)| {
-                let mut normal = Normal::new(topology, positions.len());
-                let mut sight = Sight::default();
-                for (target, view) in targets.iter().zip(views) {
-                    sight.look(target, positions, &drawn);
-                    sight.samples(target, view, positions, faces, |sample| {
-                        let face = faces[sample.face as usize];
-                        let mut weight = sample.weight;
-                        if round > 0 {
-                            let square: f32 = (0..3)
-                                .map(|c| {
-                                    let mix: f32 = (0..3)
-                                        .map(|k| {
-                                            sample.barycentric[k] * colors[face[k] as usize][c]
-                                        })
-                                        .sum();
-                                    (sample.color[c] - mix).powi(2)
-                                })
-                                .sum();
-                            weight /= 1.0 + square / (OUTLIER * OUTLIER);
-                        }
-                        normal.add(topology, face, &sample, weight);
-                    });
-                }
-                normal
-            })
-            .collect();
-        let mut parts = parts.into_iter();
-        let Some(mut total) = parts.next() else { break };
-        parts.for_each(|part| total.sum(&part));
+        let known = (round > 0).then_some(&colors[..]);
+        let Some(mut normal) = normal(seen, topology, exposure, known) else { break };
         if before.is_none() {
-            total.solve(topology, &mut colors);
+            normal.solve(topology, &mut colors);
             continue;
         }
-        total.take(topology, &first);
+        normal.take(topology, &first);
         let mut change: Vec<[f32; 3]> =
             colors.iter().zip(&first).map(|(c, f)| std::array::from_fn(|k| c[k] - f[k])).collect();
-        total.solve(topology, &mut change);
+        normal.solve(topology, &mut change);
         for ((color, first), change) in colors.iter_mut().zip(&first).zip(&change) {
             *color = std::array::from_fn(|k| first[k] + change[k]);
         }
@@ -224,4 +180,49 @@ pub(super) fn vertex_colors(
         *c = c.clamp(0.0, 1.0);
     }
     colors
+}
+
+/// Solves once more, from colours that are nearly right.
+pub(super) fn again(
+    seen: &Photographed<'_>,
+    topology: &Topology,
+    exposure: &Exposure,
+    colors: &mut [[f32; 3]],
+) {
+    if let Some(normal) = normal(seen, topology, exposure, Some(colors)) {
+        normal.solve(topology, colors);
+    }
+}
+
+/// The sums over all views; pixels that differ from the colours `known` count less.
+fn normal(
+    seen: &Photographed<'_>,
+    topology: &Topology,
+    exposure: &Exposure,
+    known: Option<&[[f32; 3]]>,
+) -> Option<Normal> {
+    let count = seen.targets.len();
+    let per_part = count.div_ceil(PARTS).max(1);
+    let one = |part: usize| {
+        let mut normal = Normal::new(topology, seen.positions.len());
+        let mut sight = Sight::default();
+        for view in part * per_part..((part + 1) * per_part).min(count) {
+            seen.samples(&mut sight, view, |mut sample| {
+                sample.color = exposure.brought(view, sample.color);
+                let mut weight = sample.weight;
+                if let Some(known) = known {
+                    let mix = sample.mix(seen.faces, known);
+                    let square: f32 = (0..3).map(|c| (sample.color[c] - mix[c]).powi(2)).sum();
+                    weight /= 1.0 + square / (OUTLIER * OUTLIER);
+                }
+                normal.add(topology, seen.faces[sample.face as usize], &sample, weight);
+            });
+        }
+        normal
+    };
+    let parts: Vec<Normal> = (0..count.div_ceil(per_part)).into_par_iter().map(one).collect();
+    parts.into_iter().reduce(|mut total, part| {
+        total.sum(&part);
+        total
+    })
 }

@@ -50,6 +50,8 @@ train::options! {
         pub mask_blur: f32 = 1.0, in 0.0..=16.0;
         /// Whether poses and focal length are refined where the outlines show that they are off.
         pub refine_cameras: bool = true;
+        /// Whether colours are brought to one exposure and white balance where photographs differ in these.
+        pub balance_colors: bool = true;
         /// A level ends early, after half of its steps, when the outline's distance to the masks falls by less than
         /// this share over 20 steps.
         pub tolerance: f64 = 0.01, in 0.0..1.0;

@@ -48,6 +48,7 @@ mod color;
 mod config;
 mod distance;
 mod error;
+mod exposure;
 mod grading;
 mod hull;
 mod kuhn;
@@ -86,7 +87,9 @@ pub use refine::{RefineConfig, refine};
 pub use stepper::Stepper;
 
 use alignment::Alignment;
+use exposure::Exposure;
 use shape::Shape;
+use sight::Photographed;
 use start::Start;
 use target::Target;
 
@@ -119,12 +122,23 @@ pub struct Fitted {
     /// The cameras that the mesh agrees with, where they are not those of the views: see
     /// [`FitConfig::refine_cameras`].
     pub cameras: Option<RefinedCameras>,
+    /// How bright each of the [training views](Self::train_views) is beside the surface's colours, red, green, blue in sRGB,
+    /// where photographs differ in exposure or white balance; their geometric mean is 1.
+    pub exposures: Option<Vec<[f32; 3]>>,
     /// Seconds that each stage took, by name.
     pub seconds: Vec<(String, f64)>,
     /// What each [`Event::Warned`] said.
     pub warnings: Vec<String>,
     /// Whether it came to its end.
     pub ended: Ended,
+}
+
+impl Fitted {
+    /// Least and greatest of [`exposures`](Self::exposures).
+    pub fn exposure_range(&self) -> Option<[f32; 2]> {
+        let all = || self.exposures.iter().flatten().flatten().copied();
+        all().reduce(f32::min).zip(all().reduce(f32::max)).map(|(least, most)| [least, most])
+    }
 }
 
 /// Fits a mesh to views of one object.
@@ -223,6 +237,7 @@ impl<'a, 'o> Run<'a, 'o> {
             train_views,
             held_out_views,
             cameras: None,
+            exposures: None,
             seconds: vec![("placement".into(), clock.elapsed().as_secs_f64())],
             warnings: Vec::new(),
             ended: Ended::Completed,
@@ -380,13 +395,18 @@ impl<'a, 'o> Run<'a, 'o> {
         let (vertices, count) = (positions.len(), faces.len());
         self.stage("color", vertices, count);
         self.clock = Instant::now();
-        let colors = color::vertex_colors(&seen, &self.train, positions, faces, topology, None);
-        self.lap("color");
+        let targets = std::mem::take(&mut self.train);
+        let photographed = Photographed::new(&seen, &targets, positions, faces);
+        let even = Exposure::even(seen.len());
+        let mut colors = color::vertex_colors(&photographed, topology, &even, None);
+        let balanced = || Exposure::found(&photographed, topology, &mut colors);
+        let found = config.balance_colors.then(balanced).flatten();
+        self.fitted.exposures = found.as_ref().map(Exposure::relative);
+        let exposure = found.unwrap_or(even);
         let mut texture = None;
         if config.color == ColorKind::Texture {
             self.stage("texture", vertices, count);
-            texture =
-                texture::bake(&seen, &self.train, positions, faces, &colors, config.texture_size);
+            texture = texture::bake(&photographed, &exposure, &colors, config.texture_size);
             if let (None, Some(side)) = (&texture, config.texture_size) {
                 self.warn(format!("no texture: {side} x {side} has no room for {count} faces"));
             }

@@ -4,9 +4,13 @@ use datasets::View;
 use mesh_core::{Topology, TriMesh, subdivide, untangle};
 use train::settings::{LARGEST, Options as _};
 
-use super::{
-    MARGIN, check, color, config::FitConfig, error::FitError, shape::Shape, target::Target,
-};
+use super::config::FitConfig;
+use super::error::FitError;
+use super::exposure::Exposure;
+use super::shape::Shape;
+use super::sight::Photographed;
+use super::target::Target;
+use super::{MARGIN, check, color};
 
 train::options! {
     /// Options of a refinement.
@@ -114,7 +118,9 @@ pub fn refine(mesh: &TriMesh, views: &[View], config: &RefineConfig) -> Result<T
     // What cannot be mended stays: whoever asks for the mesh's health hears of it.
     let _ = untangle(&mut positions, &faces, &topology);
     let before = mesh.colors.as_deref();
-    let colors = color::vertex_colors(&seen, &targets, &positions, &faces, &topology, before);
+    let photographed = Photographed::new(&seen, &targets, &positions, &faces);
+    let even = Exposure::even(seen.len());
+    let colors = color::vertex_colors(&photographed, &topology, &even, before);
     let world = positions
         .iter()
         .map(|p| std::array::from_fn(|k| (center[k] + radius * f64::from(p[k])) as f32))

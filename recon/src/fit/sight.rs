@@ -31,6 +31,45 @@ pub(super) struct Sample {
     pub(super) weight: f32,
 }
 
+impl Sample {
+    /// What vertex colours are at the pixel.
+    pub(super) fn mix(&self, faces: &[[u32; 3]], colors: &[[f32; 3]]) -> [f32; 3] {
+        let [a, b, c] = faces[self.face as usize].map(|v| colors[v as usize]);
+        std::array::from_fn(|k| {
+            self.barycentric[0] * a[k] + self.barycentric[1] * b[k] + self.barycentric[2] * c[k]
+        })
+    }
+}
+
+/// A surface and the photographs of it: `views` and `targets` correspond.
+pub(super) struct Photographed<'a> {
+    pub(super) views: &'a [&'a View],
+    pub(super) targets: &'a [Target],
+    pub(super) positions: &'a [[f32; 3]],
+    pub(super) faces: &'a [[u32; 3]],
+    pub(super) drawn: Arc<Faces>,
+}
+
+impl<'a> Photographed<'a> {
+    pub(super) fn new(
+        views: &'a [&'a View],
+        targets: &'a [Target],
+        positions: &'a [[f32; 3]],
+        faces: &'a [[u32; 3]],
+    ) -> Self {
+        let drawn = Faces::new(positions.len(), faces);
+        let drawn = Arc::new(drawn.expect("the faces of a fitted mesh name its vertices"));
+        Self { views, targets, positions, faces, drawn }
+    }
+
+    /// Calls `visit` with every pixel of a view that shows the surface.
+    pub(super) fn samples(&self, sight: &mut Sight, view: usize, visit: impl FnMut(Sample)) {
+        let target = &self.targets[view];
+        sight.look(target, self.positions, &self.drawn);
+        sight.samples(target, self.views[view], self.positions, self.faces, visit);
+    }
+}
+
 impl Sight {
     /// Draws the mesh into the box of a target.
     pub(super) fn look(&mut self, target: &Target, positions: &[[f32; 3]], faces: &Arc<Faces>) {
@@ -64,7 +103,7 @@ impl Sight {
     }
 
     /// Calls `visit` with every pixel of the last [`look`](Self::look) that shows the surface.
-    pub(super) fn samples(
+    fn samples(
         &self,
         target: &Target,
         view: &View,

@@ -1,13 +1,12 @@
 //! A texture for any mesh, in charts that mipmaps do not mix.
 
-use std::sync::Arc;
-
 use datasets::View;
-use diff_raster::Faces;
 use mesh_core::{Image, Texture};
 use rayon::prelude::*;
 
-use super::{sight::Sight, target::Target};
+use super::exposure::Exposure;
+use super::sight::{Photographed, Sight};
+use super::target::Target;
 use crate::atlas::Atlas;
 
 /// Colour difference at which a view's weight has fallen to a half in the second round.
@@ -23,15 +22,14 @@ const MOST: usize = 4096;
 /// highlights are in few views.
 ///
 /// Without a `side` an edge gets as many texels as it has pixels in the image that is nearest.
-/// `None` if `side` has no room for the faces. `views` and `targets` correspond.
+/// `None` if `side` has no room for the faces.
 pub(super) fn bake(
-    views: &[&View],
-    targets: &[Target],
-    positions: &[[f32; 3]],
-    faces: &[[u32; 3]],
+    photographed: &Photographed<'_>,
+    exposure: &Exposure,
     colors: &[[f32; 3]],
     side: Option<usize>,
 ) -> Option<Texture> {
+    let &Photographed { views, targets, positions, faces, .. } = photographed;
     let atlas = if let Some(side) = side {
         Atlas::within(positions, faces, side)?
     } else {
@@ -39,9 +37,6 @@ pub(super) fn bake(
         let nearest = targets.iter().map(pixels).fold(0.0, f32::max);
         Atlas::new(positions, faces, nearest, MOST)
     };
-    let drawn = Arc::new(
-        Faces::new(positions.len(), faces).expect("the faces of a fitted mesh name its vertices"),
-    );
     let texels = atlas.texels();
     let mut mean: Vec<[f32; 3]> = texels
         .par_iter()
@@ -52,8 +47,8 @@ pub(super) fn bake(
     for round in 0..2 {
         sums.fill([0.0; 4]);
         let mut sight = Sight::default();
-        for (target, view) in targets.iter().zip(views) {
-            sight.look(target, positions, &drawn);
+        for (index, (target, view)) in targets.iter().zip(views).enumerate() {
+            sight.look(target, positions, &photographed.drawn);
             let sight = &sight;
             facing
                 .par_iter_mut()
@@ -69,6 +64,7 @@ pub(super) fn bake(
                 let corners = faces[texel.face as usize].map(|v| positions[v as usize]);
                 let q = target.project(mix(texel.barycentric, corners));
                 let Some((color, inside)) = seen(sight, target, view, q) else { return };
+                let color = exposure.brought(index, color);
                 let scale = target.pixels_per_unit(q[2]);
                 let mut weight = inside * facing * facing * facing * scale * scale;
                 if round > 0 {
