@@ -1,6 +1,6 @@
 //! Opening whatever is there: every layout is recognised here.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::dataset::{Dataset, Entry};
 use crate::error::{ReadViewsError, ViewsProblem};
@@ -41,7 +41,7 @@ pub fn open_with(path: &Path, options: &ReadOptions) -> Result<Box<dyn Dataset>,
     }
     match SingleObject::find(path, options)? {
         Some(single) => Ok(Box::new(single)),
-        None => Err(unknown(path)),
+        None => Err(several(path, options).unwrap_or_else(|| unknown(path))),
     }
 }
 
@@ -113,6 +113,24 @@ pub fn choose(
     )
 }
 
+/// Folders that are looked into for views of their own.
+const LOOKED_INTO: usize = 64;
+
+/// The error that names folders, each with the views of one object, beside one another in the folder that was opened.
+fn several(path: &Path, options: &ReadOptions) -> Option<ReadViewsError> {
+    let names = crate::source::Source::folder(path).root_names().ok()?;
+    let inner = names.iter().map(|name| path.join(name)).filter(|inner| inner.is_dir());
+    let one = |inner: &PathBuf| matches!(SingleObject::find(inner, options), Ok(Some(_)));
+    let found: Vec<PathBuf> = inner.take(LOOKED_INTO).filter(one).collect();
+    let [first, _, ..] = found.as_slice() else { return None };
+    let expected = format!(
+        "one of them, as {}; a list of folders is for `unsphere fit --batch`",
+        first.display()
+    );
+    let found = format!("{} folders, each with views of its own", found.len());
+    Some(ReadViewsError::field(path, "folder", found, expected))
+}
+
 /// The error that says what is there and what was looked for.
 fn unknown(path: &Path) -> ReadViewsError {
     let names = match crate::source::Source::folder(path).root_names() {
@@ -131,6 +149,23 @@ fn unknown(path: &Path) -> ReadViewsError {
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn folders_of_objects_beside_one_another_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["chair", "lamp", "notes"] {
+            let inner = folder.path().join(name);
+            std::fs::create_dir(&inner).unwrap();
+            let file = if name == "notes" { "readme.txt" } else { "transforms.json" };
+            std::fs::write(inner.join(file), r#"{"frames": []}"#).unwrap();
+        }
+        let error = open(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("2 folders, each with views of its own"), "{error}");
+        assert!(error.contains("chair") && error.contains("--batch"), "{error}");
+        std::fs::remove_dir_all(folder.path().join("lamp")).unwrap();
+        let error = open(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("no known layout"), "{error}");
+    }
 
     #[test]
     fn objects_are_chosen_by_name() {
