@@ -11,7 +11,8 @@ pub(super) const AVERAGE: &str = "optim.average";
 /// The exponential moving average of a system's parameters: what is scored, kept as the best, and predicts.
 ///
 /// `a <- d a + (1 - d) p` after each step, `d = min(decay, (1 + t) / (10 + t))` after `t` steps, so that the first weights are
-/// soon forgotten. Buffers, such as running means, are those of the moment.
+/// soon forgotten. Buffers too, as PyTorch's `AveragedModel` with `use_buffers` does: a batch norm's running means of the moment
+/// are those of other weights, and with them an averaged network is worse than none.
 ///
 /// # References
 /// Morales-Brotons, Vogels, Hendrikx 2024, *Exponential Moving Average of Weights in Deep Learning*; the rising decay is
@@ -51,7 +52,7 @@ impl Average {
         system.visit("", &mut |path: &str, param: &Param| {
             let now = param.as_slice();
             match self.values.get_mut(path) {
-                Some(mean) if param.trainable && mean.len() == now.len() => {
+                Some(mean) if mean.len() == now.len() => {
                     mean.iter_mut().zip(now).for_each(|(mean, now)| *mean += share * (now - *mean));
                 }
                 _ => drop(self.values.insert(path.to_owned(), now.to_vec())),
@@ -93,13 +94,13 @@ mod tests {
         let mut average = Average::new(0.25, &pair(1.0, 1.0));
         average.update(&pair(3.0, 7.0), 1);
         // (1 + 1) / (10 + 1) is less than the decay.
-        let first = 3.0 + 2.0 / 11.0 * (1.0 - 3.0);
+        let first = [3.0 + 2.0 / 11.0 * (1.0 - 3.0), 7.0 + 2.0 / 11.0 * (1.0 - 7.0)];
         average.update(&pair(5.0, 8.0), 100);
         let mut system = pair(5.0, 8.0);
         average.swap(&mut system);
-        let expected = 5.0 + 0.25 * (first - 5.0);
-        assert!((system.0.as_slice()[0] - expected).abs() < 1e-6, "{system:?}");
-        assert_eq!(system.1.as_slice(), [8.0]);
+        let expected = [5.0 + 0.25 * (first[0] - 5.0), 8.0 + 0.25 * (first[1] - 8.0)];
+        let found = [system.0.as_slice()[0], system.1.as_slice()[0]];
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{system:?}");
         average.swap(&mut system);
         assert_eq!(system.0.as_slice(), [5.0]);
     }

@@ -169,7 +169,9 @@ impl RefineConfig {
             problems.push(format!("`reach` is [{near}, {far}], expected 0.01 to 1, then 1 to 100"));
         }
         if self.place == PlaceKind::Seen && self.depth != DepthKind::True {
-            problems.push("`place` is seen, expected fixed or known: there is no measured depth".to_owned());
+            problems.push(
+                "`place` is seen, expected fixed or known: there is no measured depth".to_owned(),
+            );
         }
         if self.depth_residuals && self.published_places {
             let what = "expected false with `published-places`, whose depths are others";

@@ -52,8 +52,7 @@ pub(super) enum Known<'a> {
 
 impl Stored for DepthTargets {
     fn bytes(&self) -> usize {
-        let floats =
-            self.channel.len() + self.outline.len() + self.depth.len() + self.target.len();
+        let floats = self.channel.len() + self.outline.len() + self.depth.len() + self.target.len();
         4 * floats + self.compared.len() + self.cells.len()
     }
 }

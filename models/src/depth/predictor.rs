@@ -40,8 +40,8 @@ impl<B: MeshInit> Predictor for Refined<B> {
             DepthKind::Estimated => "estimated",
         };
         format!(
-            "one image with its mask and its {depth} depth, which `predict` takes as --depth (--set depth=false \
-             trains without)"
+            "one image with its mask and its {depth} depth, which `predict` takes as --depth (--set depth=false --set \
+             place=fixed --set 'reach=[0.42,1.72]' trains without)"
         )
     }
 

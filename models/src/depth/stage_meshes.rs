@@ -34,7 +34,10 @@ pub(super) fn divided<'t>(
 ) -> (StageMeshes<'t>, Option<Var<'t>>) {
     let (packed, up) = meshes.packed.divided(shapes);
     let positions = meshes.positions.sparse_matmul(&up);
-    (StageMeshes { packed, positions, before: positions }, hidden.map(|hidden| hidden.sparse_matmul(&up)))
+    (
+        StageMeshes { packed, positions, before: positions },
+        hidden.map(|hidden| hidden.sparse_matmul(&up)),
+    )
 }
 
 /// Moves meshes by what a stage makes of the maps at their vertices' places and of what these know.
