@@ -23,8 +23,8 @@ pub struct Evidence {
     pub coherence: Option<Coherence>,
     /// A lens that explains the masks better than the one of these cameras; none where that one does.
     pub lens: Option<LensFit>,
-    /// How far outside of the masks' edges the colours change most, pixels; negative where masks are too large, none where images do
-    /// not tell.
+    /// How far outside of the masks' edges the colours change most, pixels of an image of at most 320; negative where masks are too
+    /// large, none where images do not tell.
     pub mask_edge: Option<f64>,
     /// Share of all directions that a surface can face in which no fitted view sees it, and the axis nearest to their middle.
     pub unseen: (f64, String),

@@ -126,7 +126,7 @@ fn masks(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
     if let Some(edge) = evidence.mask_edge.filter(|edge| edge.abs() > EDGE) {
         let word = if edge < 0.0 { "larger" } else { "smaller" };
         let text = format!(
-            "the masks are about {:.1} pixels {word} than the object in the images",
+            "the masks are about {:.1} pixels {word} than the object in the images, brought to 320 pixels at most",
             edge.abs()
         );
         say(Grade::Doubtful, text);
