@@ -15,6 +15,7 @@
 //! Jolly, Quevedo, Manvi, *Depth-Aware Pixel2Mesh* (poster); Gkioxari, Malik, Johnson 2019, *Mesh R-CNN*, and its code.
 
 mod boxes;
+mod canonical;
 mod carving;
 mod config;
 mod depth_targets;

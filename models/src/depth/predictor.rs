@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use datasets::{ReadOptions, View, read_depth_file, read_disparity_file};
-use mesh_core::{DepthMap, Lens};
+use mesh_core::{DepthMap, Lens, TriMesh};
 use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
 use train::{DataError, PredictError};
 
-use super::{DepthKind, MeshInit, Refined};
+use super::canonical::Canonical;
+use super::{DepthKind, MeshInit, PlaceKind, Refined, Scene};
 use crate::predict::{PredictInput, Prediction, Predictor, Request};
 
 /// The least disparity that stands for an estimate's farthest pixel; the nearest is 1.
@@ -61,15 +62,51 @@ impl<B: MeshInit> Predictor for Refined<B> {
 impl<B: MeshInit> Refined<B> {
     /// The mesh and its way there, in the world of the given camera.
     pub(super) fn applied(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
-        let scene = self.scene(&input.given)?;
+        let Brought { scene, canonical } = self.brought(&input.given)?;
         let (mesh, stages) = self.mesh_and_stages_of(&scene);
-        let in_world = |mesh| scene.depth_targets.frame.mesh_in_world(mesh);
+        let in_world = |mesh| Self::in_world(&scene, canonical.as_ref(), mesh);
         Ok(Prediction {
             mesh: in_world(self.refine().pairs.finished(mesh)),
             sequence: stages.into_iter().map(in_world).collect(),
+            details: canonical.iter().flat_map(Canonical::details).collect(),
+            warnings: canonical.iter().map(Canonical::remark).collect(),
             ..Prediction::default()
         })
     }
+
+    /// The mesh of the first view, in the world of its camera.
+    pub(super) fn predicted(&self, views: &[View]) -> Result<TriMesh, PredictError> {
+        let Brought { scene, canonical } = self.brought(views)?;
+        let (mesh, _) = self.mesh_of(&scene);
+        Ok(Self::in_world(&scene, canonical.as_ref(), mesh))
+    }
+
+    /// The first view as the network takes it; where measured depth says that its camera is not one that was learned from,
+    /// brought to one.
+    fn brought(&self, views: &[View]) -> Result<Brought, PredictError> {
+        let config = self.refine();
+        let measured = config.place == PlaceKind::Seen && config.depth == DepthKind::True;
+        let first = views.first().filter(|_| measured);
+        let Some((view, canonical)) = first.and_then(|v| Canonical::of(v, config.pairs.scale))
+        else {
+            return Ok(Brought { scene: self.scene(views)?, canonical: None });
+        };
+        Ok(Brought { scene: self.scene(&[view])?, canonical: Some(canonical) })
+    }
+
+    fn in_world(scene: &Scene, canonical: Option<&Canonical>, mesh: TriMesh) -> TriMesh {
+        let mesh = scene.depth_targets.frame.mesh_in_world(mesh);
+        match canonical {
+            Some(canonical) => canonical.back(mesh),
+            None => mesh,
+        }
+    }
+}
+
+/// A view as the network takes it, and how it was brought there.
+struct Brought {
+    scene: Scene,
+    canonical: Option<Canonical>,
 }
 
 /// Replaces a view's lens.

@@ -453,8 +453,6 @@ impl<B: MeshInit> Instance<Scenes, Scene> for Refined<B> {
     }
 
     fn predict(&self, views: &[View]) -> Result<TriMesh, PredictError> {
-        let scene = self.scene(views)?;
-        let (mesh, _) = self.mesh_of(&scene);
-        Ok(scene.depth_targets.frame.mesh_in_world(mesh))
+        self.predicted(views)
     }
 }
