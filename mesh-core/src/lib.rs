@@ -96,6 +96,7 @@ pub mod primitives;
 mod remesh;
 mod sample;
 mod scalar;
+mod split_nonmanifold;
 mod subdivide;
 mod texture;
 mod topology;

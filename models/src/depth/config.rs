@@ -236,6 +236,9 @@ train::options! {
         /// Whether cells that the image shows to be empty are: those beside the silhouette, and those before the surface of
         /// measured depth, whose own cells are occupied. What is left to predict is what lies behind.
         pub carving: bool = false;
+        /// Whether parts of the cells' surface that only touch, along an edge or at a corner, are parted, so that each mesh is a
+        /// closed manifold.
+        pub manifold: bool = false;
         /// Whether the surface of the cells stands half a cell beside them, as PyTorch3D's `cubify` puts it where nothing
         /// is said of `align`: corners of cells where their middles are.
         pub corner_aligned: bool = false;

@@ -29,8 +29,9 @@ pub struct Voxels {
     threshold: f32,
     corner_aligned: bool,
     carving: bool,
+    manifold: bool,
 }
-impl_module!(Voxels: f32 { head } fixed { threshold, corner_aligned, carving });
+impl_module!(Voxels: f32 { head } fixed { threshold, corner_aligned, carving, manifold });
 
 /// Where a surface of `cells` along each axis of the cube goes if corner `i` stands where the middles of the first and the
 /// last cell are the ends: at `2 i / (cells - 1) - 1`.
@@ -126,7 +127,13 @@ impl MeshInit for Voxels {
         }
         let corner_aligned = config.corner_aligned;
         let carving = config.carving && !config.refine.blind;
-        Self { head, threshold: config.threshold as f32, corner_aligned, carving }
+        Self {
+            head,
+            threshold: config.threshold as f32,
+            corner_aligned,
+            carving,
+            manifold: config.manifold,
+        }
     }
 
     fn voxel_head(&self) -> Option<&VoxelHead> {
@@ -146,6 +153,7 @@ impl MeshInit for Voxels {
                 self.occupied_cells(logits).into_iter().map(|o| f32::from(u8::from(o))).collect();
             let grid = VoxelGrid::from_channels([cells; 3], CameraVolume::CUBE, &occupied, 0.5);
             let surface = cubify(&grid, EmptyGrid::CentralBlock);
+            let surface = if self.manifold { surface.split_nonmanifold() } else { surface };
             let surface = if self.corner_aligned { to_corners(cells, surface) } else { surface };
             let mesh = scene.depth_targets.volume(&scene.picture).to_world(surface);
             shapes.push(Arc::new(Shape::of(&mesh)));
