@@ -24,6 +24,30 @@ pub(super) fn carved(scene: &Scene, cells: usize) -> Vec<f32> {
     known
 }
 
+/// Empties what is not joined, side by side, to a cell that is seen: nothing speaks for a piece that floats behind. Where no cell is
+/// seen, as without depth, all stays.
+pub(super) fn keep_joined(occupied: &mut [bool], known: &[f32], cells: usize) {
+    let mut open: Vec<usize> = (0..known.len()).filter(|&i| known[i] > 0.0).collect();
+    if open.is_empty() {
+        return;
+    }
+    let mut reached = vec![false; occupied.len()];
+    open.iter().for_each(|&i| reached[i] = true);
+    while let Some(i) = open.pop() {
+        for stride in [1, cells, cells * cells] {
+            let along = i / stride % cells;
+            let lower = (along > 0).then(|| i - stride);
+            let upper = (along + 1 < cells).then(|| i + stride);
+            for next in [lower, upper].into_iter().flatten() {
+                if occupied[next] && !std::mem::replace(&mut reached[next], true) {
+                    open.push(next);
+                }
+            }
+        }
+    }
+    occupied.iter_mut().zip(&reached).for_each(|(occupied, &reached)| *occupied &= reached);
+}
+
 /// The cells behind one another that the same pixels see.
 fn carve(ray: &mut [f32], pixels: impl Iterator<Item = usize>, scene: &Scene) {
     let (mask, channel) = (&scene.picture.mask, &scene.depth_targets.channel);
@@ -44,5 +68,27 @@ fn carve(ray: &mut [f32], pixels: impl Iterator<Item = usize>, scene: &Scene) {
         ray.fill(-CERTAIN);
     } else if let Some(nearest) = nearest {
         ray[..nearest.saturating_sub(1)].fill(-CERTAIN);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of four cells in a row, of which the first is seen: the second stays, the fourth goes; and so for what is beside.
+    #[test]
+    fn what_floats_is_dropped() {
+        let mut known = vec![0.0; 64];
+        known[0] = CERTAIN;
+        let mut occupied = vec![false; 64];
+        [0, 1, 3, 5, 21, 42].iter().for_each(|&i| occupied[i] = true);
+        let all = occupied.clone();
+        keep_joined(&mut occupied, &known, 4);
+        let kept: Vec<usize> = (0..64).filter(|&i| occupied[i]).collect();
+        // 1 is beside 0, 5 beside 1, 21 beside 5; 3 and 42 stand alone.
+        assert_eq!(kept, [0, 1, 5, 21]);
+        let mut unseen = all.clone();
+        keep_joined(&mut unseen, &[0.0; 64], 4);
+        assert_eq!(unseen, all);
     }
 }

@@ -9,7 +9,7 @@ use nets::{Init, VoxelHead};
 use train::Compiled;
 use train::settings::Options as _;
 
-use super::carving::carved;
+use super::carving::{carved, keep_joined};
 use super::config::{RefineConfig, VoxelConfig};
 use super::mesh_init::{InitialMeshes, MeshInit};
 use super::packed::{Packed, Shape};
@@ -38,13 +38,6 @@ impl_module!(Voxels: f32 { head } fixed { threshold, corner_aligned, carving, ma
 fn to_corners(cells: usize, surface: TriMesh) -> TriMesh {
     let factor = cells as f32 / (cells - 1) as f32;
     surface.map_positions(|p| p.map(|x| (x + 1.0) * factor - 1.0))
-}
-
-/// Logits with what the images say for sure.
-fn carve<'t>(logits: Var<'t>, scenes: &[&Scene], cells: usize) -> Var<'t> {
-    let known: Vec<Vec<f32>> = scenes.iter().map(|scene| carved(scene, cells)).collect();
-    let known = known.iter().map(|known| &known[..]);
-    logits + stacked(logits.tape(), known, &[scenes.len(), cells, cells, cells])
 }
 
 impl MeshInit for Voxels {
@@ -144,13 +137,21 @@ impl MeshInit for Voxels {
         let tape = coarsest.tape();
         let logits = tape.scope("voxels", || self.head.forward(coarsest));
         let cells = self.head.cells();
-        let logits = if self.carving { carve(logits, scenes, cells) } else { logits };
+        let carved = |scene: &&Scene| {
+            if self.carving { carved(scene, cells) } else { vec![0.0; cells.pow(3)] }
+        };
+        let known: Vec<Vec<f32>> = scenes.iter().map(carved).collect();
+        let shape = [scenes.len(), cells, cells, cells];
+        let logits = logits + stacked(tape, known.iter().map(|known| &known[..]), &shape);
         let value = logits.value();
         let value = value.as_slice();
         let (mut shapes, mut rows) = (Vec::new(), Vec::new());
-        for (scene, logits) in scenes.iter().zip(value.chunks_exact(cells.pow(3))) {
-            let occupied: Vec<f32> =
-                self.occupied_cells(logits).into_iter().map(|o| f32::from(u8::from(o))).collect();
+        for ((scene, known), logits) in
+            scenes.iter().zip(&known).zip(value.chunks_exact(cells.pow(3)))
+        {
+            let mut occupied = self.occupied_cells(logits);
+            keep_joined(&mut occupied, known, cells);
+            let occupied: Vec<f32> = occupied.into_iter().map(|o| f32::from(u8::from(o))).collect();
             let grid = VoxelGrid::from_channels([cells; 3], CameraVolume::CUBE, &occupied, 0.5);
             let surface = cubify(&grid, EmptyGrid::CentralBlock);
             let surface = if self.manifold { surface.split_nonmanifold() } else { surface };
