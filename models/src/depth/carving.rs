@@ -32,7 +32,9 @@ pub(super) fn keep_joined(occupied: &mut [bool], known: &[f32], cells: usize) {
         return;
     }
     let mut reached = vec![false; occupied.len()];
-    open.iter().for_each(|&i| reached[i] = true);
+    for &i in &open {
+        reached[i] = true;
+    }
     while let Some(i) = open.pop() {
         for stride in [1, cells, cells * cells] {
             let along = i / stride % cells;
@@ -81,7 +83,9 @@ mod tests {
         let mut known = vec![0.0; 64];
         known[0] = CERTAIN;
         let mut occupied = vec![false; 64];
-        [0, 1, 3, 5, 21, 42].iter().for_each(|&i| occupied[i] = true);
+        for i in [0, 1, 3, 5, 21, 42] {
+            occupied[i] = true;
+        }
         let all = occupied.clone();
         keep_joined(&mut occupied, &known, 4);
         let kept: Vec<usize> = (0..64).filter(|&i| occupied[i]).collect();

@@ -123,8 +123,11 @@ impl DepthTargets {
             }
             _ => Vec::new(),
         };
-        let told = config.depth_residuals;
-        let outline = told.then(|| signed_distance(&object, side, side, 0.0)).unwrap_or_default();
+        let outline = if config.depth_residuals {
+            signed_distance(&object, side, side, 0.0)
+        } else {
+            Vec::new()
+        };
         let Placed { frame, middle, ends } = place;
         Self { frame, middle, ends, channel, outline, depth, target, compared, cells }
     }
