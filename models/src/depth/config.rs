@@ -6,7 +6,6 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use train::settings::{LARGEST, above_to};
 
-use super::residuals;
 use crate::paired::PairsConfig;
 
 train::options! {
@@ -95,7 +94,7 @@ impl RefineConfig {
 
     /// Numbers that vertices are told of themselves.
     pub(super) fn places(&self) -> usize {
-        3 + if self.depth_residuals { residuals::columns(self.depth) } else { 0 }
+        3 + if self.depth_residuals { self.depth.residuals() } else { 0 }
     }
 
     /// The backbone, without a classifier.
@@ -257,6 +256,16 @@ pub enum DepthKind {
     True,
     /// Disparity as a network guesses it: of no scale and no shift, blurred, with a floor under the object.
     Estimated,
+}
+
+impl DepthKind {
+    /// How many numbers a vertex is told beside its place: the outline's, and with measured depth its own.
+    pub(super) const fn residuals(self) -> usize {
+        match self {
+            Self::True => 3,
+            Self::None | Self::Estimated => 1,
+        }
+    }
 }
 
 // By hand: on a command line, `depth=true` is not a text.

@@ -12,14 +12,6 @@ const FAR: f32 = 0.125;
 /// What differences of depth are multiplied by, in units of half of the volume.
 const GAIN: f32 = 4.0;
 
-/// How many numbers a vertex is told by [`depth_residuals`].
-pub(super) const fn columns(depth: DepthKind) -> usize {
-    match depth {
-        DepthKind::True => 3,
-        DepthKind::None | DepthKind::Estimated => 1,
-    }
-}
-
 /// For vertices at `place`, as stages are told it: the distance from the outline, -1 deep inside and 1 far outside; with
 /// measured depth how far the vertex is behind what is seen at its pixel (negative before it), -1 to 1, and whether something
 /// is seen there, 0 to 1.
@@ -35,11 +27,11 @@ pub(super) fn depth_residuals<'t>(
     (depth, blind): (DepthKind, bool),
 ) -> Var<'t> {
     let tape = place.tape();
-    let map = maps(tape, scenes, columns(depth), blind);
+    let map = maps(tape, scenes, depth.residuals(), blind);
     let down = tape.constant(arr1(&[1.0, -1.0]));
     let points = place.slice_axis(2, 0..2).mul(down);
     let read = pool_features(&[map], points, MapSampling::Bilinear);
-    if columns(depth) == 1 {
+    if depth.residuals() == 1 {
         return read;
     }
     let [outline, seen, surface] = [0, 1, 2].map(|k| read.slice_axis(2, k..k + 1));
