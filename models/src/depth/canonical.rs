@@ -10,6 +10,7 @@ use datasets::View;
 use mesh_core::nalgebra::{Matrix3, Vector3};
 use mesh_core::{Camera, DepthMap, Lens, TriMesh};
 
+use super::guide::median_depth;
 use crate::predict::Detail;
 use crate::square::square;
 
@@ -45,7 +46,8 @@ impl Canonical {
     pub(super) fn of(view: &View, unit: f64) -> Option<(View, Self)> {
         let [top, left, rows, columns] = view.mask_bounds()?.map(|n| n as f64);
         let Lens::Perspective { fx, .. } = view.camera.lens else { return None };
-        let middle = f64::from(median_depth(view)?);
+        let object = view.mask.data.iter().map(|&m| m > 127);
+        let middle = f64::from(median_depth(&view.depth.as_ref()?.data, object)?);
         let [width, height] = [view.color.width as f64, view.color.height as f64];
         let share = rows.max(columns) / width.max(height);
         let off = |low: f64, size: f64, all: f64| ((2.0 * low + size) / all - 1.0).abs();
@@ -107,15 +109,6 @@ impl Canonical {
     pub(super) fn details(&self) -> Vec<Detail> {
         vec![("the learned unit over the given one", vec![self.scale])]
     }
-}
-
-/// Of the object's pixels whose depth is known.
-fn median_depth(view: &View) -> Option<f32> {
-    let depth = view.depth.as_ref()?;
-    let seen = depth.data.iter().zip(&view.mask.data).filter(|(z, m)| **m > 127 && z.is_finite());
-    let mut known: Vec<f32> = seen.map(|(z, _)| *z).filter(|z| *z > 0.0).collect();
-    let middle = known.len() / 2;
-    (!known.is_empty()).then(|| *known.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 #[cfg(test)]

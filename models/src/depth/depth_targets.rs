@@ -79,7 +79,7 @@ impl DepthTargets {
             }
         };
         if config.place == PlaceKind::Seen {
-            place.stand_at(median_depth(&depth, &object), config.reach);
+            place.stand_at(guide::median_depth(&depth, object.iter().copied()), config.reach);
         }
         let disparity = match known {
             _ if config.depth != DepthKind::Estimated => Vec::new(),
@@ -172,14 +172,6 @@ impl Placed {
             self.ends = reach.map(|times| times as f32 * middle);
         }
     }
-}
-
-/// Of the object's pixels whose depth is known.
-fn median_depth(depth: &[f32], object: &[bool]) -> Option<f32> {
-    let known = depth.iter().zip(object).filter(|(z, o)| **o && z.is_finite() && **z > 0.0);
-    let mut known: Vec<f32> = known.map(|(z, _)| *z).collect();
-    let middle = known.len() / 2;
-    (!known.is_empty()).then(|| *known.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 fn volume(picture: &Picture, [near, far]: [f32; 2]) -> CameraVolume {

@@ -48,6 +48,14 @@ pub(super) fn standard(values: &[f32], counts: &[bool]) -> Vec<f32> {
     values.iter().map(value).collect()
 }
 
+/// The median of depth over the object's pixels that have one.
+pub(super) fn median_depth(depth: &[f32], object: impl Iterator<Item = bool>) -> Option<f32> {
+    let known = depth.iter().copied().zip(object).filter(|(z, o)| *o && z.is_finite() && *z > 0.0);
+    let mut known: Vec<f32> = known.map(|(z, _)| z).collect();
+    let middle = known.len() / 2;
+    (!known.is_empty()).then(|| *known.select_nth_unstable_by(middle, f32::total_cmp).1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

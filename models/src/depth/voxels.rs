@@ -137,20 +137,23 @@ impl MeshInit for Voxels {
         let tape = coarsest.tape();
         let logits = tape.scope("voxels", || self.head.forward(coarsest));
         let cells = self.head.cells();
-        let carved = |scene: &&Scene| {
-            if self.carving { carved(scene, cells) } else { vec![0.0; cells.pow(3)] }
+        let carved = |scene: &&Scene| carved(scene, cells);
+        let known: Vec<Vec<f32>> = scenes.iter().filter(|_| self.carving).map(carved).collect();
+        let logits = if self.carving {
+            let shape = [scenes.len(), cells, cells, cells];
+            logits + stacked(tape, known.iter().map(|known| &known[..]), &shape)
+        } else {
+            logits
         };
-        let known: Vec<Vec<f32>> = scenes.iter().map(carved).collect();
-        let shape = [scenes.len(), cells, cells, cells];
-        let logits = logits + stacked(tape, known.iter().map(|known| &known[..]), &shape);
         let value = logits.value();
         let value = value.as_slice();
         let (mut shapes, mut rows) = (Vec::new(), Vec::new());
-        for ((scene, known), logits) in
-            scenes.iter().zip(&known).zip(value.chunks_exact(cells.pow(3)))
+        for (n, (scene, logits)) in scenes.iter().zip(value.chunks_exact(cells.pow(3))).enumerate()
         {
             let mut occupied = self.occupied_cells(logits);
-            keep_joined(&mut occupied, known, cells);
+            if let Some(known) = known.get(n) {
+                keep_joined(&mut occupied, known, cells);
+            }
             let occupied: Vec<f32> = occupied.into_iter().map(|o| f32::from(u8::from(o))).collect();
             let grid = VoxelGrid::from_channels([cells; 3], CameraVolume::CUBE, &occupied, 0.5);
             let surface = cubify(&grid, EmptyGrid::CentralBlock);
