@@ -55,6 +55,7 @@ mod kuhn;
 mod lattice;
 mod outline;
 mod placement;
+mod prior;
 mod quality;
 mod refine;
 mod settle;

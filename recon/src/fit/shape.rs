@@ -26,8 +26,6 @@ pub(super) struct Shape {
     pub(super) topology: Topology,
     edges: Edges,
     optimizer: Optimizer,
-    /// Where it bends from; without, from the plane.
-    rest: Option<Vec<[f32; 3]>>,
     gradient: Vec<[f32; 3]>,
     laplacian: Vec<[f32; 3]>,
     smoothed: Vec<[f32; 3]>,
@@ -102,13 +100,7 @@ impl Shape {
             topology,
             edges,
             optimizer,
-            rest: None,
         }
-    }
-
-    /// With a bending energy of the displacement from `rest` instead of the shape itself.
-    pub(super) fn resting(self, rest: Vec<[f32; 3]>) -> Self {
-        Self { rest: Some(rest), ..self }
     }
 
     /// The same surface with each face in four.
@@ -216,12 +208,6 @@ impl Shape {
     fn bend(&mut self, weight: f32, scale: f64) -> f64 {
         let rings = &self.topology.vertex_vertices;
         ring_offset(rings, &self.positions, &mut self.laplacian);
-        if let Some(rest) = &self.rest {
-            ring_offset(rings, rest, &mut self.smoothed);
-            for (l, s) in self.laplacian.iter_mut().zip(&self.smoothed) {
-                *l = minus(*l, *s);
-            }
-        }
         ring_offset(rings, &self.laplacian, &mut self.smoothed);
         let weight = weight * scale as f32;
         for (g, s) in self.gradient.iter_mut().zip(&self.smoothed) {

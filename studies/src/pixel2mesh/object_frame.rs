@@ -188,9 +188,8 @@ fn refined(system: &Pixel2Mesh, pair: &Pair) -> Result<(PointScores, Stats), Dat
         Err(_) => return Ok((point_scores(&TriMesh::default(), &pair.truth), Stats::default())),
     };
     let view = datasets::View { camera, ..picture.view() };
-    let config = RefineConfig { vertices: 0, ..RefineConfig::default() };
     let world = picture.frame.mesh_in_world(mesh);
-    let world = refine(&world, &[view], &config).map_err(DataError::unfit)?;
+    let world = refine(&world, &[view], &RefineConfig::default()).map_err(DataError::unfit)?;
     Ok((point_scores(&picture.frame.mesh_placed(&world), &pair.truth), stats))
 }
 

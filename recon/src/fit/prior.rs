@@ -1,0 +1,191 @@
+//! What a predicted mesh and the masks agree on: where a refinement begins.
+//!
+//! A prediction knows what no view shows, the masks know where there is nothing, and where there must be something. So the
+//! prediction is carved by the hull of the masks, as a solid; and where a pixel of a mask shows none of what is left, the points of
+//! the hull on its ray that are nearest to the prediction are added: the leg of a chair whose prediction has it a little beside.
+
+use mesh_core::{ClosestPoint, TriMesh, voxelize_solid};
+use rayon::prelude::*;
+
+use super::{
+    hull, lattice::Lattice, placement::Placement, skin::skin, solid::Solid, target::Target,
+};
+
+/// Points of the lattice along its longest side.
+const LONGEST: usize = 96;
+/// How far the object may reach, in halves of the prediction's longest side.
+const ROOM: f64 = 1.4;
+/// Points no further outside of the hull than this, in steps, may hold some of the object.
+const ALLOWED: f32 = 0.3;
+/// How thick what is added is along its ray, in steps.
+const THICK: f32 = 1.0;
+/// Distances beyond this many steps are those of a block.
+const FAR: f32 = 2.0;
+/// Points along a side of the blocks whose distance is first measured as a whole.
+const BLOCK: usize = 4;
+
+/// A mesh that is believed where masks say nothing else.
+#[derive(Debug)]
+pub(super) struct Prior<'a> {
+    /// Closed, in the frame of the placement: within one radius about the origin along each axis.
+    mesh: &'a TriMesh,
+    placement: Placement,
+    /// How far outside of the mesh the object may be, in radii.
+    tolerance: f32,
+}
+
+impl<'a> Prior<'a> {
+    pub(super) fn new(
+        mesh: &'a TriMesh,
+        (center, radius): ([f64; 3], f64),
+        tolerance: f32,
+    ) -> Self {
+        Self {
+            mesh,
+            placement: Placement { center, radius, half_extent: ROOM * radius },
+            tolerance,
+        }
+    }
+
+    /// The closed, oriented surface of what mesh and masks agree on, and the side of its cells, both in the frame of the placement,
+    /// in which `targets` are left; `None` where nothing is left.
+    pub(super) fn carved(&self, targets: &mut [Target]) -> Option<(TriMesh, f32)> {
+        let mut lattice = Lattice::of(targets, &self.placement, LONGEST)?;
+        let mut prior = distances(self.mesh, &lattice);
+        for distance in &mut prior {
+            *distance -= self.tolerance / lattice.step;
+        }
+        let asked = asked(&lattice, &prior, targets, &self.placement);
+        for (slot, &own) in prior.iter().enumerate().filter(|(slot, _)| !asked[*slot]) {
+            lattice.distance[slot] = lattice.distance[slot].max(own);
+            lattice.agreed[slot] = lattice.agreed[slot].max(own);
+        }
+        let solid = Solid::of(&lattice, targets)?;
+        let mut mesh = skin(&lattice, &solid.inside);
+        hull::smooth(&mut mesh);
+        Some((mesh, lattice.step))
+    }
+}
+
+/// Distance of each point from the surface of a closed mesh in steps, negative inside. Far from it that of a point nearby.
+fn distances(mesh: &TriMesh, lattice: &Lattice) -> Vec<f32> {
+    let [nx, ny, nz] = lattice.dims;
+    let corner = |end: [f32; 3]| -> [f32; 3] {
+        std::array::from_fn(|k| lattice.origin[k] + lattice.step * end[k])
+    };
+    let far = lattice.dims.map(|n| n as f32 - 0.5);
+    let inside = voxelize_solid(mesh, lattice.dims, (corner([-0.5; 3]), corner(far))).bits;
+    let surface = ClosestPoint::new(mesh);
+    let away = |p: [f32; 3]| {
+        surface.find(p).map_or(f32::MAX, |found| found.distance as f32) / lattice.step
+    };
+    let mut distances = vec![0.0; inside.len()];
+    let slab = nx * ny * BLOCK;
+    distances.par_chunks_mut(slab).enumerate().for_each(|(number, out)| {
+        let bottom = number * BLOCK;
+        let layers = BLOCK.min(nz - bottom);
+        let corners =
+            (0..ny).step_by(BLOCK).flat_map(|y| (0..nx).step_by(BLOCK).map(move |x| [x, y]));
+        for [x, y] in corners {
+            let size = [BLOCK.min(nx - x), BLOCK.min(ny - y), layers];
+            let first = [x, y, bottom].map(|i| i as f32);
+            let half: [f32; 3] = size.map(|n| 0.5 * (n as f32 - 1.0));
+            let whole = away(corner(std::array::from_fn(|k| first[k] + half[k])));
+            // All of the block is far from the surface, on one side of it.
+            let same = (whole > norm(half) + FAR).then_some(whole);
+            for local in 0..size.iter().product() {
+                let [i, j, k] =
+                    [local % size[0], local / size[0] % size[1], local / (size[0] * size[1])];
+                let at = (k * ny + y + j) * nx + x + i;
+                let slot = number * slab + at;
+                let distance = same.unwrap_or_else(|| away(lattice.place(slot)));
+                out[at] = if inside[slot] { -distance } else { distance };
+            }
+        }
+    });
+    distances
+}
+
+fn norm(v: [f32; 3]) -> f32 {
+    v.iter().map(|x| x * x).sum::<f32>().sqrt()
+}
+
+/// The points of the hull that pixels ask for because nothing of the mesh is on their ray.
+fn asked(lattice: &Lattice, prior: &[f32], targets: &[Target], placement: &Placement) -> Vec<bool> {
+    let found: Vec<Vec<usize>> = targets
+        .par_iter()
+        .map(|target| {
+            let pixels = target.pixels_per_unit(target.project([0.0; 3])[2]);
+            let stride = ((0.5 * lattice.step * pixels) as usize).max(1);
+            let (mut found, mut on_ray) = (Vec::new(), Vec::new());
+            for y in (0..target.height).step_by(stride) {
+                for x in (0..target.width).step_by(stride) {
+                    if !target.in_mask(y * target.width + x) {
+                        continue;
+                    }
+                    walk(lattice, target, placement, [x as f64 + 0.5, y as f64 + 0.5], &mut on_ray);
+                    on_ray.retain(|&slot| lattice.distance[slot] < ALLOWED);
+                    let nearest = on_ray.iter().map(|&s| prior[s]).fold(f32::INFINITY, f32::min);
+                    if nearest >= ALLOWED {
+                        found.extend(on_ray.iter().filter(|&&s| prior[s] <= nearest + THICK));
+                    }
+                }
+            }
+            found
+        })
+        .collect();
+    let mut asked = vec![false; prior.len()];
+    for slot in found.into_iter().flatten() {
+        asked[slot] = true;
+    }
+    asked
+}
+
+/// The points of the lattice nearest to the ray through a place of the box, in order.
+fn walk(
+    lattice: &Lattice,
+    target: &Target,
+    placement: &Placement,
+    [column, row]: [f64; 2],
+    out: &mut Vec<usize>,
+) {
+    out.clear();
+    let ray = target.camera().ray(column, row);
+    // In steps of the lattice from its first point.
+    let scale = 1.0 / (placement.radius * f64::from(lattice.step));
+    let step = f64::from(lattice.step);
+    let origin: [f64; 3] = std::array::from_fn(|k| {
+        (ray.origin[k] - placement.center[k]) * scale - f64::from(lattice.origin[k]) / step
+    });
+    let norm = (0..3).map(|k| ray.direction[k].powi(2)).sum::<f64>().sqrt();
+    let direction: [f64; 3] = std::array::from_fn(|k| ray.direction[k] / norm);
+    let (mut near, mut far) = (0.0_f64, f64::INFINITY);
+    for k in 0..3 {
+        let last = (lattice.dims[k] - 1) as f64;
+        if direction[k].abs() < 1e-12 {
+            if !(0.0..=last).contains(&origin[k]) {
+                return;
+            }
+            continue;
+        }
+        let [a, b] = [-origin[k] / direction[k], (last - origin[k]) / direction[k]];
+        near = near.max(a.min(b));
+        far = far.min(a.max(b));
+    }
+    if !(near.is_finite() && far.is_finite()) {
+        return;
+    }
+    let [nx, ny, _] = lattice.dims;
+    let mut along = near;
+    while along <= far {
+        let at: [usize; 3] = std::array::from_fn(|k| {
+            let x = (origin[k] + along * direction[k]).round().max(0.0) as usize;
+            x.min(lattice.dims[k] - 1)
+        });
+        let slot = (at[2] * ny + at[1]) * nx + at[0];
+        if out.last() != Some(&slot) {
+            out.push(slot);
+        }
+        along += 0.5;
+    }
+}
