@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use autodiff_lite::state::State;
 use models::OnnxValue;
-use models::predict::Predictor;
+use models::predict::{Familiarity, Predictor};
 use serde::Serialize;
 use train::output::write_within;
 use train::{Checkpoint, CheckpointPath, Configuration, RunFolder, RunMetadata, Subset};
@@ -128,7 +129,11 @@ fn weights<S: Predictor>(
     }
     .noted(noted);
     let text = card.to_string();
-    let bytes = checkpoint.weights(&text);
+    let progress = Progress::new(console, "remember what it was trained on");
+    let beside = Familiarity::of_data(&system, &opened).map_err(Failure::input)?;
+    progress.finish();
+    let beside = beside.map_or_else(State::new, |familiarity| familiarity.to_state());
+    let bytes = checkpoint.weights_beside(&text, &beside);
     write(output, &bytes)?;
     Ok((card, bytes.len()))
 }

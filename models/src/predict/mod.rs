@@ -2,7 +2,7 @@
 //!
 //! A [`Predictor`] says how files become its input, and makes of the [`PredictInput`] that was read a [`Prediction`];
 //! [`deliver`] scores it at the cameras that were given and at those that were not, and writes meshes, turntable,
-//! report and figures. [`refined`] moves the mesh until it agrees with the given views. [`milliseconds`] takes the time, for those who ask.
+//! report and figures. A [`Familiarity`] says how far the input is from what was trained on. [`refined`] moves the mesh until it agrees with the given views. [`milliseconds`] takes the time, for those who ask.
 //!
 //! ```no_run
 //! use models::img2mesh::Img2Mesh;
@@ -23,6 +23,7 @@
 //! ```
 
 mod deliver;
+mod familiarity;
 mod input;
 mod one_pass;
 mod predictor;
@@ -31,6 +32,8 @@ mod refine;
 mod tests;
 
 pub use deliver::{Delivery, Metrics, deliver};
+pub(crate) use familiarity::strongest;
+pub use familiarity::{Familiarity, Features, Judgement, Sighting};
 pub use input::{Choice, PredictInput, Request};
 pub use one_pass::OnePass;
 pub use predictor::{Detail, Prediction, Predictor, milliseconds};
