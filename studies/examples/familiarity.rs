@@ -4,6 +4,8 @@
 //! the receiver operating characteristic, that is the probability that an object of another family is judged farther than one of a
 //! trained family. The former are the procedural test objects of `families=bus,alarm_clock`, the latter those of the system's own
 //! data; of a dataset, `data=FOLDER`, its test objects are either, by the name of their family. Both can be given several times.
+//! `write=FILE` first has the familiarity learned anew from the system's own data, and writes the weights with it and with the card
+//! that they have.
 
 use std::error::Error;
 use std::io::Write;
@@ -60,13 +62,33 @@ fn judged<S: Predictor>(
     judged.collect()
 }
 
+/// The familiarity with the system's own data; written with the weights to a file.
+fn learned<S: Predictor>(
+    checkpoint: &Checkpoint<'_>,
+    (system, config): (&S, &Configuration<S::Config>),
+    file: &Path,
+) -> Result<Option<Familiarity>, Box<dyn Error>> {
+    let options = ReadOptions::default();
+    let seed = config.train.seed;
+    let source = Source { path: None, options: &options, seed, progress: &|_, _| () };
+    let familiarity = Familiarity::of_data(system, &S::open(&config.system, &source)?)?;
+    if let Some(familiarity) = &familiarity {
+        let card = checkpoint.card().unwrap_or_default();
+        std::fs::write(file, checkpoint.weights_beside(card, &familiarity.to_state()))?;
+    }
+    Ok(familiarity)
+}
+
 fn study<S: Predictor>(
     checkpoint: &Checkpoint<'_>,
     settings: &[String],
 ) -> Result<(), Box<dyn Error>> {
     let (system, config) = checkpoint.load::<S>()?;
-    let familiarity =
-        Familiarity::of(checkpoint)?.ok_or("these weights know nothing of what they know")?;
+    let known = match settings.iter().find_map(|setting| setting.strip_prefix("write=")) {
+        Some(file) => learned(checkpoint, (&system, &config), file.as_ref())?,
+        None => Familiarity::of(checkpoint)?,
+    };
+    let familiarity = known.ok_or("these weights do not know what they were trained on")?;
     let asked = (&system, &config, &familiarity);
     let mut all = judged(asked, ("own", None, Vec::new()))?;
     let mut known: Vec<String> = all.iter().map(|object| object.family.clone()).collect();
@@ -83,7 +105,8 @@ fn study<S: Predictor>(
                     vec![("families".to_owned(), format!("[{}]", names.join(",")))],
                 )
             }
-            _ => return Err("data=FOLDER or families=NAMES is expected".into()),
+            Some(("write", _)) => continue,
+            _ => return Err("data=FOLDER, families=NAMES or write=FILE is expected".into()),
         };
         all.extend(judged(asked, place)?);
     }

@@ -14,8 +14,8 @@ use serde::Serialize;
 use train::output::{OutputError, OutputFolder};
 use train::report::{Figure, Report, Table, ViewPair};
 
-use super::familiarity::Judgement;
 use super::input::PredictInput;
+use super::judgement::Judgement;
 use super::one_pass::OnePass;
 use super::predictor::Prediction;
 

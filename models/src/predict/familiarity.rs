@@ -10,12 +10,12 @@
 //! A distance by itself says nothing: it is judged by those of the objects for validation.
 
 use autodiff_lite::state::State;
-use autodiff_lite::{Tensor, Var};
 use mesh_core::nalgebra::{DMatrix, DVector, SymmetricEigen};
-use serde::Serialize;
 use train::{Checkpoint, CheckpointError, DataError, Subset};
 
+use super::judgement::Judgement;
 use super::predictor::Predictor;
+use super::sighting::{Features, Sighting};
 
 /// Directions that are kept at most: those in which training objects differ the most.
 const MOST_AXES: usize = 64;
@@ -37,34 +37,6 @@ const WITHIN: &str = "familiarity.within";
 const FAMILIES: &str = "familiarity.families";
 const DISTANCES: &str = "familiarity.distances";
 
-/// What a system's encoder says of an object's images: a vector for each, all of the same length.
-pub type Features = Vec<Vec<f32>>;
-
-/// The strongest answer of each filter anywhere in an image, map after map: what it shows, wherever and however large.
-///
-/// # Shapes
-/// `maps [N, H, W, C]` each, of any sizes; `N` vectors of as many numbers as there are channels in all maps.
-pub(crate) fn strongest(maps: &[Var<'_>]) -> Features {
-    let Some(images) = maps.first().map(|map| map.shape()[0]) else { return Features::new() };
-    let rows: Vec<_> = maps.iter().map(|map| map.max_axis(1).max_axis(1).value()).collect();
-    let of = |image: usize| {
-        let row = |row: &Tensor<f32>| {
-            row.as_slice().chunks(row.shape()[1]).nth(image).map(<[f32]>::to_vec)
-        };
-        rows.iter().filter_map(row).flatten().collect()
-    };
-    (0..images).map(of).collect()
-}
-
-/// Features of an object of a dataset.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Sighting {
-    /// The name of the object's family, as the dataset has it.
-    pub family: String,
-    /// Those of its images.
-    pub features: Features,
-}
-
 /// What training objects look like to a network; see the [module](self).
 ///
 /// Its `K` axes are turned and scaled such that features of all training objects have the covariance 1 along them, and those
@@ -81,54 +53,6 @@ pub struct Familiarity {
     families: DMatrix<f32>,
     /// Distances of objects for validation, least first.
     distances: Vec<f32>,
-}
-
-/// How far a prediction's input is from what the system was trained on.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Judgement {
-    /// The relative Mahalanobis distance of its features, without a unit; a mean over its images.
-    pub distance: f64,
-    /// The share of the objects for validation that are nearer, 0 to 1.
-    pub quantile: f64,
-    /// How many objects that is a share of.
-    pub of: usize,
-}
-
-impl Judgement {
-    /// Whether no object for validation is as far.
-    pub fn is_strange(&self) -> bool {
-        self.quantile >= 1.0
-    }
-
-    /// What a user should be warned of, if anything.
-    pub fn warning(&self) -> Option<String> {
-        self.is_strange().then(|| {
-            format!(
-                "it looks unlike what the system was trained on, more so than all {} objects that it was validated on: do not \
-                 trust the sides that no image shows",
-                self.of
-            )
-        })
-    }
-}
-
-/// In words, for people.
-impl std::fmt::Display for Judgement {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        /// Beyond so many of the objects for validation an object is unusual.
-        const UNUSUAL: f64 = 0.95;
-        let what = match self.quantile {
-            _ if self.is_strange() => "unlike what it was trained on",
-            q if q >= UNUSUAL => "unusual beside what it was trained on",
-            _ => "like what it was trained on",
-        };
-        let percent = (100.0 * self.quantile).floor();
-        write!(
-            f,
-            "{what}: farther from it ({:.1}) than {percent} % of the validation objects",
-            self.distance
-        )
-    }
 }
 
 impl Familiarity {
@@ -343,4 +267,160 @@ fn parted(
         row -= means.row(family);
     }
     (means, deviations)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use std::path::Path;
+
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    const WIDTH: usize = 12;
+
+    /// About normal.
+    fn drawn(rng: &mut ChaCha8Rng) -> f32 {
+        (0..12).map(|_| rng.random::<f32>()).sum::<f32>() - 6.0
+    }
+
+    /// Objects of families whose means are 4 along an axis of their own, each of two images.
+    fn objects(families: usize, count: usize, seed: u64) -> Vec<Sighting> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let object = |k: usize| {
+            let family = k % families;
+            let image = |_| {
+                let mut image: Vec<f32> = (0..WIDTH).map(|_| drawn(&mut rng)).collect();
+                image[family] += 4.0;
+                // One that never differs, as filters that answer nothing.
+                image.push(0.0);
+                image
+            };
+            Sighting { family: format!("family {family}"), features: (0..2).map(image).collect() }
+        };
+        (0..count).map(object).collect::<Vec<_>>()
+    }
+
+    fn learned(families: usize) -> Familiarity {
+        Familiarity::learn(&objects(families, 120, 1), &objects(families, 40, 2)).unwrap()
+    }
+
+    /// Bytes of a checkpoint without parameters, with these arrays beside them.
+    fn file(beside: &State) -> Vec<u8> {
+        let mut state = State::new();
+        state.metadata.insert("format".to_owned(), "1".to_owned());
+        let bytes = state.to_bytes();
+        Checkpoint::from_bytes(Path::new("bare"), &bytes).unwrap().weights_beside("", beside)
+    }
+
+    fn read(bytes: &[u8]) -> Result<Option<Familiarity>, CheckpointError> {
+        Familiarity::of(&Checkpoint::from_bytes(Path::new("a.safetensors"), bytes)?)
+    }
+
+    fn shifted(features: &Features, by: f32) -> Features {
+        features.iter().map(|image| image.iter().map(|x| x + by).collect()).collect()
+    }
+
+    #[test]
+    fn it_is_read_as_it_was_written() {
+        let familiarity = learned(3);
+        assert_eq!(read(&file(&familiarity.to_state())).unwrap(), Some(familiarity));
+        assert_eq!(read(&file(&State::new())).unwrap(), None);
+    }
+
+    #[test]
+    fn what_cannot_be_is_an_error() {
+        let sound = learned(3).to_state();
+        let refused = |state: &State, expected: &str| {
+            let error = read(&file(state)).unwrap_err().to_string();
+            assert!(error.contains("`familiarity`") && error.contains(expected), "{error}");
+        };
+        let with = |name: &str, shape: &[usize], numbers: &[f32]| {
+            let mut state = sound.clone();
+            state.insert(name, shape, numbers);
+            state
+        };
+        let k = sound.array::<f32>(MIDDLE).unwrap().len();
+        for name in [AXES, MIDDLE, WITHIN, FAMILIES, DISTANCES] {
+            let array = sound.array::<f32>(name).unwrap();
+            let mut numbers = array.as_slice().to_vec();
+            numbers[0] = f32::NAN;
+            refused(&with(name, array.shape(), &numbers), "finite");
+            refused(&with(name, &[0], &[]), "shapes");
+            refused(&with(name, &[1, 1, 1], &[0.0]), "shapes");
+        }
+        refused(&with(AXES, &[k, 0], &[]), "shapes");
+        refused(&with(FAMILIES, &[1, k + 1], &vec![0.0; k + 1]), "shapes");
+        refused(&with(WITHIN, &[k], &vec![0.0; k]), "variances above 0");
+        refused(&with(DISTANCES, &[2], &[1.0, 0.0]), "in order");
+        let mut alone = State::new();
+        alone.insert(AXES, &[1, 1], &[1.0_f32]);
+        refused(&alone, "all of");
+        // Any byte that is another one is damage, or no file.
+        let bytes = file(&sound);
+        for at in (0..bytes.len()).step_by(97) {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x5a;
+            assert!(read(&damaged).is_err(), "byte {at}");
+        }
+    }
+
+    #[test]
+    fn what_was_trained_on_is_near_and_what_is_nowhere_is_far() {
+        for families in [1, 3] {
+            let familiarity = learned(families);
+            let judge = |features: &Features| familiarity.judge(features).unwrap();
+            let trained = objects(families, 120, 1);
+            let beyond = trained.iter().filter(|object| judge(&object.features).is_strange());
+            assert!(beyond.count() <= 6, "{families}");
+            let far = judge(&shifted(&trained[0].features, 40.0));
+            assert_eq!((far.quantile, far.of), (1.0, 40));
+            assert!(far.warning().is_some_and(|text| text.contains("all 40 objects")));
+            assert!(far.to_string().starts_with("unlike"), "{far}");
+            let middle = trained.iter().map(|object| judge(&object.features).quantile);
+            let middle = middle.sum::<f64>() / trained.len() as f64;
+            assert!(middle > 0.3 && middle < 0.6, "{families}: {middle}");
+            // What is no number is as far as can be.
+            assert!(judge(&vec![vec![f32::NAN; WIDTH + 1]]).is_strange());
+        }
+    }
+
+    /// Another family is far, though it lies among the others; what every family differs by is not.
+    #[test]
+    fn it_is_relative_to_what_all_families_share() {
+        let mut trained = objects(3, 120, 1);
+        let validation = objects(3, 40, 2);
+        for (k, object) in trained.iter_mut().enumerate() {
+            // A texture: as wide within families as among all.
+            object.features.iter_mut().for_each(|image| image[8] *= 1.0 + 4.0 * (k % 2) as f32);
+        }
+        let familiarity = Familiarity::learn(&trained, &validation).unwrap();
+        let image = |at: usize, by: f32| {
+            let mut image = vec![0.0; WIDTH + 1];
+            image[0] = 4.0;
+            image[at] += by;
+            familiarity.judge(&vec![image]).unwrap()
+        };
+        let (own, textured, other) = (image(8, 0.0), image(8, 6.0), image(0, -4.0));
+        assert!((textured.distance - own.distance).abs() < 0.2 * (other.distance - own.distance));
+        assert!(other.quantile > 0.9 && own.quantile < 0.5, "{other:?} {own:?}");
+    }
+
+    #[test]
+    fn what_is_too_little_teaches_nothing() {
+        let (trained, validation) = (objects(3, 120, 1), objects(3, 40, 2));
+        assert_eq!(Familiarity::learn(&trained, &[]), None);
+        assert_eq!(Familiarity::learn(&trained[..3], &validation), None);
+        assert_eq!(Familiarity::learn(&[], &validation), None);
+        let even = vec![Sighting { features: vec![vec![1.0; 4]], ..Sighting::default() }; 40];
+        assert_eq!(Familiarity::learn(&even, &even), None);
+        let mut short = trained.clone();
+        short[7].features[1].pop();
+        assert_eq!(Familiarity::learn(&short, &validation), None);
+        let error = learned(3).judge(&vec![vec![0.0; 4]]).unwrap_err().to_string();
+        assert!(error.contains("13 features") && error.contains("has 4"), "{error}");
+        assert!(learned(3).judge(&Features::new()).is_err());
+    }
 }

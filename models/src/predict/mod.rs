@@ -25,16 +25,20 @@
 mod deliver;
 mod familiarity;
 mod input;
+mod judgement;
 mod one_pass;
 mod predictor;
 mod refine;
+mod sighting;
 #[cfg(test)]
 mod tests;
 
 pub use deliver::{Delivery, Metrics, deliver};
-pub(crate) use familiarity::strongest;
-pub use familiarity::{Familiarity, Features, Judgement, Sighting};
+pub use familiarity::Familiarity;
 pub use input::{Choice, PredictInput, Request};
+pub use judgement::Judgement;
 pub use one_pass::OnePass;
 pub use predictor::{Detail, Prediction, Predictor, milliseconds};
 pub use refine::refined;
+pub(crate) use sighting::strongest;
+pub use sighting::{Features, Sighting};

@@ -8,8 +8,8 @@ use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
 use train::{Compile, DataError, PredictError, Subset, System};
 
-use super::familiarity::{Features, Sighting};
 use super::input::{PredictInput, Request};
+use super::sighting::{Features, Sighting};
 
 /// A system that makes a mesh from a user's files.
 ///
