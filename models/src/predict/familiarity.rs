@@ -143,7 +143,7 @@ impl Familiarity {
     pub fn judge(&self, features: &Features) -> Result<Judgement, DataError> {
         let expected = self.axes.ncols();
         let wrong = features.iter().map(Vec::len).find(|&found| found != expected);
-        if let Some(found) = wrong.or(features.is_empty().then_some(0)) {
+        if let Some(found) = wrong.or_else(|| features.is_empty().then_some(0)) {
             return Err(DataError::Unfit(format!(
                 "the weights' familiarity is of {expected} features, and the network has {found}"
             )));

@@ -25,7 +25,8 @@ fn noise_is_farther_than_objects() {
                 for (i, view) in views.iter_mut().enumerate() {
                     view.mask.data.fill(255);
                     let pixels = view.color.data.iter_mut().enumerate();
-                    pixels.for_each(|(p, byte)| *byte = ((p * p + 7 * (k + i) * p) / 13 % 256) as u8);
+                    pixels
+                        .for_each(|(p, byte)| *byte = ((p * p + 7 * (k + i) * p) / 13 % 256) as u8);
                 }
             }
             let input = PredictInput::part(Views::in_memory(views), Choice::All).unwrap();
