@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use autodiff_lite::state::State;
 use models::OnnxValue;
 use models::predict::{Familiarity, Predictor};
 use serde::Serialize;
@@ -129,11 +128,20 @@ fn weights<S: Predictor>(
     }
     .noted(noted);
     let text = card.to_string();
-    let progress = Progress::new(console, "remember what it was trained on");
-    let beside = Familiarity::of_data(&system, &opened).map_err(Failure::input)?;
-    progress.finish();
-    let beside = beside.map_or_else(State::new, |familiarity| familiarity.to_state());
-    let bytes = checkpoint.weights_beside(&text, &beside);
+    // What is scored on a user's request need not be what was trained on.
+    let familiarity = match &arguments.data {
+        Some(_) => Familiarity::of(checkpoint).map_err(Failure::input)?,
+        None => {
+            let progress = Progress::new(console, "look at what it was trained on");
+            let learned = Familiarity::of_data(&system, &opened).map_err(Failure::input)?;
+            progress.finish();
+            learned
+        }
+    };
+    let bytes = match familiarity {
+        Some(familiarity) => checkpoint.weights_beside(&text, &familiarity.to_state()),
+        None => checkpoint.weights(&text),
+    };
     write(output, &bytes)?;
     Ok((card, bytes.len()))
 }
