@@ -4,8 +4,8 @@
 //! over. It knows the mean of each family and how features spread within and among families; the distance of an image is the relative
 //! Mahalanobis distance of Ren et al. 2021, *A Simple Fix to Mahalanobis Distance for Improving Near-OOD Detection*
 //! (arXiv 2106.09022): the squared Mahalanobis distance to the nearest family (Lee et al. 2018, arXiv 1807.03888), less
-//! that to all families as one. What is unusual of every family alike, another lamp or another texture, is in both and falls out; it
-//! may be below 0. Where there is one family only there is nothing to be relative to, and it is the former alone.
+//! that to all families as one. What is unusual of every family alike, another lamp or another texture, is in both and falls out, but for what is like nothing
+//! at all; it may be below 0. Where there is one family only there is nothing to be relative to, and it is the former alone.
 //!
 //! A distance by itself says nothing: it is judged by those of the objects for validation.
 
@@ -27,6 +27,9 @@ const MOST_OBJECTS: usize = 1000;
 const SHRINKAGE: f64 = 0.1;
 /// Features that an encoder gives at most: of more the eigenvectors take minutes, and the axes a file's worth.
 const MOST_FEATURES: usize = 1024;
+/// How much of the distance to all families as one falls out at most, for each axis: objects that were trained on have 1 in the
+/// mean. Without an end noise would be like anything.
+const FORGIVEN: f64 = 2.0;
 /// Deviations that are taken for none.
 const CONSTANT: f64 = 1e-6;
 
@@ -160,7 +163,8 @@ impl Familiarity {
         let mut sums = vec![0.0; self.families.nrows()];
         for image in features {
             let place = &self.axes * DVector::from_column_slice(image) - &self.middle;
-            let all = if sums.len() > 1 { f64::from(place.norm_squared()) } else { 0.0 };
+            let all = f64::from(place.norm_squared()).min(FORGIVEN * place.len() as f64);
+            let all = if sums.len() > 1 { all } else { 0.0 };
             for (sum, family) in sums.iter_mut().zip(self.families.row_iter()) {
                 let along = place.iter().zip(family.iter()).zip(&self.within);
                 let squares = along.map(|((x, mean), w)| f64::from((x - mean).powi(2) / w));
@@ -403,6 +407,8 @@ mod tests {
             image[at] += by;
             familiarity.judge(&vec![image]).unwrap()
         };
+        // What is like nothing at all is not like this.
+        assert!(image(8, 300.0).is_strange());
         let (own, textured, other) = (image(8, 0.0), image(8, 6.0), image(0, -4.0));
         assert!((textured.distance - own.distance).abs() < 0.2 * (other.distance - own.distance));
         assert!(other.quantile > 0.9 && own.quantile < 0.5, "{other:?} {own:?}");

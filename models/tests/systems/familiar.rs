@@ -24,9 +24,12 @@ fn noise_is_farther_than_objects() {
             if noise {
                 for (i, view) in views.iter_mut().enumerate() {
                     view.mask.data.fill(255);
-                    let pixels = view.color.data.iter_mut().enumerate();
-                    pixels
-                        .for_each(|(p, byte)| *byte = ((p * p + 7 * (k + i) * p) / 13 % 256) as u8);
+                    let width = 3 * view.color.width;
+                    for (p, byte) in view.color.data.iter_mut().enumerate() {
+                        // Patches of loud colours all over the image.
+                        let patch = (p / width / 16) * 31 + (p % width / 48) * 17 + p % 3 * 7;
+                        *byte = if (patch + 5 * k + i) % 5 < 3 { 255 } else { 0 };
+                    }
                 }
             }
             let input = PredictInput::part(Views::in_memory(views), Choice::All).unwrap();
