@@ -1,11 +1,11 @@
 //! How far what a prediction was made from is from what the system was trained on.
 //!
-//! A [`Familiarity`] is learned of the features of training objects, which a network's encoder gives, once the training is
-//! over. It knows the mean of each family and how features spread within and among families; the distance of an image is the relative
-//! Mahalanobis distance of Ren et al. 2021, *A Simple Fix to Mahalanobis Distance for Improving Near-OOD Detection*
-//! (arXiv 2106.09022): the squared Mahalanobis distance to the nearest family (Lee et al. 2018, arXiv 1807.03888), less
-//! that to all families as one. What is unusual of every family alike, another lamp or another texture, is in both and falls out, but for what is like nothing
-//! at all; it may be below 0. Where there is one family only there is nothing to be relative to, and it is the former alone.
+//! A [`Familiarity`] is learned of the features of training objects, which a network's encoder gives, once the training is over. It
+//! knows the mean of each family and how features spread within and among families. The distance of an image is the relative
+//! Mahalanobis distance of Ren et al. 2021, *A Simple Fix to Mahalanobis Distance for Improving Near-OOD Detection* (arXiv
+//! 2106.09022): the squared Mahalanobis distance to the nearest family (Lee et al. 2018, arXiv 1807.03888), less that to all families
+//! as one. What is unusual of every family alike, another texture or another light, is in both and falls out, but for what is like
+//! nothing at all; the rest may be below 0. Of one family only there is nothing to be relative to, and it is the former alone.
 //!
 //! A distance by itself says nothing: it is judged by those of the objects for validation.
 
