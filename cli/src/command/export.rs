@@ -129,14 +129,13 @@ fn weights<S: Predictor>(
     .noted(noted);
     let text = card.to_string();
     // What is scored on a user's request need not be what was trained on.
-    let familiarity = match &arguments.data {
-        Some(_) => Familiarity::of(checkpoint).map_err(Failure::input)?,
-        None => {
-            let progress = Progress::new(console, "look at what it was trained on");
-            let learned = Familiarity::of_data(&system, &opened).map_err(Failure::input)?;
-            progress.finish();
-            learned
-        }
+    let familiarity = if arguments.data.is_some() {
+        Familiarity::of(checkpoint).map_err(Failure::input)?
+    } else {
+        let progress = Progress::new(console, "look at what it was trained on");
+        let learned = Familiarity::of_data(&system, &opened).map_err(Failure::input)?;
+        progress.finish();
+        learned
     };
     let bytes = match familiarity {
         Some(familiarity) => checkpoint.weights_beside(&text, &familiarity.to_state()),
