@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use datasets::{Entry, Subsets};
 use mesh_core::TriMesh;
+use rayon::prelude::*;
 use train::{Better, DataError, DataSummary, Metric, Subset};
 
 /// The same three in the words of the readers.
@@ -49,6 +50,21 @@ pub(crate) fn finished(mut mesh: TriMesh, untangle: bool) -> TriMesh {
         let _ = mesh.untangle();
     }
     mesh
+}
+
+/// What `of` says of at most `most` of `count` objects, spread over all of them; in their order.
+///
+/// # Errors
+/// The first of `of`.
+pub(crate) fn of_each<T: Send>(
+    count: usize,
+    most: usize,
+    of: impl Fn(usize) -> Result<T, DataError> + Sync,
+) -> Result<Vec<T>, DataError> {
+    let chosen = count.min(most);
+    let all: Vec<Result<T, DataError>> =
+        (0..chosen).into_par_iter().map(|i| of(i * count / chosen)).collect();
+    all.into_iter().collect()
 }
 
 /// What there is to say of them.

@@ -3,11 +3,12 @@
 //! The metadata holds `format` (2), `checksum` (of all bytes of the file, as [`Fingerprint`] has it, with zeros in its own
 //! place; files of format 1 have none), `system`, `step`, `epochs-begun`, `pending` (whether the
 //! evaluation of an epoch that just ended is still to come), `best`, `average`, of weights that are given away `card`, and `config`, the
-//! whole configuration as TOML; averaged weights stand under `optim.average.PATH`. Numbers are printed so that they read back
-//! bit by bit.
+//! whole configuration as TOML; averaged weights stand under `optim.average.PATH`, what is noted of a network beside its
+//! weights under `optim.beside.NAME`. Numbers are printed so that they read back bit by bit.
 
 use std::path::Path;
 
+use autodiff_lite::Tensor;
 use autodiff_lite::state::{LoadError, Mismatch, SaveError, State};
 
 use super::average::{AVERAGE, Average};
@@ -27,6 +28,8 @@ const FORMER: &str = "1";
 const CHECKSUM: &[u8] = b"\"checksum\":\"";
 /// The entry that holds the model card.
 const CARD: &str = "card";
+/// What the names of arrays beside the parameters begin with: as they are no parameters, whoever loads these passes over them.
+const BESIDE: &str = "optim.beside.";
 /// In place of the checksum while it is computed.
 const ZEROS: &str = "0000000000000000";
 
@@ -174,12 +177,30 @@ impl<'a> Checkpoint<'a> {
     /// What is given away of a training: the weights that predict, in half precision, with the configuration and a model card,
     /// and without what only going on needs. It is a checkpoint like any other: it loads, and a training can begin with it.
     pub fn weights(&self, card: &str) -> Vec<u8> {
-        let mut weights = self.arrays();
+        self.weights_beside(card, &State::new())
+    }
+
+    /// The same with arrays beside the weights, in full precision: what was learned of the network after its training.
+    pub fn weights_beside(&self, card: &str, beside: &State) -> Vec<u8> {
+        let mut weights = self.arrays().halved();
+        for (name, array) in
+            beside.names().filter_map(|name| Some((name, beside.array::<f32>(name)?)))
+        {
+            weights.insert(&format!("{BESIDE}{name}"), array.shape(), array.as_slice());
+        }
         weights.metadata.clone_from(&self.state.metadata);
         weights.metadata.insert(CARD.to_owned(), card.to_owned());
         weights.metadata.insert("checksum".to_owned(), ZEROS.to_owned());
         weights.metadata.insert("format".to_owned(), FORMAT.to_owned());
-        seal(weights.halved().to_bytes())
+        seal(weights.to_bytes())
+    }
+
+    /// An array that stands [beside](Self::weights_beside) the weights, if there is one of this name.
+    ///
+    /// # Shapes
+    /// Whatever the file says, of as many numbers as it has.
+    pub fn beside(&self, name: &str) -> Option<Tensor<f32>> {
+        self.state.array(&format!("{BESIDE}{name}"))
     }
 
     /// The model card, where there is one: Markdown that says what the weights are of, and how good they are.
@@ -275,7 +296,8 @@ impl<'a> Checkpoint<'a> {
         if sound { Ok(step) } else { Err(self.wrong(field, &step.to_string(), expected)) }
     }
 
-    fn wrong(&self, field: &'static str, found: &str, expected: &str) -> CheckpointError {
+    /// That an entry of this file cannot be: what it is and what it might be.
+    pub fn wrong(&self, field: &'static str, found: &str, expected: &str) -> CheckpointError {
         let (found, expected) = (found.to_owned(), expected.to_owned());
         CheckpointError::Metadata { path: self.path.to_owned(), field, found, expected }
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use models::OnnxValue;
-use models::predict::Predictor;
+use models::predict::{Familiarity, Predictor};
 use serde::Serialize;
 use train::output::write_within;
 use train::{Checkpoint, CheckpointPath, Configuration, RunFolder, RunMetadata, Subset};
@@ -128,7 +128,19 @@ fn weights<S: Predictor>(
     }
     .noted(noted);
     let text = card.to_string();
-    let bytes = checkpoint.weights(&text);
+    // What is scored on a user's request need not be what was trained on.
+    let familiarity = if arguments.data.is_some() {
+        Familiarity::of(checkpoint).map_err(Failure::input)?
+    } else {
+        let progress = Progress::new(console, "look at what it was trained on");
+        let learned = Familiarity::of_data(&system, &opened).map_err(Failure::input)?;
+        progress.finish();
+        learned
+    };
+    let bytes = match familiarity {
+        Some(familiarity) => checkpoint.weights_beside(&text, &familiarity.to_state()),
+        None => checkpoint.weights(&text),
+    };
     write(output, &bytes)?;
     Ok((card, bytes.len()))
 }

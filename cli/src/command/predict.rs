@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use models::predict::{
-    Choice, Delivery, Metrics, Predictor, Request, deliver, milliseconds, refined,
+    Choice, Delivery, Familiarity, Metrics, Predictor, Request, deliver, milliseconds, refined,
 };
 use serde::Serialize;
 use train::Checkpoint;
@@ -43,6 +43,7 @@ pub(crate) fn run<S: Predictor>(console: Console, arguments: &Predict) -> Result
     let _interrupt = Interrupt::listen(Some(folder.unfinished()))?;
     let checkpoint = Checkpoint::read(&found.file).map_err(Failure::input)?;
     let (system, _) = checkpoint.load::<S>().map_err(Failure::input)?;
+    let familiarity = Familiarity::of(&checkpoint).map_err(Failure::input)?;
     let progress = Progress::new(console, "read");
     let request = Request {
         path: &arguments.views,
@@ -60,6 +61,7 @@ pub(crate) fn run<S: Predictor>(console: Console, arguments: &Predict) -> Result
     let refused = |error| Failure::Input(format!("{}: {error}", input.source.display()));
     let steps = arguments.refine.map_or(S::REFINE, |steps| steps as usize);
     let prediction = system.apply(&input).map_err(refused)?;
+    let judged = familiarity.map(|known| known.judge(&prediction.features)).transpose();
     let prediction = refined(prediction, &input, steps).map_err(refused)?;
     let time = || milliseconds(&system, &input, TIMED).map_err(refused);
     let milliseconds = arguments.time.then(time).transpose()?;
@@ -67,6 +69,7 @@ pub(crate) fn run<S: Predictor>(console: Console, arguments: &Predict) -> Result
     let delivery = Delivery {
         checkpoint: found.file.display().to_string(),
         steps: checkpoint.step().map_err(Failure::input)?,
+        familiarity: judged.map_err(Failure::input)?,
         milliseconds,
         command: typed_command(),
         provenance: facts(["unsphere", "threads", "processor", "machine"]).into(),
@@ -117,6 +120,7 @@ fn describe(outcome: &Outcome<'_>) -> String {
         ("unrefined", text)
     }));
     rows.push(("mesh", mesh));
+    rows.extend(metrics.familiarity.map(|known| ("does it know?", known.to_string())));
     rows.push(("checkpoint", format!("{}, step {}", metrics.checkpoint, metrics.steps)));
     rows.extend(metrics.milliseconds.map(|time| ("prediction", format!("{time:.1} ms"))));
     rows.push(("output", outcome.output.display().to_string()));

@@ -2,15 +2,17 @@
 
 use std::path::Path;
 
+use autodiff_lite::Tape;
 use datasets::{ReadOptions, View, read_depth_file, read_disparity_file};
 use mesh_core::{DepthMap, Lens, TriMesh};
 use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
-use train::{DataError, PredictError};
+use train::{DataError, PredictError, Subset};
 
 use super::canonical::Canonical;
-use super::{DepthKind, MeshInit, PlaceKind, Refined, Scene};
-use crate::predict::{PredictInput, Prediction, Predictor, Request};
+use super::{DepthKind, MeshInit, PlaceKind, Refined, Scene, Scenes};
+use crate::parts::of_each;
+use crate::predict::{Features, PredictInput, Prediction, Predictor, Request, Sighting, strongest};
 
 /// The least disparity that stands for an estimate's farthest pixel; the nearest is 1.
 const FARTHEST: f32 = 0.1;
@@ -46,6 +48,19 @@ impl<B: MeshInit> Predictor for Refined<B> {
         )
     }
 
+    fn features_of(
+        &self,
+        data: &Scenes,
+        subset: Subset,
+        most: usize,
+    ) -> Result<Vec<Sighting>, DataError> {
+        of_each(data.pairs().listed(subset).len(), most, |k| {
+            let (object, scene) = data.trial(subset, 1, k)?;
+            let family = data.pairs().name(object)[0].to_owned();
+            Ok(Sighting { family, features: self.features(&scene) })
+        })
+    }
+
     fn to_onnx(&self) -> Option<OnnxModel> {
         self.image_side_to_onnx()
     }
@@ -66,12 +81,19 @@ impl<B: MeshInit> Refined<B> {
         let (mesh, stages) = self.mesh_and_stages_of(&scene);
         let in_world = |mesh| Self::in_world(&scene, canonical.as_ref(), mesh);
         Ok(Prediction {
+            features: self.features(&scene),
             mesh: in_world(self.refine().pairs.finished(mesh)),
             sequence: stages.into_iter().map(in_world).collect(),
             details: canonical.iter().flat_map(Canonical::details).collect(),
             warnings: canonical.iter().map(Canonical::remark).collect(),
             ..Prediction::default()
         })
+    }
+
+    fn features(&self, scene: &Scene) -> Features {
+        let tape = Tape::eval();
+        let [.., before, last] = self.encoder.maps(&tape, &[scene]);
+        strongest(&[before, last])
     }
 
     /// The mesh of the first view, in the world of its camera.

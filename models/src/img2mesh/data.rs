@@ -50,6 +50,8 @@ enum Objects {
 pub(super) struct Trial {
     /// What the object is called.
     pub(super) object: String,
+    /// What of its name is its family's; of one object nothing.
+    pub(super) family: String,
     pub(super) given: Vec<Arc<Prepared>>,
     /// Those that were not given, unless there are no others.
     pub(super) scored: Vec<Arc<Prepared>>,
@@ -254,24 +256,26 @@ impl Data {
         k: usize,
     ) -> Result<Trial, DataError> {
         let listed = parts::wanted(&self.parts, subset)?;
-        let (object, all, truth) = match &self.objects {
+        let (object, family, all, truth) = match &self.objects {
             Objects::One(name, all) => {
                 let mut order = listed.to_vec();
                 let first = (k * views).min(order.len() - 1);
                 order.rotate_left(first);
                 let views: Vec<_> = order.iter().map(|&i| Arc::clone(&all[i])).collect();
-                (name.clone(), views, None)
+                (name.clone(), String::new(), views, None)
             }
             Objects::Many(cache) => {
                 let object = listed[k % listed.len()];
                 let order = tried(cache, object, k / listed.len(), views);
                 let views = cache.views(object, &order, &|view| Prepared::new(view, config))?;
-                (cache.entries()[object].object_name(), views, cache.truth(object)?.mesh)
+                let entry = &cache.entries()[object];
+                let (name, family) = (entry.object_name(), entry.category.clone());
+                (name, family, views, cache.truth(object)?.mesh)
             }
         };
         let (given, others) = all.split_at(views.min(all.len()));
         let scored = if others.is_empty() { given } else { others };
-        Ok(Trial { object, given: given.to_vec(), scored: scored.to_vec(), truth })
+        Ok(Trial { object, family, given: given.to_vec(), scored: scored.to_vec(), truth })
     }
 
     /// The `k`-th group of a subset that is scored, as it was read, of many objects.

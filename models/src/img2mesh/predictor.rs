@@ -2,14 +2,17 @@
 
 use std::sync::Arc;
 
+use autodiff_lite::Tape;
 use datasets::View;
 use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
-use train::PredictError;
+use train::{DataError, PredictError, Subset};
 
 use super::canonical::{Canonical, around_the_object};
-use super::{Img2Mesh, Img2MeshConfig};
-use crate::predict::{PredictInput, Prediction, Predictor};
+use super::prepared::Prepared;
+use super::{Data, Img2Mesh, Img2MeshConfig, pictures};
+use crate::parts::of_each;
+use crate::predict::{Features, PredictInput, Prediction, Predictor, Sighting};
 
 /// Of a lower IoU with the masks that it is made from, a mesh may be of an object that was seen from a side that it does not expect.
 const LIKE: f64 = 0.6;
@@ -28,8 +31,9 @@ impl Predictor for Img2Mesh {
     /// Views of another world than that of the training are moved into its frame, and the mesh back: see `canonical.rs`.
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
         let given = &input.given;
-        let (mesh, likeness) = self.judged(&self.prepared(given)?);
-        let asis = Prediction { mesh, ..Prediction::default() };
+        let seen = self.prepared(given)?;
+        let (mesh, likeness) = self.judged(&seen);
+        let asis = Prediction { mesh, features: self.features(&seen), ..Prediction::default() };
         let frame: [f32; 4] = std::array::from_fn(|k| self.model.frame.as_slice()[k]);
         let canonical = Canonical::new(frame.map(f64::from));
         if likeness >= LIKE && canonical.holds(given) {
@@ -45,11 +49,26 @@ impl Predictor for Img2Mesh {
         Ok(match best {
             Some((placed, mesh, most)) if most > likeness => Prediction {
                 mesh: placed.back(mesh),
+                features: self.features(&prepared),
                 details: placed.details(),
                 warnings: vec![placed.remark()],
                 ..Prediction::default()
             },
             _ => asis,
+        })
+    }
+
+    /// The first group of views of each object that is scored; of one object alone there is no family.
+    fn features_of(
+        &self,
+        data: &Data,
+        subset: Subset,
+        most: usize,
+    ) -> Result<Vec<Sighting>, DataError> {
+        let count = if data.is_one() { 0 } else { data.listed(subset).len() };
+        of_each(count, most, |k| {
+            let trial = data.trial(&self.config, (subset, self.config.views), k)?;
+            Ok(Sighting { features: self.features(&trial.given), family: trial.family })
         })
     }
 
@@ -59,5 +78,14 @@ impl Predictor for Img2Mesh {
 
     fn onnx_outputs(&self, inputs: &[ArrayD<f32>]) -> Vec<ArrayD<f32>> {
         self.model.onnx_outputs(inputs)
+    }
+}
+
+impl Img2Mesh {
+    /// What the encoder says of each view, whatever its camera.
+    fn features(&self, views: &[Arc<Prepared>]) -> Features {
+        let tape = Tape::eval();
+        let features = self.model.encode(pictures(&tape, self.config.image_size, views)).value();
+        features.as_slice().chunks(self.config.width()).map(<[f32]>::to_vec).collect()
     }
 }

@@ -1,16 +1,20 @@
 //! A single image's mesh and its way there, from a user's files.
 
+use autodiff_lite::Tape;
 use mesh_core::TriMesh;
 use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
-use train::{DataError, PredictError};
+use train::{DataError, PredictError, Subset};
 
 use super::camera::{Estimate, Seen};
 use super::config::CameraSource;
 use super::deformer::Deformer;
-use super::single_view::SingleView;
-use crate::paired::FrameKind;
-use crate::predict::{Detail, PredictInput, Prediction, Predictor, Request};
+use super::single_view::{SingleView, maps};
+use crate::paired::{FrameKind, Pairs, Picture};
+use crate::parts::of_each;
+use crate::predict::{
+    Detail, Features, PredictInput, Prediction, Predictor, Request, Sighting, strongest,
+};
 use crate::viewpoint::as_seen;
 
 /// Meshes of a deformation through time.
@@ -40,6 +44,19 @@ impl<D: Deformer> Predictor for SingleView<D> {
             _ => ", and its camera in the object's frame",
         };
         format!("one image with its mask{camera}")
+    }
+
+    fn features_of(
+        &self,
+        data: &Pairs,
+        subset: Subset,
+        most: usize,
+    ) -> Result<Vec<Sighting>, DataError> {
+        of_each(data.listed(subset).len(), most, |k| {
+            let [object, view] = data.tried(subset, 1, k)?;
+            let family = data.name(object)[0].to_owned();
+            Ok(Sighting { family, features: self.features(&*data.picture(object, view)?) })
+        })
     }
 
     fn to_onnx(&self) -> Option<OnnxModel> {
@@ -75,11 +92,18 @@ impl<D: Deformer> SingleView<D> {
             }
         };
         Ok(Prediction {
+            features: self.features(&picture),
             mesh: in_world(self.shared().pairs.finished(mesh)),
             sequence: sequence.into_iter().map(in_world).collect(),
             details: estimate.iter().flat_map(details).collect(),
             ..Prediction::default()
         })
+    }
+
+    fn features(&self, picture: &Picture) -> Features {
+        let tape = Tape::eval();
+        let [.., before, last] = maps(&self.encoder, self.images(&tape, &[picture]));
+        strongest(&[before, last])
     }
 
     /// Puts the estimated camera in the place of the assumed one, and says so.

@@ -15,6 +15,7 @@ use train::output::{OutputError, OutputFolder};
 use train::report::{Figure, Report, Table, ViewPair};
 
 use super::input::PredictInput;
+use super::judgement::Judgement;
 use super::one_pass::OnePass;
 use super::predictor::Prediction;
 
@@ -34,6 +35,8 @@ pub struct Delivery<'a> {
     pub input: &'a PredictInput,
     /// The prediction.
     pub prediction: &'a Prediction,
+    /// How far the input is from what the system was trained on, where its weights know.
+    pub familiarity: Option<Judgement>,
     /// How long it took, where that was measured; see [`milliseconds`](super::milliseconds).
     pub milliseconds: Option<f64>,
     /// The command as it was typed.
@@ -51,6 +54,7 @@ impl<'a> Delivery<'a> {
             steps: 0,
             input,
             prediction,
+            familiarity: None,
             milliseconds: None,
             command: String::new(),
             provenance: Vec::new(),
@@ -69,7 +73,10 @@ pub struct Metrics {
     pub checkpoint: String,
     /// Steps that the checkpoint was trained for.
     pub steps: u64,
-    /// The same of the mesh before it was refined; absent where it was not.
+    /// How far the input is from what the system was trained on; absent where its weights do not know.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub familiarity: Option<Judgement>,
+    /// How the mesh scored before it was refined; absent where it was not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub one_pass: Option<OnePass>,
     /// The scores at the cameras that were given.
@@ -126,11 +133,13 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
     let mut warnings = input.warnings.clone();
     warnings.extend(delivery.prediction.warnings.iter().cloned());
     warnings.extend(missed(&given));
+    warnings.extend(delivery.familiarity.and_then(|judgement| judgement.warning()));
     let metrics = Metrics {
         schema_version: 1,
         system: delivery.system.to_owned(),
         checkpoint: delivery.checkpoint.clone(),
         steps: delivery.steps,
+        familiarity: delivery.familiarity,
         one_pass: before.map(|mesh| OnePass::of(mesh, input)).transpose()?,
         given,
         held_out,
@@ -231,6 +240,7 @@ fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
         row("given views", names.join(", ")),
         row("checkpoint", format!("{} (step {})", delivery.checkpoint, delivery.steps)),
     ];
+    rows.extend(metrics.familiarity.map(|known| row("does it know this?", known.to_string())));
     let measured = metrics.milliseconds.map(|milliseconds| format!("{milliseconds:.2} ms"));
     rows.extend(measured.map(|value| row("prediction", value)));
     for (name, values) in &delivery.prediction.details {

@@ -6,9 +6,10 @@ use datasets::ReadOptions;
 use mesh_core::TriMesh;
 use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
-use train::{Compile, DataError, PredictError, System};
+use train::{Compile, DataError, PredictError, Subset, System};
 
 use super::input::{PredictInput, Request};
+use super::sighting::{Features, Sighting};
 
 /// A system that makes a mesh from a user's files.
 ///
@@ -42,6 +43,20 @@ pub trait Predictor: System<ReadOptions = ReadOptions> + Compile + 'static {
     /// Why the input does not serve.
     fn apply(&self, input: &PredictInput) -> Result<Prediction, PredictError>;
 
+    /// The [features](Prediction::features) of objects of a subset, at most so many, spread over all of it; none where the
+    /// system has none.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    fn features_of(
+        &self,
+        _data: &Self::Data,
+        _subset: Subset,
+        _most: usize,
+    ) -> Result<Vec<Sighting>, DataError> {
+        Ok(Vec::new())
+    }
+
     /// What of it is a plain network from an image on, in ONNX's form, for other programs to run; nothing where no part is one.
     /// Images are `[N, C, H, W]` of the size that the configuration says, colours in `[0, 1]`.
     fn to_onnx(&self) -> Option<OnnxModel> {
@@ -73,6 +88,9 @@ pub struct Prediction {
     pub sequence: Vec<TriMesh>,
     /// What else the system knows of what it predicted, by name: a camera, a selection. Empty where it is the mesh alone.
     pub details: Vec<Detail>,
+    /// What the encoder says of each image, by which a [`Familiarity`](super::Familiarity) tells how far the input is from what
+    /// was trained on; empty where the system does not say.
+    pub features: Features,
     /// What a user should know of how it was made, one sentence each.
     pub warnings: Vec<String>,
 }

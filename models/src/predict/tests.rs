@@ -2,6 +2,7 @@
 
 use datasets::{View, Views};
 use synth::{Orbit, RenderOptions, render_views};
+use train::output::OutputFolder;
 
 use super::*;
 
@@ -76,4 +77,37 @@ fn a_prediction_is_refined_by_the_given_views_alone() {
     // What was not given is not looked at.
     let others = PredictInput { others: Vec::new(), ..input };
     assert_eq!(refined(prediction(), &others, 50).unwrap(), found);
+}
+
+/// What is known stands in the figures and on the page; what is not is in neither.
+#[test]
+fn how_familiar_an_input_is_is_delivered() {
+    let input = PredictInput::part(views(&["00", "01"], &[]), Choice::First(1)).unwrap();
+    let mesh = mesh_core::primitives::icosphere(1);
+    let prediction = Prediction { mesh, ..Prediction::default() };
+    let place = tempfile::tempdir().unwrap();
+    let delivered = |name: &str, familiarity: Option<Judgement>| {
+        let folder = OutputFolder::create(&place.path().join(name), false).unwrap();
+        let delivery = Delivery { familiarity, ..Delivery::new("ball", &input, &prediction) };
+        let metrics = deliver(&delivery, &folder).unwrap();
+        assert_eq!(metrics.familiarity, familiarity);
+        let folder = folder.commit().unwrap();
+        let text = |file: &str| std::fs::read_to_string(folder.join(file)).unwrap();
+        (text("metrics.json"), text("report.html"), metrics.warnings.join("; "))
+    };
+    let (json, page, warnings) = delivered("unknown", None);
+    assert!(!json.contains("familiarity") && !page.contains("does it know"), "{warnings}");
+    let strange = Judgement { distance: 12.5, quantile: 1.0, of: 20 };
+    let (json, page, warnings) = delivered("strange", Some(strange));
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["familiarity"]["quantile"], 1.0);
+    assert_eq!(
+        (&json["familiarity"]["distance"], &json["familiarity"]["of"]),
+        (&12.5.into(), &20.into())
+    );
+    assert!(page.contains("does it know this?") && page.contains("unlike what it was trained on"));
+    assert!(warnings.contains("do not trust the sides"), "{warnings}");
+    let usual = Judgement { distance: -3.0, quantile: 0.5, of: 20 };
+    let (_, page, warnings) = delivered("usual", Some(usual));
+    assert!(page.contains("farther from it (-3.0) than 50 %") && warnings.is_empty(), "{warnings}");
 }

@@ -3,5 +3,6 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod canonical;
+mod familiar;
 mod overfit;
 mod ranges;

@@ -122,6 +122,16 @@ fn weights_are_given_away_in_half_the_bytes() {
     }
     let (begun, _) = begun_with(&file, &place.path().join("next"), &config);
     assert_eq!(begun.unwrap().steps, 12);
+    // What stands beside the weights is read as it was, and is none of them.
+    let mut beside = autodiff_lite::state::State::new();
+    beside.insert("a.b", &[2, 1], &[0.1_f32, -7e-9]);
+    let more = shipped.weights_beside("", &beside);
+    let noted = Checkpoint::from_bytes(&file, &more).unwrap();
+    assert_eq!(noted.beside("a.b"), beside.array("a.b"));
+    assert_eq!((noted.beside("a"), shipped.beside("a.b")), (None, None));
+    assert_eq!(weights(&noted.load::<Blob>().unwrap().0), weights(&loaded));
+    let again = Checkpoint::from_bytes(&file, &noted.weights("")).unwrap().beside("a.b");
+    assert_eq!(again, None);
     // Damage is noticed as in any checkpoint.
     let mut damaged = bytes;
     *damaged.last_mut().unwrap() ^= 1;
