@@ -40,7 +40,8 @@ const WITHIN: &str = "familiarity.within";
 const FAMILIES: &str = "familiarity.families";
 const DISTANCES: &str = "familiarity.distances";
 
-/// What training objects look like to a network; see the [module](self).
+/// What training objects look like to a network, and how far from that others are: the relative Mahalanobis distance of Ren et al.
+/// 2021 (arXiv 2106.09022), judged by those of objects for validation.
 ///
 /// Its `K` axes are turned and scaled such that features of all training objects have the covariance 1 along them, and those
 /// of one family a diagonal one.
