@@ -23,6 +23,8 @@ pub trait MeshInit: Module<f32> + Debug + Send + Sync + Sized + 'static {
     const PRESETS: &'static [(&'static str, &'static str)];
     /// How a checkpoint is had.
     const TRAINING: &'static str;
+    /// Steps of refinement where a user says nothing of it; see [`Predictor::REFINE`](crate::predict::Predictor::REFINE).
+    const REFINE: usize = 0;
     /// What its system does, in one sentence.
     const ABOUT: &'static str;
 

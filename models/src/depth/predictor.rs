@@ -20,6 +20,7 @@ const FARTHEST: f32 = 0.1;
 impl<B: MeshInit> Predictor for Refined<B> {
     const ABOUT: &'static str = B::ABOUT;
     const TRAINING: &'static str = B::TRAINING;
+    const REFINE: usize = B::REFINE;
 
     fn load(&self, request: &Request<'_>) -> Result<PredictInput, DataError> {
         let options = ReadOptions { depth: true, ..request.options.clone() };
