@@ -1,7 +1,7 @@
 //! A mesh that is nearly right, moved until its outlines agree with a few views.
 
 use datasets::View;
-use mesh_core::{ClosestPoint, SurfacePoint, Topology, TriMesh, coarsen, untangle};
+use mesh_core::{ClosestPoint, Topology, TriMesh, coarsen, untangle};
 use rayon::prelude::*;
 use train::settings::{LARGEST, Options as _};
 
@@ -42,8 +42,8 @@ train::options! {
 ///
 /// First mesh and masks are joined as solids: what a view shows to be empty is taken away, and where a pixel of a mask shows none of
 /// what is left, the points of the visual hull on its ray that are nearest to the mesh are added. The surface of that has as many holes
-/// as mesh and masks have together, and no self-intersections; from there on it is [`fit`](super::fit). What no view shows keeps its shape.
-/// A part that masks show and the mesh lacks stays apart from the rest where no view shows how they are joined.
+/// as mesh and masks have together; from there on it is [`fit`](super::fit). Thin sheets may be left with some self-intersections. What no
+/// view shows keeps its shape. A part that masks show and the mesh lacks stays apart from the rest where no view shows how they are joined.
 ///
 /// ```
 /// use mesh_core::primitives;
@@ -166,10 +166,7 @@ fn steps(
 fn closest_colors(mesh: &TriMesh, colors: &[[f32; 3]], positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
     let surface = ClosestPoint::new(mesh);
     let color = |p: &[f32; 3]| {
-        let Some(found) = surface.find(*p) else { return [0.5; 3] };
-        let SurfacePoint { face, barycentric } = found.point;
-        let corners = mesh.faces[face as usize].map(|v| colors[v as usize]);
-        std::array::from_fn(|c| (0..3).map(|k| barycentric[k] * corners[k][c]).sum())
+        surface.find(*p).map_or([0.5; 3], |found| found.point.interpolate(mesh, colors))
     };
     positions.par_iter().map(color).collect()
 }
