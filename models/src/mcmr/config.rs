@@ -5,6 +5,7 @@ use synth::{PoseNoise, families_named};
 use train::settings::{LARGEST, Options as _, above_to};
 
 use crate::parts::counts;
+use crate::viewpoint::DIRECTIONS;
 
 train::options! {
     /// Options of [`Mcmr`](super::Mcmr), in one table with those of the training loop.
@@ -32,6 +33,15 @@ train::options! {
         pub closed_texture: bool = true;
         /// Whether the network sees nothing, noise in the place of each image: the control that a table needs.
         pub blind: bool = false;
+        /// What guesses the direction that an image was taken from.
+        pub camera_head: CameraHead = CameraHead::Quaternion;
+        /// How many guessed cameras are tried at most where `camera-head` is `viewpoint`; the one whose outline fits the
+        /// image's mask best is kept.
+        pub camera_hypotheses: usize = 3, in 1..=DIRECTIONS;
+        /// Before which epoch training begins to draw with the cameras that it guesses itself in the place of the rough ones,
+        /// whose noise they do not have. Of several guesses that which is nearest to the rough camera. Not published.
+        #[serde(with = "train::settings::optional")]
+        pub own_cameras_at: Option<u64> = None, in 1..=LARGEST;
         /// Share of the deformation's hidden numbers that training drops; 0.2 published.
         pub dropout: f64 = 0.2, in 0.0..=0.99;
         /// The same for the code that the camera is made from; 0.5 published.
@@ -93,8 +103,10 @@ train::options! {
         pub mask_weight: f64 = 100.0, in above_to(0.0, 1e6);
         /// Weight of the camera loss.
         pub camera_weight: f64 = 20.0, in 0.0..=1e6;
-        /// How predicted rotations are compared.
+        /// How predicted rotations are compared, where they are quaternions.
         pub rotation_loss: RotationLoss = RotationLoss::Cosine;
+        /// Weight of what viewpoints miss, where they are what is guessed.
+        pub viewpoint_weight: f64 = 1.0, in 0.0..=1e6;
         /// Weight of the quaternion's length.
         pub camera_length_weight: f64 = 0.1, in 0.0..=1e6;
         /// Weight of the mean length of offsets.
@@ -164,6 +176,17 @@ pub enum RendererKind {
     SoftRas,
 }
 
+/// What guesses the direction that an image was taken from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CameraHead {
+    /// One quaternion from the code of the image, as published: of two sides that look alike it can name only one.
+    Quaternion,
+    /// Several viewpoints by a network of its own, [`nets::ViewpointHead`], of which the outline chooses. Cameras are upright:
+    /// what a rough one is turned about its line of sight is lost.
+    Viewpoint,
+}
+
 /// By how much a rotation misses another, of half the angle between them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -191,6 +214,10 @@ impl McmrConfig {
         let side = self.image_size;
         if !side.is_multiple_of(64) {
             problems.push(format!("`image-size` is {side}, expected a multiple of 64"));
+        }
+        if self.own_cameras_at.is_some() && self.camera_head != CameraHead::Viewpoint {
+            let what = "only cameras of the `camera-head` `viewpoint` are drawn with";
+            problems.push(format!("`own-cameras-at` is given: {what}"));
         }
         if self.level == 5 && self.subdivide_at.is_some() {
             problems

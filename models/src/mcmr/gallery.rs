@@ -5,7 +5,7 @@ use train::report::ViewPair;
 use train::{DataError, Subset};
 
 use super::data::Data;
-use super::prediction::{pose_of, row};
+use super::prediction::row;
 use super::score::largest;
 use super::{Mcmr, Sample};
 use crate::paired::in_studio;
@@ -27,7 +27,7 @@ impl Mcmr {
             .map(|i| Ok(data.photo(listed[i * listed.len() / shown])?.plain(&self.config)))
             .collect::<Result<_, DataError>>()?;
         let pairs = self.in_batches(&samples, SHOWN, &|_| None, |tape, predicted, _, samples| {
-            let poses: Vec<_> = (0..samples.len()).map(|i| pose_of(&predicted, i)).collect();
+            let poses = self.poses(tape, &predicted, samples);
             let drawn = self.drawn(tape, &predicted, &poses);
             let value = drawn.image.value();
             let weights = predicted.weights.value();

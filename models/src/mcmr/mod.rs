@@ -20,6 +20,8 @@
 //! - DIB-R draws ([`RendererKind::SoftRas`] is the original's way).
 //! - The texture has no seam: its last columns fade into its first, poles are one colour, and it is looked up by
 //!   direction at every pixel ([`McmrConfig::closed_texture`]).
+//! - Cameras may be several viewpoints of a network of its own, of which the outline chooses, and training may draw with them
+//!   in the place of the rough ones ([`CameraHead::Viewpoint`], [`McmrConfig::own_cameras_at`]).
 //! - The optimiser's moments survive the subdivision ([`McmrConfig::keep_moments`]).
 //! - LPIPS is given images in the range that it expects ([`McmrConfig::lpips_from_zero`]).
 //! - The size that is predicted begins at 1 ([`McmrConfig::first_size`]).
@@ -33,6 +35,7 @@
 //! Simoni, Pini, Vezzani, Cucchiara 2021, *Multi-Category Mesh Reconstruction From Image Collections*, and its
 //! code; Kanazawa et al. 2018, *Learning Category-Specific Mesh Reconstruction from Image Collections*.
 
+mod camera;
 mod config;
 mod data;
 mod gallery;
@@ -76,7 +79,7 @@ use photo::lens_of;
 use render::{Rendered, TexturedRenderer};
 use shapes::{Split, Template};
 
-pub use config::{McmrConfig, RendererKind, RotationLoss};
+pub use config::{CameraHead, McmrConfig, RendererKind, RotationLoss};
 pub use data::Data;
 pub use perceptual::PerceptualMetrics;
 pub use photo::{Photo, Sample};
@@ -228,7 +231,8 @@ impl System for Mcmr {
         Self { config: config.clone(), model, template, renderer }
     }
 
-    fn init_from_data(&mut self, _: &Data) -> Result<(), DataError> {
+    fn init_from_data(&mut self, data: &Data) -> Result<(), DataError> {
+        self.camera_begins_at(data)?;
         let Some(path) = &self.config.weights else { return Ok(()) };
         let loaded = LoadWeights::partial().load(path, &mut self.model.encoder);
         loaded.map(|_| ()).map_err(DataError::unfit)
@@ -274,38 +278,18 @@ impl System for Mcmr {
         &self,
         tape: &'t Tape,
         batch: &[Self::Sample],
-        _: StepInfo,
+        at: StepInfo,
     ) -> Result<Terms<'t>, LossError> {
         let (c, n, side) = (&self.config, batch.len(), self.config.image_size);
         let samples: Vec<&Sample> = batch.iter().map(|(sample, _)| sample).collect();
         let predicted = self.predicted(tape, &samples);
-        let views: Vec<Pose> = samples.iter().map(|sample| sample.view).collect();
+        let views = self.training_poses(&predicted, &samples, at.epoch);
         let rendered = self.drawn(tape, &predicted, &views);
         let mask = stacked(tape, samples.iter().map(|s| &s.mask[..]), &[n, side, side]);
         let target = stacked(tape, samples.iter().map(|s| &s.target[..]), &[n, side, side, 3]);
-        // Cameras are compared as they were predicted: mirrored, both would be.
-        let known = |part: &dyn Fn(&Pose) -> Vec<f64>, width: usize| {
-            let rows: Vec<Vec<f32>> = samples
-                .iter()
-                .map(|s| part(&s.pose).into_iter().map(|x| x as f32).collect())
-                .collect();
-            stacked(tape, rows.iter().map(|row| &row[..]), &[n, width])
-        };
-        let place = known(&|pose| vec![pose.scale, pose.place[0], pose.place[1]], 3);
-        let rotation = known(&|pose| pose.rotation.to_vec(), 4);
-        let rotations = match c.rotation_loss {
-            RotationLoss::Cosine => losses::rotation_loss(predicted.rotation, rotation),
-            RotationLoss::Sine => losses::rotation_sine(predicted.rotation, rotation),
-        };
-        let camera = rotations.add(losses::l2(predicted.place, place, None));
-        let terms = Terms::new()
-            .with("mask", c.mask_weight, losses::l2(rendered.silhouette, mask, None))
-            .with("camera", c.camera_weight, camera)
-            .with(
-                "camera-length",
-                c.camera_length_weight,
-                losses::quaternion_length(predicted.raw_rotation),
-            );
+        let terms =
+            Terms::new().with("mask", c.mask_weight, losses::l2(rendered.silhouette, mask, None));
+        let terms = self.with_camera(tape, terms, &predicted, &samples);
         let terms = self.selected(self.regularised(terms, &predicted), predicted.weights);
         let inside = mask.reshape(&[n, side, side, 1]);
         let (image, truth) = (rendered.image.mul(inside), target.mul(inside));

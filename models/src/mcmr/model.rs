@@ -4,12 +4,13 @@ use autodiff_lite::{Activation, ConvGeometry, Param, Tape, Var, impl_module};
 use ndarray::Array1;
 use nets::{
     BatchNorm1d, Conv2d, Dropout, ImageDecoder, Init, Linear, Norm, NormKind, PointMlp,
-    PointMlpConfig, ResNet, ResNetConfig,
+    PointMlpConfig, ResNet, ResNetConfig, ViewpointGuess, ViewpointHead,
 };
 
-use super::config::McmrConfig;
+use super::config::{CameraHead, McmrConfig};
 use super::shapes::{self, Template};
 use super::texture::closed;
+use crate::viewpoint::DIRECTIONS;
 
 /// Slope of negative numbers, as published.
 pub(super) const LEAKY: Activation = Activation::LeakyRelu(0.2);
@@ -53,6 +54,8 @@ pub(super) struct Model {
     pub(super) camera: NormedLinear,
     pub(super) camera_out: Linear,
     pub(super) texture: ImageDecoder,
+    /// What guesses viewpoints, where the quaternion does not say the direction.
+    pub(super) viewpoint: Option<ViewpointHead>,
     pub(super) temperature: f32,
     pub(super) vertex_scale: f32,
     pub(super) camera_dropout: Dropout,
@@ -60,7 +63,7 @@ pub(super) struct Model {
     pub(super) closed_texture: bool,
 }
 impl_module!(Model: f32 {
-    encoder, enc_conv, enc_norm, enc_fc, selection, selection_out, shapes, deformation, camera, camera_out, texture
+    encoder, enc_conv, enc_norm, enc_fc, selection, selection_out, shapes, deformation, camera, camera_out, texture, viewpoint
 } fixed { temperature, vertex_scale, camera_dropout, first_size, closed_texture });
 
 /// What becomes of a batch of `B` images.
@@ -78,6 +81,8 @@ pub(super) struct Predicted<'t> {
     pub(super) raw_rotation: Var<'t>,
     /// The same of length 1.
     pub(super) rotation: Var<'t>,
+    /// Viewpoints, where a head of their own guesses them; the quaternions mean nothing then.
+    pub(super) viewpoint: Option<ViewpointGuess<'t>>,
     /// The texture, `[B, H, W, 3]`: closed around the sphere, or as the decoder puts it out.
     pub(super) texture: Var<'t>,
 }
@@ -108,6 +113,8 @@ impl Model {
             camera: NormedLinear::new(&init.at("camera"), features, head),
             camera_out: Linear::new(&init.at("camera_out"), head, 7),
             texture: ImageDecoder::new(&init.at("texture"), config.texture_width, 3),
+            viewpoint: (config.camera_head == CameraHead::Viewpoint)
+                .then(|| ViewpointHead::new(&init.at("viewpoint"), 3, DIRECTIONS)),
             temperature: config.temperature as f32,
             vertex_scale: config.vertex_scale as f32,
             camera_dropout: Dropout::new(config.camera_dropout),
@@ -145,6 +152,7 @@ impl Model {
             place: camera.slice_axis(1, 4..7).add(usual),
             raw_rotation,
             rotation: raw_rotation.div(length),
+            viewpoint: self.viewpoint.as_ref().map(|head| head.forward(images)),
             texture: if self.closed_texture { closed(texture) } else { texture },
         }
     }

@@ -1,6 +1,6 @@
 //! The whole network in ONNX's form.
 
-use autodiff_lite::{Activation, Tape};
+use autodiff_lite::{Activation, Tape, Var};
 use ndarray::ArrayD;
 use nets::onnx::{OnnxGraph, OnnxModel, OnnxValue, ToOnnx, channels_first, channels_last};
 
@@ -52,6 +52,13 @@ impl Model {
         self.camera_to_onnx(&mut graph, &code);
         let texture = graph.scope("texture", |graph| self.texture.to_onnx(graph, &map));
         graph.output("texture", &texture);
+        if let Some(head) = &self.viewpoint {
+            let guess = graph.scope("viewpoint", |graph| head.to_onnx(graph, &image));
+            graph.output("logits", &guess.logits);
+            graph.output("turns", &guess.turns);
+            graph.output("elevation", &guess.elevation);
+            graph.output("log_distance", &guess.log_distance);
+        }
         graph.finish()
     }
 
@@ -62,10 +69,15 @@ impl Model {
         let map = self.map(images);
         let [b, h, w, c] = map.dims();
         let code = self.enc_fc.forward(map.reshape(&[b, h * w * c]));
-        let Predicted { weights, positions, rotation, place, .. } =
+        let Predicted { weights, positions, rotation, place, viewpoint, .. } =
             self.forward(&tape, images, None);
         let mut outputs = [code, weights, positions, rotation, place].map(numbers).to_vec();
         outputs.push(channels_first(&numbers(self.texture.forward(map))));
+        if let Some(guess) = viewpoint {
+            let column = |x: Var<'_>| numbers(x.reshape(&[b, 1]));
+            outputs.extend([numbers(guess.logits), numbers(guess.turns)]);
+            outputs.extend([column(guess.elevation), column(guess.log_distance)]);
+        }
         outputs
     }
 

@@ -104,14 +104,13 @@ impl Photo {
             mirror(&mut image, side);
             mirror(&mut mask, side);
         }
-        let (mut target, mut view) = (image.clone(), pose);
+        let mut target = image.clone();
         if turned {
             mirror(&mut target, side);
             mirror(&mut mask, side);
-            view = view.flipped();
         }
         let name = self.name.clone();
-        Sample { name, image, target, mask, pose, view, true_pose }
+        Sample { name, image, target, mask, pose, turned, true_pose }
     }
 }
 
@@ -133,10 +132,29 @@ pub struct Sample {
     pub(super) mask: Vec<u8>,
     /// The rough pose in `image`, which the camera's prediction is compared with.
     pub(super) pose: Pose,
-    /// The rough pose in `target`, which the prediction is drawn with.
-    pub(super) view: Pose,
+    /// Whether `target` and its mask are `image` mirrored.
+    pub(super) turned: bool,
     /// The true pose in `image`; the rough one where nothing better is known.
     pub(super) true_pose: Pose,
+}
+
+impl Sample {
+    /// A pose in `image` as it is in `target`.
+    pub(super) fn in_target(&self, pose: Pose) -> Pose {
+        if self.turned { pose.flipped() } else { pose }
+    }
+
+    /// The box of the mask in an image of this side: left, right, lowest, highest, NDC; none where nothing is an object's.
+    pub(super) fn bounds(&self, side: usize) -> Option<[f64; 4]> {
+        let on: Vec<usize> = (0..self.mask.len()).filter(|&k| self.mask[k] >= 128).collect();
+        let ends = |of: fn(usize, usize) -> usize| {
+            let all = || on.iter().map(|&k| of(k, side));
+            Some((all().min()?, all().max()? + 1))
+        };
+        let ((left, right), (top, bottom)) = (ends(|k, side| k % side)?, ends(|k, side| k / side)?);
+        let ndc = |edge: usize| 2.0 * edge as f64 / side as f64 - 1.0;
+        Some([ndc(left), ndc(right), -ndc(bottom), -ndc(top)])
+    }
 }
 
 /// The camera of a square of its image, resized to `side`.
@@ -240,18 +258,6 @@ mod tests {
         found
     }
 
-    /// The mask's own outline, in NDC.
-    fn seen(mask: &[u8], side: usize) -> [f64; 4] {
-        let on = |k: &usize| mask[*k] > 127;
-        let all: Vec<usize> = (0..side * side).filter(on).collect();
-        let columns: Vec<usize> = all.iter().map(|k| k % side).collect();
-        let rows: Vec<usize> = all.iter().map(|k| k / side).collect();
-        let ndc = |edge: usize| 2.0 * edge as f64 / side as f64 - 1.0;
-        let [left, right] = [columns.iter().min(), columns.iter().max()].map(|c| *c.unwrap());
-        let [top, bottom] = [rows.iter().min(), rows.iter().max()].map(|r| *r.unwrap());
-        [ndc(left), ndc(right + 1), -ndc(bottom + 1), -ndc(top)]
-    }
-
     /// However a crop is jittered and mirrored, the ellipsoid under its pose lies where its mask does.
     #[test]
     fn poses_go_with_their_crops() {
@@ -262,10 +268,11 @@ mod tests {
         let mut mirrored = 0;
         for _ in 0..24 {
             let sample = photo.random(&config, &mut rng);
-            mirrored += usize::from(sample.pose != sample.view);
+            mirrored += usize::from(sample.turned);
             // What the jitter cuts off ends at the border.
-            let found = outline(sample.view, lens_of(&config)).map(|x| x.clamp(-1.0, 1.0));
-            let expected = seen(&sample.mask, 64);
+            let found = outline(sample.in_target(sample.pose), lens_of(&config))
+                .map(|x| x.clamp(-1.0, 1.0));
+            let expected = sample.bounds(64).unwrap();
             for (f, e) in found.iter().zip(expected) {
                 // The common lens bends a little otherwise than the camera.
                 assert!((f - e).abs() < 0.1, "{found:?} {expected:?}");

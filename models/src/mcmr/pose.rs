@@ -3,6 +3,15 @@
 use mesh_core::nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use mesh_core::{Camera, Lens};
 
+use crate::viewpoint::Viewpoint;
+
+/// The least size that a pose has: of what has none, or a negative one, nothing is seen.
+pub(super) const SMALLEST: f64 = 0.05;
+/// The largest, in distances of the camera: more of an object of size 1 would stand behind it.
+const LARGEST: f64 = 1.5;
+/// Rounds in which a size and a place settle.
+const FILLINGS: usize = 5;
+
 /// The lens that all images are thought to be taken with; what an image's own camera differs from it is
 /// in the size.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,6 +72,61 @@ impl Pose {
     pub(super) fn from_row(row: &[f32]) -> Self {
         let at = |k: usize| f64::from(row[k]);
         Self { scale: at(0), place: [at(1), at(2)], rotation: [at(3), at(4), at(5), at(6)] }
+    }
+
+    /// From where the object is seen; what the camera is turned about its line of sight is lost.
+    pub fn viewpoint(&self, lens: CommonLens) -> Viewpoint {
+        let eye = self.matrix().transpose() * Vector3::z();
+        Viewpoint {
+            azimuth: eye.z.atan2(eye.x),
+            elevation: eye.y.atan2(eye.x.hypot(eye.z)),
+            distance: lens.distance / (self.scale.max(1e-9) * lens.focal),
+        }
+    }
+
+    /// An upright camera at a viewpoint, which sees the object's middle at `place`.
+    pub fn from_viewpoint(viewpoint: &Viewpoint, place: [f64; 2], lens: CommonLens) -> Self {
+        let (sin, cos) = viewpoint.elevation.sin_cos();
+        let eye = [cos * viewpoint.azimuth.cos(), sin, cos * viewpoint.azimuth.sin()];
+        let camera = Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 1.0, 2, 2);
+        let q = UnitQuaternion::from_matrix(&camera.rotation);
+        let scale = lens.distance / (viewpoint.distance * lens.focal);
+        Self { scale, place, rotation: [q.w, q.i, q.j, q.k] }
+    }
+
+    /// The same direction, from as far and beside by as much that points of the object fill a box of the image: left,
+    /// right, lowest, highest, NDC.
+    #[must_use]
+    pub(super) fn filling(self, points: &[[f32; 3]], bounds: [f64; 4], lens: CommonLens) -> Self {
+        let size = |b: [f64; 4]| b[1] - b[0] + b[3] - b[2];
+        let middle = |b: [f64; 4]| [0.5 * (b[0] + b[1]), 0.5 * (b[2] + b[3])];
+        let mut pose = self;
+        // How strong the perspective is changes with the size: a few rounds.
+        for _ in 0..FILLINGS {
+            let seen = pose.bounds(points, lens);
+            let ratio = size(bounds) / size(seen).max(1e-9);
+            let scale = (pose.scale * ratio).clamp(SMALLEST, LARGEST * lens.distance);
+            let (from, to) = (middle(seen), middle(bounds));
+            let place = |k: usize| to[k] - (from[k] - pose.place[k]) * scale / pose.scale;
+            pose = Self { scale, place: [place(0), place(1)], ..pose };
+        }
+        pose
+    }
+
+    /// The box that points are seen in: left, right, lowest, highest, NDC.
+    fn bounds(&self, points: &[[f32; 3]], lens: CommonLens) -> [f64; 4] {
+        let rows = self.projection(lens).map(f64::from);
+        let empty = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
+        points.iter().fold(empty, |b, p| {
+            let row = |k: usize| {
+                let of = &rows[4 * k..4 * k + 4];
+                (0..3).map(|j| of[j] * f64::from(p[j])).sum::<f64>() + of[3]
+            };
+            // Nothing is nearer to the camera than a tenth of the way to the object's middle.
+            let depth = row(2).max(0.1 * lens.distance);
+            let (x, y) = (row(0) / depth, row(1) / depth);
+            [b[0].min(x), b[1].max(x), b[2].min(y), b[3].max(y)]
+        })
     }
 
     /// What the mirrored image of the mirrored object has: `D R D` with `D = diag(-1, 1, 1)`.
@@ -162,6 +226,35 @@ mod tests {
             prop_assert!((one[0] + other[0]).abs() < 1e-5 && (one[1] - other[1]).abs() < 1e-5);
             prop_assert!((one[2] - other[2]).abs() < 1e-5);
             prop_assert_eq!(pose.flipped().flipped(), pose);
+        }
+
+        /// A viewpoint and a place are an upright camera's whole pose.
+        #[test]
+        fn upright_cameras_come_back(angle in -3.0f64..3.0, up in -1.2f64..1.2, scale in 0.5f64..2.0, place in prop::array::uniform2(-0.3f64..0.3)) {
+            let distance = LENS.distance / scale;
+            let eye = [angle.sin() * up.cos(), up.sin(), angle.cos() * up.cos()].map(|v| distance * v);
+            let pose = Pose { place, ..Pose::of(&camera(eye, [0.0; 3], 2.0 * (1.0 / LENS.focal).atan()), LENS) };
+            let viewpoint = pose.viewpoint(LENS);
+            prop_assert!((viewpoint.elevation - up).abs() < 1e-9);
+            let again = Pose::from_viewpoint(&viewpoint, place, LENS);
+            prop_assert!((again.matrix() - pose.matrix()).abs().max() < 1e-9);
+            prop_assert!((again.scale - scale).abs() < 1e-9 && again.place == place);
+            // Seen in a mirror, the azimuth is the mirrored one.
+            let mirrored = pose.flipped().viewpoint(LENS);
+            let [a, b] = [mirrored.azimuth, viewpoint.azimuth].map(f64::sin_cos);
+            prop_assert!((a.0 - b.0).abs() < 1e-9 && (a.1 + b.1).abs() < 1e-9);
+        }
+
+        /// The box that an object was seen in says how far and how much beside it stands.
+        #[test]
+        fn a_box_says_size_and_place(angle in -3.0f64..3.0, scale in 0.6f64..1.6, place in prop::array::uniform2(-0.3f64..0.3)) {
+            let points: Vec<[f32; 3]> = mesh_core::primitives::icosphere(2).scaled([0.3, 0.2, 0.45]).positions;
+            let pose = Pose { place, scale, ..Pose::of(&camera([angle.sin(), 0.4, angle.cos()], [0.0; 3], 0.4), LENS) };
+            let found = Pose { place: [0.0; 2], scale: 1.0, ..pose }.filling(&points, pose.bounds(&points, LENS), LENS);
+            prop_assert!((found.scale / scale - 1.0).abs() < 0.01, "{found:?} {pose:?}");
+            for k in 0..2 {
+                prop_assert!((found.place[k] - place[k]).abs() < 0.01, "{found:?} {pose:?}");
+            }
         }
 
         /// Put into the world of its camera the object stands where it stood, up to its depth.

@@ -39,7 +39,7 @@ impl Mcmr {
         let sample = photo.plain(&self.config);
         let tape = Tape::eval();
         let predicted = self.predicted(&tape, &[&sample]);
-        let pose = pose_of(&predicted, 0);
+        let pose = self.poses(&tape, &predicted, std::slice::from_ref(&sample))[0];
         let camera: Camera =
             cropped(&view.camera, photo.square(self.config.margin), self.config.image_size);
         Ok(McmrPrediction {
@@ -101,16 +101,6 @@ impl Mcmr {
             })
             .collect()
     }
-}
-
-/// The camera that was predicted for one image of a batch.
-pub(super) fn pose_of(predicted: &Predicted<'_>, index: usize) -> Pose {
-    let place = row(&predicted.place.value(), index);
-    let rotation = row(&predicted.rotation.value(), index);
-    let mut pose = Pose::from_row(&[place, rotation].concat());
-    // Nothing is seen of what has no size, or a negative one.
-    pose.scale = pose.scale.max(0.05);
-    pose
 }
 
 /// One row of an array whose first axis is the batch.

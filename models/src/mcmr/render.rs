@@ -123,6 +123,11 @@ impl TexturedRenderer {
         Rendered { image, silhouette: self.silhouette(&frame), mask }
     }
 
+    /// What is seen of meshes at the pixels' centres, `[N, S, S]`: 1 or 0.
+    pub(super) fn mask<'t>(&self, positions: Var<'t>, matrices: Var<'t>) -> Vec<f32> {
+        self.renderer.frame(positions.project(matrices)).mask()
+    }
+
     fn silhouette<'t>(&self, frame: &Frame<'t>) -> Var<'t> {
         let soft = |share: f64| frame.soft_silhouette().scale(share as f32);
         let exact = |share: f64| frame.antialiased_silhouette().scale(share as f32);

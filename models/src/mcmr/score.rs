@@ -12,7 +12,7 @@ use train::{Better, DataError, Metric, Subset};
 
 use super::data::Data;
 use super::model::Predicted;
-use super::prediction::{pose_of, row};
+use super::prediction::row;
 use super::replaced::Replaced;
 use super::{Mcmr, Pose, Sample};
 use crate::parts::mean_metric;
@@ -198,10 +198,12 @@ impl Mcmr {
         let other = |i: usize| samples[(i + samples.len().div_ceil(2)) % samples.len()].true_pose;
         let judged = self.in_batches(&samples, BATCH, &weights, |tape, predicted, first, chunk| {
             let predicted = replaced.in_prediction(tape, predicted);
-            let found = (0..chunk.len()).map(|i| {
-                if replaced.camera_of_another { other(first + i) } else { pose_of(&predicted, i) }
-            });
-            let (found, objects) = (found.collect::<Vec<_>>(), &objects[first..]);
+            let found = if replaced.camera_of_another {
+                (0..chunk.len()).map(|i| other(first + i)).collect()
+            } else {
+                self.poses(tape, &predicted, chunk)
+            };
+            let objects = &objects[first..];
             self.judged(tape, &predicted, data, (objects, chunk, &found))
         });
         let mut judged: Vec<Judged> = judged.into_iter().flatten().collect();

@@ -1,8 +1,10 @@
 //! How large the model is, without making it.
 
+use nets::ViewpointHead;
 use train::Summary;
 
-use super::config::McmrConfig;
+use super::config::{CameraHead, McmrConfig};
+use crate::viewpoint::DIRECTIONS;
 
 /// Trainable parameter count, those that are not, and the shapes between the parts.
 pub(super) fn summary(config: &McmrConfig) -> Summary {
@@ -28,7 +30,12 @@ pub(super) fn summary(config: &McmrConfig) -> Summary {
     let layer = |inputs: usize| linear(inputs, hidden) + hidden;
     let offsets = layer(first) + 2 * layer(hidden) + layer(hidden + first) + linear(hidden, 3);
     let spheres = shapes * config.vertices() * 3;
+    let viewpoint = match config.camera_head {
+        CameraHead::Quaternion => 0,
+        CameraHead::Viewpoint => ViewpointHead::<f32>::parameters(3, DIRECTIONS),
+    };
     let trainable = encoder
+        + viewpoint
         + neck
         + code
         + selection

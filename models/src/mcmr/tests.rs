@@ -179,7 +179,8 @@ fn a_flip_of_the_prediction_mirrors_mask_and_camera_alike() {
     let masks = |prediction_flip: f64| {
         let config = McmrConfig { prediction_flip, ..base.clone() };
         let batch = samples(&config, &data);
-        let poses: Vec<Pose> = batch.iter().map(|(sample, _)| sample.view).collect();
+        let poses: Vec<Pose> =
+            batch.iter().map(|(sample, _)| sample.in_target(sample.pose)).collect();
         let all: Vec<&Sample> = batch.iter().map(|(sample, _)| sample).collect();
         let tape = Tape::eval();
         let mut predicted = system.predicted(&tape, &all);

@@ -7,11 +7,11 @@ use recon::evaluate::seen_from;
 use synth::RenderOptions;
 use train::{DataError, Terms};
 
-use super::config::{CameraSource, DIRECTIONS};
+use super::config::CameraSource;
 use super::deformer::Deformer;
 use super::single_view::{SingleView, guess};
 use crate::paired::{Pairs, Picture};
-use crate::viewpoint::{Hypothesis, Viewpoint, as_seen, hypotheses, viewpoint_loss};
+use crate::viewpoint::{DIRECTIONS, Hypothesis, Viewpoint, as_seen, hypotheses, viewpoint_loss};
 
 /// Objects whose cameras tell where guesses begin.
 const LOOKED_AT: usize = 16;

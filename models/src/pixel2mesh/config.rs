@@ -12,9 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use train::settings::above_to;
 
 use crate::paired::{FrameKind, PairsConfig};
-
-/// Directions around the object that the camera head tells apart.
-pub(super) const DIRECTIONS: usize = 8;
+use crate::viewpoint::DIRECTIONS;
 
 train::options! {
     /// What both have: images, encoder, template, losses.

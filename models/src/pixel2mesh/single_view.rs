@@ -12,7 +12,7 @@ use train::{
     Source, StepInfo, Subset, Summary, System, Terms,
 };
 
-use super::config::{DIRECTIONS, EncoderForm, SharedConfig};
+use super::config::{EncoderForm, SharedConfig};
 use super::decay::half_squares;
 use super::deformer::{Deformed, Deformer, Run};
 use super::projection::published_lens;
@@ -22,6 +22,7 @@ use crate::instance::Instance;
 use crate::paired::{FrameKind, Pair, Pairs, Picture};
 use crate::predict::{PredictInput, Prediction};
 use crate::stacked::stacked;
+use crate::viewpoint::DIRECTIONS;
 
 /// An encoder, a template and what deforms it.
 #[derive(Debug)]

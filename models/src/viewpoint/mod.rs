@@ -13,3 +13,6 @@ mod tests;
 pub use hypothesis::{Hypothesis, hypotheses};
 pub use loss::viewpoint_loss;
 pub use place::{Viewpoint, as_seen};
+
+/// Directions around the object that the camera heads of the systems tell apart.
+pub(crate) const DIRECTIONS: usize = 8;

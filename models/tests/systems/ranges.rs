@@ -30,6 +30,7 @@ const ANY: &[&str] = &[
     "hold-out",
     "refine-every",
     "subdivide-at",
+    "own-cameras-at",
     "voxel-only-steps",
     "views-per-step",
     "relax-every",

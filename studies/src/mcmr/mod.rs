@@ -42,6 +42,7 @@ fn at_scale(scale: Scale, jobs: Vec<Planned<Mcmr>>) -> Vec<Planned<Mcmr>> {
         let config = |(.., config): &mut Planned<Mcmr>| {
             let Configuration::<McmrConfig> { system, .. } = config;
             system.subdivide_at = system.subdivide_at.map(tenth);
+            system.own_cameras_at = system.own_cameras_at.map(tenth);
         };
         jobs.iter_mut().for_each(config);
     }
@@ -281,6 +282,8 @@ mod tests {
         let [full, tenth] = [0, 1].map(|k| &both[k].2);
         assert!(tenth.train.epochs < full.train.epochs.div_ceil(5));
         let (late, early) = (full.system.subdivide_at.unwrap(), tenth.system.subdivide_at.unwrap());
+        assert!(early < late && early <= tenth.train.epochs);
+        let [late, early] = [full, tenth].map(|config| config.system.own_cameras_at.unwrap());
         assert!(early < late && early <= tenth.train.epochs);
     }
 }

@@ -1,0 +1,326 @@
+//! The camera of an image, as it is guessed.
+
+use autodiff_lite::Tape;
+use train::{DataError, Terms};
+
+use super::config::RotationLoss;
+use super::data::Data;
+use super::model::Predicted;
+use super::photo::lens_of;
+use super::pose::{Pose, SMALLEST};
+use super::prediction::row;
+use super::{Mcmr, Sample};
+use crate::stacked::stacked;
+use crate::viewpoint::{DIRECTIONS, Hypothesis, Viewpoint, hypotheses, viewpoint_loss};
+
+/// Objects whose cameras tell where guesses begin.
+const LOOKED_AT: usize = 16;
+/// What a guess and a rough camera differ by at most, degrees of azimuth, where they are thought to mean the same side.
+const SAME_SIDE: f64 = 45.0;
+
+impl Mcmr {
+    /// Lets viewpoints begin at the elevation and the distance that the data has in the mean.
+    pub(super) fn camera_begins_at(&mut self, data: &Data) -> Result<(), DataError> {
+        let Some(head) = &mut self.model.viewpoint else { return Ok(()) };
+        let lens = lens_of(&self.config);
+        let looked_at = data.trained().iter().take(LOOKED_AT);
+        let views = looked_at
+            .map(|&object| Ok(data.photo(object)?.plain(&self.config).pose.viewpoint(lens)))
+            .collect::<Result<Vec<_>, DataError>>()?;
+        head.begin_at(
+            mean_of(&views, |view| view.elevation),
+            mean_of(&views, |view| view.distance.ln()),
+        );
+        Ok(())
+    }
+
+    /// The cameras of images that are not mirrored: by the quaternion, or of a few likely viewpoints that from which the
+    /// mesh has the outline that fits the image's mask best.
+    ///
+    /// Each viewpoint is tried with the size and the place that are guessed, and with those by which the mesh fills the box of
+    /// the mask.
+    pub(super) fn poses<'t>(
+        &self,
+        tape: &'t Tape,
+        predicted: &Predicted<'t>,
+        samples: &[Sample],
+    ) -> Vec<Pose> {
+        let Some(likely) = self.likely(predicted, self.config.camera_hypotheses) else {
+            return (0..samples.len()).map(|i| quaternion_pose(predicted, i)).collect();
+        };
+        let positions = predicted.positions.value();
+        let mut best: Vec<Option<(f64, Pose)>> = vec![None; samples.len()];
+        let tried = likely.iter().map(Vec::len).max().unwrap_or(0);
+        for (k, fills) in (0..tried).flat_map(|k| [(k, false), (k, true)]) {
+            let pose = |(i, sample): (usize, &Sample)| {
+                let likely = likely[i][k.min(likely[i].len() - 1)];
+                let pose = self.pose_at(predicted, i, &likely);
+                let bounds = sample.bounds(self.config.image_size).filter(|_| fills);
+                let points = row(&positions, i);
+                let points = points.as_chunks::<3>().0;
+                bounds.map_or(pose, |bounds| pose.filling(points, bounds, lens_of(&self.config)))
+            };
+            let poses: Vec<Pose> = samples.iter().enumerate().map(pose).collect();
+            for (i, overlap) in self.overlaps(tape, predicted, samples, &poses).enumerate() {
+                if best[i].is_none_or(|(other, _)| overlap > other) {
+                    best[i] = Some((overlap, poses[i]));
+                }
+            }
+        }
+        best.into_iter()
+            .enumerate()
+            .map(|(i, best)| best.map_or_else(|| quaternion_pose(predicted, i), |(_, pose)| pose))
+            .collect()
+    }
+
+    /// The cameras that training draws with: the rough ones, or the guesses nearest to them.
+    pub(super) fn training_poses(
+        &self,
+        predicted: &Predicted<'_>,
+        samples: &[&Sample],
+        epoch: u64,
+    ) -> Vec<Pose> {
+        let own = self.config.own_cameras_at.is_some_and(|first| epoch >= first);
+        let likely = self.likely(predicted, DIRECTIONS).filter(|_| own);
+        let pose = |(i, sample): (usize, &&Sample)| {
+            let rough = sample.pose.viewpoint(lens_of(&self.config));
+            let nearest = likely.as_ref().and_then(|likely| {
+                let away = |one: &Hypothesis| one.viewpoint.azimuth_error(&rough);
+                let same = likely[i].iter().filter(|one| away(one) < SAME_SIDE);
+                same.min_by(|a, b| away(a).total_cmp(&away(b)))
+            });
+            let own = nearest.map(|hypothesis| self.pose_at(predicted, i, hypothesis));
+            sample.in_target(own.unwrap_or(sample.pose))
+        };
+        samples.iter().enumerate().map(pose).collect()
+    }
+
+    /// Terms with what guessed cameras miss of the rough ones, as they were predicted: mirrored, both would be.
+    pub(super) fn with_camera<'t>(
+        &self,
+        tape: &'t Tape,
+        terms: Terms<'t>,
+        predicted: &Predicted<'t>,
+        samples: &[&Sample],
+    ) -> Terms<'t> {
+        let c = &self.config;
+        let known = |width: usize, part: &dyn Fn(&Pose) -> Vec<f64>| {
+            let rows: Vec<Vec<f32>> = samples
+                .iter()
+                .map(|s| part(&s.pose).into_iter().map(|x| x as f32).collect())
+                .collect();
+            stacked(tape, rows.iter().map(|row| &row[..]), &[samples.len(), width])
+        };
+        let place = known(3, &|pose| vec![pose.scale, pose.place[0], pose.place[1]]);
+        let place = losses::l2(predicted.place, place, None);
+        if let Some(guess) = &predicted.viewpoint {
+            let lens = lens_of(c);
+            let truth: Vec<Viewpoint> = samples.iter().map(|s| s.pose.viewpoint(lens)).collect();
+            return terms.with("camera", c.camera_weight, place).with(
+                "viewpoint",
+                c.viewpoint_weight,
+                viewpoint_loss(guess, &truth),
+            );
+        }
+        let rotation = known(4, &|pose| pose.rotation.to_vec());
+        let rotations = match c.rotation_loss {
+            RotationLoss::Cosine => losses::rotation_loss(predicted.rotation, rotation),
+            RotationLoss::Sine => losses::rotation_sine(predicted.rotation, rotation),
+        };
+        terms.with("camera", c.camera_weight, rotations.add(place)).with(
+            "camera-length",
+            c.camera_length_weight,
+            losses::quaternion_length(predicted.raw_rotation),
+        )
+    }
+
+    /// At most so many viewpoints of each image, likeliest first; nothing without a head for them.
+    fn likely(&self, predicted: &Predicted<'_>, count: usize) -> Option<Vec<Vec<Hypothesis>>> {
+        predicted.viewpoint.map(|guess| hypotheses(&guess, count))
+    }
+
+    /// The upright camera of a hypothesis, with the place that is guessed.
+    fn pose_at(&self, predicted: &Predicted<'_>, index: usize, hypothesis: &Hypothesis) -> Pose {
+        let place = row(&predicted.place.value(), index);
+        let place = [place[1], place[2]].map(f64::from);
+        let pose = Pose::from_viewpoint(&hypothesis.viewpoint, place, lens_of(&self.config));
+        Pose { scale: pose.scale.max(SMALLEST), ..pose }
+    }
+
+    /// Intersection over union of what is seen by these cameras and the images' masks.
+    fn overlaps<'t>(
+        &self,
+        tape: &'t Tape,
+        predicted: &Predicted<'t>,
+        samples: &[Sample],
+        poses: &[Pose],
+    ) -> impl Iterator<Item = f64> {
+        let lens = lens_of(&self.config);
+        let rows: Vec<[f32; 12]> = poses.iter().map(|pose| pose.projection(lens)).collect();
+        let matrices = stacked(tape, rows.iter().map(|row| &row[..]), &[poses.len(), 3, 4]);
+        let seen = self.renderer.mask(predicted.positions, matrices);
+        let pixels = self.config.image_size.pow(2);
+        samples.iter().enumerate().map(move |(i, sample)| {
+            let (mut both, mut either) = (0_usize, 0_usize);
+            for (&a, &b) in seen[i * pixels..][..pixels].iter().zip(&sample.mask) {
+                let (a, b) = (a >= 0.5, b >= 128);
+                both += usize::from(a && b);
+                either += usize::from(a || b);
+            }
+            both as f64 / either.max(1) as f64
+        })
+    }
+}
+
+/// The mean of a number of viewpoints, 0 of none.
+fn mean_of(views: &[Viewpoint], of: impl Fn(&Viewpoint) -> f64) -> f64 {
+    views.iter().map(of).sum::<f64>() / views.len().max(1) as f64
+}
+
+/// The camera that one image's quaternion says.
+fn quaternion_pose(predicted: &Predicted<'_>, index: usize) -> Pose {
+    let place = row(&predicted.place.value(), index);
+    let rotation = row(&predicted.rotation.value(), index);
+    let pose = Pose::from_row(&[place, rotation].concat());
+    Pose { scale: pose.scale.max(SMALLEST), ..pose }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use autodiff_lite::Var;
+    use ndarray::{Array1, Array2, arr1, arr2};
+    use nets::ViewpointGuess;
+
+    use super::super::config::{CameraHead, McmrConfig};
+    use super::*;
+
+    fn system(config: McmrConfig) -> (Mcmr, Data) {
+        let config = McmrConfig {
+            camera_head: CameraHead::Viewpoint,
+            objects: 2,
+            test_objects: 1,
+            families: vec!["car".to_owned()],
+            width: 4,
+            features: 16,
+            texture_width: 1,
+            hidden: 16,
+            flip: 0.0,
+            jitter: 0.0,
+            ..config
+        };
+        let data = Data::synthetic(&config).unwrap();
+        (<Mcmr as train::System>::new(&config, 1), data)
+    }
+
+    /// Two directions of eight: `likely`, with three quarters, and `other`; degrees.
+    fn guess<'t>(tape: &'t Tape, likely: f64, other: f64, at: Viewpoint) -> ViewpointGuess<'t> {
+        let spacing = 360.0 / DIRECTIONS as f64;
+        let mut logits = Array1::from_elem(DIRECTIONS, -20.0_f32);
+        let mut turns = Array1::<f32>::zeros(DIRECTIONS);
+        for (degrees, share) in [(likely, 0.75_f32), (other, 0.25)] {
+            let k = (degrees / spacing).round();
+            let index = k.rem_euclid(DIRECTIONS as f64) as usize;
+            logits[index] = share.ln();
+            turns[index] = (degrees - k * spacing).to_radians() as f32;
+        }
+        let row = |values: Array1<f32>| -> Var<'t> {
+            tape.constant(values.into_shape_with_order((1, DIRECTIONS)).unwrap())
+        };
+        ViewpointGuess {
+            logits: row(logits),
+            turns: row(turns),
+            elevation: tape.constant(arr1(&[at.elevation as f32])),
+            log_distance: tape.constant(arr1(&[at.distance.ln() as f32])),
+        }
+    }
+
+    /// A long body of which the image shows the side, while the likelier guess would have its end: the outline knows better.
+    /// Size and place come from the mask's box, however wrong they were guessed.
+    #[test]
+    fn the_outline_chooses() {
+        let (system, data) = system(McmrConfig::default());
+        let lens = lens_of(&system.config);
+        let mut sample = data.photo(data.trained()[0]).unwrap().plain(&system.config);
+        let tape = Tape::eval();
+        let mut predicted = system.predicted(&tape, &[&sample]);
+        let body: Vec<f32> = system
+            .template
+            .sphere
+            .iter()
+            .flat_map(|p| [0.1 * p[0], 0.08 * p[1], 0.4 * p[2]])
+            .collect();
+        predicted.positions = stacked(&tape, [&body[..]].into_iter(), &[1, body.len() / 3, 3]);
+        let truth = Viewpoint { azimuth: 0.1, elevation: 0.2, distance: 0.5 };
+        let pose = Pose::from_viewpoint(&truth, [0.1, -0.05], lens);
+        let rows = [pose.projection(lens)];
+        let matrices = stacked(&tape, rows.iter().map(|row| &row[..]), &[1, 3, 4]);
+        let seen = system.renderer.mask(predicted.positions, matrices);
+        sample.mask = seen.iter().map(|&m| if m > 0.5 { 255 } else { 0 }).collect();
+        assert!(seen.iter().sum::<f32>() > 200.0);
+        let far = Viewpoint { distance: 0.9, ..truth };
+        predicted.viewpoint = Some(guess(&tape, 95.0, truth.azimuth.to_degrees(), far));
+        predicted.place = tape.constant(arr2(&[[1.0, 0.3, 0.3]]));
+        let found = system.poses(&tape, &predicted, std::slice::from_ref(&sample))[0];
+        assert!((found.viewpoint(lens).azimuth - truth.azimuth).abs() < 1e-3, "{found:?}");
+        assert!((found.scale / pose.scale - 1.0).abs() < 0.05, "{found:?} {pose:?}");
+        for k in 0..2 {
+            assert!((found.place[k] - pose.place[k]).abs() < 0.03, "{found:?} {pose:?}");
+        }
+        // With one guess there is nothing to choose.
+        let one = McmrConfig { camera_hypotheses: 1, ..system.config.clone() };
+        let system = Mcmr { config: one, ..system };
+        let found = system.poses(&tape, &predicted, std::slice::from_ref(&sample))[0];
+        assert!((found.viewpoint(lens).azimuth - 95.0_f64.to_radians()).abs() < 1e-3);
+    }
+
+    /// From its epoch on, training draws with the guess that means the side of the rough camera; where none does, and before, with
+    /// the rough one. What is compared with a mirrored image is drawn mirrored.
+    #[test]
+    fn training_draws_with_its_own_cameras() {
+        let own = McmrConfig { own_cameras_at: Some(3), ..McmrConfig::default() };
+        let (system, data) = system(own);
+        let lens = lens_of(&system.config);
+        let mut sample = data.photo(data.trained()[0]).unwrap().plain(&system.config);
+        let tape = Tape::eval();
+        let mut predicted = system.predicted(&tape, &[&sample]);
+        let rough = sample.pose.viewpoint(lens);
+        let degrees = rough.azimuth.to_degrees();
+        let mut drawn = |guessed: [f64; 2], epoch: u64, sample: &Sample| {
+            predicted.viewpoint = Some(guess(&tape, guessed[0], guessed[1], rough));
+            system.training_poses(&predicted, &[sample], epoch)[0].viewpoint(lens)
+        };
+        let near = |found: Viewpoint, expected: f64| {
+            let expected = Viewpoint { azimuth: expected.to_radians(), ..found };
+            assert!(found.azimuth_error(&expected) < 0.1, "{found:?} {expected:?}");
+        };
+        let [away, close] = [degrees + 180.0, degrees + 12.0];
+        near(drawn([away, close], 2, &sample), degrees);
+        near(drawn([away, close], 3, &sample), close);
+        near(drawn([away, away + 80.0], 3, &sample), degrees);
+        sample.turned = true;
+        near(drawn([away, close], 3, &sample), 180.0 - close);
+    }
+
+    #[test]
+    fn viewpoints_begin_where_the_data_is() {
+        let (mut system, data) = system(McmrConfig::default());
+        system.camera_begins_at(&data).unwrap();
+        let lens = lens_of(&system.config);
+        let samples: Vec<Sample> = data
+            .trained()
+            .iter()
+            .map(|&object| data.photo(object).unwrap().plain(&system.config))
+            .collect();
+        let tape = Tape::eval();
+        let guess = system.predicted(&tape, &samples.iter().collect::<Vec<_>>()).viewpoint.unwrap();
+        let views: Vec<Viewpoint> = samples.iter().map(|s| s.pose.viewpoint(lens)).collect();
+        let found: Array2<f32> = Array2::from_shape_fn((2, samples.len()), |(k, i)| {
+            [guess.elevation, guess.log_distance][k].value()[[i]]
+        });
+        for i in 0..samples.len() {
+            assert!((f64::from(found[[0, i]]) - mean_of(&views, |v| v.elevation)).abs() < 0.15);
+            assert!((f64::from(found[[1, i]]) - mean_of(&views, |v| v.distance.ln())).abs() < 0.15);
+        }
+    }
+}
