@@ -157,6 +157,7 @@ impl RefineConfig {
         match config.norm {
             NormKind::Batch => [weights + 2 * channels, 2 * channels],
             NormKind::Frozen => [weights, 4 * channels],
+            NormKind::Group => [weights + 2 * channels, 0],
         }
     }
 

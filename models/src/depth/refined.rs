@@ -384,7 +384,7 @@ impl<B: MeshInit> System for Refined<B> {
     }
 
     fn coupling(&self) -> Option<&'static str> {
-        let text = "`norm` is \"batch\", whose statistics are those of the batch (`norm = \"frozen\"` has none)";
+        let text = "`norm` is \"batch\", whose statistics are those of the batch (`norm = \"group\"` and `\"frozen\"` have none)";
         (self.refine().norm == NormKind::Batch).then_some(text)
     }
 

@@ -1,6 +1,9 @@
 //! The camera of an image, as it is guessed.
 
-use autodiff_lite::Tape;
+use std::f64::consts::{PI, TAU};
+
+use autodiff_lite::{Tape, Var};
+use ndarray::{Array1, Array2};
 use train::{DataError, Terms};
 
 use super::config::RotationLoss;
@@ -9,14 +12,13 @@ use super::model::Predicted;
 use super::photo::lens_of;
 use super::pose::{Pose, SMALLEST};
 use super::prediction::row;
+use super::upright::upright;
 use super::{Mcmr, Sample};
 use crate::stacked::stacked;
 use crate::viewpoint::{DIRECTIONS, Hypothesis, Viewpoint, hypotheses, viewpoint_loss};
 
 /// Objects whose cameras tell where guesses begin.
 const LOOKED_AT: usize = 16;
-/// What a guess and a rough camera differ by at most, degrees of azimuth, where they are thought to mean the same side.
-const SAME_SIDE: f64 = 45.0;
 
 impl Mcmr {
     /// Lets viewpoints begin at the elevation and the distance that the data has in the mean.
@@ -73,26 +75,41 @@ impl Mcmr {
             .collect()
     }
 
-    /// The cameras that training draws with: the rough ones, or the guesses nearest to them.
-    pub(super) fn training_poses(
+    /// The cameras that training draws with, `[N, 3, 4]`: the rough ones, or the guesses for the directions nearest to them, which
+    /// what is drawn moves too.
+    pub(super) fn training_cameras<'t>(
         &self,
-        predicted: &Predicted<'_>,
+        tape: &'t Tape,
+        predicted: &Predicted<'t>,
         samples: &[&Sample],
         epoch: u64,
-    ) -> Vec<Pose> {
+    ) -> Var<'t> {
+        let lens = lens_of(&self.config);
         let own = self.config.own_cameras_at.is_some_and(|first| epoch >= first);
-        let likely = self.likely(predicted, DIRECTIONS).filter(|_| own);
-        let pose = |(i, sample): (usize, &&Sample)| {
-            let rough = sample.pose.viewpoint(lens_of(&self.config));
-            let nearest = likely.as_ref().and_then(|likely| {
-                let away = |one: &Hypothesis| one.viewpoint.azimuth_error(&rough);
-                let same = likely[i].iter().filter(|one| away(one) < SAME_SIDE);
-                same.min_by(|a, b| away(a).total_cmp(&away(b)))
-            });
-            let own = nearest.map(|hypothesis| self.pose_at(predicted, i, hypothesis));
-            sample.in_target(own.unwrap_or(sample.pose))
+        let Some(guess) = predicted.viewpoint.filter(|_| own) else {
+            let rows: Vec<[f32; 12]> =
+                samples.iter().map(|s| s.in_target(s.pose).projection(lens)).collect();
+            return stacked(tape, rows.iter().map(|row| &row[..]), &[samples.len(), 3, 4]);
         };
-        samples.iter().enumerate().map(pose).collect()
+        let spacing = TAU / DIRECTIONS as f64;
+        let nearest = |sample: &Sample| {
+            let steps = sample.pose.viewpoint(lens).azimuth / spacing;
+            steps.round().rem_euclid(DIRECTIONS as f64) as usize
+        };
+        let chosen: Vec<usize> = samples.iter().map(|sample| nearest(sample)).collect();
+        let of = |f: &dyn Fn(usize) -> f64| {
+            tape.constant(Array1::from_shape_fn(samples.len(), |i| f(i) as f32))
+        };
+        let is = Array2::from_shape_fn((samples.len(), DIRECTIONS), |(i, k)| {
+            f32::from(u8::from(chosen[i] == k))
+        });
+        let azimuth = (guess.turns * tape.constant(is)).sum_axis(1);
+        let azimuth = azimuth + of(&|i| spacing * chosen[i] as f64);
+        // In a mirror x is turned over: the azimuth, and the place in the image.
+        let sign = of(&|i| if samples[i].turned { -1.0 } else { 1.0 });
+        let azimuth = azimuth * sign + of(&|i| if samples[i].turned { PI } else { 0.0 });
+        let [x, y] = [1, 2].map(|k| predicted.place.index_axis(1, k));
+        upright([azimuth, guess.elevation, guess.log_distance, x * sign, y], lens)
     }
 
     /// Terms with what guessed cameras miss of the rough ones, as they were predicted: mirrored, both would be.
@@ -188,8 +205,7 @@ fn quaternion_pose(predicted: &Predicted<'_>, index: usize) -> Pose {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use autodiff_lite::Var;
-    use ndarray::{Array1, Array2, arr1, arr2};
+    use ndarray::{arr1, arr2};
     use nets::ViewpointGuess;
 
     use super::super::config::{CameraHead, McmrConfig};
@@ -274,8 +290,8 @@ mod tests {
         assert!((found.viewpoint(lens).azimuth - 95.0_f64.to_radians()).abs() < 1e-3);
     }
 
-    /// From its epoch on, training draws with the guess that means the side of the rough camera; where none does, and before, with
-    /// the rough one. What is compared with a mirrored image is drawn mirrored.
+    /// From its epoch on, training draws with the guess for the direction that is nearest to the rough camera, however likely it is
+    /// held; before, with the rough one. What is compared with a mirrored image is drawn mirrored.
     #[test]
     fn training_draws_with_its_own_cameras() {
         let own = McmrConfig { own_cameras_at: Some(3), ..McmrConfig::default() };
@@ -284,22 +300,27 @@ mod tests {
         let mut sample = data.photo(data.trained()[0]).unwrap().plain(&system.config);
         let tape = Tape::eval();
         let mut predicted = system.predicted(&tape, &[&sample]);
+        predicted.place = tape.constant(arr2(&[[1.0, 0.1, -0.2]]));
+        let spacing = 360.0 / DIRECTIONS as f64;
         let rough = sample.pose.viewpoint(lens);
-        let degrees = rough.azimuth.to_degrees();
-        let mut drawn = |guessed: [f64; 2], epoch: u64, sample: &Sample| {
-            predicted.viewpoint = Some(guess(&tape, guessed[0], guessed[1], rough));
-            system.training_poses(&predicted, &[sample], epoch)[0].viewpoint(lens)
+        let near = (rough.azimuth.to_degrees() / spacing).round() * spacing + 9.0;
+        predicted.viewpoint = Some(guess(&tape, near + 180.0, near, rough));
+        let drawn = |epoch: u64, sample: &Sample| {
+            system.training_cameras(&tape, &predicted, &[sample], epoch).value().to_owned()
         };
-        let near = |found: Viewpoint, expected: f64| {
-            let expected = Viewpoint { azimuth: expected.to_radians(), ..found };
-            assert!(found.azimuth_error(&expected) < 0.1, "{found:?} {expected:?}");
+        let same = |found: &ndarray::ArrayD<f32>, pose: Pose| {
+            let expected = pose.projection(lens);
+            let far = found.iter().zip(expected).find(|(a, b)| (*a - b).abs() > 1e-4);
+            assert!(far.is_none(), "{found:?} {expected:?}");
         };
-        let [away, close] = [degrees + 180.0, degrees + 12.0];
-        near(drawn([away, close], 2, &sample), degrees);
-        near(drawn([away, close], 3, &sample), close);
-        near(drawn([away, away + 80.0], 3, &sample), degrees);
+        same(&drawn(2, &sample), sample.pose);
+        let viewpoint = Viewpoint { azimuth: near.to_radians(), ..rough };
+        let own =
+            Pose::from_viewpoint(&viewpoint, [0.1, -0.2].map(|x: f64| f64::from(x as f32)), lens);
+        same(&drawn(3, &sample), own);
         sample.turned = true;
-        near(drawn([away, close], 3, &sample), 180.0 - close);
+        same(&drawn(2, &sample), sample.pose.flipped());
+        same(&drawn(3, &sample), own.flipped());
     }
 
     #[test]

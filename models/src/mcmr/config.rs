@@ -1,5 +1,6 @@
 //! Options of the system, and what they amount to.
 
+use nets::NormKind;
 use serde::{Deserialize, Serialize};
 use synth::{PoseNoise, families_named};
 use train::settings::{LARGEST, Options as _, above_to};
@@ -12,6 +13,9 @@ train::options! {
     pub struct McmrConfig {
         /// Side of the cropped images, of the renderings and of the texture, pixels: a multiple of 64.
         pub image_size: usize = 64, in 64..=512;
+        /// The norms behind convolutions and linear layers: `batch` as published; `frozen` for pretrained convolutions; `group`,
+        /// whose statistics are those of each image: of eight images those of a batch say little, and codes are noise.
+        pub norm: NormKind = NormKind::Batch;
         /// Channels of the first stage of the ResNet-18; 64 in the published one.
         pub width: usize = 32, in 1..=256;
         /// Numbers in the code of an image; 256 published.
@@ -39,7 +43,8 @@ train::options! {
         /// image's mask best is kept.
         pub camera_hypotheses: usize = 3, in 1..=DIRECTIONS;
         /// Before which epoch training begins to draw with the cameras that it guesses itself in the place of the rough ones,
-        /// whose noise they do not have. Of several guesses that which is nearest to the rough camera. Not published.
+        /// whose noise they do not have, and to learn them from what is drawn too. Of several guesses that of the direction which is
+        /// nearest to the rough camera. Not published.
         #[serde(with = "train::settings::optional")]
         pub own_cameras_at: Option<u64> = None, in 1..=LARGEST;
         /// Share of the deformation's hidden numbers that training drops; 0.2 published.

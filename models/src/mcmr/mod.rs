@@ -58,6 +58,7 @@ mod size;
 #[cfg(test)]
 mod tests;
 mod texture;
+mod upright;
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -65,7 +66,7 @@ use std::sync::Arc;
 use autodiff_lite::{Tape, Var, impl_module};
 use datasets::View;
 use mesh_core::cotangent_laplacian;
-use nets::LoadWeights;
+use nets::{LoadWeights, NormKind};
 use recon::scene::scene_of;
 use train::{
     Compile, Compiled, DataError, DataSummary, Draw, LossError, Metric, OptimizerState,
@@ -283,8 +284,8 @@ impl System for Mcmr {
         let (c, n, side) = (&self.config, batch.len(), self.config.image_size);
         let samples: Vec<&Sample> = batch.iter().map(|(sample, _)| sample).collect();
         let predicted = self.predicted(tape, &samples);
-        let views = self.training_poses(&predicted, &samples, at.epoch);
-        let rendered = self.drawn(tape, &predicted, &views);
+        let cameras = self.training_cameras(tape, &predicted, &samples, at.epoch);
+        let rendered = self.renderer.render(tape, predicted.positions, predicted.texture, cameras);
         let mask = stacked(tape, samples.iter().map(|s| &s.mask[..]), &[n, side, side]);
         let target = stacked(tape, samples.iter().map(|s| &s.target[..]), &[n, side, side, 3]);
         let terms =
@@ -319,11 +320,9 @@ impl System for Mcmr {
         vec![(shapes::PATH.to_owned(), self.config.shape_rate)]
     }
 
-    /// Batch norm: the statistics are those of the batch.
     fn coupling(&self) -> Option<&'static str> {
-        Some(
-            "the published network has batch norm, whose statistics are those of the batch, and no option for another",
-        )
+        let text = "`norm` is \"batch\" or \"frozen\", whose norms of codes have the statistics of the batch (`norm = \"group\"` has none)";
+        (self.config.norm != NormKind::Group).then_some(text)
     }
 
     /// A textured mesh, its camera and the selection, from the first view; of the view's own camera only the lens counts,

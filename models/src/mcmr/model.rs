@@ -1,9 +1,11 @@
 //! The network.
 
-use autodiff_lite::{Activation, ConvGeometry, Param, Tape, Var, impl_module};
+use autodiff_lite::{
+    Activation, ConvGeometry, Module, Param, Tape, Var, Visitor, VisitorMut, impl_module,
+};
 use ndarray::Array1;
 use nets::{
-    BatchNorm1d, Conv2d, Dropout, ImageDecoder, Init, Linear, Norm, NormKind, PointMlp,
+    BatchNorm1d, Conv2d, Dropout, ImageDecoder, Init, LayerNorm, Linear, Norm, NormKind, PointMlp,
     PointMlpConfig, ResNet, ResNetConfig, ViewpointGuess, ViewpointHead,
 };
 
@@ -13,29 +15,63 @@ use super::texture::closed;
 use crate::viewpoint::DIRECTIONS;
 
 /// Slope of negative numbers, as published.
-pub(super) const LEAKY: Activation = Activation::LeakyRelu(0.2);
+const SLOPE: f32 = 0.2;
+pub(super) const LEAKY: Activation = Activation::LeakyRelu(SLOPE as f64);
 /// Mean and deviation of ImageNet's images, as torchvision's weights expect them.
 pub(super) const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 pub(super) const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 
-/// A linear layer, batch norm, leaky ReLU.
+/// A linear layer, a norm, leaky ReLU.
 #[derive(Clone, Debug)]
 pub(super) struct NormedLinear {
     pub(super) linear: Linear,
-    pub(super) norm: BatchNorm1d,
+    pub(super) norm: RowNorm,
 }
 impl_module!(NormedLinear: f32 { linear, norm });
 
+/// The norm behind a linear layer.
+#[derive(Clone, Debug)]
+pub(super) enum RowNorm {
+    /// Statistics of the batch while training.
+    Batch(BatchNorm1d),
+    /// Statistics of each row.
+    Layer(LayerNorm),
+}
+
+impl Module<f32> for RowNorm {
+    fn visit(&self, path: &str, visitor: &mut dyn Visitor<f32>) {
+        match self {
+            Self::Batch(norm) => norm.visit(path, visitor),
+            Self::Layer(norm) => norm.visit(path, visitor),
+        }
+    }
+
+    fn visit_mut(&mut self, path: &str, visitor: &mut dyn VisitorMut<f32>) {
+        match self {
+            Self::Batch(norm) => norm.visit_mut(path, visitor),
+            Self::Layer(norm) => norm.visit_mut(path, visitor),
+        }
+    }
+}
+
 impl NormedLinear {
-    fn new(init: &Init, inputs: usize, outputs: usize) -> Self {
+    fn new(init: &Init, [inputs, outputs]: [usize; 2], kind: NormKind) -> Self {
+        let norm = init.at("norm");
         Self {
             linear: Linear::new(&init.at("linear"), inputs, outputs),
-            norm: BatchNorm1d::new(&init.at("norm"), outputs),
+            norm: match kind {
+                NormKind::Group => RowNorm::Layer(LayerNorm::new(&norm, outputs)),
+                _ => RowNorm::Batch(BatchNorm1d::new(&norm, outputs)),
+            },
         }
     }
 
     pub(super) fn forward<'t>(&self, x: Var<'t>) -> Var<'t> {
-        self.norm.forward_then(self.linear.forward(x), LEAKY)
+        let y = self.linear.forward(x);
+        match &self.norm {
+            RowNorm::Batch(norm) => norm.forward_then(y, LEAKY),
+            RowNorm::Layer(norm) => norm.forward(y).leaky_relu(SLOPE),
+        }
     }
 }
 
@@ -93,7 +129,7 @@ impl Model {
         let McmrConfig { width, features, head, hidden, shapes, .. } = *config;
         let map = 16 * config.texture_width;
         let side = config.image_size / 64;
-        let resnet = ResNetConfig { width, ..ResNetConfig::resnet18() };
+        let resnet = ResNetConfig { width, norm: config.norm, ..ResNetConfig::resnet18() };
         let point = PointMlpConfig {
             hidden: vec![hidden; 4],
             dropout: config.dropout,
@@ -104,13 +140,17 @@ impl Model {
         Self {
             encoder: ResNet::new(&init.at("encoder"), &resnet),
             enc_conv,
-            enc_norm: Norm::new(&init.at("enc_norm"), map, NormKind::Batch),
-            enc_fc: NormedLinear::new(&init.at("enc_fc"), side * side * map, features),
-            selection: NormedLinear::new(&init.at("selection"), features, head),
+            enc_norm: Norm::new(&init.at("enc_norm"), map, config.norm),
+            enc_fc: NormedLinear::new(
+                &init.at("enc_fc"),
+                [side * side * map, features],
+                config.norm,
+            ),
+            selection: NormedLinear::new(&init.at("selection"), [features, head], config.norm),
             selection_out: Linear::new(&init.at("selection_out"), head, shapes),
             shapes: shapes::first(config, seed, template),
             deformation: PointMlp::new(&init.at("deformation"), &point),
-            camera: NormedLinear::new(&init.at("camera"), features, head),
+            camera: NormedLinear::new(&init.at("camera"), [features, head], config.norm),
             camera_out: Linear::new(&init.at("camera_out"), head, 7),
             texture: ImageDecoder::new(&init.at("texture"), config.texture_width, 3),
             viewpoint: (config.camera_head == CameraHead::Viewpoint)

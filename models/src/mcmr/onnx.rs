@@ -4,7 +4,7 @@ use autodiff_lite::{Activation, Tape, Var};
 use ndarray::ArrayD;
 use nets::onnx::{OnnxGraph, OnnxModel, OnnxValue, ToOnnx, channels_first, channels_last};
 
-use super::model::{DEVIATION, LEAKY, MEAN, Model, NormedLinear, Predicted};
+use super::model::{DEVIATION, LEAKY, MEAN, Model, NormedLinear, Predicted, RowNorm};
 use crate::stacked::numbers;
 
 impl ToOnnx for NormedLinear {
@@ -12,7 +12,10 @@ impl ToOnnx for NormedLinear {
 
     fn to_onnx(&self, graph: &mut OnnxGraph, x: &OnnxValue) -> OnnxValue {
         let y = graph.scope("linear", |graph| self.linear.to_onnx(graph, x));
-        let y = graph.scope("norm", |graph| self.norm.to_onnx(graph, &y));
+        let y = graph.scope("norm", |graph| match &self.norm {
+            RowNorm::Batch(norm) => norm.to_onnx(graph, &y),
+            RowNorm::Layer(norm) => norm.to_onnx(graph, &y),
+        });
         graph.activate(&y, LEAKY)
     }
 }

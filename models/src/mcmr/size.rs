@@ -1,6 +1,6 @@
 //! How large the model is, without making it.
 
-use nets::ViewpointHead;
+use nets::{NormKind, ViewpointHead};
 use train::Summary;
 
 use super::config::{CameraHead, McmrConfig};
@@ -58,7 +58,14 @@ pub(super) fn summary(config: &McmrConfig) -> Summary {
         ("texture", format!("[N, {0}, {0}, 3]", config.image_size)),
     ];
     let shapes = shapes.map(|(name, shape)| (name.to_owned(), shape)).into();
-    Summary { trainable, frozen: 2 * norms, shapes }
+    // Those behind convolutions are all but the three of codes and heads.
+    let rows = features + 2 * head;
+    let [trainable, frozen] = match config.norm {
+        NormKind::Batch => [trainable, 2 * norms],
+        NormKind::Frozen => [trainable - 2 * (norms - rows), 4 * (norms - rows) + 2 * rows],
+        NormKind::Group => [trainable, 0],
+    };
+    Summary { trainable, frozen, shapes }
 }
 
 /// Numbers of the texture decoder.

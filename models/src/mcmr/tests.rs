@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use autodiff_lite::{Module, Param};
+use nets::NormKind;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use train::progress::{Ended, Event, Watch};
@@ -39,7 +40,12 @@ const AT: StepInfo = StepInfo { step: 0, epoch: 0 };
 #[test]
 fn presets_are_in_range_and_parameters_are_counted() {
     crate::testing::assert_presets::<Mcmr>();
-    for config in [tiny(), McmrConfig { shapes: 5, image_size: 128, level: 2, ..tiny() }] {
+    let others = [
+        McmrConfig { shapes: 5, image_size: 128, level: 2, ..tiny() },
+        McmrConfig { camera_head: CameraHead::Viewpoint, norm: NormKind::Group, ..tiny() },
+        McmrConfig { norm: NormKind::Frozen, ..tiny() },
+    ];
+    for config in others.into_iter().chain([tiny()]) {
         let summary = super::size::summary(&config);
         let (mut trained, mut all) = (0, 0);
         Mcmr::new(&config, 0).visit("", &mut |_: &str, param: &Param| {
@@ -59,6 +65,27 @@ fn presets_are_in_range_and_parameters_are_counted() {
     for field in ["`shapes`", "`image-size`", "`mask-weight`", "`hold-out`"] {
         assert!(problems.contains(field), "{problems}");
     }
+}
+
+/// With the statistics of each image alone, what becomes of one does not depend on the others of its batch.
+#[test]
+fn groups_do_not_couple_the_images_of_a_batch() {
+    let still = McmrConfig { dropout: 0.0, camera_dropout: 0.0, ..tiny() };
+    let config = McmrConfig { objects: 4, ..still };
+    let data = Data::synthetic(&config).unwrap();
+    let batch = samples(&config, &data);
+    let all: Vec<&Sample> = batch.iter().map(|(sample, _)| sample).collect();
+    let far = |norm: NormKind| {
+        let system = Mcmr::new(&McmrConfig { norm, ..config.clone() }, 1);
+        assert_eq!(system.coupling().is_none(), norm == NormKind::Group);
+        let tape = Tape::train(0);
+        let [one, other] = [&all[..2], &all[..3]].map(|samples| {
+            let positions = system.predicted(&tape, samples).positions.value().to_owned();
+            positions.iter().take(3 * config.vertices()).copied().collect::<Vec<f32>>()
+        });
+        one.iter().zip(&other).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    assert!(far(NormKind::Group) < 1e-5 && far(NormKind::Batch) > 1e-4);
 }
 
 /// The published weights, by the tables of the published configurations.

@@ -1,11 +1,14 @@
-//! Batch norm behind a convolution, trained or frozen.
+//! The norm behind a convolution.
 
 use autodiff_lite::{Activation, Module, Real, Var, Visitor, VisitorMut};
 
-use crate::{BatchNorm2d, Conv2d, FrozenBatchNorm2d, Init};
+use crate::{BatchNorm2d, Conv2d, FrozenBatchNorm2d, GroupNorm, Init};
 
-/// The norm behind a convolution: a batch norm that is trained with the network, or a frozen one.
-/// Both have the same names in files.
+/// Channels of a group, where that divides all of them; else they are one group.
+const GROUP: usize = 16;
+
+/// The norm behind a convolution: a batch norm that is trained with the network or a frozen one, or a group norm.
+/// The batch norms have the same names in files.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Norm<F: Real = f32> {
@@ -13,6 +16,8 @@ pub enum Norm<F: Real = f32> {
     Batch(BatchNorm2d<F>),
     /// An affine map that is never trained.
     Frozen(FrozenBatchNorm2d<F>),
+    /// Statistics of each image.
+    Group(GroupNorm<F>),
 }
 
 /// Which [`Norm`] a network has.
@@ -29,6 +34,9 @@ pub enum NormKind {
     /// [`FrozenBatchNorm2d`]: for pretrained networks and small batches. Its maps do not depend on
     /// what else is in the batch.
     Frozen,
+    /// [`GroupNorm`] of 16 channels a group: to train from scratch with few images a batch, or with a batch that is spread over
+    /// shards.
+    Group,
 }
 
 impl<F: Real> Module<F> for Norm<F> {
@@ -36,6 +44,7 @@ impl<F: Real> Module<F> for Norm<F> {
         match self {
             Self::Batch(norm) => norm.visit(path, visitor),
             Self::Frozen(norm) => norm.visit(path, visitor),
+            Self::Group(norm) => norm.visit(path, visitor),
         }
     }
 
@@ -43,6 +52,7 @@ impl<F: Real> Module<F> for Norm<F> {
         match self {
             Self::Batch(norm) => norm.visit_mut(path, visitor),
             Self::Frozen(norm) => norm.visit_mut(path, visitor),
+            Self::Group(norm) => norm.visit_mut(path, visitor),
         }
     }
 }
@@ -53,6 +63,10 @@ impl<F: Real> Norm<F> {
         match kind {
             NormKind::Batch => Self::Batch(BatchNorm2d::new(init, channels)),
             NormKind::Frozen => Self::Frozen(FrozenBatchNorm2d::new(init, channels)),
+            NormKind::Group => {
+                let size = if channels.is_multiple_of(GROUP) { GROUP } else { channels };
+                Self::Group(GroupNorm::new(init, channels / size, channels))
+            }
         }
     }
 
@@ -62,6 +76,7 @@ impl<F: Real> Norm<F> {
         match &mut self {
             Self::Batch(norm) => norm.eps = eps,
             Self::Frozen(norm) => norm.eps = eps,
+            Self::Group(norm) => norm.eps = eps,
         }
         self
     }
@@ -80,6 +95,7 @@ impl<F: Real> Norm<F> {
             Self::Batch(norm) if tape.is_recording() => {
                 return norm.forward_then(conv.forward(x), activation);
             }
+            Self::Group(norm) => return norm.forward_then(conv.forward(x), activation),
             Self::Batch(norm) => norm.scale_and_shift(),
             Self::Frozen(norm) => norm.scale_and_shift(),
         };
@@ -119,7 +135,7 @@ mod tests {
     /// Convolution, then norm, then activation, each on its own.
     #[test]
     fn folding_changes_rounding_alone() {
-        for kind in [NormKind::Batch, NormKind::Frozen] {
+        for kind in [NormKind::Batch, NormKind::Frozen, NormKind::Group] {
             let (conv, norm) = filled(kind);
             for conv in [conv.clone(), conv.without_bias()] {
                 let tape = Tape::<f64>::eval();
@@ -131,6 +147,7 @@ mod tests {
                 let y = match &norm {
                     Norm::Batch(norm) => norm.forward_then(y, Activation::Relu),
                     Norm::Frozen(norm) => norm.forward_then(y, Activation::Relu),
+                    Norm::Group(norm) => norm.forward_then(y, Activation::Relu),
                 };
                 let folded = norm.after(&conv, x, Activation::Relu);
                 for (a, b) in y.value().iter().zip(&folded.value()) {

@@ -110,6 +110,7 @@ impl ToOnnx for Norm {
         match self {
             Self::Batch(norm) => norm.to_onnx(graph, x),
             Self::Frozen(norm) => norm.to_onnx(graph, x),
+            Self::Group(norm) => norm.to_onnx(graph, x),
         }
     }
 }
