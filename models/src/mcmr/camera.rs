@@ -47,9 +47,10 @@ impl Mcmr {
         predicted: &Predicted<'t>,
         samples: &[Sample],
     ) -> Vec<Pose> {
-        let Some(likely) = self.likely(predicted, self.config.camera_hypotheses) else {
+        let Some(guess) = predicted.viewpoint else {
             return (0..samples.len()).map(|i| quaternion_pose(predicted, i)).collect();
         };
+        let likely = hypotheses(&guess, self.config.camera_hypotheses);
         let positions = predicted.positions.value();
         let mut best: Vec<Option<(f64, Pose)>> = vec![None; samples.len()];
         let tried = likely.iter().map(Vec::len).max().unwrap_or(0);
@@ -149,11 +150,6 @@ impl Mcmr {
             c.camera_length_weight,
             losses::quaternion_length(predicted.raw_rotation),
         )
-    }
-
-    /// At most so many viewpoints of each image, likeliest first; nothing without a head for them.
-    fn likely(&self, predicted: &Predicted<'_>, count: usize) -> Option<Vec<Vec<Hypothesis>>> {
-        predicted.viewpoint.map(|guess| hypotheses(&guess, count))
     }
 
     /// The upright camera of a hypothesis, with the place that is guessed.

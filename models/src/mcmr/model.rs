@@ -33,9 +33,9 @@ impl_module!(NormedLinear: f32 { linear, norm });
 #[derive(Clone, Debug)]
 pub(super) enum RowNorm {
     /// Statistics of the batch while training.
-    Batch(BatchNorm1d),
+    Batch(Box<BatchNorm1d>),
     /// Statistics of each row.
-    Layer(LayerNorm),
+    Layer(Box<LayerNorm>),
 }
 
 impl Module<f32> for RowNorm {
@@ -60,8 +60,8 @@ impl NormedLinear {
         Self {
             linear: Linear::new(&init.at("linear"), inputs, outputs),
             norm: match kind {
-                NormKind::Group => RowNorm::Layer(LayerNorm::new(&norm, outputs)),
-                _ => RowNorm::Batch(BatchNorm1d::new(&norm, outputs)),
+                NormKind::Group => RowNorm::Layer(Box::new(LayerNorm::new(&norm, outputs))),
+                _ => RowNorm::Batch(Box::new(BatchNorm1d::new(&norm, outputs))),
             },
         }
     }

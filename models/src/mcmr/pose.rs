@@ -249,7 +249,7 @@ mod tests {
         #[test]
         fn a_box_says_size_and_place(angle in -3.0f64..3.0, scale in 0.6f64..1.6, place in prop::array::uniform2(-0.3f64..0.3)) {
             let points: Vec<[f32; 3]> = mesh_core::primitives::icosphere(2).scaled([0.3, 0.2, 0.45]).positions;
-            let pose = Pose { place, scale, ..Pose::of(&camera([angle.sin(), 0.4, angle.cos()], [0.0; 3], 0.4), LENS) };
+            let pose = Pose { scale, place, ..Pose::of(&camera([angle.sin(), 0.4, angle.cos()], [0.0; 3], 0.4), LENS) };
             let found = Pose { place: [0.0; 2], scale: 1.0, ..pose }.filling(&points, pose.bounds(&points, LENS), LENS);
             prop_assert!((found.scale / scale - 1.0).abs() < 0.01, "{found:?} {pose:?}");
             for k in 0..2 {
