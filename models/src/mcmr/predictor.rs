@@ -10,7 +10,7 @@ use crate::predict::{PredictInput, Prediction, Predictor, Request};
 impl Predictor for Mcmr {
     const ABOUT: &'static str =
         "One photograph to a textured mesh, learned from photo collections of many categories";
-    const TRAINING: &'static str = "`unsphere train mcmr -o runs/mine` trains one on made photographs, in about five minutes on two cores \
+    const TRAINING: &'static str = "`unsphere train mcmr -o runs/mine` trains one on made photographs, in seven minutes of one core \
          (a rough one with --preset tiny, in seconds)";
 
     fn load(&self, request: &Request<'_>) -> Result<PredictInput, DataError> {
