@@ -15,10 +15,9 @@ use super::prediction::row;
 use super::upright::upright;
 use super::{Mcmr, Sample};
 use crate::stacked::stacked;
-use crate::viewpoint::{DIRECTIONS, Hypothesis, Viewpoint, hypotheses, viewpoint_loss};
-
-/// Objects whose cameras tell where guesses begin.
-const LOOKED_AT: usize = 16;
+use crate::viewpoint::{
+    DIRECTIONS, Hypothesis, LOOKED_AT, Viewpoint, begin_at, hypotheses, overlap, viewpoint_loss,
+};
 
 impl Mcmr {
     /// Lets viewpoints begin at the elevation and the distance that the data has in the mean.
@@ -29,10 +28,7 @@ impl Mcmr {
         let views = looked_at
             .map(|&object| Ok(data.photo(object)?.plain(&self.config).pose.viewpoint(lens)))
             .collect::<Result<Vec<_>, DataError>>()?;
-        head.begin_at(
-            mean_of(&views, |view| view.elevation),
-            mean_of(&views, |view| view.distance.ln()),
-        );
+        begin_at(head, &views);
         Ok(())
     }
 
@@ -51,29 +47,27 @@ impl Mcmr {
             return (0..samples.len()).map(|i| quaternion_pose(predicted, i)).collect();
         };
         let likely = hypotheses(&guess, self.config.camera_hypotheses);
+        let lens = lens_of(&self.config);
         let positions = predicted.positions.value();
-        let mut best: Vec<Option<(f64, Pose)>> = vec![None; samples.len()];
+        let boxes: Vec<_> = samples.iter().map(|s| s.bounds(self.config.image_size)).collect();
+        let mut best: Vec<(f64, Pose)> = (0..samples.len())
+            .map(|i| (f64::NEG_INFINITY, self.pose_at(predicted, i, &likely[i][0])))
+            .collect();
         let tried = likely.iter().map(Vec::len).max().unwrap_or(0);
         for (k, fills) in (0..tried).flat_map(|k| [(k, false), (k, true)]) {
-            let pose = |(i, sample): (usize, &Sample)| {
-                let likely = likely[i][k.min(likely[i].len() - 1)];
-                let pose = self.pose_at(predicted, i, &likely);
-                let bounds = sample.bounds(self.config.image_size).filter(|_| fills);
-                let points = row(&positions, i);
-                let points = points.as_chunks::<3>().0;
-                bounds.map_or(pose, |bounds| pose.filling(points, bounds, lens_of(&self.config)))
+            let pose = |i: usize| {
+                let pose = self.pose_at(predicted, i, &likely[i][k.min(likely[i].len() - 1)]);
+                let Some(bounds) = boxes[i].filter(|_| fills) else { return pose };
+                pose.filling(row(&positions, i).as_chunks::<3>().0, bounds, lens)
             };
-            let poses: Vec<Pose> = samples.iter().enumerate().map(pose).collect();
+            let poses: Vec<Pose> = (0..samples.len()).map(pose).collect();
             for (i, overlap) in self.overlaps(tape, predicted, samples, &poses).enumerate() {
-                if best[i].is_none_or(|(other, _)| overlap > other) {
-                    best[i] = Some((overlap, poses[i]));
+                if overlap > best[i].0 {
+                    best[i] = (overlap, poses[i]);
                 }
             }
         }
-        best.into_iter()
-            .enumerate()
-            .map(|(i, best)| best.map_or_else(|| quaternion_pose(predicted, i), |(_, pose)| pose))
-            .collect()
+        best.into_iter().map(|(_, pose)| pose).collect()
     }
 
     /// The cameras that training draws with, `[N, 3, 4]`: the rough ones, or the guesses for the directions nearest to them, which
@@ -174,20 +168,10 @@ impl Mcmr {
         let seen = self.renderer.mask(predicted.positions, matrices);
         let pixels = self.config.image_size.pow(2);
         samples.iter().enumerate().map(move |(i, sample)| {
-            let (mut both, mut either) = (0_usize, 0_usize);
-            for (&a, &b) in seen[i * pixels..][..pixels].iter().zip(&sample.mask) {
-                let (a, b) = (a >= 0.5, b >= 128);
-                both += usize::from(a && b);
-                either += usize::from(a || b);
-            }
-            both as f64 / either.max(1) as f64
+            let seen = seen[i * pixels..][..pixels].iter();
+            overlap(seen.zip(&sample.mask).map(|(&a, &b)| (a >= 0.5, b >= 128)))
         })
     }
-}
-
-/// The mean of a number of viewpoints, 0 of none.
-fn mean_of(views: &[Viewpoint], of: impl Fn(&Viewpoint) -> f64) -> f64 {
-    views.iter().map(of).sum::<f64>() / views.len().max(1) as f64
 }
 
 /// The camera that one image's quaternion says.
@@ -319,6 +303,10 @@ mod tests {
         same(&drawn(3, &sample), own.flipped());
     }
 
+    fn mean(views: &[Viewpoint], of: impl Fn(&Viewpoint) -> f64) -> f64 {
+        views.iter().map(of).sum::<f64>() / views.len() as f64
+    }
+
     #[test]
     fn viewpoints_begin_where_the_data_is() {
         let (mut system, data) = system(McmrConfig::default());
@@ -336,8 +324,8 @@ mod tests {
             [guess.elevation, guess.log_distance][k].value()[[i]]
         });
         for i in 0..samples.len() {
-            assert!((f64::from(found[[0, i]]) - mean_of(&views, |v| v.elevation)).abs() < 0.15);
-            assert!((f64::from(found[[1, i]]) - mean_of(&views, |v| v.distance.ln())).abs() < 0.15);
+            assert!((f64::from(found[[0, i]]) - mean(&views, |v| v.elevation)).abs() < 0.15);
+            assert!((f64::from(found[[1, i]]) - mean(&views, |v| v.distance.ln())).abs() < 0.15);
         }
     }
 }

@@ -1,11 +1,12 @@
 //! The whole network in ONNX's form.
 
-use autodiff_lite::{Activation, Tape, Var};
+use autodiff_lite::{Activation, Tape};
 use ndarray::ArrayD;
 use nets::onnx::{OnnxGraph, OnnxModel, OnnxValue, ToOnnx, channels_first, channels_last};
 
 use super::model::{DEVIATION, LEAKY, MEAN, Model, NormedLinear, Predicted, RowNorm};
 use crate::stacked::numbers;
+use crate::viewpoint::{viewpoint_outputs, viewpoint_to_onnx};
 
 impl ToOnnx for NormedLinear {
     type Output = OnnxValue;
@@ -56,11 +57,7 @@ impl Model {
         let texture = graph.scope("texture", |graph| self.texture.to_onnx(graph, &map));
         graph.output("texture", &texture);
         if let Some(head) = &self.viewpoint {
-            let guess = graph.scope("viewpoint", |graph| head.to_onnx(graph, &image));
-            graph.output("logits", &guess.logits);
-            graph.output("turns", &guess.turns);
-            graph.output("elevation", &guess.elevation);
-            graph.output("log_distance", &guess.log_distance);
+            viewpoint_to_onnx(head, &mut graph, &image);
         }
         graph.finish()
     }
@@ -76,11 +73,7 @@ impl Model {
             self.forward(&tape, images, None);
         let mut outputs = [code, weights, positions, rotation, place].map(numbers).to_vec();
         outputs.push(channels_first(&numbers(self.texture.forward(map))));
-        if let Some(guess) = viewpoint {
-            let column = |x: Var<'_>| numbers(x.reshape(&[b, 1]));
-            outputs.extend([numbers(guess.logits), numbers(guess.turns)]);
-            outputs.extend([column(guess.elevation), column(guess.log_distance)]);
-        }
+        outputs.extend(viewpoint.iter().flat_map(viewpoint_outputs));
         outputs
     }
 

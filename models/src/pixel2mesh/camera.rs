@@ -11,10 +11,10 @@ use super::config::CameraSource;
 use super::deformer::Deformer;
 use super::single_view::{SingleView, guess};
 use crate::paired::{Pairs, Picture};
-use crate::viewpoint::{DIRECTIONS, Hypothesis, Viewpoint, as_seen, hypotheses, viewpoint_loss};
-
-/// Objects whose cameras tell where guesses begin.
-const LOOKED_AT: usize = 16;
+use crate::viewpoint::{
+    self, DIRECTIONS, Hypothesis, LOOKED_AT, Viewpoint, as_seen, begin_at, hypotheses,
+    viewpoint_loss,
+};
 
 /// A mesh by the camera that the configuration asks for.
 #[derive(Clone, Debug)]
@@ -62,11 +62,7 @@ impl<D: Deformer> SingleView<D> {
         let views = looked_at
             .map(|&object| Ok(Viewpoint::of(&data.picture(object, 0)?.camera)))
             .collect::<Result<Vec<_>, DataError>>()?;
-        if !views.is_empty() {
-            let mean =
-                |of: fn(&Viewpoint) -> f64| views.iter().map(of).sum::<f64>() / views.len() as f64;
-            head.begin_at(mean(|v| v.elevation), mean(|v| v.distance.ln()));
-        }
+        begin_at(head, &views);
         Ok(())
     }
 
@@ -148,11 +144,7 @@ impl<D: Deformer> SingleView<D> {
 /// Intersection over union of what a camera sees of a mesh of the world and the picture's mask; 0 where it is no mesh.
 pub(super) fn overlap(picture: &Picture, mesh: &TriMesh, camera: &Camera) -> f64 {
     let Ok(seen) = seen_from(mesh, camera, &RenderOptions::default()) else { return 0.0 };
-    let (mut both, mut either) = (0_usize, 0_usize);
-    for (&a, &b) in seen.mask.data.iter().zip(&picture.mask) {
-        let (a, b) = (a >= 128, b >= 128);
-        both += usize::from(a && b);
-        either += usize::from(a || b);
-    }
-    both as f64 / either.max(1) as f64
+    viewpoint::overlap(
+        seen.mask.data.iter().zip(&picture.mask).map(|(&a, &b)| (a >= 128, b >= 128)),
+    )
 }

@@ -1,12 +1,13 @@
 //! The image side in ONNX's form: the encoder, and what estimates cameras.
 
-use autodiff_lite::{Tape, Var};
+use autodiff_lite::Tape;
 use ndarray::ArrayD;
 use nets::onnx::{OnnxGraph, OnnxModel, ToOnnx, channels_first, channels_last};
 
 use super::deformer::Deformer;
 use super::single_view::{SingleView, guess, maps};
 use crate::stacked::numbers;
+use crate::viewpoint::{viewpoint_outputs, viewpoint_to_onnx};
 
 impl<D: Deformer> SingleView<D> {
     /// Images `[N, 3, S, S]` to the four maps that vertices look at, finest first, and to the camera's numbers where it is estimated.
@@ -22,11 +23,7 @@ impl<D: Deformer> SingleView<D> {
             graph.output(&format!("map_{k}"), &map);
         }
         if let Some(head) = &self.viewpoint {
-            let guess = graph.scope("viewpoint", |graph| head.to_onnx(graph, &image));
-            graph.output("logits", &guess.logits);
-            graph.output("turns", &guess.turns);
-            graph.output("elevation", &guess.elevation);
-            graph.output("log_distance", &guess.log_distance);
+            viewpoint_to_onnx(head, &mut graph, &image);
         }
         graph.finish()
     }
@@ -40,10 +37,7 @@ impl<D: Deformer> SingleView<D> {
         let mut outputs: Vec<_> =
             maps.into_iter().map(|map| channels_first(&numbers(map))).collect();
         if let Some(head) = &self.viewpoint {
-            let guess = guess(head, images);
-            let column = |x: Var<'_>| numbers(x.reshape(&[x.shape()[0], 1]));
-            outputs.extend([numbers(guess.logits), numbers(guess.turns)]);
-            outputs.extend([column(guess.elevation), column(guess.log_distance)]);
+            outputs.extend(viewpoint_outputs(&guess(head, images)));
         }
         outputs
     }

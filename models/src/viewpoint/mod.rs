@@ -4,14 +4,20 @@
 //! [`ViewpointHead`](nets::ViewpointHead) guesses several from an image; [`viewpoint_loss`] is what it misses of true ones, and
 //! [`hypotheses`] are the few that are likely.
 
+mod beginning;
 mod hypothesis;
 mod loss;
+mod onnx;
+mod outline;
 mod place;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use beginning::{LOOKED_AT, begin_at};
 pub use hypothesis::{Hypothesis, hypotheses};
 pub use loss::viewpoint_loss;
+pub(crate) use onnx::{viewpoint_outputs, viewpoint_to_onnx};
+pub(crate) use outline::overlap;
 pub use place::{Viewpoint, as_seen};
 
 /// Directions around the object that the camera heads of the systems tell apart.
