@@ -2,6 +2,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::tree::Tree;
 use super::{Nearest, NearestScratch, in_chunks};
 
 /// Queries that share each load of points.
@@ -104,6 +105,34 @@ fn tile<S: Simd, const N: usize>(
             }
         }
         *found = best;
+    }
+}
+
+/// For each query the nearest of the points in a tree.
+pub(super) fn nearest_in(arch: Arch, tree: &Tree, queries: &[[f32; 3]], found: &mut [Nearest]) {
+    arch.dispatch(InTree { tree, queries, found });
+}
+
+struct InTree<'a> {
+    tree: &'a Tree,
+    queries: &'a [[f32; 3]],
+    found: &'a mut [Nearest],
+}
+
+impl WithSimd for InTree<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for (query, found) in self.queries.iter().zip(self.found) {
+            *found = self.tree.nearest(*query, |query, [x, y, z], best| {
+                let [(x, _), (y, _), (z, _)] = [x, y, z].map(S::as_simd_f32s);
+                let mut nearest = [Nearest::default()];
+                tile::<S, 1>(simd, &[query], x, y, z, &mut nearest);
+                let [Nearest { index, squared }] = nearest;
+                (squared <= best && squared.is_finite()).then_some((index as usize, squared))
+            });
+        }
     }
 }
 
