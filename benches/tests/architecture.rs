@@ -46,7 +46,7 @@ const RESERVED: &[(&str, &[&str])] = &[
     ("indicatif", &["cli"]),
     ("ctrlc", &["cli"]),
     ("toml", &["train"]),
-    ("mpi", &["train"]),
+    ("mpi", &["cli"]),
     ("gif", &["recon"]),
     ("image", &["mesh-core"]),
     ("exr", &["mesh-core"]),

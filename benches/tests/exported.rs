@@ -1,6 +1,6 @@
 //! Everything that is exported in ONNX's form, run by rten: the numbers are those of the tape, within 1e-5 of their range.
 //!
-//! `ONNX_FOLDER=networks cargo test -p unsphere-benches --features onnx --test exported` also writes each network there with inputs and the
+//! `ONNX_FOLDER=networks cargo test -p unsphere-benches --test exported` also writes each network there with inputs and the
 //! tape's outputs, for `benches/peers/exported.py` to hold onnxruntime to.
 
 #![allow(clippy::unwrap_used, reason = "tests")]

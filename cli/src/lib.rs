@@ -43,4 +43,6 @@ mod truth;
 mod views;
 mod weights;
 
+#[cfg(feature = "mpi")]
+pub use processes::{Mpi, MpiError};
 pub use program::Program;

@@ -1,9 +1,15 @@
 //! The processes that run one command together.
 
+#[cfg(feature = "mpi")]
+mod mpi;
+
 use train::{Communicator, Solo};
 
 use crate::args::Command;
 use crate::failure::Failure;
+
+#[cfg(feature = "mpi")]
+pub use self::mpi::{Mpi, MpiError};
 
 /// How launchers tell a process how many they started: Open MPI's, those that speak PMI (MPICH), and Slurm's. By Slurm's alone
 /// a program without MPI cannot know that they are to share anything.
@@ -21,7 +27,7 @@ const STARTED: &[&str] = &[
 #[derive(Debug, Default)]
 pub(crate) struct Processes {
     #[cfg(feature = "mpi")]
-    joined: Option<train::Mpi>,
+    joined: Option<Mpi>,
 }
 
 impl Processes {
@@ -36,7 +42,7 @@ impl Processes {
 
     #[cfg(feature = "mpi")]
     fn joined(started: usize) -> Result<Self, Failure> {
-        let joined = train::Mpi::begin().map_err(Failure::other)?;
+        let joined = Mpi::begin().map_err(Failure::other)?;
         let found = joined.size();
         if found != started {
             return Err(Failure::Usage(format!(

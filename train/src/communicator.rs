@@ -2,14 +2,8 @@
 
 use std::fmt::Debug;
 
-#[cfg(feature = "mpi")]
-mod mpi;
-
-#[cfg(feature = "mpi")]
-pub use self::mpi::{Mpi, MpiError};
-
 /// The processes that share a training, as MPI has them: each has a rank, and all of them call the same functions in the
-/// same order. [`Solo`] is a process alone; `Mpi` (feature `mpi`) those that `mpirun` or `srun` started.
+/// same order. [`Solo`] is a process alone; the crate `unsphere` has those that `mpirun` or `srun` started (`Mpi`, feature `mpi`).
 ///
 /// A call returns when all have called; one whose peer is gone does not return: it ends the process, as MPI does.
 ///

@@ -74,8 +74,6 @@ mod trainer;
 pub use checkpoint::Checkpoint;
 pub use checkpoint_path::{CheckpointPath, RunMetadata};
 pub use communicator::{Communicator, Solo, first_failure};
-#[cfg(feature = "mpi")]
-pub use communicator::{Mpi, MpiError};
 pub use compiled::{Compile, Compiled, train, train_among};
 pub use config::{CHANGEABLE, Configuration, OptimizerKind, ScheduleKind, TrainConfig};
 pub use draw::Draw;

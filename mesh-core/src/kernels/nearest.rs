@@ -86,7 +86,8 @@ fn in_tree(
         simd::nearest_in(pulp::Arch::new(), tree, queries, found);
         #[cfg(not(feature = "simd"))]
         for (query, found) in queries.iter().zip(found) {
-            *found = tree.nearest(*query, tree::scan);
+            let (index, squared) = tree.nearest(*query, tree::scan);
+            *found = Nearest { index, squared };
         }
     });
 }

@@ -142,10 +142,13 @@ impl Scored {
         ];
         // Of objects without a true mesh there is nothing to say.
         all.retain(|metric| !metric.by_object.is_empty());
-        let features = [("fid", self.fid), ("feature-distance", self.feature_distance)];
-        all.extend(
-            features.into_iter().filter_map(|(name, v)| v.map(|v| Metric::smaller(name, v))),
-        );
+        let of_all = [
+            // A few flipped cameras say much in the mean.
+            ("rotation-symmetric-median", self.median(|one| one.rotation_symmetric)),
+            ("fid", self.fid),
+            ("feature-distance", self.feature_distance),
+        ];
+        all.extend(of_all.into_iter().filter_map(|(name, v)| v.map(|v| Metric::smaller(name, v))));
         all.push(Metric::larger("purity", self.purity()));
         all.push(Metric::larger("shapes-in-use", self.shapes_in_use()));
         all

@@ -125,13 +125,14 @@ impl WithSimd for InTree<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         for (query, found) in self.queries.iter().zip(self.found) {
-            *found = self.tree.nearest(*query, |query, [x, y, z], best| {
+            let (index, squared) = self.tree.nearest(*query, |query, [x, y, z], best| {
                 let [(x, _), (y, _), (z, _)] = [x, y, z].map(S::as_simd_f32s);
                 let mut nearest = [Nearest::default()];
                 tile::<S, 1>(simd, &[query], x, y, z, &mut nearest);
                 let [Nearest { index, squared }] = nearest;
                 (squared <= best && squared.is_finite()).then_some((index as usize, squared))
             });
+            *found = Nearest { index, squared };
         }
     }
 }

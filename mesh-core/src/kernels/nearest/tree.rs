@@ -4,10 +4,8 @@
 //! boxes. What is found is what comparing all pairs finds, to the last bit: the distance to a box is computed by the operations that
 //! compute the distance to a point, and rounding keeps order, so that it is at most the distance of every point in it.
 
-use super::Nearest;
-
-/// Points in a leaf: whole vectors of every width.
-const LEAF: usize = 64;
+/// Points in a leaf: whole vectors of every width, and so many that looking at all leaves takes little longer than comparing all pairs.
+const LEAF: usize = 256;
 /// Points of a leaf are padded to the widest vector there is.
 const PAD: usize = 16;
 /// Nodes that may wait on the way down: a level has one, and 2^32 points have fewer levels.
@@ -80,14 +78,15 @@ impl Tree {
         self.part(points, start + middle, end);
     }
 
-    /// The nearest point to a query; `scan` looks at a leaf, as [`scan`] does.
+    /// The index of the nearest point to a query, and its squared distance; `scan` looks at a leaf: of its points the nearest, if it
+    /// is finite and no further than the best so far, by its place, and its squared distance.
     #[inline(always)]
     pub(super) fn nearest(
         &self,
         query: [f32; 3],
         scan: impl Fn([f32; 3], [&[f32]; 3], f32) -> Option<(usize, f32)>,
-    ) -> Nearest {
-        let mut best = Nearest { index: 0, squared: f32::INFINITY };
+    ) -> (u32, f32) {
+        let mut best = (0, f32::INFINITY);
         if self.nodes.is_empty() || !query.iter().all(|v| v.is_finite()) {
             return best;
         }
@@ -97,7 +96,7 @@ impl Tree {
             count -= 1;
             let (at, bound) = waiting[count];
             // What is equally near may have the lower index.
-            if bound > best.squared {
+            if bound > best.1 {
                 continue;
             }
             match self.nodes[at as usize].kind {
@@ -115,10 +114,10 @@ impl Tree {
                     let to = from + (count as usize).next_multiple_of(PAD);
                     let [x, y, z] = &self.lanes;
                     let lanes = [&x[from..to], &y[from..to], &z[from..to]];
-                    if let Some((k, squared)) = scan(query, lanes, best.squared) {
+                    if let Some((k, squared)) = scan(query, lanes, best.1) {
                         let index = self.order[first as usize + k];
-                        if squared < best.squared || index < best.index {
-                            best = Nearest { index, squared };
+                        if squared < best.1 || index < best.0 {
+                            best = (index, squared);
                         }
                     }
                 }
@@ -188,7 +187,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_equals_all_pairs(queries in cloud(70), points in cloud(700)) {
+        fn it_equals_all_pairs(queries in cloud(70), points in cloud(1500)) {
             let (mut scratch, mut found) = (NearestScratch::default(), Vec::new());
             in_tree(&queries, &points, &mut scratch, &mut found);
             prop_assert_eq!(found, nearest_scalar(&queries, &points));

@@ -11,7 +11,7 @@ use mpi::environment::Universe;
 use mpi::request::scope;
 use mpi::traits::{Communicator as _, CommunicatorCollectives};
 
-use super::Communicator;
+use train::Communicator;
 
 /// How long a process that waits for others asks without a pause.
 const EAGER: Duration = Duration::from_micros(200);
