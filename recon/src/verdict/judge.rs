@@ -77,9 +77,7 @@ fn disagreements(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
     if let Some(names) =
         named(&|view| view.holes > 0).filter(|_| evidence.count(|v| v.holes > 0) > 1)
     {
-        let text = format!(
-            "masks have holes that the mesh covers, in {names}: a surface of the sphere's topology has none"
-        );
+        let text = format!("masks have holes that the mesh covers, in {names}");
         say(Grade::Doubtful, text);
     }
     if let Some(names) = named(&|view| view.largest > PIECE) {
