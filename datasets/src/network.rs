@@ -2,6 +2,7 @@
 
 pub(crate) mod check;
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 pub(crate) mod tiny;
 mod wire;
 
