@@ -6,7 +6,7 @@
 //! `choose` and `score` are the same 62 cases with other objects: bounds were chosen on the first and the table in `docs/verdict.md`
 //! is of the second. Each case is 24 views, 192 pixels wide, and a fit of normal quality. What counts as right: no fit whose 3D IoU
 //! with the truth (64 cells, as it lies) is below 0.9 is called good, and of the others at least 85 % are. It takes ten minutes
-//! on two cores.
+//! of one core.
 
 use std::fmt::Write as _;
 use std::path::Path;
