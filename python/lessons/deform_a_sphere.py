@@ -9,8 +9,8 @@ distance says how far they are from each other, and four losses keep the triangl
 The picture has the scan, the sphere after a twentieth and a fifth of the steps, and in the end, shaded by their normals.
 """
 
+import argparse
 import pathlib
-import sys
 import tempfile
 
 import numpy as np
@@ -123,15 +123,19 @@ def picture(mesh, topology, shapes):
     return np.clip(np.concatenate(images, axis=1), 0, 1)
 
 
-def main(output="deform_a_sphere.png", *flags):
+def main(arguments=None):
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("output", nargs="?", default="deform_a_sphere.png", help="the picture to write, a PNG (%(default)s)")
+    parser.add_argument("--torch", action="store_true", help="have PyTorch walk backwards")
+    told = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder:
         mesh = scan(folder)
-    topology, shapes, distances = (deform_torch if "--torch" in flags else deform)(mesh)
-    us.write_png(output, picture(mesh, topology, shapes))
+    topology, shapes, distances = (deform_torch if told.torch else deform)(mesh)
+    us.write_png(told.output, picture(mesh, topology, shapes))
     found = us.metrics.evaluate(us.Mesh(shapes[-1], topology.faces), mesh)
     score = found["f_scores"][0]
-    print(f"Chamfer distance {distances[0]:.5f} -> {distances[-1]:.5f}; F-score {score['f_score']:.3f}; {output}")
+    print(f"Chamfer distance {distances[0]:.5f} -> {distances[-1]:.5f}; F-score {score['f_score']:.3f}; {told.output}")
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -9,7 +9,7 @@ images goes back to the texels: those that any view shows are found, the others 
 The picture has the true texture beside the one that was found, and below a view that was not among the images, true and found.
 """
 
-import sys
+import argparse
 
 import numpy as np
 
@@ -112,12 +112,16 @@ def picture(texture):
     return np.clip(np.concatenate([both, images]), 0, 1)
 
 
-def main(output="dibr_texture.png", *flags):
-    texture, losses = (fit_torch if "--torch" in flags else fit)()
-    us.write_png(output, picture(texture))
+def main(arguments=None):
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("output", nargs="?", default="dibr_texture.png", help="the picture to write, a PNG (%(default)s)")
+    parser.add_argument("--torch", action="store_true", help="have PyTorch walk backwards")
+    told = parser.parse_args(arguments)
+    texture, losses = (fit_torch if told.torch else fit)()
+    us.write_png(told.output, picture(texture))
     similarity = us.metrics.psnr(new_view(texture), new_view(painting()))
-    print(f"loss {losses[0]:.4f} -> {losses[-1]:.6f}; a new view: {similarity:.1f} dB; {output}")
+    print(f"loss {losses[0]:.4f} -> {losses[-1]:.6f}; a new view: {similarity:.1f} dB; {told.output}")
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

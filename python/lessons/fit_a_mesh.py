@@ -9,7 +9,7 @@ renderer says which way each vertex has to move, and Adam moves it. Three small 
 The picture has four of the views: as they are, the sphere at the beginning, and the mesh in the end.
 """
 
-import sys
+import argparse
 
 import numpy as np
 
@@ -134,11 +134,15 @@ def picture(vertices, colors, topology):
     return np.clip(np.concatenate(drawn), 0, 1)
 
 
-def main(output="fit_a_mesh.png", *flags):
-    vertices, colors, topology, losses = fit_torch() if "--torch" in flags else fit()
-    us.write_png(output, picture(vertices, colors, topology))
-    print(f"loss {losses[0]:.3f} -> {losses[-1]:.3f} in {len(losses)} steps; {output}")
+def main(arguments=None):
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("output", nargs="?", default="fit_a_mesh.png", help="the picture to write, a PNG (%(default)s)")
+    parser.add_argument("--torch", action="store_true", help="have PyTorch walk backwards")
+    told = parser.parse_args(arguments)
+    vertices, colors, topology, losses = fit_torch() if told.torch else fit()
+    us.write_png(told.output, picture(vertices, colors, topology))
+    print(f"loss {losses[0]:.3f} -> {losses[-1]:.3f} in {len(losses)} steps; {told.output}")
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -70,6 +70,23 @@ def test_dibr_texture(backend, tmp_path):
     written(tmp_path / "picture.png", module.picture(texture))
 
 
+@pytest.mark.parametrize("name", ["fit_a_mesh", "deform_a_sphere", "dibr_texture"])
+def test_what_a_lesson_is_told(name, tmp_path, monkeypatch, capsys):
+    module = lesson(name)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        module.main(["--help"])
+    assert ended.value.code == 0 and f"{name}.png" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        module.main(["--touch"])
+    # `--torch` is no name of a picture.
+    began = RuntimeError("PyTorch's way began")
+    monkeypatch.setattr(module, {"deform_a_sphere": "deform_torch"}.get(name, "fit_torch"), lambda *_: (_ for _ in ()).throw(began))
+    with pytest.raises(RuntimeError, match="way began"):
+        module.main(["--torch"])
+    assert not list(tmp_path.iterdir())
+
+
 def test_gradients_passed_back_by_hand():
     """Lesson 1's chain, in double precision, beside central differences of its whole loss."""
     module = lesson("fit_a_mesh")
