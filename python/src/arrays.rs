@@ -2,7 +2,7 @@
 
 use std::any::Any;
 
-use autodiff_lite::{Tape, Tensor};
+use autodiff_lite::{Real, Tape, Tensor};
 use ndarray::{ArrayD, ArrayViewD};
 use numpy::{
     Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray,
@@ -32,13 +32,17 @@ impl<'py> FromPyObject<'_, 'py> for Floats<'py> {
         }
         let found = found(&object)?;
         let expected = "a NumPy array of float32 or float64 expected";
-        Err(PyTypeError::new_err(format!("{expected}, found {found}")))
+        let hint = match found.as_str() {
+            "a torch.Tensor" => "; unsphere.torch takes tensors, and .numpy() makes arrays of them",
+            _ => "",
+        };
+        Err(PyTypeError::new_err(format!("{expected}, found {found}{hint}")))
     }
 }
 
 /// What an object is, for messages.
-fn found(object: &Bound<'_, PyAny>) -> PyResult<String> {
-    let kind = object.get_type().name()?.to_string();
+pub(crate) fn found(object: &Bound<'_, PyAny>) -> PyResult<String> {
+    let kind = object.get_type().fully_qualified_name()?.to_string();
     Ok(match object.cast::<PyUntypedArray>() {
         Ok(array) => format!("an array of {}", array.dtype()),
         Err(_) => format!("a {kind}"),
@@ -57,6 +61,37 @@ impl Floats<'_> {
         match self {
             Self::Single(_) => "float32",
             Self::Double(_) => "float64",
+        }
+    }
+
+    /// Checks that the last axis has the three coordinates of points.
+    ///
+    /// # Errors
+    /// If it has another size. [`Shapes`](autodiff_lite::Shapes), which sees to the other axes, would call 3 a letter.
+    pub(crate) fn check_coordinates(&self, op: &str, name: &str) -> PyResult<()> {
+        let shape = self.shape();
+        match shape.last() {
+            None | Some(3) => Ok(()),
+            Some(found) => Err(error::value(format!(
+                "{op}: {name} has {found} in its last axis, expected 3: its shape is {shape:?}"
+            ))),
+        }
+    }
+
+    /// Checks that all elements are in [0, 1], but for what rounding adds.
+    ///
+    /// # Errors
+    /// Names the first that is not.
+    pub(crate) fn check_unit(&self, name: &str) -> PyResult<()> {
+        let outside = match self {
+            Self::Single(array) => outside_unit(&array.as_array()),
+            Self::Double(array) => outside_unit(&array.as_array()),
+        };
+        match outside {
+            None => Ok(()),
+            Some(found) => {
+                Err(error::value(format!("{name}: values in [0, 1] expected, found {found}")))
+            }
         }
     }
 
@@ -110,6 +145,19 @@ impl Floats<'_> {
         }
         Ok(tensor)
     }
+}
+
+/// The first element outside of [0, 1], or that is no number.
+fn outside_unit<F: Precision>(array: &ArrayViewD<'_, F>) -> Option<f64> {
+    const ROUNDING: f64 = 1e-5;
+    let (low, high) = (F::from_f64(-ROUNDING), F::from_f64(1.0 + ROUNDING));
+    let is_inside = |x: &F| (low..=high).contains(x);
+    // Without a way out in the middle the compiler has vectors do it: nearly always all of them are inside.
+    let all = match array.as_slice_memory_order() {
+        Some(slice) => slice.iter().fold(true, |all, x| all & is_inside(x)),
+        None => array.iter().all(is_inside),
+    };
+    if all { None } else { array.iter().find(|x| !is_inside(x)).map(|&x| Real::to_f64(x)) }
 }
 
 /// Triples or pairs of indices that Python lends: any of NumPy's usual integers.

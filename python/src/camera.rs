@@ -27,7 +27,7 @@ fn checked(camera: mesh_core::Camera) -> PyResult<Camera> {
 
 #[pymethods]
 impl Camera {
-    /// A perspective camera at `eye` that looks at `target`. fov_y: the vertical field of view, radians. width, height: pixels.
+    /// A perspective camera at `eye` that looks at `target`. fov_y: the vertical field of view, radians below pi. width, height: pixels.
     #[staticmethod]
     #[pyo3(
         signature = (eye, target, *, up=[0.0, 1.0, 0.0], fov_y=0.8, width, height),
@@ -41,6 +41,12 @@ impl Camera {
         width: usize,
         height: usize,
     ) -> PyResult<Self> {
+        // Degrees would make a camera as well: 45 radians are as wide as 58 degrees.
+        if !(fov_y > 0.0 && fov_y < std::f64::consts::PI) {
+            let text =
+                format!("look_at: fov_y: radians above 0 and below pi expected, found {fov_y}");
+            return Err(error::value(text));
+        }
         checked(mesh_core::Camera::look_at(eye, target, up, fov_y, width, height))
     }
 
@@ -232,17 +238,17 @@ pub(crate) fn project(
     perspective: bool,
     wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
+    points.check_coordinates("project", "points")?;
     let mut shapes = Shapes::of("project");
     let [_, rows, columns] = fits(shapes.axes("matrices", matrices.shape(), ["N", "3", "4"]))?;
-    let three = match *points.shape() {
-        [_, _] => fits(shapes.axes("points", points.shape(), ["V", "3"]).map(|[_, d]| d))?,
-        [1, _, d] => d,
-        _ => fits(shapes.axes("points", points.shape(), ["N", "V", "3"]).map(|[.., d]| d))?,
-    };
-    if [rows, columns, three] != [3, 4, 3] {
-        let text = "matrices of 3 rows and 4 columns, and points of 3 coordinates, expected";
-        return Err(error::value(shapes.error(text)));
+    if [rows, columns] != [3, 4] {
+        return Err(error::value(shapes.error("matrices of 3 rows and 4 columns expected")));
     }
+    fits(match *points.shape() {
+        [_, _] => shapes.axes("points", points.shape(), ["V", "3"]).map(drop),
+        [1, _, _] => Ok(()),
+        _ => shapes.axes("points", points.shape(), ["N", "V", "3"]).map(drop),
+    })?;
     let inputs = [("points", &points), ("matrices", &matrices)];
     record!(py, Arguments::new("project", inputs, wrt.as_ref())?, |points, matrices| {
         if perspective { points.project(matrices) } else { points.project_affine(matrices) }

@@ -13,7 +13,7 @@ use crate::drawn::{Drawable, Drawn, Seen};
 use crate::error;
 use crate::precision::{self, Precision};
 use crate::recorded::fits;
-use crate::topology::Topology;
+use crate::topology::{Given, Topology};
 
 /// What is seen of a batch of meshes at each pixel: what `rasterize` finds, and the drawing functions take.
 ///
@@ -134,7 +134,7 @@ fn values<'py, F: Precision>(
 pub(crate) fn rasterize(
     py: Python<'_>,
     projected: Floats<'_>,
-    topology: Py<Topology>,
+    topology: Given<'_>,
     height: usize,
     width: usize,
     near: f64,
@@ -152,23 +152,21 @@ pub(crate) fn rasterize(
     } else {
         Settings { near, perspective, max_faces, ..drawing }
     };
-    check(&settings, &projected, topology.get())?;
     let faces = topology.get();
+    check(&settings, &projected, faces)?;
     let seen = match projected {
         Floats::Single(_) => draw::<f32>(py, &projected, faces, settings)?,
         Floats::Double(_) => draw::<f64>(py, &projected, faces, settings)?,
     };
-    Ok(Frame { seen, topology })
+    Ok(Frame { seen, topology: topology.0.unbind() })
 }
 
 /// What a mistake in the call would be.
 fn check(settings: &Settings, projected: &Floats<'_>, topology: &Topology) -> PyResult<()> {
+    projected.check_coordinates("rasterize", "projected")?;
     let mut shapes = Shapes::of("rasterize");
     fits(shapes.axes("topology", &[topology.faces.vertex_count()], ["V"]))?;
-    let [n, _, three] = fits(shapes.axes("projected", projected.shape(), ["N", "V", "3"]))?;
-    if three != 3 {
-        return Err(error::value(shapes.error("x, y and depth expected")));
-    }
+    let [n, ..] = fits(shapes.axes("projected", projected.shape(), ["N", "V", "3"]))?;
     let pixels = settings.height.checked_mul(settings.width).and_then(|p| p.checked_mul(n.max(1)));
     if pixels.is_none_or(|pixels| pixels > u32::MAX as usize) {
         let (height, width) = (settings.height, settings.width);

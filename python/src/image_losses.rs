@@ -19,6 +19,11 @@ fn check_alike(op: &'static str, [a, b]: [(&str, &Floats<'_>); 2]) -> PyResult<(
     Err(error::value(error.operand(a.0, a.1.shape(), "").operand(b.0, b.1.shape(), "")))
 }
 
+/// Checks that two arrays are masks: of bytes up to 255 the losses would be numbers too, but wrong ones.
+fn check_units(op: &str, masks: [(&str, &Floats<'_>); 2]) -> PyResult<()> {
+    masks.iter().try_for_each(|(name, mask)| mask.check_unit(&format!("{op}: {name}")))
+}
+
 /// Checks an image, a target, and a mask that is like the image, or has a single channel or none.
 fn check_masked(
     op: &'static str,
@@ -114,7 +119,7 @@ pub(crate) fn ssim_loss(
 
 /// 1 - intersection over union of soft masks, averaged over the images: kaolin's `mask_iou`.
 ///
-/// prediction, target: [N, ...] in [0, 1], alike. Value: a float. Gradients: prediction, target.
+/// prediction, target: [N, ...] in [0, 1], alike. Value: a float. Gradients: prediction, target. Raises ValueError for values outside.
 #[pyfunction]
 #[pyo3(signature = (prediction, target, *, wrt=None))]
 pub(crate) fn mask_iou(
@@ -128,6 +133,7 @@ pub(crate) fn mask_iou(
     if prediction.shape().is_empty() {
         return Err(error::value("mask_iou: a batch axis expected, found a single number"));
     }
+    check_units("mask_iou", inputs)?;
     record!(py, Arguments::new("mask_iou", inputs, wrt.as_ref())?, |prediction, target| {
         losses::mask_iou(prediction, target)
     })
@@ -135,7 +141,7 @@ pub(crate) fn mask_iou(
 
 /// The mean binary cross entropy of masks.
 ///
-/// prediction, target: in [0, 1], alike. Value: a float. Gradient: prediction.
+/// prediction, target: in [0, 1], alike. Value: a float. Gradient: prediction. Raises ValueError for values outside.
 #[pyfunction]
 #[pyo3(signature = (prediction, target, *, wrt=None))]
 pub(crate) fn mask_bce(
@@ -146,6 +152,7 @@ pub(crate) fn mask_bce(
 ) -> PyResult<Recorded> {
     let inputs = [("prediction", &prediction), ("target", &target)];
     check_alike("mask_bce", inputs)?;
+    check_units("mask_bce", inputs)?;
     record!(py, Arguments::leading(1, "mask_bce", inputs, wrt.as_ref())?, |prediction, target| {
         losses::mask_bce(prediction, target)
     })

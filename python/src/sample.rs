@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 
 use crate::arrays::{self, Floats};
 use crate::error;
-use crate::topology::Topology;
+use crate::topology::Given;
 
 /// Points on the faces of a mesh, as weights of their corners: what `sample_surface` draws.
 #[pyclass(frozen, module = "unsphere")]
@@ -42,12 +42,12 @@ impl SurfaceSamples {
 pub(crate) fn sample_surface(
     py: Python<'_>,
     positions: Floats<'_>,
-    topology: &Topology,
+    topology: Given<'_>,
     count: usize,
     seed: u64,
 ) -> PyResult<SurfaceSamples> {
     let positions = positions.rows("sample_surface: positions")?;
-    let mesh = TriMesh::new(positions, topology.corners().to_vec());
+    let mesh = TriMesh::new(positions, topology.get().corners().to_vec());
     mesh.validate().map_err(error::value)?;
     let points = py.detach(|| mesh_core::sample_surface(&mesh, count, seed));
     if points.len() == count {

@@ -8,7 +8,7 @@ use crate::arrays::Floats;
 use crate::error;
 use crate::recorded::{Arguments, Recorded, fits, record};
 use crate::sample::SurfaceSamples;
-use crate::topology::Topology;
+use crate::topology::{Given, Topology};
 use crate::wanted::Wanted;
 
 /// Checks vertices `[V, 3]` or `[N, V, 3]` of a topology.
@@ -18,19 +18,15 @@ fn check_mesh(
     positions: &Floats<'_>,
     topology: &Topology,
 ) -> PyResult<()> {
+    positions.check_coordinates(op, name)?;
     let mut shapes = Shapes::of(op);
     fits(shapes.axes("topology", &[topology.faces.vertex_count()], ["V"]))?;
     let found = positions.shape();
-    let three = if found.len() == 2 {
-        fits(shapes.axes(name, found, ["V", "3"]))?[1]
+    fits(if found.len() == 2 {
+        shapes.axes(name, found, ["V", "3"]).map(drop)
     } else {
-        fits(shapes.axes(name, found, ["N", "V", "3"]))?[2]
-    };
-    if three == 3 {
-        Ok(())
-    } else {
-        Err(error::value(shapes.error("a vertex has three coordinates")))
-    }
+        shapes.axes(name, found, ["N", "V", "3"]).map(drop)
+    })
 }
 
 /// Losses of positions and topology alone: each with its docstring, and the function of the tape behind it.
@@ -42,11 +38,11 @@ macro_rules! mesh_losses {
         pub(crate) fn $name(
             py: Python<'_>,
             positions: Floats<'_>,
-            topology: &Topology,
+            topology: Given<'_>,
             wrt: Option<Wanted>,
         ) -> PyResult<Recorded> {
-            check_mesh(stringify!($name), "positions", &positions, topology)?;
-            let $topology = topology;
+            let $topology = topology.get();
+            check_mesh(stringify!($name), "positions", &positions, $topology)?;
             let inputs = [("positions", &positions)];
             record!(py, Arguments::new(stringify!($name), inputs, wrt.as_ref())?, |$positions| $body)
         }
@@ -96,10 +92,11 @@ mesh_losses! {
 pub(crate) fn edge_length(
     py: Python<'_>,
     positions: Floats<'_>,
-    topology: &Topology,
+    topology: Given<'_>,
     target: f64,
     wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
+    let topology = topology.get();
     check_mesh("edge_length", "positions", &positions, topology)?;
     let inputs = [("positions", &positions)];
     record!(py, Arguments::new("edge_length", inputs, wrt.as_ref())?, |positions| {
@@ -157,11 +154,11 @@ macro_rules! sampled {
         pub(crate) fn $name(
             py: Python<'_>,
             positions: Floats<'_>,
-            topology: &Topology,
+            topology: Given<'_>,
             samples: &SurfaceSamples,
             wrt: Option<Wanted>,
         ) -> PyResult<Recorded> {
-            let op = stringify!($name);
+            let (op, topology) = (stringify!($name), topology.get());
             check_single(op, &positions, topology)?;
             let points = samples_of(op, samples, topology)?;
             let inputs = [("positions", &positions)];

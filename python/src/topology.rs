@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use diff_raster::{Faces, Scratch};
 use mesh_core::Csr;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
 use crate::{arrays, error};
@@ -40,6 +41,28 @@ impl Topology {
     /// The neighbours of each vertex.
     pub(crate) fn neighbours(&self) -> &Csr {
         self.connectivity.as_ref()
+    }
+}
+
+/// A topology as an argument: who gives something else is told how to have one, where PyO3 would name types alone.
+pub(crate) struct Given<'py>(pub(crate) Bound<'py, Topology>);
+
+impl<'py> FromPyObject<'_, 'py> for Given<'py> {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if let Ok(topology) = object.cast::<Topology>() {
+            return Ok(Self(topology.to_owned()));
+        }
+        let found = arrays::found(&object)?;
+        let expected = "topology: mesh.topology() or Topology(faces, number_of_vertices) expected";
+        Err(PyTypeError::new_err(format!("{expected}, found {found}")))
+    }
+}
+
+impl Given<'_> {
+    pub(crate) fn get(&self) -> &Topology {
+        self.0.get()
     }
 }
 

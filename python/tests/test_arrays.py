@@ -114,6 +114,12 @@ MISTAKES = {
     "mesh index": lambda: us.Mesh(np.zeros((3, 3)), np.array([[0, 1, 3]])),
     "mesh nan": lambda: us.Mesh(np.full((3, 3), np.nan), np.array([[0, 1, 2]])),
     "mesh uv": lambda: us.Mesh(V, ball.faces, uv=np.zeros((3, 2), np.float32)),
+    "mask_iou bytes": lambda: us.mask_iou(np.ones((1, 4, 4)), np.full((1, 4, 4), 255.0)),
+    "mask_iou negative": lambda: us.mask_iou(np.full((1, 4, 4), -0.1), np.ones((1, 4, 4))),
+    "mask_iou nan": lambda: us.mask_iou(np.full((1, 4, 4), np.nan), np.ones((1, 4, 4))),
+    "mask_bce bytes": lambda: us.mask_bce(np.ones((1, 4, 4)), np.full((1, 4, 4), 255.0)),
+    "degrees": lambda: us.Camera.look_at([0, 0, 3], [0, 0, 0], fov_y=45, width=8, height=8),
+    "no angle": lambda: us.Camera.look_at([0, 0, 3], [0, 0, 0], fov_y=0, width=8, height=8),
     "samples": lambda: us.sample_surface(np.zeros_like(V), topology, 5),
     "level": lambda: us.icosphere(30),
     "torus": lambda: us.torus(rings=2),
@@ -137,6 +143,32 @@ def test_types_are_told():
         us.l2(np.ones(3, np.float32), np.ones(3))
     with pytest.raises(TypeError, match="a cotangent of float32 expected, found float64"):
         us.depth(SEEN).backward(np.ones((1, 16, 24)))
+
+
+    with pytest.raises(TypeError, match="topology: mesh.topology.. or Topology.faces, number_of_vertices. expected, found an array of uint32"):
+        us.laplacian_norm(V, ball.faces)
+    with pytest.raises(TypeError, match="topology: mesh.topology.. or .* found a unsphere.Mesh"):
+        us.rasterize(V[None], ball, 8, 8)
+
+
+def test_what_does_not_fit_is_told():
+    with pytest.raises(ValueError, match="mask_iou: target: values in .0, 1. expected, found 255"):
+        us.mask_iou(np.ones((1, 4, 4), np.float32), np.full((1, 4, 4), 255, np.float32))
+    beside = np.full((1, 4, 4), 1 + 1e-7)  # what rounding adds
+    assert us.mask_iou(beside, np.ones((1, 4, 4))).value == pytest.approx(0, abs=1e-6)
+    with pytest.raises(ValueError, match="radians above 0 and below pi expected, found 45"):
+        us.Camera.look_at([0, 0, 3], [0, 0, 0], fov_y=45, width=8, height=8)
+    matrices = us.matrices([us.Camera.look_at([0, 0, 3], [0, 0, 0], width=8, height=8)])
+    turned = {
+        "project: points": lambda: us.project(np.ones((3, 42), np.float32), matrices),
+        "rasterize: projected": lambda: us.rasterize(np.ones((1, 3, 42), np.float32), topology, 8, 8),
+        "laplacian_norm: positions": lambda: us.laplacian_norm(np.ones((3, 42)), topology),
+        "chamfer: y": lambda: us.chamfer(np.ones((4, 3)), np.ones((3, 42))),
+        "point_face_distance: x": lambda: us.point_face_distance(np.ones((3, 42)), V.astype(float), topology),
+    }
+    for name, call in turned.items():
+        with pytest.raises(ValueError, match=f"{name} has 42 in its last axis, expected 3"):
+            call()
 
 
 def test_other_threads_run_meanwhile():
