@@ -6,6 +6,7 @@ use mesh_core::nalgebra::{Matrix3, Vector3};
 use ndarray::Array3;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 use crate::arrays::{self, Floats};
 use crate::error;
@@ -191,6 +192,19 @@ impl Camera {
         Ok(Self(self.0.resized(width, height)))
     }
 
+    /// What `pickle` and `copy` make it of again, bit by bit: the conventions of other tools would round.
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let make = py.import("unsphere._unsphere")?.getattr("_camera")?;
+        let (rotation, translation) = (self.rotation(), self.translation());
+        let [width, height] = [self.width(), self.height()];
+        let intrinsics = self.intrinsics();
+        let parts = (self.is_perspective(), rotation, translation, intrinsics, width, height);
+        Ok((make, parts.into_pyobject(py)?))
+    }
+
     fn __eq__(&self, other: &Self) -> bool {
         self.0 == other.0
     }
@@ -199,6 +213,28 @@ impl Camera {
         let [x, y, z] = self.center();
         format!("Camera of {} x {} pixels at ({x:.3}, {y:.3}, {z:.3})", self.0.width, self.0.height)
     }
+}
+
+/// The camera of what `Camera.__reduce__` says.
+#[pyfunction]
+#[pyo3(name = "_camera")]
+pub(crate) fn of_parts(
+    is_perspective: bool,
+    rotation: [[f64; 3]; 3],
+    translation: [f64; 3],
+    intrinsics: [f64; 4],
+    width: usize,
+    height: usize,
+) -> PyResult<Camera> {
+    let [x, y, cx, cy] = intrinsics;
+    let lens = if is_perspective {
+        Lens::Perspective { fx: x, fy: y, cx, cy }
+    } else {
+        Lens::Orthographic { sx: x, sy: y, cx, cy }
+    };
+    let rotation = Matrix3::from_fn(|i, j| rotation[i][j]);
+    let translation = Vector3::from(translation);
+    checked(mesh_core::Camera { rotation, translation, lens, width, height })
 }
 
 /// The matrices of cameras.

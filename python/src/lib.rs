@@ -26,7 +26,7 @@ mod wanted;
 #[pymodule]
 mod _unsphere {
     #[pymodule_export]
-    use super::camera::{Camera, matrices, project};
+    use super::camera::{Camera, matrices, of_parts, project};
     #[pymodule_export]
     use super::fit::{Fitted, fit};
     #[pymodule_export]

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use mesh_core::{Image, TriMesh, primitives};
 use numpy::{IntoPyArray, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
 
 use crate::arrays::{self, Floats};
 use crate::error;
@@ -155,6 +156,19 @@ impl Mesh {
     fn subdivided(&self, py: Python<'_>) -> PyResult<Self> {
         let mesh = self.checked(py)?;
         Self::of(py, py.detach(|| mesh_core::subdivide(&mesh)))
+    }
+
+    /// What `pickle` and `copy` make it of again.
+    fn __getnewargs_ex__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let arrays = (&self.vertices, &self.faces, &self.colors).into_pyobject(py)?;
+        let named = PyDict::new(py);
+        named.set_item("uv", &self.uv)?;
+        named.set_item("uv_faces", &self.uv_faces)?;
+        named.set_item("texture", &self.texture)?;
+        Ok((arrays, named))
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {

@@ -98,6 +98,11 @@ impl Topology {
         self.connectivity.is_closed()
     }
 
+    /// What `pickle` and `copy` make it of again.
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, usize)> {
+        Ok((self.faces(py)?, self.vertices()))
+    }
+
     fn __repr__(&self) -> String {
         let (v, f) = (self.faces.vertex_count(), self.faces.len());
         format!("Topology of {v} vertices and {f} faces")

@@ -1,5 +1,8 @@
 """Meshes, images and cameras in and out."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -82,6 +85,31 @@ def test_cameras_of_other_tools():
     homogeneous = camera.matrix @ [*point[0], 1]
     assert np.allclose([x, y, depth], [*(homogeneous[:2] / homogeneous[2]), homogeneous[2]])
     assert camera == us.Camera.look_at([1, 2, 3], [0.1, 0, 0], fov_y=0.7, width=48, height=36) != camera.resized(24, 18)
+
+
+COPIES = {"pickle": lambda x: pickle.loads(pickle.dumps(x)), "copy": copy.copy, "deepcopy": copy.deepcopy}
+
+
+@pytest.mark.parametrize("kind", COPIES)
+def test_copies(kind):
+    again = COPIES[kind]
+    cameras = [
+        us.Camera.look_at([1, 2, 3], [0.1, 0, 0], fov_y=0.7, width=48, height=36),
+        us.Camera.orthographic(np.eye(3), [0.1, 0.2, -3], [20, 21], [23, 18], 48, 36),
+    ]
+    assert again(cameras) == cameras and not cameras[1].is_perspective
+    mesh = us.torus()
+    mesh.colors = np.random.default_rng(0).uniform(size=mesh.vertices.shape).astype(np.float32)
+    topology = again(mesh.topology())
+    assert topology.vertices == len(mesh.vertices) and np.array_equal(topology.faces, mesh.faces)
+    faces = np.array([[0, 1, 2]], np.uint32)
+    square = us.Mesh(np.eye(3), faces, uv=np.eye(3)[:, :2], uv_faces=faces, texture=np.full((2, 2, 3), 0.3))
+    for own in (mesh, square):
+        other = again(own)
+        for name in "vertices faces colors uv uv_faces texture".split():
+            a, b = getattr(own, name), getattr(other, name)
+            assert (a is None) == (b is None) and (a is None or np.array_equal(a, b)), name
+        assert np.shares_memory(own.vertices, other.vertices) == (kind == "copy")
 
 
 def test_figures():
