@@ -1,5 +1,6 @@
 //! Fitting a mesh to views.
 
+use std::fmt::Display;
 use std::sync::Mutex;
 
 use numpy::IntoPyArray;
@@ -85,7 +86,7 @@ pub(crate) fn fit(
     options: Vec<(String, String)>,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Fitted> {
-    let config: FitConfig = train::settings::read(None, &options).map_err(error::value)?;
+    let config: FitConfig = train::settings::read(None, &options).map_err(with_underscores)?;
     let views = &views.0;
     let interrupt = Mutex::new(Interrupt::default());
     let found = py.detach(|| {
@@ -100,5 +101,19 @@ pub(crate) fn fit(
         error::caught(|| recon::fit::fit(views, &config, &mut watch))
     })?;
     interrupt.into_inner().expect("the fit is over").raised()?;
-    Ok(Fitted { fitted: found.map_err(error::value)? })
+    Ok(Fitted { fitted: found.map_err(with_underscores)? })
+}
+
+/// An error that names options: Python writes them with underscores, files of settings with hyphens.
+fn with_underscores(error: impl Display) -> PyErr {
+    let text = error.to_string();
+    // Values keep their hyphens, and so do other errors, which may quote files.
+    if !["unknown field", "fit configuration"].iter().any(|kind| text.contains(kind)) {
+        return error::value(text);
+    }
+    let named = |(i, part): (usize, &str)| {
+        let is_name = i % 2 == 1 && part.starts_with(|c: char| c.is_ascii_lowercase());
+        if is_name { part.replace('-', "_") } else { part.to_owned() }
+    };
+    error::value(text.split('`').enumerate().map(named).collect::<Vec<_>>().join("`"))
 }

@@ -3,31 +3,49 @@
 use std::path::PathBuf;
 
 use datasets::{ReadOptions, View};
+use mesh_core::ByteImage;
 use numpy::{IntoPyArray, PyArrayDyn, PyArrayMethods};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
+use crate::arrays::{self, Floats};
 use crate::camera::Camera;
 use crate::error;
-use crate::mesh::byte_image;
+use crate::mesh::{byte_image, image};
 
 /// Views(colors, masks, cameras)
 ///
 /// Images of one object, which of their pixels are the object, and where they were taken from.
 ///
-/// colors: uint8 [N, H, W, 3], sRGB, or a list of [H, W, 3]. masks: uint8 or bool [N, H, W] (or a list), not 0 where the object is.
-/// cameras: N of the images' sizes.
+/// colors: uint8, or floating-point in [0, 1], [N, H, W, 3], sRGB, or a list of [H, W, 3]. masks: uint8 or bool [N, H, W] (or a list), not 0
+/// where the object is, or floating-point in [0, 1], 1/2 or more there. cameras: N of the images' sizes.
 #[pyclass(frozen, module = "unsphere")]
 pub(crate) struct Views(pub(crate) datasets::Views);
 
-/// A mask of bytes, or of truth values as NumPy has them.
-fn mask(name: &str, array: &Bound<'_, PyAny>) -> PyResult<mesh_core::ByteImage> {
-    let bytes = match array.cast::<PyArrayDyn<bool>>() {
+/// An image of bytes, or of floating-point numbers in [0, 1].
+fn bytes(name: &str, array: &Bound<'_, PyAny>) -> PyResult<ByteImage> {
+    if let Ok(array) = array.cast::<PyArrayDyn<u8>>() {
+        return byte_image(name, &array.try_readonly().map_err(error::value)?);
+    }
+    let Ok(floats) = array.extract::<Floats<'_>>() else {
+        let found = arrays::found(array)?;
+        let text =
+            format!("{name}: arrays of uint8, or of floats in [0, 1], expected, found {found}");
+        return Err(PyTypeError::new_err(text));
+    };
+    floats.check_unit(name)?;
+    Ok(image(name, &floats)?.to_bytes())
+}
+
+/// A mask of bytes, of truth values as NumPy has them, or of shares of a pixel.
+fn mask(name: &str, array: &Bound<'_, PyAny>) -> PyResult<ByteImage> {
+    let whole = match array.cast::<PyArrayDyn<bool>>() {
         Ok(_) => array.call_method1("view", ("uint8",))?,
         Err(_) => array.clone(),
     };
-    let bytes = bytes.cast::<PyArrayDyn<u8>>()?.try_readonly().map_err(error::value)?;
-    let mut image = byte_image(name, &bytes)?;
-    image.data.iter_mut().for_each(|m| *m = if *m == 0 { 0 } else { 255 });
+    let least = if whole.cast::<PyArrayDyn<u8>>().is_ok() { 1 } else { 128 };
+    let mut image = bytes(name, &whole)?;
+    image.data.iter_mut().for_each(|m| *m = if *m < least { 0 } else { 255 });
     Ok(image)
 }
 
@@ -46,11 +64,10 @@ impl Views {
         }
         let views = cameras.into_iter().enumerate().map(|(i, Camera(camera))| {
             let color = colors.get_item(i)?;
-            let color = color.cast::<PyArrayDyn<u8>>()?.try_readonly().map_err(error::value)?;
-            let color = byte_image("Views: colors", &color)?;
+            let color = bytes("Views: colors", &color)?;
             let mask = mask("Views: masks", &masks.get_item(i)?)?;
             let size = [camera.height, camera.width];
-            let of = |image: &mesh_core::ByteImage| [image.height, image.width];
+            let of = |image: &ByteImage| [image.height, image.width];
             if of(&color) != size || of(&mask) != size || [color.channels, mask.channels] != [3, 1] {
                 let text = format!(
                     "Views: view {i}: image {:?} of {} channels, mask {:?}, camera {size:?} (height, width): \
@@ -115,7 +132,7 @@ impl Views {
     }
 }
 
-fn pixels<'py>(py: Python<'py>, image: &mesh_core::ByteImage) -> PyResult<Bound<'py, PyAny>> {
+fn pixels<'py>(py: Python<'py>, image: &ByteImage) -> PyResult<Bound<'py, PyAny>> {
     let shape = (image.height, image.width, image.channels);
     let array = ndarray::Array3::from_shape_vec(shape, image.data.clone());
     Ok(array.map_err(error::value)?.into_pyarray(py).into_any())

@@ -68,15 +68,32 @@ def test_ctrl_c_ends_it():
 
 
 def test_mistakes():
-    with pytest.raises(ValueError, match="`level` is 2"):
-        us.fit(views(), level=2, start_level=4)
     with pytest.raises(ValueError, match="levle"):
         us.fit(views(), levle=2)
+    with pytest.raises(ValueError, match="expected one of `seed`, `hold_out`, `start_level`"):
+        us.fit(views(), lvl=3)
+    with pytest.raises(ValueError, match="`level` is 2, expected at least `start_level`, 4"):
+        us.fit(views(), level=2, start_level=4)
     with pytest.raises(ValueError, match="masks are empty in all 12 views"):
         own = views()
         us.fit(us.Views(np.stack([own.color(i) for i in range(12)]), np.zeros((12, SIZE, SIZE), bool), own.cameras))
     with pytest.raises(ValueError, match="12 images, 12 masks and 11 cameras"):
         us.Views(np.zeros((12, 8, 8, 3), np.uint8), np.zeros((12, 8, 8), bool), views().cameras[:11])
+
+
+def test_views_of_floats():
+    own = views()
+    colors = np.stack([own.color(i) for i in range(12)])
+    share = np.where(np.stack([own.mask(i) for i in range(12)]) > 0, 0.5, 0.49)
+    for kind in (np.float32, np.float64):
+        made = us.Views((colors / 255).astype(kind), list(share.astype(kind)), own.cameras)
+        assert all(np.array_equal(made.color(i), own.color(i)) and np.array_equal(made.mask(i), own.mask(i)) for i in range(12))
+    with pytest.raises(ValueError, match="Views: colors: values in .0, 1. expected, found"):
+        us.Views(colors.astype(np.float32), share, own.cameras)
+    with pytest.raises(TypeError, match="Views: colors: arrays of uint8, or of floats in .0, 1., expected, found an array of int64"):
+        us.Views(colors.astype(np.int64), share, own.cameras)
+    with pytest.raises(TypeError, match="Views: masks: arrays of uint8, .* found a list"):
+        us.Views(colors, share.tolist(), own.cameras)
 
 
 def test_views_are_written_and_read(tmp_path):
