@@ -196,6 +196,56 @@ def test_no_second_derivatives():
         gradient.sum().backward()
 
 
+def test_arrays_are_told_from_tensors():
+    scene = Scene(np.float32)
+    points, matrices = torch.tensor(scene.vertices), torch.tensor(scene.matrices)
+    with pytest.raises(TypeError, match=r"project: points: a torch.Tensor expected, found a numpy.ndarray; torch.from_numpy"):
+        ut.project(scene.vertices, matrices)
+    with pytest.raises(TypeError, match="project: matrices: a torch.Tensor expected, found a numpy.ndarray"):
+        ut.project(points, scene.matrices)
+    with pytest.raises(TypeError, match="l2: target: a torch.Tensor expected, found a float"):
+        ut.l2(points, 0.5)
+    with pytest.raises(TypeError, match="mask_bce: target: a torch.Tensor expected"):
+        ut.mask_bce(torch.tensor(scene.masks), scene.masks)
+    with pytest.raises(TypeError, match="laplacian_norm: positions: a torch.Tensor expected"):
+        ut.laplacian_norm(scene.vertices, scene.topology)
+    with pytest.raises(TypeError, match="float64 expected, found a torch.Tensor; unsphere.torch takes tensors"):
+        us.project(points, scene.matrices)
+
+
+def test_a_frame_has_what_is_seen():
+    scene = Scene(np.float32)
+    frame = seen(scene, torch.tensor(scene.projected, requires_grad=True))
+    for name in "face barycentric depth mask".split():
+        found = getattr(frame, name)
+        assert not found.requires_grad and np.array_equal(found.numpy(), getattr(scene.frame, name)), name
+        found += 1  # the caller's own
+        assert np.array_equal(getattr(frame, name).numpy(), getattr(scene.frame, name))
+    assert frame.shape == scene.frame.shape and frame.topology is scene.topology
+
+
+def test_the_soft_silhouette_alone_makes_a_mesh_too_small():
+    """What the README says to add up, on lesson 1's vase."""
+    from test_lessons import lesson
+
+    module = lesson("fit_a_mesh")
+    truth, matrices = module.vase(), module.cameras()
+    masks, _ = module.draw(truth.vertices, truth.colors, truth.topology(), matrices)
+    target, ious = torch.tensor(masks), []
+    for outline in (0, 10):
+        start, _, topology = module.start()
+        vertices = torch.tensor(start, requires_grad=True)
+        adam = torch.optim.Adam([vertices], lr=0.01)
+        for _ in range(100):
+            adam.zero_grad()
+            frame = ut.rasterize(ut.project(vertices, torch.tensor(matrices)), topology, module.SIZE, module.SIZE)
+            loss = 0.5 * ut.mask_iou(ut.soft_silhouette(frame), target) + outline * ut.l2(ut.antialiased_silhouette(frame), target)
+            (loss + ut.laplacian_norm(vertices, topology)).backward()
+            adam.step()
+        ious.append(1 - ut.mask_iou(frame.mask, (target > 0.5).float()).item())
+    assert ious[0] < ious[1] and ious[1] > 0.97
+
+
 def test_lesson_one_has_the_same_gradients():
     from test_lessons import lesson
 

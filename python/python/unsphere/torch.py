@@ -5,12 +5,18 @@
 >>> topology, matrices = ball.topology(), torch.from_numpy(us.matrices([camera]))
 >>> vertices = torch.from_numpy(ball.vertices).requires_grad_()
 >>> frame = ut.rasterize(ut.project(vertices, matrices), topology, 64, 64)
->>> loss = ut.mask_iou(ut.soft_silhouette(frame), target) + 0.01 * ut.laplacian_norm(vertices, topology)
+>>> loss = 0.5 * ut.mask_iou(ut.soft_silhouette(frame), target) + 10 * ut.l2(ut.antialiased_silhouette(frame), target)
+>>> loss = loss + ut.laplacian_norm(vertices, topology)
 >>> loss.backward()
 
-Names, shapes and arguments are those of `unsphere`, without `wrt`: of which inputs gradients are wanted, PyTorch knows. Tensors are on the CPU, float32
-or float64, all of a call alike; they go in by `.numpy()` and come out by `from_numpy`, so nothing is copied on the way. What the gradient needs
-is kept by the library. There are no second derivatives.
+The soft silhouette pulls from afar but is larger than the mesh, so that alone it makes the mesh too small; the other one is exact and pulls within a
+pixel. target: what a mask shows, [N, H, W] in [0, 1].
+
+Names, shapes and arguments are those of `unsphere`, without `wrt`: of which inputs gradients are wanted, PyTorch knows. Tensors are on the CPU,
+float32 or float64, all of a call alike; they go in by `.numpy()` and come out by `from_numpy`, so nothing is copied on the way. What the
+gradient needs is kept by the library. There are no second derivatives.
+
+Arrays of `unsphere` itself (`Recorded.value`, `Frame.depth`) are read-only, of which PyTorch warns: `torch.from_numpy(result.value.copy())`.
 """
 
 from dataclasses import dataclass as _dataclass
@@ -69,9 +75,18 @@ class _Writable:
         self.__array_interface__ = interface
 
 
-def _numpy(tensor):
+def _check(tensor, name):
+    if not isinstance(tensor, _torch.Tensor):
+        kind = type(tensor)
+        found = "numpy.ndarray" if kind is _np.ndarray else kind.__qualname__
+        hint = "torch.from_numpy(...)" if kind is _np.ndarray else "torch.tensor(...)"
+        raise TypeError(f"{name}: a torch.Tensor expected, found a {found}; {hint} makes one")
     if tensor.device.type != "cpu":
-        raise ValueError(f"a tensor on the CPU expected, found one on {tensor.device}")
+        raise ValueError(f"{name}: a tensor on the CPU expected, found one on {tensor.device}")
+
+
+def _numpy(tensor, name):
+    _check(tensor, name)
     return tensor.detach().numpy()
 
 
@@ -81,7 +96,7 @@ class _Function(_torch.autograd.Function):
     @staticmethod
     def forward(ctx, call, names, *tensors):
         wanted = [name for name, needed in zip(names, ctx.needs_input_grad[2:]) if needed]
-        made = call([_numpy(tensor) for tensor in tensors], wanted)
+        made = call([tensor.detach().numpy() for tensor in tensors], wanted)
         ctx.made = made
         if isinstance(made.value, float):
             return _torch.tensor(made.value, dtype=tensors[0].dtype)
@@ -94,18 +109,21 @@ class _Function(_torch.autograd.Function):
     @_once_differentiable
     def backward(ctx, cotangent):
         saved = ctx.saved_tensors
-        gradients = ctx.made.backward(_numpy(cotangent) if saved else float(cotangent))
+        gradients = ctx.made.backward(cotangent.detach().numpy() if saved else float(cotangent))
         return (None, None, *(g if g is None else _torch.from_numpy(g) for g in gradients))
 
 
-def _apply(names, tensors, call):
+def _apply(op, names, tensors, call):
     """`call(arrays, wanted)` on the tape; names and tensors are those of its differentiable inputs."""
+    for name, tensor in zip(names, tensors):
+        _check(tensor, f"{op}: {name}")
     return _Function.apply(call, names, *tensors)
 
 
 def project(points, matrices, *, perspective=True):
     """Points through cameras, to NDC and planar depth. See `unsphere.project`."""
     return _apply(
+        "project",
         ("points", "matrices"),
         (points, matrices),
         lambda arrays, wrt: _us.project(*arrays, perspective=perspective, wrt=wrt),
@@ -114,20 +132,51 @@ def project(points, matrices, *, perspective=True):
 
 @_dataclass(frozen=True)
 class Frame:
-    """What is seen of a batch of meshes: the projected positions, and `unsphere.Frame` for plain values."""
+    """What is seen of a batch of meshes: the projected positions, and `unsphere.Frame`, whose arrays are properties here: tensors without gradients."""
 
     projected: _torch.Tensor
     seen: _us.Frame
 
+    @property
+    def shape(self) -> "list[int]":
+        """N, H, W."""
+        return self.seen.shape
+
+    @property
+    def topology(self) -> _us.Topology:
+        """The faces that were drawn."""
+        return self.seen.topology
+
+    @property
+    def face(self) -> _torch.Tensor:
+        """The nearest face at each pixel, int64 [N, H, W]; -1 at background."""
+        return _torch.from_numpy(self.seen.face)
+
+    @property
+    def barycentric(self) -> _torch.Tensor:
+        """Its barycentric coordinates, [N, H, W, 3]; 0 at background. A copy."""
+        return _torch.from_numpy(self.seen.barycentric.copy())
+
+    @property
+    def depth(self) -> _torch.Tensor:
+        """Its planar depth, [N, H, W]; inf at background. A copy; the function `depth` has gradients."""
+        return _torch.from_numpy(self.seen.depth.copy())
+
+    @property
+    def mask(self) -> _torch.Tensor:
+        """1 where a face is seen, else 0, [N, H, W]; `soft_silhouette` and `antialiased_silhouette` have gradients."""
+        return _torch.from_numpy(self.seen.mask)
+
 
 def rasterize(projected, topology, height, width, **settings):
     """Finds what is seen at each pixel. See `unsphere.rasterize`."""
-    return Frame(projected, _us.rasterize(_numpy(projected), topology, height, width, **settings))
+    return Frame(projected, _us.rasterize(_numpy(projected, "rasterize: projected"), topology, height, width, **settings))
 
 
 def interpolate(frame, attributes):
     """Attributes of the vertices at each pixel. See `unsphere.interpolate`."""
     return _apply(
+        "interpolate",
         ("projected", "attributes"),
         (frame.projected, attributes),
         lambda arrays, wrt: _us.interpolate(frame.seen, arrays[1], wrt=wrt),
@@ -137,6 +186,7 @@ def interpolate(frame, attributes):
 def interpolate_corners(frame, attributes):
     """Attributes of the corners of faces at each pixel. See `unsphere.interpolate_corners`."""
     return _apply(
+        "interpolate_corners",
         ("projected", "attributes"),
         (frame.projected, attributes),
         lambda arrays, wrt: _us.interpolate_corners(frame.seen, arrays[1], wrt=wrt),
@@ -144,23 +194,23 @@ def interpolate_corners(frame, attributes):
 
 
 def soft_silhouette(frame):
-    """DIB-R's soft silhouette. See `unsphere.soft_silhouette`."""
-    return _apply(("projected",), (frame.projected,), lambda _, wrt: _us.soft_silhouette(frame.seen, wrt=wrt))
+    """DIB-R's soft silhouette: pulls from afar, but is larger than the mesh. See `unsphere.soft_silhouette`."""
+    return _apply("soft_silhouette", ("projected",), (frame.projected,), lambda _, wrt: _us.soft_silhouette(frame.seen, wrt=wrt))
 
 
 def antialiased_silhouette(frame):
-    """Coverage with the sub-pixel position of the silhouette. See `unsphere.antialiased_silhouette`."""
-    return _apply(("projected",), (frame.projected,), lambda _, wrt: _us.antialiased_silhouette(frame.seen, wrt=wrt))
+    """Coverage with the sub-pixel position of the silhouette: exact, pulls within a pixel. See `unsphere.antialiased_silhouette`."""
+    return _apply("antialiased_silhouette", ("projected",), (frame.projected,), lambda _, wrt: _us.antialiased_silhouette(frame.seen, wrt=wrt))
 
 
 def depth(frame, background=0.0):
     """Planar depth at each pixel. See `unsphere.depth`."""
-    return _apply(("projected",), (frame.projected,), lambda _, wrt: _us.depth(frame.seen, background, wrt=wrt))
+    return _apply("depth", ("projected",), (frame.projected,), lambda _, wrt: _us.depth(frame.seen, background, wrt=wrt))
 
 
 def texture(frame, uv, image):
     """Colours of a texture at each pixel. See `unsphere.texture`."""
-    return _apply(("uv", "image"), (uv, image), lambda arrays, wrt: _us.texture(frame.seen, *arrays, wrt=wrt))
+    return _apply("texture", ("uv", "image"), (uv, image), lambda arrays, wrt: _us.texture(frame.seen, *arrays, wrt=wrt))
 
 
 def _of_mesh(name):
@@ -168,7 +218,7 @@ def _of_mesh(name):
     function = getattr(_us, name)
 
     def of_mesh(positions, topology):
-        return _apply(("positions",), (positions,), lambda arrays, wrt: function(arrays[0], topology, wrt=wrt))
+        return _apply(name, ("positions",), (positions,), lambda arrays, wrt: function(arrays[0], topology, wrt=wrt))
 
     of_mesh.__name__ = of_mesh.__qualname__ = name
     of_mesh.__doc__ = function.__doc__
@@ -188,6 +238,7 @@ vertex_normals = _of_mesh("vertex_normals")
 def edge_length(positions, topology, target=0.0):
     """The mean squared deviation of the edges' lengths from `target`. See `unsphere.edge_length`."""
     return _apply(
+        "edge_length",
         ("positions",),
         (positions,),
         lambda arrays, wrt: _us.edge_length(arrays[0], topology, target, wrt=wrt),
@@ -196,12 +247,13 @@ def edge_length(positions, topology, target=0.0):
 
 def deformation_norm(offsets):
     """The mean length of the offsets. See `unsphere.deformation_norm`."""
-    return _apply(("offsets",), (offsets,), lambda arrays, wrt: _us.deformation_norm(*arrays, wrt=wrt))
+    return _apply("deformation_norm", ("offsets",), (offsets,), lambda arrays, wrt: _us.deformation_norm(*arrays, wrt=wrt))
 
 
 def surface_points(positions, topology, samples):
     """Where samples of a surface are. See `unsphere.surface_points`."""
     return _apply(
+        "surface_points",
         ("positions",),
         (positions,),
         lambda arrays, wrt: _us.surface_points(arrays[0], topology, samples, wrt=wrt),
@@ -211,6 +263,7 @@ def surface_points(positions, topology, samples):
 def surface_normals(positions, topology, samples):
     """Unit normals at samples of a surface. See `unsphere.surface_normals`."""
     return _apply(
+        "surface_normals",
         ("positions",),
         (positions,),
         lambda arrays, wrt: _us.surface_normals(arrays[0], topology, samples, wrt=wrt),
@@ -220,6 +273,7 @@ def surface_normals(positions, topology, samples):
 def chamfer(x, y, *, x_to_y=1.0, y_to_x=1.0):
     """The Chamfer distance, squared. See `unsphere.chamfer`."""
     return _apply(
+        "chamfer",
         ("x", "y"), (x, y), lambda arrays, wrt: _us.chamfer(*arrays, x_to_y=x_to_y, y_to_x=y_to_x, wrt=wrt)
     )
 
@@ -227,13 +281,14 @@ def chamfer(x, y, *, x_to_y=1.0, y_to_x=1.0):
 def chamfer_l1(x, y, *, x_to_y=1.0, y_to_x=1.0):
     """The Chamfer distance of absolute differences. See `unsphere.chamfer_l1`."""
     return _apply(
+        "chamfer_l1",
         ("x", "y"), (x, y), lambda arrays, wrt: _us.chamfer_l1(*arrays, x_to_y=x_to_y, y_to_x=y_to_x, wrt=wrt)
     )
 
 
 def earth_mover(x, y, *, excess=None):
     """The earth mover's distance. See `unsphere.earth_mover`."""
-    return _apply(("x", "y"), (x, y), lambda arrays, wrt: _us.earth_mover(*arrays, excess=excess, wrt=wrt))
+    return _apply("earth_mover", ("x", "y"), (x, y), lambda arrays, wrt: _us.earth_mover(*arrays, excess=excess, wrt=wrt))
 
 
 def _to_surface(name):
@@ -241,7 +296,7 @@ def _to_surface(name):
     function = getattr(_us, name)
 
     def to_surface(x, positions, topology):
-        return _apply(("x", "positions"), (x, positions), lambda arrays, wrt: function(*arrays, topology, wrt=wrt))
+        return _apply(name, ("x", "positions"), (x, positions), lambda arrays, wrt: function(*arrays, topology, wrt=wrt))
 
     to_surface.__name__ = to_surface.__qualname__ = name
     to_surface.__doc__ = function.__doc__
@@ -255,9 +310,9 @@ point_mesh_face_distance = _to_surface("point_mesh_face_distance")
 
 def _masked(function, image, target, mask):
     if mask is None:
-        return _apply(("image", "target"), (image, target), lambda arrays, wrt: function(*arrays, wrt=wrt))
+        return _apply(function.__name__, ("image", "target"), (image, target), lambda arrays, wrt: function(*arrays, wrt=wrt))
     names = ("image", "target", "mask")
-    return _apply(names, (image, target, mask), lambda arrays, wrt: function(*arrays, wrt=wrt))
+    return _apply(function.__name__, names, (image, target, mask), lambda arrays, wrt: function(*arrays, wrt=wrt))
 
 
 def l1(image, target, mask=None):
@@ -273,34 +328,38 @@ def l2(image, target, mask=None):
 def ssim_loss(image, target, *, valid=False):
     """1 - SSIM. See `unsphere.ssim_loss`."""
     return _apply(
+        "ssim_loss",
         ("image", "target"), (image, target), lambda arrays, wrt: _us.ssim_loss(*arrays, valid=valid, wrt=wrt)
     )
 
 
 def mask_iou(prediction, target):
     """1 - intersection over union of soft masks. See `unsphere.mask_iou`."""
-    return _apply(("prediction", "target"), (prediction, target), lambda arrays, wrt: _us.mask_iou(*arrays, wrt=wrt))
+    return _apply("mask_iou", ("prediction", "target"), (prediction, target), lambda arrays, wrt: _us.mask_iou(*arrays, wrt=wrt))
 
 
 def mask_bce(prediction, target):
     """The mean binary cross entropy of masks; no gradient to the target. See `unsphere.mask_bce`."""
-    known = _numpy(target)
-    return _apply(("prediction",), (prediction,), lambda arrays, wrt: _us.mask_bce(arrays[0], known, wrt=wrt))
+    known = _numpy(target, "mask_bce: target")
+    return _apply("mask_bce", ("prediction",), (prediction,), lambda arrays, wrt: _us.mask_bce(arrays[0], known, wrt=wrt))
 
 
 def log_depth(prediction, target, mask, weight=0.5):
     """Eigen's loss of the logarithms of depth; no gradient to target and mask. See `unsphere.log_depth`."""
-    known = _numpy(target), _numpy(mask)
+    known = _numpy(target, "log_depth: target"), _numpy(mask, "log_depth: mask")
     return _apply(
+        "log_depth",
         ("prediction",), (prediction,), lambda arrays, wrt: _us.log_depth(arrays[0], *known, weight, wrt=wrt)
     )
 
 
 def scale_shift_invariant(prediction, target, mask, *, robust=False, gradient_weight=0.5, scales=4):
     """MiDaS's loss between disparities; no gradient to target and mask. See `unsphere.scale_shift_invariant`."""
-    known = _numpy(target), _numpy(mask)
+    op = "scale_shift_invariant"
+    known = _numpy(target, f"{op}: target"), _numpy(mask, f"{op}: mask")
     settings = {"robust": robust, "gradient_weight": gradient_weight, "scales": scales}
     return _apply(
+        "scale_shift_invariant",
         ("prediction",),
         (prediction,),
         lambda arrays, wrt: _us.scale_shift_invariant(arrays[0], *known, **settings, wrt=wrt),
