@@ -20,9 +20,10 @@ backwards by hand:
 
 Arrays are float32 or float64, all of a call alike; float64 is for tests. N is a batch, V vertices, F faces, P points, C channels, H and W rows and
 columns. The world is right-handed with +Y up. Inputs are read where they lie, and what gradients need of them is kept beside: they may be
-changed afterwards. Values that are arrays are read-only and share the memory of their `Recorded`. The interpreter is free while a function works.
+changed afterwards. Values that are arrays are read-only and share the memory of their `Recorded` (`value.copy()` is the caller's own). The
+interpreter is free while a function works.
 
-Wrong shapes and values raise ValueError, files OSError.
+Wrong values and shapes: ValueError; wrong types and dtypes: TypeError; files: OSError.
 """
 
 import json as _json
