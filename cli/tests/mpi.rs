@@ -251,10 +251,10 @@ fn what_cannot_be_shared_is_refused_by_one_voice() {
         }
     };
     let mcmr = ["train", "mcmr", "-q", "--preset", "tiny", "-o", "mcmr"];
-    refused(2, &mcmr, &["2 processes, expected 1", "batch norm"]);
+    refused(2, &mcmr, &["2 processes, expected 1", "norm = \"group\""]);
     let norm =
         ["train", "mesh-rcnn", "-q", "--preset", "tiny", "--set", "norm=batch", "-o", "norm"];
-    refused(2, &norm, &["2 processes, expected 1", "norm = \"frozen\""]);
+    refused(2, &norm, &["2 processes, expected 1", "and `\"frozen\"`"]);
     let few = training("few", &["-q", "--set", "shards=2"]);
     refused(4, &few, &["4 processes, expected at most 2", "`shards` = 2"]);
     refused(2, &training("no", &["-q", "nowhere"]), &["nowhere"]);
