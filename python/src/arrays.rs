@@ -95,6 +95,21 @@ impl Floats<'_> {
         }
     }
 
+    /// Checks that no element is NaN.
+    ///
+    /// # Errors
+    /// Says where the first is.
+    pub(crate) fn check_numbers(&self, op: &str, name: &str) -> PyResult<()> {
+        let found = match self {
+            Self::Single(array) => first_nan(&array.as_array()),
+            Self::Double(array) => first_nan(&array.as_array()),
+        };
+        match found {
+            None => Ok(()),
+            Some(index) => Err(error::value(format!("{op}: {name} is NaN at {index:?}"))),
+        }
+    }
+
     /// The elements in single precision, in rows of `K`.
     pub(crate) fn rows<const K: usize>(&self, name: &str) -> PyResult<Vec<[f32; K]>> {
         if !matches!(*self.shape(), [_, k] if k == K) {
@@ -158,6 +173,14 @@ fn outside_unit<F: Precision>(array: &ArrayViewD<'_, F>) -> Option<f64> {
         None => array.iter().all(is_inside),
     };
     if all { None } else { array.iter().find(|x| !is_inside(x)).map(|&x| Real::to_f64(x)) }
+}
+
+/// Where the first element is that is no number.
+fn first_nan<F: Precision>(array: &ArrayViewD<'_, F>) -> Option<Vec<usize>> {
+    let is_nan = |x: F| Real::to_f64(x).is_nan();
+    // Indices are made only where one is wanted.
+    let flat = array.iter().position(|&x| is_nan(x))?;
+    array.indexed_iter().nth(flat).map(|(index, _)| ndarray::Dimension::slice(&index).to_vec())
 }
 
 /// Triples or pairs of indices that Python lends: any of NumPy's usual integers.

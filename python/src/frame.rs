@@ -124,7 +124,7 @@ fn values<'py, F: Precision>(
 /// distance d in NDC. box_length: how far it reaches, in NDC. max_faces: at most so many faces make the soft silhouette of a pixel.
 /// published: DIB-R as kaolin computes it, number by number; near, perspective, and max_faces are then those of kaolin.
 ///
-/// Cost: O(N (V + F + H W)) plus the pixels of the boxes of all faces. Raises ValueError where shapes do not fit.
+/// Cost: O(N (V + F + H W)) plus the pixels of the boxes of all faces. Raises ValueError where shapes do not fit or a vertex is NaN.
 #[pyfunction]
 #[pyo3(signature = (
     projected, topology, height, width, *, near=1e-4, perspective=true, cull_back_faces=false,
@@ -174,6 +174,8 @@ fn check(settings: &Settings, projected: &Floats<'_>, topology: &Topology) -> Py
             format!("rasterize: {n} images of {height} x {width} pixels are more than 2**32");
         return Err(PyValueError::new_err(text));
     }
+    // Faces with such a corner are not drawn: an optimisation that has diverged would see an empty image.
+    projected.check_numbers("rasterize", "projected")?;
     for (name, value) in [("sigma_inv", settings.sigma_inv), ("box_length", settings.box_length)] {
         if !(value >= 0.0 && value.is_finite()) {
             return Err(error::value(format!("rasterize: {name} is {value}, expected 0 or more")));

@@ -19,6 +19,8 @@ use crate::mesh::{byte_image, image};
 ///
 /// colors: uint8, or floating-point in [0, 1], [N, H, W, 3], sRGB, or a list of [H, W, 3]. masks: uint8 or bool [N, H, W] (or a list), not 0
 /// where the object is, or floating-point in [0, 1], 1/2 or more there. cameras: N of the images' sizes.
+///
+/// Raises ValueError where sizes or numbers do not fit, or where the object fills all images.
 #[pyclass(frozen, module = "unsphere")]
 pub(crate) struct Views(pub(crate) datasets::Views);
 
@@ -69,16 +71,27 @@ impl Views {
             let size = [camera.height, camera.width];
             let of = |image: &ByteImage| [image.height, image.width];
             if of(&color) != size || of(&mask) != size || [color.channels, mask.channels] != [3, 1] {
+                let [height, width] = size;
+                let swapped = of(&color) == [width, height] && of(&mask) == [width, height];
+                let remedy = if swapped { "; are the camera's height and width swapped?" } else { "" };
                 let text = format!(
                     "Views: view {i}: image {:?} of {} channels, mask {:?}, camera {size:?} (height, width): \
-                     one size, three channels and one mask expected",
+                     one size, three channels and one mask expected{remedy}",
                     of(&color), color.channels, of(&mask)
                 );
                 return Err(error::value(text));
             }
             Ok(View { name: i.to_string(), color, mask, camera, depth: None })
         });
-        Ok(Self(datasets::Views::in_memory(views.collect::<PyResult<_>>()?)))
+        let views = views.collect::<PyResult<Vec<_>>>()?;
+        if !views.is_empty() && views.iter().all(|view| view.mask.data.iter().all(|&m| m > 0)) {
+            let text = format!(
+                "Views: masks: every pixel of all {n} images is the object, so that none shows its outline; \
+                 False or 0 expected where it is not"
+            );
+            return Err(error::value(text));
+        }
+        Ok(Self(datasets::Views::in_memory(views)))
     }
 
     fn __len__(&self) -> usize {

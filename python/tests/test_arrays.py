@@ -97,6 +97,7 @@ MISTAKES = {
     "scales": lambda: us.scale_shift_invariant(*np.ones((3, 1, 4, 4)), scales=40),
     "project": lambda: us.project(V, np.ones((1, 4, 4), np.float32)),
     "rasterize": lambda: us.rasterize(np.ones((1, 7, 3), np.float32), topology, 8, 8),
+    "rasterize nan": lambda: us.rasterize(np.where(np.arange(3) == 1, np.nan, V)[None].astype(V.dtype), topology, 8, 8),
     "rasterize huge": lambda: us.rasterize(V[None], topology, 2**40, 2**40),
     "rasterize sigma": lambda: us.rasterize(V[None], topology, 8, 8, sigma_inv=-1),
     "interpolate": lambda: us.interpolate(SEEN, np.ones((5, 3), np.float32)),
