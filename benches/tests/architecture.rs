@@ -37,12 +37,16 @@ const MAY_USE: &[(&str, &str)] = &[
         "docs",
         "pickle mesh-core autodiff-lite datasets diff-raster losses nets ode-deform train synth recon models studies",
     ),
+    ("python", "mesh-core autodiff-lite datasets diff-raster losses ode-deform train recon"),
 ];
 
 /// Crates from outside that are for these members alone.
 const RESERVED: &[(&str, &[&str])] = &[
     ("clap", &["cli"]),
     ("clap_complete", &["cli"]),
+    ("clap_mangen", &["cli"]),
+    ("numpy", &["python"]),
+    ("pyo3", &["python"]),
     ("indicatif", &["cli"]),
     ("ctrlc", &["cli"]),
     ("toml", &["train"]),
@@ -116,7 +120,8 @@ fn members() -> BTreeMap<String, Vec<String>> {
 fn library_sources() -> Vec<(PathBuf, String)> {
     MAY_USE
         .iter()
-        .filter(|(member, _)| *member != "cli")
+        // The program may do what libraries may not; the bindings hand memory to NumPy, in one block.
+        .filter(|(member, _)| !["cli", "python"].contains(member))
         .flat_map(|(member, _)| sources(&root().join(member).join("src")))
         // A program reads what it is told.
         .filter(|(path, _)| !path.parent().is_some_and(|folder| folder.ends_with("src/bin")))

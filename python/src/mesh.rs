@@ -187,7 +187,7 @@ pub(crate) fn read_mesh(py: Python<'_>, path: PathBuf) -> PyResult<Mesh> {
     Mesh::of(py, mesh)
 }
 
-/// Writes a mesh: OBJ, PLY, GLB or STL, by the path's extension; whole or not at all.
+/// Writes a mesh: OBJ, PLY, GLB, STL or 3MF, by the path's extension; whole or not at all.
 #[pyfunction]
 pub(crate) fn write_mesh(py: Python<'_>, path: PathBuf, mesh: &Mesh) -> PyResult<()> {
     let mesh = mesh.checked(py)?;

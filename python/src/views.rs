@@ -20,7 +20,7 @@ use crate::mesh::{byte_image, image};
 /// colors: uint8, or floating-point in [0, 1], [N, H, W, 3], sRGB, or a list of [H, W, 3]. masks: uint8 or bool [N, H, W] (or a list), not 0
 /// where the object is, or floating-point in [0, 1], 1/2 or more there. cameras: N of the images' sizes.
 ///
-/// Raises ValueError where sizes or numbers do not fit, or where the object fills all images.
+/// Raises ValueError where sizes or numbers do not fit.
 #[pyclass(frozen, module = "unsphere")]
 pub(crate) struct Views(pub(crate) datasets::Views);
 
@@ -84,13 +84,6 @@ impl Views {
             Ok(View { name: i.to_string(), color, mask, camera, depth: None })
         });
         let views = views.collect::<PyResult<Vec<_>>>()?;
-        if !views.is_empty() && views.iter().all(|view| view.mask.data.iter().all(|&m| m > 0)) {
-            let text = format!(
-                "Views: masks: every pixel of all {n} images is the object, so that none shows its outline; \
-                 False or 0 expected where it is not"
-            );
-            return Err(error::value(text));
-        }
         Ok(Self(datasets::Views::in_memory(views)))
     }
 

@@ -2,6 +2,8 @@
 
 import copy
 import pickle
+import zipfile
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -20,6 +22,18 @@ def test_meshes_come_back(kind, tmp_path):
         assert np.allclose(read.vertices, mesh.vertices) and np.array_equal(read.faces, mesh.faces)
     if kind in ("obj", "ply"):
         assert np.allclose(read.colors, mesh.colors, atol=1 / 255)
+
+
+def test_a_3mf_has_all_triangles(tmp_path):
+    mesh = us.icosphere(1)
+    us.write_mesh(tmp_path / "ball.3mf", mesh)
+    with zipfile.ZipFile(tmp_path / "ball.3mf") as archive:
+        (model,) = [name for name in archive.namelist() if name.endswith(".model")]
+        root = ElementTree.fromstring(archive.read(model))
+    triangles = root.findall(".//{*}triangle")
+    assert len(root.findall(".//{*}vertex")) == len(mesh.vertices) and len(triangles) == len(mesh.faces)
+    found = np.array([[int(t.get(v)) for v in ("v1", "v2", "v3")] for t in triangles])
+    assert np.array_equal(found, mesh.faces)
 
 
 def test_a_texture_comes_back(tmp_path):

@@ -79,8 +79,8 @@ def test_mistakes():
         us.fit(us.Views(np.stack([own.color(i) for i in range(12)]), np.zeros((12, SIZE, SIZE), bool), own.cameras))
     with pytest.raises(ValueError, match="12 images, 12 masks and 11 cameras"):
         us.Views(np.zeros((12, 8, 8, 3), np.uint8), np.zeros((12, 8, 8), bool), views().cameras[:11])
-    with pytest.raises(ValueError, match="every pixel of all 12 images is the object"):
-        us.Views(np.zeros((12, SIZE, SIZE, 3), np.uint8), np.ones((12, SIZE, SIZE), bool), own.cameras)
+    with pytest.raises(ValueError, match="masks fill their images in all 12 views"):
+        us.fit(us.Views(np.zeros((12, SIZE, SIZE, 3), np.uint8), np.ones((12, SIZE, SIZE), bool), own.cameras))
     wide = us.Camera.look_at([0, 0, 3], [0, 0, 0], width=16, height=8)
     with pytest.raises(ValueError, match="are the camera's height and width swapped"):
         us.Views(np.zeros((1, 16, 8, 3), np.uint8), np.zeros((1, 16, 8), bool), [wide])

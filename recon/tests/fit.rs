@@ -188,6 +188,16 @@ fn what_cannot_be_fitted_is_an_error_that_says_why() {
     empty.views.iter_mut().for_each(|v| v.mask.data.fill(0));
     assert_eq!(fails(&empty, &config()), FitError::EmptyMasks { views: 10 });
 
+    let mut full = good.clone();
+    full.views.iter_mut().for_each(|v| v.mask.data.fill(255));
+    assert_eq!(fails(&full, &config()), FitError::FullMasks { views: 10 });
+    // One view that shows an outline is told apart from none.
+    full.views[3] = good.views[3].clone();
+    assert!(!matches!(
+        fit(&full, &config(), &mut Watch::default()),
+        Err(FitError::FullMasks { .. })
+    ));
+
     let single = Views { views: good.views[..1].to_vec(), ..good.clone() };
     assert!(matches!(fails(&single, &config()), FitError::TooFewViews { remaining: 1, .. }));
 

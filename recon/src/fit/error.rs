@@ -16,6 +16,14 @@ pub enum FitError {
         /// How many views there were.
         views: usize,
     },
+    /// No view shows anything beside the object.
+    #[error(
+        "masks fill their images in all {views} views, so that none shows an outline: 0 is what is not the object"
+    )]
+    FullMasks {
+        /// How many views there were.
+        views: usize,
+    },
     /// A view's image, mask and camera disagree in size.
     #[error(
         "view {view}: {field} is {found:?} (height, width), but the camera's image is {expected:?}"

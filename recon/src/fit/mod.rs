@@ -202,6 +202,9 @@ impl<'a, 'o> Run<'a, 'o> {
         if empty.len() == views.len() {
             return Err(FitError::EmptyMasks { views: views.len() });
         }
+        if views.iter().all(|view| view.mask.data.iter().all(|&m| m != 0)) {
+            return Err(FitError::FullMasks { views: views.len() });
+        }
         if train_views.len() < 2 {
             return Err(FitError::TooFewViews {
                 remaining: train_views.len(),
