@@ -67,7 +67,7 @@ impl From<ReadViewsError> for Failure {
             ViewsProblem::EmptyMasks { .. } => " (--mask, --invert-masks)",
             // Of views together; a single file that is too large stays so.
             ViewsProblem::TooLarge { field, .. } if field.starts_with("all views") => {
-                " (--max-size reads views smaller)"
+                " (--max-memory averages them down to what fits, --max-size to a size)"
             }
             _ => "",
         };

@@ -44,6 +44,8 @@ pub struct ReadOptions {
     pub allow_missing: bool,
     /// How many bytes the pixels of all views may take together.
     pub memory_limit: u64,
+    /// Whether views that would take more are averaged down together until they do not, with a warning, instead of refused.
+    pub shrink_to_limit: bool,
     /// Which object is meant where there are several: its name, or `category/name`.
     pub object: Option<String>,
     /// How photographs without cameras were taken.
@@ -158,6 +160,7 @@ impl Default for ReadOptions {
             undistort: true,
             allow_missing: false,
             memory_limit: 8 << 30,
+            shrink_to_limit: false,
             object: None,
             turntable: None,
             limits: Limits::default(),

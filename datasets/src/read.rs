@@ -97,6 +97,13 @@ pub(crate) fn read_chosen(
         return Err(ReadViewsError::field(path, field, found, "a layout with matrices of cameras"));
     }
     let (total, done, bytes) = (chosen.len(), AtomicUsize::new(0), AtomicU64::new(0));
+    let longest = longest_side(path, source, &chosen, options)?;
+    if let Some(longest) = longest {
+        warnings.push(format!(
+            "all views at their own size would take more than {} of memory: their longer side is averaged down to {longest} pixels",
+            megabytes(options.memory_limit)
+        ));
+    }
     let results: Vec<Result<View, ReadViewsError>> = chosen
         .par_iter()
         .map_init(
@@ -110,6 +117,10 @@ pub(crate) fn read_chosen(
                 check_budget(path, options, bytes.load(Ordering::Relaxed))?;
                 let view = read(opened)?;
                 let view = View { camera: meant(view.camera, layout, options), ..view };
+                let view = match longest {
+                    Some(longest) => view.at_most(longest),
+                    None => view,
+                };
                 let held = view.bytes() as u64;
                 check_budget(path, options, bytes.fetch_add(held, Ordering::Relaxed) + held)?;
                 progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
@@ -172,11 +183,41 @@ pub(crate) fn read_chosen(
     Ok(Views { views, source: path.to_owned(), layout, warnings, test })
 }
 
+/// Views of which so few are read that their memory is not judged by the first of them: that one is read twice.
+const FEW: usize = 16;
+
+/// To how many pixels of the longer side views must come down for all of them to stay within their memory, if they must: the first
+/// view tells. Where they are refused instead, they are so before the others are read.
+fn longest_side(
+    path: &Path,
+    source: &Source,
+    chosen: &[&Pending<'_>],
+    options: &ReadOptions,
+) -> Result<Option<usize>, ReadViewsError> {
+    if chosen.len() < FEW {
+        return Ok(None);
+    }
+    // One that cannot be read is spoken of where all are.
+    let Ok(first) = chosen[0](&mut source.open()?) else { return Ok(None) };
+    let needed = first.bytes() as u64 * chosen.len() as u64;
+    if needed <= options.memory_limit || !options.shrink_to_limit {
+        return check_budget(path, options, needed).map(|()| None);
+    }
+    let scale = (options.memory_limit as f64 / needed as f64).sqrt();
+    let side = first.color.height.max(first.color.width) as f64;
+    // One less, since sides are rounded.
+    Ok(Some(((side * scale) as usize).saturating_sub(1).max(1)))
+}
+
+fn megabytes(bytes: u64) -> String {
+    format!("{} MB", bytes / 1_000_000)
+}
+
 fn check_budget(path: &Path, options: &ReadOptions, found: u64) -> Result<(), ReadViewsError> {
     if found <= options.memory_limit {
         return Ok(());
     }
-    let field = "all views in memory (read them smaller with `max_size`)";
+    let field = "all views in memory";
     Err(over(path, field, OverLimit { needed: found, most: options.memory_limit }))
 }
 

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use datasets::{CameraAxes, MaskSource, PoseDirection, ReadOptions, Turntable};
 
-use super::values::{Choices, degrees, factor, hex_color, one_of};
+use super::values::{Choices, degrees, factor, hex_color, memory, one_of};
 
 /// A hundred thousand names fit.
 const LIST_BYTES: u64 = 1 << 24;
@@ -56,6 +56,9 @@ pub(crate) struct Reading {
     /// Average larger images down to this many pixels on their longer side.
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(8..))]
     pub(crate) max_size: Option<u32>,
+    /// Stay within about so much memory, 2GB or 500MB: views that would take more are averaged down together.
+    #[arg(long, value_name = "SIZE", value_parser = memory)]
+    pub(crate) max_memory: Option<u64>,
     /// Leave out views whose files are missing or that have no mask, instead of refusing them all.
     #[arg(long)]
     pub(crate) allow_missing: bool,
@@ -105,6 +108,8 @@ impl Reading {
             focal_scale: self.focal_scale,
             invert: self.invert_masks,
             max_size: self.max_size.map(|n| n as usize),
+            memory_limit: self.max_memory.map_or(ReadOptions::default().memory_limit, for_pixels),
+            shrink_to_limit: self.max_memory.is_some(),
             allow_missing: self.allow_missing,
             object: self.object.clone(),
             turntable: self.turntable.zip(self.fov).map(|(count, fov)| Turntable {
@@ -117,6 +122,13 @@ impl Reading {
             ..ReadOptions::default()
         }
     }
+}
+
+/// What of so much memory is for pixels. A fit takes up to 0.4 GB and nearly half as much again beside them (docs/views.md has what was
+/// measured), of small images less than that.
+fn for_pixels(memory: u64) -> u64 {
+    let memory = memory as f64;
+    ((memory - 4e8) / 1.45).max(memory / 2.5) as u64
 }
 
 /// The views that a file names.

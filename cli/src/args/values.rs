@@ -59,6 +59,21 @@ pub(crate) fn factor(text: &str) -> Result<f64, String> {
     factor.ok_or_else(|| "expected a number above 0, from 1.2e-38 to 3.4e38".to_owned())
 }
 
+/// Bytes, of a number and its unit.
+pub(crate) fn memory(text: &str) -> Result<u64, String> {
+    let number = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match text[number.len()..].to_ascii_uppercase().as_str() {
+        "MB" | "M" => 1e6,
+        "GB" | "G" => 1e9,
+        _ => return Err("a number with its unit expected, 2GB or 500MB for example".to_owned()),
+    };
+    let bytes = number.trim().parse::<f64>().map_err(|error| error.to_string())? * unit;
+    if !(1e8..=1e15).contains(&bytes) {
+        return Err("100MB at least expected".to_owned());
+    }
+    Ok(bytes as u64)
+}
+
 pub(crate) fn hex_color(text: &str) -> Result<[u8; 3], String> {
     let digits = text.trim_start_matches('#');
     let byte = |k: usize| digits.get(2 * k..2 * k + 2).and_then(|d| u8::from_str_radix(d, 16).ok());

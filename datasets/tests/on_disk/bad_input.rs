@@ -1,6 +1,7 @@
 //! Spoilt inputs: each gives an error that names the file and the field, and none a panic.
 
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::common::{ball, edit, edit_json, kaolin_folder, read, transforms_folder, zipped};
 use datasets::{MaskSource, ReadOptions, ReadViewsError, ViewsProblem, read_views};
@@ -133,7 +134,32 @@ fn views_that_would_not_fit_in_memory_are_refused() {
     let folder = kaolin_folder(4);
     let options = ReadOptions { memory_limit: 10_000, ..ReadOptions::default() };
     let error = read_views(folder.path(), &options, &|_, _| {}).unwrap_err();
-    assert_names(&error, &["10000", "max_size"]);
+    assert_names(&error, &["10000", "all views"]);
+}
+
+#[test]
+fn many_views_are_judged_by_the_first_and_shrunk_where_that_is_wanted() {
+    let folder = kaolin_folder(20);
+    let whole = read(folder.path()).unwrap();
+    let bytes: usize = whole.views.iter().map(|view| view.bytes()).sum();
+    let options = ReadOptions { memory_limit: bytes as u64 / 3, ..ReadOptions::default() };
+    let seen = AtomicUsize::new(0);
+    let count = |_: usize, _: usize| {
+        seen.fetch_add(1, Ordering::Relaxed);
+    };
+    let error = read_views(folder.path(), &options, &count).unwrap_err();
+    // What all would take, though none but the first was read.
+    assert_names(&error, &[&bytes.to_string(), "all views"]);
+    assert_eq!(seen.into_inner(), 0);
+
+    let options = ReadOptions { shrink_to_limit: true, ..options };
+    let small = read_views(folder.path(), &options, &|_, _| {}).unwrap();
+    let held: usize = small.views.iter().map(|view| view.bytes()).sum();
+    assert!(held <= bytes / 3 && 4 * held > bytes, "{held} of {bytes}");
+    assert!(small.warnings.iter().any(|w| w.contains("averaged down to")), "{:?}", small.warnings);
+    let options = ReadOptions { memory_limit: bytes as u64, ..options };
+    let same = read_views(folder.path(), &options, &|_, _| {}).unwrap();
+    assert!(same.warnings.is_empty() && same.views[7].color == whole.views[7].color);
 }
 
 #[test]
