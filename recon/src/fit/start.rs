@@ -52,9 +52,7 @@ impl Start {
             let ball = slender.then(|| ball(views, targets, placement)).flatten();
             return (ball.unwrap_or(Self::Sphere), Some(cut(&solid)));
         }
-        if !holed && !slender {
-            return (Self::Sphere, None);
-        }
+        // Without a hole too: where a mask shows one, arms or handles reach around it, and a sphere loses such.
         let mut mesh = skin(&lattice, &solid.inside);
         hull::smooth(&mut mesh);
         (Self::Surface(mesh, lattice.step), None)
