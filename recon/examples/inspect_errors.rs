@@ -69,7 +69,10 @@ fn mistakes() -> Vec<(&'static str, Vec<(String, Planted)>)> {
             "a bite out of a quarter of the masks",
             sized(&areas, " of the area", &|area| Planted::Bites { views: 0.25, area }),
         ),
-        ("views of one side alone", sized(&[90.0, 60.0, 40.0], "° around", &Planted::OneSided)),
+        (
+            "views of one side alone",
+            sized(&[90.0, 60.0, 40.0], "° from the middle view", &Planted::OneSided),
+        ),
     ]
 }
 

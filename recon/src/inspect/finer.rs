@@ -126,7 +126,9 @@ fn explains(lens: &LensFit) -> bool {
 
 fn lens_problem(lens: &LensFit) -> Problem {
     let LensFit { focal, shift: [right, down], given, gap } = *lens;
-    let instead = format!("(outlines miss one another by {gap:.2} pixels instead of {given:.2})");
+    let instead = format!(
+        "(in images brought to 320 pixels at most outlines miss one another by {gap:.2} pixels instead of {given:.2})"
+    );
     if right.hypot(down) > ASIDE {
         let message = format!(
             "the principal point looks off: {right:+.1} pixels to the right and {down:+.1} down explain the \
