@@ -122,6 +122,8 @@ pub(crate) enum Command {
     Reproduce(Reproduce),
     /// Print a completion script for a shell.
     Completions(Completions),
+    /// Write the manual's pages, one a command, for `man`.
+    Man(Manual),
 }
 
 #[derive(Args, Debug)]
@@ -366,6 +368,15 @@ pub(crate) struct Check {
 pub(crate) struct Completions {
     /// The shell.
     pub(crate) shell: clap_complete::Shell,
+}
+
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  unsphere man -o pages && man pages/unsphere-fit.1
+  unsphere man -o ~/.local/share/man/man1 --force      then: man unsphere-fit")]
+pub(crate) struct Manual {
+    #[command(flatten)]
+    pub(crate) output: Output,
 }
 
 #[cfg(test)]

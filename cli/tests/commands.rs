@@ -140,6 +140,23 @@ fn settings_and_completions_are_printed() {
 }
 
 #[test]
+fn the_manual_has_a_page_for_each_command() {
+    let place = tempfile::tempdir().unwrap();
+    let run = unsphere(place.path(), ["man", "-o", "pages", "--json"]).ok().json();
+    let names: Vec<_> = std::fs::read_dir(place.path().join("pages"))
+        .unwrap()
+        .map(|file| file.unwrap().file_name().into_string().unwrap())
+        .collect();
+    assert_eq!(run["pages"], names.len());
+    for page in ["unsphere.1", "unsphere-fit.1", "unsphere-data-generate.1"] {
+        assert!(names.iter().any(|name| name == page), "{page} among {names:?}");
+    }
+    let page = std::fs::read_to_string(place.path().join("pages/unsphere-fit.1")).unwrap();
+    assert!(page.starts_with(".ie") && page.contains(".TH") && page.contains("max\\-memory"));
+    unsphere(place.path(), ["man", "-o", "pages"]).fails(1, &["pages", "--force"]);
+}
+
+#[test]
 fn an_open_mesh_fails_the_check() {
     let place = tempfile::tempdir().unwrap();
     std::fs::write(place.path().join("open.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();

@@ -10,6 +10,7 @@ mod demo;
 pub(crate) mod eval;
 pub(crate) mod export;
 mod fit;
+mod man;
 mod metrics;
 pub(crate) mod predict;
 mod render;
@@ -82,5 +83,6 @@ fn perform(
         Command::Data(arguments) => data::run(console, global, &arguments),
         Command::Reproduce(arguments) => reproduce::run(console, global, &arguments),
         Command::Completions(arguments) => completions::run(&arguments, systems),
+        Command::Man(arguments) => man::run(console, &arguments, systems),
     })
 }
