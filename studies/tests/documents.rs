@@ -13,8 +13,10 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+use std::thread;
 
-use studies::{Reproduced, Results, Table, Verdict, remake, studies};
+use studies::{Reproduced, Results, Study, Table, Verdict, remake, studies};
 
 const END: &str = "<!-- end -->";
 
@@ -30,21 +32,26 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// All studies whose results are committed.
-fn all_made() -> BTreeMap<&'static str, Made> {
-    let mut all = BTreeMap::new();
-    for study in studies() {
-        let path = root().join("docs/results").join(format!("{}.json", study.name()));
-        if !path.exists() {
-            continue;
-        }
-        let out = tempfile::tempdir().unwrap();
-        let reproduced = remake(study, &path, out.path()).unwrap();
-        let page = fs::read_to_string(out.path().join("table.md")).unwrap();
-        let results = Results::read(&path).unwrap();
-        all.insert(study.name(), Made { results, reproduced, page });
+/// All studies whose results are committed, made once for all tests: their intervals take most of a minute of one core.
+static MADE: LazyLock<BTreeMap<&str, Made>> = LazyLock::new(|| {
+    thread::scope(|scope| {
+        let at_work: Vec<_> =
+            studies().map(|study| (study.name(), scope.spawn(move || made(study)))).collect();
+        let all = at_work.into_iter().map(|(name, thread)| (name, thread.join().unwrap()));
+        all.filter_map(|(name, made)| Some((name, made?))).collect()
+    })
+});
+
+/// A study, where its results are committed.
+fn made(study: &dyn Study) -> Option<Made> {
+    let path = root().join("docs/results").join(format!("{}.json", study.name()));
+    if !path.exists() {
+        return None;
     }
-    all
+    let out = tempfile::tempdir().unwrap();
+    let reproduced = remake(study, &path, out.path()).unwrap();
+    let page = fs::read_to_string(out.path().join("table.md")).unwrap();
+    Some(Made { results: Results::read(&path).unwrap(), reproduced, page })
 }
 
 /// How a study was run, and what came of its claims.
@@ -148,9 +155,9 @@ fn filled(document: &str, made: &BTreeMap<&str, Made>) -> String {
 /// Nothing is said of a study that its results do not say, and there are no tables without results.
 #[test]
 fn documents_quote_the_results() {
-    let made = all_made();
+    let made = &*MADE;
     let mut expected: Vec<(PathBuf, String)> = Vec::new();
-    for (name, made) in &made {
+    for (name, made) in made {
         expected.push((root().join(format!("docs/results/{name}.md")), made.page.clone()));
     }
     for entry in fs::read_dir(root().join("docs/results")).unwrap() {
@@ -160,7 +167,7 @@ fn documents_quote_the_results() {
     }
     for entry in fs::read_dir(root().join("docs/notebooks")).unwrap() {
         let path = entry.unwrap().path();
-        let text = filled(&fs::read_to_string(&path).unwrap(), &made);
+        let text = filled(&fs::read_to_string(&path).unwrap(), made);
         expected.push((path, text));
     }
     for (path, text) in expected {
@@ -179,12 +186,12 @@ fn documents_quote_the_results() {
 /// A figure that somebody changed by hand is found.
 #[test]
 fn what_is_changed_by_hand_is_made_again() {
-    let made = all_made();
+    let made = &*MADE;
     let Some(name) = made.keys().next() else { return };
     let right =
-        filled(&format!("Text\n<!-- claims {name} -->{END}\nafter <!-- other --> it"), &made);
+        filled(&format!("Text\n<!-- claims {name} -->{END}\nafter <!-- other --> it"), made);
     assert!(right.ends_with("after <!-- other --> it"));
-    assert_eq!(filled(&right, &made), right);
+    assert_eq!(filled(&right, made), right);
     let wrong = right.replacen("undecided", "holds", 1);
-    assert!(wrong != right && filled(&wrong, &made) == right);
+    assert!(wrong != right && filled(&wrong, made) == right);
 }
