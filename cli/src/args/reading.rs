@@ -95,8 +95,10 @@ pub(crate) struct Reading {
 
 impl Reading {
     pub(crate) fn options(&self) -> ReadOptions {
+        let defaults = ReadOptions::default();
         ReadOptions {
             mask: self.mask,
+            memory_limit: self.max_memory.map_or(defaults.memory_limit, for_pixels),
             masks: self.masks.clone(),
             largest_part: self.largest_part,
             fill_holes: self.fill_holes,
@@ -108,7 +110,6 @@ impl Reading {
             focal_scale: self.focal_scale,
             invert: self.invert_masks,
             max_size: self.max_size.map(|n| n as usize),
-            memory_limit: self.max_memory.map_or(ReadOptions::default().memory_limit, for_pixels),
             shrink_to_limit: self.max_memory.is_some(),
             allow_missing: self.allow_missing,
             object: self.object.clone(),
@@ -119,7 +120,7 @@ impl Reading {
                 fov,
                 reverse: self.turntable_reverse,
             }),
-            ..ReadOptions::default()
+            ..defaults
         }
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::common::{ball, edit, edit_json, kaolin_folder, read, transforms_folder, zipped};
-use datasets::{MaskSource, ReadOptions, ReadViewsError, ViewsProblem, read_views};
+use datasets::{MaskSource, ReadOptions, ReadViewsError, View, ViewsProblem, read_views};
 use mesh_core::{ByteImage, write_png};
 use proptest::prelude::*;
 use serde_json::json;
@@ -141,7 +141,7 @@ fn views_that_would_not_fit_in_memory_are_refused() {
 fn many_views_are_judged_by_the_first_and_shrunk_where_that_is_wanted() {
     let folder = kaolin_folder(20);
     let whole = read(folder.path()).unwrap();
-    let bytes: usize = whole.views.iter().map(|view| view.bytes()).sum();
+    let bytes: usize = whole.views.iter().map(View::bytes).sum();
     let options = ReadOptions { memory_limit: bytes as u64 / 3, ..ReadOptions::default() };
     let seen = AtomicUsize::new(0);
     let count = |_: usize, _: usize| {
@@ -154,7 +154,7 @@ fn many_views_are_judged_by_the_first_and_shrunk_where_that_is_wanted() {
 
     let options = ReadOptions { shrink_to_limit: true, ..options };
     let small = read_views(folder.path(), &options, &|_, _| {}).unwrap();
-    let held: usize = small.views.iter().map(|view| view.bytes()).sum();
+    let held: usize = small.views.iter().map(View::bytes).sum();
     assert!(held <= bytes / 3 && 4 * held > bytes, "{held} of {bytes}");
     assert!(small.warnings.iter().any(|w| w.contains("averaged down to")), "{:?}", small.warnings);
     let options = ReadOptions { memory_limit: bytes as u64, ..options };
