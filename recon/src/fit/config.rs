@@ -19,7 +19,7 @@ train::options! {
         /// for tests (NeRF's and nerfstudio's splits), it is those; `none` fits all.
         #[serde(with = "train::settings::optional")]
         pub hold_out: Option<usize> = Some(5), in 2..=LARGEST as usize;
-        /// Subdivision level of the icosphere to start from; slender objects and those with holes start from their
+        /// Subdivision level of the icosphere to start from; slender objects and those that show a hole start from their
         /// hull, at the level before the last or this one. Level 3 has 642 vertices.
         pub start_level: u32 = 3, in 1..=6;
         /// Subdivision level to end with; 5 has 10,242 vertices.
