@@ -1,8 +1,9 @@
 //! What a predicted mesh and the masks agree on: where a refinement begins.
 //!
 //! A prediction knows what no view shows, the masks know where there is nothing, and where there must be something. So the
-//! prediction is carved by the hull of the masks, as a solid; and where a pixel of a mask shows none of what is left, the points of
-//! the hull on its ray that are nearest to the prediction are added: the leg of a chair whose prediction has it a little beside.
+//! prediction is carved by the hull of the masks, as a solid; and where a pixel of a mask shows none of what is left, the point of
+//! the hull on its ray that is nearest to the prediction is added, with what of the hull lies between: the leg of a chair whose
+//! prediction has it a little beside.
 
 use mesh_core::{ClosestPoint, TriMesh, voxelize_solid};
 use rayon::prelude::*;
@@ -17,8 +18,10 @@ const LONGEST: usize = 96;
 const ROOM: f64 = 1.4;
 /// Points no further outside of the hull than this, in steps, may hold some of the object.
 const ALLOWED: f32 = 0.3;
-/// How thick what is added is along its ray, in steps.
-const THICK: f32 = 1.0;
+/// How far beyond the nearest point that a pixel asks for is added, in steps.
+const MARGIN: f32 = 0.5;
+/// How much less may be added for each step away from what pixels ask for: with less than one, arms become lumps; with more, sheets.
+const SLOPE: f32 = 1.0;
 /// Distances beyond this many steps are those of a block.
 const FAR: f32 = 2.0;
 /// Points along a side of the blocks whose distance is first measured as a whole.
@@ -55,8 +58,9 @@ impl<'a> Prior<'a> {
         for distance in &mut prior {
             *distance -= self.tolerance / lattice.step;
         }
-        let asked = asked(&lattice, &prior, targets, &self.placement);
-        for (slot, &own) in prior.iter().enumerate().filter(|(slot, _)| !asked[*slot]) {
+        let reach = reach(&lattice, &prior, targets, &self.placement);
+        for (slot, (&own, &reach)) in prior.iter().zip(&reach).enumerate() {
+            let own = own - reach;
             lattice.distance[slot] = lattice.distance[slot].max(own);
             lattice.agreed[slot] = lattice.agreed[slot].max(own);
         }
@@ -110,8 +114,52 @@ fn norm(v: [f32; 3]) -> f32 {
     v.iter().map(|x| x * x).sum::<f32>().sqrt()
 }
 
-/// The points of the hull that pixels ask for because nothing of the mesh is on their ray.
-fn asked(lattice: &Lattice, prior: &[f32], targets: &[Target], placement: &Placement) -> Vec<bool> {
+/// How far outside of the mesh each point may be, in steps, because of the points nearby that pixels ask for: as far as those are, and less
+/// by `SLOPE` for each step away from them, so that what is added is joined to the mesh by a cone and not left beside it as a sheet.
+fn reach(lattice: &Lattice, prior: &[f32], targets: &[Target], placement: &Placement) -> Vec<f32> {
+    let mut reach = vec![0.0_f32; prior.len()];
+    for slot in asked(lattice, prior, targets, placement) {
+        reach[slot] = reach[slot].max(prior[slot] + MARGIN);
+    }
+    spread(&mut reach, lattice.dims);
+    reach
+}
+
+/// Raises each value to what is left of the values around it. Two passes, with the steps of a chamfer distance.
+fn spread(values: &mut [f32], [nx, ny, nz]: [usize; 3]) {
+    // The neighbours that come before a point, and what a step to them costs.
+    let before: Vec<([isize; 3], f32)> = (0..13)
+        .map(|n| [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1])
+        .map(|step: [isize; 3]| {
+            let squared: isize = step.iter().map(|x| x * x).sum();
+            (step, SLOPE * (squared as f32).sqrt())
+        })
+        .collect();
+    let slots = nx * ny * nz;
+    for side in [1, -1] {
+        for number in 0..slots {
+            let slot = if side == 1 { number } else { slots - 1 - number };
+            let at = [slot % nx, slot / nx % ny, slot / (nx * ny)];
+            let mut best = values[slot];
+            for (step, cost) in &before {
+                let place: [usize; 3] =
+                    std::array::from_fn(|k| at[k].wrapping_add_signed(side * step[k]));
+                if place[0] < nx && place[1] < ny && place[2] < nz {
+                    best = best.max(values[(place[2] * ny + place[1]) * nx + place[0]] - cost);
+                }
+            }
+            values[slot] = best;
+        }
+    }
+}
+
+/// The points of the hull that pixels ask for because nothing of the mesh is on their ray: the nearest to it on each.
+fn asked(
+    lattice: &Lattice,
+    prior: &[f32],
+    targets: &[Target],
+    placement: &Placement,
+) -> Vec<usize> {
     let found: Vec<Vec<usize>> = targets
         .par_iter()
         .map(|target| {
@@ -127,18 +175,14 @@ fn asked(lattice: &Lattice, prior: &[f32], targets: &[Target], placement: &Place
                     on_ray.retain(|&slot| lattice.distance[slot] < ALLOWED);
                     let nearest = on_ray.iter().map(|&s| prior[s]).fold(f32::INFINITY, f32::min);
                     if nearest >= ALLOWED {
-                        found.extend(on_ray.iter().filter(|&&s| prior[s] <= nearest + THICK));
+                        found.extend(on_ray.iter().filter(|&&s| prior[s] <= nearest + MARGIN));
                     }
                 }
             }
             found
         })
         .collect();
-    let mut asked = vec![false; prior.len()];
-    for slot in found.into_iter().flatten() {
-        asked[slot] = true;
-    }
-    asked
+    found.concat()
 }
 
 /// The points of the lattice nearest to the ray through a place of the box, in order.

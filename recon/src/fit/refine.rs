@@ -41,9 +41,9 @@ train::options! {
 /// those of the closest point of the mesh that was given. One view will do. A texture is not kept.
 ///
 /// First mesh and masks are joined as solids: what a view shows to be empty is taken away, and where a pixel of a mask shows none of
-/// what is left, the points of the visual hull on its ray that are nearest to the mesh are added. The surface of that has as many holes
-/// as mesh and masks have together; from there on it is [`fit`](super::fit). Thin sheets may be left with some self-intersections. What no
-/// view shows keeps its shape. A part that masks show and the mesh lacks stays apart from the rest where no view shows how they are joined.
+/// what is left, the point of the visual hull on its ray that is nearest to the mesh is added, and what of the hull lies between. The
+/// surface of that has as many holes as mesh and masks have together; from there on it is [`fit`](super::fit). Thin sheets may be left with
+/// some self-intersections. What no view shows keeps its shape.
 ///
 /// ```
 /// use mesh_core::primitives;
@@ -217,6 +217,20 @@ mod tests {
         assert!(after > 0.89, "{before} to {after}");
         let found = refined.examined();
         assert!(found.is_solid() && found.health.components == 1, "{found}");
+    }
+
+    /// A lump grows, and does not become a sponge of sheets, one for each view.
+    #[test]
+    fn a_guess_that_is_most_of_the_way_off_becomes_no_sponge() {
+        let object = primitives::icosphere(3).scaled([1.0, 0.5, 0.7]).colored([0.6; 3]);
+        let guess = object.clone().scaled([0.3; 3]).translated([0.5, 0.2, 0.0]);
+        let (given, others) = (seen(&object, 5, 10.0), seen(&object, 9, -10.0));
+        let refined = refine(&guess, &given, &RefineConfig::default()).unwrap();
+        let found = refined.examined();
+        assert!(found.is_solid() && found.health.components == 1, "{found}");
+        // By the nearest points alone: 88 holes, 864 pairs of faces that cross, 0.64.
+        let (holes, after) = (found.health.genus(), iou(&refined, &others));
+        assert!(holes < Some(15) && after > 0.82, "{holes:?} holes, {after}");
     }
 
     /// What one view does not show, its depth, is the guess's.
