@@ -10,7 +10,7 @@ use crate::evaluate::seen_from;
 use crate::fit::signed_distance;
 
 /// Longer sides are averaged down to this.
-const LONGEST: usize = 320;
+pub(super) const LONGEST: usize = 320;
 /// What is nearer to the other outline than this, pixels, agrees.
 const TOLERANCE: f32 = 1.0;
 /// A hole in a mask has at least so large a share of the mask, and so many pixels.

@@ -6,7 +6,7 @@ use mesh_core::{ByteImage, Camera};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::disagreement::{self, Disagreement};
+use super::disagreement::{self, Disagreement, LONGEST};
 use crate::fit::Fitted;
 use crate::inspect::{Coherence, LensFit, fitness_of, unseen_of};
 
@@ -28,7 +28,7 @@ pub struct Evidence {
     pub mask_edge: Option<f64>,
     /// Share of all directions that a surface can face in which no fitted view sees it, and the axis nearest to their middle.
     pub unseen: (f64, String),
-    /// How far the outlines moved because cameras were refined, pixels; 0 where they were not.
+    /// How far the outlines moved because cameras were refined, pixels of an image of at most 320; 0 where they were not.
     pub motion: f64,
     /// Pairs of faces that run through each other.
     pub self_intersections: usize,
@@ -79,6 +79,8 @@ impl Evidence {
             fitted.train_views.iter().map(|&i| &views.views[i].color).collect();
         let fitness = fitness_of(&train, &colors);
         let seen = fitted.train_views.iter().map(|&i| camera(i));
+        let longest = shown.iter().map(|&i| camera(i).width.max(camera(i).height)).max();
+        let brought = (LONGEST as f64 / longest.unwrap_or(0) as f64).min(1.0);
         Ok(Self {
             mask_iou,
             fitted_iou,
@@ -87,7 +89,7 @@ impl Evidence {
             lens: fitness.and_then(|fitness| fitness.lens),
             mask_edge: fitness.and_then(|fitness| fitness.mask_edge),
             unseen: unseen_of(seen, fitted.placement.center),
-            motion: fitted.cameras.as_ref().map_or(0.0, |refined| refined.motion),
+            motion: fitted.cameras.as_ref().map_or(0.0, |refined| brought * refined.motion),
             self_intersections: fitted.self_intersections,
             closed: fitted.health.is_watertight(),
             views: judged,

@@ -23,7 +23,7 @@ const EXCESS: f64 = 0.1;
 const UNSEEN: f64 = 0.3;
 /// Views below which any shape is a guess.
 const FEW: usize = 7;
-/// Pixels that cameras were moved by beyond which their frame is not sure.
+/// Pixels, of images brought to 320 at most, that cameras were moved by beyond which their frame is not sure.
 const MOTION: f64 = 3.0;
 /// Share of the views that the border of the image cuts.
 const CUT: f64 = 0.1;
@@ -130,7 +130,10 @@ fn masks(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
         say(Grade::Doubtful, text);
     }
     if evidence.motion > MOTION {
-        let text = format!("the cameras had to be moved by {:.1} pixels", evidence.motion);
+        let text = format!(
+            "the cameras had to be moved by {:.1} pixels, in images brought to 320 at most",
+            evidence.motion
+        );
         say(Grade::Doubtful, text);
     }
 }
