@@ -43,7 +43,8 @@ train::options! {
 /// First mesh and masks are joined as solids: what a view shows to be empty is taken away, and where a pixel of a mask shows none of
 /// what is left, the point of the visual hull on its ray that is nearest to the mesh is added, and what of the hull lies between. The
 /// surface of that has as many holes as mesh and masks have together; from there on it is [`fit`](super::fit). Thin sheets may be left with
-/// some self-intersections. What no view shows keeps its shape.
+/// some self-intersections. What no view shows keeps its shape. A part that masks show and the mesh lacks stays apart from the rest where
+/// the hull has nothing in between.
 ///
 /// ```
 /// use mesh_core::primitives;
