@@ -155,7 +155,7 @@ pub use sample::{SurfacePoint, sample_points, sample_surface};
 pub use scalar::Scalar;
 pub use subdivide::{Subdivision, subdivide};
 pub use topology::{FacePair, Topology};
-pub use untangle::untangle;
+pub use untangle::{untangle, untangle_towards};
 #[cfg(feature = "camera")]
 pub use up_axis::{UpAxis, UpAxisError};
 pub use voxel::{

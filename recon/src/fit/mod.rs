@@ -305,12 +305,14 @@ impl<'a, 'o> Run<'a, 'o> {
         let thin = matches!(start, Start::Surface(..));
         let (mut shape, start) = start.shape(config);
         let mut order = Order::new(self.train.len(), config);
+        // The last positions of these faces that pass nowhere through each other: mended, then perhaps divided.
+        let mended = thin && settle::mend(&mut shape, None);
+        let mut sound = mended.then(|| shape.positions.clone());
         for level in start..=config.level {
             if level > start {
-                if thin {
-                    settle::mend(&mut shape);
-                }
+                let mended = thin && settle::mend(&mut shape, sound.as_deref());
                 shape = shape.subdivided(config);
+                sound = mended.then(|| shape.positions.clone());
             }
             let name = format!("level {level}");
             self.stage(&name, shape.positions.len(), shape.faces.len());
@@ -325,7 +327,8 @@ impl<'a, 'o> Run<'a, 'o> {
             }
         }
         if thin && !self.is_cancelled() {
-            settle::settle(&mut shape, &self.train, config, self.fitted.history.len())?;
+            let step = self.fitted.history.len();
+            settle::settle(&mut shape, sound.as_deref(), &self.train, config, step)?;
             self.evaluate(&shape, self.fitted.history.len());
             self.lap("settle");
         }

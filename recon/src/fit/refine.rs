@@ -131,11 +131,14 @@ fn moved(
     let coarse = coarsen(start, &lengths);
     let TriMesh { positions, faces, .. } = coarse.as_ref().unwrap_or(start).clone();
     let mut shape = Shape::of(positions, faces, &options);
+    let mended = settle::mend(&mut shape, None);
+    let sound = mended.then(|| shape.positions.clone());
     steps(&mut shape, targets, config, &options)?;
-    settle::mend(&mut shape);
+    let mended = settle::mend(&mut shape, sound.as_deref());
     shape = shape.subdivided(&options);
+    let sound = mended.then(|| shape.positions.clone());
     steps(&mut shape, targets, config, &options)?;
-    settle::settle(&mut shape, targets, &options, 2 * config.steps)?;
+    settle::settle(&mut shape, sound.as_deref(), targets, &options, 2 * config.steps)?;
     Ok(shape)
 }
 

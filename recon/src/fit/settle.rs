@@ -1,6 +1,6 @@
 //! The last steps of a mesh with thin parts, which mending pushed off the masks' edges.
 
-use mesh_core::{Examination, untangle};
+use mesh_core::{Examination, untangle, untangle_towards};
 
 use super::{config::FitConfig, error::FitError, shape::Shape, target::Target};
 
@@ -11,18 +11,19 @@ const STEPS: usize = 6;
 /// Their length, as a share of a level's first step.
 const SHARE: f32 = 0.1;
 
-/// Mends the mesh, then moves and mends it by turns as long as that brings it nearer to the masks. What results has no
-/// self-intersections, if mending can have it so.
+/// Mends the mesh, then moves and mends it by turns as long as that brings it nearer to the masks. What mending cannot is brought
+/// back to where it was sound, if that is known: `sound` are such positions of the same faces.
 ///
 /// # Errors
 /// As [`Shape::step`].
 pub(super) fn settle(
     shape: &mut Shape,
+    sound: Option<&[[f32; 3]]>,
     targets: &[Target],
     config: &FitConfig,
     step: usize,
 ) -> Result<(), FitError> {
-    if !mend(shape) {
+    if !mend(shape, sound) {
         return Ok(());
     }
     let views: Vec<usize> = (0..targets.len()).collect();
@@ -34,7 +35,7 @@ pub(super) fn settle(
             let rate = SHARE * config.learning_rate;
             shape.step(targets, &views, stride, config, rate, step + round * STEPS + k)?;
         }
-        if !mend(shape) {
+        if !mend(shape, sound) {
             break;
         }
         let found = shape.mask_iou(targets);
@@ -47,13 +48,24 @@ pub(super) fn settle(
     Ok(())
 }
 
-/// Whether nothing of the mesh passes through itself any more.
-pub(super) fn mend(shape: &mut Shape) -> bool {
+/// Whether nothing of the mesh passes through itself any more. What smoothing cannot mend is brought back to where it was sound, if
+/// that is known; what neither can stays as far as smoothing came.
+pub(super) fn mend(shape: &mut Shape, sound: Option<&[[f32; 3]]>) -> bool {
     let mut positions = shape.positions.clone();
     let rounds = untangle(&mut positions, &shape.faces, &shape.topology);
-    if rounds != Some(0) {
-        shape.place(positions);
+    if rounds == Some(0) {
+        return true;
     }
+    if rounds.is_none()
+        && let Some(sound) = sound
+    {
+        let mut back = shape.positions.clone();
+        if untangle_towards(sound, &mut back, &shape.faces, &shape.topology) {
+            shape.place(back);
+            return true;
+        }
+    }
+    shape.place(positions);
     rounds.is_some()
 }
 
