@@ -305,14 +305,15 @@ impl<'a, 'o> Run<'a, 'o> {
         let thin = matches!(start, Start::Surface(..));
         let (mut shape, start) = start.shape(config);
         let mut order = Order::new(self.train.len(), config);
-        // The last positions of these faces that pass nowhere through each other: mended, then perhaps divided.
-        let mended = thin && settle::mend(&mut shape, None);
-        let mut sound = mended.then(|| shape.positions.clone());
+        // Positions of the vertices at which nothing passes through itself, as near as there are any.
+        let mut sound = if thin { settle::sound(&shape) } else { None };
         for level in start..=config.level {
             if level > start {
-                let mended = thin && settle::mend(&mut shape, sound.as_deref());
+                if thin {
+                    let found = settle::mend(&mut shape, sound.as_deref(), &self.train);
+                    sound = found.map(|positions| shape.divided(&positions));
+                }
                 shape = shape.subdivided(config);
-                sound = mended.then(|| shape.positions.clone());
             }
             let name = format!("level {level}");
             self.stage(&name, shape.positions.len(), shape.faces.len());

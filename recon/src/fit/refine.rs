@@ -131,12 +131,11 @@ fn moved(
     let coarse = coarsen(start, &lengths);
     let TriMesh { positions, faces, .. } = coarse.as_ref().unwrap_or(start).clone();
     let mut shape = Shape::of(positions, faces, &options);
-    let mended = settle::mend(&mut shape, None);
-    let sound = mended.then(|| shape.positions.clone());
+    let sound = settle::sound(&shape);
     steps(&mut shape, targets, config, &options)?;
-    let mended = settle::mend(&mut shape, sound.as_deref());
+    let sound = settle::mend(&mut shape, sound.as_deref(), targets);
+    let sound = sound.map(|positions| shape.divided(&positions));
     shape = shape.subdivided(&options);
-    let sound = mended.then(|| shape.positions.clone());
     steps(&mut shape, targets, config, &options)?;
     settle::settle(&mut shape, sound.as_deref(), targets, &options, 2 * config.steps)?;
     Ok(shape)

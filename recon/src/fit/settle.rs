@@ -23,7 +23,7 @@ pub(super) fn settle(
     config: &FitConfig,
     step: usize,
 ) -> Result<(), FitError> {
-    if !mend(shape, sound) {
+    if !mended(shape, sound, targets) {
         return Ok(());
     }
     let views: Vec<usize> = (0..targets.len()).collect();
@@ -35,7 +35,7 @@ pub(super) fn settle(
             let rate = SHARE * config.learning_rate;
             shape.step(targets, &views, stride, config, rate, step + round * STEPS + k)?;
         }
-        if !mend(shape, sound) {
+        if !mended(shape, sound, targets) {
             break;
         }
         let found = shape.mask_iou(targets);
@@ -48,25 +48,50 @@ pub(super) fn settle(
     Ok(())
 }
 
-/// Whether nothing of the mesh passes through itself any more. What smoothing cannot mend is brought back to where it was sound, if
-/// that is known; what neither can stays as far as smoothing came.
-pub(super) fn mend(shape: &mut Shape, sound: Option<&[[f32; 3]]>) -> bool {
+/// Whether nothing of the mesh passes through itself any more.
+fn mended(shape: &mut Shape, sound: Option<&[[f32; 3]]>, targets: &[Target]) -> bool {
+    let Some(found) = mend(shape, sound, targets) else { return false };
+    shape.place(found);
+    true
+}
+
+/// Positions of the vertices near theirs at which nothing of the mesh passes through itself, if smoothing finds some.
+pub(super) fn sound(shape: &Shape) -> Option<Vec<[f32; 3]>> {
     let mut positions = shape.positions.clone();
     let rounds = untangle(&mut positions, &shape.faces, &shape.topology);
+    rounds.is_some().then_some(positions)
+}
+
+/// Smooths the mesh where it passes through itself, or brings it back there to where it was sound, if that is known: what is nearer
+/// to the masks. Returns positions of its vertices at which nothing passes through itself: those that it has now, or others where
+/// they are not so near; nothing where none were found.
+pub(super) fn mend(
+    shape: &mut Shape,
+    sound: Option<&[[f32; 3]]>,
+    targets: &[Target],
+) -> Option<Vec<[f32; 3]>> {
+    let given = shape.positions.clone();
+    let (faces, topology) = (&shape.faces, &shape.topology);
+    let mut smoothed = given.clone();
+    let rounds = untangle(&mut smoothed, faces, topology);
     if rounds == Some(0) {
-        return true;
+        return Some(given);
     }
-    if rounds.is_none()
-        && let Some(sound) = sound
-    {
-        let mut back = shape.positions.clone();
-        if untangle_towards(sound, &mut back, &shape.faces, &shape.topology) {
-            shape.place(back);
-            return true;
-        }
+    // As often again, the neighbourhood small at first.
+    let clean = rounds.is_some() || untangle(&mut smoothed, faces, topology).is_some();
+    let mut back = given;
+    let found = sound.is_some_and(|sound| untangle_towards(sound, &mut back, faces, topology));
+    shape.place(smoothed.clone());
+    if !found {
+        return clean.then_some(smoothed);
     }
-    shape.place(positions);
-    rounds.is_some()
+    let near = shape.mask_iou(targets);
+    shape.place(back.clone());
+    if shape.mask_iou(targets) > near {
+        return Some(back);
+    }
+    shape.place(smoothed.clone());
+    Some(if clean { smoothed } else { back })
 }
 
 /// What to say of a mesh after mending, if anything: the count is that of the finished mesh, which rounding may have changed.

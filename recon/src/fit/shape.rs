@@ -110,6 +110,11 @@ impl Shape {
         Self::of(positions, subdivision.faces, config)
     }
 
+    /// Where the vertices of the [subdivided](Self::subdivided) surface are for other positions of these.
+    pub(super) fn divided(&self, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        Subdivision::along(&self.topology, &self.faces).apply(positions)
+    }
+
     /// Moves the vertices once, against the losses over `views` of `targets`.
     ///
     /// # Errors
