@@ -46,7 +46,7 @@ use values::{LIGHTS, Light, UpOrAuto, degrees, hex_color, one_of, up_axis};
 #[derive(Debug, Parser)]
 #[command(name = "unsphere", version, arg_required_else_help = true, max_term_width = 100)]
 #[command(after_help = "Examples:
-  unsphere demo                                  see it work, in about a minute
+  unsphere demo                                  see it work, in some fifteen seconds
   unsphere fit rendered_clock.zip -o clock       a mesh from views with masks and cameras
   unsphere render clock/mesh.glb -o turn.gif     look at it from all around
   unsphere train img2mesh clock.zip -o run       learn to predict meshes from views
