@@ -298,7 +298,7 @@ mod tests {
         assert!(sheet.area() > 0.95 * area, "{} of {area}", sheet.area());
     }
 
-    /// A rod so kinked that smoothing makes a thread of it.
+    /// A rod whose end is turned over, into itself.
     #[test]
     fn what_cannot_be_smoothed_goes_back_to_where_it_was_sound() {
         let rod = primitives::icosphere(4).scaled([0.04, 1.0, 0.04]);
