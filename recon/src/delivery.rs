@@ -18,7 +18,7 @@ use train::output::{OutputError, OutputFolder};
 use train::report::{Chart, Figure, Report, Series, Table, ViewPair};
 
 use crate::evaluate::{ViewScores, masked, score_views, seen_from};
-use crate::fit::{FitConfig, Fitted};
+use crate::fit::{FitConfig, Fitted, PhotoConsistency};
 use crate::scene::scene_of;
 use crate::turntable::{encode_gif, orbit};
 use crate::verdict::{Assessment, Evidence, Verdict};
@@ -79,6 +79,8 @@ pub struct Metrics {
     /// The darkest and the brightest channel of a photograph beside the mesh's colours, in sRGB; none where photographs do not
     /// differ in exposure or white balance.
     pub exposure: Option<[f32; 2]>,
+    /// Whether the surface was moved to where photographs agree, where that was asked for.
+    pub photo_consistency: Option<PhotoConsistency>,
     /// Which views the scores are of: `held-out`, or `fitted` where none was held out.
     pub scored_on: &'static str,
     /// The scores on those views.
@@ -238,6 +240,7 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         evidence: delivery.assessment.evidence.clone(),
         cameras: Refinement::of(fitted, &delivery.views.views)?,
         exposure: fitted.exposure_range(),
+        photo_consistency: fitted.photo_consistency,
         scored_on,
         views: scores,
         health: fitted.health.clone(),

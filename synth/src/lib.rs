@@ -38,6 +38,6 @@ pub use r2n2::R2n2Cameras;
 pub use render::{RenderOptions, render, render_views};
 pub use rendering::{NormalSpace, Rendering};
 pub use room::{Cloth, Room, Wall, marbled};
-pub use shade::Lighting;
+pub use shade::{Lamp, Lighting};
 /// How [`generate`] tells what it does, and how it is ended early.
 pub use train::progress;

@@ -8,7 +8,8 @@ use mesh_core::{ByteImage, UpAxis};
 use recon::delivery::{DeliverError, Delivery, Metrics, deliver, holes};
 use recon::evaluate::ViewScores;
 use recon::fit::{
-    ColorKind, FitConfig, FitError, Fitted, Quality, RefinedCameras, fit, unused_detail,
+    ColorKind, FitConfig, FitError, Fitted, PhotoConsistency, Quality, RefinedCameras, fit,
+    unused_detail,
 };
 use recon::progress::Event;
 use recon::verdict::{Grade, assess};
@@ -182,6 +183,9 @@ impl Job<'_> {
                  mixes them as they are)"
             ));
         }
+        if let Some(text) = fitted.photo_consistency.map(photo_consistency_words) {
+            console.remark(text);
+        }
         let assessment = assess(&self.views, &fitted).map_err(Failure::other)?;
         // Something may be wrong with the input.
         if assessment.verdict.grade != Grade::Good {
@@ -288,6 +292,21 @@ impl Job<'_> {
 /// The word for a verdict that is an error; none where it is not one.
 pub(crate) fn refused(grade: Grade, strict: bool) -> Option<&'static str> {
     (grade == Grade::Failed || strict && grade == Grade::Doubtful).then(|| grade.name())
+}
+
+/// What photographs say about hollows.
+fn photo_consistency_words(found: PhotoConsistency) -> String {
+    let PhotoConsistency { before, after, kept } = found;
+    if kept {
+        format!(
+            "the surface was moved to where photographs agree: their correlation is {after:.3} instead of {before:.3}"
+        )
+    } else {
+        format!(
+            "the surface stays as outlines made it: moved to where photographs agree, their correlation was {after:.3}, \
+             before {before:.3}, which is not enough, or the outlines suffered"
+        )
+    }
 }
 
 /// What was done to the cameras.

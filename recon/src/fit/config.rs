@@ -52,6 +52,8 @@ train::options! {
         pub refine_cameras: bool = true;
         /// Whether colours are brought to one exposure and white balance where photographs differ in these.
         pub balance_colors: bool = true;
+        /// Whether the surface moves into hollows, which no outline shows, where photographs agree about their depth.
+        pub photometric: bool = false;
         /// A level ends early, after half of its steps, when the outline's distance to the masks falls by less than
         /// this share over 20 steps.
         pub tolerance: f64 = 0.01, in 0.0..1.0;

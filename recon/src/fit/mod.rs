@@ -46,6 +46,7 @@ mod alignment;
 mod cameras;
 mod color;
 mod config;
+mod correlation;
 mod distance;
 mod error;
 mod exposure;
@@ -53,7 +54,10 @@ mod grading;
 mod hull;
 mod kuhn;
 mod lattice;
+mod order;
 mod outline;
+mod photometric;
+mod picture;
 mod placement;
 mod prior;
 mod quality;
@@ -65,6 +69,7 @@ mod skin;
 mod solid;
 mod start;
 mod stepper;
+mod stereo;
 mod target;
 mod texture;
 
@@ -72,8 +77,6 @@ use std::time::Instant;
 
 use datasets::{View, Views};
 use mesh_core::{Health, TriMesh, untangle};
-use rand::{SeedableRng, seq::SliceRandom};
-use rand_chacha::ChaCha8Rng;
 use train::Metric;
 use train::progress::{Ended, Event, Facts, Step, Watch};
 
@@ -81,6 +84,7 @@ pub use alignment::RefinedCameras;
 pub use config::{ColorKind, FitConfig, TopologyKind};
 pub use distance::signed_distance;
 pub use error::FitError;
+pub use photometric::PhotoConsistency;
 pub use placement::{Placement, cones};
 pub(crate) use placement::{distance, nearest_point};
 pub use quality::{Quality, unused_detail};
@@ -89,6 +93,7 @@ pub use stepper::Stepper;
 
 use alignment::Alignment;
 use exposure::Exposure;
+use order::Order;
 use shape::Shape;
 use sight::Photographed;
 use start::Start;
@@ -126,6 +131,8 @@ pub struct Fitted {
     /// How bright each of the [training views](Self::train_views) is beside the surface's colours, red, green, blue in sRGB,
     /// where photographs differ in exposure or white balance; their geometric mean is 1.
     pub exposures: Option<Vec<[f32; 3]>>,
+    /// Whether the surface was moved to where photographs agree, where [`FitConfig::photometric`] asks for it.
+    pub photo_consistency: Option<PhotoConsistency>,
     /// Seconds that each stage took, by name.
     pub seconds: Vec<(String, f64)>,
     /// What each [`Event::Warned`] said.
@@ -242,6 +249,7 @@ impl<'a, 'o> Run<'a, 'o> {
             held_out_views,
             cameras: None,
             exposures: None,
+            photo_consistency: None,
             seconds: vec![("placement".into(), clock.elapsed().as_secs_f64())],
             warnings: Vec::new(),
             ended: Ended::Completed,
@@ -326,6 +334,17 @@ impl<'a, 'o> Run<'a, 'o> {
             if self.is_cancelled() {
                 break;
             }
+        }
+        if config.photometric && !self.is_cancelled() {
+            let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
+            let step = self.fitted.history.len();
+            self.stage("photometric", shape.positions.len(), shape.faces.len());
+            let cancelled = || self.watch.is_cancelled();
+            let (train, shape) = (&self.train, &mut shape);
+            let found = photometric::hollow(shape, train, &seen, config, step, &cancelled)?;
+            self.fitted.photo_consistency = found;
+            self.evaluate(shape, step);
+            self.lap("photometric");
         }
         if thin && !self.is_cancelled() {
             let step = self.fitted.history.len();
@@ -437,49 +456,6 @@ impl<'a, 'o> Run<'a, 'o> {
         let seconds = self.begun.elapsed().as_secs_f64();
         self.watch.tell(&Event::Finished { ended, done, seconds });
         self.fitted
-    }
-}
-
-/// The views of each step: all, or the next of a shuffled pass.
-struct Order {
-    views: Vec<usize>,
-    next: usize,
-    per_step: usize,
-    seed: u64,
-    pass: u64,
-}
-
-impl Order {
-    fn new(count: usize, config: &FitConfig) -> Self {
-        let per_step = config.views_per_step.map_or(count, |views| views.min(count));
-        let mut order =
-            Self { views: (0..count).collect(), next: 0, per_step, seed: config.seed, pass: 0 };
-        order.shuffle();
-        order
-    }
-
-    fn is_whole(&self) -> bool {
-        self.per_step == self.views.len()
-    }
-
-    fn shuffle(&mut self) {
-        if !self.is_whole() {
-            let mut random = ChaCha8Rng::seed_from_u64(self.seed);
-            random.set_stream(self.pass);
-            self.views.sort_unstable();
-            self.views.shuffle(&mut random);
-        }
-    }
-
-    fn next(&mut self) -> &[usize] {
-        if self.next + self.per_step > self.views.len() {
-            self.next = 0;
-            self.pass += 1;
-            self.shuffle();
-        }
-        let from = self.next;
-        self.next += self.per_step;
-        &self.views[from..from + self.per_step]
     }
 }
 

@@ -128,10 +128,44 @@ impl Shape {
         rate: f32,
         step: usize,
     ) -> Result<Terms, FitError> {
+        let terms = self.losses(targets, views, stride, config, step)?;
+        self.descend(rate, step)?;
+        Ok(terms)
+    }
+
+    /// The losses and their gradient, along which [`descend`](Self::descend) goes.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub(super) fn losses(
+        &mut self,
+        targets: &[Target],
+        views: &[usize],
+        stride: impl Fn(&Target) -> usize + Sync,
+        config: &FitConfig,
+        step: usize,
+    ) -> Result<Terms, FitError> {
         let mut terms = self.pull(targets, views, stride, step)?;
         if config.bending > 0.0 {
             terms.bending = self.bend(config.bending, terms.outline.length);
         }
+        Ok(terms)
+    }
+
+    /// Adds to the gradient of the [`losses`](Self::losses).
+    pub(super) fn add(&mut self, gradient: &[[f32; 3]]) {
+        for (own, more) in self.gradient.iter_mut().zip(gradient) {
+            for k in 0..3 {
+                own[k] += more[k];
+            }
+        }
+    }
+
+    /// Moves the vertices once, against the gradient.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub(super) fn descend(&mut self, rate: f32, step: usize) -> Result<(), FitError> {
         let not_finite =
             |tensor| FitError::NotFinite { step, loss: "shape", tensor, view: "all".into() };
         if !self.gradient.iter().flatten().all(|g| g.is_finite()) {
@@ -141,7 +175,7 @@ impl Shape {
         if !self.positions.iter().flatten().all(|g| g.is_finite()) {
             return Err(not_finite("positions [V, 3]"));
         }
-        Ok(terms)
+        Ok(())
     }
 
     /// The gradient of the outline's distance to the masks, summed over views in a fixed order.

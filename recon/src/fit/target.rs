@@ -121,6 +121,16 @@ impl Target {
         if self.perspective { [x / depth, y / depth, depth] } else { [x, y, depth] }
     }
 
+    /// Rows x, y, depth over the fitted frame of a part of the box, whose pixels are `shrink` times as long.
+    pub(super) fn rows_of_part(&self, left: usize, top: usize, shrink: usize) -> [[f32; 4]; 3] {
+        let [x, y, depth] = self.rows;
+        let one = if self.perspective { depth } else { [0.0, 0.0, 0.0, 1.0] };
+        let part = |row: [f32; 4], from: usize| {
+            std::array::from_fn(|k| (row[k] - from as f32 * one[k]) / shrink as f32)
+        };
+        [part(x, left), part(y, top), depth]
+    }
+
     /// Gradient at a point from the gradient at its projection.
     #[inline]
     pub(super) fn pull(&self, projected: [f32; 3], g: [f32; 2]) -> [f32; 3] {

@@ -1,0 +1,289 @@
+//! Hollows: what no outline shows, but photographs agree about.
+//!
+//! Outlines are right wherever the surface bulges, and leave a bowl filled to its rim. Once they agree, depth is found for each view by
+//! [stereo](super::stereo), and the surface moves along its normals until it lies where the views see it; outlines and the bending
+//! energy hold it as before.
+
+use std::sync::Arc;
+
+use datasets::View;
+use diff_raster::Faces;
+use mesh_core::untangle;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::config::FitConfig;
+use super::error::FitError;
+use super::picture::{Drawn, Picture, dot};
+use super::shape::{Shape, cross, minus};
+use super::stereo::{self, DepthMap};
+use super::target::Target;
+
+/// One way of following depths.
+#[derive(Clone, Copy, Debug)]
+struct Stage {
+    /// The object's longer side in the pictures that are compared, in pixels.
+    side: usize,
+    /// Steps, at most.
+    steps: usize,
+    /// Length of the first, as a share of a level's first step; they fall to a tenth of it.
+    share: f32,
+    /// Distances that say nothing, in pixels of the views.
+    sure: f32,
+}
+
+/// Towards depths of planes: far.
+const COARSE: Stage = Stage { side: 96, steps: 150, share: 1.0, sure: 0.5 };
+/// Towards depths around the mesh: near.
+const FINE: Stage = Stage { side: 256, steps: 30, share: 0.2, sure: 0.0 };
+/// How often depths are found anew at each.
+const ROUNDS: usize = 2;
+/// Weight of a pixel of depth beside one of outline.
+const WEIGHT: f32 = 0.05;
+/// Steps over which it is judged whether the surface still comes nearer.
+const WINDOW: usize = 10;
+/// The least share by which it must.
+const TOLERANCE: f64 = 0.003;
+/// By how much the views must agree better, as a correlation.
+const GAIN: f64 = 0.005;
+/// How much mask IoU that may cost.
+const LOSS: f64 = 0.005;
+/// How far a pixel pulls at most, in pixels of its view.
+const FARTHEST: f32 = 4.0;
+/// Surfaces seen at a slant of which the cosine is less say little about depth.
+const SLANT: f32 = 0.2;
+/// Views whose pulls are summed one after the other; the sums are added in order.
+const CHUNK: usize = 4;
+
+/// How well photographs agree about what they show of a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PhotoConsistency {
+    /// Mean correlation, from -1 to 1, of each view with what its neighbours show at the surface that outlines made.
+    pub before: f64,
+    /// The same after the surface was moved to where photographs agree.
+    pub after: f64,
+    /// Whether it stayed there: it does where they agree better, at no cost to the outlines.
+    pub kept: bool,
+}
+
+/// Moves the surface to where photographs see it, if they agree better about it then and nothing of it passes through itself;
+/// nothing if there are no depths to be found.
+///
+/// # Errors
+/// As [`Shape::step`].
+pub(super) fn hollow(
+    shape: &mut Shape,
+    targets: &[Target],
+    views: &[&View],
+    config: &FitConfig,
+    step: usize,
+    cancelled: &dyn Fn() -> bool,
+) -> Result<Option<PhotoConsistency>, FitError> {
+    let pictures = |side: usize| -> Vec<Picture> {
+        let pairs = targets.par_iter().zip(views);
+        pairs.map(|(target, view)| Picture::new(target, view, side)).collect()
+    };
+    let [coarse, fine] = [COARSE, FINE].map(|stage| pictures(stage.side));
+    let agreement = |shape: &Shape| stereo::agreement(&fine, &shape.positions, &shape.faces);
+    let given = (shape.positions.clone(), agreement(shape), shape.mask_iou(targets));
+    for round in 1..=ROUNDS {
+        let maps = stereo::sweep(&coarse, &shape.positions, &shape.faces);
+        if maps.iter().flatten().all(|depth| depth.is_nan()) {
+            return Ok(None);
+        }
+        let seen = Seen { targets, pictures: &coarse, maps: &maps };
+        // What is left after the first is near.
+        let stage = Stage { share: COARSE.share / (round * round) as f32, ..COARSE };
+        follow(shape, &seen, stage, config, step, cancelled)?;
+    }
+    for _ in 0..ROUNDS {
+        let maps = stereo::around(&fine, &shape.positions, &shape.faces);
+        let seen = Seen { targets, pictures: &fine, maps: &maps };
+        follow(shape, &seen, FINE, config, step, cancelled)?;
+    }
+    let mut mended = shape.positions.clone();
+    let sound = untangle(&mut mended, &shape.faces, &shape.topology).is_some();
+    shape.place(mended);
+    let (positions, before, iou) = given;
+    let after = agreement(shape);
+    let kept = sound && after >= before + GAIN && shape.mask_iou(targets) >= iou - LOSS;
+    if !kept {
+        shape.place(positions);
+    }
+    Ok(Some(PhotoConsistency { before, after, kept }))
+}
+
+/// Views, and how far away they see the surface.
+struct Seen<'a> {
+    targets: &'a [Target],
+    pictures: &'a [Picture],
+    maps: &'a [DepthMap],
+}
+
+/// Moves the surface towards depths until it comes no nearer.
+fn follow(
+    shape: &mut Shape,
+    seen: &Seen<'_>,
+    stage: Stage,
+    config: &FitConfig,
+    step: usize,
+    cancelled: &dyn Fn() -> bool,
+) -> Result<(), FitError> {
+    let all: Vec<usize> = (0..seen.targets.len()).collect();
+    let faces = Faces::new(shape.positions.len(), &shape.faces);
+    let drawn = Arc::new(faces.expect("the faces of a fitted mesh name its vertices"));
+    let mut distances = Vec::with_capacity(stage.steps);
+    for k in 0..stage.steps {
+        let edge = shape.mean_edge();
+        let stride = |target: &Target| target.lines_between_samples(edge);
+        let (pulls, distance) = seen.pulls(&shape.positions, &shape.faces, &drawn, stage.sure);
+        let stays = |before: f64| distance > (1.0 - TOLERANCE) * before;
+        let before = k.checked_sub(WINDOW).map(|before| distances[before]);
+        if before.is_some_and(stays) || cancelled() {
+            break;
+        }
+        distances.push(distance);
+        let rate = stage.share * config.learning_rate * 0.1f32.powf(k as f32 / stage.steps as f32);
+        shape.losses(seen.targets, &all, stride, config, step)?;
+        shape.add(&pulls);
+        shape.descend(rate, step)?;
+        if config.relax_every.is_some_and(|every| (k + 1).is_multiple_of(every)) {
+            shape.relax(config.relax);
+        }
+    }
+    Ok(())
+}
+
+impl Seen<'_> {
+    /// The weighted gradient at each vertex of half the squared distance, in pixels of the views, of the surface to the depths, along
+    /// its normals; and the mean distance.
+    fn pulls(
+        &self,
+        positions: &[[f32; 3]],
+        faces: &[[u32; 3]],
+        drawn: &Arc<Faces>,
+        sure: f32,
+    ) -> (Vec<[f32; 3]>, f64) {
+        let (of_faces, of_vertices) = normals(positions, faces);
+        let views: Vec<usize> = (0..self.maps.len()).collect();
+        let part = |views: &[usize]| {
+            let (mut sight, mut sums) = (Drawn::default(), vec![0.0; positions.len()]);
+            let mut distance = [0.0; 2];
+            for &view in views {
+                self.pictures[view].draw(positions, drawn, &mut sight);
+                self.off(view, &sight, &of_faces, |face, shares, scale, off| {
+                    distance = [distance[0] + f64::from(off.abs()), distance[1] + 1.0];
+                    let pull = scale * (off.abs() - sure).clamp(0.0, FARTHEST).copysign(off);
+                    for (v, share) in faces[face].into_iter().zip(shares) {
+                        sums[v as usize] += share * pull;
+                    }
+                });
+            }
+            (sums, distance)
+        };
+        let parts: Vec<(Vec<f32>, [f64; 2])> = views.par_chunks(CHUNK).map(part).collect();
+        let total = |v: usize| WEIGHT * parts.iter().map(|(sums, _)| sums[v]).sum::<f32>();
+        let pulls = of_vertices.iter().enumerate();
+        let pulls = pulls.map(|(v, normal)| normal.map(|n| total(v) * n)).collect();
+        let [sum, count] =
+            [0, 1].map(|k| parts.iter().map(|(_, distance)| distance[k]).sum::<f64>());
+        (pulls, sum / count.max(1.0))
+    }
+
+    /// Of each pixel of a view that has a depth and sees the mesh: the face, the corners' shares, what a movement of the face along
+    /// its normal counts in pixels, and how far it is too near, in pixels.
+    fn off(
+        &self,
+        view: usize,
+        drawn: &Drawn,
+        normals: &[[f32; 3]],
+        mut visit: impl FnMut(usize, [f32; 3], f32, f32),
+    ) {
+        let picture = &self.pictures[view];
+        let w = picture.size[0];
+        let per_depth = 1.0 / picture.depth_per_unit();
+        let known = self.maps[view].iter().enumerate().filter(|(_, depth)| !depth.is_nan());
+        for (pixel, &depth) in known {
+            let Some((face, there)) = drawn.at(pixel) else { continue };
+            let towards = picture.towards((pixel % w) as f32 + 0.5, (pixel / w) as f32 + 0.5);
+            let facing = dot(towards, normals[face as usize]);
+            if facing < SLANT {
+                continue;
+            }
+            let scale = self.targets[view].pixels_per_unit(there);
+            let shares = std::array::from_fn(|k| drawn.fragments.barycentric[3 * pixel + k]);
+            let off = facing * (depth - there) * per_depth * scale;
+            visit(face as usize, shares, facing * scale, off);
+        }
+    }
+}
+
+/// Of the faces and of the vertices, outwards and of length 1.
+fn normals(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
+    let unit = |n: [f32; 3]| n.map(|v| v / dot(n, n).sqrt().max(1e-20));
+    let mut of_vertices = vec![[0.0f32; 3]; positions.len()];
+    let of_face = |face: &[u32; 3]| {
+        let [a, b, c] = face.map(|v| positions[v as usize]);
+        let n = cross(minus(b, a), minus(c, a));
+        for &v in face {
+            for k in 0..3 {
+                of_vertices[v as usize][k] += n[k];
+            }
+        }
+        unit(n)
+    };
+    let of_faces = faces.iter().map(of_face).collect();
+    (of_faces, of_vertices.into_iter().map(unit).collect())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use mesh_core::primitives::icosphere;
+    use synth::{Orbit, RenderOptions, render_views};
+
+    use super::*;
+
+    /// By hand: a ball that is a tenth too large is pulled inwards everywhere, by a tenth of its radius, and one that is right stays.
+    #[test]
+    fn a_ball_is_pulled_to_the_depths_of_a_smaller_one() {
+        let ball = icosphere(3);
+        let orbit =
+            Orbit { count: 12, width: 64, height: 64, distance: [4.0; 2], ..Orbit::default() };
+        let options = RenderOptions { depth: true, ..RenderOptions::default() };
+        let views = render_views(&ball, &orbit.cameras(), &options, &|_, _| {}).unwrap();
+        let targets: Vec<Target> =
+            views.iter().map(|view| Target::new(view, 1.0, 0.15, 0.3).unwrap()).collect();
+        let pictures: Vec<Picture> =
+            targets.iter().zip(&views).map(|(t, view)| Picture::new(t, view, 256)).collect();
+        let faces = Arc::new(Faces::new(ball.positions.len(), &ball.faces).unwrap());
+        let depths = |radius: f32| -> Vec<DepthMap> {
+            let positions: Vec<[f32; 3]> =
+                ball.positions.iter().map(|p| p.map(|v| radius * v)).collect();
+            let map = |picture: &Picture| {
+                let mut drawn = Drawn::default();
+                picture.draw(&positions, &faces, &mut drawn);
+                (0..picture.mask.len())
+                    .map(|pixel| drawn.at(pixel).map_or(f32::NAN, |(_, depth)| depth))
+                    .collect()
+            };
+            pictures.iter().map(map).collect()
+        };
+        let pulled = |radius: f32| {
+            let maps = depths(radius);
+            let seen = Seen { targets: &targets, pictures: &pictures, maps: &maps };
+            seen.pulls(&ball.positions, &ball.faces, &faces, 0.0)
+        };
+        let (pulls, distance) = pulled(0.9);
+        let scale = targets[0].pixels_per_unit(3.0);
+        assert!(
+            (distance / f64::from(0.1 * scale) - 1.0).abs() < 0.15,
+            "{distance} of {}",
+            0.1 * scale
+        );
+        // Steps go against the gradient.
+        assert!(pulls.iter().zip(&ball.positions).all(|(g, p)| dot(*g, *p) > 0.0));
+        let (pulls, distance) = pulled(1.0);
+        assert!(distance < 1e-3 && pulls.iter().flatten().all(|g| g.abs() < 1e-2), "{distance}");
+    }
+}

@@ -1,0 +1,212 @@
+//! A view as stereo compares it: how bright each pixel of the object is, and where that pixel looks.
+
+use std::sync::Arc;
+
+use datasets::View;
+use diff_raster::{Faces, Fragments, NONE, Scratch, Settings, rasterize_into};
+use ndarray::ArrayView3;
+
+use super::target::Target;
+
+/// Pixels that are kept around the mask.
+const MARGIN: usize = 4;
+
+/// The part of a view that shows the object, averaged down to a side of so many pixels, and the camera of this grid.
+#[derive(Clone, Debug)]
+pub(super) struct Picture {
+    /// Columns, and rows.
+    pub(super) size: [usize; 2],
+    /// Where the camera is, seen from the middle of the fitted frame; of length 1.
+    pub(super) from: [f32; 3],
+    /// How bright each pixel is, from 0 to 1.
+    pub(super) brightness: Vec<f32>,
+    /// Whether the mask has most of the pixel.
+    pub(super) mask: Vec<bool>,
+    pub(super) perspective: bool,
+    /// From the fitted frame to `[x w, y w, depth]` of this grid, `w` being the depth where the lens divides by it, else 1.
+    rows: [[f32; 4]; 3],
+    /// From there back.
+    inverse: [[f32; 3]; 3],
+}
+
+/// What a picture shows of a mesh, in memory that is kept.
+#[derive(Default)]
+pub(super) struct Drawn {
+    pub(super) fragments: Fragments,
+    scratch: Scratch,
+    ndc: Vec<f32>,
+}
+
+impl Picture {
+    /// A view whose object is at most `side` pixels wide and high.
+    pub(super) fn new(target: &Target, view: &View, side: usize) -> Self {
+        let [top, left, bottom, right] = bounds(target);
+        let shrink = (right - left).max(bottom - top).div_ceil(side).max(1);
+        let pad = MARGIN * shrink;
+        let (top, left) = (top.saturating_sub(pad), left.saturating_sub(pad));
+        let bottom = (bottom + pad).min(target.height);
+        let right = (right + pad).min(target.width);
+        let size = [(right - left).div_ceil(shrink), (bottom - top).div_ceil(shrink)];
+        let rows = target.rows_of_part(left, top, shrink);
+        let mut picture = Self {
+            size,
+            from: [0.0; 3],
+            brightness: vec![0.0; size[0] * size[1]],
+            mask: vec![false; size[0] * size[1]],
+            perspective: target.perspective,
+            rows,
+            inverse: inverse(&rows),
+        };
+        picture.from = picture.direction();
+        let image = &view.color;
+        let (mut counts, mut inside) =
+            (vec![0u32; size[0] * size[1]], vec![0u32; size[0] * size[1]]);
+        for row in top..bottom {
+            let source = ((target.top + row) * image.width + target.left) * image.channels;
+            for column in left..right {
+                let to = (row - top) / shrink * size[0] + (column - left) / shrink;
+                let bytes = &image.data[source + column * image.channels..];
+                let gray = |k: usize| f32::from(bytes[k.min(image.channels - 1)]) / 255.0;
+                picture.brightness[to] += 0.299 * gray(0) + 0.587 * gray(1) + 0.114 * gray(2);
+                counts[to] += 1;
+                inside[to] += u32::from(target.in_mask(row * target.width + column));
+            }
+        }
+        for (k, &count) in counts.iter().enumerate() {
+            picture.brightness[k] /= count.max(1) as f32;
+            picture.mask[k] = 2 * inside[k] > count;
+        }
+        picture
+    }
+
+    /// Where the camera is, seen from the origin.
+    fn direction(&self) -> [f32; 3] {
+        let away = if self.perspective {
+            self.rows.map(|row| row[3])
+        } else {
+            // Along the optical axis, on which x and y stay what they are.
+            [0.0, 0.0, 1.0]
+        };
+        let d = times(&self.inverse, away).map(|v| -v);
+        let length = dot(d, d).sqrt().max(1e-20);
+        d.map(|v| v / length)
+    }
+
+    /// The point of the fitted frame at a place of the grid and a depth.
+    #[inline]
+    pub(super) fn point(&self, x: f32, y: f32, depth: f32) -> [f32; 3] {
+        let w = if self.perspective { depth } else { 1.0 };
+        let q = [x * w, y * w, depth];
+        times(&self.inverse, std::array::from_fn(|k| q[k] - self.rows[k][3]))
+    }
+
+    /// Before the division by depth.
+    #[inline]
+    pub(super) fn homogeneous(&self, p: [f32; 3]) -> [f32; 3] {
+        self.rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3])
+    }
+
+    /// The place on the grid of a point, and its depth.
+    #[inline]
+    pub(super) fn project(&self, p: [f32; 3]) -> [f32; 3] {
+        let [x, y, depth] = self.homogeneous(p);
+        if self.perspective { [x / depth, y / depth, depth] } else { [x, y, depth] }
+    }
+
+    /// From a point to where it is seen from, of length 1.
+    #[inline]
+    pub(super) fn towards(&self, x: f32, y: f32) -> [f32; 3] {
+        let d = if self.perspective { [x, y, 1.0] } else { [0.0, 0.0, 1.0] };
+        let d = times(&self.inverse, d);
+        let length = dot(d, d).sqrt().max(1e-20);
+        d.map(|v| -v / length)
+    }
+
+    /// How bright it is at a place, between the pixels' centres.
+    #[inline]
+    pub(super) fn at(&self, x: f32, y: f32) -> f32 {
+        let [w, h] = self.size;
+        // At least two pixels each way: there is a margin.
+        let x = (x - 0.5).clamp(0.0, (w - 1) as f32);
+        let y = (y - 0.5).clamp(0.0, (h - 1) as f32);
+        let (i, j) = ((x as usize).min(w - 2), (y as usize).min(h - 2));
+        let (fx, fy) = (x - i as f32, y - j as f32);
+        let [above, below] = [j, j + 1].map(|j| &self.brightness[j * w + i..j * w + i + 2]);
+        let upper = above[0] + fx * (above[1] - above[0]);
+        let lower = below[0] + fx * (below[1] - below[0]);
+        upper + fy * (lower - upper)
+    }
+
+    /// How wide a pixel is at a depth, in the fitted frame.
+    pub(super) fn width_at(&self, depth: f32) -> f32 {
+        let [x, y] = self.size.map(|s| 0.5 * s as f32);
+        let [a, b] = [x, x + 1.0].map(|x| self.point(x, y, depth));
+        (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt()
+    }
+
+    /// Depth along the optical axis to a unit length of the fitted frame.
+    pub(super) fn depth_per_unit(&self) -> f32 {
+        self.rows[2][..3].iter().map(|v| v * v).sum::<f32>().sqrt()
+    }
+
+    /// Draws the mesh on the grid.
+    pub(super) fn draw(&self, positions: &[[f32; 3]], faces: &Arc<Faces>, drawn: &mut Drawn) {
+        let [w, h] = self.size;
+        drawn.ndc.clear();
+        drawn.ndc.extend(positions.iter().flat_map(|&p| {
+            let [x, y, depth] = self.project(p);
+            [2.0 * x / w as f32 - 1.0, 1.0 - 2.0 * y / h as f32, depth]
+        }));
+        let settings = Settings {
+            perspective: self.perspective,
+            cull_back_faces: true,
+            ..Settings::new(h, w)
+        };
+        let ndc = ArrayView3::from_shape((1, positions.len(), 3), &drawn.ndc)
+            .expect("three numbers per vertex");
+        rasterize_into(ndc, faces, &settings, &drawn.scratch, &mut drawn.fragments);
+    }
+}
+
+impl Drawn {
+    /// The face and its depth at a pixel.
+    #[inline]
+    pub(super) fn at(&self, pixel: usize) -> Option<(u32, f32)> {
+        let face = self.fragments.face[pixel];
+        (face != NONE).then(|| (face, self.fragments.depth[pixel]))
+    }
+}
+
+/// First row and column of the mask in the target's box, and the first after it.
+fn bounds(target: &Target) -> [usize; 4] {
+    let mut bounds = [target.height, target.width, 0, 0];
+    for row in 0..target.height {
+        for column in 0..target.width {
+            if target.in_mask(row * target.width + column) {
+                let [top, left, bottom, right] = bounds;
+                bounds =
+                    [top.min(row), left.min(column), bottom.max(row + 1), right.max(column + 1)];
+            }
+        }
+    }
+    bounds
+}
+
+pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline]
+fn times(m: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
+    m.map(|row| dot(row, v))
+}
+
+/// The inverse of the left three columns, by cofactors.
+fn inverse(m: &[[f32; 4]; 3]) -> [[f32; 3]; 3] {
+    let at = |i: usize, j: usize| f64::from(m[i % 3][j % 3]);
+    let minor = |i: usize, j: usize| {
+        at(i + 1, j + 1) * at(i + 2, j + 2) - at(i + 1, j + 2) * at(i + 2, j + 1)
+    };
+    let determinant: f64 = (0..3).map(|j| at(0, j) * minor(0, j)).sum();
+    std::array::from_fn(|i| std::array::from_fn(|j| (minor(j, i) / determinant) as f32))
+}
