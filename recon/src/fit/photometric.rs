@@ -89,6 +89,8 @@ pub(super) fn hollow(
     for round in 1..=ROUNDS {
         let maps = stereo::sweep(&coarse, &shape.positions, &shape.faces);
         if maps.iter().flatten().all(|depth| depth.is_nan()) {
+            // Of a second round too: what the first did was not judged.
+            shape.place(given.0);
             return Ok(None);
         }
         let seen = Seen { targets, pictures: &coarse, maps: &maps };
