@@ -8,14 +8,14 @@ use std::sync::Arc;
 
 use datasets::View;
 use diff_raster::Faces;
-use mesh_core::untangle;
+use mesh_core::{face_normals, untangle, vertex_normals};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::config::FitConfig;
 use super::error::FitError;
 use super::picture::{Drawn, Picture, dot};
-use super::shape::{Shape, cross, minus};
+use super::shape::Shape;
 use super::stereo::{self, DepthMap};
 use super::target::Target;
 
@@ -166,7 +166,8 @@ impl Seen<'_> {
         drawn: &Arc<Faces>,
         sure: f32,
     ) -> (Vec<[f32; 3]>, f64) {
-        let (of_faces, of_vertices) = normals(positions, faces);
+        let of_faces = face_normals(positions, faces);
+        let of_vertices = vertex_normals(positions, faces);
         let views: Vec<usize> = (0..self.maps.len()).collect();
         let part = |views: &[usize]| {
             let (mut sight, mut sums) = (Drawn::default(), vec![0.0; positions.len()]);
@@ -218,24 +219,6 @@ impl Seen<'_> {
             visit(face as usize, shares, facing * scale, off);
         }
     }
-}
-
-/// Of the faces and of the vertices, outwards and of length 1.
-fn normals(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
-    let unit = |n: [f32; 3]| n.map(|v| v / dot(n, n).sqrt().max(1e-20));
-    let mut of_vertices = vec![[0.0f32; 3]; positions.len()];
-    let of_face = |face: &[u32; 3]| {
-        let [a, b, c] = face.map(|v| positions[v as usize]);
-        let n = cross(minus(b, a), minus(c, a));
-        for &v in face {
-            for k in 0..3 {
-                of_vertices[v as usize][k] += n[k];
-            }
-        }
-        unit(n)
-    };
-    let of_faces = faces.iter().map(of_face).collect();
-    (of_faces, of_vertices.into_iter().map(unit).collect())
 }
 
 #[cfg(test)]
