@@ -5,13 +5,30 @@ use std::hash::Hasher as _;
 
 /// A number in `[0, 1)` for each cell of space.
 fn hash(cell: [i32; 3], seed: u64) -> f32 {
+    let mut key = keyed(seed);
+    for k in cell {
+        key = with(key, k);
+    }
+    number(key)
+}
+
+/// FNV's state behind a seed.
+fn keyed(seed: u64) -> u64 {
     let mut hasher = FnvHasher::default();
     hasher.write_u64(seed);
-    for k in cell {
-        hasher.write_i32(k);
-    }
+    hasher.finish()
+}
+
+/// FNV's state behind one more coordinate.
+fn with(key: u64, coordinate: i32) -> u64 {
+    let mut hasher = FnvHasher::with_key(key);
+    hasher.write_i32(coordinate);
+    hasher.finish()
+}
+
+/// A number in `[0, 1)`, of a state.
+fn number(mut bits: u64) -> f32 {
     // FNV leaves the last bytes in the low bits: they are mixed down from all.
-    let mut bits = hasher.finish();
     bits ^= bits >> 33;
     bits = bits.wrapping_mul(0xff51_afd7_ed55_8ccd);
     bits ^= bits >> 33;
@@ -21,18 +38,27 @@ fn hash(cell: [i32; 3], seed: u64) -> f32 {
 /// Smooth noise of period 1.
 fn value(p: [f32; 3], seed: u64) -> f32 {
     let cell = p.map(f32::floor);
-    let t: [f32; 3] = std::array::from_fn(|a| {
+    let mut weights = [[0.0; 2]; 3];
+    for a in 0..3 {
         let t = p[a] - cell[a];
-        t * t * (3.0 - 2.0 * t)
-    });
-    (0..8)
-        .map(|corner: usize| {
-            let on = |a: usize| corner >> a & 1;
-            let at = std::array::from_fn(|a| cell[a] as i32 + on(a) as i32);
-            let weight: f32 = (0..3).map(|a| if on(a) == 1 { t[a] } else { 1.0 - t[a] }).product();
-            weight * hash(at, seed)
-        })
-        .sum()
+        let t = t * t * (3.0 - 2.0 * t);
+        weights[a] = [1.0 - t, t];
+    }
+    let [i, j, k] = cell.map(|v| v as i32);
+    // Corners share what they have in common of their hashes.
+    let mut corners = [0.0; 8];
+    let seeded = keyed(seed);
+    for x in 0..2 {
+        let in_x = with(seeded, i + x as i32);
+        for y in 0..2 {
+            let in_y = with(in_x, j + y as i32);
+            for z in 0..2 {
+                let weight = weights[0][x] * weights[1][y] * weights[2][z];
+                corners[4 * z + 2 * y + x] = weight * number(with(in_y, k + z as i32));
+            }
+        }
+    }
+    corners.iter().sum()
 }
 
 /// A sum of octaves, each twice as fine and about half as strong, in `[0, 1]`.
@@ -64,6 +90,21 @@ pub(crate) fn scatter(p: [f32; 3], seed: u64) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn corners_share_what_their_hashes_have_in_common() {
+        let (seed, t) = (9, 0.25f32 * 0.25 * (3.0 - 0.5));
+        for cell in [[0, 0, 0], [3, -7, 12]] {
+            let p = cell.map(|v| v as f32 + 0.25);
+            let mut plain = 0.0;
+            for corner in 0..8usize {
+                let on: [i32; 3] = std::array::from_fn(|a| (corner >> a & 1) as i32);
+                let weight: f32 = on.iter().map(|&on| if on == 1 { t } else { 1.0 - t }).product();
+                plain += weight * hash(std::array::from_fn(|a| cell[a] + on[a]), seed);
+            }
+            assert_eq!(value(p, seed), plain);
+        }
+    }
 
     #[test]
     fn noise_is_smooth_and_fills_its_range() {

@@ -53,7 +53,7 @@ impl Dissent {
         let longest = region.half.iter().copied().fold(0.0, f64::max);
         let cell = 2.0 * longest / side as f64;
         let dims = region.half.map(|h| ((2.0 * h / cell).ceil() as usize).clamp(1, side));
-        let low = std::array::from_fn(|k| region.center[k] - 0.5 * cell * dims[k] as f64);
+        let low: [f64; 3] = std::array::from_fn(|k| region.center[k] - 0.5 * cell * dims[k] as f64);
         let grown: Vec<Vec<bool>> = views.par_iter().map(Silhouette::grown).collect();
         let rows: Vec<[[f64; 4]; 3]> = views.iter().map(|view| view.camera.projection()).collect();
         let slab = dims[0] * dims[1];
@@ -61,7 +61,10 @@ impl Dissent {
         against.par_chunks_mut(slab).enumerate().for_each(|(z, slab)| {
             for (k, out) in slab.iter_mut().enumerate() {
                 let at = [k % dims[0], k / dims[0], z];
-                let p = std::array::from_fn(|a| low[a] + cell * (at[a] as f64 + 0.5));
+                let mut p = low;
+                for a in 0..3 {
+                    p[a] += cell * (at[a] as f64 + 0.5);
+                }
                 if !region.holds(p) {
                     continue;
                 }
@@ -140,10 +143,11 @@ impl Dissent {
         let mut fewest = NOWHERE;
         for k in 0..count {
             let t = near + (far - near) * (k as f64 + 0.5) / count as f64;
-            let at: [usize; 3] = std::array::from_fn(|a| {
+            let mut at = [0; 3];
+            for a in 0..3 {
                 let x = (ray.origin[a] + t * ray.direction[a] - self.low[a]) / self.cell;
-                (x.max(0.0) as usize).min(self.dims[a] - 1)
-            });
+                at[a] = (x.max(0.0) as usize).min(self.dims[a] - 1);
+            }
             let found = self.against[(at[2] * self.dims[1] + at[1]) * self.dims[0] + at[0]];
             if found < fewest {
                 fewest = found;
@@ -158,7 +162,11 @@ impl Dissent {
 
 /// The pixel that shows a point, where there is one.
 pub(super) fn pixel_of(camera: &Camera, rows: &[[f64; 4]; 3], p: [f64; 3]) -> Option<usize> {
-    let [x, y, depth] = rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3]);
+    let mut seen = [0.0; 3];
+    for (row, at) in rows.iter().zip(&mut seen) {
+        *at = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
+    }
+    let [x, y, depth] = seen;
     let over = if camera.is_perspective() { depth } else { 1.0 };
     if over <= 0.0 {
         return None;

@@ -85,12 +85,13 @@ impl Region {
 
     /// Whether it holds a point.
     pub(super) fn holds(&self, p: [f64; 3]) -> bool {
-        let at: [f64; 3] = std::array::from_fn(|k| (p[k] - self.center[k]) / self.half[k]);
-        if self.round {
-            at.iter().map(|x| x * x).sum::<f64>() <= 1.0
-        } else {
-            at.iter().all(|x| x.abs() <= 1.0)
+        let (mut square, mut farthest) = (0.0, 0.0f64);
+        for k in 0..3 {
+            let x = (p[k] - self.center[k]) / self.half[k];
+            square += x * x;
+            farthest = farthest.max(x.abs());
         }
+        if self.round { square <= 1.0 } else { farthest <= 1.0 }
     }
 }
 

@@ -81,6 +81,8 @@ fn shared(hidden: usize) -> SharedConfig {
         pairs: pairs(),
         level: 1,
         hidden,
+        // A small encoder: there is one image to know.
+        channels: [8, 8, 16, 16, 16, 16],
         edge_weight: 0.3,
         normal_weight: 0.0,
         laplacian_weight: 0.3,
@@ -92,7 +94,7 @@ fn shared(hidden: usize) -> SharedConfig {
 #[test]
 #[ignore = "needs UNSPHERE_DATA"]
 fn pixel2mesh_overfits_one_car() {
-    let config = StagesConfig { shared: shared(128), blocks: 4, ..StagesConfig::default() };
+    let config = StagesConfig { shared: shared(96), blocks: 4, ..StagesConfig::default() };
     overfits_one_sample::<Staged>(&config, 1e-3, 1500);
 }
 
@@ -100,7 +102,7 @@ fn pixel2mesh_overfits_one_car() {
 #[ignore = "needs UNSPHERE_DATA"]
 fn a_flow_overfits_one_car() {
     let config = OdeConfig {
-        shared: shared(128),
+        shared: shared(96),
         augment_dim: 8,
         time: 1,
         method: Method::Midpoint,

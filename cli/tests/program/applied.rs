@@ -1,12 +1,9 @@
 //! What `eval` and `predict` promise of a trained system.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::path::Path;
 use std::sync::OnceLock;
 
-use common::{Run, unsphere};
+use crate::common::{self, Run, unsphere};
 use serde_json::Value;
 use synth::shapes::AlarmClock;
 use synth::{Orbit, RenderOptions, render_views};

@@ -1,9 +1,6 @@
 //! `unsphere data generate`, as a user runs it.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::{files_in, unsphere};
+use crate::common::{self, files_in, unsphere};
 
 /// A small dataset, with what the last argument adds.
 const SMALL: [&str; 9] =

@@ -1,9 +1,6 @@
 //! Mesh files as people have them, from the command line.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::{unsphere, unsphere_with};
+use crate::common::{unsphere, unsphere_with};
 use mesh_core::{Image, Texture, TriMesh, primitives, read_mesh, write_mesh};
 
 #[test]

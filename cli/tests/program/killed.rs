@@ -1,8 +1,5 @@
 //! What is killed at any moment goes on to the bits of what is not, and leaves nothing behind.
-#![cfg(unix)]
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
-
-mod common;
+#![allow(clippy::print_stdout, reason = "tests")]
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -10,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant, SystemTime};
 
-use common::TINY;
+use crate::common::{self, TINY};
 
 /// How often a training is killed in the short test.
 const KILLS: usize = 4;

@@ -1,14 +1,11 @@
 //! Many objects: shards, kills and one process give the same.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{copied, files_in, unsphere_with};
+use crate::common::{copied, files_in, unsphere_with};
 
 const TINY: &str = "--set level=3 --set steps=12";
 

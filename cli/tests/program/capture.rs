@@ -1,13 +1,10 @@
 //! `unsphere data mask` and `unsphere capture`, from the command line.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{unsphere, unsphere_with};
+use crate::common::{unsphere, unsphere_with};
 use datasets::{MaskSource, ReadOptions, View, read_views, write_photos};
 use jpeg_encoder::{ColorType, Encoder};
 use mesh_core::{ByteImage, Camera, Distortion, Lens, TriMesh, primitives, read_mesh};

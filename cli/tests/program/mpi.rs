@@ -1,15 +1,13 @@
 //! Several processes at one training, as `mpirun` starts them.
 //!
 //! The processes share one machine here: `UNSPHERE_MPIRUN` has other words to start them with, for two machines say.
-#![cfg(all(feature = "mpi", unix))]
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
-
-mod common;
+#![allow(clippy::print_stdout, reason = "tests")]
 
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::common;
 use serde_json::Value;
 
 /// A training of moments whose batch falls into four shards, in the middle of whose epochs checkpoints come.

@@ -1,9 +1,6 @@
 //! What each command promises.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::{TINY, clock_views, copied, files_in, unsphere, unsphere_with};
+use crate::common::{TINY, clock_views, copied, files_in, unsphere, unsphere_with};
 
 #[test]
 fn the_demo_writes_what_it_promises() {

@@ -1,11 +1,8 @@
 //! `--log-json`: each line is an object, and all of them together say what happened.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::path::Path;
 
-use common::{TINY, clock_views, unsphere, unsphere_with};
+use crate::common::{TINY, clock_views, unsphere, unsphere_with};
 use serde_json::Value;
 
 /// The lines of a log, whose times never fall.

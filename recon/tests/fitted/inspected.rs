@@ -1,5 +1,4 @@
 //! From files of others to meshes, and what an inspection says of good and of spoilt views.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use datasets::{ColmapForm, Layout, ReadOptions, Truth, View, Views, read_views, write_colmap};
 use mesh_core::nalgebra::{Matrix3, Vector3};

@@ -1,11 +1,8 @@
 //! What `train` promises, with the smallest of systems' presets.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::path::Path;
 
-use common::unsphere;
+use crate::common::{self, unsphere};
 
 /// Settings that make a training take moments.
 const SMALL: [&str; 6] = ["--set", "level=1", "--set", "synthetic-views=10", "--set", "epochs=3"];

@@ -1,11 +1,8 @@
 //! Every kind of bad input: exit code 3, the file and the field named, nothing half-written.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::path::Path;
 
-use common::{clock_views, copied, files_in, unsphere};
+use crate::common::{clock_views, copied, files_in, unsphere};
 
 /// The views, spoilt, are refused by `fit` and by `check --views`, which leave nothing behind.
 fn refused(views: &Path, spoil: impl FnOnce(&Path), words: &[&str]) {

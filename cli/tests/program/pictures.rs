@@ -1,17 +1,14 @@
 //! Every image, animation and page that a command writes, looked at: size, frames, what is behind the object, and the
 //! colour of the object itself.
-#![allow(clippy::unwrap_used, reason = "tests")]
 #![allow(clippy::case_sensitive_file_extension_comparisons, reason = "names that we wrote")]
-
-mod common;
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use common::pixels::{
+use crate::common::pixels::{
     Look, carried, color_of, corner, frames_in, mean, part, picture, pictures_on, scene,
 };
-use common::{TINY, files_in, unsphere_with};
+use crate::common::{self, TINY, files_in, unsphere_with};
 use mesh_core::{ByteImage, TriMesh, primitives, read_mesh, write_mesh};
 
 /// The object of most of these tests, and its colour.

@@ -1,6 +1,4 @@
 //! Runs the binary and looks at what it did.
-#![allow(dead_code, reason = "every test file uses its own part")]
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 pub(crate) mod pixels;
 

@@ -1,11 +1,8 @@
 //! `unsphere data`: inspect, validate, convert, from the command line.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::path::Path;
 
-use common::{TINY, clock_views, copied, files_in, unsphere};
+use crate::common::{TINY, clock_views, copied, files_in, unsphere};
 
 #[test]
 fn datasets_are_converted_inspected_and_validated() {

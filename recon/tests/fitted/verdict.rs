@@ -1,5 +1,4 @@
 //! Verdicts: a good fit is good, and each thing that is wrong has its word.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use datasets::Views;
 use mesh_core::{TriMesh, primitives};

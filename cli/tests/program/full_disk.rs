@@ -1,10 +1,7 @@
 //! Disks without room, and disks that may only be read: an error with exit code 1, and nothing lost or left over.
 //!
 //! The disks are mounted for the test, which takes the rights to do so; without them the tests say so and pass.
-#![cfg(target_os = "linux")]
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
-
-mod common;
+#![allow(clippy::print_stdout, reason = "tests")]
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
@@ -13,7 +10,7 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use common::{TINY, clock_views, files_in, unsphere_with};
+use crate::common::{self, TINY, clock_views, files_in, unsphere_with};
 
 /// What a disk is filled with.
 const FILLER: &str = "filler";

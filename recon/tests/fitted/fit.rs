@@ -1,5 +1,4 @@
 //! Whole fits: shapes that are known, at a size that takes seconds.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use datasets::Views;
 use mesh_core::{TriMesh, primitives};

@@ -1,9 +1,6 @@
 //! What `reproduce` says before any work; the work itself takes a minute and is tested in recon.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::unsphere;
+use crate::common::unsphere;
 
 #[test]
 fn studies_are_listed_and_slips_are_named() {

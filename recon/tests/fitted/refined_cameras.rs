@@ -1,5 +1,4 @@
 //! Cameras that are a little off are put right by the fit, and right ones are left alone.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use datasets::{View, Views};
 use mesh_core::nalgebra::{Matrix3, Vector3};

@@ -1,12 +1,9 @@
 //! `docs/options.md` says what the program says.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::fmt::Write as _;
 use std::path::Path;
 
-use common::unsphere;
+use crate::common::unsphere;
 use models::predict::Predictor;
 use models::{Registry, register};
 use serde_json::Value;
@@ -58,7 +55,7 @@ fn the_page_of_options_is_the_programs() {
     let mut page = String::from(
         "# Options\n\nEverything that `--set KEY=VALUE` and a configuration file can say, as `unsphere check --options` and\n\
          `unsphere check --system NAME --options` list it. Published values are those of the preset `paper`.\n\
-         This page is made by `cli/tests/options.rs`, which also holds it to be true.\n",
+         This page is made by `cli/tests/program/options.rs`, which also holds it to be true.\n",
     );
     page.push_str(&table("fit", &fit));
     let mut systems = Names::default();

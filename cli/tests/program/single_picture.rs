@@ -1,9 +1,6 @@
 //! What the systems promise that make a mesh from one image.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::unsphere_with;
+use crate::common::unsphere_with;
 
 /// A network that was trained with depth asks for it, takes it, and makes a coloured mesh; what is given wrong is named,
 /// and nothing is written then.

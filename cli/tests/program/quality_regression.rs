@@ -1,11 +1,8 @@
 //! Figures that must not get worse: the first honest runs, less a margin.
-#![allow(clippy::unwrap_used, reason = "tests")]
-
-mod common;
 
 use std::path::Path;
 
-use common::unsphere;
+use crate::common::unsphere;
 use serde_json::Value;
 
 #[track_caller]

@@ -1,9 +1,6 @@
 //! What reaches a terminal, and what stands after `-o`.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::{files_in, unsphere, unsphere_with};
+use crate::common::{files_in, unsphere, unsphere_with};
 use mesh_core::{primitives, write_mesh};
 
 /// Nothing in a text that a terminal would obey.

@@ -1,0 +1,9 @@
+//! Whole fits of shapes that are known: one test program, so that its tests share the processor's cores.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod exposure;
+mod fit;
+mod hollows;
+mod inspected;
+mod refined_cameras;
+mod verdict;
