@@ -48,14 +48,36 @@ pub(crate) fn ssim(
     })
 }
 
-/// Intersection over union of two masks [H, W], object above 1/2; 1 where both are empty.
+/// Masks [H, W], or as many as there are of [N, H, W]; one channel may be said.
+fn masks(array: &Floats<'_>) -> PyResult<Vec<Image>> {
+    let (count, height, width) = match *array.shape() {
+        [height, width] | [height, width, 1] => (1, height, width),
+        [count, height, width] | [count, height, width, 1] if count > 0 => (count, height, width),
+        ref found => {
+            return Err(error::value(format!(
+                "iou: masks [H, W] or [N, H, W] expected, found {found:?}"
+            )));
+        }
+    };
+    let (data, size) = (array.singles(), height * width);
+    let mask = |k: usize| data[k * size..(k + 1) * size].to_vec();
+    Ok((0..count).map(|k| Image { height, width, channels: 1, data: mask(k) }).collect())
+}
+
+/// Intersection over union of two masks, object above 1/2; 1 where both are empty.
+///
+/// prediction, target: [H, W], or [N, H, W] of which the mean is taken; alike.
 #[pyfunction]
 pub(crate) fn iou(prediction: Floats<'_>, target: Floats<'_>) -> PyResult<f64> {
-    let [prediction, target] = pair("iou", &prediction, &target)?;
-    if prediction.channels != 1 {
-        return Err(error::value("iou: masks [H, W] of one channel expected"));
+    if prediction.shape() != target.shape() {
+        let (a, b) = (prediction.shape(), target.shape());
+        return Err(error::value(format!(
+            "iou: masks of one shape expected, found {a:?} and {b:?}"
+        )));
     }
-    Ok(metrics::mask_iou(&prediction, &target))
+    let (prediction, target) = (masks(&prediction)?, masks(&target)?);
+    let sum: f64 = prediction.iter().zip(&target).map(|(a, b)| metrics::mask_iou(a, b)).sum();
+    Ok(sum / prediction.len() as f64)
 }
 
 /// Distances between two sets of points, [P, 3] and [Q, 3]; never squared.

@@ -108,7 +108,7 @@ MISTAKES = {
     "cotangent shape": lambda: us.depth(SEEN).backward(np.ones((16, 24), np.float32)),
     "no cotangent": lambda: us.depth(SEEN).backward(),
     "metrics": lambda: us.metrics.psnr(np.ones((4, 4)), np.ones((4, 5))),
-    "metrics iou": lambda: us.metrics.iou(np.ones((4, 4, 3)), np.ones((4, 4, 3))),
+    "metrics iou": lambda: us.metrics.iou(np.ones(4), np.ones(4)),
     "metrics points": lambda: us.metrics.point_distances(np.ones((0, 3)), np.ones((4, 3))),
     "protocol": lambda: us.metrics.evaluate(ball, ball, "emd"),
     "camera": lambda: us.Camera.look_at([0, 0, float("nan")], [0, 0, 0], width=8, height=8),

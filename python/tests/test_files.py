@@ -134,6 +134,9 @@ def test_figures():
     half = np.zeros((4, 4), np.float32)
     half[:2] = 1
     assert us.metrics.iou(half, np.ones((4, 4), np.float32)) == 0.5
+    batch = np.stack([half, np.ones((4, 4), np.float32)])
+    assert us.metrics.iou(batch, np.ones((2, 4, 4), np.float32)) == 0.75
+    assert us.metrics.iou(batch[..., None], batch[..., None]) == 1
     found = us.metrics.point_distances(np.zeros((1, 3)), np.array([[3.0, 4.0, 0.0], [9.0, 0.0, 0.0]]), [6.0])
     assert found["chamfer"] == 12 and found["accuracy"].tolist() == [5] and found["f_scores"][0]["recall"] == 0.5
     ball = us.icosphere(2)
