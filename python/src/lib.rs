@@ -8,10 +8,12 @@ mod drawn;
 mod error;
 mod fit;
 mod frame;
+mod grid;
 mod image_losses;
 mod interrupt;
 mod mesh;
 mod metrics;
+mod neighbours;
 mod ode;
 mod point_losses;
 mod precision;
@@ -32,6 +34,8 @@ mod _unsphere {
     #[pymodule_export]
     use super::frame::{Frame, rasterize};
     #[pymodule_export]
+    use super::grid::{cubify, marching_cubes};
+    #[pymodule_export]
     use super::image_losses::{
         l1, l2, log_depth, mask_bce, mask_iou, scale_shift_invariant, ssim_loss,
     };
@@ -42,11 +46,13 @@ mod _unsphere {
     #[pymodule_export]
     use super::metrics::{evaluate, iou, point_distances, psnr, ssim, voxel_iou};
     #[pymodule_export]
+    use super::neighbours::{knn_points, neighbours};
+    #[pymodule_export]
     use super::ode::{Solution, odeint};
     #[pymodule_export]
     use super::point_losses::{
-        chamfer, chamfer_l1, earth_mover, face_point_distance, point_face_distance,
-        point_mesh_face_distance,
+        chamfer, chamfer_l1, chamfer_normals, earth_mover, face_point_distance,
+        point_face_distance, point_mesh_face_distance,
     };
     #[pymodule_export]
     use super::recorded::Recorded;
@@ -59,8 +65,8 @@ mod _unsphere {
     #[pymodule_export]
     use super::surface_losses::{
         deformation_norm, edge_length, edge_length_sum, face_angle, face_normals,
-        laplacian_cotcurv, laplacian_norm, laplacian_squared, normal_consistency, surface_normals,
-        surface_points, vertex_normals,
+        laplacian_cotangent, laplacian_cotcurv, laplacian_norm, laplacian_squared,
+        normal_consistency, surface_normals, surface_points, vertex_normals,
     };
     #[pymodule_export]
     use super::topology::Topology;

@@ -82,6 +82,54 @@ pub(crate) fn chamfer_l1(
     })
 }
 
+/// How far the normals at nearest points are from parallel: the mean of 1 - |cos|, both ways, added. The second result of PyTorch3D's
+/// `chamfer_distance`.
+///
+/// x: [P, 3] or [N, P, 3]. y: [Q, 3] or [N, Q, 3]. x_normals, y_normals: like x and y, of any length. signed: 1 - cos, which tells front from
+/// back: PyTorch3D's `abs_cosine=False`. x_to_y, y_to_x: weights of the two directions. Value: a float, for weights of 1 from 0 to 2, signed to 4.
+/// Gradients: x_normals, y_normals; x and y say only which points are nearest, as in `chamfer`. Raises ValueError for NaN.
+#[pyfunction]
+#[pyo3(signature = (x, y, x_normals, y_normals, *, signed=false, x_to_y=1.0, y_to_x=1.0, wrt=None))]
+pub(crate) fn chamfer_normals(
+    py: Python<'_>,
+    x: Floats<'_>,
+    y: Floats<'_>,
+    x_normals: Floats<'_>,
+    y_normals: Floats<'_>,
+    signed: bool,
+    x_to_y: f64,
+    y_to_x: f64,
+    wrt: Option<Wanted>,
+) -> PyResult<Recorded> {
+    let op = "chamfer_normals";
+    check_sets(op, &x, &y)?;
+    for (name, normals, of, points) in
+        [("x_normals", &x_normals, "x", &x), ("y_normals", &y_normals, "y", &y)]
+    {
+        let (found, expected) = (normals.shape(), points.shape());
+        if found != expected {
+            return Err(error::value(format!(
+                "{op}: {name} like {of}, {expected:?}, expected, found {found:?}"
+            )));
+        }
+        // Nothing is nearest to what is no number, yet a normal would be compared with.
+        points.check_numbers(op, of)?;
+        normals.check_numbers(op, name)?;
+    }
+    let directions = Directions { x_to_y, y_to_x };
+    let inputs = [("x_normals", &x_normals), ("y_normals", &y_normals), ("x", &x), ("y", &y)];
+    let arguments = Arguments::leading(2, op, inputs, wrt.as_ref())?;
+    record!(py, arguments, |x_normals, y_normals, x, y| {
+        let mut matches = Matches::default();
+        matches.find(x, y);
+        if signed {
+            losses::chamfer_normals_signed(x_normals, y_normals, &matches, directions)
+        } else {
+            losses::chamfer_normals(x_normals, y_normals, &matches, directions)
+        }
+    })
+}
+
 /// The earth mover's distance: the mean distance of partners, in the pairing of least sum.
 ///
 /// x, y: [P, 3] or [N, P, 3], alike. excess: None finds the least sum (O(P**3), meant up to 2048 points); 0.01, say, stops at one that is at

@@ -1,7 +1,7 @@
 //! Losses of a mesh by itself, and geometry that carries gradients.
 
-use autodiff_lite::Shapes;
-use mesh_core::SurfacePoint;
+use autodiff_lite::{Real, Shapes, Var};
+use mesh_core::{SparseRows, SurfacePoint};
 use pyo3::prelude::*;
 
 use crate::arrays::Floats;
@@ -101,6 +101,47 @@ pub(crate) fn edge_length(
     let inputs = [("positions", &positions)];
     record!(py, Arguments::new("edge_length", inputs, wrt.as_ref())?, |positions| {
         losses::edge_length(positions, &topology.connectivity, target)
+    })
+}
+
+/// The cotangent Laplacians of a batch of meshes as they are. In double precision, since weights of slivers are large and cancel.
+fn cotangent_laplacians<F: Real>(
+    positions: Var<'_, F>,
+    topology: &Topology,
+) -> Vec<SparseRows<f64>> {
+    let value = positions.value();
+    let wide: Vec<f64> = value.as_slice().iter().map(|&x| Real::to_f64(x)).collect();
+    let (points, _) = wide.as_chunks::<3>();
+    let (count, vertices) = match *value.shape() {
+        [count, vertices, _] => (count, vertices),
+        _ => (1, points.len()),
+    };
+    let mesh = |k: usize| &points[k * vertices..(k + 1) * vertices];
+    let (corners, connectivity) = (topology.corners(), &topology.connectivity);
+    (0..count).map(|k| mesh_core::cotangent_laplacian(mesh(k), corners, connectivity)).collect()
+}
+
+/// The mean length of each vertex's offset from the mean of its neighbours, weighed by cotangents: on a plane it is 0 however the vertices are
+/// spread, but at the border. PyTorch3D's `mesh_laplacian_smoothing("cot")`, whose weights count as fixed.
+///
+/// positions: [V, 3] or [N, V, 3]. topology: the faces. Value: a float, in units of the positions. Gradient: positions. A vertex whose weights
+/// add up to nearly nothing or less is left out. Raises ValueError where positions are not finite.
+#[pyfunction]
+#[pyo3(signature = (positions, topology, *, wrt=None))]
+pub(crate) fn laplacian_cotangent(
+    py: Python<'_>,
+    positions: Floats<'_>,
+    topology: Given<'_>,
+    wrt: Option<Wanted>,
+) -> PyResult<Recorded> {
+    let (op, topology) = ("laplacian_cotangent", topology.get());
+    check_mesh(op, "positions", &positions, topology)?;
+    // Faces without a sine are left out of the weights, and vertices without weights of the mean: that of nothing but infinity would be 0.
+    if positions.doubles().iter().any(|x| !x.is_finite()) {
+        return Err(error::value("laplacian_cotangent: positions must be finite"));
+    }
+    record!(py, Arguments::new(op, [("positions", &positions)], wrt.as_ref())?, |positions| {
+        losses::laplacian_cotangent(positions, &cotangent_laplacians(positions, topology))
     })
 }
 

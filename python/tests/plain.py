@@ -73,6 +73,21 @@ def chamfer(xp, x, y):
     return xp.amin(squares, 1).mean() + xp.amin(squares, 0).mean()
 
 
+def knn_points(xp, x, y, near, norm):
+    """[P, D] and [Q, D]; near [P, k]: which are the nearest."""
+    return (abs(x[:, None] - y[near]) ** norm).sum(-1)
+
+
+def chamfer_normals(xp, a, b, there, back, signed):
+    """Normals [P, 3] and [Q, 3]; there [P] and back [Q]: which point is nearest."""
+
+    def apart(a, b):
+        cosine = (a * b).sum(-1) / ((a**2).sum(-1) * (b**2).sum(-1)) ** 0.5
+        return 1 - (cosine if signed else abs(cosine))
+
+    return apart(a, b[there]).mean() + apart(b, a[back]).mean()
+
+
 def mask_iou(xp, a, b):
     """[N, H, W]."""
     both, either = (a * b).sum(-1).sum(-1), (a + b - a * b).sum(-1).sum(-1)
@@ -93,9 +108,23 @@ def edge_length(xp, positions, edges, target):
 
 
 def laplacian_norm(xp, positions, adjacency):
-    """adjacency [V, V]: 1 between neighbours."""
+    """adjacency [V, V]: 1 between neighbours; with the weights of `cotangents` it is laplacian_cotangent."""
     means = (adjacency[:, :, None] * positions[None]).sum(1) / adjacency.sum(1)[:, None]
     return (((means - positions) ** 2).sum(-1) ** 0.5).mean()
+
+
+def cotangents(positions, faces):
+    """Half the cotangents of the angles opposite to each edge, [V, V]; NumPy alone."""
+    import numpy as np
+
+    weights = np.zeros((len(positions),) * 2, positions.dtype)
+    for k in range(3):
+        a, b, apex = faces[:, k], faces[:, (k + 1) % 3], faces[:, (k + 2) % 3]
+        u, v = positions[a] - positions[apex], positions[b] - positions[apex]
+        half = (u * v).sum(-1) / (cross(np, u, v) ** 2).sum(-1) ** 0.5 / 2
+        np.add.at(weights, (a, b), half)
+        np.add.at(weights, (b, a), half)
+    return weights
 
 
 def cross(xp, a, b):

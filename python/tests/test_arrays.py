@@ -77,6 +77,8 @@ ball = us.icosphere(1)
 topology = ball.topology()
 V = ball.vertices
 SEEN = frame()
+EMPTY, ONES, NANS = np.ones((0, 3)), np.ones((4, 3)), np.full((4, 3), np.nan)
+CELLS, HUGE = np.ones((3, 4, 5)), np.broadcast_to(np.float32(1), (2**12,) * 3)
 MISTAKES = {
     "l2": lambda: us.l2(np.ones(3), np.ones(4)),
     "l2 mask": lambda: us.l2(np.ones((2, 3)), np.ones((2, 3)), np.ones(5)),
@@ -89,6 +91,51 @@ MISTAKES = {
     "chamfer axes": lambda: us.chamfer(np.ones((4, 2)), np.ones((4, 2))),
     "earth mover": lambda: us.earth_mover(np.ones((4, 3)), np.ones((5, 3))),
     "earth mover nan": lambda: us.earth_mover(np.full((4, 3), np.nan), np.ones((4, 3))),
+    "knn none": lambda: us.knn_points(ONES, ONES, 0),
+    "knn less than none": lambda: us.knn_points(ONES, ONES, -1),
+    "knn too many": lambda: us.knn_points(ONES, ONES, 5),
+    "knn norm": lambda: us.knn_points(ONES, ONES, 1, norm=3),
+    "knn empty": lambda: us.knn_points(EMPTY, ONES, 1),
+    "knn among none": lambda: us.knn_points(ONES, EMPTY, 1),
+    "knn flat": lambda: us.knn_points(np.ones((4, 0)), np.ones((4, 0)), 1),
+    "knn batch": lambda: us.knn_points(np.ones((2, 4, 3)), np.ones((3, 4, 3)), 1),
+    "knn ranks": lambda: us.knn_points(ONES, ONES[None], 1),
+    "knn axes": lambda: us.knn_points(ONES, np.ones((4, 2)), 1),
+    "knn one point": lambda: us.knn_points(np.ones(3), ONES, 1),
+    "knn nan": lambda: us.knn_points(NANS, ONES, 1),
+    "knn among nan": lambda: us.knn_points(ONES, NANS, 1),
+    "knn huge": lambda: us.knn_points(np.broadcast_to(np.float64(1), (2**30, 3)), ONES, 3),
+    "neighbours none": lambda: us.neighbours(ONES, ONES, 0),
+    "neighbours too many": lambda: us.neighbours(ONES, ONES, 2**40),
+    "neighbours nan": lambda: us.neighbours(ONES, NANS, 1),
+    "neighbours norm": lambda: us.neighbours(ONES, ONES, 1, norm=0),
+    "normals missing": lambda: us.chamfer_normals(ONES, ONES, ONES[:3], ONES),
+    "normals flat": lambda: us.chamfer_normals(ONES, ONES, ONES, ONES[:, :2]),
+    "normals empty": lambda: us.chamfer_normals(EMPTY, ONES, EMPTY, ONES),
+    "normals batch": lambda: us.chamfer_normals(ONES, ONES, ONES[None], ONES),
+    "normals nan": lambda: us.chamfer_normals(ONES, ONES, ONES, NANS),
+    "normals of nan": lambda: us.chamfer_normals(NANS, ONES, ONES, ONES),
+    "cotangent": lambda: us.laplacian_cotangent(V[:-1], topology),
+    "cotangent axes": lambda: us.laplacian_cotangent(V[:, :2].copy(), topology),
+    "cotangent ranks": lambda: us.laplacian_cotangent(V[None, None], topology),
+    "cotangent nan": lambda: us.laplacian_cotangent(np.full_like(V, np.nan), topology),
+    "cotangent infinite": lambda: us.laplacian_cotangent(np.full_like(V, np.inf), topology),
+    "cubes axes": lambda: us.marching_cubes(ONES, 0.5),
+    "cubes empty": lambda: us.marching_cubes(CELLS[:0], 0.5),
+    "cubes flat": lambda: us.marching_cubes(CELLS[:1], 0.5),
+    "cubes nan": lambda: us.marching_cubes(np.full((3, 4, 5), np.nan), 0.5),
+    "cubes level": lambda: us.marching_cubes(CELLS, np.nan),
+    "cubes no level": lambda: us.marching_cubes(CELLS, 1e300),
+    "cubes huge": lambda: us.marching_cubes(HUGE, 0.5),
+    "cubes upside down": lambda: us.marching_cubes(CELLS, 0.5, bounds=((1, 1, 1), (0, 0, 0))),
+    "cubes bounds": lambda: us.marching_cubes(CELLS, 0.5, bounds=np.ones((2, 2))),
+    "cubify axes": lambda: us.cubify(CELLS[None], 0.5),
+    "cubify empty": lambda: us.cubify(CELLS[:, :0], 0.5),
+    "cubify nan": lambda: us.cubify(np.full((3, 4, 5), np.nan), 0.5),
+    "cubify threshold": lambda: us.cubify(CELLS, float("inf")),
+    "cubify huge": lambda: us.cubify(HUGE, 0.5),
+    "cubify flat box": lambda: us.cubify(CELLS, 0.5, bounds=((0, 0, 0), (1, 0, 1))),
+    "cubify endless box": lambda: us.cubify(CELLS, 0.5, bounds=((-3e38,) * 3, (3e38,) * 3)),
     "laplacian": lambda: us.laplacian_norm(V[:-1], topology),
     "edge axes": lambda: us.edge_length(V[:, :2].copy(), topology),
     "surface": lambda: us.surface_points(V, topology, us.sample_surface(us.icosphere(2).vertices, us.icosphere(2).topology(), 99)),
@@ -144,8 +191,21 @@ def test_types_are_told():
         us.l2(np.ones(3, np.float32), np.ones(3))
     with pytest.raises(TypeError, match="a cotangent of float32 expected, found float64"):
         us.depth(SEEN).backward(np.ones((1, 16, 24)))
-
-
+    with pytest.raises(TypeError, match="found an array of bool"):
+        us.cubify(CELLS > 0, 0.5)
+    with pytest.raises(TypeError, match="bounds"):
+        us.marching_cubes(CELLS, 0.5, bounds=(-1, 1))
+    for k in (1.0, "1", None):
+        with pytest.raises(TypeError):
+            us.knn_points(ONES, ONES, k)
+    with pytest.raises(TypeError, match="knn_points: y: an array of float64 expected as the others are, found float32"):
+        us.knn_points(ONES, ONES.astype(np.float32), 1)
+    with pytest.raises(TypeError, match="neighbours: y: an array of float64 expected as the others are, found float32"):
+        us.neighbours(ONES, ONES.astype(np.float32), 1)
+    with pytest.raises(TypeError, match="chamfer_normals: x: an array of float32 expected as the others are, found float64"):
+        us.chamfer_normals(ONES, ONES, *np.ones((2, 4, 3), np.float32))
+    with pytest.raises(TypeError, match="topology: mesh.topology"):
+        us.laplacian_cotangent(V, ball)
     with pytest.raises(TypeError, match="topology: mesh.topology.. or Topology.faces, number_of_vertices. expected, found an array of uint32"):
         us.laplacian_norm(V, ball.faces)
     with pytest.raises(TypeError, match="topology: mesh.topology.. or .* found a unsphere.Mesh"):

@@ -51,9 +51,47 @@ def test_losses():
     close(us.edge_length(y, scene.topology, 0.3).value, plain.edge_length(np, y, scene.edges, 0.3))
     close(us.laplacian_norm(y, scene.topology).value, plain.laplacian_norm(np, y, scene.adjacency))
     close(us.normal_consistency(y, scene.topology).value, plain.normal_consistency(np, y, scene.pairs))
+    close(us.laplacian_cotangent(y, scene.topology).value, plain.laplacian_norm(np, y, plain.cotangents(y, scene.faces)))
     corner = scene.faces[scene.samples.face]
     share = scene.samples.barycentric.astype(np.float64)
     close(us.surface_points(y, scene.topology, scene.samples).value, plain.surface_points(np, y, corner, share))
+
+
+def test_neighbours():
+    x, y = scene.points, scene.vertices
+    for norm in [1, 2]:
+        distances = (abs(x[:, None] - y[None]) ** norm).sum(-1)
+        near = us.neighbours(x, y, 5, norm=norm)
+        assert near.dtype == np.int64 and np.array_equal(near, distances.argsort(1)[:, :5])
+        close(us.knn_points(x, y, 5, norm=norm).value, np.sort(distances, 1)[:, :5])
+        close(us.knn_points(x, y, 5, norm=norm).value, plain.knn_points(np, x, y, near, norm))
+    assert np.array_equal(us.knn_points(x, y, 5).value, us.knn_points(x, y, 5, norm=2).value)
+    # A batch is its sets, one by one, and points may have any number of coordinates.
+    random = np.random.default_rng(3)
+    x, y = random.standard_normal((3, 8, 5)), random.standard_normal((3, 6, 5))
+    near, found = us.neighbours(x, y, 6), us.knn_points(x, y, 6).value
+    assert near.shape == found.shape == (3, 8, 6)
+    for k in range(3):
+        assert np.array_equal(near[k], us.neighbours(x[k], y[k], 6))
+        close(found[k], us.knn_points(x[k], y[k], 6).value)
+    # Of equally near ones the lowest come first.
+    assert us.neighbours(np.zeros((1, 2)), np.array([[0, 1], [1, 0], [0, 0], [-1.0, 0]]), 4).tolist() == [[2, 0, 1, 3]]
+
+
+def test_normals_at_nearest_points():
+    x, y = scene.points, scene.vertices
+    normals = np.random.default_rng(4).standard_normal((len(x) + len(y), 3))
+    m, n = normals[: len(x)], normals[len(x) :]
+    there, back = us.neighbours(x, y, 1)[:, 0], us.neighbours(y, x, 1)[:, 0]
+    for signed in [False, True]:
+        expected = plain.chamfer_normals(np, m, n, there, back, signed)
+        close(us.chamfer_normals(x, y, m, n, signed=signed).value, expected)
+        # The parts of the two directions add up to it, and of a batch the mean is taken.
+        parts = [us.chamfer_normals(x, y, m, n, signed=signed, x_to_y=a, y_to_x=1 - a).value for a in (1, 0)]
+        close(sum(parts), expected)
+        two = [np.stack([array, array[::-1]]) for array in (x, y, m, n)]
+        close(us.chamfer_normals(*two, signed=signed).value, expected)
+    assert us.chamfer_normals(x, x, m, -3 * m).value < 1e-12 and abs(us.chamfer_normals(x, x, m, -3 * m, signed=True).value - 4) < 1e-12
 
 
 def test_pairs_are_those_of_a_closed_mesh():

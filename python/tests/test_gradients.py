@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import plain
 import unsphere as us
 
 STEP = 1e-6
@@ -46,6 +47,11 @@ def point_cases():
     x, y = random.standard_normal((2, 20, 3)), random.standard_normal((2, 35, 3))
     yield "chamfer", lambda x, y: us.chamfer(x, y, x_to_y=0.55), [x, y]
     yield "chamfer_l1", us.chamfer_l1, [x, y]
+    yield "knn_points", lambda x, y: us.knn_points(x, y, 4), [x, y]
+    yield "knn_points, norm 1", lambda x, y: us.knn_points(x, y, 3, norm=1), [x[0, :, :2], y[0, :, :2]]
+    normals = [random.standard_normal(points.shape) for points in (x, y)]
+    for name, options in {"chamfer_normals": {"y_to_x": 0.55}, "chamfer_normals, signed": {"signed": True}}.items():
+        yield name, lambda m, n, o=options: us.chamfer_normals(x.astype(m.dtype), y.astype(m.dtype), m, n, **o), normals
     yield "earth_mover", us.earth_mover, [x[0], y[0, :20]]
 
 
@@ -145,11 +151,36 @@ def test_cotcurv_holds_its_weights():
     assert np.abs(gradient.sum(axis=0)).max() < 1e-9
 
 
+def test_cotangents_hold_their_weights():
+    """Beside differences of the definition with the weights of the first positions, and of each mesh in a batch its own."""
+    vertices, topology, random = shaken(6)
+    weights = plain.cotangents(vertices, topology.faces.astype(np.int64))
+    value, backward = us.laplacian_cotangent(vertices, topology)
+    (gradient,) = backward()
+    for _ in range(8):
+        step = STEP * random.standard_normal(vertices.shape)
+        ahead, behind = (plain.laplacian_norm(np, vertices + sign * step, weights) for sign in (1, -1))
+        assert np.sum(gradient * step) == pytest.approx((ahead - behind) / 2, rel=1e-5, abs=1e-13)
+    other = vertices[:, [1, 0, 2]] * [1.0, 2.0, 0.5]
+    second = us.laplacian_cotangent(other, topology)
+    both = us.laplacian_cotangent(np.stack([vertices, other]), topology)
+    assert both.value == pytest.approx((value + second.value) / 2, rel=1e-12)
+    assert np.allclose(both.backward()[0], np.stack([gradient, second.backward()[0]]) / 2, rtol=1e-12, atol=1e-15)
+    rough = us.laplacian_cotangent(vertices.astype(np.float32), topology)
+    assert rough.value == pytest.approx(value, rel=1e-5)
+    assert rough.backward()[0].dtype == np.float32 and np.abs(rough.backward()[0] - gradient).max() < 1e-5
+
+
 def test_only_what_is_wanted():
     a, b = np.ones((2, 3)), np.zeros((2, 3))
     of_a, of_b = us.l2(a, b, wrt="image").backward()
     assert of_a is not None and of_b is None
     assert us.l2(a, b, wrt=()).backward() == (None, None)
+    # Points say which normals are compared, and have no gradient.
+    made = us.chamfer_normals(a, a, a, a, wrt="y_normals")
+    assert made.inputs == ["x_normals", "y_normals"] and made.backward()[0] is None and made.backward()[1].shape == (2, 3)
+    with pytest.raises(ValueError, match="wrt names 'x', expected among x_normals, y_normals"):
+        us.chamfer_normals(a, a, a, a, wrt="x")
     with pytest.raises(ValueError, match="wrt names 'picture', expected among image, target"):
         us.l2(a, b, wrt=["picture"])
 

@@ -105,6 +105,8 @@ def test_losses(scene):
     compare(scene, lambda x: ut.edge_length(x, topology, 0.3), lambda x: plain.edge_length(torch, x, edges, 0.3), y)
     compare(scene, lambda x: ut.laplacian_norm(x, topology), lambda x: plain.laplacian_norm(torch, x, adjacency), y)
     compare(scene, lambda x: ut.normal_consistency(x, topology), lambda x: plain.normal_consistency(torch, x, pairs), y)
+    weights = torch.tensor(plain.cotangents(y, scene.faces))
+    compare(scene, lambda x: ut.laplacian_cotangent(x, topology), lambda x: plain.laplacian_norm(torch, x, weights), y)
     corner = index(scene.faces[scene.samples.face])
     share = torch.tensor(scene.samples.barycentric.astype(scene.dtype))
     compare(
@@ -113,6 +115,24 @@ def test_losses(scene):
         lambda x: plain.surface_points(torch, x, corner, share),
         y,
     )
+
+
+def test_nearest_points(scene):
+    x, y = scene.points, scene.vertices
+    for norm in (1, 2):
+        near = ut.neighbours(torch.tensor(x), torch.tensor(y), 4, norm=norm)
+        assert near.dtype == torch.int64 and np.array_equal(near.numpy(), us.neighbours(x, y, 4, norm=norm))
+        compare(scene, lambda x, y: ut.knn_points(x, y, 4, norm=norm), lambda x, y: plain.knn_points(torch, x, y, near, norm), x, y)
+    there, back = (ut.neighbours(torch.tensor(a), torch.tensor(b), 1)[:, 0] for a, b in [(x, y), (y, x)])
+    points = torch.tensor(x), torch.tensor(y)
+    for signed in (False, True):
+        compare(
+            scene,
+            lambda m, n: ut.chamfer_normals(*points, m, n, signed=signed),
+            lambda m, n: plain.chamfer_normals(torch, m, n, there, back, signed),
+            np.cos(7 * x),
+            np.cos(9 * y),
+        )
 
 
 def test_the_rest_is_numpys_way_back():

@@ -32,6 +32,7 @@ __all__ = [
     "antialiased_silhouette",
     "chamfer",
     "chamfer_l1",
+    "chamfer_normals",
     "deformation_norm",
     "depth",
     "earth_mover",
@@ -42,14 +43,17 @@ __all__ = [
     "face_point_distance",
     "interpolate",
     "interpolate_corners",
+    "knn_points",
     "l1",
     "l2",
+    "laplacian_cotangent",
     "laplacian_cotcurv",
     "laplacian_norm",
     "laplacian_squared",
     "log_depth",
     "mask_bce",
     "mask_iou",
+    "neighbours",
     "normal_consistency",
     "point_face_distance",
     "point_mesh_face_distance",
@@ -228,6 +232,7 @@ def _of_mesh(name):
 edge_length_sum = _of_mesh("edge_length_sum")
 face_angle = _of_mesh("face_angle")
 face_normals = _of_mesh("face_normals")
+laplacian_cotangent = _of_mesh("laplacian_cotangent")
 laplacian_cotcurv = _of_mesh("laplacian_cotcurv")
 laplacian_norm = _of_mesh("laplacian_norm")
 laplacian_squared = _of_mesh("laplacian_squared")
@@ -284,6 +289,28 @@ def chamfer_l1(x, y, *, x_to_y=1.0, y_to_x=1.0):
         "chamfer_l1",
         ("x", "y"), (x, y), lambda arrays, wrt: _us.chamfer_l1(*arrays, x_to_y=x_to_y, y_to_x=y_to_x, wrt=wrt)
     )
+
+
+def chamfer_normals(x, y, x_normals, y_normals, *, signed=False, x_to_y=1.0, y_to_x=1.0):
+    """1 - |cos| of the normals at nearest points; no gradient to x and y. See `unsphere.chamfer_normals`."""
+    known = _numpy(x, "chamfer_normals: x"), _numpy(y, "chamfer_normals: y")
+    settings = {"signed": signed, "x_to_y": x_to_y, "y_to_x": y_to_x}
+    return _apply(
+        "chamfer_normals",
+        ("x_normals", "y_normals"),
+        (x_normals, y_normals),
+        lambda arrays, wrt: _us.chamfer_normals(*known, *arrays, **settings, wrt=wrt),
+    )
+
+
+def knn_points(x, y, k, *, norm=2):
+    """Distances to the k nearest points, squared. See `unsphere.knn_points`."""
+    return _apply("knn_points", ("x", "y"), (x, y), lambda arrays, wrt: _us.knn_points(*arrays, k, norm=norm, wrt=wrt))
+
+
+def neighbours(x, y, k, *, norm=2):
+    """Which points these are, int64: `values[indices]` carries gradients. See `unsphere.neighbours`."""
+    return _torch.from_numpy(_us.neighbours(_numpy(x, "neighbours: x"), _numpy(y, "neighbours: y"), k, norm=norm))
 
 
 def earth_mover(x, y, *, excess=None):
