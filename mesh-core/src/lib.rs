@@ -91,6 +91,7 @@ pub mod kernels;
 mod limits;
 mod marching_cubes;
 mod mesh;
+mod normal_filter;
 mod normals;
 pub mod primitives;
 mod remesh;
@@ -145,6 +146,7 @@ pub use marching_cubes::marching_cubes;
 pub use mesh::{MeshError, Texture, TriMesh};
 #[cfg(feature = "camera")]
 pub use nalgebra;
+pub use normal_filter::NormalFilter;
 pub use normals::{face_areas, face_normals, vertex_normals};
 #[cfg(feature = "camera")]
 pub use remesh::simplify;

@@ -19,6 +19,7 @@ use mesh_core::primitives::{icosphere, lathe};
 use mesh_core::{ByteImage, Camera, TriMesh, write_mesh, write_png};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, Fitted, fit};
+use synth::generate::Normalize;
 use synth::shapes::Family;
 use synth::{Lamp, Lighting, Orbit, RenderOptions, marbled, render_views};
 use train::progress::Watch;
@@ -48,7 +49,11 @@ fn main() -> Result<(), Failure> {
     for name in names.split(',') {
         let plain = shape(name)?;
         let painted = |mesh| marbled(&mesh, [[0.85, 0.75, 0.6], [0.25, 0.15, 0.3]], 4.0, 7);
-        let truth = framed(if plain.colors.is_some() { plain } else { painted(plain) });
+        let truth = Normalize::UnitDiagonal.apply(if plain.colors.is_some() {
+            plain
+        } else {
+            painted(plain)
+        });
         for light in ["even", "still"] {
             let views = Views::in_memory(photographs(&truth, side, light == "still")?);
             let begun = Instant::now();
@@ -214,14 +219,6 @@ fn turned(profile: &[[f32; 2]]) -> TriMesh {
         point[0] = if k == 0 || k == last { 0.0 } else { point[0].max(1e-4) };
     }
     lathe(&fine, 400)
-}
-
-/// With the diagonal 1 around the origin, as the cameras expect.
-fn framed(mesh: TriMesh) -> TriMesh {
-    let Some((low, high)) = mesh.bounds() else { return mesh };
-    let size = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt();
-    let middle = std::array::from_fn(|k| -0.5 * (low[k] + high[k]));
-    mesh.translated(middle).scaled([1.0 / size; 3])
 }
 
 /// Gray, from above and from the front.

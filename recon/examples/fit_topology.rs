@@ -19,6 +19,7 @@ use mesh_core::{ByteImage, TriMesh, write_png};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, TopologyKind, fit};
 use recon::progress::Watch;
+use synth::generate::Normalize;
 use synth::shapes::Family;
 use synth::{Lighting, Orbit, RenderOptions, render_views};
 
@@ -65,7 +66,7 @@ fn measure(
     folder: &str,
     topology: TopologyKind,
 ) -> Result<(String, [Vec<View>; 2]), Failure> {
-    let truth = framed(colored(shape(name)?));
+    let truth = Normalize::UnitDiagonal.apply(colored(shape(name)?));
     let look = RenderOptions { lighting: Lighting::studio(), ..RenderOptions::default() };
     let orbit = |count: usize, side: usize| Orbit {
         count,
@@ -149,14 +150,6 @@ fn shape(name: &str) -> Result<TriMesh, Failure> {
 fn both(mut first: TriMesh, second: &TriMesh) -> Result<TriMesh, Failure> {
     first.append(second)?;
     Ok(first)
-}
-
-/// With the diagonal 1 around the origin, as the cameras expect.
-fn framed(mesh: TriMesh) -> TriMesh {
-    let Some((low, high)) = mesh.bounds() else { return mesh };
-    let size = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt();
-    let middle = std::array::from_fn(|k| -0.5 * (low[k] + high[k]));
-    mesh.translated(middle).scaled([1.0 / size; 3])
 }
 
 /// Plain shapes are coloured by place, so that a colour is seen where it belongs.

@@ -50,6 +50,7 @@ mod correlation;
 mod distance;
 mod error;
 mod exposure;
+mod flatten;
 mod grading;
 mod hull;
 mod kuhn;
@@ -345,6 +346,11 @@ impl<'a, 'o> Run<'a, 'o> {
             self.fitted.photo_consistency = found;
             self.evaluate(shape, step);
             self.lap("photometric");
+        }
+        if config.filter_normals && !self.is_cancelled() {
+            flatten::flatten(&mut shape, &self.train, config, self.fitted.history.len())?;
+            self.evaluate(&shape, self.fitted.history.len());
+            self.lap("flatten");
         }
         if thin && !self.is_cancelled() {
             let step = self.fitted.history.len();
