@@ -16,7 +16,7 @@ use std::time::Instant;
 
 use datasets::{View, Views};
 use losses::metrics::{Preset, evaluate};
-use mesh_core::{ByteImage, TriMesh, write_png};
+use mesh_core::{ByteImage, EmptyGrid, TriMesh, cubify, voxelize_solid, write_png};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, Fitted, fit};
 use recon::progress::Watch;
@@ -28,6 +28,9 @@ type Failure = Box<dyn std::error::Error>;
 /// Side of a tile of the sheet, in pixels.
 const TILE: usize = 192;
 
+/// Cells along each side of the grid on which the parts of a true mesh are united.
+const CELLS: usize = 256;
+
 /// One object's line of the table.
 struct Row {
     shape: Shape,
@@ -36,6 +39,8 @@ struct Row {
     worst: f64,
     chamfer: f64,
     watertight: bool,
+    /// Of the fitted mesh, and of the union of the true one's parts.
+    genus: [Option<usize>; 2],
     seconds: f64,
     /// The fitted mesh and the true one, from two sides each.
     tiles: [Vec<View>; 2],
@@ -104,17 +109,27 @@ fn measure(shape: Shape) -> Result<Row, Failure> {
         worst: scores.views.iter().map(|v| v.mask_iou).fold(1.0, f64::min),
         chamfer: report.chamfer.unwrap_or(f64::NAN),
         watertight: health.is_watertight(),
+        genus: [health.genus(), united(&truth).health().genus()],
         seconds,
         tiles: [render(&mesh, &front)?, render(&truth, &front)?],
         shape,
     })
 }
 
+/// The surface of the cells that any part of a mesh fills.
+fn united(mesh: &TriMesh) -> TriMesh {
+    let Some((low, high)) = mesh.bounds() else { return TriMesh::default() };
+    let grid = voxelize_solid(mesh, [CELLS; 3], (low.map(|x| x - 0.01), high.map(|x| x + 0.01)));
+    cubify(&grid, EmptyGrid::Nothing).split_nonmanifold()
+}
+
 fn line(row: &Row) -> String {
     let closed = if row.watertight { "yes" } else { "NO" };
+    let [genus, united] =
+        row.genus.map(|genus| genus.map_or_else(|| "none".into(), |g| g.to_string()));
     let traits: Vec<&str> = row.shape.traits.iter().map(|t| t.1.as_str()).collect();
     format!(
-        "| {} | {} | {:.4} | {:.4} | {:.4} | {closed} | {:.1} | {} |\n",
+        "| {} | {} | {:.4} | {:.4} | {:.4} | {closed} | {genus} | {united} | {:.1} | {} |\n",
         row.shape.family,
         row.shape.seed,
         row.iou,
@@ -135,8 +150,8 @@ fn table(rows: &[Row], arguments: &[String]) -> String {
     let mut text = format!(
         "Fits of procedural objects: 24 views of 256x256 from all around, default configuration, \
          scored on 8 other views.\n\n`cargo run --release -p unsphere-recon --example fit_families -- {}`, \
-         {} threads.\n\n| family | seed | mask IoU | worst view | Chamfer (occnet) | closed | seconds \
-         | drawn |\n|---|---|---|---|---|---|---|---|\n",
+         {} threads.\n\n| family | seed | mask IoU | worst view | Chamfer (occnet) | closed | genus \
+         | of the union | seconds | drawn |\n|---|---|---|---|---|---|---|---|---|---|\n",
         arguments.join(" "),
         std::thread::available_parallelism().map_or(1, usize::from),
     );

@@ -85,13 +85,13 @@ impl Region {
 
     /// Whether it holds a point.
     pub(super) fn holds(&self, p: [f64; 3]) -> bool {
-        let (mut square, mut farthest) = (0.0, 0.0f64);
+        let (mut square, mut within) = (0.0, true);
         for k in 0..3 {
             let x = (p[k] - self.center[k]) / self.half[k];
             square += x * x;
-            farthest = farthest.max(x.abs());
+            within &= x.abs() <= 1.0;
         }
-        if self.round { square <= 1.0 } else { farthest <= 1.0 }
+        if self.round { square <= 1.0 } else { within }
     }
 }
 
