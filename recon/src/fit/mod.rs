@@ -336,6 +336,11 @@ impl<'a, 'o> Run<'a, 'o> {
                 break;
             }
         }
+        if config.filter_normals && !self.is_cancelled() {
+            flatten::flatten(&mut shape, &self.train, config, self.fitted.history.len())?;
+            self.evaluate(&shape, self.fitted.history.len());
+            self.lap("flatten");
+        }
         if config.photometric && !self.is_cancelled() {
             let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
             let step = self.fitted.history.len();
@@ -346,11 +351,6 @@ impl<'a, 'o> Run<'a, 'o> {
             self.fitted.photo_consistency = found;
             self.evaluate(shape, step);
             self.lap("photometric");
-        }
-        if config.filter_normals && !self.is_cancelled() {
-            flatten::flatten(&mut shape, &self.train, config, self.fitted.history.len())?;
-            self.evaluate(&shape, self.fitted.history.len());
-            self.lap("flatten");
         }
         if thin && !self.is_cancelled() {
             let step = self.fitted.history.len();
