@@ -13,7 +13,9 @@ use std::time::Instant;
 
 use datasets::{View, Views};
 use mesh_core::primitives::{cuboid, icosphere, torus};
-use mesh_core::{ByteImage, TriMesh, face_normals, nearest, sample_surface, write_mesh, write_png};
+use mesh_core::{
+    ByteImage, Topology, TriMesh, face_normals, nearest, sample_surface, write_mesh, write_png,
+};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, fit};
 use recon::progress::Watch;
@@ -109,17 +111,13 @@ fn angles(fitted: &TriMesh, truth: &TriMesh, away: f32) -> Vec<f32> {
 /// Where neighbouring faces differ much.
 fn edges(mesh: &TriMesh) -> Vec<[[f32; 3]; 2]> {
     let normals = face_normals(&mesh.positions, &mesh.faces);
-    let mut sides = std::collections::BTreeMap::<[u32; 2], Vec<usize>>::new();
-    for (face, corners) in mesh.faces.iter().enumerate() {
-        for k in 0..3 {
-            let (a, b) = (corners[k], corners[(k + 1) % 3]);
-            sides.entry([a.min(b), a.max(b)]).or_default().push(face);
-        }
-    }
-    let sharp = |faces: &[usize]| {
-        faces.len() == 2 && dot(normals[faces[0]], normals[faces[1]]) < EDGE.to_radians().cos()
+    let topology = Topology::of(mesh);
+    let sharp = |faces: &[u32; 2]| {
+        let [a, b] = faces.map(|face| face as usize);
+        !faces.contains(&Topology::NONE) && dot(normals[a], normals[b]) < EDGE.to_radians().cos()
     };
-    let sharp = sides.iter().filter(|(_, faces)| sharp(faces));
+    let sides = topology.edges.iter().zip(&topology.edge_faces);
+    let sharp = sides.filter(|(_, faces)| sharp(faces));
     sharp.map(|(ends, _)| ends.map(|v| mesh.positions[v as usize])).collect()
 }
 
