@@ -3,6 +3,7 @@
 mod factor;
 
 use crate::Topology;
+use crate::conjugate_gradients::{BLOCK, ConjugateGradients, SolveReport, SymmetricSystem};
 use factor::Factor;
 
 /// The operator `I + λ L` with the combinatorial Laplacian `L = D - A`, and a solver for it.
@@ -37,16 +38,16 @@ use factor::Factor;
 /// Nicolet, Jacobson, Jakob 2021, *Large Steps in Inverse Rendering of Geometry*, section 3.
 #[derive(Clone, Debug)]
 pub struct DiffusionSolver {
+    operator: Diffusion,
+    solver: ConjugateGradients,
+}
+
+/// `I + λ L`.
+#[derive(Clone, Debug)]
+struct Diffusion {
     lambda: f32,
     rows: crate::Csr,
     preconditioner: Preconditioner,
-    /// Solution, residual, the same preconditioned, direction and its image, padded to four columns
-    /// so that a vertex is one vector register.
-    x: Vec<[f32; 4]>,
-    residual: Vec<[f32; 4]>,
-    preconditioned: Vec<[f32; 4]>,
-    direction: Vec<[f32; 4]>,
-    image: Vec<[f32; 4]>,
 }
 
 /// What makes the conjugate gradient method need fewer iterations.
@@ -58,20 +59,6 @@ enum Preconditioner {
     Factor(Factor),
 }
 
-/// How a solve went.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct SolveReport {
-    /// The number of iterations.
-    pub iterations: usize,
-    /// The largest `‖b - (I + λ L) x‖ / ‖b‖` of any column.
-    pub residual: f64,
-    /// Whether `residual` is within the tolerance.
-    pub converged: bool,
-}
-
-/// Vertices whose products are summed in `f32` before the sum goes on in `f64`.
-const BLOCK: usize = 64;
 /// Entries per vertex above which a factor costs more than it brings.
 const FACTOR_ENTRIES: usize = 100;
 
@@ -87,17 +74,9 @@ impl DiffusionSolver {
         assert!(lambda >= 0.0 && lambda.is_finite(), "DiffusionSolver: lambda {lambda}");
         let rows = topology.vertex_vertices.clone();
         let inverse = rows.rows().map(|ring| 1.0 / (1.0 + lambda * ring.len() as f32)).collect();
-        let count = rows.len();
-        Self {
-            lambda,
-            rows,
-            preconditioner: Preconditioner::Diagonal(inverse),
-            x: vec![[0.0; 4]; count],
-            residual: vec![[0.0; 4]; count],
-            preconditioned: vec![[0.0; 4]; count],
-            direction: vec![[0.0; 4]; count],
-            image: vec![[0.0; 4]; count],
-        }
+        let solver = ConjugateGradients::new(rows.len());
+        let preconditioner = Preconditioner::Diagonal(inverse);
+        Self { operator: Diffusion { lambda, rows, preconditioner }, solver }
     }
 
     /// The same operator, factored, for many solves.
@@ -113,15 +92,15 @@ impl DiffusionSolver {
     pub fn factored(topology: &Topology, lambda: f32) -> Self {
         let mut solver = Self::new(topology, lambda);
         let most = FACTOR_ENTRIES * topology.vertex_count();
-        if let Some(factor) = Factor::new(&solver.rows, lambda, most) {
-            solver.preconditioner = Preconditioner::Factor(factor);
+        if let Some(factor) = Factor::new(&solver.operator.rows, lambda, most) {
+            solver.operator.preconditioner = Preconditioner::Factor(factor);
         }
         solver
     }
 
     /// The strength λ.
     pub fn lambda(&self) -> f32 {
-        self.lambda
+        self.operator.lambda
     }
 
     /// Computes `y = (I + λ L) x`.
@@ -131,7 +110,8 @@ impl DiffusionSolver {
     pub fn apply<const K: usize>(&self, x: &[[f32; K]], y: &mut [[f32; K]]) {
         self.assert_rows(x.len());
         self.assert_rows(y.len());
-        for (vertex, (ring, y)) in self.rows.rows().zip(y).enumerate() {
+        let Diffusion { lambda, rows, .. } = &self.operator;
+        for (vertex, (ring, y)) in rows.rows().zip(y).enumerate() {
             let here = x[vertex];
             let mut sum = [0.0; K];
             for &other in ring {
@@ -139,8 +119,8 @@ impl DiffusionSolver {
                     sum[k] += x[other as usize][k];
                 }
             }
-            let diagonal = 1.0 + self.lambda * ring.len() as f32;
-            *y = std::array::from_fn(|k| diagonal * here[k] - self.lambda * sum[k]);
+            let diagonal = 1.0 + lambda * ring.len() as f32;
+            *y = std::array::from_fn(|k| diagonal * here[k] - lambda * sum[k]);
         }
     }
 
@@ -163,154 +143,63 @@ impl DiffusionSolver {
         tolerance: f64,
         max_iterations: usize,
     ) -> SolveReport {
-        const { assert!(K >= 1 && K <= 4, "one to four columns") };
         self.assert_rows(b.len());
         self.assert_rows(x.len());
-        for (padded, x) in self.x.iter_mut().zip(x.iter()) {
-            padded[..K].copy_from_slice(x);
-        }
-
-        // r = b - (I + λ L) x, and the squares of b and r.
-        multiply(&self.rows, self.lambda, &self.x, &mut self.image);
-        let (mut bb, mut rr) = ([0.0; 4], [0.0; 4]);
-        for ((b, r), image) in b.iter().zip(&mut self.residual).zip(&self.image) {
-            let mut wide = [0.0; 4];
-            wide[..K].copy_from_slice(b);
-            *r = std::array::from_fn(|k| wide[k] - image[k]);
-            for k in 0..4 {
-                bb[k] += f64::from(wide[k]) * f64::from(wide[k]);
-                rr[k] += f64::from(r[k]) * f64::from(r[k]);
-            }
-        }
-
-        let worst = |rr: &[f64; 4]| {
-            let mut worst = 0.0_f64;
-            for k in 0..K {
-                let ratio = if rr[k] == 0.0 { 0.0 } else { (rr[k] / bb[k]).sqrt() };
-                // `max` would let a NaN pass.
-                worst = if ratio.is_nan() || worst.is_nan() { f64::NAN } else { worst.max(ratio) };
-            }
-            worst
-        };
-        let (mut iterations, mut rz) = (0, [0.0; 4]);
-        while worst(&rr) > tolerance && iterations < max_iterations {
-            let next_rz = self.precondition();
-            let carry: [f32; 4] =
-                std::array::from_fn(
-                    |k| if rz[k] > 0.0 { (next_rz[k] / rz[k]) as f32 } else { 0.0 },
-                );
-            for (p, z) in self.direction.iter_mut().zip(&self.preconditioned) {
-                *p = if iterations == 0 {
-                    *z
-                } else {
-                    std::array::from_fn(|k| z[k] + carry[k] * p[k])
-                };
-            }
-            rz = next_rz;
-            let pq = multiply(&self.rows, self.lambda, &self.direction, &mut self.image);
-            // A column that is solved exactly stands still.
-            let step =
-                std::array::from_fn(|k| if pq[k] > 0.0 { (rz[k] / pq[k]) as f32 } else { 0.0 });
-            rr = self.advance(step);
-            iterations += 1;
-        }
-        for (x, padded) in x.iter_mut().zip(&self.x) {
-            x.copy_from_slice(&padded[..K]);
-        }
-        let residual = worst(&rr);
-        SolveReport { iterations, residual, converged: residual <= tolerance }
-    }
-
-    /// `z = M⁻¹ r`; gives the sums of `r z`.
-    fn precondition(&mut self) -> [f64; 4] {
-        match &mut self.preconditioner {
-            Preconditioner::Factor(factor) => {
-                factor.solve(&self.residual, &mut self.preconditioned);
-            }
-            Preconditioner::Diagonal(inverse) => {
-                let each = self.preconditioned.iter_mut().zip(&self.residual).zip(inverse);
-                for ((z, r), inverse) in each {
-                    *z = r.map(|r| r * *inverse);
-                }
-            }
-        }
-        let mut rz = [0.0; 4];
-        for (z, r) in self.preconditioned.chunks(BLOCK).zip(self.residual.chunks(BLOCK)) {
-            let mut sums = [0.0_f32; 4];
-            for (z, r) in z.iter().zip(r) {
-                for k in 0..4 {
-                    sums[k] += z[k] * r[k];
-                }
-            }
-            for k in 0..4 {
-                rz[k] += f64::from(sums[k]);
-            }
-        }
-        rz
-    }
-
-    /// `x += α p`, `r -= α q`; gives the sums of `r²`.
-    fn advance(&mut self, step: [f32; 4]) -> [f64; 4] {
-        let mut rr = [0.0; 4];
-        let blocks = self
-            .x
-            .chunks_mut(BLOCK)
-            .zip(self.residual.chunks_mut(BLOCK))
-            .zip(self.direction.chunks(BLOCK))
-            .zip(self.image.chunks(BLOCK));
-        for (((x, r), p), q) in blocks {
-            let mut sums = [0.0_f32; 4];
-            for (((x, r), p), q) in x.iter_mut().zip(r).zip(p).zip(q) {
-                for k in 0..4 {
-                    x[k] += step[k] * p[k];
-                    r[k] -= step[k] * q[k];
-                    sums[k] += r[k] * r[k];
-                }
-            }
-            for k in 0..4 {
-                rr[k] += f64::from(sums[k]);
-            }
-        }
-        rr
+        self.solver.solve(&mut self.operator, b, x, tolerance, max_iterations)
     }
 
     fn assert_rows(&self, rows: usize) {
-        let vertices = self.rows.len();
+        let vertices = self.operator.rows.len();
         assert_eq!(rows, vertices, "DiffusionSolver: {rows} rows for {vertices} vertices");
     }
 }
 
-/// `q = (I + λ L) p`; gives the sums of `p q`.
-fn multiply(rows: &crate::Csr, lambda: f32, p: &[[f32; 4]], q: &mut [[f32; 4]]) -> [f64; 4] {
-    let mut products = [0.0; 4];
-    let mut begin = 0;
-    let mut vertex = 0;
-    for block in q.chunks_mut(BLOCK) {
-        let mut sums = [0.0_f32; 4];
-        for q in block {
-            let end = rows.offsets[vertex + 1] as usize;
-            let ring = &rows.indices[begin..end];
-            let here = p[vertex];
-            let mut around = [0.0_f32; 4];
-            for &other in ring {
-                let other = p[other as usize];
+impl SymmetricSystem for Diffusion {
+    const COUPLED: bool = false;
+
+    fn multiply(&self, p: &[[f32; 4]], q: &mut [[f32; 4]]) -> [f64; 4] {
+        let Self { lambda, rows, .. } = self;
+        let mut products = [0.0; 4];
+        let mut begin = 0;
+        let mut vertex = 0;
+        for block in q.chunks_mut(BLOCK) {
+            let mut sums = [0.0_f32; 4];
+            for q in block {
+                let end = rows.offsets[vertex + 1] as usize;
+                let ring = &rows.indices[begin..end];
+                let here = p[vertex];
+                let mut around = [0.0_f32; 4];
+                for &other in ring {
+                    let other = p[other as usize];
+                    for k in 0..4 {
+                        around[k] += other[k];
+                    }
+                }
+                let diagonal = 1.0 + lambda * ring.len() as f32;
                 for k in 0..4 {
-                    around[k] += other[k];
+                    q[k] = diagonal * here[k] - lambda * around[k];
+                    sums[k] += here[k] * q[k];
+                }
+                begin = end;
+                vertex += 1;
+            }
+            for k in 0..4 {
+                products[k] += f64::from(sums[k]);
+            }
+        }
+        products
+    }
+
+    fn precondition(&mut self, r: &[[f32; 4]], z: &mut [[f32; 4]]) {
+        match &mut self.preconditioner {
+            Preconditioner::Factor(factor) => factor.solve(r, z),
+            Preconditioner::Diagonal(inverse) => {
+                for ((z, r), inverse) in z.iter_mut().zip(r).zip(inverse) {
+                    *z = r.map(|r| r * *inverse);
                 }
             }
-            let diagonal = 1.0 + lambda * ring.len() as f32;
-            for k in 0..4 {
-                q[k] = diagonal * here[k] - lambda * around[k];
-                sums[k] += here[k] * q[k];
-            }
-            begin = end;
-            vertex += 1;
-        }
-        for k in 0..4 {
-            products[k] += f64::from(sums[k]);
         }
     }
-    products
 }
 
 #[cfg(test)]

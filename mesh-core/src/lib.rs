@@ -32,6 +32,7 @@
 //! - **measure**: [`face_normals`], [`vertex_normals`], [`face_areas`], [`vertex_areas`];
 //!   [`adjacency`], [`uniform_laplacian`], [`combinatorial_laplacian`], [`cotangent_laplacian`] as [`SparseRows`]
 //! - **smooth steps**: [`DiffusionSolver`], `(I + λ L) x = b`
+//! - **fair surfaces**: [`NormalFilter`]; [`NormalDiffusion`] and [`integrate_normals`], which reach across whole sides
 //! - **points and cells**: [`sample_surface`], [`nearest`], [`ClosestPoint`], [`closest_weights`]; [`voxelize_solid`], [`voxelize_surface`],
 //!   [`voxelize_parity`], [`voxelize_enclosed`], [`VoxelGrid::iou`]; back to a mesh by [`cubify`] and
 //!   [`marching_cubes`]; the cells that a
@@ -77,6 +78,7 @@ mod arrays;
 #[cfg(feature = "camera")]
 mod camera;
 mod closest;
+mod conjugate_gradients;
 mod csr;
 mod cubify;
 mod differential;
@@ -91,7 +93,9 @@ pub mod kernels;
 mod limits;
 mod marching_cubes;
 mod mesh;
+mod normal_diffusion;
 mod normal_filter;
+mod normal_integration;
 mod normals;
 pub mod primitives;
 mod remesh;
@@ -114,13 +118,14 @@ pub use camera::{
     look_at_view_transform,
 };
 pub use closest::{Closest, ClosestPoint, closest_weights};
+pub use conjugate_gradients::SolveReport;
 pub use csr::Csr;
 pub use cubify::{EmptyGrid, cubify};
 pub use differential::{
     SparseRows, adjacency, combinatorial_laplacian, cotangent_laplacian, cotangent_weights,
     uniform_laplacian, vertex_areas,
 };
-pub use diffusion::{DiffusionSolver, SolveReport};
+pub use diffusion::DiffusionSolver;
 pub use examination::Examination;
 pub use health::Health;
 pub use image::{
@@ -146,7 +151,9 @@ pub use marching_cubes::marching_cubes;
 pub use mesh::{MeshError, Texture, TriMesh};
 #[cfg(feature = "camera")]
 pub use nalgebra;
+pub use normal_diffusion::NormalDiffusion;
 pub use normal_filter::NormalFilter;
+pub use normal_integration::integrate_normals;
 pub use normals::{face_areas, face_normals, vertex_normals};
 #[cfg(feature = "camera")]
 pub use remesh::simplify;

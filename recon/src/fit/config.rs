@@ -54,7 +54,7 @@ train::options! {
         pub balance_colors: bool = true;
         /// Whether the surface moves into hollows, which no outline shows, where photographs agree about their depth.
         pub photometric: bool = false;
-        /// Whether normals are filtered behind the last level, which takes dimples away and leaves edges, where outlines do not suffer.
+        /// Whether normals are evened out behind the last level, where outlines do not suffer: dimples go, sides become flat and edges sharp.
         pub filter_normals: bool = true;
         /// A level ends early, after half of its steps, when the outline's distance to the masks falls by less than
         /// this share over 20 steps.

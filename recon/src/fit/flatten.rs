@@ -1,12 +1,14 @@
-//! Dimples and ripples between the lines that outlines touch: normals are filtered, and outlines fitted again, in turns.
+//! Dents, dimples and ripples between the lines that outlines touch: normals are made even, and outlines fitted again, in turns.
 //!
-//! The bending energy of a fit is quadratic: it spreads what is not flat over all of the surface, and leaves a lip where an edge is. A
-//! bilateral filter is the robust norm that it lacks: what turns a little becomes flat or evenly round, what turns much stays.
+//! The bending energy of a fit is quadratic: it spreads what is not flat over all of the surface, and leaves a lip where an edge is, and
+//! the side behind it sunk. Two robust norms take its place, one that reaches across [whole sides](super::fairing), and a bilateral filter
+//! for what is small: what turns a little becomes flat or evenly round, what turns much stays.
 
 use mesh_core::NormalFilter;
 
 use super::config::FitConfig;
 use super::error::FitError;
+use super::fairing;
 use super::shape::Shape;
 use super::target::Target;
 
@@ -14,14 +16,14 @@ use super::target::Target;
 const FILTER: NormalFilter = NormalFilter { rounds: 4, spread: 0.35, steps: 4 };
 /// Turns of filtering and fitting.
 const TURNS: usize = 4;
-/// Steps of fitting in a turn.
-const STEPS: usize = 10;
+/// Steps of fitting in a turn of fairing, and of filtering.
+const STEPS: [usize; 2] = [5, 10];
 /// Their length, as a share of a level's first step.
 const SHARE: f32 = 0.2;
-/// How much mask IoU a turn may cost; one that costs more is taken back, and is the last.
+/// How much mask IoU a turn of filtering may cost; one that costs more is taken back, and is the last.
 const LOSS: f64 = 0.0005;
 
-/// Filters normals and fits the outlines again, as long as the masks of `targets` are covered as well as before.
+/// Makes normals even and fits the outlines again, as long as the masks of `targets` are covered as well as before. Cancelled, it ends with the turn.
 ///
 /// # Errors
 /// As [`Shape::step`].
@@ -30,17 +32,13 @@ pub(super) fn flatten(
     targets: &[Target],
     config: &FitConfig,
     step: usize,
+    is_cancelled: &dyn Fn() -> bool,
 ) -> Result<(), FitError> {
     let all: Vec<usize> = (0..targets.len()).collect();
-    // The filter keeps it smooth.
+    // What is even is smooth.
     let config = FitConfig { bending: 0.0, ..config.clone() };
-    let mut best = shape.mask_iou(targets);
-    for _ in 0..TURNS {
-        let given = shape.positions.clone();
-        let mut filtered = given.clone();
-        FILTER.apply(&mut filtered, &shape.faces, &shape.topology);
-        shape.place(filtered);
-        for k in 0..STEPS {
+    let fit = |shape: &mut Shape, steps: usize| {
+        for k in 0..steps {
             let edge = shape.mean_edge();
             let stride = |target: &Target| target.lines_between_samples(edge);
             shape.step(targets, &all, stride, &config, SHARE * config.learning_rate, step)?;
@@ -48,7 +46,19 @@ pub(super) fn flatten(
                 shape.relax(config.relax);
             }
         }
-        let iou = shape.mask_iou(targets);
+        Ok(shape.mask_iou(targets))
+    };
+    fairing::fair(shape, targets, &mut |shape| fit(shape, STEPS[0]), is_cancelled)?;
+    let mut best = shape.mask_iou(targets);
+    for _ in 0..TURNS {
+        if is_cancelled() {
+            break;
+        }
+        let given = shape.positions.clone();
+        let mut filtered = given.clone();
+        FILTER.apply(&mut filtered, &shape.faces, &shape.topology);
+        shape.place(filtered);
+        let iou = fit(shape, STEPS[1])?;
         if iou < best - LOSS {
             shape.place(given);
             break;

@@ -50,6 +50,7 @@ mod correlation;
 mod distance;
 mod error;
 mod exposure;
+mod fairing;
 mod flatten;
 mod grading;
 mod hull;
@@ -337,7 +338,9 @@ impl<'a, 'o> Run<'a, 'o> {
             }
         }
         if config.filter_normals && !self.is_cancelled() {
-            flatten::flatten(&mut shape, &self.train, config, self.fitted.history.len())?;
+            let step = self.fitted.history.len();
+            let cancelled = || self.watch.is_cancelled();
+            flatten::flatten(&mut shape, &self.train, config, step, &cancelled)?;
             self.evaluate(&shape, self.fitted.history.len());
             self.lap("flatten");
         }

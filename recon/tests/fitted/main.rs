@@ -3,6 +3,7 @@
 
 mod exposure;
 mod fit;
+mod flat_sides;
 mod hollows;
 mod inspected;
 mod refined_cameras;
