@@ -10,18 +10,22 @@
 //! The true meshes are made of parts that sink into each other. Chamfer distances count what is
 //! hidden inside as well, which no image shows: they are upper bounds.
 
+mod sheet;
+
 use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Instant;
 
 use datasets::{View, Views};
 use losses::metrics::{Preset, evaluate};
-use mesh_core::{ByteImage, EmptyGrid, TriMesh, cubify, voxelize_solid, write_png};
+use mesh_core::{EmptyGrid, TriMesh, cubify, voxelize_solid, write_png};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, Fitted, fit};
 use recon::progress::Watch;
 use synth::shapes::{Family, Shape};
 use synth::{Lighting, Orbit, Placement, RenderOptions, render_views};
+
+use sheet::sheet;
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -71,7 +75,8 @@ fn main() -> Result<(), Failure> {
     mesh_core::io::write_atomic(Path::new(&folder).join("table.md"), |w| {
         w.write_all(table.as_bytes())
     })?;
-    write_png(Path::new(&folder).join("sheet.png"), &sheet(&rows, seeds as usize))?;
+    let tiles: Vec<&[Vec<View>; 2]> = rows.iter().map(|row| &row.tiles).collect();
+    write_png(Path::new(&folder).join("sheet.png"), &sheet(&tiles, seeds as usize))?;
     Ok(())
 }
 
@@ -179,26 +184,4 @@ fn table(rows: &[Row], arguments: &[String]) -> String {
         if failed.is_empty() { "none".into() } else { failed.join(", ") }
     );
     text
-}
-
-/// Two lines of tiles for each family: fitted meshes above, true ones below.
-fn sheet(rows: &[Row], seeds: usize) -> ByteImage {
-    let lines = 2 * rows.len().div_ceil(seeds);
-    let mut sheet = ByteImage::new(lines * TILE, 2 * seeds * TILE, 3);
-    for (k, row) in rows.iter().enumerate() {
-        for (below, views) in row.tiles.iter().enumerate() {
-            for (side, view) in views.iter().enumerate() {
-                let tile = view.color.to_rgb();
-                let (top, left) =
-                    ((2 * (k / seeds) + below) * TILE, (2 * (k % seeds) + side) * TILE);
-                for i in 0..TILE {
-                    let to = 3 * ((top + i) * sheet.width + left);
-                    let from = 3 * i * TILE;
-                    sheet.data[to..to + 3 * TILE]
-                        .copy_from_slice(&tile.data[from..from + 3 * TILE]);
-                }
-            }
-        }
-    }
-    sheet
 }

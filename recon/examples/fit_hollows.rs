@@ -8,6 +8,8 @@
 //! of the object's diagonal off, in thousandths of the diagonal. The folder gets `NAME-LIGHT.ply` and `sheet.png`: truth, outlines alone,
 //! with photographs.
 
+mod sheet;
+
 use std::error::Error;
 use std::f32::consts::PI;
 use std::io::Write;
@@ -16,13 +18,15 @@ use std::time::Instant;
 
 use datasets::{View, Views};
 use mesh_core::primitives::{icosphere, lathe};
-use mesh_core::{ByteImage, Camera, TriMesh, write_mesh, write_png};
+use mesh_core::{Camera, TriMesh, write_mesh, write_png};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, Fitted, fit};
 use synth::generate::Normalize;
 use synth::shapes::Family;
 use synth::{Lamp, Lighting, Orbit, RenderOptions, marbled, render_views};
 use train::progress::Watch;
+
+use sheet::sheet;
 
 type Failure = Box<dyn Error>;
 
@@ -64,14 +68,14 @@ fn main() -> Result<(), Failure> {
             let seconds = [(between - begun).as_secs_f64(), between.elapsed().as_secs_f64()];
             writeln!(out, "{}", line(name, light, &views, &truth, [&plain, &moved], seconds)?)?;
             write_mesh(Path::new(&folder).join(format!("{name}-{light}.ply")), &moved.mesh)?;
-            tiles.push([&truth, &plain.mesh, &moved.mesh].map(look));
+            tiles.push([[look(&truth)?, look(&plain.mesh)?, look(&moved.mesh)?]
+                .into_iter()
+                .flatten()
+                .collect()]);
         }
     }
-    let tiles = tiles.into_iter().map(|row| row.into_iter().collect::<Result<Vec<_>, _>>());
-    write_png(
-        Path::new(&folder).join("sheet.png"),
-        &sheet(&tiles.collect::<Result<Vec<_>, _>>()?),
-    )?;
+    let tiles: Vec<&[Vec<View>; 1]> = tiles.iter().collect();
+    write_png(Path::new(&folder).join("sheet.png"), &sheet(&tiles, 1))?;
     Ok(())
 }
 
@@ -235,20 +239,4 @@ fn look(mesh: &TriMesh) -> Result<Vec<View>, Failure> {
     };
     let options = RenderOptions { lighting: Lighting::studio(), ..RenderOptions::default() };
     Ok(render_views(&gray, &from.cameras(), &options, &|_, _| {})?)
-}
-
-/// A line for each fit: truth, outlines alone, with photographs; each from two sides.
-fn sheet(rows: &[Vec<Vec<View>>]) -> ByteImage {
-    let mut sheet = ByteImage::new(rows.len() * TILE, 6 * TILE, 3);
-    for (k, row) in rows.iter().enumerate() {
-        for (column, view) in row.iter().flatten().enumerate() {
-            let tile = view.color.to_rgb();
-            for i in 0..TILE {
-                let to = 3 * ((k * TILE + i) * sheet.width + column * TILE);
-                sheet.data[to..to + 3 * TILE]
-                    .copy_from_slice(&tile.data[3 * i * TILE..3 * (i + 1) * TILE]);
-            }
-        }
-    }
-    sheet
 }

@@ -7,20 +7,22 @@
 //! each beside that of the nearest point of the true one; of flat sides only what is farther than two pixels from an edge. Settings,
 //! as in `bending=1 level=6`, are those of a configuration file. The folder gets `NAME.ply` and `sheet.png`, fitted and true.
 
+mod sheet;
+
 use std::io::Write as _;
 use std::path::Path;
 use std::time::Instant;
 
 use datasets::{View, Views};
 use mesh_core::primitives::{cuboid, icosphere, torus};
-use mesh_core::{
-    ByteImage, Topology, TriMesh, face_normals, nearest, sample_surface, write_mesh, write_png,
-};
+use mesh_core::{Topology, TriMesh, face_normals, nearest, sample_surface, write_mesh, write_png};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, fit};
 use recon::progress::Watch;
 use synth::generate::Normalize;
 use synth::{Lighting, Orbit, RenderOptions, render_views};
+
+use sheet::sheet;
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -80,12 +82,15 @@ fn main() -> Result<(), Failure> {
         )?;
         write_mesh(Path::new(&folder).join(format!("{name}.ply")), &fitted.mesh)?;
         let from = Orbit { count: 2, elevation: [20.0, 35.0], width: TILE, height: TILE, ..orbit };
+        let mut sides = Vec::new();
         for mesh in [&fitted.mesh, &truth] {
             let gray = TriMesh { texture: None, ..mesh.clone() }.colored([0.7; 3]);
-            tiles.extend(render_views(&gray, &from.cameras(), &look, &|_, _| {})?);
+            sides.extend(render_views(&gray, &from.cameras(), &look, &|_, _| {})?);
         }
+        tiles.push([sides]);
     }
-    write_png(Path::new(&folder).join("sheet.png"), &sheet(&tiles))?;
+    let tiles: Vec<&[Vec<View>; 1]> = tiles.iter().collect();
+    write_png(Path::new(&folder).join("sheet.png"), &sheet(&tiles, 1))?;
     Ok(())
 }
 
@@ -175,18 +180,4 @@ fn prism(outline: &[[f32; 2]], height: f32) -> TriMesh {
     let end = |k: u32| [[0, k + 1, k], [count, count + k, count + k + 1]];
     let faces = (0..count).flat_map(side).chain((1..count - 1).flat_map(end)).collect();
     TriMesh::new(positions, faces)
-}
-
-/// Four tiles a line: fitted and true, from two sides each.
-fn sheet(tiles: &[View]) -> ByteImage {
-    const ACROSS: usize = 4;
-    let mut sheet = ByteImage::new(tiles.len().div_ceil(ACROSS) * TILE, ACROSS * TILE, 3);
-    for (k, view) in tiles.iter().enumerate() {
-        let tile = view.color.to_rgb();
-        for i in 0..TILE {
-            let to = 3 * ((k / ACROSS * TILE + i) * sheet.width + k % ACROSS * TILE);
-            sheet.data[to..to + 3 * TILE].copy_from_slice(&tile.data[3 * i * TILE..][..3 * TILE]);
-        }
-    }
-    sheet
 }

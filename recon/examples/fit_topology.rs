@@ -6,6 +6,8 @@
 //! with a seed as in `bicycle:1`, or a file with a mesh. Each is drawn in 40 views of `side` pixels (256) from all around, of
 //! which every fifth is held out. The folder gets `NAME.ply` and `sheet.png`, with each fitted mesh above the true one.
 
+mod sheet;
+
 use std::f32::consts::TAU;
 use std::io::Write as _;
 use std::path::Path;
@@ -15,13 +17,15 @@ use datasets::{View, Views};
 use losses::metrics::voxel_iou;
 use mesh_core::io::{read_mesh, write_mesh};
 use mesh_core::primitives::{TubeEnds, cylinder, torus, tube};
-use mesh_core::{ByteImage, TriMesh, write_png};
+use mesh_core::{TriMesh, write_png};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, TopologyKind, fit};
 use recon::progress::Watch;
 use synth::generate::Normalize;
 use synth::shapes::Family;
 use synth::{Lighting, Orbit, RenderOptions, render_views};
+
+use sheet::sheet;
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -55,7 +59,8 @@ fn main() -> Result<(), Failure> {
         out.write_all(line.as_bytes())?;
         tiles.push(pair);
     }
-    write_png(Path::new(&folder).join("sheet.png"), &sheet(&tiles))?;
+    let tiles: Vec<&[Vec<View>; 2]> = tiles.iter().collect();
+    write_png(Path::new(&folder).join("sheet.png"), &sheet(&tiles, 4))?;
     Ok(())
 }
 
@@ -160,26 +165,4 @@ fn colored(mesh: TriMesh) -> TriMesh {
     let color = |p: &[f32; 3]| p.map(|x| (0.5 + 0.4 * (3.0 * x).sin()).clamp(0.0, 1.0));
     let colors = mesh.positions.iter().map(color).collect();
     TriMesh { colors: Some(colors), ..mesh }
-}
-
-/// Fitted meshes above, true ones below; two tiles for each object, four objects in a line.
-fn sheet(rows: &[[Vec<View>; 2]]) -> ByteImage {
-    const ACROSS: usize = 4;
-    let lines = 2 * rows.len().div_ceil(ACROSS);
-    let mut sheet = ByteImage::new(lines * TILE, 2 * ACROSS.min(rows.len()) * TILE, 3);
-    for (k, row) in rows.iter().enumerate() {
-        for (below, views) in row.iter().enumerate() {
-            for (turn, view) in views.iter().enumerate() {
-                let tile = view.color.to_rgb();
-                let top = (2 * (k / ACROSS) + below) * TILE;
-                let left = (2 * (k % ACROSS) + turn) * TILE;
-                for i in 0..TILE {
-                    let to = 3 * ((top + i) * sheet.width + left);
-                    let line = &tile.data[3 * i * TILE..3 * (i + 1) * TILE];
-                    sheet.data[to..to + 3 * TILE].copy_from_slice(line);
-                }
-            }
-        }
-    }
-    sheet
 }
