@@ -21,7 +21,7 @@ pub(crate) trait SymmetricSystem {
 pub struct SolveReport {
     /// The number of iterations.
     pub iterations: usize,
-    /// The largest `‖b - A x‖ / ‖b‖` of any column.
+    /// The largest `‖b - A x‖ / ‖b‖` of any column; `A` is `I + λ L` of a [`DiffusionSolver`](crate::DiffusionSolver).
     pub residual: f64,
     /// Whether `residual` is within the tolerance.
     pub converged: bool,

@@ -6,7 +6,7 @@ use crate::{Topology, face_normals};
 /// How far normals are spread over a surface, and where they may break.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NormalDiffusion {
-    /// How far a face that is not trusted listens to others, in faces, above 0.
+    /// How far a face that is not trusted listens to others, in faces, above 0, up to 100 or so.
     pub reach: f32,
     /// Difference of unit normals, about the angle between them in radians, from which neighbours do not know one another, above 0.
     pub crease: f32,
@@ -44,13 +44,13 @@ impl NormalDiffusion {
     ///
     /// # Shapes
     /// `positions [V, 3]`, `trust [F]`, not negative: 1 holds a face's normal about as much as a neighbour pulls at it. The result is `[F, 3]`; a
-    /// face without area has the normal of its neighbours, or zero.
+    /// face without area has the normal of its neighbours, or zero. Nothing passes through borders, and edges of more than two faces.
     ///
     /// # Cost
-    /// Some `3 · reach` passes over the faces a round: 10 ms for 20,000 faces and a reach of 30. One thread.
+    /// Some `3 · reach` passes over the faces a round, at most 300, which is what a reach of 100 needs: 10 ms for 20,000 faces and a reach of 30. One thread.
     ///
     /// # Panics
-    /// If a face names a vertex that does not exist, or `trust` has not one value a face.
+    /// If `reach` is not above 0, a face names a vertex that does not exist, or `trust` has not one value a face.
     ///
     /// # References
     /// Tasdizen, Whitaker, Burchard and Osher 2003, *Geometric surface processing via normal maps*, TOG 22(4): diffuse normals, then fit the
@@ -63,15 +63,19 @@ impl NormalDiffusion {
     ) -> Vec<[f32; 3]> {
         let faces = &topology.faces;
         assert_eq!(trust.len(), faces.len(), "NormalDiffusion: trust of {} faces", trust.len());
+        assert!(self.reach > 0.0, "NormalDiffusion: reach {}", self.reach);
         let given = face_normals(positions, faces);
         let own: Vec<f32> = trust.iter().map(|t| t + 1.0 / (self.reach * self.reach)).collect();
         let right: Vec<[f32; 3]> = given.iter().zip(&own).map(|(n, t)| n.map(|n| t * n)).collect();
-        let neighbors = neighbors(topology);
+        let neighbours = neighbours(topology);
         let mut normals = given;
         let mut solver = ConjugateGradients::new(faces.len());
         for _ in 0..self.rounds {
-            let mut system = Coupling::new(&own, &neighbors, |f, g| {
-                biweight(difference(normals[f], normals[g]), self.crease)
+            let mut system = Coupling::new(&own, &neighbours, |f, g| {
+                let [f, g] = [normals[f], normals[g]];
+                // A face without area has no normal yet.
+                let missing = f == [0.0; 3] || g == [0.0; 3];
+                if missing { 1.0 } else { biweight(difference(f, g), self.crease) }
             });
             solver.solve(&mut system, &right, &mut normals, TOLERANCE, MOST);
             normals.iter_mut().for_each(normalize);
@@ -86,10 +90,10 @@ const TOLERANCE: f64 = 1e-3;
 const MOST: usize = 300;
 
 /// For each face those on its edges; itself where there is none, or more than one.
-fn neighbors(topology: &Topology) -> Vec<[u32; 3]> {
-    let across = |face: u32, edge: u32| match topology.edge_faces[edge as usize] {
-        faces if faces.contains(&Topology::NONE) => face,
-        [f, g] => f ^ g ^ face,
+fn neighbours(topology: &Topology) -> Vec<[u32; 3]> {
+    let across = |face: u32, edge: u32| match topology.edge_faces.get(edge as usize) {
+        Some(&[f, g]) if f != Topology::NONE && g != Topology::NONE => f ^ g ^ face,
+        _ => face,
     };
     let edges = topology.face_edges.iter().enumerate();
     edges.map(|(face, edges)| edges.map(|edge| across(face as u32, edge))).collect()
@@ -112,19 +116,19 @@ fn normalize(n: &mut [f32; 3]) {
 
 /// Each face's own weight, and that of each of its neighbours.
 struct Coupling<'a> {
-    neighbors: &'a [[u32; 3]],
+    neighbours: &'a [[u32; 3]],
     weights: Vec<[f32; 3]>,
     diagonal: Vec<f32>,
 }
 
 impl<'a> Coupling<'a> {
-    fn new(own: &[f32], neighbors: &'a [[u32; 3]], weight: impl Fn(usize, usize) -> f32) -> Self {
+    fn new(own: &[f32], neighbours: &'a [[u32; 3]], weight: impl Fn(usize, usize) -> f32) -> Self {
         let to = |face: usize, other: usize| if face == other { 0.0 } else { weight(face, other) };
-        let each = neighbors.iter().enumerate();
+        let each = neighbours.iter().enumerate();
         let weights: Vec<[f32; 3]> =
             each.map(|(face, others)| others.map(|other| to(face, other as usize))).collect();
         let diagonal = own.iter().zip(&weights).map(|(own, w)| own + w[0] + w[1] + w[2]).collect();
-        Self { neighbors, weights, diagonal }
+        Self { neighbours, weights, diagonal }
     }
 }
 
@@ -132,7 +136,7 @@ impl SymmetricSystem for Coupling<'_> {
     const COUPLED: bool = false;
 
     fn multiply(&self, p: &[[f32; 4]], q: &mut [[f32; 4]]) -> [f64; 4] {
-        let rows = self.neighbors.iter().zip(&self.weights).zip(&self.diagonal);
+        let rows = self.neighbours.iter().zip(&self.weights).zip(&self.diagonal);
         for ((q, here), ((others, weights), diagonal)) in q.iter_mut().zip(p).zip(rows) {
             *q = here.map(|x| diagonal * x);
             for (&other, weight) in others.iter().zip(weights) {
@@ -181,10 +185,10 @@ mod tests {
         let cube = hollow(0.03);
         let topology = Topology::of(&cube);
         let before = off_axes(&face_normals(&cube.positions, &cube.faces));
-        let diffusion = NormalDiffusion { reach: 200.0, ..NormalDiffusion::default() };
+        let diffusion = NormalDiffusion { reach: 100.0, ..NormalDiffusion::default() };
         let after =
             off_axes(&diffusion.normals(&cube.positions, &topology, &vec![0.0; cube.faces.len()]));
-        assert!(before[1] > 3.0 && after[1] < 0.1 * before[1], "{before:?} {after:?}");
+        assert!(before[1] > 3.0 && after[1] < 0.15 * before[1], "{before:?} {after:?}");
         // Without creases to break at, everything is averaged with everything.
         let blind = NormalDiffusion { crease: 1e3, ..diffusion };
         let blind =
@@ -205,14 +209,14 @@ mod tests {
 
     #[test]
     fn equals_the_dense_solution() {
-        // A fan of six faces, by elimination in double precision.
+        // Twenty faces, by elimination in double precision.
         let mesh = primitives::icosphere(0);
         let topology = Topology::of(&mesh);
         let diffusion = NormalDiffusion { reach: 2.0, crease: 1.5, rounds: 1 };
         let trust: Vec<f32> = (0..20).map(|k| 0.1 * (k % 3) as f32).collect();
         let given = face_normals(&mesh.positions, &mesh.faces);
         let mut rows = vec![vec![0.0f64; 23]; 20];
-        for (f, across) in neighbors(&topology).into_iter().enumerate() {
+        for (f, across) in neighbours(&topology).into_iter().enumerate() {
             let own = f64::from(trust[f]) + 0.25;
             rows[f][f] += own;
             for k in 0..3 {
@@ -250,6 +254,15 @@ mod tests {
         let topology = Topology::of(&mesh);
         let normals = NormalDiffusion::default().normals(&mesh.positions, &topology, &[0.0, 0.0]);
         assert!(normals.iter().flatten().all(|n| n.is_finite()), "{normals:?}");
-        assert_eq!(normals[0], [0.0, 0.0, 1.0]);
+        // The second face has no area.
+        assert_eq!(normals, [[0.0, 0.0, 1.0]; 2]);
+        // A corner twice, and three faces on an edge.
+        for faces in [vec![[0, 0, 1], [0, 1, 2]], vec![[0, 1, 2], [1, 0, 4], [0, 1, 3]]] {
+            let odd = TriMesh::new(mesh.positions.clone(), faces);
+            let trust = vec![0.0; odd.faces.len()];
+            let found =
+                NormalDiffusion::default().normals(&odd.positions, &Topology::of(&odd), &trust);
+            assert!(found.iter().flatten().all(|n| n.is_finite()), "{found:?}");
+        }
     }
 }

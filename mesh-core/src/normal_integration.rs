@@ -89,7 +89,9 @@ impl Planes<'_> {
     fn add_bends(&self, x: &[[f32; 4]], out: &mut [[f32; 4]]) {
         for (face, n) in self.faces.iter().zip(self.normals) {
             let corners = face.map(|v| v as usize);
-            let heights = corners.map(|v| n[0] * x[v][0] + n[1] * x[v][1] + n[2] * x[v][2]);
+            // From the first corner, lest a mesh far away is rounded to steps.
+            let from = x[corners[0]];
+            let heights = corners.map(|v| (0..3).map(|k| n[k] * (x[v][k] - from[k])).sum::<f32>());
             let sum = heights[0] + heights[1] + heights[2];
             for (v, height) in corners.into_iter().zip(heights) {
                 let pull = 3.0 * height - sum;
@@ -134,11 +136,14 @@ mod tests {
 
     #[test]
     fn own_normals_move_nothing() {
-        let sphere = primitives::icosphere(3);
-        let normals = face_normals(&sphere.positions, &sphere.faces);
-        let hold = vec![1e-3; sphere.positions.len()];
-        let found = integrate_normals(&sphere.positions, &Topology::of(&sphere), &normals, &hold);
-        assert!(farthest(&sphere.positions, &found) < 1e-4);
+        for away in [0.0, 100.0] {
+            let sphere = primitives::icosphere(3).map_positions(|p: [f32; 3]| p.map(|x| x + away));
+            let normals = face_normals(&sphere.positions, &sphere.faces);
+            let hold = vec![1e-3; sphere.positions.len()];
+            let found =
+                integrate_normals(&sphere.positions, &Topology::of(&sphere), &normals, &hold);
+            assert!(farthest(&sphere.positions, &found) < 1e-4, "{away}");
+        }
     }
 
     #[test]

@@ -28,7 +28,7 @@ train::options! {
         pub topology: TopologyKind = TopologyKind::Auto;
         /// Steps at each level, at most.
         pub steps: usize = 150, in 1..=100_000;
-        /// Views in each step; without, all, which is cheap and has no noise.
+        /// Views in each step; without, all, which is cheap and has no noise, but 32 where surfaces are made even at the end.
         #[serde(with = "train::settings::optional")]
         pub views_per_step: Option<usize> = None, in 1..=LARGEST as usize;
         /// Length of a step, in radii of the sphere of the object's volume; it falls to a tenth of this within each

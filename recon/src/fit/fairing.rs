@@ -25,16 +25,17 @@ const CHUNK: usize = 8;
 const NEAR: f32 = 1.0;
 /// Rings over which what outlines lose is averaged before it is judged.
 const RINGS: usize = 8;
-/// Mean square of the distance to the masks' edges that may be lost, square pixels.
+/// What may be lost at a vertex, for each pixel of outline: the square of the distance to the masks' edges, in pixels, summed over the outline.
 const LOSS: f32 = 0.004;
 /// Mask IoU that may be lost at the end; where it is more, all is taken back.
 const WORSE: f64 = 0.0005;
 /// How often what lost more is brought back.
 const JUDGEMENTS: usize = 2;
 
-/// Makes a surface fair where outlines leave it open: wherever the masks of `targets` are then covered as well as before.
+/// Makes a surface fair where outlines leave it open: and takes that back where it costs mask IoU with `targets`, and there
+/// outlines miss the masks by more than before.
 ///
-/// `fit` moves the shape a little against the outlines, and gives the mask IoU. Cancelled, it ends with the turn.
+/// `fit` moves the shape a little against the outlines, and gives the mask IoU. Cancelled, it ends with the turn, or with what was given.
 ///
 /// # Errors
 /// As `fit`.
@@ -55,6 +56,10 @@ pub(super) fn fair(
         iou = fit(shape)?;
     }
     if iou >= first {
+        return Ok(());
+    }
+    if is_cancelled() {
+        shape.place(given);
         return Ok(());
     }
     let mut freedom = vec![1.0; given.len()];
@@ -136,7 +141,9 @@ fn creased(positions: &[[f32; 3]], topology: &Topology) -> Vec<bool> {
     let mut creased = vec![false; positions.len()];
     for pair in topology.edge_faces.iter().filter(|pair| !pair.contains(&Topology::NONE)) {
         let [a, b] = pair.map(|face| normals[face as usize]);
-        if minus(a, b).iter().map(|d| d * d).sum::<f32>() > CREASE * CREASE {
+        // A face without area has no normal.
+        let both = [a, b].iter().all(|n| *n != [0.0; 3]);
+        if both && minus(a, b).iter().map(|d| d * d).sum::<f32>() > CREASE * CREASE {
             for v in pair.iter().flat_map(|&face| topology.faces[face as usize]) {
                 creased[v as usize] = true;
             }

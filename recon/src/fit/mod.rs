@@ -9,7 +9,8 @@
 //! What keeps the surface whole: steps are preconditioned by `(I + lambda L)^-1`, so that a pull
 //! on one vertex moves its neighbourhood; a weak bending energy; vertices that slide along the
 //! surface to keep the triangles even; and a last pass that mends any place where the surface still
-//! passes through itself.
+//! passes through itself. What makes it fair: where no outline touches, normals are evened out at the end, up to
+//! creases (the private module `flatten`).
 //!
 //! The outline of a closed mesh is found without drawing it (the private module `outline` says
 //! how), at sub-pixel level and in time that follows its length rather than the image's size.
@@ -341,6 +342,7 @@ impl<'a, 'o> Run<'a, 'o> {
             let step = self.fitted.history.len();
             let cancelled = || self.watch.is_cancelled();
             flatten::flatten(&mut shape, &self.train, config, step, &cancelled)?;
+            self.is_cancelled(); // says so
             self.evaluate(&shape, self.fitted.history.len());
             self.lap("flatten");
         }
