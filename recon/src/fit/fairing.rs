@@ -32,7 +32,7 @@ const WORSE: f64 = 0.0005;
 /// How often what lost more is brought back.
 const JUDGEMENTS: usize = 2;
 
-/// Makes a surface fair where outlines leave it open: and takes that back where it costs mask IoU with `targets`, and there
+/// Makes a surface fair where outlines leave it open, and gives its mask IoU with `targets`. If that fell, vertices go back where
 /// outlines miss the masks by more than before.
 ///
 /// `fit` moves the shape a little against the outlines, and gives the mask IoU. Cancelled, it ends with the turn, or with what was given.
@@ -44,7 +44,7 @@ pub(super) fn fair(
     targets: &[Target],
     fit: &mut impl FnMut(&mut Shape) -> Result<f64, FitError>,
     is_cancelled: &dyn Fn() -> bool,
-) -> Result<(), FitError> {
+) -> Result<f64, FitError> {
     let (first, given) = (shape.mask_iou(targets), shape.positions.clone());
     let before = misfit(shape, targets);
     let mut iou = first;
@@ -56,11 +56,11 @@ pub(super) fn fair(
         iou = fit(shape)?;
     }
     if iou >= first {
-        return Ok(());
+        return Ok(iou);
     }
     if is_cancelled() {
         shape.place(given);
-        return Ok(());
+        return Ok(first);
     }
     let mut freedom = vec![1.0; given.len()];
     for _ in 0..JUDGEMENTS {
@@ -74,8 +74,9 @@ pub(super) fn fair(
     }
     if iou < first - WORSE {
         shape.place(given);
+        return Ok(first);
     }
-    Ok(())
+    Ok(iou)
 }
 
 /// Where vertices are once normals are diffused as far as in this turn.

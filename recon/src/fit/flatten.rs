@@ -63,8 +63,7 @@ pub(super) fn flatten(
         }
         Ok(shape.mask_iou(targets))
     };
-    fairing::fair(shape, targets, &mut |shape| fit(shape, STEPS[0]), is_cancelled)?;
-    let mut best = shape.mask_iou(targets);
+    let mut best = fairing::fair(shape, targets, &mut |shape| fit(shape, STEPS[0]), is_cancelled)?;
     for _ in 0..TURNS {
         if is_cancelled() {
             break;
