@@ -200,20 +200,20 @@ fn project(
         return None;
     }
     front.clear();
-    front.extend(faces.iter().map(|f| {
-        let [a, b, c] = f.map(|v| projected[v as usize]);
+    front.extend(faces.iter().map(|&[a, b, c]| {
+        let at = |v: u32| &projected[v as usize];
+        let (a, b, c) = (at(a), at(b), at(c));
         // Rows run down, so a face that looks at the camera turns clockwise.
         (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) < 0.0
     }));
-    contour.clear();
-    contour.extend(
-        edges
-            .edges
-            .iter()
-            .enumerate()
-            .filter(|(_, (_, [f, g]))| front[*f as usize] != front[*g as usize])
-            .map(|(e, _)| e as u32),
-    );
+    // Few edges are of it, here and there: written and overwritten, without a branch that would be guessed wrong.
+    contour.resize(edges.edges.len() + 1, 0);
+    let mut count = 0;
+    for (e, (_, [f, g])) in edges.edges.iter().enumerate() {
+        contour[count] = e as u32;
+        count += usize::from(front[*f as usize] != front[*g as usize]);
+    }
+    contour.truncate(count);
     Some(())
 }
 

@@ -114,10 +114,9 @@ impl Target {
     /// Column and row in pixels of the box, and depth (in world units, positive in front).
     #[inline]
     pub(super) fn project(&self, p: [f32; 3]) -> [f32; 3] {
-        let [x, y, depth]: [f32; 3] = std::array::from_fn(|i| {
-            let r = &self.rows[i];
-            r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3]
-        });
+        let [x, y, depth] = &self.rows;
+        let along = |r: &[f32; 4]| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3];
+        let (x, y, depth) = (along(x), along(y), along(depth));
         if self.perspective { [x / depth, y / depth, depth] } else { [x, y, depth] }
     }
 
