@@ -68,7 +68,9 @@ impl Silhouette {
     /// behind the camera or outside of the image is far outside, unless the object goes on there.
     pub(super) fn at(&self, p: [f64; 3]) -> f32 {
         const FAR: f32 = 127.0 / STEPS;
-        let [x, y, depth] = self.rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3]);
+        let [x, y, depth] = &self.rows;
+        let along = |r: &[f64; 4]| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3];
+        let (x, y, depth) = (along(x), along(y), along(depth));
         let over = if self.camera.is_perspective() { depth } else { 1.0 };
         if over <= 0.0 {
             return FAR;
@@ -82,15 +84,21 @@ impl Silhouette {
     }
 
     /// Signed distance in pixels at a place in the image.
+    #[inline]
     pub(super) fn between(&self, [column, row]: [f32; 2]) -> f32 {
-        let (w, h) = (self.camera.width, self.camera.height);
-        let x = (column - 0.5).clamp(0.0, (w - 1) as f32);
-        let y = (row - 0.5).clamp(0.0, (h - 1) as f32);
-        let (j, i) = ((x as usize).min(w.max(2) - 2), (y as usize).min(h.max(2) - 2));
-        let (fx, fy) = (x - j as f32, y - i as f32);
-        let at = |i: usize, j: usize| f32::from(self.distance[i.min(h - 1) * w + j.min(w - 1)]);
-        let upper = at(i, j) + fx * (at(i, j + 1) - at(i, j));
-        let lower = at(i + 1, j) + fx * (at(i + 1, j + 1) - at(i + 1, j));
+        // Sixteen bits: no image is averaged down to more.
+        let (w, h) = (self.camera.width as u16, self.camera.height as u16);
+        let x = (column - 0.5).clamp(0.0, f32::from(w - 1));
+        let y = (row - 0.5).clamp(0.0, f32::from(h - 1));
+        let (j, i) = ((x as u16).min(w.max(2) - 2), (y as u16).min(h.max(2) - 2));
+        let (fx, fy) = (x - f32::from(j), y - f32::from(i));
+        let right = usize::from((j + 1).min(w - 1) - j);
+        let row = |i: u16| {
+            let first = usize::from(i.min(h - 1)) * usize::from(w) + usize::from(j);
+            let (a, b) = (f32::from(self.distance[first]), f32::from(self.distance[first + right]));
+            a + fx * (b - a)
+        };
+        let (upper, lower) = (row(i), row(i + 1));
         (upper + fy * (lower - upper)) / STEPS
     }
 
