@@ -183,3 +183,82 @@ fn average<const K: usize>(shape: &Shape, x: &mut Vec<[f32; K]>) {
         std::mem::swap(x, &mut means);
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use std::cell::Cell;
+
+    use synth::{Orbit, RenderOptions, render_views};
+
+    use super::*;
+    use crate::fit::FitConfig;
+
+    fn ball() -> (Shape, Vec<Target>) {
+        let shape = Shape::sphere(4, &FitConfig::default());
+        let orbit = Orbit { count: 6, target: [0.0; 3], width: 64, height: 64, ..Orbit::default() };
+        let mesh = mesh_core::TriMesh::new(shape.positions.clone(), shape.faces.clone());
+        let views =
+            render_views(&mesh, &orbit.cameras(), &RenderOptions::default(), &|_, _| {}).unwrap();
+        let targets = views.iter().map(|view| Target::new(view, 1.0, 0.3, 0.3).unwrap());
+        (shape, targets.collect())
+    }
+
+    #[test]
+    fn only_where_outlines_lost_are_vertices_held() {
+        let (shape, _) = ball();
+        let before = vec![[2.0, 0.02]; shape.positions.len()];
+        let lost = |by: f32| -> Vec<f32> {
+            let top = |p: &[f32; 3]| if p[2] > 0.7 { by } else { 0.0 };
+            let after: Vec<_> = shape.positions.iter().map(|p| [2.0, 0.02 + top(p)]).collect();
+            let mut freedom = vec![1.0; after.len()];
+            judge(&shape, &before, &after, &mut freedom);
+            freedom
+        };
+        let freedom_at = |freedom: &[f32], z: f32| {
+            let far = |p: &[f32; 3]| (p[2] - z).abs();
+            let nearest = |&a: &usize, &b: &usize| {
+                far(&shape.positions[a]).total_cmp(&far(&shape.positions[b]))
+            };
+            freedom[(0..freedom.len()).min_by(nearest).unwrap()]
+        };
+        // Two pixels of outline may lose twice the limit, and no more.
+        assert!(lost(1.9 * LOSS).iter().all(|f| *f > 0.999));
+        let held = lost(2.5 * LOSS);
+        assert!(freedom_at(&held, 1.0) < 0.2, "{}", freedom_at(&held, 1.0));
+        assert!(freedom_at(&held, -1.0) > 0.999 && freedom_at(&held, 0.0) > 0.9);
+    }
+
+    #[test]
+    fn what_costs_too_much_is_taken_back() {
+        let (mut shape, targets) = ball();
+        let (given, first) = (shape.positions.clone(), shape.mask_iou(&targets));
+        let fitted = Cell::new(0);
+        let mut worse = |_: &mut Shape| {
+            fitted.set(fitted.get() + 1);
+            Ok(first - 2.0 * WORSE)
+        };
+        let iou = fair(&mut shape, &targets, &mut worse, &|| false).unwrap();
+        assert_eq!((iou, fitted.get()), (first, TURNS as usize + JUDGEMENTS));
+        assert_eq!(shape.positions, given);
+        // What costs a little is kept.
+        let mut little = |_: &mut Shape| Ok(first - 0.5 * WORSE);
+        let iou = fair(&mut shape, &targets, &mut little, &|| false).unwrap();
+        assert_eq!(iou, first - 0.5 * WORSE);
+        assert_ne!(shape.positions, given);
+    }
+
+    #[test]
+    fn cancelled_it_is_no_worse_than_what_was_given() {
+        let (mut shape, targets) = ball();
+        let (given, first) = (shape.positions.clone(), shape.mask_iou(&targets));
+        let fitted = Cell::new(0);
+        let mut fit = |_: &mut Shape| {
+            fitted.set(fitted.get() + 1);
+            Ok(0.0)
+        };
+        let iou = fair(&mut shape, &targets, &mut fit, &|| fitted.get() == 2).unwrap();
+        assert_eq!((iou, fitted.get()), (first, 2));
+        assert_eq!(shape.positions, given);
+    }
+}
