@@ -50,7 +50,9 @@ struct Crossing {
 pub(super) struct Scratch {
     projected: Vec<[f32; 3]>,
     front: Vec<bool>,
+    /// The edges of the outline, so many of them; what follows is of no account.
     contour: Vec<u32>,
+    contour_edges: usize,
     crossings: Vec<Crossing>,
     sorted: Vec<Crossing>,
     starts: Vec<u32>,
@@ -192,7 +194,7 @@ fn project(
     edges: &Edges,
     scratch: &mut Scratch,
 ) -> Option<()> {
-    let Scratch { projected, front, contour, .. } = scratch;
+    let Scratch { projected, front, contour, contour_edges, .. } = scratch;
     projected.clear();
     projected.extend(positions.iter().map(|&p| target.project(p)));
     // Not in front of the camera, or not a number: such a view says nothing.
@@ -213,20 +215,20 @@ fn project(
         contour[count] = e as u32;
         count += usize::from(front[*f as usize] != front[*g as usize]);
     }
-    contour.truncate(count);
+    *contour_edges = count;
     Some(())
 }
 
 /// Finds the crossings with every `stride`-th line and sorts them by line, then along it.
 fn cross(edges: &Edges, axis: usize, lines: usize, stride: usize, scratch: &mut Scratch) {
-    let Scratch { projected, front, contour, crossings, sorted, starts } = scratch;
+    let Scratch { projected, front, contour, contour_edges, crossings, sorted, starts } = scratch;
     let across = 1 - axis;
     crossings.clear();
     starts.clear();
     starts.resize(lines + 1, 0);
     // The lines in the middle of each run of `stride`.
     let phase = stride / 2;
-    for &e in contour.iter() {
+    for &e in &contour[..*contour_edges] {
         let (ends, [first, _]) = edges.edges[e as usize];
         let (a, b) = (projected[ends[0] as usize], projected[ends[1] as usize]);
         let upwards = b[across] > a[across];
