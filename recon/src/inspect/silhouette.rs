@@ -86,7 +86,7 @@ impl Silhouette {
     /// Signed distance in pixels at a place in the image.
     #[inline]
     pub(super) fn between(&self, [column, row]: [f32; 2]) -> f32 {
-        // Sixteen bits: no image is averaged down to more.
+        // Sixteen bits become floats in one instruction, and sides are of at most `LONGEST`.
         let (w, h) = (self.camera.width as u16, self.camera.height as u16);
         let x = (column - 0.5).clamp(0.0, f32::from(w - 1));
         let y = (row - 0.5).clamp(0.0, f32::from(h - 1));
