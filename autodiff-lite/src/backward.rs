@@ -72,6 +72,7 @@ impl<F: Real> Backward<'_, F> {
     }
 
     /// The gradient of input `i`, to be added to. Zero when it is touched first.
+    #[inline(never)]
     pub fn grad_slice_mut(&mut self, i: usize) -> &mut [F] {
         let id = self.inputs[i] as usize;
         let (nodes, pool) = (self.nodes, self.pool);

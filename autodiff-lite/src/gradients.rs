@@ -44,6 +44,7 @@ impl<F: Real> Gradients<F> {
         self.entries.push(Entry { param, node, gradient });
     }
 
+    #[inline(never)]
     pub(crate) fn sort(&mut self) {
         self.entries.sort_unstable_by_key(|entry| (entry.param, entry.node));
     }
@@ -74,6 +75,7 @@ impl<F: Real> Gradients<F> {
     /// in the order of the calls.
     ///
     /// Leaves of the other pass are dropped.
+    #[inline(never)]
     pub fn accumulate(&mut self, other: &Self) {
         for entry in &other.entries {
             let Some(param) = entry.param else { continue };
@@ -107,6 +109,7 @@ impl<F: Real> Gradients<F> {
     }
 
     /// Multiplies all of them by `factor`.
+    #[inline(never)]
     pub fn scale(&mut self, factor: F) {
         for g in self.slices_mut().flatten() {
             *g *= factor;
@@ -115,6 +118,7 @@ impl<F: Real> Gradients<F> {
 
     /// The Euclidean norm over all entries of all parameters and leaves, summed in double
     /// precision, in an order that depends on the shapes alone.
+    #[inline(never)]
     pub fn norm(&self) -> f64 {
         let squares = |entry: &Entry<F>| {
             let square = |g: F| Real::to_f64(g) * Real::to_f64(g);
@@ -132,6 +136,7 @@ impl<F: Real> Gradients<F> {
     }
 
     /// Whether every entry is finite.
+    #[inline(never)]
     pub fn is_finite(&self) -> bool {
         self.entries.iter().all(|entry| entry.gradient.iter().all(|g| g.is_finite()))
     }

@@ -91,6 +91,8 @@ pub mod testkit;
 
 mod backward;
 mod gradients;
+#[cfg(feature = "compiled")]
+mod instances;
 mod module;
 mod nested;
 mod node;

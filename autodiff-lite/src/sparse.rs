@@ -102,6 +102,7 @@ impl<F: Real> SparseMatrix<F> {
     ///
     /// # Errors
     /// If an entry lies outside, or there are too many.
+    #[inline(never)]
     pub fn from_triplets(
         rows: usize,
         columns: usize,
@@ -124,6 +125,7 @@ impl<F: Real> SparseMatrix<F> {
     ///
     /// # Errors
     /// If the offsets do not fit the rows and the entries, or an index is not below `columns`.
+    #[inline(never)]
     pub fn from_csr(
         rows: usize,
         columns: usize,
@@ -168,6 +170,7 @@ impl<F: Real> SparseMatrix<F> {
 
     /// The transpose; nothing is copied.
     #[must_use]
+    #[inline(never)]
     pub fn transposed(&self) -> Self {
         Self {
             rows: self.columns,

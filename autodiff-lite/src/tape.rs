@@ -159,6 +159,7 @@ impl<F: Real> Tape<F> {
     /// # Shapes
     /// That of the parameter.
     #[track_caller]
+    #[inline(never)]
     pub fn param(&self, param: &Param<F>) -> Var<'_, F> {
         if let Some(&id) = self.params.borrow().get(&param.id()) {
             if cfg!(any(debug_assertions, feature = "testkit")) {
@@ -216,12 +217,14 @@ impl<F: Real> Tape<F> {
     ///
     /// # Shapes
     /// Any.
+    #[inline(never)]
     pub fn wants_grad(&self, inputs: &[Var<'_, F>]) -> bool {
         let nodes = self.nodes.borrow();
         inputs.iter().any(|input| nodes[input.id as usize].needs_grad)
     }
 
     #[track_caller]
+    #[inline(never)]
     fn push(
         &self,
         name: &'static str,
@@ -253,6 +256,7 @@ impl<F: Real> Tape<F> {
     /// Values that nobody else holds go to the pool; parameters are unique again, so that an
     /// optimiser writes them in place. Randomness starts again from the seed, and statistics
     /// updates that were not [taken](Self::take_updates) are dropped.
+    #[inline(never)]
     pub fn reset(&mut self) {
         // Operations go first: they may hold clones of values.
         self.ops.get_mut().clear();
@@ -331,11 +335,13 @@ impl<F: Real> Tape<F> {
 
     /// No gradients yet, in this tape's memory: for those that other processes computed
     /// ([`Gradients::insert`]).
+    #[inline(never)]
     pub fn gradients(&self) -> Gradients<F> {
         Gradients::empty(&self.spare, &self.pool, self.epoch.get())
     }
 
     /// All buffer changes noted since the last reset, in order.
+    #[inline(never)]
     pub fn take_updates(&self) -> Updates<F> {
         Updates(self.updates.take())
     }

@@ -11,6 +11,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If it has more than one element, or lives on an eval tape.
     #[track_caller]
+    #[inline(never)]
     pub fn backward(self) -> Gradients<F> {
         let shape = self.shape();
         if shape.iter().product::<usize>() != 1 {
@@ -43,7 +44,8 @@ impl<F: Real> Tape<F> {
     /// Walks from node `root` to the leaves. Gradients in between go back to the pool as soon as
     /// their rule has run.
     #[track_caller]
-    fn backward_from(&self, root: u32, seed: Tensor<F>) -> Gradients<F> {
+    #[inline(never)]
+    pub(crate) fn backward_from(&self, root: u32, seed: Tensor<F>) -> Gradients<F> {
         assert!(self.is_recording(), "backward on an eval tape: nothing was recorded");
         let (nodes, ops) = (self.nodes.borrow(), self.ops.borrow());
         let edges = self.edges.borrow();

@@ -276,6 +276,31 @@ fn there_is_one_binary() {
     }
 }
 
+/// An operation that is not named there is compiled anew by every crate that calls it, at that crate's level.
+#[test]
+fn operations_are_compiled_where_they_are_written() {
+    for member in ["autodiff-lite", "diff-raster"] {
+        let folder = root().join(member).join("src");
+        let instances = fs::read_to_string(folder.join("instances.rs")).unwrap();
+        let named: Vec<&str> =
+            instances.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
+        for (path, text) in sources(&folder.join("ops")) {
+            let lines: Vec<&str> = text.lines().map(str::trim).collect();
+            for pair in lines.windows(2).filter(|pair| pair[0] == "#[inline(never)]") {
+                let name = pair[1].strip_prefix("pub fn ").unwrap_or_default();
+                let end = name.find(|c: char| !c.is_alphanumeric() && c != '_');
+                // Not what a macro makes.
+                let name = &name[..end.unwrap_or(name.len())];
+                assert!(
+                    name.is_empty() || named.contains(&name),
+                    "{}: `{name}` is missing in {member}/src/instances.rs",
+                    path.display()
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn every_crate_explains_itself() {
     for (member, _) in

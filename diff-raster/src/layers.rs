@@ -243,6 +243,7 @@ impl<'t, F: Real> Layers<'t, F> {
     /// If the positions have not the shape of those that were rasterised.
     #[track_caller]
     #[must_use]
+    #[inline(never)]
     pub fn again(&self, projected: Var<'t, F>) -> Self {
         Self::of(projected, &self.fragments)
     }

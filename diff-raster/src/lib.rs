@@ -78,6 +78,8 @@ pub mod reference;
 mod faces;
 mod fragments;
 mod frame;
+#[cfg(feature = "compiled")]
+mod instances;
 mod layers;
 mod positions;
 mod rasterize;

@@ -81,6 +81,7 @@ pub fn rasterize<F: Real>(
 /// # Ok::<(), diff_raster::FacesError>(())
 /// ```
 #[allow(clippy::needless_pass_by_value, reason = "views are passed like slices")]
+#[inline(never)]
 pub fn rasterize_into<F: Real>(
     projected: ArrayView3<'_, F>,
     faces: &Arc<Faces>,

@@ -80,6 +80,7 @@ impl<F: Real> Renderer<F> {
     /// # Panics
     /// If the last axis is not 3, or `V` is not the vertex count of the faces.
     #[track_caller]
+    #[inline(never)]
     pub fn frame<'t>(&self, projected: Var<'t, F>) -> Frame<'t, F> {
         let vertices = self.faces.vertex_count();
         let positions = projected.value();

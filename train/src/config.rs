@@ -165,10 +165,6 @@ pub struct Configuration<C> {
 }
 
 impl<C: Options> Tabular for Configuration<C> {
-    fn from_text(text: &str) -> Result<Self, toml::de::Error> {
-        Self::from_table(toml::from_str(text)?)
-    }
-
     fn from_table(table: Table) -> Result<Self, toml::de::Error> {
         let (train, system) = parted(
             table,
@@ -232,10 +228,7 @@ fn parted(
             "unknown field `{key}`, expected one of {names}"
         )));
     }
-    let (train, system): (Table, Table) = table.into_iter().partition(|(key, _)| of_loop(key));
-    one_by_one(&train, reads_loop)?;
-    one_by_one(&system, reads_system)?;
-    Ok((train, system))
+    Ok(table.into_iter().partition(|(key, _)| of_loop(key)))
 }
 
 /// Whether a configuration reads a key that it does not write: a name that a field had before.
@@ -244,17 +237,6 @@ fn parted(
 fn is_alias(key: &str, reads: Reads<'_>) -> bool {
     reads([(key.to_owned(), date())].into_iter().collect())
         .is_err_and(|error| !error.message().contains("unknown field"))
-}
-
-/// A value that does not fit is named, which `toml` alone does not do.
-fn one_by_one(table: &Table, reads: Reads<'_>) -> Result<(), toml::de::Error> {
-    for (key, value) in table {
-        let alone: Table = [(key.clone(), value.clone())].into_iter().collect();
-        if let Err(error) = reads(alone) {
-            return Err(toml::de::Error::custom(format!("`{key}`: {}", error.message())));
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -14,7 +14,10 @@ mod tabular;
 pub(crate) use options::date;
 pub use options::{Declared, OptionInfo, Options};
 pub use tabular::Tabular;
+use tabular::parsed;
 // For `options!`, wherever it is used.
+#[doc(hidden)]
+pub use tabular::or_named;
 #[doc(hidden)]
 pub use toml;
 
@@ -94,11 +97,11 @@ pub fn read_text<T: Tabular>(
         path: name.to_owned(),
         message: error.to_string(),
     };
-    let config = T::from_text(text).map_err(in_file)?;
+    let table = parsed(text).map_err(in_file)?;
+    let config = T::from_table(table.clone()).map_err(in_file)?;
     if settings.is_empty() {
         return Ok(config);
     }
-    let table: Table = toml::from_str(text).map_err(in_file)?;
     T::from_table(layered(table, settings, &reads::<T>)?).map_err(in_file)
 }
 
@@ -146,7 +149,7 @@ pub fn to_toml<T: Tabular>(config: &T) -> String {
 pub fn settings_of(text: &str) -> BTreeMap<String, String> {
     let mut settings = BTreeMap::new();
     let mut pending: Vec<(String, Table)> =
-        toml::from_str(text).map(|table| vec![(String::new(), table)]).unwrap_or_default();
+        parsed(text).map(|table| vec![(String::new(), table)]).unwrap_or_default();
     while let Some((prefix, table)) = pending.pop() {
         for (name, value) in table {
             let name = format!("{prefix}{name}");
@@ -173,7 +176,7 @@ fn says_twice(error: &toml::de::Error) -> bool {
 }
 
 fn parse(value: &str) -> Value {
-    toml::from_str::<Table>(&format!("value = {value}"))
+    parsed(&format!("value = {value}"))
         .ok()
         .filter(|table| table.len() == 1)
         .and_then(|mut table| table.remove("value"))

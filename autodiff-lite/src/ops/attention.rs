@@ -32,6 +32,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If sizes differ, `heads` does not divide `D`, or `dropout` is not within `[0, 1)`.
     #[track_caller]
+    #[inline(never)]
     pub fn attention(
         self,
         keys: Self,
@@ -61,6 +62,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// As [`attention`](Self::attention).
     #[track_caller]
+    #[inline(never)]
     pub fn self_attention(self, heads: usize, mask: Option<&Tensor<F>>, dropout: f64) -> Self {
         let x = self.shape();
         let sizes = self.tape.check("self_attention", |shapes| {

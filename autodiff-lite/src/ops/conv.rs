@@ -25,6 +25,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If sizes differ, or the window does not fit the padded input.
     #[track_caller]
+    #[inline(never)]
     pub fn conv2d(
         self,
         weight: Self,
@@ -58,6 +59,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If sizes differ, the output would be empty, or `output_padding` is not below the stride.
     #[track_caller]
+    #[inline(never)]
     pub fn conv_transpose2d(
         self,
         weight: Self,

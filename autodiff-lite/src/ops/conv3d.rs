@@ -77,6 +77,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If sizes differ, or the window does not fit the padded input.
     #[track_caller]
+    #[inline(never)]
     pub fn conv3d(
         self,
         weight: Self,

@@ -16,6 +16,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If `p` is not within `[0, 1)`.
     #[track_caller]
+    #[inline(never)]
     pub fn dropout(self, p: f64) -> Self {
         let x = self.value();
         let Some(mask) = keep_mask(self.tape, x.len(), p) else { return self };

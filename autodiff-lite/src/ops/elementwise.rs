@@ -14,6 +14,7 @@ macro_rules! unary {
                 /// # Shapes
                 /// Any → the same.
                 #[track_caller]
+                #[inline(never)]
                 pub fn $name(self $(, $p: F)*) -> Self {
                     self.map_named(stringify!($name), move |$x: F| $f, move |$dx: F, $dy: F| $df)
                 }
@@ -98,6 +99,7 @@ impl<F: Real> Var<'_, F> {
     /// Any → the same.
     #[track_caller]
     #[allow(clippy::should_implement_trait, reason = "the trait is implemented too")]
+    #[inline(never)]
     pub fn neg(self) -> Self {
         self.map_named("neg", |x| -x, |_, _| -F::one())
     }
@@ -107,6 +109,7 @@ impl<F: Real> Var<'_, F> {
     /// # Shapes
     /// Any → the same.
     #[track_caller]
+    #[inline(never)]
     pub fn powi(self, n: i32) -> Self {
         let factor = F::from_f64(n as f64);
         self.map_named("powi", move |x| x.powi(n), move |x, _| factor * x.powi(n - 1))

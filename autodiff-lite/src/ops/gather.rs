@@ -14,6 +14,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If there are fewer than two axes, or an index is not below `V`.
     #[track_caller]
+    #[inline(never)]
     pub fn gather_rows(self, indices: &[u32]) -> Self {
         let (mut shape, rows) = self.rows_for("gather_rows", indices, None);
         let [n, width] = [rows, shape[shape.len() - 1]];
@@ -39,6 +40,7 @@ impl<F: Real> Var<'_, F> {
     /// If there are fewer than two axes, the number of indices is not `K`, or one is not below
     /// `rows`.
     #[track_caller]
+    #[inline(never)]
     pub fn scatter_add_rows(self, indices: &[u32], rows: usize) -> Self {
         let (mut shape, _) = self.rows_for("scatter_add_rows", indices, Some(rows));
         let width = shape[shape.len() - 1];

@@ -39,6 +39,7 @@ impl<'t, F: Real> Var<'t, F> {
     /// # Panics
     /// If sizes differ, or `x` has fewer than two axes.
     #[track_caller]
+    #[inline(never)]
     pub fn graph_conv(
         self,
         graph: &SparseMatrix<F>,

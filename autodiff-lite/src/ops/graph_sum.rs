@@ -19,6 +19,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If sizes differ, or the number of columns is odd.
     #[track_caller]
+    #[inline(never)]
     pub fn graph_sum(
         self,
         graph: &SparseMatrix<F>,

@@ -14,6 +14,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If the number of elements differs.
     #[track_caller]
+    #[inline(never)]
     pub fn reshape(self, shape: &[usize]) -> Self {
         let x = self.value();
         if x.len() != shape.iter().product::<usize>() {
@@ -32,6 +33,7 @@ impl<F: Real> Var<'_, F> {
     /// # Shapes
     /// `[.., ..]` → `[.., 1, ..]`, 1 being axis `axis` of the result.
     #[track_caller]
+    #[inline(never)]
     pub fn insert_axis(self, axis: usize) -> Self {
         let mut shape = self.shape();
         if axis > shape.len() {
@@ -50,6 +52,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If `order` does not name each axis once.
     #[track_caller]
+    #[inline(never)]
     pub fn permute(self, order: &[usize]) -> Self {
         let x = self.value();
         let mut named = order.to_vec();
@@ -79,6 +82,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If the range is not within the axis.
     #[track_caller]
+    #[inline(never)]
     pub fn slice_axis(self, axis: usize, range: Range<usize>) -> Self {
         let x = self.value();
         let shape = x.shape();
@@ -119,6 +123,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If there is no such element.
     #[track_caller]
+    #[inline(never)]
     pub fn index_axis(self, axis: usize, index: usize) -> Self {
         let part = self.slice_axis(axis, index..index + 1);
         let mut shape = part.shape();
@@ -136,6 +141,7 @@ impl<F: Real> Tape<F> {
     /// # Panics
     /// If there is no value, or they differ in another axis than `axis`.
     #[track_caller]
+    #[inline(never)]
     pub fn concat<'t>(&'t self, parts: &[Var<'t, F>], axis: usize) -> Var<'t, F> {
         let values: Vec<_> = parts.iter().map(|part| part.value()).collect();
         let Some(first) = values.first() else {
@@ -197,6 +203,7 @@ impl<F: Real> Tape<F> {
     /// # Panics
     /// If there is no value, or the shapes differ.
     #[track_caller]
+    #[inline(never)]
     pub fn stack<'t>(&'t self, parts: &[Var<'t, F>], axis: usize) -> Var<'t, F> {
         let parts: Vec<_> = parts.iter().map(|part| part.insert_axis(axis)).collect();
         self.concat(&parts, axis)

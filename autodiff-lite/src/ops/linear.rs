@@ -40,6 +40,7 @@ impl<'t, F: Real> Var<'t, F> {
     /// # Panics
     /// If sizes differ, or `x` has no axis.
     #[track_caller]
+    #[inline(never)]
     pub fn linear(self, weight: Self, bias: Option<Self>, activation: Activation) -> Self {
         self.linear_then(weight, bias, LinearThen { activation, ..LinearThen::default() })
     }
@@ -55,6 +56,7 @@ impl<'t, F: Real> Var<'t, F> {
     /// # Panics
     /// If sizes differ, `x` has no axis, or the probability is not within `[0, 1)`.
     #[track_caller]
+    #[inline(never)]
     pub fn linear_then(self, weight: Self, bias: Option<Self>, then: LinearThen<'t, F>) -> Self {
         let LinearThen { activation, dropout, residual } = then;
         if let (Some(residual), true) = (residual, activation != Activation::None) {

@@ -15,6 +15,7 @@ impl<F: Real> Var<'_, F> {
     /// `self [.., M, K]`, `other [.., K, N]` → `[.., M, N]`. The leading axes are equal, or `other` is one matrix
     /// `[K, N]` for all.
     #[track_caller]
+    #[inline(never)]
     pub fn matmul(self, other: Self) -> Self {
         self.matmul_transposed(other, [false, false])
     }
@@ -29,6 +30,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If the inner sizes or the leading axes differ, or an operand has fewer than two axes.
     #[track_caller]
+    #[inline(never)]
     pub fn matmul_transposed(self, other: Self, transposed: [bool; 2]) -> Self {
         let (a, b) = (self.value(), other.value());
         let plan = match Product::new(a.shape(), b.shape(), transposed) {

@@ -32,6 +32,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If `D` differs.
     #[track_caller]
+    #[inline(never)]
     pub fn layer_norm(
         self,
         weight: Self,
@@ -73,6 +74,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If `C` differs, or is not a multiple of `groups`.
     #[track_caller]
+    #[inline(never)]
     pub fn group_norm(
         self,
         groups: usize,
@@ -105,6 +107,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If `C` differs.
     #[track_caller]
+    #[inline(never)]
     pub fn batch_norm(
         self,
         weight: Self,

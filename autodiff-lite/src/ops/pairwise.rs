@@ -15,6 +15,7 @@ macro_rules! pairwise {
                 /// Any two that broadcast by NumPy's rules: `[3, 1]` and `[4]` → `[3, 4]`.
                 #[track_caller]
                 #[allow(clippy::should_implement_trait, reason = "the traits are implemented too")]
+                #[inline(never)]
                 pub fn $name(self, other: Self) -> Self {
                     self.zip_named(
                         stringify!($name), other, |$a: F, $b: F| $f, |$da: F, $db: F, $dy: F| $df,
@@ -113,6 +114,7 @@ impl<F: Real> Tape<F> {
     /// # Panics
     /// If there is no term, or the shapes differ.
     #[track_caller]
+    #[inline(never)]
     pub fn lincomb<'t>(&'t self, terms: &[(F, Var<'t, F>)]) -> Var<'t, F> {
         let values: Vec<_> = terms.iter().map(|(_, x)| x.value()).collect();
         let Some(first) = values.first() else {

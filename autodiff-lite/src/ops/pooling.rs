@@ -12,6 +12,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If the window does not fit, or padding is more than half of it.
     #[track_caller]
+    #[inline(never)]
     pub fn max_pool2d(self, geometry: PoolGeometry) -> Self {
         let windows = self.windows("max_pool2d", |x| Windows::new(x, &geometry));
         let x = self.value();
@@ -33,6 +34,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If the window does not fit, or padding is more than half of it.
     #[track_caller]
+    #[inline(never)]
     pub fn avg_pool2d(self, geometry: PoolGeometry) -> Self {
         self.mean_pool("avg_pool2d", |x| Windows::new(x, &geometry))
     }
@@ -46,6 +48,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If the image is empty.
     #[track_caller]
+    #[inline(never)]
     pub fn adaptive_avg_pool2d(self, height: usize, width: usize) -> Self {
         self.mean_pool("adaptive_avg_pool2d", |x| Windows::adaptive(x, [height, width]))
     }

@@ -19,6 +19,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If sizes differ.
     #[track_caller]
+    #[inline(never)]
     pub fn project(self, matrices: Self) -> Self {
         self.project_by(matrices, Projection::Perspective)
     }
@@ -32,6 +33,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If sizes differ.
     #[track_caller]
+    #[inline(never)]
     pub fn project_affine(self, matrices: Self) -> Self {
         self.project_by(matrices, Projection::Affine)
     }

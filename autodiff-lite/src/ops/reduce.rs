@@ -9,6 +9,7 @@ impl<F: Real> Var<'_, F> {
     /// # Shapes
     /// Any → `[]`.
     #[track_caller]
+    #[inline(never)]
     pub fn sum(self) -> Self {
         self.total("sum", F::one())
     }
@@ -21,6 +22,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If there is none.
     #[track_caller]
+    #[inline(never)]
     pub fn mean(self) -> Self {
         let count = self.len();
         if count == 0 {
@@ -44,6 +46,7 @@ impl<F: Real> Var<'_, F> {
     /// # Shapes
     /// `[.., n, ..]` → `[.., ..]`.
     #[track_caller]
+    #[inline(never)]
     pub fn sum_axis(self, axis: usize) -> Self {
         self.along("sum_axis", axis, F::one())
     }
@@ -56,6 +59,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If the axis is empty or there is no such axis.
     #[track_caller]
+    #[inline(never)]
     pub fn mean_axis(self, axis: usize) -> Self {
         let (_, [_, n, _]) = self.split_at_axis("mean_axis", axis, true);
         self.along("mean_axis", axis, F::from_f64(1.0 / n as f64))
@@ -97,6 +101,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If the axis is empty or there is no such axis.
     #[track_caller]
+    #[inline(never)]
     pub fn max_axis(self, axis: usize) -> Self {
         let (shape, dims) = self.split_at_axis("max_axis", axis, true);
         let x = self.value();
@@ -121,6 +126,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If there is none.
     #[track_caller]
+    #[inline(never)]
     pub fn max(self) -> Self {
         self.reshape(&[self.len()]).max_axis(0)
     }
@@ -151,6 +157,7 @@ impl<F: Real> Var<'_, F> {
 }
 
 /// Writes the gradient of input 0 when it is the first, else adds to it: no pass of zeros.
+#[inline(never)]
 pub(crate) fn spread<F: Real>(
     cx: &mut Backward<'_, F>,
     write: impl FnOnce(&mut [F]),

@@ -14,6 +14,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If the input has not four axes, or is empty where the output is not.
     #[track_caller]
+    #[inline(never)]
     pub fn resize_bilinear(self, height: usize, width: usize, align_corners: bool) -> Self {
         let x = self.value();
         let sizes = self.tape.check("resize_bilinear", |shapes| {
@@ -46,6 +47,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If sizes differ.
     #[track_caller]
+    #[inline(never)]
     pub fn bilinear_sample(self, points: Self, padding: Padding, align_corners: bool) -> Self {
         let (x, p) = (self.value(), points.value());
         let sampling = self.tape.check("bilinear_sample", |shapes| {
@@ -82,6 +84,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If sizes differ.
     #[track_caller]
+    #[inline(never)]
     pub fn add_bilinear_samples(
         self,
         images: &[Self],

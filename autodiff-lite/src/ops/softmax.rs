@@ -12,6 +12,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If there is no axis.
     #[track_caller]
+    #[inline(never)]
     pub fn softmax(self) -> Self {
         self.by_rows("softmax", softmax::softmax, softmax::softmax_grad)
     }
@@ -25,6 +26,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If there is no axis.
     #[track_caller]
+    #[inline(never)]
     pub fn log_softmax(self) -> Self {
         self.by_rows("log_softmax", softmax::log_softmax, softmax::log_softmax_grad)
     }

@@ -18,6 +18,7 @@ impl<F: Real> Var<'_, F> {
     /// # Panics
     /// If `x` has fewer than two axes, or `V` differs.
     #[track_caller]
+    #[inline(never)]
     pub fn sparse_matmul(self, matrix: &SparseMatrix<F>) -> Self {
         let x = self.value();
         let mut shape = x.shape().to_vec();

@@ -172,6 +172,7 @@ impl<M: Method, F: Real> Optimizer<M, F> {
     ///
     /// # Panics
     /// As [`step`](Self::step).
+    #[inline(never)]
     pub fn update(&mut self, path: &str, weights: &mut [F], gradient: &[F]) {
         let covering = self.groups.iter().rev().find(|(prefix, _)| has_prefix(path, prefix));
         let group = covering.map_or(&self.base, |(_, group)| group);

@@ -53,6 +53,7 @@ impl<'t, F: Real> Layers<'t, F> {
     /// # References
     /// `pytorch3d.renderer.blending`; Liu et al. 2019, *Soft Rasterizer*.
     #[track_caller]
+    #[inline(never)]
     pub fn softmax_blend(&self, colours: Var<'t, F>, settings: &BlendSettings) -> Var<'t, F> {
         let (name, tape) = ("softmax_blend", colours.tape());
         let (channels, sizes) = (settings.background.len(), self.fragments.shape());
@@ -128,6 +129,7 @@ impl<'t, F: Real> Layers<'t, F> {
     /// # Panics
     /// If `sigma` is not positive.
     #[track_caller]
+    #[inline(never)]
     pub fn alpha(&self, sigma: f64) -> Var<'t, F> {
         assert!(sigma > 0.0, "alpha: sigma {sigma} must be positive");
         let distance = self.distance();

@@ -23,6 +23,7 @@ use crate::{Fragments, Frame, Scratch};
 /// # Panics
 /// If the shape does not fit what was rasterised.
 #[track_caller]
+#[inline(never)]
 pub fn depth<'t, F: Real>(
     projected: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
@@ -37,6 +38,7 @@ impl<'t, F: Real> Frame<'t, F> {
     /// # Shapes
     /// Result `[N, H, W]`.
     #[track_caller]
+    #[inline(never)]
     pub fn depth(&self, background: F) -> Var<'t, F> {
         self.check("depth");
         let (tape, fragments) = (self.projected.tape(), Arc::clone(&self.fragments));

@@ -26,6 +26,7 @@ use crate::{Fragments, Frame, Scratch};
 /// Chen et al. 2019, *Learning to Predict 3D Objects with an Interpolation-based Differentiable
 /// Renderer*, equations 1 to 4.
 #[track_caller]
+#[inline(never)]
 pub fn interpolate<'t, F: Real>(
     projected: Var<'t, F>,
     attributes: Var<'t, F>,
@@ -43,6 +44,7 @@ pub fn interpolate<'t, F: Real>(
 /// # Panics
 /// If the shapes do not fit what was rasterised.
 #[track_caller]
+#[inline(never)]
 pub fn interpolate_corners<'t, F: Real>(
     projected: Var<'t, F>,
     attributes: Var<'t, F>,
@@ -61,6 +63,7 @@ impl<'t, F: Real> Frame<'t, F> {
     /// # Panics
     /// If the attributes do not fit the vertices.
     #[track_caller]
+    #[inline(never)]
     pub fn interpolate(&self, attributes: Var<'t, F>) -> Var<'t, F> {
         let shape = attributes.shape();
         let [batch, ..] = self.fragments.shape();
@@ -88,6 +91,7 @@ impl<'t, F: Real> Frame<'t, F> {
     /// # Panics
     /// If the attributes do not fit the faces.
     #[track_caller]
+    #[inline(never)]
     pub fn interpolate_corners(&self, attributes: Var<'t, F>) -> Var<'t, F> {
         let shape = attributes.shape();
         let faces = self.fragments.faces().len();

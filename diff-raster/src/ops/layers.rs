@@ -17,6 +17,7 @@ impl<'t, F: Real> Layers<'t, F> {
     /// To screen positions and depths.
     /// # Cost
     /// `O(N H W K)`; backward measures each face at its pixels again.
+    #[inline(never)]
     pub fn depth(&self) -> Var<'t, F> {
         let values = &self.fragments.depth;
         self.values("layer_depth", values, &[], |g| Pull { depth: g[0], ..Pull::default() })
@@ -31,6 +32,7 @@ impl<'t, F: Real> Layers<'t, F> {
     /// To screen positions; kinks where another edge is nearer.
     /// # Cost
     /// As [`depth`](Self::depth).
+    #[inline(never)]
     pub fn distance(&self) -> Var<'t, F> {
         let values = &self.fragments.distance;
         self.values("layer_distance", values, &[], |g| Pull { signed: g[0], ..Pull::default() })
@@ -44,6 +46,7 @@ impl<'t, F: Real> Layers<'t, F> {
     /// To screen positions, and to depths with perspective.
     /// # Cost
     /// As [`depth`](Self::depth).
+    #[inline(never)]
     pub fn barycentric(&self) -> Var<'t, F> {
         let values = &self.fragments.barycentric;
         self.values("layer_barycentric", values, &[3], |g| Pull {
@@ -64,6 +67,7 @@ impl<'t, F: Real> Layers<'t, F> {
     /// # Panics
     /// If the shape does not fit the faces.
     #[track_caller]
+    #[inline(never)]
     pub fn interpolate(&self, attributes: Var<'t, F>) -> Var<'t, F> {
         let (fragments, name) = (Arc::clone(&self.fragments), "layer_interpolate");
         let (tape, shape) = (attributes.tape(), attributes.shape());

@@ -31,6 +31,7 @@ use crate::{Fragments, Frame, Scratch};
 /// Chen et al. 2019, *Learning to Predict 3D Objects with an Interpolation-based Differentiable
 /// Renderer*, equation 5.
 #[track_caller]
+#[inline(never)]
 pub fn soft_silhouette<'t, F: Real>(
     projected: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
@@ -59,6 +60,7 @@ pub fn soft_silhouette<'t, F: Real>(
 /// After Laine et al. 2020, *Modular Primitives for High-Performance Differentiable Rendering*,
 /// section 3.4.
 #[track_caller]
+#[inline(never)]
 pub fn antialiased_silhouette<'t, F: Real>(
     projected: Var<'t, F>,
     fragments: &Arc<Fragments<F>>,
@@ -72,6 +74,7 @@ impl<'t, F: Real> Frame<'t, F> {
     /// # Shapes
     /// Result `[N, H, W]` in `[0, 1]`.
     #[track_caller]
+    #[inline(never)]
     pub fn soft_silhouette(&self) -> Var<'t, F> {
         self.check("soft_silhouette");
         let Self { projected, fragments, scratch } = self;
@@ -98,6 +101,7 @@ impl<'t, F: Real> Frame<'t, F> {
     /// # Shapes
     /// Result `[N, H, W]` in `[0, 1]`.
     #[track_caller]
+    #[inline(never)]
     pub fn antialiased_silhouette(&self) -> Var<'t, F> {
         self.check("antialiased_silhouette");
         let Self { projected, fragments, scratch } = self;

@@ -64,6 +64,7 @@ pub enum Paint<'t, F: Real = f32> {
 /// Liu et al. 2019, *Soft Rasterizer*, equations 1 to 6; constants as in its code, whose weight of the
 /// background is `e^(2 ε/gamma)` (no image shows the difference).
 #[track_caller]
+#[inline(never)]
 pub fn softras<'t, F: Real>(
     projected: Var<'t, F>,
     paint: Option<Paint<'t, F>>,

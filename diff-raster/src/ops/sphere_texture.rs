@@ -37,6 +37,7 @@ use crate::kernels::texture::Texture;
 /// # Panics
 /// If the shapes do not fit.
 #[track_caller]
+#[inline(never)]
 pub fn sphere_texture<'t, F: Real>(directions: Var<'t, F>, image: Var<'t, F>) -> Var<'t, F> {
     let (shape, texels) = (directions.shape(), image.shape());
     let fits = shape.len() >= 2

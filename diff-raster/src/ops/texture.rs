@@ -19,6 +19,7 @@ use crate::{Fragments, Frame, Scratch};
 /// # Panics
 /// If `uv` does not have the size of what was rasterised.
 #[track_caller]
+#[inline(never)]
 pub fn texture<'t, F: Real>(
     uv: Var<'t, F>,
     image: Var<'t, F>,
@@ -36,6 +37,7 @@ impl<'t, F: Real> Frame<'t, F> {
     /// # Panics
     /// If `uv` does not have the size of this frame.
     #[track_caller]
+    #[inline(never)]
     pub fn texture(&self, uv: Var<'t, F>, image: Var<'t, F>) -> Var<'t, F> {
         lookup(uv, image, &self.fragments, &self.scratch)
     }

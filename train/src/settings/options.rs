@@ -184,20 +184,10 @@ macro_rules! options {
 
         impl $crate::settings::Tabular for $name {
             #[inline(never)]
-            fn from_text(text: &str) -> Result<Self, $crate::settings::toml::de::Error> {
-                $crate::settings::toml::from_str(text)
-            }
-
-            #[inline(never)]
             fn from_table(
                 table: $crate::settings::toml::Table,
             ) -> Result<Self, $crate::settings::toml::de::Error> {
-                table.try_into()
-            }
-
-            #[inline(never)]
-            fn to_table(&self) -> $crate::settings::toml::Table {
-                $crate::settings::toml::Table::try_from(self).expect("options are a plain table")
+                $crate::settings::or_named(table, &|table| table.try_into())
             }
 
             #[inline(never)]
