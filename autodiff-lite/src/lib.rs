@@ -44,7 +44,7 @@
 //! | operations | the methods of [`Var`] and [`Tape`]; the loops behind them in [`kernels`] |
 //! | an operation of your own | [`Tape::record_fn`], [`Op`], [`Backward`], [`Tape::check`], [`Var::map`], [`Var::zip`] |
 //! | training | [`optim`]: SGD, RMSprop, Adam, AdamW, uniform Adam, schedules, clipping |
-//! | files | [`state`]: safetensors, with optimiser moments |
+//! | files | `state::save`, `state::load` (feature `files`): safetensors, with optimiser moments; [`state`] |
 //! | tests of operations | `testkit` (feature of that name): gradient checks in `f64` |
 //!
 //! # Conventions

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use mesh_core::nalgebra::{Matrix3, Vector3};
+use mesh_core::Ray;
 
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::view::View;
@@ -59,35 +59,22 @@ fn names(views: &[View], wanted: impl Fn(usize) -> bool) -> Vec<&str> {
 ///
 /// Empty where the rays do not fix a point: a single view, or parallel ones.
 fn strays(views: &[View]) -> Vec<usize> {
-    let rays: Vec<(usize, Vector3<f64>, Vector3<f64>)> = views
+    let rays: Vec<(usize, Ray)> = views
         .iter()
         .enumerate()
         .filter_map(|(i, view)| {
             let [top, left, height, width] = view.mask_bounds()?;
             let (column, row) =
                 (left as f64 + width as f64 / 2.0, top as f64 + height as f64 / 2.0);
-            let ray = view.camera.ray(column, row);
-            Some((i, Vector3::from(ray.origin), Vector3::from(ray.direction)))
+            Some((i, view.camera.ray(column, row)))
         })
         .collect();
-    let mut normal = Matrix3::zeros();
-    let mut right = Vector3::zeros();
-    for (_, origin, direction) in &rays {
-        let across = Matrix3::identity() - direction * direction.transpose();
-        normal += across;
-        right += across * origin;
-    }
-    let spread = normal.symmetric_eigenvalues();
-    // One direction in which all rays agree leaves the point free along it.
-    if spread.min() <= 1e-4 * spread.max() {
-        return Vec::new();
-    }
-    let Some(point) = normal.try_inverse().map(|inverse| inverse * right) else {
+    let Some(point) = Ray::nearest_point(rays.iter().map(|&(_, ray)| ray)) else {
         return Vec::new();
     };
     rays.iter()
         .filter(|&&(i, ..)| {
-            let p = views[i].camera.project([point.x, point.y, point.z]);
+            let p = views[i].camera.project(point);
             let (w, h) = (views[i].camera.width as f64, views[i].camera.height as f64);
             let near = |x: f64, size: f64| (-size..=2.0 * size).contains(&x);
             let behind = views[i].camera.is_perspective() && p.depth <= 0.0;

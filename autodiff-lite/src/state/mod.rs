@@ -2,7 +2,7 @@
 //!
 //! Names are module paths, which are PyTorch's when fields are named alike; layouts are PyTorch's
 //! too (linear weights `[out, in]`, convolution weights `[O, I, KH, KW]`), because parameters are
-//! kept in that master layout and kernels pack them. Files are behind the feature `files`, which is on by default. Moments stand under `optim.m.<path>` and
+//! kept in that master layout and kernels pack them. Files are behind the feature `files`. Moments stand under `optim.m.<path>` and
 //! `optim.v.<path>`, the number of updates of a parameter under `optim.t.<path>`.
 //!
 //! ```

@@ -1,7 +1,7 @@
 //! Where in the world the object may be.
 
-use mesh_core::Camera;
-use mesh_core::nalgebra::{Matrix3, Vector3};
+use mesh_core::nalgebra::Vector3;
+use mesh_core::{Camera, Ray};
 
 /// How many in a hundred cameras may show less of the ball than all of it.
 const CUT: usize = 20;
@@ -29,20 +29,19 @@ impl Region {
     ///
     /// `None` where no point is fixed: a single camera, parallel ones, or one that most have behind them.
     pub fn in_sight(cameras: &[&Camera]) -> Option<Self> {
-        let axes = cameras.iter().map(|camera| {
-            let ray = camera.ray(camera.width as f64 / 2.0, camera.height as f64 / 2.0);
-            (Vector3::from(ray.origin), Vector3::from(ray.direction))
-        });
-        let center = nearest(axes)?;
+        let axes = cameras
+            .iter()
+            .map(|camera| camera.ray(camera.width as f64 / 2.0, camera.height as f64 / 2.0));
+        let center = Ray::nearest_point(axes)?;
         let mut radii: Vec<f64> =
-            cameras.iter().filter_map(|camera| room(camera, center.into())).collect();
+            cameras.iter().filter_map(|camera| room(camera, center)).collect();
         if 2 * radii.len() <= cameras.len() {
             return None;
         }
         radii.sort_by(f64::total_cmp);
         let radius = radii[(radii.len() - 1) * CUT / 100];
-        (radius.is_finite() && radius > 0.0).then(|| Self {
-            center: center.into(),
+        (radius.is_finite() && radius > 0.0).then_some(Self {
+            center,
             half: [radius; 3],
             round: true,
         })
@@ -55,18 +54,17 @@ impl Region {
         };
         let axes = seen.iter().map(|(camera, bounds)| {
             let [column, row] = middle(*bounds);
-            let ray = camera.ray(column, row);
-            (Vector3::from(ray.origin), Vector3::from(ray.direction))
+            camera.ray(column, row)
         });
-        let center = nearest(axes)?;
+        let center = Ray::nearest_point(axes)?;
         let mut radii = Vec::new();
         for (camera, bounds) in seen {
-            if camera.is_perspective() && camera.project(center.into()).depth <= 0.0 {
+            if camera.is_perspective() && camera.project(center).depth <= 0.0 {
                 continue;
             }
             let [column, row] = middle(*bounds);
             let reach = 0.5 * (bounds[2] as f64).hypot(bounds[3] as f64);
-            let depth = camera.project(center.into()).depth;
+            let depth = camera.project(center).depth;
             let ends = [column, column + reach]
                 .map(|column| Vector3::from(camera.unproject(column, row, depth)));
             radii.push((ends[1] - ends[0]).norm());
@@ -76,8 +74,8 @@ impl Region {
         }
         radii.sort_by(f64::total_cmp);
         let radius = 1.15 * radii[(radii.len() - 1) * 9 / 10];
-        (radius.is_finite() && radius > 0.0).then(|| Self {
-            center: center.into(),
+        (radius.is_finite() && radius > 0.0).then_some(Self {
+            center,
             half: [radius; 3],
             round: true,
         })
@@ -95,19 +93,6 @@ impl Region {
     }
 }
 
-/// The point nearest to all lines; `None` where they are as good as parallel.
-fn nearest(lines: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>) -> Option<Vector3<f64>> {
-    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-    for (origin, direction) in lines {
-        let across = Matrix3::identity() - direction * direction.transpose();
-        normal += across;
-        right += across * origin;
-    }
-    let spread = normal.symmetric_eigenvalues();
-    let point = normal.try_inverse()? * right;
-    (spread.min() > 1e-4 * spread.max() && point.iter().all(|v| v.is_finite())).then_some(point)
-}
-
 /// The radius of the largest ball around a point that an image shows whole; nothing where the point is not in it.
 fn room(camera: &Camera, center: [f64; 3]) -> Option<f64> {
     let seen = camera.project(center);
@@ -116,13 +101,8 @@ fn room(camera: &Camera, center: [f64; 3]) -> Option<f64> {
     if !inside || camera.is_perspective() && seen.depth <= 0.0 {
         return None;
     }
-    let middle = Vector3::from(center);
     let edges = [[0.0, seen.row], [width, seen.row], [seen.column, 0.0], [seen.column, height]];
-    let away = edges.map(|[column, row]| {
-        let ray = camera.ray(column, row);
-        let (to, along) = (middle - Vector3::from(ray.origin), Vector3::from(ray.direction));
-        (to - along * to.dot(&along)).norm()
-    });
+    let away = edges.map(|[column, row]| camera.ray(column, row).distance(center));
     Some(away.into_iter().fold(f64::INFINITY, f64::min))
 }
 

@@ -14,6 +14,7 @@ mod project;
 mod projection_matrix;
 mod pytorch3d;
 mod r2n2;
+mod ray;
 mod volume;
 mod weak_perspective;
 
@@ -22,9 +23,10 @@ pub use distortion::Distortion;
 pub use error::CameraError;
 pub use kaolin::KaolinCamera;
 pub use opencv::OpenCvCamera;
-pub use project::{Projected, Ray};
+pub use project::Projected;
 pub use pytorch3d::{Pytorch3dCamera, SphericalView, look_at_view_transform};
 pub use r2n2::R2n2View;
+pub use ray::Ray;
 pub use volume::CameraVolume;
 pub use weak_perspective::WeakPerspective;
 

@@ -2,6 +2,7 @@
 
 use nalgebra::{SimilarityMatrix3, Vector3};
 
+use super::ray::Ray;
 use super::{Camera, Lens};
 
 /// Where a world point lands.
@@ -14,16 +15,6 @@ pub struct Projected {
     pub row: f64,
     /// Planar depth, above zero in front of the camera.
     pub depth: f64,
-}
-
-/// A half-line in the world.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct Ray {
-    /// Where it starts.
-    pub origin: [f64; 3],
-    /// Where it goes; unit length.
-    pub direction: [f64; 3],
 }
 
 impl Camera {

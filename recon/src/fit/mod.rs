@@ -89,7 +89,6 @@ pub use distance::signed_distance;
 pub use error::FitError;
 pub use photometric::PhotoConsistency;
 pub use placement::{Placement, cones};
-pub(crate) use placement::{distance, nearest_point};
 pub use quality::{Quality, unused_detail};
 pub use refine::{RefineConfig, refine};
 pub use stepper::Stepper;

@@ -2,7 +2,6 @@
 
 use datasets::View;
 use mesh_core::Ray;
-use mesh_core::nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::{error::FitError, target::Target};
@@ -74,21 +73,21 @@ pub fn cones(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
         let [top, left, rows, columns] = view.mask_bounds()?.map(|n| n as f64);
         Some(view.camera.ray(left + columns / 2.0, top + rows / 2.0))
     });
-    let center = nearest_point(axes).ok_or_else(|| FitError::Placement {
+    let center = Ray::nearest_point(axes).ok_or_else(|| FitError::Placement {
         reason: "all look along one line, so the distance to the object is open".into(),
     })?;
     let mut radius = 0.0f64;
     let mut behind = 0;
     for view in views {
         let Some([top, left, rows, columns]) = view.mask_bounds() else { continue };
-        if view.camera.is_perspective() && view.camera.project(center.into()).depth <= 0.0 {
+        if view.camera.is_perspective() && view.camera.project(center).depth <= 0.0 {
             behind += 1;
             continue;
         }
         for (row, column) in
             [(0, 0), (0, columns), (rows, 0), (rows, columns)].map(|(r, c)| (top + r, left + c))
         {
-            radius = radius.max(distance(&view.camera.ray(column as f64, row as f64), center));
+            radius = radius.max(view.camera.ray(column as f64, row as f64).distance(center));
         }
     }
     if behind as f64 > DISAGREE * views.len() as f64 {
@@ -99,30 +98,7 @@ pub fn cones(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
     if !(radius.is_finite() && radius > 0.0) {
         return Err(FitError::Placement { reason: format!("the object's radius is {radius}") });
     }
-    Ok((center.into(), radius))
-}
-
-/// The point nearest to all rays; `None` where they lie along one line, so that no point is.
-pub(crate) fn nearest_point(rays: impl Iterator<Item = Ray>) -> Option<Vector3<f64>> {
-    let mut normal = Matrix3::<f64>::zeros();
-    let mut right = Vector3::<f64>::zeros();
-    for ray in rays {
-        let (origin, direction) = (Vector3::from(ray.origin), Vector3::from(ray.direction));
-        let across = Matrix3::identity() - direction * direction.transpose();
-        normal += across;
-        right += across * origin;
-    }
-    let values = normal.symmetric_eigenvalues();
-    let point = normal.try_inverse()? * right;
-    let fixed = values.min() > 1e-4 * values.max() && point.iter().all(|v| v.is_finite());
-    fixed.then_some(point)
-}
-
-/// From a point to the line along a ray.
-pub(crate) fn distance(ray: &Ray, point: Vector3<f64>) -> f64 {
-    let to = point - Vector3::from(ray.origin);
-    let along = Vector3::from(ray.direction);
-    (to - along * to.dot(&along)).norm()
+    Ok((center, radius))
 }
 
 /// Centres, in the targets' frame, of the cells of a grid of this `side` that the most views see inside their masks.

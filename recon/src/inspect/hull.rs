@@ -1,10 +1,9 @@
 //! The visual hull: the largest body that all masks allow.
 
-use mesh_core::VoxelGrid;
+use mesh_core::{Ray, VoxelGrid};
 use rayon::prelude::*;
 
 use super::eye::Eye;
-use crate::fit::{distance, nearest_point};
 
 /// Steps along a ray through the sphere that holds the object.
 const STEPS: usize = 160;
@@ -39,14 +38,14 @@ pub(crate) fn ball(eyes: &[Eye]) -> Option<Ball> {
         eyes.iter().filter_map(|eye| Some((eye, eye.bounds()?))).collect();
     let axis =
         |(eye, [l, t, r, b]): &(&Eye, [f64; 4])| eye.camera.ray((l + r) / 2.0, (t + b) / 2.0);
-    let center = nearest_point(boxes.iter().map(axis))?;
+    let center = Ray::nearest_point(boxes.iter().map(axis))?;
     let mut radii = Vec::new();
     for (eye, [l, t, r, b]) in &boxes {
-        if eye.camera.is_perspective() && eye.camera.project(center.into()).depth <= 0.0 {
+        if eye.camera.is_perspective() && eye.camera.project(center).depth <= 0.0 {
             continue;
         }
         let corners = [[*l, *t], [*l, *b], [*r, *t], [*r, *b]];
-        let far = corners.map(|[column, row]| distance(&eye.camera.ray(column, row), center));
+        let far = corners.map(|[column, row]| eye.camera.ray(column, row).distance(center));
         radii.push(far.into_iter().fold(0.0, f64::max));
     }
     if 2 * radii.len() < boxes.len() {
@@ -55,8 +54,7 @@ pub(crate) fn ball(eyes: &[Eye]) -> Option<Ball> {
     // A single camera that looks elsewhere must not blow the sphere up.
     radii.sort_by(f64::total_cmp);
     let radius = radii[(radii.len() - 1) * 9 / 10];
-    (radius.is_finite() && radius > 0.0)
-        .then(|| Ball { center: center.into(), radius: 1.1 * radius })
+    (radius.is_finite() && radius > 0.0).then_some(Ball { center, radius: 1.1 * radius })
 }
 
 /// For each view the share of its mask that the hull of all masks covers.
