@@ -47,6 +47,7 @@ impl Ray {
     }
 }
 
+// Not generic, so that nalgebra's eigenvalues and inverse are compiled here and not by every caller.
 fn solve(normal: Matrix3<f64>, right: Vector3<f64>) -> Option<[f64; 3]> {
     let spread = normal.symmetric_eigenvalues();
     let point = normal.try_inverse()? * right;
