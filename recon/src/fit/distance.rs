@@ -1,11 +1,19 @@
 //! Signed distance to the edge of a binary mask, at sub-pixel level.
 
+/// How often what the blur took of thin parts is given back.
+const ROUNDS: usize = 2;
+/// Thin is what is nowhere deeper than the first, in pixels; not thin what is as deep as the second.
+const THIN: [f32; 2] = [1.6, 2.4];
+/// How far around a pixel the depth is looked for.
+const AROUND: usize = 3;
+
 /// Signed distance of every pixel centre to the mask's edge, in pixels: negative inside.
 ///
 /// The distance is the exact Euclidean one to the nearest pixel of the other kind, less the half
 /// pixel to that pixel's border. A straight edge sampled at pixel centres leaves a staircase whose
 /// mean is the edge itself, so a blur of `sigma` pixels turns this into an unbiased estimate of
-/// the edge between the pixels; a curved edge of radius `r` pixels shrinks by `sigma^2 / 2r`.
+/// the edge between the pixels; a curved edge of radius `r` pixels shrinks by `sigma^2 / 2r`, and what is no wider than some
+/// `sigma` by much more.
 ///
 /// Where the mask is all of one kind every distance is `±(height + width)`.
 ///
@@ -16,18 +24,87 @@
 /// # Panics
 /// If `mask` is not `height * width` long.
 pub fn signed_distance(mask: &[bool], height: usize, width: usize, sigma: f32) -> Vec<f32> {
+    let mut signed = between_pixels(mask, height, width);
+    blur(&mut signed, height, width, sigma);
+    signed
+}
+
+/// [`signed_distance`] without its bias where parts or gaps are thin: what the blur took there is blurred and given back, twice.
+///
+/// Of a strip two pixels wide a blur of one pixel leaves 1.5, of a slit likewise: thin wings eroded, gaps closed. What is lost after
+/// `n` rounds is `(1 - G)^(n + 1)` of the distance, `G` being the blur (twicing, Tukey 1977; the iteration of van Cittert 1931). Elsewhere the bias
+/// is small, and not worth the noise of the staircase, some of which comes back with it.
+pub(super) fn unbiased_distance(
+    mask: &[bool],
+    height: usize,
+    width: usize,
+    sigma: f32,
+) -> Vec<f32> {
+    let exact = between_pixels(mask, height, width);
+    let mut found = exact.clone();
+    blur(&mut found, height, width, sigma);
+    let thin = thinness(&exact, height, width);
+    if sigma <= 0.0 || thin.iter().all(|&thin| thin == 0.0) {
+        return found;
+    }
+    let blurred = found.clone();
+    for _ in 0..ROUNDS {
+        let mut lost: Vec<f32> = exact.iter().zip(&found).map(|(e, f)| e - f).collect();
+        blur(&mut lost, height, width, sigma);
+        for (found, lost) in found.iter_mut().zip(lost) {
+            *found += lost;
+        }
+    }
+    for ((found, blurred), thin) in found.iter_mut().zip(blurred).zip(thin) {
+        *found = blurred + thin * (*found - blurred);
+    }
+    found
+}
+
+/// How thin mask or background is around each pixel, 0 to 1.
+fn thinness(exact: &[f32], height: usize, width: usize) -> Vec<f32> {
+    let deepest = |sign: f32| {
+        let mut depth: Vec<f32> = exact.iter().map(|d| sign * d).collect();
+        let mut row = vec![0.0; width];
+        for line in depth.chunks_exact_mut(width.max(1)) {
+            for (x, out) in row.iter_mut().enumerate() {
+                let around = x.saturating_sub(AROUND)..(x + AROUND + 1).min(width);
+                *out = line[around].iter().copied().fold(f32::MIN, f32::max);
+            }
+            line.copy_from_slice(&row);
+        }
+        let mut most = vec![f32::MIN; depth.len()];
+        for (y, out) in most.chunks_exact_mut(width.max(1)).enumerate() {
+            for near in y.saturating_sub(AROUND)..(y + AROUND + 1).min(height) {
+                for (out, depth) in out.iter_mut().zip(&depth[near * width..]) {
+                    *out = out.max(*depth);
+                }
+            }
+        }
+        most
+    };
+    let [least, most] = THIN;
+    let of = |(inside, outside): (f32, f32)| {
+        // Where one kind alone is near there is no edge.
+        let depth = inside.min(outside);
+        if depth < 0.0 { 0.0 } else { ((most - depth) / (most - least)).clamp(0.0, 1.0) }
+    };
+    deepest(-1.0).into_iter().zip(deepest(1.0)).map(of).collect()
+}
+
+/// The exact distance to the nearest pixel of the other kind, less half a pixel.
+fn between_pixels(mask: &[bool], height: usize, width: usize) -> Vec<f32> {
     assert_eq!(mask.len(), height * width, "mask [{}] for {height} x {width}", mask.len());
     let far = (height + width) as f32;
-    let outside = squared_distance(mask, true, height, width);
+    let mut signed = squared_distance(mask, true, height, width);
     let inside = squared_distance(mask, false, height, width);
-    let mut signed: Vec<f32> = outside
-        .iter()
-        .zip(&inside)
-        .map(
-            |(&o, &i)| if o > 0.0 { (o.sqrt() - 0.5).min(far) } else { (0.5 - i.sqrt()).max(-far) },
-        )
-        .collect();
-    blur(&mut signed, height, width, sigma);
+    for (signed, inside) in signed.iter_mut().zip(inside) {
+        *signed = if *signed > 0.0 {
+            (signed.sqrt() - 0.5).min(far)
+        } else {
+            (0.5 - inside.sqrt()).max(-far)
+        };
+    }
     signed
 }
 
@@ -182,6 +259,29 @@ mod tests {
             })
             .fold((0.0, 0), |(s, c), e| (s + e, c + 1));
         assert!((mean.0 / mean.1 as f32).abs() < 0.1, "bias {}", mean.0 / mean.1 as f32);
+    }
+
+    /// Where strips end that are this many pixels wide, from their middle.
+    fn half_width(strip: usize, distance: impl Fn(&[bool], usize, usize) -> Vec<f32>) -> f32 {
+        let (height, width) = (8, 32);
+        let mask: Vec<bool> =
+            (0..height * width).map(|k| (12..12 + strip).contains(&(k % width))).collect();
+        let d = distance(&mask, height, width);
+        let row = &d[4 * width..5 * width];
+        let out = (12..width).find(|&c| row[c] > 0.0 && c >= 12 + strip / 2).unwrap_or(width);
+        let (before, after) = (row[out - 1], row[out]);
+        out as f32 - 1.0 + before / (before - after) + 0.5 - (12.0 + 0.5 * strip as f32)
+    }
+
+    #[test]
+    fn a_thin_strip_keeps_its_width() {
+        for strip in [2, 3, 4, 6] {
+            let exact = 0.5 * strip as f32;
+            let found = half_width(strip, |m, h, w| unbiased_distance(m, h, w, 1.0));
+            assert!((found - exact).abs() < 0.12, "{found} for {exact}");
+        }
+        // The blur alone takes a third of it.
+        assert!(half_width(2, |m, h, w| signed_distance(m, h, w, 1.0)) < 0.7);
     }
 
     #[test]

@@ -3,10 +3,10 @@
 use datasets::View;
 use mesh_core::Camera;
 
-use super::distance::signed_distance;
+use super::distance::unbiased_distance;
 
 /// How far inside the centre of a pixel of the mask is at least, in pixels, and how far outside that of another.
-const SURE: f32 = 0.1;
+const SURE: f32 = 0.05;
 
 /// One view as the shape sees it: the mask's signed distance around the object, and the camera.
 ///
@@ -59,7 +59,7 @@ impl Target {
             .collect();
         let reach = (reach * size).max(2.0);
         let unit = reach / f32::from(i16::MAX);
-        let distance = signed_distance(&mask, height, width, sigma)
+        let distance = unbiased_distance(&mask, height, width, sigma)
             .into_iter()
             .zip(&mask)
             // What is a pixel wide would be blurred away: what the mask says of a pixel holds.
