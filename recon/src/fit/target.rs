@@ -3,10 +3,10 @@
 use datasets::View;
 use mesh_core::Camera;
 
-use super::distance::unbiased_distance;
+use super::distance::{signed_distance, unbiased_distance};
 
 /// How far inside the centre of a pixel of the mask is at least, in pixels, and how far outside that of another.
-const SURE: f32 = 0.05;
+const SURE: f32 = 0.1;
 
 /// One view as the shape sees it: the mask's signed distance around the object, and the camera.
 ///
@@ -46,6 +46,28 @@ impl Target {
     /// Distances are blurred by `sigma` pixels and cut at `reach` times the longer side of the
     /// mask's box; `margin`, in the same unit, is kept around it.
     pub(super) fn new(view: &View, sigma: f32, reach: f32, margin: f32) -> Option<Self> {
+        let measure = |mask: &[bool], h, w| signed_distance(mask, h, w, sigma);
+        Self::measured(view, measure, SURE, reach, margin)
+    }
+
+    /// The same; thin parts and gaps keep their width.
+    pub(super) fn with_thin_parts(
+        view: &View,
+        sigma: f32,
+        reach: f32,
+        margin: f32,
+    ) -> Option<Self> {
+        let measure = |mask: &[bool], h, w| unbiased_distance(mask, h, w, sigma);
+        Self::measured(view, measure, 0.5 * SURE, reach, margin)
+    }
+
+    fn measured(
+        view: &View,
+        measure: impl Fn(&[bool], usize, usize) -> Vec<f32>,
+        sure: f32,
+        reach: f32,
+        margin: f32,
+    ) -> Option<Self> {
         let [top, left, rows, columns] = view.mask_bounds()?;
         let size = rows.max(columns) as f32;
         let pad = (margin * size).ceil().max(4.0) as usize;
@@ -59,11 +81,11 @@ impl Target {
             .collect();
         let reach = (reach * size).max(2.0);
         let unit = reach / f32::from(i16::MAX);
-        let distance = unbiased_distance(&mask, height, width, sigma)
+        let distance = measure(&mask, height, width)
             .into_iter()
             .zip(&mask)
             // What is a pixel wide would be blurred away: what the mask says of a pixel holds.
-            .map(|(d, &inside)| if inside { d.min(-SURE) } else { d.max(SURE) })
+            .map(|(d, &inside)| if inside { d.min(-sure) } else { d.max(sure) })
             .map(|d| (d.clamp(-reach, reach) / unit).round() as i16)
             .collect();
         let mut bits = vec![0u8; mask.len().div_ceil(8)];
