@@ -31,7 +31,7 @@ pub fn signed_distance(mask: &[bool], height: usize, width: usize, sigma: f32) -
 
 /// [`signed_distance`] without its bias where parts or gaps are thin: what the blur took there is blurred and given back, twice.
 ///
-/// Of a strip two pixels wide a blur of one pixel leaves 1.5, of a slit likewise: thin wings eroded, gaps closed. What is lost after
+/// Of a strip two pixels wide a blur of one pixel leaves 1.3, of a slit likewise: thin wings erode, gaps close. What is lost after
 /// `n` rounds is `(1 - G)^(n + 1)` of the distance, `G` being the blur (twicing, Tukey 1977; the iteration of van Cittert 1931). Elsewhere the bias
 /// is small, and not worth the noise of the staircase, some of which comes back with it.
 pub(super) fn unbiased_distance(
@@ -41,9 +41,9 @@ pub(super) fn unbiased_distance(
     sigma: f32,
 ) -> Vec<f32> {
     let exact = between_pixels(mask, height, width);
+    let thin = thinness(&exact, height, width);
     let mut found = exact.clone();
     blur(&mut found, height, width, sigma);
-    let thin = thinness(&exact, height, width);
     if sigma <= 0.0 || thin.iter().all(|&thin| thin == 0.0) {
         return found;
     }

@@ -225,13 +225,9 @@ impl<'a, 'o> Run<'a, 'o> {
             warnings
                 .push(format!("left out, since their mask is empty: views {}", empty.join(", ")));
         }
-        let target = if config.thin_parts { Target::with_thin_parts } else { Target::new };
         let measure = |indices: &[usize]| -> Vec<Target> {
             use rayon::prelude::*;
-            indices
-                .par_iter()
-                .filter_map(|&i| target(&views[i], config.mask_blur, config.reach, MARGIN))
-                .collect()
+            indices.par_iter().filter_map(|&i| Target::of(&views[i], config, MARGIN)).collect()
         };
         let (mut train, mut held_out) = (measure(&train_views), measure(&held_out_views));
         let seen: Vec<&View> = train_views.iter().map(|&i| &views[i]).collect();

@@ -3,6 +3,7 @@
 use datasets::View;
 use mesh_core::Camera;
 
+use super::config::FitConfig;
 use super::distance::{signed_distance, unbiased_distance};
 
 /// How far inside the centre of a pixel of the mask is at least, in pixels, and how far outside that of another.
@@ -50,13 +51,12 @@ impl Target {
         Self::measured(view, measure, SURE, reach, margin)
     }
 
-    /// The same; thin parts and gaps keep their width.
-    pub(super) fn with_thin_parts(
-        view: &View,
-        sigma: f32,
-        reach: f32,
-        margin: f32,
-    ) -> Option<Self> {
+    /// The same as a fit's configuration asks for it: [with thin parts](FitConfig::thin_parts) and gaps as wide as they are, or not.
+    pub(super) fn of(view: &View, config: &FitConfig, margin: f32) -> Option<Self> {
+        let (sigma, reach) = (config.mask_blur, config.reach);
+        if !config.thin_parts {
+            return Self::new(view, sigma, reach, margin);
+        }
         let measure = |mask: &[bool], h, w| unbiased_distance(mask, h, w, sigma);
         Self::measured(view, measure, 0.5 * SURE, reach, margin)
     }
