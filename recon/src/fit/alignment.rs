@@ -2,9 +2,11 @@
 
 use datasets::View;
 use mesh_core::Camera;
+use rayon::prelude::*;
 
 use super::cameras::{Cameras, longer};
 use super::config::REFINING;
+use super::distance::Blur;
 use super::target::Target;
 use super::{FitConfig, FitError, Order, Run, Shape};
 use crate::inspect::Consistency;
@@ -74,6 +76,8 @@ impl Run<'_, '_> {
                 return Ok(());
             }
             given = Some((consistency, cameras, gap));
+            // Widths of thin parts need cameras that are right to a fraction of a pixel: not while they are refined, nor afterwards.
+            self.measure(Blur { keeps_thin: false, ..config.blur() });
         }
         self.total += REFINING.0 * REFINING.1;
         let before = shape.distance(&self.train);
@@ -114,6 +118,7 @@ impl Run<'_, '_> {
             alignment.gap = [gap, consistency.gap(&refined)];
             if alignment.gap[1] > HELPS * gap {
                 alignment.cameras.give_back(&mut self.train);
+                self.measure(config.blur());
                 shape.place(start);
                 return Ok(());
             }
@@ -126,6 +131,11 @@ impl Run<'_, '_> {
         }
         self.alignment = Some(alignment);
         Ok(())
+    }
+
+    /// Measures the masks anew.
+    fn measure(&mut self, blur: Blur) {
+        self.train.par_iter_mut().for_each(|target| target.measure(blur));
     }
 
     /// What became of the cameras, for the shape at the end.

@@ -309,6 +309,7 @@ mod tests {
 
     use super::*;
     use crate::fit::FitConfig;
+    use crate::fit::distance::Blur;
 
     /// A shape without any symmetry, as it is seen, with targets that have spoilt cameras.
     fn spoilt(mistake: Planted) -> (Shape, Vec<Target>) {
@@ -323,7 +324,7 @@ mod tests {
             render_views(&mesh, &orbit.cameras(), &RenderOptions::default(), &|_, _| {}).unwrap();
         let bad = mistake.plant(good, [0.0; 3], 2);
         let mut targets: Vec<Target> =
-            bad.iter().map(|view| Target::new(view, 1.0, 0.3, 0.3).unwrap()).collect();
+            bad.iter().map(|view| Target::new(view, Blur::plain(1.0), 0.3, 0.3).unwrap()).collect();
         for target in &mut targets {
             target.place([0.0; 3], 1.0);
         }

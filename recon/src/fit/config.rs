@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 use train::settings::{LARGEST, Options as _};
 
+use super::distance::Blur;
+
 /// The most rounds in which cameras and shape are refined in turn after a level, and the steps of the shape in each.
 pub(super) const REFINING: (usize, usize) = (20, 20);
 
@@ -56,8 +58,8 @@ train::options! {
         pub photometric: bool = false;
         /// Whether normals are evened out behind the last level, where outlines do not suffer: dimples go, sides become flat and edges sharp.
         pub filter_normals: bool = true;
-        /// Whether thin parts and gaps keep their width, of which the blur takes a share: for exact masks and cameras; noisy ones are put right less well.
-        pub thin_parts: bool = false;
+        /// Whether thin parts and gaps get back the share of their width that the blur takes, unless cameras are refined.
+        pub thin_parts: bool = true;
         /// A level ends early, after half of its steps, when the outline's distance to the masks falls by less than
         /// this share over 20 steps.
         pub tolerance: f64 = 0.01, in 0.0..1.0;
@@ -100,6 +102,11 @@ impl FitConfig {
             problems.push(format!("`level` is {level}, expected at least `start-level`, {start}"));
         }
         problems
+    }
+
+    /// How masks are measured.
+    pub(super) fn blur(&self) -> Blur {
+        Blur { sigma: self.mask_blur, keeps_thin: self.thin_parts }
     }
 
     /// The most steps that a fit with these options takes, without those in which it refines cameras.

@@ -29,17 +29,34 @@ pub fn signed_distance(mask: &[bool], height: usize, width: usize, sigma: f32) -
     signed
 }
 
+/// How the edge of a mask is found between its pixels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Blur {
+    /// Pixels by which distances are blurred.
+    pub(super) sigma: f32,
+    /// Whether what it takes of thin parts and gaps is given back.
+    pub(super) keeps_thin: bool,
+}
+
+impl Blur {
+    #[cfg(test)]
+    pub(super) fn plain(sigma: f32) -> Self {
+        Self { sigma, keeps_thin: false }
+    }
+
+    /// Signed distances as those of [`signed_distance`].
+    pub(super) fn distance(self, mask: &[bool], height: usize, width: usize) -> Vec<f32> {
+        let distance = if self.keeps_thin { unbiased_distance } else { signed_distance };
+        distance(mask, height, width, self.sigma)
+    }
+}
+
 /// [`signed_distance`] without its bias where parts or gaps are thin: what the blur took there is blurred and given back, twice.
 ///
 /// Of a strip two pixels wide a blur of one pixel leaves 1.3, of a slit likewise: thin wings erode, gaps close. What is lost after
 /// `n` rounds is `(1 - G)^(n + 1)` of the distance, `G` being the blur (twicing, Tukey 1977; the iteration of van Cittert 1931). Elsewhere the bias
 /// is small, and not worth the noise of the staircase, some of which comes back with it.
-pub(super) fn unbiased_distance(
-    mask: &[bool],
-    height: usize,
-    width: usize,
-    sigma: f32,
-) -> Vec<f32> {
+fn unbiased_distance(mask: &[bool], height: usize, width: usize, sigma: f32) -> Vec<f32> {
     let exact = between_pixels(mask, height, width);
     let thin = thinness(&exact, height, width);
     let mut found = exact.clone();

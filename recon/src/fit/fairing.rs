@@ -193,6 +193,7 @@ mod tests {
 
     use super::*;
     use crate::fit::FitConfig;
+    use crate::fit::distance::Blur;
 
     fn ball() -> (Shape, Vec<Target>) {
         let shape = Shape::sphere(4, &FitConfig::default());
@@ -200,7 +201,8 @@ mod tests {
         let mesh = mesh_core::TriMesh::new(shape.positions.clone(), shape.faces.clone());
         let views =
             render_views(&mesh, &orbit.cameras(), &RenderOptions::default(), &|_, _| {}).unwrap();
-        let targets = views.iter().map(|view| Target::new(view, 1.0, 0.3, 0.3).unwrap());
+        let targets =
+            views.iter().map(|view| Target::new(view, Blur::plain(1.0), 0.3, 0.3).unwrap());
         (shape, targets.collect())
     }
 

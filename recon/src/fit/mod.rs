@@ -227,7 +227,8 @@ impl<'a, 'o> Run<'a, 'o> {
         }
         let measure = |indices: &[usize]| -> Vec<Target> {
             use rayon::prelude::*;
-            indices.par_iter().filter_map(|&i| Target::of(&views[i], config, MARGIN)).collect()
+            let target = |&i| Target::new(&views[i], config.blur(), config.reach, MARGIN);
+            indices.par_iter().filter_map(target).collect()
         };
         let (mut train, mut held_out) = (measure(&train_views), measure(&held_out_views));
         let seen: Vec<&View> = train_views.iter().map(|&i| &views[i]).collect();

@@ -328,6 +328,7 @@ mod tests {
     use synth::{RenderOptions, render_views};
 
     use super::*;
+    use crate::fit::distance::Blur;
 
     fn camera(size: usize) -> Camera {
         Camera::look_at([1.0, 1.5, 4.0], [0.1, 0.0, 0.0], [0.0, 1.0, 0.0], 0.7, size, size - 8)
@@ -352,7 +353,7 @@ mod tests {
     fn coverage_is_what_the_rasteriser_finds() {
         let mesh = bumpy();
         let seen = view(&mesh, camera(96));
-        let target = Target::new(&seen, 1.0, 0.2, 4.0).unwrap();
+        let target = Target::new(&seen, Blur::plain(1.0), 0.2, 4.0).unwrap();
         assert_eq!((target.height, target.width), (88, 96)); // the margin takes in all of it
         let topology = Topology::new(mesh.positions.len(), &mesh.faces);
         let edges = Edges::new(&topology, &mesh.faces);
@@ -368,11 +369,15 @@ mod tests {
         // The functional by brute force: signed distances summed over an image 16 times finer.
         let mesh = bumpy();
         let ball = primitives::icosphere(4);
-        let target = Target::new(&view(&ball, camera(64)), 1.0, 0.5, 4.0).unwrap();
+        let target = Target::new(&view(&ball, camera(64)), Blur::plain(1.0), 0.5, 4.0).unwrap();
         let fine = 16;
-        let grid =
-            Target::new(&view(&ball, camera(64).resized(64 * fine, 56 * fine)), 0.0, 0.5, 4.0)
-                .unwrap();
+        let grid = Target::new(
+            &view(&ball, camera(64).resized(64 * fine, 56 * fine)),
+            Blur::plain(0.0),
+            0.5,
+            4.0,
+        )
+        .unwrap();
         let topology = Topology::new(mesh.positions.len(), &mesh.faces);
         let edges = Edges::new(&topology, &mesh.faces);
         let mut scratch = Scratch::default();
@@ -416,7 +421,7 @@ mod tests {
     #[test]
     fn a_mesh_on_its_own_mask_feels_almost_nothing() {
         let mesh = bumpy();
-        let target = Target::new(&view(&mesh, camera(128)), 1.0, 0.2, 0.3).unwrap();
+        let target = Target::new(&view(&mesh, camera(128)), Blur::plain(1.0), 0.2, 0.3).unwrap();
         let topology = Topology::new(mesh.positions.len(), &mesh.faces);
         let edges = Edges::new(&topology, &mesh.faces);
         let mut gradient = vec![[0.0; 3]; mesh.positions.len()];
@@ -429,7 +434,7 @@ mod tests {
     #[test]
     fn behind_the_camera_nothing_is_said() {
         let mut mesh = primitives::icosphere(2);
-        let target = Target::new(&view(&mesh, camera(64)), 1.0, 0.2, 0.3).unwrap();
+        let target = Target::new(&view(&mesh, camera(64)), Blur::plain(1.0), 0.2, 0.3).unwrap();
         let topology = Topology::new(mesh.positions.len(), &mesh.faces);
         let edges = Edges::new(&topology, &mesh.faces);
         mesh.positions[3] = [2.0, 3.0, 8.0];

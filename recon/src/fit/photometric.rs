@@ -228,6 +228,7 @@ mod tests {
     use synth::{Orbit, RenderOptions, render_views};
 
     use super::*;
+    use crate::fit::distance::Blur;
 
     /// By hand: a ball that is a tenth too large is pulled inwards everywhere, by a tenth of its radius, and one that is right stays.
     #[test]
@@ -237,8 +238,10 @@ mod tests {
             Orbit { count: 12, width: 64, height: 64, distance: [4.0; 2], ..Orbit::default() };
         let options = RenderOptions { depth: true, ..RenderOptions::default() };
         let views = render_views(&ball, &orbit.cameras(), &options, &|_, _| {}).unwrap();
-        let targets: Vec<Target> =
-            views.iter().map(|view| Target::new(view, 1.0, 0.15, 0.3).unwrap()).collect();
+        let targets: Vec<Target> = views
+            .iter()
+            .map(|view| Target::new(view, Blur::plain(1.0), 0.15, 0.3).unwrap())
+            .collect();
         let pictures: Vec<Picture> =
             targets.iter().zip(&views).map(|(t, view)| Picture::new(t, view, 256)).collect();
         let faces = Arc::new(Faces::new(ball.positions.len(), &ball.faces).unwrap());

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use train::settings::{LARGEST, Options as _};
 
 use super::config::FitConfig;
+use super::distance::Blur;
 use super::error::FitError;
 use super::exposure::Exposure;
 use super::prior::Prior;
@@ -85,10 +86,9 @@ pub fn refine(mesh: &TriMesh, views: &[View], config: &RefineConfig) -> Result<T
     }
     let frame = frame(mesh)?;
     let (center, radius) = frame;
-    let mut targets: Vec<Target> = seen
-        .iter()
-        .filter_map(|view| Target::new(view, config.mask_blur, config.reach, MARGIN))
-        .collect();
+    let blur = Blur { sigma: config.mask_blur, keeps_thin: true };
+    let mut targets: Vec<Target> =
+        seen.iter().filter_map(|view| Target::new(view, blur, config.reach, MARGIN)).collect();
     let inside =
         |p: &[f32; 3]| std::array::from_fn(|k| ((f64::from(p[k]) - center[k]) / radius) as f32);
     let positions = mesh.positions.iter().map(inside).collect();

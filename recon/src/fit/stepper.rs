@@ -30,8 +30,10 @@ impl Stepper {
         }
         views.iter().try_for_each(check)?;
         let seen: Vec<&View> = views.iter().filter(|v| v.mask_bounds().is_some()).collect();
-        let mut targets: Vec<Target> =
-            seen.iter().filter_map(|v| Target::of(v, config, MARGIN)).collect();
+        let mut targets: Vec<Target> = seen
+            .iter()
+            .filter_map(|v| Target::new(v, config.blur(), config.reach, MARGIN))
+            .collect();
         if targets.len() < 2 {
             return Err(FitError::TooFewViews {
                 remaining: targets.len(),

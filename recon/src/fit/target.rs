@@ -3,8 +3,7 @@
 use datasets::View;
 use mesh_core::Camera;
 
-use super::config::FitConfig;
-use super::distance::{signed_distance, unbiased_distance};
+use super::distance::Blur;
 
 /// How far inside the centre of a pixel of the mask is at least, in pixels, and how far outside that of another.
 const SURE: f32 = 0.1;
@@ -44,30 +43,8 @@ pub(super) struct Target {
 impl Target {
     /// Measures the mask of a view; `None` where the mask is empty.
     ///
-    /// Distances are blurred by `sigma` pixels and cut at `reach` times the longer side of the
-    /// mask's box; `margin`, in the same unit, is kept around it.
-    pub(super) fn new(view: &View, sigma: f32, reach: f32, margin: f32) -> Option<Self> {
-        let measure = |mask: &[bool], h, w| signed_distance(mask, h, w, sigma);
-        Self::measured(view, measure, SURE, reach, margin)
-    }
-
-    /// The same as a fit's configuration asks for it: [with thin parts](FitConfig::thin_parts) and gaps as wide as they are, or not.
-    pub(super) fn of(view: &View, config: &FitConfig, margin: f32) -> Option<Self> {
-        let (sigma, reach) = (config.mask_blur, config.reach);
-        if !config.thin_parts {
-            return Self::new(view, sigma, reach, margin);
-        }
-        let measure = |mask: &[bool], h, w| unbiased_distance(mask, h, w, sigma);
-        Self::measured(view, measure, 0.5 * SURE, reach, margin)
-    }
-
-    fn measured(
-        view: &View,
-        measure: impl Fn(&[bool], usize, usize) -> Vec<f32>,
-        sure: f32,
-        reach: f32,
-        margin: f32,
-    ) -> Option<Self> {
+    /// Distances are cut at `reach` times the longer side of the mask's box; `margin`, in the same unit, is kept around it.
+    pub(super) fn new(view: &View, blur: Blur, reach: f32, margin: f32) -> Option<Self> {
         let [top, left, rows, columns] = view.mask_bounds()?;
         let size = rows.max(columns) as f32;
         let pad = (margin * size).ceil().max(4.0) as usize;
@@ -81,13 +58,6 @@ impl Target {
             .collect();
         let reach = (reach * size).max(2.0);
         let unit = reach / f32::from(i16::MAX);
-        let distance = measure(&mask, height, width)
-            .into_iter()
-            .zip(&mask)
-            // What is a pixel wide would be blurred away: what the mask says of a pixel holds.
-            .map(|(d, &inside)| if inside { d.min(-sure) } else { d.max(sure) })
-            .map(|d| (d.clamp(-reach, reach) / unit).round() as i16)
-            .collect();
         let mut bits = vec![0u8; mask.len().div_ceil(8)];
         for (pixel, _) in mask.iter().enumerate().filter(|(_, m)| **m) {
             bits[pixel / 8] |= 1 << (pixel % 8);
@@ -103,12 +73,19 @@ impl Target {
             world: rows_of(&camera),
             camera,
             rows: [[0.0; 4]; 3],
-            distance,
+            distance: quantized(&mask, height, width, blur, unit),
             unit,
             mask: bits,
         };
         target.place([0.0; 3], 1.0);
         Some(target)
+    }
+
+    /// Measures the mask anew.
+    pub(super) fn measure(&mut self, blur: Blur) {
+        let pixels = self.height * self.width;
+        let mask: Vec<bool> = (0..pixels).map(|pixel| self.in_mask(pixel)).collect();
+        self.distance = quantized(&mask, self.height, self.width, blur, self.unit);
     }
 
     /// The camera of the box.
@@ -237,6 +214,19 @@ impl Target {
     pub(super) fn depth_per_unit(&self) -> f32 {
         self.rows[2][..3].iter().map(|v| v * v).sum::<f32>().sqrt()
     }
+}
+
+/// Signed distances in units of `unit` pixels.
+fn quantized(mask: &[bool], height: usize, width: usize, blur: Blur, unit: f32) -> Vec<i16> {
+    let reach = unit * f32::from(i16::MAX);
+    let sure = if blur.keeps_thin { 0.5 * SURE } else { SURE };
+    blur.distance(mask, height, width)
+        .into_iter()
+        .zip(mask)
+        // What is a pixel wide would be blurred away: what the mask says of a pixel holds.
+        .map(|(d, &inside)| if inside { d.min(-sure) } else { d.max(sure) })
+        .map(|d| (d.clamp(-reach, reach) / unit).round() as i16)
+        .collect()
 }
 
 /// Rows x, y, depth over world points, to pixels.

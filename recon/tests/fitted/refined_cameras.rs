@@ -62,28 +62,35 @@ fn score(mesh: &TriMesh, focal: f64) -> f64 {
 fn noise_of_poses_and_focal_length_is_taken_back() {
     let good = rendered(&orbit(24));
     let truth: Vec<Camera> = good.iter().map(|view| view.camera.clone()).collect();
-    // All have the same wrong lens, those that score too; their poses are right.
-    let noisy = Planted::Poses(0.3).plant(good.clone(), [0.0; 3], 1);
-    let noisy = Planted::Focal(1.01).plant(noisy, [0.0; 3], 1);
-    let given: Vec<Camera> = noisy.iter().map(|view| view.camera.clone()).collect();
-
-    let clean = score(&fitted(good, true).mesh, 1.0);
-    let plain = fitted(noisy.clone(), false);
-    assert!(plain.cameras.is_none());
-    let without = score(&aligned(&plain.mesh, &given, &truth), 1.01);
-    let refined = fitted(noisy, true);
-    let cameras = refined.cameras.as_ref().unwrap();
-    let mesh = aligned(&refined.mesh, &cameras.cameras, &truth);
-    let with = score(&mesh, 1.01 * cameras.focal);
-    let found = format!(
-        "clean {clean:.4}, noisy {without:.4}, refined {with:.4}, focal {:.4}, motion {:.2}, {:?}, {:?}",
-        cameras.focal, cameras.motion, cameras.distance, cameras.gap
-    );
-    // What the noise costs comes back; the outlines fit together nearly as those of exact cameras do.
-    assert!(without < clean - 0.03, "{found}");
-    assert!(with > clean - 0.003, "{found}");
-    assert!(cameras.gap[1] < 0.25 * cameras.gap[0] && cameras.gap[1] < 0.22, "{found}");
-    assert!((cameras.focal * 1.01 - 1.0).abs() < 0.01, "{found}");
+    let clean = score(&fitted(good.clone(), true).mesh, 1.0);
+    // One draw of the noise more or less moves the score by two thousandths.
+    let mut lost = Vec::new();
+    for seed in 1..=4 {
+        // All have the same wrong lens, those that score too; their poses are right.
+        let noisy = Planted::Poses(0.3).plant(good.clone(), [0.0; 3], seed);
+        let noisy = Planted::Focal(1.01).plant(noisy, [0.0; 3], seed);
+        if seed == 1 {
+            let given: Vec<Camera> = noisy.iter().map(|view| view.camera.clone()).collect();
+            let plain = fitted(noisy.clone(), false);
+            assert!(plain.cameras.is_none());
+            let without = score(&aligned(&plain.mesh, &given, &truth), 1.01);
+            assert!(without < clean - 0.03, "clean {clean:.4}, noisy {without:.4}");
+        }
+        let refined = fitted(noisy, true);
+        let cameras = refined.cameras.as_ref().unwrap();
+        let mesh = aligned(&refined.mesh, &cameras.cameras, &truth);
+        lost.push(clean - score(&mesh, 1.01 * cameras.focal));
+        let found = format!(
+            "clean {clean:.4}, focal {:.4}, motion {:.2}, {:?}, {:?}",
+            cameras.focal, cameras.motion, cameras.distance, cameras.gap
+        );
+        // The outlines fit together nearly as those of exact cameras do.
+        assert!(cameras.gap[1] < 0.25 * cameras.gap[0] && cameras.gap[1] < 0.22, "{found}");
+        assert!((cameras.focal * 1.01 - 1.0).abs() < 0.01, "{found}");
+    }
+    // What the noise costs comes back.
+    let mean = lost.iter().sum::<f64>() / lost.len() as f64;
+    assert!(mean < 0.003, "clean {clean:.4}, lost {mean:.4}: {lost:.4?}");
 }
 
 #[test]
