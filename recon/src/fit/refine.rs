@@ -35,6 +35,8 @@ train::options! {
         pub reach: f32 = 0.5, in 0.001..=2.0;
         /// Blur of the masks' signed distance, pixels.
         pub mask_blur: f32 = 1.0, in 0.0..=16.0;
+        /// Whether thin parts and gaps get back what the blur takes of them; see [`FitConfig::thin_parts`].
+        pub thin_parts: bool = true;
     }
 }
 
@@ -86,7 +88,7 @@ pub fn refine(mesh: &TriMesh, views: &[View], config: &RefineConfig) -> Result<T
     }
     let frame = frame(mesh)?;
     let (center, radius) = frame;
-    let blur = Blur { sigma: config.mask_blur, keeps_thin: true };
+    let blur = Blur { sigma: config.mask_blur, keeps_thin: config.thin_parts };
     let mut targets: Vec<Target> =
         seen.iter().filter_map(|view| Target::new(view, blur, config.reach, MARGIN)).collect();
     let inside =
