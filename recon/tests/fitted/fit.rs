@@ -83,6 +83,14 @@ fn a_flat_ellipsoid_is_found_and_its_texture_is_as_good_as_its_colours() {
 }
 
 #[test]
+fn a_plate_two_pixels_thick_keeps_its_thickness() {
+    let plate = placed(mesh_core::subdivide(&primitives::cuboid([1.6, 0.12, 1.2])));
+    let (kept, _) = score(&plate, &config());
+    let (blurred, _) = score(&plate, &FitConfig { thin_parts: false, ..config() });
+    assert!(kept > blurred + 0.01, "mask IoU {kept}, {blurred} with what the blur leaves");
+}
+
+#[test]
 fn a_table_grows_its_legs_and_a_ring_is_cut_only_where_a_sphere_is_asked_for() {
     let mut table = primitives::cuboid([1.6, 0.14, 1.2]).translated([0.0, 0.45, 0.0]);
     for [x, z] in [[-0.65, -0.45], [-0.65, 0.45], [0.65, -0.45], [0.65, 0.45]] {
