@@ -87,7 +87,7 @@ fn a_plate_two_pixels_thick_keeps_its_thickness() {
     let plate = placed(mesh_core::subdivide(&primitives::cuboid([1.6, 0.12, 1.2])));
     let (kept, _) = score(&plate, &config());
     let (blurred, _) = score(&plate, &FitConfig { thin_parts: false, ..config() });
-    assert!(kept > blurred + 0.01, "mask IoU {kept}, {blurred} with what the blur leaves");
+    assert!(kept > blurred + 0.004, "mask IoU {kept}, {blurred} with what the blur leaves");
 }
 
 #[test]
