@@ -53,7 +53,10 @@ impl Disk {
     }
 
     fn free(&self) {
-        fs::remove_file(self.0.path().join(FILLER)).unwrap();
+        let filler = self.0.path().join(FILLER);
+        // First emptied: a process that another test is starting may hold the file open for a moment, and the room with it.
+        File::options().write(true).open(&filler).unwrap().set_len(0).unwrap();
+        fs::remove_file(filler).unwrap();
     }
 
     fn files(&self) -> Vec<PathBuf> {
