@@ -29,6 +29,21 @@ impl TriMesh {
         let topology = Topology::new(self.positions.len(), &self.faces);
         untangle(&mut self.positions, &self.faces, &topology)
     }
+
+    /// For each vertex whether one of its faces runs through another or is folded onto a neighbour: what
+    /// [`untangle`](Self::untangle) mends.
+    ///
+    /// ```
+    /// use mesh_core::primitives::icosphere;
+    /// let mut ball = icosphere(3);
+    /// assert!(!ball.tangled().contains(&true));
+    /// ball.positions[5] = ball.positions[5].map(|x| -1.5 * x); // a spike through the far side
+    /// assert!(ball.tangled()[5]);
+    /// ```
+    pub fn tangled(&self) -> Vec<bool> {
+        let topology = Topology::new(self.positions.len(), &self.faces);
+        tangled(&mut self.positions.clone(), &self.faces, &topology).marked
+    }
 }
 
 /// Mends the neighbourhood of every [self-intersection](TriMesh::self_intersections) and of every edge at which the surface turns

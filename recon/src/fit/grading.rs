@@ -1,6 +1,7 @@
 //! How long edges should be at each place of a surface: short where it bends, long elsewhere.
 
-use mesh_core::{Topology, TriMesh, vertex_normals};
+use mesh_core::{Topology, TriMesh, coarsen, vertex_normals};
+use rayon::prelude::*;
 
 use super::shape::minus;
 
@@ -12,14 +13,51 @@ const GROWTH: f32 = 0.5;
 const ROUNDS: usize = 6;
 /// The longest edges, in lengths of those of a mesh that is even.
 const LONGEST: f64 = 2.5;
+/// How often edges are made shorter where faces run through each other.
+const REPAIRS: usize = 4;
+/// By how much each time, and how far around, in lengths of the edges there.
+const SHORTER: (f64, f32) = (0.6, 1.5);
+
+/// The surface in about `faces` triangles with no edge that is meant to be shorter than `shortest`. Where these run through each
+/// other beyond mending, as between bars that are nearer than the edges are long, they are shorter and more.
+pub(super) fn graded(mesh: &TriMesh, faces: usize, shortest: f64) -> TriMesh {
+    let topology = Topology::new(mesh.positions.len(), &mesh.faces);
+    let mut lengths = lengths(mesh, &topology, faces, shortest);
+    for repair in 0.. {
+        let Ok(coarse) = coarsen(mesh, &lengths) else { break };
+        let mut mended = coarse.clone();
+        if repair == REPAIRS || mended.untangle().is_some() {
+            return coarse;
+        }
+        let around = surroundings(&coarse, &mended.tangled());
+        lengths.par_iter_mut().zip(&mesh.positions).for_each(|(length, &at)| {
+            if around.iter().any(|&(place, reach)| distance(at, place) < reach) {
+                *length *= SHORTER.0;
+            }
+        });
+    }
+    mesh.clone()
+}
+
+/// Where vertices are that are marked, and how far around them edges should be shorter.
+fn surroundings(mesh: &TriMesh, marked: &[bool]) -> Vec<([f32; 3], f32)> {
+    let topology = Topology::new(mesh.positions.len(), &mesh.faces);
+    let marked = (0..marked.len()).filter(|&v| marked[v]);
+    let around = |v: usize| {
+        let at = mesh.positions[v];
+        let ring = topology.vertex_vertices.row(v).iter();
+        let edges = ring.map(|&w| distance(at, mesh.positions[w as usize]));
+        (at, SHORTER.1 * edges.fold(0.0, f32::max))
+    };
+    marked.map(around).collect()
+}
+
+fn distance(p: [f32; 3], q: [f32; 3]) -> f32 {
+    minus(p, q).iter().map(|x| x * x).sum::<f32>().sqrt()
+}
 
 /// A length for each vertex so that about `faces` triangles result, none shorter than `shortest`.
-pub(super) fn lengths(
-    mesh: &TriMesh,
-    topology: &Topology,
-    faces: usize,
-    shortest: f64,
-) -> Vec<f64> {
+fn lengths(mesh: &TriMesh, topology: &Topology, faces: usize, shortest: f64) -> Vec<f64> {
     let wished = by_curvature(mesh, topology);
     // An equilateral triangle of side l has the area sqrt(3)/4 l^2.
     let even = (mesh.area() / (0.433 * faces as f64)).sqrt();

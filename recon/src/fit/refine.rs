@@ -1,7 +1,7 @@
 //! A mesh that is nearly right, moved until its outlines agree with a few views.
 
 use datasets::View;
-use mesh_core::{ClosestPoint, Topology, TriMesh, coarsen, untangle};
+use mesh_core::{ClosestPoint, TriMesh, untangle};
 use rayon::prelude::*;
 use train::settings::{LARGEST, Options as _};
 
@@ -128,10 +128,8 @@ fn moved(
         learning_rate: config.learning_rate,
         ..FitConfig::default()
     };
-    let topology = Topology::new(start.positions.len(), &start.faces);
-    let lengths = grading::lengths(start, &topology, config.vertices / 2, f64::from(cell));
-    let coarse = coarsen(start, &lengths);
-    let TriMesh { positions, faces, .. } = coarse.as_ref().unwrap_or(start).clone();
+    let coarse = grading::graded(start, config.vertices / 2, f64::from(cell));
+    let TriMesh { positions, faces, .. } = coarse;
     let mut shape = Shape::of(positions, faces, &options);
     let sound = settle::sound(&shape);
     steps(&mut shape, targets, config, &options)?;

@@ -1,7 +1,7 @@
 //! What a fit starts from: a sphere, or the surface of the visual hull.
 
 use datasets::View;
-use mesh_core::{Topology, TriMesh, coarsen};
+use mesh_core::TriMesh;
 
 use super::{
     config::{FitConfig, TopologyKind},
@@ -66,9 +66,7 @@ impl Start {
         };
         // What is thin would be lost in coarse triangles.
         let level = coarse.max(config.level - 1);
-        let topology = Topology::new(mesh.positions.len(), &mesh.faces);
-        let lengths = grading::lengths(&mesh, &topology, 20 << (2 * level), f64::from(cell));
-        let mesh = coarsen(&mesh, &lengths).unwrap_or(mesh);
+        let mesh = grading::graded(&mesh, 20 << (2 * level), f64::from(cell));
         (Shape::of(mesh.positions, mesh.faces, config), level)
     }
 }
