@@ -24,6 +24,8 @@ pub(super) struct Lattice {
     pub(super) origin: [f32; 3],
     /// Length of a step.
     pub(super) step: f32,
+    /// Width of a pixel at the middle, in the mean over the views.
+    pub(super) pixel: f32,
     /// Distance to the hull's surface: the largest over the views.
     pub(super) distance: Vec<f32>,
     /// The same, where what one view sees alone counts less: what tunnels are judged by.
@@ -31,7 +33,7 @@ pub(super) struct Lattice {
 }
 
 impl Lattice {
-    /// Measures the hull on a lattice of at most `longest` points along a side, and no finer than the images.
+    /// Measures the hull on a lattice of at most `longest` points along a side, which are at least `finest` pixels apart.
     ///
     /// As many views may see a point outside of their mask as see the best point so. The frame of `targets` is left as that of `placement`, in
     /// which lengths are radii. `None` where nothing is inside.
@@ -42,6 +44,7 @@ impl Lattice {
         targets: &mut [Target],
         placement: &Placement,
         longest: usize,
+        finest: f32,
     ) -> Option<Self> {
         for target in targets.iter_mut() {
             target.place(placement.center, placement.radius);
@@ -65,12 +68,11 @@ impl Lattice {
         if !(side.is_finite() && side > 0.0) {
             return None;
         }
-        let pixels: f32 = targets.iter().map(|t| t.pixels_per_unit(t.project([0.0; 3])[2])).sum();
-        let pixel = targets.len() as f32 / pixels;
-        let step = (side / (longest - 2 * AIR) as f32).max(pixel);
+        let pixel = pixel(targets);
+        let step = (side / (longest - 2 * AIR) as f32).max(finest * pixel);
         let dims = std::array::from_fn(|k| ((high[k] - low[k]) / step).ceil() as usize + 2 * AIR);
         let origin = std::array::from_fn(|k| low[k] - AIR as f32 * step);
-        Some(Self::measured(targets, dims, origin, step, tolerated))
+        Some(Self { pixel, ..Self::measured(targets, dims, origin, step, tolerated) })
     }
 
     fn measured(
@@ -81,8 +83,14 @@ impl Lattice {
         tolerated: usize,
     ) -> Self {
         let count = dims.iter().product();
-        let mut lattice =
-            Self { dims, origin, step, distance: vec![0.0; count], agreed: vec![0.0; count] };
+        let mut lattice = Self {
+            dims,
+            origin,
+            step,
+            pixel: step,
+            distance: vec![0.0; count],
+            agreed: vec![0.0; count],
+        };
         let layer = dims[0] * dims[1];
         let eye = Eye { targets, tolerated, step };
         let (mut distance, mut agreed) =
@@ -150,6 +158,12 @@ impl Lattice {
         let point = [slot % nx, slot / nx % ny, slot / (nx * ny)];
         point.iter().zip([nx, ny, nz]).any(|(&i, n)| i == 0 || i + 1 == n)
     }
+}
+
+/// Width of a pixel at the origin, in the mean over the views.
+pub(super) fn pixel(targets: &[Target]) -> f32 {
+    let pixels: f32 = targets.iter().map(|t| t.pixels_per_unit(t.project([0.0; 3])[2])).sum();
+    targets.len() as f32 / pixels
 }
 
 /// How many views see even the best point outside of their mask: 0 where masks and cameras are right.

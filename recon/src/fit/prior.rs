@@ -14,6 +14,8 @@ use super::{
 
 /// Points of the lattice along its longest side.
 const LONGEST: usize = 96;
+/// And the least distance between them, in pixels.
+const FINEST: f32 = 1.0;
 /// How far the object may reach, in halves of the prediction's longest side.
 const ROOM: f64 = 1.4;
 /// Points no further outside of the hull than this, in steps, may hold some of the object.
@@ -53,7 +55,7 @@ impl<'a> Prior<'a> {
     /// The closed, oriented surface of what mesh and masks agree on, and the side of its cells, both in the frame of the placement,
     /// in which `targets` are left; `None` where nothing is left.
     pub(super) fn carved(&self, targets: &mut [Target]) -> Option<(TriMesh, f32)> {
-        let mut lattice = Lattice::of(targets, &self.placement, LONGEST)?;
+        let mut lattice = Lattice::of(targets, &self.placement, LONGEST, FINEST)?;
         let mut prior = distances(self.mesh, &lattice);
         for distance in &mut prior {
             *distance -= self.tolerance / lattice.step;

@@ -10,14 +10,15 @@ use std::collections::BinaryHeap;
 
 use super::{kuhn::Links, lattice::Lattice, target::Target};
 
-/// Points no further outside than this, in steps, are inside: a sheet between two layers of points is not lost.
+/// Points no further outside than this, in steps or in pixels, whichever are wider, are inside: a sheet between two layers of points
+/// is not lost, nor one that masks show a little too thin.
 const SKIN: f32 = 0.3;
 /// A tunnel that is nowhere further than this from the hull is none.
 const TUNNEL: f32 = 1.5;
 /// Two parts nowhere further than this apart are one.
 const GAP: f32 = 0.75;
-/// A part that alone covers so many pixels of a mask is one.
-const PIXELS: usize = 6;
+/// A part that alone covers so many pixels of a mask is one, if they are such a share of the mask.
+const PIXELS: (usize, f32) = (6, 4e-4);
 
 /// The points inside.
 #[derive(Clone, Debug)]
@@ -34,9 +35,10 @@ impl Solid {
     /// The object in a lattice, as `targets` show it; `None` where there is nothing.
     pub(super) fn of(lattice: &Lattice, targets: &[Target]) -> Option<Self> {
         let links = Links::new();
+        let width = SKIN * (lattice.pixel / lattice.step).max(1.0);
         let open = |slot: usize| !lattice.is_border(slot);
         let mut hull: Vec<bool> =
-            (0..lattice.distance.len()).map(|s| open(s) && lattice.distance[s] < SKIN).collect();
+            (0..lattice.distance.len()).map(|s| open(s) && lattice.distance[s] < width).collect();
         fill_cavities(lattice, &mut hull);
         let parts = Parts::of(lattice, &hull);
         let needed = parts.needed(lattice, targets);
@@ -207,8 +209,10 @@ impl Parts {
             .collect();
         let mut needed = vec![false; self.count + 1];
         for target in targets {
-            for (part, pixels) in self.alone(lattice, target, &surface).into_iter().enumerate() {
-                needed[part] |= part > 0 && pixels >= PIXELS;
+            let pixels = self.alone(lattice, target, &surface);
+            let least = PIXELS.0.max((PIXELS.1 * target.mask_area() as f32) as usize);
+            for (part, pixels) in pixels.into_iter().enumerate() {
+                needed[part] |= part > 0 && pixels >= least;
             }
         }
         needed
@@ -260,7 +264,14 @@ mod tests {
     fn lattice(side: usize, distance: impl Fn([f32; 3]) -> f32) -> Lattice {
         let dims = [side, side + 3, side - 2];
         let origin = dims.map(|n| -0.5 * n as f32);
-        let empty = Lattice { dims, origin, step: 1.0, distance: Vec::new(), agreed: Vec::new() };
+        let empty = Lattice {
+            dims,
+            origin,
+            step: 1.0,
+            pixel: 1.0,
+            distance: Vec::new(),
+            agreed: Vec::new(),
+        };
         let distance: Vec<f32> =
             (0..dims.iter().product()).map(|slot| distance(empty.place(slot))).collect();
         Lattice { agreed: distance.clone(), distance, ..empty }

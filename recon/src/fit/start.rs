@@ -7,7 +7,7 @@ use super::{
     config::{FitConfig, TopologyKind},
     grading,
     hull::{self, Hull},
-    lattice::Lattice,
+    lattice::{self, Lattice},
     placement::Placement,
     shape::Shape,
     skin::skin,
@@ -15,10 +15,11 @@ use super::{
     target::Target,
 };
 
-/// Points of the lattice along its longest side for a mesh of level 5; twice as many for each level more.
-const LONGEST: usize = 160;
-/// And at most.
-const MOST: usize = 256;
+/// The lattice of the hull: bars that are a pixel wide are lost between points that are a pixel apart.
+const FINE: Fineness = Fineness { longest: 256, finest: 0.7, shortest: 1.2 };
+/// That for meshes below level 5, whose few vertices would only follow the steps of finer cells, and for objects of more pixels than
+/// a fine lattice has points, where it follows what is wrong with the masks.
+const COARSE: Fineness = Fineness { longest: 160, finest: 1.0, shortest: 1.0 };
 /// Background that masks enclose counts where it is so far from their edges, in pixels.
 const HOLE: f32 = 1.0;
 
@@ -27,8 +28,32 @@ const HOLE: f32 = 1.0;
 pub(super) enum Start {
     /// The unit sphere.
     Sphere,
-    /// A closed, oriented surface in the frame of the placement, and the side of the cells that it was made of.
+    /// A closed, oriented surface in the frame of the placement, and the shortest edges that it needs.
     Surface(TriMesh, f32),
+}
+
+/// How fine a lattice is, and the mesh made of it.
+#[derive(Clone, Copy, Debug)]
+struct Fineness {
+    /// Points along the longest side, at most.
+    longest: usize,
+    /// Pixels between points, at least.
+    finest: f32,
+    /// Edges of the mesh need be no shorter than this, in pixels.
+    shortest: f32,
+}
+
+impl Fineness {
+    fn of(targets: &mut [Target], placement: &Placement, config: &FitConfig) -> Self {
+        for target in targets.iter_mut() {
+            target.place(placement.center, placement.radius);
+        }
+        let side = 2.0 * (placement.half_extent / placement.radius) as f32;
+        let fine = config.level >= 5 && side < FINE.longest as f32 * lattice::pixel(targets);
+        // Large images of a fine mesh: twice as many points for each level more, up to as many.
+        let longest = (COARSE.longest << config.level.saturating_sub(5)).min(FINE.longest);
+        if fine { FINE } else { Self { longest, ..COARSE } }
+    }
 }
 
 impl Start {
@@ -43,8 +68,8 @@ impl Start {
         if !slender && !targets.iter().any(|target| target.shows_a_hole(HOLE)) {
             return (Self::Sphere, None);
         }
-        let longest = (LONGEST << config.level.saturating_sub(5)).min(MOST);
-        let lattice = Lattice::of(targets, placement, longest);
+        let Fineness { longest, finest, shortest } = Fineness::of(targets, placement, config);
+        let lattice = Lattice::of(targets, placement, longest, finest);
         let found = lattice.and_then(|l| Solid::of(&l, targets).map(|solid| (l, solid)));
         let Some((lattice, solid)) = found else { return (Self::Sphere, None) };
         let holed = solid.genus > 0 || solid.components > 1;
@@ -55,7 +80,7 @@ impl Start {
         // Without a hole too: where a mask shows one, arms or handles reach around it, and a sphere loses such.
         let mut mesh = skin(&lattice, &solid.inside);
         hull::smooth(&mut mesh);
-        (Self::Surface(mesh, lattice.step), None)
+        (Self::Surface(mesh, lattice.step.max(shortest * lattice.pixel)), None)
     }
 
     /// The mesh of this start, and its level.
@@ -92,4 +117,32 @@ fn cut(solid: &Solid) -> String {
         }
     };
     format!("the masks show {what}: `topology = \"auto\"` keeps them")
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use synth::{Orbit, RenderOptions, render_views, shapes::Family};
+
+    use super::{super::MARGIN, *};
+    use crate::fit::{placement, settle};
+
+    /// Spokes, stays and chain are nearer to each other than the edges of a coarse mesh are long.
+    #[test]
+    fn a_bicycle_starts_with_nothing_through_anything() {
+        let object = Family::Bicycle.draw(2).mesh();
+        let orbit = Orbit { count: 24, target: [0.0; 3], distance: [1.6, 1.8], ..Orbit::default() };
+        let look = RenderOptions::default();
+        let views = render_views(&object, &orbit.cameras(), &look, &|_, _| {}).unwrap();
+        let views: Vec<&View> = views.iter().collect();
+        let config = FitConfig::default();
+        let target = |view: &&View| Target::new(view, config.blur(), config.reach, MARGIN);
+        let mut targets: Vec<Target> = views.iter().filter_map(target).collect();
+        let placement = placement::place(&views, &mut targets).unwrap();
+        let (start, _) = Start::of(&views, &mut targets, &placement, &config);
+        let (shape, level) = start.shape(&config);
+        assert_eq!(level, 4);
+        assert!(settle::sound(&shape).is_some());
+        assert!(shape.faces.len() < 15_000, "{} faces", shape.faces.len());
+    }
 }

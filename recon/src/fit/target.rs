@@ -175,6 +175,11 @@ impl Target {
         self.mask[pixel / 8] >> (pixel % 8) & 1 == 1
     }
 
+    /// Pixels of the mask.
+    pub(super) fn mask_area(&self) -> usize {
+        self.mask.iter().map(|byte| byte.count_ones() as usize).sum()
+    }
+
     /// Whether the mask encloses background that is somewhere further than `far` pixels from it.
     pub(super) fn shows_a_hole(&self, far: f32) -> bool {
         let (width, height) = (self.width, self.height);
