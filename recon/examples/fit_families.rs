@@ -3,7 +3,7 @@
 //! `cargo run --release -p unsphere-recon --example fit_families -- [families] [seeds] [folder] [settings]`
 //!
 //! Families are names with commas between them, or `all`; seeds run from 1. Without arguments one
-//! car and one table are fitted; `all 3` takes two minutes and makes the documented table. Each object is fitted,
+//! car and one table are fitted; `all 3` takes five minutes and makes the documented table. Each object is fitted,
 //! with the default configuration but for the settings (`"level=6 thin-parts=false"`), to 24 views of 256x256 from all
 //! around, none held out, and scored on 8 others. The folder gets `table.md`, and `sheet.png` with each fitted mesh above the true one.
 //!
