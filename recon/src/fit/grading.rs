@@ -3,7 +3,7 @@
 use mesh_core::{Topology, TriMesh, coarsen, vertex_normals};
 use rayon::prelude::*;
 
-use super::shape::minus;
+use super::shape::{minus, norm};
 
 /// The angle that an edge of the wished length spans where the surface bends, radians.
 const ANGLE: f32 = 0.7;
@@ -31,7 +31,7 @@ pub(super) fn graded(mesh: &TriMesh, faces: usize, shortest: f64) -> TriMesh {
         }
         let around = surroundings(&coarse, &mended.tangled());
         lengths.par_iter_mut().zip(&mesh.positions).for_each(|(length, &at)| {
-            if around.iter().any(|&(place, reach)| distance(at, place) < reach) {
+            if around.iter().any(|&(place, reach)| norm(minus(at, place)) < reach) {
                 *length *= SHORTER.0;
             }
         });
@@ -46,14 +46,10 @@ fn surroundings(mesh: &TriMesh, marked: &[bool]) -> Vec<([f32; 3], f32)> {
     let around = |v: usize| {
         let at = mesh.positions[v];
         let ring = topology.vertex_vertices.row(v).iter();
-        let edges = ring.map(|&w| distance(at, mesh.positions[w as usize]));
+        let edges = ring.map(|&w| norm(minus(mesh.positions[w as usize], at)));
         (at, SHORTER.1 * edges.fold(0.0, f32::max))
     };
     marked.map(around).collect()
-}
-
-fn distance(p: [f32; 3], q: [f32; 3]) -> f32 {
-    minus(p, q).iter().map(|x| x * x).sum::<f32>().sqrt()
 }
 
 /// A length for each vertex so that about `faces` triangles result, none shorter than `shortest`.

@@ -68,11 +68,10 @@ impl Lattice {
         if !(side.is_finite() && side > 0.0) {
             return None;
         }
-        let pixel = pixel(targets);
-        let step = (side / (longest - 2 * AIR) as f32).max(finest * pixel);
+        let step = (side / (longest - 2 * AIR) as f32).max(finest * pixel(targets));
         let dims = std::array::from_fn(|k| ((high[k] - low[k]) / step).ceil() as usize + 2 * AIR);
         let origin = std::array::from_fn(|k| low[k] - AIR as f32 * step);
-        Some(Self { pixel, ..Self::measured(targets, dims, origin, step, tolerated) })
+        Some(Self::measured(targets, dims, origin, step, tolerated))
     }
 
     fn measured(
@@ -87,7 +86,7 @@ impl Lattice {
             dims,
             origin,
             step,
-            pixel: step,
+            pixel: pixel(targets),
             distance: vec![0.0; count],
             agreed: vec![0.0; count],
         };

@@ -9,7 +9,8 @@ use mesh_core::{ClosestPoint, TriMesh, voxelize_solid};
 use rayon::prelude::*;
 
 use super::{
-    hull, lattice::Lattice, placement::Placement, skin::skin, solid::Solid, target::Target,
+    hull, lattice::Lattice, placement::Placement, shape::norm, skin::skin, solid::Solid,
+    target::Target,
 };
 
 /// Points of the lattice along its longest side.
@@ -110,10 +111,6 @@ fn distances(mesh: &TriMesh, lattice: &Lattice) -> Vec<f32> {
         }
     });
     distances
-}
-
-fn norm(v: [f32; 3]) -> f32 {
-    v.iter().map(|x| x * x).sum::<f32>().sqrt()
 }
 
 /// How far outside of the mesh each point may be, in steps, because of the points nearby that pixels ask for: as far as those are, and less

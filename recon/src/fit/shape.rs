@@ -404,6 +404,11 @@ pub(super) fn minus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 }
 
 #[inline]
+pub(super) fn norm(v: [f32; 3]) -> f32 {
+    v.iter().map(|x| x * x).sum::<f32>().sqrt()
+}
+
+#[inline]
 pub(super) fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
