@@ -18,16 +18,24 @@ const REPAIRS: usize = 4;
 /// By how much each time, and how far around, in lengths of the edges there.
 const SHORTER: (f64, f32) = (0.6, 1.5);
 
+/// A surface in triangles of the wished lengths.
+pub(super) struct Graded {
+    pub(super) mesh: TriMesh,
+    /// Positions of its vertices, near theirs, at which nothing passes through itself, if mending finds some.
+    pub(super) sound: Option<Vec<[f32; 3]>>,
+}
+
 /// The surface in about `faces` triangles with no edge that is meant to be shorter than `shortest`. Where these run through each
 /// other beyond mending, as between bars that are nearer than the edges are long, they are shorter and more.
-pub(super) fn graded(mesh: &TriMesh, faces: usize, shortest: f64) -> TriMesh {
+pub(super) fn graded(mesh: &TriMesh, faces: usize, shortest: f64) -> Graded {
     let topology = Topology::new(mesh.positions.len(), &mesh.faces);
     let mut lengths = lengths(mesh, &topology, faces, shortest);
     for repair in 0.. {
         let Ok(coarse) = coarsen(mesh, &lengths) else { break };
         let mut mended = coarse.clone();
-        if repair == REPAIRS || mended.untangle().is_some() {
-            return coarse;
+        let sound = mended.untangle().is_some();
+        if repair == REPAIRS || sound {
+            return Graded { mesh: coarse, sound: sound.then_some(mended.positions) };
         }
         let around = surroundings(&coarse, &mended.tangled());
         lengths.par_iter_mut().zip(&mesh.positions).for_each(|(length, &at)| {
@@ -36,7 +44,9 @@ pub(super) fn graded(mesh: &TriMesh, faces: usize, shortest: f64) -> TriMesh {
             }
         });
     }
-    mesh.clone()
+    let mut mended = mesh.clone();
+    let sound = mended.untangle().is_some();
+    Graded { mesh: mesh.clone(), sound: sound.then_some(mended.positions) }
 }
 
 /// Where vertices are that are marked, and how far around them edges should be shorter.

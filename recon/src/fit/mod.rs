@@ -55,6 +55,7 @@ mod fairing;
 mod flatten;
 mod grading;
 mod hull;
+mod inflation;
 mod kuhn;
 mod lattice;
 mod order;
@@ -311,10 +312,9 @@ impl<'a, 'o> Run<'a, 'o> {
         self.clock = Instant::now();
         let start = self.start.take().unwrap_or(Start::Sphere);
         let thin = matches!(start, Start::Surface(..));
-        let (mut shape, start) = start.shape(config);
+        // And positions of the vertices at which nothing passes through itself, as near as there are any.
+        let (mut shape, start, mut sound) = start.shape(config);
         let mut order = Order::new(self.train.len(), config);
-        // Positions of the vertices at which nothing passes through itself, as near as there are any.
-        let mut sound = if thin { settle::sound(&shape) } else { None };
         for level in start..=config.level {
             if level > start {
                 if thin {
@@ -333,6 +333,11 @@ impl<'a, 'o> Run<'a, 'o> {
             self.lap(&name);
             if self.is_cancelled() {
                 break;
+            }
+            // What begins as the hull's surface is as large as the masks allow already.
+            if !thin && level + 1 == config.level {
+                let step = self.fitted.history.len();
+                inflation::inflate(&mut shape, &self.train, &mut order, config, step)?;
             }
         }
         if config.filter_normals && !self.is_cancelled() {

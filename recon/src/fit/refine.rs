@@ -9,11 +9,12 @@ use super::config::FitConfig;
 use super::distance::Blur;
 use super::error::FitError;
 use super::exposure::Exposure;
+use super::grading::{Graded, graded};
 use super::prior::Prior;
 use super::shape::Shape;
 use super::sight::Photographed;
 use super::target::Target;
-use super::{MARGIN, check, color, grading, settle};
+use super::{MARGIN, check, color, settle};
 
 train::options! {
     /// Options of a refinement.
@@ -128,10 +129,8 @@ fn moved(
         learning_rate: config.learning_rate,
         ..FitConfig::default()
     };
-    let coarse = grading::graded(start, config.vertices / 2, f64::from(cell));
-    let TriMesh { positions, faces, .. } = coarse;
-    let mut shape = Shape::of(positions, faces, &options);
-    let sound = settle::sound(&shape);
+    let Graded { mesh, sound } = graded(start, config.vertices / 2, f64::from(cell));
+    let mut shape = Shape::of(mesh.positions, mesh.faces, &options);
     steps(&mut shape, targets, config, &options)?;
     let sound = settle::mend(&mut shape, sound.as_deref(), targets);
     let sound = sound.map(|positions| shape.divided(&positions));

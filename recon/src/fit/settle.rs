@@ -55,13 +55,6 @@ fn mended(shape: &mut Shape, sound: Option<&[[f32; 3]]>, targets: &[Target]) -> 
     true
 }
 
-/// Positions of the vertices near theirs at which nothing of the mesh passes through itself, if smoothing finds some.
-pub(super) fn sound(shape: &Shape) -> Option<Vec<[f32; 3]>> {
-    let mut positions = shape.positions.clone();
-    let rounds = untangle(&mut positions, &shape.faces, &shape.topology);
-    rounds.is_some().then_some(positions)
-}
-
 /// Smooths the mesh where it passes through itself, or brings it back there to where it was sound, if that is known: what is nearer
 /// to the masks. Returns positions of its vertices at which nothing passes through itself: those that it has now, or others where
 /// they are not so near; nothing where none were found.

@@ -5,7 +5,7 @@ use mesh_core::TriMesh;
 
 use super::{
     config::{FitConfig, TopologyKind},
-    grading,
+    grading::{self, Graded},
     hull::{self, Hull},
     lattice::{self, Lattice},
     placement::Placement,
@@ -83,16 +83,17 @@ impl Start {
         (Self::Surface(mesh, lattice.step.max(shortest * lattice.pixel)), None)
     }
 
-    /// The mesh of this start, and its level.
-    pub(super) fn shape(self, config: &FitConfig) -> (Shape, u32) {
+    /// The mesh of this start, its level, and positions of its vertices at which nothing passes through itself, if a surface was
+    /// mended to find them.
+    pub(super) fn shape(self, config: &FitConfig) -> (Shape, u32, Option<Vec<[f32; 3]>>) {
         let coarse = config.start_level;
         let Self::Surface(mesh, cell) = self else {
-            return (Shape::sphere(coarse, config), coarse);
+            return (Shape::sphere(coarse, config), coarse, None);
         };
         // What is thin would be lost in coarse triangles.
         let level = coarse.max(config.level - 1);
-        let mesh = grading::graded(&mesh, 20 << (2 * level), f64::from(cell));
-        (Shape::of(mesh.positions, mesh.faces, config), level)
+        let Graded { mesh, sound } = grading::graded(&mesh, 20 << (2 * level), f64::from(cell));
+        (Shape::of(mesh.positions, mesh.faces, config), level, sound)
     }
 }
 
@@ -125,7 +126,7 @@ mod tests {
     use synth::{Orbit, RenderOptions, render_views, shapes::Family};
 
     use super::{super::MARGIN, *};
-    use crate::fit::{placement, settle};
+    use crate::fit::placement;
 
     /// Spokes, stays and chain are nearer to each other than the edges of a coarse mesh are long.
     #[test]
@@ -140,9 +141,11 @@ mod tests {
         let mut targets: Vec<Target> = views.iter().filter_map(target).collect();
         let placement = placement::place(&views, &mut targets).unwrap();
         let (start, _) = Start::of(&views, &mut targets, &placement, &config);
-        let (shape, level) = start.shape(&config);
+        let (shape, level, sound) = start.shape(&config);
         assert_eq!(level, 4);
-        assert!(settle::sound(&shape).is_some());
+        let faces = shape.faces.clone();
+        let sound = TriMesh { positions: sound.unwrap(), faces, ..TriMesh::default() };
+        assert!(!sound.tangled().contains(&true));
         assert!(shape.faces.len() < 15_000, "{} faces", shape.faces.len());
     }
 }
