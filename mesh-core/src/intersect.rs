@@ -1,100 +1,16 @@
-//! Self-intersections of a mesh, decided in exact arithmetic.
-
-use crate::TriMesh;
-use crate::kernels::threads;
+//! Whether two triangles pass through each other, decided in exact arithmetic.
 
 /// A point in the integers that all tests are made in.
-type Point = [i64; 3];
+pub(crate) type Point = [i64; 3];
 
-/// Coordinates are scaled by a power of two to at most `2^40`; see [`orient`].
-const BITS: i32 = 40;
-/// Faces whose partners are looked for in one parallel task.
-const CHUNK: usize = 256;
-/// Faces in a leaf of the tree.
-const LEAF: usize = 4;
-
-impl TriMesh {
-    /// The pairs of faces that pass through each other, sorted, the smaller index first.
-    ///
-    /// Faces that merely touch do not count, at shared corners and edges or elsewhere; corners at
-    /// the same position are the same corner, so a mesh that is cut along its texture's seams is
-    /// treated as the closed surface that it is. Faces that share an edge count only when they are
-    /// folded flat onto each other; faces that share a corner when they cross beyond it; faces in
-    /// one plane when they overlap. Faces that are not valid or have no area are left out.
-    ///
-    /// The answer is exact for the positions rounded to `2^-40` of the largest coordinate, which
-    /// leaves all but the smallest coordinates as they are.
-    ///
-    /// # Cost
-    /// `O(F log F)` and the pairs whose boxes overlap: some 20 ms for 20,000 faces.
-    pub fn self_intersections(&self) -> Vec<[u32; 2]> {
-        let Some(faces) = Faces::of(self) else { return Vec::new() };
-        let tree = Tree::new(&faces);
-        let chunks = threads::map(faces.corners.len().div_ceil(CHUNK), |chunk| {
-            let mut found = Vec::new();
-            let last = (chunk * CHUNK + CHUNK).min(faces.corners.len());
-            for face in chunk * CHUNK..last {
-                tree.visit(&faces.boxes[face], |other| {
-                    if other > face && cross(&faces.corners[face], &faces.corners[other]) {
-                        found.push([faces.names[face], faces.names[other]]);
-                    }
-                });
-            }
-            found
-        });
-        let mut pairs = chunks.concat();
-        pairs.sort_unstable();
-        pairs
-    }
-}
-
-/// The valid faces of a mesh, in integers.
-struct Faces {
-    names: Vec<u32>,
-    corners: Vec<[Point; 3]>,
-    boxes: Vec<[Point; 2]>,
-}
-
-impl Faces {
-    fn of(mesh: &TriMesh) -> Option<Self> {
-        let finite = |p: &[f32; 3]| p.iter().all(|x| x.is_finite());
-        let largest = mesh
-            .positions
-            .iter()
-            .filter(|p| finite(p))
-            .flatten()
-            .fold(0.0_f64, |largest, &x| largest.max(f64::from(x).abs()));
-        if largest == 0.0 {
-            return None;
-        }
-        // Two steps, since the power alone may be beyond what f64 can hold for tiny meshes.
-        let shift = BITS - 1 - largest.log2().floor() as i32;
-        let (half, rest) = (2.0_f64.powi(shift / 2), 2.0_f64.powi(shift - shift / 2));
-        let snap = |p: [f32; 3]| p.map(|x| (f64::from(x) * half * rest).round() as i64);
-        let mut faces = Self { names: Vec::new(), corners: Vec::new(), boxes: Vec::new() };
-        for (name, face) in mesh.faces.iter().enumerate() {
-            let corners = face.map(|v| mesh.positions.get(v as usize).filter(|p| finite(p)));
-            let [Some(&a), Some(&b), Some(&c)] = corners else { continue };
-            let corners = [a, b, c].map(snap);
-            if normal(&corners) == [0; 3] {
-                continue;
-            }
-            faces.names.push(name as u32);
-            faces.boxes.push([
-                std::array::from_fn(|k| corners.iter().map(|p| p[k]).fold(i64::MAX, i64::min)),
-                std::array::from_fn(|k| corners.iter().map(|p| p[k]).fold(i64::MIN, i64::max)),
-            ]);
-            faces.corners.push(corners);
-        }
-        Some(faces)
-    }
-}
+/// Coordinates are at most `2^40`; see [`orient`].
+pub(crate) const BITS: i32 = 40;
 
 fn sub(a: Point, b: Point) -> Point {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
-fn normal(&[a, b, c]: &[Point; 3]) -> [i128; 3] {
+pub(crate) fn normal(&[a, b, c]: &[Point; 3]) -> [i128; 3] {
     let (u, v) = (sub(b, a).map(i128::from), sub(c, a).map(i128::from));
     [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
 }
@@ -125,7 +41,7 @@ fn orient(a: Point, b: Point, c: Point, d: Point) -> i32 {
 }
 
 /// Whether two triangles pass through each other or overlap in one plane.
-fn cross(a: &[Point; 3], b: &[Point; 3]) -> bool {
+pub(crate) fn cross(a: &[Point; 3], b: &[Point; 3]) -> bool {
     // On which side of the other's plane each corner is.
     let sides_a = a.map(|p| orient(b[0], b[1], b[2], p));
     if sides_a.iter().all(|&s| s > 0) || sides_a.iter().all(|&s| s < 0) {
@@ -207,91 +123,10 @@ fn side(a: [i128; 2], b: [i128; 2], c: [i128; 2]) -> i128 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// A tree of boxes over faces, halved at the median of the longest side.
-struct Tree {
-    order: Vec<u32>,
-    /// Depth first; the second child of an inner node is at `right`.
-    nodes: Vec<Node>,
-    boxes: Vec<[Point; 2]>,
-}
-
-struct Node {
-    bounds: [Point; 2],
-    /// Faces `first..last` of the order, of a leaf.
-    leaf: Option<(u32, u32)>,
-    right: u32,
-}
-
-impl Tree {
-    fn new(faces: &Faces) -> Self {
-        let mut tree = Self {
-            order: (0..faces.corners.len() as u32).collect(),
-            nodes: Vec::new(),
-            boxes: Vec::new(),
-        };
-        if !tree.order.is_empty() {
-            tree.grow(faces, 0, faces.corners.len());
-        }
-        tree.boxes = tree.order.iter().map(|&face| faces.boxes[face as usize]).collect();
-        tree
-    }
-
-    fn grow(&mut self, faces: &Faces, first: usize, last: usize) {
-        let part = &mut self.order[first..last];
-        let mut bounds = faces.boxes[part[0] as usize];
-        for &face in part.iter() {
-            let [low, high] = faces.boxes[face as usize];
-            for k in 0..3 {
-                bounds[0][k] = bounds[0][k].min(low[k]);
-                bounds[1][k] = bounds[1][k].max(high[k]);
-            }
-        }
-        let node = self.nodes.len();
-        let leaf = (last - first <= LEAF).then_some((first as u32, last as u32));
-        self.nodes.push(Node { bounds, leaf, right: 0 });
-        if leaf.is_none() {
-            let axis = (0..3).max_by_key(|&k| bounds[1][k] - bounds[0][k]).unwrap_or(0);
-            let half = (last - first) / 2;
-            // The index breaks ties, so the tree does not depend on the order of equals.
-            part.select_nth_unstable_by_key(half, |&face| {
-                let [low, high] = faces.boxes[face as usize];
-                (low[axis] + high[axis], face)
-            });
-            self.grow(faces, first, first + half);
-            self.nodes[node].right = self.nodes.len() as u32;
-            self.grow(faces, first + half, last);
-        }
-    }
-
-    fn visit(&self, bounds: &[Point; 2], mut meet: impl FnMut(usize)) {
-        let apart = |other: &[Point; 2]| {
-            (0..3).any(|k| bounds[0][k] > other[1][k] || bounds[1][k] < other[0][k])
-        };
-        let mut open = Vec::with_capacity(64);
-        open.extend((!self.nodes.is_empty()).then_some(0));
-        while let Some(index) = open.pop() {
-            let node: &Node = &self.nodes[index];
-            if apart(&node.bounds) {
-                continue;
-            }
-            if let Some((first, last)) = node.leaf {
-                for slot in first as usize..last as usize {
-                    if !apart(&self.boxes[slot]) {
-                        meet(self.order[slot] as usize);
-                    }
-                }
-            } else {
-                open.extend([node.right as usize, index + 1]);
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use super::*;
-    use crate::primitives;
+    use crate::{TriMesh, primitives};
 
     fn pair(a: [[f32; 3]; 3], b: [[f32; 3]; 3]) -> usize {
         let positions = a.into_iter().chain(b).collect();

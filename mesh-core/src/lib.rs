@@ -79,6 +79,7 @@ mod arrays;
 mod camera;
 mod closest;
 mod conjugate_gradients;
+mod crossings;
 mod csr;
 mod cubify;
 mod differential;

@@ -1,5 +1,6 @@
 //! Moving apart, or smoothing away, the places where a surface passes through itself or folds.
 
+use crate::crossings::Crossings;
 use crate::{Topology, TriMesh, vertex_normals};
 
 /// Folds sharper than this are smoothed, in degrees: 0 is flat, 180 folded back.
@@ -42,7 +43,8 @@ impl TriMesh {
     /// ```
     pub fn tangled(&self) -> Vec<bool> {
         let topology = Topology::new(self.positions.len(), &self.faces);
-        tangled(&mut self.positions.clone(), &self.faces, &topology).marked
+        let crossings = Crossings::of(&self.positions, &self.faces);
+        tangled(&crossings, &self.positions, &self.faces, &topology).marked
     }
 }
 
@@ -66,8 +68,9 @@ pub fn untangle(
     faces: &[[u32; 3]],
     topology: &Topology,
 ) -> Option<usize> {
+    let mut crossings = Crossings::of(positions, faces);
     for round in 0..ROUNDS {
-        let Tangled { mut thin, mut marked } = tangled(positions, faces, topology);
+        let Tangled { mut thin, mut marked } = tangled(&crossings, positions, faces, topology);
         if !marked.contains(&true) {
             return Some(round);
         }
@@ -87,8 +90,9 @@ pub fn untangle(
         for _ in 0..3 {
             smooth(positions, &marked, topology);
         }
+        crossings.update(positions, faces);
     }
-    let clean = !tangled(positions, faces, topology).marked.contains(&true);
+    let clean = !tangled(&crossings, positions, faces, topology).marked.contains(&true);
     clean.then_some(ROUNDS)
 }
 
@@ -121,8 +125,9 @@ pub fn untangle_towards(
     let given = positions.clone();
     // How much of the way back each vertex goes.
     let mut back = vec![0.0_f32; given.len()];
+    let mut crossings = Crossings::of(positions, faces);
     for round in 0..RETURNS {
-        let mut marked = tangled(positions, faces, topology).marked;
+        let mut marked = tangled(&crossings, positions, faces, topology).marked;
         if !marked.contains(&true) {
             return true;
         }
@@ -136,8 +141,9 @@ pub fn untangle_towards(
         for (v, at) in positions.iter_mut().enumerate() {
             *at = std::array::from_fn(|k| given[v][k] + back[v] * (sound[v][k] - given[v][k]));
         }
+        crossings.update(positions, faces);
     }
-    let clean = !tangled(positions, faces, topology).marked.contains(&true);
+    let clean = !tangled(&crossings, positions, faces, topology).marked.contains(&true);
     if !clean {
         *positions = given;
     }
@@ -164,18 +170,20 @@ struct Tangled {
 }
 
 /// The vertices of faces that intersect others or are folded onto a neighbour.
-fn tangled(positions: &mut Vec<[f32; 3]>, faces: &[[u32; 3]], topology: &Topology) -> Tangled {
+fn tangled(
+    crossings: &Crossings,
+    positions: &[[f32; 3]],
+    faces: &[[u32; 3]],
+    topology: &Topology,
+) -> Tangled {
     let mut tangled =
         Tangled { thin: vec![false; positions.len()], marked: vec![false; positions.len()] };
-    let mesh = TriMesh::new(std::mem::take(positions), faces.to_vec());
-    let pairs = mesh.self_intersections();
-    *positions = mesh.positions;
     let normals = crate::face_normals(positions, faces);
     let along = |f: u32, g: u32| -> f32 {
         let (a, b) = (normals[f as usize], normals[g as usize]);
         (0..3).map(|k| a[k] * b[k]).sum()
     };
-    for [f, g] in pairs {
+    for &[f, g] in &crossings.pairs {
         tangled.mark([f, g], faces, along(f, g) < 0.0);
     }
     let limit = FOLD.to_radians().cos();
