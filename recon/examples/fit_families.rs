@@ -1,11 +1,11 @@
 //! What a deformed sphere can become: fits objects of every family, and scores them on other views.
 //!
-//! `cargo run --release -p unsphere-recon --example fit_families -- [families] [seeds] [folder] [settings]`
+//! `cargo run --release -p unsphere-recon --example fit_families -- [families] [seeds] [folder] [settings] [views]`
 //!
 //! Families are names with commas between them, or `all`; seeds run from 1. Without arguments one
 //! car and one table are fitted; `all 3` takes five minutes and makes the documented table. Each object is fitted,
-//! with the default configuration but for the settings (`"level=6 thin-parts=false"`), to 24 views of 256x256 from all
-//! around, none held out, and scored on 8 others. The folder gets `table.md`, and `sheet.png` with each fitted mesh above the true one.
+//! with the default configuration but for the settings (`"level=6 thin-parts=false"`), to 40 views of 256x256 from all
+//! around, or as many as the last argument says, none held out, and scored on 8 others. The folder gets `table.md`, and `sheet.png` with each fitted mesh above the true one.
 //!
 //! The true meshes are made of parts that sink into each other. Chamfer distances count what is
 //! hidden inside as well, which no image shows: they are upper bounds.
@@ -62,18 +62,19 @@ fn main() -> Result<(), Failure> {
     let folder = argument(2, "fit_families");
     let settings = format!("hold-out = 'none'\n{}", argument(3, "").replace(' ', "\n"));
     let config: FitConfig = toml::from_str(&settings)?;
+    let count: usize = argument(4, "40").parse()?;
     std::fs::create_dir_all(&folder)?;
 
     let mut rows = Vec::new();
     for &family in &families {
         for seed in 1..=seeds {
-            let row = measure(family.draw(seed), &config)?;
+            let row = measure(family.draw(seed), &config, count)?;
             let mut out = std::io::stdout().lock();
             std::io::Write::write_all(&mut out, line(&row).as_bytes())?;
             rows.push(row);
         }
     }
-    let table = table(&rows, &arguments);
+    let table = table(&rows, count, &arguments);
     mesh_core::io::write_atomic(Path::new(&folder).join("table.md"), |w| {
         w.write_all(table.as_bytes())
     })?;
@@ -88,12 +89,12 @@ fn orbit(count: usize, placement: Placement) -> Orbit {
 }
 
 /// Fits one object and compares it with the truth.
-fn measure(shape: Shape, config: &FitConfig) -> Result<Row, Failure> {
+fn measure(shape: Shape, config: &FitConfig, count: usize) -> Result<Row, Failure> {
     let truth = shape.mesh();
     let look = RenderOptions { lighting: Lighting::studio(), ..RenderOptions::default() };
     let render =
         |mesh: &TriMesh, orbit: &Orbit| render_views(mesh, &orbit.cameras(), &look, &|_, _| {});
-    let views = render(&truth, &orbit(24, Placement::Fibonacci))?;
+    let views = render(&truth, &orbit(count, Placement::Fibonacci))?;
     let views = Views::in_memory(views);
     let others = render(&truth, &Orbit { seed: 1, ..orbit(8, Placement::Random) })?;
 
@@ -152,9 +153,9 @@ fn median(mut values: Vec<f64>) -> f64 {
     if n == 0 { f64::NAN } else { f64::midpoint(values[(n - 1) / 2], values[n / 2]) }
 }
 
-fn table(rows: &[Row], arguments: &[String]) -> String {
+fn table(rows: &[Row], count: usize, arguments: &[String]) -> String {
     let mut text = format!(
-        "Fits of procedural objects: 24 views of 256x256 from all around, default configuration, \
+        "Fits of procedural objects: {count} views of 256x256 from all around, default configuration, \
          scored on 8 other views.\n\n`cargo run --release -p unsphere-recon --example fit_families -- {}`, \
          {} threads.\n\n| family | seed | mask IoU | worst view | Chamfer (occnet) | closed | genus \
          | of the union | seconds | drawn |\n|---|---|---|---|---|---|---|---|---|---|\n",

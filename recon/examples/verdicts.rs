@@ -45,17 +45,23 @@ struct Case {
 #[derive(Serialize, Deserialize)]
 struct Outcome {
     name: String,
-    /// 3D IoU with the truth and what the fit is judged by; none where it was refused.
-    fit: Option<(f64, Evidence)>,
+    /// None where it was refused.
+    fit: Option<Fit>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Fit {
+    /// 3D IoU with the truth, as the mesh lies.
+    iou: f64,
+    /// The same, moved and scaled onto the truth: what no outline tells left out.
+    aligned: f64,
+    /// What it is judged by.
+    evidence: Evidence,
 }
 
 impl Outcome {
-    fn iou(&self) -> Option<f64> {
-        self.fit.as_ref().map(|(iou, _)| *iou)
-    }
-
     fn verdict(&self) -> Option<Verdict> {
-        self.fit.as_ref().map(|(_, evidence)| judge(evidence))
+        self.fit.as_ref().map(|fit| judge(&fit.evidence))
     }
 }
 
@@ -264,13 +270,14 @@ fn tried(case: Case) -> Result<Outcome, Failure> {
     let evidence = Evidence::of(&views, &fitted)?;
     let verdict = judge(&evidence);
     let iou = voxel_iou(&fitted.mesh, &mesh, 64);
+    let aligned = voxel_iou(&brought_onto(fitted.mesh.clone(), &mesh), &mesh, 64);
     let coherence = evidence.coherence.unwrap_or_default();
     let most = |value: fn(&recon::verdict::Disagreement) -> f64| {
         evidence.views.iter().map(value).fold(0.0, f64::max)
     };
     let holes = evidence.views.iter().filter(|view| view.holes > 0).count();
     say(&format!(
-        "{name} ({seed}): 3d {iou:.3}; iou {:.4} fitted {:.4} worst {:.3}; largest {:.3} missing {:.4} excess \
+        "{name} ({seed}): 3d {iou:.3} aligned {aligned:.3}; iou {:.4} fitted {:.4} worst {:.3}; largest {:.3} missing {:.4} excess \
          {:.4} holes {holes}; c.missing {:.4} c.excess {:.4} c.gap {:.3}; unseen {:.2} motion {:.2} focal {:.3} lens {:.3} edge {:.2} \
          views {} crossings {}: {}: {}\n",
         evidence.mask_iou,
@@ -292,31 +299,56 @@ fn tried(case: Case) -> Result<Outcome, Failure> {
         verdict.grade,
         verdict.reasons.join("; "),
     ))?;
-    Ok(Outcome { name, fit: Some((iou, evidence)) })
+    Ok(Outcome { name, fit: Some(Fit { iou, aligned, evidence }) })
+}
+
+/// The mesh with the middle of the other's bounding box, and its size: the cube root of the box's volume.
+fn brought_onto(mesh: TriMesh, other: &TriMesh) -> TriMesh {
+    let ([low, high], [to_low, to_high]) = match (mesh.bounds(), other.bounds()) {
+        (Some((a, b)), Some((c, d))) => ([a, b], [c, d]),
+        _ => return mesh,
+    };
+    let volume = |low: [f32; 3], high: [f32; 3]| (0..3).map(|k| high[k] - low[k]).product::<f32>();
+    let scale = (volume(to_low, to_high) / volume(low, high)).cbrt();
+    let middle = |low: [f32; 3], high: [f32; 3]| std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
+    let (from, to): ([f32; 3], [f32; 3]) = (middle(low, high), middle(to_low, to_high));
+    mesh.translated(from.map(|x| -x)).scaled([scale; 3]).translated(to)
 }
 
 fn table(outcomes: &[Outcome]) -> String {
-    let mut text = String::from("| case | 3D IoU | verdict | first reason |\n|---|--:|---|---|\n");
+    let mut text = String::from(
+        "| case | 3D IoU | moved and scaled | verdict | first reason |\n|---|--:|--:|---|---|\n",
+    );
     for outcome in outcomes {
-        let (iou, verdict) = (outcome.iou(), outcome.verdict());
-        let iou = iou.map_or_else(|| "none".to_owned(), |iou| format!("{iou:.3}"));
+        let verdict = outcome.verdict();
+        let ious = outcome.fit.as_ref().map_or_else(
+            || "none | none".to_owned(),
+            |fit| format!("{:.3} | {:.3}", fit.iou, fit.aligned),
+        );
         let (grade, reason) = verdict.as_ref().map_or(("refused", ""), |verdict| {
             (verdict.grade.name(), verdict.reasons.first().map_or("", String::as_str))
         });
-        let _ = writeln!(text, "| {} | {iou} | {grade} | {reason} |", outcome.name);
+        let _ = writeln!(text, "| {} | {ious} | {grade} | {reason} |", outcome.name);
     }
-    let count = |right: bool, grade: Option<Grade>| {
-        let of = |o: &&Outcome| o.iou().is_some_and(|iou| (iou >= RIGHT) == right);
-        let graded =
-            |o: &&Outcome| grade.is_none_or(|grade| o.verdict().is_some_and(|v| v.grade == grade));
-        outcomes.iter().filter(of).filter(graded).count()
-    };
-    text.push_str("\n| 3D IoU | fits | good | doubtful | failed |\n|---|--:|--:|--:|--:|\n");
-    for (words, right) in [("0.9 or more", true), ("below 0.9", false)] {
-        let grades = [Grade::Good, Grade::Doubtful, Grade::Failed];
-        let [good, doubtful, failed] = grades.map(|grade| count(right, Some(grade)));
-        let all = count(right, None);
-        let _ = writeln!(text, "| {words} | {all} | {good} | {doubtful} | {failed} |");
+    let measures: [(&str, fn(&Fit) -> f64); 2] =
+        [("3D IoU", |fit| fit.iou), ("moved and scaled", |fit| fit.aligned)];
+    for (name, measure) in measures {
+        let count = |right: bool, grade: Option<Grade>| {
+            let of =
+                |o: &&Outcome| o.fit.as_ref().is_some_and(|fit| (measure(fit) >= RIGHT) == right);
+            let graded = |o: &&Outcome| {
+                grade.is_none_or(|grade| o.verdict().is_some_and(|v| v.grade == grade))
+            };
+            outcomes.iter().filter(of).filter(graded).count()
+        };
+        let _ =
+            writeln!(text, "\n| {name} | fits | good | doubtful | failed |\n|---|--:|--:|--:|--:|");
+        for (words, right) in [("0.9 or more", true), ("below 0.9", false)] {
+            let grades = [Grade::Good, Grade::Doubtful, Grade::Failed];
+            let [good, doubtful, failed] = grades.map(|grade| count(right, Some(grade)));
+            let all = count(right, None);
+            let _ = writeln!(text, "| {words} | {all} | {good} | {doubtful} | {failed} |");
+        }
     }
     let refused = outcomes.iter().filter(|o| o.fit.is_none()).count();
     let _ = writeln!(text, "\nRefused before any fit: {refused}.");

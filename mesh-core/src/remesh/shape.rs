@@ -5,9 +5,11 @@ use crate::vector::{Vec3, add, angle, area_vector, dot, norm, sub};
 
 /// The smallest angle of a triangle in radians; 0 for one without area.
 pub(super) fn smallest_angle([a, b, c]: [Vec3; 3]) -> f64 {
-    let (u, v, w) = (sub(b, a), sub(c, b), sub(a, c));
-    let turned = |p: Vec3| p.map(|x| -x);
-    angle(u, turned(w)).min(angle(v, turned(u))).min(angle(w, turned(v)))
+    let sides = [sub(b, a), sub(c, b), sub(a, c)];
+    let squares = sides.map(|side| dot(side, side));
+    // It is opposite the shortest side.
+    let shortest = (1..3).fold(0, |k, j| if squares[j] < squares[k] { j } else { k });
+    angle(sides[(shortest + 1) % 3], sides[(shortest + 2) % 3].map(|x| -x))
 }
 
 /// The height of a triangle, in lengths of its longest side, below which it looks to no side: where it does is
@@ -61,7 +63,10 @@ pub(super) fn keeps_shape(
         } else {
             dot(before, after) > bounds.facing * norm(before) * norm(after)
         };
-        looks_same
-            && smallest_angle(new) >= (bounds.share * smallest_angle(old)).min(bounds.smallest)
+        let keeps_angle = || {
+            let smallest = smallest_angle(new);
+            smallest >= bounds.smallest || smallest >= bounds.share * smallest_angle(old)
+        };
+        looks_same && keeps_angle()
     })
 }

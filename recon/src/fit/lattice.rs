@@ -1,5 +1,7 @@
 //! The visual hull as a function: how far each point of a lattice lies outside of what the masks allow.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::{kuhn::STEPS, placement::Placement, target::Target};
@@ -151,11 +153,12 @@ impl Lattice {
         STEPS.map(|[x, y, z]| x + nx * (y + ny * z))
     }
 
-    /// Whether a point is on the border of the box, where neighbours are missing.
-    pub(super) fn is_border(&self, slot: usize) -> bool {
+    /// The points that have all their neighbours, those of a row along the first axis together.
+    pub(super) fn inner_rows(&self) -> impl Iterator<Item = Range<usize>> {
         let [nx, ny, nz] = self.dims;
-        let point = [slot % nx, slot / nx % ny, slot / (nx * ny)];
-        point.iter().zip([nx, ny, nz]).any(|(&i, n)| i == 0 || i + 1 == n)
+        let rows =
+            (1..nz.max(1) - 1).flat_map(move |z| (1..ny.max(1) - 1).map(move |y| z * ny + y));
+        rows.map(move |row| row * nx + 1..((row + 1) * nx - 1).max(row * nx + 1))
     }
 }
 

@@ -7,6 +7,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::ops::Range;
 
 use super::{kuhn::Links, lattice::Lattice, target::Target};
 
@@ -36,9 +37,10 @@ impl Solid {
     pub(super) fn of(lattice: &Lattice, targets: &[Target]) -> Option<Self> {
         let links = Links::new();
         let width = SKIN * (lattice.pixel / lattice.step).max(1.0);
-        let open = |slot: usize| !lattice.is_border(slot);
-        let mut hull: Vec<bool> =
-            (0..lattice.distance.len()).map(|s| open(s) && lattice.distance[s] < width).collect();
+        let mut hull = vec![false; lattice.distance.len()];
+        for slot in lattice.inner_rows().flatten() {
+            hull[slot] = lattice.distance[slot] < width;
+        }
         fill_cavities(lattice, &mut hull);
         let parts = Parts::of(lattice, &hull);
         let needed = parts.needed(lattice, targets);
@@ -46,12 +48,10 @@ impl Solid {
             *inside &= parts.of[slot] != 0 && needed[parts.of[slot] as usize];
         }
         // The swollen hull, of which what is not needed is taken off again without a change of topology.
-        let mut solid: Vec<bool> = (0..hull.len())
-            .map(|s| {
-                hull[s]
-                    || open(s) && lattice.agreed[s] < TUNNEL && lattice.distance[s] < 4.0 * TUNNEL
-            })
-            .collect();
+        let mut solid = hull.clone();
+        for slot in lattice.inner_rows().flatten() {
+            solid[slot] |= lattice.agreed[slot] < TUNNEL && lattice.distance[slot] < 4.0 * TUNNEL;
+        }
         fill_cavities(lattice, &mut solid);
         shrink(lattice, &links, &mut solid, &hull);
         cut_bridges(lattice, &links, &mut solid, &hull);
@@ -81,28 +81,13 @@ fn neighbours(set: &[bool], strides: &[isize; 14], slot: usize) -> u16 {
         .fold(0, |bits, (i, step)| bits | u16::from(set[slot.wrapping_add_signed(*step)]) << i)
 }
 
-/// Adds all that cannot be reached from outside.
+/// Adds all that cannot be reached from the border, of which nothing may be in the set.
 fn fill_cavities(lattice: &Lattice, inside: &mut [bool]) {
-    let strides = lattice.strides();
-    let mut reached = vec![false; inside.len()];
-    // The border is one part of the outside.
-    let mut queue: Vec<usize> = (0..inside.len()).filter(|&s| lattice.is_border(s)).collect();
-    for &slot in &queue {
-        reached[slot] = true;
-    }
-    while let Some(slot) = queue.pop() {
-        for step in strides {
-            let Some(next) = slot.checked_add_signed(step).filter(|&s| s < inside.len()) else {
-                continue;
-            };
-            if !reached[next] && !inside[next] {
-                reached[next] = true;
-                queue.push(next);
-            }
+    let runs = Runs::of(lattice, inside);
+    for (run, range) in runs.ranges.iter().enumerate() {
+        if runs.root(run as u32) != 0 {
+            inside[range.clone()].fill(true);
         }
-    }
-    for (inside, reached) in inside.iter_mut().zip(reached) {
-        *inside |= !reached;
     }
 }
 
@@ -162,6 +147,79 @@ fn euler_number(lattice: &Lattice, links: &Links, solid: &[bool]) -> i64 {
         there[slot] = true;
     }
     sum
+}
+
+/// What is not in a set, in runs along the first axis, joined where they meet: a box of air is as many runs as it has rows.
+struct Runs {
+    ranges: Vec<Range<usize>>,
+    /// A run that each is joined to, one before it; itself if there is none.
+    parents: Vec<u32>,
+}
+
+impl Runs {
+    fn of(lattice: &Lattice, set: &[bool]) -> Self {
+        let [nx, ny, nz] = lattice.dims;
+        let mut runs = Self { ranges: Vec::new(), parents: Vec::new() };
+        let mut starts = vec![0];
+        for row in 0..ny * nz {
+            let (first, end) = (row * nx, (row + 1) * nx);
+            let mut at = first;
+            while let Some(start) = (at..end).find(|&s| !set[s]) {
+                at = (start..end).find(|&s| set[s]).unwrap_or(end);
+                let run = runs.ranges.len() as u32;
+                runs.ranges.push(start..at);
+                runs.parents.push(run);
+                // The border is one.
+                let (y, z) = (row % ny, row / ny);
+                let outermost = |i: usize, n: usize| i == 0 || i + 1 == n;
+                if start == first || at == end || outermost(y, ny) || outermost(z, nz) {
+                    runs.join(run, 0);
+                }
+            }
+            starts.push(runs.ranges.len());
+        }
+        for (y, z) in (0..nz).flat_map(|z| (0..ny).map(move |y| (y, z))) {
+            let row = z * ny + y;
+            for (dy, dz) in [(1, 0), (0, 1), (1, 1)] {
+                if y + dy < ny && z + dz < nz {
+                    let next = row + dz * ny + dy;
+                    let both = [row, next].map(|row| starts[row]..starts[row + 1]);
+                    runs.join_rows(both, (next - row) * nx);
+                }
+            }
+        }
+        runs
+    }
+
+    /// Joins the runs of two rows, whose points are this far apart, where they meet: at steps of no and of one point along the row.
+    fn join_rows(&mut self, [here, there]: [Range<usize>; 2], apart: usize) {
+        let (mut a, mut b) = (here.start, there.start);
+        while a < here.end && b < there.end {
+            let (from, to) = (self.ranges[a].clone(), self.ranges[b].clone());
+            let (start, end) = (from.start + apart, from.end + apart + 1);
+            if start < to.end && to.start < end {
+                self.join(a as u32, b as u32);
+            }
+            if end <= to.end { a += 1 } else { b += 1 }
+        }
+    }
+
+    /// The first run of those that a run is joined to.
+    fn root(&self, mut run: u32) -> u32 {
+        while self.parents[run as usize] != run {
+            run = self.parents[run as usize];
+        }
+        run
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let [a, b] = [a, b].map(|run| {
+            let root = self.root(run);
+            self.parents[run as usize] = root;
+            root
+        });
+        self.parents[a.max(b) as usize] = a.min(b);
+    }
 }
 
 /// The connected parts of a set.
