@@ -5,11 +5,15 @@ use std::sync::Arc;
 use datasets::View;
 use diff_raster::{Faces, Fragments, NONE, Scratch, Settings, rasterize_into};
 use ndarray::ArrayView3;
+use rayon::prelude::*;
 
 use super::{
     shape::{cross, minus},
     target::Target,
 };
+
+/// Samples of all views that are kept, at most, 32 bytes each; more are drawn anew each time.
+const KEPT: usize = 1 << 21;
 
 /// A look at the mesh from one view after the other, in memory that is kept.
 #[derive(Default)]
@@ -48,6 +52,8 @@ pub(super) struct Photographed<'a> {
     pub(super) positions: &'a [[f32; 3]],
     pub(super) faces: &'a [[u32; 3]],
     pub(super) drawn: Arc<Faces>,
+    /// The samples of each view; none where they are too many.
+    kept: Vec<Vec<Sample>>,
 }
 
 impl<'a> Photographed<'a> {
@@ -59,11 +65,23 @@ impl<'a> Photographed<'a> {
     ) -> Self {
         let drawn = Faces::new(positions.len(), faces);
         let drawn = Arc::new(drawn.expect("the faces of a fitted mesh name its vertices"));
-        Self { views, targets, positions, faces, drawn }
+        let mut seen = Self { views, targets, positions, faces, drawn, kept: Vec::new() };
+        if targets.iter().map(Target::mask_area).sum::<usize>() <= KEPT {
+            let kept = |sight: &mut Sight, view: usize| {
+                let mut samples = Vec::with_capacity(targets[view].mask_area());
+                seen.samples(sight, view, |sample| samples.push(sample));
+                samples
+            };
+            seen.kept = (0..targets.len()).into_par_iter().map_init(Sight::default, kept).collect();
+        }
+        seen
     }
 
     /// Calls `visit` with every pixel of a view that shows the surface.
     pub(super) fn samples(&self, sight: &mut Sight, view: usize, visit: impl FnMut(Sample)) {
+        if let Some(kept) = self.kept.get(view) {
+            return kept.iter().copied().for_each(visit);
+        }
         let target = &self.targets[view];
         sight.look(target, self.positions, &self.drawn);
         sight.samples(target, self.views[view], self.positions, self.faces, visit);
