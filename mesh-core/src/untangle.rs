@@ -64,7 +64,7 @@ impl TriMesh {
 /// # Panics
 /// If a face or `topology` names a vertex that does not exist.
 pub fn untangle(
-    positions: &mut Vec<[f32; 3]>,
+    positions: &mut [[f32; 3]],
     faces: &[[u32; 3]],
     topology: &Topology,
 ) -> Option<usize> {
@@ -117,12 +117,12 @@ pub fn untangle(
 /// If there are not as many sound positions as positions, or a face or `topology` names a vertex that does not exist.
 pub fn untangle_towards(
     sound: &[[f32; 3]],
-    positions: &mut Vec<[f32; 3]>,
+    positions: &mut [[f32; 3]],
     faces: &[[u32; 3]],
     topology: &Topology,
 ) -> bool {
     assert_eq!(sound.len(), positions.len(), "as many sound positions as positions");
-    let given = positions.clone();
+    let given = positions.to_vec();
     // How much of the way back each vertex goes.
     let mut back = vec![0.0_f32; given.len()];
     let mut crossings = Crossings::of(positions, faces);
@@ -145,7 +145,7 @@ pub fn untangle_towards(
     }
     let clean = !tangled(&crossings, positions, faces, topology).marked.contains(&true);
     if !clean {
-        *positions = given;
+        positions.copy_from_slice(&given);
     }
     clean
 }

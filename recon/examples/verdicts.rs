@@ -338,27 +338,24 @@ fn table(outcomes: &[Outcome]) -> String {
         });
         let _ = writeln!(text, "| {} | {ious} | {grade} | {reason} |", outcome.name);
     }
-    let measures: [(&str, fn(&Fit) -> f64); 2] =
-        [("3D IoU", |fit| fit.iou), ("or moved and scaled", |fit| fit.iou.max(fit.aligned))];
-    for (name, measure) in measures {
-        let count = |right: bool, grade: Option<Grade>| {
-            let of =
-                |o: &&Outcome| o.fit.as_ref().is_some_and(|fit| (measure(fit) >= RIGHT) == right);
-            let graded = |o: &&Outcome| {
-                grade.is_none_or(|grade| o.verdict().is_some_and(|v| v.grade == grade))
-            };
-            outcomes.iter().filter(of).filter(graded).count()
-        };
-        let _ =
-            writeln!(text, "\n| {name} | fits | good | doubtful | failed |\n|---|--:|--:|--:|--:|");
-        for (words, right) in [("0.9 or more", true), ("below 0.9", false)] {
-            let grades = [Grade::Good, Grade::Doubtful, Grade::Failed];
-            let [good, doubtful, failed] = grades.map(|grade| count(right, Some(grade)));
-            let all = count(right, None);
-            let _ = writeln!(text, "| {words} | {all} | {good} | {doubtful} | {failed} |");
-        }
-    }
+    counted(&mut text, "3D IoU", outcomes, |fit| fit.iou);
+    counted(&mut text, "or moved and scaled", outcomes, |fit| fit.iou.max(fit.aligned));
     let refused = outcomes.iter().filter(|o| o.fit.is_none()).count();
     let _ = writeln!(text, "\nRefused before any fit: {refused}.");
     text
+}
+
+/// Adds how many right and wrong meshes got each grade.
+fn counted(text: &mut String, name: &str, outcomes: &[Outcome], iou: fn(&Fit) -> f64) {
+    let _ = writeln!(text, "\n| {name} | fits | good | doubtful | failed |\n|---|--:|--:|--:|--:|");
+    for (words, right) in [("0.9 or more", true), ("below 0.9", false)] {
+        let of = |o: &&Outcome| o.fit.as_ref().is_some_and(|fit| (iou(fit) >= RIGHT) == right);
+        let graded = |grade: Grade| {
+            let all = outcomes.iter().filter(of);
+            all.filter(|o| o.verdict().is_some_and(|verdict| verdict.grade == grade)).count()
+        };
+        let [good, doubtful, failed] = [Grade::Good, Grade::Doubtful, Grade::Failed].map(graded);
+        let all = outcomes.iter().filter(of).count();
+        let _ = writeln!(text, "| {words} | {all} | {good} | {doubtful} | {failed} |");
+    }
 }
