@@ -121,7 +121,7 @@ fn predictions<S: Predictor>(order: &Order) -> Result<Vec<Shown>, Failure> {
             let which: Vec<usize> = (0..order.views.min(entry.views)).collect();
             let views = dataset.views(object, Some(&which), &options, &|_, _| ())?;
             let input = PredictInput::part(views, Choice::All)?;
-            let prediction = refined(system.apply(&input)?, &input, steps)?;
+            let prediction = refined(system.apply(&input)?, &input, &S::refinement(steps))?;
             let (family, name) = (entry.category.clone(), entry.object_name());
             shown.push(Shown { family, name, mesh: prediction.mesh });
         }

@@ -3,7 +3,7 @@
 //! `cargo run --release -p unsphere-studies --example refinement -- weights/img2mesh.safetensors [KEY=VALUE ..]`: one line for
 //! each way to a mesh, of the objects for validation that the weights' configuration makes. `data=FOLDER` scores objects of a
 //! dataset, `split=test` those to test on, `views=N` gives so many views (5); `learning-rate`, `smoothness`, `bending`,
-//! `tolerance`, `vertices` and `thin-parts` are tried instead of the defaults of `RefineConfig`, `steps=50,150` one after the other; `fit=false` leaves `fit` out.
+//! `tolerance`, `vertices` and `thin-parts` are tried instead of img2mesh's own, `steps=50,150` one after the other; `fit=false` leaves `fit` out.
 
 use std::error::Error;
 use std::io::Write;
@@ -13,6 +13,7 @@ use std::time::Instant;
 use datasets::{ReadOptions, Views};
 use mesh_core::TriMesh;
 use models::img2mesh::{Data, Group, Img2Mesh, Img2MeshConfig, evaluate_meshes};
+use models::predict::Predictor;
 use recon::fit::{FitConfig, RefineConfig, fit, refine};
 use recon::progress::Watch;
 use train::{Checkpoint, DataError, Source, Subset, System};
@@ -32,8 +33,8 @@ fn order(arguments: &[String]) -> Result<Order, Box<dyn Error>> {
         data: None,
         subset: Subset::Validation,
         views: 5,
-        steps: vec![RefineConfig::default().steps],
-        refine: RefineConfig::default(),
+        steps: vec![Img2Mesh::REFINE],
+        refine: Img2Mesh::refinement(Img2Mesh::REFINE),
         fit: true,
     };
     for argument in arguments {

@@ -62,7 +62,7 @@ pub(crate) fn run<S: Predictor>(console: Console, arguments: &Predict) -> Result
     let steps = arguments.refine.map_or(S::REFINE, |steps| steps as usize);
     let prediction = system.apply(&input).map_err(refused)?;
     let judged = familiarity.map(|known| known.judge(&prediction.features)).transpose();
-    let prediction = refined(prediction, &input, steps).map_err(refused)?;
+    let prediction = refined(prediction, &input, &S::refinement(steps)).map_err(refused)?;
     let time = || milliseconds(&system, &input, TIMED).map_err(refused);
     let milliseconds = arguments.time.then(time).transpose()?;
     progress.say("scores, meshes, turntable, report");

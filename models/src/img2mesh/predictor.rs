@@ -6,6 +6,7 @@ use autodiff_lite::Tape;
 use datasets::View;
 use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
+use recon::fit::RefineConfig;
 use train::{DataError, PredictError, Subset};
 
 use super::canonical::{Canonical, around_the_object};
@@ -22,7 +23,12 @@ impl Predictor for Img2Mesh {
     const TRAINING: &'static str = "`unsphere train img2mesh VIEWS -o runs/mine` trains one, in about three minutes on two \
          cores (a rough one with --preset tiny, in seconds)";
 
-    const REFINE: usize = 50;
+    const REFINE: usize = 100;
+
+    /// Of what views say nothing the network knows more than their hull.
+    fn refinement(steps: usize) -> RefineConfig {
+        RefineConfig { steps, tolerance: 0.0, ..RefineConfig::default() }
+    }
 
     fn input(_: &Img2MeshConfig) -> String {
         "views of one object: images, masks and cameras".to_owned()

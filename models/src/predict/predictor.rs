@@ -6,6 +6,7 @@ use datasets::ReadOptions;
 use mesh_core::TriMesh;
 use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
+use recon::fit::RefineConfig;
 use train::{Compile, DataError, PredictError, Subset, System};
 
 use super::input::{PredictInput, Request};
@@ -23,6 +24,11 @@ pub trait Predictor: System<ReadOptions = ReadOptions> + Compile + 'static {
 
     /// Steps of refinement on the given views where a user says nothing of it; see [`refined`](super::refined).
     const REFINE: usize = 0;
+
+    /// How its predictions are refined in so many steps.
+    fn refinement(steps: usize) -> RefineConfig {
+        RefineConfig { steps, ..RefineConfig::default() }
+    }
 
     /// Reads a user's files.
     ///

@@ -6,7 +6,7 @@ use train::{DataError, PredictError};
 use super::input::PredictInput;
 use super::predictor::Prediction;
 
-/// Moves a predicted mesh by so many steps until its outlines agree with the views that were given, whose colours it takes
+/// Moves a predicted mesh until its outlines agree with the views that were given, whose colours it takes
 /// where they show it: [`refine`]. The mesh as the network made it is kept as [`before`](Prediction::before); views that were not
 /// given are not looked at. With 0 steps nothing changes.
 ///
@@ -15,12 +15,11 @@ use super::predictor::Prediction;
 pub fn refined(
     prediction: Prediction,
     input: &PredictInput,
-    steps: usize,
+    config: &RefineConfig,
 ) -> Result<Prediction, PredictError> {
-    if steps == 0 {
+    if config.steps == 0 {
         return Ok(prediction);
     }
-    let config = RefineConfig { steps, ..RefineConfig::default() };
-    let mesh = refine(&prediction.mesh, &input.given, &config).map_err(DataError::unfit)?;
+    let mesh = refine(&prediction.mesh, &input.given, config).map_err(DataError::unfit)?;
     Ok(Prediction { before: Some(prediction.mesh), mesh, ..prediction })
 }

@@ -1,6 +1,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use datasets::{View, Views};
+use recon::fit::RefineConfig;
 use synth::{Orbit, RenderOptions, render_views};
 use train::output::OutputFolder;
 
@@ -60,9 +61,10 @@ fn a_prediction_is_refined_by_the_given_views_alone() {
     let all = render_views(&ball, &orbit.cameras(), &options, &|_, _| ()).unwrap();
     let input = PredictInput::part(Views::in_memory(all), Choice::First(2)).unwrap();
     let guess = ball.clone().scaled([1.2; 3]).colored([0.3; 3]);
+    let steps = |steps| RefineConfig { steps, ..RefineConfig::default() };
     let prediction = || Prediction { mesh: guess.clone(), ..Prediction::default() };
-    assert_eq!(refined(prediction(), &input, 0).unwrap(), prediction());
-    let found = refined(prediction(), &input, 50).unwrap();
+    assert_eq!(refined(prediction(), &input, &steps(0)).unwrap(), prediction());
+    let found = refined(prediction(), &input, &steps(50)).unwrap();
     assert_eq!(found.before.as_ref(), Some(&guess));
     assert!(found.mesh.health().is_watertight());
     // From 1.73 times the volume: two outlines are two circles on it, and what lies between follows them.
@@ -76,7 +78,7 @@ fn a_prediction_is_refined_by_the_given_views_alone() {
     assert!((red - 0.8).abs() < 0.1 && (green - 0.2).abs() < 0.1, "{red} {green}");
     // What was not given is not looked at.
     let others = PredictInput { others: Vec::new(), ..input };
-    assert_eq!(refined(prediction(), &others, 50).unwrap(), found);
+    assert_eq!(refined(prediction(), &others, &steps(50)).unwrap(), found);
 }
 
 /// What is known stands in the figures and on the page; what is not is in neither.
