@@ -7,7 +7,6 @@ use rayon::prelude::*;
 use super::cameras::{Cameras, longer};
 use super::config::REFINING;
 use super::distance::Blur;
-use super::target::Target;
 use super::{FitConfig, FitError, Order, Run, Shape};
 use crate::inspect::Consistency;
 
@@ -97,9 +96,7 @@ impl Run<'_, '_> {
                 }
                 let rate = RATE * config.learning_rate / ((round + 1) as f32).sqrt();
                 let step = self.fitted.history.len() + 1;
-                let edge = shape.mean_edge();
-                let stride = |target: &Target| target.lines_between_samples(edge);
-                let terms = shape.step(&self.train, order.next(), stride, config, rate, step)?;
+                let terms = shape.step(&self.train, order.next(), config, rate, step)?;
                 let terms = vec![("silhouette", terms.outline.rms()), ("bending", terms.bending)];
                 self.stepped(terms);
             }

@@ -47,16 +47,7 @@ pub(super) fn flatten(
             if is_cancelled() {
                 break;
             }
-            let edge = shape.mean_edge();
-            let stride = |target: &Target| target.lines_between_samples(edge);
-            shape.step(
-                targets,
-                order.next(),
-                stride,
-                &config,
-                SHARE * config.learning_rate,
-                step,
-            )?;
+            shape.step(targets, order.next(), &config, SHARE * config.learning_rate, step)?;
             if config.relax_every.is_some_and(|every| (k + 1).is_multiple_of(every)) {
                 shape.relax(config.relax);
             }

@@ -36,10 +36,8 @@ pub(super) fn inflate(
     for _ in 0..ROUNDS {
         shape.place(blown(shape, targets));
         for _ in 0..STEPS {
-            let edge = shape.mean_edge();
-            let stride = |target: &Target| target.lines_between_samples(edge);
             let rate = RATE * config.learning_rate;
-            shape.step(targets, order.next(), stride, config, rate, step)?;
+            shape.step(targets, order.next(), config, rate, step)?;
         }
     }
     Ok(())

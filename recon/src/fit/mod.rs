@@ -382,16 +382,8 @@ impl<'a, 'o> Run<'a, 'o> {
             }
             let step = self.fitted.history.len() + 1;
             let rate = config.learning_rate * 0.1f32.powf(k as f32 / config.steps as f32);
-            let edge = shape.mean_edge();
             let views = order.next();
-            let terms = shape.step(
-                &self.train,
-                views,
-                |target| target.lines_between_samples(edge),
-                config,
-                rate,
-                step,
-            )?;
+            let terms = shape.step(&self.train, views, config, rate, step)?;
             if config.relax_every.is_some_and(|every| (k + 1).is_multiple_of(every)) {
                 shape.relax(config.relax);
             }

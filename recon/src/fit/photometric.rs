@@ -136,8 +136,6 @@ fn follow(
     let drawn = Arc::new(faces.expect("the faces of a fitted mesh name its vertices"));
     let mut distances = Vec::with_capacity(stage.steps);
     for k in 0..stage.steps {
-        let edge = shape.mean_edge();
-        let stride = |target: &Target| target.lines_between_samples(edge);
         let (pulls, distance) = seen.pulls(&shape.positions, &shape.faces, &drawn, stage.sure);
         let stays = |before: f64| distance > (1.0 - TOLERANCE) * before;
         let before = k.checked_sub(WINDOW).map(|before| distances[before]);
@@ -146,7 +144,7 @@ fn follow(
         }
         distances.push(distance);
         let rate = stage.share * config.learning_rate * 0.1f32.powf(k as f32 / stage.steps as f32);
-        shape.losses(seen.targets, &all, stride, config, step)?;
+        shape.losses(seen.targets, &all, config, step)?;
         shape.add(&pulls);
         shape.descend(rate, step)?;
         if config.relax_every.is_some_and(|every| (k + 1).is_multiple_of(every)) {

@@ -150,9 +150,7 @@ fn steps(
     let all: Vec<usize> = (0..targets.len()).collect();
     for k in 0..config.steps {
         let rate = config.learning_rate * 0.1_f32.powf(k as f32 / config.steps as f32);
-        let edge = shape.mean_edge();
-        let stride = |target: &Target| target.lines_between_samples(edge);
-        let terms = shape.step(targets, &all, stride, options, rate, k + 1)?;
+        let terms = shape.step(targets, &all, options, rate, k + 1)?;
         if terms.blind == all.len() {
             let reason = "the mesh does not lie before the cameras".to_owned();
             return Err(FitError::Placement { reason });

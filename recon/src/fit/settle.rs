@@ -30,10 +30,8 @@ pub(super) fn settle(
     let mut best = (shape.mask_iou(targets), shape.positions.clone());
     for round in 0..ROUNDS {
         for k in 0..STEPS {
-            let edge = shape.mean_edge();
-            let stride = |target: &Target| target.lines_between_samples(edge);
             let rate = SHARE * config.learning_rate;
-            shape.step(targets, &views, stride, config, rate, step + round * STEPS + k)?;
+            shape.step(targets, &views, config, rate, step + round * STEPS + k)?;
         }
         if !mended(shape, sound, targets) {
             break;

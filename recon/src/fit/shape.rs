@@ -123,12 +123,11 @@ impl Shape {
         &mut self,
         targets: &[Target],
         views: &[usize],
-        stride: impl Fn(&Target) -> usize + Sync,
         config: &FitConfig,
         rate: f32,
         step: usize,
     ) -> Result<Terms, FitError> {
-        let terms = self.losses(targets, views, stride, config, step)?;
+        let terms = self.losses(targets, views, config, step)?;
         self.descend(rate, step)?;
         Ok(terms)
     }
@@ -141,11 +140,10 @@ impl Shape {
         &mut self,
         targets: &[Target],
         views: &[usize],
-        stride: impl Fn(&Target) -> usize + Sync,
         config: &FitConfig,
         step: usize,
     ) -> Result<Terms, FitError> {
-        let mut terms = self.pull(targets, views, stride, step)?;
+        let mut terms = self.pull(targets, views, step)?;
         if config.bending > 0.0 {
             terms.bending = self.bend(config.bending, terms.outline.length);
         }
@@ -183,9 +181,9 @@ impl Shape {
         &mut self,
         targets: &[Target],
         views: &[usize],
-        stride: impl Fn(&Target) -> usize + Sync,
         step: usize,
     ) -> Result<Terms, FitError> {
+        let edge = self.mean_edge();
         let Self { positions, faces, edges, gradient, chunks, .. } = self;
         let count = views.len().div_ceil(CHUNK);
         chunks.resize_with(count.max(chunks.len()), Chunk::default);
@@ -201,7 +199,7 @@ impl Shape {
                     positions,
                     faces,
                     edges,
-                    stride(target),
+                    target.lines_between_samples(edge),
                     &mut chunk.scratch,
                     &mut chunk.gradient,
                 );

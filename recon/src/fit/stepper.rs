@@ -58,11 +58,9 @@ impl Stepper {
     /// [`FitError::NotFinite`].
     pub fn step(&mut self) -> Result<f64, FitError> {
         self.steps += 1;
-        let edge = self.shape.mean_edge();
         let terms = self.shape.step(
             &self.targets,
             &self.views,
-            |target| target.lines_between_samples(edge),
             &self.config,
             self.config.learning_rate,
             self.steps,
