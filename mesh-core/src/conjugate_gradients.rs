@@ -1,18 +1,25 @@
 //! The preconditioned conjugate gradient method.
 
-/// Rows whose products are summed in `f32` before the sum goes on in `f64`.
-pub(crate) const BLOCK: usize = 64;
+use rayon::prelude::*;
+
+/// Rows whose products are summed in `f32` before the sum goes on in `f64`, block by block, on however many threads the blocks were summed.
+const BLOCK: usize = 64;
+/// Rows that a thread takes at once.
+const CHUNK: usize = 32 * BLOCK;
 
 /// A symmetric positive definite matrix `A`, on rows of up to four columns.
-pub(crate) trait SymmetricSystem {
+pub(crate) trait SymmetricSystem: Send + Sync {
     /// Whether `A` mixes the columns of a row. Otherwise each is a system of its own, with the same matrix.
     const COUPLED: bool;
 
     /// `q = A p`; gives the sums of `p q`, by columns.
     fn multiply(&self, p: &[[f32; 4]], q: &mut [[f32; 4]]) -> [f64; 4];
 
-    /// `z ≈ A⁻¹ r`.
-    fn precondition(&mut self, r: &[[f32; 4]], z: &mut [[f32; 4]]);
+    /// Looks at all of a residual, where rows of its own do not tell how to precondition each.
+    fn prepare(&mut self, _residual: &[[f32; 4]]) {}
+
+    /// Row of `z ≈ A⁻¹ r`, from that of the residual `r` last prepared for.
+    fn precondition(&self, row: usize, residual: [f32; 4]) -> [f32; 4];
 }
 
 /// How a solve went.
@@ -27,13 +34,12 @@ pub struct SolveReport {
     pub converged: bool,
 }
 
-/// What a solve needs: solution, residual, the same preconditioned, direction and its image, padded to four columns so that a row is
+/// What a solve needs: solution, residual, direction and its image, padded to four columns so that a row is
 /// one vector register.
 #[derive(Clone, Debug)]
 pub(crate) struct ConjugateGradients {
     x: Vec<[f32; 4]>,
     residual: Vec<[f32; 4]>,
-    preconditioned: Vec<[f32; 4]>,
     direction: Vec<[f32; 4]>,
     image: Vec<[f32; 4]>,
 }
@@ -41,18 +47,24 @@ pub(crate) struct ConjugateGradients {
 impl ConjugateGradients {
     pub(crate) fn new(rows: usize) -> Self {
         let zeros = || vec![[0.0; 4]; rows];
-        Self {
-            x: zeros(),
-            residual: zeros(),
-            preconditioned: zeros(),
-            direction: zeros(),
-            image: zeros(),
-        }
+        Self { x: zeros(), residual: zeros(), direction: zeros(), image: zeros() }
     }
 
     /// Solves `A x = b`, beginning at what `x` holds, until `‖b - A x‖ ≤ tolerance · ‖b‖` in every column (over all columns where they are
     /// coupled), or for `max_iterations`.
     pub(crate) fn solve<S: SymmetricSystem, const K: usize>(
+        &mut self,
+        system: &mut S,
+        b: &[[f32; K]],
+        x: &mut [[f32; K]],
+        tolerance: f64,
+        max_iterations: usize,
+    ) -> SolveReport {
+        // On a thread of the pool, lest each pass over the rows wakes one.
+        rayon::scope(|_| self.iterate(system, b, x, tolerance, max_iterations))
+    }
+
+    fn iterate<S: SymmetricSystem, const K: usize>(
         &mut self,
         system: &mut S,
         b: &[[f32; K]],
@@ -91,19 +103,27 @@ impl ConjugateGradients {
         };
         let (mut iterations, mut rz) = (0, [0.0; 4]);
         while worst(&rr) > tolerance && iterations < max_iterations {
-            system.precondition(&self.residual, &mut self.preconditioned);
-            let next_rz = joined(products(&self.preconditioned, &self.residual));
+            system.prepare(&self.residual);
+            let residual = &self.residual;
+            let next_rz = joined(sum_rows(residual.len(), |row| {
+                let (r, z) = (residual[row], system.precondition(row, residual[row]));
+                std::array::from_fn(|k| z[k] * r[k])
+            }));
             let carry: [f32; 4] =
                 std::array::from_fn(
                     |k| if rz[k] > 0.0 { (next_rz[k] / rz[k]) as f32 } else { 0.0 },
                 );
-            for (p, z) in self.direction.iter_mut().zip(&self.preconditioned) {
-                *p = if iterations == 0 {
-                    *z
-                } else {
-                    std::array::from_fn(|k| z[k] + carry[k] * p[k])
-                };
-            }
+            let chunks = self.direction.par_chunks_mut(CHUNK).enumerate();
+            chunks.for_each(|(chunk, direction)| {
+                for (p, row) in direction.iter_mut().zip(chunk * CHUNK..) {
+                    let z = system.precondition(row, residual[row]);
+                    *p = if iterations == 0 {
+                        z
+                    } else {
+                        std::array::from_fn(|k| z[k] + carry[k] * p[k])
+                    };
+                }
+            });
             rz = next_rz;
             let pq = joined(system.multiply(&self.direction, &mut self.image));
             // A column that is solved exactly stands still.
@@ -121,43 +141,79 @@ impl ConjugateGradients {
 
     /// `x += α p`, `r -= α q`; gives the sums of `r²`.
     fn advance(&mut self, step: [f32; 4]) -> [f64; 4] {
-        let mut rr = [0.0; 4];
-        let blocks = self
-            .x
-            .chunks_mut(BLOCK)
-            .zip(self.residual.chunks_mut(BLOCK))
-            .zip(self.direction.chunks(BLOCK))
-            .zip(self.image.chunks(BLOCK));
-        for (((x, r), p), q) in blocks {
-            let mut sums = [0.0_f32; 4];
-            for (((x, r), p), q) in x.iter_mut().zip(r).zip(p).zip(q) {
-                for k in 0..4 {
-                    x[k] += step[k] * p[k];
-                    r[k] -= step[k] * q[k];
-                    sums[k] += r[k] * r[k];
+        let Self { x, residual, direction, image, .. } = self;
+        let mut sums = block_sums(x.len());
+        x.par_chunks_mut(CHUNK)
+            .zip(residual.par_chunks_mut(CHUNK))
+            .zip(direction.par_chunks(CHUNK).zip(image.par_chunks(CHUNK)))
+            .zip(sums.par_chunks_mut(CHUNK / BLOCK))
+            .for_each(|(((x, r), (p, q)), sums)| {
+                let blocks = x.chunks_mut(BLOCK).zip(r.chunks_mut(BLOCK));
+                let blocks = blocks.zip(p.chunks(BLOCK).zip(q.chunks(BLOCK)));
+                for (((x, r), (p, q)), sum) in blocks.zip(sums) {
+                    for ((x, r), (p, q)) in x.iter_mut().zip(r).zip(p.iter().zip(q)) {
+                        for k in 0..4 {
+                            x[k] += step[k] * p[k];
+                            r[k] -= step[k] * q[k];
+                            sum[k] += r[k] * r[k];
+                        }
+                    }
+                }
+            });
+        total(&sums)
+    }
+}
+
+/// `q[row] = of(row)` on all threads; gives the sums of `p q`, by columns.
+pub(crate) fn multiply_rows(
+    p: &[[f32; 4]],
+    q: &mut [[f32; 4]],
+    of: impl Fn(usize) -> [f32; 4] + Sync,
+) -> [f64; 4] {
+    let mut sums = block_sums(q.len());
+    q.par_chunks_mut(CHUNK).zip(sums.par_chunks_mut(CHUNK / BLOCK)).enumerate().for_each(
+        |(chunk, (q, sums))| {
+            let mut row = chunk * CHUNK;
+            for (block, sum) in q.chunks_mut(BLOCK).zip(sums) {
+                for q in block {
+                    *q = of(row);
+                    for k in 0..4 {
+                        sum[k] += p[row][k] * q[k];
+                    }
+                    row += 1;
                 }
             }
-            for k in 0..4 {
-                rr[k] += f64::from(sums[k]);
-            }
-        }
-        rr
-    }
+        },
+    );
+    total(&sums)
 }
 
 /// The sums of `a b`, by columns.
 pub(crate) fn products(a: &[[f32; 4]], b: &[[f32; 4]]) -> [f64; 4] {
-    let mut total = [0.0; 4];
-    for (a, b) in a.chunks(BLOCK).zip(b.chunks(BLOCK)) {
-        let mut sums = [0.0_f32; 4];
-        for (a, b) in a.iter().zip(b) {
-            for k in 0..4 {
-                sums[k] += a[k] * b[k];
+    sum_rows(a.len(), |row| std::array::from_fn(|k| a[row][k] * b[row][k]))
+}
+
+/// The sums of so many rows, by columns.
+fn sum_rows(rows: usize, of: impl Fn(usize) -> [f32; 4] + Sync) -> [f64; 4] {
+    let mut sums = block_sums(rows);
+    sums.par_chunks_mut(CHUNK / BLOCK).enumerate().for_each(|(chunk, sums)| {
+        for (sum, block) in sums.iter_mut().zip(chunk * (CHUNK / BLOCK)..) {
+            for row in block * BLOCK..rows.min((block + 1) * BLOCK) {
+                let row = of(row);
+                for k in 0..4 {
+                    sum[k] += row[k];
+                }
             }
         }
-        for k in 0..4 {
-            total[k] += f64::from(sums[k]);
-        }
-    }
-    total
+    });
+    total(&sums)
+}
+
+fn block_sums(rows: usize) -> Vec<[f32; 4]> {
+    vec![[0.0; 4]; rows.div_ceil(BLOCK)]
+}
+
+/// The sum over blocks, in their order.
+fn total(sums: &[[f32; 4]]) -> [f64; 4] {
+    sums.iter().fold([0.0; 4], |total, sum| std::array::from_fn(|k| total[k] + f64::from(sum[k])))
 }

@@ -3,7 +3,7 @@
 mod factor;
 
 use crate::Topology;
-use crate::conjugate_gradients::{BLOCK, ConjugateGradients, SolveReport, SymmetricSystem};
+use crate::conjugate_gradients::{ConjugateGradients, SolveReport, SymmetricSystem, multiply_rows};
 use factor::Factor;
 
 /// The operator `I + λ L` with the combinatorial Laplacian `L = D - A`, and a solver for it.
@@ -18,8 +18,7 @@ use factor::Factor;
 /// The solver is the preconditioned conjugate gradient method, on all columns at once, from wherever
 /// `x` is. The preconditioner is the diagonal ([`DiffusionSolver::new`], ready at once) or a sparse
 /// factorisation ([`DiffusionSolver::factored`], which needs one or two iterations and is worth its
-/// preparation after some twenty solves). It runs on one thread and sums in a fixed order, so its
-/// result does not depend on the number of threads, and it allocates nothing after it is made.
+/// preparation after some twenty solves). It sums in a fixed order, so its result does not depend on the number of threads.
 ///
 /// ```
 /// use mesh_core::{DiffusionSolver, Topology, primitives};
@@ -55,8 +54,8 @@ struct Diffusion {
 enum Preconditioner {
     /// `1 / (1 + λ degree)`, the inverse of the diagonal.
     Diagonal(Vec<f32>),
-    /// All of the operator, to the accuracy of `f32`.
-    Factor(Factor),
+    /// All of the operator, to the accuracy of `f32`, and what it made of the last residual.
+    Factor(Factor, Vec<[f32; 4]>),
 }
 
 /// Entries per vertex above which a factor costs more than it brings.
@@ -93,7 +92,8 @@ impl DiffusionSolver {
         let mut solver = Self::new(topology, lambda);
         let most = FACTOR_ENTRIES * topology.vertex_count();
         if let Some(factor) = Factor::new(&solver.operator.rows, lambda, most) {
-            solver.operator.preconditioner = Preconditioner::Factor(factor);
+            solver.operator.preconditioner =
+                Preconditioner::Factor(factor, vec![[0.0; 4]; topology.vertex_count()]);
         }
         solver
     }
@@ -132,7 +132,7 @@ impl DiffusionSolver {
     /// A right-hand side that is not finite gives `x` that is not finite and no convergence.
     ///
     /// # Cost
-    /// An iteration passes over the edges once and over nine arrays of four columns, and over the
+    /// An iteration passes over the edges once and over nine arrays of four columns, on all threads, and over the
     /// factors twice; bench `mesh`.
     /// # Panics
     /// If `b` or `x` have not one row per vertex, or more than four columns.
@@ -159,45 +159,31 @@ impl SymmetricSystem for Diffusion {
 
     fn multiply(&self, p: &[[f32; 4]], q: &mut [[f32; 4]]) -> [f64; 4] {
         let Self { lambda, rows, .. } = self;
-        let mut products = [0.0; 4];
-        let mut begin = 0;
-        let mut vertex = 0;
-        for block in q.chunks_mut(BLOCK) {
-            let mut sums = [0.0_f32; 4];
-            for q in block {
-                let end = rows.offsets[vertex + 1] as usize;
-                let ring = &rows.indices[begin..end];
-                let here = p[vertex];
-                let mut around = [0.0_f32; 4];
-                for &other in ring {
-                    let other = p[other as usize];
-                    for k in 0..4 {
-                        around[k] += other[k];
-                    }
-                }
-                let diagonal = 1.0 + lambda * ring.len() as f32;
+        multiply_rows(p, q, |vertex| {
+            let ring = rows.row(vertex);
+            let here = p[vertex];
+            let mut around = [0.0_f32; 4];
+            for &other in ring {
+                let other = p[other as usize];
                 for k in 0..4 {
-                    q[k] = diagonal * here[k] - lambda * around[k];
-                    sums[k] += here[k] * q[k];
+                    around[k] += other[k];
                 }
-                begin = end;
-                vertex += 1;
             }
-            for k in 0..4 {
-                products[k] += f64::from(sums[k]);
-            }
-        }
-        products
+            let diagonal = 1.0 + lambda * ring.len() as f32;
+            std::array::from_fn(|k| diagonal * here[k] - lambda * around[k])
+        })
     }
 
-    fn precondition(&mut self, r: &[[f32; 4]], z: &mut [[f32; 4]]) {
-        match &mut self.preconditioner {
-            Preconditioner::Factor(factor) => factor.solve(r, z),
-            Preconditioner::Diagonal(inverse) => {
-                for ((z, r), inverse) in z.iter_mut().zip(r).zip(inverse) {
-                    *z = r.map(|r| r * *inverse);
-                }
-            }
+    fn prepare(&mut self, residual: &[[f32; 4]]) {
+        if let Preconditioner::Factor(factor, solved) = &mut self.preconditioner {
+            factor.solve(residual, solved);
+        }
+    }
+
+    fn precondition(&self, row: usize, residual: [f32; 4]) -> [f32; 4] {
+        match &self.preconditioner {
+            Preconditioner::Factor(_, solved) => solved[row],
+            Preconditioner::Diagonal(inverse) => residual.map(|r| r * inverse[row]),
         }
     }
 }

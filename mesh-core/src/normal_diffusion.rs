@@ -1,6 +1,6 @@
 //! Anisotropic diffusion of normals: even where nothing is known, free to break at creases.
 
-use crate::conjugate_gradients::{ConjugateGradients, SymmetricSystem, products};
+use crate::conjugate_gradients::{ConjugateGradients, SymmetricSystem, multiply_rows};
 use crate::{Topology, face_normals};
 
 /// How far normals are spread over a surface, and where they may break.
@@ -136,23 +136,21 @@ impl SymmetricSystem for Coupling<'_> {
     const COUPLED: bool = false;
 
     fn multiply(&self, p: &[[f32; 4]], q: &mut [[f32; 4]]) -> [f64; 4] {
-        let rows = self.neighbours.iter().zip(&self.weights).zip(&self.diagonal);
-        for ((q, here), ((others, weights), diagonal)) in q.iter_mut().zip(p).zip(rows) {
-            *q = here.map(|x| diagonal * x);
-            for (&other, weight) in others.iter().zip(weights) {
+        let Self { neighbours, weights, diagonal } = self;
+        multiply_rows(p, q, |face| {
+            let mut sum = p[face].map(|x| diagonal[face] * x);
+            for (&other, weight) in neighbours[face].iter().zip(&weights[face]) {
                 let other = p[other as usize];
                 for k in 0..4 {
-                    q[k] -= weight * other[k];
+                    sum[k] -= weight * other[k];
                 }
             }
-        }
-        products(p, q)
+            sum
+        })
     }
 
-    fn precondition(&mut self, r: &[[f32; 4]], z: &mut [[f32; 4]]) {
-        for ((z, r), diagonal) in z.iter_mut().zip(r).zip(&self.diagonal) {
-            *z = r.map(|r| r / diagonal);
-        }
+    fn precondition(&self, row: usize, residual: [f32; 4]) -> [f32; 4] {
+        residual.map(|r| r / self.diagonal[row])
     }
 }
 

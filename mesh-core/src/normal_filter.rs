@@ -1,5 +1,7 @@
 //! Bilateral filtering of normals: flat parts become flat, edges remain.
 
+use rayon::prelude::*;
+
 use crate::vector::{Vec3, add, area_vector, dot, narrow, norm, scale, sub, triangle, unit, widen};
 use crate::{Topology, TriMesh};
 
@@ -89,7 +91,7 @@ impl NormalFilter {
             };
             near.iter().map(weight).collect::<Vec<_>>()
         };
-        let around: Vec<Vec<(usize, f64)>> = (0..faces.len()).map(around).collect();
+        let around: Vec<Vec<(usize, f64)>> = (0..faces.len()).into_par_iter().map(around).collect();
         let mut normals: Vec<Vec3> = areas.iter().map(|&area| unit(area)).collect();
         let spread = 2.0 * f64::from(self.spread).powi(2);
         for _ in 0..self.rounds {
@@ -102,7 +104,7 @@ impl NormalFilter {
                 });
                 unit(sum)
             };
-            normals = around.iter().enumerate().map(mean).collect();
+            normals = around.par_iter().enumerate().map(mean).collect();
         }
         normals
     }

@@ -114,10 +114,8 @@ impl SymmetricSystem for Planes<'_> {
         products(p, q)
     }
 
-    fn precondition(&mut self, r: &[[f32; 4]], z: &mut [[f32; 4]]) {
-        for ((z, r), diagonal) in z.iter_mut().zip(r).zip(&self.diagonal) {
-            *z = r.map(|r| r / diagonal);
-        }
+    fn precondition(&self, row: usize, residual: [f32; 4]) -> [f32; 4] {
+        residual.map(|r| r / self.diagonal[row])
     }
 }
 

@@ -181,12 +181,13 @@ proptest! {
         let before = fine.health();
         let lengths: Vec<f64> =
             fine.positions.iter().map(|p| if p[0] > 0.0 { wish } else { 0.2 * wish }).collect();
-        let coarse = coarsen(&fine, &lengths).expect("closed");
+        let topology = Topology::of(&fine);
+        let coarse = coarsen(&fine, &topology, &lengths).expect("closed");
         let after = coarse.health();
         prop_assert!(after.is_watertight() || !before.outward, "{after}");
         prop_assert_eq!((after.genus(), after.components), (before.genus(), before.components));
         prop_assert!(after.faces <= before.faces);
-        prop_assert_eq!(coarsen(&fine, &lengths).expect("closed"), coarse);
-        prop_assert!(coarsen(&fine, &lengths[1..]).is_err());
+        prop_assert_eq!(coarsen(&fine, &topology, &lengths).expect("closed"), coarse);
+        prop_assert!(coarsen(&fine, &topology, &lengths[1..]).is_err());
     }
 }

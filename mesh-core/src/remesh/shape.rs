@@ -1,15 +1,29 @@
 //! What a triangle is like, and becomes.
 
 use super::surface::{Surface, next, previous};
-use crate::vector::{Vec3, add, angle, area_vector, dot, norm, sub};
+use crate::vector::{Vec3, add, angle, area_vector, cross, dot, norm, sub};
 
 /// The smallest angle of a triangle in radians; 0 for one without area.
-pub(super) fn smallest_angle([a, b, c]: [Vec3; 3]) -> f64 {
+pub(super) fn smallest_angle(triangle: [Vec3; 3]) -> f64 {
+    let [p, q] = around_smallest(triangle);
+    angle(p, q)
+}
+
+/// The two sides at the smallest angle, away from it.
+fn around_smallest([a, b, c]: [Vec3; 3]) -> [Vec3; 2] {
     let sides = [sub(b, a), sub(c, b), sub(a, c)];
     let squares = sides.map(|side| dot(side, side));
     // It is opposite the shortest side.
     let shortest = (1..3).fold(0, |k, j| if squares[j] < squares[k] { j } else { k });
-    angle(sides[(shortest + 1) % 3], sides[(shortest + 2) % 3].map(|x| -x))
+    [sides[(shortest + 1) % 3], sides[(shortest + 2) % 3].map(|x| -x)]
+}
+
+/// Whether no angle of a triangle is smaller than the one, below a right one, that has this tangent.
+fn is_wide(triangle: [Vec3; 3], tangent: f64) -> bool {
+    let [p, q] = around_smallest(triangle);
+    // 0 or less where two corners are one.
+    let cosine = dot(p, q);
+    cosine > 0.0 && norm(cross(p, q)) >= tangent * cosine
 }
 
 /// The height of a triangle, in lengths of its longest side, below which it looks to no side: where it does is
@@ -28,7 +42,7 @@ fn is_flat([a, b, c]: [Vec3; 3]) -> bool {
 pub(super) struct Bounds {
     /// Cosine of the most that it may turn.
     pub(super) facing: f64,
-    /// The smallest angle that it may get, radians.
+    /// Tangent of the smallest angle that it may get.
     pub(super) smallest: f64,
     /// Where its smallest angle is less already, the share of it that must stay.
     pub(super) share: f64,
@@ -64,8 +78,8 @@ pub(super) fn keeps_shape(
             dot(before, after) > bounds.facing * norm(before) * norm(after)
         };
         let keeps_angle = || {
-            let smallest = smallest_angle(new);
-            smallest >= bounds.smallest || smallest >= bounds.share * smallest_angle(old)
+            is_wide(new, bounds.smallest)
+                || smallest_angle(new) >= bounds.share * smallest_angle(old)
         };
         looks_same && keeps_angle()
     })

@@ -30,10 +30,14 @@ impl Surface {
     /// Takes the faces of a closed, oriented mesh where a single fan surrounds each vertex.
     pub(super) fn new(mesh: &TriMesh) -> Result<Self, RemeshError> {
         mesh.validate()?;
+        Self::along(mesh, &Topology::of(mesh))
+    }
+
+    /// The same where it is known who is next to whom.
+    pub(super) fn along(mesh: &TriMesh, topology: &Topology) -> Result<Self, RemeshError> {
         if mesh.texture.is_some() {
             return Err(RemeshError::Textured);
         }
-        let topology = Topology::new(mesh.positions.len(), &mesh.faces);
         let mut opposite = vec![Self::GONE; 3 * mesh.faces.len()];
         for (edge, &[left, right]) in topology.edge_faces.iter().enumerate() {
             let [a, b] = topology.edges[edge];
@@ -111,6 +115,11 @@ impl Surface {
         self.fan(vertex).count()
     }
 
+    /// Whether no more than three corners are at a vertex.
+    fn has_three(&self, vertex: u32) -> bool {
+        self.fan(vertex).nth(3).is_none()
+    }
+
     fn join(&mut self, a: u32, b: u32) {
         self.opposite[a as usize] = b;
         self.opposite[b as usize] = a;
@@ -174,9 +183,12 @@ impl Surface {
     /// they have just the two corners of the edge as common neighbours, and those keep three others.
     pub(super) fn can_collapse(&self, c: u32) -> bool {
         let (a, e) = (self.vertex(c), self.vertex(self.opposite(c)));
+        if a == e || self.has_three(a) || self.has_three(e) {
+            return false;
+        }
         let [b, d] = self.edge(c);
-        let common = self.ring(b).filter(|&v| self.ring(d).any(|w| w == v)).count();
-        a != e && common == 2 && self.valence(a) > 3 && self.valence(e) > 3
+        // Both rings have `a` and `e`, and of the rest nothing in common.
+        self.ring(b).all(|v| v == a || v == e || self.ring(d).all(|w| w != v))
     }
 
     /// Makes the ends `b` and `d` of the edge of `corner` one vertex, `b`; `d` and two faces go.

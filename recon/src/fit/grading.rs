@@ -27,11 +27,10 @@ pub(super) struct Graded {
 
 /// The surface in about `faces` triangles with no edge that is meant to be shorter than `shortest`. Where these run through each
 /// other beyond mending, as between bars that are nearer than the edges are long, they are shorter and more.
-pub(super) fn graded(mesh: &TriMesh, faces: usize, shortest: f64) -> Graded {
-    let topology = Topology::new(mesh.positions.len(), &mesh.faces);
-    let mut lengths = lengths(mesh, &topology, faces, shortest);
+pub(super) fn graded(mesh: &TriMesh, topology: &Topology, faces: usize, shortest: f64) -> Graded {
+    let mut lengths = lengths(mesh, topology, faces, shortest);
     for repair in 0.. {
-        let Ok(coarse) = coarsen(mesh, &lengths) else { break };
+        let Ok(coarse) = coarsen(mesh, topology, &lengths) else { break };
         let mut mended = coarse.clone();
         let sound = mended.untangle().is_some();
         if repair == REPAIRS || sound {
@@ -95,6 +94,7 @@ fn by_curvature(mesh: &TriMesh, topology: &Topology) -> Vec<f32> {
     };
     // Squares of curvatures.
     let mut curvature: Vec<f32> = (0..normals.len())
+        .into_par_iter()
         .map(|v| {
             let sum = |field| rings.row(v).iter().map(|&w| apart(field, v, w)).sum::<f32>();
             sum(&normals) / sum(&mesh.positions).max(1e-20)
@@ -102,6 +102,7 @@ fn by_curvature(mesh: &TriMesh, topology: &Topology) -> Vec<f32> {
         .collect();
     for _ in 0..ROUNDS {
         curvature = (0..curvature.len())
+            .into_par_iter()
             .map(|v| {
                 let ring = rings.row(v);
                 let sum: f32 = ring.iter().map(|&w| curvature[w as usize]).sum();

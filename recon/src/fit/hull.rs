@@ -10,6 +10,7 @@ use std::collections::VecDeque;
 
 use datasets::View;
 use mesh_core::{Topology, TriMesh};
+use rayon::prelude::*;
 
 use super::placement::{self, Placement};
 use super::target::Target;
@@ -61,7 +62,7 @@ impl Hull {
         self.cell as f32
     }
 
-    /// The smoothed surface of a ball of cells that fills the hull, in units of the placement's
+    /// The surface of a ball of cells that fills the hull, in units of the placement's
     /// radius around its centre: closed, outward, of genus 0. `None` for an empty hull.
     pub(super) fn surface(&self) -> Option<TriMesh> {
         let ball = self.ball()?;
@@ -100,7 +101,6 @@ impl Hull {
                 }
             }
         }
-        smooth(&mut mesh);
         Some(mesh)
     }
 
@@ -179,11 +179,11 @@ fn neighbours(at: [usize; 3]) -> impl Iterator<Item = usize> {
 }
 
 /// Rounds off the steps of the cells; every second round swells, so that thin parts stay.
-pub(super) fn smooth(mesh: &mut TriMesh) {
-    let topology = Topology::new(mesh.positions.len(), &mesh.faces);
+pub(super) fn smooth(mesh: &mut TriMesh, topology: &Topology) {
     for round in 0..2 * ROUNDS {
         let share = if round % 2 == 0 { 0.5 } else { -0.52 };
         mesh.positions = (0..mesh.positions.len())
+            .into_par_iter()
             .map(|v| {
                 let ring = topology.vertex_vertices.row(v);
                 std::array::from_fn(|k| {
@@ -223,7 +223,9 @@ mod tests {
             |hull: &Hull| hull.inside.iter().filter(|i| **i).count() as f64 * hull.cell.powi(3);
         let shapes: [(Hull, f64); 3] = [(hull(ring), 0.9), (hull(legs), 0.9), (hull(lattice), 0.5)];
         for (hull, share) in shapes {
-            let mesh = hull.surface().unwrap();
+            let mut mesh = hull.surface().unwrap();
+            let topology = Topology::of(&mesh);
+            smooth(&mut mesh, &topology);
             let health = mesh.health();
             assert!(health.is_watertight(), "{health}");
             assert_eq!((health.components, health.euler), (1, 2));

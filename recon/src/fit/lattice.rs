@@ -6,8 +6,11 @@ use rayon::prelude::*;
 
 use super::{kuhn::STEPS, placement::Placement, target::Target};
 
-/// Points along a side of the blocks that are looked at as a whole first.
-const BLOCK: usize = 4;
+/// Points along a side of the blocks that are looked at as a whole first, then by halves.
+const BLOCK: usize = 8;
+/// Nobody asks how much further outside than this, in steps, a point is, nor how much further inside: what may be a tunnel is nearer, and
+/// so is what has the surface beside it.
+const NEAR: [f32; 2] = [3.0, 1.5];
 /// Points along the longest side of the first, coarse look, which finds the box.
 const COARSE: usize = 48;
 /// Points of air around the object.
@@ -41,7 +44,7 @@ impl Lattice {
     /// which lengths are radii. `None` where nothing is inside.
     ///
     /// # Cost
-    /// Of the points of the box those near the surface are looked at in every view; the others eight times as coarse.
+    /// Of the points of the box those near the surface are looked at in every view; the others block by block.
     pub(super) fn of(
         targets: &mut [Target],
         placement: &Placement,
@@ -110,29 +113,10 @@ impl Lattice {
     fn slab(&self, eye: &Eye<'_>, bottom: usize, distance: &mut [f32], agreed: &mut [f32]) {
         let [nx, ny, _] = self.dims;
         let layers = distance.len() / (nx * ny);
-        let mut found = Vec::new();
+        let mut slab = Slab { lattice: self, eye, bottom, distance, agreed, found: Vec::new() };
         for y in (0..ny).step_by(BLOCK) {
             for x in (0..nx).step_by(BLOCK) {
-                let size = [BLOCK.min(nx - x), BLOCK.min(ny - y), layers];
-                let first = [x, y, bottom];
-                let middle = std::array::from_fn(|k| {
-                    self.origin[k] + self.step * (first[k] as f32 + 0.5 * (size[k] as f32 - 1.0))
-                });
-                let across: f32 = size.iter().map(|&n| (n as f32).powi(2)).sum::<f32>().sqrt();
-                // Far enough from the surface for all of the block, with a step to spare.
-                let far = SLACK * 0.5 * across + 3.0;
-                let whole = eye.look(middle, &mut found);
-                let same = (whole[1] > far || whole[0] < -far).then_some(whole);
-                for z in 0..layers {
-                    for y in y..y + size[1] {
-                        for x in x..x + size[0] {
-                            let p = self.at([x, y, bottom + z]);
-                            let at = (z * ny + y) * nx + x;
-                            [distance[at], agreed[at]] =
-                                same.unwrap_or_else(|| eye.look(p, &mut found));
-                        }
-                    }
-                }
+                slab.measure([x, y, bottom], [BLOCK.min(nx - x), BLOCK.min(ny - y), layers]);
             }
         }
     }
@@ -159,6 +143,57 @@ impl Lattice {
         let rows =
             (1..nz.max(1) - 1).flat_map(move |z| (1..ny.max(1) - 1).map(move |y| z * ny + y));
         rows.map(move |row| row * nx + 1..((row + 1) * nx - 1).max(row * nx + 1))
+    }
+}
+
+/// Layers that are being measured.
+struct Slab<'a> {
+    lattice: &'a Lattice,
+    eye: &'a Eye<'a>,
+    bottom: usize,
+    distance: &'a mut [f32],
+    agreed: &'a mut [f32],
+    /// Room for [`Eye::look`].
+    found: Vec<f32>,
+}
+
+impl Slab<'_> {
+    /// A block: as a whole where that is far from the surface, else by its halves.
+    fn measure(&mut self, first: [usize; 3], size: [usize; 3]) {
+        let Lattice { origin, step, .. } = self.lattice;
+        let middle = std::array::from_fn(|k| {
+            origin[k] + step * (first[k] as f32 + 0.5 * (size[k] as f32 - 1.0))
+        });
+        let across = size.iter().map(|&n| (n as f32 - 1.0).powi(2)).sum::<f32>().sqrt();
+        let [outside, inside] = NEAR.map(|near| SLACK * 0.5 * across + near);
+        let whole = self.eye.look(middle, outside, &mut self.found);
+        if whole[1] > outside || whole[0] < -inside || size == [1; 3] {
+            self.fill(first, size, whole);
+            return;
+        }
+        let parts = |k: usize| {
+            let half = size[k].div_ceil(2);
+            let rest = (size[k] > half).then(|| (first[k] + half, size[k] - half));
+            std::iter::once((first[k], half)).chain(rest)
+        };
+        for (z, deep) in parts(2) {
+            for (y, high) in parts(1) {
+                for (x, wide) in parts(0) {
+                    self.measure([x, y, z], [wide, high, deep]);
+                }
+            }
+        }
+    }
+
+    fn fill(&mut self, first: [usize; 3], size: [usize; 3], [distance, agreed]: [f32; 2]) {
+        let [nx, ny, _] = self.lattice.dims;
+        for z in first[2]..first[2] + size[2] {
+            for y in first[1]..first[1] + size[1] {
+                let row = ((z - self.bottom) * ny + y) * nx + first[0];
+                self.distance[row..row + size[0]].fill(distance);
+                self.agreed[row..row + size[0]].fill(agreed);
+            }
+        }
     }
 }
 
@@ -192,8 +227,8 @@ struct Eye<'a> {
 }
 
 impl Eye<'_> {
-    /// How far outside the masks a point is: for all views but those tolerated, and for one less.
-    fn look(&self, point: [f32; 3], largest: &mut Vec<f32>) -> [f32; 2] {
+    /// How far outside the masks a point is: for all views but those tolerated, and for one less. From `enough` on no view is asked any more.
+    fn look(&self, point: [f32; 3], enough: f32, largest: &mut Vec<f32>) -> [f32; 2] {
         largest.clear();
         largest.resize(self.tolerated + 2, f32::NEG_INFINITY);
         for target in self.targets {
@@ -210,6 +245,9 @@ impl Eye<'_> {
                 if carried > *kept {
                     std::mem::swap(&mut carried, kept);
                 }
+            }
+            if largest[self.tolerated + 1] > enough {
+                break;
             }
         }
         let [first, second] = [largest[self.tolerated], largest[self.tolerated + 1]];

@@ -234,8 +234,7 @@ fn cross(edges: &Edges, axis: usize, lines: usize, stride: usize, scratch: &mut 
         let upwards = b[across] > a[across];
         let (low, high) = if upwards { (a[across], b[across]) } else { (b[across], a[across]) };
         // Lines with low <= line + 0.5 < high: the half-open rule closes every loop.
-        let begin = (low - 0.5).ceil().clamp(0.0, lines as f32) as usize;
-        let end = (high - 0.5).ceil().clamp(0.0, lines as f32) as usize;
+        let (begin, end) = (line_from(low, lines), line_from(high, lines));
         if begin >= end {
             continue;
         }
@@ -271,6 +270,15 @@ fn cross(edges: &Edges, axis: usize, lines: usize, stride: usize, scratch: &mut 
         sorted[begin..end].sort_unstable_by(|p, q| p.at.total_cmp(&q.at).then(p.edge.cmp(&q.edge)));
         begin = end;
     }
+}
+
+/// The first of so many lines of pixel centres that is not before a place.
+#[inline]
+fn line_from(at: f32, lines: usize) -> usize {
+    // Rounded up by hand: most builds call a function to do it.
+    let at = (at - 0.5).clamp(0.0, lines as f32);
+    let whole = at as u32;
+    (whole + u32::from((whole as f32) < at)) as usize
 }
 
 /// Calls `visit` for each crossing that borders the silhouette, with `+1` where outwards is along
@@ -312,9 +320,9 @@ pub(super) fn coverage(
         if outward < 0.0 {
             from = crossing.at;
         } else {
-            let pixel = |at: f32| (at - 0.5).ceil().clamp(0.0, target.width as f32) as usize;
             let row = crossing.line as usize * target.width;
-            covered[row + pixel(from)..row + pixel(crossing.at)].fill(true);
+            let pixel = |at: f32| row + line_from(at, target.width);
+            covered[pixel(from)..pixel(crossing.at)].fill(true);
         }
     });
     Some(covered)

@@ -5,7 +5,7 @@
 //! the hull on its ray that is nearest to the prediction is added, with what of the hull lies between: the leg of a chair whose
 //! prediction has it a little beside.
 
-use mesh_core::{ClosestPoint, TriMesh, voxelize_solid};
+use mesh_core::{ClosestPoint, Topology, TriMesh, voxelize_solid};
 use rayon::prelude::*;
 
 use super::{
@@ -69,7 +69,8 @@ impl<'a> Prior<'a> {
         }
         let solid = Solid::of(&lattice, targets)?;
         let mut mesh = skin(&lattice, &solid.inside);
-        hull::smooth(&mut mesh);
+        let topology = Topology::of(&mesh);
+        hull::smooth(&mut mesh, &topology);
         Some((mesh, lattice.step))
     }
 }

@@ -1,7 +1,7 @@
 //! A mesh that is nearly right, moved until its outlines agree with a few views.
 
 use datasets::View;
-use mesh_core::{ClosestPoint, TriMesh, untangle};
+use mesh_core::{ClosestPoint, Topology, TriMesh, untangle};
 use rayon::prelude::*;
 use train::settings::{LARGEST, Options as _};
 
@@ -129,7 +129,8 @@ fn moved(
         learning_rate: config.learning_rate,
         ..FitConfig::default()
     };
-    let Graded { mesh, sound } = graded(start, config.vertices / 2, f64::from(cell));
+    let (topology, faces) = (Topology::of(start), config.vertices / 2);
+    let Graded { mesh, sound } = graded(start, &topology, faces, f64::from(cell));
     let mut shape = Shape::of(mesh.positions, mesh.faces, &options);
     steps(&mut shape, targets, config, &options)?;
     let sound = settle::mend(&mut shape, sound.as_deref(), targets);

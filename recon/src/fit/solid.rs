@@ -5,7 +5,6 @@
 //! some steps (it closes at the distance up to which views see through it), and a part is one without which some
 //! pixel of a mask shows nothing.
 
-use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::ops::Range;
 
@@ -94,18 +93,23 @@ fn fill_cavities(lattice: &Lattice, inside: &mut [bool]) {
 /// Takes off points outside of `kept`, the furthest from the hull first, as long as that changes no topology.
 fn shrink(lattice: &Lattice, links: &Links, solid: &mut [bool], kept: &[bool]) {
     let strides = lattice.strides();
-    // Positive numbers are in the order of their bits.
-    let key = |slot: usize| (lattice.distance[slot].max(0.0).to_bits(), Reverse(slot));
-    let mut queue: BinaryHeap<(u32, Reverse<usize>)> =
-        (0..solid.len()).filter(|&s| solid[s] && !kept[s]).map(key).collect();
-    while let Some((_, Reverse(slot))) = queue.pop() {
-        if !solid[slot] || !links.is_simple(neighbours(solid, &strides, slot)) {
+    // Positive numbers are in the order of their bits; of equals the first point.
+    let key = |slot: usize| {
+        u64::from(lattice.distance[slot].max(0.0).to_bits()) << 32 | u64::from(!(slot as u32))
+    };
+    let mut waiting: Vec<bool> = solid.iter().zip(kept).map(|(&s, &k)| s && !k).collect();
+    let mut queue: BinaryHeap<u64> = (0..solid.len()).filter(|&s| waiting[s]).map(key).collect();
+    while let Some(key_of) = queue.pop() {
+        let slot = !(key_of as u32) as usize;
+        waiting[slot] = false;
+        if !links.is_simple(neighbours(solid, &strides, slot)) {
             continue;
         }
         solid[slot] = false;
         for step in strides {
             let next = slot.wrapping_add_signed(step);
-            if solid[next] && !kept[next] {
+            if solid[next] && !kept[next] && !waiting[next] {
+                waiting[next] = true;
                 queue.push(key(next));
             }
         }

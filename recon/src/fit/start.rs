@@ -1,7 +1,7 @@
 //! What a fit starts from: a sphere, or the surface of the visual hull.
 
 use datasets::View;
-use mesh_core::TriMesh;
+use mesh_core::{Topology, TriMesh};
 
 use super::{
     config::{FitConfig, TopologyKind},
@@ -28,7 +28,7 @@ const HOLE: f32 = 1.0;
 pub(super) enum Start {
     /// The unit sphere.
     Sphere,
-    /// A closed, oriented surface in the frame of the placement, and the shortest edges that it needs.
+    /// A closed, oriented surface in the frame of the placement, in steps of a lattice, and the shortest edges that it needs.
     Surface(TriMesh, f32),
 }
 
@@ -78,8 +78,7 @@ impl Start {
             return (ball.unwrap_or(Self::Sphere), Some(cut(&solid)));
         }
         // Without a hole too: where a mask shows one, arms or handles reach around it, and a sphere loses such.
-        let mut mesh = skin(&lattice, &solid.inside);
-        hull::smooth(&mut mesh);
+        let mesh = skin(&lattice, &solid.inside);
         (Self::Surface(mesh, lattice.step.max(shortest * lattice.pixel)), None)
     }
 
@@ -87,12 +86,15 @@ impl Start {
     /// mended to find them.
     pub(super) fn shape(self, config: &FitConfig) -> (Shape, u32, Option<Vec<[f32; 3]>>) {
         let coarse = config.start_level;
-        let Self::Surface(mesh, cell) = self else {
+        let Self::Surface(mut mesh, cell) = self else {
             return (Shape::sphere(coarse, config), coarse, None);
         };
         // What is thin would be lost in coarse triangles.
         let level = coarse.max(config.level - 1);
-        let Graded { mesh, sound } = grading::graded(&mesh, 20 << (2 * level), f64::from(cell));
+        let topology = Topology::of(&mesh);
+        hull::smooth(&mut mesh, &topology);
+        let faces = 20 << (2 * level);
+        let Graded { mesh, sound } = grading::graded(&mesh, &topology, faces, f64::from(cell));
         (Shape::of(mesh.positions, mesh.faces, config), level, sound)
     }
 }

@@ -24,6 +24,8 @@ const TOLERANCE: f32 = 1.0;
 const BESIDE: f32 = 12.0;
 /// Gaps are counted up to this, so that one wild view does not make the mean.
 const MOST_GAP: f32 = 8.0;
+/// Views that are looked at before it is asked whether that is enough.
+const AT_ONCE: usize = 6;
 /// Steps along a ray, before those that look closer.
 const COARSE: usize = 72;
 
@@ -71,15 +73,21 @@ impl Outlines<'_> {
         })
     }
 
-    /// The mean gap over all outlines, of at most so many places on each.
-    pub(super) fn mean_gap(&self, places: usize) -> f64 {
-        let sums: Vec<(f64, usize)> = (0..self.views.len())
-            .into_par_iter()
-            .map(|k| {
-                self.gaps(k, places).fold((0.0, 0), |(s, n), (g, _)| (s + f64::from(g), n + 1))
-            })
-            .collect();
-        let (sum, count) = sums.iter().fold((0.0, 0), |(s, n), (t, m)| (s + t, n + m));
+    /// The mean gap over all outlines, of at most so many places on each. Where it is sure to be more than `most` some number above that.
+    pub(super) fn mean_gap(&self, places: usize, most: f64) -> f64 {
+        let count: usize = self.views.iter().map(|view| view.outline(places).len()).sum();
+        let views: Vec<usize> = (0..self.views.len()).collect();
+        let mut sum = 0.0;
+        for some in views.chunks(AT_ONCE) {
+            let gaps =
+                |&k: &usize| self.gaps(k, places).map(|(gap, _)| f64::from(gap)).sum::<f64>();
+            let sums: Vec<f64> = some.par_iter().map(gaps).collect();
+            sum = sums.iter().fold(sum, |sum, more| sum + more);
+            // No gap is negative.
+            if sum > most * count as f64 {
+                break;
+            }
+        }
         if count == 0 { f64::from(MOST_GAP) } else { sum / count as f64 }
     }
 

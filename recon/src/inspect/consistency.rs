@@ -2,6 +2,7 @@
 
 use datasets::View;
 use mesh_core::Camera;
+use rayon::prelude::*;
 
 use super::coherence::Outlines;
 use super::eye::Eye;
@@ -28,8 +29,8 @@ impl Consistency {
     pub(crate) fn of(views: &[&View]) -> Option<Self> {
         let step = views.len().div_ceil(VIEWS).max(1);
         let chosen: Vec<usize> = (0..views.len()).step_by(step).collect();
-        let eyes: Vec<Eye> = chosen.iter().map(|&i| Eye::new(views[i])).collect();
-        let silhouettes = chosen.iter().map(|&i| Silhouette::new(views[i])).collect();
+        let eyes: Vec<Eye> = chosen.par_iter().map(|&i| Eye::new(views[i])).collect();
+        let silhouettes = chosen.par_iter().map(|&i| Silhouette::new(views[i])).collect();
         Some(Self { silhouettes, chosen, ball: roomy(ball(&eyes)?) })
     }
 
@@ -40,6 +41,6 @@ impl Consistency {
             silhouette.with(cameras[i].resized(width, height))
         };
         let views: Vec<Silhouette> = self.silhouettes.iter().zip(&self.chosen).map(with).collect();
-        Outlines { views: &views, ball: self.ball }.mean_gap(PLACES)
+        Outlines { views: &views, ball: self.ball }.mean_gap(PLACES, f64::INFINITY)
     }
 }

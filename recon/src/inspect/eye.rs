@@ -1,5 +1,7 @@
 //! A mask and its camera, small and ready to be asked what lies inside.
 
+use std::sync::Arc;
+
 use datasets::View;
 use mesh_core::nalgebra::{Matrix3, Vector3};
 use mesh_core::{Camera, Lens};
@@ -34,9 +36,9 @@ pub(crate) struct Eye {
     pub(crate) camera: Camera,
     /// Rows X, Y, W of the projection to normalised device coordinates.
     rows: [[f64; 4]; 3],
-    mask: Vec<bool>,
+    mask: Arc<[bool]>,
     /// The mask and the pixels next to it: what rounding may have taken away.
-    grown: Vec<bool>,
+    grown: Arc<[bool]>,
     /// Whether the object leaves the image, so that what is outside is not known.
     open: bool,
 }
@@ -69,14 +71,13 @@ impl Eye {
         }
         let open =
             (0..w).any(|j| on(0, j) || on(h - 1, j)) || (0..h).any(|i| on(i, 0) || on(i, w - 1));
-        Self { rows: camera.projection(), camera, mask, grown, open }
+        Self { rows: camera.projection(), camera, mask: mask.into(), grown: grown.into(), open }
     }
 
     /// The same image under another reading.
     pub(crate) fn under(&self, reading: Reading) -> Self {
-        let (h, w) = (self.camera.height, self.camera.width);
+        let w = self.camera.width;
         let mut camera = self.camera.clone();
-        let mut mask = self.mask.clone();
         let axes = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
         let inverse = |camera: &mut Camera| {
             let turned = camera.rotation.transpose();
@@ -88,10 +89,21 @@ impl Eye {
             camera.translation = axes * camera.translation;
         };
         match reading {
-            Reading::AsGiven => return self.clone(),
-            Reading::FlippedY => mask = mask.chunks_exact(w).rev().flatten().copied().collect(),
-            Reading::FlippedX => mask.chunks_exact_mut(w).for_each(<[bool]>::reverse),
-            Reading::Turned => mask.reverse(),
+            Reading::AsGiven => {}
+            Reading::FlippedY => {
+                let rows = self.mask.chunks_exact(w).rev();
+                return Self::from_parts(camera, rows.flatten().copied().collect());
+            }
+            Reading::FlippedX => {
+                let rows = self.mask.chunks_exact(w);
+                return Self::from_parts(
+                    camera,
+                    rows.flat_map(|r| r.iter().rev()).copied().collect(),
+                );
+            }
+            Reading::Turned => {
+                return Self::from_parts(camera, self.mask.iter().rev().copied().collect());
+            }
             Reading::OpenCvAxes => opencv(&mut camera),
             Reading::InversePose => inverse(&mut camera),
             Reading::InverseOpenCvPose => {
@@ -106,8 +118,7 @@ impl Eye {
                 }
             }
         }
-        debug_assert_eq!(mask.len(), h * w);
-        Self::from_parts(camera, mask)
+        Self { rows: camera.projection(), camera, ..self.clone() }
     }
 
     /// Whether a point may be of the object, for all that this image says.

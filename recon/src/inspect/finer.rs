@@ -40,7 +40,7 @@ const ONE_SIDED: f64 = 0.25;
 
 /// Fills in the finer figures, and says what they show where nothing coarser is found.
 pub(super) fn look(views: &[View], ball: Ball, found: &mut Agreement, problems: &mut Vec<Problem>) {
-    let silhouettes: Vec<Silhouette> = views.iter().map(Silhouette::new).collect();
+    let silhouettes = Silhouette::all(views);
     let outlines = Outlines { views: &silhouettes, ball: roomy(ball) };
     found.coherence_by_view = outlines.coherence();
     found.coherence = mean(&found.coherence_by_view);
@@ -170,7 +170,7 @@ pub(crate) struct Fitness {
 
 /// How masks fit together, and to the colours that belong to them.
 pub(super) fn fitness(views: &[View], colors: &[&ByteImage], ball: Ball) -> Option<Fitness> {
-    let silhouettes: Vec<Silhouette> = views.iter().map(Silhouette::new).collect();
+    let silhouettes = Silhouette::all(views);
     let outlines = Outlines { views: &silhouettes, ball: roomy(ball) };
     Some(Fitness {
         coherence: mean(&outlines.coherence())?,

@@ -38,13 +38,13 @@ pub(super) fn best_lens(outlines: &Outlines<'_>) -> Option<LensFit> {
     let step = outlines.views.len().div_ceil(VIEWS).max(1);
     let views: Vec<&Silhouette> = outlines.views.iter().step_by(step).collect();
     let ball = Ball { radius: ROOM * outlines.ball.radius, ..outlines.ball };
-    let gap = |at: [f64; 3]| {
+    let gap = |at: [f64; 3], most: f64| {
         let moved: Vec<Silhouette> =
             views.iter().map(|view| view.with(with_lens(&view.camera, at))).collect();
-        Outlines { views: &moved, ball }.mean_gap(PLACES)
+        Outlines { views: &moved, ball }.mean_gap(PLACES, most)
     };
     let mut best = [0.0; 3];
-    let given = gap(best);
+    let given = gap(best, f64::INFINITY);
     let mut least = given;
     let mut steps = STEPS;
     for _ in 0..=HALVINGS {
@@ -57,7 +57,7 @@ pub(super) fn best_lens(outlines: &Outlines<'_>) -> Option<LensFit> {
                     if at[0].abs() > 0.5 {
                         continue;
                     }
-                    let found = gap(at);
+                    let found = gap(at, least);
                     if found < least {
                         (best, least) = (at, found);
                     }

@@ -55,6 +55,7 @@ use std::path::PathBuf;
 use datasets::{Dataset, Entry, OnInconsistent, ReadOptions, Subset, Truth, View, Views};
 use mesh_core::nalgebra::Vector3;
 use mesh_core::{ByteImage, Camera};
+use rayon::prelude::*;
 use serde::Serialize;
 
 use eye::Eye;
@@ -195,7 +196,7 @@ pub fn inspect(
 
 /// How the masks of views fit together, and to the images that `colors` has instead of theirs; none where they fix no body.
 pub(crate) fn fitness_of(views: &[View], colors: &[&ByteImage]) -> Option<Fitness> {
-    let eyes: Vec<Eye> = views.iter().map(Eye::new).collect();
+    let eyes: Vec<Eye> = views.par_iter().map(Eye::new).collect();
     finer::fitness(views, colors, hull::ball(&eyes)?)
 }
 
@@ -236,7 +237,7 @@ fn counts(entries: &[Entry], name: impl Fn(&Entry) -> Option<String>) -> Vec<Cou
 pub fn inspect_views(views: &Views, truth: &Truth) -> ObjectInspection {
     assert!(!views.is_empty(), "inspect_views: no views");
     let list = &views.views;
-    let eyes: Vec<Eye> = list.iter().map(Eye::new).collect();
+    let eyes: Vec<Eye> = list.par_iter().map(Eye::new).collect();
     let (agreement, problems, ball) =
         diagnosis::diagnose(list, &eyes, truth, views.layout.convention());
     let hull = ball.and_then(|ball| hull::carve(&eyes, ball, GRID));

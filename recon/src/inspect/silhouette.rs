@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use datasets::View;
 use mesh_core::Camera;
+use rayon::prelude::*;
 
 use crate::fit::signed_distance;
 
@@ -22,6 +23,8 @@ pub(super) struct Silhouette {
     rows: [[f64; 4]; 3],
     /// Signed distance to the outline in eighths of a pixel, negative inside.
     distance: Arc<[i8]>,
+    /// Places on the outline; those on the image's border are not of it.
+    outline: Arc<[[f64; 2]]>,
     /// Whether the object leaves the image, so that what is outside is not known.
     open: bool,
     /// Pixels of the mask.
@@ -31,6 +34,11 @@ pub(super) struct Silhouette {
 }
 
 impl Silhouette {
+    /// Those of several views.
+    pub(super) fn all(views: &[View]) -> Vec<Self> {
+        views.par_iter().map(Self::new).collect()
+    }
+
     pub(super) fn new(view: &View) -> Self {
         let side = view.mask.height.max(view.mask.width);
         let scaled = |n: usize| ((n * LONGEST + side / 2) / side).max(1);
@@ -45,12 +53,13 @@ impl Silhouette {
         let on = |i: usize, j: usize| bits[i * w + j];
         let open =
             (0..w).any(|j| on(0, j) || on(h - 1, j)) || (0..h).any(|i| on(i, 0) || on(i, w - 1));
-        let distance = signed_distance(&bits, h, w, BLUR)
+        let distance: Arc<[i8]> = signed_distance(&bits, h, w, BLUR)
             .into_iter()
             .map(|d| (STEPS * d).round().clamp(-127.0, 127.0) as i8)
             .collect();
         Self {
             rows: rows(&camera),
+            outline: outline(&distance, h, w).into(),
             distance,
             open,
             area: bits.iter().filter(|bit| **bit).count(),
@@ -102,24 +111,9 @@ impl Silhouette {
         (upper + fy * (lower - upper)) / STEPS
     }
 
-    /// Places on the outline, at most so many, evenly spread; those on the image's border are not of it.
+    /// Places on the outline, at most so many, evenly spread.
     pub(super) fn outline(&self, most: usize) -> Vec<[f64; 2]> {
-        let (w, h) = (self.camera.width, self.camera.height);
-        let mut found = Vec::new();
-        let at = |i: usize, j: usize| f64::from(self.distance[i * w + j]);
-        for i in 0..h {
-            for j in 0..w {
-                let here = at(i, j);
-                for (a, b) in [(i, j + 1), (i + 1, j)] {
-                    if a < h && b < w && (here <= 0.0) != (at(a, b) <= 0.0) {
-                        let t = here / (here - at(a, b));
-                        let [di, dj] = [a - i, b - j].map(|d| t * d as f64 + 0.5);
-                        found.push([j as f64 + dj, i as f64 + di]);
-                    }
-                }
-            }
-        }
-        spread(&found, most)
+        spread(&self.outline, most)
     }
 
     /// Middles of pixels whose distance, in pixels, lies in a range: how many there are, and at most so many of them, evenly spread.
@@ -139,6 +133,25 @@ impl Silhouette {
             .collect();
         (found.len(), spread(&found, most))
     }
+}
+
+/// Where the distance changes its sign between two pixels, beside or below each other.
+fn outline(distance: &[i8], h: usize, w: usize) -> Vec<[f64; 2]> {
+    let mut found = Vec::new();
+    for i in 0..h {
+        for j in 0..w {
+            let here = distance[i * w + j];
+            for (a, b) in [(i, j + 1), (i + 1, j)] {
+                if a < h && b < w && (here <= 0) != (distance[a * w + b] <= 0) {
+                    let [from, to] = [here, distance[a * w + b]].map(f64::from);
+                    let t = from / (from - to);
+                    let [di, dj] = [a - i, b - j].map(|d| t * d as f64 + 0.5);
+                    found.push([j as f64 + dj, i as f64 + di]);
+                }
+            }
+        }
+    }
+    found
 }
 
 fn spread(found: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
