@@ -12,9 +12,10 @@ use std::io::Write;
 use std::path::Path;
 
 use datasets::ReadOptions;
-use models::depth::MeshRcnn;
+use models::depth::{DepthPixel2Mesh, MeshRcnn};
 use models::img2mesh::Img2Mesh;
-use models::pixel2mesh::Pixel2Mesh;
+use models::mcmr::Mcmr;
+use models::pixel2mesh::{OdePixel2Mesh, Pixel2Mesh};
 use models::predict::{Familiarity, Predictor};
 use train::settings::{read_text, to_toml};
 use train::{Checkpoint, Configuration, Source, Subset, System};
@@ -158,6 +159,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         Img2Mesh::NAME => study::<Img2Mesh>(&checkpoint, settings),
         MeshRcnn::NAME => study::<MeshRcnn>(&checkpoint, settings),
         Pixel2Mesh::NAME => study::<Pixel2Mesh>(&checkpoint, settings),
+        OdePixel2Mesh::NAME => study::<OdePixel2Mesh>(&checkpoint, settings),
+        DepthPixel2Mesh::NAME => study::<DepthPixel2Mesh>(&checkpoint, settings),
+        Mcmr::NAME => study::<Mcmr>(&checkpoint, settings),
         other => Err(format!("no weights of {other} are shipped").into()),
     }
 }

@@ -123,16 +123,21 @@ impl Mcmr {
         samples: &[&Sample],
         weights: Option<&[f32]>,
     ) -> Predicted<'t> {
+        let n = samples.len();
+        let images = self.images(tape, samples);
+        let weights = weights.map(|w| stacked(tape, [w].into_iter(), &[n, w.len() / n]));
+        self.model.forward(tape, images, weights)
+    }
+
+    /// What the network is shown of samples, `[B, S, S, 3]`.
+    fn images<'t>(&self, tape: &'t Tape, samples: &[&Sample]) -> Var<'t> {
         let (n, side) = (samples.len(), self.config.image_size);
         let images: Vec<_> = if self.config.blind {
             samples.iter().map(|sample| Cow::Owned(noise(&sample.image))).collect()
         } else {
             samples.iter().map(|sample| Cow::Borrowed(&sample.image[..])).collect()
         };
-        let images = images.iter().map(|image| &image[..]);
-        let images = stacked(tape, images, &[n, side, side, 3]);
-        let weights = weights.map(|w| stacked(tape, [w].into_iter(), &[n, w.len() / n]));
-        self.model.forward(tape, images, weights)
+        stacked(tape, images.iter().map(|image| &image[..]), &[n, side, side, 3])
     }
 
     /// Predictions as they are seen in these poses.

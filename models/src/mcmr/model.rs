@@ -199,11 +199,16 @@ impl Model {
 
     /// Images to the maps that code and texture are made from, `[B, S/64, S/64, 16 texture-width]`.
     pub(super) fn map<'t>(&self, images: Var<'t>) -> Var<'t> {
+        let [.., last] = self.encoder_maps(images);
+        self.enc_norm.after(&self.enc_conv, last, LEAKY)
+    }
+
+    /// The encoder's maps of images `[B, S, S, 3]` in `[0, 1]`.
+    pub(super) fn encoder_maps<'t>(&self, images: Var<'t>) -> [Var<'t>; 4] {
         let tape = images.tape();
         let shift = tape.constant(Array1::from(MEAN.to_vec()));
         let factor = tape.constant(Array1::from(DEVIATION.map(f32::recip).to_vec()));
-        let [.., last] = self.encoder.forward_maps((images - shift) * factor);
-        self.enc_norm.after(&self.enc_conv, last, LEAKY)
+        self.encoder.forward_maps((images - shift) * factor)
     }
 
     /// The weighted mean shape, deformed vertex by vertex: positions and offsets, `[B, V, 3]`.

@@ -11,6 +11,7 @@ use super::photo::{Photo, Rough, cropped, lens_of};
 use super::pose::Pose;
 use super::texture::Globe;
 use super::{Mcmr, Sample};
+use crate::predict::{Features, strongest};
 
 /// A mesh with its texture, where it is seen from, and what it was made of.
 #[derive(Clone, Debug)]
@@ -21,6 +22,8 @@ pub struct McmrPrediction {
     pub weights: Vec<f32>,
     /// Where the square around the object shows it.
     pub pose: Pose,
+    /// What the encoder says of the photograph.
+    pub features: Features,
     /// From the mesh's frame to the world of the image's camera: rows of `[3, 4]`.
     pub to_world: [[f64; 4]; 3],
 }
@@ -45,9 +48,17 @@ impl Mcmr {
         Ok(McmrPrediction {
             mesh: self.mesh_of(&predicted, 0),
             weights: row(&predicted.weights.value(), 0),
+            features: self.features(&sample),
             to_world: pose.in_world(&camera, lens_of(&self.config)),
             pose,
         })
+    }
+
+    /// What the encoder says of a sample.
+    pub(super) fn features(&self, sample: &Sample) -> Features {
+        let tape = Tape::eval();
+        let [.., before, last] = self.model.encoder_maps(self.images(&tape, &[sample]));
+        strongest(&[before, last])
     }
 
     /// The textured mesh of a sample, in its own frame.

@@ -2,10 +2,11 @@
 
 use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
-use train::{DataError, PredictError, System as _};
+use train::{DataError, PredictError, Subset, System as _};
 
-use super::Mcmr;
-use crate::predict::{PredictInput, Prediction, Predictor, Request};
+use super::{Data, Mcmr};
+use crate::parts::of_each;
+use crate::predict::{PredictInput, Prediction, Predictor, Request, Sighting};
 
 impl Predictor for Mcmr {
     const ABOUT: &'static str =
@@ -35,6 +36,21 @@ impl Predictor for Mcmr {
             ("camera-quaternion", found.pose.rotation.to_vec()),
             ("mesh-to-world", found.to_world.concat()),
         ];
-        Ok(Prediction { mesh: found.mesh_in_world(), details, ..Prediction::default() })
+        let mesh = found.mesh_in_world();
+        Ok(Prediction { mesh, details, features: found.features, ..Prediction::default() })
+    }
+
+    fn features_of(
+        &self,
+        data: &Data,
+        subset: Subset,
+        most: usize,
+    ) -> Result<Vec<Sighting>, DataError> {
+        let objects = data.listed(subset);
+        of_each(objects.len(), most, |k| {
+            let photo = data.photo(objects[k])?;
+            let family = data.category(objects[k]).1.to_owned();
+            Ok(Sighting { family, features: self.features(&photo.plain(&self.config)) })
+        })
     }
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use datasets::{ReadOptions, View, Views};
 use models::img2mesh::Img2Mesh;
+use models::mcmr::{Mcmr, McmrConfig};
 use models::predict::{Choice, Familiarity, PredictInput, Predictor};
 use train::{Checkpoint, Source, Subset, System};
 
@@ -40,4 +41,27 @@ fn noise_is_farther_than_objects() {
         judged.count()
     };
     assert_eq!((strange(false), strange(true)), (0, 5));
+}
+
+/// What a photograph says that MCMR never saw the like of.
+#[test]
+fn lamps_are_farther_than_airplanes_and_cars() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/mcmr.safetensors");
+    let checkpoint = Checkpoint::read(&file).unwrap();
+    let (system, config) = checkpoint.load::<Mcmr>().unwrap();
+    let familiarity = Familiarity::of(&checkpoint).unwrap().unwrap();
+    let farthest_first = |families: &[&str]| -> Vec<f64> {
+        let families = families.iter().map(|&family| family.to_owned()).collect();
+        let few = McmrConfig { families, objects: 1, test_objects: 6, ..config.system.clone() };
+        let data = models::mcmr::Data::synthetic(&few).unwrap();
+        let seen = system.features_of(&data, Subset::Test, 12).unwrap();
+        let mut distances: Vec<f64> =
+            seen.iter().map(|one| familiarity.judge(&one.features).unwrap().distance).collect();
+        distances.sort_by(|a, b| b.total_cmp(a));
+        distances
+    };
+    let (known, others) = (farthest_first(&["airplane", "car"]), farthest_first(&["lamp"]));
+    assert_eq!((known.len(), others.len()), (12, 6));
+    // The middle one of the lamps, and all but two of the others.
+    assert!(others[3] > known[2], "{known:?} {others:?}");
 }
