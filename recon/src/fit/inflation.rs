@@ -23,6 +23,7 @@ const RATE: f32 = 0.2;
 
 /// Moves vertices that are well inside all masks outward, and fits outlines and smoothness in between: of the surfaces that the masks allow
 /// the largest is that of their visual hull (Laurentini 1994), on which edges are that no outline shows all along, as those of stairs.
+/// Cancelled, it ends with the round.
 ///
 /// # Errors
 /// As [`Shape::step`].
@@ -32,8 +33,12 @@ pub(super) fn inflate(
     order: &mut Order,
     config: &FitConfig,
     step: usize,
+    is_cancelled: &dyn Fn() -> bool,
 ) -> Result<(), FitError> {
     for _ in 0..ROUNDS {
+        if is_cancelled() {
+            break;
+        }
         shape.place(blown(shape, targets));
         for _ in 0..STEPS {
             let rate = RATE * config.learning_rate;
@@ -85,8 +90,12 @@ mod tests {
         let dented = |p: &[f32; 3]| p.map(|x| if p[1] > 0.8 { 0.7 * x } else { x });
         shape.place(shape.positions.iter().map(dented).collect());
         let shortest = |shape: &Shape| shape.positions.iter().map(|&p| norm(p)).fold(1.0, f32::min);
-        assert!(shortest(&shape) < 0.71);
-        inflate(&mut shape, &targets, &mut Order::new(8, &config), &config, 0).unwrap();
+        let mut order = Order::new(8, &config);
+        let dent = shortest(&shape);
+        assert!(dent < 0.71);
+        inflate(&mut shape, &targets, &mut order, &config, 0, &|| true).unwrap();
+        assert!(shortest(&shape) == dent, "cancelled, and moved");
+        inflate(&mut shape, &targets, &mut order, &config, 0, &|| false).unwrap();
         let pixel = 1.0 / targets[0].pixels_per_unit(targets[0].project([0.0; 3])[2]);
         let left = (1.0 - shortest(&shape)) / pixel;
         assert!(left < 2.0 * SLACK, "{left} pixels are left of the dent");

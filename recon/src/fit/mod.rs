@@ -337,7 +337,11 @@ impl<'a, 'o> Run<'a, 'o> {
             // What begins as the hull's surface is as large as the masks allow already.
             if !thin && level + 1 == config.level {
                 let step = self.fitted.history.len();
-                inflation::inflate(&mut shape, &self.train, &mut order, config, step)?;
+                let (cancelled, train) = (|| self.watch.is_cancelled(), &self.train);
+                inflation::inflate(&mut shape, train, &mut order, config, step, &cancelled)?;
+                if self.is_cancelled() {
+                    break;
+                }
             }
         }
         if config.filter_normals && !self.is_cancelled() {
@@ -361,7 +365,9 @@ impl<'a, 'o> Run<'a, 'o> {
         }
         if thin && !self.is_cancelled() {
             let step = self.fitted.history.len();
-            settle::settle(&mut shape, sound.as_deref(), &self.train, config, step)?;
+            let (cancelled, train) = (|| self.watch.is_cancelled(), &self.train);
+            settle::settle(&mut shape, sound.as_deref(), train, config, step, &cancelled)?;
+            self.is_cancelled(); // says so
             self.evaluate(&shape, self.fitted.history.len());
             self.lap("settle");
         }

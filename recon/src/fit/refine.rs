@@ -137,7 +137,7 @@ fn moved(
     let sound = sound.map(|positions| shape.divided(&positions));
     shape = shape.subdivided(&options);
     steps(&mut shape, targets, config, &options)?;
-    settle::settle(&mut shape, sound.as_deref(), targets, &options, 2 * config.steps)?;
+    settle::settle(&mut shape, sound.as_deref(), targets, &options, 2 * config.steps, &|| false)?;
     Ok(shape)
 }
 

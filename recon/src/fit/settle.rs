@@ -12,7 +12,7 @@ const STEPS: usize = 6;
 const SHARE: f32 = 0.1;
 
 /// Mends the mesh, then moves and mends it by turns as long as that brings it nearer to the masks. What mending cannot is brought
-/// back to where it was sound, if that is known: `sound` are such positions of the same faces.
+/// back to where it was sound, if that is known: `sound` are such positions of the same faces. Cancelled, it ends with the round.
 ///
 /// # Errors
 /// As [`Shape::step`].
@@ -22,6 +22,7 @@ pub(super) fn settle(
     targets: &[Target],
     config: &FitConfig,
     step: usize,
+    is_cancelled: &dyn Fn() -> bool,
 ) -> Result<(), FitError> {
     if !mended(shape, sound, targets) {
         return Ok(());
@@ -29,6 +30,9 @@ pub(super) fn settle(
     let views: Vec<usize> = (0..targets.len()).collect();
     let mut best = (shape.mask_iou(targets), shape.positions.clone());
     for round in 0..ROUNDS {
+        if is_cancelled() {
+            break;
+        }
         for k in 0..STEPS {
             let rate = SHARE * config.learning_rate;
             shape.step(targets, &views, config, rate, step + round * STEPS + k)?;
