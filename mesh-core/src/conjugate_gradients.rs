@@ -1,6 +1,6 @@
 //! The preconditioned conjugate gradient method.
 
-use rayon::prelude::*;
+use crate::kernels::threads;
 
 /// Rows whose products are summed in `f32` before the sum goes on in `f64`, block by block, on however many threads the blocks were summed.
 const BLOCK: usize = 64;
@@ -61,7 +61,7 @@ impl ConjugateGradients {
         max_iterations: usize,
     ) -> SolveReport {
         // On a thread of the pool, lest each pass over the rows wakes one.
-        rayon::scope(|_| self.iterate(system, b, x, tolerance, max_iterations))
+        threads::on_one(|| self.iterate(system, b, x, tolerance, max_iterations))
     }
 
     fn iterate<S: SymmetricSystem, const K: usize>(
@@ -113,8 +113,8 @@ impl ConjugateGradients {
                 std::array::from_fn(
                     |k| if rz[k] > 0.0 { (next_rz[k] / rz[k]) as f32 } else { 0.0 },
                 );
-            let chunks = self.direction.par_chunks_mut(CHUNK).enumerate();
-            chunks.for_each(|(chunk, direction)| {
+            let chunks = self.direction.chunks_mut(CHUNK).enumerate();
+            threads::for_each(chunks, |(chunk, direction)| {
                 for (p, row) in direction.iter_mut().zip(chunk * CHUNK..) {
                     let z = system.precondition(row, residual[row]);
                     *p = if iterations == 0 {
@@ -143,23 +143,22 @@ impl ConjugateGradients {
     fn advance(&mut self, step: [f32; 4]) -> [f64; 4] {
         let Self { x, residual, direction, image, .. } = self;
         let mut sums = block_sums(x.len());
-        x.par_chunks_mut(CHUNK)
-            .zip(residual.par_chunks_mut(CHUNK))
-            .zip(direction.par_chunks(CHUNK).zip(image.par_chunks(CHUNK)))
-            .zip(sums.par_chunks_mut(CHUNK / BLOCK))
-            .for_each(|(((x, r), (p, q)), sums)| {
-                let blocks = x.chunks_mut(BLOCK).zip(r.chunks_mut(BLOCK));
-                let blocks = blocks.zip(p.chunks(BLOCK).zip(q.chunks(BLOCK)));
-                for (((x, r), (p, q)), sum) in blocks.zip(sums) {
-                    for ((x, r), (p, q)) in x.iter_mut().zip(r).zip(p.iter().zip(q)) {
-                        for k in 0..4 {
-                            x[k] += step[k] * p[k];
-                            r[k] -= step[k] * q[k];
-                            sum[k] += r[k] * r[k];
-                        }
+        let moving = x.chunks_mut(CHUNK).zip(residual.chunks_mut(CHUNK));
+        let along = direction.chunks(CHUNK).zip(image.chunks(CHUNK));
+        let chunks = moving.zip(along).zip(sums.chunks_mut(CHUNK / BLOCK));
+        threads::for_each(chunks, |(((x, r), (p, q)), sums)| {
+            let blocks = x.chunks_mut(BLOCK).zip(r.chunks_mut(BLOCK));
+            let blocks = blocks.zip(p.chunks(BLOCK).zip(q.chunks(BLOCK)));
+            for (((x, r), (p, q)), sum) in blocks.zip(sums) {
+                for ((x, r), (p, q)) in x.iter_mut().zip(r).zip(p.iter().zip(q)) {
+                    for k in 0..4 {
+                        x[k] += step[k] * p[k];
+                        r[k] -= step[k] * q[k];
+                        sum[k] += r[k] * r[k];
                     }
                 }
-            });
+            }
+        });
         total(&sums)
     }
 }
@@ -171,20 +170,19 @@ pub(crate) fn multiply_rows(
     of: impl Fn(usize) -> [f32; 4] + Sync,
 ) -> [f64; 4] {
     let mut sums = block_sums(q.len());
-    q.par_chunks_mut(CHUNK).zip(sums.par_chunks_mut(CHUNK / BLOCK)).enumerate().for_each(
-        |(chunk, (q, sums))| {
-            let mut row = chunk * CHUNK;
-            for (block, sum) in q.chunks_mut(BLOCK).zip(sums) {
-                for q in block {
-                    *q = of(row);
-                    for k in 0..4 {
-                        sum[k] += p[row][k] * q[k];
-                    }
-                    row += 1;
+    let chunks = q.chunks_mut(CHUNK).zip(sums.chunks_mut(CHUNK / BLOCK)).enumerate();
+    threads::for_each(chunks, |(chunk, (q, sums))| {
+        let mut row = chunk * CHUNK;
+        for (block, sum) in q.chunks_mut(BLOCK).zip(sums) {
+            for q in block {
+                *q = of(row);
+                for k in 0..4 {
+                    sum[k] += p[row][k] * q[k];
                 }
+                row += 1;
             }
-        },
-    );
+        }
+    });
     total(&sums)
 }
 
@@ -196,7 +194,7 @@ pub(crate) fn products(a: &[[f32; 4]], b: &[[f32; 4]]) -> [f64; 4] {
 /// The sums of so many rows, by columns.
 fn sum_rows(rows: usize, of: impl Fn(usize) -> [f32; 4] + Sync) -> [f64; 4] {
     let mut sums = block_sums(rows);
-    sums.par_chunks_mut(CHUNK / BLOCK).enumerate().for_each(|(chunk, sums)| {
+    threads::for_each(sums.chunks_mut(CHUNK / BLOCK).enumerate(), |(chunk, sums)| {
         for (sum, block) in sums.iter_mut().zip(chunk * (CHUNK / BLOCK)..) {
             for row in block * BLOCK..rows.min((block + 1) * BLOCK) {
                 let row = of(row);

@@ -1,7 +1,6 @@
 //! Bilateral filtering of normals: flat parts become flat, edges remain.
 
-use rayon::prelude::*;
-
+use crate::kernels::threads;
 use crate::vector::{Vec3, add, area_vector, dot, narrow, norm, scale, sub, triangle, unit, widen};
 use crate::{Topology, TriMesh};
 
@@ -91,20 +90,20 @@ impl NormalFilter {
             };
             near.iter().map(weight).collect::<Vec<_>>()
         };
-        let around: Vec<Vec<(usize, f64)>> = (0..faces.len()).into_par_iter().map(around).collect();
+        let around: Vec<Vec<(usize, f64)>> = threads::map(faces.len(), around);
         let mut normals: Vec<Vec3> = areas.iter().map(|&area| unit(area)).collect();
         let spread = 2.0 * f64::from(self.spread).powi(2);
         for _ in 0..self.rounds {
-            let mean = |(face, near): (usize, &Vec<(usize, f64)>)| {
+            let mean = |face: usize| {
                 let own = normals[face];
-                let sum = near.iter().fold([0.0; 3], |sum, &(other, weight)| {
+                let sum = around[face].iter().fold([0.0; 3], |sum, &(other, weight)| {
                     let apart = sub(own, normals[other]);
                     let weight = weight * (-dot(apart, apart) / spread).exp();
                     add(sum, scale(normals[other], weight))
                 });
                 unit(sum)
             };
-            normals = around.par_iter().enumerate().map(mean).collect();
+            normals = threads::map(faces.len(), mean);
         }
         normals
     }
