@@ -60,8 +60,9 @@ impl ConjugateGradients {
         tolerance: f64,
         max_iterations: usize,
     ) -> SolveReport {
+        let mut iterate = || self.iterate(system, b, x, tolerance, max_iterations);
         // On a thread of the pool, lest each pass over the rows wakes one.
-        threads::on_one(|| self.iterate(system, b, x, tolerance, max_iterations))
+        if b.len() > CHUNK { threads::on_one(iterate) } else { iterate() }
     }
 
     fn iterate<S: SymmetricSystem, const K: usize>(

@@ -15,7 +15,11 @@ pub(crate) fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T
 /// Calls `f` with each of these parts.
 pub(crate) fn for_each<T: Send>(parts: impl Iterator<Item = T>, f: impl Fn(T) + Sync + Send) {
     #[cfg(feature = "rayon")]
-    parts.collect::<Vec<_>>().into_par_iter().for_each(f);
+    match parts.collect::<Vec<_>>() {
+        // Another thread would have to wake for it.
+        one if one.len() < 2 => one.into_iter().for_each(f),
+        parts => parts.into_par_iter().for_each(f),
+    }
     #[cfg(not(feature = "rayon"))]
     parts.for_each(f);
 }

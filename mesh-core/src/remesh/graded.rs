@@ -9,7 +9,7 @@ use crate::{Topology, TriMesh};
 
 /// Shares of the lengths that are aimed at, one after the other: edges that are collapsed a few at a time stay even.
 const STAGES: [f64; 5] = [0.3, 0.45, 0.65, 1.0, 1.0];
-/// What faces must be after a collapse.
+/// What faces must be after a collapse: no angle below 0.2.
 const BOUNDS: Bounds = Bounds { facing: 0.3, smallest: 0.202_710_035_508_672_5, share: 1.0 };
 
 /// Takes edges out of a closed mesh until they are about as long as `lengths`, one for each vertex, asks around there: short

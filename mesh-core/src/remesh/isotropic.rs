@@ -32,7 +32,7 @@ pub struct Remeshed {
 /// Faces that are aimed at, at most.
 const MOST_FACES: f64 = 2e7;
 
-/// What faces must be after a collapse.
+/// What faces must be after a collapse: no angle below 0.2.
 const BOUNDS: Bounds = Bounds { facing: 0.5, smallest: 0.202_710_035_508_672_5, share: 1.0 };
 
 /// Gives a closed mesh new triangles, all nearly equilateral and of one size, on the same surface.
