@@ -15,7 +15,7 @@ pub(crate) trait SymmetricSystem: Send + Sync {
     /// `q = A p`; gives the sums of `p q`, by columns.
     fn multiply(&self, p: &[[f32; 4]], q: &mut [[f32; 4]]) -> [f64; 4];
 
-    /// Looks at all of a residual, where rows of its own do not tell how to precondition each.
+    /// Looks at all of a residual, where a row alone does not tell how to precondition it.
     fn prepare(&mut self, _residual: &[[f32; 4]]) {}
 
     /// Row of `z ≈ A⁻¹ r`, from that of the residual `r` last prepared for.

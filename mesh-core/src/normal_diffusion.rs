@@ -47,7 +47,7 @@ impl NormalDiffusion {
     /// face without area has the normal of its neighbours, or zero. Nothing passes through borders, and edges of more than two faces.
     ///
     /// # Cost
-    /// Some `3 · reach` passes over the faces a round, at most 300, which is what a reach of 100 needs: 10 ms for 20,000 faces and a reach of 30. One thread.
+    /// Some `3 · reach` passes over the faces a round, at most 300, which is what a reach of 100 needs: 10 ms for 20,000 faces and a reach of 30. The passes are on all threads.
     ///
     /// # Panics
     /// If `reach` is not above 0, a face names a vertex that does not exist, or `trust` has not one value a face.

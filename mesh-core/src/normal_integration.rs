@@ -31,7 +31,7 @@ use crate::conjugate_gradients::{ConjugateGradients, SymmetricSystem, products};
 /// dents go that are some `1 / √h` faces wide.
 ///
 /// # Cost
-/// At most 300 passes over the faces; 20 ms for 20,000 of them. One thread.
+/// At most 300 passes over the faces; 20 ms for 20,000 of them. The sums over faces are on one thread.
 ///
 /// # Panics
 /// If arrays have not these lengths.

@@ -31,7 +31,7 @@ pub(super) struct Lattice {
     pub(super) step: f32,
     /// Width of a pixel at the middle, in the mean over the views.
     pub(super) pixel: f32,
-    /// Distance to the hull's surface: the largest over the views.
+    /// Distance to the hull's surface: the largest over the views; farther off than [`NEAR`] some number beyond that.
     pub(super) distance: Vec<f32>,
     /// The same, where what one view sees alone counts less: what tunnels are judged by.
     pub(super) agreed: Vec<f32>,

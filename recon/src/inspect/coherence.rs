@@ -76,12 +76,11 @@ impl Outlines<'_> {
     /// The mean gap over all outlines, of at most so many places on each. Where it is sure to be more than `most` some number above that.
     pub(super) fn mean_gap(&self, places: usize, most: f64) -> f64 {
         let count: usize = self.views.iter().map(|view| view.outline(places).len()).sum();
-        let views: Vec<usize> = (0..self.views.len()).collect();
         let mut sum = 0.0;
-        for some in views.chunks(AT_ONCE) {
-            let gaps =
-                |&k: &usize| self.gaps(k, places).map(|(gap, _)| f64::from(gap)).sum::<f64>();
-            let sums: Vec<f64> = some.par_iter().map(gaps).collect();
+        for first in (0..self.views.len()).step_by(AT_ONCE) {
+            let some = first..self.views.len().min(first + AT_ONCE);
+            let gaps = |k: usize| self.gaps(k, places).map(|(gap, _)| f64::from(gap)).sum::<f64>();
+            let sums: Vec<f64> = some.into_par_iter().map(gaps).collect();
             sum = sums.iter().fold(sum, |sum, more| sum + more);
             // No gap is negative.
             if sum > most * count as f64 {
@@ -116,7 +115,7 @@ impl Outlines<'_> {
     /// The gap at each place of a view's outline, and the view that leaves it.
     fn gaps(&self, k: usize, places: usize) -> impl Iterator<Item = (f32, Option<usize>)> {
         let others = self.others(k);
-        self.views[k].outline(places).into_iter().map(move |place| {
+        self.views[k].outline(places).map(move |place| {
             let (depth, by) = self.deepest(k, place, &others, 0.0);
             (depth.clamp(0.0, MOST_GAP), by)
         })

@@ -112,7 +112,7 @@ impl Silhouette {
     }
 
     /// Places on the outline, at most so many, evenly spread.
-    pub(super) fn outline(&self, most: usize) -> Vec<[f64; 2]> {
+    pub(super) fn outline(&self, most: usize) -> impl ExactSizeIterator<Item = [f64; 2]> {
         spread(&self.outline, most)
     }
 
@@ -131,7 +131,7 @@ impl Silhouette {
             .filter(|(_, d)| inside(d))
             .map(|(k, _)| [(k % w) as f64 + 0.5, (k / w) as f64 + 0.5])
             .collect();
-        (found.len(), spread(&found, most))
+        (found.len(), spread(&found, most).collect())
     }
 }
 
@@ -154,9 +154,9 @@ fn outline(distance: &[i8], h: usize, w: usize) -> Vec<[f64; 2]> {
     found
 }
 
-fn spread(found: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
+fn spread(found: &[[f64; 2]], most: usize) -> impl ExactSizeIterator<Item = [f64; 2]> {
     let count = found.len().min(most);
-    (0..count).map(|k| found[(2 * k + 1) * found.len() / (2 * count)]).collect()
+    (0..count).map(move |k| found[(2 * k + 1) * found.len() / (2 * count)])
 }
 
 fn rows(camera: &Camera) -> [[f64; 4]; 3] {
