@@ -3,7 +3,7 @@
 //! `cargo run --release -p unsphere-studies --example refinement -- weights/img2mesh.safetensors [KEY=VALUE ..]`: one line for
 //! each way to a mesh, of the objects for validation that the weights' configuration makes. `data=FOLDER` scores objects of a
 //! dataset, `split=test` those to test on, `views=N` gives so many views (5); `learning-rate`, `smoothness`, `bending`,
-//! `tolerance`, `vertices` and `thin-parts` are tried instead of img2mesh's own, `steps=50,150` one after the other; `fit=false` leaves `fit` out.
+//! `tolerance`, `vertices`, `symmetry` and `thin-parts` are tried instead of img2mesh's own, `steps=50,150` one after the other; `fit=false` leaves `fit` out.
 
 use std::error::Error;
 use std::io::Write;
@@ -55,6 +55,7 @@ fn order(arguments: &[String]) -> Result<Order, Box<dyn Error>> {
             "bending" => order.refine.bending = value.parse()?,
             "tolerance" => order.refine.tolerance = value.parse()?,
             "thin-parts" => order.refine.thin_parts = value.parse()?,
+            "symmetry" => order.refine.symmetry = value.parse()?,
             "vertices" => order.refine.vertices = value.parse()?,
             "fit" => order.fit = value.parse()?,
             _ => return Err(format!("no option called {key}").into()),

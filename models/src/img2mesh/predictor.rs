@@ -25,9 +25,9 @@ impl Predictor for Img2Mesh {
 
     const REFINE: usize = 100;
 
-    /// Of what views say nothing the network knows more than their hull.
+    /// Of what views say nothing the network knows more than their hull, and their mirror images more than the network.
     fn refinement(steps: usize) -> RefineConfig {
-        RefineConfig { steps, tolerance: 0.0, ..RefineConfig::default() }
+        RefineConfig { steps, tolerance: 0.0, symmetry: true, ..RefineConfig::default() }
     }
 
     fn input(_: &Img2MeshConfig) -> String {

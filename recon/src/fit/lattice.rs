@@ -17,6 +17,8 @@ const COARSE: usize = 48;
 const AIR: usize = 4;
 /// Distances in perspective change by a little more than the way: distances are in units of the middle's pixels.
 const SLACK: f32 = 1.3;
+/// Points no further outside of the hull than this, in steps, may hold some of the object.
+const ALLOWED: f32 = 0.3;
 /// How much further from a mask's edge a point must be seen by one view alone than by two to be as far outside, in points.
 const ALONE: f32 = 1.5;
 
@@ -129,6 +131,77 @@ impl Lattice {
 
     fn at(&self, point: [usize; 3]) -> [f32; 3] {
         std::array::from_fn(|k| self.origin[k] + self.step * point[k] as f32)
+    }
+
+    /// For pixels of a mask, so many that no point of the lattice is passed by, the points nearest to the pixel's ray that may hold some of the
+    /// object: those at most [`ALLOWED`] outside of the hull.
+    pub(super) fn cast(
+        &self,
+        target: &Target,
+        placement: &Placement,
+        mut visit: impl FnMut(&[usize]),
+    ) {
+        let pixels = target.pixels_per_unit(target.project([0.0; 3])[2]);
+        let stride = ((0.5 * self.step * pixels) as usize).max(1);
+        let mut on_ray = Vec::new();
+        for y in (0..target.height).step_by(stride) {
+            for x in (0..target.width).step_by(stride) {
+                if target.in_mask(y * target.width + x) {
+                    self.walk(target, placement, [x as f64 + 0.5, y as f64 + 0.5], &mut on_ray);
+                    on_ray.retain(|&slot| self.distance[slot] < ALLOWED);
+                    visit(&on_ray);
+                }
+            }
+        }
+    }
+
+    /// The points nearest to the ray through a place of the box, in order.
+    fn walk(
+        &self,
+        target: &Target,
+        placement: &Placement,
+        [column, row]: [f64; 2],
+        out: &mut Vec<usize>,
+    ) {
+        out.clear();
+        let ray = target.camera().ray(column, row);
+        // In steps of the lattice from its first point.
+        let scale = 1.0 / (placement.radius * f64::from(self.step));
+        let step = f64::from(self.step);
+        let origin: [f64; 3] = std::array::from_fn(|k| {
+            (ray.origin[k] - placement.center[k]) * scale - f64::from(self.origin[k]) / step
+        });
+        let norm = (0..3).map(|k| ray.direction[k].powi(2)).sum::<f64>().sqrt();
+        let direction: [f64; 3] = std::array::from_fn(|k| ray.direction[k] / norm);
+        let (mut near, mut far) = (0.0_f64, f64::INFINITY);
+        for k in 0..3 {
+            let last = (self.dims[k] - 1) as f64;
+            if direction[k].abs() < 1e-12 {
+                if !(0.0..=last).contains(&origin[k]) {
+                    return;
+                }
+                continue;
+            }
+            let [a, b] = [-origin[k] / direction[k], (last - origin[k]) / direction[k]];
+            near = near.max(a.min(b));
+            far = far.min(a.max(b));
+        }
+        if !(near.is_finite() && far.is_finite()) {
+            return;
+        }
+        let [nx, ny, _] = self.dims;
+        let mut along = near;
+        while along <= far {
+            let at: [usize; 3] = std::array::from_fn(|k| {
+                let x = (origin[k] + along * direction[k]).round().max(0.0) as usize;
+                x.min(self.dims[k] - 1)
+            });
+            let slot = (at[2] * ny + at[1]) * nx + at[0];
+            if out.last() != Some(&slot) {
+                out.push(slot);
+            }
+            along += 0.5;
+        }
     }
 
     /// How far apart neighbours are in the arrays.

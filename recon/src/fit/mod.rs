@@ -58,6 +58,7 @@ mod hull;
 mod inflation;
 mod kuhn;
 mod lattice;
+mod mirror;
 mod order;
 mod outline;
 mod photometric;
@@ -74,6 +75,7 @@ mod solid;
 mod start;
 mod stepper;
 mod stereo;
+mod symmetry;
 mod target;
 mod texture;
 

@@ -19,7 +19,7 @@ const LONGEST: usize = 96;
 const FINEST: f32 = 1.0;
 /// How far the object may reach, in halves of the prediction's longest side.
 const ROOM: f64 = 1.4;
-/// Points no further outside of the hull than this, in steps, may hold some of the object.
+/// A ray with nothing of the prediction nearer than this, in steps, asks for some.
 const ALLOWED: f32 = 0.3;
 /// How far beyond the nearest point that a pixel asks for is added, in steps.
 const MARGIN: f32 = 0.5;
@@ -163,73 +163,15 @@ fn asked(
     let found: Vec<Vec<usize>> = targets
         .par_iter()
         .map(|target| {
-            let pixels = target.pixels_per_unit(target.project([0.0; 3])[2]);
-            let stride = ((0.5 * lattice.step * pixels) as usize).max(1);
-            let (mut found, mut on_ray) = (Vec::new(), Vec::new());
-            for y in (0..target.height).step_by(stride) {
-                for x in (0..target.width).step_by(stride) {
-                    if !target.in_mask(y * target.width + x) {
-                        continue;
-                    }
-                    walk(lattice, target, placement, [x as f64 + 0.5, y as f64 + 0.5], &mut on_ray);
-                    on_ray.retain(|&slot| lattice.distance[slot] < ALLOWED);
-                    let nearest = on_ray.iter().map(|&s| prior[s]).fold(f32::INFINITY, f32::min);
-                    if nearest >= ALLOWED {
-                        found.extend(on_ray.iter().filter(|&&s| prior[s] <= nearest + MARGIN));
-                    }
+            let mut found = Vec::new();
+            lattice.cast(target, placement, |on_ray| {
+                let nearest = on_ray.iter().map(|&s| prior[s]).fold(f32::INFINITY, f32::min);
+                if nearest >= ALLOWED {
+                    found.extend(on_ray.iter().filter(|&&s| prior[s] <= nearest + MARGIN));
                 }
-            }
+            });
             found
         })
         .collect();
     found.concat()
-}
-
-/// The points of the lattice nearest to the ray through a place of the box, in order.
-fn walk(
-    lattice: &Lattice,
-    target: &Target,
-    placement: &Placement,
-    [column, row]: [f64; 2],
-    out: &mut Vec<usize>,
-) {
-    out.clear();
-    let ray = target.camera().ray(column, row);
-    // In steps of the lattice from its first point.
-    let scale = 1.0 / (placement.radius * f64::from(lattice.step));
-    let step = f64::from(lattice.step);
-    let origin: [f64; 3] = std::array::from_fn(|k| {
-        (ray.origin[k] - placement.center[k]) * scale - f64::from(lattice.origin[k]) / step
-    });
-    let norm = (0..3).map(|k| ray.direction[k].powi(2)).sum::<f64>().sqrt();
-    let direction: [f64; 3] = std::array::from_fn(|k| ray.direction[k] / norm);
-    let (mut near, mut far) = (0.0_f64, f64::INFINITY);
-    for k in 0..3 {
-        let last = (lattice.dims[k] - 1) as f64;
-        if direction[k].abs() < 1e-12 {
-            if !(0.0..=last).contains(&origin[k]) {
-                return;
-            }
-            continue;
-        }
-        let [a, b] = [-origin[k] / direction[k], (last - origin[k]) / direction[k]];
-        near = near.max(a.min(b));
-        far = far.min(a.max(b));
-    }
-    if !(near.is_finite() && far.is_finite()) {
-        return;
-    }
-    let [nx, ny, _] = lattice.dims;
-    let mut along = near;
-    while along <= far {
-        let at: [usize; 3] = std::array::from_fn(|k| {
-            let x = (origin[k] + along * direction[k]).round().max(0.0) as usize;
-            x.min(lattice.dims[k] - 1)
-        });
-        let slot = (at[2] * ny + at[1]) * nx + at[0];
-        if out.last() != Some(&slot) {
-            out.push(slot);
-        }
-        along += 0.5;
-    }
 }

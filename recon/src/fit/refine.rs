@@ -13,6 +13,7 @@ use super::grading::{Graded, graded};
 use super::prior::Prior;
 use super::shape::Shape;
 use super::sight::Photographed;
+use super::symmetry::mirrored;
 use super::target::Target;
 use super::{MARGIN, check, color, settle};
 
@@ -38,6 +39,9 @@ train::options! {
         pub mask_blur: f32 = 1.0, in 0.0..=16.0;
         /// Whether thin parts and gaps get back what the blur takes of them; see [`FitConfig::thin_parts`].
         pub thin_parts: bool = true;
+        /// Whether each view counts twice where the mesh is nearly its own mirror image in a plane and the masks allow that of the object: as it
+        /// is, and for the other side.
+        pub symmetry: bool = false;
     }
 }
 
@@ -49,6 +53,9 @@ train::options! {
 /// surface of that has as many holes as mesh and masks have together; from there on it is [`fit`](super::fit). Thin sheets may be left with
 /// some self-intersections. What no view shows keeps its shape. A part that masks show and the mesh lacks stays apart from the rest where
 /// the hull has nothing in between.
+///
+/// With [`symmetry`](RefineConfig::symmetry) a side that no view shows is that of its mirror image, in shape and colours, if the mesh nearly
+/// is one: as cars, airplanes, chairs and their predictions are. The plane is found on the mesh; what the masks do not allow is left.
 ///
 /// ```
 /// use mesh_core::primitives;
@@ -73,7 +80,7 @@ train::options! {
 ///
 /// # References
 /// Leung, Ho, Vasconcelos 2021, *Black-box test-time shape refinement for single view 3D reconstruction* (REFINE), for the
-/// refinement of predictions by their silhouettes. Kutulakos and Seitz 2000, *A theory of shape by space carving*.
+/// refinement of predictions by their silhouettes. Thrun and Wegbreit 2005, *Shape from symmetry*. Kutulakos and Seitz 2000, *A theory of shape by space carving*.
 pub fn refine(mesh: &TriMesh, views: &[View], config: &RefineConfig) -> Result<TriMesh, FitError> {
     let problems = config.out_of_range();
     if !problems.is_empty() {
@@ -90,8 +97,12 @@ pub fn refine(mesh: &TriMesh, views: &[View], config: &RefineConfig) -> Result<T
     let frame = frame(mesh)?;
     let (center, radius) = frame;
     let blur = Blur { sigma: config.mask_blur, keeps_thin: config.thin_parts };
+    let measure = |view: &View| Target::new(view, blur, config.reach, MARGIN);
+    let mirrored =
+        if config.symmetry { mirrored(mesh, frame, &seen, &measure) } else { Vec::new() };
+    let mirrored: Vec<&View> = mirrored.iter().collect();
     let mut targets: Vec<Target> =
-        seen.iter().filter_map(|view| Target::new(view, blur, config.reach, MARGIN)).collect();
+        seen.iter().chain(&mirrored).copied().filter_map(measure).collect();
     let inside =
         |p: &[f32; 3]| std::array::from_fn(|k| ((f64::from(p[k]) - center[k]) / radius) as f32);
     let positions = mesh.positions.iter().map(inside).collect();
@@ -106,9 +117,16 @@ pub fn refine(mesh: &TriMesh, views: &[View], config: &RefineConfig) -> Result<T
     // What cannot be mended stays: whoever asks for the mesh's health hears of it.
     let _ = untangle(&mut positions, &faces, &topology);
     let before = guess.colors.as_ref().map(|colors| closest_colors(&guess, colors, &positions));
-    let photographed = Photographed::new(&seen, &targets, &positions, &faces);
-    let even = Exposure::even(seen.len());
-    let colors = color::vertex_colors(&photographed, &topology, &even, before.as_deref());
+    let colored = |views: &[&View], targets: &[Target], before: Option<&[[f32; 3]]>| {
+        let photographed = Photographed::new(views, targets, &positions, &faces);
+        color::vertex_colors(&photographed, &topology, &Exposure::even(views.len()), before)
+    };
+    let (own, others) = targets.split_at(seen.len());
+    let before = match mirrored.as_slice() {
+        [] => before,
+        mirrored => Some(colored(mirrored, others, before.as_deref())),
+    };
+    let colors = colored(&seen, own, before.as_deref());
     let world = positions
         .iter()
         .map(|p| std::array::from_fn(|k| (center[k] + radius * f64::from(p[k])) as f32))
@@ -258,5 +276,30 @@ mod tests {
         assert!(before < 0.5 && after > 0.97, "{before} to {after}");
         let ratio = along(&refined) / along(&guess);
         assert!((0.9..1.1).contains(&ratio), "{ratio} times as deep");
+    }
+
+    /// A body with wings, of which the guess has none; all views are from one side, so that the body hides most of the other wing.
+    #[test]
+    fn what_one_side_shows_the_other_has() {
+        let mut guess = primitives::cuboid([0.5, 0.4, 1.2]).colored([0.6; 3]);
+        let cabin = primitives::icosphere(3).scaled([0.2, 0.3, 0.4]).colored([0.6; 3]);
+        guess.append(&cabin.translated([0.0, 0.2, 0.2])).unwrap();
+        let mut object = guess.clone();
+        for x in [-0.5, 0.5] {
+            let wing = primitives::cuboid([0.7, 0.08, 0.3]).colored([0.8, 0.1, 0.1]);
+            object.append(&wing.translated([x, -0.1, -0.2])).unwrap();
+        }
+        let from = |azimuth: f64| {
+            let eye = [-2.5 * azimuth.cos(), 0.2, 2.5 * azimuth.sin()];
+            mesh_core::Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 0.7, 96, 96)
+        };
+        let cameras = [-0.9, -0.3, 0.4].map(from);
+        let given = render_views(&object, &cameras, &RenderOptions::default(), &|_, _| {}).unwrap();
+        let others = seen(&object, 9, 10.0);
+        let [without, with] = [false, true].map(|symmetry| {
+            let config = RefineConfig { symmetry, ..RefineConfig::default() };
+            iou(&refine(&guess, &given, &config).unwrap(), &others)
+        });
+        assert!(with > without + 0.015 && with > 0.895, "{without} to {with}");
     }
 }
