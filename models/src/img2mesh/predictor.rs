@@ -27,7 +27,13 @@ impl Predictor for Img2Mesh {
 
     /// Of what views say nothing the network knows more than their hull, and their mirror images more than the network.
     fn refinement(steps: usize) -> RefineConfig {
-        RefineConfig { steps, tolerance: 0.0, symmetry: true, ..RefineConfig::default() }
+        RefineConfig {
+            steps,
+            tolerance: -0.01,
+            smoothness: 4.0,
+            symmetry: true,
+            ..RefineConfig::default()
+        }
     }
 
     fn input(_: &Img2MeshConfig) -> String {
