@@ -25,6 +25,9 @@ pub trait MeshInit: Module<f32> + Debug + Send + Sync + Sized + 'static {
     const TRAINING: &'static str;
     /// Steps of refinement where a user says nothing of it; see [`Predictor::REFINE`](crate::predict::Predictor::REFINE).
     const REFINE: usize = 0;
+    /// Whether both sides of an object are refined by its image; see [`RefineConfig::symmetry`](recon::fit::RefineConfig::symmetry). Meshes that are
+    /// most often far from the object are their own mirror image in a plane that is not the object's.
+    const SYMMETRY: bool = false;
     /// What its system does, in one sentence.
     const ABOUT: &'static str;
 

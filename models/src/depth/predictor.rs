@@ -7,6 +7,7 @@ use datasets::{ReadOptions, View, read_depth_file, read_disparity_file};
 use mesh_core::{DepthMap, Lens, TriMesh};
 use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
+use recon::fit::RefineConfig;
 use train::{DataError, PredictError, Subset};
 
 use super::canonical::Canonical;
@@ -21,6 +22,10 @@ impl<B: MeshInit> Predictor for Refined<B> {
     const ABOUT: &'static str = B::ABOUT;
     const TRAINING: &'static str = B::TRAINING;
     const REFINE: usize = B::REFINE;
+
+    fn refinement(steps: usize) -> RefineConfig {
+        RefineConfig { steps, symmetry: B::SYMMETRY, ..RefineConfig::default() }
+    }
 
     fn load(&self, request: &Request<'_>) -> Result<PredictInput, DataError> {
         let options = ReadOptions { depth: true, ..request.options.clone() };

@@ -52,6 +52,7 @@ impl MeshInit for Voxels {
     const ABOUT: &'static str = "One image, with or without depth, to a mesh through voxels";
     const TRAINING: &'static str = "`unsphere train mesh-rcnn -o runs/mine` trains one on procedural objects, in five minutes of one core";
     const REFINE: usize = 50;
+    const SYMMETRY: bool = true;
 
     type Config = VoxelConfig;
 
