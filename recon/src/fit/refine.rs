@@ -98,11 +98,13 @@ pub fn refine(mesh: &TriMesh, views: &[View], config: &RefineConfig) -> Result<T
     let (center, radius) = frame;
     let blur = Blur { sigma: config.mask_blur, keeps_thin: config.thin_parts };
     let measure = |view: &View| Target::new(view, blur, config.reach, MARGIN);
-    let mirrored =
-        if config.symmetry { mirrored(mesh, frame, &seen, &measure) } else { Vec::new() };
+    let mut targets: Vec<Target> = seen.iter().copied().filter_map(measure).collect();
+    let mirrored = if config.symmetry {
+        mirrored(mesh, frame, (&seen, &mut targets), &measure)
+    } else {
+        Vec::new()
+    };
     let mirrored: Vec<&View> = mirrored.iter().collect();
-    let mut targets: Vec<Target> =
-        seen.iter().chain(&mirrored).copied().filter_map(measure).collect();
     let inside =
         |p: &[f32; 3]| std::array::from_fn(|k| ((f64::from(p[k]) - center[k]) / radius) as f32);
     let positions = mesh.positions.iter().map(inside).collect();

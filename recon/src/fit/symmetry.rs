@@ -49,26 +49,31 @@ const STARTS: [[f64; 3]; 9] = [
 ];
 
 /// The views as the mirror image of the object would show them, in the plane in which the mesh is most nearly its own; none if the masks do
-/// not allow that plane. No other one is asked for: where an object has but one side, a plane along it may be allowed, and wrong.
+/// not allow that plane. `targets` are those of the views; those of the mirrored ones are added. No other one is asked for: where an object has but one side, a plane along it may be allowed, and wrong.
 pub(super) fn mirrored(
     mesh: &TriMesh,
     (center, radius): ([f64; 3], f64),
-    seen: &[&View],
+    (seen, targets): (&[&View], &mut Vec<Target>),
     measure: &(dyn Fn(&View) -> Option<Target> + Sync),
 ) -> Vec<View> {
     let Some(plane) = plane_of(mesh, center.into(), radius) else { return Vec::new() };
     let placement = Placement { center, radius, half_extent: ROOM * radius };
-    let mut targets: Vec<Target> = seen.iter().filter_map(|view| measure(view)).collect();
     let count = targets.len();
-    let most = lost(&mut targets, count, &placement) + LOST;
+    let most = lost(targets, count, &placement) + LOST;
     let tried = plane.of_coordinates(radius).into_iter().chain([plane]).map(|plane| {
         let views: Vec<View> = seen.iter().map(|view| plane.view(view)).collect();
         let mut all = targets.clone();
         all.extend(views.iter().filter_map(measure));
-        (lost(&mut all, count, &placement), views)
+        (lost(&mut all, count, &placement), views, all)
     });
     let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
-    best.filter(|(lost, _)| *lost <= most).map(|(_, views)| views).unwrap_or_default()
+    match best.filter(|(lost, ..)| *lost <= most) {
+        Some((_, views, all)) => {
+            *targets = all;
+            views
+        }
+        None => Vec::new(),
+    }
 }
 
 /// The plane in which a mesh is most nearly its own mirror image, if it is in any.
@@ -215,7 +220,9 @@ mod tests {
                 render_views(&car(fins), &orbit.cameras(), &RenderOptions::default(), &|_, _| {})
                     .unwrap();
             let seen: Vec<&View> = views.iter().collect();
-            assert_eq!(mirrored(&guess, ([0.0; 3], 0.75), &seen, &measure).len(), expected);
+            let mut targets: Vec<Target> = seen.iter().filter_map(|view| measure(view)).collect();
+            let found = mirrored(&guess, ([0.0; 3], 0.75), (&seen, &mut targets), &measure);
+            assert_eq!([found.len(), targets.len()], [expected, 5 + expected]);
         }
     }
 }
