@@ -80,7 +80,8 @@ train::options! {
 ///
 /// # References
 /// Leung, Ho, Vasconcelos 2021, *Black-box test-time shape refinement for single view 3D reconstruction* (REFINE), for the
-/// refinement of predictions by their silhouettes. Thrun and Wegbreit 2005, *Shape from symmetry*. Kutulakos and Seitz 2000, *A theory of shape by space carving*.
+/// refinement of predictions by their silhouettes. Thrun and Wegbreit 2005, *Shape from symmetry*. Kutulakos and Seitz 2000, *A theory of
+/// shape by space carving*.
 pub fn refine(mesh: &TriMesh, views: &[View], config: &RefineConfig) -> Result<TriMesh, FitError> {
     let problems = config.out_of_range();
     if !problems.is_empty() {

@@ -49,7 +49,9 @@ const STARTS: [[f64; 3]; 9] = [
 ];
 
 /// The views as the mirror image of the object would show them, in the plane in which the mesh is most nearly its own; none if the masks do
-/// not allow that plane. `targets` are those of the views; those of the mirrored ones are added. No other one is asked for: where an object has but one side, a plane along it may be allowed, and wrong.
+/// not allow that plane. No other plane is asked for: where an object has but one side, one along it may be allowed, and wrong.
+///
+/// `targets` are those of the views; those of the mirrored ones are added.
 pub(super) fn mirrored(
     mesh: &TriMesh,
     (center, radius): ([f64; 3], f64),
