@@ -151,13 +151,15 @@ impl ConjugateGradients {
             let blocks = x.chunks_mut(BLOCK).zip(r.chunks_mut(BLOCK));
             let blocks = blocks.zip(p.chunks(BLOCK).zip(q.chunks(BLOCK)));
             for (((x, r), (p, q)), sum) in blocks.zip(sums) {
+                let mut squares = [0.0; 4]; // in registers: nobody else could see it
                 for ((x, r), (p, q)) in x.iter_mut().zip(r).zip(p.iter().zip(q)) {
                     for k in 0..4 {
                         x[k] += step[k] * p[k];
                         r[k] -= step[k] * q[k];
-                        sum[k] += r[k] * r[k];
+                        squares[k] += r[k] * r[k];
                     }
                 }
+                *sum = squares;
             }
         });
         total(&sums)
@@ -175,13 +177,15 @@ pub(crate) fn multiply_rows(
     threads::for_each(chunks, |(chunk, (q, sums))| {
         let mut row = chunk * CHUNK;
         for (block, sum) in q.chunks_mut(BLOCK).zip(sums) {
-            for q in block {
+            let mut products = [0.0; 4];
+            for (q, p) in block.iter_mut().zip(&p[row..]) {
                 *q = of(row);
                 for k in 0..4 {
-                    sum[k] += p[row][k] * q[k];
+                    products[k] += p[k] * q[k];
                 }
                 row += 1;
             }
+            *sum = products;
         }
     });
     total(&sums)
@@ -197,12 +201,14 @@ fn sum_rows(rows: usize, of: impl Fn(usize) -> [f32; 4] + Sync) -> [f64; 4] {
     let mut sums = block_sums(rows);
     threads::for_each(sums.chunks_mut(CHUNK / BLOCK).enumerate(), |(chunk, sums)| {
         for (sum, block) in sums.iter_mut().zip(chunk * (CHUNK / BLOCK)..) {
+            let mut rest = [0.0; 4];
             for row in block * BLOCK..rows.min((block + 1) * BLOCK) {
                 let row = of(row);
                 for k in 0..4 {
-                    sum[k] += row[k];
+                    rest[k] += row[k];
                 }
             }
+            *sum = rest;
         }
     });
     total(&sums)

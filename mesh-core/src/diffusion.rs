@@ -180,6 +180,7 @@ impl SymmetricSystem for Diffusion {
         }
     }
 
+    #[inline]
     fn precondition(&self, row: usize, residual: [f32; 4]) -> [f32; 4] {
         match &self.preconditioner {
             Preconditioner::Factor(_, solved) => solved[row],
