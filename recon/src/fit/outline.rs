@@ -12,8 +12,10 @@ use super::target::Target;
 /// Which way each edge runs in the first of its faces; fixed per topology.
 #[derive(Clone, Debug)]
 pub(super) struct Edges {
-    /// End points (the smaller index first) and the two faces.
-    edges: Vec<([u32; 2], [u32; 2])>,
+    /// End points, the smaller index first.
+    ends: Vec<[u32; 2]>,
+    /// The two faces of each: all of them are looked at in every view, the ends of few.
+    faces: Vec<[u32; 2]>,
     /// Whether the edge runs from its smaller to its larger index in its first face.
     forward: Vec<bool>,
 }
@@ -21,16 +23,16 @@ pub(super) struct Edges {
 impl Edges {
     /// The edges of a closed mesh.
     pub(super) fn new(topology: &Topology, faces: &[[u32; 3]]) -> Self {
-        let edges: Vec<_> =
-            topology.edges.iter().zip(&topology.edge_faces).map(|(&e, &f)| (e, f)).collect();
-        let forward = edges
+        let (ends, sides) = (topology.edges.clone(), topology.edge_faces.clone());
+        let forward = ends
             .iter()
-            .map(|&([a, b], [first, _])| {
+            .zip(&sides)
+            .map(|(&[a, b], &[first, _])| {
                 let f = faces[first as usize];
                 (0..3).any(|k| f[k] == a && f[(k + 1) % 3] == b)
             })
             .collect();
-        Self { edges, forward }
+        Self { ends, faces: sides, forward }
     }
 }
 
@@ -163,7 +165,7 @@ pub(super) fn borders(
             if axis == 0 { (target.height, target.width) } else { (target.width, target.height) };
         cross(edges, axis, lines, stride, scratch);
         walk(&scratch.sorted, |crossing, outward| {
-            let ends = edges.edges[crossing.edge as usize].0;
+            let ends = edges.ends[crossing.edge as usize];
             let (a, b) = (scratch.projected[ends[0] as usize], scratch.projected[ends[1] as usize]);
             let across = 1 - axis;
             let line = crossing.line as f32 + 0.5;
@@ -209,9 +211,9 @@ fn project(
         (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) < 0.0
     }));
     // Few edges are of it, here and there: written and overwritten, without a branch that would be guessed wrong.
-    contour.resize(edges.edges.len() + 1, 0);
+    contour.resize(edges.faces.len() + 1, 0);
     let mut count = 0;
-    for (e, (_, [f, g])) in edges.edges.iter().enumerate() {
+    for (e, [f, g]) in edges.faces.iter().enumerate() {
         contour[count] = e as u32;
         count += usize::from(front[*f as usize] != front[*g as usize]);
     }
@@ -229,7 +231,7 @@ fn cross(edges: &Edges, axis: usize, lines: usize, stride: usize, scratch: &mut 
     // The lines in the middle of each run of `stride`.
     let phase = stride / 2;
     for &e in &contour[..*contour_edges] {
-        let (ends, [first, _]) = edges.edges[e as usize];
+        let (ends, [first, _]) = (edges.ends[e as usize], edges.faces[e as usize]);
         let (a, b) = (projected[ends[0] as usize], projected[ends[1] as usize]);
         let upwards = b[across] > a[across];
         let (low, high) = if upwards { (a[across], b[across]) } else { (b[across], a[across]) };
