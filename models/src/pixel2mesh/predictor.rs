@@ -102,8 +102,8 @@ impl<D: Deformer> SingleView<D> {
 
     fn features(&self, picture: &Picture) -> Features {
         let tape = Tape::eval();
-        let [.., before, last] = maps(&self.encoder, self.images(&tape, &[picture]));
-        strongest(&[before, last])
+        let [.., last] = maps(&self.encoder, self.images(&tape, &[picture]));
+        strongest(&[last])
     }
 
     /// Puts the estimated camera in the place of the assumed one, and says so.

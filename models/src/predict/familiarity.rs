@@ -1,11 +1,15 @@
 //! How far what a prediction was made from is from what the system was trained on.
 //!
 //! A [`Familiarity`] is learned of the features of training objects, which a network's encoder gives, once the training is over. It
-//! knows the mean of each family and how features spread within and among families. The distance of an image is the relative
+//! knows the mean of each family and how features spread within it and among families. The distance of an image is the relative
 //! Mahalanobis distance of Ren et al. 2021, *A Simple Fix to Mahalanobis Distance for Improving Near-OOD Detection* (arXiv
 //! 2106.09022): the squared Mahalanobis distance to the nearest family (Lee et al. 2018, arXiv 1807.03888), less that to all families
 //! as one. What is unusual of every family alike, another texture or another light, is in both and falls out, but for what is like
 //! nothing at all; the rest may be below 0. Of one family only there is nothing to be relative to, and it is the former alone.
+//!
+//! There all families spread alike. Here each has a covariance of its own, three quarters of it that within all, as in the regularised
+//! discriminant analysis of Friedman 1989 (*Regularized Discriminant Analysis*, equations 15 and 18): chairs differ more among
+//! each other than buses do, and what is as far from a bus as chairs are from each other is no bus.
 //!
 //! A distance by itself says nothing: it is judged by those of the objects for validation.
 
@@ -21,8 +25,10 @@ use super::sighting::{Features, Sighting};
 const MOST_AXES: usize = 64;
 /// Training objects that a direction takes at least: of fewer its spread is chance.
 const OBJECTS_AN_AXIS: usize = 4;
-/// Objects that are looked at: more tell nothing new.
-const MOST_OBJECTS: usize = 1000;
+/// Objects that are looked at: a covariance for each of nine families takes as many.
+const MOST_OBJECTS: usize = 2000;
+/// The share of a family's covariance that is of that within all families.
+const SHARED: f64 = 0.75;
 /// What all covariances are drawn towards that of a ball: by so much.
 const SHRINKAGE: f64 = 0.1;
 /// Features that an encoder gives at most: of more the eigenvectors take minutes, and the axes a file's worth.
@@ -36,25 +42,24 @@ const CONSTANT: f64 = 1e-6;
 /// The names of its arrays.
 const AXES: &str = "familiarity.axes";
 const MIDDLE: &str = "familiarity.middle";
-const WITHIN: &str = "familiarity.within";
+const WHITENINGS: &str = "familiarity.whitenings";
 const FAMILIES: &str = "familiarity.families";
 const DISTANCES: &str = "familiarity.distances";
 
 /// What training objects look like to a network, and how far from that others are: the relative Mahalanobis distance of Ren et al.
 /// 2021 (arXiv 2106.09022), judged by those of objects for validation.
 ///
-/// Its `K` axes are turned and scaled such that features of all training objects have the covariance 1 along them, and those
-/// of one family a diagonal one.
+/// Its `K` axes are turned and scaled such that features of all training objects have the covariance 1 along them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Familiarity {
     /// `[K, D]` of `D` features.
     axes: DMatrix<f32>,
     /// Where the features' mean is along the axes: `[K]`.
     middle: DVector<f32>,
-    /// Variances within a family: `[K]`.
-    within: DVector<f32>,
     /// Means of families: `[C, K]`.
     families: DMatrix<f32>,
+    /// What gives each of them the covariance 1: lower triangles, `[C, K, K]`.
+    whitenings: Vec<DMatrix<f32>>,
     /// Distances of objects for validation, least first.
     distances: Vec<f32>,
 }
@@ -119,23 +124,20 @@ impl Familiarity {
         let directions = principal.eigenvectors.select_columns(&order[..count]);
         let places = values * &directions;
         let (means, deviations) = parted(&places, images, families);
-        // Axes along which the covariance of all is 1; among these, those of the covariance within families.
         let total = SymmetricEigen::new(shrunk(covariance(&places)));
         if total.eigenvalues.min() <= 0.0 {
             return None;
         }
         let scaled = DMatrix::from_diagonal(&total.eigenvalues.map(|x| x.sqrt().recip()));
         let whiten = total.eigenvectors * scaled;
-        let own =
-            SymmetricEigen::new(whiten.transpose() * shrunk(covariance(&deviations)) * &whiten);
-        let turn = whiten * own.eigenvectors;
-        let mut axes = (directions * &turn).transpose();
+        let whitenings = whitenings(&(deviations * &whiten), images, families)?;
+        let mut axes = (directions * &whiten).transpose();
         axes.column_iter_mut().zip(&scales).for_each(|(mut column, &scale)| column *= scale);
         Some(Self {
             middle: (&axes * mean.transpose()).cast(),
             axes: axes.cast(),
-            within: own.eigenvalues.map(|x| x.max(CONSTANT)).cast(),
-            families: (means * turn).cast(),
+            families: (means * whiten).cast(),
+            whitenings,
             distances: Vec::new(),
         })
     }
@@ -166,10 +168,10 @@ impl Familiarity {
             let place = &self.axes * DVector::from_column_slice(image) - &self.middle;
             let all = f64::from(place.norm_squared()).min(FORGIVEN * place.len() as f64);
             let all = if sums.len() > 1 { all } else { 0.0 };
-            for (sum, family) in sums.iter_mut().zip(self.families.row_iter()) {
-                let along = place.iter().zip(family.iter()).zip(&self.within);
-                let squares = along.map(|((x, mean), w)| f64::from((x - mean).powi(2) / w));
-                *sum += squares.sum::<f64>() - all;
+            let families = self.families.row_iter().zip(&self.whitenings);
+            for (sum, (mean, whitening)) in sums.iter_mut().zip(families) {
+                let own = whitening * (&place - mean.transpose());
+                *sum += f64::from(own.norm_squared()) - all;
             }
         }
         sums.into_iter().reduce(f64::min).unwrap_or(f64::NAN) / features.len() as f64
@@ -181,9 +183,11 @@ impl Familiarity {
         let mut state = State::new();
         state.insert(AXES, &[k, d], self.axes.transpose().as_slice());
         state.insert(MIDDLE, &[k], self.middle.as_slice());
-        state.insert(WITHIN, &[k], self.within.as_slice());
         let families = self.families.transpose();
         state.insert(FAMILIES, &[families.ncols(), k], families.as_slice());
+        let rows = |whitening: &DMatrix<f32>| whitening.transpose().as_slice().to_vec();
+        let rows: Vec<f32> = self.whitenings.iter().flat_map(rows).collect();
+        state.insert(WHITENINGS, &[families.ncols(), k, k], &rows);
         state.insert(DISTANCES, &[self.distances.len()], &self.distances);
         state
     }
@@ -193,50 +197,49 @@ impl Familiarity {
     /// # Errors
     /// If it says what cannot be.
     pub fn of(checkpoint: &Checkpoint<'_>) -> Result<Option<Self>, CheckpointError> {
-        let names = [AXES, MIDDLE, WITHIN, FAMILIES, DISTANCES];
+        let names = [AXES, MIDDLE, FAMILIES, WHITENINGS, DISTANCES];
         let arrays = names.map(|name| checkpoint.beside(name));
         if arrays.iter().all(Option::is_none) {
             return Ok(None);
         }
-        let [Some(axes), Some(middle), Some(within), Some(families), Some(distances)] = arrays
+        let [Some(axes), Some(middle), Some(families), Some(whitenings), Some(distances)] = arrays
         else {
             let expected = format!("all of {}", names.join(", "));
             return Err(checkpoint.wrong("familiarity", "incomplete", &expected));
         };
-        let shapes =
-            [&axes, &middle, &within, &families, &distances].map(|array| array.shape().to_vec());
-        let [axes_shape, [k], [w], families_shape, [q]] = shapes.each_ref().map(Vec::as_slice)
+        let shapes = [&axes, &middle, &families, &whitenings, &distances];
+        let shapes = shapes.map(|array| array.shape().to_vec());
+        let &[[rows, d], [k], [c, columns], [several, height, width], [q]] =
+            &shapes.each_ref().map(Vec::as_slice)
         else {
-            let expected = "shapes [K, D], [K], [K], [C, K], [N]";
+            let expected = "shapes [K, D], [K], [C, K], [C, K, K], [N]";
             return Err(checkpoint.wrong("familiarity", &format!("{shapes:?}"), expected));
         };
-        let (&[rows, d], &[c, columns]) = (axes_shape, families_shape) else {
-            let expected = "shapes [K, D], [K], [K], [C, K], [N]";
-            return Err(checkpoint.wrong("familiarity", &format!("{shapes:?}"), expected));
-        };
-        if [rows, columns, *w] != [*k; 3] || [*k, d, c, *q].contains(&0) {
-            let expected = "shapes [K, D], [K], [K], [C, K], [N], none of them empty";
+        if [rows, columns, height, width] != [k; 4] || several != c || [k, d, c, q].contains(&&0) {
+            let expected = "shapes [K, D], [K], [C, K], [C, K, K], [N], none of them empty";
             return Err(checkpoint.wrong("familiarity", &format!("{shapes:?}"), expected));
         }
+        let (&k, &d, &c) = (k, d, c);
+        let square = |rows: &[f32]| DMatrix::from_row_slice(k, k, rows);
         let found = Self {
-            axes: DMatrix::from_row_slice(*k, d, axes.as_slice()),
+            axes: DMatrix::from_row_slice(k, d, axes.as_slice()),
             middle: DVector::from_column_slice(middle.as_slice()),
-            within: DVector::from_column_slice(within.as_slice()),
-            families: DMatrix::from_row_slice(c, *k, families.as_slice()),
+            families: DMatrix::from_row_slice(c, k, families.as_slice()),
+            whitenings: whitenings.as_slice().chunks(k * k).map(square).collect(),
             distances: distances.as_slice().to_vec(),
         };
         if found.is_finite() {
             return Ok(Some(found));
         }
-        let expected = "finite numbers, variances above 0 and distances in order";
+        let expected = "finite numbers, diagonals above 0 and distances in order";
         Err(checkpoint.wrong("familiarity", "out of range", expected))
     }
 
     fn is_finite(&self) -> bool {
-        let numbers = self.axes.iter().chain(&self.middle).chain(&self.within);
-        let mut numbers = numbers.chain(&self.families).chain(&self.distances);
+        let numbers = self.axes.iter().chain(&self.middle).chain(&self.families);
+        let mut numbers = numbers.chain(self.whitenings.iter().flatten()).chain(&self.distances);
         numbers.all(|x| x.is_finite())
-            && self.within.iter().all(|&w| w > 0.0)
+            && self.whitenings.iter().all(|whitening| whitening.diagonal().min() > 0.0)
             && self.distances.is_sorted()
     }
 }
@@ -251,6 +254,23 @@ fn shrunk(covariance: DMatrix<f64>) -> DMatrix<f64> {
     let ball = SHRINKAGE * covariance.trace() / covariance.nrows() as f64;
     let (rows, columns) = covariance.shape();
     covariance * (1.0 - SHRINKAGE) + DMatrix::from_diagonal_element(rows, columns, ball)
+}
+
+/// What gives rows of each family the covariance 1, where rows are what they differ from their family's mean.
+fn whitenings(
+    rows: &DMatrix<f64>,
+    images: &[(usize, &[f32])],
+    families: usize,
+) -> Option<Vec<DMatrix<f32>>> {
+    let shared = covariance(rows) * SHARED;
+    let whitening = |family: usize| {
+        let own: Vec<usize> = (0..images.len()).filter(|&k| images[k].0 == family).collect();
+        let own = covariance(&rows.select_rows(&own)) * (1.0 - SHARED);
+        let triangle = shrunk(own + &shared).cholesky()?.unpack();
+        let identity = DMatrix::identity(triangle.nrows(), triangle.ncols());
+        Some(triangle.solve_lower_triangular(&identity)?.cast())
+    };
+    (0..families).map(whitening).collect()
 }
 
 /// The means of families, and what each row differs from its own.
@@ -348,7 +368,7 @@ mod tests {
             state
         };
         let k = sound.array::<f32>(MIDDLE).unwrap().len();
-        for name in [AXES, MIDDLE, WITHIN, FAMILIES, DISTANCES] {
+        for name in [AXES, MIDDLE, FAMILIES, WHITENINGS, DISTANCES] {
             let array = sound.array::<f32>(name).unwrap();
             let mut numbers = array.as_slice().to_vec();
             numbers[0] = f32::NAN;
@@ -358,7 +378,8 @@ mod tests {
         }
         refused(&with(AXES, &[k, 0], &[]), "shapes");
         refused(&with(FAMILIES, &[1, k + 1], &vec![0.0; k + 1]), "shapes");
-        refused(&with(WITHIN, &[k], &vec![0.0; k]), "variances above 0");
+        refused(&with(WHITENINGS, &[3, k, k + 1], &vec![0.0; 3 * k * (k + 1)]), "shapes");
+        refused(&with(WHITENINGS, &[3, k, k], &vec![0.0; 3 * k * k]), "diagonals above 0");
         refused(&with(DISTANCES, &[2], &[1.0, 0.0]), "in order");
         let mut alone = State::new();
         alone.insert(AXES, &[1, 1], &[1.0_f32]);
@@ -413,6 +434,24 @@ mod tests {
         let (own, textured, other) = (image(8, 0.0), image(8, 6.0), image(0, -4.0));
         assert!((textured.distance - own.distance).abs() < 0.2 * (other.distance - own.distance));
         assert!(other.quantile > 0.9 && own.quantile < 0.5, "{other:?} {own:?}");
+    }
+
+    /// What a wide family has within it is no part of a narrow one.
+    #[test]
+    fn each_family_has_a_spread_of_its_own() {
+        let (mut trained, validation) = (objects(2, 240, 1), objects(2, 40, 2));
+        for object in trained.iter_mut().filter(|object| object.family == "family 1") {
+            object.features.iter_mut().for_each(|image| image[8] *= 4.0);
+        }
+        let familiarity = Familiarity::learn(&trained, &validation).unwrap();
+        let off = |family: usize| {
+            let mut image = vec![0.0; WIDTH + 1];
+            image[family] = 4.0;
+            let own = familiarity.judge(&vec![image.clone()]).unwrap().distance;
+            image[8] = 6.0;
+            familiarity.judge(&vec![image]).unwrap().distance - own
+        };
+        assert!(off(0) > off(1) + 1.0, "narrow {}, wide {}", off(0), off(1));
     }
 
     #[test]
