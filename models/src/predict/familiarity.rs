@@ -7,9 +7,10 @@
 //! as one. What is unusual of every family alike, another texture or another light, is in both and falls out, but for what is like
 //! nothing at all; the rest may be below 0. Of one family only there is nothing to be relative to, and it is the former alone.
 //!
-//! There all families spread alike. Here each has a covariance of its own, three quarters of it that within all, as in the regularised
-//! discriminant analysis of Friedman 1989 (*Regularized Discriminant Analysis*, equations 15 and 18): chairs differ more among
-//! each other than buses do, and what is as far from a bus as chairs are from each other is no bus.
+//! There all families spread alike. Here each has a covariance of its own, drawn towards that within all families and towards a
+//! ball's, as in Friedman 1989, *Regularized Discriminant Analysis*: chairs differ more among each other than buses do, and what is
+//! as far from a bus as chairs are from each other is no bus. The logarithm of the determinant, which would make a density of it,
+//! is left out, for with it a wide family is far from everything.
 //!
 //! A distance by itself says nothing: it is judged by those of the objects for validation.
 
