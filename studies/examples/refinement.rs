@@ -1,9 +1,11 @@
-//! What refinement on the given views brings to predictions of img2mesh, beside `fit` with the same views.
+//! What refinement on the given views brings to predictions of img2mesh, beside `fit` with the same views, and to those of
+//! pixel2mesh on the one image.
 //!
 //! `cargo run --release -p unsphere-studies --example refinement -- weights/img2mesh.safetensors [KEY=VALUE ..]`: one line for
 //! each way to a mesh, of the objects for validation that the weights' configuration makes. `data=FOLDER` scores objects of a
 //! dataset, `split=test` those to test on, `views=N` gives so many views (5); `learning-rate`, `smoothness`, `bending`,
 //! `tolerance`, `vertices`, `symmetry` and `thin-parts` are tried instead of img2mesh's own, `steps=50,150` one after the other; `fit=false` leaves `fit` out.
+//! pixel2mesh is refined as any system is, by `steps`; it has no use for the rest but `data` and `split`.
 
 use std::error::Error;
 use std::io::Write;
@@ -13,14 +15,18 @@ use std::time::Instant;
 use datasets::{ReadOptions, Views};
 use mesh_core::TriMesh;
 use models::img2mesh::{Data, Group, Img2Mesh, Img2MeshConfig, evaluate_meshes};
+use models::paired::Pair;
+use models::pixel2mesh::{Pixel2Mesh, Scored};
 use models::predict::Predictor;
 use recon::fit::{FitConfig, RefineConfig, fit, refine};
 use recon::progress::Watch;
+use studies::pixel2mesh::refined;
 use train::{Checkpoint, DataError, Source, Subset, System};
 
 /// What is asked for.
 struct Order {
     data: Option<PathBuf>,
+    reading: ReadOptions,
     subset: Subset,
     views: usize,
     steps: Vec<usize>,
@@ -28,9 +34,17 @@ struct Order {
     fit: bool,
 }
 
+impl Order {
+    fn source(&self, seed: u64) -> Source<'_, ReadOptions> {
+        let path = self.data.as_deref();
+        Source { path, options: &self.reading, seed, progress: &|_, _| () }
+    }
+}
+
 fn order(arguments: &[String]) -> Result<Order, Box<dyn Error>> {
     let mut order = Order {
         data: None,
+        reading: ReadOptions::default(),
         subset: Subset::Validation,
         views: 5,
         steps: vec![Img2Mesh::REFINE],
@@ -83,6 +97,29 @@ fn line(
     Ok(())
 }
 
+/// The lines of pixel2mesh: as the network made it, and moved by the image's mask.
+fn of_one_image(checkpoint: &Checkpoint<'_>, order: &Order) -> Result<(), Box<dyn Error>> {
+    let (system, config) = checkpoint.load::<Pixel2Mesh>()?;
+    let data = Pixel2Mesh::open(&config.system, &order.source(config.train.seed))?;
+    let mut out = std::io::stdout().lock();
+    let mut line = |name: &str, scored: Scored| -> Result<(), Box<dyn Error>> {
+        write!(out, "{name:>24}")?;
+        for metric in scored.metrics() {
+            write!(out, "  {} {:.4}", metric.name, metric.value)?;
+        }
+        Ok(writeln!(out)?)
+    };
+    line("one pass", system.scored(&data, order.subset)?)?;
+    let views = system.shared().pairs.scored_views;
+    for &steps in &order.steps {
+        let options = RefineConfig { steps, ..RefineConfig::default() };
+        let moved = |pair: &Pair| refined(&system, pair, &options);
+        let scored = Scored::of(&data, (order.subset, views), moved)?;
+        line(&format!("refined, {steps} steps"), scored)?;
+    }
+    Ok(())
+}
+
 fn fitted(group: &Group) -> TriMesh {
     let config = FitConfig { hold_out: None, level: 4, ..FitConfig::default() };
     let fitted = fit(&Views::in_memory(group.given.clone()), &config, &mut Watch::default());
@@ -96,14 +133,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let order = order(rest)?;
     let checkpoint = Checkpoint::read(Path::new(weights))?;
+    if checkpoint.system()? == Pixel2Mesh::NAME {
+        return of_one_image(&checkpoint, &order);
+    }
     let (system, config) = checkpoint.load::<Img2Mesh>()?;
-    let source = Source {
-        path: order.data.as_deref(),
-        options: &ReadOptions::default(),
-        seed: config.train.seed,
-        progress: &|_, _| (),
-    };
-    let data = Img2Mesh::open(&config.system, &source)?;
+    let data = Img2Mesh::open(&config.system, &order.source(config.train.seed))?;
     let scored = (&data, &config.system);
     let predict = |group: &Group| system.predict(&group.given).map_err(DataError::unfit);
     line("one pass", scored, &order, predict)?;

@@ -69,7 +69,8 @@ pub(crate) struct Predict {
     #[arg(long, value_name = "VIEWS")]
     pub(crate) score: Option<PathBuf>,
     /// Steps of refinement: the predicted mesh is moved until its outlines agree with the given views, and takes their
-    /// colours. 0 leaves it as the network made it. Without it, 50 for img2mesh and 0 for the others.
+    /// colours. 0 leaves it as the network made it. Without it, 100 for img2mesh, 50 for
+    /// mesh-rcnn and 0 for the others.
     #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(..=10_000))]
     pub(crate) refine: Option<u32>,
     /// Also measure how long a prediction takes, and write it down: the median of five more.

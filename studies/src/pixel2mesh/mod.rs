@@ -8,7 +8,7 @@ mod retrieval;
 mod solvers;
 
 pub use memory::MemoryStudy;
-pub use object_frame::ObjectFrameStudy;
+pub use object_frame::{ObjectFrameStudy, refined};
 pub use planes::PlanesStudy;
 pub use solvers::SolversStudy;
 

@@ -97,7 +97,8 @@ impl Study for ObjectFrameStudy {
         work.tell(watch, 1.0, "refining")?;
         let refined = |system: &Pixel2Mesh| {
             let views = system.shared().pairs.scored_views;
-            Scored::of(&data, (Subset::Test, views), |pair| refined(system, pair))
+            let config = RefineConfig::default();
+            Scored::of(&data, (Subset::Test, views), |pair| refined(system, pair, &config))
         };
         let row = |label: &str, scored: &Scored| with_scores(Row::new(TABLE, label), &data, scored);
         let (_, pair) = data.trial(Subset::Test, 1, 0)?;
@@ -179,8 +180,15 @@ fn with_camera(row: Row, scored: &Scored) -> Row {
         .with(Cell::smaller("flips, %", 100.0 * scored.flips(), 1))
 }
 
-/// The scores of a mesh that was moved until its outline agrees with the image's mask.
-fn refined(system: &Pixel2Mesh, pair: &Pair) -> Result<(PointScores, Stats), DataError> {
+/// The scores of a mesh that was moved until its outline agrees with the image's mask, and the work that the mesh took.
+///
+/// # Errors
+/// If the mesh cannot be [refined](refine).
+pub fn refined(
+    system: &Pixel2Mesh,
+    pair: &Pair,
+    config: &RefineConfig,
+) -> Result<(PointScores, Stats), DataError> {
     let picture = &*pair.picture;
     let (mesh, stats, camera) = match system.seen(picture) {
         Ok(Seen::Told(mesh, stats)) => (mesh, stats, picture.camera.clone()),
@@ -189,7 +197,7 @@ fn refined(system: &Pixel2Mesh, pair: &Pair) -> Result<(PointScores, Stats), Dat
     };
     let view = datasets::View { camera, ..picture.view() };
     let world = picture.frame.mesh_in_world(mesh);
-    let world = refine(&world, &[view], &RefineConfig::default()).map_err(DataError::unfit)?;
+    let world = refine(&world, &[view], config).map_err(DataError::unfit)?;
     Ok((point_scores(&picture.frame.mesh_placed(&world), &pair.truth), stats))
 }
 
