@@ -151,7 +151,7 @@ impl ConjugateGradients {
             let blocks = x.chunks_mut(BLOCK).zip(r.chunks_mut(BLOCK));
             let blocks = blocks.zip(p.chunks(BLOCK).zip(q.chunks(BLOCK)));
             for (((x, r), (p, q)), sum) in blocks.zip(sums) {
-                let mut squares = [0.0; 4]; // in registers: nobody else could see it
+                let mut squares = [0.0; 4]; // in registers, where a reference into `sums` would not be
                 for ((x, r), (p, q)) in x.iter_mut().zip(r).zip(p.iter().zip(q)) {
                     for k in 0..4 {
                         x[k] += step[k] * p[k];

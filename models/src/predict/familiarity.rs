@@ -66,7 +66,7 @@ pub struct Familiarity {
 }
 
 impl Familiarity {
-    /// Learned from the data of a training: of at most 1000 objects that were trained on, and all for validation. Nothing where
+    /// Learned from the data of a training: of at most 2000 objects that were trained on, and all for validation. Nothing where
     /// the system has no features, or the data too few objects.
     ///
     /// # Errors
