@@ -135,3 +135,23 @@ fn the_citation_is_of_this_version() {
     let version = text(&published()[0].0, "version");
     assert!(citation.lines().any(|line| line == format!("version: {version}")));
 }
+
+#[test]
+fn cards_of_weights_name_no_folder_of_a_machine() {
+    let mut cards = 0;
+    for entry in fs::read_dir(root().join("weights")).unwrap() {
+        let path = entry.unwrap().path();
+        let card = if path.extension().is_some_and(|ending| ending == "safetensors") {
+            let bytes = fs::read(&path).unwrap();
+            let length = u64::from_le_bytes(*bytes.first_chunk().unwrap()) as usize;
+            let header: Value = serde_json::from_slice(&bytes[8..8 + length]).unwrap();
+            text(&header["__metadata__"], "card")
+        } else {
+            fs::read_to_string(&path).unwrap()
+        };
+        let word = card.split_whitespace().find(|word| word.starts_with('/') && word.len() > 1);
+        assert_eq!(word, None, "{}", path.display());
+        cards += usize::from(!card.is_empty());
+    }
+    assert!(cards >= 14, "a card inside of each file, and one beside it: {cards}");
+}
