@@ -252,7 +252,7 @@ fn note<'a>(names: &mut Vec<&'a str>, name: &'a str) {
 }
 
 fn quoted(name: &str) -> String {
-    if name.contains([',', '"', '\n']) {
+    if name.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", name.replace('"', "\"\""))
     } else {
         name.to_owned()
@@ -421,5 +421,20 @@ mod tests {
         let third = 1.0 / 3.0;
         assert_eq!(lines[1], format!("1,0,{},0.0001,2.5,0.5,0.1,{third},,", 0.1 + third));
         assert_eq!(lines[2], format!("2,0,{},0.0001,2.5,0.5,0.1,{third},0.75,NaN", 0.1 + third));
+    }
+
+    /// A carriage return alone ends a line for many readers.
+    #[test]
+    fn names_that_would_end_a_field_are_quoted() {
+        let quotes = [
+            ("a,b", "\"a,b\""),
+            ("a\"b", "\"a\"\"b\""),
+            ("a\nb", "\"a\nb\""),
+            ("a\rb", "\"a\rb\""),
+        ];
+        for (name, expected) in quotes {
+            assert_eq!(quoted(name), expected);
+        }
+        assert_eq!(quoted("mask iou"), "mask iou");
     }
 }

@@ -29,11 +29,18 @@ pub(super) struct StepGradient {
     pub(super) terms: Vec<(&'static str, f64)>,
     /// Euclidean norm of the gradients.
     pub(super) norm: f64,
+    /// What running statistics learned, shard by shard: to be applied where the step is taken.
+    updates: Vec<Updates>,
 }
 
 impl StepGradient {
     pub(super) fn loss(&self) -> f64 {
         self.terms.iter().map(|(_, value)| value).sum()
+    }
+
+    /// Moves the system's running statistics, in the order in which its shards were computed.
+    pub(super) fn update(&mut self, system: &mut impl System) {
+        self.updates.drain(..).for_each(|updates| updates.apply(system));
     }
 }
 
@@ -59,7 +66,7 @@ impl Tapes {
     /// If anything is not finite, or a loss has no value, here or in another process.
     pub(super) fn gradient<S: System>(
         &mut self,
-        system: &mut S,
+        system: &S,
         samples: &[S::Sample],
         (at, seed): (StepInfo, u64),
         ranks: &mut Ranks<'_>,
@@ -78,7 +85,7 @@ impl Tapes {
             let parts = self.parts(system, batch, at, seeds, total, meanwhile.take());
             let parts = ranks.together(parts)?;
             if ranks.is_alone() {
-                sum = accumulate(sum, system, parts);
+                sum = accumulate(sum, parts);
             } else {
                 sum = Some(self.exchange(sum, system, parts, ranks));
             }
@@ -125,7 +132,7 @@ impl Tapes {
     fn exchange<S: System>(
         &mut self,
         sum: Option<StepGradient>,
-        system: &mut S,
+        system: &S,
         parts: Vec<Part>,
         ranks: &mut Ranks<'_>,
     ) -> StepGradient {
@@ -136,9 +143,10 @@ impl Tapes {
             own.push(Message::new(system, &terms, &updates, absent));
         }
         let all: Vec<Message> = ranks.gather(&own).into_iter().flatten().collect();
-        let mut terms = sum.map(|sum| sum.terms);
+        let (mut terms, mut updates) =
+            sum.map(|sum| (Some(sum.terms), sum.updates)).unwrap_or_default();
         for message in &all {
-            message.updates(system, &self.of_shards[0]).apply(system);
+            updates.push(message.updates(system, &self.of_shards[0]));
             let values = names.iter().copied().zip(message.terms());
             match &mut terms {
                 None => terms = Some(values.collect()),
@@ -148,23 +156,21 @@ impl Tapes {
         let absent: Vec<Vec<usize>> = all.into_iter().map(|message| message.absent).collect();
         self.reduction.add(&self.share, &absent, ranks);
         let terms = terms.expect("a batch has shards");
-        StepGradient { gradients: self.of_shards[0].gradients(), terms, norm: 0.0 }
+        StepGradient { gradients: self.of_shards[0].gradients(), terms, norm: 0.0, updates }
     }
 }
 
 /// Adds what the shards of a batch computed, in their order.
-fn accumulate<S: System>(
-    mut sum: Option<StepGradient>,
-    system: &mut S,
-    parts: Vec<Part>,
-) -> Option<StepGradient> {
+fn accumulate(mut sum: Option<StepGradient>, parts: Vec<Part>) -> Option<StepGradient> {
     for Part { gradients, terms, updates } in parts {
-        updates.apply(system);
         match &mut sum {
-            None => sum = Some(StepGradient { gradients, terms, norm: 0.0 }),
+            None => {
+                sum = Some(StepGradient { gradients, terms, norm: 0.0, updates: vec![updates] });
+            }
             Some(sum) => {
                 sum.gradients.accumulate(&gradients);
                 add_terms(&mut sum.terms, terms.into_iter());
+                sum.updates.push(updates);
             }
         }
     }

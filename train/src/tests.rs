@@ -149,6 +149,31 @@ fn a_run_that_was_stopped_goes_on_as_if_it_had_not() {
     }
 }
 
+/// Running statistics stay as well: what is left out leaves no trace.
+#[test]
+fn a_step_that_is_left_out_changes_no_number() {
+    let place = tempfile::tempdir().unwrap();
+    let config = config(|c| {
+        (c.train.skip_spikes, c.train.shards, c.train.accumulate) = (Some(1.02), 2, 2);
+        (c.train.epochs, c.system.uneven) = (12, true);
+    });
+    let stopped = |name: &str, when: fn(&Event) -> bool| {
+        let folder = place.path().join(name);
+        run_in(&folder, &config, false, &mut on().until_event(when)).unwrap()
+    };
+    let after = stopped("after", |event| matches!(event, Event::Skipped { .. }));
+    assert_eq!(after.ended, Ended::Cancelled);
+    let steps = after.steps - 1;
+    let folder = place.path().join("before");
+    let mut stop =
+        on().until_event(|event| matches!(event, Event::Step(Step { step, .. }) if *step == steps));
+    let before = run_in(&folder, &config, false, &mut stop).unwrap();
+    assert_eq!(before.steps, steps);
+    assert_eq!(weights(&after.system), weights(&before.system));
+    let first = stopped("first", |event| matches!(event, Event::Step(_)));
+    assert_ne!(first.system.seen.as_slice(), [0.6; 3]);
+}
+
 /// A kill leaves an older checkpoint and a log that goes further, perhaps with half a line.
 #[test]
 fn a_run_that_was_killed_goes_on_as_if_it_had_not() {
@@ -235,7 +260,7 @@ fn a_number_that_is_none_is_traced() {
     let at = StepInfo { step: 5, epoch: 1 };
     let mut tapes = super::step::Tapes::new(super::share::Share::new(3, 1, [0, 1]));
     let mut alone = super::ranks::Ranks::new(&Solo);
-    let error = tapes.gradient(&mut spoiled, &samples, (at, 0), &mut alone, |_| ()).unwrap_err();
+    let error = tapes.gradient(&spoiled, &samples, (at, 0), &mut alone, |_| ()).unwrap_err();
     let TrainError::NotFinite(error) = error else { panic!("{error}") };
     assert_eq!(error.tensor, Tensor::Parameter("offsets.1".into()));
     assert_eq!((error.step, error.epoch), (5, 1));

@@ -12,13 +12,15 @@ const TOP: f64 = 34.0;
 const BOTTOM: f64 = 34.0;
 /// More points than this add bytes but nothing to see at the chart's width.
 const MOST_POINTS: usize = 400;
+/// The width of a range between larger numbers need not be one.
+const LARGEST: f64 = 1e300;
 
 /// One named line of a [`Chart`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
     /// The name in the legend.
     pub name: String,
-    /// The points `(x, y)`, in rising order of x. Those that are not finite are left out.
+    /// The points `(x, y)`, in rising order of x. Those that are not finite, or beyond 1e300, are left out.
     pub points: Vec<(f64, f64)>,
 }
 
@@ -101,9 +103,10 @@ impl Chart {
     }
 
     fn drawable(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+        let within = |v: f64| v.abs() <= LARGEST;
         points
             .iter()
-            .filter(|(x, y)| x.is_finite() && y.is_finite() && (!self.logarithmic || *y > 0.0))
+            .filter(|(x, y)| within(*x) && within(*y) && (!self.logarithmic || *y > 0.0))
             .map(|&(x, y)| (x, if self.logarithmic { y.log10() } else { y }))
             .collect()
     }
@@ -155,13 +158,13 @@ impl Frame {
             f.high = (f.high.0.max(x), f.high.1.max(y));
         }
         let mut frame = frame?;
-        // A level line still needs a height to be drawn in.
-        if frame.high.1 - frame.low.1 < 1e-12 {
-            frame.low.1 -= 0.5;
-            frame.high.1 += 0.5;
+        // A level line still needs a height to be drawn in, and a single point a width.
+        let (low, high) = (&mut frame.low, &mut frame.high);
+        if is_level(low.1, high.1) {
+            (low.1, high.1) = (low.1 - room(low.1, 0.5), high.1 + room(high.1, 0.5));
         }
-        if frame.high.0 - frame.low.0 < 1e-12 {
-            frame.high.0 += 1.0;
+        if is_level(low.0, high.0) {
+            high.0 += room(high.0, 1.0);
         }
         Some(frame)
     }
@@ -175,6 +178,16 @@ impl Frame {
     }
 }
 
+/// Whether a range is too narrow to be divided by.
+fn is_level(low: f64, high: f64) -> bool {
+    high - low < 1e-12 || high - low < 1e-12 * low.abs().max(high.abs())
+}
+
+/// So much beside a value, or more where that is less than the value's own precision.
+fn room(value: f64, least: f64) -> f64 {
+    least.max(1e-9 * value.abs())
+}
+
 /// Round values of 1, 2 or 5 times a power of ten that fall into the range; four to nine of them.
 fn ticks(low: f64, high: f64) -> Vec<f64> {
     let raw = (high - low) / 5.0;
@@ -183,7 +196,7 @@ fn ticks(low: f64, high: f64) -> Vec<f64> {
     let step = step.unwrap_or(raw);
     let first = (low / step).ceil() as i64;
     let last = (high / step).floor() as i64;
-    (first..=last.min(first + 20)).map(|k| k as f64 * step).collect()
+    (first..=last.min(first.saturating_add(20))).map(|k| k as f64 * step).collect()
 }
 
 /// A number in at most five characters or so.
@@ -244,6 +257,21 @@ mod tests {
         let svg = chart(vec![(0.0, 0.0), (1.0, f64::NAN), (2.0, -3.0)], true);
         assert!(svg.contains("nothing to draw"));
         assert!(!chart(vec![(0.0, f64::INFINITY), (1.0, 2.0)], false).contains("inf"));
+    }
+
+    /// Half a unit beside 1e16 is nothing.
+    #[test]
+    fn large_numbers_have_room_around_them() {
+        for y in [1e15, 1e16, -1e17, 1e300, f64::MAX] {
+            for x in [0.0, 1.0, 1e16, 1e300] {
+                for points in [vec![(x, y)], vec![(0.0, y), (x, y)], vec![(-x, y), (x, -y)]] {
+                    let svg = chart(points, false);
+                    assert!(!svg.contains("NaN") && !svg.contains("inf"), "{x} {y}: {svg}");
+                    assert_eq!(svg.contains("polyline"), y < f64::MAX);
+                }
+            }
+        }
+        assert!(ticks(1e17, 1e17).len() < 2);
     }
 
     #[test]

@@ -47,9 +47,11 @@ fn shared() -> Config {
     })
 }
 
-/// Steps that are left out.
+/// Steps that are left out, and with them what statistics learned.
 fn leaping() -> Config {
-    config(|c| (c.train.skip_spikes, c.train.shards) = (Some(1.02), 3))
+    config(|c| {
+        (c.train.skip_spikes, c.train.shards, c.system.uneven) = (Some(1.02), 3, true);
+    })
 }
 
 fn last(folder: &Path) -> Vec<u8> {

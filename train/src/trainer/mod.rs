@@ -193,7 +193,7 @@ impl<S: System> Trainer<'_, '_, '_, S> {
         let at = StepInfo { step: self.state.step, epoch: self.state.step / self.steps_per_epoch };
         self.enter(at);
         // The whole step in the pool of threads: each entry from outside would cost a hop.
-        let (system, tapes, ranks) = (&mut self.system, &mut self.tapes, &mut self.ranks);
+        let (system, tapes, ranks) = (&self.system, &mut self.tapes, &mut self.ranks);
         let (items, data, seed) = (&self.items, self.job.data, train.seed);
         let (share, accumulate) = (self.share, train.accumulate);
         let steps_per_epoch = self.steps_per_epoch;
@@ -232,6 +232,7 @@ impl<S: System> Trainer<'_, '_, '_, S> {
         let (system, optimizer, average) =
             (&mut self.system, &mut self.optimizer, &mut self.average);
         in_pool(|| {
+            gradient.update(system);
             if let Some(limit) = train.clip_norm.filter(|&limit| gradient.norm > limit) {
                 clip_grad_norm(&mut gradient.gradients, limit);
             }
