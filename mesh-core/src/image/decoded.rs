@@ -60,25 +60,23 @@ impl Decoded {
         ByteImage { height, width, channels, data }
     }
 
-    /// Height, width, and the file's own numbers where it is grey; of colours, which have none, their luma, widened to 16 bits.
+    /// Whether any pixel's colours differ; alpha aside, all grey pictures have equal ones.
+    pub(super) fn is_colored(&self) -> bool {
+        let size = 1 << u8::from(self.deep);
+        let differs = |pixel: &[u8]| {
+            let (red, others) = pixel.split_at(size);
+            others[..2 * size].chunks_exact(size).any(|other| other != red)
+        };
+        self.channels > 2 && self.data.chunks_exact(self.channels * size).any(differs)
+    }
+
+    /// Height, width, and the file's own numbers: the first channel's.
     pub(super) fn into_grey(self) -> (usize, usize, impl Iterator<Item = u16>) {
         let Self { height, width, channels, deep, data } = self;
         let size = channels << u8::from(deep);
         let grey = move |k: usize| {
             let pixel = &data[k * size..(k + 1) * size];
-            let channel = |c: usize| {
-                if deep {
-                    u32::from(u16::from_be_bytes([pixel[2 * c], pixel[2 * c + 1]]))
-                } else {
-                    u32::from(pixel[c])
-                }
-            };
-            if channels < 3 {
-                return channel(0) as u16;
-            }
-            // Rec. 709.
-            let luma = (2126 * channel(0) + 7152 * channel(1) + 722 * channel(2)) / 10_000;
-            if deep { luma as u16 } else { 257 * luma as u16 }
+            if deep { u16::from_be_bytes([pixel[0], pixel[1]]) } else { u16::from(pixel[0]) }
         };
         (height, width, (0..height * width).map(grey))
     }

@@ -73,6 +73,16 @@ pub enum ImageError {
         /// The channels that it has.
         found: String,
     },
+    /// A picture in colour where depth is expected.
+    #[error(
+        "{}: a picture in colour, its channels differ, expected depth, one number a pixel: an EXR, PFM or npy file, or a \
+         grey PNG of 8 or 16 bits",
+        path.display()
+    )]
+    Colored {
+        /// The file, or the name given for the bytes.
+        path: PathBuf,
+    },
 }
 
 /// What makes an error of what a decoder says.

@@ -20,11 +20,12 @@ const RATIO: u64 = 2000;
 /// Reads planar depth from an EXR file.
 ///
 /// The channel is the first of `Z`, `V`, one of those under a name with "depth" in it
-/// (`depth.V`, `View Layer.Depth.Z`), or `R`. Values of 1e9 and more, or not finite, are holes.
+/// (`depth.V`, `View Layer.Depth.Z`), or `R`, where `G` and `B`, if there are any, hold the same. Values of 1e9 and more, or not
+/// finite, are holes.
 ///
 /// # Errors
 /// The file cannot be read, is no EXR, is damaged, claims what cannot be or what the default
-/// [`Limits`] do not allow, or holds no depth.
+/// [`Limits`] do not allow, or holds no depth; if it is a picture in colour.
 pub fn read_depth(path: impl AsRef<Path>) -> Result<DepthMap, ImageError> {
     let path = path.as_ref();
     decode_depth(&read_bytes(path)?, path)
@@ -79,7 +80,12 @@ pub fn decode_depth_with(
         path: path.to_owned(),
         found: if names.is_empty() { "none".to_owned() } else { names.join(", ") },
     })?;
-    let (_, layer, samples) = &channels[chosen];
+    let (name, layer, samples) = &channels[chosen];
+    let same = |other: &FlatSamples| other.values_as_f32().eq(samples.values_as_f32());
+    let of_colors = |(name, ..): &&(String, _, _)| ["G", "B"].contains(&name.as_str());
+    if name == "R" && channels.iter().filter(of_colors).any(|(.., other)| !same(other)) {
+        return Err(ImageError::Colored { path: path.to_owned() });
+    }
 
     // A layer may cover a part of the image, or more than it.
     let window = image.attributes.display_window;
@@ -125,7 +131,7 @@ pub fn encode_depth(map: &DepthMap) -> Vec<u8> {
 }
 
 /// An EXR file in memory of floats as they are: channel `V` of an image with one channel, `R`, `G`,
-/// `B` of one with three. [`decode_depth`] reads back one channel.
+/// `B` of one with three. [`decode_depth`] reads back those of one channel.
 ///
 /// # Panics
 /// If the image is empty, has another number of channels, or its data is of another length.
@@ -296,8 +302,10 @@ mod tests {
         let image = Image { height: 3, width: 2, channels: 1, data };
         assert_eq!(decode_depth(&encode_exr(&image), "a.exr").unwrap().data, image.data);
         let colors = Image { height: 1, width: 2, channels: 3, data: image.data.clone() };
-        // The red of both pixels.
-        assert_eq!(decode_depth(&encode_exr(&colors), "a.exr").unwrap().data, [-1.5, 3.25]);
+        let error = decode_depth(&encode_exr(&colors), "a.exr").unwrap_err();
+        assert!(matches!(error, ImageError::Colored { .. }), "{error}");
+        let grey = Image { data: vec![-1.5, -1.5, -1.5, 3.25, 3.25, 3.25], ..colors };
+        assert_eq!(decode_depth(&encode_exr(&grey), "a.exr").unwrap().data, [-1.5, 3.25]);
     }
 
     #[test]
@@ -306,7 +314,8 @@ mod tests {
             decode_depth(&foreign(layer, channels), "a.exr").map(|m| m.data[4])
         };
         assert_eq!(depth(None, &[("B", 1.0), ("G", 2.0), ("R", 3.0), ("Z", 4.0)]).unwrap(), 4.0);
-        assert_eq!(depth(None, &[("B", 1.0), ("G", 2.0), ("R", 3.0)]).unwrap(), 3.0);
+        assert_eq!(depth(None, &[("B", 3.0), ("G", 3.0), ("R", 3.0)]).unwrap(), 3.0);
+        assert!(depth(None, &[("B", 1.0), ("G", 2.0), ("R", 3.0)]).is_err());
         assert_eq!(depth(Some("depth"), &[("V", 5.0)]).unwrap(), 5.0);
         let blender = [("View Layer.Combined.R", 1.0), ("View Layer.Depth.Z", 6.0)];
         assert_eq!(depth(None, &blender).unwrap(), 6.0);

@@ -13,8 +13,8 @@ use crate::io::{WriteError, regular, write_atomic};
 /// The orientation that cameras note in EXIF is applied, so row 0 is the top of the scene.
 ///
 /// # Errors
-/// The file cannot be read, is no image, is damaged, or its header claims what cannot be or more
-/// pixels than the default [`Limits`] allow.
+/// The file cannot be read, is no image, is damaged or cut short, or its header claims what cannot be or
+/// more pixels than the default [`Limits`] allow.
 pub fn read_image(path: impl AsRef<Path>) -> Result<ByteImage, ImageError> {
     read_image_with(path, &Limits::default())
 }
@@ -50,10 +50,10 @@ pub fn decode_image_with(
 
 /// Reads depth from a grey PNG, as nerfstudio (16 bits, millimetres) and BOP keep it.
 ///
-/// A pixel's depth is its value times `unit`; 0 is a hole.
+/// A pixel's depth is its value times `unit`; 0 is a hole. Of a picture whose colours are all grey the first channel is taken.
 ///
 /// # Errors
-/// As [`read_image`].
+/// As [`read_image`]; if the picture has colours, which are no depth.
 pub fn read_depth_png(path: impl AsRef<Path>, unit: f32) -> Result<DepthMap, ImageError> {
     let path = path.as_ref();
     decode_depth_png(&read_bytes(path)?, path, unit)
@@ -62,7 +62,7 @@ pub fn read_depth_png(path: impl AsRef<Path>, unit: f32) -> Result<DepthMap, Ima
 /// [`read_depth_png`] for bytes that are already in memory; `name` stands for them in errors.
 ///
 /// # Errors
-/// As [`read_image`].
+/// As [`read_depth_png`].
 pub fn decode_depth_png(
     bytes: &[u8],
     name: impl AsRef<Path>,
@@ -74,14 +74,18 @@ pub fn decode_depth_png(
 /// [`decode_depth_png`] within other limits.
 ///
 /// # Errors
-/// As [`read_image`].
+/// As [`read_depth_png`].
 pub fn decode_depth_png_with(
     bytes: &[u8],
     name: impl AsRef<Path>,
     unit: f32,
     limits: &Limits,
 ) -> Result<DepthMap, ImageError> {
-    let (height, width, values) = decode(bytes, name.as_ref(), limits)?.into_grey();
+    let decoded = decode(bytes, name.as_ref(), limits)?;
+    if decoded.is_colored() {
+        return Err(ImageError::Colored { path: name.as_ref().to_owned() });
+    }
+    let (height, width, values) = decoded.into_grey();
     let depth = |v: u16| if v == 0 { f32::INFINITY } else { f32::from(v) * unit };
     Ok(DepthMap { height, width, data: values.map(depth).collect() })
 }
@@ -165,6 +169,25 @@ mod tests {
         assert!((depth[2] - 1.0).abs() < 1e-6);
     }
 
+    #[test]
+    fn depth_is_grey_in_any_number_of_channels() {
+        for channels in 1..=4 {
+            // Alpha is nothing that depth has.
+            let data = (0..3 * channels).map(|i| {
+                let alpha = channels % 2 == 0 && i % channels == channels - 1;
+                if alpha { 9 * i as u8 } else { [0, 10, 200][i / channels] }
+            });
+            let image = ByteImage { height: 1, width: 3, channels, data: data.collect() };
+            let depth = decode_depth_png(&encode_png(&image), "a.png", 0.5).unwrap();
+            assert_eq!(depth.data, [f32::INFINITY, 5.0, 100.0], "{channels}");
+        }
+        for channels in [3, 4] {
+            let png = encode_png(&picture(channels));
+            let error = decode_depth_png(&png, "a.png", 1.0).unwrap_err().to_string();
+            assert!(error.contains("a.png") && error.contains("grey PNG"), "{error}");
+        }
+    }
+
     /// A JPEG with the left half white, and the given EXIF orientation.
     fn jpeg(orientation: u8) -> Vec<u8> {
         let mut data = vec![0_u8; 16 * 32 * 3];
@@ -191,6 +214,28 @@ mod tests {
         let turned = decode_image(&jpeg(6), "a.jpg").unwrap();
         assert_eq!((turned.height, turned.width), (32, 16));
         assert!(turned.pixel(4, 8)[0] > 250 && turned.pixel(28, 8)[0] < 5);
+    }
+
+    #[test]
+    fn a_jpeg_without_its_end_is_refused() {
+        let whole = jpeg(1);
+        let error =
+            |bytes: &[u8]| decode_image(bytes, "7.jpg").map(|_| ()).unwrap_err().to_string();
+        // A thumbnail in the header has an end of its own.
+        let mut thumbnail = whole.clone();
+        let length = (whole.len() as u16 + 2).to_be_bytes();
+        thumbnail.splice(2..2, [&[0xff, 0xe1], &length[..], &whole].concat());
+        for bytes in [&whole, &thumbnail] {
+            assert!(decode_image(bytes, "7.jpg").is_ok());
+            for cut in [2, 10, 20] {
+                let error = error(&bytes[..bytes.len() - cut]);
+                assert!(error.contains("7.jpg") && error.contains("too early"), "{cut}: {error}");
+            }
+        }
+        // What cameras leave behind the end does not matter.
+        for tail in [&[0; 64][..], &whole[..whole.len() - 9], b"ftypmp42\xff\xda\0\x08"] {
+            assert!(decode_image(&[&whole, tail].concat(), "7.jpg").is_ok());
+        }
     }
 
     #[test]

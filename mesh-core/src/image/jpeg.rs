@@ -41,6 +41,27 @@ pub(super) fn decode(bytes: &[u8], name: &Path, limits: &Limits) -> Result<Decod
     let orientation = decoder.exif().and_then(|exif| Orientation::of(exif));
     let mut data = vec![0; claimed as usize];
     decoder.decode_into(&mut data).map_err(undecodable(name))?;
+    // What is missing would be grey.
+    if !has_end(bytes) {
+        return Err(undecodable(name)("the JPEG ends too early, copy it again"));
+    }
     let decoded = Decoded { height, width, channels, deep: false, data };
     Ok(decoded.upright(orientation.unwrap_or_default()))
+}
+
+/// Whether the image's own end is there: a thumbnail, within a segment before the first scan, has another, and phones put more
+/// pictures and films behind it.
+fn has_end(bytes: &[u8]) -> bool {
+    let mut at = 2;
+    while let Some(&[mark, kind, high, low]) = bytes.get(at..at + 4) {
+        match (mark, kind) {
+            (0xff, 0xda) => break,
+            (0xff, 0x01 | 0xd0..=0xd8) => at += 2,
+            (0xff, 0x02..=0xfe) => at += 2 + usize::from(u16::from_be_bytes([high, low])),
+            // Filling, or what a careless program left between segments.
+            _ => at += 1,
+        }
+    }
+    // A 0xff of the pixels' own is followed by zero.
+    bytes.get(at..).is_some_and(|rest| rest.windows(2).any(|pair| pair == b"\xff\xd9"))
 }

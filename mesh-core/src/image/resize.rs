@@ -1,6 +1,26 @@
 //! Resampling: area average where an axis shrinks, bilinear where it grows.
 
-use super::{ByteImage, Image};
+use super::{ByteImage, Image, Pixels};
+
+impl<T> Pixels<T> {
+    /// Height and width of the image made small: its longer side has at most `longest` pixels, the other what its shape asks for,
+    /// rounded and at least one. A size within that stays what it is.
+    ///
+    /// ```
+    /// use mesh_core::ByteImage;
+    /// let image = ByteImage::new(30, 40, 3);
+    /// let [height, width] = image.size_within(20);
+    /// assert_eq!([height, width], [15, 20]);
+    /// assert_eq!(image.resized(height, width).size_within(20), [15, 20]);
+    /// ```
+    pub fn size_within(&self, longest: usize) -> [usize; 2] {
+        let (size, side) = ([self.height, self.width], self.height.max(self.width));
+        if side <= longest {
+            return size;
+        }
+        size.map(|n| ((n * longest + side / 2) / side).max(1))
+    }
+}
 
 impl Image {
     /// The image at another size: area average where an axis shrinks, bilinear where it grows.
@@ -104,6 +124,16 @@ mod tests {
     fn doubling_is_bilinear_about_pixel_centres() {
         let image = Image { height: 1, width: 2, channels: 1, data: vec![0.0, 1.0] };
         assert_eq!(image.resized(1, 4).data, [0.0, 0.25, 0.75, 1.0]);
+    }
+
+    #[test]
+    fn a_size_within_a_side_keeps_its_shape_and_has_a_pixel_each_way() {
+        let within = |height: usize, width: usize| ByteImage::new(height, width, 1).size_within(10);
+        assert_eq!([within(10, 4), within(3, 9)], [[10, 4], [3, 9]]);
+        // To the nearest: 3.5 of the one, 3.33 of the other.
+        assert_eq!([within(20, 7), within(10, 30)], [[10, 4], [3, 10]]);
+        assert_eq!(within(1, 300), [1, 10]);
+        assert_eq!(ByteImage::default().size_within(0), [0, 0]);
     }
 
     proptest! {
