@@ -44,10 +44,11 @@ pub trait Dataset: Debug + Send + Sync {
     ///
     /// # Errors
     /// The first view, in the order of the layout, that cannot be read, whatever the number of
-    /// threads. Every error names the file and the field.
+    /// threads; one that was counted and is gone is such a view too. Every error names the file and
+    /// the field.
     ///
     /// # Panics
-    /// If the object or a view does not exist.
+    /// If the object does not exist, or a view that its entry does not count.
     fn views(
         &self,
         object: usize,

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use mesh_core::{DepthMap, DisparityMap, read_depth, read_depth_png, read_pfm};
+use mesh_core::{DepthMap, DisparityMap, ImageError, read_depth, read_depth_png, read_pfm};
 
 use crate::error::ReadViewsError;
 use crate::formats::npy;
@@ -16,11 +16,11 @@ const MOST_BYTES: u64 = 1 << 30;
 /// Reads planar depth: EXR, PFM, npy, or a grey PNG of 8 or 16 bits.
 ///
 /// Every number is multiplied with `unit` (0.001 where a PNG holds millimetres). What is not finite, not above
-/// zero or at least 1e9 is background, `+inf`. Of a PFM with three channels the first is taken; an npy is
+/// zero or at least 1e9 is background, `+inf`. Three channels that hold the same are taken for one; an npy is
 /// `[H, W]`, `[H, W, 1]`, `[1, H, W]` or `[1, 1, H, W]`.
 ///
 /// # Errors
-/// The file cannot be read, is none of these, or is damaged.
+/// The file cannot be read, is none of these, is damaged, or is a picture in colour.
 pub fn read_depth_file(path: impl AsRef<Path>, unit: f32) -> Result<DepthMap, ReadViewsError> {
     let ([height, width], mut data) = numbers(path.as_ref())?;
     for value in &mut data {
@@ -52,13 +52,17 @@ pub fn read_disparity_file(path: impl AsRef<Path>) -> Result<DisparityMap, ReadV
 
 /// Height, width and the numbers of a file as they stand in it.
 fn numbers(path: &Path) -> Result<([usize; 2], Vec<f32>), ReadViewsError> {
-    let failed = |error: mesh_core::ImageError| ReadViewsError::new(path, error);
+    let failed = |error: ImageError| ReadViewsError::new(path, error);
     let of = |map: DepthMap| ([map.height, map.width], map.data);
     match extension(path).as_str() {
         "exr" => read_depth(path).map(of).map_err(failed),
         "png" => read_depth_png(path, 1.0).map(of).map_err(failed),
         "pfm" => {
             let image = read_pfm(path).map_err(failed)?;
+            let grey = |pixel: &[f32]| pixel.iter().all(|v| v.to_bits() == pixel[0].to_bits());
+            if !image.data.chunks_exact(image.channels).all(grey) {
+                return Err(failed(ImageError::Colored { path: path.to_owned() }));
+            }
             let first = image.data.iter().step_by(image.channels).copied().collect();
             Ok(([image.height, image.width], first))
         }
@@ -85,7 +89,7 @@ fn extension(path: &Path) -> String {
 mod tests {
     use std::path::PathBuf;
 
-    use mesh_core::{Image, encode_pfm, write_depth};
+    use mesh_core::{ByteImage, Image, encode_pfm, write_depth};
 
     use super::*;
 
@@ -137,11 +141,30 @@ mod tests {
     fn grey_pictures() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
-        let grey =
-            mesh_core::ByteImage { height: 1, width: 3, channels: 1, data: vec![0, 10, 200] };
+        let grey = ByteImage { height: 1, width: 3, channels: 1, data: vec![0, 10, 200] };
         mesh_core::write_png(&path, &grey).unwrap();
         assert_eq!(read_depth_file(&path, 0.5).unwrap().data, [f32::INFINITY, 5.0, 100.0]);
         assert_eq!(read_disparity_file(&path).unwrap().data, [0.0, 10.0, 200.0]);
+    }
+
+    #[test]
+    fn pictures_in_color_are_no_depth() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let (height, width, channels) = (1, 2, 3);
+        let colors = Image { height, width, channels, data: VALUES.to_vec() };
+        std::fs::write(at("a.pfm"), encode_pfm(&colors)).unwrap();
+        let bytes = ByteImage { height, width, channels, data: vec![200, 90, 40, 1, 2, 3] };
+        mesh_core::write_png(at("a.png"), &bytes).unwrap();
+        for name in ["a.pfm", "a.png"] {
+            let depth = read_depth_file(at(name), 1.0).unwrap_err().to_string();
+            let disparity = read_disparity_file(at(name)).unwrap_err().to_string();
+            assert!(depth.contains(name) && depth.contains("in colour"), "{depth}");
+            assert_eq!(depth, disparity);
+        }
+        let grey = Image { data: vec![2.0, 2.0, 2.0, 7.0, 7.0, 7.0], ..colors };
+        std::fs::write(at("b.pfm"), encode_pfm(&grey)).unwrap();
+        assert_eq!(read_depth_file(at("b.pfm"), 1.0).unwrap().data, [2.0, 7.0]);
     }
 
     #[test]

@@ -2,15 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-/// What is said where nothing was recognised: every layout by the files that give it away.
-const LOOKED_FOR: &str = "0_rgb.png with 0_metadata.json (kaolin's views), transforms.json \
-    or transforms_{train,val,test}.json, cameras.json (photographs), <name>_par.txt (Middlebury), \
-    cameras_sphere.npz or cameras.npz (NeuS), projections.txt or txt (projection matrices), cameras \
-    and images as .bin or .txt in sparse/0, sparse or here (COLMAP), each in a folder or a zip; \
-    scene_camera.json in the folders of scenes (BOP); rendering/rendering_metadata.txt (R2N2); \
-    .dat (Pixel2Mesh); pix3d.json; Annotations (Pascal3D+); CMR's cache for CUB; annotations/*.yaml \
-    (MCMR); for pictures from a turntable say so (--turntable); photographs without cameras get them by `unsphere capture`";
-
 /// Why views could not be read. The message names the file, the field and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[error("{}", self.message())]
@@ -47,10 +38,12 @@ pub enum ViewsProblem {
     #[error("is a folder, a pipe or a device, expected a file")]
     Irregular,
     /// No known layout fits what is there.
-    #[error("no known layout of views: {found}; looked for {}", LOOKED_FOR)]
+    #[error("no known layout of views: {found}; {remedy}")]
     UnknownLayout {
         /// What was there.
         found: String,
+        /// What was looked for, or what can be done.
+        remedy: String,
     },
     /// The archive is damaged or uses something that is not supported.
     #[error("is not a zip archive that can be read: {0}")]
@@ -191,9 +184,14 @@ impl ReadViewsError {
         }
     }
 
-    /// Whether it is a view of which nothing says what is the object.
-    pub(crate) fn is_missing_mask(&self) -> bool {
-        matches!(self.problem, ViewsProblem::NoMask { .. } | ViewsProblem::BusyBackdrop { .. })
+    /// Whether it is a view that lacks a file, or of which nothing says what is the object.
+    pub(crate) fn is_incomplete_view(&self) -> bool {
+        matches!(
+            self.problem,
+            ViewsProblem::NoMask { .. }
+                | ViewsProblem::BusyBackdrop { .. }
+                | ViewsProblem::Missing { .. }
+        )
     }
 
     /// The field at fault, where one is.

@@ -22,6 +22,8 @@ fn spread(mask: &mut ByteImage, radius: usize, value: u8) {
         return;
     }
     let (height, width) = (mask.height, mask.width);
+    // No two pixels are further apart; a caller may ask for any number.
+    let radius = radius.min(height + width);
     let aside: Vec<usize> =
         mask.data.chunks(width.max(1)).flat_map(|row| distances(row, value, radius + 1)).collect();
     // How far aside the disk reaches, so many rows up or down.
@@ -85,6 +87,21 @@ mod tests {
             prop_assert_eq!(more.data, plain(&mask, radius, 255));
             prop_assert_eq!(less.data, plain(&mask, radius, 0));
         }
+    }
+
+    #[test]
+    fn a_disk_of_any_radius_covers_the_image() {
+        let mut mask = ByteImage::new(9, 13, 1);
+        mask.data[20] = 255;
+        let (mut whole, mut none) = (mask.clone(), mask.clone());
+        dilate(&mut whole, usize::MAX);
+        erode(&mut none, 1 << 40);
+        assert!(whole.data.iter().all(|&m| m == 255) && none.data.iter().all(|&m| m == 0));
+        // Where there is none of a value, none spreads.
+        let empty = ByteImage::new(9, 13, 1);
+        let mut same = empty.clone();
+        dilate(&mut same, usize::MAX);
+        assert_eq!(same, empty);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::dataset::{Dataset, Entry};
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::error::ReadViewsError;
 use crate::layouts::bop::{self, Bop};
 use crate::layouts::cub::Cub;
 use crate::layouts::generated::{self, Generated};
@@ -14,6 +14,7 @@ use crate::layouts::pixel2mesh::{self, Pixel2Mesh};
 use crate::layouts::r2n2::{self, R2n2};
 use crate::layouts::single::SingleObject;
 use crate::options::ReadOptions;
+use crate::unknown_layout::unknown;
 use crate::view::Views;
 
 /// Opens a dataset of whatever layout is at the path; nothing large is read.
@@ -129,20 +130,6 @@ fn several(path: &Path, options: &ReadOptions) -> Option<ReadViewsError> {
     );
     let found = format!("{} folders, each with views of its own", found.len());
     Some(ReadViewsError::field(path, "folder", found, expected))
-}
-
-/// The error that says what is there and what was looked for.
-fn unknown(path: &Path) -> ReadViewsError {
-    let names = match crate::source::Source::folder(path).root_names() {
-        Ok(names) => names,
-        Err(error) => return error,
-    };
-    let found = match names.as_slice() {
-        [] => "nothing".to_owned(),
-        [first] => first.clone(),
-        [first, .., last] => format!("{} files from {first} to {last}", names.len()),
-    };
-    ReadViewsError::new(path, ViewsProblem::UnknownLayout { found })
 }
 
 #[cfg(test)]

@@ -71,8 +71,8 @@ pub(crate) fn read_pending(
 
 /// The same for all of the list, or for those with the given indices.
 ///
-/// # Panics
-/// If a view of `which` does not exist.
+/// # Errors
+/// Also if a view of `which` is not listed: files go, and what counts them may be a list that is not theirs.
 pub(crate) fn read_chosen(
     path: &Path,
     source: &Source,
@@ -87,10 +87,11 @@ pub(crate) fn read_chosen(
     }
     let chosen: Vec<&Pending<'_>> = match which {
         None => pending.iter().collect(),
-        Some(which) => which
-            .iter()
-            .map(|&i| pending.get(i).unwrap_or_else(|| panic!("view {i} does not exist")))
-            .collect(),
+        Some(which) => {
+            let listed =
+                |&view: &usize| pending.get(view).ok_or_else(|| lost(path, view, pending.len()));
+            which.iter().map(listed).collect::<Result<_, _>>()?
+        }
     };
     if let Some(field) = unknown_to(layout, options) {
         let found = format!("{layout}, which has no poses of its own");
@@ -104,34 +105,44 @@ pub(crate) fn read_chosen(
             megabytes(options.memory_limit)
         ));
     }
-    let results: Vec<Result<View, ReadViewsError>> = chosen
+    let finished = |read: &Pending<'_>, opened: &mut Opened<'_>| -> Result<View, ReadViewsError> {
+        let view = read(opened)?;
+        let view = View { camera: meant(view.camera, layout, options), ..view };
+        Ok(match longest {
+            Some(longest) => view.at_most(longest),
+            None => view,
+        })
+    };
+    // None where it is not read any more.
+    let results: Vec<Option<Result<View, ReadViewsError>>> = chosen
         .par_iter()
         .map_init(
             || None,
             |opened: &mut Option<Opened<'_>>, read| {
-                if opened.is_none() {
-                    *opened = Some(source.open()?);
+                // Once over the budget the rest is not even decoded; which views that are depends on the threads.
+                if bytes.load(Ordering::Relaxed) > options.memory_limit {
+                    return None;
                 }
-                let opened = opened.as_mut().expect("opened above");
-                // Once over the budget the rest is not even decoded.
-                check_budget(path, options, bytes.load(Ordering::Relaxed))?;
-                let view = read(opened)?;
-                let view = View { camera: meant(view.camera, layout, options), ..view };
-                let view = match longest {
-                    Some(longest) => view.at_most(longest),
-                    None => view,
-                };
-                let held = view.bytes() as u64;
-                check_budget(path, options, bytes.fetch_add(held, Ordering::Relaxed) + held)?;
-                progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
-                Ok(view)
+                let view = reopened(opened, source).and_then(|opened| finished(read, opened));
+                if let Ok(view) = &view {
+                    bytes.fetch_add(view.bytes() as u64, Ordering::Relaxed);
+                    progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
+                }
+                Some(view)
             },
         )
         .collect();
     let mut views = Vec::with_capacity(results.len());
     let (mut test, mut unread) = (Vec::new(), None);
+    let mut held = 0;
     for (at, result) in results.into_iter().enumerate() {
         let index = which.map_or(at, |which| which[at]);
+        // What was passed over comes before what is too much, so that the error is the same for any number of threads.
+        let result = result.unwrap_or_else(|| {
+            source.open().and_then(|mut opened| finished(chosen[at], &mut opened))
+        });
+        held += result.as_ref().map_or(0, |view| view.bytes() as u64);
+        check_budget(path, options, held)?;
         match result {
             Ok(view) if !options.wants(&view.name) => {}
             // What is not wanted may be what cannot be read; or it is the file of all cameras, and a view will be missed.
@@ -144,7 +155,7 @@ pub(crate) fn read_chosen(
                 }
                 views.push(view);
             }
-            Err(error) if options.allow_missing && error.is_missing_mask() => {
+            Err(error) if options.allow_missing && error.is_incomplete_view() => {
                 warnings.push(format!("a view is left out: {error}"));
             }
             Err(error) => return Err(error),
@@ -181,6 +192,28 @@ pub(crate) fn read_chosen(
         consistency::check(path, &views, poses, &mut warnings)?;
     }
     Ok(Views { views, source: path.to_owned(), layout, warnings, test })
+}
+
+/// What is said of a view that is asked for and not there.
+fn lost(path: &Path, view: usize, listed: usize) -> ReadViewsError {
+    let found = format!("{listed}, of which none is view {view}, counted from 0");
+    ReadViewsError::field(
+        path,
+        "views",
+        found,
+        "as many as there were: put back what is missing, or open the dataset again",
+    )
+}
+
+/// The source as a thread has it open.
+fn reopened<'o, 'a>(
+    opened: &'o mut Option<Opened<'a>>,
+    source: &'a Source,
+) -> Result<&'o mut Opened<'a>, ReadViewsError> {
+    if opened.is_none() {
+        *opened = Some(source.open()?);
+    }
+    Ok(opened.as_mut().expect("opened above"))
 }
 
 /// Views of which so few are read that their memory is not judged by the first of them: that one is read twice.
@@ -246,7 +279,12 @@ fn meant(camera: Camera, layout: Layout, options: &ReadOptions) -> Camera {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
+    use std::time::Duration;
+
+    use mesh_core::ByteImage;
+
     use super::*;
     use crate::convention::CameraAxes::OpenCv;
 
@@ -273,5 +311,43 @@ mod tests {
         assert_eq!(twice, 2.0 * fx);
         let same = ReadOptions { axes: Some(OpenCv), ..plain };
         assert_eq!(meant(camera(), Layout::Colmap, &same), camera());
+    }
+
+    /// A view of so many rows, 4 * 16 bytes each.
+    fn high(rows: usize) -> View {
+        let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.6, 16, rows);
+        let (color, mask) = (ByteImage::new(rows, 16, 3), ByteImage::new(rows, 16, 1));
+        View { name: rows.to_string(), color, mask, camera, depth: None }
+    }
+
+    /// Whoever is slow, what is too much is said of the same view.
+    #[test]
+    fn the_limit_is_met_at_the_same_view_by_any_number_of_threads() {
+        let place = tempfile::tempdir().unwrap();
+        let source = Source::folder(place.path());
+        let said = |threads: usize, memory_limit: u64| {
+            let mut reading = Reading::new(Layout::Transforms, "poses");
+            for rows in [4, 8, 16, 32] {
+                reading.pending.push(Box::new(move |_| {
+                    // Where others are there, they come first.
+                    if rows == 4 && threads > 1 {
+                        std::thread::sleep(Duration::from_millis(30));
+                    }
+                    Ok(high(rows))
+                }));
+            }
+            let options = ReadOptions { memory_limit, ..ReadOptions::default() };
+            let options = ReadOptions { on_inconsistent: OnInconsistent::Accept, ..options };
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| read_pending(place.path(), &source, reading, &options, &|_, _| ()))
+                .map(|views| views.len())
+                .map_err(|error| error.to_string())
+        };
+        let one = said(1, 64 * 20).unwrap_err();
+        assert!(one.contains(&(64 * 28).to_string()), "{one}");
+        assert_eq!(said(4, 64 * 20).unwrap_err(), one);
+        // Even where the last view alone is over it.
+        assert_eq!(said(4, 64 * 10), said(1, 64 * 10));
+        assert_eq!(said(4, 64 * 60), Ok(4));
     }
 }

@@ -43,7 +43,8 @@ pub struct Views {
 pub enum Layout {
     /// **kaolin's synthetic views**: `{i}_rgb.png`, `{i}_metadata.json` and, for masks, `{i}_semantic.npy` (any
     /// number type; above 0 is object); depth as `{i}_depth.exr` or `{i}_depth_linear.npy`. A folder, or the zip as
-    /// it is shipped.
+    /// it is shipped. The numbers may begin anywhere; between the first and the last none is missing, unless that is
+    /// allowed.
     KaolinFolder,
     /// The same in a zip archive.
     KaolinZip,
@@ -165,12 +166,10 @@ impl View {
     #[must_use]
     pub fn at_most(self, longest: usize) -> Self {
         let (height, width) = (self.color.height, self.color.width);
-        let side = height.max(width);
-        if side <= longest || longest == 0 {
+        if height.max(width) <= longest || longest == 0 {
             return self;
         }
-        let scaled = |n: usize| ((n * longest + side / 2) / side).max(1);
-        let (h, w) = (scaled(height), scaled(width));
+        let [h, w] = self.color.size_within(longest);
         let mut mask = self.mask.resized(h, w);
         mask.data.iter_mut().for_each(|m| *m = if *m >= 128 { 255 } else { 0 });
         let depth = self.depth.map(|depth| {

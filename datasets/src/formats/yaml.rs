@@ -177,11 +177,15 @@ impl<'a> Parser<'a> {
             });
         }
         let mut whole = text.to_owned();
-        while !is_closed(&whole) {
+        // Line by line: to look at all of it again with each would take a file of many lines the square of them.
+        let mut brackets = Brackets::default();
+        brackets.read(text);
+        while !brackets.are_closed() {
             let Some(next) = self.lines.get(self.at) else { break };
             self.at += 1;
             whole.push(' ');
             whole.push_str(next.text);
+            brackets.read(next.text);
         }
         let mut rest = whole.as_str();
         let value = flow(&mut rest, depth + 1);
@@ -191,19 +195,30 @@ impl<'a> Parser<'a> {
     }
 }
 
-/// Whether all brackets outside quotes are closed.
-fn is_closed(text: &str) -> bool {
-    let (mut open, mut quote) = (0i64, None);
-    for c in text.chars() {
-        match (quote, c) {
-            (Some(q), _) if c == q => quote = None,
-            (None, '"' | '\'') => quote = Some(c),
-            (None, '[') => open += 1,
-            (None, ']') => open -= 1,
-            (Some(_) | None, _) => {}
+/// How many brackets outside quotes are open, and the quote that is.
+#[derive(Default)]
+struct Brackets {
+    open: i64,
+    quote: Option<char>,
+}
+
+impl Brackets {
+    /// Goes on over the text that follows.
+    fn read(&mut self, text: &str) {
+        for c in text.chars() {
+            match (self.quote, c) {
+                (Some(quote), _) if c == quote => self.quote = None,
+                (None, '"' | '\'') => self.quote = Some(c),
+                (None, '[') => self.open += 1,
+                (None, ']') => self.open -= 1,
+                (Some(_) | None, _) => {}
+            }
         }
     }
-    open <= 0
+
+    fn are_closed(&self) -> bool {
+        self.open <= 0
+    }
 }
 
 /// A flow sequence or a scalar in one, at the start of the text, which is moved behind it.
@@ -312,6 +327,17 @@ mod tests {
         assert!(message(&("- ".repeat(5000) + "1")).contains("levels"));
         assert!(message(&format!("a: {}", "[".repeat(5000))).contains("closed"));
         assert!(parse(b"a: \xff", Path::new("a.yaml")).unwrap_err().to_string().contains("UTF-8"));
+    }
+
+    /// A megabyte of lines within one bracket: the square of them would take minutes.
+    #[test]
+    fn a_list_over_many_lines_is_read_line_by_line() {
+        let count = 350_000;
+        let open = format!("a: [\n{}", "1,\n".repeat(count));
+        assert!(message(&open).contains("closed"));
+        let read = read(&format!("{open}'[\n]', x]\nb: 2\n"));
+        let list = read["a"].as_array().unwrap();
+        assert_eq!((list.len(), &list[count], &read["b"]), (count + 2, &json!("[ ]"), &json!(2.0)));
     }
 
     proptest! {

@@ -18,6 +18,8 @@ const OBJECTS: &str = "objects.json";
 const SPLITS: &str = "splits.json";
 /// A million objects take less.
 const MOST_BYTES: u64 = 1 << 30;
+/// `unsphere data generate` makes no more of an object: what is claimed beyond is not counted to.
+const MOST_VIEWS: usize = 10_000;
 
 /// Objects of our own making.
 #[derive(Clone, Debug)]
@@ -34,7 +36,7 @@ impl Generated {
     /// Lists the objects; no view is read.
     ///
     /// # Errors
-    /// If a list is damaged, names no object, or names one outside the folder.
+    /// If a list is damaged, names no object, or names one outside the folder or with more views than are made.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, ReadViewsError> {
         let path = path.as_ref();
         let source = Source::folder(path);
@@ -52,7 +54,7 @@ impl Generated {
         for object in Node::root(&objects, &file).elements()? {
             let [category, name] =
                 [folder_name(&object, "category")?, folder_name(&object, "name")?];
-            let views = object.need("views")?.pixels()?;
+            let views = count(&object.need("views")?)?;
             let listed = |(subset, _): &(&str, Subset)| {
                 splits.as_ref()?.get(subset)?.get(&category)?.get(&name)
             };
@@ -72,6 +74,16 @@ impl Generated {
         let Entry { category, name, .. } = &self.catalog.entries[object];
         self.catalog.root.join(category).join(name)
     }
+}
+
+/// How many views an object is said to have.
+fn count(views: &Node<'_>) -> Result<usize, ReadViewsError> {
+    let count = views.index()?;
+    if (1..=MOST_VIEWS).contains(&count) {
+        return Ok(count);
+    }
+    Err(views
+        .wrong(format!("1 to {MOST_VIEWS}, of which each has its files in the object's folder")))
 }
 
 /// A field that names a folder, and nothing outside of the dataset.
@@ -101,7 +113,15 @@ impl Dataset for Generated {
             let wanted_by = format!("{OBJECTS} lists it; generate the dataset again");
             ReadViewsError::missing(&folder, wanted_by)
         })?;
-        single.views(0, which, options, progress)
+        let views = single.views(0, which, options, progress)?;
+        let (found, listed) = (single.entries()[0].views, self.catalog.entries[object].views);
+        if which.is_none() && found < listed && !options.allow_missing {
+            let found = format!("{found} of the {listed} that {OBJECTS} lists");
+            let expected =
+                "all: put the others back, generate the dataset again, or allow missing views";
+            return Err(ReadViewsError::field(folder, "views", found, expected));
+        }
+        Ok(views)
     }
 
     fn truth(&self, object: usize) -> Result<Truth, ReadViewsError> {
@@ -164,9 +184,39 @@ mod tests {
         assert!(error("[{\"category\": \"..\"}]").contains("category"));
         let outside = r#"[{"category": "lamp", "name": "a/b", "views": 3}]"#;
         assert!(error(outside).contains("name"));
+        let claimed = r#"[{"category": "lamp", "name": "0000", "views": 900000000}]"#;
+        assert!(error(claimed).contains("objects.json: field `[0].views`: found 900000000"));
         list(r#"[{"category": "lamp", "name": "0001", "views": 3}]"#);
         let gone = Generated::open(root).unwrap();
         let error = gone.views(0, None, &ReadOptions::default(), &|_, _| {}).unwrap_err();
         assert!(error.to_string().contains("0001"), "{error}");
+    }
+
+    #[test]
+    fn a_view_that_was_lost_is_an_error_of_its_object() {
+        let place = tempfile::tempdir().unwrap();
+        let root = place.path();
+        let camera = Camera::look_at([0.0, 1.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.6, 20, 16);
+        let (color, mask) = (ByteImage::new(16, 20, 3), ByteImage::new(16, 20, 1));
+        let view = View { name: String::new(), color, mask, camera, depth: None };
+        crate::write_kaolin(&[view.clone(), view], &root.join("lamp/0000")).unwrap();
+        std::fs::write(root.join("dataset.toml"), "").unwrap();
+        let list = r#"[{"category": "lamp", "name": "0000", "views": 3}]"#;
+        std::fs::write(root.join(OBJECTS), list).unwrap();
+        let options = ReadOptions { mask: crate::MaskSource::Whole, ..ReadOptions::default() };
+        let read = |which: Option<&[usize]>, options: &ReadOptions| {
+            Generated::open(root).unwrap().views(0, which, options, &|_, _| {})
+        };
+        assert_eq!(read(Some(&[1, 0]), &options).unwrap().len(), 2);
+        let lenient = ReadOptions { allow_missing: true, ..options.clone() };
+        assert_eq!(read(None, &lenient).unwrap().len(), 2);
+        for (which, options, said) in [
+            (Some(&[0, 2][..]), &options, "found 2, of which none is view 2"),
+            (Some(&[2][..]), &lenient, "put back what is missing"),
+            (None, &options, "found 2 of the 3 that objects.json lists"),
+        ] {
+            let error = read(which, options).unwrap_err().to_string();
+            assert!(error.contains("0000") && error.contains(said), "{error}");
+        }
     }
 }

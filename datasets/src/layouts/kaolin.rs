@@ -1,4 +1,7 @@
 //! kaolin's synthetic views: `{i}_rgb.png`, `{i}_semantic.npy`, `{i}_metadata.json`.
+//!
+//! Numbers may begin anywhere, since parts of a set are views too, and may have leading zeros; none
+//! between the first and the last is missing, and each is written in one way.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -40,7 +43,12 @@ pub(crate) fn list<'a>(
     let mut indices: BTreeMap<u64, &str> = BTreeMap::new();
     for name in names {
         if let Some((number, text)) = index_of(name) {
-            indices.entry(number).or_insert(text);
+            let known = *indices.entry(number).or_insert(text);
+            if known != text {
+                let found = format!("{text} beside {known}, which are both number {number}");
+                let expected = "one name for each view: rename or remove the files of the other";
+                return Err(ReadViewsError::field(source.locate(name), "view", found, expected));
+            }
         }
     }
     let mut warnings = Vec::new();

@@ -11,6 +11,7 @@ use crate::layouts::{bop, colmap, kaolin, middlebury, photos, projections, trans
 use crate::options::{MaskSource, ReadOptions, Turntable};
 use crate::read::{Reading, read_chosen};
 use crate::source::Source;
+use crate::unknown_layout;
 use crate::view::Views;
 
 /// How far above the folder that was opened the files of one object may lie: nerfstudio keeps poses
@@ -171,8 +172,7 @@ fn places(path: &Path) -> Result<Vec<Source>, ReadViewsError> {
     if has_extension("hdf5") || has_extension("h5") {
         return Err(bop::no_hdf5(path));
     }
-    let found = "a file that is neither a zip archive nor .json".to_owned();
-    Err(ReadViewsError::new(path, ViewsProblem::UnknownLayout { found }))
+    Err(unknown_layout::of_file(path, "a file that is neither a zip archive nor .json"))
 }
 
 /// The layout of what is there; `json` is the file that was named, where one was.

@@ -79,10 +79,7 @@ pub fn agree(views: &mut [View]) -> Result<Agreement, SegmentError> {
 }
 
 fn small(view: &View) -> Silhouette {
-    let (height, width) = (view.mask.height, view.mask.width);
-    let side = height.max(width);
-    let scaled = |n: usize| ((n * LONGEST + side / 2) / side).max(1);
-    let [h, w] = if side > LONGEST { [scaled(height), scaled(width)] } else { [height, width] };
+    let [h, w] = view.mask.size_within(LONGEST);
     let mask = view.mask.resized(h, w).data.iter().map(|&m| m >= 128).collect();
     Silhouette { camera: view.camera.resized(w, h), mask }
 }

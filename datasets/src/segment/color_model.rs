@@ -180,10 +180,7 @@ fn odds([taken, background]: &[Palette; 2]) -> Vec<f32> {
 
 impl Look {
     fn small(view: &View) -> Self {
-        let (height, width) = (view.color.height, view.color.width);
-        let side = height.max(width);
-        let scaled = |n: usize| ((n * LONGEST + side / 2) / side).max(1);
-        let [h, w] = if side > LONGEST { [scaled(height), scaled(width)] } else { [height, width] };
+        let [h, w] = view.color.size_within(LONGEST);
         Self::new(&view.color.resized(h, w), &view.mask.resized(h, w), view.camera.resized(w, h))
     }
 

@@ -130,6 +130,25 @@ fn a_zip_bomb_is_refused() {
 }
 
 #[test]
+fn a_number_is_written_in_one_way_and_may_begin_anywhere() {
+    let twice = spoilt(|f| {
+        for end in ["rgb.png", "semantic.npy", "metadata.json"] {
+            std::fs::copy(f.join(format!("3_{end}")), f.join(format!("03_{end}"))).unwrap();
+        }
+    });
+    assert_names(&twice, &["`view`", "03", "both number 3", "rename or remove"]);
+    let folder = kaolin_folder(6);
+    for i in 0..2 {
+        for end in ["rgb.png", "semantic.npy", "metadata.json"] {
+            std::fs::remove_file(folder.path().join(format!("{i}_{end}"))).unwrap();
+        }
+    }
+    let names: Vec<String> =
+        read(folder.path()).unwrap().views.into_iter().map(|view| view.name).collect();
+    assert_eq!(names, ["2", "3", "4", "5"]);
+}
+
+#[test]
 fn views_that_would_not_fit_in_memory_are_refused() {
     let folder = kaolin_folder(4);
     let options = ReadOptions { memory_limit: 10_000, ..ReadOptions::default() };

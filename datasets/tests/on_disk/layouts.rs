@@ -216,6 +216,18 @@ fn views_without_their_files_are_left_out_when_allowed() {
 }
 
 #[test]
+fn a_view_whose_mask_is_named_and_missing_is_left_out_when_allowed() {
+    let folder = transforms_folder(4);
+    std::fs::remove_file(folder.path().join("masks/0002.png")).unwrap();
+    let error = read(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("0002.png: is missing"), "{error}");
+    let options = ReadOptions { allow_missing: true, ..ReadOptions::default() };
+    let views = read_views(folder.path(), &options, &|_, _| {}).unwrap();
+    assert_eq!(views.len(), 3);
+    assert!(views.warnings[0].contains("0002.png"), "{:?}", views.warnings);
+}
+
+#[test]
 #[ignore = "needs UNSPHERE_DATA"]
 fn the_real_clock_is_read_from_folder_and_zip() {
     let data = std::path::PathBuf::from(std::env::var("UNSPHERE_DATA").unwrap());

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::{RENDERING, RENDERINGS, metadata};
-use crate::error::{ReadViewsError, ViewsProblem};
+use crate::error::ReadViewsError;
 use crate::source::names_of;
+use crate::unknown_layout;
 
 /// What there is below a folder.
 pub(super) struct Found {
@@ -87,7 +88,7 @@ pub(super) fn objects(path: &Path) -> Result<Found, ReadViewsError> {
     }
     if objects.is_empty() {
         let found = format!("no folder below it holds {RENDERING}/{}", metadata::FILE);
-        return Err(ReadViewsError::new(path, ViewsProblem::UnknownLayout { found }));
+        return Err(unknown_layout::looked_for(path, found));
     }
     // Without the usual name, categories stand in the root itself.
     let root = root_above(&renderings).unwrap_or(renderings);
