@@ -349,15 +349,17 @@ fn report(delivery: &Delivery<'_>, metrics: &Metrics, views: Vec<ViewPair>) -> R
     }
 }
 
-/// The cards of mean scores over views.
+/// The cards of mean scores over views; those of colours where the mesh has some.
 pub fn score_figures(scores: &ViewScores) -> Vec<Figure> {
-    let psnr = scores.psnr.map_or_else(|| "n/a".into(), |p| format!("{p:.1} dB"));
-    vec![
-        Figure::new("mask IoU", format!("{:.4}", scores.mask_iou)),
-        Figure::new("PSNR inside the mask", psnr),
-        Figure::new("image L1", format!("{:.4}", scores.image_l1)),
-        Figure::new("SSIM", format!("{:.3}", scores.ssim)),
-    ]
+    let mut figures = vec![Figure::new("mask IoU", format!("{:.4}", scores.mask_iou))];
+    if let Some(psnr) = scores.psnr {
+        figures.extend([
+            Figure::new("PSNR inside the mask", format!("{psnr:.1} dB")),
+            Figure::new("image L1", format!("{:.4}", scores.image_l1)),
+            Figure::new("SSIM", format!("{:.3}", scores.ssim)),
+        ]);
+    }
+    figures
 }
 
 fn figures(metrics: &Metrics) -> Vec<Figure> {

@@ -21,7 +21,7 @@ pub struct ViewScore {
     pub mask_iou: f64,
     /// Mean absolute difference of the colours, over the whole image.
     pub image_l1: f64,
-    /// PSNR over the pixels of the true mask, dB; none where that is empty.
+    /// PSNR over the pixels of the true mask, dB; none where that is empty, or the mesh has no colours.
     pub psnr: Option<f64>,
     /// Structural similarity over the whole image.
     pub ssim: f64,
@@ -58,13 +58,16 @@ pub fn score_views(
 ) -> Result<ViewScores, FacesError> {
     assert!(!views.is_empty(), "score_views: no views");
     let options = RenderOptions::default();
+    let is_colored = mesh.colors.is_some() || mesh.texture.is_some();
     // One view at a time, so that the renders of large views do not pile up.
     let scores = views
         .par_iter()
         .enumerate()
         .map(|(index, view)| {
             let render = seen_from(mesh, &view.camera, &options)?;
-            let score = score(&render, view);
+            let mut score = score(&render, view);
+            // Grey stands for a colour that nobody gave.
+            score.psnr = score.psnr.filter(|_| is_colored);
             keep(index, render.color);
             Ok(score)
         })
@@ -142,6 +145,9 @@ mod tests {
         assert_eq!(scores.mask_iou, 1.0);
         // The render's rim is blended with the background where the mask's is not.
         assert!(scores.image_l1 < 0.01, "{}", scores.image_l1);
+        assert!(scores.psnr.is_some());
+        let grey = score_views(&TriMesh { colors: None, ..mesh }, &views, &|_, _| ()).unwrap();
+        assert_eq!((grey.mask_iou, grey.psnr), (1.0, None));
     }
 
     #[test]

@@ -89,6 +89,9 @@ impl Run<'_, '_> {
         let start = shape.positions.clone();
         let mut distance = before;
         for round in 0..REFINING.0 {
+            if self.is_cancelled() {
+                break;
+            }
             alignment.cameras.improve(shape, &mut self.train);
             for _ in 0..REFINING.1 {
                 if self.is_cancelled() {

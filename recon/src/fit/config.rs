@@ -111,8 +111,8 @@ impl FitConfig {
 
     /// The most steps that a fit with these options takes, without those in which it refines cameras.
     pub fn total_steps(&self) -> usize {
-        let levels = (self.level - self.start_level + 1) as usize;
-        levels * self.steps
+        let levels = self.level.saturating_sub(self.start_level).saturating_add(1);
+        (levels as usize).saturating_mul(self.steps)
     }
 }
 
@@ -141,6 +141,9 @@ mod tests {
         let problems = config.check();
         assert_eq!(problems.len(), 3);
         assert!(problems[2].contains("`level` is 2"), "{problems:?}");
+        // Who counts before checking is not told nonsense.
+        assert_eq!(config.total_steps(), config.steps);
+        assert_eq!(FitConfig::default().total_steps(), 3 * 150);
         assert!(toml::from_str::<FitConfig>("levle = 5").is_err());
     }
 }

@@ -38,6 +38,20 @@ pub enum FitError {
         /// The camera's height and width.
         expected: [usize; 2],
     },
+    /// A view's image or mask has another number of channels than a fit takes.
+    #[error(
+        "view {view}: {field} has {found} channels, expected {expected}: an image has red, green and blue, a mask one channel"
+    )]
+    Channels {
+        /// Name of the view.
+        view: String,
+        /// `color` or `mask`.
+        field: &'static str,
+        /// Its channels.
+        found: usize,
+        /// Those that it should have.
+        expected: usize,
+    },
     /// A camera that cannot be used.
     #[error("view {view}: camera: {problem}")]
     Camera {

@@ -475,6 +475,12 @@ impl<'a, 'o> Run<'a, 'o> {
 /// Whether a view can be used at all.
 fn check(view: &View) -> Result<(), FitError> {
     let expected = [view.camera.height, view.camera.width];
+    for (field, image, expected) in [("color", &view.color, 3), ("mask", &view.mask, 1)] {
+        if image.channels != expected {
+            let (view, found) = (view.name.clone(), image.channels);
+            return Err(FitError::Channels { view, field, found, expected });
+        }
+    }
     for (field, image) in [("color", &view.color), ("mask", &view.mask)] {
         let found = [image.height, image.width];
         if found != expected || image.data.len() != image.channels * found[0] * found[1] {

@@ -126,14 +126,17 @@ impl Picture {
     #[inline]
     pub(super) fn at(&self, x: f32, y: f32) -> f32 {
         let [w, h] = self.size;
-        // At least two pixels each way: there is a margin.
         let x = (x - 0.5).clamp(0.0, (w - 1) as f32);
         let y = (y - 0.5).clamp(0.0, (h - 1) as f32);
-        let (i, j) = ((x as usize).min(w - 2), (y as usize).min(h - 2));
+        let i = (x as usize).min(w.saturating_sub(2));
+        let j = (y as usize).min(h.saturating_sub(2));
         let (fx, fy) = (x - i as f32, y - j as f32);
-        let [above, below] = [j, j + 1].map(|j| &self.brightness[j * w + i..j * w + i + 2]);
-        let upper = above[0] + fx * (above[1] - above[0]);
-        let lower = below[0] + fx * (below[1] - below[0]);
+        // The margin ends with the view, which may be a pixel wide or high: there is no other beside it, and no way to it.
+        let (right, down) = (usize::from(w > 1), usize::from(h > 1));
+        let row = |j: usize| &self.brightness[j * w + i..=j * w + i + right];
+        let (above, below) = (row(j), row(j + down));
+        let upper = above[0] + fx * (above[right] - above[0]);
+        let lower = below[0] + fx * (below[right] - below[0]);
         upper + fy * (lower - upper)
     }
 
@@ -209,4 +212,33 @@ fn inverse(m: &[[f32; 4]; 3]) -> [[f32; 3]; 3] {
     };
     let determinant: f64 = (0..3).map(|j| at(0, j) * minor(0, j)).sum();
     std::array::from_fn(|i| std::array::from_fn(|j| (minor(j, i) / determinant) as f32))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use mesh_core::{ByteImage, Camera};
+
+    use super::super::distance::Blur;
+    use super::*;
+
+    #[test]
+    fn a_view_that_is_a_pixel_wide_or_high_is_as_bright_as_its_line() {
+        for [height, width] in [[1, 1], [1, 6], [6, 1]] {
+            let camera =
+                Camera::look_at([0.0, 0.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.6, width, height);
+            let data = (0..height * width).flat_map(|k| [40 * k as u8; 3]).collect();
+            let color = ByteImage { height, width, channels: 3, data };
+            let mut mask = ByteImage::new(height, width, 1);
+            mask.data.fill(255);
+            let view = View { name: String::new(), color, mask, camera, depth: None };
+            let target = Target::new(&view, Blur::plain(1.0), 0.5, 4.0).unwrap();
+            let picture = Picture::new(&target, &view, 64);
+            let at = |k: f32| if width > 1 { picture.at(k, 0.5) } else { picture.at(0.5, k) };
+            for (k, &bright) in picture.brightness.iter().enumerate() {
+                assert_eq!(at(k as f32 + 0.5), bright, "{height} x {width}, {k}");
+            }
+            assert_eq!(at(50.0), *picture.brightness.last().unwrap());
+        }
+    }
 }

@@ -159,13 +159,17 @@ impl Target {
     pub(super) fn distance(&self, column: f32, row: f32) -> f32 {
         let x = (column - 0.5).clamp(0.0, (self.width - 1) as f32);
         let y = (row - 0.5).clamp(0.0, (self.height - 1) as f32);
-        let (i, j) = ((x as usize).min(self.width - 2), (y as usize).min(self.height - 2));
+        let i = (x as usize).min(self.width.saturating_sub(2));
+        let j = (y as usize).min(self.height.saturating_sub(2));
         let (fx, fy) = (x - i as f32, y - j as f32);
         let at = |k: usize| f32::from(self.distance[k]);
         let k = j * self.width + i;
+        // A box that is a pixel wide or high has no other beside it, and no way to it.
+        let right = usize::from(self.width > 1);
+        let below = if self.height > 1 { k + self.width } else { k };
         let (upper, lower) = (
-            at(k) + fx * (at(k + 1) - at(k)),
-            at(k + self.width) + fx * (at(k + self.width + 1) - at(k + self.width)),
+            at(k) + fx * (at(k + right) - at(k)),
+            at(below) + fx * (at(below + right) - at(below)),
         );
         self.unit * (upper + fy * (lower - upper))
     }
@@ -245,4 +249,44 @@ fn rows_of(camera: &Camera) -> [[f64; 4]; 3] {
         std::array::from_fn(|k| (one[k] - y[k]) * h),
         depth,
     ]
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use mesh_core::ByteImage;
+
+    use super::*;
+
+    /// A view whose middle pixels are the object.
+    fn view(height: usize, width: usize) -> View {
+        let camera =
+            Camera::look_at([0.0, 0.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.6, width, height);
+        let mut mask = ByteImage::new(height, width, 1);
+        let pixels = mask.data.len();
+        mask.data[pixels / 3..pixels.div_ceil(2)].fill(255);
+        View {
+            name: String::new(),
+            color: ByteImage::new(height, width, 3),
+            mask,
+            camera,
+            depth: None,
+        }
+    }
+
+    #[test]
+    fn distances_in_a_view_that_is_a_pixel_wide_or_high_follow_its_line() {
+        for [height, width] in [[1, 1], [1, 12], [12, 1]] {
+            let target = Target::new(&view(height, width), Blur::plain(1.0), 0.5, 4.0).unwrap();
+            let at =
+                |k: f32| if width > 1 { target.distance(k, 0.5) } else { target.distance(0.5, k) };
+            let pixel = |k: usize| target.unit * f32::from(target.distance[k]);
+            for k in 0..target.distance.len() {
+                assert_eq!(at(k as f32 + 0.5), pixel(k), "{height} x {width}, {k}");
+            }
+            // The border's value beyond it, across the line too.
+            assert_eq!(at(-3.0), pixel(0));
+            assert_eq!(target.distance(7.0, 9.0), at(if width > 1 { 7.0 } else { 9.0 }));
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! What is wrong with a set of views: each supposition is tried, and the best explanation named.
 
-use datasets::{CameraAxes, Convention, Truth, View};
+use datasets::{Truth, View};
 use mesh_core::sample_points;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -10,6 +10,7 @@ use super::eye::{Eye, Reading};
 use super::finer;
 use super::hull::{Ball, agreement, ball, coincide};
 use super::lens::LensFit;
+use super::poses_read::{self, PosesRead};
 
 /// Views that the search looks at; all are looked at for the figures.
 const SEARCHED: usize = 28;
@@ -40,12 +41,7 @@ const READINGS: [(&str, Reading, &str); 6] = [
          other way: --turntable-reverse)",
     ),
     ("turned", Reading::Turned, "the images are turned by half for these cameras"),
-    (
-        "opencv_axes",
-        Reading::OpenCvAxes,
-        "the cameras look away from the object: their axes look like OpenCV's (y down, z \
-         forward) where OpenGL's (y up, looking along -z) were expected",
-    ),
+    ("opencv_axes", Reading::OpenCvAxes, "the cameras look away from the object"),
     (
         "inverse_pose",
         Reading::InversePose,
@@ -54,7 +50,7 @@ const READINGS: [(&str, Reading, &str); 6] = [
     (
         "inverse_opencv_pose",
         Reading::InverseOpenCvPose,
-        "the poses look inverted and in OpenCV's axes",
+        "the poses look inverted and in the axes of another tool",
     ),
 ];
 
@@ -181,7 +177,7 @@ pub(crate) fn diagnose(
     views: &[View],
     eyes: &[Eye],
     truth: &Truth,
-    convention: Option<Convention>,
+    poses: Option<PosesRead>,
 ) -> (Agreement, Vec<Problem>, Option<Ball>) {
     let mut problems = Vec::new();
     let mut found = Agreement::default();
@@ -210,7 +206,7 @@ pub(crate) fn diagnose(
     let step = eyes.len().div_ceil(SEARCHED);
     let searched: Vec<Eye> = eyes.iter().step_by(step).cloned().collect();
     let judge = Judge { eyes: &searched, points: points.as_deref() };
-    cameras(&judge, convention, &mut found, &mut problems);
+    cameras(&judge, poses, &mut found, &mut problems);
     if let Some(ball) = ball {
         finer::look(views, ball, &mut found, &mut problems);
     }
@@ -260,7 +256,7 @@ fn masks(views: &[View], eyes: &[Eye], problems: &mut Vec<Problem>) {
 /// Tries every reading, and names the one that explains clearly more than the files' own.
 fn cameras(
     judge: &Judge<'_>,
-    convention: Option<Convention>,
+    poses: Option<PosesRead>,
     found: &mut Agreement,
     problems: &mut Vec<Problem>,
 ) {
@@ -279,8 +275,13 @@ fn cameras(
     let at_factor = focal.map_or(given, |[_, score]| score);
     let factor = middle_of_the_best(&found.focal, given);
     if other >= at_factor && clearly_better(other, given) {
-        let remedy = remedy(*reading, convention).map_or_else(String::new, |r| format!(": {r}"));
-        let message = format!("{words}{remedy} (agreement {other:.3} instead of {given:.3})");
+        let axes = match reading {
+            Reading::OpenCvAxes => poses_read::of_axes(poses),
+            _ => String::new(),
+        };
+        let remedy = poses.and_then(|poses| poses.remedy(*reading));
+        let remedy = remedy.map_or_else(String::new, |r| format!(": {r}"));
+        let message = format!("{words}{axes}{remedy} (agreement {other:.3} instead of {given:.3})");
         problems.push(Problem::new(name, message));
     } else if !(0.87..1.15).contains(&factor) && sharper(at_factor, given) && at_factor > EXPLAINS {
         let message = format!(
@@ -295,22 +296,6 @@ fn cameras(
         );
         problems.push(Problem::new("disagreement", message));
     }
-}
-
-/// The options that read the files so. What is the same but for a turn of the world is as good.
-fn remedy(reading: Reading, convention: Option<Convention>) -> Option<String> {
-    let (axes, poses) = convention?;
-    // An inverse leaves the file's axes on the side of the world, where they do not matter.
-    let by_axes = match reading {
-        Reading::OpenCvAxes => true,
-        Reading::InversePose => axes == CameraAxes::OpenCv,
-        Reading::InverseOpenCvPose => axes == CameraAxes::OpenGl,
-        _ => return None,
-    };
-    let by_poses = !matches!(reading, Reading::OpenCvAxes);
-    let axes = by_axes.then(|| format!("--axes {}", axes.other().name()));
-    let poses = by_poses.then(|| format!("--poses {}", poses.other().name()));
-    Some([axes, poses].into_iter().flatten().collect::<Vec<_>>().join(" "))
 }
 
 /// Whether a reading takes away enough of what the given one leaves unexplained.

@@ -46,11 +46,8 @@ pub(crate) struct Eye {
 impl Eye {
     /// The view as it is given, made small.
     pub(crate) fn new(view: &View) -> Self {
-        let (height, width) = (view.mask.height, view.mask.width);
-        let side = height.max(width);
-        let scaled = |n: usize| ((n * LONGEST + side / 2) / side).max(1);
-        let (mask, camera) = if side > LONGEST {
-            let (h, w) = (scaled(height), scaled(width));
+        let (mask, camera) = if view.mask.height.max(view.mask.width) > LONGEST {
+            let [h, w] = view.mask.size_within(LONGEST);
             (view.mask.resized(h, w), view.camera.resized(w, h))
         } else {
             (view.mask.clone(), view.camera.clone())

@@ -145,7 +145,8 @@ fn lens_problem(lens: &LensFit) -> Problem {
 
 fn edge_problem(offset: f64, silhouettes: &[Silhouette]) -> Option<Problem> {
     let pixels = offset * silhouettes.first()?.scale;
-    if pixels.abs() < EDGE || offset.abs() < EDGE {
+    // Pixels of the small images, of which each is one of the view's or several.
+    if offset.abs() < EDGE {
         return None;
     }
     let (kind, word) =

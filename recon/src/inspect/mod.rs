@@ -40,6 +40,7 @@ mod lens;
 mod mask_edge;
 mod page;
 mod picture;
+mod poses_read;
 mod silhouette;
 
 pub use coherence::Coherence;
@@ -60,6 +61,7 @@ use serde::Serialize;
 
 use eye::Eye;
 use finer::Fitness;
+use poses_read::PosesRead;
 
 /// Cells along the longest side of the hull that is drawn.
 const GRID: usize = 64;
@@ -174,7 +176,7 @@ pub fn inspect(
         let views = dataset.views(object, None, &reading, &|_, _| {})?;
         let truth = dataset.truth(object)?;
         let Entry { category, name, .. } = entries[object].clone();
-        let found = inspect_views(&views, &truth);
+        let found = inspect_views_with(&views, &truth, &reading);
         if let Some(reason) = error::at_one_point(&views.views, &found.problems) {
             let path = dataset.root().to_owned();
             return Err(InspectError::Cameras { path, object: name, reason });
@@ -235,11 +237,19 @@ fn counts(entries: &[Entry], name: impl Fn(&Entry) -> Option<String>) -> Vec<Cou
 /// # Panics
 /// If there are no views.
 pub fn inspect_views(views: &Views, truth: &Truth) -> ObjectInspection {
+    inspect_views_with(views, truth, &ReadOptions::default())
+}
+
+/// [`inspect_views`] of views that were read with options, to which the remedies that it names are relative.
+///
+/// # Panics
+/// As [`inspect_views`].
+pub fn inspect_views_with(views: &Views, truth: &Truth, reading: &ReadOptions) -> ObjectInspection {
     assert!(!views.is_empty(), "inspect_views: no views");
     let list = &views.views;
     let eyes: Vec<Eye> = list.par_iter().map(Eye::new).collect();
-    let (agreement, problems, ball) =
-        diagnosis::diagnose(list, &eyes, truth, views.layout.convention());
+    let poses = PosesRead::of(views.layout, reading);
+    let (agreement, problems, ball) = diagnosis::diagnose(list, &eyes, truth, poses);
     let hull = ball.and_then(|ball| hull::carve(&eyes, ball, GRID));
     let fovs: Option<Vec<f64>> =
         list.iter().map(|view| view.camera.fov().map(|fov| fov[0].to_degrees())).collect();

@@ -41,9 +41,8 @@ impl Silhouette {
 
     pub(super) fn new(view: &View) -> Self {
         let side = view.mask.height.max(view.mask.width);
-        let scaled = |n: usize| ((n * LONGEST + side / 2) / side).max(1);
         let (mask, camera) = if side > LONGEST {
-            let (h, w) = (scaled(view.mask.height), scaled(view.mask.width));
+            let [h, w] = view.mask.size_within(LONGEST);
             (view.mask.resized(h, w), view.camera.resized(w, h))
         } else {
             (view.mask.clone(), view.camera.clone())

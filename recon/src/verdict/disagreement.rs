@@ -48,10 +48,8 @@ struct Pair {
 
 impl Pair {
     fn of(mesh: &TriMesh, mask: &ByteImage, camera: &Camera) -> Result<Self, FacesError> {
-        let side = mask.height.max(mask.width);
-        let scaled = |n: usize| ((n * LONGEST + side / 2) / side).max(1);
-        let (mask, camera) = if side > LONGEST {
-            let (h, w) = (scaled(mask.height), scaled(mask.width));
+        let (mask, camera) = if mask.height.max(mask.width) > LONGEST {
+            let [h, w] = mask.size_within(LONGEST);
             (mask.resized(h, w), camera.resized(w, h))
         } else {
             (mask.clone(), camera.clone())

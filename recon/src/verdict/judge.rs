@@ -1,6 +1,7 @@
 //! From evidence to a verdict.
 
 use super::{Disagreement, Evidence, Grade, Verdict};
+use crate::inspect::Coherence;
 
 // The bounds below are chosen on the fits of the example `verdicts` with its seeds for choosing; `docs/verdict.md` has how they
 // do on others.
@@ -27,6 +28,10 @@ const FEW: usize = 7;
 const MOTION: f64 = 3.0;
 /// Share of the views that the border of the image cuts.
 const CUT: f64 = 0.1;
+/// A view whose IoU is so much below the mean stands apart from the others; cameras or masks may be why.
+const APART: f64 = 0.1;
+/// Below this mask IoU more than the shape may be wrong.
+const AGREES: f64 = 0.9;
 
 /// Weighs the evidence.
 pub fn judge(evidence: &Evidence) -> Verdict {
@@ -35,7 +40,9 @@ pub fn judge(evidence: &Evidence) -> Verdict {
     let iou = evidence.mask_iou;
     for (bound, grade) in IOU.into_iter().zip([Grade::Failed, Grade::Doubtful]) {
         if iou < bound {
-            say(grade, format!("the mask IoU on held-out views is {iou:.3}, below {bound}"));
+            let all_fitted = evidence.fitted_views == evidence.views.len();
+            let which = if all_fitted { "the fitted" } else { "held-out" };
+            say(grade, format!("the mask IoU on {which} views is {iou:.3}, below {bound}"));
             break;
         }
     }
@@ -52,6 +59,21 @@ pub fn judge(evidence: &Evidence) -> Verdict {
     let grade = reasons.iter().map(|(grade, _)| *grade).max().unwrap_or(Grade::Good);
     reasons.sort_by_key(|reason| std::cmp::Reverse(reason.0));
     Verdict { grade, reasons: reasons.into_iter().map(|(_, text)| text).collect() }
+}
+
+impl Evidence {
+    /// Whether cameras and masks agree so well with one another that what is wrong with a fit is not to be looked for in them:
+    /// then [`inspect_views`](crate::inspect::inspect_views) has nothing to say.
+    pub fn is_coherent(&self) -> bool {
+        let fits = |c: Coherence| c.gap <= GAP && c.missing <= MISSING && c.excess <= EXCESS;
+        let apart = |view: &Disagreement| view.mask_iou < self.mask_iou - APART;
+        self.mask_iou >= AGREES
+            && self.coherence.is_some_and(fits)
+            && self.lens.is_none()
+            && self.mask_edge.is_none_or(|edge| edge.abs() <= EDGE)
+            && self.motion <= MOTION
+            && !self.views.iter().any(apart)
+    }
 }
 
 /// Where mesh and masks differ.

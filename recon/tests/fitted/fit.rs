@@ -1,7 +1,7 @@
 //! Whole fits: shapes that are known, at a size that takes seconds.
 
 use datasets::Views;
-use mesh_core::{TriMesh, primitives};
+use mesh_core::{ByteImage, TriMesh, primitives};
 use recon::evaluate::score_views;
 use recon::fit::{ColorKind, FitConfig, FitError, Fitted, TopologyKind, fit};
 use recon::progress::{Ended, Event, Watch};
@@ -194,6 +194,15 @@ fn what_cannot_be_fitted_is_an_error_that_says_why() {
     let mut empty = good.clone();
     empty.views.iter_mut().for_each(|v| v.mask.data.fill(0));
     assert_eq!(fails(&empty, &config()), FitError::EmptyMasks { views: 10 });
+
+    for (field, found, expected) in [("color", 4, 3), ("mask", 3, 1)] {
+        let mut other = good.clone();
+        let view = &mut other.views[3];
+        let image = if field == "color" { &mut view.color } else { &mut view.mask };
+        *image = ByteImage::new(image.height, image.width, found);
+        let view = view.name.clone();
+        assert_eq!(fails(&other, &config()), FitError::Channels { view, field, found, expected });
+    }
 
     let mut full = good.clone();
     full.views.iter_mut().for_each(|v| v.mask.data.fill(255));

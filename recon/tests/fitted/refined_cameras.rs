@@ -5,7 +5,7 @@ use mesh_core::nalgebra::{Matrix3, Vector3};
 use mesh_core::{Camera, TriMesh};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, Fitted, Quality, fit};
-use recon::progress::Watch;
+use recon::progress::{Ended, Event, Watch};
 use synth::shapes::Family;
 use synth::{Orbit, Placement, Planted, RenderOptions, render_views};
 
@@ -56,6 +56,27 @@ fn score(mesh: &TriMesh, focal: f64) -> f64 {
     let others = Planted::Focal(focal).plant(others, [0.0; 3], 0);
     let others: Vec<&View> = others.iter().collect();
     score_views(mesh, &others, &|_, _| {}).unwrap().mask_iou
+}
+
+/// Once a refinement is cancelled nothing of it goes on: two that end within its first round had their cameras moved as often.
+#[test]
+fn cameras_rest_where_a_refinement_is_stopped() {
+    let noisy = Planted::Poses(0.3).plant(rendered(&orbit(10)), [0.0; 3], 1);
+    let config = FitConfig { hold_out: None, ..Quality::Draft.config() };
+    let planned = config.total_steps() as u64;
+    let stopped = |steps: usize| {
+        let mut refining = 0;
+        let mut watch = Watch::default().until_event(move |event| {
+            // Only steps of a refinement are more than was planned.
+            refining += usize::from(matches!(event, Event::Step(step) if step.total > planned));
+            refining == steps
+        });
+        fit(&Views::in_memory(noisy.clone()), &config, &mut watch).unwrap()
+    };
+    let [first, second] = [1, 2].map(stopped);
+    assert_eq!((first.ended, second.ended), (Ended::Cancelled, Ended::Cancelled));
+    let cameras = |fitted: &Fitted| fitted.cameras.as_ref().unwrap().cameras.clone();
+    assert_eq!(cameras(&first), cameras(&second));
 }
 
 #[test]

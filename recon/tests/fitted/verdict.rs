@@ -62,6 +62,31 @@ fn a_good_fit_is_good_until_something_speaks_against_it() {
 }
 
 #[test]
+fn inputs_that_agree_are_not_to_blame() {
+    let views = views_of(&egg());
+    let good = Evidence::of(&views, &fitted(&views)).unwrap();
+    assert!(good.is_coherent());
+    // A shape that is off is not yet an input that is.
+    assert!(Evidence { mask_iou: 0.96, self_intersections: 3, ..good.clone() }.is_coherent());
+    let flaws: [fn(&mut Evidence); 6] = [
+        (|e| e.mask_iou = 0.8),
+        (|e| e.views[0].mask_iou = 0.8),
+        (|e| e.mask_edge = Some(1.5)),
+        (|e| e.coherence = None),
+        (|e| e.motion = 9.0),
+        (|e| e.coherence.as_mut().unwrap().gap = 0.6),
+    ];
+    for (k, flaw) in flaws.into_iter().enumerate() {
+        let mut evidence = good.clone();
+        flaw(&mut evidence);
+        assert!(!evidence.is_coherent(), "{k}");
+    }
+    let mistake = Planted::Poses(2.0);
+    let views = Views::in_memory(mistake.plant(views.views.clone(), [0.0; 3], 4));
+    assert!(!Evidence::of(&views, &fitted(&views)).unwrap().is_coherent());
+}
+
+#[test]
 fn holes_are_seen_and_shown() {
     // A frame around a window.
     let mut frame = TriMesh::default();
