@@ -1,7 +1,8 @@
 //! Many objects whose views are prepared once and kept.
 
+use std::collections::{BTreeMap, btree_map};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, PoisonError, RwLock};
 
 use datasets::{Dataset, Entry, Layout, ReadOptions, Subsets, Truth, View, Views};
 use train::{DataError, Fingerprint};
@@ -14,7 +15,8 @@ const BUDGET: usize = 6 << 30;
 /// What was made of views so far, within a budget.
 #[derive(Debug)]
 pub(crate) struct Kept<T> {
-    places: Vec<Vec<OnceLock<Arc<T>>>>,
+    /// Of each object what was made of its views: a list may count more of them than can ever be read.
+    objects: Vec<RwLock<BTreeMap<usize, Arc<T>>>>,
     bytes: AtomicUsize,
     budget: usize,
 }
@@ -22,22 +24,26 @@ pub(crate) struct Kept<T> {
 impl<T: Stored> Kept<T> {
     /// Nothing yet; `budget` bytes at most.
     pub(crate) fn new(entries: &[Entry], budget: usize) -> Self {
-        let places = |entry: &Entry| (0..entry.views).map(|_| OnceLock::new()).collect();
-        let places = entries.iter().map(places).collect();
-        Self { places, bytes: AtomicUsize::new(0), budget }
+        let objects = entries.iter().map(|_| RwLock::default()).collect();
+        Self { objects, bytes: AtomicUsize::new(0), budget }
     }
 
     /// What is kept of a view.
     pub(crate) fn get(&self, [object, view]: [usize; 2]) -> Option<Arc<T>> {
-        self.places[object][view].get().map(Arc::clone)
+        let views = self.objects[object].read().unwrap_or_else(PoisonError::into_inner);
+        views.get(&view).map(Arc::clone)
     }
 
     /// Keeps what was made of a view if there is room.
     pub(crate) fn keep(&self, [object, view]: [usize; 2], made: &Arc<T>) {
         let bytes = made.bytes();
+        if self.bytes.load(Ordering::Relaxed) + bytes > self.budget {
+            return;
+        }
+        let mut views = self.objects[object].write().unwrap_or_else(PoisonError::into_inner);
         // Another thread may have been faster, with the same.
-        let room = self.bytes.load(Ordering::Relaxed) + bytes <= self.budget;
-        if room && self.places[object][view].set(Arc::clone(made)).is_ok() {
+        if let btree_map::Entry::Vacant(place) = views.entry(view) {
+            place.insert(Arc::clone(made));
             self.bytes.fetch_add(bytes, Ordering::Relaxed);
         }
     }
@@ -157,5 +163,36 @@ impl<T: Stored> ViewCache<T> {
     /// What the dataset says of its objects.
     pub(crate) fn entries(&self) -> &[Entry] {
         self.dataset.entries()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, PartialEq)]
+    struct Made(usize);
+
+    impl Stored for Made {
+        fn bytes(&self) -> usize {
+            self.0
+        }
+    }
+
+    /// A list that counts more views than there is memory costs nothing until they are read.
+    #[test]
+    fn what_is_kept_follows_what_is_made_and_not_what_is_counted() {
+        let entries = [usize::MAX, 2].map(|views| Entry { views, ..Entry::default() });
+        let kept = Kept::new(&entries, 10);
+        let place = [0, 900_000_000];
+        assert_eq!(kept.get(place), None);
+        kept.keep(place, &Arc::new(Made(6)));
+        kept.keep(place, &Arc::new(Made(4)));
+        assert_eq!(*kept.get(place).unwrap(), Made(6));
+        kept.keep([1, 1], &Arc::new(Made(5)));
+        assert_eq!(kept.get([1, 1]), None);
+        kept.keep([1, 1], &Arc::new(Made(4)));
+        assert_eq!(*kept.get([1, 1]).unwrap(), Made(4));
     }
 }

@@ -1,6 +1,8 @@
 //! Pix3D's photographs cut to their given boxes.
 
-use datasets::{Catalog, Dataset, Pix3d, ReadOptions, ReadViewsError, Truth, Views};
+use datasets::{
+    Catalog, Dataset, Pix3d, Pix3dAnnotation, ReadOptions, ReadViewsError, Truth, View, Views,
+};
 
 use crate::square::square;
 
@@ -36,25 +38,25 @@ impl Dataset for Boxes {
     ) -> Result<Views, ReadViewsError> {
         let mut views = self.inner.views(object, which, options, progress)?;
         let annotations = self.inner.annotations(object);
-        views.views = views
-            .views
-            .into_iter()
-            .map(|view| {
-                let annotation = annotations.iter().find(|a| a.image == view.name);
-                match annotation {
-                    Some(annotation) => {
-                        // Views may have been averaged down on the way.
-                        let scale = view.color.width as f64 / annotation.size[0] as f64;
-                        square(view, annotation.bounds.map(|x| x * scale), MARGIN)
-                    }
-                    None => view,
-                }
-            })
-            .collect();
+        let all: Vec<usize> = (0..annotations.len()).collect();
+        // In the order of the views, of which some may be left out: one image may show the model twice, each in a box of its own.
+        let mut asked = which.unwrap_or(&all).iter().map(|&view| &annotations[view]);
+        let cut = |view: View| match asked.find(|annotation| annotation.image == view.name) {
+            Some(annotation) => boxed(view, annotation),
+            None => view,
+        };
+        views.views = views.views.into_iter().map(cut).collect();
         Ok(views)
     }
 
     fn truth(&self, object: usize) -> Result<Truth, ReadViewsError> {
         self.inner.truth(object)
     }
+}
+
+/// The part of a photograph around its annotation's box.
+fn boxed(view: View, annotation: &Pix3dAnnotation) -> View {
+    // Views may have been averaged down on the way.
+    let scale = view.color.width as f64 / annotation.size[0] as f64;
+    square(view, annotation.bounds.map(|x| x * scale), MARGIN)
 }

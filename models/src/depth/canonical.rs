@@ -28,6 +28,9 @@ const SHARES: [f64; 2] = [0.3, 1.0];
 /// And in the middle if theirs is as near to the image's, in halves of its side.
 const BESIDE: f64 = 0.35;
 
+/// By how much the unit of measured depth may differ from the learned one: millimetres of a car, or kilometres, are far within.
+const UNITS: [f64; 2] = [1e-4, 1e4];
+
 /// How a picture was brought to the learned lens.
 #[derive(Clone, Debug)]
 pub(super) struct Canonical {
@@ -93,6 +96,18 @@ impl Canonical {
             let seen = self.learned.project(p.map(f64::from));
             let depth = self.offset + seen.depth / self.scale;
             self.given.unproject(seen.column, seen.row, depth).map(|x| x as f32)
+        })
+    }
+
+    /// Why no depth can have such a scale, where that is so.
+    pub(super) fn absurd(&self) -> Option<String> {
+        let [least, most] = UNITS;
+        (!(least..=most).contains(&self.scale)).then(|| {
+            format!(
+                "the depth would be scaled by {:.1e} to that of learned objects, expected {least:e} to {most:e}: is it depth, in \
+                 some unit of length, of this image?",
+                self.scale
+            )
         })
     }
 

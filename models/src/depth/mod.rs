@@ -20,6 +20,7 @@ mod carving;
 mod config;
 mod depth_targets;
 mod encoder;
+mod given_depth;
 mod guide;
 mod mesh_init;
 mod mesh_pairs;

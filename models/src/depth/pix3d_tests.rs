@@ -152,3 +152,33 @@ fn photographs_are_cut_to_their_boxes_and_trained_on() {
     let (before, after) = (total(&fresh), total(&outcome.system));
     assert!(after < before, "{before} {after}");
 }
+
+/// An image that shows a model twice has two annotations of one name.
+#[test]
+fn two_of_a_model_in_one_photograph_have_a_box_each() {
+    use datasets::{Dataset as _, Pix3d, ReadOptions};
+
+    let folder = tempfile::tempdir().unwrap();
+    fixture(folder.path());
+    let path = folder.path().join("pix3d.json");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let mut records: Vec<serde_json::Value> = serde_json::from_str(&text).unwrap();
+    let mut other = records[0].clone();
+    other["bbox"] = serde_json::json!([10, 5, 20, 25]);
+    records.insert(1, other);
+    std::fs::write(&path, serde_json::to_string(&records).unwrap()).unwrap();
+    let boxes = boxes::Boxes::new(Pix3d::open(&path).unwrap());
+    let sides = |which: Option<&[usize]>, options: &ReadOptions| -> Vec<usize> {
+        let views = boxes.views(0, which, options, &|_, _| ()).unwrap().views;
+        views.iter().map(|view| view.color.width).collect()
+    };
+    let options = ReadOptions::default();
+    let all = sides(None, &options);
+    assert_eq!((all.len(), all[1]), (3, 22));
+    assert_ne!(all[0], all[1]);
+    assert_eq!(sides(Some(&[2, 1, 0]), &options), [all[2], all[1], all[0]]);
+    // One that is left out takes no other's box with it.
+    std::fs::remove_file(folder.path().join("img/chair/00.png")).unwrap();
+    let lenient = ReadOptions { allow_missing: true, ..options };
+    assert_eq!(sides(None, &lenient), [all[2]]);
+}

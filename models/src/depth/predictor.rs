@@ -3,20 +3,18 @@
 use std::path::Path;
 
 use autodiff_lite::Tape;
-use datasets::{ReadOptions, View, read_depth_file, read_disparity_file};
-use mesh_core::{DepthMap, Lens, TriMesh};
+use datasets::{ReadOptions, View};
+use mesh_core::{Lens, TriMesh};
 use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
 use recon::fit::RefineConfig;
 use train::{DataError, PredictError, Subset};
 
 use super::canonical::Canonical;
+use super::given_depth::GivenDepth;
 use super::{DepthKind, MeshInit, PlaceKind, Refined, Scene, Scenes};
 use crate::parts::of_each;
 use crate::predict::{Features, PredictInput, Prediction, Predictor, Request, Sighting, strongest};
-
-/// The least disparity that stands for an estimate's farthest pixel; the nearest is 1.
-const FARTHEST: f32 = 0.1;
 
 impl<B: MeshInit> Predictor for Refined<B> {
     const ABOUT: &'static str = B::ABOUT;
@@ -36,9 +34,11 @@ impl<B: MeshInit> Predictor for Refined<B> {
             input.warnings.retain(|warning| !warning.starts_with("the camera of a single"));
         }
         if let Some(path) = request.depth {
-            let estimated = B::refine(self.config()).depth == DepthKind::Estimated;
-            view.depth = Some(if estimated { guessed(path, view)? } else { measured(path, view)? });
+            let depth = GivenDepth::read(path, view, B::refine(self.config()).depth)?;
+            view.depth = Some(depth.map);
+            input.warnings.extend(depth.warning);
         }
+        self.check_scale(request.depth.unwrap_or(&input.source), &input.given[0])?;
         Ok(input)
     }
 
@@ -112,14 +112,22 @@ impl<B: MeshInit> Refined<B> {
     /// The first view as the network takes it; where measured depth says that its camera is not one that was learned from,
     /// brought to one.
     fn brought(&self, views: &[View]) -> Result<Brought, PredictError> {
-        let config = self.refine();
-        let measured = config.place == PlaceKind::Seen && config.depth == DepthKind::True;
-        let first = views.first().filter(|_| measured);
-        let Some((view, canonical)) = first.and_then(|v| Canonical::of(v, config.pairs.scale))
-        else {
+        let Some((view, canonical)) = views.first().and_then(|view| self.canonical(view)) else {
             return Ok(Brought { scene: self.scene(views)?, canonical: None });
         };
         Ok(Brought { scene: self.scene(&[view])?, canonical: Some(canonical) })
+    }
+
+    fn canonical(&self, view: &View) -> Option<(View, Canonical)> {
+        let config = self.refine();
+        let measured = config.place == PlaceKind::Seen && config.depth == DepthKind::True;
+        if measured { Canonical::of(view, config.pairs.scale) } else { None }
+    }
+
+    /// Refuses depth, read from `path`, in whose unit no object is: the mesh would be shreds.
+    fn check_scale(&self, path: &Path, view: &View) -> Result<(), DataError> {
+        let absurd = self.canonical(view).and_then(|(_, canonical)| canonical.absurd());
+        absurd.map_or(Ok(()), |why| Err(DataError::Unfit(format!("{}: {why}", path.display()))))
     }
 
     fn in_world(scene: &Scene, canonical: Option<&Canonical>, mesh: TriMesh) -> TriMesh {
@@ -151,52 +159,15 @@ fn look_through(view: &mut View, [fx, fy, cx, cy]: [f64; 4]) -> Result<(), DataE
     Ok(())
 }
 
-fn measured(path: &Path, view: &View) -> Result<DepthMap, DataError> {
-    let depth = read_depth_file(path, 1.0).map_err(DataError::read)?;
-    Ok(fitted(&depth, view))
-}
-
-/// An estimate as a depth: one over a disparity that was brought to 0.1 to 1. Scale and shift mean nothing to the network.
-fn guessed(path: &Path, view: &View) -> Result<DepthMap, DataError> {
-    let map = read_disparity_file(path).map_err(DataError::read)?;
-    let finite = || map.data.iter().copied().filter(|d| d.is_finite());
-    let low = finite().fold(f32::INFINITY, f32::min);
-    let span = finite().fold(f32::NEG_INFINITY, f32::max) - low;
-    let depth = |&d: &f32| {
-        let share = if span > 0.0 { (d - low) / span } else { 0.5 };
-        if d.is_finite() { (FARTHEST + (1.0 - FARTHEST) * share).recip() } else { f32::INFINITY }
-    };
-    let data = map.data.iter().map(depth).collect();
-    Ok(fitted(&DepthMap { height: map.height, width: map.width, data }, view))
-}
-
-/// The nearest pixels, in the size of the image.
-fn fitted(depth: &DepthMap, view: &View) -> DepthMap {
-    let (height, width) = (view.color.height, view.color.width);
-    let at = |i: usize, from: usize, to: usize| (2 * i + 1) * from / (2 * to);
-    let pixel = |p: usize| {
-        let (row, column) =
-            (at(p / width, depth.height, height), at(p % width, depth.width, width));
-        depth.data[row * depth.width + column]
-    };
-    DepthMap { height, width, data: (0..height * width).map(pixel).collect() }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use mesh_core::{ByteImage, Camera, Image, write_pfm};
+    use mesh_core::{ByteImage, Camera, DepthMap, Image, write_pfm};
     use train::System as _;
 
     use super::*;
-    use crate::depth::{DepthPixel2Mesh, MeshRcnn, SphereConfig};
+    use crate::depth::{DepthPixel2Mesh, MeshRcnn, SphereConfig, VoxelConfig};
     use crate::img2mesh::Img2Mesh;
-
-    fn view() -> View {
-        let camera = Camera::from_r2n2(0.0, 27.5, 0.8, 8, 8);
-        let mask = ByteImage { data: vec![255; 64], ..ByteImage::new(8, 8, 1) };
-        View { name: "a".into(), color: ByteImage::new(8, 8, 3), mask, camera, depth: None }
-    }
 
     fn file(folder: &Path, name: &str, value: impl Fn(usize) -> f32) -> std::path::PathBuf {
         let path = folder.join(name);
@@ -205,23 +176,30 @@ mod tests {
         path
     }
 
-    /// Depth comes in the size of the image; an estimate means the same in any scale and with any shift.
+    /// A system that takes measured depth refuses what no measurement is.
     #[test]
-    fn depth_is_fitted_and_estimates_have_no_unit() {
+    fn depth_in_no_unit_is_refused() {
         let folder = tempfile::tempdir().unwrap();
-        let view = view();
-        let metric = file(folder.path(), "metric.pfm", |p| if p == 5 { 0.0 } else { p as f32 });
-        let depth = measured(&metric, &view).unwrap();
-        assert_eq!((depth.height, depth.width), (8, 8));
-        assert_eq!((depth.data[63], depth.data[2 * 8 + 2]), (15.0, f32::INFINITY));
-        let one = guessed(&file(folder.path(), "one.pfm", |p| p as f32), &view).unwrap();
-        let other =
-            guessed(&file(folder.path(), "two.pfm", |p| 7.5 * p as f32 - 30.0), &view).unwrap();
-        assert!(one.data.iter().zip(&other.data).all(|(a, b)| (a - b).abs() < 1e-4));
-        // Nearer is less deep, and the nearest is at 1.
-        assert!((one.data[63] - 1.0).abs() < 1e-6 && (one.data[0] - 10.0).abs() < 1e-4);
-        let flat = guessed(&file(folder.path(), "flat.pfm", |_| 3.0), &view).unwrap();
-        assert!(flat.data.iter().all(|z| z.is_finite() && *z > 0.0));
+        // `tiny` has places that do not depend on depth.
+        let (_, text) = MeshRcnn::PRESETS[1];
+        let config: train::Configuration<VoxelConfig> = toml::from_str(text).unwrap();
+        let system = MeshRcnn::new(&config.system, 0);
+        let camera = Camera::from_r2n2(0.0, 27.5, 0.8, 4, 4);
+        let (color, mask) =
+            (ByteImage::new(4, 4, 3), ByteImage { data: vec![255; 16], ..ByteImage::new(4, 4, 1) });
+        let at = |z: f32| {
+            let depth = Some(DepthMap { height: 4, width: 4, data: vec![z; 16] });
+            let (color, mask, camera) = (color.clone(), mask.clone(), camera.clone());
+            let view = View { name: "a".into(), color, mask, camera, depth };
+            system.check_scale(&folder.path().join("depth.exr"), &view)
+        };
+        for z in [1e-3, 1.4, 1400.0] {
+            at(z).unwrap();
+        }
+        for z in [1e-6, 3e6] {
+            let error = at(z).unwrap_err().to_string();
+            assert!(error.contains("depth.exr") && error.contains("unit"), "{error}");
+        }
     }
 
     #[test]
@@ -245,7 +223,9 @@ mod tests {
         let intrinsics = Some([60.0, 60.0, 16.0, 16.0]);
         let given = Request { depth: Some(&depth), intrinsics, ..request.clone() };
         let input = system.load(&given).unwrap();
-        assert!(input.warnings.is_empty());
+        // 4 x 4 numbers for 32 x 32 pixels.
+        let [warning] = input.warnings.as_slice() else { panic!("{:?}", input.warnings) };
+        assert!(warning.contains("depth.pfm"), "{warning}");
         let Prediction { mesh, sequence, .. } = system.apply(&input).unwrap();
         assert!(
             mesh.colors.is_some() && mesh.positions.as_flattened().iter().all(|x| x.is_finite())

@@ -137,7 +137,7 @@ impl Scenes {
         chosen: &[usize],
     ) -> Result<Scene, DataError> {
         let picture = self.pairs.picture(place[0], place[1])?;
-        let depth_targets = self.relief(place, &picture)?;
+        let depth_targets = self.depth_targets(place, &picture)?;
         let truth = placed(&depth_targets.frame, &surface.points, chosen);
         let colored = surface.colors.len() == surface.points.positions.len();
         let colors =
@@ -160,7 +160,11 @@ impl Scenes {
         Ok(surface)
     }
 
-    fn relief(&self, place: [usize; 2], picture: &Picture) -> Result<Arc<DepthTargets>, DataError> {
+    fn depth_targets(
+        &self,
+        place: [usize; 2],
+        picture: &Picture,
+    ) -> Result<Arc<DepthTargets>, DataError> {
         if let Some(depth_targets) = self.kept.get(place) {
             return Ok(depth_targets);
         }
@@ -186,7 +190,7 @@ impl Scenes {
         }
         let targets = self.pairs.trained().iter().enumerate().map(|(i, &object)| {
             let view = i % self.pairs.views(object);
-            self.relief([object, view], &*self.pairs.picture(object, view)?)
+            self.depth_targets([object, view], &*self.pairs.picture(object, view)?)
         });
         let targets = targets.collect::<Result<Vec<_>, DataError>>()?;
         let mut shares = vec![0.0; self.cells.pow(3)];

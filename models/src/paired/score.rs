@@ -113,10 +113,12 @@ fn scores_of(
     mesh: &TriMesh,
     truth: &SurfacePoints,
 ) -> PointScores {
+    let quality = Quality::of(mesh);
     let finite = positions.as_flattened().iter().all(|x| x.is_finite());
     if !finite || truth.positions.is_empty() {
-        let far = f64::NAN;
-        return PointScores { chamfer: far, earth_mover: far, ..PointScores::default() };
+        let [chamfer, earth_mover, normals] = [f64::NAN; 3];
+        let (f_score, f_score_double) = (0.0, 0.0);
+        return PointScores { chamfer, f_score, f_score_double, earth_mover, normals, quality };
     }
     let found = point_distances(positions, &truth.positions);
     let (there, back) = found.chamfer(true);
@@ -132,7 +134,7 @@ fn scores_of(
         f_score_double: f(THRESHOLDS[1]),
         earth_mover: 1e2 * earth_mover(mesh, truth),
         normals,
-        quality: Quality::of(mesh),
+        quality,
     }
 }
 
@@ -192,6 +194,29 @@ mod tests {
         assert_eq!(perfect.likeness(), 1.0);
         let none = PointScores { earth_mover: f64::NAN, ..perfect };
         assert_eq!(none.likeness(), 0.0);
+    }
+
+    /// A mesh with a place that is none is no sound one, and the mean over several says that there is such a mesh.
+    #[test]
+    fn what_is_not_finite_is_scored_as_no_mesh() {
+        let ball = icosphere(2).scaled([0.2; 3]);
+        let normals = vertex_normals(&ball.positions, &ball.faces);
+        let truth = SurfacePoints { positions: ball.positions.clone(), normals };
+        let mut broken = ball.clone();
+        broken.positions[7][1] = f32::NAN;
+        let scores = point_scores(&broken, &truth);
+        let Quality { self_intersecting, folded } = scores.quality;
+        for none in [scores.chamfer, scores.earth_mover, scores.normals, self_intersecting, folded]
+        {
+            assert!(none.is_nan(), "{scores:?}");
+        }
+        assert!(!scores.is_sound() && scores.likeness() == 0.0 && scores.f_score == 0.0);
+        let mean = PointScores::mean(&[point_scores(&ball, &truth), scores]);
+        assert!(mean.quality.self_intersecting.is_nan() && mean.normals.is_nan(), "{mean:?}");
+        assert!(!mean.is_sound() && mean.likeness() == 0.0);
+        // Without true points nothing is known of the distance, but of the mesh.
+        let unknown = point_scores(&ball, &SurfacePoints::default());
+        assert!(unknown.chamfer.is_nan() && unknown.quality == Quality::default());
     }
 
     /// Points spread over a surface say of it what its vertices say where those are spread as well, whatever they are.

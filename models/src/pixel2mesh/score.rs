@@ -86,7 +86,8 @@ impl Scored {
                 let better = if larger { Better::Larger } else { Better::Smaller };
                 mean(name, better, &|(_, scores, _)| scores.named()[k].1)
             })
-            .filter(|metric| metric.name != "normals" || metric.value.is_finite())
+            // Not where nothing has true normals; a mesh among others that has none of its own is told.
+            .filter(|metric| metric.name != "normals" || any_number(metric))
             .collect();
         if !self.azimuths.is_empty() {
             metrics.push(Metric::smaller("azimuth-error", self.azimuth_error()));
@@ -97,6 +98,11 @@ impl Scored {
         metrics.push(mean("evaluations", Better::Smaller, &|(.., stats)| stats.evaluations as f64));
         metrics
     }
+}
+
+/// Whether it is a number for one of the objects.
+fn any_number(metric: &Metric) -> bool {
+    metric.by_object.iter().any(|(_, value)| !value.is_nan())
 }
 
 impl Scored {

@@ -132,7 +132,7 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
     let before = delivery.prediction.before.as_ref();
     let mut warnings = input.warnings.clone();
     warnings.extend(delivery.prediction.warnings.iter().cloned());
-    warnings.extend(missed(&given));
+    warnings.extend(missed(&given, held_out.as_ref()));
     warnings.extend(delivery.familiarity.and_then(|judgement| judgement.warning()));
     let metrics = Metrics {
         schema_version: 1,
@@ -162,15 +162,18 @@ pub fn deliver(delivery: &Delivery<'_>, folder: &OutputFolder) -> Result<Metrics
     Ok(metrics)
 }
 
-/// What is to be said of a mesh that is elsewhere than the object it was made for.
-fn missed(given: &ViewScores) -> Option<String> {
-    (given.mask_iou < MISSED).then(|| {
-        format!(
-            "the mesh hardly covers the object in the given views (mask IoU {:.2}): these weights know other \
-             objects, or objects of another size, place or pose in the world of the cameras, or the masks are wrong",
-            given.mask_iou
-        )
-    })
+/// What is to be said of a mesh that is elsewhere than the object it was made for, or of another shape.
+fn missed(given: &ViewScores, others: Option<&ViewScores>) -> Option<String> {
+    let why = "these weights know other objects, or objects of another size, place or pose in the world of the cameras, or the \
+               masks are wrong";
+    let hardly = |scores: &ViewScores, where_| {
+        let iou = scores.mask_iou;
+        (iou < MISSED).then(|| {
+            format!("the mesh hardly covers the object {where_} (mask IoU {iou:.2}): {why}")
+        })
+    };
+    hardly(given, "in the given views")
+        .or_else(|| others.and_then(|scores| hardly(scores, "at the cameras that were not given")))
 }
 
 /// The deformation as it goes: `deformation.gif`, and each mesh as `sequence/00.ply`, `01.ply` and so on.
@@ -195,6 +198,9 @@ fn report(delivery: &Delivery<'_>, metrics: &Metrics, views: Vec<ViewPair>) -> R
     let (scores, judged) = match &metrics.held_out {
         Some(scores) => {
             (scores, format!("{} that were not given", counted(scores.views.len(), "camera")))
+        }
+        None if metrics.one_pass.is_some() => {
+            (&metrics.given, "the very views that the mesh was moved to".to_owned())
         }
         None => (&metrics.given, "the cameras that were given, for want of others".to_owned()),
     };
@@ -236,7 +242,7 @@ fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
     let names: Vec<&str> = input.given.iter().map(|view| view.name.as_str()).collect();
     let row = |name: &str, value: String| (name.to_owned(), value);
     let mut rows = vec![
-        row("input", format!("{} ({})", input.source.display(), input.layout)),
+        row("input", format!("{} ({})", input.source.display(), layout_words(input))),
         row("given views", names.join(", ")),
         row("checkpoint", format!("{} (step {})", delivery.checkpoint, delivery.steps)),
     ];
@@ -252,15 +258,23 @@ fn tables(delivery: &Delivery<'_>, metrics: &Metrics) -> Vec<Table> {
     tables
 }
 
+/// The layout; an image alone has none.
+fn layout_words(input: &PredictInput) -> String {
+    if input.camera_assumed { "one image".to_owned() } else { input.layout.to_string() }
+}
+
 fn score_table(title: &str, scores: &ViewScores) -> Table {
-    let psnr = scores.psnr.map_or_else(|| "n/a".to_owned(), |psnr| format!("{psnr:.2} dB"));
-    let rows = [
+    let mut rows = vec![
         ("views", scores.views.len().to_string()),
         ("mask IoU", format!("{:.4}", scores.mask_iou)),
-        ("image L1", format!("{:.4}", scores.image_l1)),
-        ("PSNR inside the mask", psnr),
-        ("SSIM", format!("{:.4}", scores.ssim)),
     ];
+    if let Some(psnr) = scores.psnr {
+        rows.extend([
+            ("image L1", format!("{:.4}", scores.image_l1)),
+            ("PSNR inside the mask", format!("{psnr:.2} dB")),
+            ("SSIM", format!("{:.4}", scores.ssim)),
+        ]);
+    }
     Table::new(title, rows)
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use datasets::{Layout, ReadOptions, View, Views, read_views};
+use datasets::{Layout, Photograph, ReadOptions, View, Views, read_views};
 use mesh_core::Camera;
 use train::DataError;
 
@@ -117,43 +117,54 @@ impl PredictInput {
         let extension = request.path.extension().and_then(|e| e.to_str()).unwrap_or_default();
         let picture = ["png", "jpg", "jpeg"].contains(&extension.to_lowercase().as_str());
         if picture && request.path.is_file() {
-            return Self::picture(request.path);
+            return Self::picture(request);
         }
         let mut input = Self::views(request)?;
+        if request.choice != Choice::All && input.given.len() > 1 {
+            let name = &input.given[0].name;
+            input.warnings.push(format!(
+                "this system takes one image: {name} is given, the others that were asked for judge the mesh"
+            ));
+        }
         let rest = input.given.split_off(1);
         input.others.splice(0..0, rest);
         Ok(input)
     }
 
-    /// A single image of an object, cut out by its alpha channel or an even backdrop, as if taken by one of 3D-R2N2's
-    /// cameras.
-    fn picture(path: &Path) -> Result<Self, DataError> {
+    /// A single image of an object, as if taken by one of 3D-R2N2's cameras.
+    fn picture(request: &Request<'_>) -> Result<Self, DataError> {
         /// Middle of the elevations and of the distances of 3D-R2N2's renderings.
         const ELEVATION: f64 = 27.5;
         const DISTANCE: f64 = 0.8;
-        /// Difference of colours that still is backdrop.
-        const TOLERANCE: u8 = 24;
-        let picture = mesh_core::read_image(path).map_err(DataError::unfit)?;
-        let backdrop = || datasets::mask_from_backdrop(&picture.to_rgb(), None, TOLERANCE);
-        let mask = datasets::mask_from_alpha(&picture).unwrap_or_else(backdrop);
-        if mask.data.iter().all(|&m| m == 0) {
+        let path = request.path;
+        if let Some(option) = of_several_views(request) {
             let text = format!(
-                "{}: no object in it, expected an alpha channel or an even backdrop",
+                "{}: {option} is of no use to a single image, expected a folder of views",
                 path.display()
             );
             return Err(DataError::Unfit(text));
         }
-        let camera = Camera::from_r2n2(0.0, ELEVATION, DISTANCE, picture.width, picture.height);
-        let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-        let view = View { name, color: picture.to_rgb(), mask, camera, depth: None };
-        let warning = "the camera of a single image is assumed: 35 mm on a sensor 32 mm wide, the object in the middle \
-                       and seen from 27.5 degrees above";
+        let camera = |width, height| Camera::from_r2n2(0.0, ELEVATION, DISTANCE, width, height);
+        let Photograph { view, guessed } =
+            Photograph::read(path, &camera, &request.options).map_err(DataError::read)?;
+        let mut warnings = vec![
+            "the camera of a single image is assumed: 35 mm on a sensor 32 mm wide, the object in the middle and seen from \
+             27.5 degrees above"
+                .to_owned(),
+        ];
+        if guessed {
+            let share = 100.0 * view.mask_pixels() as f64 / view.mask.data.len() as f64;
+            warnings.push(format!(
+                "nothing says what the object is: what differs from the border's colour was taken, {share:.0} % of the \
+                 image (--masks FOLDER or --mask say better)"
+            ));
+        }
         Ok(Self {
             given: vec![view],
             others: Vec::new(),
             source: path.to_owned(),
             layout: Layout::Photos,
-            warnings: vec![warning.to_owned()],
+            warnings,
             camera_assumed: true,
         })
     }
@@ -199,9 +210,30 @@ impl PredictInput {
         }
         let mut views: Vec<Option<View>> = views.into_iter().map(Some).collect();
         let given = chosen.iter().filter_map(|&at| views[at].take()).collect();
+        let given = with_an_object(given, &source, &mut warnings)?;
         let others = views.into_iter().flatten().collect();
         Ok(Self { given, others, source, layout, warnings, camera_assumed: false })
     }
+}
+
+/// Those views whose masks are not empty: an empty one says that there is nothing where the others see the object.
+fn with_an_object(
+    views: Vec<View>,
+    source: &Path,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<View>, DataError> {
+    let (seen, empty): (Vec<View>, Vec<View>) =
+        views.into_iter().partition(|view| view.mask.data.iter().any(|&m| m != 0));
+    let names: Vec<&str> = empty.iter().map(|view| view.name.as_str()).collect();
+    let names = names.join(", ");
+    if seen.is_empty() {
+        let text = format!("{}: the masks of the given views are empty: {names}", source.display());
+        return Err(DataError::Unfit(text));
+    }
+    if !empty.is_empty() {
+        warnings.push(format!("of {names} the mask is empty: left out"));
+    }
+    Ok(seen)
 }
 
 /// What most systems have no use for is a mistake.
@@ -213,11 +245,36 @@ fn refuse(request: &Request<'_>) -> Result<(), DataError> {
     Err(DataError::Unfit(text.to_owned()))
 }
 
+/// The first option that was given and says something of several views, or of their cameras.
+fn of_several_views(request: &Request<'_>) -> Option<&'static str> {
+    let ReadOptions { only, axes, poses, focal_scale, object, turntable, .. } = &request.options;
+    let own = |names: &[String]| {
+        let file = request.path.file_name().unwrap_or_default().to_string_lossy();
+        names.iter().all(|name| names_file(&file, name))
+    };
+    let said = [
+        ("--views", matches!(request.choice, Choice::Named(names) if !own(names))),
+        ("--first", matches!(request.choice, Choice::First(count) if count > 1)),
+        ("--only", only.as_ref().is_some_and(|names| !own(names))),
+        ("--object", object.is_some()),
+        ("--turntable", turntable.is_some()),
+        ("--axes", axes.is_some()),
+        ("--poses", poses.is_some()),
+        ("--focal-scale", focal_scale.is_some()),
+    ];
+    said.into_iter().find(|(_, is_said)| *is_said).map(|(option, _)| option)
+}
+
 /// Whether a view is meant by a name.
 fn is_called(view: &View, name: &str) -> bool {
-    let stem = view.name.rsplit_once('.').map_or(view.name.as_str(), |(stem, _)| stem);
+    names_file(&view.name, name)
+}
+
+/// Whether a name is that of a file: whole, without the extension, or as a number.
+fn names_file(file: &str, name: &str) -> bool {
+    let stem = file.rsplit_once('.').map_or(file, |(stem, _)| stem);
     let numbers = (stem.parse::<u64>(), name.parse::<u64>());
-    view.name == name || stem == name || matches!(numbers, (Ok(a), Ok(b)) if a == b)
+    file == name || stem == name || matches!(numbers, (Ok(a), Ok(b)) if a == b)
 }
 
 fn unknown(source: &Path, absent: &[&str], views: &[View], warnings: &[String]) -> DataError {

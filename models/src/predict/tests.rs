@@ -1,6 +1,6 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use datasets::{View, Views};
+use datasets::{MaskSource, ReadOptions, View, Views};
 use recon::fit::RefineConfig;
 use synth::{Orbit, RenderOptions, render_views};
 use train::output::OutputFolder;
@@ -50,6 +50,65 @@ fn a_slip_is_an_error_and_a_missing_file_a_warning() {
     let none = views(&["1"], &[reason]);
     let error = PredictInput::part(none, Choice::Named(&asked[1..])).unwrap_err().to_string();
     assert!(error.contains("no view 3") && error.contains("3_rgb.png is missing"), "{error}");
+}
+
+#[test]
+fn a_view_with_an_empty_mask_is_not_given() {
+    let mut all = views(&["0", "1", "2"], &[]);
+    all.views[1].mask.data.fill(0);
+    let input = PredictInput::part(all.clone(), Choice::First(2)).unwrap();
+    assert_eq!((names(&input.given), names(&input.others)), (vec!["0"], vec!["2"]));
+    assert_eq!(input.warnings, ["of 1 the mask is empty: left out"]);
+    let error = PredictInput::part(all, Choice::Named(&["1".to_owned()])).unwrap_err().to_string();
+    assert_eq!(error, "scan: the masks of the given views are empty: 1");
+}
+
+/// A dark ball before a bright wall, as a file.
+fn photograph(folder: &tempfile::TempDir) -> std::path::PathBuf {
+    let ball = mesh_core::primitives::icosphere(2).colored([0.1; 3]);
+    let orbit = Orbit { count: 1, width: 32, height: 32, ..Orbit::default() };
+    let options = RenderOptions { background: [0.9; 3], ..RenderOptions::default() };
+    let view = render_views(&ball, &orbit.cameras(), &options, &|_, _| ()).unwrap().remove(0);
+    let path = folder.path().join("ball.png");
+    mesh_core::write_png(&path, &view.color).unwrap();
+    path
+}
+
+#[test]
+fn a_photograph_has_the_mask_that_is_asked_for_and_no_use_for_the_options_of_many() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = photograph(&folder);
+    let plain = PredictInput::single(&Request::new(&path)).unwrap();
+    let area = plain.given[0].mask_pixels();
+    assert!(plain.warnings[1].contains("nothing says what the object is"), "{:?}", plain.warnings);
+    let options = ReadOptions { dilate: 1, ..ReadOptions::default() };
+    let wide = PredictInput::single(&Request { options, ..Request::new(&path) }).unwrap();
+    assert!(wide.given[0].mask_pixels() > area);
+    let options = ReadOptions { mask: MaskSource::Alpha, ..ReadOptions::default() };
+    let error = PredictInput::single(&Request { options, ..Request::new(&path) }).unwrap_err();
+    assert!(error.to_string().contains("field `mask`"), "{error}");
+    for (choice, options, option) in [
+        (Choice::First(3), ReadOptions::default(), "--first"),
+        (
+            Choice::All,
+            ReadOptions { focal_scale: Some(2.0), ..ReadOptions::default() },
+            "--focal-scale",
+        ),
+        (
+            Choice::All,
+            ReadOptions { object: Some("a".to_owned()), ..ReadOptions::default() },
+            "--object",
+        ),
+    ] {
+        let error =
+            PredictInput::single(&Request { options, choice, ..Request::new(&path) }).unwrap_err();
+        assert!(error.to_string().contains(option), "{error}");
+    }
+    let own = ["ball".to_owned()];
+    assert!(
+        PredictInput::single(&Request { choice: Choice::Named(&own), ..Request::new(&path) })
+            .is_ok()
+    );
 }
 
 /// A ball too large and too dark, from two views of a small red one.
