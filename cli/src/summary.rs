@@ -235,7 +235,7 @@ mod tests {
             views: name.into(),
             truth: None,
         };
-        let list = ["mug", "<cup>", "jug"].map(object);
+        let list = ["mug", "<cup>", "jug", "a\rb"].map(object);
         std::fs::create_dir(place.path().join("mug")).unwrap();
         let metrics = serde_json::json!({
             "views": { "mask_iou": 0.975, "psnr": null, "image_l1": 0.5, "ssim": 0.25 },
@@ -247,7 +247,7 @@ mod tests {
         let summary = Summary::of(&list, place.path());
         assert_eq!(
             [State::Done, State::Failed, State::Waiting].map(|s| summary.count(s)),
-            [1, 1, 1]
+            [1, 1, 2]
         );
         let csv = summary.csv();
         let lines: Vec<&str> = csv.lines().collect();
@@ -258,12 +258,13 @@ mod tests {
         );
         assert_eq!(lines[2], "<cup>,\"views of, <cup>\",failed,,,,,,,,,,,\"no \"\"views\"\"\"");
         assert_eq!(lines[3], "jug,\"views of, jug\",waiting,,,,,,,,,,,");
+        assert!(lines[4].starts_with("\"a\rb\",\"views of, a\rb\",waiting,"), "{}", lines[4]);
         let html = summary.html();
         assert!(
             html.contains("mug/turntable.gif")
                 && html.contains("&lt;cup&gt;")
                 && !html.contains("<cup>")
         );
-        assert!(html.contains("1 done, 1 failed, 1 waiting") && html.contains("mask IoU 0.9750"));
+        assert!(html.contains("1 done, 1 failed, 2 waiting") && html.contains("mask IoU 0.9750"));
     }
 }

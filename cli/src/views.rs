@@ -4,7 +4,7 @@ use std::path::Path;
 
 use datasets::{OnInconsistent, ReadOptions, ReadViewsError, Truth, Views, ViewsProblem};
 use models::predict::Predictor;
-use recon::inspect::inspect_views;
+use recon::inspect::inspect_views_with;
 use train::{Configuration, Source};
 
 use crate::console::Console;
@@ -28,7 +28,8 @@ pub(crate) fn read_views(
 /// Why cameras do not see what the masks show, if the views tell.
 fn explained(path: &Path, options: &ReadOptions, error: ReadViewsError) -> Failure {
     let lenient = ReadOptions { on_inconsistent: OnInconsistent::Accept, ..options.clone() };
-    let reasons = datasets::read_views(path, &lenient, &|_, _| ()).map(|views| diagnosis(&views));
+    let reasons =
+        datasets::read_views(path, &lenient, &|_, _| ()).map(|views| diagnosis(&views, options));
     match reasons {
         Ok(reasons) if !reasons.is_empty() => {
             Failure::Input(format!("{error}; it seems that {}", reasons.join("; ")))
@@ -37,9 +38,9 @@ fn explained(path: &Path, options: &ReadOptions, error: ReadViewsError) -> Failu
     }
 }
 
-/// What looks wrong with cameras and masks, a sentence each; about a second for a hundred views.
-pub(crate) fn diagnosis(views: &Views) -> Vec<String> {
-    let found = inspect_views(views, &Truth::default());
+/// What looks wrong with cameras and masks that were read with options, a sentence each; about a second for a hundred views.
+pub(crate) fn diagnosis(views: &Views, options: &ReadOptions) -> Vec<String> {
+    let found = inspect_views_with(views, &Truth::default(), options);
     found.problems.into_iter().map(|problem| problem.message).collect()
 }
 

@@ -22,7 +22,7 @@ share/unsphere/weights where it is installed, unsphere/weights among the user's 
 
 Examples:
   unsphere predict img2mesh views/ -o out                          with the weights that come along
-  unsphere predict pixel2mesh image.png -o out                     from one image, of an airplane
+  unsphere predict pixel2mesh image.png -o out                     from one image, of any of nine families
   unsphere predict img2mesh views/ --checkpoint runs/clock -o out  with weights that you trained
   unsphere predict img2mesh views/ -c runs/clock --views 4,9,14    from three, judged by the others
   unsphere predict img2mesh three/ -c runs/clock --score views/    from all of three/
@@ -35,8 +35,8 @@ pub(crate) struct Predict {
     /// Views of one object.
     #[arg(index = 2)]
     pub(crate) views: PathBuf,
-    /// A run's folder, of which the best checkpoint is taken, or a checkpoint's file; without it, the weights that come
-    /// along.
+    /// A run's folder or its checkpoints, of which the best is taken, or a checkpoint's file; without it, the weights that
+    /// come along.
     #[arg(long, short, value_name = "RUN|FILE")]
     pub(crate) checkpoint: Option<PathBuf>,
     /// Where the weights that come along are, instead of the usual places.
@@ -53,7 +53,10 @@ pub(crate) struct Predict {
     /// How many views are given, from the first on.
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) first: Option<u32>,
-    /// Depth of the image (EXR, PFM, npy, PNG): planar, or, for a model of estimates, disparity of any scale.
+    /// Depth of the image (EXR, PFM, npy, grey PNG): planar, or, for a model of estimates, disparity of any scale.
+    ///
+    /// One number a pixel, in any unit; pictures in colour are refused. It is known at a tenth of the object's pixels at least (0 is a
+    /// hole), and as wide for its height as the image.
     #[arg(long, value_name = "FILE")]
     pub(crate) depth: Option<PathBuf>,
     /// Focal lengths and principal point of the image, pixels.

@@ -181,9 +181,10 @@ impl Batch<'_> {
         })?;
         // Each line of an object would drown those of the others.
         let silent = Console { quiet: true, ..console };
+        let reading = self.arguments.reading.options();
         let read = || -> Result<_, Failure> {
             let truth = object.truth.as_ref().map(|path| Truth::read(silent, path)).transpose()?;
-            let views = read_views(silent, &object.views, &self.arguments.reading.options())?;
+            let views = read_views(silent, &object.views, &reading)?;
             Ok((truth, views))
         };
         let (truth, views) = read().map_err(Failed::of)?;
@@ -191,6 +192,7 @@ impl Batch<'_> {
         let job = Job {
             title: &object.name,
             views,
+            reading: &reading,
             config: &self.config,
             truth: truth.as_ref(),
             up,

@@ -122,8 +122,8 @@ fn upright(
         let mut image = read_image(path).map_err(Failure::input)?.over([0; 3]);
         let side = image.height.max(image.width);
         if let Some(most) = arguments.max_size.map(|n| n as usize).filter(|&most| side > most) {
-            let scaled = |n: usize| ((n * most + side / 2) / side).max(1);
-            image = image.resized(scaled(image.height), scaled(image.width));
+            let [height, width] = image.size_within(most);
+            image = image.resized(height, width);
         }
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         if names.contains(&name) {

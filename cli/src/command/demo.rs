@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use datasets::Views;
+use datasets::{ReadOptions, Views};
 use mesh_core::UpAxis;
 use synth::shapes::AlarmClock;
 use synth::{Lighting, Orbit, RenderOptions, render_views, write_dataset};
@@ -45,5 +45,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Demo) -> Result<
     let truth = Truth::known(clock);
     let (truth, up) = (Some(&truth), UpAxis::Y);
     let (config, listed, strict) = (&config, None, false);
-    Job { title, views, config, truth, up, folder, interrupt, listed, strict, start }.run(console)
+    let reading = &ReadOptions::default();
+    Job { title, views, reading, config, truth, up, folder, interrupt, listed, strict, start }
+        .run(console)
 }

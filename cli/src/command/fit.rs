@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use datasets::Views;
+use datasets::{ReadOptions, Views};
 use mesh_core::{ByteImage, UpAxis};
 use recon::delivery::{DeliverError, Delivery, Metrics, deliver, holes};
 use recon::evaluate::ViewScores;
@@ -25,7 +25,7 @@ use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 use crate::provenance::{facts, typed_command};
-use crate::truth::Truth;
+use crate::truth::{Truth, is_fixed};
 use crate::views::{diagnosis, read_views};
 
 /// Where the results go when nothing is said.
@@ -55,6 +55,8 @@ pub(crate) struct Finished {
 pub(crate) struct Job<'a> {
     pub(crate) title: &'a str,
     pub(crate) views: Views,
+    /// How they were read.
+    pub(crate) reading: &'a ReadOptions,
     pub(crate) config: &'a FitConfig,
     pub(crate) truth: Option<&'a Truth>,
     pub(crate) up: UpAxis,
@@ -101,8 +103,9 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(
     let truth = truth.as_ref();
     let up = up_axis(console, arguments, &views);
     let strict = arguments.strict;
-    let (config, title, listed) = (&config, &*title, None);
-    Job { title, views, config, truth, up, folder, interrupt, listed, strict, start }.run(console)
+    let (config, title, listed, reading) = (&config, &*title, None, &reading);
+    Job { title, views, reading, config, truth, up, folder, interrupt, listed, strict, start }
+        .run(console)
 }
 
 /// The axis that is asked for, or what the cameras say.
@@ -187,14 +190,16 @@ impl Job<'_> {
             console.remark(text);
         }
         let assessment = assess(&self.views, &fitted).map_err(Failure::other)?;
-        // Something may be wrong with the input.
-        if assessment.verdict.grade != Grade::Good {
-            for reason in diagnosis(&self.views) {
+        // Something may be wrong with the input, and then it is looked at whole.
+        if assessment.verdict.grade != Grade::Good && !assessment.evidence.is_coherent() {
+            for reason in diagnosis(&self.views, self.reading) {
                 console.warn(&reason);
                 fitted.warnings.push(reason);
             }
         }
-        let doubt = self.truth.and_then(|truth| truth.doubt(&fitted.mesh, &self.views.source));
+        let fixed = is_fixed(&assessment.evidence);
+        let doubt =
+            self.truth.and_then(|truth| truth.doubt(&fitted.mesh, fixed, &self.views.source));
         if let Some(doubt) = doubt {
             console.warn(&doubt);
             fitted.warnings.push(doubt);
@@ -256,7 +261,13 @@ impl Job<'_> {
                 progress.set(0, *total as usize);
                 let [views, held_out] =
                     ["views", "held_out"].map(|name| facts.get(name).unwrap_or(0.0));
-                shown.remark(format_args!("fitting to {views} views, {held_out} are held out"));
+                if held_out > 0.0 {
+                    shown.remark(format_args!("fitting to {views} views, {held_out} are held out"));
+                } else {
+                    shown.remark(format_args!(
+                        "fitting to all {views} views; none is held out, so scores are on the given views"
+                    ));
+                }
             }
             Event::Stage { name, facts } => {
                 let vertices = facts.get("vertices").unwrap_or(0.0);
@@ -280,7 +291,7 @@ impl Job<'_> {
             error => {
                 let mut reasons = vec![error.to_string()];
                 if matches!(error, FitError::Placement { .. }) {
-                    reasons.extend(diagnosis(&self.views));
+                    reasons.extend(diagnosis(&self.views, self.reading));
                 }
                 let source = self.views.source.display();
                 Failure::Input(format!("{source}: {}", reasons.join("; ")))
@@ -325,12 +336,16 @@ fn refined_words(refined: &RefinedCameras) -> String {
 
 /// Mean scores over views.
 pub(crate) fn score_rows(scores: &ViewScores) -> Vec<(&'static str, String)> {
-    vec![
-        ("mask IoU", format!("{:.4}", scores.mask_iou)),
-        ("PSNR", scores.psnr.map_or_else(|| "none".to_owned(), |psnr| format!("{psnr:.2} dB"))),
-        ("image L1", format!("{:.4}", scores.image_l1)),
-        ("SSIM", format!("{:.4}", scores.ssim)),
-    ]
+    let mut rows = vec![("mask IoU", format!("{:.4}", scores.mask_iou))];
+    // Without colours of its own a mesh has no score of them.
+    if let Some(psnr) = scores.psnr {
+        rows.extend([
+            ("PSNR", format!("{psnr:.2} dB")),
+            ("image L1", format!("{:.4}", scores.image_l1)),
+            ("SSIM", format!("{:.4}", scores.ssim)),
+        ]);
+    }
+    rows
 }
 
 fn describe(outcome: &Outcome<'_>, [fitted, views]: [usize; 2]) -> String {

@@ -107,6 +107,9 @@ fn describe(outcome: &Outcome<'_>) -> String {
     let given = metrics.given.views.len();
     let (scores, judged) = match &metrics.held_out {
         Some(scores) => (scores, "cameras that were not given"),
+        None if metrics.one_pass.is_some() => {
+            (&metrics.given, "cameras that were given, to whose views the mesh was moved")
+        }
         None => (&metrics.given, "cameras that were given, for want of others"),
     };
     let mesh = format!("{} vertices, {}", metrics.health.vertices, metrics.examination());

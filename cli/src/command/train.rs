@@ -13,7 +13,7 @@ use train::{
 };
 
 use crate::args::{Global, Train};
-use crate::checkpoint::{self, checkpoint_path};
+use crate::checkpoint::{self, checkpoint_path, of_another_system};
 use crate::configuration::configuration;
 use crate::console::{Console, table};
 use crate::failure::Failure;
@@ -197,7 +197,9 @@ impl Command<'_> {
                 )));
             }
         }
-        let config: Configuration<S::Config> = settings::read(Some(&run.config()), set)?;
+        // Settings of another system are unknown fields, and no setting is at fault.
+        let config: Configuration<S::Config> = settings::read(Some(&run.config()), set)
+            .map_err(|error| of_another_system::<S>(&run, path).unwrap_or_else(|| error.into()))?;
         if let Some(seed) = self.global.seed.filter(|&seed| seed != config.train.seed) {
             let text = format!("--seed {seed}: the run began with {}", config.train.seed);
             return Err(Failure::Usage(text));

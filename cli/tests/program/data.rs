@@ -92,7 +92,7 @@ fn what_cannot_be_is_refused() {
     let place = tempfile::tempdir().unwrap();
     std::fs::create_dir(place.path().join("empty")).unwrap();
     let run = |arguments| unsphere::<5>(place.path(), arguments);
-    run(["data", "inspect", "empty", "-o", "x"]).fails(3, &["no known layout", "COLMAP", "BOP"]);
+    run(["data", "inspect", "empty", "-o", "x"]).fails(3, &["no known layout", "empty folder"]);
     run(["data", "convert", "nowhere", "x", "--layout=photos"]).fails(3, &["nowhere"]);
     run(["data", "convert", "empty", "x", "--layout=blender"]).fails(2, &["--layout", "colmap"]);
     run(["data", "inspect", "empty", "--turntable", "9"]).fails(2, &["--fov"]);
@@ -166,6 +166,9 @@ fn poses_of_another_tool_are_explained_and_read() {
     as_transforms(place.path(), "cv", |[x, y, z, last]| [opencv(x), opencv(y), opencv(z), last]);
     let [a, b, c, d] = TINY;
     unsphere(place.path(), ["fit", "cv", "-o", "no", a, b, c, d]).fails(3, &["--axes opencv"]);
+    // What was given and is wrong is not advised again.
+    let wrong = ["fit", "made/views", "-o", "no", "--axes", "opencv", a, b, c, d];
+    unsphere(place.path(), wrong).fails(3, &["--axes opengl", "leave --axes away"]);
     let told = ["fit", "cv", "-o", "out", "--axes", "opencv", "--json", a, b, c, d];
     let told = unsphere(place.path(), told).ok().json();
     let plain = unsphere(place.path(), ["fit", "made/views", "-o", "plain", "--json", a, b, c, d]);

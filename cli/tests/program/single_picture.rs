@@ -23,6 +23,10 @@ fn a_picture_and_its_depth_become_a_coloured_mesh() {
     let vertex = written.lines().find(|line| line.starts_with("v ")).unwrap();
     assert_eq!(vertex.split_whitespace().count(), 7, "a place and a colour: {vertex}");
 
+    let page = std::fs::read_to_string(place.path().join("mesh/report.html")).unwrap();
+    assert!(page.contains("0_rgb.png (one image)"), "a picture alone has no layout");
+
+    predict("x", &format!("--depth {picture} {lens}")).fails(3, &["0_rgb.png", "in colour"]);
     std::fs::write(place.path().join("no.pfm"), "no depth").unwrap();
     predict("x", lens).fails(3, &["0_rgb.png", "--depth"]);
     predict("x", &format!("--depth no.pfm {lens}")).fails(3, &["no.pfm", "Pf"]);

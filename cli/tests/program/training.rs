@@ -44,6 +44,8 @@ fn a_training_leaves_a_run_that_can_go_on() {
         unsphere(place.path(), ["train", "img2mesh", "--resume", "run", "--json", "--set", set])
     };
     resume("level=2").fails(2, &["level=2", "epochs"]);
+    let other = ["train", "pixel2mesh", "--resume", "run"];
+    unsphere(place.path(), other).fails(3, &["a run of img2mesh", "train img2mesh --resume run"]);
     assert_eq!(resume("epochs=4").ok().json()["steps"], 8);
     std::fs::write(place.path().join("run").join(last), b"nonsense").unwrap();
     resume("epochs=5").fails(3, &["last.safetensors"]);
