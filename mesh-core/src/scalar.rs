@@ -1,7 +1,7 @@
 //! The two precisions of coordinates and matrix entries.
 
 use std::fmt::Debug;
-use std::ops::{Add, Mul};
+use std::ops::{Add, Mul, Sub};
 
 mod sealed {
     pub trait Sealed {}
@@ -21,6 +21,7 @@ pub trait Scalar:
     + PartialOrd
     + Add<Output = Self>
     + Mul<Output = Self>
+    + Sub<Output = Self>
     + Send
     + Sync
     + 'static

@@ -1,6 +1,7 @@
 //! Moving apart, or smoothing away, the places where a surface passes through itself or folds.
 
 use crate::crossings::Crossings;
+use crate::vector::sub;
 use crate::{Topology, TriMesh, vertex_normals};
 
 /// Folds sharper than this are smoothed, in degrees: 0 is flat, 180 folded back.
@@ -196,7 +197,7 @@ fn tangled(
             let corners = faces[f as usize].map(|v| positions[v as usize]);
             std::array::from_fn(|k| corners.iter().map(|p| p[k]).sum())
         };
-        let (way, normal) = (minus(middle(g), middle(f)), normals[f as usize]);
+        let (way, normal) = (sub(middle(g), middle(f)), normals[f as usize]);
         let behind = (0..3).map(|k| way[k] * normal[k]).sum::<f32>() < 0.0;
         tangled.mark([f, g], faces, behind);
     }
@@ -210,10 +211,6 @@ impl Tangled {
             self.thin[vertex as usize] |= thin;
         }
     }
-}
-
-fn minus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|k| a[k] - b[k])
 }
 
 /// Moves the marked vertices outwards, and along the surface towards the centre of their ring.
@@ -243,7 +240,7 @@ fn swell(positions: &mut [[f32; 3]], marked: &[bool], faces: &[[u32; 3]], topolo
             let share = 1.0 / ring.len().max(1) as f32;
             let (mut centre, mut edge) = ([0.0; 3], 0.0);
             for &w in ring {
-                let to = minus(positions[w as usize], here);
+                let to = sub(positions[w as usize], here);
                 edge += share * to.iter().map(|x| x * x).sum::<f32>().sqrt();
                 centre = std::array::from_fn(|k| centre[k] + share * to[k]);
             }

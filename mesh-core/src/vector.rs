@@ -1,4 +1,4 @@
-//! Three-vectors in `f64`: what geometry is computed in.
+//! Three-vectors: geometry is computed in `f64`, and in `f32` where precision is not what matters.
 //!
 //! ```
 //! use mesh_core::vector::{cross, dot, scale, unit};
@@ -32,7 +32,7 @@ pub fn add(a: Vec3, b: Vec3) -> Vec3 {
 
 /// `a - b`.
 #[inline]
-pub fn sub(a: Vec3, b: Vec3) -> Vec3 {
+pub fn sub<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
@@ -44,13 +44,13 @@ pub fn scale(a: Vec3, s: f64) -> Vec3 {
 
 /// The inner product.
 #[inline]
-pub fn dot(a: Vec3, b: Vec3) -> f64 {
+pub fn dot<T: Scalar>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// `a × b`.
 #[inline]
-pub fn cross(a: Vec3, b: Vec3) -> Vec3 {
+pub fn cross<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 

@@ -15,6 +15,7 @@ use std::time::Instant;
 
 use datasets::{View, Views};
 use mesh_core::primitives::{cuboid, icosphere, torus};
+use mesh_core::vector::dot;
 use mesh_core::{Topology, TriMesh, face_normals, nearest, sample_surface, write_mesh, write_png};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, fit};
@@ -124,10 +125,6 @@ fn edges(mesh: &TriMesh) -> Vec<[[f32; 3]; 2]> {
     let sides = topology.edges.iter().zip(&topology.edge_faces);
     let sharp = sides.filter(|(_, faces)| sharp(faces));
     sharp.map(|(ends, _)| ends.map(|v| mesh.positions[v as usize])).collect()
-}
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// From a point to a segment.

@@ -1,5 +1,6 @@
 //! Light on a mesh: what each corner of each face looks like, from wherever it is seen.
 
+use mesh_core::vector::{dot, sub};
 use mesh_core::{TriMesh, linear_to_srgb, srgb_to_linear};
 use serde::{Deserialize, Serialize};
 
@@ -218,14 +219,6 @@ pub(crate) fn blend<const K: usize>(corners: &[[f32; K]; 3], weights: [f32; 3]) 
 pub(crate) fn encode(value: f32, linear: bool) -> u8 {
     let value = if linear { linear_to_srgb(value.clamp(0.0, 1.0)) } else { value };
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
-}
-
-fn sub(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 pub(crate) fn unit(v: [f32; 3]) -> [f32; 3] {

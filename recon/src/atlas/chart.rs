@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use mesh_core::vector::{cross, dot};
 use mesh_core::{Topology, face_normals, vertex_normals};
 
 /// How far outside of its face a texel may lie, in texels, to be coloured as the face's plane goes on.
@@ -254,14 +255,6 @@ fn neighbours(vertices: usize, faces: &[[u32; 3]]) -> Vec<[u32; 3]> {
         }
     }
     neighbours
-}
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    (0..3).map(|k| a[k] * b[k]).sum()
-}
-
-fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
 }
 
 fn unit(a: [f32; 3]) -> Option<[f32; 3]> {

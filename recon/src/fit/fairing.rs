@@ -4,11 +4,12 @@
 //! diffused, breaking at creases, and vertices follow; then outlines are fitted again. Each turn reaches farther, so that what is a crease has become
 //! one before sides on both ends of it are evened out.
 
+use mesh_core::vector::sub;
 use mesh_core::{NormalDiffusion, Topology, face_normals, integrate_normals};
 use rayon::prelude::*;
 
 use super::error::FitError;
-use super::shape::{Shape, minus};
+use super::shape::Shape;
 use super::target::Target;
 
 /// Turns of diffusion and fitting.
@@ -144,7 +145,7 @@ fn creased(positions: &[[f32; 3]], topology: &Topology) -> Vec<bool> {
         let [a, b] = pair.map(|face| normals[face as usize]);
         // A face without area has no normal.
         let both = [a, b].iter().all(|n| *n != [0.0; 3]);
-        if both && minus(a, b).iter().map(|d| d * d).sum::<f32>() > CREASE * CREASE {
+        if both && sub(a, b).iter().map(|d| d * d).sum::<f32>() > CREASE * CREASE {
             for v in pair.iter().flat_map(|&face| topology.faces[face as usize]) {
                 creased[v as usize] = true;
             }

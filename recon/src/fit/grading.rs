@@ -1,9 +1,10 @@
 //! How long edges should be at each place of a surface: short where it bends, long elsewhere.
 
+use mesh_core::vector::sub;
 use mesh_core::{Topology, TriMesh, coarsen, vertex_normals};
 use rayon::prelude::*;
 
-use super::shape::{minus, norm};
+use super::shape::norm;
 
 /// The angle that an edge of the wished length spans where the surface bends, radians.
 const ANGLE: f32 = 0.7;
@@ -38,7 +39,7 @@ pub(super) fn graded(mesh: &TriMesh, topology: &Topology, faces: usize, shortest
         }
         let around = surroundings(&coarse, &mended.tangled());
         lengths.par_iter_mut().zip(&mesh.positions).for_each(|(length, &at)| {
-            if around.iter().any(|&(place, reach)| norm(minus(at, place)) < reach) {
+            if around.iter().any(|&(place, reach)| norm(sub(at, place)) < reach) {
                 *length *= SHORTER.0;
             }
         });
@@ -55,7 +56,7 @@ fn surroundings(mesh: &TriMesh, marked: &[bool]) -> Vec<([f32; 3], f32)> {
     let around = |v: usize| {
         let at = mesh.positions[v];
         let ring = topology.vertex_vertices.row(v).iter();
-        let edges = ring.map(|&w| norm(minus(mesh.positions[w as usize], at)));
+        let edges = ring.map(|&w| norm(sub(mesh.positions[w as usize], at)));
         (at, SHORTER.1 * edges.fold(0.0, f32::max))
     };
     marked.map(around).collect()
@@ -90,7 +91,7 @@ fn by_curvature(mesh: &TriMesh, topology: &Topology) -> Vec<f32> {
     let normals = vertex_normals(&mesh.positions, &mesh.faces);
     let rings = &topology.vertex_vertices;
     let apart = |field: &[[f32; 3]], v: usize, w: u32| -> f32 {
-        minus(field[v], field[w as usize]).iter().map(|x| x * x).sum()
+        sub(field[v], field[w as usize]).iter().map(|x| x * x).sum()
     };
     // Squares of curvatures.
     let mut curvature: Vec<f32> = (0..normals.len())

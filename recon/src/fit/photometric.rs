@@ -8,13 +8,14 @@ use std::sync::Arc;
 
 use datasets::View;
 use diff_raster::Faces;
+use mesh_core::vector::dot;
 use mesh_core::{face_normals, untangle, vertex_normals};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::config::FitConfig;
 use super::error::FitError;
-use super::picture::{Drawn, Picture, dot};
+use super::picture::{Drawn, Picture};
 use super::shape::Shape;
 use super::stereo::{self, DepthMap};
 use super::target::Target;

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use datasets::View;
 use diff_raster::{Faces, Fragments, NONE, Scratch, Settings, rasterize_into};
+use mesh_core::vector::dot;
 use ndarray::ArrayView3;
 
 use super::target::Target;
@@ -193,10 +194,6 @@ fn bounds(target: &Target) -> [usize; 4] {
         }
     }
     bounds
-}
-
-pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[inline]

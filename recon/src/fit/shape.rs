@@ -1,5 +1,6 @@
 //! The mesh that is fitted, and the step that moves it.
 
+use mesh_core::vector::{cross, sub};
 use mesh_core::{DiffusionSolver, Subdivision, Topology, primitives};
 use rayon::prelude::*;
 
@@ -264,7 +265,7 @@ impl Shape {
             let mut normal = [0.0f32; 3];
             for &face in self.topology.vertex_faces.row(i) {
                 let [a, b, c] = self.faces[face as usize].map(|v| self.positions[v as usize]);
-                let n = cross(minus(b, a), minus(c, a));
+                let n = cross(sub(b, a), sub(c, a));
                 for k in 0..3 {
                     normal[k] += n[k];
                 }
@@ -344,7 +345,7 @@ impl Shape {
             .edges
             .iter()
             .map(|e| {
-                let d = minus(self.positions[e[0] as usize], self.positions[e[1] as usize]);
+                let d = sub(self.positions[e[0] as usize], self.positions[e[1] as usize]);
                 f64::from(d.iter().map(|v| v * v).sum::<f32>().sqrt())
             })
             .sum();
@@ -397,16 +398,6 @@ fn ring_offset(rings: &mesh_core::Csr, x: &[[f32; 3]], out: &mut [[f32; 3]]) {
 }
 
 #[inline]
-pub(super) fn minus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-#[inline]
 pub(super) fn norm(v: [f32; 3]) -> f32 {
     v.iter().map(|x| x * x).sum::<f32>().sqrt()
-}
-
-#[inline]
-pub(super) fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

@@ -4,13 +4,11 @@ use std::sync::Arc;
 
 use datasets::View;
 use diff_raster::{Faces, Fragments, NONE, Scratch, Settings, rasterize_into};
+use mesh_core::vector::{cross, sub};
 use ndarray::ArrayView3;
 use rayon::prelude::*;
 
-use super::{
-    shape::{cross, minus},
-    target::Target,
-};
+use super::target::Target;
 
 /// Samples of all views that are kept, at most, 32 bytes each; more are drawn anew each time.
 const KEPT: usize = 1 << 21;
@@ -114,7 +112,7 @@ impl Sight {
         let [a, b, c] = face.map(|v| self.projected[v as usize]);
         let seen = (b[1] - a[1]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[1] - a[1]);
         let [p, q, r] = face.map(|v| positions[v as usize]);
-        let normal = cross(minus(q, p), minus(r, p));
+        let normal = cross(sub(q, p), sub(r, p));
         let area = normal.iter().map(|n| n * n).sum::<f32>().sqrt();
         let scale = target.pixels_per_unit((a[2] + b[2] + c[2]) / 3.0);
         (seen / (area * scale * scale).max(1e-20)).clamp(0.0, 1.0)

@@ -17,10 +17,11 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use diff_raster::Faces;
+use mesh_core::vector::dot;
 use rayon::prelude::*;
 
 use super::correlation::{Sums, Windows};
-use super::picture::{Drawn, Picture, dot};
+use super::picture::{Drawn, Picture};
 
 /// Neighbours that a picture is compared with, and how many of them count.
 const NEIGHBOURS: (usize, usize) = (5, 2);
