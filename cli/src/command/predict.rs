@@ -5,6 +5,7 @@ use std::path::Path;
 use models::predict::{
     Choice, Delivery, Familiarity, Metrics, Predictor, Request, deliver, milliseconds, refined,
 };
+use recon::delivery::holes;
 use serde::Serialize;
 use train::Checkpoint;
 
@@ -112,7 +113,8 @@ fn describe(outcome: &Outcome<'_>) -> String {
         }
         None => (&metrics.given, "cameras that were given, for want of others"),
     };
-    let mesh = format!("{} vertices, {}", metrics.health.vertices, metrics.examination());
+    let parts = holes(&metrics.health).map_or_else(String::new, |parts| format!(", {parts}"));
+    let mesh = format!("{} vertices, {}{parts}", metrics.health.vertices, metrics.examination());
     let mut rows = score_rows(scores);
     rows.extend(metrics.one_pass.as_ref().map(|before| {
         let scores = before.held_out.as_ref().unwrap_or(&before.given);

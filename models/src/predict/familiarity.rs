@@ -205,7 +205,10 @@ impl Familiarity {
         }
         let [Some(axes), Some(middle), Some(families), Some(whitenings), Some(distances)] = arrays
         else {
-            let expected = format!("all of {}", names.join(", "));
+            let expected = format!(
+                "all of {}: an earlier version wrote it, export the run again (`unsphere export`)",
+                names.join(", ")
+            );
             return Err(checkpoint.wrong("familiarity", "incomplete", &expected));
         };
         let shapes = [&axes, &middle, &families, &whitenings, &distances];
