@@ -81,7 +81,10 @@ pub fn decode_depth_with(
         found: if names.is_empty() { "none".to_owned() } else { names.join(", ") },
     })?;
     let (name, layer, samples) = &channels[chosen];
-    let same = |other: &FlatSamples| other.values_as_f32().eq(samples.values_as_f32());
+    // By their bits: holes may be no numbers, which equal nothing.
+    let bits =
+        |samples: &FlatSamples| -> Vec<u32> { samples.values_as_f32().map(f32::to_bits).collect() };
+    let same = |other: &FlatSamples| bits(other) == bits(samples);
     let of_colors = |(name, ..): &&(String, _, _)| ["G", "B"].contains(&name.as_str());
     if name == "R" && channels.iter().filter(of_colors).any(|(.., other)| !same(other)) {
         return Err(ImageError::Colored { path: path.to_owned() });
@@ -306,6 +309,9 @@ mod tests {
         assert!(matches!(error, ImageError::Colored { .. }), "{error}");
         let grey = Image { data: vec![-1.5, -1.5, -1.5, 3.25, 3.25, 3.25], ..colors };
         assert_eq!(decode_depth(&encode_exr(&grey), "a.exr").unwrap().data, [-1.5, 3.25]);
+        let hole = Image { data: vec![f32::NAN; 6], ..grey };
+        let depth = decode_depth(&encode_exr(&hole), "a.exr").unwrap();
+        assert!(depth.data.iter().all(|z| !z.is_finite()));
     }
 
     #[test]
