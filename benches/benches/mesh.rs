@@ -5,7 +5,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use mesh_core::{
     DiffusionSolver, EmptyGrid, ImproveOptions, NearestScratch, Topology, VoxelGrid, cubify,
-    improve, nearest_into, primitives, sample_points, simplify,
+    improve, nearest_both_into, primitives, sample_points, simplify,
 };
 
 /// Both directions of a Chamfer distance, sizes of Pixel2Mesh's last level and its ground truth.
@@ -14,12 +14,12 @@ fn nearest(c: &mut Criterion) {
     let mut group = c.benchmark_group("mesh/nearest");
     for (n, m) in [(2466, 2466), (2466, 9000), (10_000, 10_000)] {
         let (a, b) = (sample_points(&mesh, n, 1).0, sample_points(&mesh, m, 2).0);
-        let (mut scratch, mut found) = (NearestScratch::default(), Vec::new());
+        let mut scratch = NearestScratch::default();
+        let (mut a_to_b, mut b_to_a) = (Vec::new(), Vec::new());
         group.bench_function(format!("{n}x{m}"), |bench| {
             bench.iter(|| {
-                nearest_into(&a, &b, &mut scratch, &mut found);
-                nearest_into(&b, &a, &mut scratch, &mut found);
-                black_box(&found);
+                nearest_both_into(&a, &b, &mut scratch, &mut a_to_b, &mut b_to_a);
+                black_box((&a_to_b, &b_to_a));
             });
         });
     }

@@ -37,8 +37,8 @@ impl Matches {
     /// `x [P, 3]` and `y [Q, 3]`, or `[N, P, 3]` and `[N, Q, 3]`.
     ///
     /// # Cost
-    /// `O(N P Q)`: all pairs are compared, so the cost does not depend on where the points are. In `f32`
-    /// 2466 x 9000 points take about 1.2 ms on two AVX-512 cores (bench `losses`).
+    /// In `f32` as [`nearest_both_into`](mesh_core::nearest_both_into)'s, set by set: 2466 x 9000 points of two surfaces take
+    /// about 0.8 ms on two AVX-512 cores (bench `losses`). In `f64` `O(N P Q)`.
     /// # Panics
     /// If the shapes are others, or one set is empty and the other is not.
     #[track_caller]
@@ -57,20 +57,22 @@ impl Matches {
     /// As [`find`](Self::find).
     #[track_caller]
     pub fn find_l1<F: Real>(&mut self, x: Var<'_, F>, y: Var<'_, F>) {
-        self.find_by(x, y, |from, to, _, found| {
-            let before = found.len();
-            found.resize(before + from.len() / 3, 0);
-            k_nearest(from, to, 3, 1, Norm::L1, &mut found[before..]);
+        self.find_by(x, y, |[x, y], _, indices| {
+            for ((from, to), found) in [(x, y), (y, x)].into_iter().zip(indices) {
+                let before = found.len();
+                found.resize(before + from.len() / 3, 0);
+                k_nearest(from, to, 3, 1, Norm::L1, &mut found[before..]);
+            }
         });
     }
 
-    /// Set by set; `nearest` puts behind what is found already, for each of its first points, the nearest of its second.
+    /// Set by set; `nearest` puts behind what is found already, for each point of both, the nearest of the other.
     #[track_caller]
     fn find_by<F: Real>(
         &mut self,
         x: Var<'_, F>,
         y: Var<'_, F>,
-        nearest: impl Fn(&[F], &[F], &mut Scratch, &mut Vec<u32>),
+        nearest: impl Fn([&[F]; 2], &mut Scratch, [&mut Vec<u32>; 2]),
     ) {
         let [n, p, q] = sets("chamfer matches", x, y);
         self.x_to_y.clear();
@@ -79,8 +81,7 @@ impl Matches {
         let (x, y) = (x.as_slice(), y.as_slice());
         for k in 0..n {
             let (x, y) = (&x[3 * k * p..3 * (k + 1) * p], &y[3 * k * q..3 * (k + 1) * q]);
-            nearest(x, y, &mut self.scratch, &mut self.x_to_y);
-            nearest(y, x, &mut self.scratch, &mut self.y_to_x);
+            nearest([x, y], &mut self.scratch, [&mut self.x_to_y, &mut self.y_to_x]);
         }
     }
 

@@ -146,7 +146,7 @@ pub use image::{
 pub use io::WriteError;
 #[cfg(feature = "files")]
 pub use io::{ReadMeshError, Remark, read_mesh, read_mesh_with, write_mesh};
-pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_into};
+pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_both_into, nearest_into};
 pub use limits::{Budget, Limits, OverLimit};
 pub use marching_cubes::marching_cubes;
 pub use mesh::{MeshError, Texture, TriMesh};

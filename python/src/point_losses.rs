@@ -37,8 +37,8 @@ fn check_sets(op: &'static str, x: &Floats<'_>, y: &Floats<'_>) -> PyResult<()> 
 ///
 /// x: [P, 3] or [N, P, 3]. y: [Q, 3] or [N, Q, 3]. x_to_y, y_to_x: weights of the two directions. Value: a float, in squared units.
 /// Gradients: x, y; which points are nearest counts as fixed.
-/// Cost: O(N P Q) below 2**27 pairs P Q, which are all compared; from there on a k-d tree finds them, O(N (P + Q) log(P + Q)) where the sets
-/// lie near each other.
+/// Cost: O(N P Q) below 2**20 pairs P Q, which are all compared; from there on a hierarchy of boxes finds them, O(N (P + Q) log(P + Q))
+/// where the sets lie near each other.
 #[pyfunction]
 #[pyo3(signature = (x, y, *, x_to_y=1.0, y_to_x=1.0, wrt=None))]
 pub(crate) fn chamfer(

@@ -1,7 +1,7 @@
 //! Nearest neighbours for either precision.
 
 use autodiff_lite::Real;
-use mesh_core::kernels::nearest::{Nearest, NearestScratch, nearest_into};
+use mesh_core::kernels::nearest::{Nearest, NearestScratch, nearest_both_into};
 
 use super::vec3::{dot, points, sub};
 
@@ -9,27 +9,31 @@ use super::vec3::{dot, points, sub};
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     lanes: NearestScratch,
-    found: Vec<Nearest>,
+    found: [Vec<Nearest>; 2],
 }
 
-/// Appends the index of the nearest of `targets` to `indices` for every query; both are `[.., 3]` slices.
+/// Appends to `indices`, for every point of each of two sets, the index of the nearest of the other set; both are `[.., 3]` slices.
 ///
-/// The lowest index wins ties. `f32` runs on the vector kernel of mesh-core, `f64` (for gradient checks) in
-/// a plain loop. Nothing is appended when there are no targets.
+/// The lowest index wins ties. `f32` runs on the vector kernels of mesh-core, `f64` (for gradient checks) in
+/// a plain loop. Nothing is appended where a set is empty.
 pub fn nearest_indices<F: Real>(
-    queries: &[F],
-    targets: &[F],
+    [x, y]: [&[F]; 2],
     scratch: &mut Scratch,
-    indices: &mut Vec<u32>,
+    indices: [&mut Vec<u32>; 2],
 ) {
-    if targets.is_empty() {
+    if x.is_empty() || y.is_empty() {
         return;
     }
-    if let (Some(queries), Some(targets)) = (F::as_f32(queries), F::as_f32(targets)) {
-        nearest_into(points(queries), points(targets), &mut scratch.lanes, &mut scratch.found);
-        indices.extend(scratch.found.iter().map(|n| n.index));
+    let [x_to_y, y_to_x] = indices;
+    if let (Some(x), Some(y)) = (F::as_f32(x), F::as_f32(y)) {
+        let [xs, ys] = &mut scratch.found;
+        nearest_both_into(points(x), points(y), &mut scratch.lanes, xs, ys);
+        x_to_y.extend(xs.iter().map(|n| n.index));
+        y_to_x.extend(ys.iter().map(|n| n.index));
     } else {
-        indices.extend(points(queries).iter().map(|&q| nearest_plain(q, points(targets))));
+        let (x, y) = (points(x), points(y));
+        x_to_y.extend(x.iter().map(|&p| nearest_plain(p, y)));
+        y_to_x.extend(y.iter().map(|&p| nearest_plain(p, x)));
     }
 }
 

@@ -1,6 +1,6 @@
 //! Distances between point sets, and the figures made of them.
 
-use mesh_core::kernels::nearest::nearest;
+use mesh_core::{Nearest, NearestScratch, nearest_both_into};
 use serde::Serialize;
 
 /// The distance from every point of one set to the nearest of the other, both ways.
@@ -50,13 +50,15 @@ pub fn point_distances(prediction: &[[f32; 3]], truth: &[[f32; 3]]) -> PointDist
         prediction.len(),
         truth.len()
     );
-    let (accuracy_index, accuracy) = sided(prediction, truth);
-    let (completeness_index, completeness) = sided(truth, prediction);
+    let (mut to_truth, mut to_prediction) = (Vec::new(), Vec::new());
+    let mut scratch = NearestScratch::default();
+    nearest_both_into(prediction, truth, &mut scratch, &mut to_truth, &mut to_prediction);
+    let (accuracy_index, accuracy) = sided(prediction, truth, &to_truth);
+    let (completeness_index, completeness) = sided(truth, prediction, &to_prediction);
     PointDistances { accuracy, completeness, accuracy_index, completeness_index }
 }
 
-fn sided(queries: &[[f32; 3]], points: &[[f32; 3]]) -> (Vec<u32>, Vec<f64>) {
-    let found = nearest(queries, points);
+fn sided(queries: &[[f32; 3]], points: &[[f32; 3]], found: &[Nearest]) -> (Vec<u32>, Vec<f64>) {
     let index: Vec<u32> = found.iter().map(|n| n.index).collect();
     let distance =
         queries.iter().zip(&index).map(|(q, &i)| distance(q, &points[i as usize])).collect();

@@ -2,8 +2,8 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::tree::Tree;
-use super::{Nearest, NearestScratch, in_chunks};
+use super::hierarchy::{Found, Hierarchy, Leaf};
+use super::{Nearest, NearestScratch, ask, in_chunks};
 
 /// Queries that share each load of points.
 const TILE: usize = 4;
@@ -108,32 +108,23 @@ fn tile<S: Simd, const N: usize>(
     }
 }
 
-/// For each query the nearest of the points in a tree.
-pub(super) fn nearest_in(arch: Arch, tree: &Tree, queries: &[[f32; 3]], found: &mut [Nearest]) {
-    arch.dispatch(InTree { tree, queries, found });
+/// What is nearest to the points of each leaf, in a hierarchy of others.
+pub(super) fn nearest_in(arch: Arch, points: &Hierarchy, leaves: &[Leaf], found: &mut [Found]) {
+    arch.dispatch(InHierarchy { points, leaves, found });
 }
 
-struct InTree<'a> {
-    tree: &'a Tree,
-    queries: &'a [[f32; 3]],
-    found: &'a mut [Nearest],
+struct InHierarchy<'a> {
+    points: &'a Hierarchy,
+    leaves: &'a [Leaf],
+    found: &'a mut [Found],
 }
 
-impl WithSimd for InTree<'_> {
+impl WithSimd for InHierarchy<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        for (query, found) in self.queries.iter().zip(self.found) {
-            let (index, squared) = self.tree.nearest(*query, |query, [x, y, z], best| {
-                let [(x, _), (y, _), (z, _)] = [x, y, z].map(S::as_simd_f32s);
-                let mut nearest = [Nearest::default()];
-                tile::<S, 1>(simd, &[query], x, y, z, &mut nearest);
-                let [Nearest { index, squared }] = nearest;
-                (squared <= best && squared.is_finite()).then_some((index as usize, squared))
-            });
-            *found = Nearest { index, squared };
-        }
+    fn with_simd<S: Simd>(self, _: S) {
+        ask(self.points, self.leaves, self.found);
     }
 }
 
@@ -165,6 +156,16 @@ mod tests {
             for arch in arches() {
                 let (mut scratch, mut found) = (NearestScratch::default(), Vec::new());
                 nearest_with(arch, &queries, &points, &mut scratch, &mut found);
+                prop_assert_eq!(&found, &expected);
+                let (mut from, mut to) = (Hierarchy::default(), Hierarchy::default());
+                from.build(&queries);
+                to.build(&points);
+                let mut by_leaf = vec![Found::NOTHING; from.leaves().len()];
+                nearest_in(arch, &to, from.leaves(), &mut by_leaf);
+                found.fill(Nearest::default());
+                for (leaf, by_leaf) in from.leaves().iter().zip(&by_leaf) {
+                    leaf.write(by_leaf, &mut found);
+                }
                 prop_assert_eq!(&found, &expected);
             }
         }
