@@ -2,7 +2,8 @@
 //!
 //! A strip holds the products of one slab for as many rows as a tile has. What it takes to pack one, loads and stores,
 //! is idle while the tiles multiply: they copy a few vectors with each part of their sums, and so the packing of A costs
-//! next to nothing. On its own it took 5 % of a product of 192 columns.
+//! little. On its own it took 5 % of a product of 192 columns on a Zen 4; on an Emerald Rapids it took 11 % even so, and
+//! where a strip meets few panels it is read where it is.
 
 use std::ops::Range;
 
@@ -20,7 +21,17 @@ const LINE: usize = 64;
 /// Strips of a transposed A that are packed together: neighbours share its pages and cache lines.
 const GROUP: usize = 8;
 
-/// How packed strips of A lie.
+/// Most panels that a strip meets where it is; if there are more, packing it is paid back.
+const FEW_PANELS: usize = 8;
+
+/// Whether the rows of A lie such that those of a strip are in different sets of the L1 cache, which come around every 4096 bytes:
+/// far from every half of it.
+fn spread<F>(a: &Matrix<'_, F>) -> bool {
+    let (half, step) = (2048, a.steps[0] * size_of::<F>() % 2048);
+    a.steps[1] == 1 && step.min(half - step) >= 192
+}
+
+/// How strips of A lie.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Strips {
     pub(super) layout: Layout,
@@ -33,9 +44,11 @@ pub(super) struct Strips {
 }
 
 impl Strips {
-    /// For matrices that lie as `a`, and slabs of at most so many products.
-    pub(super) fn new<F>(a: &Matrix<'_, F>, rows: usize, products: usize) -> Self {
-        if a.steps[0] == 1 && a.steps[1] != 1 {
+    /// For matrices `a`, slabs of at most so many products, and so many panels that a strip meets.
+    pub(super) fn new<F>(a: &[Matrix<'_, F>], rows: usize, products: usize, panels: usize) -> Self {
+        if panels <= FEW_PANELS && a.iter().all(spread) {
+            Self { layout: Layout::InPlace, rows, len: 0, together: 1 }
+        } else if a[0].steps[0] == 1 && a[0].steps[1] != 1 {
             let len = products * PRODUCT_STEP;
             Self { layout: Layout::Products, rows, len, together: GROUP }
         } else {
@@ -66,7 +79,18 @@ struct Runs {
     inner: usize,
 }
 
-impl<F: Lane> Part<'_, F> {
+impl<'a, F: Lane> Part<'a, F> {
+    /// A from the first number of this part on, which is a strip that is read where it is.
+    ///
+    /// # Panics
+    /// If it reaches past the end of A.
+    pub(super) fn in_place(&self) -> &'a [F] {
+        let strip = &self.a.data[self.start()..];
+        let reach = (self.rows.len() - 1) * self.a.steps[0] + self.slab.len();
+        assert!(reach <= strip.len(), "a strip beyond the end");
+        strip
+    }
+
     fn start(&self) -> usize {
         self.rows.start * self.a.steps[0] + self.slab.start * self.a.steps[1]
     }
@@ -74,7 +98,7 @@ impl<F: Lane> Part<'_, F> {
     fn runs(&self, lanes: usize, strips: Strips) -> Runs {
         let (rows, products, [row, product]) = (self.rows.len(), self.slab.len(), self.a.steps);
         match strips.layout {
-            Layout::Rows => Runs {
+            Layout::InPlace | Layout::Rows => Runs {
                 count: rows,
                 step: [row, ROW_STEP],
                 pieces: products.div_ceil(lanes),
@@ -108,6 +132,14 @@ impl<F: Lane> Part<'_, F> {
         to: &'m mut [F],
     ) -> Packing<'m, F> {
         let runs = self.runs(lanes, strips);
+        if strips.layout == Layout::InPlace {
+            return Packing {
+                runs,
+                safe: runs.count,
+                soon: self.in_place().as_ptr(),
+                ..Packing::none()
+            };
+        }
         let (start, data, last) = (self.start(), self.a.data, runs.pieces - 1);
         let vectors = runs.len.div_ceil(lanes);
         let whole = (runs.count - 1) * runs.step[1] + last * runs.piece[1] + vectors * lanes;

@@ -10,7 +10,7 @@ use crate::kernels::workspace;
 
 use super::blocks::{Cuts, part};
 use super::strip::{Packing, Part, Strips};
-use super::tile::{MOST_ROWS, Tile};
+use super::tile::{Layout, MOST_ROWS, Tile};
 use super::{Finish, Joined, Matrix, pack, scale};
 
 /// Bytes of a register and of a cache line.
@@ -59,7 +59,8 @@ impl<'a, F: Lane> Sweep<'a, F> {
         let terms = [a.len().max(b.len()), c.len()];
         let cuts = Cuts::new(sizes, terms, [MOST_ROWS, 2 * lanes]);
         let longest = sizes[1].div_ceil(cuts.slabs);
-        let strips = Strips::new(&a[0], MOST_ROWS, longest);
+        let met = cuts.panels.div_ceil(cuts.across);
+        let strips = Strips::new(a, MOST_ROWS, longest, met);
         let c = c.iter_mut().map(|c| Shared::new(c)).collect();
         Self {
             isa,
@@ -193,9 +194,13 @@ impl<'a, F: Lane> Block<'_, 'a, F> {
                 };
                 let tiles = step.strips.len() * self.panels.len() * s.strips.rows;
                 let pieces = next.pieces().div_ceil(tiles);
-                for (strip, packed) in step.strips.clone().zip(here.chunks(s.strips.len)) {
+                for (j, strip) in step.strips.clone().enumerate() {
+                    let (a, a_step) = match s.strips.layout {
+                        Layout::InPlace => (step.part.in_place(), step.part.a.steps[0]),
+                        _ => (&here[j * s.strips.len..][..s.strips.len], 0),
+                    };
                     let add = i >= groups || s.beta != F::zero();
-                    let strip_of = Strip { rows: s.cuts.rows(strip), packed, add };
+                    let strip_of = Strip { rows: s.cuts.rows(strip), a, a_step, add };
                     let len = step.part.slab.len();
                     self.tiles(&strip_of, len, panels, panel_step, (&mut next, pieces));
                     if let (true, Some(finish)) = (i + groups >= count, s.finish) {
@@ -248,13 +253,14 @@ impl<'a, F: Lane> Block<'_, 'a, F> {
     ) {
         let (s, cuts, width) = (self.sweep, &self.sweep.cuts, 2 * self.sweep.lanes);
         let rows = &strip.rows;
-        assert!(strip.packed.len() >= s.strips.len && len <= s.longest, "a strip beyond the end");
+        assert!(len <= s.longest, "a strip beyond the end");
         for (i, panel) in self.panels.clone().enumerate() {
             let columns = cuts.columns(&(panel..panel + 1));
             let reach = (rows.len() - 1) * cuts.n + columns.len();
             let tile = Tile {
                 len,
-                a: strip.packed.as_ptr(),
+                a: strip.a.as_ptr(),
+                a_step: strip.a_step,
                 b: panels[i * panel_step..][..len * width].as_ptr(),
                 b_step: width,
                 c: self.c.at(rows.start * cuts.n + columns.start, reach),
@@ -274,9 +280,10 @@ impl<'a, F: Lane> Block<'_, 'a, F> {
     }
 }
 
-/// A packed strip, its rows of C, and whether to add to them.
+/// A strip, its rows of C, and whether to add to them.
 struct Strip<'m, F> {
     rows: Range<usize>,
-    packed: &'m [F],
+    a: &'m [F],
+    a_step: usize,
     add: bool,
 }

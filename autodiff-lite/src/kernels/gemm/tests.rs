@@ -105,7 +105,7 @@ fn wide() -> bool {
 /// Together and one by one, of sizes for our loops and for the crate.
 #[test]
 fn joined_products_are_the_products() {
-    for sizes in [[260, 131, 515], [9, 5, 7]] {
+    for sizes in [[260, 131, 515], [520, 131, 255], [9, 5, 7]] {
         let [m, k, n] = sizes;
         let a: Vec<Vec<f32>> = (0..2).map(|i| convert(&noise(m * k, i))).collect();
         let b: Vec<Vec<f32>> = (2..4).map(|i| convert(&noise(k * n, i))).collect();

@@ -28,8 +28,10 @@ pub(super) const MOST_ROWS: usize = 14;
 pub struct Tile<'a, 'm, F> {
     /// Products to sum.
     pub(super) len: usize,
-    /// A packed strip, as its [`Layout`] says.
+    /// A strip, as its [`Layout`] says.
     pub(super) a: *const F,
+    /// Step between the rows of a strip that is read where it is.
+    pub(super) a_step: usize,
     /// Rows of whole vectors.
     pub(super) b: *const F,
     pub(super) b_step: usize,
@@ -46,19 +48,26 @@ pub struct Tile<'a, 'm, F> {
     pub(super) pieces: usize,
 }
 
-/// How a packed strip of A lies.
+/// How a strip of A lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
-    /// Products of a row are contiguous, rows [`ROW_STEP`] apart.
+    /// Where it is: products of a row are contiguous, rows as far apart as those of A.
+    InPlace,
+    /// Packed: products of a row are contiguous, rows [`ROW_STEP`] apart.
     Rows,
-    /// Rows are contiguous, products [`PRODUCT_STEP`] apart: of a transposed A.
+    /// Packed: rows are contiguous, products [`PRODUCT_STEP`] apart: of a transposed A.
     Products,
 }
 
-struct Run<'a, 'm, F, const MR: usize, const NV: usize, const ROWS: bool>(Tile<'a, 'm, F>);
+/// Layouts as numbers, which the compiler takes where it does not take an enum.
+const IN_PLACE: usize = Layout::InPlace as usize;
+const ROWS: usize = Layout::Rows as usize;
+const PRODUCTS: usize = Layout::Products as usize;
 
-impl<F: Lane, const MR: usize, const NV: usize, const ROWS: bool> WithSimd
-    for Run<'_, '_, F, MR, NV, ROWS>
+struct Run<'a, 'm, F, const MR: usize, const NV: usize, const LAYOUT: usize>(Tile<'a, 'm, F>);
+
+impl<F: Lane, const MR: usize, const NV: usize, const LAYOUT: usize> WithSimd
+    for Run<'_, '_, F, MR, NV, LAYOUT>
 {
     type Output = ();
 
@@ -66,7 +75,11 @@ impl<F: Lane, const MR: usize, const NV: usize, const ROWS: bool> WithSimd
     fn with_simd<S: Simd>(self, s: S) {
         let t = self.0;
         let lanes = F::lanes::<S>();
-        let (row, product) = if ROWS { (ROW_STEP, 1) } else { (1, PRODUCT_STEP) };
+        let (row, product) = match LAYOUT {
+            IN_PLACE => (t.a_step, 1),
+            ROWS => (ROW_STEP, 1),
+            _ => (1, PRODUCT_STEP),
+        };
         let mut acc = [[F::splat(s, F::zero()); NV]; MR];
         let (mut a, mut b) = (t.a, t.b);
         // A row of C with each part of the sum: all rows at once would keep the lines of B waiting.
@@ -150,12 +163,12 @@ pub(super) type TileFn<F> = unsafe fn(Isa, Tile<'_, '_, F>);
 
 /// # Safety
 /// All that the tile reads and writes lies within its operands, and the machine has the instructions.
-unsafe fn run<F: Lane, const MR: usize, const NV: usize, const ROWS: bool>(
+unsafe fn run<F: Lane, const MR: usize, const NV: usize, const LAYOUT: usize>(
     isa: Isa,
     tile: Tile<'_, '_, F>,
 ) {
     // SAFETY: the caller's promise.
-    unsafe { isa.run_wide(Run::<'_, '_, F, MR, NV, ROWS>(tile)) }
+    unsafe { isa.run_wide(Run::<'_, '_, F, MR, NV, LAYOUT>(tile)) }
 }
 
 /// Where the tiles of one type are compiled: here, not in each crate that multiplies.
@@ -180,10 +193,12 @@ macro_rules! multiplied {
         impl Multiplied for $float {
             fn product_tile(layout: Layout, rows: usize, two: bool) -> Option<TileFn<Self>> {
                 let table: &[TileFn<Self>] = match (layout, two) {
-                    (Layout::Rows, true) => &[$(run::<$float, $mr, 2, true>),*],
-                    (Layout::Rows, false) => &[$(run::<$float, $mr, 1, true>),*],
-                    (Layout::Products, true) => &[$(run::<$float, $mr, 2, false>),*],
-                    (Layout::Products, false) => &[$(run::<$float, $mr, 1, false>),*],
+                    (Layout::InPlace, true) => &[$(run::<$float, $mr, 2, IN_PLACE>),*],
+                    (Layout::InPlace, false) => &[$(run::<$float, $mr, 1, IN_PLACE>),*],
+                    (Layout::Rows, true) => &[$(run::<$float, $mr, 2, ROWS>),*],
+                    (Layout::Rows, false) => &[$(run::<$float, $mr, 1, ROWS>),*],
+                    (Layout::Products, true) => &[$(run::<$float, $mr, 2, PRODUCTS>),*],
+                    (Layout::Products, false) => &[$(run::<$float, $mr, 1, PRODUCTS>),*],
                 };
                 table.get(rows - 1).copied()
             }
