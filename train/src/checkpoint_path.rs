@@ -31,19 +31,14 @@ pub struct RunMetadata {
 }
 
 impl CheckpointPath {
-    /// Finds the checkpoint at a path: the file itself; or of a run's folder the best, if there is
+    /// Finds the checkpoint at a path: the file itself; or of a run's folder, or of its `checkpoints`, the best, if there is
     /// one and the last is not asked for, else the last.
     ///
     /// # Errors
     /// If there is none.
     pub fn find(path: &Path, last: bool) -> Result<Self, RunError> {
         if path.is_file() {
-            let folder =
-                path.parent().filter(|f| f.file_name().is_some_and(|n| n == "checkpoints"));
-            let run = folder.and_then(Path::parent).map(|run| {
-                if run.as_os_str().is_empty() { PathBuf::from(".") } else { run.to_owned() }
-            });
-            return Ok(Self { file: path.to_owned(), run });
+            return Ok(Self::of(path));
         }
         let none = |found| Err(RunError::NoCheckpoint { path: path.to_owned(), found });
         if !path.is_dir() {
@@ -51,11 +46,39 @@ impl CheckpointPath {
         }
         let folder = RunFolder::at(path);
         let choice = if last { vec![folder.last()] } else { vec![folder.best(), folder.last()] };
-        match choice.into_iter().find(|file| file.is_file()) {
-            Some(file) => Ok(Self { file, run: Some(path.to_owned()) }),
-            None => none("a folder without one"),
+        if let Some(file) = choice.iter().find(|file| file.is_file()) {
+            return Ok(Self { file: file.clone(), run: Some(path.to_owned()) });
+        }
+        let models = models_in(path);
+        let mut names = choice.iter().filter_map(|file| file.file_name());
+        let here = names.find_map(|name| models.iter().find(|m| m.file_name() == Some(name)));
+        match here {
+            Some(file) => Ok(Self::of(file)),
+            None if models.is_empty() => none("a folder without one"),
+            None => Err(RunError::Models { path: path.to_owned(), models }),
         }
     }
+
+    /// A file, with the run in whose `checkpoints` it lies.
+    fn of(file: &Path) -> Self {
+        let folder = file.parent().filter(|f| f.file_name().is_some_and(|n| n == "checkpoints"));
+        let run = folder.and_then(Path::parent).map(|run| {
+            if run.as_os_str().is_empty() { PathBuf::from(".") } else { run.to_owned() }
+        });
+        Self { file: file.to_owned(), run }
+    }
+}
+
+/// The models that lie in a folder itself, by their names.
+fn models_in(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
+    let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
+    let is_model = |path: &PathBuf| {
+        path.extension().is_some_and(|extension| extension == "safetensors") && path.is_file()
+    };
+    let mut models: Vec<PathBuf> = paths.filter(is_model).collect();
+    models.sort();
+    models
 }
 
 impl RunMetadata {
@@ -96,8 +119,21 @@ mod tests {
         assert_eq!(CheckpointPath::find(&run, true).unwrap().file, last);
         assert_eq!(
             CheckpointPath::find(&best, true).unwrap(),
-            CheckpointPath { file: best, run: Some(run.clone()) }
+            CheckpointPath { file: best.clone(), run: Some(run.clone()) }
         );
+        let checkpoints = run.join("checkpoints");
+        assert_eq!(CheckpointPath::find(&checkpoints, false).unwrap().file, best);
+        let found = CheckpointPath::find(&checkpoints, true).unwrap();
+        assert_eq!(found, CheckpointPath { file: last, run: Some(run.clone()) });
+
+        let models = place.path().join("models");
+        fs::create_dir(&models).unwrap();
+        for name in ["b.safetensors", "a.safetensors", "notes.txt"] {
+            fs::write(models.join(name), "").unwrap();
+        }
+        let error = CheckpointPath::find(&models, false).unwrap_err().to_string();
+        assert!(error.ends_with("a.safetensors, b.safetensors"), "{error}");
+
         let alone = place.path().join("model.safetensors");
         fs::write(&alone, "").unwrap();
         assert_eq!(CheckpointPath::find(&alone, false).unwrap().run, None);

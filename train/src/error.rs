@@ -188,6 +188,14 @@ pub enum RunError {
         /// What is there.
         found: &'static str,
     },
+    /// The path leads to a folder of models that is no run's.
+    #[error("{}: a folder of models and no run's, expected one of its files: {}", path.display(), listed(models))]
+    Models {
+        /// The path.
+        path: PathBuf,
+        /// The models, by their names.
+        models: Vec<PathBuf>,
+    },
     /// The file system refused.
     #[error("{}: {source}", path.display())]
     Io {
@@ -256,4 +264,13 @@ pub enum CheckpointError {
         /// What it might say.
         expected: String,
     },
+}
+
+/// The names of files; of very many the first.
+fn listed(files: &[PathBuf]) -> String {
+    const MOST: usize = 12;
+    let names = files.iter().take(MOST).filter_map(|file| file.file_name());
+    let names: Vec<_> = names.map(|name| name.to_string_lossy()).collect();
+    let more = if files.len() > MOST { ", .." } else { "" };
+    format!("{}{more}", names.join(", "))
 }
