@@ -1,11 +1,12 @@
 //! What refinement on the given views brings to predictions of img2mesh, beside `fit` with the same views, and to those of
-//! pixel2mesh on the one image.
+//! pixel2mesh, ode-pixel2mesh and mcmr on the one image.
 //!
 //! `cargo run --release -p unsphere-studies --example refinement -- weights/img2mesh.safetensors [KEY=VALUE ..]`: one line for
 //! each way to a mesh, of the objects for validation that the weights' configuration makes. `data=FOLDER` scores objects of a
 //! dataset, `split=test` those to test on, `views=N` gives so many views (5); `learning-rate`, `smoothness`, `bending`,
 //! `tolerance`, `vertices`, `symmetry` and `thin-parts` are tried instead of img2mesh's own, `steps=50,150` one after the other; `fit=false` leaves `fit` out.
-//! pixel2mesh is refined as any system is, by `steps`; it has no use for the rest but `data` and `split`.
+//! The other systems are refined as any system is, by `steps`; they have no use for the rest but `data` and `split`. mcmr's
+//! objects are those of a folder, which `data` names, scored at the cameras of the other views as img2mesh's are.
 
 use std::error::Error;
 use std::io::Write;
@@ -15,8 +16,11 @@ use std::time::Instant;
 use datasets::{ReadOptions, Views};
 use mesh_core::TriMesh;
 use models::img2mesh::{Data, Group, Img2Mesh, Img2MeshConfig, evaluate_meshes};
-use models::paired::Pair;
-use models::pixel2mesh::{Pixel2Mesh, Scored};
+use models::mcmr::Mcmr;
+use models::paired::{Pair, Pairs};
+use models::pixel2mesh::{
+    Continuous, Deformer, OdePixel2Mesh, Pixel2Mesh, Scored, SingleView, Staged,
+};
 use models::predict::Predictor;
 use recon::fit::{FitConfig, RefineConfig, fit, refine};
 use recon::progress::Watch;
@@ -97,10 +101,16 @@ fn line(
     Ok(())
 }
 
-/// The lines of pixel2mesh: as the network made it, and moved by the image's mask.
-fn of_one_image(checkpoint: &Checkpoint<'_>, order: &Order) -> Result<(), Box<dyn Error>> {
-    let (system, config) = checkpoint.load::<Pixel2Mesh>()?;
-    let data = Pixel2Mesh::open(&config.system, &order.source(config.train.seed))?;
+/// The lines of pixel2mesh and ode-pixel2mesh: as the network made it, and moved by the image's mask.
+fn of_one_image<D: Deformer>(
+    checkpoint: &Checkpoint<'_>,
+    order: &Order,
+) -> Result<(), Box<dyn Error>>
+where
+    SingleView<D>: System<ReadOptions = ReadOptions, Data = Pairs>,
+{
+    let (system, config) = checkpoint.load::<SingleView<D>>()?;
+    let data = SingleView::<D>::open(&config.system, &order.source(config.train.seed))?;
     let mut out = std::io::stdout().lock();
     let mut line = |name: &str, scored: Scored| -> Result<(), Box<dyn Error>> {
         write!(out, "{name:>24}")?;
@@ -120,6 +130,26 @@ fn of_one_image(checkpoint: &Checkpoint<'_>, order: &Order) -> Result<(), Box<dy
     Ok(())
 }
 
+/// The lines of mcmr, at the cameras of the views that it is not given.
+fn of_photographs(checkpoint: &Checkpoint<'_>, order: &Order) -> Result<(), Box<dyn Error>> {
+    order.data.as_ref().ok_or("mcmr's objects are those of data=FOLDER")?;
+    let (system, config) = checkpoint.load::<Mcmr>()?;
+    let cameras = Img2MeshConfig::default();
+    let data = Img2Mesh::open(&cameras, &order.source(config.train.seed))?;
+    let predict = |group: &Group| {
+        let seen = system.predict(&group.given[..1]).map_err(DataError::unfit)?;
+        Ok(seen.mesh_in_world())
+    };
+    line("one pass", (&data, &cameras), order, predict)?;
+    for &steps in &order.steps {
+        let options = RefineConfig { steps, ..RefineConfig::default() };
+        line(&format!("refined, {steps} steps"), (&data, &cameras), order, |group| {
+            refine(&predict(group)?, &group.given[..1], &options).map_err(DataError::unfit)
+        })?;
+    }
+    Ok(())
+}
+
 fn fitted(group: &Group) -> TriMesh {
     let config = FitConfig { hold_out: None, level: 4, ..FitConfig::default() };
     let fitted = fit(&Views::in_memory(group.given.clone()), &config, &mut Watch::default());
@@ -133,8 +163,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let order = order(rest)?;
     let checkpoint = Checkpoint::read(Path::new(weights))?;
-    if checkpoint.system()? == Pixel2Mesh::NAME {
-        return of_one_image(&checkpoint, &order);
+    match checkpoint.system()? {
+        Pixel2Mesh::NAME => return of_one_image::<Staged>(&checkpoint, &order),
+        OdePixel2Mesh::NAME => return of_one_image::<Continuous>(&checkpoint, &order),
+        Mcmr::NAME => return of_photographs(&checkpoint, &order),
+        _ => {}
     }
     let (system, config) = checkpoint.load::<Img2Mesh>()?;
     let data = Img2Mesh::open(&config.system, &order.source(config.train.seed))?;

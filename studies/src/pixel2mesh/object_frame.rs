@@ -2,7 +2,9 @@
 
 use mesh_core::TriMesh;
 use models::paired::{Pair, PointScores, point_scores};
-use models::pixel2mesh::{CameraSource, Estimate, Pixel2Mesh, Scored, Seen, StagesConfig};
+use models::pixel2mesh::{
+    CameraSource, Deformer, Estimate, Pixel2Mesh, Scored, Seen, SingleView, StagesConfig,
+};
 use ode_deform::solve::Stats;
 use recon::fit::{RefineConfig, refine};
 use train::{DataError, Subset};
@@ -184,8 +186,8 @@ fn with_camera(row: Row, scored: &Scored) -> Row {
 ///
 /// # Errors
 /// If the mesh cannot be [refined](refine).
-pub fn refined(
-    system: &Pixel2Mesh,
+pub fn refined<D: Deformer>(
+    system: &SingleView<D>,
     pair: &Pair,
     config: &RefineConfig,
 ) -> Result<(PointScores, Stats), DataError> {
