@@ -30,7 +30,7 @@ crates=$out/rust/release/unsphere-peers
 for bench in "$@"; do
     cargo bench --quiet -p unsphere-benches --bench "$bench" --no-run
 done
-rm -f "$out"/round-*.jsonl
+rm -rf "$out"/round-*.jsonl "$target/criterion"
 round=1
 while [ "$round" -le "$rounds" ]; do
     echo "round $round of $rounds" >&2
@@ -40,9 +40,10 @@ while [ "$round" -le "$rounds" ]; do
     for bench in "$@"; do
         ${PRIORITY:-} cargo bench --quiet -p unsphere-benches --bench "$bench" -- --quiet
     done
+    python3 benches/peers/table.py --round "$target/criterion" >>"$out/round-$round.jsonl"
     round=$((round + 1))
 done
 
 table=benches/results/$(date -u +%Y-%m-%d)-peers.md
-python3 benches/peers/table.py "$target/criterion" "$out"/round-*.jsonl >"$table"
+python3 benches/peers/table.py "$out"/round-*.jsonl >"$table"
 echo "$table" >&2

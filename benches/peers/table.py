@@ -1,7 +1,9 @@
 """Joins what criterion measured with what peers.py printed, as a Markdown table on stdout.
 
-Usage: table.py CRITERION_FOLDER PEERS.jsonl... [--title TEXT]
-Several files are several rounds; a row's figure is the median over them. Standard library only.
+Usage: table.py --round CRITERION_FOLDER >>ROUND.jsonl
+       table.py ROUND.jsonl... [--title TEXT]
+The first takes what criterion measured last into a round's file. Several files are several rounds; a row's figure is the
+median over them. Standard library only.
 """
 
 import argparse
@@ -35,17 +37,20 @@ def flops(name):
     return None
 
 
-def ours(folder):
-    """Median milliseconds of each bench, by id."""
-    found = {}
+# Whose figures criterion measured.
+HERE = "here"
+
+
+def note(folder):
+    """Prints the median milliseconds of each bench, as peers.py does."""
     for path in sorted(pathlib.Path(folder).glob("**/new/benchmark.json")):
         name = json.loads(path.read_text())["full_id"]
         estimates = json.loads((path.parent / "estimates.json").read_text())
-        found[name] = estimates["median"]["point_estimate"] / 1e6
-    return found
+        median = estimates["median"]["point_estimate"] / 1e6
+        print(json.dumps({"id": name, "peer": HERE, "median_ms": median}))
 
 
-def theirs(files):
+def medians(files):
     """Median milliseconds by id and peer over the rounds, and the peers' versions."""
     rounds, versions = {}, {}
     for file in files:
@@ -74,11 +79,15 @@ def command(*words):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("criterion")
-    parser.add_argument("peers", nargs="*")
+    parser.add_argument("rounds", nargs="*")
+    parser.add_argument("--round", metavar="CRITERION_FOLDER")
     parser.add_argument("--title", default="Speed beside the peers")
     options = parser.parse_args()
-    mine, (peers, versions) = ours(options.criterion), theirs(options.peers)
+    if options.round:
+        return note(options.round)
+    measured, versions = medians(options.rounds)
+    mine = {name: value for (name, peer), value in measured.items() if peer == HERE}
+    peers = {key: value for key, value in measured.items() if key[1] != HERE}
 
     cpu = next(
         (l.split(":", 1)[1].strip() for l in open("/proc/cpuinfo") if l.startswith("model name")),
@@ -90,7 +99,7 @@ def main():
     print(f"- commit: {command('git', 'describe', '--always', '--dirty')}")
     print(f"- {command('rustc', '--version')}")
     print("- peers: " + ", ".join(f"{k} {v}" for k, v in versions.items()) + "\n")
-    print("Medians. `1t`, `2t`: threads. A ratio above 1 means that this workspace is faster.\n")
+    print(f"Medians over {len(options.rounds)} rounds of the medians in each. `1t`, `2t`: threads. A ratio above 1 means that this workspace is faster.\n")
     print("| work | here | peer | | ratio |\n|---|---|---|---|---|")
     by_id = {name: list(rows) for name, rows in QUOTED.items() if name in mine}
     for (name, peer), value in peers.items():
