@@ -1,15 +1,22 @@
 //! Self-intersections of a mesh.
 
+use std::ops::Range;
+
 use crate::TriMesh;
-use crate::intersect::{BITS, Point, cross, normal};
+use crate::intersect::{BITS, Facet, Point, cross, normal};
 use crate::kernels::threads;
 
-/// Faces whose partners are looked for in one parallel task.
-const CHUNK: usize = 256;
+/// Leaves whose faces' partners are looked for in one parallel task.
+const CHUNK: usize = 64;
 /// Faces in a leaf of the tree.
-const LEAF: usize = 4;
+const LEAF: usize = 8;
+/// Bits that boxes leave out of the coordinates, so that the sum of two is an `i32`.
+const COARSE: i32 = BITS - 29;
 /// A box with nothing in it, which meets no other.
-const NOWHERE: [Point; 2] = [[2 << BITS; 3], [-(2 << BITS); 3]];
+const NOWHERE: Bounds = [[i32::MAX / 2; 4], [i32::MIN / 2; 4]];
+
+/// Least and greatest coordinates, without their last bits, and nothing: four numbers are one vector register.
+type Bounds = [[i32; 4]; 2];
 
 impl TriMesh {
     /// The pairs of faces that pass through each other, sorted, the smaller index first.
@@ -46,8 +53,7 @@ impl Crossings {
         placed.place(scale, positions, faces);
         let tree = Tree::new(&placed);
         let mut crossings = Self { pairs: Vec::new(), scale, faces: placed, tree };
-        let all: Vec<u32> = (0..faces.len() as u32).collect();
-        crossings.compare(&all, &vec![true; faces.len()]);
+        crossings.compare(&vec![true; faces.len()]);
         crossings
     }
 
@@ -61,33 +67,46 @@ impl Crossings {
             *self = Self::of(positions, faces);
             return;
         }
-        let moved = self.faces.place(scale, positions, faces);
-        if moved.is_empty() {
+        let has_moved = self.faces.place(scale, positions, faces);
+        if !has_moved.contains(&true) {
             return;
-        }
-        let mut has_moved = vec![false; faces.len()];
-        for &face in &moved {
-            has_moved[face as usize] = true;
         }
         self.tree.refit(&self.faces);
         self.pairs.retain(|pair| !pair.iter().any(|&face| has_moved[face as usize]));
-        self.compare(&moved, &has_moved);
+        self.compare(&has_moved);
     }
 
-    /// Adds the pairs of these faces and all others; of two that have moved the one with the smaller index looks.
-    fn compare(&mut self, moved: &[u32], has_moved: &[bool]) {
+    /// Adds the pairs of faces that have moved and all others; of two that have moved the one with the smaller index looks.
+    fn compare(&mut self, has_moved: &[bool]) {
         let (faces, tree) = (&self.faces, &self.tree);
-        let chunks = threads::map(moved.len().div_ceil(CHUNK), |chunk| {
-            let mut found = Vec::new();
-            let last = (chunk * CHUNK + CHUNK).min(moved.len());
-            for &face in &moved[chunk * CHUNK..last] {
-                let corners = &faces.corners[face as usize];
-                tree.visit(&faces.boxes[face as usize], |other| {
-                    let mine = other > face || !has_moved[other as usize];
-                    if mine && other != face && cross(corners, &faces.corners[other as usize]) {
-                        found.push([face.min(other), face.max(other)]);
+        let chunks = threads::map(tree.leaves.len().div_ceil(CHUNK), |chunk| {
+            let last = (chunk * CHUNK + CHUNK).min(tree.leaves.len());
+            let (mut found, mut near, mut open) = (Vec::new(), Vec::new(), Vec::new());
+            for leaf in &tree.leaves[chunk * CHUNK..last] {
+                let slots = || leaf.clone().map(|slot| slot as usize);
+                let looking = || slots().filter(|&slot| has_moved[tree.order[slot] as usize]);
+                if looking().next().is_none() {
+                    continue;
+                }
+                // What is near one face of a leaf is near the others.
+                let around = looking().fold(NOWHERE, |all, slot| union(all, tree.boxes[slot]));
+                near.clear();
+                tree.visit(&around, &mut open, |slot| near.push(slot));
+                for slot in looking() {
+                    let face = tree.order[slot];
+                    let facet = Facet::new(faces.corners[face as usize]);
+                    for &slot_of_other in &near {
+                        let other = tree.order[slot_of_other];
+                        let mine = other > face || !has_moved[other as usize];
+                        if mine
+                            && other != face
+                            && !apart(&tree.boxes[slot], &tree.boxes[slot_of_other])
+                            && cross(&facet, &faces.corners[other as usize])
+                        {
+                            found.push([face.min(other), face.max(other)]);
+                        }
                     }
-                });
+                }
             }
             found
         });
@@ -120,22 +139,22 @@ impl Scale {
 #[derive(Default)]
 struct Faces {
     corners: Vec<[Point; 3]>,
-    boxes: Vec<[Point; 2]>,
+    boxes: Vec<Bounds>,
 }
 
 impl Faces {
-    /// Takes the vertices from these positions, and tells which faces that changes.
+    /// Takes the vertices from these positions, and tells of each face whether that changes it.
     fn place(
         &mut self,
         scale: Option<Scale>,
         positions: &[[f32; 3]],
         faces: &[[u32; 3]],
-    ) -> Vec<u32> {
+    ) -> Vec<bool> {
         let snapped: Vec<Option<Point>> =
             positions.iter().map(|&p| scale.and_then(|scale| scale.snap(p))).collect();
         self.corners.resize(faces.len(), [[0; 3]; 3]);
         self.boxes.resize(faces.len(), NOWHERE);
-        let mut moved = Vec::new();
+        let mut moved = vec![false; faces.len()];
         for (f, face) in faces.iter().enumerate() {
             let corners = face.map(|v| snapped.get(v as usize).copied().flatten());
             let corners = match corners {
@@ -147,25 +166,35 @@ impl Faces {
             }
             self.corners[f] = corners;
             self.boxes[f] = if normal(&corners) == [0; 3] { NOWHERE } else { bounds(&corners) };
-            moved.push(f as u32);
+            moved[f] = true;
         }
         moved
     }
 }
 
-fn bounds(corners: &[Point; 3]) -> [Point; 2] {
-    [
-        std::array::from_fn(|k| corners.iter().map(|p| p[k]).fold(i64::MAX, i64::min)),
-        std::array::from_fn(|k| corners.iter().map(|p| p[k]).fold(i64::MIN, i64::max)),
-    ]
+fn bounds(corners: &[Point; 3]) -> Bounds {
+    let mut bounds = NOWHERE;
+    for corner in corners {
+        let [x, y, z] = corner.map(|x| (x >> COARSE) as i32);
+        bounds = union(bounds, [[x, y, z, 0]; 2]);
+    }
+    bounds
 }
 
 /// The smallest box around two.
-fn union([low, high]: [Point; 2], other: [Point; 2]) -> [Point; 2] {
+fn union([low, high]: Bounds, other: Bounds) -> Bounds {
     [
         std::array::from_fn(|k| low[k].min(other[0][k])),
         std::array::from_fn(|k| high[k].max(other[1][k])),
     ]
+}
+
+/// Whether two boxes have no place in common.
+#[inline]
+fn apart(a: &Bounds, b: &Bounds) -> bool {
+    // All at once, without a branch that would be guessed wrong.
+    let beyond = |k: usize| u32::from(a[0][k] > b[1][k]) + u32::from(b[0][k] > a[1][k]);
+    (0..4).map(beyond).sum::<u32>() > 0
 }
 
 /// A tree of boxes over faces, halved at the median of the longest side.
@@ -173,11 +202,14 @@ struct Tree {
     order: Vec<u32>,
     /// Depth first; the second child of an inner node is at `right`.
     nodes: Vec<Node>,
-    boxes: Vec<[Point; 2]>,
+    /// Parts of the order, each of a leaf.
+    leaves: Vec<Range<u32>>,
+    /// Those of the faces, in the order.
+    boxes: Vec<Bounds>,
 }
 
 struct Node {
-    bounds: [Point; 2],
+    bounds: Bounds,
     /// Faces `first..last` of the order, of a leaf.
     leaf: Option<(u32, u32)>,
     right: u32,
@@ -188,6 +220,7 @@ impl Tree {
         let mut tree = Self {
             order: (0..faces.corners.len() as u32).collect(),
             nodes: Vec::new(),
+            leaves: Vec::new(),
             boxes: Vec::new(),
         };
         if !tree.order.is_empty() {
@@ -204,7 +237,9 @@ impl Tree {
         let node = self.nodes.len();
         let leaf = (last - first <= LEAF).then_some((first as u32, last as u32));
         self.nodes.push(Node { bounds, leaf, right: 0 });
-        if leaf.is_none() {
+        if leaf.is_some() {
+            self.leaves.push(first as u32..last as u32);
+        } else {
             let axis = (0..3).max_by_key(|&k| bounds[1][k] - bounds[0][k]).unwrap_or(0);
             let half = (last - first) / 2;
             // The index breaks ties, so the tree does not depend on the order of equals.
@@ -234,25 +269,20 @@ impl Tree {
         }
     }
 
-    fn visit(&self, bounds: &[Point; 2], mut meet: impl FnMut(u32)) {
-        let apart = |other: &[Point; 2]| {
-            (0..3).any(|k| bounds[0][k] > other[1][k] || bounds[1][k] < other[0][k])
-        };
-        let mut open = Vec::with_capacity(64);
+    /// Calls `meet` with the place in the order of each face whose box meets this one; `open` is a buffer.
+    fn visit(&self, bounds: &Bounds, open: &mut Vec<u32>, mut meet: impl FnMut(usize)) {
+        open.clear();
         open.extend((!self.nodes.is_empty()).then_some(0));
         while let Some(index) = open.pop() {
-            let node: &Node = &self.nodes[index];
-            if apart(&node.bounds) {
+            let node: &Node = &self.nodes[index as usize];
+            if apart(bounds, &node.bounds) {
                 continue;
             }
             if let Some((first, last)) = node.leaf {
-                for slot in first as usize..last as usize {
-                    if !apart(&self.boxes[slot]) {
-                        meet(self.order[slot]);
-                    }
-                }
+                let slots = first as usize..last as usize;
+                slots.filter(|&slot| !apart(bounds, &self.boxes[slot])).for_each(&mut meet);
             } else {
-                open.extend([node.right as usize, index + 1]);
+                open.extend([node.right, index + 1]);
             }
         }
     }

@@ -40,17 +40,60 @@ fn orient(a: Point, b: Point, c: Point, d: Point) -> i32 {
     exact.signum() as i32
 }
 
+/// A triangle that others are compared with, and its plane.
+pub(crate) struct Facet {
+    corners: [Point; 3],
+    /// The normal, and the sizes of what its coordinates are the differences of.
+    normal: [f64; 3],
+    size: [f64; 3],
+}
+
+impl Facet {
+    pub(crate) fn new(corners: [Point; 3]) -> Self {
+        let [a, b, c] = corners;
+        let [u, v] = [sub(b, a), sub(c, a)].map(|p| p.map(|x| x as f64));
+        let products = [0, 1, 2].map(|k| {
+            let (y, z) = ((k + 1) % 3, (k + 2) % 3);
+            [u[y] * v[z], u[z] * v[y]]
+        });
+        let normal = products.map(|[p, q]| p - q);
+        let size = products.map(|[p, q]| p.abs() + q.abs());
+        Self { corners, normal, size }
+    }
+
+    /// As [`orient`] of the corners and a point.
+    #[inline]
+    fn side(&self, p: Point) -> i32 {
+        let Self { corners: [a, b, c], normal, size } = self;
+        let way = sub(p, *a).map(|x| x as f64);
+        let value = way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2];
+        let size = way[0].abs() * size[0] + way[1].abs() * size[1] + way[2].abs() * size[2];
+        // The error is bounded as there.
+        if value.abs() > 16.0 * f64::EPSILON * size {
+            return if value > 0.0 { 1 } else { -1 };
+        }
+        orient(*a, *b, *c, p)
+    }
+}
+
 /// Whether two triangles pass through each other or overlap in one plane.
-pub(crate) fn cross(a: &[Point; 3], b: &[Point; 3]) -> bool {
-    // On which side of the other's plane each corner is.
+pub(crate) fn cross(facet: &Facet, b: &[Point; 3]) -> bool {
+    let a = &facet.corners;
+    // On which side of the other's plane each corner is; most triangles that are compared have corners in common.
+    let shared = b.map(|p| a.contains(&p));
+    let sides_b = [0, 1, 2].map(|k| if shared[k] { 0 } else { facet.side(b[k]) });
+    let others_are = |sign: i32| (0..3).all(|k| shared[k] || sides_b[k] == sign);
+    // Then they have no more in common than those.
+    if shared != [true; 3] && (others_are(1) || others_are(-1)) {
+        return false;
+    }
+    if sides_b == [0; 3] {
+        return overlap(a, b);
+    }
     let sides_a = a.map(|p| orient(b[0], b[1], b[2], p));
     if sides_a.iter().all(|&s| s > 0) || sides_a.iter().all(|&s| s < 0) {
         return false;
     }
-    if sides_a == [0; 3] {
-        return overlap(a, b);
-    }
-    let sides_b = b.map(|p| orient(a[0], a[1], a[2], p));
     // Two triangles that pass through each other share a segment of a line. Each end of it is where
     // a side of one runs through the other, or a corner of one on the other; one end of the first
     // kind is enough to know.
