@@ -4,22 +4,15 @@
 //! other, and up to twice as much where all points are as far from all queries.
 
 mod hierarchy;
+mod neighbor;
 #[cfg(feature = "simd")]
 mod simd;
 
 use super::threads::{for_each, for_each_pair};
-use hierarchy::{Found, Hierarchy, Leaf};
+use hierarchy::{Found, Hierarchy};
+pub use neighbor::Nearest;
 #[cfg(feature = "simd")]
 pub use simd::nearest_with;
-
-/// The point nearest to a query.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Nearest {
-    /// Its index; the lowest one where several are equally near.
-    pub index: u32,
-    /// The squared distance to it.
-    pub squared: f32,
-}
 
 /// Room that [`nearest_into`] works in; keep it between calls and nothing is allocated.
 #[derive(Clone, Debug, Default)]
@@ -151,20 +144,12 @@ fn in_hierarchy(
         #[cfg(feature = "simd")]
         simd::nearest_in(pulp::Arch::new(), points, leaves, by_leaf);
         #[cfg(not(feature = "simd"))]
-        ask(points, leaves, by_leaf);
+        hierarchy::ask(points, leaves, by_leaf);
     });
     found.clear();
     found.resize(count, Nearest { index: 0, squared: f32::INFINITY });
     for (leaf, by_leaf) in leaves.iter().zip(by_leaf) {
         leaf.write(by_leaf, found);
-    }
-}
-
-/// What is nearest to the points of each leaf.
-#[inline(always)]
-fn ask(points: &Hierarchy, leaves: &[Leaf], found: &mut [Found]) {
-    for (leaf, found) in leaves.iter().zip(found) {
-        *found = points.nearest(leaf);
     }
 }
 

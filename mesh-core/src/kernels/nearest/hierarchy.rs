@@ -8,7 +8,7 @@
 //!
 //! Everything is written on arrays of sixteen numbers, which compilers turn into vectors.
 
-use super::Nearest;
+use super::neighbor::Nearest;
 
 /// Points of a leaf, boxes of a node, queries that are asked together: the numbers in the widest vector.
 const WIDTH: usize = 16;
@@ -243,6 +243,10 @@ impl Found {
 
     /// Compares all points of a leaf with all queries.
     #[inline(always)]
+    #[expect(
+        clippy::needless_bitwise_bool,
+        reason = "with a branch it is no vector: 2.3 ms instead of 1.4"
+    )]
     fn look_at(&mut self, leaf: &Leaf, queries: &Leaf) {
         for j in 0..WIDTH {
             let [x, y, z] = leaf.at.map(|lanes| lanes[j]);
@@ -257,6 +261,14 @@ impl Found {
                 self.index[k] = if nearer { index } else { self.index[k] };
             }
         }
+    }
+}
+
+/// What is nearest to the points of each leaf.
+#[inline(always)]
+pub(super) fn ask(points: &Hierarchy, leaves: &[Leaf], found: &mut [Found]) {
+    for (leaf, found) in leaves.iter().zip(found) {
+        *found = points.nearest(leaf);
     }
 }
 

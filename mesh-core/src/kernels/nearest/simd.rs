@@ -2,8 +2,9 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::hierarchy::{Found, Hierarchy, Leaf};
-use super::{Nearest, NearestScratch, ask, in_chunks};
+use super::hierarchy::{Found, Hierarchy, Leaf, ask};
+use super::neighbor::Nearest;
+use super::{NearestScratch, in_chunks};
 
 /// Queries that share each load of points.
 const TILE: usize = 4;
