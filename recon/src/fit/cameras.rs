@@ -15,6 +15,7 @@ use mesh_core::{Camera, Lens};
 use rayon::prelude::*;
 
 use super::outline::Border;
+use super::planes::Planes;
 use super::shape::Shape;
 use super::target::Target;
 
@@ -76,11 +77,11 @@ impl Cameras {
 
     /// The cameras from which the mesh, as it is, looks most like the masks of targets; focal lengths stay.
     pub(super) fn locate(&self, shape: &Shape, targets: &[Target]) -> Vec<Camera> {
-        let edge = shape.mean_edge();
+        let (edge, planes) = (shape.mean_edge(), shape.planes());
         let located = |target: &Target| {
             let mut target = target.clone();
             for _ in 0..LOCATING {
-                let Some(equations) = self.equations(shape, &target, edge) else { break };
+                let Some(equations) = self.equations(shape, &planes, &target, edge) else { break };
                 let camera = moved(target.camera(), self.center, equations.step(0.0), 0.0);
                 target.set_camera(camera);
                 target.place(self.center.into(), self.radius);
@@ -92,10 +93,12 @@ impl Cameras {
 
     /// Improves the cameras of all targets for the shape as it is.
     pub(super) fn improve(&mut self, shape: &mut Shape, targets: &mut [Target]) {
-        let edge = shape.mean_edge();
+        let (edge, planes) = (shape.mean_edge(), shape.planes());
         for _ in 0..ITERATIONS {
-            let equations: Vec<Option<Equations>> =
-                targets.par_iter().map(|target| self.equations(shape, target, edge)).collect();
+            let equations: Vec<Option<Equations>> = targets
+                .par_iter()
+                .map(|target| self.equations(shape, &planes, target, edge))
+                .collect();
             let focal = shared_focal(&equations, self.focal.ln());
             self.focal *= focal.exp();
             for (target, equations) in targets.iter_mut().zip(&equations) {
@@ -108,7 +111,13 @@ impl Cameras {
         self.fix_gauge(shape, targets);
     }
 
-    fn equations(&self, shape: &Shape, target: &Target, edge: f32) -> Option<Equations> {
+    fn equations(
+        &self,
+        shape: &Shape,
+        planes: &Planes,
+        target: &Target,
+        edge: f32,
+    ) -> Option<Equations> {
         let camera = target.camera();
         let stride = target.lines_between_samples(edge);
         let [sx, sy, cx, cy] = camera.lens.numbers();
@@ -118,37 +127,42 @@ impl Cameras {
         let size = pixels * self.radius;
         let units = [size, pixels, size / depth, size];
         let mut rows: Vec<(SMatrix<f64, 7, 1>, f64, f64)> = Vec::new();
-        shape.borders(target, stride, |border, _| {
-            let Border { ends, share, normal, distance, weight, point } = border;
-            let [a, b] = ends.map(|v| shape.positions[v as usize]);
-            // Along the edge in space it is not the share in the image, but what is off is along the outline.
-            let p = Vector3::from_fn(|k, _| {
-                let q = f64::from(a[k]) + f64::from(share) * f64::from(b[k] - a[k]);
-                self.center[k] + self.radius * q
-            });
-            let arm = camera.rotation * (p - self.center);
-            let seen = arm + middle;
-            let over = if camera.is_perspective() { -seen.z } else { 1.0 };
-            let [nx, ny] = normal.map(f64::from);
-            // How the distance changes when the point moves in the camera's frame.
-            let mut toward = Vector3::new(nx * sx / over, -ny * sy / over, 0.0);
-            let from_axis = [f64::from(point[0]) - cx, f64::from(point[1]) - cy];
-            let spread = nx * from_axis[0] + ny * from_axis[1];
-            let lens = if camera.is_perspective() { spread } else { 0.0 };
-            toward.z = lens / over;
-            let turn = arm.cross(&toward);
-            let [by_turn, aside, ahead, by_lens] = units;
-            let row = SMatrix::<f64, 7, 1>::from_column_slice(&[
-                turn.x / by_turn,
-                turn.y / by_turn,
-                turn.z / by_turn,
-                toward.x / aside,
-                toward.y / aside,
-                toward.z / ahead,
-                lens / by_lens,
-            ]);
-            rows.push((row, f64::from(distance), f64::from(weight)));
-        })?;
+        shape.borders(
+            planes,
+            std::slice::from_ref(target),
+            |_| stride,
+            |_, border| {
+                let Border { ends, share, normal, distance, weight, point, .. } = border;
+                let [a, b] = ends.map(|v| shape.positions[v as usize]);
+                // Along the edge in space it is not the share in the image, but what is off is along the outline.
+                let p = Vector3::from_fn(|k, _| {
+                    let q = f64::from(a[k]) + f64::from(share) * f64::from(b[k] - a[k]);
+                    self.center[k] + self.radius * q
+                });
+                let arm = camera.rotation * (p - self.center);
+                let seen = arm + middle;
+                let over = if camera.is_perspective() { -seen.z } else { 1.0 };
+                let [nx, ny] = normal.map(f64::from);
+                // How the distance changes when the point moves in the camera's frame.
+                let mut toward = Vector3::new(nx * sx / over, -ny * sy / over, 0.0);
+                let from_axis = [f64::from(point[0]) - cx, f64::from(point[1]) - cy];
+                let spread = nx * from_axis[0] + ny * from_axis[1];
+                let lens = if camera.is_perspective() { spread } else { 0.0 };
+                toward.z = lens / over;
+                let turn = arm.cross(&toward);
+                let [by_turn, aside, ahead, by_lens] = units;
+                let row = SMatrix::<f64, 7, 1>::from_column_slice(&[
+                    turn.x / by_turn,
+                    turn.y / by_turn,
+                    turn.z / by_turn,
+                    toward.x / aside,
+                    toward.y / aside,
+                    toward.z / ahead,
+                    lens / by_lens,
+                ]);
+                rows.push((row, f64::from(distance), f64::from(weight)));
+            },
+        );
         if rows.is_empty() {
             return None;
         }

@@ -113,19 +113,17 @@ fn on_vertices(
     targets: &[Target],
     measure: impl Fn(f32) -> f32 + Sync,
 ) -> Vec<[f32; 2]> {
-    let edge = shape.mean_edge();
+    let (edge, planes) = (shape.mean_edge(), shape.planes());
+    let stride = |target: &Target| target.lines_between_samples(edge);
     let of = |targets: &[Target]| {
         let mut sums = vec![[0.0f32; 2]; shape.positions.len()];
-        for target in targets {
-            // A view that sees nothing adds nothing.
-            let _ = shape.borders(target, target.lines_between_samples(edge), |border, _| {
-                for (v, share) in border.ends.into_iter().zip([1.0 - border.share, border.share]) {
-                    let length = share * border.weight;
-                    sums[v as usize][0] += length;
-                    sums[v as usize][1] += length * measure(border.distance);
-                }
-            });
-        }
+        shape.borders(&planes, targets, stride, |_, border| {
+            for (v, share) in border.ends.into_iter().zip([1.0 - border.share, border.share]) {
+                let length = share * border.weight;
+                sums[v as usize][0] += length;
+                sums[v as usize][1] += length * measure(border.distance);
+            }
+        });
         sums
     };
     let parts: Vec<Vec<[f32; 2]>> = targets.par_chunks(CHUNK).map(of).collect();

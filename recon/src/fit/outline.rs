@@ -5,59 +5,18 @@
 //! that is crossed changes the number of layers in front by one, so the places where that number
 //! leaves or reaches zero are the exact borders of the silhouette on that line.
 
-use mesh_core::Topology;
-
+use super::contour::{Contours, Surface};
+use super::crossing::{Crossings, line_from};
 use super::target::Target;
 
-/// Which way each edge runs in the first of its faces; fixed per topology.
-#[derive(Clone, Debug)]
-pub(super) struct Edges {
-    /// End points, the smaller index first.
-    ends: Vec<[u32; 2]>,
-    /// The two faces of each: all of them are looked at in every view, the ends of few.
-    faces: Vec<[u32; 2]>,
-    /// Whether the edge runs from its smaller to its larger index in its first face.
-    forward: Vec<bool>,
-}
-
-impl Edges {
-    /// The edges of a closed mesh.
-    pub(super) fn new(topology: &Topology, faces: &[[u32; 3]]) -> Self {
-        let (ends, sides) = (topology.edges.clone(), topology.edge_faces.clone());
-        let forward = ends
-            .iter()
-            .zip(&sides)
-            .map(|(&[a, b], &[first, _])| {
-                let f = faces[first as usize];
-                (0..3).any(|k| f[k] == a && f[(k + 1) % 3] == b)
-            })
-            .collect();
-        Self { ends, faces: sides, forward }
-    }
-}
-
-/// One place where the outline crosses a line of pixel centres.
-#[derive(Clone, Copy, Debug)]
-struct Crossing {
-    line: u32,
-    edge: u32,
-    /// Where along the line, in pixels.
-    at: f32,
-    /// `+1` or `-1`: the change in the number of layers (rows count up, columns down).
-    layers: i8,
-}
-
-/// Buffers of [`outline`], kept from step to step.
+/// Buffers, kept from view to view and from step to step.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
-    projected: Vec<[f32; 3]>,
-    front: Vec<bool>,
-    /// The edges of the outline, so many of them; what follows is of no account.
-    contour: Vec<u32>,
-    contour_edges: usize,
-    crossings: Vec<Crossing>,
-    sorted: Vec<Crossing>,
-    starts: Vec<u32>,
+    contours: Contours,
+    eyes: Vec<[f32; 4]>,
+    /// The ends of the contour's edges in a view, in turn around a face that looks at it.
+    ends: Vec<[[f32; 3]; 2]>,
+    crossings: Crossings,
 }
 
 /// What [`outline`] measured in one view.
@@ -94,32 +53,44 @@ impl Measure {
 /// `None`, and nothing added, when a vertex is not in front of the camera.
 ///
 /// # Shapes
-/// `positions [V, 3]`, `faces [F, 3]` of a closed mesh, oriented outwards; `gradient [V, 3]`.
+/// `gradient [V, 3]`; the surface is closed and oriented outwards, and `view` the number of the target among those of the last [`look`].
 /// # Cost
-/// Linear in faces and in the outline's length in pixels; independent of the image.
+/// Linear in the outline's length in edges and in pixels; independent of the image.
 pub(super) fn outline(
+    surface: Surface<'_>,
     target: &Target,
-    positions: &[[f32; 3]],
-    faces: &[[u32; 3]],
-    edges: &Edges,
+    view: usize,
     stride: usize,
     scratch: &mut Scratch,
     gradient: &mut [[f32; 3]],
 ) -> Option<Measure> {
     let mut measure = Measure::default();
-    borders(target, positions, faces, edges, stride, scratch, |border, projected| {
-        let Border { distance, weight, normal, ends, share, .. } = border;
+    borders(surface, target, view, stride, scratch, |border| {
+        let Border { distance, weight, normal, ends, seen, share, .. } = border;
         measure = measure.plus(border.measure());
         let force = distance * weight;
-        for (vertex, share) in [(ends[0], 1.0 - share), (ends[1], share)] {
+        for ((vertex, seen), share) in ends.into_iter().zip(seen).zip([1.0 - share, share]) {
             let g = [force * share * normal[0], force * share * normal[1]];
-            let pulled = target.pull(projected[vertex as usize], g);
-            for (into, g) in gradient[vertex as usize].iter_mut().zip(pulled) {
+            for (into, g) in gradient[vertex as usize].iter_mut().zip(target.pull(seen, g)) {
                 *into += g;
             }
         }
     })?;
     Some(measure)
+}
+
+/// Finds the contours that [`outline`], [`borders`] and [`coverage`] of these views then follow: up to [`AT_ONCE`](super::contour::AT_ONCE).
+///
+/// # Cost
+/// Linear in faces, a little for each view.
+pub(super) fn look<'a>(
+    surface: Surface<'_>,
+    targets: impl Iterator<Item = &'a Target>,
+    scratch: &mut Scratch,
+) {
+    scratch.eyes.clear();
+    scratch.eyes.extend(targets.map(Target::eye));
+    scratch.contours.find(surface, &scratch.eyes);
 }
 
 /// A place on the outline, where it crosses a line of pixel centres.
@@ -135,6 +106,8 @@ pub(super) struct Border {
     pub(super) weight: f32,
     /// The edge of the mesh that is crossed.
     pub(super) ends: [u32; 2],
+    /// Where its ends are seen.
+    seen: [[f32; 3]; 2],
     /// How far along it, in the image.
     pub(super) share: f32,
 }
@@ -148,27 +121,28 @@ impl Border {
     }
 }
 
-/// Calls `visit` with every place where the outline crosses every `stride`-th line, and with the projected vertices. `None`,
-/// without a call, when a vertex is not in front of the camera.
+/// Calls `visit` with every place where the outline crosses every `stride`-th line. `None`, without a call, when a vertex is not in front of
+/// the camera.
 pub(super) fn borders(
+    surface: Surface<'_>,
     target: &Target,
-    positions: &[[f32; 3]],
-    faces: &[[u32; 3]],
-    edges: &Edges,
+    view: usize,
     stride: usize,
     scratch: &mut Scratch,
-    mut visit: impl FnMut(Border, &[[f32; 3]]),
+    mut visit: impl FnMut(Border),
 ) -> Option<()> {
-    project(target, positions, faces, edges, scratch)?;
+    project(surface, target, view, scratch)?;
+    let Scratch { contours, ends, crossings, .. } = scratch;
+    let contour = contours.of(view);
     for axis in 0..2 {
         let (lines, limit) =
             if axis == 0 { (target.height, target.width) } else { (target.width, target.height) };
-        cross(edges, axis, lines, stride, scratch);
-        walk(&scratch.sorted, |crossing, outward| {
-            let ends = edges.ends[crossing.edge as usize];
-            let (a, b) = (scratch.projected[ends[0] as usize], scratch.projected[ends[1] as usize]);
+        crossings.find(ends, axis, lines, stride);
+        crossings.walk(|line, crossing, outward| {
+            let seen = ends[crossing.edge()];
+            let [a, b] = seen;
             let across = 1 - axis;
-            let line = crossing.line as f32 + 0.5;
+            let (at, line) = (crossing.at(), line as f32 + 0.5);
             let share = (line - a[across]) / (b[across] - a[across]);
             let derivative = (b[axis] - a[axis]) / (b[across] - a[across]);
             // Outward unit normal: along the line, and across it.
@@ -176,131 +150,34 @@ pub(super) fn borders(
             let mut normal = [0.0; 2];
             normal[axis] = along;
             normal[across] = -derivative * along;
-            let point = if axis == 0 { [crossing.at, line] } else { [line, crossing.at] };
+            let point = if axis == 0 { [at, line] } else { [line, at] };
             let distance = target.distance(point[0], point[1]);
-            if distance < 0.0 && !(0.0..=limit as f32).contains(&crossing.at) {
+            if distance < 0.0 && !(0.0..=limit as f32).contains(&at) {
                 return; // the picture cuts the object off: nothing is known beyond its border
             }
             let weight = along.abs() * stride as f32;
-            visit(Border { point, normal, distance, weight, ends, share }, &scratch.projected);
+            let ends = surface.edges.ends(contour[crossing.edge()]);
+            visit(Border { point, normal, distance, weight, ends, seen, share });
         });
     }
     Some(())
 }
 
-/// Projects the vertices and finds the edges of the outline.
+/// Projects the ends of the contour's edges.
 fn project(
+    surface: Surface<'_>,
     target: &Target,
-    positions: &[[f32; 3]],
-    faces: &[[u32; 3]],
-    edges: &Edges,
+    view: usize,
     scratch: &mut Scratch,
 ) -> Option<()> {
-    let Scratch { projected, front, contour, contour_edges, .. } = scratch;
-    projected.clear();
-    projected.extend(positions.iter().map(|&p| target.project(p)));
-    // Not in front of the camera, or not a number: such a view says nothing.
-    if !projected.iter().all(|p| p[2] > 0.0 && p[0].is_finite() && p[1].is_finite()) {
+    if !target.has_before_it(surface) {
         return None;
     }
-    front.clear();
-    front.extend(faces.iter().map(|&[a, b, c]| {
-        let at = |v: u32| &projected[v as usize];
-        let (a, b, c) = (at(a), at(b), at(c));
-        // Rows run down, so a face that looks at the camera turns clockwise.
-        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) < 0.0
-    }));
-    // Few edges are of it, here and there: written and overwritten, without a branch that would be guessed wrong.
-    contour.resize(edges.faces.len() + 1, 0);
-    let mut count = 0;
-    for (e, [f, g]) in edges.faces.iter().enumerate() {
-        contour[count] = e as u32;
-        count += usize::from(front[*f as usize] != front[*g as usize]);
-    }
-    *contour_edges = count;
+    let seen = |v: u32| target.project(surface.positions[v as usize]);
+    scratch.ends.clear();
+    let contour = scratch.contours.of(view).iter();
+    scratch.ends.extend(contour.map(|&half| surface.edges.ends(half).map(seen)));
     Some(())
-}
-
-/// Finds the crossings with every `stride`-th line and sorts them by line, then along it.
-fn cross(edges: &Edges, axis: usize, lines: usize, stride: usize, scratch: &mut Scratch) {
-    let Scratch { projected, front, contour, contour_edges, crossings, sorted, starts } = scratch;
-    let across = 1 - axis;
-    crossings.clear();
-    starts.clear();
-    starts.resize(lines + 1, 0);
-    // The lines in the middle of each run of `stride`.
-    let phase = stride / 2;
-    for &e in &contour[..*contour_edges] {
-        let (ends, [first, _]) = (edges.ends[e as usize], edges.faces[e as usize]);
-        let (a, b) = (projected[ends[0] as usize], projected[ends[1] as usize]);
-        let upwards = b[across] > a[across];
-        let (low, high) = if upwards { (a[across], b[across]) } else { (b[across], a[across]) };
-        // Lines with low <= line + 0.5 < high: the half-open rule closes every loop.
-        let (begin, end) = (line_from(low, lines), line_from(high, lines));
-        if begin >= end {
-            continue;
-        }
-        let derivative = (b[axis] - a[axis]) / (b[across] - a[across]);
-        let along_front = front[first as usize] == edges.forward[e as usize];
-        let layers = if upwards == along_front { 1 } else { -1 };
-        let mut line = begin + (phase + stride - begin % stride) % stride;
-        while line < end {
-            let at = a[axis] + (line as f32 + 0.5 - a[across]) * derivative;
-            crossings.push(Crossing { line: line as u32, edge: e, at, layers });
-            starts[line] += 1;
-            line += stride;
-        }
-    }
-    let mut total = 0;
-    for s in starts.iter_mut() {
-        total += std::mem::replace(s, total);
-    }
-    sorted.clear();
-    sorted.extend_from_slice(crossings); // any filling: every slot is written below
-    for &c in crossings.iter() {
-        let slot = &mut starts[c.line as usize];
-        sorted[*slot as usize] = c;
-        *slot += 1;
-    }
-    let mut begin = 0;
-    while begin < sorted.len() {
-        let line = sorted[begin].line;
-        let mut end = begin + 1;
-        while end < sorted.len() && sorted[end].line == line {
-            end += 1;
-        }
-        sorted[begin..end].sort_unstable_by(|p, q| p.at.total_cmp(&q.at).then(p.edge.cmp(&q.edge)));
-        begin = end;
-    }
-}
-
-/// The first of so many lines of pixel centres that is not before a place.
-#[inline]
-fn line_from(at: f32, lines: usize) -> usize {
-    // Rounded up by hand: most builds call a function to do it.
-    let at = (at - 0.5).clamp(0.0, lines as f32);
-    let whole = at as u32;
-    (whole + u32::from((whole as f32) < at)) as usize
-}
-
-/// Calls `visit` for each crossing that borders the silhouette, with `+1` where outwards is along
-/// the line and `-1` where it is against it.
-fn walk(sorted: &[Crossing], mut visit: impl FnMut(&Crossing, f32)) {
-    let mut layers = 0i32;
-    let mut line = u32::MAX;
-    for crossing in sorted {
-        if crossing.line != line {
-            line = crossing.line;
-            layers = 0;
-        }
-        let before = layers;
-        layers += i32::from(crossing.layers);
-        match (before, layers) {
-            (0, _) => visit(crossing, -1.0),
-            (_, 0) => visit(crossing, 1.0),
-            _ => {}
-        }
-    }
 }
 
 /// Which pixel centres of the target's box the mesh covers, row by row; `None` when a vertex is
@@ -308,23 +185,22 @@ fn walk(sorted: &[Crossing], mut visit: impl FnMut(&Crossing, f32)) {
 ///
 /// Exactly what a hard rasteriser finds, from the outline alone.
 pub(super) fn coverage(
+    surface: Surface<'_>,
     target: &Target,
-    positions: &[[f32; 3]],
-    faces: &[[u32; 3]],
-    edges: &Edges,
+    view: usize,
     scratch: &mut Scratch,
 ) -> Option<Vec<bool>> {
-    project(target, positions, faces, edges, scratch)?;
-    cross(edges, 0, target.height, 1, scratch);
+    project(surface, target, view, scratch)?;
+    scratch.crossings.find(&scratch.ends, 0, target.height, 1);
     let mut covered = vec![false; target.height * target.width];
     let mut from = 0.0;
-    walk(&scratch.sorted, |crossing, outward| {
+    scratch.crossings.walk(|line, crossing, outward| {
         if outward < 0.0 {
-            from = crossing.at;
+            from = crossing.at();
         } else {
-            let row = crossing.line as usize * target.width;
+            let row = line * target.width;
             let pixel = |at: f32| row + line_from(at, target.width);
-            covered[pixel(from)..pixel(crossing.at)].fill(true);
+            covered[pixel(from)..pixel(crossing.at())].fill(true);
         }
     });
     Some(covered)
@@ -334,11 +210,45 @@ pub(super) fn coverage(
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use datasets::View;
-    use mesh_core::{Camera, primitives};
+    use mesh_core::{Camera, Topology, primitives};
     use synth::{RenderOptions, render_views};
 
     use super::*;
+    use crate::fit::contour::Edges;
     use crate::fit::distance::Blur;
+    use crate::fit::planes::Planes;
+
+    /// What is found of a mesh that one view looks at.
+    fn looked<T>(
+        positions: &[[f32; 3]],
+        faces: &[[u32; 3]],
+        target: &Target,
+        find: impl FnOnce(Surface<'_>, &mut Scratch) -> T,
+    ) -> T {
+        let edges = Edges::new(&Topology::new(positions.len(), faces), faces);
+        let planes = Planes::of(positions, faces);
+        let surface = Surface { positions, planes: &planes, edges: &edges };
+        let mut scratch = Scratch::default();
+        look(surface, std::iter::once(target), &mut scratch);
+        find(surface, &mut scratch)
+    }
+
+    fn covered(positions: &[[f32; 3]], faces: &[[u32; 3]], target: &Target) -> Vec<bool> {
+        let find = |surface: Surface<'_>, scratch: &mut Scratch| {
+            coverage(surface, target, 0, scratch).unwrap()
+        };
+        looked(positions, faces, target, find)
+    }
+
+    fn measured(
+        mesh: &mesh_core::TriMesh,
+        target: &Target,
+        gradient: &mut [[f32; 3]],
+    ) -> Option<Measure> {
+        looked(&mesh.positions, &mesh.faces, target, |surface, scratch| {
+            outline(surface, target, 0, 1, scratch, gradient)
+        })
+    }
 
     fn camera(size: usize) -> Camera {
         Camera::look_at([1.0, 1.5, 4.0], [0.1, 0.0, 0.0], [0.0, 1.0, 0.0], 0.7, size, size - 8)
@@ -365,11 +275,7 @@ mod tests {
         let seen = view(&mesh, camera(96));
         let target = Target::new(&seen, Blur::plain(1.0), 0.2, 4.0).unwrap();
         assert_eq!((target.height, target.width), (88, 96)); // the margin takes in all of it
-        let topology = Topology::new(mesh.positions.len(), &mesh.faces);
-        let edges = Edges::new(&topology, &mesh.faces);
-        let mut scratch = Scratch::default();
-        let covered =
-            coverage(&target, &mesh.positions, &mesh.faces, &edges, &mut scratch).unwrap();
+        let covered = covered(&mesh.positions, &mesh.faces, &target);
         let differ = covered.iter().zip(&seen.mask.data).filter(|(c, m)| **c != (**m != 0)).count();
         assert!(differ <= 2, "{differ} pixels differ");
     }
@@ -388,11 +294,8 @@ mod tests {
             4.0,
         )
         .unwrap();
-        let topology = Topology::new(mesh.positions.len(), &mesh.faces);
-        let edges = Edges::new(&topology, &mesh.faces);
-        let mut scratch = Scratch::default();
-        let mut functional = |positions: &[[f32; 3]]| -> f64 {
-            let covered = coverage(&grid, positions, &mesh.faces, &edges, &mut scratch).unwrap();
+        let functional = |positions: &[[f32; 3]]| -> f64 {
+            let covered = covered(positions, &mesh.faces, &grid);
             let pixel = |k: usize| (k as f32 + 0.5) / fine as f32;
             (0..covered.len())
                 .filter(|&k| covered[k])
@@ -403,8 +306,7 @@ mod tests {
                 .sum()
         };
         let mut gradient = vec![[0.0; 3]; mesh.positions.len()];
-        let mut own = Scratch::default();
-        outline(&target, &mesh.positions, &mesh.faces, &edges, 1, &mut own, &mut gradient).unwrap();
+        measured(&mesh, &target, &mut gradient).unwrap();
         for (name, direction) in [
             ("inflate", [1.0, 1.0, 1.0]),
             ("stretch x", [1.0, 0.0, 0.0]),
@@ -432,12 +334,8 @@ mod tests {
     fn a_mesh_on_its_own_mask_feels_almost_nothing() {
         let mesh = bumpy();
         let target = Target::new(&view(&mesh, camera(128)), Blur::plain(1.0), 0.2, 0.3).unwrap();
-        let topology = Topology::new(mesh.positions.len(), &mesh.faces);
-        let edges = Edges::new(&topology, &mesh.faces);
         let mut gradient = vec![[0.0; 3]; mesh.positions.len()];
-        let mut scratch = Scratch::default();
-        let at =
-            outline(&target, &mesh.positions, &mesh.faces, &edges, 1, &mut scratch, &mut gradient);
+        let at = measured(&mesh, &target, &mut gradient);
         assert!(at.unwrap().rms() < 0.35, "{}", at.unwrap().rms());
     }
 
@@ -445,13 +343,9 @@ mod tests {
     fn behind_the_camera_nothing_is_said() {
         let mut mesh = primitives::icosphere(2);
         let target = Target::new(&view(&mesh, camera(64)), Blur::plain(1.0), 0.2, 0.3).unwrap();
-        let topology = Topology::new(mesh.positions.len(), &mesh.faces);
-        let edges = Edges::new(&topology, &mesh.faces);
         mesh.positions[3] = [2.0, 3.0, 8.0];
         let mut gradient = vec![[0.0; 3]; mesh.positions.len()];
-        let mut scratch = Scratch::default();
-        let at =
-            outline(&target, &mesh.positions, &mesh.faces, &edges, 1, &mut scratch, &mut gradient);
+        let at = measured(&mesh, &target, &mut gradient);
         assert!(at.is_none());
         assert!(gradient.iter().flatten().all(|g| *g == 0.0));
     }

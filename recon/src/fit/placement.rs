@@ -110,17 +110,26 @@ pub(super) fn carve(
     let center = |k: usize| (2 * k + 1) as f32 / side as f32 - 1.0;
     let middle = |cell: usize| [cell % side, cell / side % side, cell / side / side].map(center);
     let half_cell = 1.0 / side as f32;
-    // How many views see each cell outside of their mask.
-    let outside: Vec<u16> = (0..side * side * side)
-        .into_par_iter()
-        .with_min_len(side * side)
-        .map(|cell| {
-            let p = middle(cell);
-            targets.iter().filter(|t| !sees_inside(t, p, half_cell)).count() as u16
-        })
-        .collect();
-    let least = outside.iter().copied().min().unwrap_or(0);
-    if f64::from(least) > DISAGREE * targets.len() as f64 {
+    // How many views see each cell outside of their mask, counted up to a number.
+    let counted = |most: usize| -> Vec<u16> {
+        (0..side * side * side)
+            .into_par_iter()
+            .with_min_len(side * side)
+            .map(|cell| {
+                let p = middle(cell);
+                let refusing = targets.iter().filter(|t| !sees_inside(t, p, half_cell));
+                refusing.take(most).count() as u16
+            })
+            .collect()
+    };
+    let fewest = |outside: &[u16]| outside.iter().copied().min().unwrap_or(0);
+    // Cells that more refuse are not taken, however many.
+    let tolerated = (DISAGREE * targets.len() as f64) as usize;
+    let mut outside = counted(tolerated + 1);
+    let mut least = fewest(&outside);
+    if usize::from(least) > tolerated {
+        outside = counted(targets.len());
+        least = fewest(&outside);
         let worst = targets
             .iter()
             .zip(views)

@@ -6,8 +6,10 @@ use rayon::prelude::*;
 
 use super::{
     config::FitConfig,
+    contour::{AT_ONCE, Edges, Surface},
     error::FitError,
-    outline::{self, Border, Edges, Measure, Scratch},
+    outline::{self, Border, Measure, Scratch},
+    planes::Planes,
     target::Target,
 };
 
@@ -15,6 +17,10 @@ use super::{
 const CHUNK: usize = 4;
 /// Momentum and second-moment decay of the optimiser.
 const BETAS: (f32, f32) = (0.9, 0.99);
+/// How well a gradient or a way is smoothed, as a share of it: what is left is less than the next step changes.
+const TOLERANCE: f64 = 0.01;
+/// Iterations of that, at most.
+const ITERATIONS: usize = 200;
 
 /// The mesh of one level, in the normalised frame in which it starts as the unit sphere.
 #[derive(Debug)]
@@ -26,6 +32,7 @@ pub(super) struct Shape {
     /// Which vertices, edges and faces touch.
     pub(super) topology: Topology,
     edges: Edges,
+    planes: Planes,
     optimizer: Optimizer,
     gradient: Vec<[f32; 3]>,
     laplacian: Vec<[f32; 3]>,
@@ -48,14 +55,16 @@ struct Chunk {
 ///
 /// A gradient step on `u` moves the vertices by the gradient smoothed twice, which is what lets
 /// steps be large without tearing the surface; one learning rate for all coordinates keeps the
-/// direction that the smoothing made.
+/// direction that the smoothing made. As `x` follows `u` linearly, it moves by the way of `u`, smoothed: that is known after fewer
+/// iterations than all of `x`, the more so as it differs little from the last one.
 #[derive(Debug)]
 struct Optimizer {
     diffusion: DiffusionSolver,
-    latent: Vec<[f32; 3]>,
     smooth_gradient: Vec<[f32; 3]>,
     first: Vec<[f32; 3]>,
     second: Vec<[f32; 3]>,
+    /// The first moment, smoothed.
+    way: Vec<[f32; 3]>,
     steps: i32,
 }
 
@@ -82,15 +91,14 @@ impl Shape {
         let topology = Topology::new(positions.len(), &faces);
         let edges = Edges::new(&topology, &faces);
         let zeros = || vec![[0.0; 3]; positions.len()];
-        let mut optimizer = Optimizer {
+        let optimizer = Optimizer {
             diffusion: DiffusionSolver::new(&topology, config.smoothness),
-            latent: zeros(),
             smooth_gradient: zeros(),
             first: zeros(),
             second: zeros(),
+            way: zeros(),
             steps: 0,
         };
-        optimizer.read(&positions);
         Self {
             gradient: zeros(),
             laplacian: zeros(),
@@ -100,6 +108,7 @@ impl Shape {
             faces,
             topology,
             edges,
+            planes: Planes::default(),
             optimizer,
         }
     }
@@ -185,7 +194,9 @@ impl Shape {
         step: usize,
     ) -> Result<Terms, FitError> {
         let edge = self.mean_edge();
-        let Self { positions, faces, edges, gradient, chunks, .. } = self;
+        let Self { positions, faces, edges, planes, gradient, chunks, .. } = self;
+        planes.measure(positions, faces);
+        let surface = Surface { positions, planes, edges };
         let count = views.len().div_ceil(CHUNK);
         chunks.resize_with(count.max(chunks.len()), Chunk::default);
         chunks[..count].par_iter_mut().zip(views.par_chunks(CHUNK)).for_each(|(chunk, views)| {
@@ -193,17 +204,12 @@ impl Shape {
             chunk.gradient.resize(positions.len(), [0.0; 3]);
             chunk.measure = Measure::default();
             (chunk.failed, chunk.blind) = (None, 0);
-            for &view in views {
+            let Chunk { scratch, gradient, .. } = chunk;
+            outline::look(surface, views.iter().map(|&view| &targets[view]), scratch);
+            for (k, &view) in views.iter().enumerate() {
                 let target = &targets[view];
-                let measured = outline::outline(
-                    target,
-                    positions,
-                    faces,
-                    edges,
-                    target.lines_between_samples(edge),
-                    &mut chunk.scratch,
-                    &mut chunk.gradient,
-                );
+                let stride = target.lines_between_samples(edge);
+                let measured = outline::outline(surface, target, k, stride, scratch, gradient);
                 match measured {
                     Some(measure) if measure.energy.is_finite() => {
                         chunk.measure = chunk.measure.plus(measure);
@@ -278,29 +284,48 @@ impl Shape {
             });
         }
         self.positions.copy_from_slice(&self.smoothed);
-        self.optimizer.read(&self.positions);
     }
 
-    /// Every place of the outline in a view; see [`outline::borders`].
+    /// As views look at it, by planes that were measured of it as it is.
+    fn surface<'a>(&'a self, planes: &'a Planes) -> Surface<'a> {
+        Surface { positions: &self.positions, planes, edges: &self.edges }
+    }
+
+    /// The planes of its faces.
+    pub(super) fn planes(&self) -> Planes {
+        Planes::of(&self.positions, &self.faces)
+    }
+
+    /// Every place of the outline in some views, by the shape's [planes](Self::planes), with the number of the view; views of which a
+    /// vertex is not in front of the camera have none. See [`outline::borders`].
     pub(super) fn borders(
         &self,
-        target: &Target,
-        stride: usize,
-        visit: impl FnMut(Border, &[[f32; 3]]),
-    ) -> Option<()> {
-        let (positions, mut scratch) = (&self.positions, Scratch::default());
-        outline::borders(target, positions, &self.faces, &self.edges, stride, &mut scratch, visit)
+        planes: &Planes,
+        targets: &[Target],
+        stride: impl Fn(&Target) -> usize,
+        mut visit: impl FnMut(usize, Border),
+    ) {
+        let (surface, mut scratch) = (self.surface(planes), Scratch::default());
+        for (nth, targets) in targets.chunks(AT_ONCE).enumerate() {
+            outline::look(surface, targets.iter(), &mut scratch);
+            for (k, target) in targets.iter().enumerate() {
+                let visit = |border| visit(nth * AT_ONCE + k, border);
+                let _ = outline::borders(surface, target, k, stride(target), &mut scratch, visit);
+            }
+        }
     }
 
     /// Distance of the outlines to the edges of all masks, root mean square in pixels.
     pub(super) fn distance(&self, targets: &[Target]) -> f64 {
-        let edge = self.mean_edge();
+        let (edge, planes) = (self.mean_edge(), self.planes());
+        let stride = |target: &Target| target.lines_between_samples(edge);
         let measures: Vec<Measure> = targets
-            .par_iter()
-            .map(|target| {
+            .par_chunks(CHUNK)
+            .map(|targets| {
                 let mut sum = Measure::default();
-                let stride = target.lines_between_samples(edge);
-                let _ = self.borders(target, stride, |border, _| sum = sum.plus(border.measure()));
+                self.borders(&planes, targets, stride, |_, border| {
+                    sum = sum.plus(border.measure());
+                });
                 sum
             })
             .collect();
@@ -310,32 +335,23 @@ impl Shape {
     /// Puts the vertices elsewhere.
     pub(super) fn place(&mut self, positions: Vec<[f32; 3]>) {
         self.positions = positions;
-        self.optimizer.read(&self.positions);
     }
 
     /// Mean mask IoU of the targets given: exact hard coverage at pixel centres, in the targets' boxes.
     pub(super) fn mask_iou(&self, targets: &[Target]) -> f64 {
-        let scores: Vec<f64> = targets
-            .par_iter()
-            .map(|target| {
-                let covered = outline::coverage(
-                    target,
-                    &self.positions,
-                    &self.faces,
-                    &self.edges,
-                    &mut Scratch::default(),
-                );
-                let Some(covered) = covered else { return 0.0 };
-                let (mut both, mut either) = (0u64, 0u64);
-                for (k, &c) in covered.iter().enumerate() {
-                    let m = target.in_mask(k);
-                    both += u64::from(c && m);
-                    either += u64::from(c || m);
-                }
-                both as f64 / either.max(1) as f64
-            })
-            .collect();
-        scores.iter().sum::<f64>() / scores.len().max(1) as f64
+        let planes = self.planes();
+        let surface = self.surface(&planes);
+        let scores = |targets: &[Target]| {
+            let mut scratch = Scratch::default();
+            outline::look(surface, targets.iter(), &mut scratch);
+            let score = |(view, target)| {
+                let covered = outline::coverage(surface, target, view, &mut scratch);
+                covered.map_or(0.0, |covered| target.iou(&covered))
+            };
+            targets.iter().enumerate().map(score).collect()
+        };
+        let scores: Vec<Vec<f64>> = targets.par_chunks(CHUNK).map(scores).collect();
+        scores.iter().flatten().sum::<f64>() / targets.len().max(1) as f64
     }
 
     /// Mean length of the edges.
@@ -354,13 +370,8 @@ impl Shape {
 }
 
 impl Optimizer {
-    /// Takes over positions that something else moved.
-    fn read(&mut self, positions: &[[f32; 3]]) {
-        self.diffusion.apply(positions, &mut self.latent);
-    }
-
     fn step(&mut self, gradient: &[[f32; 3]], positions: &mut [[f32; 3]], rate: f32) {
-        self.diffusion.solve(gradient, &mut self.smooth_gradient, 1e-3, 200);
+        self.diffusion.solve(gradient, &mut self.smooth_gradient, TOLERANCE, ITERATIONS);
         self.steps += 1;
         let (b1, b2) = BETAS;
         let mut largest = 0.0f32;
@@ -373,12 +384,12 @@ impl Optimizer {
         }
         let (c1, c2) = (1.0 - b1.powi(self.steps), 1.0 - b2.powi(self.steps));
         let length = rate / c1 / ((largest / c2).sqrt() + 1e-20);
-        for (u, m) in self.latent.iter_mut().zip(&self.first) {
+        self.diffusion.solve(&self.first, &mut self.way, TOLERANCE, ITERATIONS);
+        for (x, way) in positions.iter_mut().zip(&self.way) {
             for k in 0..3 {
-                u[k] -= length * m[k];
+                x[k] -= length * way[k];
             }
         }
-        self.diffusion.solve(&self.latent, positions, 1e-5, 400);
     }
 }
 

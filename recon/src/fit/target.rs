@@ -3,6 +3,7 @@
 use datasets::View;
 use mesh_core::Camera;
 
+use super::contour::Surface;
 use super::distance::Blur;
 
 /// How far inside the centre of a pixel of the mask is at least, in pixels, and how far outside that of another.
@@ -32,6 +33,8 @@ pub(super) struct Target {
     world: [[f64; 4]; 3],
     /// The same over the normalised coordinates in which the shape is fitted.
     rows: [[f32; 4]; 3],
+    /// Where the camera is in these and 1, or the direction towards it and 0.
+    eye: [f32; 4],
     /// Signed distances at pixel centres in units of `unit` pixels; two bytes each, since this is
     /// what a hundred large views cost.
     distance: Vec<i16>,
@@ -73,6 +76,7 @@ impl Target {
             world: rows_of(&camera),
             camera,
             rows: [[0.0; 4]; 3],
+            eye: [0.0; 4],
             distance: quantized(&mask, height, width, blur, unit),
             unit,
             mask: bits,
@@ -108,6 +112,28 @@ impl Target {
             }
             row[3] = offset as f32;
         }
+        let (at, ahead) = (self.camera.center(), self.camera.forward());
+        self.eye = if self.perspective {
+            let [x, y, z] = [0, 1, 2].map(|k| ((at[k] - center[k]) / radius) as f32);
+            [x, y, z, 1.0]
+        } else {
+            [-ahead.x as f32, -ahead.y as f32, -ahead.z as f32, 0.0]
+        };
+    }
+
+    /// From where the view looks, as [`Planes::facing`](super::planes::Planes::facing) has it.
+    pub(super) fn eye(&self) -> [f32; 4] {
+        self.eye
+    }
+
+    /// Whether every corner is in front of the camera.
+    pub(super) fn has_before_it(&self, surface: Surface<'_>) -> bool {
+        let before = |&p: &[f32; 3]| {
+            let [x, y, depth] = self.project(p);
+            depth > 0.0 && x.is_finite() && y.is_finite()
+        };
+        // Nearly always their box is.
+        surface.planes.least(&self.rows[2]) > 0.0 || surface.positions.iter().all(before)
     }
 
     /// Column and row in pixels of the box, and depth (in world units, positive in front).
@@ -177,6 +203,17 @@ impl Target {
     /// Whether a pixel of the box, counted row by row, is in the mask.
     pub(super) fn in_mask(&self, pixel: usize) -> bool {
         self.mask[pixel / 8] >> (pixel % 8) & 1 == 1
+    }
+
+    /// Intersection over union of the mask and the pixels of the box that are covered.
+    pub(super) fn iou(&self, covered: &[bool]) -> f64 {
+        let (mut both, mut either) = (0u64, 0u64);
+        for (pixel, &covered) in covered.iter().enumerate() {
+            let inside = self.in_mask(pixel);
+            both += u64::from(covered && inside);
+            either += u64::from(covered || inside);
+        }
+        both as f64 / either.max(1) as f64
     }
 
     /// Pixels of the mask.

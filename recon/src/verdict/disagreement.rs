@@ -7,12 +7,9 @@ use serde::{Deserialize, Serialize};
 use synth::RenderOptions;
 
 use crate::evaluate::seen_from;
-use crate::fit::signed_distance;
 
 /// Longer sides are averaged down to this.
 pub(super) const LONGEST: usize = 320;
-/// What is nearer to the other outline than this, pixels, agrees.
-const TOLERANCE: f32 = 1.0;
 /// A hole in a mask has at least so large a share of the mask, and so many pixels.
 const HOLE: (f64, usize) = (0.002, 8);
 
@@ -59,8 +56,8 @@ impl Pair {
         let bits = |image: &ByteImage| image.data.iter().map(|&m| m >= 128).collect::<Vec<_>>();
         let (mask, mesh) = (bits(&mask), bits(&seen));
         let beyond = |own: &[bool], other: &[bool]| -> Vec<bool> {
-            let distance = signed_distance(other, camera.height, camera.width, 0.0);
-            own.iter().zip(distance).map(|(&own, d)| own && d > TOLERANCE).collect()
+            let near = grown(other, camera.width);
+            own.iter().zip(near).map(|(&own, near)| own && !near).collect()
         };
         let wrong = [beyond(&mask, &mesh), beyond(&mesh, &mask)];
         Ok(Self { width: camera.width, mask, mesh, wrong })
@@ -136,6 +133,27 @@ pub(super) fn picture(
     Ok(image)
 }
 
+/// Pixels that are set or have one beside them that is, diagonally too: less than a pixel from the edge of these.
+fn grown(bits: &[bool], width: usize) -> Vec<bool> {
+    let mut wider = bits.to_vec();
+    for (wide, line) in wider.chunks_exact_mut(width.max(1)).zip(bits.chunks_exact(width.max(1))) {
+        for (wide, pair) in wide.iter_mut().zip(line.windows(2)) {
+            *wide |= pair[1];
+        }
+        for (wide, pair) in wide[1..].iter_mut().zip(line.windows(2)) {
+            *wide |= pair[0];
+        }
+    }
+    let mut grown = wider.clone();
+    for (grown, below) in grown.iter_mut().zip(wider.iter().skip(width)) {
+        *grown |= below;
+    }
+    for (grown, above) in grown.iter_mut().skip(width).zip(&wider) {
+        *grown |= above;
+    }
+    grown
+}
+
 /// The pieces that hang together by their sides, each as its pixels.
 fn pieces(bits: &[bool], width: usize) -> Vec<Vec<usize>> {
     let mut left = bits.to_vec();
@@ -162,4 +180,21 @@ fn pieces(bits: &[bool], width: usize) -> Vec<Vec<usize>> {
         found.push(piece);
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::signed_distance;
+
+    #[test]
+    fn what_is_grown_is_less_than_a_pixel_away() {
+        let (height, width) = (9, 13);
+        let bits: Vec<bool> = (0..height * width).map(|k| k * k % 17 == 3).collect();
+        for bits in [vec![false; bits.len()], vec![true; bits.len()], bits] {
+            let distance = signed_distance(&bits, height, width, 0.0);
+            let near: Vec<bool> = distance.iter().map(|d| *d <= 1.0).collect();
+            assert_eq!(grown(&bits, width), near);
+        }
+    }
 }
