@@ -27,6 +27,8 @@ mod rendering;
 mod room;
 mod shade;
 pub mod shapes;
+mod silhouettes;
+mod sketch;
 
 pub use cameras::{Orbit, Placement};
 pub use collection::{PoseNoise, RoughPose};
@@ -39,5 +41,6 @@ pub use render::{RenderOptions, render, render_views};
 pub use rendering::{NormalSpace, Rendering};
 pub use room::{Cloth, Room, Wall, marbled};
 pub use shade::{Lamp, Lighting};
+pub use silhouettes::silhouettes;
 /// How [`generate`] tells what it does, and how it is ended early.
 pub use train::progress;

@@ -4,14 +4,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use datasets::View;
-use diff_raster::{Faces, FacesError, Fragments, NONE, Scratch, Settings, rasterize_into};
+use diff_raster::{Faces, FacesError, Fragments, NONE};
 use mesh_core::{ByteImage, Camera, DepthMap, Image, TriMesh, srgb_to_linear};
-use ndarray::ArrayView3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::rendering::{NormalSpace, Rendering};
 use super::shade::{Albedo, Lighting, blend, corner_normals, encode, unit};
+use super::sketch::Sketch;
 
 /// How a mesh is drawn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -124,23 +124,13 @@ struct Scene<'a> {
     options: &'a RenderOptions,
 }
 
-/// What a thread keeps from one view to the next.
-#[derive(Default)]
-struct Sketch {
-    projected: Vec<f32>,
-    fragments: Fragments,
-    scratch: Scratch,
-}
-
 impl Scene<'_> {
     fn draw(&self, camera: &Camera, name: String, sketch: &mut Sketch) -> Rendering {
         let mut rendering = self.empty(camera, name);
-        // Samples are taken only where the mesh can be: the rest of a large image costs nothing.
-        let [top, left, rows, columns] = footprint(camera, &self.mesh.positions);
-        if rows * columns > 0 {
-            let part = camera.cropped(left, top, columns, rows);
-            self.rasterize(&part, sketch);
-            self.resolve(sketch, [top, left, rows, columns], &mut rendering);
+        if let Some(part) =
+            sketch.draw(camera, &self.mesh.positions, &self.faces, self.options.supersample)
+        {
+            self.resolve(&sketch.fragments, part, &mut rendering);
         }
         rendering
     }
@@ -173,24 +163,8 @@ impl Scene<'_> {
         }
     }
 
-    /// Takes the samples of a camera's whole image.
-    fn rasterize(&self, camera: &Camera, sketch: &mut Sketch) {
-        let times = self.options.supersample;
-        let settings = Settings {
-            perspective: camera.is_perspective(),
-            ..Settings::new(camera.height * times, camera.width * times)
-        };
-        project(camera, &self.mesh.positions, &mut sketch.projected);
-        let projected =
-            ArrayView3::from_shape((1, self.mesh.positions.len(), 3), &sketch.projected)
-                .expect("three numbers per vertex");
-        let Sketch { fragments, scratch, .. } = sketch;
-        rasterize_into(projected, &self.faces, &settings, scratch, fragments);
-    }
-
     /// Makes pixels of samples, in the part of the view that was sampled.
-    fn resolve(&self, sketch: &Sketch, part: [usize; 4], rendering: &mut Rendering) {
-        let fragments = &sketch.fragments;
+    fn resolve(&self, fragments: &Fragments, part: [usize; 4], rendering: &mut Rendering) {
         let [top, left, rows, columns] = part;
         let (times, linear) = (self.options.supersample, self.light.is_some());
         let stride = columns * times;
@@ -268,45 +242,6 @@ impl Scene<'_> {
             }
             None => color,
         }
-    }
-}
-
-/// The pixels that the mesh can touch: first row, first column, rows, columns.
-///
-/// The whole image where a vertex is not in front of the camera, since its projection then says
-/// nothing.
-fn footprint(camera: &Camera, positions: &[[f32; 3]]) -> [usize; 4] {
-    let (height, width) = (camera.height, camera.width);
-    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for p in positions {
-        let p = camera.project(p.map(f64::from));
-        let known = p.column.is_finite() && p.row.is_finite();
-        if !known || (camera.is_perspective() && p.depth <= 0.0) {
-            return [0, 0, height, width];
-        }
-        for (k, v) in [p.row, p.column].into_iter().enumerate() {
-            (low[k], high[k]) = (low[k].min(v), high[k].max(v));
-        }
-    }
-    // A pixel to spare on each side, for the rounding of the rasteriser.
-    let first = |k: usize, size: usize| (low[k] - 1.0).clamp(0.0, size as f64) as usize;
-    let last = |k: usize, size: usize| (high[k] + 2.0).clamp(0.0, size as f64) as usize;
-    let (top, left) = (first(0, height), first(1, width));
-    [top, left, last(0, height).saturating_sub(top), last(1, width).saturating_sub(left)]
-}
-
-/// NDC and planar depth of every vertex.
-fn project(camera: &Camera, positions: &[[f32; 3]], out: &mut Vec<f32>) {
-    let rows = camera.projection();
-    let perspective = camera.is_perspective();
-    out.clear();
-    out.reserve(3 * positions.len());
-    for p in positions {
-        let [x, y, w] = rows.map(|r| {
-            r[0] * f64::from(p[0]) + r[1] * f64::from(p[1]) + r[2] * f64::from(p[2]) + r[3]
-        });
-        let by = if perspective { w } else { 1.0 };
-        out.extend([(x / by) as f32, (y / by) as f32, w as f32]);
     }
 }
 

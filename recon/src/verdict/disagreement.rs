@@ -3,10 +3,9 @@
 use datasets::View;
 use diff_raster::FacesError;
 use mesh_core::{ByteImage, Camera, TriMesh};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use synth::RenderOptions;
-
-use crate::evaluate::seen_from;
+use synth::silhouettes;
 
 /// Longer sides are averaged down to this.
 pub(super) const LONGEST: usize = 320;
@@ -44,23 +43,16 @@ struct Pair {
 }
 
 impl Pair {
-    fn of(mesh: &TriMesh, mask: &ByteImage, camera: &Camera) -> Result<Self, FacesError> {
-        let (mask, camera) = if mask.height.max(mask.width) > LONGEST {
-            let [h, w] = mask.size_within(LONGEST);
-            (mask.resized(h, w), camera.resized(w, h))
-        } else {
-            (mask.clone(), camera.clone())
-        };
-        let options = RenderOptions { supersample: 1, ..RenderOptions::default() };
-        let seen = seen_from(mesh, &camera, &options)?.mask;
+    /// Of two images of one size.
+    fn of(mask: &ByteImage, mesh: &ByteImage) -> Self {
         let bits = |image: &ByteImage| image.data.iter().map(|&m| m >= 128).collect::<Vec<_>>();
-        let (mask, mesh) = (bits(&mask), bits(&seen));
+        let (width, mask, mesh) = (mask.width, bits(mask), bits(mesh));
         let beyond = |own: &[bool], other: &[bool]| -> Vec<bool> {
-            let near = grown(other, camera.width);
+            let near = grown(other, width);
             own.iter().zip(near).map(|(&own, near)| own && !near).collect()
         };
         let wrong = [beyond(&mask, &mesh), beyond(&mesh, &mask)];
-        Ok(Self { width: camera.width, mask, mesh, wrong })
+        Self { width, mask, mesh, wrong }
     }
 
     fn judged(&self, index: usize, name: &str) -> Disagreement {
@@ -92,17 +84,29 @@ impl Pair {
     }
 }
 
-/// The difference in one view, seen by `camera`.
+/// The difference in each of some views, which are given with their index and the camera that sees the mesh.
 ///
 /// # Errors
 /// If a face names a vertex that is not there.
-pub(super) fn of_view(
+pub(super) fn of_views(
     mesh: &TriMesh,
-    index: usize,
-    view: &View,
-    camera: &Camera,
-) -> Result<Disagreement, FacesError> {
-    Ok(Pair::of(mesh, &view.mask, camera)?.judged(index, &view.name))
+    views: &[(usize, &View, &Camera)],
+) -> Result<Vec<Disagreement>, FacesError> {
+    let small = |&(_, view, camera): &(usize, &View, &Camera)| {
+        let mask = &view.mask;
+        if mask.height.max(mask.width) > LONGEST {
+            let [h, w] = mask.size_within(LONGEST);
+            (mask.resized(h, w), camera.resized(w, h))
+        } else {
+            (mask.clone(), camera.clone())
+        }
+    };
+    let (masks, cameras): (Vec<ByteImage>, Vec<Camera>) = views.par_iter().map(small).unzip();
+    let seen = silhouettes(mesh, &cameras)?;
+    let pairs = masks.par_iter().zip(&seen).map(|(mask, seen)| Pair::of(mask, seen));
+    let judged =
+        |(pair, &(index, view, _)): (Pair, &(usize, &View, _))| pair.judged(index, &view.name);
+    Ok(pairs.zip(views).map(judged).collect())
 }
 
 /// The view in grey; what the mesh misses of its mask in orange, what it covers beside it in blue, beyond the tolerance in full
@@ -115,7 +119,8 @@ pub(super) fn picture(
     const COLORS: [[u8; 3]; 2] = [[230, 110, 0], [0, 120, 220]];
     let small = view.clone().at_most(LONGEST);
     let camera = camera.resized(small.mask.width, small.mask.height);
-    let pair = Pair::of(mesh, &small.mask, &camera)?;
+    let seen = silhouettes(mesh, std::slice::from_ref(&camera))?;
+    let pair = Pair::of(&small.mask, &seen[0]);
     let mut image = ByteImage::new(small.mask.height, small.mask.width, 3);
     for (k, pixel) in image.data.chunks_exact_mut(3).enumerate() {
         let color = &small.color.data[k * small.color.channels..][..small.color.channels];

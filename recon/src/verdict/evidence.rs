@@ -3,7 +3,6 @@
 use datasets::{View, Views};
 use diff_raster::FacesError;
 use mesh_core::{ByteImage, Camera};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::disagreement::{self, Disagreement, LONGEST};
@@ -43,7 +42,7 @@ impl Evidence {
     /// Looks at a fit from all of its views, whose images and masks must still be there.
     ///
     /// # Cost
-    /// A render and two distance transforms for each view, at most 320 pixels wide, and what
+    /// A silhouette for each view, at most 320 pixels wide, and what
     /// [`inspect_views`](crate::inspect::inspect_views) takes for its finer figures: about a second for a hundred views.
     ///
     /// # Errors
@@ -52,10 +51,8 @@ impl Evidence {
         let camera = |i: usize| cameras(fitted, &views.views, i);
         let shown: Vec<usize> =
             fitted.train_views.iter().chain(&fitted.held_out_views).copied().collect();
-        let mut judged: Vec<Disagreement> = shown
-            .par_iter()
-            .map(|&i| disagreement::of_view(&fitted.mesh, i, &views.views[i], camera(i)))
-            .collect::<Result<_, _>>()?;
+        let seen: Vec<_> = shown.iter().map(|&i| (i, &views.views[i], camera(i))).collect();
+        let mut judged = disagreement::of_views(&fitted.mesh, &seen)?;
         let mean = |of: &[usize]| {
             let ious = judged.iter().filter(|view| of.contains(&view.index)).map(|v| v.mask_iou);
             ious.sum::<f64>() / of.len().max(1) as f64
