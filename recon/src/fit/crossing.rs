@@ -8,6 +8,8 @@
 pub(super) struct Crossing(u64);
 
 const SIGN: u32 = 1 << 31;
+/// Room for so many crossings a line from the start: a list that grew with each longer outline would be copied in the middle of a fit.
+const PER_LINE: usize = 32;
 
 impl Crossing {
     /// At a place along the line, in pixels, of an edge that runs `upwards`, to later lines, or not.
@@ -83,7 +85,7 @@ impl Crossings {
             }
             let room = count + end.saturating_sub(line) + 1;
             if found.len() < room {
-                found.resize(2 * room, (0, Crossing(0)));
+                found.resize((2 * room).max(PER_LINE * lines), (0, Crossing(0)));
             }
             // Whether an edge crosses a line or none cannot be guessed: where it crosses none, what is written is overwritten.
             loop {
