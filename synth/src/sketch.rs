@@ -37,7 +37,7 @@ impl Sketch {
         project(&part, positions, &mut self.projected);
         let projected = ArrayView3::from_shape((1, positions.len(), 3), &self.projected)
             .expect("three numbers per vertex");
-        rasterize_into(projected, faces, &settings, &mut self.scratch, &mut self.fragments);
+        rasterize_into(projected, faces, &settings, &self.scratch, &mut self.fragments);
         Some([top, left, rows, columns])
     }
 }
