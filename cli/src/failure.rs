@@ -63,7 +63,6 @@ impl Failure {
 impl From<ReadViewsError> for Failure {
     fn from(error: ReadViewsError) -> Self {
         let hint = match &error.problem {
-            ViewsProblem::Missing { .. } => " (--allow-missing leaves such views out)",
             ViewsProblem::EmptyMasks { .. } => " (--mask, --invert-masks)",
             // Of views together; a single file that is too large stays so.
             ViewsProblem::TooLarge { field, .. } if field.starts_with("all views") => {

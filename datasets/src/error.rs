@@ -2,6 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+/// What can be done about a view whose file is missing.
+const REMEDY: &str = "put it back, or leave such views out (allow missing: --allow-missing)";
+
 /// Why views could not be read. The message names the file, the field and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[error("{}", self.message())]
@@ -23,6 +26,12 @@ pub enum ViewsProblem {
     #[error("is missing, {wanted_by}")]
     Missing {
         /// Which other file or rule wants it, and what can be done.
+        wanted_by: String,
+    },
+    /// A file of a view is not there; the other views can be read without it.
+    #[error("is missing, {wanted_by}; {REMEDY}")]
+    MissingView {
+        /// Which other file or rule wants it.
         wanted_by: String,
     },
     /// Another file names this one, and it lies outside of the folder that was opened.
@@ -73,9 +82,8 @@ pub enum ViewsProblem {
     },
     /// Nothing says which pixels of the image are the object.
     #[error(
-        "field `mask`: found no alpha that says anything{}, expected a mask file (--masks FOLDER), an alpha \
-         channel, or a plain backdrop (--mask backdrop); views without one can be left out (allow missing: --allow-missing)",
-        looked_for.as_ref().map(|place| format!(", and no file (looked in {place})")).unwrap_or_default()
+        "{}; views without one can be left out (allow missing: --allow-missing)",
+        no_mask(looked_for.as_deref())
     )]
     NoMask {
         /// The folder and the names in it, where a file would have been taken.
@@ -156,6 +164,11 @@ impl ReadViewsError {
         Self::new(path, ViewsProblem::Missing { wanted_by: wanted_by.into() })
     }
 
+    /// A file that a view needs and that is not there.
+    pub(crate) fn missing_view(path: impl Into<PathBuf>, wanted_by: impl Into<String>) -> Self {
+        Self::new(path, ViewsProblem::MissingView { wanted_by: wanted_by.into() })
+    }
+
     /// What makes an error of a camera that is none.
     pub(crate) fn camera(
         path: impl Into<PathBuf>,
@@ -184,6 +197,19 @@ impl ReadViewsError {
         }
     }
 
+    /// The message without the advice to leave the view out, for those who have.
+    pub(crate) fn without_advice(&self) -> String {
+        match &self.problem {
+            ViewsProblem::MissingView { wanted_by } => {
+                format!("{}: is missing, {wanted_by}", self.path.display())
+            }
+            ViewsProblem::NoMask { looked_for } => {
+                format!("{}: {}", self.path.display(), no_mask(looked_for.as_deref()))
+            }
+            _ => self.to_string(),
+        }
+    }
+
     /// Whether it is a view that lacks a file, or of which nothing says what is the object.
     pub(crate) fn is_incomplete_view(&self) -> bool {
         matches!(
@@ -191,6 +217,7 @@ impl ReadViewsError {
             ViewsProblem::NoMask { .. }
                 | ViewsProblem::BusyBackdrop { .. }
                 | ViewsProblem::Missing { .. }
+                | ViewsProblem::MissingView { .. }
         )
     }
 
@@ -207,6 +234,15 @@ impl ReadViewsError {
             _ => None,
         }
     }
+}
+
+fn no_mask(looked_for: Option<&str>) -> String {
+    let place = looked_for.map(|place| format!(", and no file (looked in {place})"));
+    format!(
+        "field `mask`: found no alpha that says anything{}, expected a mask file (--masks FOLDER), an alpha channel, or a plain \
+         backdrop (--mask backdrop)",
+        place.unwrap_or_default()
+    )
 }
 
 fn hex([r, g, b]: [u8; 3]) -> String {

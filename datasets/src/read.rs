@@ -48,7 +48,7 @@ impl<'a> Reading<'a> {
         match found {
             Ok(found) => self.pending.push(Box::new(move |opened| read(&found, opened))),
             Err(error) if options.allow_missing => {
-                self.warnings.push(format!("view {name} is left out: {error}"));
+                self.warnings.push(format!("view {name} is left out: {}", error.without_advice()));
             }
             Err(error) => return Err(error),
         }
@@ -156,7 +156,7 @@ pub(crate) fn read_chosen(
                 views.push(view);
             }
             Err(error) if options.allow_missing && error.is_incomplete_view() => {
-                warnings.push(format!("a view is left out: {error}"));
+                warnings.push(format!("a view is left out: {}", error.without_advice()));
             }
             Err(error) => return Err(error),
         }

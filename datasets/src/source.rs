@@ -91,13 +91,22 @@ impl Source {
         ReadViewsError::new(path, problem)
     }
 
-    /// The error of a file that is not there; nothing where it is.
+    /// The error of a view's file that is not there; nothing where it is.
     pub(crate) fn need(
         &self,
         name: &str,
         wanted_by: impl FnOnce() -> String,
     ) -> Result<(), ReadViewsError> {
-        if self.has(name) { Ok(()) } else { Err(self.missing(name, wanted_by())) }
+        if self.has(name) { Ok(()) } else { Err(self.missing_view(name, wanted_by())) }
+    }
+
+    /// The error of a view's file that is not there; or that is there, and is not for reading.
+    pub(crate) fn missing_view(&self, name: &str, wanted_by: String) -> ReadViewsError {
+        let ReadViewsError { path, problem } = self.missing(name, wanted_by);
+        match problem {
+            ViewsProblem::Missing { wanted_by } => ReadViewsError::missing_view(path, wanted_by),
+            problem => ReadViewsError { path, problem },
+        }
     }
 
     /// Whether the source is a zip archive.

@@ -64,11 +64,8 @@ impl Album<'_> {
                 let (name, image) = (photo.name, photo.image);
                 warnings.push(format!("view {name} is left out: {image} is missing"));
             } else {
-                let wanted_by = format!(
-                    "the annotation of view {} names it; put it back, or allow missing views",
-                    photo.name
-                );
-                return Err(self.source.missing(photo.image, wanted_by));
+                let wanted_by = format!("the annotation of view {} names it", photo.name);
+                return Err(self.source.missing_view(photo.image, wanted_by));
             }
         }
         let reading =

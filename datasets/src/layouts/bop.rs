@@ -249,11 +249,10 @@ impl Shot {
         let first = names.peek().cloned().unwrap_or_default();
         names.find(|name| source.has(name)).ok_or_else(|| {
             let wanted_by = format!(
-                "picture {} of {}{POSES} is kept there, or in gray, as PNG or JPEG; put it back, \
-                 or allow missing views",
+                "picture {} of {}{POSES} is kept there, or in gray, as PNG or JPEG",
                 self.image, self.scene
             );
-            ReadViewsError::missing(source.locate(&first), wanted_by)
+            ReadViewsError::missing_view(source.locate(&first), wanted_by)
         })
     }
 

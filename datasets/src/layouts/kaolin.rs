@@ -57,11 +57,9 @@ pub(crate) fn list<'a>(
         if let Some(gap) = previous.map(|p| p + 1).filter(|&gap| gap != number) {
             if !options.allow_missing {
                 let last = indices.keys().next_back().copied().unwrap_or(number);
-                let wanted_by = format!(
-                    "the views go up to {last} without a gap; put it back, or allow missing views"
-                );
+                let wanted_by = format!("the views go up to {last} without a gap");
                 let path = source.locate(&format!("{gap}{COLOR}"));
-                return Err(ReadViewsError::missing(path, wanted_by));
+                return Err(ReadViewsError::missing_view(path, wanted_by));
             }
             warnings.push(format!("views {gap} to {} are missing", number - 1));
         }
@@ -87,9 +85,8 @@ pub(crate) fn list<'a>(
             }
             Some(end) => {
                 let path = source.locate(&format!("{stem}{end}"));
-                let wanted_by =
-                    format!("view {stem} has other files; put it back, or allow missing views");
-                return Err(ReadViewsError::missing(path, wanted_by));
+                let wanted_by = format!("view {stem} has other files");
+                return Err(ReadViewsError::missing_view(path, wanted_by));
             }
             None => pending.push(Box::new(move |opened| read_view(opened, &stem, options))),
         }

@@ -57,11 +57,7 @@ pub(crate) fn list<'a>(
     for node in root.need("views")?.elements()? {
         let shot = Shot::new(&node)?;
         let found = source.need(&shot.image, || {
-            format!(
-                "field `{}.image` of {} names it; put it back, or allow missing views",
-                shot.field,
-                path.display()
-            )
+            format!("field `{}.image` of {} names it", shot.field, path.display())
         });
         let image = shot.image.clone();
         reading.add(&image, found, options, move |(), opened| shot.read(opened, options))?;

@@ -251,12 +251,9 @@ impl Frame {
             .map(|extension| format!("{}{extension}", self.image))
             .find(|name| source.has(name))
             .ok_or_else(|| {
-                let wanted_by = format!(
-                    "field `{}.file_path` of {} names it; put it back, or allow missing views",
-                    self.field,
-                    self.file.display()
-                );
-                source.missing(&self.image, wanted_by)
+                let wanted_by =
+                    format!("field `{}.file_path` of {} names it", self.field, self.file.display());
+                source.missing_view(&self.image, wanted_by)
             })
     }
 

@@ -96,11 +96,7 @@ impl Project {
         for image in &self.model.images {
             let name = format!("{}{}", self.images, image.name);
             let found = source.need(&name, || {
-                format!(
-                    "image {} of {} names it; put it back, or allow missing views",
-                    image.id,
-                    self.file(source, "images").display()
-                )
+                format!("image {} of {} names it", image.id, self.file(source, "images").display())
             });
             if let Some(lens) = self.model.distorted(image).filter(|_| found.is_ok()) {
                 lenses.count(lens);
