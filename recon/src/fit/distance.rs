@@ -3,7 +3,7 @@
 /// How often what the blur took of thin parts is given back.
 const ROUNDS: usize = 2;
 /// Thin is what is nowhere deeper than the first, in pixels; not thin what is as deep as the second.
-const THIN: [f32; 2] = [1.6, 2.4];
+const THIN: [f32; 2] = [2.4, 3.2];
 /// How far around a pixel the depth is looked for.
 const AROUND: usize = 3;
 
