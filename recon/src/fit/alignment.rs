@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::cameras::{Cameras, longer};
 use super::config::REFINING;
 use super::distance::Blur;
-use super::{FitConfig, FitError, Order, Run, Shape};
+use super::{FitConfig, FitError, Order, Run, Shape, Target};
 use crate::inspect::Consistency;
 
 /// Rounds end where one takes away less than this share of the outlines' distance to the masks.
@@ -16,10 +16,39 @@ const WORTHWHILE: f64 = 0.0005;
 const RATE: f32 = 0.6;
 /// Cameras whose outlines miss one another by less than so many pixels in the mean (of an image of at most 320) are left alone.
 const EXACT: f64 = 0.3;
+/// Pixels between outlines, in images brought to 320 at most, below which cameras that were refined are right to a fraction of a pixel.
+const CLOSE: f64 = 0.25;
 /// Refined cameras are kept if that falls at least to this share: it is measured without the mesh, which follows any cameras.
 const HELPS: f64 = 0.5;
 /// Fewer views leave too much open.
 const FEWEST: usize = 4;
+
+/// Cameras that are not exact, as they were given.
+#[derive(Debug)]
+pub(super) struct Given {
+    consistency: Consistency,
+    cameras: Vec<Camera>,
+    /// By how much outlines miss one another.
+    gap: f64,
+}
+
+impl Given {
+    /// The cameras of some views, where they are to be refined; then masks do not tell the widths of thin parts, which need cameras that are
+    /// right to a fraction of a pixel.
+    pub(super) fn of(views: &[&View], targets: &mut [Target], config: &FitConfig) -> Option<Self> {
+        if !config.refine_cameras || views.len() < FEWEST {
+            return None;
+        }
+        let consistency = Consistency::of(views)?;
+        let cameras: Vec<Camera> = views.iter().map(|view| view.camera.clone()).collect();
+        let gap = consistency.gap(&cameras);
+        if gap < EXACT {
+            return None;
+        }
+        measure(targets, Blur { keeps_thin: false, ..config.blur() });
+        Some(Self { consistency, cameras, gap })
+    }
+}
 
 /// What became of the cameras of a fit.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,29 +84,15 @@ impl Run<'_, '_> {
     /// Refines the cameras for the shape that a level ended with, and keeps them if that helps.
     pub(super) fn align(
         &mut self,
-        views: &[View],
         shape: &mut Shape,
         order: &mut Order,
         config: &FitConfig,
     ) -> Result<(), FitError> {
-        if !config.refine_cameras || self.train.len() < FEWEST || self.is_cancelled() {
+        let first = self.alignment.is_none();
+        if self.is_cancelled() || first && self.given.is_none() {
             return Ok(());
         }
-        let placement = self.fitted.placement;
-        let first = self.alignment.is_none();
-        let mut given = None;
-        if first {
-            let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
-            let Some(consistency) = Consistency::of(&seen) else { return Ok(()) };
-            let cameras: Vec<Camera> = seen.iter().map(|view| view.camera.clone()).collect();
-            let gap = consistency.gap(&cameras);
-            if gap < EXACT {
-                return Ok(());
-            }
-            given = Some((consistency, cameras, gap));
-            // Widths of thin parts need cameras that are right to a fraction of a pixel: not while they are refined, nor afterwards.
-            self.measure(Blur { keeps_thin: false, ..config.blur() });
-        }
+        let (placement, given) = (self.fitted.placement, self.given.take());
         self.total += REFINING.0 * REFINING.1;
         let before = shape.distance(&self.train);
         let mut alignment = self.alignment.take().unwrap_or_else(|| Alignment {
@@ -109,7 +124,7 @@ impl Run<'_, '_> {
             }
             distance = now;
         }
-        if let Some((consistency, cameras, gap)) = given {
+        if let Some(Given { consistency, cameras, gap }) = given {
             let refined: Vec<Camera> = cameras
                 .iter()
                 .zip(&self.train)
@@ -118,7 +133,7 @@ impl Run<'_, '_> {
             alignment.gap = [gap, consistency.gap(&refined)];
             if alignment.gap[1] > HELPS * gap {
                 alignment.cameras.give_back(&mut self.train);
-                self.measure(config.blur());
+                measure(&mut self.train, config.blur());
                 shape.place(start);
                 return Ok(());
             }
@@ -129,13 +144,12 @@ impl Run<'_, '_> {
             target.set_camera(Camera { lens, ..given.clone() });
             target.place(placement.center, placement.radius);
         }
+        // Refined so well that outlines fit together, they tell widths again.
+        if first && alignment.gap[1] < CLOSE {
+            measure(&mut self.train, config.blur());
+        }
         self.alignment = Some(alignment);
         Ok(())
-    }
-
-    /// Measures the masks anew.
-    fn measure(&mut self, blur: Blur) {
-        self.train.par_iter_mut().for_each(|target| target.measure(blur));
     }
 
     /// What became of the cameras, for the shape at the end.
@@ -161,6 +175,11 @@ impl Run<'_, '_> {
             gap: *gap,
         })
     }
+}
+
+/// Measures the masks anew.
+fn measure(targets: &mut [Target], blur: Blur) {
+    targets.par_iter_mut().for_each(|target| target.measure(blur));
 }
 
 /// A camera with the pose of another and a longer lens.

@@ -58,7 +58,7 @@ train::options! {
         pub photometric: bool = false;
         /// Whether normals are evened out behind the last level, where outlines do not suffer: dimples go, sides become flat and edges sharp.
         pub filter_normals: bool = true;
-        /// Whether thin parts and gaps get back the share of their width that the blur takes, unless cameras are refined.
+        /// Whether thin parts and gaps get back the share of their width that the blur takes; where cameras are off, once they are refined.
         pub thin_parts: bool = true;
         /// A level ends early, after half of its steps, when the outline's distance to the masks falls by less than
         /// this share over 20 steps.

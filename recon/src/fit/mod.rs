@@ -99,7 +99,7 @@ pub use quality::{Quality, unused_detail};
 pub use refine::{RefineConfig, refine};
 pub use stepper::Stepper;
 
-use alignment::Alignment;
+use alignment::{Alignment, Given};
 use exposure::Exposure;
 use order::Order;
 use shape::Shape;
@@ -180,6 +180,8 @@ struct Run<'a, 'o> {
     train: Vec<Target>,
     held_out: Vec<Target>,
     start: Option<Start>,
+    /// The cameras as they were given, until they are refined; none where they are exact.
+    given: Option<Given>,
     alignment: Option<Alignment>,
     /// The most steps, as far as is known by now.
     total: usize,
@@ -239,6 +241,7 @@ impl<'a, 'o> Run<'a, 'o> {
         let (mut train, mut held_out) = (measure(&train_views), measure(&held_out_views));
         let seen: Vec<&View> = train_views.iter().map(|&i| &views[i]).collect();
         let placement = placement::place(&seen, &mut train)?;
+        let given = Given::of(&seen, &mut train, config);
         let (start, remark) = Start::of(&seen, &mut train, &placement, config);
         warnings.extend(remark);
         for target in train.iter_mut().chain(&mut held_out) {
@@ -264,7 +267,7 @@ impl<'a, 'o> Run<'a, 'o> {
         let (alignment, begun) = (None, clock);
         let total = config.total_steps();
         let mut run =
-            Self { watch, train, held_out, start, alignment, total, fitted, begun, clock };
+            Self { watch, train, held_out, start, given, alignment, total, fitted, begun, clock };
         let [center_x, center_y, center_z] = placement.center;
         let facts = Facts::from([
             ("views", run.train.len() as f64),
@@ -333,7 +336,7 @@ impl<'a, 'o> Run<'a, 'o> {
             self.level(&mut shape, &mut order, config)?;
             // What a coarse mesh cannot tell of the cameras, a finer one does not either.
             if level == start || self.alignment.is_some() {
-                self.align(views, &mut shape, &mut order, config)?;
+                self.align(&mut shape, &mut order, config)?;
             }
             self.lap(&name);
             if self.is_cancelled() {
