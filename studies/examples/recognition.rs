@@ -1,22 +1,25 @@
-//! A sheet of predicted meshes for somebody to name who has not seen the objects.
+//! A sheet of predicted meshes for somebody to name who has not seen the objects, or beside the objects.
 //!
 //! `cargo run --release -p unsphere-studies --example recognition -- SYSTEM WEIGHTS OUT data=FOLDER[,FOLDER ..] [KEY=VALUE ..]`:
 //! `count` test objects (24), as many of each folder, families in turn, drawn by `seed` (0); `views=N` are given (1), `refine=N`
 //! steps are taken on them (as `predict` does), `families=a,b` leaves others out. OUT gets `sheet.png`, four objects a row in reading
 //! order, each from three sides, and `key.csv`, which says what they are: look at it when the answers stand.
+//!
+//! With `beside=true` each has the first image that is given, then the mesh and the truth from a camera, drawn too, whose image is not
+//! given; and `key.csv` has the mask IoU at all such cameras.
 
 use std::error::Error;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use datasets::{Dataset, ReadOptions, Subsets};
+use datasets::{Dataset, ReadOptions, Subsets, View};
 use mesh_core::{ByteImage, Camera, TriMesh, encode_png};
 use models::predict::{Choice, PredictInput, Predictor, refined};
 use models::{Registry, register};
 use rand::SeedableRng;
-use rand::seq::SliceRandom;
+use rand::seq::{IndexedRandom, SliceRandom};
 use rand_chacha::ChaCha8Rng;
-use recon::evaluate::seen_from;
+use recon::evaluate::{score_views, seen_from};
 use synth::{Lighting, RenderOptions};
 use train::Checkpoint;
 
@@ -43,6 +46,7 @@ struct Order {
     views: usize,
     refine: Option<usize>,
     families: Vec<String>,
+    beside: bool,
 }
 
 fn order(arguments: &[String]) -> Result<Order, Failure> {
@@ -59,6 +63,7 @@ fn order(arguments: &[String]) -> Result<Order, Failure> {
         views: 1,
         refine: None,
         families: Vec::new(),
+        beside: false,
     };
     for argument in rest {
         let (key, value) = argument.split_once('=').ok_or("KEY=VALUE is expected")?;
@@ -69,6 +74,7 @@ fn order(arguments: &[String]) -> Result<Order, Failure> {
             "views" => order.views = value.parse()?,
             "refine" => order.refine = Some(value.parse()?),
             "families" => order.families = value.split(',').map(str::to_owned).collect(),
+            "beside" => order.beside = value.parse()?,
             _ => return Err(format!("no option called {key}").into()),
         }
     }
@@ -104,7 +110,9 @@ fn drawn(
 struct Shown {
     family: String,
     name: String,
-    mesh: TriMesh,
+    pictures: Vec<ByteImage>,
+    /// At cameras whose images were not given, where there are some.
+    mask_iou: Option<f64>,
 }
 
 fn predictions<S: Predictor>(order: &Order) -> Result<Vec<Shown>, Failure> {
@@ -118,12 +126,20 @@ fn predictions<S: Predictor>(order: &Order) -> Result<Vec<Shown>, Failure> {
         let count = order.count / order.data.len();
         for object in drawn(&*dataset, order, count, &mut rng)? {
             let entry = &dataset.entries()[object];
-            let which: Vec<usize> = (0..order.views.min(entry.views)).collect();
-            let views = dataset.views(object, Some(&which), &options, &|_, _| ())?;
-            let input = PredictInput::part(views, Choice::All)?;
-            let prediction = refined(system.apply(&input)?, &input, &S::refinement(steps))?;
+            let views = dataset.views(object, None, &options, &|_, _| ())?;
+            let given = Choice::First(order.views.min(views.len()));
+            let input = PredictInput::part(views, given)?;
+            let mesh = refined(system.apply(&input)?, &input, &S::refinement(steps))?.mesh;
+            let pictures =
+                if order.beside { beside(&mesh, &input, &mut rng)? } else { sides(&mesh)? };
+            let others: Vec<&View> = input.others.iter().collect();
+            let mask_iou = if others.is_empty() {
+                None
+            } else {
+                Some(score_views(&mesh, &others, &|_, _| ())?.mask_iou)
+            };
             let (family, name) = (entry.category.clone(), entry.object_name());
-            shown.push(Shown { family, name, mesh: prediction.mesh });
+            shown.push(Shown { family, name, pictures, mask_iou });
         }
     }
     shown.shuffle(&mut rng);
@@ -135,11 +151,7 @@ fn sides(mesh: &TriMesh) -> Result<Vec<ByteImage>, Failure> {
     let (low, high) = mesh.bounds().ok_or("an empty mesh")?;
     let middle: [f64; 3] = std::array::from_fn(|k| 0.5 * f64::from(low[k] + high[k]));
     let radius = 0.5 * (0..3).map(|k| f64::from(high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
-    let options = RenderOptions {
-        background: [1.0; 3],
-        lighting: Lighting::studio(),
-        ..RenderOptions::default()
-    };
+    let options = over_white();
     let side = |degrees: &f64| {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let (up, flat) = ABOVE.to_radians().sin_cos();
@@ -152,6 +164,32 @@ fn sides(mesh: &TriMesh) -> Result<Vec<ByteImage>, Failure> {
     SIDES.iter().map(side).collect()
 }
 
+/// The image, the mesh from elsewhere, and what is there.
+fn beside(
+    mesh: &TriMesh,
+    input: &PredictInput,
+    rng: &mut ChaCha8Rng,
+) -> Result<Vec<ByteImage>, Failure> {
+    let elsewhere = input.others.choose(rng).ok_or("no view is left that is not given")?;
+    let predicted = seen_from(mesh, &elsewhere.camera, &over_white())?.color;
+    Ok(vec![cut_out(&input.given[0]), predicted, cut_out(elsewhere)])
+}
+
+/// A view's object before white.
+fn cut_out(view: &View) -> ByteImage {
+    let mut color = view.color.clone();
+    for (pixel, &mask) in color.data.chunks_exact_mut(3).zip(&view.mask.data) {
+        if mask == 0 {
+            pixel.fill(255);
+        }
+    }
+    color
+}
+
+fn over_white() -> RenderOptions {
+    RenderOptions { background: [1.0; 3], lighting: Lighting::studio(), ..RenderOptions::default() }
+}
+
 /// Puts a picture onto a larger one.
 fn paste(sheet: &mut ByteImage, picture: &ByteImage, [top, left]: [usize; 2]) {
     let row = 3 * picture.width;
@@ -162,13 +200,15 @@ fn paste(sheet: &mut ByteImage, picture: &ByteImage, [top, left]: [usize; 2]) {
 }
 
 fn sheet(shown: &[Shown]) -> Result<ByteImage, Failure> {
-    let cell = [SIDE + GAP, SIDES.len() * SIDE + GAP];
+    let first = &shown.first().ok_or("no object to show")?.pictures;
+    let [height, width] = [first[0].height, first[0].width];
+    let cell = [height + GAP, first.len() * width + GAP];
     let rows = shown.len().div_ceil(ACROSS);
     let mut sheet = ByteImage::new(rows * cell[0], ACROSS * cell[1], 3);
     sheet.data.fill(255);
     for (i, one) in shown.iter().enumerate() {
-        for (k, picture) in sides(&one.mesh)?.iter().enumerate() {
-            let corner = [i / ACROSS * cell[0], i % ACROSS * cell[1] + k * SIDE];
+        for (k, picture) in one.pictures.iter().enumerate() {
+            let corner = [i / ACROSS * cell[0], i % ACROSS * cell[1] + k * width];
             paste(&mut sheet, picture, corner);
         }
     }
@@ -192,9 +232,10 @@ impl Registry for Asked<'_> {
 fn write(shown: &[Shown], out: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(out)?;
     std::fs::write(out.join("sheet.png"), encode_png(&sheet(shown)?))?;
-    let mut key = String::from("row,column,family,object\n");
+    let mut key = String::from("row,column,family,object,mask_iou\n");
     for (i, one) in shown.iter().enumerate() {
-        writeln!(key, "{},{},{},{}", 1 + i / ACROSS, 1 + i % ACROSS, one.family, one.name)?;
+        let iou = one.mask_iou.map_or(String::new(), |iou| format!("{iou:.3}"));
+        writeln!(key, "{},{},{},{},{iou}", 1 + i / ACROSS, 1 + i % ACROSS, one.family, one.name)?;
     }
     Ok(std::fs::write(out.join("key.csv"), key)?)
 }
