@@ -180,6 +180,17 @@ pub enum RunError {
         /// The file that is not there.
         missing: &'static str,
     },
+    /// The data are not those that the run began with.
+    #[error(
+        "{}: the data are not those that the run began with: its scores would be of two sets; to go on from its weights with other \
+         data, begin a run with --from {} and another folder",
+        path.display(),
+        path.display()
+    )]
+    OtherData {
+        /// The run's folder.
+        path: PathBuf,
+    },
     /// The path leads to no checkpoint.
     #[error("{}: {found}, expected a run's folder with a checkpoint, or a .safetensors file", path.display())]
     NoCheckpoint {

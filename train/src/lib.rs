@@ -53,6 +53,7 @@ mod not_finite;
 mod optimizer;
 pub mod output;
 mod page;
+pub mod path_text;
 pub mod progress;
 mod ranks;
 mod record;

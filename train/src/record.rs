@@ -107,7 +107,10 @@ impl<'a> Record<'a> {
     ) -> Result<Self, RunError> {
         let (then, kept) = History::kept(&run.log(), step, pending)?;
         let now = heading.facts();
-        let warnings = ["data_hash", "version", "commit"]
+        if now["data_hash"] != then["data_hash"] {
+            return Err(RunError::OtherData { path: run.path().to_owned() });
+        }
+        let warnings = ["version", "commit"]
             .into_iter()
             .filter(|&field| now[field] != then[field])
             .map(|field| {

@@ -73,6 +73,7 @@ pub enum Event {
         /// Steps done.
         step: u64,
         /// The file.
+        #[serde(serialize_with = "crate::path_text::serialize")]
         path: PathBuf,
     },
     /// Something that a user should know.
