@@ -7,7 +7,7 @@ use std::io::Write;
 use std::path::Path;
 
 use datasets::{ReadOptions, View, read_views, write_transforms};
-use mesh_core::{ByteImage, Camera, write_png};
+use mesh_core::{ByteImage, Camera, Mask, write_png};
 
 const TILE: usize = 128;
 
@@ -41,24 +41,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn draw(view: &View, sheet: &mut ByteImage, top: usize, left: usize) {
-    let (height, width) = (view.mask.height, view.mask.width);
-    let inside = |i: usize, j: usize| view.mask.data[i * width + j] != 0;
-    for i in 0..height {
-        for j in 0..width {
-            let edge = inside(i, j)
-                && (i == 0
-                    || !inside(i - 1, j)
-                    || i + 1 == height
-                    || !inside(i + 1, j)
-                    || j == 0
-                    || !inside(i, j - 1)
-                    || j + 1 == width
-                    || !inside(i, j + 1));
-            let at = ((top + i) * sheet.width + left + j) * 3;
-            let color = if edge { &[40, 220, 90] } else { view.color.pixel(i, j) };
-            sheet.data[at..at + 3].copy_from_slice(color);
-        }
+    let mut color = view.color.clone();
+    let outline = Mask::at_least(&view.mask, 1).outline();
+    for (pixel, _) in color.data.chunks_exact_mut(3).zip(outline.data).filter(|(_, on)| *on) {
+        pixel.copy_from_slice(&[40, 220, 90]);
     }
+    sheet.paste(&color, [top, left]);
 }
 
 /// A coloured disc on grey from nine sides.

@@ -1,10 +1,9 @@
 //! Masks: from alpha, from images of masks, and what is mended in them.
 
-use mesh_core::ByteImage;
+use mesh_core::{ByteImage, Mask};
 
 use crate::morphology::{dilate, erode};
 use crate::options::ReadOptions;
-use crate::parts::parts;
 
 /// The mask that an image's alpha gives, 255 = object; `None` where there is no alpha to speak
 /// of: no such channel, or one that is opaque everywhere.
@@ -36,26 +35,17 @@ pub(crate) fn mask_from_picture(picture: &ByteImage) -> ByteImage {
 
 /// Clears every part of the mask but the largest; the first found wins a tie.
 pub(crate) fn keep_largest_part(mask: &mut ByteImage) {
-    let (part, sizes) = parts([mask.height, mask.width], |at| mask.data[at] != 0);
-    let best = (1..=sizes.len()).max_by_key(|&n| (sizes[n - 1], std::cmp::Reverse(n)));
-    for (m, &p) in mask.data.iter_mut().zip(&part) {
-        *m = if best == Some(p as usize) { 255 } else { 0 };
+    let largest = Mask::at_least(mask, 1).largest_component();
+    for (value, &kept) in mask.data.iter_mut().zip(&largest.data) {
+        *value = if kept { 255 } else { 0 };
     }
 }
 
 /// Makes object of what it surrounds: background that no way leads out of.
 pub(crate) fn fill_holes(mask: &mut ByteImage) {
-    let (height, width) = (mask.height, mask.width);
-    let (part, sizes) = parts([height, width], |at| mask.data[at] == 0);
-    let mut open = vec![false; sizes.len() + 1];
-    for (at, &p) in part.iter().enumerate() {
-        let (i, j) = (at / width, at % width);
-        open[p as usize] |= i == 0 || j == 0 || i + 1 == height || j + 1 == width;
-    }
-    for (m, &p) in mask.data.iter_mut().zip(&part) {
-        if !open[p as usize] {
-            *m = 255;
-        }
+    let holes = Mask::at_least(mask, 1).holes();
+    for (value, _) in mask.data.iter_mut().zip(&holes.data).filter(|(_, hole)| **hole) {
+        *value = 255;
     }
 }
 

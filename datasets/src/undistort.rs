@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use mesh_core::{ByteImage, Camera, DepthMap, Distortion, Lens};
+use mesh_core::{ByteImage, Camera, DepthMap, Distortion, Lens, Mask};
 
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::options::ReadOptions;
@@ -114,17 +114,11 @@ impl View {
         let (width, height) = (self.mask.width, self.mask.height);
         let mut object = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
         let undistort = distortion.undistorter();
-        let is_object = |i: usize, j: usize| self.mask.data[i * width + j] != 0;
+        let mask = Mask::at_least(&self.mask, 1);
         for i in 0..height {
             for j in 0..width {
                 // What lies inside is not farther out than the outline.
-                let inner = i > 0 && j > 0 && i + 1 < height && j + 1 < width;
-                let hidden = inner
-                    && is_object(i - 1, j)
-                    && is_object(i + 1, j)
-                    && is_object(i, j - 1)
-                    && is_object(i, j + 1);
-                if !is_object(i, j) || hidden {
+                if !mask.is_outline(i, j) {
                     continue;
                 }
                 let seen = [j as f64 + 0.5, i as f64 + 0.5];

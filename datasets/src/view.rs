@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use mesh_core::{ByteImage, Camera, DepthMap};
+use mesh_core::{ByteImage, Camera, DepthMap, Mask};
 
 use crate::convention::{CameraAxes, Convention, PoseDirection};
 
@@ -172,15 +172,31 @@ impl View {
         let [h, w] = self.color.size_within(longest);
         let mut mask = self.mask.resized(h, w);
         mask.data.iter_mut().for_each(|m| *m = if *m >= 128 { 255 } else { 0 });
-        let depth = self.depth.map(|depth| {
-            let nearest = |k: usize| {
-                let (i, j) = (k / w, k % w);
-                depth.data[(2 * i + 1) * height / (2 * h) * width + (2 * j + 1) * width / (2 * w)]
-            };
-            DepthMap { height: h, width: w, data: (0..h * w).map(nearest).collect() }
-        });
+        let depth = self.depth.map(|depth| depth.resized(h, w));
         let (color, camera) = (self.color.resized(h, w), self.camera.resized(w, h));
         Self { name: self.name, color, mask, camera, depth }
+    }
+
+    /// The mask averaged down so that its longer side has at most this many pixels, object where at least half of it was, and the
+    /// camera of it: `camera`, which is of the view's size, brought to that of the mask.
+    pub fn mask_within(&self, longest: usize, camera: &Camera) -> (Mask, Camera) {
+        let [height, width] = self.mask.size_within(longest);
+        if [height, width] == [self.mask.height, self.mask.width] {
+            return (Mask::at_least(&self.mask, 128), camera.clone());
+        }
+        let small = self.mask.resized(height, width);
+        (Mask::at_least(&small, 128), camera.resized(width, height))
+    }
+
+    /// The object's colours, `[H, W, 3]`, with one colour where the mask has none.
+    pub fn over(&self, background: [u8; 3]) -> ByteImage {
+        let mut color = self.color.clone();
+        for (pixel, &mask) in color.data.chunks_exact_mut(3).zip(&self.mask.data) {
+            if mask == 0 {
+                pixel.copy_from_slice(&background);
+            }
+        }
+        color
     }
 
     /// Bytes of pixels that this view holds.

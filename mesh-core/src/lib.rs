@@ -90,9 +90,11 @@ mod image;
 mod intersect;
 #[cfg(feature = "images")]
 pub mod io;
+mod iou;
 pub mod kernels;
 mod limits;
 mod marching_cubes;
+mod mask;
 mod mesh;
 mod normal_diffusion;
 mod normal_filter;
@@ -130,7 +132,8 @@ pub use diffusion::DiffusionSolver;
 pub use examination::Examination;
 pub use health::Health;
 pub use image::{
-    ByteImage, DepthMap, DisparityMap, GroundPlane, Image, Pixels, linear_to_srgb, srgb_to_linear,
+    ByteImage, DepthMap, DisparityMap, GroundPlane, Image, Pixels, bilinear, linear_to_srgb,
+    srgb_to_linear,
 };
 #[cfg(feature = "images")]
 pub use image::{
@@ -146,9 +149,11 @@ pub use image::{
 pub use io::WriteError;
 #[cfg(feature = "files")]
 pub use io::{ReadMeshError, Remark, read_mesh, read_mesh_with, write_mesh};
+pub use iou::iou;
 pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_both_into, nearest_into};
 pub use limits::{Budget, Limits, OverLimit};
 pub use marching_cubes::marching_cubes;
+pub use mask::{Components, Mask};
 pub use mesh::{MeshError, Texture, TriMesh};
 #[cfg(feature = "camera")]
 pub use nalgebra;

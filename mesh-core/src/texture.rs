@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::{SurfacePoint, Texture, TriMesh};
+use crate::{SurfacePoint, Texture, TriMesh, bilinear};
 
 impl Texture {
     /// The colour at a texture coordinate, bilinear; outside of the image that of its border.
@@ -11,22 +11,12 @@ impl Texture {
     /// If the image has no pixels.
     pub fn color(&self, [u, v]: [f32; 2]) -> [f32; 3] {
         let image = &self.image;
-        let place = |t: f32, size: usize| {
-            let x = (t * size as f32 - 0.5).clamp(0.0, (size - 1) as f32);
-            let low = x as usize;
-            (low, (low + 1).min(size - 1), x - low as f32)
+        let texel = |i, j| {
+            let texel = image.pixel(i, j);
+            std::array::from_fn(|c| texel[c.min(image.channels - 1)])
         };
-        let (left, right, s) = place(u, image.width);
-        let (top, bottom, t) = place(1.0 - v, image.height);
-        std::array::from_fn(|c| {
-            let at = |i, j| image.pixel(i, j)[c.min(image.channels - 1)];
-            let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
-            let (top, bottom) = (
-                mix(at(top, left), at(top, right), s),
-                mix(at(bottom, left), at(bottom, right), s),
-            );
-            mix(top, bottom, t)
-        })
+        let place = [u * image.width as f32 - 0.5, (1.0 - v) * image.height as f32 - 0.5];
+        bilinear([image.width, image.height], place, texel)
     }
 
     /// The colour at a place of the surface.

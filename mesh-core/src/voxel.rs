@@ -2,8 +2,8 @@
 
 mod triangle_in_box;
 
-use crate::TriMesh;
 use crate::vector::{Vec3, area_vector};
+use crate::{TriMesh, iou};
 use triangle_in_box::TriangleInBox;
 
 /// The lower and the upper corner of a box.
@@ -131,10 +131,7 @@ impl VoxelGrid {
     /// If the dimensions differ.
     pub fn iou(&self, other: &Self) -> f64 {
         assert_eq!(self.dims, other.dims, "VoxelGrid::iou: dimensions");
-        let pairs = || self.bits.iter().zip(&other.bits);
-        let both = pairs().filter(|(a, b)| **a && **b).count();
-        let either = pairs().filter(|(a, b)| **a || **b).count();
-        if either == 0 { 1.0 } else { both as f64 / either as f64 }
+        iou(self.bits.iter().copied().zip(other.bits.iter().copied())).unwrap_or(1.0)
     }
 
     /// Occupies every empty cell that is cut off from the border of the grid.

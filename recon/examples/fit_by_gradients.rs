@@ -23,7 +23,7 @@ use datasets::{ReadOptions, View, Views, read_views};
 use diff_raster::{Faces, Renderer, Settings};
 use mesh_core::{Topology, TriMesh, primitives};
 use ndarray::{Array2, Array3, Array4};
-use recon::evaluate::{masked, score_views};
+use recon::evaluate::score_views;
 use recon::fit::{FitConfig, cones, fit};
 use recon::progress::Watch;
 use synth::shapes::AlarmClock;
@@ -183,7 +183,7 @@ fn target(view: &View, center: [f64; 3], radius: f64) -> Target {
     Target {
         matrix: std::array::from_fn(|k| rows[k / 4][k % 4] as f32),
         mask: floats(&view.mask.data),
-        color: floats(&masked(view).data),
+        color: floats(&view.over([0; 3]).data),
     }
 }
 

@@ -50,10 +50,26 @@ pub struct ViewScores {
 /// If a face names a vertex that is not there.
 ///
 /// # Panics
-/// If there are no views.
+/// If there are no views, or image and mask of one differ in size (see [`View::validate`]).
 pub fn score_views(
     mesh: &TriMesh,
     views: &[&View],
+    keep: &(dyn Fn(usize, ByteImage) + Sync),
+) -> Result<ViewScores, FacesError> {
+    let seen: Vec<(&View, &Camera)> = views.iter().map(|view| (*view, &view.camera)).collect();
+    score_views_by(mesh, &seen, keep)
+}
+
+/// [`score_views`] where each view has another camera than its own.
+///
+/// # Errors
+/// If a face names a vertex that is not there.
+///
+/// # Panics
+/// As [`score_views`].
+pub fn score_views_by(
+    mesh: &TriMesh,
+    views: &[(&View, &Camera)],
     keep: &(dyn Fn(usize, ByteImage) + Sync),
 ) -> Result<ViewScores, FacesError> {
     assert!(!views.is_empty(), "score_views: no views");
@@ -63,8 +79,8 @@ pub fn score_views(
     let scores = views
         .par_iter()
         .enumerate()
-        .map(|(index, view)| {
-            let render = seen_from(mesh, &view.camera, &options)?;
+        .map(|(index, (view, camera))| {
+            let render = seen_from(mesh, camera, &options)?;
             let mut score = score(&render, view);
             // Grey stands for a colour that nobody gave.
             score.psnr = score.psnr.filter(|_| is_colored);
@@ -100,7 +116,7 @@ pub fn seen_from(
 fn score(render: &View, truth: &View) -> ViewScore {
     let model = Image::from(&render.color);
     let mask = Image::from(&truth.mask);
-    let photograph = Image::from(&masked(truth));
+    let photograph = Image::from(&truth.over([0; 3]));
     ViewScore {
         name: truth.name.clone(),
         mask_iou: mask_iou(&Image::from(&render.mask), &mask),
@@ -108,17 +124,6 @@ fn score(render: &View, truth: &View) -> ViewScore {
         psnr: psnr_inside(&model, &photograph, &mask),
         ssim: ssim(&model, &photograph),
     }
-}
-
-/// The view's colours, black outside of its mask.
-pub fn masked(view: &View) -> ByteImage {
-    let mut color = view.color.clone();
-    for (pixel, &m) in color.data.chunks_exact_mut(3).zip(&view.mask.data) {
-        if m == 0 {
-            pixel.fill(0);
-        }
-    }
-    color
 }
 
 #[cfg(test)]

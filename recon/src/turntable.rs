@@ -1,11 +1,22 @@
 //! Turntables: a mesh seen from all around, as an animated GIF.
 
+use diff_raster::FacesError;
 use gif::{Encoder, Frame, Repeat};
-use mesh_core::{ByteImage, Camera};
+use mesh_core::{ByteImage, Camera, TriMesh};
 use rayon::prelude::*;
+use synth::{Lighting, RenderOptions, render_views};
+
+use crate::evaluate::seen_from;
 
 /// Quality of the palette, 1 (best) to 30 (fastest); 10 is indistinguishable here at half the time of 5.
 const PALETTE_SPEED: i32 = 10;
+
+/// Frames of the turntable, a full turn.
+const FRAMES: usize = 36;
+/// Behind the turning mesh: light, so that dark objects stand out.
+pub const BACKDROP: [f32; 3] = [0.93, 0.94, 0.96];
+/// Side of an [`animation`], pixels.
+const SIDE: usize = 256;
 
 /// Cameras on a circle around the axis-aligned box, looking at its centre, +Y up.
 ///
@@ -30,6 +41,49 @@ pub fn orbit(
             Camera::look_at(eye, center, [0.0, 1.0, 0.0], FOV, size, size)
         })
         .collect()
+}
+
+/// The mesh turning once, as a GIF `side` pixels wide.
+///
+/// # Errors
+/// If a face names a vertex that is not there.
+pub fn turntable(mesh: &TriMesh, side: usize) -> Result<Vec<u8>, FacesError> {
+    let Some(bounds) = mesh.bounds() else { return Ok(Vec::new()) };
+    let lighting = Lighting::for_mesh(mesh);
+    let options = RenderOptions { background: BACKDROP, lighting, ..RenderOptions::default() };
+    let cameras = orbit(bounds, FRAMES, 0.35, side);
+    let frames: Vec<ByteImage> = render_views(mesh, &cameras, &options, &|_, _| ())?
+        .into_iter()
+        .map(|view| view.color)
+        .collect();
+    Ok(encode_gif(&frames, 8))
+}
+
+/// Meshes one after another from one camera that sees all of them, as a GIF whose last frame stays for a while.
+///
+/// # Errors
+/// If a face names a vertex that is not there.
+pub fn animation(meshes: &[TriMesh]) -> Result<Vec<u8>, FacesError> {
+    /// How often the last frame is shown.
+    const STAYS: usize = 8;
+    let union = |(a, b): ([f32; 3], [f32; 3]), (c, d): ([f32; 3], [f32; 3])| {
+        (std::array::from_fn(|k| a[k].min(c[k])), std::array::from_fn(|k| b[k].max(d[k])))
+    };
+    let Some(bounds) = meshes.iter().filter_map(TriMesh::bounds).reduce(union) else {
+        return Ok(Vec::new());
+    };
+    // What has no colours shows its shape by the light alone.
+    let lighting = Lighting::shape();
+    let options = RenderOptions { background: BACKDROP, lighting, ..RenderOptions::default() };
+    // From the side and above: the second of eight around.
+    let camera = orbit(bounds, 8, 0.35, SIDE).swap_remove(1);
+    let mut frames = Vec::with_capacity(meshes.len() + STAYS);
+    for mesh in meshes {
+        frames.push(seen_from(mesh, &camera, &options)?.color);
+    }
+    let last = frames.last().cloned();
+    frames.extend(last.into_iter().flat_map(|frame| std::iter::repeat_n(frame, STAYS)));
+    Ok(encode_gif(&frames, 8))
 }
 
 /// The frames as a GIF that loops, `delay` hundredths of a second each.

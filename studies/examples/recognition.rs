@@ -172,31 +172,11 @@ fn beside(
 ) -> Result<Vec<ByteImage>, Failure> {
     let elsewhere = input.others.choose(rng).ok_or("no view is left that is not given")?;
     let predicted = seen_from(mesh, &elsewhere.camera, &over_white())?.color;
-    Ok(vec![cut_out(&input.given[0]), predicted, cut_out(elsewhere)])
-}
-
-/// A view's object before white.
-fn cut_out(view: &View) -> ByteImage {
-    let mut color = view.color.clone();
-    for (pixel, &mask) in color.data.chunks_exact_mut(3).zip(&view.mask.data) {
-        if mask == 0 {
-            pixel.fill(255);
-        }
-    }
-    color
+    Ok(vec![input.given[0].over([255; 3]), predicted, elsewhere.over([255; 3])])
 }
 
 fn over_white() -> RenderOptions {
     RenderOptions { background: [1.0; 3], lighting: Lighting::studio(), ..RenderOptions::default() }
-}
-
-/// Puts a picture onto a larger one.
-fn paste(sheet: &mut ByteImage, picture: &ByteImage, [top, left]: [usize; 2]) {
-    let row = 3 * picture.width;
-    for (y, line) in picture.data.chunks_exact(row).enumerate() {
-        let at = 3 * ((top + y) * sheet.width + left);
-        sheet.data[at..at + row].copy_from_slice(line);
-    }
 }
 
 fn sheet(shown: &[Shown]) -> Result<ByteImage, Failure> {
@@ -209,7 +189,7 @@ fn sheet(shown: &[Shown]) -> Result<ByteImage, Failure> {
     for (i, one) in shown.iter().enumerate() {
         for (k, picture) in one.pictures.iter().enumerate() {
             let corner = [i / ACROSS * cell[0], i % ACROSS * cell[1] + k * width];
-            paste(&mut sheet, picture, corner);
+            sheet.paste(picture, corner);
         }
     }
     Ok(sheet)

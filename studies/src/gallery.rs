@@ -57,7 +57,7 @@ pub(crate) fn sheets(objects: &[MeshPair]) -> Option<[ByteImage; 2]> {
             {
                 let view = mesh.and_then(|mesh| seen_from(mesh, camera, &options()).ok());
                 if let Some(view) = view {
-                    put(sheet, &view.color, [row * SIDE, column * SIDE]);
+                    sheet.paste(&view.color, [row * SIDE, column * SIDE]);
                 }
             }
         }
@@ -72,14 +72,6 @@ fn options() -> RenderOptions {
 
 fn blank(height: usize, width: usize) -> ByteImage {
     ByteImage { height, width, channels: 3, data: vec![255; 3 * height * width] }
-}
-
-fn put(sheet: &mut ByteImage, tile: &ByteImage, [top, left]: [usize; 2]) {
-    let line = 3 * tile.width;
-    for (i, row) in tile.data.chunks_exact(line).enumerate() {
-        let at = 3 * ((top + i) * sheet.width + left);
-        sheet.data[at..at + line].copy_from_slice(row);
-    }
 }
 
 #[cfg(test)]

@@ -39,11 +39,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let mesh = shape.mesh();
             let camera = camera(AZIMUTHS[column % AZIMUTHS.len()], size);
             let view = render_views(&mesh, &[camera], &options, &|_, _| {})?.remove(0);
-            for i in 0..size {
-                let to = 3 * ((row * size + i) * count + column) * size;
-                let line = &view.color.data[3 * i * size..][..3 * size];
-                sheet.data[to..to + 3 * size].copy_from_slice(line);
-            }
+            sheet.paste(&view.color, [row * size, column * size]);
             let traits: Vec<String> =
                 shape.traits.iter().map(|(name, value)| format!("{name} {value}")).collect();
             let seed = shape.seed;

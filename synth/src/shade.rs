@@ -1,7 +1,7 @@
 //! Light on a mesh: what each corner of each face looks like, from wherever it is seen.
 
 use mesh_core::vector::{dot, sub};
-use mesh_core::{TriMesh, linear_to_srgb, srgb_to_linear};
+use mesh_core::{TriMesh, bilinear, linear_to_srgb, srgb_to_linear};
 use serde::{Deserialize, Serialize};
 
 /// Light that does not depend on the viewer, so that all views of a surface agree.
@@ -191,19 +191,8 @@ impl Albedo {
         match self {
             Self::Corners(colors) => blend(&colors[face], weights),
             Self::Texture { height, width, data, corners } => {
-                let [x, y] = blend(&corners[face], weights);
-                let wide = x.clamp(0.0, (*width - 1) as f32);
-                let tall = y.clamp(0.0, (*height - 1) as f32);
-                let (j, i) = (wide as usize, tall as usize);
-                let (s, t) = (wide - j as f32, tall - i as f32);
-                let texel = |i: usize, j: usize| data[i.min(height - 1) * width + j.min(width - 1)];
-                let (a, b) = (texel(i, j), texel(i, j + 1));
-                let (c, d) = (texel(i + 1, j), texel(i + 1, j + 1));
-                std::array::from_fn(|k| {
-                    let top = a[k] + s * (b[k] - a[k]);
-                    let bottom = c[k] + s * (d[k] - c[k]);
-                    top + t * (bottom - top)
-                })
+                let place = blend(&corners[face], weights);
+                bilinear([*width, *height], place, |i, j| data[i * width + j])
             }
         }
     }

@@ -79,9 +79,8 @@ pub fn agree(views: &mut [View]) -> Result<Agreement, SegmentError> {
 }
 
 fn small(view: &View) -> Silhouette {
-    let [h, w] = view.mask.size_within(LONGEST);
-    let mask = view.mask.resized(h, w).data.iter().map(|&m| m >= 128).collect();
-    Silhouette { camera: view.camera.resized(w, h), mask }
+    let (mask, camera) = view.mask_within(LONGEST, &view.camera);
+    Silhouette { camera, mask }
 }
 
 /// What the other views make of one.
@@ -101,13 +100,13 @@ pub(super) fn corrections(
     let covered: Vec<Vec<bool>> =
         views.par_iter().map(|view| covered(view, dissent, tolerance)).collect();
     let missing = |(view, covered): (&Silhouette, &Vec<bool>)| -> Vec<bool> {
-        covered.iter().zip(&view.mask).map(|(c, m)| *c && !*m).collect()
+        covered.iter().zip(&view.mask.data).map(|(c, m)| *c && !*m).collect()
     };
     let missing: Vec<Vec<bool>> = views.iter().zip(&covered).map(missing).collect();
     let count = |images: &[Vec<bool>]| images.iter().flatten().filter(|m| **m).count() as f64;
-    let outlines: Vec<Vec<bool>> = views.par_iter().map(outline).collect();
+    let outlines: usize = views.par_iter().map(|view| view.mask.outline().count()).sum();
     // Every hull of silhouettes is too large by a rim that depends on how many there are.
-    let rim = count(&missing) / count(&outlines).max(1.0);
+    let rim = count(&missing) / (outlines as f64).max(1.0);
     let radius = (2.0 * rim).ceil() as usize + 1;
     views
         .par_iter()
@@ -128,24 +127,11 @@ pub(super) fn corrections(
 
 /// The pixels that the others' hull covers.
 fn covered(view: &Silhouette, dissent: &Dissent, tolerance: u8) -> Vec<bool> {
-    let grown = view.grown();
+    let grown = view.mask.dilated();
     let seen = dissent.seen_by(&view.camera);
     let allowed =
         |(n, own): (u8, &bool)| n != NOWHERE && n.saturating_sub(u8::from(!own)) <= tolerance;
-    seen.into_iter().zip(&grown).map(allowed).collect()
-}
-
-/// The pixels of the mask that have others beside them.
-fn outline(view: &Silhouette) -> Vec<bool> {
-    let width = view.camera.width;
-    let inner = |at: usize| {
-        !at.is_multiple_of(width)
-            && at % width + 1 < width
-            && at >= width
-            && at + width < view.mask.len()
-            && [at - 1, at + 1, at - width, at + width].iter().all(|&k| view.mask[k])
-    };
-    (0..view.mask.len()).map(|at| view.mask[at] && !inner(at)).collect()
+    seen.into_iter().zip(&grown.data).map(allowed).collect()
 }
 
 impl Correction {

@@ -6,7 +6,7 @@
 //! pixel, as in Campbell, Vogiatzis, Hernández and Cipolla, "Automatic 3D object segmentation in multiple views using
 //! volumetric graph-cuts" (BMVC 2007). Colours are counted in CIELAB, in each image and over all.
 
-use mesh_core::{ByteImage, Camera};
+use mesh_core::{ByteImage, Camera, Mask};
 use rayon::prelude::*;
 
 use super::agreement::corrections;
@@ -79,7 +79,7 @@ pub fn segment_by_color(
                 look.keep_largest();
             }
         });
-        if looks.iter().all(|look| !look.silhouette.mask.contains(&true)) {
+        if looks.iter().all(|look| !look.silhouette.mask.data.contains(&true)) {
             return Err(SegmentError::NoObject);
         }
         let silhouettes: Vec<Silhouette> =
@@ -96,7 +96,7 @@ pub fn segment_by_color(
     let silhouettes: Vec<Silhouette> = looks.iter().map(|look| look.silhouette.clone()).collect();
     let found = corrections(&silhouettes, &dissent, tolerance(ROUNDS, looks.len()));
     for (look, correction) in looks.iter_mut().zip(found) {
-        let mask = look.silhouette.mask.iter_mut().zip(&correction.gap).zip(&look.possible);
+        let mask = look.silhouette.mask.data.iter_mut().zip(&correction.gap).zip(&look.possible);
         mask.for_each(|((m, gap), possible)| *m |= *gap && *possible);
     }
     let colors = Colors::of(&looks);
@@ -187,9 +187,9 @@ impl Look {
     fn new(color: &ByteImage, mask: &ByteImage, camera: Camera) -> Self {
         let lab = lab(color);
         let cells = lab.iter().map(|&lab| cell(lab)).collect();
-        let valid: Vec<bool> = mask.data.iter().map(|&m| m >= 128).collect();
+        let valid = Mask::at_least(mask, 128).data;
         let none = vec![0; valid.len()];
-        let mask = vec![false; valid.len()];
+        let mask = Mask::from_fn(mask.height, mask.width, |_, _| false);
         Self {
             silhouette: Silhouette { camera, mask },
             lab,
@@ -201,7 +201,10 @@ impl Look {
     }
 
     fn whole(&self) -> Silhouette {
-        Silhouette { camera: self.silhouette.camera.clone(), mask: self.valid.clone() }
+        Silhouette {
+            camera: self.silhouette.camera.clone(),
+            mask: Mask { data: self.valid.clone(), ..self.silhouette.mask },
+        }
     }
 
     /// Takes all of the region for the object.
@@ -210,13 +213,13 @@ impl Look {
         for (at, possible) in self.possible.iter_mut().enumerate() {
             *possible &= seen[at] != NOWHERE;
         }
-        self.silhouette.mask.clone_from(&self.possible);
+        self.silhouette.mask.data.clone_from(&self.possible);
     }
 
     /// Hears what the other views make of each pixel.
     fn hear(&mut self, dissent: &Dissent) {
         let seen = dissent.seen_by(&self.silhouette.camera);
-        let grown = self.silhouette.grown();
+        let grown = self.silhouette.mask.dilated().data;
         let without_own = |(n, own): (u8, &bool)| match n {
             NOWHERE => NOWHERE,
             n => n.saturating_sub(u8::from(!own)),
@@ -228,7 +231,7 @@ impl Look {
     fn colors(&self) -> [Palette; 2] {
         let mut palettes = [Palette::new(), Palette::new()];
         for (at, &cell) in self.cells.iter().enumerate() {
-            if self.silhouette.mask[at] {
+            if self.silhouette.mask.data[at] {
                 palettes[0].count(cell);
             } else if self.valid[at] && !(self.possible[at] && self.others[at] == 0) {
                 palettes[1].count(cell);
@@ -283,7 +286,8 @@ impl Look {
         }
         let sides = graph.cut();
         for at in 0..judged.len() {
-            self.silhouette.mask[at] = state(at).unwrap_or_else(|| sides[numbers[at] as usize]);
+            self.silhouette.mask.data[at] =
+                state(at).unwrap_or_else(|| sides[numbers[at] as usize]);
         }
     }
 
@@ -311,14 +315,12 @@ impl Look {
     }
 
     fn keep_largest(&mut self) {
-        let mut mask = self.image();
-        keep_largest_part(&mut mask);
-        self.silhouette.mask = mask.data.iter().map(|&m| m != 0).collect();
+        self.silhouette.mask = self.silhouette.mask.largest_component();
     }
 
     fn image(&self) -> ByteImage {
         let Camera { width, height, .. } = self.silhouette.camera;
-        let data = self.silhouette.mask.iter().map(|&m| if m { 255 } else { 0 }).collect();
+        let data = self.silhouette.mask.data.iter().map(|&m| if m { 255 } else { 0 }).collect();
         ByteImage { height, width, channels: 1, data }
     }
 

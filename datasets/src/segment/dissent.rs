@@ -3,7 +3,7 @@
 //! Laurentini's hull ("The visual hull concept for silhouette-based image understanding", TPAMI 16(2), 1994) is where no
 //! view speaks against. One wrong mask then takes away from the object for all; so views are counted instead.
 
-use mesh_core::Camera;
+use mesh_core::{Camera, Mask};
 use rayon::prelude::*;
 
 use super::region::Region;
@@ -17,24 +17,7 @@ const STEPS: f64 = 1.5;
 #[derive(Clone, Debug)]
 pub(super) struct Silhouette {
     pub(super) camera: Camera,
-    pub(super) mask: Vec<bool>,
-}
-
-impl Silhouette {
-    /// The mask and the pixels next to it: what rounding may have taken away.
-    pub(super) fn grown(&self) -> Vec<bool> {
-        let (height, width) = (self.camera.height, self.camera.width);
-        let mut grown = self.mask.clone();
-        for (at, _) in self.mask.iter().enumerate().filter(|(_, m)| **m) {
-            let (i, j) = (at / width, at % width);
-            for a in i.saturating_sub(1)..(i + 2).min(height) {
-                for b in j.saturating_sub(1)..(j + 2).min(width) {
-                    grown[a * width + b] = true;
-                }
-            }
-        }
-        grown
-    }
+    pub(super) mask: Mask,
 }
 
 /// A grid of cells over a region, and for each how many views see it beside their mask.
@@ -54,7 +37,8 @@ impl Dissent {
         let cell = 2.0 * longest / side as f64;
         let dims = region.half.map(|h| ((2.0 * h / cell).ceil() as usize).clamp(1, side));
         let low: [f64; 3] = std::array::from_fn(|k| region.center[k] - 0.5 * cell * dims[k] as f64);
-        let grown: Vec<Vec<bool>> = views.par_iter().map(Silhouette::grown).collect();
+        // What rounding may have taken away is given back.
+        let grown: Vec<Mask> = views.par_iter().map(|view| view.mask.dilated()).collect();
         let rows: Vec<[[f64; 4]; 3]> = views.iter().map(|view| view.camera.projection()).collect();
         let slab = dims[0] * dims[1];
         let mut against = vec![NOWHERE; slab * dims[2]];
@@ -72,7 +56,7 @@ impl Dissent {
                 for ((view, grown), rows) in views.iter().zip(&grown).zip(&rows) {
                     if let Some(pixel) = pixel_of(&view.camera, rows, p) {
                         seen += 1;
-                        beside += usize::from(!grown[pixel]);
+                        beside += usize::from(!grown.data[pixel]);
                     }
                 }
                 if 2 * seen >= views.len() {
@@ -195,7 +179,7 @@ mod tests {
                     let apart = ray.origin.iter().map(|o| o * o).sum::<f64>() - along * along;
                     apart < 0.49 && (i > 0 || k % 60 > 22)
                 };
-                let mask = (0..60 * 50).map(inside).collect();
+                let mask = Mask::from_fn(50, 60, |i, j| inside(i * 60 + j));
                 Silhouette { camera, mask }
             })
             .collect()
@@ -212,7 +196,7 @@ mod tests {
         // The disc reaches from column 15 to 45; what view 0 misses of it only view 0 is against.
         assert!((4..=7).contains(&hidden.len()) && hidden.iter().all(|&n| n == 1), "{hidden:?}");
         for (k, &n) in seen.iter().enumerate() {
-            assert!(!views[0].mask[k] || n == 0, "pixel {k}: {n}");
+            assert!(!views[0].mask.data[k] || n == 0, "pixel {k}: {n}");
         }
         assert_eq!(seen[0], NOWHERE);
         let bounds = dissent.bounds(1).unwrap();

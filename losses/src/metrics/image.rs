@@ -3,7 +3,7 @@
 //! Values are `f32` in `[0, 1]`, sums are `f64`. Two images of different dimensions are a mistake of the
 //! caller and panic.
 
-use mesh_core::Image;
+use mesh_core::{Image, iou};
 
 use crate::kernels::ssim;
 
@@ -27,7 +27,7 @@ pub fn mse(image: &Image, target: &Image) -> f64 {
 /// Infinite when the images are equal.
 ///
 /// ```
-/// use mesh_core::Image;
+/// use mesh_core::{Image, iou};
 /// let black = Image::new(4, 4, 3);
 /// let mut grey = black.clone();
 /// grey.data.fill(0.1); // mean squared error 0.01
@@ -106,7 +106,8 @@ fn ssim_within(image: &Image, target: &Image, margin: usize) -> f64 {
 /// figures count every non-zero alpha as object: [`mask_iou_by`].)
 pub fn mask_iou(prediction: &Image, target: &Image) -> f64 {
     one_channel("mask_iou", prediction, target);
-    overlap(prediction.data.iter().zip(&target.data).map(|(&a, &b)| (a > 0.5, b > 0.5)))
+    let pixels = prediction.data.iter().zip(&target.data);
+    iou(pixels.map(|(&a, &b)| (a > 0.5, b > 0.5))).unwrap_or(1.0)
 }
 
 /// From which value on a pixel of a soft mask is object.
@@ -130,7 +131,8 @@ pub fn mask_iou_by(prediction: &Image, target: &Image, rule: MaskRule) -> f64 {
         MaskRule::AboveZero => v > 0.0,
         MaskRule::FromHalf => v >= 0.5,
     };
-    overlap(prediction.data.iter().zip(&target.data).map(|(&a, &b)| (object(a), object(b))))
+    let pixels = prediction.data.iter().zip(&target.data);
+    iou(pixels.map(|(&a, &b)| (object(a), object(b)))).unwrap_or(1.0)
 }
 
 #[track_caller]
@@ -141,21 +143,6 @@ fn one_channel(name: &str, prediction: &Image, target: &Image) {
         "{name}: a mask has one channel, found {}",
         prediction.channels
     );
-}
-
-/// Intersection over union of two sets given as pairs of memberships; 1 when both sets are empty.
-///
-/// ```
-/// let pairs = [(true, true), (true, false), (false, true), (false, false)];
-/// assert_eq!(losses::metrics::overlap(pairs), 1.0 / 3.0);
-/// ```
-pub fn overlap(pairs: impl IntoIterator<Item = (bool, bool)>) -> f64 {
-    let (mut both, mut either) = (0u64, 0u64);
-    for (a, b) in pairs {
-        both += u64::from(a && b);
-        either += u64::from(a || b);
-    }
-    if either == 0 { 1.0 } else { both as f64 / either as f64 }
 }
 
 fn decibels(mse: f64) -> f64 {

@@ -1,7 +1,7 @@
 //! How good a result is: figures over plain images, masks, meshes and point sets; no gradients.
 //!
 //! - images: [`l1`], [`mse`], [`psnr`], [`psnr_inside`], [`ssim`]
-//! - masks: [`mask_iou`], [`mask_iou_by`] a published or a strict [`MaskRule`], [`overlap`]
+//! - masks: [`mask_iou`], [`mask_iou_by`] a published or a strict [`MaskRule`]
 //! - depth maps: [`depth_error`]
 //! - cameras: [`rotation_angle`], and [`symmetric_rotation_angle`] modulo the [`turns`] of an object
 //! - features of a network, run elsewhere: [`frechet`] (the FID), [`feature_distance`] (MCMR's figure of that name)
@@ -28,9 +28,7 @@ mod voxel;
 pub use depth::{DepthError, depth_error};
 pub use frame::FrameMismatch;
 pub use frechet::{FrechetError, feature_distance, frechet};
-pub use image::{
-    MaskRule, l1, mask_iou, mask_iou_by, mse, overlap, psnr, psnr_inside, ssim, ssim_valid,
-};
+pub use image::{MaskRule, l1, mask_iou, mask_iou_by, mse, psnr, psnr_inside, ssim, ssim_valid};
 pub use mcmr::{McmrAlignment, mcmr_iou};
 pub use points::{FScore, PointDistances, point_distances};
 pub use protocol::{

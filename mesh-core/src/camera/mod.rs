@@ -149,6 +149,20 @@ impl Camera {
         let [sx, sy, cx, cy] = self.lens.numbers();
         [row(x, 2.0 * sx / w, 2.0 * cx / w - 1.0), row(y, 2.0 * sy / h, 1.0 - 2.0 * cy / h), depth]
     }
+
+    /// [`projection`](Self::projection) to pixels: column and row are `(X/W, Y/W)` for a perspective lens and `(X, Y)` for an
+    /// orthographic one, 0 at the image's left and upper border.
+    pub fn pixel_projection(&self) -> [[f64; 4]; 3] {
+        let [x, y, depth] = self.projection();
+        // column = (x + 1) W / 2, row = (1 - y) H / 2
+        let (w, h) = (self.width as f64 / 2.0, self.height as f64 / 2.0);
+        let one = if self.is_perspective() { depth } else { [0.0, 0.0, 0.0, 1.0] };
+        [
+            std::array::from_fn(|k| (x[k] + one[k]) * w),
+            std::array::from_fn(|k| (one[k] - y[k]) * h),
+            depth,
+        ]
+    }
 }
 
 #[cfg(test)]

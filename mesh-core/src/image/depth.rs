@@ -11,6 +11,23 @@ pub struct DepthMap {
     pub data: Vec<f32>,
 }
 
+impl DepthMap {
+    /// The depth at another size, of each pixel that of the nearest one: averages across an edge lie in the air.
+    ///
+    /// # Panics
+    /// If it has no pixels and the other has.
+    #[must_use]
+    pub fn resized(&self, height: usize, width: usize) -> Self {
+        let nearest = |k: usize, from: usize, to: usize| (2 * k + 1) * from / (2 * to);
+        let pixel = |k: usize| {
+            let (row, column) =
+                (nearest(k / width, self.height, height), nearest(k % width, self.width, width));
+            self.data[row * self.width + column]
+        };
+        Self { height, width, data: (0..height * width).map(pixel).collect() }
+    }
+}
+
 /// One over the depth per pixel, larger where it is nearer; `+inf` where nothing is known.
 ///
 /// What MiDaS and its like estimate is of an unknown scale, shifted by an unknown amount.

@@ -1,5 +1,7 @@
 //! Images: `f32` for arithmetic, bytes for what files hold, planar depth and disparity; PNG, JPEG, EXR and PFM.
 
+mod bilinear;
+mod blur;
 mod color;
 #[cfg(feature = "images")]
 mod decoded;
@@ -21,6 +23,7 @@ mod pfm;
 mod png;
 mod resize;
 
+pub use bilinear::bilinear;
 pub use color::{linear_to_srgb, srgb_to_linear};
 pub use depth::{DepthMap, DisparityMap};
 #[cfg(feature = "images")]
@@ -81,6 +84,23 @@ impl<T: Copy + Default> Pixels<T> {
         let row = |i: usize| &self.data[(i * columns + x) * channels..][..width * channels];
         let data = (y..y + height).flat_map(row).copied().collect();
         Self { height, width, channels, data }
+    }
+
+    /// Copies another image of as many channels onto this one, its first pixel to row `top`, column `left`.
+    ///
+    /// # Panics
+    /// If it leaves this image, or has other channels.
+    pub fn paste(&mut self, other: &Self, [top, left]: [usize; 2]) {
+        let [rows, columns, channels] = self.shape();
+        let [height, width, others] = other.shape();
+        assert!(
+            top + height <= rows && left + width <= columns && others == channels,
+            "paste: {width} x {height} x {others} at column {left}, row {top} of an image {columns} x {rows} x {channels}"
+        );
+        let line = width * channels;
+        for (i, row) in other.data.chunks_exact(line.max(1)).enumerate() {
+            self.data[((top + i) * columns + left) * channels..][..line].copy_from_slice(row);
+        }
     }
 
     fn shape(&self) -> [usize; 3] {
@@ -181,6 +201,15 @@ mod tests {
         assert_eq!(Image::from(&bytes).to_bytes(), bytes);
         let odd = Image { height: 1, width: 3, channels: 1, data: vec![-1.0, 7.0, f32::NAN] };
         assert_eq!(odd.to_bytes().data, [0, 255, 0]);
+    }
+
+    #[test]
+    fn what_is_pasted_is_what_is_cropped() {
+        let part = ByteImage { height: 2, width: 1, channels: 3, data: (1..=6).collect() };
+        let mut image = ByteImage::new(4, 3, 3);
+        image.paste(&part, [1, 2]);
+        assert_eq!(image.cropped(2, 1, 1, 2), part);
+        assert_eq!(image.data.iter().map(|&v| usize::from(v)).sum::<usize>(), 21);
     }
 
     #[test]

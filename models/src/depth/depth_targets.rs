@@ -6,11 +6,10 @@ use datasets::View;
 use diff_raster::{Faces, Settings, rasterize};
 use mesh_core::nalgebra::{Matrix3, Vector3};
 use mesh_core::{
-    ByteImage, Camera, CameraVolume, DepthMap, DisparityMap, GroundPlane, Lens, TriMesh,
+    ByteImage, Camera, CameraVolume, DepthMap, DisparityMap, GroundPlane, Lens, Mask, TriMesh,
     voxelize_surface,
 };
 use ndarray::Array3;
-use recon::fit::signed_distance;
 use synth::Monocular;
 
 use super::config::{DepthKind, DepthLossKind, EstimateErrors, PlaceKind, RefineConfig};
@@ -124,7 +123,7 @@ impl DepthTargets {
             _ => Vec::new(),
         };
         let outline = if config.depth_residuals {
-            signed_distance(&object, side, side, 0.0)
+            Mask { height: side, width: side, data: object }.signed_distance(0.0).data
         } else {
             Vec::new()
         };

@@ -28,7 +28,7 @@ impl GivenDepth {
     pub(super) fn read(path: &Path, view: &View, kind: DepthKind) -> Result<Self, DataError> {
         let map = if kind == DepthKind::Estimated { guessed(path)? } else { measured(path)? };
         let warning = compare_sizes(path, &map, view)?;
-        let map = fitted(&map, view);
+        let map = map.resized(view.color.height, view.color.width);
         check_known(path, &map, view)?;
         Ok(Self { map, warning })
     }
@@ -74,18 +74,6 @@ fn compare_sizes(path: &Path, map: &DepthMap, view: &View) -> Result<Option<Stri
         return Err(DataError::Unfit(text));
     }
     Ok(Some(format!("{sizes}: each pixel takes the nearest depth")))
-}
-
-/// The nearest pixels, in the size of the image.
-fn fitted(depth: &DepthMap, view: &View) -> DepthMap {
-    let (height, width) = (view.color.height, view.color.width);
-    let at = |i: usize, from: usize, to: usize| (2 * i + 1) * from / (2 * to);
-    let pixel = |p: usize| {
-        let (row, column) =
-            (at(p / width, depth.height, height), at(p % width, depth.width, width));
-        depth.data[row * depth.width + column]
-    };
-    DepthMap { height, width, data: (0..height * width).map(pixel).collect() }
 }
 
 /// Refuses depth that says nothing of the object.

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use datasets::{Dataset, Pix3d, ReadOptions, SurfacePoints};
-use mesh_core::TriMesh;
+use mesh_core::{TriMesh, iou};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use train::{DataError, Source, Subset};
@@ -212,9 +212,7 @@ impl Scenes {
 
 /// Intersection over union of cells; 1 where both are empty.
 pub(super) fn overlap(a: &[bool], b: &[bool]) -> f64 {
-    let both = a.iter().zip(b).filter(|&(&a, &b)| a && b).count();
-    let either = a.iter().zip(b).filter(|&(&a, &b)| a || b).count();
-    if either == 0 { 1.0 } else { both as f64 / either as f64 }
+    iou(a.iter().copied().zip(b.iter().copied())).unwrap_or(1.0)
 }
 
 fn opened(path: &Path, options: &ReadOptions) -> Result<Box<dyn Dataset>, DataError> {

@@ -1,9 +1,7 @@
 //! One view as the model takes it.
 
 use datasets::View;
-use mesh_core::{ByteImage, Camera};
-use recon::evaluate::masked;
-use recon::fit::signed_distance;
+use mesh_core::{ByteImage, Camera, Mask};
 use train::{DataError, Fingerprint};
 
 use super::config::Img2MeshConfig;
@@ -46,7 +44,7 @@ impl Prepared {
                 format!("view {}: its camera is orthographic, expected a pinhole", view.name);
             return Err(DataError::Unfit(text));
         }
-        let color = if config.mask_images { masked(view) } else { view.color.clone() };
+        let color = if config.mask_images { view.over([0; 3]) } else { view.color.clone() };
         let bytes = |picture: &ByteImage, side: usize| picture.resized(side, side).data;
         let image = bytes(&color, config.image_size);
         let mask = bytes(&view.mask, config.render_size);
@@ -80,8 +78,8 @@ impl Prepared {
 /// See [`Prepared::outline`], of a square mask.
 fn outline(mask: &[u8]) -> Vec<i8> {
     let side = mask.len().isqrt();
-    let inside: Vec<bool> = mask.iter().map(|&m| m > 127).collect();
-    let distance = signed_distance(&inside, side, side, 0.0);
+    let inside = Mask { height: side, width: side, data: mask.iter().map(|&m| m > 127).collect() };
+    let distance = inside.signed_distance(0.0).data;
     // Beyond what a byte holds it only says "far".
     distance.into_iter().map(|d| (Prepared::OUTLINE_STEPS * d) as i8).collect()
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use autodiff_lite::Tape;
-use mesh_core::{ByteImage, TriMesh};
+use mesh_core::{ByteImage, TriMesh, iou};
 use rayon::prelude::*;
 use recon::scene::scene_of;
 use train::report::ViewPair;
@@ -190,25 +190,20 @@ fn bytes(data: &[u8], side: usize) -> ByteImage {
 }
 
 fn score(color: &[f32], mask: &[f32], truth: &Prepared) -> Score {
-    let (mut both, mut any, mut l1, mut squares) = (0.0, 0.0, 0.0, 0.0);
-    let mut inside = 0.0;
-    let pixels = mask.iter().zip(&truth.mask);
-    for ((&m, &t), (c, w)) in
-        pixels.zip(color.as_chunks::<3>().0.iter().zip(truth.target.as_chunks::<3>().0))
-    {
-        let (m, t) = (m > 0.5, t > 127);
-        both += f64::from(u8::from(m && t));
-        any += f64::from(u8::from(m || t));
+    let (mut l1, mut squares, mut inside) = (0.0, 0.0, 0.0);
+    let colors = color.as_chunks::<3>().0.iter().zip(truth.target.as_chunks::<3>().0);
+    for (&t, (c, w)) in truth.mask.iter().zip(colors) {
         for (c, w) in c.iter().zip(w) {
             let difference = f64::from(c - f32::from(*w) / 255.0);
             l1 += difference.abs();
-            if t {
+            if t > 127 {
                 squares += difference * difference;
                 inside += 1.0;
             }
         }
     }
-    let iou = if any > 0.0 { both / any } else { 1.0 };
+    let pixels = mask.iter().zip(&truth.mask);
+    let iou = iou(pixels.map(|(&m, &t)| (m > 0.5, t > 127))).unwrap_or(1.0);
     // Two images that agree have no finite PSNR; 100 dB stands for that, and for no mask.
     let error: f64 = if inside > 0.0 { squares / inside } else { 0.0 };
     let l1 = l1 / color.len().max(1) as f64;

@@ -3,6 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use autodiff_lite::{Tape, Var};
+use mesh_core::iou;
 use ndarray::{Array1, Array2};
 use train::{DataError, Terms};
 
@@ -16,7 +17,7 @@ use super::upright::upright;
 use super::{Mcmr, Sample};
 use crate::stacked::stacked;
 use crate::viewpoint::{
-    DIRECTIONS, Hypothesis, LOOKED_AT, Viewpoint, begin_at, hypotheses, overlap, viewpoint_loss,
+    DIRECTIONS, Hypothesis, LOOKED_AT, Viewpoint, begin_at, hypotheses, viewpoint_loss,
 };
 
 impl Mcmr {
@@ -169,7 +170,7 @@ impl Mcmr {
         let pixels = self.config.image_size.pow(2);
         samples.iter().enumerate().map(move |(i, sample)| {
             let seen = seen[i * pixels..][..pixels].iter();
-            overlap(seen.zip(&sample.mask).map(|(&a, &b)| (a >= 0.5, b >= 128)))
+            iou(seen.zip(&sample.mask).map(|(&a, &b)| (a >= 0.5, b >= 128))).unwrap_or(0.0)
         })
     }
 }

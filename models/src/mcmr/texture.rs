@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use autodiff_lite::{Real, Var};
-use mesh_core::{Image, TriMesh};
+use mesh_core::{Image, TriMesh, bilinear};
 use ndarray::Array3;
 use recon::atlas::{Atlas, mean_edge};
 
@@ -88,20 +88,9 @@ impl Globe {
     fn seamed(&self, direction: [f32; 3]) -> [f32; 3] {
         let [x, y] = seamed_place(direction);
         let at = |place: f32, count: usize| 0.5 * (place + 1.0) * (count - 1) as f32;
-        let (column, row) = (at(x, self.columns), at(y, self.rows));
-        let texel = |i: f32, j: f32, k: usize| {
-            let i = (i as usize).min(self.rows - 1);
-            let j = (j as usize).min(self.columns - 1);
-            self.data[(i * self.columns + j) * 3 + k]
-        };
-        let (left, top) = (column.floor(), row.floor());
-        std::array::from_fn(|k| {
-            let line = |i: f32| {
-                let [a, b] = [texel(i, left, k), texel(i, left + 1.0, k)];
-                a + (column - left) * (b - a)
-            };
-            line(top) + (row - top) * (line(top + 1.0) - line(top))
-        })
+        let texels = self.data.as_chunks::<3>().0;
+        let place = [at(x, self.columns), at(y, self.rows)];
+        bilinear([self.columns, self.rows], place, |i, j| texels[i * self.columns + j])
     }
 
     /// The mesh with this texture; `sphere` is where its vertices lie on the sphere.

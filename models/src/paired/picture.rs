@@ -1,7 +1,7 @@
 //! One image as a network takes it, and what its camera says.
 
 use datasets::View;
-use mesh_core::{ByteImage, Camera, DepthMap};
+use mesh_core::{ByteImage, Camera};
 use train::DataError;
 
 use super::frame::{Frame, FrameKind};
@@ -41,9 +41,9 @@ impl Picture {
         let camera = view.camera.resized(side, side);
         Ok(Self {
             name: view.name.clone(),
-            image: on_white(view).resized(side, side).data,
+            image: view.over([255; 3]).resized(side, side).data,
             mask: mask.data,
-            depth: view.depth.as_ref().map(|depth| nearest(depth, side)),
+            depth: view.depth.as_ref().map(|depth| depth.resized(side, side).data),
             lens: FrameKind::Camera.lens(&camera, scale),
             frame: Frame::of(&camera, scale),
             camera,
@@ -77,27 +77,6 @@ impl Picture {
     }
 }
 
-/// The nearest pixels: means over an edge lie in the air.
-fn nearest(depth: &DepthMap, side: usize) -> Vec<f32> {
-    let at = |k: usize, length: usize| (2 * k + 1) * length / (2 * side);
-    let pixel = |k: usize| {
-        let (row, column) = (at(k / side, depth.height), at(k % side, depth.width));
-        depth.data[row * depth.width + column]
-    };
-    (0..side * side).map(pixel).collect()
-}
-
-/// Colours with white outside of the mask, as Pixel2Mesh composites them.
-fn on_white(view: &View) -> ByteImage {
-    let mut color = view.color.clone();
-    for (pixel, &m) in color.data.chunks_exact_mut(3).zip(&view.mask.data) {
-        if m == 0 {
-            pixel.fill(255);
-        }
-    }
-    color
-}
-
 impl Stored for Picture {
     fn bytes(&self) -> usize {
         self.image.len() + self.mask.len() + 4 * self.depth.as_ref().map_or(0, Vec::len)
@@ -107,6 +86,8 @@ impl Stored for Picture {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
+    use mesh_core::DepthMap;
+
     use super::*;
 
     fn view() -> View {
@@ -114,7 +95,7 @@ mod tests {
         let mut mask = ByteImage { height: 30, width: 40, channels: 1, data: vec![0; 1200] };
         mask.data[15 * 40 + 20] = 255;
         let color = ByteImage { height: 30, width: 40, channels: 3, data: vec![9; 3600] };
-        View { name: "7".into(), color, mask, camera, depth: None::<DepthMap> }
+        View { name: "7".into(), color, mask, camera, depth: None }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The camera in the object's frame: told, or estimated from the image.
 
 use autodiff_lite::Tape;
-use mesh_core::{Camera, TriMesh};
+use mesh_core::{Camera, TriMesh, iou};
 use ode_deform::solve::{SolveError, Stats};
 use recon::evaluate::seen_from;
 use synth::RenderOptions;
@@ -12,8 +12,7 @@ use super::deformer::Deformer;
 use super::single_view::{SingleView, guess};
 use crate::paired::{Pairs, Picture};
 use crate::viewpoint::{
-    self, DIRECTIONS, Hypothesis, LOOKED_AT, Viewpoint, as_seen, begin_at, hypotheses,
-    viewpoint_loss,
+    DIRECTIONS, Hypothesis, LOOKED_AT, Viewpoint, as_seen, begin_at, hypotheses, viewpoint_loss,
 };
 
 /// A mesh by the camera that the configuration asks for.
@@ -144,7 +143,6 @@ impl<D: Deformer> SingleView<D> {
 /// Intersection over union of what a camera sees of a mesh of the world and the picture's mask; 0 where it is no mesh.
 pub(super) fn overlap(picture: &Picture, mesh: &TriMesh, camera: &Camera) -> f64 {
     let Ok(seen) = seen_from(mesh, camera, &RenderOptions::default()) else { return 0.0 };
-    viewpoint::overlap(
-        seen.mask.data.iter().zip(&picture.mask).map(|(&a, &b)| (a >= 128, b >= 128)),
-    )
+    let pixels = seen.mask.data.iter().zip(&picture.mask);
+    iou(pixels.map(|(&a, &b)| (a >= 128, b >= 128))).unwrap_or(0.0)
 }

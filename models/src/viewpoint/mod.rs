@@ -8,7 +8,6 @@ mod beginning;
 mod hypothesis;
 mod loss;
 mod onnx;
-mod outline;
 mod place;
 #[cfg(test)]
 mod tests;
@@ -17,7 +16,6 @@ pub(crate) use beginning::{LOOKED_AT, begin_at};
 pub use hypothesis::{Hypothesis, hypotheses};
 pub use loss::viewpoint_loss;
 pub(crate) use onnx::{viewpoint_outputs, viewpoint_to_onnx};
-pub(crate) use outline::overlap;
 pub use place::{Viewpoint, as_seen};
 
 /// Directions around the object that the camera heads of the systems tell apart.

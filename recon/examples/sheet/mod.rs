@@ -17,11 +17,7 @@ pub(crate) fn sheet<const K: usize>(objects: &[&[Vec<View>; K]], across: usize) 
     let mut sheet = ByteImage::new(lines.len() * height, longest * width, 3);
     for (row, views) in lines.iter().enumerate() {
         for (column, view) in views.iter().enumerate() {
-            let tile = view.color.to_rgb();
-            for (i, line) in tile.data.chunks(3 * width).enumerate() {
-                let to = 3 * ((row * height + i) * sheet.width + column * width);
-                sheet.data[to..to + line.len()].copy_from_slice(line);
-            }
+            sheet.paste(&view.color.to_rgb(), [row * height, column * width]);
         }
     }
     sheet

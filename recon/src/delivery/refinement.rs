@@ -2,9 +2,10 @@
 
 use datasets::View;
 use diff_raster::FacesError;
+use mesh_core::Camera;
 use serde::Serialize;
 
-use crate::evaluate::{ViewScores, score_views};
+use crate::evaluate::{ViewScores, score_views_by};
 use crate::fit::Fitted;
 
 /// What became of cameras that were refined.
@@ -28,14 +29,12 @@ impl Refinement {
     pub(super) fn of(fitted: &Fitted, views: &[View]) -> Result<Option<Self>, FacesError> {
         let Some(found) = &fitted.cameras else { return Ok(None) };
         let held_out = fitted.held_out_views.iter().zip(&found.located);
-        let seen: Vec<View> = held_out
-            .map(|(&i, camera)| View { camera: camera.clone(), ..views[i].clone() })
-            .collect();
-        let seen: Vec<&View> = seen.iter().collect();
+        let seen: Vec<(&View, &Camera)> =
+            held_out.map(|(&i, camera)| (&views[i], camera)).collect();
         let located = if seen.is_empty() {
             None
         } else {
-            Some(score_views(&fitted.mesh, &seen, &|_, _| ())?)
+            Some(score_views_by(&fitted.mesh, &seen, &|_, _| ())?)
         };
         let (focal, motion, distance, gap) = (found.focal, found.motion, found.distance, found.gap);
         Ok(Some(Self { focal, motion, distance, gap, located }))

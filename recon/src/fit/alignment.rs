@@ -89,7 +89,7 @@ impl Run<'_, '_> {
         config: &FitConfig,
     ) -> Result<(), FitError> {
         let first = self.alignment.is_none();
-        if self.is_cancelled() || first && self.given.is_none() {
+        if self.ask_cancelled() || first && self.given.is_none() {
             return Ok(());
         }
         let (placement, given) = (self.fitted.placement, self.given.take());
@@ -104,12 +104,12 @@ impl Run<'_, '_> {
         let start = shape.positions.clone();
         let mut distance = before;
         for round in 0..REFINING.0 {
-            if self.is_cancelled() {
+            if self.ask_cancelled() {
                 break;
             }
             alignment.cameras.improve(shape, &mut self.train);
             for _ in 0..REFINING.1 {
-                if self.is_cancelled() {
+                if self.ask_cancelled() {
                     break;
                 }
                 let rate = RATE * config.learning_rate / ((round + 1) as f32).sqrt();

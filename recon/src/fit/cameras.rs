@@ -8,13 +8,11 @@
 //! The world's frame is not in the masks: turning, moving and scaling everything changes no outline. What the cameras moved by in
 //! common is therefore taken back, from them and from the mesh alike, so that the mesh stays in the frame of the input.
 
-use mesh_core::nalgebra::{
-    Matrix3, Matrix4, Matrix6, Rotation3, SMatrix, Vector3, Vector4, Vector6,
-};
+use mesh_core::nalgebra::{Matrix3, Matrix4, Rotation3, Vector3, Vector4, Vector6};
 use mesh_core::{Camera, Lens};
 use rayon::prelude::*;
 
-use super::outline::Border;
+use super::camera_equations::{Equations, Motion};
 use super::planes::Planes;
 use super::shape::Shape;
 use super::target::Target;
@@ -23,18 +21,9 @@ use super::target::Target;
 const ITERATIONS: usize = 2;
 /// Gauss-Newton steps of a view whose mesh is finished.
 const LOCATING: usize = 10;
-/// Damping, as a share of the weight of a residual that moves with its parameter pixel by pixel: what the masks do not tell (how a
-/// ball is turned) stays as it was.
-const DAMPING: f64 = 0.0003;
-/// The same for moves ahead and the focal length, which only perspective tells apart: more would stop them on their way.
-const FAINT: f64 = 0.0001;
 /// How strongly the focal length is held where it was given, in the same unit: on bodies like balls and capsules no outline tells it
 /// from the distance, and it would drift.
 const HELD: f64 = 0.002;
-/// Distances from here on, in pixels or in medians, count less: they are parts that the shape does not have.
-const OUTLIER: f64 = 1.0;
-const MEDIANS: f64 = 2.5;
-
 /// Cameras on their way from where they were given.
 #[derive(Clone, Debug)]
 pub(super) struct Cameras {
@@ -43,29 +32,6 @@ pub(super) struct Cameras {
     radius: f64,
     /// The focal length, times the one given.
     pub(super) focal: f64,
-}
-
-/// The normal equations of one view: six of its pose, and their coupling with the focal length.
-struct Equations {
-    pose: Matrix6<f64>,
-    coupling: Vector6<f64>,
-    focal: f64,
-    right: Vector6<f64>,
-    right_focal: f64,
-    /// Of all residuals.
-    weight: f64,
-    /// Pixels to a unit of a turn (radians), of a move aside, of a move ahead, and of the focal length's logarithm: the equations are in
-    /// pixels.
-    units: [f64; 4],
-}
-
-impl Equations {
-    /// The turn (radians) and the move of the camera, where the focal length's logarithm moves by `focal`.
-    fn step(&self, focal: f64) -> Vector6<f64> {
-        let [turn, aside, ahead, lens] = self.units;
-        solve(&self.pose, &(self.right - self.coupling * focal * lens))
-            .component_div(&Vector6::new(turn, turn, turn, aside, aside, ahead))
-    }
 }
 
 impl Cameras {
@@ -118,79 +84,24 @@ impl Cameras {
         target: &Target,
         edge: f32,
     ) -> Option<Equations> {
-        let camera = target.camera();
         let stride = target.lines_between_samples(edge);
-        let [sx, sy, cx, cy] = camera.lens.numbers();
-        let middle = camera.rotation * self.center + camera.translation;
-        let depth = if camera.is_perspective() { -middle.z } else { 1.0 };
-        let pixels = sx / depth;
-        let size = pixels * self.radius;
-        let units = [size, pixels, size / depth, size];
-        let mut rows: Vec<(SMatrix<f64, 7, 1>, f64, f64)> = Vec::new();
+        let motion = Motion::of(target.camera(), self.center, self.radius);
+        let mut residuals = Vec::new();
         shape.borders(
             planes,
             std::slice::from_ref(target),
             |_| stride,
             |_, border| {
-                let Border { ends, share, normal, distance, weight, point, .. } = border;
-                let [a, b] = ends.map(|v| shape.positions[v as usize]);
+                let [a, b] = border.ends.map(|v| shape.positions[v as usize]);
                 // Along the edge in space it is not the share in the image, but what is off is along the outline.
                 let p = Vector3::from_fn(|k, _| {
-                    let q = f64::from(a[k]) + f64::from(share) * f64::from(b[k] - a[k]);
+                    let q = f64::from(a[k]) + f64::from(border.share) * f64::from(b[k] - a[k]);
                     self.center[k] + self.radius * q
                 });
-                let arm = camera.rotation * (p - self.center);
-                let seen = arm + middle;
-                let over = if camera.is_perspective() { -seen.z } else { 1.0 };
-                let [nx, ny] = normal.map(f64::from);
-                // How the distance changes when the point moves in the camera's frame.
-                let mut toward = Vector3::new(nx * sx / over, -ny * sy / over, 0.0);
-                let from_axis = [f64::from(point[0]) - cx, f64::from(point[1]) - cy];
-                let spread = nx * from_axis[0] + ny * from_axis[1];
-                let lens = if camera.is_perspective() { spread } else { 0.0 };
-                toward.z = lens / over;
-                let turn = arm.cross(&toward);
-                let [by_turn, aside, ahead, by_lens] = units;
-                let row = SMatrix::<f64, 7, 1>::from_column_slice(&[
-                    turn.x / by_turn,
-                    turn.y / by_turn,
-                    turn.z / by_turn,
-                    toward.x / aside,
-                    toward.y / aside,
-                    toward.z / ahead,
-                    lens / by_lens,
-                ]);
-                rows.push((row, f64::from(distance), f64::from(weight)));
+                residuals.push(motion.residual(p - self.center, &border));
             },
         );
-        if rows.is_empty() {
-            return None;
-        }
-        let mut sizes: Vec<f64> = rows.iter().map(|(_, distance, _)| distance.abs()).collect();
-        sizes.sort_by(f64::total_cmp);
-        let outlier = OUTLIER.max(MEDIANS * sizes[sizes.len() / 2]);
-        let mut normal = SMatrix::<f64, 7, 7>::zeros();
-        let mut right = SMatrix::<f64, 7, 1>::zeros();
-        let mut total = 0.0;
-        for (row, distance, weight) in &rows {
-            let weight = weight / (1.0 + (distance / outlier).powi(2));
-            normal += weight * row * row.transpose();
-            right -= weight * distance * row;
-            total += weight;
-        }
-        let mut pose: Matrix6<f64> = normal.fixed_view::<6, 6>(0, 0).into_owned();
-        for k in 0..6 {
-            pose[(k, k)] += total * if k < 5 { DAMPING } else { FAINT };
-        }
-        Some(Equations {
-            pose,
-            coupling: normal.fixed_view::<6, 1>(0, 6).into_owned(),
-            focal: normal[(6, 6)] + FAINT * total,
-            right: right.fixed_view::<6, 1>(0, 0).into_owned(),
-            right_focal: right[6],
-            weight: total,
-            units,
-        })
+        Equations::of(&residuals, motion.units)
     }
 
     /// Takes back what all cameras moved by in common, from them and from the mesh.
@@ -283,7 +194,7 @@ impl Cameras {
 fn shared_focal(equations: &[Option<Equations>], moved: f64) -> f64 {
     let (mut normal, mut right) = (0.0, 0.0);
     for e in equations.iter().flatten() {
-        let eliminated = solve(&e.pose, &e.coupling);
+        let eliminated = e.solve(&e.coupling);
         let unit = e.units[3];
         let held = HELD * e.weight * unit * unit;
         normal += (e.focal - e.coupling.dot(&eliminated)) * unit * unit + held;
@@ -309,10 +220,6 @@ pub(super) fn longer(lens: Lens, factor: f64) -> Lens {
         }
         Lens::Orthographic { .. } => lens,
     }
-}
-
-fn solve(matrix: &Matrix6<f64>, right: &Vector6<f64>) -> Vector6<f64> {
-    matrix.cholesky().map_or_else(Vector6::zeros, |c| c.solve(right))
 }
 
 #[cfg(test)]

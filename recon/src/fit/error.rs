@@ -1,5 +1,7 @@
 //! Why a fit could not be made.
 
+use datasets::ViewError;
+
 /// What stopped a fit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -11,7 +13,9 @@ pub enum FitError {
     #[error("no views")]
     NoViews,
     /// No view shows the object.
-    #[error("masks are empty in all {views} views: nothing to fit")]
+    #[error(
+        "masks are empty in all {views} views: nothing to fit: 255 is the object, 0 what is not"
+    )]
     EmptyMasks {
         /// How many views there were.
         views: usize,
@@ -24,45 +28,12 @@ pub enum FitError {
         /// How many views there were.
         views: usize,
     },
-    /// A view's image, mask and camera disagree in size.
-    #[error(
-        "view {view}: {field} is {found:?} (height, width), but the camera's image is {expected:?}"
-    )]
-    Size {
-        /// Name of the view.
-        view: String,
-        /// `color` or `mask`.
-        field: &'static str,
-        /// Its height and width.
-        found: [usize; 2],
-        /// The camera's height and width.
-        expected: [usize; 2],
-    },
-    /// A view's image or mask has another number of channels than a fit takes.
-    #[error(
-        "view {view}: {field} has {found} channels, expected {expected}: an image has red, green and blue, a mask one channel"
-    )]
-    Channels {
-        /// Name of the view.
-        view: String,
-        /// `color` or `mask`.
-        field: &'static str,
-        /// Its channels.
-        found: usize,
-        /// Those that it should have.
-        expected: usize,
-    },
-    /// A camera that cannot be used.
-    #[error("view {view}: camera: {problem}")]
-    Camera {
-        /// Name of the view.
-        view: String,
-        /// What is wrong with it.
-        problem: String,
-    },
+    /// A view that is none.
+    #[error(transparent)]
+    View(#[from] ViewError),
     /// Too few views remain to learn a shape from.
     #[error(
-        "{remaining} of {views} views remain with the object in their mask{}; at least 2 are needed",
+        "{remaining} of {views} views remain with the object in their mask{}; at least 2 are needed: hold fewer out, or give more views",
         held_out(*.hold_out)
     )]
     TooFewViews {
@@ -80,7 +51,9 @@ pub enum FitError {
         reason: String,
     },
     /// A loss or its gradient became NaN or infinite.
-    #[error("step {step}: {loss} is not finite in {tensor} (view {view})")]
+    #[error(
+        "step {step}: {loss} is not finite in {tensor} (view {view}): a smaller learning-rate may help; else it is a defect of this program"
+    )]
     NotFinite {
         /// Step, counted over all stages.
         step: usize,

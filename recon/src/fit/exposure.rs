@@ -21,6 +21,9 @@ const FOUND: f32 = 1e-3;
 const LEFT: f64 = 0.5;
 /// And if one of them is as far from 1.
 const LEAST: f32 = 0.02;
+/// Factors of photographs of one object are at most so far apart from the mean, in sRGB: six stops of light, and as much the other way. What
+/// seems to be more has another cause, such as masks that are of the background.
+const MOST: f32 = 8.0;
 /// What a channel clips, below or above, says nothing about its factor.
 const CLIPPED: [f32; 2] = [0.02, 0.98];
 
@@ -74,6 +77,9 @@ impl Exposure {
             after = next.difference(&sums);
             let change = next.change(&exposure);
             exposure = exposure.towards(&next);
+            if !exposure.is_plausible() {
+                return None;
+            }
             if change < FOUND {
                 break;
             }
@@ -118,6 +124,11 @@ impl Exposure {
             std::array::from_fn(|c| a[c] * (b[c] / a[c]).powf(RELAXATION))
         };
         Self { factors: pairs.map(one).collect() }
+    }
+
+    /// Whether cameras differ by such factors.
+    fn is_plausible(&self) -> bool {
+        self.factors.iter().flatten().all(|factor| (1.0 / MOST..=MOST).contains(factor))
     }
 
     /// The largest difference of a factor.
@@ -167,5 +178,8 @@ mod tests {
         assert!((Exposure::even(3).difference(&views) - 3.0 * (0.1 + 0.025)).abs() < 1e-12);
         assert_eq!(found.brought(1, [0.1, 0.2, 0.3]), [0.2, 0.4, 0.6]);
         assert_eq!(found.change(&Exposure::even(3)), 1.0);
+        assert!(found.is_plausible());
+        assert!(!Exposure::of(&[sums(16.0), sums(0.03)]).is_plausible());
+        assert!(!Exposure { factors: vec![[1.0, f32::NAN, 1.0]] }.is_plausible());
     }
 }

@@ -44,6 +44,7 @@
 //! Nicolet, Jacobson and Jakob 2021, *Large Steps in Inverse Rendering of Geometry*.
 
 mod alignment;
+mod camera_equations;
 mod cameras;
 mod color;
 mod config;
@@ -70,6 +71,7 @@ mod planes;
 mod prior;
 mod quality;
 mod refine;
+mod selection;
 mod settle;
 mod shape;
 mod sight;
@@ -91,7 +93,6 @@ use train::progress::{Ended, Event, Facts, Step, Watch};
 
 pub use alignment::RefinedCameras;
 pub use config::{ColorKind, FitConfig, TopologyKind};
-pub use distance::signed_distance;
 pub use error::FitError;
 pub use photometric::PhotoConsistency;
 pub use placement::{Placement, cones};
@@ -102,6 +103,7 @@ pub use stepper::Stepper;
 use alignment::{Alignment, Given};
 use exposure::Exposure;
 use order::Order;
+use selection::Selection;
 use shape::Shape;
 use sight::Photographed;
 use start::Start;
@@ -150,6 +152,26 @@ pub struct Fitted {
 }
 
 impl Fitted {
+    /// Nothing found yet.
+    fn begun(placement: Placement, train_views: Vec<usize>, held_out_views: Vec<usize>) -> Self {
+        Self {
+            mesh: TriMesh::default(),
+            health: TriMesh::default().health(),
+            self_intersections: 0,
+            placement,
+            history: Vec::new(),
+            evaluations: Vec::new(),
+            train_views,
+            held_out_views,
+            cameras: None,
+            exposures: None,
+            photo_consistency: None,
+            seconds: Vec::new(),
+            warnings: Vec::new(),
+            ended: Ended::Completed,
+        }
+    }
+
     /// Least and greatest of [`exposures`](Self::exposures).
     pub fn exposure_range(&self) -> Option<[f32; 2]> {
         let all = || self.exposures.iter().flatten().flatten().copied();
@@ -198,41 +220,10 @@ impl<'a, 'o> Run<'a, 'o> {
         watch: &'a mut Watch<'o>,
     ) -> Result<Self, FitError> {
         let clock = Instant::now();
-        let held_back = views.split(config.hold_out).held_out;
+        let selection = Selection::of(views, config)?;
+        let mut warnings: Vec<String> = selection.remark().into_iter().collect();
+        let (train_views, held_out_views) = (selection.train, selection.held_out);
         let views = &views.views[..];
-        if views.is_empty() {
-            return Err(FitError::NoViews);
-        }
-        views.iter().try_for_each(check)?;
-        let mut warnings = Vec::new();
-        let (mut train_views, mut held_out_views) = (Vec::new(), Vec::new());
-        let mut empty = Vec::new();
-        for (index, view) in views.iter().enumerate() {
-            if view.mask.data.iter().all(|&m| m == 0) {
-                empty.push(view.name.as_str());
-            } else if held_back.binary_search(&index).is_ok() {
-                held_out_views.push(index);
-            } else {
-                train_views.push(index);
-            }
-        }
-        if empty.len() == views.len() {
-            return Err(FitError::EmptyMasks { views: views.len() });
-        }
-        if views.iter().all(|view| view.mask.data.iter().all(|&m| m != 0)) {
-            return Err(FitError::FullMasks { views: views.len() });
-        }
-        if train_views.len() < 2 {
-            return Err(FitError::TooFewViews {
-                remaining: train_views.len(),
-                views: views.len(),
-                hold_out: config.hold_out,
-            });
-        }
-        if !empty.is_empty() {
-            warnings
-                .push(format!("left out, since their mask is empty: views {}", empty.join(", ")));
-        }
         let measure = |indices: &[usize]| -> Vec<Target> {
             use rayon::prelude::*;
             let target = |&i| Target::new(&views[i], config.blur(), config.reach, MARGIN);
@@ -247,22 +238,8 @@ impl<'a, 'o> Run<'a, 'o> {
         for target in train.iter_mut().chain(&mut held_out) {
             target.place(placement.center, placement.radius);
         }
-        let fitted = Fitted {
-            mesh: TriMesh::default(),
-            health: TriMesh::default().health(),
-            self_intersections: 0,
-            placement,
-            history: Vec::new(),
-            evaluations: Vec::new(),
-            train_views,
-            held_out_views,
-            cameras: None,
-            exposures: None,
-            photo_consistency: None,
-            seconds: vec![("placement".into(), clock.elapsed().as_secs_f64())],
-            warnings: Vec::new(),
-            ended: Ended::Completed,
-        };
+        let mut fitted = Fitted::begun(placement, train_views, held_out_views);
+        fitted.seconds.push(("placement".into(), clock.elapsed().as_secs_f64()));
         let start = Some(start);
         let (alignment, begun) = (None, clock);
         let total = config.total_steps();
@@ -284,8 +261,8 @@ impl<'a, 'o> Run<'a, 'o> {
         Ok(run)
     }
 
-    /// Whether no further step is to be taken.
-    fn is_cancelled(&mut self) -> bool {
+    /// Asks whether no further step is to be taken, and keeps the answer where it is so.
+    fn ask_cancelled(&mut self) -> bool {
         if self.watch.is_cancelled() {
             self.fitted.ended = Ended::Cancelled;
         }
@@ -339,7 +316,7 @@ impl<'a, 'o> Run<'a, 'o> {
                 self.align(&mut shape, &mut order, config)?;
             }
             self.lap(&name);
-            if self.is_cancelled() {
+            if self.ask_cancelled() {
                 break;
             }
             // What begins as the hull's surface is as large as the masks allow already.
@@ -347,20 +324,20 @@ impl<'a, 'o> Run<'a, 'o> {
                 let step = self.fitted.history.len();
                 let (cancelled, train) = (|| self.watch.is_cancelled(), &self.train);
                 inflation::inflate(&mut shape, train, &mut order, config, step, &cancelled)?;
-                if self.is_cancelled() {
+                if self.ask_cancelled() {
                     break;
                 }
             }
         }
-        if config.filter_normals && !self.is_cancelled() {
+        if config.filter_normals && !self.ask_cancelled() {
             let step = self.fitted.history.len();
             let cancelled = || self.watch.is_cancelled();
             flatten::flatten(&mut shape, &self.train, config, step, &cancelled)?;
-            self.is_cancelled(); // says so
+            self.ask_cancelled();
             self.evaluate(&shape, self.fitted.history.len());
             self.lap("flatten");
         }
-        if config.photometric && !self.is_cancelled() {
+        if config.photometric && !self.ask_cancelled() {
             let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
             let step = self.fitted.history.len();
             self.stage("photometric", shape.positions.len(), shape.faces.len());
@@ -371,11 +348,11 @@ impl<'a, 'o> Run<'a, 'o> {
             self.evaluate(shape, step);
             self.lap("photometric");
         }
-        if thin && !self.is_cancelled() {
+        if thin && !self.ask_cancelled() {
             let step = self.fitted.history.len();
             let (cancelled, train) = (|| self.watch.is_cancelled(), &self.train);
             settle::settle(&mut shape, sound.as_deref(), train, config, step, &cancelled)?;
-            self.is_cancelled(); // says so
+            self.ask_cancelled();
             self.evaluate(&shape, self.fitted.history.len());
             self.lap("settle");
         }
@@ -391,7 +368,7 @@ impl<'a, 'o> Run<'a, 'o> {
     ) -> Result<(), FitError> {
         let mut distances = Vec::with_capacity(config.steps);
         for k in 0..config.steps {
-            if self.is_cancelled() {
+            if self.ask_cancelled() {
                 break;
             }
             let step = self.fitted.history.len() + 1;
@@ -409,7 +386,7 @@ impl<'a, 'o> Run<'a, 'o> {
             }
             self.stepped(vec![("silhouette", rms), ("bending", terms.bending)]);
             distances.push(rms);
-            let last = k + 1 == config.steps || self.is_cancelled();
+            let last = k + 1 == config.steps || self.ask_cancelled();
             let converged = order.is_whole()
                 && k >= WINDOW.max(config.steps / 2)
                 && distances[k] > (1.0 - config.tolerance) * distances[k - WINDOW];
@@ -476,24 +453,4 @@ impl<'a, 'o> Run<'a, 'o> {
         self.watch.tell(&Event::Finished { ended, done, seconds });
         self.fitted
     }
-}
-
-/// Whether a view can be used at all.
-fn check(view: &View) -> Result<(), FitError> {
-    let expected = [view.camera.height, view.camera.width];
-    for (field, image, expected) in [("color", &view.color, 3), ("mask", &view.mask, 1)] {
-        if image.channels != expected {
-            let (view, found) = (view.name.clone(), image.channels);
-            return Err(FitError::Channels { view, field, found, expected });
-        }
-    }
-    for (field, image) in [("color", &view.color), ("mask", &view.mask)] {
-        let found = [image.height, image.width];
-        if found != expected || image.data.len() != image.channels * found[0] * found[1] {
-            return Err(FitError::Size { view: view.name.clone(), field, found, expected });
-        }
-    }
-    view.camera
-        .validate()
-        .map_err(|e| FitError::Camera { view: view.name.clone(), problem: e.to_string() })
 }

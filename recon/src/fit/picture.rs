@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use datasets::View;
 use diff_raster::{Faces, Fragments, NONE, Scratch, Settings, rasterize_into};
+use mesh_core::bilinear;
 use mesh_core::vector::dot;
 use ndarray::ArrayView3;
 
@@ -126,19 +127,8 @@ impl Picture {
     /// How bright it is at a place, between the pixels' centres.
     #[inline]
     pub(super) fn at(&self, x: f32, y: f32) -> f32 {
-        let [w, h] = self.size;
-        let x = (x - 0.5).clamp(0.0, (w - 1) as f32);
-        let y = (y - 0.5).clamp(0.0, (h - 1) as f32);
-        let i = (x as usize).min(w.saturating_sub(2));
-        let j = (y as usize).min(h.saturating_sub(2));
-        let (fx, fy) = (x - i as f32, y - j as f32);
-        // The margin ends with the view, which may be a pixel wide or high: there is no other beside it, and no way to it.
-        let (right, down) = (usize::from(w > 1), usize::from(h > 1));
-        let row = |j: usize| &self.brightness[j * w + i..=j * w + i + right];
-        let (above, below) = (row(j), row(j + down));
-        let upper = above[0] + fx * (above[right] - above[0]);
-        let lower = below[0] + fx * (below[right] - below[0]);
-        upper + fy * (lower - upper)
+        let at = |i: usize, j: usize| [self.brightness[i * self.size[0] + j]];
+        bilinear(self.size, [x - 0.5, y - 0.5], at)[0]
     }
 
     /// How wide a pixel is at a depth, in the fitted frame.

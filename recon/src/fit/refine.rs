@@ -15,7 +15,7 @@ use super::shape::Shape;
 use super::sight::Photographed;
 use super::symmetry::mirrored;
 use super::target::Target;
-use super::{MARGIN, check, color, settle};
+use super::{MARGIN, color, settle};
 
 train::options! {
     /// Options of a refinement.
@@ -90,7 +90,9 @@ pub fn refine(mesh: &TriMesh, views: &[View], config: &RefineConfig) -> Result<T
     if views.is_empty() {
         return Err(FitError::NoViews);
     }
-    views.iter().try_for_each(check)?;
+    for view in views {
+        view.validate()?;
+    }
     let seen: Vec<&View> = views.iter().filter(|view| view.mask_bounds().is_some()).collect();
     if seen.is_empty() {
         return Err(FitError::EmptyMasks { views: views.len() });

@@ -2,9 +2,7 @@
 
 use datasets::View;
 
-use super::{
-    MARGIN, check, config::FitConfig, error::FitError, placement, shape::Shape, target::Target,
-};
+use super::{MARGIN, config::FitConfig, error::FitError, placement, shape::Shape, target::Target};
 
 /// A fit that is advanced step by step, at one level, over all views it was given.
 ///
@@ -28,7 +26,9 @@ impl Stepper {
         if !problems.is_empty() {
             return Err(FitError::Config(problems));
         }
-        views.iter().try_for_each(check)?;
+        for view in views {
+            view.validate()?;
+        }
         let seen: Vec<&View> = views.iter().filter(|v| v.mask_bounds().is_some()).collect();
         let mut targets: Vec<Target> = seen
             .iter()

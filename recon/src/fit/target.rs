@@ -1,7 +1,7 @@
 //! What the outline of the mesh is pulled towards in one view.
 
 use datasets::View;
-use mesh_core::Camera;
+use mesh_core::{Camera, Mask, bilinear, iou};
 
 use super::contour::Surface;
 use super::distance::Blur;
@@ -55,14 +55,11 @@ impl Target {
             ((top + rows + pad).min(view.mask.height), (left + columns + pad).min(view.mask.width));
         let (top, left) = (top.saturating_sub(pad), left.saturating_sub(pad));
         let (height, width) = (bottom - top, right - left);
-        let mask: Vec<bool> = (top..bottom)
-            .flat_map(|r| &view.mask.data[r * view.mask.width + left..][..width])
-            .map(|&m| m != 0)
-            .collect();
+        let mask = Mask::at_least(&view.mask.cropped(left, top, width, height), 1);
         let reach = (reach * size).max(2.0);
         let unit = reach / f32::from(i16::MAX);
-        let mut bits = vec![0u8; mask.len().div_ceil(8)];
-        for (pixel, _) in mask.iter().enumerate().filter(|(_, m)| **m) {
+        let mut bits = vec![0u8; mask.data.len().div_ceil(8)];
+        for (pixel, _) in mask.data.iter().enumerate().filter(|(_, m)| **m) {
             bits[pixel / 8] |= 1 << (pixel % 8);
         }
         let camera = view.camera.cropped(left, top, width, height);
@@ -73,11 +70,11 @@ impl Target {
             width,
             height,
             perspective: camera.is_perspective(),
-            world: rows_of(&camera),
+            world: camera.pixel_projection(),
             camera,
             rows: [[0.0; 4]; 3],
             eye: [0.0; 4],
-            distance: quantized(&mask, height, width, blur, unit),
+            distance: quantized(&mask, blur, unit),
             unit,
             mask: bits,
         };
@@ -87,9 +84,7 @@ impl Target {
 
     /// Measures the mask anew.
     pub(super) fn measure(&mut self, blur: Blur) {
-        let pixels = self.height * self.width;
-        let mask: Vec<bool> = (0..pixels).map(|pixel| self.in_mask(pixel)).collect();
-        self.distance = quantized(&mask, self.height, self.width, blur, self.unit);
+        self.distance = quantized(&self.mask(), blur, self.unit);
     }
 
     /// The camera of the box.
@@ -99,7 +94,7 @@ impl Target {
 
     /// Takes another camera of the same box; [`place`](Self::place) is to follow.
     pub(super) fn set_camera(&mut self, camera: Camera) {
-        self.world = rows_of(&camera);
+        self.world = camera.pixel_projection();
         self.camera = camera;
     }
 
@@ -183,21 +178,9 @@ impl Target {
     /// border's value beyond it.
     #[inline]
     pub(super) fn distance(&self, column: f32, row: f32) -> f32 {
-        let x = (column - 0.5).clamp(0.0, (self.width - 1) as f32);
-        let y = (row - 0.5).clamp(0.0, (self.height - 1) as f32);
-        let i = (x as usize).min(self.width.saturating_sub(2));
-        let j = (y as usize).min(self.height.saturating_sub(2));
-        let (fx, fy) = (x - i as f32, y - j as f32);
-        let at = |k: usize| f32::from(self.distance[k]);
-        let k = j * self.width + i;
-        // A box that is a pixel wide or high has no other beside it, and no way to it.
-        let right = usize::from(self.width > 1);
-        let below = if self.height > 1 { k + self.width } else { k };
-        let (upper, lower) = (
-            at(k) + fx * (at(k + right) - at(k)),
-            at(below) + fx * (at(below + right) - at(below)),
-        );
-        self.unit * (upper + fy * (lower - upper))
+        let at = |row: usize, column: usize| [f32::from(self.distance[row * self.width + column])];
+        let [distance] = bilinear([self.width, self.height], [column - 0.5, row - 0.5], at);
+        self.unit * distance
     }
 
     /// Whether a pixel of the box, counted row by row, is in the mask.
@@ -207,13 +190,8 @@ impl Target {
 
     /// Intersection over union of the mask and the pixels of the box that are covered.
     pub(super) fn iou(&self, covered: &[bool]) -> f64 {
-        let (mut both, mut either) = (0u64, 0u64);
-        for (pixel, &covered) in covered.iter().enumerate() {
-            let inside = self.in_mask(pixel);
-            both += u64::from(covered && inside);
-            either += u64::from(covered || inside);
-        }
-        both as f64 / either.max(1) as f64
+        let pixels = covered.iter().enumerate();
+        iou(pixels.map(|(pixel, &covered)| (covered, self.in_mask(pixel)))).unwrap_or(0.0)
     }
 
     /// Pixels of the mask.
@@ -221,31 +199,18 @@ impl Target {
         self.mask.iter().map(|byte| byte.count_ones() as usize).sum()
     }
 
+    /// The mask of the box.
+    fn mask(&self) -> Mask {
+        let (height, width) = (self.height, self.width);
+        Mask { height, width, data: (0..height * width).map(|pixel| self.in_mask(pixel)).collect() }
+    }
+
     /// Whether the mask encloses background that is somewhere further than `far` pixels from it.
     pub(super) fn shows_a_hole(&self, far: f32) -> bool {
-        let (width, height) = (self.width, self.height);
-        let border = |p: usize| {
-            p < width
-                || p + width >= width * height
-                || p.is_multiple_of(width)
-                || (p + 1).is_multiple_of(width)
-        };
-        let mut reached: Vec<bool> = (0..width * height).map(|p| self.in_mask(p)).collect();
-        let mut queue: Vec<usize> =
-            (0..width * height).filter(|&p| border(p) && !reached[p]).collect();
-        for &p in &queue {
-            reached[p] = true;
-        }
-        while let Some(pixel) = queue.pop() {
-            for next in [pixel.wrapping_sub(width), pixel.wrapping_sub(1), pixel + 1, pixel + width]
-            {
-                if next < reached.len() && !reached[next] {
-                    reached[next] = true;
-                    queue.push(next);
-                }
-            }
-        }
-        (0..reached.len()).any(|p| !reached[p] && f32::from(self.distance[p]) * self.unit > far)
+        let holes = self.mask().holes();
+        let deep =
+            |(&hole, &distance): (&bool, &i16)| hole && f32::from(distance) * self.unit > far;
+        holes.data.iter().zip(&self.distance).any(deep)
     }
 
     /// How many lines apart the outline is sampled so that an edge of this length is met about four
@@ -263,29 +228,17 @@ impl Target {
 }
 
 /// Signed distances in units of `unit` pixels.
-fn quantized(mask: &[bool], height: usize, width: usize, blur: Blur, unit: f32) -> Vec<i16> {
+fn quantized(mask: &Mask, blur: Blur, unit: f32) -> Vec<i16> {
     let reach = unit * f32::from(i16::MAX);
     let sure = if blur.keeps_thin { 0.5 * SURE } else { SURE };
-    blur.distance(mask, height, width)
+    blur.distance(mask)
+        .data
         .into_iter()
-        .zip(mask)
+        .zip(&mask.data)
         // What is a pixel wide would be blurred away: what the mask says of a pixel holds.
         .map(|(d, &inside)| if inside { d.min(-sure) } else { d.max(sure) })
         .map(|d| (d.clamp(-reach, reach) / unit).round() as i16)
         .collect()
-}
-
-/// Rows x, y, depth over world points, to pixels.
-fn rows_of(camera: &Camera) -> [[f64; 4]; 3] {
-    let [x, y, depth] = camera.projection();
-    // NDC to pixels of the box: column = (x + 1) W / 2, row = (1 - y) H / 2.
-    let (w, h) = (camera.width as f64 / 2.0, camera.height as f64 / 2.0);
-    let one = if camera.is_perspective() { depth } else { [0.0, 0.0, 0.0, 1.0] };
-    [
-        std::array::from_fn(|k| (x[k] + one[k]) * w),
-        std::array::from_fn(|k| (one[k] - y[k]) * h),
-        depth,
-    ]
 }
 
 #[cfg(test)]

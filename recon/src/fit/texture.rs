@@ -1,7 +1,7 @@
 //! A texture for any mesh, in charts that mipmaps do not mix.
 
 use datasets::View;
-use mesh_core::{Image, Texture};
+use mesh_core::{Image, Texture, bilinear};
 use rayon::prelude::*;
 
 use super::exposure::Exposure;
@@ -109,20 +109,11 @@ fn seen(sight: &Sight, target: &Target, view: &View, q: [f32; 3]) -> Option<([f3
     if depth > sight.fragments.depth[nearest] + slack {
         return None;
     }
-    let (x, y) = (column - 0.5, row - 0.5);
-    let (i, j) = (x as usize, y as usize);
-    let (fx, fy) = (x - i as f32, y - j as f32);
-    let channels = view.color.channels;
-    let at = |r: usize, c: usize, k: usize| {
-        let pixel = (target.top + j + r) * view.color.width + target.left + i + c;
-        f32::from(view.color.data[pixel * channels + k.min(channels - 1)])
-    };
-    let color = std::array::from_fn(|k| {
-        let upper = at(0, 0, k) * (1.0 - fx) + at(0, 1, k) * fx;
-        let lower = at(1, 0, k) * (1.0 - fx) + at(1, 1, k) * fx;
-        (upper * (1.0 - fy) + lower * fy) / 255.0
+    let bytes = bilinear([target.width, target.height], [column - 0.5, row - 0.5], |i, j| {
+        let pixel = view.color.pixel(target.top + i, target.left + j);
+        std::array::from_fn(|c| f32::from(pixel[c.min(view.color.channels - 1)]))
     });
-    Some((color, inside.min(1.0)))
+    Some((bytes.map(|byte| byte / 255.0), inside.min(1.0)))
 }
 
 fn mix(b: [f32; 3], x: [[f32; 3]; 3]) -> [f32; 3] {

@@ -1,6 +1,6 @@
 //! What is wrong with a set of views: each supposition is tried, and the best explanation named.
 
-use datasets::{Truth, View};
+use datasets::{Layout, ReadOptions, Truth, View};
 use mesh_core::sample_points;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -177,11 +177,11 @@ pub(crate) fn diagnose(
     views: &[View],
     eyes: &[Eye],
     truth: &Truth,
-    poses: Option<PosesRead>,
+    (layout, reading): (Layout, &ReadOptions),
 ) -> (Agreement, Vec<Problem>, Option<Ball>) {
     let mut problems = Vec::new();
     let mut found = Agreement::default();
-    masks(views, eyes, &mut problems);
+    masks(views, eyes, reading, &mut problems);
     let inverted = problems.iter().any(|p| p.kind == "inverted_masks");
     let points = points_of(truth);
     if coincide(eyes) {
@@ -206,7 +206,7 @@ pub(crate) fn diagnose(
     let step = eyes.len().div_ceil(SEARCHED);
     let searched: Vec<Eye> = eyes.iter().step_by(step).cloned().collect();
     let judge = Judge { eyes: &searched, points: points.as_deref() };
-    cameras(&judge, poses, &mut found, &mut problems);
+    cameras(&judge, PosesRead::of(layout, reading), &mut found, &mut problems);
     if let Some(ball) = ball {
         finer::look(views, ball, &mut found, &mut problems);
     }
@@ -214,7 +214,7 @@ pub(crate) fn diagnose(
 }
 
 /// What the masks alone show.
-fn masks(views: &[View], eyes: &[Eye], problems: &mut Vec<Problem>) {
+fn masks(views: &[View], eyes: &[Eye], reading: &ReadOptions, problems: &mut Vec<Problem>) {
     let names = |wanted: &dyn Fn(&Eye) -> bool| -> Vec<&str> {
         let kept = views.iter().zip(eyes).filter(|(_, eye)| wanted(eye));
         kept.map(|(view, _)| view.name.as_str()).collect()
@@ -227,8 +227,11 @@ fn masks(views: &[View], eyes: &[Eye], problems: &mut Vec<Problem>) {
     let shown = eyes.len() - empty.len();
     let background = |eye: &Eye| eye.border_share() > 0.75;
     if shown > 0 && 5 * eyes.iter().filter(|eye| background(eye)).count() >= 4 * shown {
-        let message = "the masks look inverted: they cover the border of the images; read them \
-                       with --invert-masks";
+        let message = if reading.invert {
+            "the masks look inverted: they cover the border of the images; leave --invert-masks away"
+        } else {
+            "the masks look inverted: they cover the border of the images; read them with --invert-masks"
+        };
         problems.push(Problem::new("inverted_masks", message));
         return;
     }

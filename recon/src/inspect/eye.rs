@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use datasets::View;
 use mesh_core::nalgebra::{Matrix3, Vector3};
-use mesh_core::{Camera, Lens};
+use mesh_core::{Camera, Lens, Mask};
 
 /// Longer sides are averaged down to this: enough to judge by, little enough to search with.
 const LONGEST: usize = 192;
@@ -46,29 +46,19 @@ pub(crate) struct Eye {
 impl Eye {
     /// The view as it is given, made small.
     pub(crate) fn new(view: &View) -> Self {
-        let (mask, camera) = if view.mask.height.max(view.mask.width) > LONGEST {
-            let [h, w] = view.mask.size_within(LONGEST);
-            (view.mask.resized(h, w), view.camera.resized(w, h))
-        } else {
-            (view.mask.clone(), view.camera.clone())
-        };
-        let bits = mask.data.iter().map(|&m| m >= 128).collect();
-        Self::from_parts(camera, bits)
+        Self::seen_by(view, &view.camera)
     }
 
-    fn from_parts(camera: Camera, mask: Vec<bool>) -> Self {
-        let (h, w) = (camera.height, camera.width);
-        let on = |i: usize, j: usize| mask[i * w + j];
-        let mut grown = mask.clone();
-        for i in 0..h {
-            for j in 0..w {
-                grown[i * w + j] = (i.saturating_sub(1)..(i + 2).min(h))
-                    .any(|a| (j.saturating_sub(1)..(j + 2).min(w)).any(|b| on(a, b)));
-            }
-        }
-        let open =
-            (0..w).any(|j| on(0, j) || on(h - 1, j)) || (0..h).any(|i| on(i, 0) || on(i, w - 1));
-        Self { rows: camera.projection(), camera, mask: mask.into(), grown: grown.into(), open }
+    /// The same where its camera is another.
+    pub(crate) fn seen_by(view: &View, camera: &Camera) -> Self {
+        let (mask, camera) = view.mask_within(LONGEST, camera);
+        Self::from_parts(camera, mask.data)
+    }
+
+    fn from_parts(camera: Camera, data: Vec<bool>) -> Self {
+        let mask = Mask { height: camera.height, width: camera.width, data };
+        let (grown, open) = (mask.dilated().data.into(), mask.touches_border());
+        Self { rows: camera.projection(), camera, mask: mask.data.into(), grown, open }
     }
 
     /// The same image under another reading.

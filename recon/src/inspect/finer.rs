@@ -1,7 +1,8 @@
 //! What only measures between pixels find: a view that stands apart, a lens that is a little off, masks that are too large.
 
 use datasets::View;
-use mesh_core::ByteImage;
+use mesh_core::{ByteImage, Camera};
+use rayon::prelude::*;
 
 use super::coherence::{Coherence, Outlines};
 use super::coverage::Unseen;
@@ -169,14 +170,16 @@ pub(crate) struct Fitness {
     pub(crate) mask_edge: Option<f64>,
 }
 
-/// How masks fit together, and to the colours that belong to them.
-pub(super) fn fitness(views: &[View], colors: &[&ByteImage], ball: Ball) -> Option<Fitness> {
-    let silhouettes = Silhouette::all(views);
+/// How the masks of views fit together under these cameras, and to the views' colours.
+pub(super) fn fitness(views: &[(&View, &Camera)], ball: Ball) -> Option<Fitness> {
+    let seen = |&(view, camera): &(&View, &Camera)| Silhouette::seen_by(view, camera);
+    let silhouettes: Vec<Silhouette> = views.par_iter().map(seen).collect();
+    let colors: Vec<&ByteImage> = views.iter().map(|(view, _)| &view.color).collect();
     let outlines = Outlines { views: &silhouettes, ball: roomy(ball) };
     Some(Fitness {
         coherence: mean(&outlines.coherence())?,
         lens: best_lens(&outlines).filter(explains),
-        mask_edge: mask_edge::offset(colors, &silhouettes),
+        mask_edge: mask_edge::offset(&colors, &silhouettes),
     })
 }
 

@@ -1,7 +1,7 @@
 //! Where images change beside the masks' edges: masks that are too large or too small fit together as well as right ones, but
 //! their edges do not lie where the colours change.
 
-use mesh_core::ByteImage;
+use mesh_core::{ByteImage, bilinear};
 use rayon::prelude::*;
 
 use super::silhouette::Silhouette;
@@ -39,8 +39,12 @@ fn of_view(color: &ByteImage, silhouette: &Silhouette) -> Option<f64> {
             continue; // a thin part, or a corner: there is no one direction outwards
         }
         let sample = |offset: f32| {
-            let scale = silhouette.scale as f32;
-            bilinear(color, (x + offset * gx / long) * scale, (y + offset * gy / long) * scale)
+            let place = [x + offset * gx / long, y + offset * gy / long];
+            let place = place.map(|at| at * silhouette.scale as f32 - 0.5);
+            bilinear::<3>([color.width, color.height], place, |i, j| {
+                let pixel = color.pixel(i, j);
+                std::array::from_fn(|c| f32::from(pixel[c.min(color.channels - 1)]))
+            })
         };
         for (k, sum) in profile.iter_mut().enumerate() {
             let offset = k as f32 / PER_PIXEL as f32 - REACH;
@@ -66,22 +70,4 @@ fn of_view(color: &ByteImage, silhouette: &Silhouette) -> Option<f64> {
         weight += above;
     }
     (weight > 0.0).then(|| sum / weight)
-}
-
-/// The colour between pixel centres; that of the border beyond it.
-fn bilinear(image: &ByteImage, column: f32, row: f32) -> [f32; 3] {
-    let (w, h, channels) = (image.width, image.height, image.channels);
-    let x = (column - 0.5).clamp(0.0, (w - 1) as f32);
-    let y = (row - 0.5).clamp(0.0, (h - 1) as f32);
-    let (j, i) = (x as usize, y as usize);
-    let (fx, fy) = (x - j as f32, y - i as f32);
-    std::array::from_fn(|c| {
-        let at = |i: usize, j: usize| {
-            let pixel = i.min(h - 1) * w + j.min(w - 1);
-            f32::from(image.data[pixel * channels + c.min(channels - 1)])
-        };
-        let upper = at(i, j) + fx * (at(i, j + 1) - at(i, j));
-        let lower = at(i + 1, j) + fx * (at(i + 1, j + 1) - at(i + 1, j));
-        upper + fy * (lower - upper)
-    })
 }

@@ -61,7 +61,6 @@ use serde::Serialize;
 
 use eye::Eye;
 use finer::Fitness;
-use poses_read::PosesRead;
 
 /// Cells along the longest side of the hull that is drawn.
 const GRID: usize = 64;
@@ -70,6 +69,7 @@ const GRID: usize = 64;
 #[derive(Clone, Debug, Serialize)]
 pub struct Inspection {
     /// What was opened.
+    #[serde(serialize_with = "train::path_text::serialize")]
     pub path: PathBuf,
     /// How it is laid out.
     pub layout: String,
@@ -196,10 +196,11 @@ pub fn inspect(
     })
 }
 
-/// How the masks of views fit together, and to the images that `colors` has instead of theirs; none where they fix no body.
-pub(crate) fn fitness_of(views: &[View], colors: &[&ByteImage]) -> Option<Fitness> {
-    let eyes: Vec<Eye> = views.par_iter().map(Eye::new).collect();
-    finer::fitness(views, colors, hull::ball(&eyes)?)
+/// How the masks of views fit together under these cameras, and to the views' colours; none where they fix no body.
+pub(crate) fn fitness_of(views: &[(&View, &Camera)]) -> Option<Fitness> {
+    let eyes: Vec<Eye> =
+        views.par_iter().map(|&(view, camera)| Eye::seen_by(view, camera)).collect();
+    finer::fitness(views, hull::ball(&eyes)?)
 }
 
 /// Share of the directions that a surface can face in which no camera sees it, and the axis nearest to their middle.
@@ -235,7 +236,7 @@ fn counts(entries: &[Entry], name: impl Fn(&Entry) -> Option<String>) -> Vec<Cou
 /// Looks closely at the views of one object, against its truth where there is one.
 ///
 /// # Panics
-/// If there are no views.
+/// If there are no views, or one of them is [not valid](datasets::View::validate).
 pub fn inspect_views(views: &Views, truth: &Truth) -> ObjectInspection {
     inspect_views_with(views, truth, &ReadOptions::default())
 }
@@ -248,8 +249,8 @@ pub fn inspect_views_with(views: &Views, truth: &Truth, reading: &ReadOptions) -
     assert!(!views.is_empty(), "inspect_views: no views");
     let list = &views.views;
     let eyes: Vec<Eye> = list.par_iter().map(Eye::new).collect();
-    let poses = PosesRead::of(views.layout, reading);
-    let (agreement, problems, ball) = diagnosis::diagnose(list, &eyes, truth, poses);
+    let (agreement, problems, ball) =
+        diagnosis::diagnose(list, &eyes, truth, (views.layout, reading));
     let hull = ball.and_then(|ball| hull::carve(&eyes, ball, GRID));
     let fovs: Option<Vec<f64>> =
         list.iter().map(|view| view.camera.fov().map(|fov| fov[0].to_degrees())).collect();

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use datasets::View;
-use mesh_core::{ByteImage, Camera, VoxelGrid};
+use mesh_core::{ByteImage, Camera, Mask, VoxelGrid};
 
 use super::hull::Ball;
 
@@ -27,26 +27,19 @@ pub(crate) fn contact_sheet(views: &[View]) -> ByteImage {
     for (k, view) in shown.iter().enumerate() {
         let top = k / columns * TILE + (TILE - view.color.height) / 2;
         let left = k % columns * TILE + (TILE - view.color.width) / 2;
-        for i in 0..view.color.height {
-            for j in 0..view.color.width {
-                let at = ((top + i) * sheet.width + left + j) * 3;
-                let color = if on_border(&view.mask, i, j) {
-                    &[40, 220, 90]
-                } else {
-                    view.color.pixel(i, j)
-                };
-                sheet.data[at..at + 3].copy_from_slice(color);
-            }
-        }
+        sheet.paste(&outlined(view), [top, left]);
     }
     sheet
 }
 
-fn on_border(mask: &ByteImage, i: usize, j: usize) -> bool {
-    let on = |i: usize, j: usize| {
-        i < mask.height && j < mask.width && mask.data[i * mask.width + j] != 0
-    };
-    on(i, j) && !(i > 0 && on(i - 1, j) && on(i + 1, j) && j > 0 && on(i, j - 1) && on(i, j + 1))
+/// The view with the outline of its mask.
+fn outlined(view: &View) -> ByteImage {
+    let mut color = view.color.to_rgb();
+    let outline = Mask::at_least(&view.mask, 1).outline();
+    for (pixel, _) in color.data.chunks_exact_mut(3).zip(outline.data).filter(|(_, on)| *on) {
+        pixel.copy_from_slice(&[40, 220, 90]);
+    }
+    color
 }
 
 /// Which two axes of the world a drawing shows: right and up.

@@ -3,10 +3,8 @@
 use std::sync::Arc;
 
 use datasets::View;
-use mesh_core::Camera;
+use mesh_core::{Camera, bilinear};
 use rayon::prelude::*;
-
-use crate::fit::signed_distance;
 
 /// Longer sides are averaged down to this.
 const LONGEST: usize = 320;
@@ -40,28 +38,25 @@ impl Silhouette {
     }
 
     pub(super) fn new(view: &View) -> Self {
+        Self::seen_by(view, &view.camera)
+    }
+
+    /// The same where the view's camera is another.
+    pub(super) fn seen_by(view: &View, camera: &Camera) -> Self {
         let side = view.mask.height.max(view.mask.width);
-        let (mask, camera) = if side > LONGEST {
-            let [h, w] = view.mask.size_within(LONGEST);
-            (view.mask.resized(h, w), view.camera.resized(w, h))
-        } else {
-            (view.mask.clone(), view.camera.clone())
-        };
-        let (h, w) = (camera.height, camera.width);
-        let bits: Vec<bool> = mask.data.iter().map(|&m| m >= 128).collect();
-        let on = |i: usize, j: usize| bits[i * w + j];
-        let open =
-            (0..w).any(|j| on(0, j) || on(h - 1, j)) || (0..h).any(|i| on(i, 0) || on(i, w - 1));
-        let distance: Arc<[i8]> = signed_distance(&bits, h, w, BLUR)
+        let (mask, camera) = view.mask_within(LONGEST, camera);
+        let distance: Arc<[i8]> = mask
+            .signed_distance(BLUR)
+            .data
             .into_iter()
             .map(|d| (STEPS * d).round().clamp(-127.0, 127.0) as i8)
             .collect();
         Self {
-            rows: rows(&camera),
-            outline: outline(&distance, h, w).into(),
+            rows: camera.pixel_projection(),
+            outline: outline(&distance, mask.height, mask.width).into(),
             distance,
-            open,
-            area: bits.iter().filter(|bit| **bit).count(),
+            open: mask.touches_border(),
+            area: mask.count(),
             scale: side as f64 / side.min(LONGEST) as f64,
             camera,
         }
@@ -69,7 +64,7 @@ impl Silhouette {
 
     /// The same mask seen by another camera.
     pub(super) fn with(&self, camera: Camera) -> Self {
-        Self { rows: rows(&camera), camera, ..self.clone() }
+        Self { rows: camera.pixel_projection(), camera, ..self.clone() }
     }
 
     /// Signed distance in pixels of where a world point is seen, negative inside of the outline: bilinear, up to 15.9. What is
@@ -94,20 +89,9 @@ impl Silhouette {
     /// Signed distance in pixels at a place in the image.
     #[inline]
     pub(super) fn between(&self, [column, row]: [f32; 2]) -> f32 {
-        // Sixteen bits become floats in one instruction, and sides are of at most `LONGEST`.
-        let (w, h) = (self.camera.width as u16, self.camera.height as u16);
-        let x = (column - 0.5).clamp(0.0, f32::from(w - 1));
-        let y = (row - 0.5).clamp(0.0, f32::from(h - 1));
-        let (j, i) = ((x as u16).min(w.max(2) - 2), (y as u16).min(h.max(2) - 2));
-        let (fx, fy) = (x - f32::from(j), y - f32::from(i));
-        let right = usize::from((j + 1).min(w - 1) - j);
-        let row = |i: u16| {
-            let first = usize::from(i.min(h - 1)) * usize::from(w) + usize::from(j);
-            let (a, b) = (f32::from(self.distance[first]), f32::from(self.distance[first + right]));
-            a + fx * (b - a)
-        };
-        let (upper, lower) = (row(i), row(i + 1));
-        (upper + fy * (lower - upper)) / STEPS
+        let (width, height) = (self.camera.width, self.camera.height);
+        let at = |i: usize, j: usize| [f32::from(self.distance[i * width + j])];
+        bilinear([width, height], [column - 0.5, row - 0.5], at)[0] / STEPS
     }
 
     /// Places on the outline, at most so many, evenly spread.
@@ -156,15 +140,4 @@ fn outline(distance: &[i8], h: usize, w: usize) -> Vec<[f64; 2]> {
 fn spread(found: &[[f64; 2]], most: usize) -> impl ExactSizeIterator<Item = [f64; 2]> {
     let count = found.len().min(most);
     (0..count).map(move |k| found[(2 * k + 1) * found.len() / (2 * count)])
-}
-
-fn rows(camera: &Camera) -> [[f64; 4]; 3] {
-    let [x, y, depth] = camera.projection();
-    let (w, h) = (camera.width as f64 / 2.0, camera.height as f64 / 2.0);
-    let one = if camera.is_perspective() { depth } else { [0.0, 0.0, 0.0, 1.0] };
-    [
-        std::array::from_fn(|k| (x[k] + one[k]) * w),
-        std::array::from_fn(|k| (one[k] - y[k]) * h),
-        depth,
-    ]
 }

@@ -2,7 +2,7 @@
 
 use datasets::{View, Views};
 use diff_raster::FacesError;
-use mesh_core::{ByteImage, Camera};
+use mesh_core::Camera;
 use serde::{Deserialize, Serialize};
 
 use super::disagreement::{self, Disagreement, LONGEST};
@@ -61,20 +61,9 @@ impl Evidence {
         let held_out = &fitted.held_out_views;
         let mask_iou = if held_out.is_empty() { fitted_iou } else { mean(held_out) };
         judged.sort_by(|a, b| a.mask_iou.total_cmp(&b.mask_iou).then(a.index.cmp(&b.index)));
-        let train: Vec<View> = fitted
-            .train_views
-            .iter()
-            .map(|&i| View {
-                color: ByteImage::default(),
-                depth: None,
-                name: String::new(),
-                mask: views.views[i].mask.clone(),
-                camera: camera(i).clone(),
-            })
-            .collect();
-        let colors: Vec<&ByteImage> =
-            fitted.train_views.iter().map(|&i| &views.views[i].color).collect();
-        let fitness = fitness_of(&train, &colors);
+        let train: Vec<(&View, &Camera)> =
+            fitted.train_views.iter().map(|&i| (&views.views[i], camera(i))).collect();
+        let fitness = fitness_of(&train);
         let seen = fitted.train_views.iter().map(|&i| camera(i));
         let longest = shown.iter().map(|&i| camera(i).width.max(camera(i).height)).max();
         let brought = (LONGEST as f64 / longest.unwrap_or(0) as f64).min(1.0);

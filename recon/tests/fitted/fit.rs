@@ -1,6 +1,6 @@
 //! Whole fits: shapes that are known, at a size that takes seconds.
 
-use datasets::Views;
+use datasets::{ViewError, Views};
 use mesh_core::{ByteImage, TriMesh, primitives};
 use recon::evaluate::score_views;
 use recon::fit::{ColorKind, FitConfig, FitError, Fitted, TopologyKind, fit};
@@ -201,7 +201,8 @@ fn what_cannot_be_fitted_is_an_error_that_says_why() {
         let image = if field == "color" { &mut view.color } else { &mut view.mask };
         *image = ByteImage::new(image.height, image.width, found);
         let view = view.name.clone();
-        assert_eq!(fails(&other, &config()), FitError::Channels { view, field, found, expected });
+        let wrong = ViewError::Channels { view, field, found, expected };
+        assert_eq!(fails(&other, &config()), FitError::View(wrong));
     }
 
     let mut full = good.clone();
@@ -234,7 +235,13 @@ fn what_cannot_be_fitted_is_an_error_that_says_why() {
 
     let mut broken = good.clone();
     broken.views[2].camera.translation.x = f64::NAN;
-    assert!(matches!(fails(&broken, &config()), FitError::Camera { view, .. } if view == "2"));
+    let error = fails(&broken, &config());
+    assert!(matches!(error, FitError::View(ViewError::Camera { view, .. }) if view == "2"));
+
+    let mut unsure = good.clone();
+    unsure.views[1].mask.data[3] = 1;
+    let text = fails(&unsure, &config()).to_string();
+    assert!(text.contains("row 0, column 3") && text.contains("threshold"), "{text}");
 
     let wrong = FitConfig { steps: 0, ..config() };
     assert!(fails(&good, &wrong).to_string().contains("`steps` is 0"));

@@ -67,7 +67,7 @@ fn all_views(data: &Data, object: usize) -> Result<Vec<View>, DataError> {
 }
 
 fn seen(view: &View) -> Vec<f32> {
-    let color = recon::evaluate::masked(view).resized(SIDE, SIDE);
+    let color = view.over([0; 3]).resized(SIDE, SIDE);
     features(&color.data, &view.mask.resized(SIDE, SIDE).data)
 }
 

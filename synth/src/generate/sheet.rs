@@ -39,11 +39,7 @@ pub(super) fn draw(config: &GenerateConfig, jobs: &[Job<'_>]) -> Result<ByteImag
     let mut sheet = ByteImage::new(extent(rows.len()), extent(columns), 3);
     sheet.data.fill((BACKDROP[0] * 255.0 + 0.5) as u8);
     for ((i, j, _), picture) in shown.iter().zip(&pictures) {
-        let (top, left) = (extent(*i), extent(*j));
-        for (k, line) in picture.data.chunks_exact(3 * SIDE).enumerate() {
-            let start = 3 * ((top + k) * sheet.width + left);
-            sheet.data[start..start + 3 * SIDE].copy_from_slice(line);
-        }
+        sheet.paste(picture, [extent(*i), extent(*j)]);
     }
     Ok(sheet)
 }

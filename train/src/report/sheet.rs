@@ -15,26 +15,16 @@ pub fn sheet(pairs: &[ViewPair]) -> Option<ByteImage> {
         .take(MOST_PICTURES)
         .map(|pair| {
             let width = (pair.model.width * height / pair.model.height.max(1)).max(1);
-            [&pair.model, &pair.truth].map(|picture| colored(&picture.resized(height, width)))
+            [&pair.model, &pair.truth].map(|picture| picture.resized(height, width).to_rgb())
         })
         .collect();
     let width = columns.iter().map(|column| column[0].width).sum();
-    let mut data = Vec::with_capacity(2 * height * width * 3);
-    for row in 0..2 {
-        for i in 0..height {
-            for column in &columns {
-                let line = column[row].width * 3;
-                data.extend_from_slice(&column[row].data[i * line..(i + 1) * line]);
-            }
-        }
+    let mut sheet = ByteImage::new(2 * height, width, 3);
+    let mut left = 0;
+    for [model, truth] in &columns {
+        sheet.paste(model, [0, left]);
+        sheet.paste(truth, [height, left]);
+        left += model.width;
     }
-    Some(ByteImage { height: 2 * height, width, channels: 3, data })
-}
-
-/// With three channels, whatever it had.
-fn colored(picture: &ByteImage) -> ByteImage {
-    let channels = picture.channels;
-    let pixel = |p: &[u8]| if channels < 3 { [p[0]; 3] } else { [p[0], p[1], p[2]] };
-    let data = picture.data.chunks_exact(channels).flat_map(pixel).collect();
-    ByteImage { height: picture.height, width: picture.width, channels: 3, data }
+    Some(sheet)
 }
