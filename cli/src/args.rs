@@ -261,7 +261,7 @@ Examples:
   unsphere render mesh.ply -o again --cameras rendered_clock.zip --depth
   unsphere render scan.ply -o turn.gif --up z")]
 pub(crate) struct Render {
-    /// The mesh: .obj, .ply, .glb or .stl.
+    /// The mesh: .obj, .ply, .glb, .off or .stl.
     pub(crate) mesh: PathBuf,
     /// A .gif, a .png, or a folder.
     #[arg(long, short, value_name = "PATH", value_parser = output::picture())]
@@ -300,9 +300,9 @@ pub(crate) struct Render {
     /// The light [default: flat, and shape where the mesh has no colours].
     #[arg(long, value_parser = one_of(LIGHTS))]
     pub(crate) light: Option<Light>,
-    /// What is behind the object.
-    #[arg(long, value_name = "RRGGBB", default_value = "000000", value_parser = hex_color)]
-    pub(crate) background: [u8; 3],
+    /// What is behind the object [default: edf0f5 on a turntable, 000000 from the cameras of views].
+    #[arg(long, value_name = "RRGGBB", value_parser = hex_color)]
+    pub(crate) background: Option<[u8; 3]>,
 }
 
 #[derive(Args, Debug)]
@@ -317,7 +317,7 @@ Examples:
   unsphere metrics mesh.ply truth.obj --preset meshrcnn --preset occnet --json"
 )]
 pub(crate) struct Metrics {
-    /// The mesh to judge: .obj, .ply, .glb or .stl.
+    /// The mesh to judge: .obj, .ply, .glb, .off or .stl.
     pub(crate) prediction: PathBuf,
     /// The true mesh.
     pub(crate) truth: PathBuf,
@@ -341,7 +341,7 @@ Examples:
 )]
 #[command(arg_required_else_help = true)]
 pub(crate) struct Check {
-    /// A mesh: .obj, .ply, .glb or .stl.
+    /// A mesh: .obj, .ply, .glb, .off or .stl.
     pub(crate) mesh: Option<PathBuf>,
     /// Views: layout, sizes, masks, and whether the cameras see the object.
     #[arg(long, value_name = "VIEWS")]
@@ -352,7 +352,7 @@ pub(crate) struct Check {
     /// List every setting of a fit or of the system: range, default, meaning, published value and its source.
     #[arg(long, conflicts_with_all = ["mesh", "views", "config", "quality", "set", "preset"])]
     pub(crate) options: bool,
-    /// A configuration that comes with the system: tiny, small or paper.
+    /// A configuration that comes with the system: tiny, small, paper, and more with some; a name that is none lists them.
     #[arg(long, value_name = "NAME", requires = "system", conflicts_with = "config")]
     pub(crate) preset: Option<String>,
     #[command(flatten)]

@@ -48,7 +48,7 @@ pub(crate) struct DataSettings {
 /// How a system is configured.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SystemSettings {
-    /// A configuration that comes with the system: tiny, small or paper.
+    /// A configuration that comes with the system: tiny, small, paper, and more with some; a name that is none lists them.
     #[arg(long, value_name = "NAME", default_value = "small", conflicts_with = "config")]
     pub(crate) preset: String,
     /// A configuration file instead of a preset, `config.toml` of an earlier run for example.

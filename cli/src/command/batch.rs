@@ -27,6 +27,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
 struct Outcome<'a> {
+    #[serde(serialize_with = "train::path_text::serialize")]
     output: &'a Path,
     shard: String,
     #[serde(flatten)]

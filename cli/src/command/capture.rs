@@ -28,6 +28,7 @@ const MODEL: [&str; 5] = ["cameras.bin", "images.bin", "points3D.bin", "rigs.bin
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
 struct Captured {
+    #[serde(serialize_with = "train::path_text::serialize")]
     output: PathBuf,
     photographs: usize,
     /// How many of them have a camera now.

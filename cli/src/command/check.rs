@@ -58,6 +58,7 @@ pub(crate) fn system_report<S: Predictor>(
 
 #[derive(Debug, Serialize)]
 struct MeshReport<'a> {
+    #[serde(serialize_with = "train::path_text::serialize")]
     path: &'a Path,
     watertight: bool,
     problems: Vec<String>,
@@ -67,6 +68,7 @@ struct MeshReport<'a> {
 
 #[derive(Debug, Serialize)]
 struct ViewsReport<'a> {
+    #[serde(serialize_with = "train::path_text::serialize")]
     path: &'a Path,
     layout: String,
     views: usize,

@@ -13,6 +13,7 @@ use crate::mesh_file::read_mesh;
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
 struct Converted<'a> {
+    #[serde(serialize_with = "train::path_text::serialize")]
     output: &'a Path,
     vertices: usize,
     faces: usize,

@@ -1,7 +1,7 @@
 //! `unsphere eval`: a trained system, scored on a part of its data.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use models::predict::Predictor;
@@ -19,10 +19,12 @@ use crate::views::open;
 #[derive(Debug, Serialize)]
 struct Evaluated<'a> {
     system: &'static str,
+    #[serde(serialize_with = "train::path_text::serialize")]
     checkpoint: &'a Path,
     steps: u64,
     /// None where the system made its own.
-    data: Option<&'a Path>,
+    #[serde(serialize_with = "train::path_text::serialize_optional")]
+    data: Option<PathBuf>,
     seed: u64,
     /// What was scored.
     split: Subset,
@@ -76,7 +78,7 @@ pub(crate) fn run<S: Predictor>(
         system: S::NAME,
         checkpoint: &found.file,
         steps: checkpoint.step().map_err(Failure::input)?,
-        data: data.as_deref(),
+        data,
         seed: config.train.seed,
         split: arguments.split,
         subsets,
@@ -87,7 +89,7 @@ pub(crate) fn run<S: Predictor>(
 }
 
 fn describe(evaluated: &Evaluated<'_>) -> String {
-    let data = match evaluated.data {
+    let data = match &evaluated.data {
         Some(path) => path.display().to_string(),
         None => format!("made by the system, seed {}", evaluated.seed),
     };

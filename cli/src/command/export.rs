@@ -20,7 +20,9 @@ use crate::views::open;
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
 struct Exported<'a> {
+    #[serde(serialize_with = "train::path_text::serialize")]
     output: &'a Path,
+    #[serde(serialize_with = "train::path_text::serialize")]
     card: &'a Path,
     bytes: usize,
     about: &'a ModelCard,
@@ -31,6 +33,7 @@ struct Exported<'a> {
 /// What a file in ONNX's form has.
 #[derive(Debug, Serialize)]
 struct Networks {
+    #[serde(serialize_with = "train::path_text::serialize")]
     path: PathBuf,
     bytes: usize,
     operators: usize,

@@ -34,6 +34,7 @@ pub(crate) const FOLDER: &str = "unsphere-fit";
 /// What is printed with `--json`: `metrics.json`, and where and how fast it was made.
 #[derive(Debug, Serialize)]
 struct Outcome<'a> {
+    #[serde(serialize_with = "train::path_text::serialize")]
     output: &'a Path,
     seconds: f64,
     metrics: &'a Metrics,

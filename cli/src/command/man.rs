@@ -17,6 +17,7 @@ const FOLDER: &str = "unsphere-man";
 /// What is printed with `--json`.
 #[derive(Serialize)]
 struct Outcome {
+    #[serde(serialize_with = "train::path_text::serialize")]
     output: PathBuf,
     pages: usize,
 }

@@ -15,7 +15,9 @@ use crate::progress::Progress;
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
 struct Comparison<'a> {
+    #[serde(serialize_with = "train::path_text::serialize")]
     prediction: &'a Path,
+    #[serde(serialize_with = "train::path_text::serialize")]
     truth: &'a Path,
     /// Why the two seem to lie in different coordinates.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -28,6 +28,7 @@ const TIMED: usize = 5;
 /// What is printed with `--json`: `metrics.json`, and where it is.
 #[derive(Debug, Serialize)]
 struct Outcome<'a> {
+    #[serde(serialize_with = "train::path_text::serialize")]
     output: &'a Path,
     metrics: &'a Metrics,
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use datasets::{MaskSource, ReadOptions, View};
 use mesh_core::{Camera, TriMesh, encode_depth, encode_png};
-use recon::turntable::{encode_gif, orbit};
+use recon::turntable::{BACKDROP, encode_gif, orbit};
 use serde::Serialize;
 use synth::{Lighting, RenderOptions, render_views};
 use train::output::OutputFolder;
@@ -22,6 +22,7 @@ const DELAY: u16 = 6;
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
 struct Rendered<'a> {
+    #[serde(serialize_with = "train::path_text::serialize")]
     output: &'a Path,
     pictures: usize,
 }
@@ -126,9 +127,13 @@ fn draw(
     cameras: &[(String, Camera)],
     arguments: &Render,
 ) -> Result<Vec<View>, Failure> {
+    // Beside views it is what theirs have, as most; else light, so that dark objects stand out.
+    let usual = if arguments.cameras.is_some() { [0.0; 3] } else { BACKDROP };
+    let background =
+        arguments.background.map_or(usual, |color| color.map(|b| f32::from(b) / 255.0));
     let options = RenderOptions {
         lighting: arguments.light.map_or_else(|| Lighting::for_mesh(mesh), |light| light()),
-        background: arguments.background.map(|b| f32::from(b) / 255.0),
+        background,
         depth: arguments.depth,
         ..RenderOptions::default()
     };

@@ -26,6 +26,7 @@ const TICKS: usize = 1000;
 struct Outcome<'a> {
     study: &'static str,
     scale: Scale,
+    #[serde(serialize_with = "train::path_text::serialize")]
     output: &'a Path,
     #[serde(flatten)]
     made: &'a Reproduced,

@@ -29,6 +29,7 @@ const PACE_KNOWN: (u64, Duration) = (3, Duration::from_secs(4));
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
 struct Trained<'a> {
+    #[serde(serialize_with = "train::path_text::serialize")]
     run: &'a Path,
     system: &'static str,
     steps: u64,

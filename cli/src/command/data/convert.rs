@@ -17,6 +17,7 @@ use crate::progress::Progress;
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
 struct Converted<'a> {
+    #[serde(serialize_with = "train::path_text::serialize")]
     output: &'a Path,
     objects: usize,
     views: usize,

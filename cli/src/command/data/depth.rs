@@ -36,12 +36,14 @@ mod estimate {
     /// What is printed with `--json`.
     #[derive(Debug, Serialize)]
     struct Estimated<'a> {
+        #[serde(serialize_with = "train::path_text::serialize")]
         output: &'a Path,
         pictures: Vec<Picture>,
     }
 
     #[derive(Debug, Serialize)]
     struct Picture {
+        #[serde(serialize_with = "train::path_text::serialize")]
         path: PathBuf,
         file: String,
         /// The smallest and the largest disparity.

@@ -20,6 +20,7 @@ use crate::progress::Progress;
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
 struct Summary<'a> {
+    #[serde(serialize_with = "train::path_text::serialize")]
     output: &'a Path,
     shard: String,
     /// Whether the objects of all shares are there.

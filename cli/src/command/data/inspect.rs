@@ -1,7 +1,7 @@
 //! `unsphere data inspect`: what is there, and what looks wrong with it.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::PathBuf;
 
 use recon::inspect::{Inspection, inspect, write_report};
 use serde::Serialize;
@@ -17,7 +17,8 @@ use crate::provenance::typed_command;
 #[derive(Debug, Serialize)]
 struct Inspected<'a> {
     /// The folder of the report, where one was asked for.
-    output: Option<&'a Path>,
+    #[serde(serialize_with = "train::path_text::serialize_optional")]
+    output: Option<PathBuf>,
     #[serde(flatten)]
     inspection: &'a Inspection,
 }
@@ -43,7 +44,7 @@ pub(crate) fn run(console: Console, arguments: &Inspect) -> Result<(), Failure> 
         write_report(&inspection, &typed_command(), &folder)?;
         output = Some(folder.commit()?);
     }
-    let inspected = Inspected { output: output.as_deref(), inspection: &inspection };
+    let inspected = Inspected { output, inspection: &inspection };
     console.result(&inspected, describe)
 }
 

@@ -16,6 +16,7 @@ use crate::masks::{self, Made};
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
 struct Masked {
+    #[serde(serialize_with = "train::path_text::serialize")]
     output: PathBuf,
     #[serde(flatten)]
     made: Made,

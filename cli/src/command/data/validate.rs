@@ -14,6 +14,7 @@ use crate::progress::Progress;
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
 struct Validated<'a> {
+    #[serde(serialize_with = "train::path_text::serialize")]
     path: &'a Path,
     layout: Option<String>,
     objects: usize,
