@@ -74,39 +74,12 @@ impl ConjugateGradients {
         max_iterations: usize,
     ) -> SolveReport {
         const { assert!(K >= 1 && K <= 4, "one to four columns") };
-        let joined = |sums: [f64; 4]| if S::COUPLED { [sums.iter().sum(); 4] } else { sums };
-        for (padded, x) in self.x.iter_mut().zip(x.iter()) {
-            padded[..K].copy_from_slice(x);
-        }
-
-        // r = b - A x, and the squares of b and r.
-        system.multiply(&self.x, &mut self.image);
-        let (mut bb, mut rr) = ([0.0; 4], [0.0; 4]);
-        for ((b, r), image) in b.iter().zip(&mut self.residual).zip(&self.image) {
-            let mut wide = [0.0; 4];
-            wide[..K].copy_from_slice(b);
-            *r = std::array::from_fn(|k| wide[k] - image[k]);
-            for k in 0..4 {
-                bb[k] += f64::from(wide[k]) * f64::from(wide[k]);
-                rr[k] += f64::from(r[k]) * f64::from(r[k]);
-            }
-        }
-        (bb, rr) = (joined(bb), joined(rr));
-
-        let worst = |rr: &[f64; 4]| {
-            let mut worst = 0.0_f64;
-            for k in 0..K {
-                let ratio = if rr[k] == 0.0 { 0.0 } else { (rr[k] / bb[k]).sqrt() };
-                // `max` would let a NaN pass.
-                worst = if ratio.is_nan() || worst.is_nan() { f64::NAN } else { worst.max(ratio) };
-            }
-            worst
-        };
+        let [bb, mut rr] = self.begin(system, b, x).map(joined::<S>);
         let (mut iterations, mut rz) = (0, [0.0; 4]);
-        while worst(&rr) > tolerance && iterations < max_iterations {
+        while worst::<K>(&rr, &bb) > tolerance && iterations < max_iterations {
             system.prepare(&self.residual);
             let residual = &self.residual;
-            let next_rz = joined(sum_rows(residual.len(), |row| {
+            let next_rz = joined::<S>(sum_rows(residual.len(), |row| {
                 let (r, z) = (residual[row], system.precondition(row, residual[row]));
                 std::array::from_fn(|k| z[k] * r[k])
             }));
@@ -126,18 +99,42 @@ impl ConjugateGradients {
                 }
             });
             rz = next_rz;
-            let pq = joined(system.multiply(&self.direction, &mut self.image));
+            let pq = joined::<S>(system.multiply(&self.direction, &mut self.image));
             // A column that is solved exactly stands still.
             let step =
                 std::array::from_fn(|k| if pq[k] > 0.0 { (rz[k] / pq[k]) as f32 } else { 0.0 });
-            rr = joined(self.advance(step));
+            rr = joined::<S>(self.advance(step));
             iterations += 1;
         }
         for (x, padded) in x.iter_mut().zip(&self.x) {
             x.copy_from_slice(&padded[..K]);
         }
-        let residual = worst(&rr);
+        let residual = worst::<K>(&rr, &bb);
         SolveReport { iterations, residual, converged: residual <= tolerance }
+    }
+
+    /// `r = b - A x` at what `x` holds; gives the sums of `b²` and of `r²`, by columns.
+    fn begin<S: SymmetricSystem, const K: usize>(
+        &mut self,
+        system: &S,
+        b: &[[f32; K]],
+        x: &[[f32; K]],
+    ) -> [[f64; 4]; 2] {
+        for (padded, x) in self.x.iter_mut().zip(x) {
+            padded[..K].copy_from_slice(x);
+        }
+        system.multiply(&self.x, &mut self.image);
+        let (mut bb, mut rr) = ([0.0; 4], [0.0; 4]);
+        for ((b, r), image) in b.iter().zip(&mut self.residual).zip(&self.image) {
+            let mut wide = [0.0; 4];
+            wide[..K].copy_from_slice(b);
+            *r = std::array::from_fn(|k| wide[k] - image[k]);
+            for k in 0..4 {
+                bb[k] += f64::from(wide[k]) * f64::from(wide[k]);
+                rr[k] += f64::from(r[k]) * f64::from(r[k]);
+            }
+        }
+        [bb, rr]
     }
 
     /// `x += α p`, `r -= α q`; gives the sums of `r²`.
@@ -164,6 +161,22 @@ impl ConjugateGradients {
         });
         total(&sums)
     }
+}
+
+/// Sums by columns, as the system tells columns apart: all four are the sum of all where it does not.
+fn joined<S: SymmetricSystem>(sums: [f64; 4]) -> [f64; 4] {
+    if S::COUPLED { [sums.iter().sum(); 4] } else { sums }
+}
+
+/// The largest `‖r‖ / ‖b‖` of the first `K` columns, from the squares of both; NaN if one is.
+fn worst<const K: usize>(rr: &[f64; 4], bb: &[f64; 4]) -> f64 {
+    let mut worst = 0.0_f64;
+    for k in 0..K {
+        let ratio = if rr[k] == 0.0 { 0.0 } else { (rr[k] / bb[k]).sqrt() };
+        // `max` would let a NaN pass.
+        worst = if ratio.is_nan() || worst.is_nan() { f64::NAN } else { worst.max(ratio) };
+    }
+    worst
 }
 
 /// `q[row] = of(row)` on all threads; gives the sums of `p q`, by columns.

@@ -68,6 +68,58 @@ pub struct FacePair {
     pub opposite: [u32; 2],
 }
 
+/// The edges of a list of faces.
+struct Edges {
+    /// As [`Topology::edges`].
+    ends: Vec<[u32; 2]>,
+    /// As [`Topology::face_edges`].
+    of_faces: Vec<[u32; 3]>,
+    /// As [`Topology::edge_rings`].
+    rings: Csr,
+}
+
+impl Edges {
+    fn of(vertex_count: usize, faces: &[[u32; 3]]) -> Self {
+        let by_low = slots_by_low(faces);
+        let mut slots = Csr::from_pairs(vertex_count, &by_low);
+        let mut edges = Self {
+            ends: Vec::with_capacity(faces.len() * 3 / 2),
+            of_faces: vec![[Topology::NONE; 3]; faces.len()],
+            rings: Csr { offsets: vec![0], indices: Vec::with_capacity(by_low.len()) },
+        };
+        for vertex in 0..vertex_count {
+            let range = slots.range(vertex);
+            let row = &mut slots.indices[range];
+            row.sort_unstable_by_key(|&slot| (ends(faces, slot).1, slot));
+            let mut rest = &*row;
+            while let Some(&first) = rest.first() {
+                let (low, high) = ends(faces, first);
+                let count = rest.iter().take_while(|&&slot| ends(faces, slot).1 == high).count();
+                edges.push([low, high], &rest[..count]);
+                rest = &rest[count..];
+            }
+        }
+        edges
+    }
+
+    /// Adds an edge and the corner slots that run along it, ascending.
+    fn push(&mut self, ends: [u32; 2], slots: &[u32]) {
+        let edge = self.ends.len() as u32;
+        let mut last = Topology::NONE;
+        for &slot in slots {
+            let face = slot / 3;
+            self.of_faces[face as usize][slot as usize % 3] = edge;
+            // A face that names a vertex twice runs along the same edge twice.
+            if face != last {
+                self.rings.indices.push(face);
+                last = face;
+            }
+        }
+        self.ends.push(ends);
+        self.rings.offsets.push(self.rings.indices.len() as u32);
+    }
+}
+
 impl Topology {
     /// Stands for "no face" and "no edge".
     pub const NONE: u32 = u32::MAX;
@@ -80,59 +132,8 @@ impl Topology {
     /// If a face names a vertex that is not below `vertex_count`, or if there are more than
     /// `u32::MAX / 3` faces.
     pub fn new(vertex_count: usize, faces: &[[u32; 3]]) -> Self {
-        let corners = faces.len() * 3;
-        assert!(u32::try_from(corners).is_ok(), "Topology: {} faces exceed u32", faces.len());
-        for (face, corners) in faces.iter().enumerate() {
-            for &v in corners {
-                assert!(
-                    (v as usize) < vertex_count,
-                    "Topology: face {face} names vertex {v} of {vertex_count}"
-                );
-            }
-        }
-
-        // Corner slots grouped by the smaller end of their edge, then sorted by the larger end.
-        let other = |slot: u32| {
-            let corners = faces[slot as usize / 3];
-            let (a, b) = (corners[slot as usize % 3], corners[(slot as usize + 1) % 3]);
-            (a.min(b), a.max(b))
-        };
-        let by_low: Vec<[u32; 2]> = (0..corners as u32)
-            .filter_map(|slot| {
-                let (low, high) = other(slot);
-                (low != high).then_some([low, slot])
-            })
-            .collect();
-        let mut slots = Csr::from_pairs(vertex_count, &by_low);
-
-        let mut edges = Vec::with_capacity(corners / 2);
-        let mut face_edges = vec![[Self::NONE; 3]; faces.len()];
-        let mut rings = Csr { offsets: vec![0], indices: Vec::with_capacity(by_low.len()) };
-        for vertex in 0..vertex_count {
-            let range = slots.range(vertex);
-            let row = &mut slots.indices[range];
-            row.sort_unstable_by_key(|&slot| (other(slot).1, slot));
-            let mut rest = &*row;
-            while let Some(&first) = rest.first() {
-                let (low, high) = other(first);
-                let count = rest.iter().take_while(|&&slot| other(slot).1 == high).count();
-                let edge = edges.len() as u32;
-                let mut last = Self::NONE;
-                for &slot in &rest[..count] {
-                    let face = slot / 3;
-                    face_edges[face as usize][slot as usize % 3] = edge;
-                    // A face that names a vertex twice runs along the same edge twice.
-                    if face != last {
-                        rings.indices.push(face);
-                        last = face;
-                    }
-                }
-                edges.push([low, high]);
-                rings.offsets.push(rings.indices.len() as u32);
-                rest = &rest[count..];
-            }
-        }
-
+        check(vertex_count, faces);
+        let Edges { ends, of_faces, rings } = Edges::of(vertex_count, faces);
         let edge_faces = rings
             .rows()
             .map(|ring| match *ring {
@@ -141,27 +142,17 @@ impl Topology {
                 _ => [Self::NONE; 2],
             })
             .collect();
-        let around: Vec<[u32; 2]> = faces
-            .iter()
-            .enumerate()
-            .flat_map(|(face, &[a, b, c])| {
-                let face = face as u32;
-                let second = (b != a).then_some([b, face]);
-                let third = (c != a && c != b).then_some([c, face]);
-                [Some([a, face]), second, third].into_iter().flatten()
-            })
-            .collect();
         // Edges are sorted, so listing first the smaller neighbours and then the larger ones
         // leaves every row sorted.
         let both: Vec<[u32; 2]> =
-            edges.iter().map(|&[a, b]| [b, a]).chain(edges.iter().copied()).collect();
+            ends.iter().map(|&[a, b]| [b, a]).chain(ends.iter().copied()).collect();
         Self {
             edge_faces,
-            face_edges,
+            face_edges: of_faces,
             edge_rings: rings,
-            vertex_faces: Csr::from_pairs(vertex_count, &around),
+            vertex_faces: faces_around(vertex_count, faces),
             vertex_vertices: Csr::from_pairs(vertex_count, &both),
-            edges,
+            edges: ends,
             faces: faces.to_vec(),
         }
     }
@@ -235,6 +226,53 @@ impl Topology {
             }
         }
     }
+}
+
+/// Panics where a face names no vertex, or there are too many faces.
+fn check(vertex_count: usize, faces: &[[u32; 3]]) {
+    let corners = faces.len() * 3;
+    assert!(u32::try_from(corners).is_ok(), "Topology: {} faces exceed u32", faces.len());
+    for (face, corners) in faces.iter().enumerate() {
+        for &v in corners {
+            assert!(
+                (v as usize) < vertex_count,
+                "Topology: face {face} names vertex {v} of {vertex_count}"
+            );
+        }
+    }
+}
+
+/// The smaller and the larger end of the edge that begins at a corner slot: of face `slot / 3`, at corner `slot % 3`.
+fn ends(faces: &[[u32; 3]], slot: u32) -> (u32, u32) {
+    let corners = faces[slot as usize / 3];
+    let (a, b) = (corners[slot as usize % 3], corners[(slot as usize + 1) % 3]);
+    (a.min(b), a.max(b))
+}
+
+/// Corner slots, each after the smaller end of its edge; without those whose ends are one vertex.
+fn slots_by_low(faces: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let slots = 0..faces.len() as u32 * 3;
+    slots
+        .filter_map(|slot| {
+            let (low, high) = ends(faces, slot);
+            (low != high).then_some([low, slot])
+        })
+        .collect()
+}
+
+/// For each vertex the faces around it, each once.
+fn faces_around(vertex_count: usize, faces: &[[u32; 3]]) -> Csr {
+    let around: Vec<[u32; 2]> = faces
+        .iter()
+        .enumerate()
+        .flat_map(|(face, &[a, b, c])| {
+            let face = face as u32;
+            let second = (b != a).then_some([b, face]);
+            let third = (c != a && c != b).then_some([c, face]);
+            [Some([a, face]), second, third].into_iter().flatten()
+        })
+        .collect();
+    Csr::from_pairs(vertex_count, &around)
 }
 
 #[cfg(test)]

@@ -1,9 +1,11 @@
 //! Occupancy grids, and meshes turned into them.
 
+mod snapped_face;
 mod triangle_in_box;
 
-use crate::vector::{Vec3, area_vector};
+use crate::vector::Vec3;
 use crate::{TriMesh, iou};
+use snapped_face::SnappedFace;
 use triangle_in_box::TriangleInBox;
 
 /// The lower and the upper corner of a box.
@@ -280,56 +282,25 @@ fn scan(
     bounds: Bounds,
     inside: impl Fn(i32, i32) -> bool,
 ) -> VoxelGrid {
-    const ONE: f64 = 65536.0;
     let mut grid = VoxelGrid::new(dims, bounds);
     let [nx, ny, _] = dims;
     // What changes on the way from each middle to the one before it: (winding, crossings).
     let mut steps = vec![(0_i32, 0_i32); grid.bits.len()];
     for face in &mesh.faces {
         let corners = face.map(|v| grid.local(mesh.positions[v as usize]));
-        let limit = f64::from(1_u32 << 30);
-        if corners.iter().flatten().any(|x| x.is_nan() || x.abs() > limit) {
-            continue;
-        }
-        let flat = corners.map(|p| [(p[1] * ONE).round() as i64, (p[2] * ONE).round() as i64]);
-        let side = |[ay, az]: [i64; 2], [by, bz]: [i64; 2], [cy, cz]: [i64; 2]| {
-            i128::from(by - ay) * i128::from(cz - az) - i128::from(bz - az) * i128::from(cy - ay)
-        };
-        let area = side(flat[0], flat[1], flat[2]);
-        if area == 0 {
-            continue;
-        }
-        let turn: i32 = if area > 0 { 1 } else { -1 };
-        let normal = area_vector(corners);
-        let reach = |k: usize| {
-            let values = flat.map(|p| p[k] as f64 / ONE);
-            let low = values.into_iter().fold(f64::INFINITY, f64::min);
-            let high = values.into_iter().fold(f64::NEG_INFINITY, f64::max);
-            grid.span(k + 1, low, high)
-        };
-        let (ys, zs) = (reach(0), reach(1));
+        let Some(face) = SnappedFace::new(corners) else { continue };
+        let [ys, zs] = face.bounds().map(|(axis, low, high)| grid.span(axis, low, high));
         for z in zs {
             for y in ys.clone() {
-                let middle = [y as i64 * 65536 + 32768, z as i64 * 65536 + 32768];
-                let covers = (0..3).all(|k| {
-                    let (a, b) = (flat[k], flat[(k + 1) % 3]);
-                    let s = side(a, b, middle) * i128::from(turn);
-                    // On the edge itself: it belongs to the face on one side of it only.
-                    let (dy, dz) =
-                        ((b[0] - a[0]) * i64::from(turn), (b[1] - a[1]) * i64::from(turn));
-                    s > 0 || (s == 0 && (dz > 0 || (dz == 0 && dy < 0)))
-                });
-                if !covers {
+                if !face.covers(y, z) {
                     continue;
                 }
-                let away = [0.0, y as f64 + 0.5 - corners[0][1], z as f64 + 0.5 - corners[0][2]];
-                let x = corners[0][0] - (normal[1] * away[1] + normal[2] * away[2]) / normal[0];
                 // The first middle at or beyond the crossing.
-                let first = (x - 0.5).ceil().max(0.0);
+                let first = (face.crossing(y, z) - 0.5).ceil().max(0.0);
                 if first < nx as f64 {
                     let step = &mut steps[(z * ny + y) * nx + first as usize];
                     // A face whose normal points towards smaller x is where the row enters.
-                    step.0 -= turn;
+                    step.0 -= face.turn;
                     step.1 += 1;
                 }
             }

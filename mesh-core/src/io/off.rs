@@ -1,9 +1,12 @@
 //! OFF, Geomview's text format: a count, the vertices, the faces. Read, never written.
 
+use std::iter::Enumerate;
+use std::path::Path;
+
 use super::open::{Contents, readers};
 use super::remark::counted;
 use super::{ReadMeshError, Remark};
-use crate::TriMesh;
+use crate::{Budget, TriMesh};
 
 readers! {
     /// Reads an OFF file; polygons become fans of triangles, colours and normals are passed over, faces of
@@ -18,77 +21,118 @@ readers! {
     parse
 }
 
+/// The lines that say something, without their comments.
+struct Lines<'a> {
+    path: &'a Path,
+    rest: Enumerate<std::str::Lines<'a>>,
+}
+
+impl<'a> Lines<'a> {
+    /// The next one and its number.
+    fn next(&mut self, field: &str, expected: &str) -> Result<(usize, &'a str), ReadMeshError> {
+        let said = |(k, line): (usize, &'a str)| {
+            let line = line.split('#').next().unwrap_or_default().trim();
+            (!line.is_empty()).then_some((k + 1, line))
+        };
+        self.rest.find_map(said).ok_or_else(|| {
+            ReadMeshError::at_line(self.path, None, field, "the end of the file", expected)
+        })
+    }
+
+    /// What is said of a line that is wrong.
+    fn bad(&self, line: usize, field: &str, found: &str, expected: &str) -> ReadMeshError {
+        ReadMeshError::at_line(self.path, Some(line), field, format!("{found:?}"), expected)
+    }
+}
+
 fn parse(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, ReadMeshError> {
     let Contents { bytes, path, mut budget, .. } = contents;
-    let over = ReadMeshError::over_limit(path);
     if std::str::from_utf8(&bytes).is_err() {
         // The copy has a replacement character, of three bytes, for each that is wrong.
-        budget.take(6 * bytes.len() as u64).map_err(&over)?;
+        budget.take(6 * bytes.len() as u64).map_err(ReadMeshError::over_limit(path))?;
     }
     let text = String::from_utf8_lossy(&bytes);
-    let lines = text.lines().enumerate().map(|(k, line)| {
-        let line = line.split('#').next().unwrap_or_default();
-        (k + 1, line.trim())
-    });
-    let mut lines = lines.filter(|(_, line)| !line.is_empty());
-    let bad = |line: usize, field: &str, found: &str, expected: &str| {
-        ReadMeshError::at_line(path, Some(line), field, format!("{found:?}"), expected)
-    };
-    let mut next = |field: &str, expected: &str| {
-        lines.next().ok_or_else(|| {
-            ReadMeshError::at_line(path, None, field, "the end of the file", expected)
-        })
-    };
-    let (line, first) = next("header", "OFF")?;
+    let mut lines = Lines { path, rest: text.lines().enumerate() };
+    let [vertices, faces] = counts(&mut lines)?;
+    let positions = positions(&mut lines, vertices, &mut budget)?;
+    let faces = triangles(&mut lines, faces, vertices, &mut budget, remarks)?;
+    Ok(TriMesh { positions, faces, ..TriMesh::default() })
+}
+
+/// How many vertices and faces there are.
+fn counts(lines: &mut Lines<'_>) -> Result<[usize; 2], ReadMeshError> {
+    let (line, first) = lines.next("header", "OFF")?;
     // Letters before it say what follows the coordinates of a vertex.
     let plain = ["ST", "C", "N"].iter().fold(first, |rest, p| rest.strip_prefix(p).unwrap_or(rest));
-    let counts = plain.strip_prefix("OFF").ok_or_else(|| bad(line, "header", first, "OFF"))?;
+    let counts =
+        plain.strip_prefix("OFF").ok_or_else(|| lines.bad(line, "header", first, "OFF"))?;
     // Some files have the counts on the first line.
     let (line, counts) =
-        if counts.trim().is_empty() { next("counts", "two counts")? } else { (line, counts) };
+        if counts.trim().is_empty() { lines.next("counts", "two counts")? } else { (line, counts) };
     let mut words = counts.split_whitespace().map(str::parse::<usize>);
     let (Some(Ok(vertices)), Some(Ok(faces))) = (words.next(), words.next()) else {
-        return Err(bad(line, "counts", counts, "how many vertices and faces there are"));
+        return Err(lines.bad(line, "counts", counts, "how many vertices and faces there are"));
     };
-    let mut mesh = TriMesh::default();
+    Ok([vertices, faces])
+}
+
+fn positions(
+    lines: &mut Lines<'_>,
+    vertices: usize,
+    budget: &mut Budget,
+) -> Result<Vec<[f32; 3]>, ReadMeshError> {
+    let over = ReadMeshError::over_limit(lines.path);
+    let mut positions = Vec::new();
     for _ in 0..vertices {
-        let (line, text) = next("vertices", "as many as the header counts")?;
+        let (line, text) = lines.next("vertices", "as many as the header counts")?;
         let mut numbers = text.split_whitespace().map_while(|word| word.parse::<f32>().ok());
         let mut position = [f32::NAN; 3];
         position.iter_mut().zip(&mut numbers).for_each(|(out, value)| *out = value);
         if !position.iter().all(|v| v.is_finite()) {
-            return Err(bad(line, "vertex", text, "three finite numbers"));
+            return Err(lines.bad(line, "vertex", text, "three finite numbers"));
         }
-        budget.push(&mut mesh.positions, position).map_err(&over)?;
+        budget.push(&mut positions, position).map_err(&over)?;
     }
+    Ok(positions)
+}
+
+/// The faces as fans of triangles; what is left out of them goes into `remarks`.
+fn triangles(
+    lines: &mut Lines<'_>,
+    faces: usize,
+    vertices: usize,
+    budget: &mut Budget,
+    remarks: &mut Vec<Remark>,
+) -> Result<Vec<[u32; 3]>, ReadMeshError> {
+    let over = ReadMeshError::over_limit(lines.path);
+    let mut triangles = Vec::new();
     let (mut short, mut first_short, mut repeated) = (0, None, 0);
     for _ in 0..faces {
-        let (line, text) = next("faces", "as many as the header counts")?;
-        let expected = "a count, then as many indices of vertices";
+        let (line, text) = lines.next("faces", "as many as the header counts")?;
+        let bad = || lines.bad(line, "face", text, "a count, then as many indices of vertices");
         let mut words = text.split_whitespace().map(str::parse::<usize>);
-        let count = words.next().and_then(Result::ok);
-        let count = count.ok_or_else(|| bad(line, "face", text, expected))?;
+        let count = words.next().and_then(Result::ok).ok_or_else(bad)?;
         if count < 3 {
             short += 1;
             first_short.get_or_insert(line);
             continue;
         }
         let mut corners = words.map_while(Result::ok).filter(|&index| index < vertices);
-        let mut take = || corners.next().ok_or_else(|| bad(line, "face", text, expected));
+        let mut take = || corners.next().ok_or_else(bad);
         let (first, mut last) = (take()? as u32, take()? as u32);
         for _ in 2..count {
             let corner = take()? as u32;
             if first == last || last == corner || corner == first {
                 repeated += 1;
             } else {
-                budget.push(&mut mesh.faces, [first, last, corner]).map_err(&over)?;
+                budget.push(&mut triangles, [first, last, corner]).map_err(&over)?;
             }
             last = corner;
         }
     }
     counted(remarks, short, |count| Remark::ShortFaces { count, line: first_short });
     counted(remarks, repeated, |count| Remark::RepeatedVertices { count });
-    Ok(mesh)
+    Ok(triangles)
 }
 
 #[cfg(test)]

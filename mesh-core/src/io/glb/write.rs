@@ -125,15 +125,44 @@ fn body(mesh: &TriMesh, up: UpAxis) -> (String, Vec<u8>) {
     if mesh.positions.is_empty() {
         return (format!("{{{asset},\"scene\":0,\"scenes\":[{{}}]}}"), Vec::new());
     }
-
     let corners = Corners::of(mesh);
+    let attributes = attributes(mesh, &corners, &mut parts);
+    let mode = mode(&corners, &mut parts);
+    let (color, images) = texture(mesh, &mut parts);
+    let unlit = mesh.texture.is_some() || mesh.colors.is_some();
+    let (used, extension) = if unlit {
+        (
+            ",\"extensionsUsed\":[\"KHR_materials_unlit\"]",
+            ",\"extensions\":{\"KHR_materials_unlit\":{}}",
+        )
+    } else {
+        ("", "")
+    };
+    let json = format!(
+        "{{{asset}{used},\"scene\":0,\
+         \"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{{\"mesh\":0{}}}],\
+         \"meshes\":[{{\"primitives\":[{{\"attributes\":{{{attributes}}}{mode},\"material\":0}}]}}],\
+         \"materials\":[{{\"pbrMetallicRoughness\":{{{color}\"metallicFactor\":0,\
+         \"roughnessFactor\":1}},\"doubleSided\":{}{extension}}}]\
+         {images},\"accessors\":[{}],\"bufferViews\":[{}],\"buffers\":[{{\"byteLength\":{}}}]}}",
+        turn(up),
+        !is_closed(&mesh.faces),
+        parts.accessors,
+        parts.views,
+        parts.bin.len()
+    );
+    (json, parts.bin)
+}
+
+/// What the vertices have, in the order of the file: positions, normals, and texture coordinates or colours.
+fn attributes(mesh: &TriMesh, corners: &Corners, parts: &mut Parts) -> String {
     let positions: Vec<[f32; 3]> =
         corners.vertices.iter().map(|&(v, _)| mesh.positions[v as usize]).collect();
     let (low, high) = bounds(&positions);
     let range = format!(",\"min\":{low:?},\"max\":{high:?}");
     let mut attributes = format!("\"POSITION\":{}", parts.floats(&positions, &range));
     if !mesh.faces.is_empty() {
-        let normals = normals(mesh, &corners);
+        let normals = normals(mesh, corners);
         write!(attributes, ",\"NORMAL\":{}", parts.floats(&normals, "")).expect("memory");
     }
     if let Some(texture) = &mesh.texture {
@@ -151,50 +180,31 @@ fn body(mesh: &TriMesh, up: UpAxis) -> (String, Vec<u8>) {
             colors.iter().map(|c| c.map(|v| srgb_to_linear(v.clamp(0.0, 1.0)))).collect();
         write!(attributes, ",\"COLOR_0\":{}", parts.floats(&linear, "")).expect("memory");
     }
-    let mut primitive = format!("\"attributes\":{{{attributes}}}");
+    attributes
+}
+
+/// What the vertices are the corners of: triangles, or else points.
+fn mode(corners: &Corners, parts: &mut Parts) -> String {
     if corners.faces.is_empty() {
-        primitive.push_str(",\"mode\":0"); // points
-    } else {
-        let bytes = corners.faces.iter().flatten().flat_map(|i| i.to_le_bytes());
-        let view = parts.view(bytes, Some(ELEMENT_ARRAY));
-        let count = corners.faces.len() * 3;
-        let indices = parts.accessor(view, "SCALAR", component::U32, count, "");
-        write!(primitive, ",\"indices\":{indices},\"mode\":4").expect("memory");
+        return ",\"mode\":0".to_owned();
     }
-    let (mut color, mut images) = ("", String::new());
-    if let Some(texture) = &mesh.texture {
-        let png = encode_png(&texture.image.to_bytes());
-        let view = parts.view(png, None);
-        color = "\"baseColorTexture\":{\"index\":0},";
-        images = format!(
-            ",\"textures\":[{{\"source\":0,\"sampler\":0}}],\
-             \"samplers\":[{{\"magFilter\":9729,\"minFilter\":9987,\"wrapS\":33071,\"wrapT\":33071}}],\
-             \"images\":[{{\"bufferView\":{view},\"mimeType\":\"image/png\"}}]"
-        );
-    }
-    let unlit = mesh.texture.is_some() || mesh.colors.is_some();
-    let (used, extension) = if unlit {
-        (
-            ",\"extensionsUsed\":[\"KHR_materials_unlit\"]",
-            ",\"extensions\":{\"KHR_materials_unlit\":{}}",
-        )
-    } else {
-        ("", "")
-    };
-    let json = format!(
-        "{{{asset}{used},\"scene\":0,\
-         \"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{{\"mesh\":0{}}}],\
-         \"meshes\":[{{\"primitives\":[{{{primitive},\"material\":0}}]}}],\
-         \"materials\":[{{\"pbrMetallicRoughness\":{{{color}\"metallicFactor\":0,\
-         \"roughnessFactor\":1}},\"doubleSided\":{}{extension}}}]\
-         {images},\"accessors\":[{}],\"bufferViews\":[{}],\"buffers\":[{{\"byteLength\":{}}}]}}",
-        turn(up),
-        !is_closed(&mesh.faces),
-        parts.accessors,
-        parts.views,
-        parts.bin.len()
+    let bytes = corners.faces.iter().flatten().flat_map(|i| i.to_le_bytes());
+    let view = parts.view(bytes, Some(ELEMENT_ARRAY));
+    let count = corners.faces.len() * 3;
+    let indices = parts.accessor(view, "SCALAR", component::U32, count, "");
+    format!(",\"indices\":{indices},\"mode\":4")
+}
+
+/// What the material says of a texture, and the texture itself; empty where there is none.
+fn texture(mesh: &TriMesh, parts: &mut Parts) -> (&'static str, String) {
+    let Some(texture) = &mesh.texture else { return ("", String::new()) };
+    let view = parts.view(encode_png(&texture.image.to_bytes()), None);
+    let images = format!(
+        ",\"textures\":[{{\"source\":0,\"sampler\":0}}],\
+         \"samplers\":[{{\"magFilter\":9729,\"minFilter\":9987,\"wrapS\":33071,\"wrapT\":33071}}],\
+         \"images\":[{{\"bufferView\":{view},\"mimeType\":\"image/png\"}}]"
     );
-    (json, parts.bin)
+    ("\"baseColorTexture\":{\"index\":0},", images)
 }
 
 /// What a node says where its mesh is turned.

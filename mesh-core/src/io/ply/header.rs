@@ -97,19 +97,115 @@ impl Scalar {
 /// What an element or a property takes beside its name, while its list grows.
 const ENTRY: u64 = 240;
 
+/// A line of the header.
+struct Line<'a> {
+    path: &'a Path,
+    /// Counted from 1.
+    number: usize,
+    text: &'a str,
+}
+
+impl Line<'_> {
+    /// What is said of it where it is wrong.
+    fn bad(&self, field: &str, expected: &str) -> ReadMeshError {
+        let found = format!("{:?}", self.text);
+        ReadMeshError::at_line(self.path, Some(self.number), field, found, expected)
+    }
+
+    fn scalar(&self, name: &str) -> Result<Scalar, ReadMeshError> {
+        Scalar::named(name).ok_or_else(|| self.bad("property", "a type"))
+    }
+}
+
+/// What the lines so far say.
+#[derive(Default)]
+struct Draft {
+    format: Option<Format>,
+    elements: Vec<Element>,
+    names: BTreeSet<String>,
+    texture: Option<String>,
+}
+
+impl Draft {
+    /// Takes what a line says; whether it was the last one.
+    fn take(&mut self, line: &Line<'_>, budget: &mut Budget) -> Result<bool, ReadMeshError> {
+        // No line that counts has more words; a comment may.
+        let words: Vec<&str> = line.text.split_whitespace().take(8).collect();
+        match words.as_slice() {
+            ["comment", "TextureFile", ..] => {
+                let name = line.text.split_once("TextureFile");
+                self.texture = name.map(|(_, name)| name.trim().to_owned());
+            }
+            [] | ["obj_info" | "comment", ..] => {}
+            ["format", kind, _version] => {
+                self.format = Some(match *kind {
+                    "ascii" => Format::Ascii,
+                    "binary_little_endian" => Format::Little,
+                    "binary_big_endian" => Format::Big,
+                    _ => {
+                        let known = "ascii, binary_little_endian or .._big_endian";
+                        return Err(line.bad("format", known));
+                    }
+                });
+            }
+            ["element", name, count] => self.element(line, [name, count], budget)?,
+            ["property", kind @ .., name] => self.property(line, kind, name, budget)?,
+            ["end_header"] => return Ok(true),
+            _ => {
+                let known = "format, element, property, comment or end_header";
+                return Err(line.bad("header", known));
+            }
+        }
+        Ok(false)
+    }
+
+    fn element(
+        &mut self,
+        line: &Line<'_>,
+        [name, count]: [&str; 2],
+        budget: &mut Budget,
+    ) -> Result<(), ReadMeshError> {
+        let count = count.parse().map_err(|_| line.bad("element", "a name and a count"))?;
+        let needed = ENTRY + 2 * name.len() as u64;
+        budget.take(needed).map_err(ReadMeshError::over_limit(line.path))?;
+        if !self.names.insert(name.to_owned()) {
+            return Err(line.bad("element", "each name once"));
+        }
+        self.elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
+        Ok(())
+    }
+
+    /// Adds a property of the last element.
+    fn property(
+        &mut self,
+        line: &Line<'_>,
+        kind: &[&str],
+        name: &str,
+        budget: &mut Budget,
+    ) -> Result<(), ReadMeshError> {
+        let (length, scalar) = match kind {
+            [one] => (None, line.scalar(one)?),
+            ["list", length, one] => (Some(line.scalar(length)?), line.scalar(one)?),
+            _ => return Err(line.bad("property", "TYPE NAME or list TYPE TYPE NAME")),
+        };
+        let Some(element) = self.elements.last_mut() else {
+            return Err(line.bad("property", "an element before it"));
+        };
+        let needed = ENTRY + name.len() as u64;
+        budget.take(needed).map_err(ReadMeshError::over_limit(line.path))?;
+        element.properties.push(Property { name: name.to_owned(), length, scalar });
+        Ok(())
+    }
+}
+
 /// Reads the header of the file `path`.
 pub(super) fn parse(
     bytes: &[u8],
     path: &Path,
     budget: &mut Budget,
 ) -> Result<Header, ReadMeshError> {
-    let over = ReadMeshError::over_limit(path);
-    let mut names = BTreeSet::new();
-    let mut position = 0;
-    let mut number = 0;
-    let mut format = None;
-    let mut elements: Vec<Element> = Vec::new();
-    let mut texture = None;
+    let (mut position, mut number) = (0, 0);
+    let mut draft = Draft::default();
     loop {
         let rest = &bytes[position..];
         let Some(length) = rest.iter().position(|&b| b == b'\n') else {
@@ -118,58 +214,17 @@ pub(super) fn parse(
         };
         number += 1;
         position += length + 1;
-        let line = String::from_utf8_lossy(&rest[..length.min(LONGEST_LINE)]);
-        let line = line.trim();
-        let bad = |field: &str, expected: &str| {
-            ReadMeshError::at_line(path, Some(number), field, format!("{line:?}"), expected)
-        };
+        let text = String::from_utf8_lossy(&rest[..length.min(LONGEST_LINE)]);
+        let line = Line { path, number, text: text.trim() };
         if number == 1 {
-            if line != "ply" {
-                return Err(bad("first line", "ply"));
+            if line.text != "ply" {
+                return Err(line.bad("first line", "ply"));
             }
-            continue;
-        }
-        // No line that counts has more words; a comment may.
-        let words: Vec<&str> = line.split_whitespace().take(8).collect();
-        match words.as_slice() {
-            ["comment", "TextureFile", ..] => {
-                texture = line.split_once("TextureFile").map(|(_, name)| name.trim().to_owned());
-            }
-            [] | ["obj_info" | "comment", ..] => {}
-            ["format", kind, _version] => {
-                format = Some(match *kind {
-                    "ascii" => Format::Ascii,
-                    "binary_little_endian" => Format::Little,
-                    "binary_big_endian" => Format::Big,
-                    _ => return Err(bad("format", "ascii, binary_little_endian or .._big_endian")),
-                });
-            }
-            ["element", name, count] => {
-                let count = count.parse().map_err(|_| bad("element", "a name and a count"))?;
-                budget.take(ENTRY + 2 * name.len() as u64).map_err(&over)?;
-                if !names.insert((*name).to_owned()) {
-                    return Err(bad("element", "each name once"));
-                }
-                elements.push(Element { name: (*name).to_owned(), count, properties: Vec::new() });
-            }
-            ["property", kind @ .., name] => {
-                let scalar =
-                    |name: &str| Scalar::named(name).ok_or_else(|| bad("property", "a type"));
-                let (length, scalar) = match kind {
-                    [one] => (None, scalar(one)?),
-                    ["list", length, one] => (Some(scalar(length)?), scalar(one)?),
-                    _ => return Err(bad("property", "TYPE NAME or list TYPE TYPE NAME")),
-                };
-                let Some(element) = elements.last_mut() else {
-                    return Err(bad("property", "an element before it"));
-                };
-                budget.take(ENTRY + name.len() as u64).map_err(&over)?;
-                element.properties.push(Property { name: (*name).to_owned(), length, scalar });
-            }
-            ["end_header"] => break,
-            _ => return Err(bad("header", "format, element, property, comment or end_header")),
+        } else if draft.take(&line, budget)? {
+            break;
         }
     }
+    let Draft { format, elements, texture, .. } = draft;
     let format = format.ok_or_else(|| {
         ReadMeshError::malformed(path, "format", "no such line", "format ascii 1.0 or a binary one")
     })?;
