@@ -5,7 +5,7 @@ use crate::kernels::gemm::{Joined, Matrix};
 use crate::kernels::isa::Isa;
 use crate::kernels::product::gemm_joined;
 use crate::kernels::sparse::{csr_add_rows, csr_times_rows};
-use crate::{Backward, PoolVec, Real, SparseMatrix, Tensor, Var};
+use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, SparseMatrix, Tensor, Var};
 
 use super::linear::{before_activation, give_bias};
 
@@ -22,6 +22,48 @@ pub struct GraphWeights<'t, F: Real = f32> {
     pub bias: Option<Var<'t, F>>,
     /// `[O]`, added to what each vertex sends.
     pub across_bias: Option<Var<'t, F>>,
+}
+
+/// The rule of [`Var::graph_conv`].
+struct GraphConv<F: Real> {
+    sizes: Sizes,
+    transpose: SparseMatrix<F>,
+    activation: Activation,
+    /// Whether there are biases.
+    bias: bool,
+    across_bias: bool,
+}
+
+impl<F: Real> Op<F> for GraphConv<F> {
+    fn name(&self) -> &'static str {
+        "graph_conv"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let sizes = self.sizes;
+        let Sizes { batch, v, d, o, .. } = sizes;
+        let whole = before_activation(cx, self.activation);
+        let g = whole.as_slice();
+        // The gradient of what the vertices sent.
+        let mut sent: PoolVec<F> = cx.scratch(g.len());
+        csr_times_rows(Isa::best(), self.transpose.view(), v, batch, o, g, &mut sent);
+        let weights = [cx.input(1), cx.input(2)];
+        let gradients = [g, &sent[..]];
+        cx.give_with(0, |gx| {
+            let left = gradients.map(|g| Matrix::rows(g, o));
+            let right = weights.each_ref().map(|w| sizes.weight_turned(w.as_slice()));
+            let size = [sizes.rows(), o, d];
+            gemm_joined(Joined::Sum, size, F::one(), &left, &right, F::zero(), &mut [gx], None);
+        });
+        sizes.give_weights(cx, gradients);
+        if self.bias {
+            give_bias(cx, 3, g);
+        }
+        if self.across_bias {
+            give_bias(cx, 3 + usize::from(self.bias), &sent);
+        }
+        cx.recycle(whole);
+    }
 }
 
 impl<'t, F: Real> Var<'t, F> {
@@ -50,22 +92,9 @@ impl<'t, F: Real> Var<'t, F> {
         let (x, own, across) = (self.value(), weights.own.value(), weights.across.value());
         let [bias, sent] = [weights.bias, weights.across_bias].map(|b| b.map(Var::value));
         let sizes = tape.check("graph_conv", |shapes| {
-            let [leading @ .., v, d] = x.shape() else {
-                return Err(shapes.error("at least two axes expected"));
-            };
-            let batch = leading.iter().product();
-            shapes.axes("graph", &[graph.rows(), graph.columns()], ["V", "V"])?;
-            shapes.axes("input", &[batch, *v, *d], ["..", "V", "D"])?;
-            let letters = if weights.output_first { ["O", "D"] } else { ["D", "O"] };
-            let sides = shapes.axes("own", own.shape(), letters)?;
-            shapes.axes("across", across.shape(), letters)?;
-            for (name, bias) in [("bias", &bias), ("across bias", &sent)] {
-                if let Some(bias) = bias {
-                    shapes.axes(name, bias.shape(), ["O"])?;
-                }
-            }
-            let o = sides[usize::from(!weights.output_first)];
-            Ok(Sizes { batch, v: *v, d: *d, o, output_first: weights.output_first })
+            let operands = [x.shape(), own.shape(), across.shape()];
+            let biases = [&bias, &sent].map(|b| b.as_ref().map(|b| b.shape()));
+            Sizes::of(shapes, graph, operands, biases, weights.output_first)
         });
         let mut shape = x.shape().to_vec();
         if let Some(last) = shape.last_mut() {
@@ -104,31 +133,9 @@ impl<'t, F: Real> Var<'t, F> {
         inputs.extend(weights.bias);
         inputs.extend(weights.across_bias);
         let [bias, across_bias] = [weights.bias, weights.across_bias].map(|b| b.is_some());
-        let transpose = graph.transposed();
-        tape.record_fn("graph_conv", &inputs, y, move |cx: &mut Backward<'_, F>| {
-            let Sizes { batch, v, d, o, .. } = sizes;
-            let whole = before_activation(cx, activation);
-            let g = whole.as_slice();
-            // The gradient of what the vertices sent.
-            let mut sent: PoolVec<F> = cx.scratch(g.len());
-            csr_times_rows(Isa::best(), transpose.view(), v, batch, o, g, &mut sent);
-            let weights = [cx.input(1), cx.input(2)];
-            let gradients = [g, &sent[..]];
-            cx.give_with(0, |gx| {
-                let left = gradients.map(|g| Matrix::rows(g, o));
-                let right = weights.each_ref().map(|w| sizes.weight_turned(w.as_slice()));
-                let size = [sizes.rows(), o, d];
-                gemm_joined(Joined::Sum, size, F::one(), &left, &right, F::zero(), &mut [gx], None);
-            });
-            sizes.give_weights(cx, gradients);
-            if bias {
-                give_bias(cx, 3, g);
-            }
-            if across_bias {
-                give_bias(cx, 3 + usize::from(bias), &sent);
-            }
-            cx.recycle(whole);
-        })
+        let rule =
+            GraphConv { sizes, transpose: graph.transposed(), activation, bias, across_bias };
+        tape.record(&inputs, y, rule)
     }
 }
 
@@ -142,6 +149,32 @@ struct Sizes {
 }
 
 impl Sizes {
+    /// From the shapes of the input and both weights, and of the biases that are there.
+    fn of<F: Real>(
+        shapes: &mut Shapes,
+        graph: &SparseMatrix<F>,
+        [x, own, across]: [&[usize]; 3],
+        [bias, sent]: [Option<&[usize]>; 2],
+        output_first: bool,
+    ) -> Result<Self, ShapeError> {
+        let [leading @ .., v, d] = x else {
+            return Err(shapes.error("at least two axes expected"));
+        };
+        let batch = leading.iter().product();
+        shapes.axes("graph", &[graph.rows(), graph.columns()], ["V", "V"])?;
+        shapes.axes("input", &[batch, *v, *d], ["..", "V", "D"])?;
+        let letters = if output_first { ["O", "D"] } else { ["D", "O"] };
+        let sides = shapes.axes("own", own, letters)?;
+        shapes.axes("across", across, letters)?;
+        for (name, bias) in [("bias", bias), ("across bias", sent)] {
+            if let Some(bias) = bias {
+                shapes.axes(name, bias, ["O"])?;
+            }
+        }
+        let o = sides[usize::from(!output_first)];
+        Ok(Self { batch, v: *v, d: *d, o, output_first })
+    }
+
     fn rows(self) -> usize {
         self.batch * self.v
     }

@@ -6,7 +6,7 @@ use crate::kernels::dropout::Kept;
 use crate::kernels::elementwise;
 use crate::kernels::gemm::Matrix;
 use crate::kernels::product::{gemm, gemm_then};
-use crate::{Backward, Real, Tensor, Var};
+use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, Tensor, Var};
 
 use super::dropout::{keep_mask, keep_scale};
 
@@ -25,6 +25,67 @@ impl<F: Real> Default for LinearThen<'_, F> {
     /// Nothing.
     fn default() -> Self {
         Self { activation: Activation::None, dropout: 0.0, residual: None }
+    }
+}
+
+/// The rule of [`Var::linear_then`].
+struct Linear<F: Real> {
+    /// Rows of the input, its columns and those of the output.
+    sizes: [usize; 3],
+    activation: Activation,
+    /// What dropout kept, if it was there, and what that was multiplied by.
+    mask: Option<PoolVec<u32>>,
+    scale: F,
+    has_bias: bool,
+    has_residual: bool,
+}
+
+impl<F: Real> Op<F> for Linear<F> {
+    fn name(&self) -> &'static str {
+        "linear"
+    }
+
+    fn pullback(&self, cx: &mut Backward<'_, F>) {
+        let kept = self.mask.as_ref().map(|bits| Kept { bits, scale: self.scale });
+        let whole = if self.has_residual { Some(cx.take_grad_out()) } else { None };
+        // A residual sum hands its gradient on as it is.
+        let own = match (&whole, &kept) {
+            (None, _) => Some(before_dropout(cx, self.activation, kept)),
+            (Some(_), None) => None,
+            (Some(whole), Some(kept)) => {
+                let mut own = cx.array(whole.shape());
+                kept.apply_to(whole.as_slice(), own.as_slice_mut());
+                Some(own)
+            }
+        };
+        let g = own.as_ref().or(whole.as_ref()).expect("one of both is there");
+        self.give_factors(cx, g.as_slice());
+        if self.has_bias {
+            give_bias(cx, 2, g.as_slice());
+        }
+        if let Some(own) = own {
+            cx.recycle(own);
+        }
+        if let Some(whole) = whole {
+            cx.give(2 + usize::from(self.has_bias), whole);
+        }
+    }
+}
+
+impl<F: Real> Linear<F> {
+    /// Gives input and weight their gradients, from that of their product.
+    fn give_factors(&self, cx: &mut Backward<'_, F>, grad: &[F]) {
+        let [rows, d, o] = self.sizes;
+        let (x, w, one, zero) = (cx.input(0), cx.input(1), F::one(), F::zero());
+        let (x, w) = (Matrix::rows(x.as_slice(), d), Matrix::rows(w.as_slice(), d));
+        cx.add_with(0, |gx, add| {
+            let beta = if add { one } else { zero };
+            gemm([rows, o, d], one, Matrix::rows(grad, o), w, beta, gx);
+        });
+        cx.add_with(1, |gw, add| {
+            let beta = if add { one } else { zero };
+            gemm([o, rows, d], one, Matrix::transposed(grad, o), x, beta, gw);
+        });
     }
 }
 
@@ -65,24 +126,8 @@ impl<'t, F: Real> Var<'t, F> {
         }
         let (x, w, b) = (self.value(), weight.value(), bias.map(Self::value));
         let shortcut = residual.map(Self::value);
-        let [rows, d, o] = self.tape.check("linear", |shapes| {
-            let Some((&d, leading)) = x.shape().split_last() else {
-                return Err(shapes.error("the input has no axis"));
-            };
-            let rows: usize = leading.iter().product();
-            shapes.axes("input", &[rows, d], ["..", "D"])?;
-            let [o, _] = shapes.axes("weight", w.shape(), ["O", "D"])?;
-            if let Some(b) = &b {
-                shapes.axes("bias", b.shape(), ["O"])?;
-            }
-            if let Some(shortcut) = &shortcut {
-                let shape = [&x.shape()[..x.ndim() - 1], &[o]].concat();
-                if shortcut.shape() != shape {
-                    return Err(shapes.error(format!("a residual of shape {shape:?} expected")));
-                }
-            }
-            Ok([rows, d, o])
-        });
+        let [rows, d, o] =
+            self.tape.check("linear", |shapes| sizes(shapes, [&x, &w], [&b, &shortcut]));
         let mut shape = x.shape().to_vec();
         if let Some(last) = shape.last_mut() {
             *last = o;
@@ -109,42 +154,34 @@ impl<'t, F: Real> Var<'t, F> {
         inputs.extend(bias);
         inputs.extend(residual);
         let (has_bias, has_residual) = (bias.is_some(), residual.is_some());
-        self.tape.record_fn("linear", &inputs, y, move |cx: &mut Backward<'_, F>| {
-            let kept = mask.as_ref().map(|bits| Kept { bits, scale });
-            let whole = if has_residual { Some(cx.take_grad_out()) } else { None };
-            // A residual sum hands its gradient on as it is.
-            let own = match (&whole, &kept) {
-                (None, _) => Some(before_dropout(cx, activation, kept)),
-                (Some(_), None) => None,
-                (Some(whole), Some(kept)) => {
-                    let mut own = cx.array(whole.shape());
-                    kept.apply_to(whole.as_slice(), own.as_slice_mut());
-                    Some(own)
-                }
-            };
-            let g = own.as_ref().or(whole.as_ref()).expect("one of both is there");
-            let grad = g.as_slice();
-            let (x, w, one, zero) = (cx.input(0), cx.input(1), F::one(), F::zero());
-            let (x, w) = (Matrix::rows(x.as_slice(), d), Matrix::rows(w.as_slice(), d));
-            cx.add_with(0, |gx, add| {
-                let beta = if add { one } else { zero };
-                gemm([rows, o, d], one, Matrix::rows(grad, o), w, beta, gx);
-            });
-            cx.add_with(1, |gw, add| {
-                let beta = if add { one } else { zero };
-                gemm([o, rows, d], one, Matrix::transposed(grad, o), x, beta, gw);
-            });
-            if has_bias {
-                give_bias(cx, 2, grad);
-            }
-            if let Some(own) = own {
-                cx.recycle(own);
-            }
-            if let Some(whole) = whole {
-                cx.give(2 + usize::from(has_bias), whole);
-            }
-        })
+        let rule = Linear { sizes: [rows, d, o], activation, mask, scale, has_bias, has_residual };
+        self.tape.record(&inputs, y, rule)
     }
+}
+
+/// Rows of the input, its columns and those of the output. Of the operands the first two are input and weight, the others the
+/// bias and a residual.
+fn sizes<F: Real>(
+    shapes: &mut Shapes,
+    [x, w]: [&Tensor<F>; 2],
+    [bias, residual]: [&Option<Tensor<F>>; 2],
+) -> Result<[usize; 3], ShapeError> {
+    let Some((&d, leading)) = x.shape().split_last() else {
+        return Err(shapes.error("the input has no axis"));
+    };
+    let rows: usize = leading.iter().product();
+    shapes.axes("input", &[rows, d], ["..", "D"])?;
+    let [o, _] = shapes.axes("weight", w.shape(), ["O", "D"])?;
+    if let Some(bias) = bias {
+        shapes.axes("bias", bias.shape(), ["O"])?;
+    }
+    if let Some(residual) = residual {
+        let shape = [&x.shape()[..x.ndim() - 1], &[o]].concat();
+        if residual.shape() != shape {
+            return Err(shapes.error(format!("a residual of shape {shape:?} expected")));
+        }
+    }
+    Ok([rows, d, o])
 }
 
 /// What is done with a part of a row of the product.
