@@ -35,7 +35,7 @@ impl Album<'_> {
     ///
     /// # Panics
     /// If another view is asked for.
-    pub(crate) fn read_only<'a>(
+    pub(crate) fn read_single<'a>(
         &self,
         (name, image): (&'a str, &'a str),
         which: Option<&[usize]>,

@@ -322,7 +322,7 @@ impl Dataset for Cub {
             (&self.annotations[object], self.catalog.entries[object].name.as_str());
         let (file, mat) = &self.files[annotation.place.0];
         let album = Album { catalog: &self.catalog, source: &self.pictures, poses: "sfm_anno" };
-        album.read_only((name, &annotation.image), which, options, progress, |opened| {
+        album.read_single((name, &annotation.image), which, options, progress, |opened| {
             let image = mat.need("images", file)?.element(annotation.place.1)?;
             annotation.read(name, &image.need("mask")?, opened, options)
         })

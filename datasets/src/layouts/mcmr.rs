@@ -294,7 +294,7 @@ impl Dataset for Mcmr {
         let (annotation, name) =
             (&self.annotations[object], self.catalog.entries[object].name.as_str());
         let album = Album { catalog: &self.catalog, source: &self.source, poses: "extrinsic" };
-        album.read_only((name, &annotation.image), which, options, progress, |opened| {
+        album.read_single((name, &annotation.image), which, options, progress, |opened| {
             annotation.read(name, opened, options)
         })
     }
