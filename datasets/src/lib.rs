@@ -92,6 +92,7 @@ mod mask;
 mod mask_estimator;
 mod mask_file;
 mod mask_input;
+mod mix64;
 mod morphology;
 mod natural;
 #[cfg(feature = "onnx")]
@@ -133,6 +134,7 @@ pub use mask::mask_from_alpha;
 #[cfg(feature = "onnx")]
 pub use mask_estimator::MaskEstimator;
 pub use mask_input::{MaskInput, MaskScale, PixelScale, mask_of_shares};
+pub use mix64::mix64;
 #[cfg(feature = "onnx")]
 pub use network::{NetworkError, NetworkProblem};
 pub use open::{choose, open, open_with, read_views};

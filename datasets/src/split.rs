@@ -6,6 +6,7 @@ use std::hash::Hasher;
 use fnv::FnvHasher;
 
 use crate::dataset::{Entry, Subset};
+use crate::mix64::mix64;
 use crate::view::Views;
 
 /// Indices of views, each list ascending.
@@ -92,8 +93,8 @@ pub fn split_objects(entries: &[Entry], shares: [f64; 3], seed: u64) -> Vec<Subs
     entries.iter().map(subset).collect()
 }
 
-/// A number in `[0, 1)` that looks random: FNV-1a, then the finaliser of SplitMix64, because the
-/// last letters alone would move only FNV's low bits.
+/// A number in `[0, 1)` that looks random: FNV-1a, then [`mix64`], because the last letters
+/// alone would move only FNV's low bits.
 pub(crate) fn fraction(seed: u64, words: &[&str]) -> f64 {
     let mut hash = FnvHasher::default();
     hash.write(&seed.to_le_bytes());
@@ -101,11 +102,7 @@ pub(crate) fn fraction(seed: u64, words: &[&str]) -> f64 {
         hash.write(word.as_bytes());
         hash.write(&[0xff]); // no byte of UTF-8, so that words cannot flow into each other
     }
-    let mut hash = hash.finish();
-    hash = (hash ^ (hash >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    hash = (hash ^ (hash >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    hash ^= hash >> 31;
-    (hash >> 11) as f64 / (1_u64 << 53) as f64
+    (mix64(hash.finish()) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use datasets::{Entry, Subsets};
+use datasets::{Entry, Subsets, mix64};
 use mesh_core::TriMesh;
 use rayon::prelude::*;
 use train::{Better, DataError, DataSummary, Metric, Subset};
@@ -78,10 +78,8 @@ pub(crate) fn summary(parts: &Subsets, unit: &'static str) -> DataSummary {
 pub(crate) fn identity(entry: &Entry) -> u64 {
     let words = [entry.category.as_bytes(), entry.name.as_bytes()];
     let hash = words.iter().fold(train::Fingerprint::new(), |hash, word| hash.with(word)).value();
-    // The finaliser of SplitMix64: the last words alone would move only the low bits.
-    let hash = (hash ^ (hash >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let hash = (hash ^ (hash >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    hash ^ (hash >> 31)
+    // The last words alone would move only some of the bits.
+    mix64(hash)
 }
 
 /// Values of objects: of each the mean over its groups or views, in the order in which they first appear.

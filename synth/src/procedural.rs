@@ -1,7 +1,8 @@
 //! Procedural objects as a dataset that is on no disk.
 
 use datasets::{
-    Catalog, Dataset, Entry, Layout, ReadOptions, ReadViewsError, Truth, Views, split_objects,
+    Catalog, Dataset, Entry, Layout, ReadOptions, ReadViewsError, Truth, Views, mix64,
+    split_objects,
 };
 use mesh_core::{Camera, TriMesh};
 
@@ -151,12 +152,9 @@ pub fn families_named(names: &[String]) -> Result<Vec<Family>, String> {
     parsed.collect::<Result<_, _>>().map_err(|error| error.to_string())
 }
 
-/// A seed that two numbers decide (the finaliser of SplitMix64 over their sum in its stride).
+/// A seed that two numbers decide: number `b` of the stream that SplitMix64 gives from seed `a`.
 fn mixed(a: u64, b: u64) -> u64 {
-    let x = a.wrapping_add(b.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
+    mix64(a.wrapping_add(b.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15)))
 }
 
 impl Dataset for Procedural {
