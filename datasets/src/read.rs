@@ -56,6 +56,130 @@ impl<'a> Reading<'a> {
     }
 }
 
+/// A view, or why there is none; none of both where it was not read any more.
+type Decoded = Option<Result<View, ReadViewsError>>;
+
+/// The views that are wanted of a list, in the order in which they are.
+struct Reader<'r, 'a> {
+    path: &'r Path,
+    source: &'r Source,
+    layout: Layout,
+    options: &'r ReadOptions,
+    chosen: Vec<&'r Pending<'a>>,
+    /// Their places in the list, where they are not all of it.
+    which: Option<&'r [usize]>,
+    /// The most pixels of their longer side.
+    longest: Option<usize>,
+}
+
+/// What there is of them in the end.
+struct Kept {
+    views: Vec<View>,
+    /// Which of those are for tests.
+    test: Vec<usize>,
+}
+
+impl Reader<'_, '_> {
+    /// One view, with its camera and at the size that it is meant to have.
+    fn view(&self, read: &Pending<'_>, opened: &mut Opened<'_>) -> Result<View, ReadViewsError> {
+        let view = read(opened)?;
+        let view = View { camera: meant(view.camera, self.layout, self.options), ..view };
+        Ok(match self.longest {
+            Some(longest) => view.at_most(longest),
+            None => view,
+        })
+    }
+
+    /// Reads in parallel, until that is more than may be held.
+    fn decode(&self, progress: &(dyn Fn(usize, usize) + Sync)) -> Vec<Decoded> {
+        let (total, done, bytes) = (self.chosen.len(), AtomicUsize::new(0), AtomicU64::new(0));
+        let decoded = self.chosen.par_iter().map_init(
+            || None,
+            |opened: &mut Option<Opened<'_>>, read| {
+                // Once over the budget the rest is not even decoded; which views that are depends on the threads.
+                if bytes.load(Ordering::Relaxed) > self.options.memory_limit {
+                    return None;
+                }
+                let view = reopened(opened, self.source).and_then(|opened| self.view(read, opened));
+                if let Ok(view) = &view {
+                    bytes.fetch_add(view.bytes() as u64, Ordering::Relaxed);
+                    progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
+                }
+                Some(view)
+            },
+        );
+        decoded.collect()
+    }
+
+    /// Sorts out what is not wanted and what may be missing, which `warnings` then says.
+    ///
+    /// # Errors
+    /// The first, in the order of the list; also if all together are too much, one that is named is not there, or none is.
+    fn keep(
+        &self,
+        decoded: Vec<Decoded>,
+        kept_for_test: &[usize],
+        warnings: &mut Vec<String>,
+    ) -> Result<Kept, ReadViewsError> {
+        let (path, options) = (self.path, self.options);
+        let mut views = Vec::with_capacity(decoded.len());
+        let (mut test, mut unread) = (Vec::new(), None);
+        let mut held = 0;
+        for (at, result) in decoded.into_iter().enumerate() {
+            let index = self.which.map_or(at, |which| which[at]);
+            // What was passed over comes before what is too much, so that the error is the same for any number of threads.
+            let result = result.unwrap_or_else(|| {
+                self.source.open().and_then(|mut opened| self.view(self.chosen[at], &mut opened))
+            });
+            held += result.as_ref().map_or(0, |view| view.bytes() as u64);
+            check_budget(path, options, held)?;
+            match result {
+                Ok(view) if !options.wants(&view.name) => {}
+                // What is not wanted may be what cannot be read; or it is the file of all cameras, and a view will be missed.
+                Err(error) if !options.wants(&error.path.to_string_lossy()) => {
+                    unread = unread.or(Some(error));
+                }
+                Ok(view) => {
+                    if kept_for_test.binary_search(&index).is_ok() {
+                        test.push(views.len());
+                    }
+                    views.push(view);
+                }
+                Err(error) if options.allow_missing && error.is_incomplete_view() => {
+                    warnings.push(format!("a view is left out: {}", error.without_advice()));
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        self.complete(&views, unread)?;
+        Ok(Kept { views, test })
+    }
+
+    /// Whether those that are named are there, and any at all. `unread` is what could not be read of the others.
+    fn complete(
+        &self,
+        views: &[View],
+        unread: Option<ReadViewsError>,
+    ) -> Result<(), ReadViewsError> {
+        let missed = |name: &&String| !views.iter().any(|view| is_called(&view.name, name));
+        if let Some(name) = self.options.only.iter().flatten().find(missed) {
+            let why =
+                unread.map_or_else(String::new, |error| format!(" that can be read: {error}"));
+            let found = format!("none called {name}{why}");
+            return Err(ReadViewsError::field(self.path, "views", found, "those that are named"));
+        }
+        if views.is_empty() && !self.chosen.is_empty() {
+            return Err(ReadViewsError::field(
+                self.path,
+                "masks",
+                "none in any view",
+                "one at least (--masks FOLDER, or --mask backdrop)",
+            ));
+        }
+        Ok(())
+    }
+}
+
 /// Reads what a layout has listed, in parallel, and checks that the whole makes sense.
 ///
 /// `path` is what the user named, for messages and for [`Views::source`].
@@ -85,19 +209,11 @@ pub(crate) fn read_chosen(
     if pending.is_empty() {
         return Err(ReadViewsError::field(path, "views", "none that is complete", "at least one"));
     }
-    let chosen: Vec<&Pending<'_>> = match which {
-        None => pending.iter().collect(),
-        Some(which) => {
-            let listed =
-                |&view: &usize| pending.get(view).ok_or_else(|| lost(path, view, pending.len()));
-            which.iter().map(listed).collect::<Result<_, _>>()?
-        }
-    };
+    let chosen = chosen(path, &pending, which)?;
     if let Some(field) = unknown_to(layout, options) {
         let found = format!("{layout}, which has no poses of its own");
         return Err(ReadViewsError::field(path, field, found, "a layout with matrices of cameras"));
     }
-    let (total, done, bytes) = (chosen.len(), AtomicUsize::new(0), AtomicU64::new(0));
     let longest = longest_side(path, source, &chosen, options)?;
     if let Some(longest) = longest {
         warnings.push(format!(
@@ -105,85 +221,11 @@ pub(crate) fn read_chosen(
             megabytes(options.memory_limit)
         ));
     }
-    let finished = |read: &Pending<'_>, opened: &mut Opened<'_>| -> Result<View, ReadViewsError> {
-        let view = read(opened)?;
-        let view = View { camera: meant(view.camera, layout, options), ..view };
-        Ok(match longest {
-            Some(longest) => view.at_most(longest),
-            None => view,
-        })
-    };
-    // None where it is not read any more.
-    let results: Vec<Option<Result<View, ReadViewsError>>> = chosen
-        .par_iter()
-        .map_init(
-            || None,
-            |opened: &mut Option<Opened<'_>>, read| {
-                // Once over the budget the rest is not even decoded; which views that are depends on the threads.
-                if bytes.load(Ordering::Relaxed) > options.memory_limit {
-                    return None;
-                }
-                let view = reopened(opened, source).and_then(|opened| finished(read, opened));
-                if let Ok(view) = &view {
-                    bytes.fetch_add(view.bytes() as u64, Ordering::Relaxed);
-                    progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
-                }
-                Some(view)
-            },
-        )
-        .collect();
-    let mut views = Vec::with_capacity(results.len());
-    let (mut test, mut unread) = (Vec::new(), None);
-    let mut held = 0;
-    for (at, result) in results.into_iter().enumerate() {
-        let index = which.map_or(at, |which| which[at]);
-        // What was passed over comes before what is too much, so that the error is the same for any number of threads.
-        let result = result.unwrap_or_else(|| {
-            source.open().and_then(|mut opened| finished(chosen[at], &mut opened))
-        });
-        held += result.as_ref().map_or(0, |view| view.bytes() as u64);
-        check_budget(path, options, held)?;
-        match result {
-            Ok(view) if !options.wants(&view.name) => {}
-            // What is not wanted may be what cannot be read; or it is the file of all cameras, and a view will be missed.
-            Err(error) if !options.wants(&error.path.to_string_lossy()) => {
-                unread = unread.or(Some(error));
-            }
-            Ok(view) => {
-                if kept_for_test.binary_search(&index).is_ok() {
-                    test.push(views.len());
-                }
-                views.push(view);
-            }
-            Err(error) if options.allow_missing && error.is_incomplete_view() => {
-                warnings.push(format!("a view is left out: {}", error.without_advice()));
-            }
-            Err(error) => return Err(error),
-        }
-    }
-    for name in options.only.iter().flatten() {
-        if !views.iter().any(|view| is_called(&view.name, name)) {
-            let why =
-                unread.map_or_else(String::new, |error| format!(" that can be read: {error}"));
-            let found = format!("none called {name}{why}");
-            return Err(ReadViewsError::field(path, "views", found, "those that are named"));
-        }
-    }
-    if views.is_empty() && total > 0 {
-        return Err(ReadViewsError::field(
-            path,
-            "masks",
-            "none in any view",
-            "one at least (--masks FOLDER, or --mask backdrop)",
-        ));
-    }
+    let reader = Reader { path, source, layout, options, chosen, which, longest };
+    let decoded = reader.decode(progress);
+    let Kept { mut views, test } = reader.keep(decoded, &kept_for_test, &mut warnings)?;
     if options.mask == MaskSource::ColorModel && options.masks.is_none() {
-        let masks = segment_by_color(&views, None, &|_, _| ())
-            .map_err(|error| ReadViewsError::new(path, error))?;
-        for (view, mask) in views.iter_mut().zip(masks) {
-            view.mask = mask;
-            clean(&mut view.mask, options);
-        }
+        segment(path, &mut views, options)?;
     }
     if options.on_inconsistent == OnInconsistent::Refuse
         && options.mask != MaskSource::Whole
@@ -192,6 +234,28 @@ pub(crate) fn read_chosen(
         consistency::check(path, &views, poses, &mut warnings)?;
     }
     Ok(Views { views, source: path.to_owned(), layout, warnings, test })
+}
+
+/// All of the list, or those with the given indices.
+fn chosen<'r, 'a>(
+    path: &Path,
+    pending: &'r [Pending<'a>],
+    which: Option<&[usize]>,
+) -> Result<Vec<&'r Pending<'a>>, ReadViewsError> {
+    let Some(which) = which else { return Ok(pending.iter().collect()) };
+    let listed = |&view: &usize| pending.get(view).ok_or_else(|| lost(path, view, pending.len()));
+    which.iter().map(listed).collect()
+}
+
+/// Fills the masks by a model of colours over all views.
+fn segment(path: &Path, views: &mut [View], options: &ReadOptions) -> Result<(), ReadViewsError> {
+    let masks = segment_by_color(views, None, &|_, _| ())
+        .map_err(|error| ReadViewsError::new(path, error))?;
+    for (view, mask) in views.iter_mut().zip(masks) {
+        view.mask = mask;
+        clean(&mut view.mask, options);
+    }
+    Ok(())
 }
 
 /// What is said of a view that is asked for and not there.
