@@ -8,8 +8,8 @@ use serde::de::DeserializeOwned;
 
 use super::communicator::{Communicator, first_failure};
 use super::error::TrainError;
+use super::fingerprint::Fingerprint;
 use super::progress::Communication;
-use super::run::Fingerprint;
 
 /// The processes of a training, as one of them sees them, and what it has said to the others.
 #[derive(Debug)]

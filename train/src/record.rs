@@ -55,7 +55,7 @@ impl<C: Options> Heading<'_, C> {
     fn facts(&self) -> serde_json::Value {
         let Provenance { version, commit, cpu, machine, command, data } = self.provenance;
         let config = to_toml(self.config);
-        let config_hash = super::run::Fingerprint::new().with(config.as_bytes()).value();
+        let config_hash = super::fingerprint::Fingerprint::new().with(config.as_bytes()).value();
         json!({
             "kind": "run",
             "schema": 1,

@@ -315,47 +315,6 @@ fn io((path, source): (PathBuf, std::io::Error)) -> RunError {
     RunError::Io { path, source }
 }
 
-/// A hash of data, FNV-1a over words of eight bytes: to see that it is another, not to be safe.
-///
-/// ```
-/// let hash = |bytes: &[u8]| train::Fingerprint::new().with(bytes).value();
-/// assert_ne!(hash(b"one"), hash(b"two"));
-/// ```
-#[derive(Clone, Copy, Debug)]
-pub struct Fingerprint(u64);
-
-impl Default for Fingerprint {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl Fingerprint {
-    /// Of nothing.
-    pub fn new() -> Self {
-        Self(0xcbf2_9ce4_8422_2325)
-    }
-
-    /// Of all before and these bytes with their number.
-    #[must_use]
-    pub fn with(mut self, bytes: &[u8]) -> Self {
-        let (words, rest) = bytes.as_chunks::<8>();
-        let mut last = [0; 8];
-        last[..rest.len()].copy_from_slice(rest);
-        let words = words.iter().chain([&last]).map(|word| u64::from_le_bytes(*word));
-        for word in words.chain([bytes.len() as u64]) {
-            self.0 = (self.0 ^ word).wrapping_mul(0x0000_0100_0000_01b3);
-            self.0 ^= self.0 >> 32;
-        }
-        self
-    }
-
-    /// The number.
-    pub fn value(self) -> u64 {
-        self.0
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
@@ -380,13 +339,5 @@ mod tests {
         assert!(!run.config().exists() && path.join("notes.txt").exists());
         fs::write(place.path().join("file"), "").unwrap();
         assert!(RunFolder::create(&place.path().join("file"), true).is_err());
-    }
-
-    #[test]
-    fn fingerprints_tell_apart() {
-        let of = |parts: &[&[u8]]| parts.iter().fold(Fingerprint::new(), |f, p| f.with(p)).value();
-        assert_ne!(of(&[b"ab", b"c"]), of(&[b"a", b"bc"]));
-        assert_ne!(of(&[&[0; 8]]), of(&[&[0; 9]]));
-        assert_eq!(of(&[b"ab"]), of(&[b"ab"]));
     }
 }
