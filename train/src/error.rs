@@ -103,6 +103,12 @@ pub enum LossError {
     /// A differential equation could not be solved.
     #[error(transparent)]
     Solve(Arc<dyn Error + Send + Sync>),
+    /// None of the terms counts: there is nothing to be minimised.
+    #[error("no term with a weight other than 0, of [{}]", terms.join(", "))]
+    Weightless {
+        /// The names of the terms.
+        terms: Vec<&'static str>,
+    },
 }
 
 impl LossError {

@@ -200,20 +200,30 @@ fn part<S: System>(
         .iter()
         .map(|term| (term.name, share * term.weight * f64::from(term.value.item())))
         .collect();
-    let gradients = total(&terms, share).backward();
+    let gradients = match total(&terms, share) {
+        Ok(total) => total.backward(),
+        Err(error) => {
+            drop(terms);
+            tape.reset();
+            return Err(error);
+        }
+    };
     let updates = tape.take_updates();
     drop(terms);
     tape.reset();
     Ok(Part { gradients, terms: values, updates })
 }
 
-/// The weighted sum of the terms that count.
-fn total<'t>(terms: &Terms<'t>, share: f64) -> autodiff_lite::Var<'t> {
+/// The weighted sum of the terms that count, of which there is at least one.
+fn total<'t>(terms: &Terms<'t>, share: f64) -> Result<autodiff_lite::Var<'t>, LossError> {
     let scaled = terms.0.iter().filter(|term| term.weight != 0.0).map(|term| {
         let value = term.value.reshape(&[]);
         value.scale((share * term.weight) as f32)
     });
-    scaled.reduce(|a, b| a + b).expect("a loss has a term whose weight is not 0")
+    scaled.reduce(|a, b| a + b).ok_or_else(|| {
+        let terms = terms.0.iter().map(|term| term.name).collect();
+        LossError::Weightless { terms }
+    })
 }
 
 /// The path of the first parameter that is not finite.

@@ -103,7 +103,8 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     /// [`coupling`](Self::coupling).
     ///
     /// # Errors
-    /// If it has no value: an equation that it rests on could not be solved.
+    /// If it has no value: an equation that it rests on could not be solved. Terms of which none has a weight other than 0 end
+    /// the training with [`LossError::Weightless`]; options that could make them so are for [`check`](Self::check) to refuse.
     fn loss<'t>(
         &self,
         tape: &'t Tape,
@@ -194,7 +195,7 @@ pub struct Term<'t> {
     pub value: Var<'t>,
 }
 
-/// The parts of a loss, in the order of the logs.
+/// The parts of a loss, in the order of the logs. At least one has a weight other than 0.
 #[derive(Clone, Debug, Default)]
 pub struct Terms<'t>(pub Vec<Term<'t>>);
 

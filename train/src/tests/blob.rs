@@ -37,6 +37,8 @@ crate::options! {
         /// The object whose loss has no value.
         #[serde(with = "crate::settings::optional")]
         pub(super) unsolved: Option<u64> = None;
+        /// Whether none of the terms counts.
+        pub(super) weightless: bool = false;
         /// The epoch before which the hidden layer doubles.
         #[serde(with = "crate::settings::optional")]
         pub(super) grow_at: Option<u64> = None;
@@ -212,7 +214,8 @@ impl System for Blob {
             mean.iter_mut().enumerate().for_each(|(k, mean)| *mean = of(k));
             tape.push_update(BufferUpdate::new(&self.seen, mean, 0.25));
         }
-        let terms = Terms::new().with("mask", 1.0, mask).with("edge", 0.1, edge);
+        let [weight, less] = if self.options.weightless { [0.0; 2] } else { [1.0, 0.1] };
+        let terms = Terms::new().with("mask", weight, mask).with("edge", less, edge);
         Ok(terms.with("watched", 0.0, mask))
     }
 

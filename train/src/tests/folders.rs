@@ -242,6 +242,21 @@ fn files_are_as_the_umask_has_it() {
 }
 
 #[test]
+fn a_loss_of_which_nothing_counts_is_told_with_its_terms() {
+    let place = tempfile::tempdir().unwrap();
+    for shards in [1, 3] {
+        let config = config(|c| (c.system.weightless, c.train.shards) = (true, shards));
+        let folder = place.path().join(format!("run-{shards}"));
+        let error = run_in(&folder, &config, false, &mut on()).unwrap_err();
+        let TrainError::Loss { error: reason, .. } = &error else { panic!("{error}") };
+        let LossError::Weightless { terms } = reason else { panic!("{reason}") };
+        assert_eq!(terms, &["mask", "edge", "watched"]);
+        let text = error.to_string();
+        assert!(text.contains("other than 0, of [mask, edge, watched]"), "{text}");
+    }
+}
+
+#[test]
 fn a_loss_without_a_value_is_told_as_that() {
     let place = tempfile::tempdir().unwrap();
     for shards in [1, 3] {
