@@ -18,7 +18,7 @@ use crate::ranks::{Ranks, fingerprint};
 use crate::record::Record;
 use crate::run::{Provenance, RunFolder};
 use crate::share::Share;
-use crate::step::Tapes;
+use crate::step::{StepGradient, Tapes};
 use crate::step_info::StepInfo;
 use crate::system::{Metric, System};
 
@@ -192,28 +192,7 @@ impl<S: System> Trainer<'_, '_, '_, S> {
         let train = &self.job.config.train;
         let at = StepInfo { step: self.state.step, epoch: self.state.step / self.steps_per_epoch };
         self.enter(at);
-        // The whole step in the pool of threads: each entry from outside would cost a hop.
-        let (system, tapes, ranks) = (&self.system, &mut self.tapes, &mut self.ranks);
-        let (items, data, seed) = (&self.items, self.job.data, train.seed);
-        let (share, accumulate) = (self.share, train.accumulate);
-        let steps_per_epoch = self.steps_per_epoch;
-        let ahead = self.ahead.take().filter(|ahead| ahead.step == at.step);
-        // Not beyond the epoch: the next one may change the system, and is scored first.
-        let next = StepInfo { step: at.step + 1, ..at };
-        let follows = !next.step.is_multiple_of(steps_per_epoch) && next.step < self.total;
-        let mut drawn = None;
-        let gradient = in_pool(|| -> Result<_, TrainError> {
-            let draw = |system: &S, at: StepInfo| {
-                draw(system, data, items, seed, at, steps_per_epoch, (share, accumulate))
-            };
-            let samples = ahead.map_or_else(|| draw(system, at), |ahead| ahead.samples);
-            let samples = ranks.together(samples)?;
-            tapes.gradient(system, &samples, (at, seed), ranks, |system| {
-                drawn = follows.then(|| draw(system, next));
-            })
-        });
-        self.ahead = drawn.map(|samples| Ahead { step: next.step, samples });
-        let mut gradient = gradient?;
+        let mut gradient = self.gradient(at)?;
         self.state.step += 1;
         let (step, loss) = (self.state.step, gradient.loss());
         let average = self.state.average;
@@ -229,18 +208,7 @@ impl<S: System> Trainer<'_, '_, '_, S> {
         }
         self.state.average = Some(average.map_or(loss, |a| MEMORY * a + (1.0 - MEMORY) * loss));
         let factor = self.schedule.factor(at.step);
-        let (system, optimizer, average) =
-            (&mut self.system, &mut self.optimizer, &mut self.average);
-        in_pool(|| {
-            gradient.update(system);
-            if let Some(limit) = train.clip_norm.filter(|&limit| gradient.norm > limit) {
-                clip_grad_norm(&mut gradient.gradients, limit);
-            }
-            optimizer.step(system, &gradient.gradients, factor);
-            if let Some(average) = average {
-                average.update(system, step);
-            }
-        });
+        self.update(&mut gradient, factor);
         let training = TrainingStep {
             epoch: at.epoch,
             learning_rate: train.learning_rate * factor,
@@ -257,6 +225,50 @@ impl<S: System> Trainer<'_, '_, '_, S> {
         self.warn();
         self.tell(&Event::Step(report));
         Ok(())
+    }
+
+    /// What a step's samples amount to. Those of the next step are drawn beside it.
+    fn gradient(&mut self, at: StepInfo) -> Result<StepGradient, TrainError> {
+        let (system, tapes, ranks) = (&self.system, &mut self.tapes, &mut self.ranks);
+        let train = &self.job.config.train;
+        let (items, data, seed) = (&self.items, self.job.data, train.seed);
+        let (share, accumulate) = (self.share, train.accumulate);
+        let steps_per_epoch = self.steps_per_epoch;
+        let ahead = self.ahead.take().filter(|ahead| ahead.step == at.step);
+        // Not beyond the epoch: the next one may change the system, and is scored first.
+        let next = StepInfo { step: at.step + 1, ..at };
+        let follows = !next.step.is_multiple_of(steps_per_epoch) && next.step < self.total;
+        let mut drawn = None;
+        // All of it in the pool of threads: each entry from outside would cost a hop.
+        let gradient = in_pool(|| -> Result<_, TrainError> {
+            let draw = |system: &S, at: StepInfo| {
+                draw(system, data, items, seed, at, steps_per_epoch, (share, accumulate))
+            };
+            let samples = ahead.map_or_else(|| draw(system, at), |ahead| ahead.samples);
+            let samples = ranks.together(samples)?;
+            tapes.gradient(system, &samples, (at, seed), ranks, |system| {
+                drawn = follows.then(|| draw(system, next));
+            })
+        });
+        self.ahead = drawn.map(|samples| Ahead { step: next.step, samples });
+        gradient
+    }
+
+    /// Moves running statistics, parameters and their averages; `factor` is that of the learning rate.
+    fn update(&mut self, gradient: &mut StepGradient, factor: f64) {
+        let (limit, step) = (self.job.config.train.clip_norm, self.state.step);
+        let (system, optimizer, average) =
+            (&mut self.system, &mut self.optimizer, &mut self.average);
+        in_pool(|| {
+            gradient.update(system);
+            if let Some(limit) = limit.filter(|&limit| gradient.norm > limit) {
+                clip_grad_norm(&mut gradient.gradients, limit);
+            }
+            optimizer.step(system, &gradient.gradients, factor);
+            if let Some(average) = average {
+                average.update(system, step);
+            }
+        });
     }
 
     /// Tells the system of a new epoch and draws its order.

@@ -13,7 +13,8 @@ use crate::optimizer::AnyOptimizer;
 use crate::progress::{Event, Watch};
 use crate::ranks::Ranks;
 use crate::record::{Heading, Record};
-use crate::settings::to_toml;
+use crate::run::RunFolder;
+use crate::settings::{Options, to_toml};
 use crate::share::Share;
 use crate::step::Tapes;
 use crate::system::System;
@@ -64,14 +65,9 @@ impl<'j, 'w, 'o, S: System> Trainer<'j, 'w, 'o, S> {
             total,
             processes: ranks.place()[1],
         };
-        let record = ranks.is_first().then(|| {
-            if resumed {
-                Record::resume(job.run, &heading, state.step, state.pending)
-            } else {
-                Record::begin(job.run, &heading)
-            }
-        });
-        let record = ranks.together(record.transpose().map_err(TrainError::from))?;
+        let resumed_at = resumed.then_some(&state);
+        let recorded = ranks.is_first().then(|| recorded(job.run, &heading, resumed_at));
+        let record = ranks.together(recorded.transpose())?;
         let mut trainer = Self {
             job,
             watch,
@@ -99,17 +95,24 @@ impl<'j, 'w, 'o, S: System> Trainer<'j, 'w, 'o, S> {
             let written = trainer.write(&job.run.last());
             trainer.ranks.together(written)?;
         }
-        let (trainable, done) = (summary.trainable as f64, trainer.state.step);
-        let facts = [("trainable", trainable), ("steps_per_epoch", steps_per_epoch as f64)];
-        trainer.tell(&Event::Started { job: "train", total, done, facts: facts.into() });
-        if let Some(inherited) = inherited {
-            trainer.tell(&Event::Inherited(inherited));
-        }
-        for text in S::data_summary(job.data).into_iter().flat_map(|summary| summary.warnings) {
-            trainer.tell(&Event::Warned { text });
-        }
-        trainer.warn();
+        trainer.announce(summary.trainable, inherited);
         Ok(trainer)
+    }
+
+    /// Tells that it begins, and what a user should know of what it begins with.
+    fn announce(&mut self, trainable: usize, inherited: Option<Inherited>) {
+        let (total, done) = (self.total, self.state.step);
+        let facts =
+            [("trainable", trainable as f64), ("steps_per_epoch", self.steps_per_epoch as f64)];
+        self.tell(&Event::Started { job: "train", total, done, facts: facts.into() });
+        if let Some(inherited) = inherited {
+            self.tell(&Event::Inherited(inherited));
+        }
+        for text in S::data_summary(self.job.data).into_iter().flat_map(|summary| summary.warnings)
+        {
+            self.tell(&Event::Warned { text });
+        }
+        self.warn();
     }
 }
 
@@ -136,6 +139,18 @@ fn begin<S: System>(job: &Job<'_, S>) -> Result<Begun<S>, TrainError> {
     let average = train.ema_decay.map(|decay| Average::new(decay, &system));
     let state = TrainState::default();
     Ok(Begun { system, optimizer, average, state, resumed: false, inherited })
+}
+
+/// The files of a run that begins, or of one that goes on from a state.
+fn recorded<'j, C: Options>(
+    run: &'j RunFolder,
+    heading: &Heading<'_, C>,
+    resumed_at: Option<&TrainState>,
+) -> Result<Record<'j>, TrainError> {
+    Ok(match resumed_at {
+        Some(state) => Record::resume(run, heading, state.step, state.pending)?,
+        None => Record::begin(run, heading)?,
+    })
 }
 
 /// The part of each batch that is this process's.
