@@ -191,20 +191,25 @@ pub fn generate_shard(
     let objects: Vec<ObjectInfo> = found.into_iter().flatten().collect();
     let skipped = skipped.into_inner();
     let ended = Ended::early(objects.len() < jobs.len());
-    // Of several processes that end at once all may find it whole: they write the same.
-    let whole: Option<Vec<ObjectInfo>> = match ended {
-        Ended::Completed => all.iter().map(|job| store.find(job)).collect(),
-        Ended::Cancelled => None,
-    };
-    if let Some(whole) = &whole {
-        let drawn = splits::of(config, whole).into_iter().zip(&all);
-        let subsets: Vec<_> = drawn.map(|(drawn, job)| job.of.subset().unwrap_or(drawn)).collect();
-        store.finish(whole, &subsets, &sheet::draw(config, &all)?)?;
-    }
+    let complete = ended == Ended::Completed && finished(&store, config, &all)?;
     store.clear();
     let made = objects.len() - skipped;
     let (done, watch) = told.into_inner().unwrap_or_else(PoisonError::into_inner);
     watch.tell(&Event::Finished { ended, done, seconds: begun.elapsed().as_secs_f64() });
-    let complete = whole.is_some();
     Ok(Generated { objects, made, skipped, total: jobs.len(), ended, complete })
+}
+
+/// Writes the files of the whole dataset if all of its objects are there; whether they are.
+fn finished(
+    store: &Store,
+    config: &GenerateConfig,
+    all: &[Job<'_>],
+) -> Result<bool, GenerateError> {
+    // Of several processes that end at once all may find it whole: they write the same.
+    let whole: Option<Vec<ObjectInfo>> = all.iter().map(|job| store.find(job)).collect();
+    let Some(whole) = whole else { return Ok(false) };
+    let drawn = splits::of(config, &whole).into_iter().zip(all);
+    let subsets: Vec<_> = drawn.map(|(drawn, job)| job.of.subset().unwrap_or(drawn)).collect();
+    store.finish(&whole, &subsets, &sheet::draw(config, all)?)?;
+    Ok(true)
 }
