@@ -67,31 +67,13 @@ impl DepthTargets {
         let mut place = Placed::of(picture, config);
         let side = picture.camera.width;
         let object: Vec<bool> = picture.mask.iter().map(|&m| m > 127).collect();
-        let depth = match known {
-            Known::Surface(mesh, _) if picture.depth.is_none() => {
-                rendered(&place.frame.mesh_placed(mesh), picture)
-            }
-            _ => {
-                let scale = place.frame.scale() as f32;
-                let given = picture.depth.as_deref().unwrap_or_default();
-                given.iter().map(|z| z * scale).collect()
-            }
-        };
+        let depth = planar_depth(picture, known, &place.frame);
         if config.place == PlaceKind::Seen {
             place.stand_at(guide::median_depth(&depth, object.iter().copied()), config.reach);
         }
-        let disparity = match known {
-            _ if config.depth != DepthKind::Estimated => Vec::new(),
-            Known::Surface(mesh, seed) => {
-                let monocular = match config.estimate_errors {
-                    EstimateErrors::Affine => Monocular::default(),
-                    EstimateErrors::Nonlinear => Monocular::with_relief_errors(),
-                };
-                estimated(&depth, picture, &place.frame, mesh, (&monocular, seed))
-            }
-            Known::Given => {
-                depth.iter().map(|z| if z.is_finite() { z.recip() } else { *z }).collect()
-            }
+        let disparity = match config.depth {
+            DepthKind::Estimated => disparity(&depth, picture, known, &place.frame, config),
+            _ => Vec::new(),
         };
         let channel = match config.depth {
             DepthKind::None => Vec::new(),
@@ -104,17 +86,7 @@ impl DepthTargets {
             let compared = on_object(&disparity, &object, side);
             (guide::standard(&disparity, &compared), compared)
         } else {
-            let known = depth.iter().zip(&object).map(|(z, &o)| o && z.is_finite());
-            let compared: Vec<bool> = known.collect();
-            let inverse = |z: &f32| if z.is_finite() { z.recip() } else { *z };
-            let target = match config.depth_loss {
-                DepthLossKind::Aligned | DepthLossKind::Trimmed => {
-                    let disparity: Vec<f32> = depth.iter().map(inverse).collect();
-                    guide::standard(&disparity, &compared)
-                }
-                _ => depth.clone(),
-            };
-            (target, compared)
+            of_known_depth(&depth, &object, config.depth_loss)
         };
         let cells = match known {
             Known::Surface(mesh, _) if cells > 0 => {
@@ -177,6 +149,59 @@ fn volume(picture: &Picture, [near, far]: [f32; 2]) -> CameraVolume {
     let (rotation, translation) = (Matrix3::identity(), Vector3::zeros());
     let here = Camera { rotation, translation, ..picture.camera.clone() };
     CameraVolume::new(here, f64::from(near), f64::from(far))
+}
+
+/// Planar depth in the frame: what came with the image, or else that of the true surface; empty where there is neither.
+fn planar_depth(picture: &Picture, known: Known<'_>, frame: &Frame) -> Vec<f32> {
+    match known {
+        Known::Surface(mesh, _) if picture.depth.is_none() => {
+            rendered(&frame.mesh_placed(mesh), picture)
+        }
+        _ => {
+            let scale = frame.scale() as f32;
+            let given = picture.depth.as_deref().unwrap_or_default();
+            given.iter().map(|z| z * scale).collect()
+        }
+    }
+}
+
+/// Disparity as a network would estimate it, or that of the given depth.
+fn disparity(
+    depth: &[f32],
+    picture: &Picture,
+    known: Known<'_>,
+    frame: &Frame,
+    config: &RefineConfig,
+) -> Vec<f32> {
+    match known {
+        Known::Surface(mesh, seed) => {
+            let monocular = match config.estimate_errors {
+                EstimateErrors::Affine => Monocular::default(),
+                EstimateErrors::Nonlinear => Monocular::with_relief_errors(),
+            };
+            estimated(depth, picture, frame, mesh, (&monocular, seed))
+        }
+        Known::Given => depth.iter().copied().map(inverse).collect(),
+    }
+}
+
+/// What a rendered depth is compared with, and which pixels of it, where depth itself is known.
+fn of_known_depth(depth: &[f32], object: &[bool], loss: DepthLossKind) -> (Vec<f32>, Vec<bool>) {
+    let known = depth.iter().zip(object).map(|(z, &o)| o && z.is_finite());
+    let compared: Vec<bool> = known.collect();
+    let target = match loss {
+        DepthLossKind::Aligned | DepthLossKind::Trimmed => {
+            let disparity: Vec<f32> = depth.iter().copied().map(inverse).collect();
+            guide::standard(&disparity, &compared)
+        }
+        _ => depth.to_vec(),
+    };
+    (target, compared)
+}
+
+/// Disparity of a depth; what is not finite stays as it is.
+fn inverse(z: f32) -> f32 {
+    if z.is_finite() { z.recip() } else { z }
 }
 
 /// Planar depth of a mesh of the frame at the image's pixels.

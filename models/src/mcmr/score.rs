@@ -1,6 +1,6 @@
 //! Scores on what was not trained on.
 
-use autodiff_lite::Tape;
+use autodiff_lite::{Tape, Tensor};
 use losses::metrics::{
     self, MaskRule, McmrAlignment, frechet, mask_iou_by, mcmr_iou, rotation_angle, ssim,
     symmetric_rotation_angle, voxel_iou,
@@ -168,6 +168,50 @@ struct Judged {
     features: Option<[Vec<f32>; 2]>,
 }
 
+/// Predictions of a batch as they are drawn, by the predicted cameras and by the true ones. Plain values, which threads may share.
+struct Drawn {
+    /// Pixels of a side of the images.
+    side: usize,
+    /// `[N, S, S]`, soft.
+    silhouettes: [Tensor<f32>; 2],
+    /// `[N, S, S, 3]`, by the true cameras.
+    image: Tensor<f32>,
+    /// `[N, S, S]`, hard.
+    masks: [Vec<f32>; 2],
+}
+
+impl Drawn {
+    /// How prediction `i` compares with its photograph, with no more than that filled in, and the two images: as it is drawn by
+    /// the true camera, and the masked photograph.
+    fn compared(&self, i: usize, sample: &Sample) -> (ScoredObject, [Image; 2]) {
+        let side = self.side;
+        let plane =
+            |data: Vec<f32>, channels: usize| Image { height: side, width: side, channels, data };
+        let hard = |mask: &[f32]| plane(mask[i * side * side..][..side * side].to_vec(), 1);
+        let truth: Vec<f32> = sample.mask.iter().map(|&m| f32::from(m) / 255.0).collect();
+        let target: Vec<f32> = sample
+            .target
+            .iter()
+            .enumerate()
+            .map(|(k, &c)| truth[k / 3] * f32::from(c) / 255.0)
+            .collect();
+        let (truth, target) = (plane(truth, 1), plane(target, 3));
+        let soft = [0, 1].map(|k| plane(row(&self.silhouettes[k], i), 1));
+        let image = plane(row(&self.image, i), 3);
+        let iou = |mask: &Image, rule| mask_iou_by(mask, &truth, rule);
+        let scored = ScoredObject {
+            mask_iou: iou(&hard(&self.masks[0]), MaskRule::FromHalf),
+            mask_iou_true: iou(&hard(&self.masks[1]), MaskRule::FromHalf),
+            published_iou: iou(&soft[0], MaskRule::AboveZero),
+            published_iou_true: iou(&soft[1], MaskRule::AboveZero),
+            ssim: ssim(&image, &target),
+            l1: metrics::l1(&image, &target),
+            ..ScoredObject::default()
+        };
+        (scored, [image, target])
+    }
+}
+
 impl Mcmr {
     /// Scores on a subset, object by object.
     ///
@@ -226,47 +270,25 @@ impl Mcmr {
         let side = self.config.image_size;
         let truths: Vec<_> = samples.iter().map(|sample| sample.true_pose).collect();
         let drawn = [poses, &truths].map(|poses| self.drawn(tape, predicted, poses));
-        // Plain values, which threads may share.
+        let drawn = Drawn {
+            side,
+            silhouettes: drawn.each_ref().map(|rendered| rendered.silhouette.value()),
+            image: drawn[1].image.value(),
+            masks: drawn.map(|rendered| rendered.mask),
+        };
         let weights = predicted.weights.value();
-        let silhouettes = [0, 1].map(|k| drawn[k].silhouette.value());
-        let images = drawn[1].image.value();
-        let masks = drawn.map(|rendered| rendered.mask);
         let perceptual = |i: usize| {
-            let sample = &samples[i];
+            let (compared, images) = drawn.compared(i, &samples[i]);
             let object = objects[i];
-            let plane = |data: Vec<f32>, channels: usize| Image {
-                height: side,
-                width: side,
-                channels,
-                data,
-            };
-            let hard = |mask: &[f32]| plane(mask[i * side * side..][..side * side].to_vec(), 1);
-            let truth: Vec<f32> = sample.mask.iter().map(|&m| f32::from(m) / 255.0).collect();
-            let target: Vec<f32> = sample
-                .target
-                .iter()
-                .enumerate()
-                .map(|(k, &c)| truth[k / 3] * f32::from(c) / 255.0)
-                .collect();
-            let (truth, target) = (plane(truth, 1), plane(target, 3));
-            let soft = [0, 1].map(|k| plane(row(&silhouettes[k], i), 1));
-            let image = plane(row(&images, i), 3);
-            let iou = |mask: &Image, rule| mask_iou_by(mask, &truth, rule);
             let scored = ScoredObject {
                 object,
                 name: data.name(object),
                 kind: data.category(object).0,
                 weights: row(&weights, i),
-                mask_iou: iou(&hard(&masks[0]), MaskRule::FromHalf),
-                mask_iou_true: iou(&hard(&masks[1]), MaskRule::FromHalf),
-                published_iou: iou(&soft[0], MaskRule::AboveZero),
-                published_iou_true: iou(&soft[1], MaskRule::AboveZero),
-                ssim: ssim(&image, &target),
-                l1: metrics::l1(&image, &target),
                 rotation: rotation_angle(poses[i].rotation, truths[i].rotation),
-                ..ScoredObject::default()
+                ..compared
             };
-            (scored, [image, target])
+            (scored, images)
         };
         let all: Vec<(ScoredObject, [Image; 2])> =
             (0..samples.len()).into_par_iter().map(perceptual).collect();
