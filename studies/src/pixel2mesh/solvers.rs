@@ -154,6 +154,104 @@ fn published(label: &str) -> Option<(f64, f64)> {
     }
 }
 
+fn chamfer(row: &str) -> Score {
+    Score::new(TABLE, row, "CD")
+}
+
+/// That the first score is below the second.
+fn below(text: &str, own: Score, other: Score) -> Claim {
+    Claim::new(text, [own.below(other)])
+}
+
+/// What is said of one field in more steps and in fewer.
+fn claims_of_integration() -> Vec<Claim> {
+    let finer = |row: &str, column: &str| Score::new(FINER, row, column);
+    let [euler, heun, midpoint] = SHALLOW;
+    // What is solved already stays as it is.
+    let falls = |row: &str| {
+        let [few, some, many] = ["0.5", "0.25", "0.125"].map(|column| finer(row, column));
+        [some.clone().below(few), many.not_behind(some, 0.0)]
+    };
+    let follows = |row: &str| [finer(row, "0.25").below(finer(row, "Euler, 0.25"))];
+    let adapts = |model: &str| {
+        let rank = Score::new(ADAPTIVE, at_tolerance(model, 1e-3), CORRELATION);
+        let text = format!(
+            "{model}: what is farther from the ellipsoid takes more evaluations: their rank correlation is positive"
+        );
+        Claim::new(text, [rank.above(0.0)])
+    };
+    vec![
+        adapts(DOPRI5),
+        adapts(DOPRI5_ALL),
+        Claim::new(
+            "more evaluations of one field predict better: Heun's in steps of 0.25 better than of 0.5, of 0.125 not behind",
+            falls(heun),
+        ),
+        Claim::new("and the midpoint method's", falls(midpoint)),
+        Claim::new(
+            "in four steps Heun's method follows its field better than Euler's",
+            follows(heun),
+        ),
+        Claim::new("and the midpoint method its own", follows(midpoint)),
+        below(
+            "what Euler's method trains in four steps is no flow: 32 steps make it worse",
+            finer(euler, "0.25"),
+            finer(euler, "0.031"),
+        ),
+    ]
+}
+
+/// What is said of fields that were trained by other methods or in other steps.
+fn claims_of_training() -> Vec<Claim> {
+    let [euler, heun, midpoint] = SHALLOW;
+    vec![
+        below(
+            "trained with more evaluations a field predicts better: ODE_d below ODE_s, both by Euler's method",
+            chamfer(DEEP),
+            chamfer(euler),
+        ),
+        below(
+            "trained at the shallow setting Heun's method beats Euler's",
+            chamfer(heun),
+            chamfer(euler),
+        ),
+        below(
+            "trained at the shallow setting the midpoint method beats Euler's",
+            chamfer(midpoint),
+            chamfer(euler),
+        ),
+        below(
+            "repaired, the shallow ODE is better than as published",
+            chamfer(euler),
+            Score::new(REPAIRED, REPAIRS[0].1, "CD"),
+        ),
+    ]
+}
+
+/// What is said of our best, beside residual networks and what reads no image.
+fn claims_of_ours() -> Vec<Claim> {
+    let parameters = |row: &str| Score::new(TABLE, row, "thousand parameters");
+    let published = "the paper's own ratio of parameters";
+    let blocks = "as many as RES_d has blocks";
+    vec![
+        Claim::new(
+            "RES_d, ODE_d and our best read their image: each beats what sees nothing, and what looks its object up",
+            [DEEP, RES_DEEP, BEST].into_iter().flat_map(|row| {
+                let control = if row == DEEP { blind(DEEP) } else { blind(RES_DEEP) };
+                [control, RETRIEVAL].map(|other| chamfer(row).below(chamfer(other)))
+            }),
+        ),
+        below("our best beats RES_d", chamfer(BEST), chamfer(RES_DEEP)),
+        Claim::new(
+            "it takes as many evaluations, with at most 1/6.7 of the parameters",
+            [
+                Score::new(TABLE, BEST, "evaluations").at_most(1.0, 8.0, 0.0, blocks).exactly(),
+                parameters(BEST).at_most(1.0 / 6.7, parameters(RES_DEEP), 0.0, published).exactly(),
+            ],
+        ),
+    ]
+}
+
 impl Study for SolversStudy {
     fn name(&self) -> &'static str {
         "ode-table2"
@@ -221,82 +319,7 @@ impl Study for SolversStudy {
     }
 
     fn claims(&self) -> Vec<Claim> {
-        let chamfer = |row: &str| Score::new(TABLE, row, "CD");
-        let finer = |row: &str, column: &str| Score::new(FINER, row, column);
-        let [euler, heun, midpoint] = SHALLOW;
-        // What is solved already stays as it is.
-        let falls = |row: &str| {
-            let [few, some, many] = ["0.5", "0.25", "0.125"].map(|column| finer(row, column));
-            [some.clone().below(few), many.not_behind(some, 0.0)]
-        };
-        let follows = |row: &str| [finer(row, "0.25").below(finer(row, "Euler, 0.25"))];
-        let below = |text: &str, own: Score, other: Score| Claim::new(text, [own.below(other)]);
-        let parameters = |row: &str| Score::new(TABLE, row, "thousand parameters");
-        let published = "the paper's own ratio of parameters";
-        let blocks = "as many as RES_d has blocks";
-        let adapts = |model: &str| {
-            let rank = Score::new(ADAPTIVE, at_tolerance(model, 1e-3), CORRELATION);
-            let text = format!(
-                "{model}: what is farther from the ellipsoid takes more evaluations: their rank correlation is positive"
-            );
-            Claim::new(text, [rank.above(0.0)])
-        };
-        vec![
-            adapts(DOPRI5),
-            adapts(DOPRI5_ALL),
-            Claim::new(
-                "more evaluations of one field predict better: Heun's in steps of 0.25 better than of 0.5, of 0.125 not behind",
-                falls(heun),
-            ),
-            Claim::new("and the midpoint method's", falls(midpoint)),
-            Claim::new(
-                "in four steps Heun's method follows its field better than Euler's",
-                follows(heun),
-            ),
-            Claim::new("and the midpoint method its own", follows(midpoint)),
-            below(
-                "what Euler's method trains in four steps is no flow: 32 steps make it worse",
-                finer(euler, "0.25"),
-                finer(euler, "0.031"),
-            ),
-            below(
-                "trained with more evaluations a field predicts better: ODE_d below ODE_s, both by Euler's method",
-                chamfer(DEEP),
-                chamfer(euler),
-            ),
-            below(
-                "trained at the shallow setting Heun's method beats Euler's",
-                chamfer(heun),
-                chamfer(euler),
-            ),
-            below(
-                "trained at the shallow setting the midpoint method beats Euler's",
-                chamfer(midpoint),
-                chamfer(euler),
-            ),
-            below(
-                "repaired, the shallow ODE is better than as published",
-                chamfer(euler),
-                Score::new(REPAIRED, REPAIRS[0].1, "CD"),
-            ),
-            Claim::new(
-                "RES_d, ODE_d and our best read their image: each beats what sees nothing, and what looks its object up",
-                [DEEP, RES_DEEP, BEST].into_iter().flat_map(|row| {
-                    let control = if row == DEEP { blind(DEEP) } else { blind(RES_DEEP) };
-                    [control, RETRIEVAL].map(|other| chamfer(row).below(chamfer(other)))
-                }),
-            ),
-            below("our best beats RES_d", chamfer(BEST), chamfer(RES_DEEP)),
-            Claim::new(
-                "it takes as many evaluations, with at most 1/6.7 of the parameters",
-                [
-                    Score::new(TABLE, BEST, "evaluations").at_most(1.0, 8.0, 0.0, blocks).exactly(),
-                    parameters(BEST)
-                        .at_most(1.0 / 6.7, parameters(RES_DEEP), 0.0, published)
-                        .exactly(),
-                ],
-            ),
-        ]
+        [claims_of_integration(), claims_of_training(), claims_of_ours()].concat()
     }
 
     fn floors(&self) -> Vec<Floor> {
