@@ -98,6 +98,23 @@ const REPLACED: &[(&str, &str, &str)] = &[
     ("ode-deform", "slope", "derivative"),
 ];
 
+/// Lines of the longest function, from its name to its closing brace.
+const LONGEST: usize = 70;
+
+/// Functions that are longer, each with why it is.
+const LONG: &[(&str, &str, &str)] = &[
+    ("pickle/src/machine.rs", "step", "a table of opcodes"),
+    ("recon/src/fit/cameras.rs", "equations", "to be split"),
+    ("recon/src/fit/mod.rs", "prepare", "to be split"),
+    ("synth/src/shapes/airplane/engine.rs", "engines", "data: parts with their sizes"),
+    ("synth/src/shapes/airplane/plan.rs", "draw", "data: ranges of sizes"),
+    ("synth/src/shapes/airplane/wing.rs", "wings", "data: parts with their sizes"),
+    ("synth/src/shapes/alarm_clock/family.rs", "top", "data: parts with their sizes"),
+    ("synth/src/shapes/bicycle.rs", "draw", "data: ranges of sizes"),
+    ("synth/src/shapes/motorbike.rs", "upper", "data: parts with their sizes"),
+    ("synth/src/shapes/motorbike/fairing.rs", "fairing", "data: parts with their sizes"),
+];
+
 /// The folder of a package: `unsphere-losses` is in `losses`, the program in `cli`.
 fn folder(package: &str) -> String {
     match package {
@@ -132,6 +149,38 @@ fn library_sources() -> Vec<(PathBuf, String)> {
 fn code(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim_start()));
     lines.filter(|(_, line)| !line.starts_with("//"))
+}
+
+/// The name of the function that a line begins, if it begins one.
+fn declared(line: &str) -> Option<&str> {
+    let (before, after) = line.split_once("fn ")?;
+    let qualifier = |word: &str| {
+        ["const", "async", "unsafe", "extern", "\"C\""].contains(&word)
+            || word.starts_with("pub")
+            || word.ends_with(')')
+    };
+    let end = after.find(|c: char| !c.is_alphanumeric() && c != '_')?;
+    // Not what a macro names.
+    (end > 0 && before.split_whitespace().all(qualifier)).then(|| &after[..end])
+}
+
+/// A line without what is remarked behind its code.
+fn said(line: &str) -> &str {
+    line.split(" // ").next().unwrap_or_default().trim_end()
+}
+
+/// The functions of a formatted file and how many lines each has, from its name to its closing brace.
+fn functions(text: &str) -> impl Iterator<Item = (&str, usize)> {
+    let lines: Vec<&str> = text.lines().collect();
+    (0..lines.len()).filter_map(move |begin| {
+        let (line, rest) = (lines[begin], &lines[begin..]);
+        let name = declared(line)?;
+        let head = rest.iter().position(|line| said(line).ends_with(['{', '}', ';']))?;
+        let body = said(rest[head]).ends_with('{');
+        let closing = format!("{}}}", &line[..line.len() - line.trim_start().len()]);
+        let end = if body { rest.iter().position(|line| *line == closing)? } else { head };
+        Some((name, end + 1))
+    })
 }
 
 #[test]
@@ -248,6 +297,42 @@ fn files_and_names_stay_small_and_plain() {
             }
         }
     }
+}
+
+#[test]
+fn functions_stay_short() {
+    let mut excused = Vec::new();
+    let folders = ["src", "benches", "examples"];
+    let folders =
+        MAY_USE.iter().flat_map(|(member, _)| folders.map(|name| root().join(member).join(name)));
+    for (path, text) in folders.flat_map(|folder| sources(&folder)) {
+        let path = path.strip_prefix(root()).unwrap().to_string_lossy().replace('\\', "/");
+        let mut parts = path.trim_end_matches(".rs").split('/');
+        if parts.any(|part| part == "kernels" || part == "tests" || part.ends_with("_tests")) {
+            continue;
+        }
+        for (name, lines) in functions(&text).filter(|&(_, lines)| lines > LONGEST) {
+            let exception =
+                LONG.iter().find(|(file, function, _)| (*file, *function) == (&*path, name));
+            assert!(
+                exception.is_some(),
+                "{path}: `{name}` has {lines} lines; split it, or say in LONG why not"
+            );
+            excused.extend(exception);
+        }
+    }
+    for exception in LONG {
+        assert!(excused.contains(&exception), "{exception:?} is gone, or short: take it from LONG");
+    }
+}
+
+#[test]
+fn functions_are_measured_from_name_to_brace() {
+    let text = "trait A {\n    fn a(\n        &self,\n    ) -> u8;\n    fn b(&self) {}\n}\n\n\
+                pub(in crate::x) const fn c<T>()\nwhere\n    T: Copy,\n{\n    if true {\n    }\n}\n\
+                // fn d() {\nlet f: fn (u8) = e;\n";
+    let found: Vec<_> = functions(text).collect();
+    assert_eq!(found, [("a", 3), ("b", 1), ("c", 7)]);
 }
 
 #[test]
