@@ -22,7 +22,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ("ode-deform", "mesh-core autodiff-lite nets"),
     ("train", "mesh-core autodiff-lite"),
     ("synth", "mesh-core datasets diff-raster train"),
-    ("recon", "mesh-core autodiff-lite datasets diff-raster losses train synth"),
+    ("recon", "mesh-core datasets diff-raster losses train synth"),
     (
         "models",
         "mesh-core autodiff-lite datasets diff-raster losses nets ode-deform train synth recon",
@@ -104,8 +104,6 @@ const LONGEST: usize = 70;
 /// Functions that are longer, each with why it is.
 const LONG: &[(&str, &str, &str)] = &[
     ("pickle/src/machine.rs", "step", "a table of opcodes"),
-    ("recon/src/fit/cameras.rs", "equations", "to be split"),
-    ("recon/src/fit/mod.rs", "prepare", "to be split"),
     ("synth/src/shapes/airplane/engine.rs", "engines", "data: parts with their sizes"),
     ("synth/src/shapes/airplane/plan.rs", "draw", "data: ranges of sizes"),
     ("synth/src/shapes/airplane/wing.rs", "wings", "data: parts with their sizes"),
