@@ -73,6 +73,16 @@ pub(super) struct Placed {
     turn: f64,
 }
 
+/// What a network makes of an object through one way into its frame.
+#[derive(Clone, Debug)]
+pub(super) struct Tried {
+    pub(super) placed: Placed,
+    /// The mesh in the frame of the model.
+    pub(super) mesh: TriMesh,
+    /// Its IoU with the masks that it is made from.
+    pub(super) likeness: f64,
+}
+
 impl Canonical {
     /// From centre and scale.
     pub(super) fn new([x, y, z, radius]: [f64; 4]) -> Self {
@@ -88,32 +98,38 @@ impl Canonical {
         beside <= BESIDE && (SMALLER..=LARGER).contains(&larger) && upright
     }
 
+    /// Of another three sides, each a quarter's turn from the last, the one of which `judged` thinks the most, where the world is this
+    /// frame but for that.
+    pub(super) fn best_side(&self, judged: impl Fn(&Placed) -> (TriMesh, f64)) -> Tried {
+        let side = |quarters: f64| {
+            let turn = quarters * 0.25 * TAU;
+            let rotation = Rotation3::from_axis_angle(&Vector3::y_axis(), turn);
+            let shift = self.ball.center - rotation * self.ball.center;
+            let similarity = SimilarityMatrix3::from_parts(shift.into(), rotation, 1.0);
+            tried(Placed { similarity, up: UpAxis::Y, turn }, &judged)
+        };
+        better(better(side(1.0), side(2.0)), side(3.0))
+    }
+
     /// The way into this frame of which `judged` thinks the most: each side may be the front, and then the object a little
     /// smaller or larger. Nothing where no view shows it.
-    ///
-    /// # Errors
-    /// Those of `judged`.
-    pub(super) fn best<T, E>(
+    pub(super) fn best(
         &self,
         views: &[View],
-        judged: impl Fn(&Placed) -> Result<(T, f64), E>,
-    ) -> Result<Option<(Placed, T, f64)>, E> {
-        let Some(found) = Ball::of(views) else { return Ok(None) };
+        judged: impl Fn(&Placed) -> (TriMesh, f64),
+    ) -> Option<Tried> {
+        let found = Ball::of(views)?;
         let up = UpAxis::of_cameras(views.iter().map(|view| &view.camera));
-        let tried = |turn: f64, size: f64| {
-            let placed = self.placed(found, (up, turn), size);
-            let (made, likeness) = judged(&placed)?;
-            Ok((placed, made, likeness))
-        };
-        let mut best = tried(0.0, 1.0)?;
+        let one = |turn: f64, size: f64| tried(self.placed(found, (up, turn), size), &judged);
+        let mut best = one(0.0, 1.0);
         for k in 1..TURNS {
-            best = better(best, tried(k as f64 / TURNS as f64 * TAU, 1.0)?);
+            best = better(best, one(k as f64 / TURNS as f64 * TAU, 1.0));
         }
-        let turn = best.0.turn;
+        let turn = best.placed.turn;
         for size in SIZES {
-            best = better(best, tried(turn, size)?);
+            best = better(best, one(turn, size));
         }
-        Ok(Some(best))
+        Some(best)
     }
 
     /// A ball brought to the middle, upright, turned, and to a size beside the usual one.
@@ -162,9 +178,14 @@ impl Placed {
     }
 }
 
+fn tried(placed: Placed, judged: &impl Fn(&Placed) -> (TriMesh, f64)) -> Tried {
+    let (mesh, likeness) = judged(&placed);
+    Tried { placed, mesh, likeness }
+}
+
 /// That which is more like the masks; of equals the first.
-fn better<T>(a: (Placed, T, f64), b: (Placed, T, f64)) -> (Placed, T, f64) {
-    if b.2 > a.2 { b } else { a }
+fn better(a: Tried, b: Tried) -> Tried {
+    if b.likeness > a.likeness { b } else { a }
 }
 
 /// The rotation that makes an axis +Y.
