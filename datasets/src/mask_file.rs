@@ -125,6 +125,10 @@ pub(crate) fn mask_of_folder(
     path: &Path,
     options: &ReadOptions,
 ) -> Result<MaskFile, ReadViewsError> {
+    if !folder.exists() {
+        let expected = "a folder with a mask for each image";
+        return Err(ReadViewsError::field(folder, "masks", "nothing at this path", expected));
+    }
     let parts = path.components().filter_map(|part| match part {
         Component::Normal(name) => name.to_str(),
         _ => None,
@@ -148,6 +152,20 @@ pub(crate) fn mask_of_folder(
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_folder_of_masks_that_is_not_there_is_named() {
+        let error = mask_of_folder(
+            Path::new("no/such/folder"),
+            Path::new("0.png"),
+            &ReadOptions::default(),
+        );
+        let text = error.err().map(|error| error.to_string()).unwrap_or_default();
+        assert!(
+            text.starts_with("no/such/folder") && text.contains("nothing at this path"),
+            "{text}"
+        );
+    }
 
     #[test]
     fn masks_are_looked_for_under_the_names_that_people_use() {

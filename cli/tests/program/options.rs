@@ -55,6 +55,7 @@ fn the_page_of_options_is_the_programs() {
     let mut page = String::from(
         "# Options\n\nEverything that `--set KEY=VALUE` and a configuration file can say, as `unsphere check --options` and\n\
          `unsphere check --system NAME --options` list it. Published values are those of the preset `paper`.\n\
+         What may be \"none\" is none for 0 too, where 0 is not among its values.\n\
          This page is made by `cli/tests/program/options.rs`, which also holds it to be true.\n",
     );
     page.push_str(&table("fit", &fit));
