@@ -3,6 +3,11 @@
 //! `cargo run --release -p unsphere-studies --example turned -- WEIGHTS data=FOLDER[,FOLDER ..] [families=a,b] [views=1,5] [count=N] [subset=validation]`:
 //! a row for each object, number of given views and turn of the world (0, 90, 180 degrees), with the mask IoU at the given views and at
 //! the others of one pass, and whether the world was turned.
+//!
+//! docs/img2mesh.md has its means over `data=ours,people families=airplane,car,chair,table,lamp`, made by
+//! `unsphere data generate -o ours --families airplane,car,chair,table,lamp --objects 6 --seed 4242 --set 'split=[0.0,1.0,0.0]'` and
+//! `unsphere data generate -o people --from objects --splits objects.csv --normalize unit-diagonal --seed 5`, both with `--set layout=kaolin
+//! --set cameras=r2n2 --set views=8 --set width=128 --set height=128`.
 
 use std::error::Error;
 use std::io::Write as _;
