@@ -46,9 +46,9 @@ pub enum ImageError {
     },
     /// The header claims more than the [`Limits`](crate::Limits) allow.
     #[error(
-        "{}: the header claims {width} x {height} pixels ({bytes} bytes), the limit is {max_pixels} \
-         pixels of 4 bytes",
-        path.display()
+        "{}: the header claims {width} x {height} pixels{}, the limit is {max_pixels} pixels of 4 bytes: make the image smaller",
+        path.display(),
+        of_bytes(*bytes)
     )]
     OverLimit {
         /// The file, or the name given for the bytes.
@@ -57,7 +57,7 @@ pub enum ImageError {
         width: u64,
         /// Claimed rows.
         height: u64,
-        /// Bytes that the pixels would take.
+        /// Bytes that the pixels would take; 0 where there are too many whatever they take.
         bytes: u64,
         /// Pixels that are allowed, each of 4 bytes on average.
         max_pixels: u64,
@@ -83,6 +83,10 @@ pub enum ImageError {
         /// The file, or the name given for the bytes.
         path: PathBuf,
     },
+}
+
+fn of_bytes(bytes: u64) -> String {
+    if bytes == 0 { String::new() } else { format!(" ({bytes} bytes)") }
 }
 
 /// What makes an error of what a decoder says.

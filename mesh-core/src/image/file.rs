@@ -257,6 +257,8 @@ mod tests {
         png[29..33].copy_from_slice(&crc);
         let error = decode_image(&png, "a.png").unwrap_err();
         assert!(matches!(error, ImageError::OverLimit { width: 1_048_575, .. }), "{error}");
+        let text = error.to_string();
+        assert!(!text.contains("0 bytes") && text.contains("make the image smaller"), "{text}");
     }
 
     fn crc32(bytes: &[u8]) -> u32 {
