@@ -56,8 +56,8 @@ impl Selection {
 
     /// What is to be said of it.
     pub(super) fn remark(&self) -> Option<String> {
-        let names = || self.empty.join(", ");
-        (!self.empty.is_empty())
-            .then(|| format!("left out, since their mask is empty: views {}", names()))
+        let said =
+            || format!("left out, since their mask is empty: views {}", self.empty.join(", "));
+        (!self.empty.is_empty()).then(said)
     }
 }
