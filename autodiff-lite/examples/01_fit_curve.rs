@@ -76,7 +76,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// The truth as a broad grey line, the network at several steps in colours.
 fn draw(truth: &[f32], lines: &[(u64, Vec<f32>)]) -> String {
-    const COLOURS: [&str; 5] = ["#f4c20d", "#e67e22", "#d64541", "#8e44ad", "#1f3a93"];
+    const COLORS: [&str; 5] = ["#f4c20d", "#e67e22", "#d64541", "#8e44ad", "#1f3a93"];
     let points = |y: &[f32]| {
         let mut text = String::new();
         for (i, y) in y.iter().enumerate() {
@@ -89,20 +89,20 @@ fn draw(truth: &[f32], lines: &[(u64, Vec<f32>)]) -> String {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 800 440\" font-family=\"sans-serif\">\n\
          <rect width=\"800\" height=\"440\" fill=\"white\"/>\n",
     );
-    let line = |svg: &mut String, colour: &str, width: f32, y: &[f32]| {
+    let line = |svg: &mut String, color: &str, width: f32, y: &[f32]| {
         let _ = writeln!(
             svg,
-            "<polyline fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" points=\"{}\"/>",
+            "<polyline fill=\"none\" stroke=\"{color}\" stroke-width=\"{width}\" points=\"{}\"/>",
             points(y)
         );
     };
     line(&mut svg, "#cccccc", 9.0, truth);
     for (k, (step, y)) in lines.iter().enumerate() {
-        let colour = COLOURS[k % COLOURS.len()];
-        line(&mut svg, colour, 2.0, y);
+        let color = COLORS[k % COLORS.len()];
+        line(&mut svg, color, 2.0, y);
         let _ = writeln!(
             svg,
-            "<text x=\"{}\" y=\"425\" fill=\"{colour}\" font-size=\"16\">step {step}</text>",
+            "<text x=\"{}\" y=\"425\" fill=\"{color}\" font-size=\"16\">step {step}</text>",
             30 + 150 * k
         );
     }

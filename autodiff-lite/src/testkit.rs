@@ -168,7 +168,7 @@ where
         (&*f(&vars).value() * &weights).sum()
     };
     let mut moved = inputs.to_vec();
-    let centre = value(&moved);
+    let center = value(&moved);
     let (mut undecided, mut probed) = (0, 0);
     for input in 0..inputs.len() {
         let gradient = gradients.wrt(vars[input]);
@@ -193,7 +193,7 @@ where
             }
             // A NaN anywhere ends in an error too.
             let verdict = if options.pieces {
-                beside(&mut at, centre, rule, options)
+                beside(&mut at, center, rule, options)
             } else {
                 OneSided::Other
             };
@@ -238,9 +238,9 @@ fn agree(a: f64, b: f64, tolerance: f64) -> bool {
 ///
 /// The differences that straddle a border of pieces are the derivative of neither. Those that stay on
 /// one side are, whatever the border is, if there is none on that side; and smaller steps reach
-/// fewer. `at` gives the value at a step from the place, `centre` the value there.
-fn beside(at: &mut impl FnMut(f64) -> f64, centre: f64, rule: f64, options: &Options) -> OneSided {
-    let mut derivative = |h: f64| (4.0 * at(h / 2.0) - at(h) - 3.0 * centre) / h;
+/// fewer. `at` gives the value at a step from the place, `center` the value there.
+fn beside(at: &mut impl FnMut(f64) -> f64, center: f64, rule: f64, options: &Options) -> OneSided {
+    let mut derivative = |h: f64| (4.0 * at(h / 2.0) - at(h) - 3.0 * center) / h;
     let mut smooth = false;
     for quartering in 0..=QUARTERINGS {
         let step = options.epsilon * 0.25_f64.powi(quartering);

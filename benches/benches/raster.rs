@@ -17,7 +17,7 @@ use ndarray::Array3;
 /// colours.
 struct Scene {
     positions: Tensor<f32>,
-    colours: Tensor<f32>,
+    colors: Tensor<f32>,
     renderer: Renderer,
     grads: [Tensor<f32>; 2],
 }
@@ -34,21 +34,21 @@ impl Scene {
             let depth = distance - (z * cos - x * sin);
             [(x * cos + z * sin) * focal / depth, y * focal / depth, depth][k]
         });
-        let colours = ndarray::Array2::from_shape_fn((count, 3), |(v, k)| mesh.positions[v][k]);
+        let colors = ndarray::Array2::from_shape_fn((count, 3), |(v, k)| mesh.positions[v][k]);
         let faces = Faces::of(&mesh).expect("an icosphere is sound");
-        let colour_grad = ndarray::Array4::from_elem((images, size, size, 3), 0.01_f32);
+        let color_grad = ndarray::Array4::from_elem((images, size, size, 3), 0.01_f32);
         let mask_grad = Array3::from_elem((images, size, size), 0.02_f32);
         Self {
             positions: positions.into(),
-            colours: colours.into(),
+            colors: colors.into(),
             renderer: Renderer::new(Arc::new(faces), Settings::new(size, size)),
-            grads: [colour_grad.into(), mask_grad.into()],
+            grads: [color_grad.into(), mask_grad.into()],
         }
     }
 
     fn step(&self, tape: &mut Tape<f32>, backward: bool) {
         let frame = self.renderer.frame(tape.leaf(self.positions.clone()));
-        let image = frame.interpolate(tape.leaf(self.colours.clone()));
+        let image = frame.interpolate(tape.leaf(self.colors.clone()));
         let mask = frame.soft_silhouette();
         if backward {
             black_box(image.backward_with(self.grads[0].clone()));
@@ -60,8 +60,8 @@ impl Scene {
     fn clouds(&self, tape: &mut Tape<f32>, renderer: &Arc<SoftRas>) {
         let projected = tape.leaf(self.positions.clone());
         let ones = tape.constant(Array3::ones((projected.shape()[0], 1, 1)));
-        let colours = tape.leaf(self.colours.clone()).insert_axis(0).mul(ones);
-        let image = softras(projected, Some(Paint::Vertices(colours)), renderer);
+        let colors = tape.leaf(self.colors.clone()).insert_axis(0).mul(ones);
+        let image = softras(projected, Some(Paint::Vertices(colors)), renderer);
         black_box(image.backward_with(image.value()));
         tape.reset();
     }

@@ -65,7 +65,7 @@ fn main() {
     step(&mut group, "mask_iou", &images, |x| losses::mask_iou(x[0], x[1].detach()));
     step(&mut group, "lab", &images, |x| {
         let [lab, target] = [x[0], x[1].detach()].map(losses::rgb_to_lab);
-        losses::lab_lightness(lab, target, None) + losses::lab_colour(lab, target, None)
+        losses::lab_lightness(lab, target, None) + losses::lab_color(lab, target, None)
     });
     step(&mut group, "pyramid", &images, |x| losses::pyramid(x[0], x[1].detach(), None, 4));
     group.finish();

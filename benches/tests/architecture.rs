@@ -98,6 +98,17 @@ const REPLACED: &[(&str, &str, &str)] = &[
     ("ode-deform", "slope", "derivative"),
 ];
 
+/// How identifiers are spelt: as Rust's own are. Sentences are British.
+const SPELT: &[(&str, &str)] = &[
+    ("colour", "color"),
+    ("centre", "center"),
+    ("neighbour", "neighbor"),
+    ("normalis", "normaliz"),
+    ("rasteris", "rasteriz"),
+    ("optimis", "optimiz"),
+    ("grey", "gray"),
+];
+
 /// Lines of the longest function, from its name to its closing brace.
 const LONGEST: usize = 70;
 
@@ -342,6 +353,25 @@ fn the_words_are_those_of_the_field() {
                 let mut words = code.split(|c: char| !c.is_alphanumeric() && c != '_');
                 let found = words.any(|found| found == *word);
                 assert!(!found, "{}:{line}: `{word}`, say `{instead}`", path.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn identifiers_have_one_spelling() {
+    let keywords =
+        ["fn", "struct", "enum", "trait", "mod", "type", "const", "static", "let", "mut"];
+    for (member, _) in MAY_USE {
+        for (path, text) in sources(&root().join(member)) {
+            for (line, code) in code(&text).filter(|(_, code)| !code.contains('"')) {
+                let words: Vec<_> =
+                    code.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
+                let declared = words.windows(2).filter(|pair| keywords.contains(&pair[0]));
+                for name in declared.map(|pair| pair[1].to_lowercase()) {
+                    let found = SPELT.iter().find(|(word, _)| name.contains(word));
+                    assert!(found.is_none(), "{}:{line}: `{name}`, {found:?}", path.display());
+                }
             }
         }
     }

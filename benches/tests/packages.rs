@@ -74,7 +74,7 @@ fn assert_documented(package: &serde_json::Value) {
 
 /// A registry knows no paths: whoever is needed has a version, and is published too.
 #[test]
-fn each_finds_its_neighbours() {
+fn each_finds_its_neighbors() {
     let all = published();
     let version_of =
         |name: &str| all.iter().find(|(p, _)| p["name"] == name).map(|(p, _)| text(p, "version"));

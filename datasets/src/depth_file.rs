@@ -59,8 +59,8 @@ fn numbers(path: &Path) -> Result<([usize; 2], Vec<f32>), ReadViewsError> {
         "png" => read_depth_png(path, 1.0).map(of).map_err(failed),
         "pfm" => {
             let image = read_pfm(path).map_err(failed)?;
-            let grey = |pixel: &[f32]| pixel.iter().all(|v| v.to_bits() == pixel[0].to_bits());
-            if !image.data.chunks_exact(image.channels).all(grey) {
+            let gray = |pixel: &[f32]| pixel.iter().all(|v| v.to_bits() == pixel[0].to_bits());
+            if !image.data.chunks_exact(image.channels).all(gray) {
                 return Err(failed(ImageError::Colored { path: path.to_owned() }));
             }
             let first = image.data.iter().step_by(image.channels).copied().collect();
@@ -138,11 +138,11 @@ mod tests {
     }
 
     #[test]
-    fn grey_pictures() {
+    fn gray_pictures() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
-        let grey = ByteImage { height: 1, width: 3, channels: 1, data: vec![0, 10, 200] };
-        mesh_core::write_png(&path, &grey).unwrap();
+        let gray = ByteImage { height: 1, width: 3, channels: 1, data: vec![0, 10, 200] };
+        mesh_core::write_png(&path, &gray).unwrap();
         assert_eq!(read_depth_file(&path, 0.5).unwrap().data, [f32::INFINITY, 5.0, 100.0]);
         assert_eq!(read_disparity_file(&path).unwrap().data, [0.0, 10.0, 200.0]);
     }
@@ -162,8 +162,8 @@ mod tests {
             assert!(depth.contains(name) && depth.contains("in colour"), "{depth}");
             assert_eq!(depth, disparity);
         }
-        let grey = Image { data: vec![2.0, 2.0, 2.0, 7.0, 7.0, 7.0], ..colors };
-        std::fs::write(at("b.pfm"), encode_pfm(&grey)).unwrap();
+        let gray = Image { data: vec![2.0, 2.0, 2.0, 7.0, 7.0, 7.0], ..colors };
+        std::fs::write(at("b.pfm"), encode_pfm(&gray)).unwrap();
         assert_eq!(read_depth_file(at("b.pfm"), 1.0).unwrap().data, [2.0, 7.0]);
     }
 

@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn values_are_normalised_channel_by_channel() {
+    fn values_are_normalized_channel_by_channel() {
         let data = [255, 0, 51].repeat(12);
         let picture = ByteImage { height: 3, width: 4, channels: 3, data };
         let input = DepthInput::midas();

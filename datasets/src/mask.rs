@@ -24,11 +24,11 @@ pub fn mask_from_alpha(picture: &ByteImage) -> Option<ByteImage> {
 pub(crate) fn mask_from_picture(picture: &ByteImage) -> ByteImage {
     mask_from_alpha(picture).unwrap_or_else(|| {
         let c = picture.channels;
-        let grey = |p: &[u8]| {
+        let gray = |p: &[u8]| {
             if c >= 3 { (p[0] as u16 + p[1] as u16 + p[2] as u16) / 3 } else { p[0] as u16 }
         };
         let data =
-            picture.data.chunks_exact(c).map(|p| if grey(p) >= 128 { 255 } else { 0 }).collect();
+            picture.data.chunks_exact(c).map(|p| if gray(p) >= 128 { 255 } else { 0 }).collect();
         ByteImage { height: picture.height, width: picture.width, channels: 1, data }
     })
 }

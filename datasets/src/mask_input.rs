@@ -138,7 +138,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pixels_are_normalised_as_published() {
+    fn pixels_are_normalized_as_published() {
         let data = [200, 100, 50].repeat(6);
         let picture = ByteImage { height: 2, width: 3, channels: 3, data };
         // By hand: 200 is the brightest, so red is 1 for U2-Net.

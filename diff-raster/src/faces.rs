@@ -17,7 +17,7 @@ pub const NONE: u32 = u32::MAX;
 ///
 /// let faces = Faces::new(4, &[[0, 1, 2], [0, 2, 3]])?;
 /// assert_eq!(faces.corners_of(2), [2, 4]); // third corner of face 0, second of face 1
-/// assert_eq!(faces.neighbours()[0][1], 1); // across the edge opposite to corner 1
+/// assert_eq!(faces.neighbors()[0][1], 1); // across the edge opposite to corner 1
 /// # Ok::<(), diff_raster::FacesError>(())
 /// ```
 #[derive(Debug, Default)]
@@ -26,7 +26,7 @@ pub struct Faces {
     vertex_count: usize,
     offsets: Vec<u32>,
     incidence: Vec<u32>,
-    neighbours: OnceLock<Vec<[u32; 3]>>,
+    neighbors: OnceLock<Vec<[u32; 3]>>,
 }
 
 /// Why a list of faces cannot be drawn.
@@ -89,7 +89,7 @@ impl Faces {
             next[index as usize] += 1;
         }
         let corners = corners.to_vec();
-        Ok(Self { corners, vertex_count, offsets, incidence, neighbours: OnceLock::new() })
+        Ok(Self { corners, vertex_count, offsets, incidence, neighbors: OnceLock::new() })
     }
 
     /// The faces of a mesh.
@@ -128,8 +128,8 @@ impl Faces {
 
     /// For each face and corner, the face across the opposite edge; [`NONE`] at a boundary and
     /// where more than two faces meet. Computed at the first call, `O(F log F)`.
-    pub fn neighbours(&self) -> &[[u32; 3]] {
-        self.neighbours.get_or_init(|| {
+    pub fn neighbors(&self) -> &[[u32; 3]] {
+        self.neighbors.get_or_init(|| {
             let mut edges = Vec::with_capacity(3 * self.corners.len());
             for (face, corner) in self.corners.iter().enumerate() {
                 for k in 0..3 {
@@ -138,14 +138,14 @@ impl Faces {
                 }
             }
             edges.sort_unstable();
-            let mut neighbours = vec![[NONE; 3]; self.corners.len()];
+            let mut neighbors = vec![[NONE; 3]; self.corners.len()];
             for group in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
                 if let [(.., a), (.., b)] = *group {
-                    neighbours[a as usize / 3][a as usize % 3] = b / 3;
-                    neighbours[b as usize / 3][b as usize % 3] = a / 3;
+                    neighbors[a as usize / 3][a as usize % 3] = b / 3;
+                    neighbors[b as usize / 3][b as usize % 3] = a / 3;
                 }
             }
-            neighbours
+            neighbors
         })
     }
 }
@@ -163,14 +163,14 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_are_mutual_and_boundaries_have_none() {
+    fn neighbors_are_mutual_and_boundaries_have_none() {
         let faces = Faces::new(4, &[[0, 1, 2], [2, 1, 3]]).unwrap();
-        assert_eq!(faces.neighbours(), [[1, NONE, NONE], [NONE, NONE, 0]]);
+        assert_eq!(faces.neighbors(), [[1, NONE, NONE], [NONE, NONE, 0]]);
     }
 
     #[test]
-    fn three_faces_at_an_edge_are_no_neighbours() {
+    fn three_faces_at_an_edge_are_no_neighbors() {
         let faces = Faces::new(5, &[[0, 1, 2], [1, 0, 3], [0, 1, 4]]).unwrap();
-        assert!(faces.neighbours().as_flattened().iter().all(|&n| n == NONE));
+        assert!(faces.neighbors().as_flattened().iter().all(|&n| n == NONE));
     }
 }

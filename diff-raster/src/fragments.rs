@@ -5,7 +5,7 @@ use std::sync::Arc;
 use autodiff_lite::Real;
 
 use crate::faces::{Faces, NONE};
-use crate::kernels::setup::{Centres, Setup};
+use crate::kernels::setup::{Centers, Setup};
 use crate::{Rule, Settings};
 
 /// What is seen at each pixel of a batch of images: plain values, shared by the operations.
@@ -23,7 +23,7 @@ pub struct Fragments<F: Real = f32> {
     pub(crate) batch: usize,
     pub(crate) faces: Arc<Faces>,
     pub(crate) settings: Settings,
-    pub(crate) centres: Centres<F>,
+    pub(crate) centers: Centers<F>,
     pub(crate) setups: Vec<Setup<F>>,
 }
 
@@ -36,7 +36,7 @@ impl<F: Real> Default for Fragments<F> {
             batch: 0,
             faces: Arc::default(),
             settings: Settings { rule: Rule::Closed, ..Settings::new(0, 0) },
-            centres: Centres::default(),
+            centers: Centers::default(),
             setups: Vec::new(),
         }
     }
@@ -77,8 +77,8 @@ impl<F: Real> Fragments<F> {
     }
 
     /// Pixel centres of these images.
-    pub fn centres(&self) -> &Centres<F> {
-        &self.centres
+    pub fn centers(&self) -> &Centers<F> {
+        &self.centers
     }
 
     /// The faces of one image as they were drawn.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use autodiff_lite::{Real, Var};
 
 use crate::kernels::layers::{draw_layers, measure};
-use crate::kernels::setup::{Centres, corner_positions};
+use crate::kernels::setup::{Centers, corner_positions};
 use crate::{Faces, NONE, Positions};
 
 /// Size of the image, and which faces a pixel has.
@@ -67,7 +67,7 @@ pub struct LayeredFragments<F: Real = f32> {
     pub(crate) batch: usize,
     pub(crate) faces: Arc<Faces>,
     pub(crate) settings: LayerSettings,
-    pub(crate) centres: Centres<F>,
+    pub(crate) centers: Centers<F>,
 }
 
 impl<F: Real> LayeredFragments<F> {
@@ -99,17 +99,17 @@ impl<F: Real> LayeredFragments<F> {
             let n = slot / per_image;
             let own = &positions[stride * n..stride * (n + 1)];
             let corners = corner_positions(own, self.faces.corners()[face as usize]);
-            let layer = measure(self.centre(slot / k), &corners, &self.settings);
+            let layer = measure(self.center(slot / k), &corners, &self.settings);
             self.barycentric[3 * slot..3 * slot + 3].copy_from_slice(&layer.shown);
             (self.depth[slot], self.distance[slot]) = (layer.depth, layer.signed);
         }
     }
 
     /// Where the centre of a pixel (counted through all images) is in NDC.
-    pub(crate) fn centre(&self, pixel: usize) -> [F; 2] {
+    pub(crate) fn center(&self, pixel: usize) -> [F; 2] {
         let LayerSettings { height, width, .. } = self.settings;
         let place = pixel % (height * width);
-        [self.centres.x[place % width], self.centres.row(place / width)]
+        [self.centers.x[place % width], self.centers.row(place / width)]
     }
 }
 
@@ -158,8 +158,8 @@ pub fn rasterize_layers<F: Real>(
             projected.shape()
         );
         let slots = batch * settings.height * settings.width * settings.faces_per_pixel;
-        let mut centres = Centres::default();
-        centres.prepare(settings.height, settings.width);
+        let mut centers = Centers::default();
+        centers.prepare(settings.height, settings.width);
         let none = -F::one();
         let mut found = LayeredFragments {
             face: vec![NONE; slots],
@@ -169,7 +169,7 @@ pub fn rasterize_layers<F: Real>(
             batch,
             faces: Arc::clone(faces),
             settings: settings.clone(),
-            centres,
+            centers,
         };
         if slots == 0 {
             return Arc::new(found);
@@ -180,7 +180,7 @@ pub fn rasterize_layers<F: Real>(
         let images = found.face.chunks_mut(per_image).zip(found.depth.chunks_mut(per_image));
         for (n, (face, depth)) in images.enumerate() {
             let own = &positions[3 * vertices * n..3 * vertices * (n + 1)];
-            draw_layers(own, faces.corners(), settings, &found.centres, face, depth);
+            draw_layers(own, faces.corners(), settings, &found.centers, face, depth);
         }
         found.measure(positions);
         Arc::new(found)
@@ -210,9 +210,9 @@ pub fn rasterize_layers<F: Real>(
 /// let settings = LayerSettings { blur_radius: 0.01, ..LayerSettings::new(16, 16, 4) };
 /// let tape = Tape::<f64>::train(0);
 /// let projected = tape.leaf(arr3(&[[[-0.5, -0.5, 2.0], [0.5, -0.5, 2.0], [0.0, 0.5, 3.0]]]));
-/// let colours = tape.leaf(arr2(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]));
+/// let colors = tape.leaf(arr2(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]));
 /// let layers = Layers::new(projected, &faces, &settings);
-/// let image = layers.softmax_blend(layers.interpolate(colours), &BlendSettings::default()); // [1, 16, 16, 4]
+/// let image = layers.softmax_blend(layers.interpolate(colors), &BlendSettings::default()); // [1, 16, 16, 4]
 /// let gradients = image.slice_axis(3, 3..4).sum().backward();
 /// assert!(gradients.wrt(projected).expect("alpha depends on them")[[0, 2, 1]] > 0.0); // up is larger
 /// # Ok::<(), diff_raster::FacesError>(())

@@ -14,9 +14,9 @@
 //! let corners = arr3(&[[[-0.5_f32, -0.5, 2.0], [0.5, -0.5, 2.0], [0.0, 0.5, 3.0]]]);
 //! let tape = Tape::train(0);
 //! let projected = tape.leaf(corners);
-//! let colours = tape.leaf(arr2(&[[1.0_f32, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]));
+//! let colors = tape.leaf(arr2(&[[1.0_f32, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]));
 //! let frame = renderer.frame(projected);
-//! let image = frame.interpolate(colours); // [1, 64, 64, 3]
+//! let image = frame.interpolate(colors); // [1, 64, 64, 3]
 //! let mask = frame.soft_silhouette(); // [1, 64, 64]
 //!
 //! // Which way must the corners move for the silhouette to grow? Down, down, and up.

@@ -102,7 +102,7 @@ pub fn rasterize_into<F: Real>(
     own.batch = batch;
     own.faces.clone_from(faces);
     own.settings.clone_from(settings);
-    own.centres.prepare(settings.height, settings.width);
+    own.centers.prepare(settings.height, settings.width);
     own.face.resize(batch * pixels, NONE);
     own.barycentric.resize(3 * batch * pixels, F::zero());
     own.depth.resize(batch * pixels, F::zero());
@@ -113,7 +113,7 @@ pub fn rasterize_into<F: Real>(
 
     let positions = projected.as_standard_layout();
     let positions = positions.as_slice().expect("standard layout");
-    let (centres, planes) = (&own.centres, &scratch.planes);
+    let (centers, planes) = (&own.centers, &scratch.planes);
     let images = own
         .setups
         .par_iter_mut()
@@ -122,7 +122,7 @@ pub fn rasterize_into<F: Real>(
         .zip(own.depth.par_chunks_mut(pixels));
     images.enumerate().for_each(|(n, (((setup, face), barycentric), depth))| {
         let positions = &positions[3 * vertices * n..3 * vertices * (n + 1)];
-        setup.prepare(positions, faces.corners(), centres, settings);
+        setup.prepare(positions, faces.corners(), centers, settings);
         let setup = &*setup;
         let rows = BAND_ROWS * settings.width;
         face.par_chunks_mut(rows)
@@ -131,7 +131,7 @@ pub fn rasterize_into<F: Real>(
             .enumerate()
             .for_each(|(band, ((face, barycentric), depth))| {
                 let output = BandOutput { face, barycentric, depth };
-                planes.with(|planes| draw_band(setup, centres, settings, band, planes, output));
+                planes.with(|planes| draw_band(setup, centers, settings, band, planes, output));
             });
     });
 }

@@ -6,7 +6,7 @@
 
 mod softras;
 
-pub use softras::{Coloured, softras};
+pub use softras::{Colored, softras};
 
 use crate::faces::NONE;
 use crate::{Rule, Settings};
@@ -54,7 +54,7 @@ pub struct Soft {
     pub lists: Vec<Vec<Near>>,
 }
 
-fn centre(settings: &Settings, pixel: usize) -> [f64; 2] {
+fn center(settings: &Settings, pixel: usize) -> [f64; 2] {
     let (h, w) = (settings.height as f64, settings.width as f64);
     let (i, j) = ((pixel / settings.width) as f64, (pixel % settings.width) as f64);
     [(2.0 * j + 1.0 - w) / w, (h - 2.0 * i - 1.0) / h]
@@ -99,7 +99,7 @@ pub fn rasterize(points: &[Point], faces: &[[u32; 3]], settings: &Settings) -> I
         depth: vec![f64::INFINITY; pixels],
     };
     for pixel in 0..pixels {
-        let p = centre(settings, pixel).map(|x| MULTIPLIER * x);
+        let p = center(settings, pixel).map(|x| MULTIPLIER * x);
         let mut best = f64::NEG_INFINITY;
         for (face, &corners) in faces.iter().enumerate() {
             if !is_drawable(points, corners, settings) {
@@ -159,7 +159,7 @@ pub fn soft_silhouette(
     let pixels = settings.pixels();
     let mut soft = Soft { value: vec![1.0; pixels], lists: vec![Vec::new(); pixels] };
     for pixel in (0..pixels).filter(|&pixel| image.face[pixel] == NONE) {
-        let p = centre(settings, pixel).map(|x| MULTIPLIER * x);
+        let p = center(settings, pixel).map(|x| MULTIPLIER * x);
         let list = &mut soft.lists[pixel];
         for (face, &corners) in faces.iter().enumerate() {
             if settings.max_faces.is_some_and(|limit| list.len() >= limit) {
@@ -228,7 +228,7 @@ pub fn soft_silhouette_grad(
 ) -> Vec<[f64; 2]> {
     let mut out = vec![[0.0; 2]; points.len()];
     for (pixel, list) in soft.lists.iter().enumerate() {
-        let p = centre(settings, pixel).map(|x| MULTIPLIER * x);
+        let p = center(settings, pixel).map(|x| MULTIPLIER * x);
         for (place, near) in list.iter().enumerate() {
             let others = match settings.rule {
                 Rule::Published => (1.0 - soft.value[pixel]) / (1.0 - near.probability + GUARD),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use autodiff_lite::Real;
 
 use crate::Faces;
-use crate::kernels::setup::Centres;
+use crate::kernels::setup::Centers;
 use crate::kernels::softras::State;
 use crate::scratch_pool::ScratchPool;
 use crate::softras_settings::SoftRasSettings;
@@ -16,7 +16,7 @@ use crate::softras_settings::SoftRasSettings;
 pub struct SoftRas<F: Real = f32> {
     pub(crate) faces: Arc<Faces>,
     pub(crate) settings: SoftRasSettings,
-    pub(crate) centres: Centres<F>,
+    pub(crate) centers: Centers<F>,
     pub(crate) states: ScratchPool<State<F>>,
 }
 
@@ -37,12 +37,12 @@ impl<F: Real> SoftRas<F> {
             s.far,
             s.least
         );
-        let mut centres = Centres::default();
-        centres.prepare(s.height, s.width);
+        let mut centers = Centers::default();
+        centers.prepare(s.height, s.width);
         Arc::new(Self {
             faces: Arc::clone(faces),
             settings: s.clone(),
-            centres,
+            centers,
             states: ScratchPool::default(),
         })
     }

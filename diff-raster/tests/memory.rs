@@ -26,7 +26,7 @@ fn steps_recycle_their_memory() {
         };
         Array3::from_shape_fn((images, vertices, 3), corner).into()
     };
-    let colours: Tensor<f32> =
+    let colors: Tensor<f32> =
         Array2::from_shape_fn((vertices, 3), |(v, k)| mesh.positions[v][k]).into();
     let image: Tensor<f32> = Array3::from_elem((32, 32, 3), 0.5).into();
 
@@ -40,12 +40,12 @@ fn steps_recycle_their_memory() {
             let before = ALLOCATOR.blocks();
             let values = &turns[step % 3];
             let projected = tape.leaf(values.clone());
-            let attributes = tape.leaf(colours.clone());
+            let attributes = tape.leaf(colors.clone());
             let frame = renderer.frame(projected);
-            let colour = frame.interpolate(attributes);
+            let color = frame.interpolate(attributes);
             let uv = frame.interpolate(attributes.slice_axis(1, 0..2));
             let texels = tape.leaf(image.clone());
-            let loss = colour.square().mean()
+            let loss = color.square().mean()
                 + frame.soft_silhouette().square().mean()
                 + frame.antialiased_silhouette().square().mean()
                 + frame.depth(0.0).square().mean()

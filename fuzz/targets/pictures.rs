@@ -17,9 +17,9 @@ pub(crate) fn picture(bytes: &[u8]) {
 }
 
 pub(crate) fn png_seeds() -> Vec<Vec<u8>> {
-    let grey = ByteImage { height: 3, width: 4, channels: 1, data: vec![9; 12] };
+    let gray = ByteImage { height: 3, width: 4, channels: 1, data: vec![9; 12] };
     let alpha = ByteImage { height: 3, width: 4, channels: 4, data: vec![90; 48] };
-    [small(), grey, alpha].iter().map(mesh_core::encode_png).collect()
+    [small(), gray, alpha].iter().map(mesh_core::encode_png).collect()
 }
 
 pub(crate) fn jpeg_seeds() -> Vec<Vec<u8>> {

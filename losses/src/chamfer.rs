@@ -4,7 +4,7 @@
 
 use autodiff_lite::{Real, Var};
 
-use crate::kernels::neighbours::Norm;
+use crate::kernels::neighbors::Norm;
 use crate::kernels::vec3::{add, dot, points, points_mut, scale, sub, unit, unit_grad};
 use crate::matches::{Matches, sets};
 use crate::scalar::{record, wanted};

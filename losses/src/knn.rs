@@ -2,7 +2,7 @@
 
 use autodiff_lite::{Backward, Real, Var};
 
-use crate::kernels::neighbours::{Norm, k_nearest};
+use crate::kernels::neighbors::{Norm, k_nearest};
 
 /// Which k points of one set are nearest to each point of another: plain values, nearest first.
 ///
@@ -11,12 +11,12 @@ use crate::kernels::neighbours::{Norm, k_nearest};
 ///
 /// ```
 /// use autodiff_lite::Tape;
-/// use losses::{Neighbours, Norm, knn_distances, knn_gather};
+/// use losses::{Neighbors, Norm, knn_distances, knn_gather};
 ///
 /// let tape = Tape::<f64>::train(0);
 /// let x = tape.leaf(ndarray::arr2(&[[0.0, 0.0, 0.0]]));
 /// let y = tape.leaf(ndarray::arr2(&[[3.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 2.0]]));
-/// let mut near = Neighbours::default();
+/// let mut near = Neighbors::default();
 /// near.find(x, y, 2, Norm::L2);
 /// assert_eq!(near.indices(), [1, 2]);
 /// let squared = knn_distances(x, y, &near); // [1, 2]
@@ -26,14 +26,14 @@ use crate::kernels::neighbours::{Norm, k_nearest};
 /// assert_eq!(gradients.wrt(x).unwrap().as_slice(), [0.0, -2.0, -4.0]);
 /// ```
 #[derive(Clone, Debug, Default)]
-pub struct Neighbours {
+pub struct Neighbors {
     indices: Vec<u32>,
     /// N, P, Q and k.
     sizes: [usize; 4],
     norm: Norm,
 }
 
-impl Neighbours {
+impl Neighbors {
     /// Finds the k nearest points of one set to each of another, or of N pairs of sets.
     ///
     /// Of equally near points the lowest come first.
@@ -76,7 +76,7 @@ impl Neighbours {
     }
 }
 
-/// Finds the k nearest points and how far they are: [`Neighbours::find`], then [`knn_distances`].
+/// Finds the k nearest points and how far they are: [`Neighbors::find`], then [`knn_distances`].
 ///
 /// PyTorch3D's `knn_points(x, y, K=k)`: the distances are **squared**.
 ///
@@ -84,10 +84,10 @@ impl Neighbours {
 /// `x [P, D]` and `y [Q, D]` → `[P, k]`, or `[N, P, D]` and `[N, Q, D]` → `[N, P, k]`; squared units.
 ///
 /// # Panics
-/// As [`Neighbours::find`].
+/// As [`Neighbors::find`].
 #[track_caller]
-pub fn knn_points<'t, F: Real>(x: Var<'t, F>, y: Var<'t, F>, k: usize) -> (Var<'t, F>, Neighbours) {
-    let mut near = Neighbours::default();
+pub fn knn_points<'t, F: Real>(x: Var<'t, F>, y: Var<'t, F>, k: usize) -> (Var<'t, F>, Neighbors) {
+    let mut near = Neighbors::default();
     near.find(x, y, k, Norm::L2);
     (knn_distances(x, y, &near), near)
 }
@@ -108,12 +108,12 @@ pub fn knn_points<'t, F: Real>(x: Var<'t, F>, y: Var<'t, F>, k: usize) -> (Var<'
 pub fn knn_distances<'t, F: Real>(
     x: Var<'t, F>,
     y: Var<'t, F>,
-    neighbours: &Neighbours,
+    neighbors: &Neighbors,
 ) -> Var<'t, F> {
     let name = "knn_distances";
     let tape = x.tape();
     let [n, p, q, width] = sets(name, x, y);
-    let Neighbours { sizes, norm, .. } = *neighbours;
+    let Neighbors { sizes, norm, .. } = *neighbors;
     let k = sizes[3];
     if sizes[..3] != [n, p, q] {
         let message = format!("the neighbours are of {sizes:?} sets, points, points and k");
@@ -123,8 +123,8 @@ pub fn knn_distances<'t, F: Real>(
     if let Some(last) = shape.last_mut() {
         *last = k;
     }
-    let mut kept = tape.indices(neighbours.indices.len());
-    for (i, (kept, &near)) in kept.iter_mut().zip(&neighbours.indices).enumerate() {
+    let mut kept = tape.indices(neighbors.indices.len());
+    for (i, (kept, &near)) in kept.iter_mut().zip(&neighbors.indices).enumerate() {
         // Counted through all sets.
         *kept = (i / (p * k) * q) as u32 + near;
     }
@@ -166,17 +166,17 @@ pub fn knn_distances<'t, F: Real>(
 /// # Panics
 /// If there are not as many rows as points were searched.
 #[track_caller]
-pub fn knn_gather<'t, F: Real>(values: Var<'t, F>, neighbours: &Neighbours) -> Var<'t, F> {
+pub fn knn_gather<'t, F: Real>(values: Var<'t, F>, neighbors: &Neighbors) -> Var<'t, F> {
     let name = "knn_gather";
     let tape = values.tape();
     let [n, q, width] = rows(name, "values", values);
-    let [sets, p, searched, k] = neighbours.sizes;
+    let [sets, p, searched, k] = neighbors.sizes;
     if [n, q] != [sets, searched] {
         let message = format!("the neighbours are among {searched} points in {sets} sets");
         tape.refuse(name, message, &[("values", &values.shape(), "N, Q, D")]);
     }
-    let mut kept = tape.indices(neighbours.indices.len());
-    for (i, (kept, &near)) in kept.iter_mut().zip(&neighbours.indices).enumerate() {
+    let mut kept = tape.indices(neighbors.indices.len());
+    for (i, (kept, &near)) in kept.iter_mut().zip(&neighbors.indices).enumerate() {
         *kept = (i / (p * k) * q) as u32 + near;
     }
     let mut shape = values.shape();
@@ -234,7 +234,7 @@ mod tests {
     use super::*;
 
     fn distances<'t>(x: Var<'t, f64>, y: Var<'t, f64>, k: usize, norm: Norm) -> Var<'t, f64> {
-        let mut near = Neighbours::default();
+        let mut near = Neighbors::default();
         near.find(x, y, k, norm);
         knn_distances(x, y, &near)
     }
@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "knn: 3 neighbours of 2 points")]
-    fn fewer_points_than_neighbours() {
+    fn fewer_points_than_neighbors() {
         let tape = Tape::<f32>::eval();
         let x = tape.constant(ndarray::Array2::zeros((2, 3)));
         let _ = knn_points(x, x, 3);

@@ -88,7 +88,7 @@ pub fn lab_lightness<'t, F: Real>(
 /// # References
 /// The colour loss of Simoni et al. 2021, for masks of 0 and 1.
 #[track_caller]
-pub fn lab_colour<'t, F: Real>(
+pub fn lab_color<'t, F: Real>(
     lab: Var<'t, F>,
     target: Var<'t, F>,
     mask: Option<Var<'t, F>>,
@@ -129,7 +129,7 @@ mod tests {
             let loss = testing::function(|x| {
                 let [lab, target] = [x[0], x[0].tape().constant(target.clone())].map(rgb_to_lab);
                 let mask = Some(x[0].tape().constant(mask.clone()));
-                lab_colour(lab, target, mask).scale(0.03).add(lab_lightness(lab, target, None))
+                lab_color(lab, target, mask).scale(0.03).add(lab_lightness(lab, target, None))
             });
             testing::checked(&loss, &shape, &testing::Options { tolerance: 1e-5, ..options })?;
         }
@@ -145,7 +145,7 @@ mod tests {
 
     /// The corners of the cube as colour tables print them.
     #[test]
-    fn known_colours() {
+    fn known_colors() {
         let known = [
             ([1.0, 1.0, 1.0], [100.0, 0.0, 0.0]),
             ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]),
@@ -172,7 +172,7 @@ mod tests {
         let mask = tape.constant(arr2(&[[0.0, 1.0]])).reshape(&[1, 1, 2]);
         let loss = lab_lightness(a, b, Some(mask));
         assert!((loss.item() - 5000.0).abs() < 1e-2, "half of 100²: {}", loss.item());
-        assert!(lab_colour(a, b, Some(mask)).item() < 1e-4);
+        assert!(lab_color(a, b, Some(mask)).item() < 1e-4);
         let gradients = loss.backward();
         let gradient = gradients.wrt(black).expect("a leaf");
         assert!(gradient.iter().take(3).all(|&g| g == 0.0));

@@ -22,7 +22,7 @@ use crate::scalar::{record, vertices, wanted};
 /// ```
 ///
 /// # Shapes
-/// `offsets [V, 3]` or `[N, V, 3]`, `neighbours` a `mesh_core::Topology`, or V symmetric rows as its
+/// `offsets [V, 3]` or `[N, V, 3]`, `neighbors` a `mesh_core::Topology`, or V symmetric rows as its
 /// `vertex_vertices` → a scalar.
 /// # Cost
 /// `O(N (V + E))`; the gradient is made in the same pass.
@@ -33,12 +33,12 @@ use crate::scalar::{record, vertices, wanted};
 #[track_caller]
 pub fn laplacian_squared<'t, F: Real>(
     offsets: Var<'t, F>,
-    neighbours: &impl AsRef<Csr>,
+    neighbors: &impl AsRef<Csr>,
 ) -> Var<'t, F> {
     let [n, _] = vertices("laplacian_squared", "offsets", offsets);
     let weight = 1.0 / n.max(1) as f64;
     let derivative = F::from_f64(2.0 * weight);
-    over_rows("laplacian_squared", offsets, neighbours.as_ref(), weight, |square, _| {
+    over_rows("laplacian_squared", offsets, neighbors.as_ref(), weight, |square, _| {
         (Real::to_f64(square), derivative)
     })
 }
@@ -50,7 +50,7 @@ pub fn laplacian_squared<'t, F: Real>(
 /// ```
 ///
 /// # Shapes
-/// `positions [V, 3]` or `[N, V, 3]`, `neighbours` a `mesh_core::Topology`, or V symmetric rows as its
+/// `positions [V, 3]` or `[N, V, 3]`, `neighbors` a `mesh_core::Topology`, or V symmetric rows as its
 /// `vertex_vertices` → a scalar.
 /// # Gradient
 /// Zero at a vertex whose Laplacian is zero, where the norm has no derivative, or no longer than the rounding errors
@@ -64,12 +64,12 @@ pub fn laplacian_squared<'t, F: Real>(
 #[track_caller]
 pub fn laplacian_norm<'t, F: Real>(
     positions: Var<'t, F>,
-    neighbours: &impl AsRef<Csr>,
+    neighbors: &impl AsRef<Csr>,
 ) -> Var<'t, F> {
     let [n, v] = vertices("laplacian_norm", "positions", positions);
     let weight = 1.0 / (n * v).max(1) as f64;
     let factor = F::from_f64(weight);
-    over_rows("laplacian_norm", positions, neighbours.as_ref(), weight, |square, noise| {
+    over_rows("laplacian_norm", positions, neighbors.as_ref(), weight, |square, noise| {
         let length = square.sqrt();
         let derivative = if length > noise { factor / length } else { F::zero() };
         (Real::to_f64(length), derivative)
@@ -95,13 +95,13 @@ pub(crate) fn largest<F: Real>([x, y, z]: [F; 3]) -> F {
 fn over_rows<'t, F: Real>(
     name: &'static str,
     x: Var<'t, F>,
-    neighbours: &Csr,
+    neighbors: &Csr,
     weight: f64,
     f: impl Fn(F, F) -> (f64, F),
 ) -> Var<'t, F> {
     let [_, v] = vertices(name, "vertices", x);
-    if neighbours.len() != v {
-        let message = format!("{} rows of neighbours for {v} vertices", neighbours.len());
+    if neighbors.len() != v {
+        let message = format!("{} rows of neighbours for {v} vertices", neighbors.len());
         x.tape().refuse(name, message, &[("vertices", &x.shape(), "")]);
     }
     let value = x.value();
@@ -113,7 +113,7 @@ fn over_rows<'t, F: Real>(
     for (k, mesh) in points(value).chunks(v.max(1)).enumerate() {
         let mut derivatives = derivatives.as_mut().map(|s| points_mut(s));
         let mut out = gradient.as_mut().map(|g| &mut points_mut(g)[k * v..(k + 1) * v]);
-        for (i, row) in neighbours.rows().enumerate() {
+        for (i, row) in neighbors.rows().enumerate() {
             let mut row_derivative = [F::zero(); 3];
             if !row.is_empty() {
                 let share = F::one() / F::from_f64(row.len() as f64);
@@ -137,7 +137,7 @@ fn over_rows<'t, F: Real>(
         }
         // The transposed product: neighbourhood is mutual, so each vertex gathers from its own row.
         if let (Some(derivatives), Some(out)) = (derivatives, out) {
-            for (out, row) in out.iter_mut().zip(neighbours.rows()) {
+            for (out, row) in out.iter_mut().zip(neighbors.rows()) {
                 let sum =
                     row.iter().fold([F::zero(); 3], |sum, &j| add(sum, derivatives[j as usize]));
                 accumulate(out, sum);

@@ -23,7 +23,7 @@
 //! | for | use |
 //! |---|---|
 //! | images | [`l1`], [`l2`] (with a mask if wanted), [`ssim_loss`], [`ssim_loss_valid`] |
-//! | colours as they are seen | [`rgb_to_lab`], [`lab_lightness`], [`lab_colour`] |
+//! | colours as they are seen | [`rgb_to_lab`], [`lab_lightness`], [`lab_color`] |
 //! | how images look | [`lpips`] over the maps of a network, [`pyramid`] without one |
 //! | cameras | [`camera_loss`], [`rotation_loss`], [`rotation_sine`], [`quaternion_length`] |
 //! | silhouettes | [`mask_iou`], [`mask_bce`], of logits [`mask_bce_logits`] (and [`l2`]) |
@@ -32,7 +32,7 @@
 //! | flat, unfolded surfaces | [`face_angle`], [`normal_consistency`] |
 //! | even, smooth surfaces | [`edge_length`], [`edge_length_sum`], [`laplacian_squared`], [`laplacian_norm`], [`laplacian_cotangent`], [`laplacian_cotcurv`] |
 //! | small deformations | [`deformation_norm`] |
-//! | point sets | [`chamfer`], [`chamfer_distance`] and [`chamfer_normals`] over [`Matches`], [`chamfer_l1`], [`chamfer_normals_signed`], [`earth_mover`]; [`knn_points`], [`knn_gather`] over [`Neighbours`] |
+//! | point sets | [`chamfer`], [`chamfer_distance`] and [`chamfer_normals`] over [`Matches`], [`chamfer_l1`], [`chamfer_normals_signed`], [`earth_mover`]; [`knn_points`], [`knn_gather`] over [`Neighbors`] |
 //! | points and a surface | [`point_mesh_face_distance`], [`point_face_distance`], [`face_point_distance`]; [`nearest_faces`], [`nearest_points`] |
 //! | edges in a true surface | [`edge_normal`] |
 //! | geometry that carries gradients | [`vertex_normals`], [`face_normals`], [`surface_points`], [`surface_normals`] |
@@ -102,9 +102,9 @@ pub use face_angle::{face_angle, normal_consistency};
 pub use image::{l1, l2};
 pub use kernels::alignment::ScaleShift;
 pub use kernels::assignment::Assignment;
-pub use kernels::neighbours::Norm;
-pub use knn::{Neighbours, knn_distances, knn_gather, knn_points};
-pub use lab::{lab_colour, lab_lightness, rgb_to_lab};
+pub use kernels::neighbors::Norm;
+pub use knn::{Neighbors, knn_distances, knn_gather, knn_points};
+pub use lab::{lab_color, lab_lightness, rgb_to_lab};
 pub use laplacian::{laplacian_norm, laplacian_squared};
 pub use logits::{cross_entropy, mask_bce_logits};
 pub use mask::{mask_bce, mask_iou};

@@ -3,7 +3,7 @@
 use autodiff_lite::{Real, Var};
 
 use crate::kernels::matching::{Scratch, nearest_indices};
-use crate::kernels::neighbours::{Norm, k_nearest};
+use crate::kernels::neighbors::{Norm, k_nearest};
 use crate::scalar::vertices;
 
 /// Which point of one set is nearest to each point of the other, both ways.

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use autodiff_lite::{Tape, Tensor, Var};
-use losses::{Directions, Matches, Neighbours, Norm};
+use losses::{Directions, Matches, Neighbors, Norm};
 use mesh_core::{Topology, cotangent_laplacian};
 use ndarray::{ArrayD, IxDyn};
 use serde_json::Value;
@@ -69,12 +69,12 @@ fn weighed(x: Var<'_, f64>) -> Var<'_, f64> {
 }
 
 #[test]
-fn nearest_neighbours() {
+fn nearest_neighbors() {
     let peers = Peers::read();
     for (name, norm) in [("knn1", Norm::L1), ("knn2", Norm::L2)] {
         let tape = Tape::<f64>::eval();
         let (x, y) = (tape.constant(peers.array("x")), tape.constant(peers.array("y")));
-        let mut near = Neighbours::default();
+        let mut near = Neighbors::default();
         near.find(x, y, 3, norm);
         assert_eq!(near.indices(), peers.indices(&format!("{name}.indices")));
         peers.near(&format!("{name}.distances"), &losses::knn_distances(x, y, &near).value());

@@ -67,11 +67,11 @@ impl NormalDiffusion {
         let given = face_normals(positions, faces);
         let own: Vec<f32> = trust.iter().map(|t| t + 1.0 / (self.reach * self.reach)).collect();
         let right: Vec<[f32; 3]> = given.iter().zip(&own).map(|(n, t)| n.map(|n| t * n)).collect();
-        let neighbours = neighbours(topology);
+        let neighbors = neighbors(topology);
         let mut normals = given;
         let mut solver = ConjugateGradients::new(faces.len());
         for _ in 0..self.rounds {
-            let mut system = Coupling::new(&own, &neighbours, |f, g| {
+            let mut system = Coupling::new(&own, &neighbors, |f, g| {
                 let [f, g] = [normals[f], normals[g]];
                 // A face without area has no normal yet.
                 let missing = f == [0.0; 3] || g == [0.0; 3];
@@ -90,7 +90,7 @@ const TOLERANCE: f64 = 1e-3;
 const MOST: usize = 300;
 
 /// For each face those on its edges; itself where there is none, or more than one.
-fn neighbours(topology: &Topology) -> Vec<[u32; 3]> {
+fn neighbors(topology: &Topology) -> Vec<[u32; 3]> {
     let across = |face: u32, edge: u32| match topology.edge_faces.get(edge as usize) {
         Some(&[f, g]) if f != Topology::NONE && g != Topology::NONE => f ^ g ^ face,
         _ => face,
@@ -116,19 +116,19 @@ fn normalize(n: &mut [f32; 3]) {
 
 /// Each face's own weight, and that of each of its neighbours.
 struct Coupling<'a> {
-    neighbours: &'a [[u32; 3]],
+    neighbors: &'a [[u32; 3]],
     weights: Vec<[f32; 3]>,
     diagonal: Vec<f32>,
 }
 
 impl<'a> Coupling<'a> {
-    fn new(own: &[f32], neighbours: &'a [[u32; 3]], weight: impl Fn(usize, usize) -> f32) -> Self {
+    fn new(own: &[f32], neighbors: &'a [[u32; 3]], weight: impl Fn(usize, usize) -> f32) -> Self {
         let to = |face: usize, other: usize| if face == other { 0.0 } else { weight(face, other) };
-        let each = neighbours.iter().enumerate();
+        let each = neighbors.iter().enumerate();
         let weights: Vec<[f32; 3]> =
             each.map(|(face, others)| others.map(|other| to(face, other as usize))).collect();
         let diagonal = own.iter().zip(&weights).map(|(own, w)| own + w[0] + w[1] + w[2]).collect();
-        Self { neighbours, weights, diagonal }
+        Self { neighbors, weights, diagonal }
     }
 }
 
@@ -136,10 +136,10 @@ impl SymmetricSystem for Coupling<'_> {
     const COUPLED: bool = false;
 
     fn multiply(&self, p: &[[f32; 4]], q: &mut [[f32; 4]]) -> [f64; 4] {
-        let Self { neighbours, weights, diagonal } = self;
+        let Self { neighbors, weights, diagonal } = self;
         multiply_rows(p, q, |face| {
             let mut sum = p[face].map(|x| diagonal[face] * x);
-            for (&other, weight) in neighbours[face].iter().zip(&weights[face]) {
+            for (&other, weight) in neighbors[face].iter().zip(&weights[face]) {
                 let other = p[other as usize];
                 for k in 0..4 {
                     sum[k] -= weight * other[k];
@@ -214,7 +214,7 @@ mod tests {
         let trust: Vec<f32> = (0..20).map(|k| 0.1 * (k % 3) as f32).collect();
         let given = face_normals(&mesh.positions, &mesh.faces);
         let mut rows = vec![vec![0.0f64; 23]; 20];
-        for (f, across) in neighbours(&topology).into_iter().enumerate() {
+        for (f, across) in neighbors(&topology).into_iter().enumerate() {
             let own = f64::from(trust[f]) + 0.25;
             rows[f][f] += own;
             for k in 0..3 {

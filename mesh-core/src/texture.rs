@@ -58,7 +58,7 @@ mod tests {
     use crate::{Image, SurfacePoint, Texture, TriMesh};
 
     #[test]
-    fn colours_of_places() {
+    fn colors_of_places() {
         // Red to the left, green to the right.
         let image = Image { height: 1, width: 2, channels: 3, data: vec![1., 0., 0., 0., 1., 0.] };
         let uvs = vec![[0.25, 0.5], [0.75, 0.5], [9.0, -9.0]];

@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_are_sorted_and_mutual() {
+    fn neighbors_are_sorted_and_mutual() {
         let mesh = primitives::torus(1.0, 0.3, 9, 7);
         let t = Topology::new(mesh.positions.len(), &mesh.faces);
         for (v, row) in t.vertex_vertices.rows().enumerate() {

@@ -238,15 +238,15 @@ fn swell(positions: &mut [[f32; 3]], marked: &[bool], faces: &[[u32; 3]], topolo
         .map(|v| {
             let (ring, here, normal) = (rings.row(v), positions[v], normals[v]);
             let share = 1.0 / ring.len().max(1) as f32;
-            let (mut centre, mut edge) = ([0.0; 3], 0.0);
+            let (mut center, mut edge) = ([0.0; 3], 0.0);
             for &w in ring {
                 let to = sub(positions[w as usize], here);
                 edge += share * to.iter().map(|x| x * x).sum::<f32>().sqrt();
-                centre = std::array::from_fn(|k| centre[k] + share * to[k]);
+                center = std::array::from_fn(|k| center[k] + share * to[k]);
             }
-            let up: f32 = (0..3).map(|k| centre[k] * normal[k]).sum();
+            let up: f32 = (0..3).map(|k| center[k] * normal[k]).sum();
             let to = std::array::from_fn(|k| {
-                here[k] + SWELL * edge * normal[k] + 0.3 * (centre[k] - up * normal[k])
+                here[k] + SWELL * edge * normal[k] + 0.3 * (center[k] - up * normal[k])
             });
             (v, to)
         })

@@ -352,7 +352,7 @@ fn headers_that_claim_terabytes_are_refused_at_once() {
 }
 
 #[test]
-fn glb_transforms_small_indices_strides_and_normalised_colors() {
+fn glb_transforms_small_indices_strides_and_normalized_colors() {
     // Three vertices of 12 bytes position and 4 bytes of colour, then indices of one byte.
     let mut bin = Vec::new();
     for (p, c) in [([0.0_f32, 0.0, 0.0], 0_u8), ([1.0, 0.0, 0.0], 255), ([0.0, 1.0, 0.0], 0)] {

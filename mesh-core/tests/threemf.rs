@@ -63,7 +63,7 @@ fn a_plain_mesh_is_three_parts() {
 }
 
 #[test]
-fn colours_and_textures_are_properties_of_corners() {
+fn colors_and_textures_are_properties_of_corners() {
     let mut ball = primitives::icosphere(1);
     let count = ball.positions.len();
     ball.colors = Some((0..count).map(|k| [k as f32 / 255.0, 1.0, -1.0]).collect());

@@ -13,7 +13,7 @@ mod image_losses;
 mod interrupt;
 mod mesh;
 mod metrics;
-mod neighbours;
+mod neighbors;
 mod ode;
 mod point_losses;
 mod precision;
@@ -46,7 +46,7 @@ mod _unsphere {
     #[pymodule_export]
     use super::metrics::{evaluate, iou, point_distances, psnr, ssim, voxel_iou};
     #[pymodule_export]
-    use super::neighbours::{knn_points, neighbours};
+    use super::neighbors::{knn_points, neighbors};
     #[pymodule_export]
     use super::ode::{Solution, odeint};
     #[pymodule_export]

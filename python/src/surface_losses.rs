@@ -53,11 +53,11 @@ mesh_losses! {
     /// The mean length of each vertex's offset from the mean of its neighbours. PyTorch3D's `mesh_laplacian_smoothing("uniform")`.
     ///
     /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value: a float, in units of the positions. Gradient: positions.
-    laplacian_norm => |positions, topology| losses::laplacian_norm(positions, topology.neighbours());
+    laplacian_norm => |positions, topology| losses::laplacian_norm(positions, topology.neighbors());
     /// The sum of squared Laplacian coordinates, DIB-R's, of positions or of the offsets from another shape.
     ///
     /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value: a float, in squared units. Gradient: positions.
-    laplacian_squared => |positions, topology| losses::laplacian_squared(positions, topology.neighbours());
+    laplacian_squared => |positions, topology| losses::laplacian_squared(positions, topology.neighbors());
     /// The mean length of the mean curvature normal. PyTorch3D's `mesh_laplacian_smoothing("cotcurv")`, whose weights count as fixed.
     ///
     /// positions: [V, 3] or [N, V, 3]. topology: the faces. Value: a float, in 1 / units. Gradient: positions.

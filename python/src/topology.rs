@@ -39,7 +39,7 @@ impl Topology {
     }
 
     /// The neighbours of each vertex.
-    pub(crate) fn neighbours(&self) -> &Csr {
+    pub(crate) fn neighbors(&self) -> &Csr {
         self.connectivity.as_ref()
     }
 }

@@ -151,8 +151,8 @@ mod tests {
         // The render's rim is blended with the background where the mask's is not.
         assert!(scores.image_l1 < 0.01, "{}", scores.image_l1);
         assert!(scores.psnr.is_some());
-        let grey = score_views(&TriMesh { colors: None, ..mesh }, &views, &|_, _| ()).unwrap();
-        assert_eq!((grey.mask_iou, grey.psnr), (1.0, None));
+        let gray = score_views(&TriMesh { colors: None, ..mesh }, &views, &|_, _| ()).unwrap();
+        assert_eq!((gray.mask_iou, gray.psnr), (1.0, None));
     }
 
     #[test]

@@ -103,7 +103,7 @@ fn a_colored_mesh_is_drawn() {
 }
 
 #[test]
-fn a_mesh_without_colours_shows_its_shape() {
+fn a_mesh_without_colors_shows_its_shape() {
     let Some((mean, spread)) = check(&primitives::icosphere(3)) else { return };
     assert!(mean.iter().all(|v| (80.0..235.0).contains(v)) && spread > 15.0, "{mean:?}, {spread}");
 }

@@ -111,7 +111,7 @@ fn moments_body<F: Real, const RELU: bool>(
 
 /// `g` becomes `a g - b - x c`, each of `a`, `b`, `c` per channel.
 #[inline(always)]
-fn centre_body<F: Real, const RELU: bool>(
+fn center_body<F: Real, const RELU: bool>(
     x: &[F],
     line: Line<'_, F>,
     a: &[F],
@@ -133,8 +133,8 @@ clones!(fn add_spread[F: Real](x: &[F], from: &[F], sums: &mut [F]) = spread_bod
 clones!(fn apply_rows[F: Real](x: &[F], scale: &[F], shift: &[F], activation: Activation, y: &mut [F]) = apply_body);
 clones!(fn add_moments[F: Real](x: &[F], g: &[F], line: Line<'_, F>, mean: &[F], inverse: &[F], sums: &mut [F]) = moments_body::<F, false>);
 clones!(fn add_moments_behind_relu[F: Real](x: &[F], g: &[F], line: Line<'_, F>, mean: &[F], inverse: &[F], sums: &mut [F]) = moments_body::<F, true>);
-clones!(fn centre_rows[F: Real](x: &[F], line: Line<'_, F>, a: &[F], b: &[F], c: &[F], g: &mut [F]) = centre_body::<F, false>);
-clones!(fn centre_rows_behind_relu[F: Real](x: &[F], line: Line<'_, F>, a: &[F], b: &[F], c: &[F], g: &mut [F]) = centre_body::<F, true>);
+clones!(fn center_rows[F: Real](x: &[F], line: Line<'_, F>, a: &[F], b: &[F], c: &[F], g: &mut [F]) = center_body::<F, false>);
+clones!(fn center_rows_behind_relu[F: Real](x: &[F], line: Line<'_, F>, a: &[F], b: &[F], c: &[F], g: &mut [F]) = center_body::<F, true>);
 
 /// Rows whose mean distances are taken from: near enough to the mean that squares of what is left do not drown it.
 const SAMPLED: usize = 16;
@@ -212,7 +212,7 @@ pub fn normalize<F: Real>(
 }
 
 type Moments<F> = fn(&[F], &[F], Line<'_, F>, &[F], &[F], &mut [F]);
-type Centre<F> = fn(&[F], Line<'_, F>, &[F], &[F], &[F], &mut [F]);
+type Center<F> = fn(&[F], Line<'_, F>, &[F], &[F], &[F], &mut [F]);
 
 /// Turns the gradient `g` of the normalised, scaled and shifted output into that of `x`, in place, and adds those of weight
 /// and bias. With `relu` `g` is that of what a ReLU made of this output.
@@ -235,10 +235,10 @@ pub fn normalize_grad<F: Real>(
     let [mut mean, mut inverse] = [vec![F::zero(); c], vec![F::zero(); c]];
     let [mut first, mut second, mut third] = [(); 3].map(|()| vec![F::zero(); c]);
     let [mut scale, mut shift] = [(); 2].map(|()| vec![F::zero(); c]);
-    let (moments, centre) = if relu {
-        (add_moments_behind_relu as Moments<F>, centre_rows_behind_relu as Centre<F>)
+    let (moments, center) = if relu {
+        (add_moments_behind_relu as Moments<F>, center_rows_behind_relu as Center<F>)
     } else {
-        (add_moments as Moments<F>, centre_rows as Centre<F>)
+        (add_moments as Moments<F>, center_rows as Center<F>)
     };
     for set in 0..s.sets {
         for i in 0..c {
@@ -277,7 +277,7 @@ pub fn normalize_grad<F: Real>(
         let chunk = (16 * 1024 / c.max(1)).max(1) * c;
         let parallel = x.len() >= SERIAL_ELEMENTS;
         for_each_part(g, chunk, parallel, |i, g| {
-            centre(&x[i * chunk..][..g.len()], line, &first, &second, &third, g);
+            center(&x[i * chunk..][..g.len()], line, &first, &second, &third, g);
         });
     }
 }

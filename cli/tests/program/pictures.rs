@@ -72,7 +72,7 @@ fn turns(path: &Path, color: [f64; 3]) {
 }
 
 #[test]
-fn renderings_have_the_colour_of_the_mesh() {
+fn renderings_have_the_color_of_the_mesh() {
     run("render orange.ply -o turn.gif --frames 4 --size 40 --background 2040c0");
     let frames = frames_in(&place().join("turn.gif"));
     assert_eq!(frames.len(), 4);
@@ -95,7 +95,7 @@ fn renderings_have_the_colour_of_the_mesh() {
 }
 
 #[test]
-fn a_mesh_without_colours_shows_its_shape() {
+fn a_mesh_without_colors_shows_its_shape() {
     run("render bare.ply -o bare.gif --frames 3 --size 40");
     let frames = frames_in(&place().join("bare.gif"));
     assert_eq!(frames.len(), 3);
@@ -112,7 +112,7 @@ fn a_mesh_without_colours_shows_its_shape() {
 }
 
 #[test]
-fn a_fit_is_delivered_in_the_colours_of_its_views() {
+fn a_fit_is_delivered_in_the_colors_of_its_views() {
     let mesh = read_mesh(place().join("fit/mesh.ply")).unwrap();
     let color = color_of(&mesh);
     assert!(color.iter().zip(ORANGE).all(|(a, b)| (a - b).abs() < NEAR), "{color:?}");
@@ -146,7 +146,7 @@ fn a_fit_is_delivered_in_the_colours_of_its_views() {
 }
 
 #[test]
-fn textures_have_the_colours_of_the_views() {
+fn textures_have_the_colors_of_the_views() {
     let [a, b, c, d] = TINY;
     run(&format!("fit made/orange/0000 -o textured --set color=texture {a} {b} {c} {d}"));
     let folder = place().join("textured");

@@ -5,7 +5,7 @@ use crate::common::unsphere_with;
 /// A network that was trained with depth asks for it, takes it, and makes a coloured mesh; what is given wrong is named,
 /// and nothing is written then.
 #[test]
-fn a_picture_and_its_depth_become_a_coloured_mesh() {
+fn a_picture_and_its_depth_become_a_colored_mesh() {
     let place = tempfile::tempdir().unwrap();
     let run =
         |line: &str| unsphere_with(place.path(), &line.split_whitespace().collect::<Vec<_>>());

@@ -10,7 +10,7 @@ fn picture(height: usize, width: usize) -> ByteImage {
     ByteImage { height, width, channels: 3, data: (0..height * width).flat_map(pixel).collect() }
 }
 
-fn normalised(input: &DepthInput, value: f32, c: usize) -> f32 {
+fn normalized(input: &DepthInput, value: f32, c: usize) -> f32 {
     (value - input.mean[c]) / input.deviation[c]
 }
 
@@ -24,7 +24,7 @@ fn a_model_sees_what_it_was_trained_on() {
         let estimator = DepthEstimator::open(&path, input).unwrap();
         let found = estimator.estimate(&picture(40, 60)).unwrap();
         assert_eq!((found.height, found.width), (40, 60));
-        let expected = 2.0 * normalised(&input, 0.2, 1) - normalised(&input, 0.0, 2) + 0.25;
+        let expected = 2.0 * normalized(&input, 0.2, 1) - normalized(&input, 0.0, 2) + 0.25;
         assert!(found.data.iter().all(|v| (v - expected).abs() < 1e-4), "{input:?}");
 
         let path = saved(&folder, &model(&[0, 3, 0, 0], [1.0, 0.0, 0.0], 0.0, 1, &[]));
@@ -32,7 +32,7 @@ fn a_model_sees_what_it_was_trained_on() {
         for i in [0, 17, 39] {
             for j in 4..56 {
                 let value = found.data[i * 60 + j];
-                let expected = normalised(&input, j as f32 / 59.0, 0);
+                let expected = normalized(&input, j as f32 / 59.0, 0);
                 assert!((value - expected).abs() < 0.1, "{i} {j} {value} {expected}");
             }
         }
@@ -50,8 +50,8 @@ fn answers_of_other_forms_and_sizes() {
     assert_eq!((found.height, found.width), (30, 45));
     assert!(found.data.windows(2).take(40).all(|two| two[0] <= two[1] + 1e-3));
     // Grey is colour too.
-    let grey = ByteImage { height: 9, width: 9, channels: 1, data: vec![128; 81] };
-    assert!(estimator.estimate(&grey).unwrap().data.iter().all(|v| v.is_finite()));
+    let gray = ByteImage { height: 9, width: 9, channels: 1, data: vec![128; 81] };
+    assert!(estimator.estimate(&gray).unwrap().data.iter().all(|v| v.is_finite()));
 }
 
 #[test]
@@ -73,8 +73,8 @@ fn errors_name_the_model() {
     };
     assert!(matches!(open(b"not a model"), NetworkProblem::Load(_)));
     assert!(matches!(open(b""), NetworkProblem::Load(_) | NetworkProblem::Input { .. }));
-    let grey = model(&[1, 1, 32, 32], [1.0; 3], 0.0, 1, &[]);
-    let problem = open(&grey);
+    let gray = model(&[1, 1, 32, 32], [1.0; 3], 0.0, 1, &[]);
+    let problem = open(&gray);
     assert!(problem.to_string().contains("[1, 1, 32, 32]"), "{problem}");
     let flat = model(&[3, 64], [1.0; 3], 0.0, 1, &[]);
     assert!(matches!(open(&flat), NetworkProblem::Input { .. }));

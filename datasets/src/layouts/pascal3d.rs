@@ -166,7 +166,7 @@ impl Pascal3dAnnotation {
         let (c, color) = (objects.image.channels, voc_color(self.place + 1));
         let data = objects.image.data.chunks_exact(c).map(|pixel| match pixel {
             // An index that a tool has written as grey.
-            [grey] | [grey, _] => usize::from(*grey) == self.place + 1,
+            [gray] | [gray, _] => usize::from(*gray) == self.place + 1,
             _ => pixel[..3] == color,
         });
         let data = data.map(|inside| if inside { 255 } else { 0 }).collect();

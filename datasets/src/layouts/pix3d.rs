@@ -94,9 +94,9 @@ impl Pix3dAnnotation {
         // PyTorch3D multiplies row vectors from the right.
         let transposed = std::array::from_fn(|i| std::array::from_fn(|j| r[j][i]));
         let [w, h] = self.size;
-        let centre = [w as f64 / 2.0, h as f64 / 2.0];
+        let center = [w as f64 / 2.0, h as f64 / 2.0];
         let focal = [self.focal; 2];
-        Camera::from_pytorch3d_screen(transposed, self.translation, focal, centre, w, h)
+        Camera::from_pytorch3d_screen(transposed, self.translation, focal, center, w, h)
     }
 
     /// One record of `pix3d.json`.

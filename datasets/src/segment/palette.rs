@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn colours_have_the_published_coordinates() {
+    fn colors_have_the_published_coordinates() {
         let data = vec![255, 255, 255, 0, 0, 0, 255, 0, 0, 0, 255, 0, 0, 0, 255, 119, 119, 119];
         let found = lab(&ByteImage { height: 1, width: 6, channels: 3, data });
         let wanted = [
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn no_colour_falls_beside_the_cells() {
+    fn no_color_falls_beside_the_cells() {
         let levels = [0, 51, 102, 153, 204, 255];
         let data: Vec<u8> = levels
             .iter()

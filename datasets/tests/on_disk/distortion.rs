@@ -11,9 +11,9 @@ const PINHOLE: [f64; 4] = [120.0, 118.0, 81.5, 58.5];
 
 /// What a ray from the origin along (x, y, 1) meets: the planar depth of a ball, if it does.
 fn ball([x, y]: [f64; 2]) -> Option<f64> {
-    let (centre, radius) = ([0.35, -0.1, 3.0], 0.8);
-    let (a, b) = (x * x + y * y + 1.0, x * centre[0] + y * centre[1] + centre[2]);
-    let c = centre.iter().map(|v| v * v).sum::<f64>() - radius * radius;
+    let (center, radius) = ([0.35, -0.1, 3.0], 0.8);
+    let (a, b) = (x * x + y * y + 1.0, x * center[0] + y * center[1] + center[2]);
+    let c = center.iter().map(|v| v * v).sum::<f64>() - radius * radius;
     let root = b * b - a * c;
     (root > 0.0).then(|| (b - root.sqrt()) / a)
 }

@@ -46,7 +46,7 @@ fn kaolin_folders_and_zips_round_trip() {
 }
 
 #[test]
-fn transforms_round_trip_off_centre_and_with_unequal_focal_lengths() {
+fn transforms_round_trip_off_center_and_with_unequal_focal_lengths() {
     let mut written = ball(4);
     for view in &mut written {
         view.camera.lens = mesh_core::Lens::Perspective { fx: 38.0, fy: 35.0, cx: 21.5, cy: 14.25 };

@@ -10,13 +10,13 @@ use datasets::{
 use mesh_core::{ByteImage, Camera, Lens, primitives, write_mesh, write_png};
 use serde_json::json;
 
-const OFF_CENTRE: Lens = Lens::Perspective { fx: 38.0, fy: 35.5, cx: 21.5, cy: 14.25 };
+const OFF_CENTER: Lens = Lens::Perspective { fx: 38.0, fy: 35.5, cx: 21.5, cy: 14.25 };
 
 /// The ball through a lens that is nothing special: W != H, fx != fy, off the centre.
-fn off_centre(count: usize) -> Vec<View> {
+fn off_center(count: usize) -> Vec<View> {
     let mut views = ball(count);
     for view in &mut views {
-        view.camera.lens = OFF_CENTRE;
+        view.camera.lens = OFF_CENTER;
     }
     views
 }
@@ -39,7 +39,7 @@ fn with_depth() -> ReadOptions {
 
 #[test]
 fn colmap_projects_round_trip_in_both_forms() {
-    let written = off_centre(12);
+    let written = off_center(12);
     for form in [ColmapForm::Text, ColmapForm::Binary] {
         let folder = tempfile::tempdir().unwrap();
         write_colmap(&written, folder.path(), form).unwrap();
@@ -64,7 +64,7 @@ fn colmap_projects_round_trip_in_both_forms() {
 
 #[test]
 fn photographs_round_trip_with_either_lens() {
-    let mut written = off_centre(11);
+    let mut written = off_center(11);
     written[3].camera.lens = Lens::Orthographic { sx: 11.0, sy: 12.0, cx: 19.5, cy: 16.0 };
     let folder = tempfile::tempdir().unwrap();
     write_photos(&written, folder.path()).unwrap();
@@ -90,7 +90,7 @@ fn photographs_round_trip_with_either_lens() {
 #[test]
 fn a_smaller_copy_of_a_picture_keeps_its_camera() {
     let folder = tempfile::tempdir().unwrap();
-    let written = off_centre(3);
+    let written = off_center(3);
     write_photos(&written, folder.path()).unwrap();
     edit_json(&folder.path().join("cameras.json"), |v| {
         for view in v["views"].as_array_mut().unwrap() {
@@ -247,7 +247,7 @@ fn bop(views: &[View]) -> tempfile::TempDir {
 
 #[test]
 fn bop_scenes_are_views_in_the_frame_of_the_model() {
-    let written = off_centre(11);
+    let written = off_center(11);
     let folder = bop(&written);
     for path in ["", "train_pbr", "train_pbr/000003"] {
         let path = folder.path().join(path);
@@ -274,11 +274,11 @@ fn bop_scenes_are_views_in_the_frame_of_the_model() {
 
 #[test]
 fn bop_depth_is_in_units_of_the_scene() {
-    let folder = bop(&off_centre(1));
+    let folder = bop(&off_center(1));
     // A grey image of 16 bits: 40 x 30, every pixel 1500 units of half a millimetre but one hole.
     let mut values = vec![1500u16; 1200];
     values[0] = 0;
-    let png = grey16(40, 30, &values);
+    let png = gray16(40, 30, &values);
     let path = folder.path().join("train_pbr/000003/depth/000000.png");
     std::fs::write(path, png).unwrap();
     let views = read_views(folder.path(), &with_depth(), &|_, _| {}).unwrap();
@@ -298,7 +298,7 @@ fn a_container_of_blenderproc_is_refused_with_the_remedy() {
 
 #[test]
 fn of_several_objects_one_must_be_named() {
-    let folder = bop(&off_centre(2));
+    let folder = bop(&off_center(2));
     let info = folder.path().join("train_pbr/000003/scene_gt_info.json");
     std::fs::remove_file(info).unwrap();
     let error = read(folder.path()).unwrap_err().to_string();
@@ -308,7 +308,7 @@ fn of_several_objects_one_must_be_named() {
 }
 
 /// A PNG of 16 bits a pixel, stored without compression: no other writer of ours makes one.
-fn grey16(width: u32, height: u32, values: &[u16]) -> Vec<u8> {
+fn gray16(width: u32, height: u32, values: &[u16]) -> Vec<u8> {
     let mut raw = Vec::new();
     for row in values.chunks(width as usize) {
         raw.push(0);

@@ -75,13 +75,13 @@ pub fn antialiased_silhouette<F: Real>(
         return;
     }
     let positions = 3 * fragments.faces().vertex_count();
-    let neighbours = fragments.faces().neighbours();
+    let neighbors = fragments.faces().neighbors();
     let near = near::<F>(fragments.settings());
     state.images.par_iter_mut().zip(out.par_chunks_mut(pixels)).enumerate().for_each(
         |(n, (state, out))| {
             let face = &fragments.face[pixels * n..pixels * (n + 1)];
             let projected = &projected[positions * n..positions * (n + 1)];
-            let walk = Walk { fragments, projected, neighbours, face, near };
+            let walk = Walk { fragments, projected, neighbors, face, near };
             state.background.fill(height, width, face);
             state.crossings.clear();
             for left in &mut state.left {
@@ -166,15 +166,15 @@ fn for_each_border(background: &Bits, height: usize, width: usize, mut f: impl F
 struct Walk<'a, F: Real> {
     fragments: &'a Fragments<F>,
     projected: &'a [F],
-    neighbours: &'a [[u32; 3]],
+    neighbors: &'a [[u32; 3]],
     face: &'a [u32],
     near: F,
 }
 
 impl<F: Real> Walk<'_, F> {
-    fn centre(&self, pixel: u32) -> [F; 2] {
-        let (width, centres) = (self.fragments.settings().width, self.fragments.centres());
-        [centres.x[pixel as usize % width], centres.row(pixel as usize / width)]
+    fn center(&self, pixel: u32) -> [F; 2] {
+        let (width, centers) = (self.fragments.settings().width, self.fragments.centers());
+        [centers.x[pixel as usize % width], centers.row(pixel as usize / width)]
     }
 
     fn corners(&self, face: u32) -> Option<([u32; 3], [[F; 3]; 3])> {
@@ -185,7 +185,7 @@ impl<F: Real> Walk<'_, F> {
     /// The silhouette edge between a covered pixel and its background neighbour, if there is one
     /// that acts in this direction.
     fn crossing(&self, covered: u32, open: u32) -> Option<Crossing<F>> {
-        let (p, q) = (self.centre(covered), self.centre(open));
+        let (p, q) = (self.center(covered), self.center(open));
         let [a, b] = self.silhouette_edge(self.face[covered as usize], p, q)?;
         let position = |v: u32| {
             let at = 3 * v as usize;
@@ -228,7 +228,7 @@ impl<F: Real> Walk<'_, F> {
         let mut sign = F::one();
         let (mut corners, mut at) = self.corners(face)?;
         // Every face is left once at most, unless rounding leads in a circle.
-        for _ in 0..self.neighbours.len() {
+        for _ in 0..self.neighbors.len() {
             let area = cross(at[0], at[1], [at[2][0], at[2][1]]);
             if area != F::zero() {
                 sign = area.signum();
@@ -246,7 +246,7 @@ impl<F: Real> Walk<'_, F> {
             }
             let (k, _) = exit?;
             let edge = [corners[(k + 1) % 3], corners[(k + 2) % 3]];
-            let next = self.neighbours[face as usize][k];
+            let next = self.neighbors[face as usize][k];
             if next == NONE {
                 return Some(edge);
             }

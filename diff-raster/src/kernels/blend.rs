@@ -34,7 +34,7 @@ pub struct Pixel<'a, F> {
     /// `[K]`
     pub face: &'a [u32],
     /// `[K, C]`
-    pub colours: &'a [F],
+    pub colors: &'a [F],
     /// `[K]`
     pub depth: &'a [F],
     /// `[K]`, squared, negative inside.
@@ -45,7 +45,7 @@ pub struct Pixel<'a, F> {
 #[derive(Debug)]
 pub struct Grads<'a, F> {
     /// `[K, C]`
-    pub colours: &'a mut [F],
+    pub colors: &'a mut [F],
     /// `[K]`
     pub depth: &'a mut [F],
     /// `[K]`
@@ -129,16 +129,16 @@ impl<F: Real> Blend<'_, F> {
     pub fn pixel(&self, pixel: &Pixel<'_, F>, out: &mut [F]) {
         let channels = self.background.len();
         let weights = self.weights(pixel);
-        for (out, &colour) in out.iter_mut().zip(self.background) {
-            *out = weights.background * colour;
+        for (out, &color) in out.iter_mut().zip(self.background) {
+            *out = weights.background * color;
         }
         let mut clear = F::one();
         for k in 0..pixel.face.len() {
             let [covered, along] = self.weight(pixel, k, weights.peak);
             clear *= F::one() - covered;
             let weight = covered * along;
-            let colours = &pixel.colours[k * channels..(k + 1) * channels];
-            out.iter_mut().zip(colours).for_each(|(out, &colour)| *out += weight * colour);
+            let colors = &pixel.colors[k * channels..(k + 1) * channels];
+            out.iter_mut().zip(colors).for_each(|(out, &color)| *out += weight * color);
         }
         out[..channels].iter_mut().for_each(|out| *out /= weights.total);
         out[channels] = F::one() - clear;
@@ -154,8 +154,8 @@ impl<F: Real> Blend<'_, F> {
     ) {
         let channels = self.background.len();
         let weights = self.weights(pixel);
-        let along = |colour: &[F]| -> F {
-            let pairs = colour.iter().zip(image).zip(g);
+        let along = |color: &[F]| -> F {
+            let pairs = color.iter().zip(image).zip(g);
             pairs.take(channels).map(|((&c, &shown), &g)| g * (c - shown)).sum()
         };
         let covered = |k: usize| coverage(pixel.face[k], pixel.distance[k], self.sigma);
@@ -168,9 +168,9 @@ impl<F: Real> Blend<'_, F> {
             }
             let [covered, exponential] = self.weight(pixel, k, weights.peak);
             let share = covered * exponential / weights.total;
-            let colours = &pixel.colours[k * channels..(k + 1) * channels];
-            let pull = along(colours);
-            for (c, out) in out.colours.iter_mut().skip(k * channels).take(channels).enumerate() {
+            let colors = &pixel.colors[k * channels..(k + 1) * channels];
+            let pull = along(colors);
+            for (c, out) in out.colors.iter_mut().skip(k * channels).take(channels).enumerate() {
                 *out += g[c] * share;
             }
             let of_height = pull * share / self.gamma;

@@ -14,7 +14,7 @@
 use autodiff_lite::Real;
 use autodiff_lite::kernels::parallel::{InParts, Parts};
 
-use crate::kernels::setup::{Centres, extent, visible_corners};
+use crate::kernels::setup::{Centers, extent, visible_corners};
 use crate::{LayerSettings, NONE};
 
 /// Added to areas, the least divisor of the perspective, and the square of the shortest edge.
@@ -220,7 +220,7 @@ pub fn draw_layers<F: Real>(
     projected: &[F],
     corners: &[[u32; 3]],
     settings: &LayerSettings,
-    centres: &Centres<F>,
+    centers: &Centers<F>,
     face: &mut [u32],
     depth: &mut [F],
 ) {
@@ -237,8 +237,8 @@ pub fn draw_layers<F: Real>(
             let [low, high] = extent(a[axis], b[axis], c[axis]);
             [low - reach, high + reach]
         });
-        let columns = centres.columns(x[0], x[1], false).map(|c| c as usize);
-        let rows = centres.rows(y[0], y[1], false).map(|r| r as usize);
+        let columns = centers.columns(x[0], x[1], false).map(|c| c as usize);
+        let rows = centers.rows(y[0], y[1], false).map(|r| r as usize);
         Some(([a, b, c], rows, columns))
     };
     let mut ready = vec![None; corners.len()];
@@ -252,7 +252,7 @@ pub fn draw_layers<F: Real>(
             let Some((corners, rows, columns)) = ready else { continue };
             for row in rows[0].max(first)..rows[1].min(last) {
                 for column in columns[0]..columns[1] {
-                    let p = [centres.x[column], centres.row(row)];
+                    let p = [centers.x[column], centers.row(row)];
                     let layer = measure(p, corners, settings);
                     let beside = !layer.inside && layer.signed >= blur;
                     if beside || layer.depth < F::zero() || !layer.depth.is_finite() {

@@ -19,14 +19,14 @@ const CHUNK: usize = 512;
 
 /// Coordinates of pixel centres, ascending.
 #[derive(Clone, Debug, Default)]
-pub struct Centres<F> {
+pub struct Centers<F> {
     /// `(2j + 1 - W) / W` for each column, and [`MAX_LANES`] more.
     pub x: Vec<F>,
     /// `(2k + 1 - H) / H`: row `i` is entry `H - 1 - i`.
     pub y: Vec<F>,
 }
 
-impl<F: Real> Centres<F> {
+impl<F: Real> Centers<F> {
     /// Fills the tables for an image size.
     pub fn prepare(&mut self, height: usize, width: usize) {
         fill(&mut self.x, width, width + MAX_LANES);
@@ -175,7 +175,7 @@ impl<F: Real> Setup<F> {
         &mut self,
         projected: &[F],
         corners: &[[u32; 3]],
-        centres: &Centres<F>,
+        centers: &Centers<F>,
         settings: &Settings,
     ) {
         self.triangles.resize(corners.len(), Triangle::default());
@@ -185,7 +185,7 @@ impl<F: Real> Setup<F> {
         faces.zip(corners.par_iter()).with_min_len(CHUNK).for_each(
             |((triangle, pixels), &corners)| {
                 *pixels = visible_corners(projected, corners, near)
-                    .and_then(|p| prepare_face(p, centres, settings, triangle))
+                    .and_then(|p| prepare_face(p, centers, settings, triangle))
                     .unwrap_or_default();
             },
         );
@@ -196,7 +196,7 @@ impl<F: Real> Setup<F> {
 #[inline(always)]
 fn prepare_face<F: Real>(
     [a, b, c]: [[F; 3]; 3],
-    centres: &Centres<F>,
+    centers: &Centers<F>,
     settings: &Settings,
     triangle: &mut Triangle<F>,
 ) -> Option<PixelBox> {
@@ -208,11 +208,11 @@ fn prepare_face<F: Real>(
     }
     let half_open = settings.rule == Rule::Published;
     let [x, y] = [0, 1].map(|k| extent(a[k], b[k], c[k]));
-    let columns = centres.columns(x[0], x[1], half_open);
+    let columns = centers.columns(x[0], x[1], half_open);
     if columns[0] >= columns[1] {
         return None;
     }
-    let rows = centres.rows(y[0], y[1], half_open);
+    let rows = centers.rows(y[0], y[1], half_open);
     if rows[0] >= rows[1] {
         return None;
     }
@@ -316,17 +316,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranges_hold_exactly_the_centres_inside() {
-        let mut centres = Centres::<f32>::default();
-        centres.prepare(7, 10);
+    fn ranges_hold_exactly_the_centers_inside() {
+        let mut centers = Centers::<f32>::default();
+        centers.prepare(7, 10);
         for low in -25..25 {
             for high in low..25 {
                 // Multiples of 0.05 and 0.1: many bounds are centres.
                 let (l, h) = (low as f32 * 0.1, high as f32 * 0.1);
                 for half_open in [false, true] {
-                    let [start, end] = centres.columns(l, h, half_open);
+                    let [start, end] = centers.columns(l, h, half_open);
                     let inside = |&j: &u32| {
-                        let x = centres.x[j as usize];
+                        let x = centers.x[j as usize];
                         x >= l && if half_open { x < h } else { x <= h }
                     };
                     let expected: Vec<u32> = (0..10).filter(inside).collect();
@@ -335,7 +335,7 @@ mod tests {
             }
         }
         for wild in [f32::NAN, f32::INFINITY, f32::MAX, f32::NEG_INFINITY] {
-            let [start, end] = centres.rows(-wild, wild, false);
+            let [start, end] = centers.rows(-wild, wild, false);
             assert!(start <= end && end <= 7);
         }
     }

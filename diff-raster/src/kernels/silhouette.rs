@@ -121,20 +121,20 @@ impl<F: Real> ImageState<F> {
     /// Finds the faces that reach into the background.
     fn prepare(&mut self, fragments: &Fragments<F>, projected: &[F], face: &[u32]) {
         let settings = fragments.settings();
-        let (centres, corners) = (fragments.centres(), fragments.faces().corners());
+        let (centers, corners) = (fragments.centers(), fragments.faces().corners());
         self.background.fill(settings.height, settings.width, face);
         let background = &self.background;
         let (near, length) = (near::<F>(settings), F::from_f64(settings.box_length));
         let reached = |corners: &[u32; 3]| {
             let p = visible_corners(projected, *corners, near)?;
             let [x, y] = enlarged(&p, length);
-            let [rows, columns] = centres.around(x, y);
+            let [rows, columns] = centers.around(x, y);
             if !background.any_tile(rows, columns) {
                 return None;
             }
             let pixels = PixelBox {
-                columns: centres.columns(x[0], x[1], true),
-                rows: centres.rows(y[0], y[1], true),
+                columns: centers.columns(x[0], x[1], true),
+                rows: centers.rows(y[0], y[1], true),
             };
             (!pixels.is_empty() && background.any(pixels)).then_some((p, pixels))
         };
@@ -215,7 +215,7 @@ impl<F: Real> Job<F> for Cover<'_, F> {
     fn run<L: Lanes<F = F>>(self, l: L) {
         let Self { fragments, reaches, items, band, face, planes } = self;
         let settings = fragments.settings();
-        let centres = fragments.centres();
+        let centers = fragments.centers();
         let stride = settings.width + MAX_LANES;
         let first = band * BAND_ROWS;
         let last = (first + BAND_ROWS).min(settings.height);
@@ -228,7 +228,7 @@ impl<F: Real> Job<F> for Cover<'_, F> {
             let columns = reach.pixels.columns.map(|c| c as usize);
             let rows = reach.pixels.rows.map(|r| r as usize);
             for row in rows[0].max(first)..rows[1].min(last) {
-                let edges = edge_rows(l, &reach.edges, centres.row(row));
+                let edges = edge_rows(l, &reach.edges, centers.row(row));
                 for column in (columns[0]..columns[1]).step_by(L::N) {
                     let count = (columns[1] - column).min(L::N);
                     let at = (row - first) * stride + column;
@@ -237,7 +237,7 @@ impl<F: Real> Job<F> for Cover<'_, F> {
                     if !l.any(l.and(inside, l.lt(l.zero(), clear))) {
                         continue;
                     }
-                    let x = l.load(&centres.x[column..]);
+                    let x = l.load(&centers.x[column..]);
                     let d = three!(k => squared(l, edges[k].nearest(l, x).1));
                     let d = l.min(l.min(d[0], d[1]), d[2]);
                     if let Some(limit) = limit {
@@ -338,7 +338,7 @@ impl<F: Real> Job<F> for Pull<'_, F> {
     fn run<L: Lanes<F = F>>(self, l: L) {
         let Self { fragments, state, reaches, grad, out } = self;
         let settings = fragments.settings();
-        let centres = fragments.centres();
+        let centers = fragments.centers();
         let width = settings.width;
         let sharpness = l.splat(F::from_f64(-settings.sigma_inv));
         let twice = l.splat(F::from_f64(2.0 * settings.sigma_inv));
@@ -349,7 +349,7 @@ impl<F: Real> Job<F> for Pull<'_, F> {
             let columns = reach.pixels.columns.map(|c| c as usize);
             let mut sums = [zero; 6];
             for row in reach.pixels.rows[0] as usize..reach.pixels.rows[1] as usize {
-                let edges = edge_rows(l, &reach.edges, centres.row(row));
+                let edges = edge_rows(l, &reach.edges, centers.row(row));
                 for column in (columns[0]..columns[1]).step_by(L::N) {
                     let count = (columns[1] - column).min(L::N);
                     let at = row * width + column;
@@ -361,7 +361,7 @@ impl<F: Real> Job<F> for Pull<'_, F> {
                         let last = l.load_u(&state.last[at..]);
                         inside = l.and(inside, l.le_u(l.splat_u(reach.face), last));
                     }
-                    let x = l.load(&centres.x[column..]);
+                    let x = l.load(&centers.x[column..]);
                     let near = nearest(l, &edges, x);
                     let p = l.exp(l.mul(sharpness, near.squared));
                     let others = l.div(l.load(&state.clear[at..]), guard.apply(l, l.sub(one, p)));

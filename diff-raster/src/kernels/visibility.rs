@@ -5,7 +5,7 @@ use autodiff_lite::Real;
 use crate::Settings;
 use crate::faces::NONE;
 use crate::kernels::lanes::{Job, Lanes, MAX_LANES, dispatch, three};
-use crate::kernels::setup::{BAND_ROWS, Centres, Setup};
+use crate::kernels::setup::{BAND_ROWS, Centers, Setup};
 
 /// The planes of a band while its faces are drawn.
 #[derive(Debug, Default)]
@@ -45,19 +45,19 @@ pub struct BandOutput<'a, F> {
 /// `+∞`. Everything of `output` is written.
 pub fn draw_band<F: Real>(
     setup: &Setup<F>,
-    centres: &Centres<F>,
+    centers: &Centers<F>,
     settings: &Settings,
     band: usize,
     planes: &mut Planes<F>,
     output: BandOutput<'_, F>,
 ) {
-    let job = Draw { setup, centres, settings, band, planes, output };
+    let job = Draw { setup, centers, settings, band, planes, output };
     dispatch(settings.instructions.arch(), job);
 }
 
 struct Draw<'a, F> {
     setup: &'a Setup<F>,
-    centres: &'a Centres<F>,
+    centers: &'a Centers<F>,
     settings: &'a Settings,
     band: usize,
     planes: &'a mut Planes<F>,
@@ -69,7 +69,7 @@ impl<F: Real> Job<F> for Draw<'_, F> {
 
     #[inline(always)]
     fn run<L: Lanes<F = F>>(self, l: L) {
-        let Self { setup, centres, settings, band, planes, output } = self;
+        let Self { setup, centers, settings, band, planes, output } = self;
         let width = settings.width;
         let stride = width + MAX_LANES;
         let first = band * BAND_ROWS;
@@ -89,12 +89,12 @@ impl<F: Real> Job<F> for Draw<'_, F> {
             let columns = pixels.columns.map(|c| c as usize);
             let rows = (pixels.rows[0] as usize).max(first)..(pixels.rows[1] as usize).min(last);
             for row in rows {
-                let y = centres.row(row);
+                let y = centers.row(row);
                 let y = l.splat(y);
                 let start = three!(k => l.fma(l.splat(t.edges[k][1]), y, l.splat(t.edges[k][2])));
                 let base = (row - first) * stride;
                 for column in (columns[0]..columns[1]).step_by(L::N) {
-                    let x = l.load(&centres.x[column..]);
+                    let x = l.load(&centers.x[column..]);
                     let e = three!(k => l.fma(along_x[k], x, start[k]));
                     let inside = l.le(zero, l.min(l.min(e[0], e[1]), e[2]));
                     let k = l.fma(e[1], derivatives[0], l.fma(e[2], derivatives[1], zero));

@@ -43,7 +43,7 @@ impl<'t, F: Real> Layers<'t, F> {
     /// below alone, depths linear in them, and a background that weighs at least 1e-10.
     ///
     /// # Shapes
-    /// `colours [N, H, W, K, C]` with C as in the settings' background → `[N, H, W, C + 1]`.
+    /// `colors [N, H, W, K, C]` with C as in the settings' background → `[N, H, W, C + 1]`.
     /// # Gradient
     /// To colours, and through [`depth`](Self::depth) and [`distance`](Self::distance) to positions.
     /// # Cost
@@ -54,14 +54,14 @@ impl<'t, F: Real> Layers<'t, F> {
     /// `pytorch3d.renderer.blending`; Liu et al. 2019, *Soft Rasterizer*.
     #[track_caller]
     #[inline(never)]
-    pub fn softmax_blend(&self, colours: Var<'t, F>, settings: &BlendSettings) -> Var<'t, F> {
-        let (name, tape) = ("softmax_blend", colours.tape());
+    pub fn softmax_blend(&self, colors: Var<'t, F>, settings: &BlendSettings) -> Var<'t, F> {
+        let (name, tape) = ("softmax_blend", colors.tape());
         let (channels, sizes) = (settings.background.len(), self.fragments.shape());
         let mut expected = sizes.to_vec();
         expected.push(channels);
-        if colours.shape() != expected {
+        if colors.shape() != expected {
             let message = format!("colours {expected:?} expected");
-            tape.refuse(name, message, &[("colours", &colours.shape(), "N, H, W, K, C")]);
+            tape.refuse(name, message, &[("colors", &colors.shape(), "N, H, W, K, C")]);
         }
         let s = settings;
         assert!(
@@ -79,7 +79,7 @@ impl<'t, F: Real> Layers<'t, F> {
         let faces = Arc::clone(&self.fragments);
         let mut out = tape.array(&[n, h, w, channels + 1]);
         {
-            let [c, z, d] = [colours.value(), depth.value(), distance.value()];
+            let [c, z, d] = [colors.value(), depth.value(), distance.value()];
             let [c, z, d] = [&c, &z, &d].map(Tensor::as_slice);
             let blend = blend_of(numbers, &background);
             let pixels = out.as_slice_mut().par_chunks_mut(channels + 1).enumerate();
@@ -87,7 +87,7 @@ impl<'t, F: Real> Layers<'t, F> {
                 blend.pixel(&pixel_of(at, k, channels, &faces.face, [c, z, d]), out);
             });
         }
-        let inputs = [colours, depth, distance];
+        let inputs = [colors, depth, distance];
         tape.record_fn(name, &inputs, out, move |cx: &mut Backward<'_, F>| {
             let values = [0, 1, 2].map(|i| cx.input(i));
             let [c, z, d] = values.each_ref().map(Tensor::as_slice);
@@ -96,18 +96,18 @@ impl<'t, F: Real> Layers<'t, F> {
             let blend = blend_of(numbers, &background);
             let zeros = |i: usize| cx.pool().filled(cx.input(i).shape(), F::zero());
             let mut grads = [zeros(0), zeros(1), zeros(2)];
-            let [of_colours, of_depth, of_distance] = grads.each_mut().map(Tensor::as_slice_mut);
+            let [of_colors, of_depth, of_distance] = grads.each_mut().map(Tensor::as_slice_mut);
             let (many, few) = ((k * channels).max(1), k.max(1));
             if k > 0 && channels > 0 {
-                let pixels = of_colours.par_chunks_mut(many).zip(of_depth.par_chunks_mut(few));
+                let pixels = of_colors.par_chunks_mut(many).zip(of_depth.par_chunks_mut(few));
                 let pixels = pixels.zip(of_distance.par_chunks_mut(few)).enumerate();
                 pixels.with_min_len(256).for_each_init(
                     || vec![F::zero(); k],
-                    |rest, (at, ((colours, depth), distance))| {
+                    |rest, (at, ((colors, depth), distance))| {
                         let pixel = pixel_of(at, k, channels, &faces.face, [c, z, d]);
                         let own = at * (channels + 1)..(at + 1) * (channels + 1);
                         let planes = [&image[own.clone()], &grad[own]];
-                        let mut out = Grads { colours, depth, distance };
+                        let mut out = Grads { colors, depth, distance };
                         blend.pull(&pixel, planes, rest, &mut out);
                     },
                 );
@@ -169,12 +169,12 @@ fn pixel_of<'a, F: Real>(
     k: usize,
     channels: usize,
     face: &'a [u32],
-    [colours, depth, distance]: [&'a [F]; 3],
+    [colors, depth, distance]: [&'a [F]; 3],
 ) -> Pixel<'a, F> {
     let own = at * k..(at + 1) * k;
     Pixel {
         face: &face[own.clone()],
-        colours: &colours[at * k * channels..(at + 1) * k * channels],
+        colors: &colors[at * k * channels..(at + 1) * k * channels],
         depth: &depth[own.clone()],
         distance: &distance[own],
     }

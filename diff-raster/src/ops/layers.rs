@@ -146,7 +146,7 @@ impl<'t, F: Real> Layers<'t, F> {
                 let own = &projected[stride * n..stride * (n + 1)];
                 let of = |slot: usize, corners: [u32; 3]| {
                     let slot = n * slots + slot;
-                    let (p, corners) = (fragments.centre(slot / k), corner_positions(own, corners));
+                    let (p, corners) = (fragments.center(slot / k), corner_positions(own, corners));
                     let layer = measure(p, &corners, &fragments.settings);
                     let pulled = pull_of(&grad[slot * width..(slot + 1) * width]);
                     pull(&layer, p, &corners, &fragments.settings, pulled)

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use autodiff_lite::{Backward, Real, Tensor, Var};
 
-use crate::kernels::softras::{self, Colours};
+use crate::kernels::softras::{self, Colors};
 use crate::softras::SoftRas;
 
 /// What SoftRas paints faces with.
@@ -39,11 +39,11 @@ pub enum Paint<'t, F: Real = f32> {
 /// use ndarray::arr3;
 ///
 /// let corners = arr3(&[[[-0.5_f32, -0.5, 2.0], [0.5, -0.5, 2.0], [0.0, 0.5, 3.0]]]);
-/// let colours = arr3(&[[[1.0_f32], [0.5], [0.0]]]);
+/// let colors = arr3(&[[[1.0_f32], [0.5], [0.0]]]);
 /// let renderer = SoftRas::new(&Arc::new(Faces::new(3, &[[0, 1, 2]])?), &SoftRasSettings::new(32, 32));
 /// let tape = Tape::train(0);
-/// let [projected, colours] = [tape.leaf(corners), tape.leaf(colours)];
-/// let image = softras(projected, Some(Paint::Vertices(colours)), &renderer); // [1, 32, 32, 2]
+/// let [projected, colors] = [tape.leaf(corners), tape.leaf(colors)];
+/// let image = softras(projected, Some(Paint::Vertices(colors)), &renderer); // [1, 32, 32, 2]
 /// let alpha = image.slice_axis(3, 1..2);
 /// let gradients = alpha.sum().backward();
 /// assert!(gradients.wrt(projected).expect("moved")[[0, 2, 1]] > 0.0); // up is larger
@@ -87,15 +87,15 @@ pub fn softras<'t, F: Real>(
         tape.refuse("softras", message, &[("projected", shape, "N, V, 3")]);
     }
     let painted = paint.map(|(Paint::Vertices(x) | Paint::Texels(x))| x);
-    let colours = painted.map(Var::value);
-    let colours = colours.as_ref().map_or(&[][..], Tensor::as_slice);
+    let colors = painted.map(Var::value);
+    let colors = colors.as_ref().map_or(&[][..], Tensor::as_slice);
     let settings = &renderer.settings;
     let mut out = tape.array(&[batch, settings.height, settings.width, channels + 1]);
     let mut state = renderer.states.lend();
     softras::softras(
         renderer,
         positions.as_slice(),
-        mode.of(colours),
+        mode.of(colors),
         channels,
         &mut state,
         out.as_slice_mut(),
@@ -106,25 +106,25 @@ pub fn softras<'t, F: Real>(
     tape.record_fn("softras", &inputs, out, move |cx: &mut Backward<'_, F>| {
         let (image, grad) = (cx.output(), cx.grad_out());
         let planes = [&image, &grad].map(Tensor::as_slice);
-        let colours = (cx.input_count() == 2).then(|| cx.input(1));
-        let colours = colours.as_ref().map_or(&[][..], Tensor::as_slice);
+        let colors = (cx.input_count() == 2).then(|| cx.input(1));
+        let colors = colors.as_ref().map_or(&[][..], Tensor::as_slice);
         let zeros =
             |cx: &Backward<'_, F>, i: usize| cx.pool().filled(cx.input(i).shape(), F::zero());
         let mut of_projected = zeros(cx, 0);
         let wanted = cx.input_count() == 2 && cx.needs(1);
-        let mut of_colours = wanted.then(|| zeros(cx, 1));
+        let mut of_colors = wanted.then(|| zeros(cx, 1));
         softras::softras_grad(
             &renderer,
-            mode.of(colours),
+            mode.of(colors),
             channels,
             &mut state.borrow_mut(),
             planes,
             of_projected.as_slice_mut(),
-            of_colours.as_mut().map_or(&mut [], Tensor::as_slice_mut),
+            of_colors.as_mut().map_or(&mut [], Tensor::as_slice_mut),
         );
         cx.give(0, of_projected);
-        if let Some(of_colours) = of_colours {
-            cx.give(1, of_colours);
+        if let Some(of_colors) = of_colors {
+            cx.give(1, of_colors);
         }
     })
 }
@@ -136,10 +136,10 @@ enum Mode {
 }
 
 impl Mode {
-    fn of<F>(self, colours: &[F]) -> Colours<'_, F> {
+    fn of<F>(self, colors: &[F]) -> Colors<'_, F> {
         match self {
-            Self::Vertices => Colours::Vertices(colours),
-            Self::Texels(side) => Colours::Texels(colours, side),
+            Self::Vertices => Colors::Vertices(colors),
+            Self::Texels(side) => Colors::Texels(colors, side),
         }
     }
 }

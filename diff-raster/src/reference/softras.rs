@@ -6,7 +6,7 @@ use crate::{Settings, SoftRasSettings};
 
 /// Colours of faces in the slow twin.
 #[derive(Clone, Copy, Debug)]
-pub enum Coloured<'a> {
+pub enum Colored<'a> {
     /// `[V][C]`
     Vertices(&'a [Vec<f64>]),
     /// `[F][side²][C]` and `side`.
@@ -17,13 +17,13 @@ pub enum Coloured<'a> {
 pub fn softras(
     points: &[Point],
     faces: &[[u32; 3]],
-    paint: Coloured<'_>,
+    paint: Colored<'_>,
     channels: usize,
     settings: &SoftRasSettings,
 ) -> Vec<Vec<f64>> {
     let grid = Settings::new(settings.height, settings.width);
     let pixel = |at: usize| {
-        let p = super::centre(&grid, at);
+        let p = super::center(&grid, at);
         let mut clear = 1.0;
         // Coverage, height and colour of each face that is seen.
         let mut seen: Vec<(f64, f64, Vec<f64>)> = Vec::new();
@@ -41,25 +41,25 @@ pub fn softras(
             let blend = |k: usize| {
                 if settings.perspective { cut[k] * depth / v[k][2] } else { cut[k] }
             };
-            let colour = |c: usize| match paint {
-                Coloured::Vertices(all) => {
+            let color = |c: usize| match paint {
+                Colored::Vertices(all) => {
                     (0..3).map(|k| blend(k) * all[corners[k] as usize][c]).sum()
                 }
-                Coloured::Texels(all, side) => all[face][texel(cut, side)][c],
+                Colored::Texels(all, side) => all[face][texel(cut, side)][c],
             };
             let height = (settings.far - depth) / (settings.far - settings.near);
-            seen.push((covered, height, (0..channels).map(colour).collect()));
+            seen.push((covered, height, (0..channels).map(color).collect()));
         }
         let peak = seen.iter().fold(settings.background, |peak, s| peak.max(s.1));
         let weight = |height: f64| ((height - peak) / settings.gamma).exp();
         let total =
             weight(settings.background) + seen.iter().map(|s| s.0 * weight(s.1)).sum::<f64>();
         let behind = |c: usize| settings.background_color.get(c).copied().unwrap_or(0.0);
-        let colour = |c: usize| {
+        let color = |c: usize| {
             let own = seen.iter().map(|s| s.0 * weight(s.1) * s.2[c]).sum::<f64>();
             (own + weight(settings.background) * behind(c)) / total
         };
-        (0..channels).map(colour).chain([1.0 - clear]).collect()
+        (0..channels).map(color).chain([1.0 - clear]).collect()
     };
     (0..settings.height * settings.width).map(pixel).collect()
 }

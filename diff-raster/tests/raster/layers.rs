@@ -103,9 +103,9 @@ proptest! {
         // Visibility is held fixed, so that differences are of smooth functions.
         let fragments = rasterize_layers(&scene.positions, &scene.faces, &settings);
         prop_assume!(fragments.face.iter().any(|&face| face != NONE));
-        let colours = [scene.faces.vertex_count(), 2];
-        let colours = ArrayD::from_shape_vec(IxDyn(&colours), weights(colours.iter().product())).unwrap();
-        let inputs = [scene.positions.clone().into_dyn(), colours];
+        let colors = [scene.faces.vertex_count(), 2];
+        let colors = ArrayD::from_shape_vec(IxDyn(&colors), weights(colors.iter().product())).unwrap();
+        let inputs = [scene.positions.clone().into_dyn(), colors];
         let blend = BlendSettings { sigma: 0.05, gamma: 0.2, background: vec![0.1, 0.7], near: 0.5, far: 6.0 };
         let f = rule(|x: &[Var<'_, f64>]| {
             let layers = Layers::of(x[0], &fragments);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::common::{Scene, scenes, weights};
 use autodiff_lite::testkit::{Options, check};
 use autodiff_lite::{Real, Tape, Var};
-use diff_raster::reference::{self, Coloured};
+use diff_raster::reference::{self, Colored};
 use diff_raster::{Faces, Paint, SoftRas, SoftRasSettings, softras, texel_centers};
 use ndarray::{Array3, ArrayD, IxDyn};
 use proptest::prelude::*;
@@ -48,13 +48,13 @@ fn draw<F: Real>(scene: &Scene, settings: &SoftRasSettings, kind: usize) -> [Vec
     let renderer = SoftRas::new(&scene.faces, settings);
     let tape = Tape::<F>::train(0);
     let projected = tape.leaf(scene.positions.mapv(F::from_f64));
-    let colours = paint(scene, kind).map(|x| tape.leaf(x.mapv(F::from_f64)));
-    let image = softras(projected, painted(colours), &renderer);
+    let colors = paint(scene, kind).map(|x| tape.leaf(x.mapv(F::from_f64)));
+    let image = softras(projected, painted(colors), &renderer);
     let seed = array(&image.shape()).mapv(F::from_f64);
     let gradients = image.backward_with(seed);
     let plain = |x: ArrayD<F>| x.iter().map(|&x| Real::to_f64(x)).collect();
     let of = |x: Var<'_, F>| plain(gradients.wrt(x).unwrap().to_owned());
-    [plain(image.value().to_owned()), of(projected), colours.map(of).unwrap_or_default()]
+    [plain(image.value().to_owned()), of(projected), colors.map(of).unwrap_or_default()]
 }
 
 proptest! {
@@ -77,7 +77,7 @@ proptest! {
             let texels: Vec<Vec<_>> = (0..if kind == 2 { scene.faces.len() } else { 0 })
                 .map(|f| (0..9).map(|t| row(&[f, t])).collect())
                 .collect();
-            let paint = if kind == 2 { Coloured::Texels(&texels, 3) } else { Coloured::Vertices(&vertices) };
+            let paint = if kind == 2 { Colored::Texels(&texels, 3) } else { Colored::Vertices(&vertices) };
             let slow = reference::softras(&points, scene.faces.corners(), paint, channels, &settings);
             for (pixel, expected) in slow.iter().enumerate() {
                 let at = (n * pixels + pixel) * (channels + 1);
@@ -135,21 +135,21 @@ fn published_settings_draw_the_nearest_face_and_a_hard_outline() {
     let renderer = SoftRas::new(&faces, &SoftRasSettings::published(32, 32));
     let tape = Tape::<f64>::eval();
     // A plain colour of each square, in texels: each face its own.
-    let colours =
+    let colors =
         ArrayD::from_shape_fn(IxDyn(&[1, 4, 36, 1]), |at| if at[1] < 2 { 0.25 } else { 0.75 });
-    let (projected, colours) = (tape.constant(positions), tape.constant(colours));
-    let image = softras(projected, Some(Paint::Texels(colours)), &renderer).value();
+    let (projected, colors) = (tape.constant(positions), tape.constant(colors));
+    let image = softras(projected, Some(Paint::Texels(colors)), &renderer).value();
     for i in 0..32 {
         for j in 0..32 {
             let at = |k: usize| (2.0 * k as f64 - 31.0) / 32.0;
             let far = at(i).abs().max(at(j).abs());
-            let (colour, alpha) = (image[[0, i, j, 0]], image[[0, i, j, 1]]);
+            let (color, alpha) = (image[[0, i, j, 0]], image[[0, i, j, 1]]);
             if far < 0.28 {
-                assert!((colour - 0.25).abs() < 1e-6, "{colour} at {i} {j}");
+                assert!((color - 0.25).abs() < 1e-6, "{color} at {i} {j}");
             } else if (0.33..0.68).contains(&far) {
-                assert!((colour - 0.75).abs() < 1e-6, "{colour} at {i} {j}");
+                assert!((color - 0.75).abs() < 1e-6, "{color} at {i} {j}");
             } else if far > 0.72 {
-                assert_eq!((colour, alpha), (0.0, 0.0));
+                assert_eq!((color, alpha), (0.0, 0.0));
             }
             // Along the diagonal two faces meet, each half there: three quarters.
             if far < 0.68 {
@@ -167,8 +167,8 @@ fn hidden_faces_and_depths_are_pulled() {
     let renderer = SoftRas::new(&faces, &settings);
     let tape = Tape::<f64>::train(0);
     let projected = tape.leaf(positions);
-    let colours = ArrayD::from_shape_fn(IxDyn(&[1, 8, 1]), |at| if at[1] < 4 { 0.0 } else { 1.0 });
-    let image = softras(projected, Some(Paint::Vertices(tape.constant(colours))), &renderer);
+    let colors = ArrayD::from_shape_fn(IxDyn(&[1, 8, 1]), |at| if at[1] < 4 { 0.0 } else { 1.0 });
+    let image = softras(projected, Some(Paint::Vertices(tape.constant(colors))), &renderer);
     let gradients = image.slice_axis(3, 0..1).sum().backward();
     let pull = gradients.wrt(projected).unwrap();
     // Brighter: the dark square further away, the bright one nearer.
@@ -182,15 +182,15 @@ fn the_middle_of_a_texel_falls_on_it() {
         let settings = SoftRasSettings { sigma: 1e-6, ..SoftRasSettings::published(1, 1) };
         let renderer = SoftRas::new(&faces, &settings);
         let tape = Tape::<f64>::eval();
-        let colours = ArrayD::from_shape_fn(IxDyn(&[1, 1, side * side, 1]), |at| at[2] as f64);
-        let colours = tape.constant(colours);
+        let colors = ArrayD::from_shape_fn(IxDyn(&[1, 1, side * side, 1]), |at| at[2] as f64);
+        let colors = tape.constant(colors);
         for (texel, w) in texel_centers(side).into_iter().enumerate() {
             // The one pixel lies at the origin: put the texel's middle there.
             let corners = [[-0.6, -0.5], [0.8, -0.4], [0.1, 0.9]];
             let at = |axis: usize| (0..3).map(|k| w[k] * corners[k][axis]).sum::<f64>();
             let moved = corners.map(|c| [c[0] - at(0), c[1] - at(1), 2.0]).concat();
             let projected = tape.constant(Array3::from_shape_vec((1, 3, 3), moved).unwrap());
-            let image = softras(projected, Some(Paint::Texels(colours)), &renderer).value();
+            let image = softras(projected, Some(Paint::Texels(colors)), &renderer).value();
             assert!((image[[0, 0, 0, 0]] - texel as f64).abs() < 1e-9, "{texel} of {side}²");
         }
     }

@@ -19,8 +19,8 @@ struct Drawn<F: Real> {
     fragments: Arc<Fragments<F>>,
     soft: Vec<f64>,
     of_soft: Vec<f64>,
-    colour: Vec<f64>,
-    of_colour: Vec<f64>,
+    color: Vec<f64>,
+    of_color: Vec<f64>,
     of_attributes: Vec<f64>,
     others: Vec<f64>,
 }
@@ -48,7 +48,7 @@ fn draw<F: Real>(scene: &Scene, settings: &Settings) -> Drawn<F> {
     };
     let soft = soft_silhouette(projected, &fragments);
     let values = tape.leaf(attributes(scene.faces.vertex_count()).mapv(F::from_f64));
-    let colour = interpolate(projected, values, &fragments);
+    let color = interpolate(projected, values, &fragments);
     let border = antialiased_silhouette(projected, &fragments);
     let depths = depth(projected, &fragments, F::zero());
     let uv = interpolate(projected, values.slice_axis(1, 0..2), &fragments);
@@ -64,9 +64,9 @@ fn draw<F: Real>(scene: &Scene, settings: &Settings) -> Drawn<F> {
     Drawn {
         soft: plain(soft.value().iter().copied()),
         of_soft: gradient(soft, projected),
-        colour: plain(colour.value().iter().copied()),
-        of_colour: gradient(colour, projected),
-        of_attributes: gradient(colour, values),
+        color: plain(color.value().iter().copied()),
+        of_color: gradient(color, projected),
+        of_attributes: gradient(color, values),
         others,
         fragments,
     }
@@ -88,7 +88,7 @@ fn matches_the_twin(scene: &Scene) -> Result<(), TestCaseError> {
     let values = attributes(vertices).into_raw_vec_and_offset().0;
     let mut of_attributes = vec![0.0; values.len()];
     let batch = scene.positions.dim().0;
-    let (soft_weights, colour_weights) =
+    let (soft_weights, color_weights) =
         (weights(batch * pixels), weights(batch * pixels * CHANNELS));
     for n in 0..batch {
         let points: Vec<[f64; 3]> =
@@ -114,20 +114,20 @@ fn matches_the_twin(scene: &Scene) -> Result<(), TestCaseError> {
             prop_assert!(difference(&flat(k, &drawn.of_soft), &expected) < 1e-5);
         }
 
-        let colour = reference::interpolate(faces, &image, &values, CHANNELS);
-        prop_assert!(difference(&drawn.colour[wide.clone()], &colour) < 1e-6);
+        let color = reference::interpolate(faces, &image, &values, CHANNELS);
+        prop_assert!(difference(&drawn.color[wide.clone()], &color) < 1e-6);
         let (of_values, of_points) = reference::interpolate_grad(
             &points,
             faces,
             settings,
             &image,
             (&values, CHANNELS),
-            &colour_weights[wide],
+            &color_weights[wide],
         );
         of_attributes.iter_mut().zip(of_values).for_each(|(sum, x)| *sum += x);
         for k in 0..3 {
             let expected: Vec<f64> = of_points.iter().map(|g| g[k]).collect();
-            prop_assert!(difference(&flat(k, &drawn.of_colour), &expected) < 1e-6);
+            prop_assert!(difference(&flat(k, &drawn.of_color), &expected) < 1e-6);
         }
     }
     prop_assert!(difference(&drawn.of_attributes, &of_attributes) < 1e-6);
@@ -195,7 +195,7 @@ proptest! {
             }
             prop_assert!(difference(&exact.soft, &drawn.soft) < 1e-4);
             prop_assert!(difference(&exact.of_soft, &drawn.of_soft) < 1e-3);
-            prop_assert!(difference(&exact.colour, &drawn.colour) < 1e-3);
+            prop_assert!(difference(&exact.color, &drawn.color) < 1e-3);
         }
     }
 
@@ -206,7 +206,7 @@ proptest! {
             pool.install(|| {
                 let drawn = draw::<f32>(&scene, &scene.settings);
                 let numbers = [
-                    drawn.soft, drawn.of_soft, drawn.colour, drawn.of_colour,
+                    drawn.soft, drawn.of_soft, drawn.color, drawn.of_color,
                     drawn.of_attributes, drawn.others,
                 ];
                 (drawn.fragments.face.clone(), numbers.concat().iter().map(|x| x.to_bits()).collect::<Vec<_>>())

@@ -42,19 +42,19 @@ pub fn normalize_depth<'t, F: Real>(image: Var<'t, F>, mask: Var<'t, F>) -> Var<
         *inverse = F::zero();
         let Some(median) = median(tape, x, places) else { continue };
         *middle = median;
-        let centre = Real::to_f64(x[median as usize]);
+        let center = Real::to_f64(x[median as usize]);
         let (mut distance, mut spread, mut squares) = (0.0, 0.0, 0.0);
         for &p in places {
             let value = Real::to_f64(x[p as usize]);
-            distance += (value - centre).abs();
-            spread += (value - centre) * (value - centre);
+            distance += (value - center).abs();
+            spread += (value - center) * (value - center);
             squares += value * value;
         }
         let flat = is_constant(spread, squares);
         let scale = if flat { 0.0 } else { places.len() as f64 / distance };
         *inverse = F::from_f64(scale);
         for &p in places {
-            out[p as usize] = F::from_f64((Real::to_f64(x[p as usize]) - centre) * scale);
+            out[p as usize] = F::from_f64((Real::to_f64(x[p as usize]) - center) * scale);
         }
     }
     tape.record_fn("normalize_depth", &[image], normal, move |cx: &mut Backward<'_, F>| {

@@ -6,7 +6,7 @@ pub mod chunks;
 pub mod compare;
 pub mod lab;
 pub mod matching;
-pub mod neighbours;
+pub mod neighbors;
 pub mod point_tree;
 pub mod ssim;
 pub mod vec3;

@@ -102,15 +102,15 @@ fn moments(x: &ArrayView2<'_, f32>) -> (Vec<f64>, Vec<f64>) {
     let (rows, width) = x.dim();
     let mean = x.map(|&x| f64::from(x)).mean_axis(Axis(0)).expect("at least two rows").to_vec();
     let scale = 1.0 / ((rows - 1) as f64).sqrt();
-    let mut centred = Vec::with_capacity(x.len());
+    let mut centered = Vec::with_capacity(x.len());
     for row in x.rows() {
-        centred.extend(row.iter().zip(&mean).map(|(&x, mean)| scale * (f64::from(x) - mean)));
+        centered.extend(row.iter().zip(&mean).map(|(&x, mean)| scale * (f64::from(x) - mean)));
     }
     if rows <= width {
-        return (mean, centred);
+        return (mean, centered);
     }
     let mut covariance = vec![0.0; width * width];
-    let (left, right) = (Matrix::transposed(&centred, width), Matrix::rows(&centred, width));
+    let (left, right) = (Matrix::transposed(&centered, width), Matrix::rows(&centered, width));
     gemm([width, rows, width], 1.0, left, right, 0.0, &mut covariance);
     (mean, cholesky(covariance, width))
 }

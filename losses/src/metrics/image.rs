@@ -29,9 +29,9 @@ pub fn mse(image: &Image, target: &Image) -> f64 {
 /// ```
 /// use mesh_core::{Image, iou};
 /// let black = Image::new(4, 4, 3);
-/// let mut grey = black.clone();
-/// grey.data.fill(0.1); // mean squared error 0.01
-/// assert!((losses::metrics::psnr(&grey, &black) - 20.0).abs() < 1e-5);
+/// let mut gray = black.clone();
+/// gray.data.fill(0.1); // mean squared error 0.01
+/// assert!((losses::metrics::psnr(&gray, &black) - 20.0).abs() < 1e-5);
 /// ```
 pub fn psnr(image: &Image, target: &Image) -> f64 {
     decibels(mse(image, target))

@@ -32,7 +32,7 @@ pub use image::{MaskRule, l1, mask_iou, mask_iou_by, mse, psnr, psnr_inside, ssi
 pub use mcmr::{McmrAlignment, mcmr_iou};
 pub use points::{FScore, PointDistances, point_distances};
 pub use protocol::{
-    Combination, IouProtocol, Normalisation, Points, Preset, Protocol, UnknownPreset,
+    Combination, IouProtocol, Normalization, Points, Preset, Protocol, UnknownPreset,
 };
 pub use report::{CompareError, Report, Role, evaluate};
 pub use rotation::rotation_angle;

@@ -80,7 +80,7 @@ pub enum Points {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 #[non_exhaustive]
-pub enum Normalisation {
+pub enum Normalization {
     /// Nothing.
     AsGiven,
     /// Multiply by a number.
@@ -94,7 +94,7 @@ pub enum Normalisation {
         length: f64,
     },
     /// Move the centre of the truth's bounding box to the origin and scale its longest edge to this length.
-    Centred {
+    Centered {
         /// The length.
         length: f64,
     },
@@ -142,7 +142,7 @@ pub struct Protocol {
     /// What is computed, in one line.
     pub formula: String,
     /// What is done to the meshes first.
-    pub normalisation: Normalisation,
+    pub normalization: Normalization,
     /// The points compared; `None` when no distances are computed.
     pub points: Option<Points>,
     /// Whether distances are squared before the mean.
@@ -163,10 +163,10 @@ impl Protocol {
     /// What a distance of this protocol is counted in, in words: without it, figures of two protocols look alike and
     /// differ a hundredfold.
     pub fn distance_unit(&self) -> String {
-        let length = match self.normalisation {
-            Normalisation::AsGiven => "the meshes' own unit".to_owned(),
-            Normalisation::Scale { factor } => format!("the meshes' own unit times {factor}"),
-            Normalisation::LongestEdge { length } | Normalisation::Centred { length } => {
+        let length = match self.normalization {
+            Normalization::AsGiven => "the meshes' own unit".to_owned(),
+            Normalization::Scale { factor } => format!("the meshes' own unit times {factor}"),
+            Normalization::LongestEdge { length } | Normalization::Centered { length } => {
                 format!("the truth's longest side is {length}")
             }
         };
@@ -201,7 +201,7 @@ impl Protocol {
             source: "Wang et al. 2018, Pixel2Mesh; evaluated as by meshrcnn --eval-p2m".into(),
             formula: "chamfer = mean d²(prediction→truth) + mean d²(truth→prediction); F at d² < 1e-4, 2e-4"
                 .into(),
-            normalisation: Normalisation::Scale { factor: 0.57 },
+            normalization: Normalization::Scale { factor: 0.57 },
             points: Some(Points::Surface { samples: 10_000 }),
             squared: true,
             combination: Combination::Sum,
@@ -222,7 +222,7 @@ impl Protocol {
             formula: "chamfer = mean d²(prediction→truth) + mean d²(truth→prediction); F at d < 0.1, 0.3, \
                       0.5; normals: mean |cos| of both ways"
                 .into(),
-            normalisation: Normalisation::LongestEdge { length: 10.0 },
+            normalization: Normalization::LongestEdge { length: 10.0 },
             points: Some(Points::Surface { samples: 10_000 }),
             squared: true,
             combination: Combination::Sum,
@@ -246,7 +246,7 @@ impl Protocol {
                 "chamfer = (mean d(prediction→truth) + mean d(truth→prediction)) / 2, unsquared; \
                       F at d < 0.01; normals: mean |cos| of both ways; iou of solid voxels"
                     .into(),
-            normalisation: Normalisation::Centred { length: 1.0 },
+            normalization: Normalization::Centered { length: 1.0 },
             points: Some(Points::Surface { samples: 100_000 }),
             squared: false,
             combination: Combination::Mean,
@@ -270,7 +270,7 @@ impl Protocol {
             formula: "iou = |A ∩ B| / |A ∪ B| of filled surface voxels at 32³; prediction aligned to the \
                       truth by (centre, cube root of volume) of the bounding boxes"
                 .into(),
-            normalisation: Normalisation::Centred { length: 30.0 / 32.0 },
+            normalization: Normalization::Centered { length: 30.0 / 32.0 },
             points: None,
             squared: false,
             combination: Combination::Mean,

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::bounds::bounds;
 use super::{
-    Combination, FScore, IouProtocol, McmrAlignment, Normalisation, Points, Protocol, mcmr_iou,
+    Combination, FScore, IouProtocol, McmrAlignment, Normalization, Points, Protocol, mcmr_iou,
     point_distances, voxel_iou,
 };
 
@@ -101,7 +101,7 @@ pub fn evaluate(
             return Err(CompareError::NoSurface { role, faces: mesh.faces.len() });
         }
     }
-    let (factor, offset) = placement(truth, protocol.normalisation);
+    let (factor, offset) = placement(truth, protocol.normalization);
     let prediction = placed(prediction, factor, offset);
     let truth = placed(truth, factor, offset);
 
@@ -151,15 +151,15 @@ fn distances(prediction: &TriMesh, truth: &TriMesh, points: Points, report: &mut
 }
 
 /// The factor and the offset (subtracted first) that the protocol asks for.
-fn placement(truth: &TriMesh, normalisation: Normalisation) -> (f64, [f64; 3]) {
+fn placement(truth: &TriMesh, normalization: Normalization) -> (f64, [f64; 3]) {
     let (lo, hi) = bounds(truth).unwrap_or_default();
     let longest = (0..3).map(|k| hi[k] - lo[k]).fold(f64::MIN_POSITIVE, f64::max);
-    let centre = std::array::from_fn(|k| 0.5 * (lo[k] + hi[k]));
-    match normalisation {
-        Normalisation::AsGiven => (1.0, [0.0; 3]),
-        Normalisation::Scale { factor } => (factor, [0.0; 3]),
-        Normalisation::LongestEdge { length } => (length / longest, [0.0; 3]),
-        Normalisation::Centred { length } => (length / longest, centre),
+    let center = std::array::from_fn(|k| 0.5 * (lo[k] + hi[k]));
+    match normalization {
+        Normalization::AsGiven => (1.0, [0.0; 3]),
+        Normalization::Scale { factor } => (factor, [0.0; 3]),
+        Normalization::LongestEdge { length } => (length / longest, [0.0; 3]),
+        Normalization::Centered { length } => (length / longest, center),
     }
 }
 
@@ -264,7 +264,7 @@ mod tests {
         protocol.points = Some(Points::Vertices);
         let json = serde_json::to_value(evaluate(&ball, &ball, &protocol).unwrap()).unwrap();
         assert_eq!(json["protocol"]["seed"], 9);
-        assert_eq!(json["protocol"]["normalisation"]["factor"], 0.57);
+        assert_eq!(json["protocol"]["normalization"]["factor"], 0.57);
         assert_eq!(json["protocol"]["points"]["kind"], "vertices");
         assert_eq!(json["protocol"]["squared"], true);
         assert!(json["protocol"]["formula"].as_str().unwrap().contains("d²"));

@@ -94,13 +94,13 @@ impl Camera {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use super::super::tests::{assert_same, off_centre};
+    use super::super::tests::{assert_same, off_center};
     use super::*;
     use approx::assert_relative_eq;
 
     #[test]
     fn round_trips() {
-        let c = off_centre();
+        let c = off_center();
         let m = c.to_colmap().unwrap();
         let back = Camera::from_colmap(
             m.quaternion,

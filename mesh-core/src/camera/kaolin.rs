@@ -82,13 +82,13 @@ impl Camera {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use super::super::tests::{assert_same, off_centre};
+    use super::super::tests::{assert_same, off_center};
     use super::*;
     use approx::assert_relative_eq;
 
     #[test]
     fn round_trips_where_the_metadata_can_say_it() {
-        let mut c = off_centre();
+        let mut c = off_center();
         assert!(matches!(c.to_kaolin(20.0), Err(CameraError::NotRepresentable { .. })));
         c.lens = Lens::Perspective { fx: 50.0, fy: 50.0, cx: 32.0, cy: 24.0 };
         let k = c.to_kaolin(20.955).unwrap();

@@ -171,7 +171,7 @@ mod tests {
     use approx::assert_relative_eq;
 
     /// A camera with nothing special about it: W != H, fx != fy, principal point off the centre.
-    pub(super) fn off_centre() -> Camera {
+    pub(super) fn off_center() -> Camera {
         let mut c =
             Camera::look_at([2.0, -1.0, 3.5], [0.2, 0.4, -0.1], [0.1, 1.0, 0.3], 0.9, 64, 48);
         c.lens = Lens::Perspective { fx: 71.0, fy: 66.5, cx: 29.25, cy: 26.0 };

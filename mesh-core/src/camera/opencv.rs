@@ -71,13 +71,13 @@ impl Camera {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use super::super::tests::{assert_same, off_centre};
+    use super::super::tests::{assert_same, off_center};
     use super::*;
     use approx::assert_relative_eq;
 
     #[test]
     fn round_trips() {
-        let c = off_centre();
+        let c = off_center();
         let o = c.to_opencv().unwrap();
         let back = Camera::from_opencv(o.rotation, o.translation, o.intrinsics, c.width, c.height);
         assert_same(&c, &back.unwrap());

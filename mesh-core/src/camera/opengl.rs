@@ -50,12 +50,12 @@ impl Camera {
         height: usize,
     ) -> Self {
         let m = Matrix3::from_fn(|i, k| camera_to_world[i][k]);
-        let centre = Vector3::from_fn(|i, _| camera_to_world[i][3]);
+        let center = Vector3::from_fn(|i, _| camera_to_world[i][3]);
         // The transpose of a singular matrix is singular too: it says so when validated.
         let rotation = m.try_inverse().unwrap_or_else(|| m.transpose());
         Self {
             rotation,
-            translation: -(rotation * centre),
+            translation: -(rotation * center),
             lens: Lens::Perspective { fx, fy, cx, cy },
             width,
             height,
@@ -98,7 +98,7 @@ impl Camera {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use super::super::tests::{assert_same, off_centre};
+    use super::super::tests::{assert_same, off_center};
     use super::*;
     use approx::assert_relative_eq;
 
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn camera_to_world_round_trips() {
-        let c = off_centre();
+        let c = off_center();
         let Lens::Perspective { fx, fy, cx, cy } = c.lens else { unreachable!() };
         assert_same(&c, &Camera::from_opengl(c.to_opengl(), fx, fy, cx, cy, c.width, c.height));
     }

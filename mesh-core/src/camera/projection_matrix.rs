@@ -81,7 +81,7 @@ impl Camera {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use super::super::tests::{assert_same, off_centre};
+    use super::super::tests::{assert_same, off_center};
     use super::*;
 
     /// `K [R | t]`, times a scale.
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn a_matrix_of_any_scale_is_taken_apart() {
-        let camera = off_centre();
+        let camera = off_center();
         for scale in [1.0, -1.0, 1e-6, -3e7] {
             let p = matrix(&camera, 0.0, scale);
             let (found, skew) =
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn a_small_skew_is_a_distortion_and_a_large_one_is_no_camera() {
-        let camera = off_centre();
+        let camera = off_center();
         let fx = camera.to_opencv().unwrap().intrinsics[0][0];
         let read = |skew| {
             Camera::from_projection_matrix(matrix(&camera, skew, 2.0), camera.width, camera.height)

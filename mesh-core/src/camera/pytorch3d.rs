@@ -157,7 +157,7 @@ impl Camera {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use super::super::tests::{assert_same, off_centre};
+    use super::super::tests::{assert_same, off_center};
     use super::*;
     use approx::assert_relative_eq;
 
@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     fn both_kinds_of_intrinsics_round_trip() {
-        let c = off_centre();
+        let c = off_center();
         let s = c.to_pytorch3d_screen().unwrap();
         assert_same(
             &c,

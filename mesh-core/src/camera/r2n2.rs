@@ -71,7 +71,7 @@ impl Camera {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use super::super::tests::off_centre;
+    use super::super::tests::off_center;
     use super::*;
     use approx::assert_relative_eq;
 
@@ -83,7 +83,7 @@ mod tests {
             assert_relative_eq!(v.elevation, el, epsilon = 1e-9);
             assert_relative_eq!(v.distance_ratio, ratio, epsilon = 1e-9);
         }
-        assert!(off_centre().to_r2n2().is_err());
+        assert!(off_center().to_r2n2().is_err());
     }
 
     #[test]

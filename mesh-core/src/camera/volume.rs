@@ -116,13 +116,13 @@ impl CameraVolume {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::off_centre;
+    use super::super::tests::off_center;
     use super::*;
     use crate::primitives;
     use proptest::prelude::*;
 
     fn volume(perspective: bool) -> CameraVolume {
-        let mut camera = off_centre();
+        let mut camera = off_center();
         if !perspective {
             camera.lens = Lens::Orthographic { sx: 12.0, sy: 11.0, cx: 30.5, cy: 27.25 };
         }

@@ -80,7 +80,7 @@ impl Camera {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use super::super::tests::{assert_same, off_centre};
+    use super::super::tests::{assert_same, off_center};
     use super::*;
     use approx::assert_relative_eq;
 
@@ -94,7 +94,7 @@ mod tests {
             &c,
             &Camera::from_weak_perspective(w.scale, w.shift[0], w.shift[1], w.quaternion, 64, 48),
         );
-        assert!(off_centre().to_weak_perspective().is_err());
+        assert!(off_center().to_weak_perspective().is_err());
         assert!(c.to_opencv().is_err());
     }
 

@@ -71,14 +71,14 @@ impl Decoded {
     }
 
     /// Height, width, and the file's own numbers: the first channel's.
-    pub(super) fn into_grey(self) -> (usize, usize, impl Iterator<Item = u16>) {
+    pub(super) fn into_gray(self) -> (usize, usize, impl Iterator<Item = u16>) {
         let Self { height, width, channels, deep, data } = self;
         let size = channels << u8::from(deep);
-        let grey = move |k: usize| {
+        let gray = move |k: usize| {
             let pixel = &data[k * size..(k + 1) * size];
             if deep { u16::from_be_bytes([pixel[0], pixel[1]]) } else { u16::from(pixel[0]) }
         };
-        (height, width, (0..height * width).map(grey))
+        (height, width, (0..height * width).map(gray))
     }
 }
 

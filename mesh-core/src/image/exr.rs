@@ -307,9 +307,9 @@ mod tests {
         let colors = Image { height: 1, width: 2, channels: 3, data: image.data.clone() };
         let error = decode_depth(&encode_exr(&colors), "a.exr").unwrap_err();
         assert!(matches!(error, ImageError::Colored { .. }), "{error}");
-        let grey = Image { data: vec![-1.5, -1.5, -1.5, 3.25, 3.25, 3.25], ..colors };
-        assert_eq!(decode_depth(&encode_exr(&grey), "a.exr").unwrap().data, [-1.5, 3.25]);
-        let hole = Image { data: vec![f32::NAN; 6], ..grey };
+        let gray = Image { data: vec![-1.5, -1.5, -1.5, 3.25, 3.25, 3.25], ..colors };
+        assert_eq!(decode_depth(&encode_exr(&gray), "a.exr").unwrap().data, [-1.5, 3.25]);
+        let hole = Image { data: vec![f32::NAN; 6], ..gray };
         let depth = decode_depth(&encode_exr(&hole), "a.exr").unwrap();
         assert!(depth.data.iter().all(|z| !z.is_finite()));
     }

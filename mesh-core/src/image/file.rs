@@ -85,7 +85,7 @@ pub fn decode_depth_png_with(
     if decoded.is_colored() {
         return Err(ImageError::Colored { path: name.as_ref().to_owned() });
     }
-    let (height, width, values) = decoded.into_grey();
+    let (height, width, values) = decoded.into_gray();
     let depth = |v: u16| if v == 0 { f32::INFINITY } else { f32::from(v) * unit };
     Ok(DepthMap { height, width, data: values.map(depth).collect() })
 }
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_is_grey_in_any_number_of_channels() {
+    fn depth_is_gray_in_any_number_of_channels() {
         for channels in 1..=4 {
             // Alpha is nothing that depth has.
             let data = (0..3 * channels).map(|i| {

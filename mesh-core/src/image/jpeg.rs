@@ -30,8 +30,8 @@ pub(super) fn decode(bytes: &[u8], name: &Path, limits: &Limits) -> Result<Decod
         .set_max_height(usize::from(u16::MAX));
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
     decoder.decode_headers().map_err(undecodable(name))?;
-    let grey = decoder.input_colorspace() == Some(ColorSpace::Luma);
-    let (space, channels) = if grey { (ColorSpace::Luma, 1) } else { (ColorSpace::RGB, 3) };
+    let gray = decoder.input_colorspace() == Some(ColorSpace::Luma);
+    let (space, channels) = if gray { (ColorSpace::Luma, 1) } else { (ColorSpace::RGB, 3) };
     let (width, height) = decoder.dimensions().unwrap_or_default();
     let claimed = (width * height * channels) as u64;
     let possible = (bytes.len() as u64).saturating_mul(RATIO);

@@ -220,7 +220,7 @@ mod tests {
         assert_eq!(image.pixel(1, 1), &image.data[16..20]);
         assert_eq!(image.alpha().unwrap().data, [3, 7, 11, 15, 19, 23]);
         assert_eq!(image.to_rgb().data[3..6], [4, 5, 6]);
-        let grey = ByteImage { height: 1, width: 1, channels: 2, data: vec![100, 51] };
-        assert_eq!(grey.over([0, 200, 255]).data, [20, 180, 224]);
+        let gray = ByteImage { height: 1, width: 1, channels: 2, data: vec![100, 51] };
+        assert_eq!(gray.over([0, 200, 255]).data, [20, 180, 224]);
     }
 }

@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn doubling_is_bilinear_about_pixel_centres() {
+    fn doubling_is_bilinear_about_pixel_centers() {
         let image = Image { height: 1, width: 2, channels: 1, data: vec![0.0, 1.0] };
         assert_eq!(image.resized(1, 4).data, [0.0, 0.25, 0.75, 1.0]);
     }

@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn polygons_comments_and_colours_are_taken() {
+    fn polygons_comments_and_colors_are_taken() {
         let text = "OFF # by hand\n\n4 2 0\n0 0 0\n1 0 0\n1 1 0 # corner\n0 1 0\n\
                     4 0 1 2 3 255 0 0\n3 0 2 1\n";
         let mesh = decode(text.as_bytes(), "a.off").unwrap();

@@ -31,13 +31,13 @@ impl Mask {
             while let Some(at) = stack.pop() {
                 size += 1;
                 let (i, j) = (at / width, at % width);
-                let neighbours = [
+                let neighbors = [
                     (i > 0).then(|| at - width),
                     (i + 1 < height).then(|| at + width),
                     (j > 0).then(|| at - 1),
                     (j + 1 < width).then(|| at + 1),
                 ];
-                for next in neighbours.into_iter().flatten() {
+                for next in neighbors.into_iter().flatten() {
                     if labels[next] == 0 && self.data[next] {
                         labels[next] = label;
                         stack.push(next);

@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_follow_and_nothing_is_asked_too_much() {
+    fn colors_follow_and_nothing_is_asked_too_much() {
         let mut ball = primitives::icosphere(4);
         ball.colors = Some(ball.positions.iter().map(|p| p.map(|x| 0.5 + 0.5 * x)).collect());
         let coarse = simplify(&ball, 300).unwrap().mesh;

@@ -229,8 +229,8 @@ fn the_truth_scores_perfectly_and_a_grid_of_it_nearly() {
     assert_eq!((depth.mean, depth.uncovered), (0.0, 0.0));
     // Vertices of two parts at one place have two colours, and the nearest point has one.
     let color = score::color_error(&truth, &scene).unwrap();
-    let grey = TriMesh { colors: Some(vec![[0.5; 3]; truth.positions.len()]), ..truth.clone() };
-    let other = score::color_error(&grey, &scene).unwrap();
+    let gray = TriMesh { colors: Some(vec![[0.5; 3]; truth.positions.len()]), ..truth.clone() };
+    let other = score::color_error(&gray, &scene).unwrap();
     assert!(color < 0.2 && color < 0.7 * other, "{color} {other}");
     // The depth of the data is in front of the camera, and about where the middle is said to be.
     let seen: Vec<f32> =

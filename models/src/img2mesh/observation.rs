@@ -93,7 +93,7 @@ pub(super) fn observe<'t>(
 struct Eye<'a> {
     view: &'a Prepared,
     rows: [[f32; 4]; 3],
-    centre: [f32; 3],
+    center: [f32; 3],
     /// Depth of the frame's middle.
     middle: f32,
     /// Depth of the nearest surface in each pixel, and the face that it is of.
@@ -106,7 +106,7 @@ impl<'a> Eye<'a> {
         let rows: [[f32; 4]; 3] =
             std::array::from_fn(|i| std::array::from_fn(|j| camera[4 * i + j]));
         let side = surface.0.len().isqrt();
-        Self { view, rows, centre: centre(&rows), middle: rows[2][3], surface, side }
+        Self { view, rows, center: center(&rows), middle: rows[2][3], surface, side }
     }
 
     /// Point, signals and colour.
@@ -123,7 +123,7 @@ impl<'a> Eye<'a> {
         let steep = length(along).max(1e-6);
         let uphill = along.map(|g| g / steep);
         let step = (-distance / steep).clamp(-LONGEST, LONGEST);
-        let to_eye: [f32; 3] = std::array::from_fn(|j| self.centre[j] - p[j]);
+        let to_eye: [f32; 3] = std::array::from_fn(|j| self.center[j] - p[j]);
         let far = length(to_eye).max(1e-6);
         let to_eye = to_eye.map(|d| d / far);
         let facing: f32 = (0..3).map(|j| to_eye[j] * normal[j]).sum();
@@ -188,7 +188,7 @@ fn bilinear(side: usize, x: f32, y: f32, value: impl Fn(usize) -> f32) -> f32 {
 }
 
 /// Where the camera is: `-A⁻¹ b` of its matrix `[A | b]`.
-fn centre(rows: &[[f32; 4]; 3]) -> [f32; 3] {
+fn center(rows: &[[f32; 4]; 3]) -> [f32; 3] {
     let part = Matrix3::from_fn(|i, j| f64::from(rows[i][j]));
     let shift = Vector3::from_fn(|i, _| f64::from(rows[i][3]));
     // A pinhole's matrix has an inverse; of one that has none, nowhere is as good as anywhere.
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn half_of_a_ball_is_seen_and_has_the_images_colour() {
+    fn half_of_a_ball_is_seen_and_has_the_images_color() {
         let (signals, colors) = seen(&icosphere(2));
         for (signal, color) in signals.iter().zip(&colors) {
             let (facing, visible) = (signal[FACING], signal[VISIBLE]);
@@ -296,12 +296,12 @@ mod tests {
     }
 
     #[test]
-    fn the_centre_is_where_nothing_is_projected() {
+    fn the_center_is_where_nothing_is_projected() {
         for view in views(3) {
             let camera = view.matrix(&[0.0, 0.0, 0.0, 1.0]);
             let rows: [[f32; 4]; 3] =
                 std::array::from_fn(|i| std::array::from_fn(|j| camera[4 * i + j]));
-            let c = centre(&rows);
+            let c = center(&rows);
             for m in rows {
                 let zero = m[0] * c[0] + m[1] * c[1] + m[2] * c[2] + m[3];
                 assert!(zero.abs() < 1e-4, "{zero}");

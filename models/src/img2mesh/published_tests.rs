@@ -147,7 +147,7 @@ fn heads_speak_the_clocks_unit() {
 
 /// Colours begin as PyTorch draws them, a tenth around grey; ours 20 times nearer to it.
 #[test]
-fn first_colours_are_published_or_grey() {
+fn first_colors_are_published_or_gray() {
     let data = Data::one(&views(4), &tiny(&[])).unwrap();
     let [published, ours] = ["1.0", "0.05"].map(|first| {
         let mut system = Img2Mesh::new(&tiny(&[("first-colors", first)]), 2);

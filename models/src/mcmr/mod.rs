@@ -159,11 +159,11 @@ impl Mcmr {
 
     /// What keeps the surface smooth and near the mean shape.
     fn regularised<'t>(&self, terms: Terms<'t>, predicted: &Predicted<'t>) -> Terms<'t> {
-        let (c, neighbours) = (&self.config, &self.template.topology.vertex_vertices);
+        let (c, neighbors) = (&self.config, &self.template.topology.vertex_vertices);
         let Predicted { positions, offsets, .. } = *predicted;
         let faces = self.template.corners.len() as f64;
         let smooth = if c.laplacian_by_faces { faces / FACES } else { 1.0 };
-        let laplacian = |of| losses::laplacian_norm(of, neighbours);
+        let laplacian = |of| losses::laplacian_norm(of, neighbors);
         let mut terms = terms
             .with("deform", c.deform_weight, losses::deformation_norm(offsets))
             .with("laplacian", smooth * c.laplacian_weight, laplacian(positions))
@@ -302,7 +302,7 @@ impl System for Mcmr {
         let [lab, true_lab] = [image, truth].map(losses::rgb_to_lab);
         Ok(terms
             .with("percept", c.percept_weight, batch[0].1.distance(image, truth))
-            .with("color", c.color_weight, losses::lab_colour(lab, true_lab, None))
+            .with("color", c.color_weight, losses::lab_color(lab, true_lab, None))
             .with("lightness", c.lightness_weight, losses::lab_lightness(lab, true_lab, None)))
     }
 

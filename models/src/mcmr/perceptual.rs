@@ -55,7 +55,7 @@ impl PerceptualMetrics {
         };
         let maps = |x: Var<'t>| {
             let x = if self.from_zero { x } else { x.scale(2.0).add_scalar(-1.0) };
-            vgg.forward_before_pools(LpipsWeights::normalised(x))
+            vgg.forward_before_pools(LpipsWeights::normalized(x))
         };
         losses::lpips(&maps(image), &maps(target), &weights.vectors())
     }

@@ -31,7 +31,7 @@ mod tests {
     use mesh_core::{Image, primitives::cuboid};
 
     #[test]
-    fn colours_come_from_vertices_or_from_the_texture() {
+    fn colors_come_from_vertices_or_from_the_texture() {
         let mut mesh = cuboid([1.0; 3]);
         let point = SurfacePoint { face: 0, barycentric: [0.5, 0.25, 0.25] };
         assert!(colors_of(&mesh, &[point]).is_empty());

@@ -22,7 +22,7 @@ impl<D: Deformer> SingleView<D> {
     ) {
         let shared = self.shared();
         let level = &self.template.levels[stage.level];
-        let (edges, neighbours) = (&level.topology.edges, &level.topology.vertex_vertices);
+        let (edges, neighbors) = (&level.topology.edges, &level.topology.vertex_vertices);
         let mut matches = Matches::default();
         matches.find(stage.positions, truth);
         let ways = Directions { x_to_y: shared.chamfer_back, y_to_x: 1.0 };
@@ -41,7 +41,7 @@ impl<D: Deformer> SingleView<D> {
             add(&mut sums.normal, of_edges(turned));
         }
         if shared.laplacian_weight > 0.0 || shared.bending_weight > 0.0 {
-            let change = losses::laplacian_squared(moved, neighbours);
+            let change = losses::laplacian_squared(moved, neighbors);
             add(&mut sums.laplacian, change.scale(stage.laplacian as f32 / vertices));
             let unit = f64::from(vertices) * level.squared_edge.powi(2);
             add(&mut sums.bending, change.scale((1.0 / unit) as f32));

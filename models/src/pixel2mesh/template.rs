@@ -188,8 +188,8 @@ mod tests {
             at.map_or(0.0, |k| f64::from(rows.values[k]))
         };
         assert!((dense(0, 0) - diagonal).abs() < 1e-6);
-        let neighbour = topology.vertex_vertices.row(0)[0] as usize;
-        assert!((dense(0, neighbour) - off).abs() < 1e-6);
+        let neighbor = topology.vertex_vertices.row(0)[0] as usize;
+        assert!((dense(0, neighbor) - off).abs() < 1e-6);
     }
 
     #[test]

@@ -124,7 +124,7 @@ impl<F: Real> MeshRefinementStage<F> {
     pub fn look<'t>(&self, maps: &[Var<'t, F>], place: Var<'t, F>) -> Var<'t, F> {
         let down = place.tape().constant(ndarray::arr1(&[F::one(), -F::one()]));
         let points = place.slice_axis(2, 0..2).mul(down);
-        pool_linear(maps, points, MapSampling::Centres, &self.bottleneck, Activation::Relu)
+        pool_linear(maps, points, MapSampling::Centers, &self.bottleneck, Activation::Relu)
     }
 
     /// The graph convolutions, from what was [seen](Self::look) to offsets and features.
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_with_colours() {
+    fn gradients_with_colors() {
         let graph = graph();
         let mut stage =
             MeshRefinementStage::new(&Init::new(0), 5, 2, 6, 2).with_color(&Init::new(0));

@@ -121,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sum_over_neighbours_by_hand() {
+    fn a_sum_over_neighbors_by_hand() {
         // 0 - 1 - 2
         let edges = [(0, 1, 1.0), (1, 0, 1.0), (1, 2, 1.0), (2, 1, 1.0)];
         let graph = SparseMatrix::from_triplets(3, 3, &edges).expect("in range");

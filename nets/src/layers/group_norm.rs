@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_group_is_normalised_by_itself() {
+    fn each_group_is_normalized_by_itself() {
         let norm = GroupNorm::<f64>::new(&Init::new(0), 2, 4);
         let tape = Tape::eval();
         let y = norm.forward(tape.constant(arr2(&[[1.0, 3.0, 100.0, 102.0]]))).value();

@@ -30,13 +30,13 @@ pub enum MapSampling {
     Truncated,
     /// Bilinear, with (-1, -1) and (1, 1) the *centres* of the corner pixels; beyond the outermost centres the map
     /// fades to zero within a pixel. Gradients to maps and points. PyTorch3D's `vert_align`, as in Mesh R-CNN.
-    Centres,
+    Centers,
 }
 
 /// Features of points from several maps of one image, side by side.
 ///
 /// A point is (x, y) with x to the right and y *down*, (-1, -1) the image's top left corner and
-/// (1, 1) its bottom right one, but for [`MapSampling::Centres`]. Points outside take what is at the border, with
+/// (1, 1) its bottom right one, but for [`MapSampling::Centers`]. Points outside take what is at the border, with
 /// [`MapSampling::Bilinear`] and [`MapSampling::Nearest`].
 ///
 /// Bilinear pooling is linear in the maps: a linear layer that follows can be applied to them once
@@ -70,7 +70,7 @@ pub fn pool_features<'t, F: Real>(
 ) -> Var<'t, F> {
     let read = |&map: &Var<'t, F>| match sampling {
         MapSampling::Bilinear => map.bilinear_sample(points, Padding::Border, false),
-        MapSampling::Centres => map.bilinear_sample(points, Padding::Zeros, true),
+        MapSampling::Centers => map.bilinear_sample(points, Padding::Zeros, true),
         MapSampling::Nearest => floored(map, points),
         MapSampling::Corners => cornered(map, points),
         MapSampling::Truncated => {
@@ -136,8 +136,8 @@ fn cornered<'t, F: Real>(map: Var<'t, F>, points: Var<'t, F>) -> Var<'t, F> {
     let inside = points.clamp(-F::one(), F::from_f64(LAST));
     // Half a pixel, from corners to centres.
     let half = [w, h].map(|size| F::from_f64(1.0 / size as f64));
-    let centres = inside.add(points.tape().constant(ndarray::arr1(&half)));
-    let read = map.bilinear_sample(centres, Padding::Zeros, false);
+    let centers = inside.add(points.tape().constant(ndarray::arr1(&half)));
+    let read = map.bilinear_sample(centers, Padding::Zeros, false);
     read.mul(off_corners(map, inside, false))
 }
 
@@ -208,8 +208,8 @@ mod tests {
                     let factor = (n + 1) as f64;
                     assert!((found[[n, p, k]] - factor * exact).abs() < 1e-12);
                     let cell = ((exact + 1.0) * 0.5 * size).floor();
-                    let centre = (2.0 * cell + 1.0) / size - 1.0;
-                    assert!((nearest[[n, p, k]] - factor * centre).abs() < 1e-12);
+                    let center = (2.0 * cell + 1.0) / size - 1.0;
+                    assert!((nearest[[n, p, k]] - factor * center).abs() < 1e-12);
                 }
             }
         }
@@ -225,7 +225,7 @@ mod tests {
             MapSampling::Nearest,
             MapSampling::Corners,
             MapSampling::Truncated,
-            MapSampling::Centres,
+            MapSampling::Centers,
         ] {
             // Few points, and more than pixels.
             for count in [2, 30] {
@@ -257,12 +257,12 @@ mod tests {
 
     /// The corners of the square are the centres of the corner pixels, and beyond there is nothing.
     #[test]
-    fn centres_read_corner_pixels_at_the_corners() {
+    fn centers_read_corner_pixels_at_the_corners() {
         let tape = Tape::<f64>::eval();
         let map = Array4::from_shape_fn((1, 2, 3, 1), |(_, i, j, _)| (3 * i + j + 1) as f64);
         let points = arr3(&[[[-1.0, -1.0], [1.0, 1.0], [0.0, 0.0], [1.5, 1.0], [-9.0, 0.0]]]);
         let read =
-            pool_features(&[tape.constant(map)], tape.constant(points), MapSampling::Centres);
+            pool_features(&[tape.constant(map)], tape.constant(points), MapSampling::Centers);
         assert_eq!(read.value().as_slice(), [1.0, 6.0, 3.5, 3.0, 0.0]);
     }
 

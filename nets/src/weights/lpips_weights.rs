@@ -8,7 +8,7 @@ use crate::Init;
 /// under the names of its files (`lin0.model.1.weight` to `lin4..`, `[1, C, 1, 1]` each).
 ///
 /// They belong to the maps of [`Vgg16::forward_before_pools`](crate::Vgg16::forward_before_pools), for
-/// images that [`LpipsWeights::normalised`] has scaled.
+/// images that [`LpipsWeights::normalized`] has scaled.
 ///
 /// # References
 /// Zhang et al. 2018, *The unreasonable effectiveness of deep features as a perceptual metric*,
@@ -48,7 +48,7 @@ impl<F: Real> LpipsWeights<F> {
     /// # Shapes
     /// `images [N, H, W, 3]` in `[-1, 1]` → `[N, H, W, 3]`.
     #[track_caller]
-    pub fn normalised(images: Var<'_, F>) -> Var<'_, F> {
+    pub fn normalized(images: Var<'_, F>) -> Var<'_, F> {
         let tape = images.tape();
         let row = |v: [f64; 3]| tape.constant(ndarray::Array1::from_iter(v.map(F::from_f64)));
         images.sub(row([-0.030, -0.088, -0.188])).div(row([0.458, 0.448, 0.450]))
@@ -73,7 +73,7 @@ mod tests {
         assert_eq!(found.len(), 5);
         let tape = Tape::<f64>::eval();
         let image = Array4::from_shape_fn((1, 1, 1, 3), |(_, _, _, c)| [-0.03, 0.36, 0.262][c]);
-        let y = LpipsWeights::normalised(tape.constant(image)).value();
+        let y = LpipsWeights::normalized(tape.constant(image)).value();
         for (y, expected) in y.iter().zip([0.0, 1.0, 1.0]) {
             assert!((y - expected).abs() < 1e-12);
         }

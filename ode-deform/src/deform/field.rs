@@ -276,7 +276,7 @@ mod tests {
             (2, 2, 1, MapSampling::Nearest),
             (1, 2, 0, MapSampling::Corners),
             (0, 2, 0, MapSampling::Truncated),
-            (1, 4, 0, MapSampling::Centres),
+            (1, 4, 0, MapSampling::Centers),
         ] {
             let mut field = field_of(time, layers, augment_dim);
             field.config.sampling = sampling;

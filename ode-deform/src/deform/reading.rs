@@ -36,7 +36,7 @@ pub(super) fn add_readings<'t, F: Real>(
 ) -> Var<'t, F> {
     match sampling {
         MapSampling::Bilinear => sum.add_bilinear_samples(maps, points, Padding::Border, false),
-        MapSampling::Centres => sum.add_bilinear_samples(maps, points, Padding::Zeros, true),
+        MapSampling::Centers => sum.add_bilinear_samples(maps, points, Padding::Zeros, true),
         MapSampling::Nearest | MapSampling::Corners | MapSampling::Truncated => {
             maps.iter().fold(sum, |sum, &map| sum + pool_features(&[map], points, sampling))
         }

@@ -280,7 +280,7 @@ mod tests {
     /// As two whole graph convolutions on features that are read first and reduced then, and an affine map.
     #[test]
     fn a_part_is_two_graph_convolutions_and_an_affine_flow() {
-        for sampling in [MapSampling::Bilinear, MapSampling::Nearest, MapSampling::Centres] {
+        for sampling in [MapSampling::Bilinear, MapSampling::Nearest, MapSampling::Centers] {
             let field = field(3, 1, sampling);
             let tape = Tape::<f64>::eval();
             let (y, maps) =

@@ -53,7 +53,7 @@ __all__ = [
     "log_depth",
     "mask_bce",
     "mask_iou",
-    "neighbours",
+    "neighbors",
     "normal_consistency",
     "point_face_distance",
     "point_mesh_face_distance",
@@ -308,9 +308,9 @@ def knn_points(x, y, k, *, norm=2):
     return _apply("knn_points", ("x", "y"), (x, y), lambda arrays, wrt: _us.knn_points(*arrays, k, norm=norm, wrt=wrt))
 
 
-def neighbours(x, y, k, *, norm=2):
-    """Which points these are, int64: `values[indices]` carries gradients. See `unsphere.neighbours`."""
-    return _torch.from_numpy(_us.neighbours(_numpy(x, "neighbours: x"), _numpy(y, "neighbours: y"), k, norm=norm))
+def neighbors(x, y, k, *, norm=2):
+    """Which points these are, int64: `values[indices]` carries gradients. See `unsphere.neighbors`."""
+    return _torch.from_numpy(_us.neighbors(_numpy(x, "neighbors: x"), _numpy(y, "neighbors: y"), k, norm=norm))
 
 
 def earth_mover(x, y, *, excess=None):

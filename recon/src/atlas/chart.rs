@@ -34,7 +34,7 @@ pub(super) fn charts(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<Chart> {
     let positions: Vec<[f32; 3]> = positions.iter().map(finite).collect();
     let normals = face_normals(&positions, faces);
     let smooth = vertex_normals(&positions, faces);
-    let neighbours = neighbours(positions.len(), faces);
+    let neighbors = neighbors(positions.len(), faces);
     let edge = mean_edge(&positions, faces);
     let trial = if edge > 0.0 { TRIAL / edge } else { 0.0 };
     let mut taken = vec![false; faces.len()];
@@ -49,7 +49,7 @@ pub(super) fn charts(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<Chart> {
             let sum: [f32; 3] =
                 std::array::from_fn(|k| faces[seed].iter().map(|&v| smooth[v as usize][k]).sum());
             let direction = unit(sum).unwrap_or([0.0, 0.0, 1.0]);
-            let grown = grown(seed, &neighbours, &mut taken, |f| dot(normals[f], direction));
+            let grown = grown(seed, &neighbors, &mut taken, |f| dot(normals[f], direction));
             let number = 2 * charts.len() as u32;
             let mut chart = Chart::seen(&positions, faces, grown, direction, number, &mut local);
             let kept = chart.without_overlaps(trial);
@@ -77,7 +77,7 @@ pub fn mean_edge(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> f32 {
 /// The faces that hang together with a first one and are seen well, from near to far; they are taken.
 fn grown(
     seed: usize,
-    neighbours: &[[u32; 3]],
+    neighbors: &[[u32; 3]],
     taken: &mut [bool],
     facing: impl Fn(usize) -> f32,
 ) -> Vec<u32> {
@@ -85,7 +85,7 @@ fn grown(
     taken[seed] = true;
     let mut queue = VecDeque::from([seed]);
     while let Some(face) = queue.pop_front() {
-        for &next in neighbours[face].iter().filter(|&&next| next != Topology::NONE) {
+        for &next in neighbors[face].iter().filter(|&&next| next != Topology::NONE) {
             if !taken[next as usize] && facing(next as usize) >= FACING {
                 taken[next as usize] = true;
                 found.push(next);
@@ -238,12 +238,12 @@ fn around(
 }
 
 /// The up to three faces across the edges of each.
-fn neighbours(vertices: usize, faces: &[[u32; 3]]) -> Vec<[u32; 3]> {
+fn neighbors(vertices: usize, faces: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let topology = Topology::new(vertices, faces);
-    let mut neighbours = vec![[Topology::NONE; 3]; faces.len()];
+    let mut neighbors = vec![[Topology::NONE; 3]; faces.len()];
     let mut add = |face: u32, other: u32| {
         if let Some(free) =
-            neighbours[face as usize].iter_mut().find(|free| **free == Topology::NONE)
+            neighbors[face as usize].iter_mut().find(|free| **free == Topology::NONE)
         {
             *free = other;
         }
@@ -254,7 +254,7 @@ fn neighbours(vertices: usize, faces: &[[u32; 3]]) -> Vec<[u32; 3]> {
             add(g, f);
         }
     }
-    neighbours
+    neighbors
 }
 
 fn unit(a: [f32; 3]) -> Option<[f32; 3]> {

@@ -122,7 +122,7 @@ impl Hull {
             first = false;
             ball[cell] = true;
             // A neighbour that was refused may fit now.
-            for near in neighbours(place(cell)) {
+            for near in neighbors(place(cell)) {
                 if self.inside[near] && !ball[near] {
                     queue.push_back(near);
                 }
@@ -172,7 +172,7 @@ fn place(slot: usize) -> [usize; 3] {
 }
 
 /// The 26 cells around one that is not at the border.
-fn neighbours(at: [usize; 3]) -> impl Iterator<Item = usize> {
+fn neighbors(at: [usize; 3]) -> impl Iterator<Item = usize> {
     (0..27usize)
         .filter(|&i| i != 13)
         .map(move |i| slot([at[0] + i / 9 - 1, at[1] + i / 3 % 3 - 1, at[2] + i % 3 - 1]))

@@ -51,13 +51,13 @@ impl Links {
     }
 
     /// Whether a point may be added to the set or taken from it without any change of topology.
-    pub(super) fn is_simple(&self, neighbours: u16) -> bool {
-        self.simple[usize::from(neighbours)]
+    pub(super) fn is_simple(&self, neighbors: u16) -> bool {
+        self.simple[usize::from(neighbors)]
     }
 
     /// By how much the Euler number of the set is larger with the point than without it.
-    pub(super) fn euler_with(&self, neighbours: u16) -> i64 {
-        i64::from(self.euler[usize::from(neighbours)])
+    pub(super) fn euler_with(&self, neighbors: u16) -> i64 {
+        i64::from(self.euler[usize::from(neighbors)])
     }
 }
 

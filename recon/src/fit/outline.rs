@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn coverage_is_what_the_rasteriser_finds() {
+    fn coverage_is_what_the_rasterizer_finds() {
         let mesh = bumpy();
         let seen = view(&mesh, camera(96));
         let target = Target::new(&seen, Blur::plain(1.0), 0.2, 4.0).unwrap();

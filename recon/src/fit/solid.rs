@@ -73,7 +73,7 @@ impl Solid {
 }
 
 /// The neighbours of a point that are in a set, a bit each.
-fn neighbours(set: &[bool], strides: &[isize; 14], slot: usize) -> u16 {
+fn neighbors(set: &[bool], strides: &[isize; 14], slot: usize) -> u16 {
     strides
         .iter()
         .enumerate()
@@ -102,7 +102,7 @@ fn shrink(lattice: &Lattice, links: &Links, solid: &mut [bool], kept: &[bool]) {
     while let Some(key_of) = queue.pop() {
         let slot = !(key_of as u32) as usize;
         waiting[slot] = false;
-        if !links.is_simple(neighbours(solid, &strides, slot)) {
+        if !links.is_simple(neighbors(solid, &strides, slot)) {
             continue;
         }
         solid[slot] = false;
@@ -129,7 +129,7 @@ fn cut_bridges(lattice: &Lattice, links: &Links, solid: &mut [bool], hull: &[boo
         let widest = part.iter().map(|&s| lattice.distance[s]).fold(0.0, f32::max);
         let mut lost = 0;
         for &slot in part {
-            lost += links.euler_with(neighbours(solid, &strides, slot));
+            lost += links.euler_with(neighbors(solid, &strides, slot));
             solid[slot] = false;
         }
         // The Euler number falls where a tunnel opens.
@@ -147,7 +147,7 @@ fn euler_number(lattice: &Lattice, links: &Links, solid: &[bool]) -> i64 {
     let mut there = vec![false; solid.len()];
     let mut sum = 0;
     for slot in (0..solid.len()).filter(|&s| solid[s]) {
-        sum += links.euler_with(neighbours(&there, &strides, slot));
+        sum += links.euler_with(neighbors(&there, &strides, slot));
         there[slot] = true;
     }
     sum

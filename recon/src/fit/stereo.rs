@@ -24,7 +24,7 @@ use super::correlation::{Sums, Windows};
 use super::picture::{Drawn, Picture};
 
 /// Neighbours that a picture is compared with, and how many of them count.
-const NEIGHBOURS: (usize, usize) = (5, 2);
+const NEIGHBORS: (usize, usize) = (5, 2);
 /// Angles between the directions of neighbours, in radians, at least and at most.
 const ANGLES: [f32; 2] = [0.07, 0.9];
 /// The angle that is liked best.
@@ -61,7 +61,7 @@ pub(super) fn sweep(
     };
     let backs: Vec<[u32; 3]> = faces.iter().map(|&[a, b, c]| [a, c, b]).collect();
     let (fronts, backs) = (over(faces), over(&backs));
-    of_each(pictures, |picture, neighbours| {
+    of_each(pictures, |picture, neighbors| {
         let mut drawn = Drawn::default();
         let mut range = vec![[f32::INFINITY, 0.0]; picture.mask.len()];
         for (end, faces) in [&fronts, &backs].into_iter().enumerate() {
@@ -72,7 +72,7 @@ pub(super) fn sweep(
                 }
             }
         }
-        let planes = planes(picture, neighbours, &range);
+        let planes = planes(picture, neighbors, &range);
         let surface = |plane: usize, _: usize| planes[plane];
         let counts = |plane: usize, pixel: usize| {
             // One plane before the mesh too, so that the mesh itself can be a peak.
@@ -80,7 +80,7 @@ pub(super) fn sweep(
             let next = planes.get(plane + 1).copied().unwrap_or(f32::INFINITY);
             near < far && next >= near && planes[plane] <= far
         };
-        best(picture, neighbours, planes.len(), &surface, &counts, DISTINCT[0])
+        best(picture, neighbors, planes.len(), &surface, &counts, DISTINCT[0])
     })
 }
 
@@ -91,7 +91,7 @@ pub(super) fn around(
     faces: &[[u32; 3]],
 ) -> Vec<DepthMap> {
     let faces = Arc::new(Faces::new(positions.len(), faces).expect("the faces of a fitted mesh"));
-    of_each(pictures, |picture, neighbours| {
+    of_each(pictures, |picture, neighbors| {
         let mut drawn = Drawn::default();
         picture.draw(positions, &faces, &mut drawn);
         let depth: Vec<f32> = (0..picture.mask.len())
@@ -100,11 +100,11 @@ pub(super) fn around(
         let middle = depth.iter().copied().find(|d| !d.is_nan()).unwrap_or(1.0);
         // How much depth moves a point by a step in the neighbour in which it moves most.
         let unit = picture.width_at(middle) * picture.depth_per_unit();
-        let step = STEP * unit / shift(picture, neighbours, middle, middle + unit).max(0.05);
+        let step = STEP * unit / shift(picture, neighbors, middle, middle + unit).max(0.05);
         let surface = |k: usize, pixel: usize| depth[pixel] + (k as f32 - AROUND as f32) * step;
         // What is best at the end of the search is not a peak.
         let counts = |k: usize, pixel: usize| k > 0 && k < 2 * AROUND && !depth[pixel].is_nan();
-        best(picture, neighbours, 2 * AROUND + 1, &surface, &counts, DISTINCT[1])
+        best(picture, neighbors, 2 * AROUND + 1, &surface, &counts, DISTINCT[1])
     })
 }
 
@@ -113,16 +113,16 @@ pub(super) fn around(
 pub(super) fn agreement(pictures: &[Picture], positions: &[[f32; 3]], faces: &[[u32; 3]]) -> f64 {
     let faces = Arc::new(Faces::new(positions.len(), faces).expect("the faces of a fitted mesh"));
     let one = |view: usize| {
-        let (picture, neighbours) = (&pictures[view], neighbours(pictures, view));
-        let kept = NEIGHBOURS.1.min(neighbours.len());
+        let (picture, neighbors) = (&pictures[view], neighbors(pictures, view));
+        let kept = NEIGHBORS.1.min(neighbors.len());
         let mut drawn = Drawn::default();
         picture.draw(positions, &faces, &mut drawn);
         let depth = |pixel: usize| drawn.at(pixel).map_or(f32::NAN, |(_, depth)| depth);
         let (own, mut sums) = (Windows::new(picture), Sums::default());
         let mut warped = vec![0.0; picture.mask.len()];
-        let mut scores: Vec<Vec<f32>> = vec![warped.clone(); neighbours.len()];
+        let mut scores: Vec<Vec<f32>> = vec![warped.clone(); neighbors.len()];
         let rows = 0..picture.size[1];
-        for (other, score) in neighbours.iter().zip(&mut scores) {
+        for (other, score) in neighbors.iter().zip(&mut scores) {
             warp(picture, other, rows.clone(), &depth, &mut warped);
             own.correlate(&warped, rows.clone(), &mut sums, score);
         }
@@ -146,13 +146,13 @@ fn of_each(
     found: impl Fn(&Picture, &[&Picture]) -> DepthMap + Sync,
 ) -> Vec<DepthMap> {
     let all = 0..pictures.len();
-    let one = |k: usize| found(&pictures[k], &neighbours(pictures, k));
+    let one = |k: usize| found(&pictures[k], &neighbors(pictures, k));
     let maps: Vec<DepthMap> = all.clone().into_par_iter().with_max_len(1).map(one).collect();
     all.into_par_iter().map(|k| confirmed(pictures, &maps, k)).collect()
 }
 
 /// The views that a view is compared with: near enough to show the same, far enough apart for depth to be seen.
-fn neighbours(pictures: &[Picture], view: usize) -> Vec<&Picture> {
+fn neighbors(pictures: &[Picture], view: usize) -> Vec<&Picture> {
     let from = pictures[view].from;
     let mut found: Vec<(f32, usize)> = pictures
         .iter()
@@ -162,29 +162,29 @@ fn neighbours(pictures: &[Picture], view: usize) -> Vec<&Picture> {
         .map(|(angle, k)| ((angle / LIKED).ln().abs(), k))
         .collect();
     found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    found.iter().take(NEIGHBOURS.0).map(|&(_, k)| &pictures[k]).collect()
+    found.iter().take(NEIGHBORS.0).map(|&(_, k)| &pictures[k]).collect()
 }
 
 /// How far a point before the middle of a picture moves in the neighbour in which it moves most, in pixels.
-fn shift(picture: &Picture, neighbours: &[&Picture], near: f32, far: f32) -> f32 {
+fn shift(picture: &Picture, neighbors: &[&Picture], near: f32, far: f32) -> f32 {
     let [x, y] = picture.size.map(|s| 0.5 * s as f32);
     let ends = [near, far].map(|depth| picture.point(x, y, depth));
     let one = |other: &&Picture| {
         let [a, b] = ends.map(|p| other.project(p));
         (a[0] - b[0]).hypot(a[1] - b[1])
     };
-    neighbours.iter().map(one).fold(0.0, f32::max)
+    neighbors.iter().map(one).fold(0.0, f32::max)
 }
 
 /// The depths of the planes: a point moves by [`STEP`] from one to the next where it moves most.
-fn planes(picture: &Picture, neighbours: &[&Picture], range: &[[f32; 2]]) -> Vec<f32> {
+fn planes(picture: &Picture, neighbors: &[&Picture], range: &[[f32; 2]]) -> Vec<f32> {
     let known = range.iter().filter(|r| r[0] < r[1]);
     let [near, far] =
         known.fold([f32::INFINITY, 0.0f32], |[near, far], r| [near.min(r[0]), far.max(r[1])]);
     if near >= far {
         return Vec::new();
     }
-    let longest = shift(picture, neighbours, near, far);
+    let longest = shift(picture, neighbors, near, far);
     let count = ((longest / STEP).ceil() as usize).clamp(PLANES[0], PLANES[1]);
     let between = |k: usize| {
         let share = k as f32 / (count - 1) as f32;
@@ -201,20 +201,20 @@ fn planes(picture: &Picture, neighbours: &[&Picture], range: &[[f32; 2]]) -> Vec
 /// of them a pixel is searched on.
 fn best(
     picture: &Picture,
-    neighbours: &[&Picture],
+    neighbors: &[&Picture],
     count: usize,
     surface: &dyn Fn(usize, usize) -> f32,
     counts: &dyn Fn(usize, usize) -> bool,
     distinct: f32,
 ) -> DepthMap {
     let [w, h] = picture.size;
-    let (kept, own) = (NEIGHBOURS.1.min(neighbours.len()), Windows::new(picture));
+    let (kept, own) = (NEIGHBORS.1.min(neighbors.len()), Windows::new(picture));
     let mut map = vec![f32::NAN; w * h];
     if kept == 0 {
         return map;
     }
     let (mut warped, mut sums) = (vec![0.0; w * h], Sums::default());
-    let mut scores: Vec<Vec<f32>> = vec![vec![0.0; w * h]; neighbours.len()];
+    let mut scores: Vec<Vec<f32>> = vec![vec![0.0; w * h]; neighbors.len()];
     // Surface by surface, each pixel's; NaN where it is not searched.
     let mut all = vec![f32::NAN; count * w * h];
     for (k, found) in all.chunks_exact_mut(w * h).enumerate() {
@@ -226,7 +226,7 @@ fn best(
             continue;
         };
         let rows = first..last + 1;
-        for (other, score) in neighbours.iter().zip(&mut scores) {
+        for (other, score) in neighbors.iter().zip(&mut scores) {
             let depth = |pixel: usize| surface(k, pixel);
             warp(picture, other, own.reached(&rows), &depth, &mut warped);
             own.correlate(&warped, rows.clone(), &mut sums, score);
@@ -316,7 +316,7 @@ fn warp(
 
 /// Mean of the `kept` largest scores of a pixel.
 fn mean_of_best(scores: &[Vec<f32>], pixel: usize, kept: usize) -> f32 {
-    let mut all = [f32::NEG_INFINITY; NEIGHBOURS.0];
+    let mut all = [f32::NEG_INFINITY; NEIGHBORS.0];
     for (slot, score) in all.iter_mut().zip(scores) {
         *slot = score[pixel];
     }

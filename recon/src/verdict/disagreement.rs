@@ -115,9 +115,9 @@ pub(super) fn picture(
     let mut image = ByteImage::new(small.mask.height, small.mask.width, 3);
     for (k, pixel) in image.data.chunks_exact_mut(3).enumerate() {
         let color = &small.color.data[k * small.color.channels..][..small.color.channels];
-        let grey = color.iter().map(|&c| usize::from(c)).sum::<usize>() / color.len();
-        let grey = if pair.mask.data[k] { 80 + grey / 2 } else { grey / 4 };
-        pixel.fill(grey as u8);
+        let gray = color.iter().map(|&c| usize::from(c)).sum::<usize>() / color.len();
+        let gray = if pair.mask.data[k] { 80 + gray / 2 } else { gray / 4 };
+        pixel.fill(gray as u8);
         let kinds =
             [pair.mask.data[k] && !pair.mesh.data[k], pair.mesh.data[k] && !pair.mask.data[k]];
         for (kind, color) in COLORS.iter().enumerate().filter(|(kind, _)| kinds[*kind]) {

@@ -73,7 +73,7 @@ fn a_box_is_found_with_its_corners() {
 }
 
 #[test]
-fn a_flat_ellipsoid_is_found_and_its_texture_is_as_good_as_its_colours() {
+fn a_flat_ellipsoid_is_found_and_its_texture_is_as_good_as_its_colors() {
     let mesh = placed(primitives::icosphere(4).scaled([1.2, 0.35, 0.8]));
     let (iou, psnr) = score(&mesh, &config());
     assert!(iou > 0.97 && psnr > 24.0, "mask IoU {iou}, PSNR {psnr}");

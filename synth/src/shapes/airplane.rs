@@ -51,15 +51,15 @@ pub(super) fn draw(seed: u64) -> Shape {
 fn paint(draw: &mut Draw, style: Style) -> Colors {
     let accent = draw.color([0.7, 0.95], [0.45, 0.9]);
     if style == Style::Fighter {
-        let grey = draw.pick(&[
+        let gray = draw.pick(&[
             [0.5, 0.53, 0.56],
             [0.36, 0.4, 0.36],
             [0.64, 0.58, 0.46],
             [0.3, 0.34, 0.4],
         ]);
         let livery = draw.pick(&["plain", "belly", "tail"]);
-        let accent = if livery == "belly" { grey.map(|v: f32| (v * 1.4).min(0.9)) } else { accent };
-        return Colors { body: grey, accent, wing: grey.map(|v| 0.93 * v), livery };
+        let accent = if livery == "belly" { gray.map(|v: f32| (v * 1.4).min(0.9)) } else { accent };
+        return Colors { body: gray, accent, wing: gray.map(|v| 0.93 * v), livery };
     }
     let livery = draw.pick(&["plain", "stripe", "stripes", "belly", "tail"]);
     let body = match livery {

@@ -172,9 +172,9 @@ impl AlarmClock {
         let half = self.depth / 2.0;
         let round = 0.09_f64.min(0.4 * half);
         let mut profile = vec![[0.0, -half - 0.05], [0.3, -half - 0.045], [0.6, -half - 0.025]];
-        let corner = |centre: f64, from: f64| {
+        let corner = |center: f64, from: f64| {
             let angle = move |k| from + FRAC_PI_2 * k as f64 / 6.0;
-            (0..=6).map(move |k| on_ellipse([1.0 - round, centre], [round; 2], angle(k)))
+            (0..=6).map(move |k| on_ellipse([1.0 - round, center], [round; 2], angle(k)))
         };
         profile.extend(corner(-half + round, -FRAC_PI_2));
         profile.extend(corner(half - round, 0.0));

@@ -268,8 +268,8 @@ pub(super) fn draw(seed: u64) -> Shape {
 /// Colours that cars come in: mostly white, greys and black, the rest strong.
 fn paint(draw: &mut Draw) -> [f32; 3] {
     if draw.chance(0.35) {
-        let grey = draw.pick(&[0.95, 0.82, 0.62, 0.4, 0.22]) as f32;
-        return [grey, grey, grey * 1.02_f32.min(1.0 / grey)];
+        let gray = draw.pick(&[0.95, 0.82, 0.62, 0.4, 0.22]) as f32;
+        return [gray, gray, gray * 1.02_f32.min(1.0 / gray)];
     }
     let hue = draw.pick(&[0.0, 0.0, 0.01, 0.06, 0.12, 0.33, 0.52, 0.58, 0.6, 0.63, 0.92]);
     super::draw::hsv(hue, draw.within(0.6, 0.92), draw.within(0.45, 0.9))

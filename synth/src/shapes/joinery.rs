@@ -38,13 +38,13 @@ pub(super) fn rod(path: &[Point], radius: impl Fn(f64) -> f64, sides: usize) -> 
         let up = cross(along, across);
         let r = radius(i as f64 / last as f64);
         let mut ring = |share: f64, ahead: f64| {
-            let centre = add(point, scale(along, ahead));
+            let center = add(point, scale(along, ahead));
             rings.push(
                 (0..sides)
                     .map(|j| {
                         let (sin, cos) = (TAU * j as f64 / sides as f64).sin_cos();
                         let out = add(scale(across, cos), scale(up, sin));
-                        add(centre, scale(out, r * share))
+                        add(center, scale(out, r * share))
                     })
                     .collect(),
             );

@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_colours_is_shown_by_its_shape() {
+    fn what_has_no_colors_is_shown_by_its_shape() {
         let first = |scene: Scene| {
             let page = Report { scene, ..Report::default() }.to_html();
             let options = page.split("<select id=\"shading\"").nth(1).unwrap_or_default();

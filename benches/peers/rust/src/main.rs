@@ -1,14 +1,14 @@
 //! Times other crates on the shapes that the benches of this workspace time.
 //!
 //! Prints one JSON object per line, as `peers.py` does: `{"id", "peer", "median_ms", "min_ms", "runs"}`; the id is that of the
-//! criterion bench of the same work. Usage: `unsphere-peers [FAMILY..]`, of `products`, `convolutions`, `encoder`, `neighbours`
-//! and `rasteriser`; how many threads work is said by `RAYON_NUM_THREADS`.
+//! criterion bench of the same work. Usage: `unsphere-peers [FAMILY..]`, of `products`, `convolutions`, `encoder`, `neighbors`
+//! and `rasterizer`; how many threads work is said by `RAYON_NUM_THREADS`.
 
 mod convolutions;
 mod encoder;
-mod neighbours;
+mod neighbors;
 mod products;
-mod rasteriser;
+mod rasterizer;
 mod timing;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -16,8 +16,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("products", products::time),
         ("convolutions", convolutions::time),
         ("encoder", encoder::time),
-        ("neighbours", neighbours::time),
-        ("rasteriser", rasteriser::time),
+        ("neighbors", neighbors::time),
+        ("rasteriser", rasterizer::time),
     ];
     let wanted: Vec<String> = std::env::args().skip(1).collect();
     if let Some(name) = wanted.iter().find(|name| families.iter().all(|family| family.0 != **name))

@@ -71,7 +71,7 @@ mod estimate {
             let seen = picture.over(arguments.background);
             let disparity = estimator.estimate(&seen).map_err(Failure::input)?;
             let range = range(&disparity);
-            folder.write(&format!("{name}.png"), &encode_png(&grey(&disparity, range)))?;
+            folder.write(&format!("{name}.png"), &encode_png(&gray(&disparity, range)))?;
             let floor = picture.alpha().map(|mask| GroundPlane::find(&disparity, &mask).is_some());
             let DisparityMap { height, width, data } = disparity;
             let file = format!("{name}.pfm");
@@ -120,7 +120,7 @@ mod estimate {
     }
 
     /// Black where it is farthest, white where it is nearest.
-    fn grey(disparity: &DisparityMap, [low, high]: [f32; 2]) -> ByteImage {
+    fn gray(disparity: &DisparityMap, [low, high]: [f32; 2]) -> ByteImage {
         let scale = if high > low { 1.0 / (high - low) } else { 0.0 };
         let data = disparity.data.iter().map(|v| (v - low) * scale).collect();
         Image { height: disparity.height, width: disparity.width, channels: 1, data }.to_bytes()
@@ -136,11 +136,11 @@ mod estimate {
             let disparity = DisparityMap { height: 2, width: 2, data };
             let range = range(&disparity);
             assert_eq!(range, [3.0, 5.0]);
-            let picture = grey(&disparity, range);
+            let picture = gray(&disparity, range);
             assert_eq!((picture.height, picture.width, picture.channels), (2, 2, 1));
             assert_eq!(picture.data[..3], [0, 128, 255]);
             let flat = DisparityMap { height: 1, width: 2, data: vec![2.0; 2] };
-            assert_eq!(grey(&flat, [2.0, 2.0]).data, [0, 0]);
+            assert_eq!(gray(&flat, [2.0, 2.0]).data, [0, 0]);
         }
     }
 }

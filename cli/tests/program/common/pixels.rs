@@ -97,9 +97,9 @@ impl Look {
         };
         let inner: Vec<&[u8]> = (0..pixels.len()).filter(within).map(|k| pixels[k]).collect();
         let n = inner.len().max(1) as f64;
-        let grey = |p: &&[u8]| p.iter().map(|&v| f64::from(v)).sum::<f64>() / 3.0;
+        let gray = |p: &&[u8]| p.iter().map(|&v| f64::from(v)).sum::<f64>() / 3.0;
         let (sum, squared) =
-            inner.iter().map(grey).fold((0.0, 0.0), |(s, q), v| (s + v, q + v * v));
+            inner.iter().map(gray).fold((0.0, 0.0), |(s, q), v| (s + v, q + v * v));
         Self {
             share: object.iter().filter(|o| **o).count() as f64 / pixels.len() as f64,
             mean: mean(inner.iter().copied()),

@@ -4,7 +4,7 @@ use autodiff_lite::Real;
 
 use crate::SoftRasSettings;
 use crate::kernels::distance::edges;
-use crate::kernels::setup::{Centres, PixelBox, extent};
+use crate::kernels::setup::{Centers, PixelBox, extent};
 
 /// The least sum that cut-off weights are divided by.
 pub(super) const SUM_GUARD: f64 = 1e-5;
@@ -80,7 +80,7 @@ pub(super) fn unit<F: Real>(x: F) -> F {
 }
 
 impl<F: Real> Ready<F> {
-    pub(super) fn new(p: [[F; 3]; 3], centres: &Centres<F>, reach: F) -> Option<Self> {
+    pub(super) fn new(p: [[F; 3]; 3], centers: &Centers<F>, reach: F) -> Option<Self> {
         let [a, b, c] = p;
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
         let inverse = F::one() / area;
@@ -92,8 +92,8 @@ impl<F: Real> Ready<F> {
             [low - reach, high + reach]
         });
         let pixels = PixelBox {
-            columns: centres.columns(x[0], x[1], false),
-            rows: centres.rows(y[0], y[1], false),
+            columns: centers.columns(x[0], x[1], false),
+            rows: centers.rows(y[0], y[1], false),
         };
         let opposite = |p: [F; 3], q: [F; 3]| {
             [p[1] - q[1], q[0] - p[0], p[0] * q[1] - q[0] * p[1]].map(|v| v * inverse)

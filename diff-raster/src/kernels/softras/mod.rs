@@ -35,14 +35,14 @@ const CHUNK: usize = 32;
 
 /// Colours of faces.
 #[derive(Clone, Copy, Debug)]
-pub enum Colours<'a, F> {
+pub enum Colors<'a, F> {
     /// Of vertices, `[N, V, C]`, interpolated.
     Vertices(&'a [F]),
     /// Of `side²` texels of each face, `[N, F, side², C]`; the nearest counts.
     Texels(&'a [F], usize),
 }
 
-impl<'a, F> Colours<'a, F> {
+impl<'a, F> Colors<'a, F> {
     fn all(self) -> &'a [F] {
         match self {
             Self::Vertices(all) | Self::Texels(all, _) => all,
@@ -62,14 +62,14 @@ impl<F: Real> Sources<F> {
     #[inline]
     fn of(scene: &Scene<'_, F>, face: usize, ready: &Ready<F>, shown: &Shown<F>) -> Self {
         let c = scene.channels;
-        match scene.colours {
-            Colours::Vertices(_) => {
+        match scene.colors {
+            Colors::Vertices(_) => {
                 let corners = scene.renderer.faces.corners()[face];
                 let blend = ready.blend(&scene.constants, shown);
                 let parts = [0, 1, 2].map(|i| (corners[i] as usize * c, blend[i]));
                 Self { parts, count: 3 }
             }
-            Colours::Texels(_, side) => {
+            Colors::Texels(_, side) => {
                 let at = (face * side * side + texel(shown.cut, side)) * c;
                 Self { parts: [(at, F::one()); 3], count: 1 }
             }
@@ -77,9 +77,9 @@ impl<F: Real> Sources<F> {
     }
 
     #[inline]
-    fn colour(&self, colours: &[F], channel: usize) -> F {
+    fn color(&self, colors: &[F], channel: usize) -> F {
         let parts = self.parts[..self.count].iter();
-        parts.fold(F::zero(), |sum, &(at, w)| sum + w * colours[at + channel])
+        parts.fold(F::zero(), |sum, &(at, w)| sum + w * colors[at + channel])
     }
 }
 
@@ -88,27 +88,27 @@ impl<F: Real> Sources<F> {
 struct Scene<'a, F: Real> {
     renderer: &'a SoftRas<F>,
     constants: Constants<F>,
-    colours: Colours<'a, F>,
+    colors: Colors<'a, F>,
     channels: usize,
 }
 
 impl<'a, F: Real> Scene<'a, F> {
-    fn new(renderer: &'a SoftRas<F>, colours: Colours<'a, F>, channels: usize) -> Self {
-        Self { renderer, constants: Constants::of(&renderer.settings), colours, channels }
+    fn new(renderer: &'a SoftRas<F>, colors: Colors<'a, F>, channels: usize) -> Self {
+        Self { renderer, constants: Constants::of(&renderer.settings), colors, channels }
     }
 
     /// Numbers of an image's colours.
     fn stride(&self) -> usize {
         let faces = &self.renderer.faces;
         self.channels
-            * match self.colours {
-                Colours::Vertices(_) => faces.vertex_count(),
-                Colours::Texels(_, side) => faces.len() * side * side,
+            * match self.colors {
+                Colors::Vertices(_) => faces.vertex_count(),
+                Colors::Texels(_, side) => faces.len() * side * side,
             }
     }
 
-    fn colours_of(&self, image: usize) -> &'a [F] {
-        &self.colours.all()[self.stride() * image..self.stride() * (image + 1)]
+    fn colors_of(&self, image: usize) -> &'a [F] {
+        &self.colors.all()[self.stride() * image..self.stride() * (image + 1)]
     }
 }
 
@@ -121,12 +121,12 @@ impl<'a, F: Real> Scene<'a, F> {
 pub fn softras<F: Real>(
     renderer: &SoftRas<F>,
     projected: &[F],
-    colours: Colours<'_, F>,
+    colors: Colors<'_, F>,
     channels: usize,
     state: &mut State<F>,
     out: &mut [F],
 ) {
-    let scene = Scene::new(renderer, colours, channels);
+    let scene = Scene::new(renderer, colors, channels);
     let settings = &renderer.settings;
     let (pixels, width) = (settings.height * settings.width, settings.width);
     let positions = 3 * renderer.faces.vertex_count();
@@ -138,11 +138,11 @@ pub fn softras<F: Real>(
         state.prepare(renderer, &projected[positions * n..positions * (n + 1)]);
         state.sums.resize(pixels, [F::zero(); 3]);
         let (faces, bands) = (&state.faces, &state.bands);
-        let colours = scene.colours_of(n);
+        let colors = scene.colors_of(n);
         let rows = BAND_ROWS * width;
         let parts = state.sums.par_chunks_mut(rows).zip(out.par_chunks_mut(rows * (channels + 1)));
         parts.enumerate().for_each(|(band, (sums, out))| {
-            draw(&scene, colours, faces, bands.items(band), band * BAND_ROWS, sums, out);
+            draw(&scene, colors, faces, bands.items(band), band * BAND_ROWS, sums, out);
         });
     });
 }
@@ -154,7 +154,7 @@ impl<F: Real> ImageState<F> {
         let faces = self.faces.par_iter_mut().zip(renderer.faces.corners().par_iter());
         faces.with_min_len(CHUNK).for_each(|(ready, &corners)| {
             let corners = visible_corners(projected, corners, F::zero());
-            let found = corners.and_then(|p| Ready::new(p, &renderer.centres, reach));
+            let found = corners.and_then(|p| Ready::new(p, &renderer.centers, reach));
             *ready = found.unwrap_or_default();
         });
         self.bands.sort(renderer.settings.height, self.faces.iter().map(|f| f.pixels.rows));
@@ -164,7 +164,7 @@ impl<F: Real> ImageState<F> {
 /// Draws the faces of a band from row `first` on.
 fn draw<F: Real>(
     scene: &Scene<'_, F>,
-    colours: &[F],
+    colors: &[F],
     faces: &[Ready<F>],
     items: &[u32],
     first: usize,
@@ -172,15 +172,15 @@ fn draw<F: Real>(
     out: &mut [F],
 ) {
     let (k, c) = (&scene.constants, scene.channels);
-    let (width, centres) = (scene.renderer.settings.width, &scene.renderer.centres);
+    let (width, centers) = (scene.renderer.settings.width, &scene.renderer.centers);
     let background = F::from_f64(scene.renderer.settings.background);
     sums.fill([F::one(), background, F::one()]);
     // The background is what weighs 1 at first.
     let behind = &scene.renderer.settings.background_color;
     for pixel in out.chunks_exact_mut(c + 1) {
         for (channel, v) in pixel.iter_mut().enumerate() {
-            let colour = if channel < c { behind.get(channel).copied() } else { None };
-            *v = F::from_f64(colour.unwrap_or(0.0));
+            let color = if channel < c { behind.get(channel).copied() } else { None };
+            *v = F::from_f64(color.unwrap_or(0.0));
         }
     }
     let last = first + sums.len() / width;
@@ -189,9 +189,9 @@ fn draw<F: Real>(
         let rows = ready.pixels.rows.map(|r| r as usize);
         let columns = ready.pixels.columns.map(|c| c as usize);
         for row in rows[0].max(first)..rows[1].min(last) {
-            let y = centres.row(row);
+            let y = centers.row(row);
             for column in columns[0]..columns[1] {
-                let Some(touch) = ready.touch(k, centres.x[column], y) else { continue };
+                let Some(touch) = ready.touch(k, centers.x[column], y) else { continue };
                 let at = (row - first) * width + column;
                 let [clear, peak, total] = &mut sums[at];
                 *clear *= touch.clear;
@@ -212,7 +212,7 @@ fn draw<F: Real>(
                 *total += weight;
                 let sources = Sources::of(scene, face, ready, &shown);
                 for (channel, v) in pixel.iter_mut().enumerate() {
-                    *v += weight * sources.colour(colours, channel);
+                    *v += weight * sources.color(colors, channel);
                 }
             }
         }

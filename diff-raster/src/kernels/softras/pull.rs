@@ -5,11 +5,11 @@ use autodiff_lite::kernels::parallel::{InParts, Parts};
 
 use super::face::{Constants, Ready, SUM_GUARD, Shown, Touch};
 use super::state::{ImageState, State};
-use super::{CHUNK, Colours, Scene, Sources};
+use super::{CHUNK, Colors, Scene, Sources};
 use crate::SoftRas;
 use crate::kernels::gather::gather;
 
-/// The gradients of [`softras`](super::softras), added to `of_projected [N, V, 3]` and `of_colours` (the shape of the
+/// The gradients of [`softras`](super::softras), added to `of_projected [N, V, 3]` and `of_colors` (the shape of the
 /// colours; empty if nobody wants it).
 ///
 /// `images` is what it gave, `grad` the gradient of that, and `state` of the same call.
@@ -18,17 +18,17 @@ use crate::kernels::gather::gather;
 /// If a slice is too short.
 pub fn softras_grad<F: Real>(
     renderer: &SoftRas<F>,
-    colours: Colours<'_, F>,
+    colors: Colors<'_, F>,
     channels: usize,
     state: &mut State<F>,
     [images, grad]: [&[F]; 2],
     of_projected: &mut [F],
-    of_colours: &mut [F],
+    of_colors: &mut [F],
 ) {
-    let scene = Scene::new(renderer, colours, channels);
+    let scene = Scene::new(renderer, colors, channels);
     let pixels = renderer.settings.height * renderer.settings.width * (channels + 1);
     let positions = 3 * renderer.faces.vertex_count();
-    let wanted = !of_colours.is_empty();
+    let wanted = !of_colors.is_empty();
     let stride = if wanted { scene.stride() } else { 0 };
     // Chunks of no length are not allowed; then there is nothing to add to either.
     if pixels == 0 || positions == 0 || (wanted && stride == 0) {
@@ -36,57 +36,51 @@ pub fn softras_grad<F: Real>(
     }
     let mut none: Vec<&mut [F]> = Vec::new();
     let mut parts: Vec<&mut [F]> = if wanted {
-        of_colours.chunks_exact_mut(stride).collect()
+        of_colors.chunks_exact_mut(stride).collect()
     } else {
         none.resize_with(state.images.len(), Default::default);
         none
     };
     let states = state.images.par_iter_mut().zip(parts.par_iter_mut());
     let batch = states.zip(of_projected.par_chunks_mut(positions));
-    batch.enumerate().for_each(|(n, ((state, of_colours), out))| {
+    batch.enumerate().for_each(|(n, ((state, of_colors), out))| {
         let range = pixels * n..pixels * (n + 1);
         let planes = [&images[range.clone()], &grad[range]];
-        pull_image(&scene, scene.colours_of(n), state, planes, of_colours, out);
+        pull_image(&scene, scene.colors_of(n), state, planes, of_colors, out);
     });
 }
 
 fn pull_image<F: Real>(
     scene: &Scene<'_, F>,
-    colours: &[F],
+    colors: &[F],
     state: &mut ImageState<F>,
     planes: [&[F]; 2],
-    of_colours: &mut [F],
+    of_colors: &mut [F],
     out: &mut [F],
 ) {
     let ImageState { faces, sums, grads, of_corners, .. } = state;
     let c = scene.channels;
     grads.resize(faces.len(), [F::zero(); 9]);
     // Each face has colours of its own, or a copy for each of its corners.
-    let own = match scene.colours {
-        Colours::Vertices(_) => {
+    let own = match scene.colors {
+        Colors::Vertices(_) => {
             of_corners.clear();
             of_corners
-                .resize(if of_colours.is_empty() { 0 } else { faces.len() * 3 * c }, F::zero());
+                .resize(if of_colors.is_empty() { 0 } else { faces.len() * 3 * c }, F::zero());
             3 * c
         }
-        Colours::Texels(_, side) => side * side * c,
+        Colors::Texels(_, side) => side * side * c,
     };
-    let per_face: &mut [F] = match scene.colours {
-        Colours::Vertices(_) => &mut *of_corners,
-        Colours::Texels(..) => &mut *of_colours,
+    let per_face: &mut [F] = match scene.colors {
+        Colors::Vertices(_) => &mut *of_corners,
+        Colors::Texels(..) => &mut *of_colors,
     };
     let pull = |first: usize, grads: &mut [[F; 9]], per_face: &mut [F]| {
         for (i, grads) in grads.iter_mut().enumerate() {
             let face = first + i;
             let wanted = if per_face.is_empty() { 0..0 } else { i * own..(i + 1) * own };
-            *grads = pull_face(
-                scene,
-                colours,
-                (face, &faces[face]),
-                sums,
-                planes,
-                &mut per_face[wanted],
-            );
+            *grads =
+                pull_face(scene, colors, (face, &faces[face]), sums, planes, &mut per_face[wanted]);
         }
     };
     if per_face.is_empty() || own == 0 {
@@ -98,30 +92,30 @@ fn pull_image<F: Real>(
     }
     let (all, grads, of_corners) = (scene.renderer.faces.as_ref(), &*grads, &*of_corners);
     gather(all, 3, out, |corner| Some(&grads[corner as usize / 3][corner as usize % 3 * 3..][..3]));
-    if let (Colours::Vertices(_), false) = (scene.colours, of_colours.is_empty()) {
-        gather(all, c, of_colours, |corner| Some(&of_corners[corner as usize * c..][..c]));
+    if let (Colors::Vertices(_), false) = (scene.colors, of_colors.is_empty()) {
+        gather(all, c, of_colors, |corner| Some(&of_corners[corner as usize * c..][..c]));
     }
 }
 
 /// The gradient of a face's corners `x y z x y z x y z`; that of its colours is added to `own`.
 fn pull_face<F: Real>(
     scene: &Scene<'_, F>,
-    colours: &[F],
+    colors: &[F],
     (face, ready): (usize, &Ready<F>),
     sums: &[[F; 3]],
     [images, grad]: [&[F]; 2],
     own: &mut [F],
 ) -> [F; 9] {
     let (k, c) = (&scene.constants, scene.channels);
-    let (width, centres) = (scene.renderer.settings.width, &scene.renderer.centres);
+    let (width, centers) = (scene.renderer.settings.width, &scene.renderer.centers);
     let (zero, one) = (F::zero(), F::one());
     let mut out = [zero; 9];
     let rows = ready.pixels.rows.map(|r| r as usize);
     let columns = ready.pixels.columns.map(|c| c as usize);
     for row in rows[0]..rows[1] {
-        let y = centres.row(row);
+        let y = centers.row(row);
         for column in columns[0]..columns[1] {
-            let Some(touch) = ready.touch(k, centres.x[column], y) else { continue };
+            let Some(touch) = ready.touch(k, centers.x[column], y) else { continue };
             let at = row * width + column;
             let [clear, peak, total] = sums[at];
             let g = &grad[at * (c + 1)..(at + 1) * (c + 1)];
@@ -135,7 +129,7 @@ fn pull_face<F: Real>(
                 let image = &images[at * (c + 1)..at * (c + 1) + c];
                 let mut along = zero;
                 for channel in 0..c {
-                    along += g[channel] * (sources.colour(colours, channel) - image[channel]);
+                    along += g[channel] * (sources.color(colors, channel) - image[channel]);
                 }
                 of_argument += along * share * (one - touch.covered);
                 // By the weights of the corners' colours.
@@ -147,7 +141,7 @@ fn pull_face<F: Real>(
                         if !own.is_empty() {
                             own[to + channel] += g * weight;
                         }
-                        of_blend[i] += g * colours[from + channel];
+                        of_blend[i] += g * colors[from + channel];
                     }
                 }
                 let of_blend = if sources.count == 3 { of_blend } else { [zero; 3] };

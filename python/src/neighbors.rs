@@ -1,7 +1,7 @@
 //! The k nearest points of a set.
 
 use autodiff_lite::Shapes;
-use losses::{Neighbours, Norm};
+use losses::{Neighbors, Norm};
 use pyo3::prelude::*;
 
 use crate::arrays::{self, Floats};
@@ -81,7 +81,7 @@ impl Search {
         let (tape, [x, y]) = sets.load::<F>()?;
         py.detach(move || {
             error::caught(|| {
-                let mut near = Neighbours::default();
+                let mut near = Neighbors::default();
                 near.find(tape.constant(x), tape.constant(y), self.k, self.norm);
                 near.indices().iter().map(|&index| i64::from(index)).collect()
             })
@@ -92,7 +92,7 @@ impl Search {
 /// How far the k nearest points of y are from each point of x, nearest first. PyTorch3D's `knn_points`: distances are squared.
 ///
 /// x: [P, D] or [N, P, D]. y: [Q, D] or [N, Q, D]. k: 1 to Q. norm: 2, or 1 for sums of absolute differences, which are not squared. Value
-/// [P, k] or [N, P, k], in squared units (norm 1: in units). Gradients: x, y; which points are nearest counts as fixed, and `neighbours` says it.
+/// [P, k] or [N, P, k], in squared units (norm 1: in units). Gradients: x, y; which points are nearest counts as fixed, and `neighbors` says it.
 /// Raises ValueError where y has fewer than k points, a set is empty, or a coordinate is NaN.
 /// Cost: O(N P Q D), all pairs are compared.
 #[pyfunction]
@@ -107,7 +107,7 @@ pub(crate) fn knn_points(
 ) -> PyResult<Recorded> {
     let Search { k, norm, .. } = Search::checked("knn_points", &x, &y, k, norm)?;
     record!(py, Arguments::new("knn_points", [("x", &x), ("y", &y)], wrt.as_ref())?, |x, y| {
-        let mut near = Neighbours::default();
+        let mut near = Neighbors::default();
         near.find(x, y, k, norm);
         losses::knn_distances(x, y, &near)
     })
@@ -120,15 +120,15 @@ pub(crate) fn knn_points(
 /// Raises ValueError where y has fewer than k points, a set is empty, or a coordinate is NaN.
 #[pyfunction]
 #[pyo3(signature = (x, y, k, *, norm=2))]
-pub(crate) fn neighbours<'py>(
+pub(crate) fn neighbors<'py>(
     py: Python<'py>,
     x: Floats<'_>,
     y: Floats<'_>,
     k: i64,
     norm: i64,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let search = Search::checked("neighbours", &x, &y, k, norm)?;
-    let sets = Arguments::new("neighbours", [("x", &x), ("y", &y)], None)?;
+    let search = Search::checked("neighbors", &x, &y, k, norm)?;
+    let sets = Arguments::new("neighbors", [("x", &x), ("y", &y)], None)?;
     let found = if sets.is_double() {
         search.indices::<f64>(py, &sets)?
     } else {
