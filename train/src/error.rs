@@ -9,6 +9,9 @@ use autodiff_lite::state::{LoadError, SaveError};
 
 use super::not_finite::NotFinite;
 
+/// What a run lacks that is not there at all.
+pub(crate) const FOLDER: &str = "the folder";
+
 /// What stopped a training.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -167,11 +170,11 @@ pub enum RunError {
         holder: String,
     },
     /// The folder is no run, or its run wrote no checkpoint yet.
-    #[error("{}: {missing} is missing: not a run that can go on", path.display())]
+    #[error("{}: {}", path.display(), no_run(missing))]
     NoRun {
         /// The folder.
         path: PathBuf,
-        /// The file that a run has.
+        /// The file that a run has, or the folder itself.
         missing: &'static str,
     },
     /// A run that is beyond its beginning lacks a file: it could only begin anew.
@@ -231,6 +234,14 @@ pub enum RunError {
         /// What is wrong with it.
         problem: String,
     },
+}
+
+/// Why a folder is no run.
+fn no_run(missing: &str) -> String {
+    if missing == FOLDER {
+        return "there is no such folder, expected that of a run".to_owned();
+    }
+    format!("{missing} is missing: not a run that can go on")
 }
 
 impl RunError {

@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::error::RunError;
+use super::error::{FOLDER, RunError};
 use super::log::{Curves, History};
 use crate::output::{
     LOCK, Lock, LockError, disk, is_incidental, lock_folder, present, remove_within, sweep,
@@ -136,6 +136,9 @@ impl RunFolder {
     /// # Errors
     /// If it is none, it has lost a file without which it cannot go on, or another process works in it.
     pub fn resume(path: &Path) -> Result<Self, RunError> {
+        if !path.is_dir() {
+            return Err(RunError::NoRun { path: path.to_owned(), missing: FOLDER });
+        }
         let run = Self::at(path);
         let last = run.checkpoint()?.is_some();
         let begun = last || run.has_begun()?;
@@ -335,6 +338,11 @@ mod tests {
         assert!(matches!(RunFolder::create(&path, false), Err(RunError::Exists { .. })));
         let error = RunFolder::resume(&path).unwrap_err().to_string();
         assert!(error.contains("metrics.jsonl"), "{error}");
+        for name in ["nope", "deep/run/notes.txt"] {
+            let error = RunFolder::resume(&place.path().join(name)).unwrap_err().to_string();
+            assert!(error.ends_with("there is no such folder, expected that of a run"), "{error}");
+            assert!(error.contains(name), "{error}");
+        }
         let run = RunFolder::create(&path, true).unwrap();
         assert!(!run.config().exists() && path.join("notes.txt").exists());
         fs::write(place.path().join("file"), "").unwrap();
