@@ -26,12 +26,15 @@ pub(crate) struct Node<'a> {
 
 /// Parses JSON, and also what Python writes for numbers that are none.
 ///
-/// `NaN` and `Infinity` become strings, so that the field that holds them can be named.
+/// `NaN` and `Infinity` become strings, so that the field that holds them can be named. A byte order mark before the text, as
+/// editors of Windows write it, is passed over.
 ///
 /// # Errors
 /// Text that is no JSON, or whose values would take more memory than a file of its length may.
 pub(crate) fn parse(content: &Content, file: &Path) -> Result<Value, ReadViewsError> {
     let mut budget = content.budget();
+    let bytes: &[u8] = content;
+    let content = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let failed = |failure| match failure {
         Failure::Json(error) => ReadViewsError::new(file, error),
         Failure::OverLimit(limit) => over(file, "the values of the file", limit),
@@ -253,5 +256,17 @@ mod tests {
         assert_eq!(b.number().unwrap_err().field_name(), Some("a.b"));
         assert!(b.matrix().is_err() && b.pixels().is_err());
         assert!(parse(&Content::from(&b"{"[..]), file).is_err());
+    }
+
+    #[test]
+    fn a_byte_order_mark_says_nothing() {
+        let file = Path::new("a.json");
+        for text in ["\u{feff}{\"a\": 7}", "\u{feff}{\"a\": 7, \"b\": NaN}"] {
+            let value = parse(&Content::from(text.as_bytes()), file).unwrap();
+            assert_eq!(Node::root(&value, file).need("a").unwrap().number().unwrap(), 7.0);
+        }
+        for text in ["\u{feff}", "\u{feff}\u{feff}1", "1\u{feff}"] {
+            assert!(parse(&Content::from(text.as_bytes()), file).is_err(), "{text:?}");
+        }
     }
 }
