@@ -1,5 +1,6 @@
 //! Loose photographs with a `cameras.json` of ours.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use mesh_core::nalgebra::{Matrix3, Vector3};
@@ -21,6 +22,16 @@ pub(crate) const CAMERAS: &str = "cameras.json";
 const FORMAT: &str = "unsphere-cameras";
 /// Hundreds of thousands of views fit.
 const JSON_BYTES: u64 = 1 << 28;
+
+/// What each part of the file may have.
+const FILE: &[&str] = &["format", "version", "views"];
+const VIEW: &[&str] =
+    &["image", "mask", "depth", "width", "height", "rotation", "translation", "lens"];
+const LENS: &[&str] = &["perspective", "orthographic"];
+const PERSPECTIVE: &[&str] = &["fx", "fy", "cx", "cy"];
+const ORTHOGRAPHIC: &[&str] = &["sx", "sy", "cx", "cy"];
+/// No more unknown fields are named.
+const MOST_UNKNOWN: usize = 8;
 
 /// Whether the source has our cameras.
 pub(crate) fn recognises(source: &Source) -> bool {
@@ -54,15 +65,72 @@ pub(crate) fn list<'a>(
         return Err(version.wrong("1, the only version there is"));
     }
     let mut reading = Reading::new(Layout::Photos, "rotation, translation");
+    let mut unknown = Unknown::default();
+    unknown.look(&root, FILE)?;
     for node in root.need("views")?.elements()? {
         let shot = Shot::new(&node)?;
+        unknown.look_at_view(&node)?;
         let found = source.need(&shot.image, || {
             format!("field `{}.image` of {} names it", shot.field, path.display())
         });
         let image = shot.image.clone();
         reading.add(&image, found, options, move |(), opened| shot.read(opened, options))?;
     }
+    reading.warnings.extend(unknown.warnings(&path));
     Ok(reading)
+}
+
+/// Fields that the format has not: notes of somebody's, or typing mistakes.
+#[derive(Default)]
+struct Unknown {
+    /// By what they may have been meant for and by their name: where the first stands, and how many there are.
+    fields: BTreeMap<(&'static [&'static str], String), (String, usize)>,
+}
+
+impl Unknown {
+    /// Notes the members of an object that are not among those `known`.
+    fn look(
+        &mut self,
+        node: &Node<'_>,
+        known: &'static [&'static str],
+    ) -> Result<(), ReadViewsError> {
+        for (key, member) in node.members()? {
+            if known.contains(&key) {
+                continue;
+            }
+            let name = (known, member.field.rsplit('.').next().unwrap_or_default().to_owned());
+            // A file may have a name of its own in each view: the first few tell enough.
+            if self.fields.len() < MOST_UNKNOWN || self.fields.contains_key(&name) {
+                self.fields.entry(name).or_insert((member.field, 0)).1 += 1;
+            }
+        }
+        Ok(())
+    }
+
+    /// The same for a view and its lens.
+    fn look_at_view(&mut self, view: &Node<'_>) -> Result<(), ReadViewsError> {
+        self.look(view, VIEW)?;
+        let lens = view.need("lens")?;
+        self.look(&lens, LENS)?;
+        for (kind, known) in LENS.iter().zip([PERSPECTIVE, ORTHOGRAPHIC]) {
+            if let Some(lens) = lens.get(kind) {
+                self.look(&lens, known)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A sentence for each name.
+    fn warnings(self, path: &Path) -> impl Iterator<Item = String> {
+        self.fields.into_iter().map(move |((known, _), (first, count))| {
+            let others = if count == 1 { String::new() } else { format!(" (and {} more)", count - 1) };
+            format!(
+                "{}: field `{first}`{others} is unknown and has no effect: correct its name or take it out; known here are {}",
+                path.display(),
+                known.join(", ")
+            )
+        })
+    }
 }
 
 impl Shot {
@@ -141,7 +209,7 @@ fn lens(node: &Node<'_>) -> Result<Lens, ReadViewsError> {
 /// orientation that EXIF notes. `lens` is `perspective`, or `orthographic` with `sx`, `sy`, `cx`,
 /// `cy` in pixels per unit and pixels. Names are relative to the file. `mask` may be left away
 /// (then `masks/<stem>.png` or .jpg, or alpha), `depth` too. An image of another size but the
-/// same shape is a resized copy.
+/// same shape is a resized copy. Any other field is ignored, with a warning.
 ///
 /// The folder is made where it does not exist; files of the same name are replaced, each
 /// atomically, the JSON last. Depth is EXR.

@@ -88,6 +88,33 @@ fn photographs_round_trip_with_either_lens() {
 }
 
 #[test]
+fn a_field_that_photographs_cameras_have_not_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    write_photos(&off_center(3), folder.path()).unwrap();
+    assert_eq!(read(folder.path()).unwrap().warnings, [""; 0]);
+    edit_json(&folder.path().join("cameras.json"), |v| {
+        v["unit"] = json!("m");
+        v["views"][1]["maks"] = json!("masks/x.png");
+        v["views"][2]["maks"] = json!(null);
+        v["views"][2]["lens"]["perspective"]["focal_lenght"] = json!(700);
+    });
+    let views = read(folder.path()).unwrap();
+    assert_eq!(views.len(), 3);
+    let expected = [
+        ["`views[2].lens.perspective.focal_lenght` is", "fx, fy, cx, cy"],
+        ["`unit` is", "format, version, views"],
+        ["`views[1].maks` (and 1 more) is", "image, mask, depth"],
+    ];
+    assert_eq!(views.warnings.len(), expected.len(), "{:?}", views.warnings);
+    for words in expected {
+        let says = |warning: &&String| words.iter().all(|word| warning.contains(word));
+        let found: Vec<_> = views.warnings.iter().filter(says).collect();
+        assert_eq!(found.len(), 1, "{words:?}: {:?}", views.warnings);
+        assert!(found[0].contains("cameras.json: field"), "{found:?}");
+    }
+}
+
+#[test]
 fn a_smaller_copy_of_a_picture_keeps_its_camera() {
     let folder = tempfile::tempdir().unwrap();
     let written = off_center(3);
