@@ -24,6 +24,8 @@ const RECORDS: [&str; 9] = ["json", "txt", "npz", "npy", "bin", "csv", "xml", "y
 
 const FOR_MESHES: &str = "expected views, a folder of images with cameras (docs/views.md); a mesh is for `unsphere fit --truth`, \
     `unsphere render` and `unsphere data generate --from`";
+const FOR_MANY_MESHES: &str = "expected views, images with cameras (docs/views.md): `unsphere data generate --from` makes a dataset of \
+    views of such a folder; `unsphere check` and `unsphere render` take one mesh";
 const FOR_ONE_IMAGE: &str = "expected a folder of views with cameras (docs/views.md); one image is enough for `unsphere predict` with \
     pixel2mesh, ode-pixel2mesh or mcmr";
 const FOR_OTHER_IMAGES: &str = "expected PNG or JPEG, no other images are read: convert them";
@@ -73,6 +75,15 @@ fn of_folder(path: &Path, names: &[String]) -> (String, &'static str) {
     let inner = names_of(&path.join("images")).unwrap_or_default();
     let all = || names.iter().chain(&inner).map(String::as_str);
     let of = |extensions: &'static [&str]| all().filter(move |name| ends_in(name, extensions));
+    // Where each has an image, as most, they are its textures.
+    let meshes: Vec<&str> = of(&MESHES).collect();
+    if !meshes.is_empty() && of(&IMAGES).count() <= meshes.len() {
+        let found = match meshes.as_slice() {
+            [first, .., last] => format!("{} meshes from {first} to {last}", meshes.len()),
+            _ => format!("the mesh {}", meshes[0]),
+        };
+        return (found, FOR_MANY_MESHES);
+    }
     if of(&RECORDS).next().is_none() {
         let images: Vec<&str> = of(&IMAGES).collect();
         if let [first, .., last] = images.as_slice() {
@@ -146,6 +157,17 @@ mod tests {
             assert!(text.contains("without ") && text.contains("unsphere capture"), "{text}");
             assert!(text.contains("docs/views.md") && !text.contains("Middlebury"), "{text}");
         }
+        for names in [
+            &["a.obj", "a.mtl", "a.png", "b.ply", "notes.txt"][..],
+            &["a.GLB", "b.glb"],
+            &["images/a.stl", "images/b.stl"],
+        ] {
+            let text = said(names, ".");
+            assert!(text.contains("2 meshes from ") && text.contains("generate --from"), "{text}");
+            assert!(!text.contains("Middlebury"), "{text}");
+        }
+        let photographed = said(&["0.png", "1.png", "truth.ply"], ".");
+        assert!(photographed.contains("unsphere capture"), "{photographed}");
         let telephone = said(&["0.HEIC", "1.HEIC"], ".");
         assert!(telephone.contains("0.HEIC") && telephone.contains("JPEG"), "{telephone}");
         // Cameras of a form that is not known are not missing.
