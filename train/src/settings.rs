@@ -10,6 +10,7 @@ pub mod optional;
 mod options;
 mod ranged;
 mod tabular;
+mod words;
 
 pub(crate) use options::date;
 pub use options::{Declared, OptionInfo, Options};
@@ -93,11 +94,10 @@ pub fn read_text<T: Tabular>(
     text: &str,
     settings: &[(String, String)],
 ) -> Result<T, SettingsError> {
-    let in_file = |error: toml::de::Error| SettingsError::File {
-        path: name.to_owned(),
-        message: error.to_string(),
-    };
-    let table = parsed(text).map_err(in_file)?;
+    let file = |message| SettingsError::File { path: name.to_owned(), message };
+    // The place in a text that is no TOML is said too.
+    let table = parsed(text).map_err(|error| file(error.to_string()))?;
+    let in_file = |error: toml::de::Error| file(words::plain(error.message()));
     let config = T::from_table(table.clone()).map_err(in_file)?;
     if settings.is_empty() {
         return Ok(config);
@@ -134,10 +134,21 @@ fn layered(
         read.map_err(|error| SettingsError::Setting {
             key: key.clone(),
             value: value.clone(),
-            message: error.message().to_owned(),
+            message: choices(&name, &error, reads).unwrap_or_else(|| words::plain(error.message())),
         })?;
     }
     Ok(table)
+}
+
+/// What is said of a number where one of several words is meant: the words, which the error of a wrong word names.
+fn choices(name: &str, error: &toml::de::Error, reads: Reads<'_>) -> Option<String> {
+    if !error.message().contains("unit variant") {
+        return None;
+    }
+    let wrong = [(name.to_owned(), Value::String("?".to_owned()))];
+    let other = reads(wrong.into_iter().collect()).err()?;
+    let (_, expected) = other.message().rsplit_once("expected ")?;
+    Some(format!("`{name}`: expected {}", expected.trim_end()))
 }
 
 /// The configuration as TOML, which [`read`] takes back.
@@ -243,10 +254,20 @@ mod tests {
         assert!(text(&[("levle", "4")]).contains("levle=4"));
         assert!(text(&[("level", "high")]).contains("level=high"));
         assert!(text(&[("level", "4\nsteps = 2")]).contains("level=4"));
+        for (key, value, expected) in [
+            ("level", "high", "`level`: found \"high\", expected a whole number from 0"),
+            ("level", "2.5", "`level`: found 2.5, expected a whole number from 0"),
+            ("seed", "-1", "`seed`: found -1, expected a whole number from 0"),
+            ("color", "5", "`color`: expected `vertex` or `texture`"),
+        ] {
+            let text = text(&[(key, value)]);
+            assert_eq!(text, format!("setting {key}={value}: {expected}"));
+        }
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), "level = \"x\"").unwrap();
         let error = read::<FitConfig>(Some(file.path()), &[]).unwrap_err().to_string();
-        assert!(error.contains("level") && error.contains(file.path().to_str().unwrap()));
+        assert!(error.contains("`level`: found \"x\", expected a whole number from 0"), "{error}");
+        assert!(error.contains(file.path().to_str().unwrap()), "{error}");
         assert!(matches!(
             read::<FitConfig>(Some(Path::new("nowhere.toml")), &[]),
             Err(SettingsError::Io { .. })
