@@ -66,7 +66,13 @@ impl Examination {
             note(count > 0, format!("{count} {what}"));
         }
         note(!health.oriented, "neighbouring faces of opposite orientation".into());
-        note(health.oriented && !health.outward && health.faces > 0, "faces point inward".into());
+        let inward = health.oriented && !health.outward && health.faces > 0;
+        let text = match (health.volume == 0.0, health.area > 0.0) {
+            (false, _) => "faces point inward",
+            (true, true) => "it encloses no volume",
+            (true, false) => "its faces have no area: all vertices lie in one point or on one line",
+        };
+        note(inward, text.into());
         problems.extend(self.crossings());
         problems
     }
@@ -126,6 +132,16 @@ mod tests {
             let found = mesh.examined();
             assert!(found.is_solid() && found.problems().is_empty());
         }
+        let text = |corners: [[f32; 3]; 4]| {
+            let faces = vec![[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]];
+            TriMesh::new(corners.to_vec(), faces).examined().to_string()
+        };
+        assert_eq!(
+            text([[1.0, 2.0, 3.0]; 4]),
+            "no solid: its faces have no area: all vertices lie in one point or on one line"
+        );
+        let square = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        assert!(text(square).starts_with("no solid: it encloses no volume"), "{}", text(square));
         let card = TriMesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]]);
         assert!(!card.examined().is_solid() && !card.examined().problems().is_empty());
     }
