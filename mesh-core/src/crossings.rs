@@ -1,6 +1,7 @@
 //! Self-intersections of a mesh.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::TriMesh;
 use crate::intersect::{BITS, Facet, Point, cross, normal};
@@ -33,7 +34,15 @@ impl TriMesh {
     /// # Cost
     /// `O(F log F)` and the pairs whose boxes overlap: some 20 ms for 20,000 faces.
     pub fn self_intersections(&self) -> Vec<[u32; 2]> {
-        Crossings::of(&self.positions, &self.faces).pairs
+        self.self_intersections_with(&|_, _| ())
+    }
+
+    /// [`self_intersections`](Self::self_intersections), telling how many parts of how many are done.
+    pub(crate) fn self_intersections_with(
+        &self,
+        progress: &(dyn Fn(usize, usize) + Sync),
+    ) -> Vec<[u32; 2]> {
+        Crossings::watched(&self.positions, &self.faces, progress).pairs
     }
 }
 
@@ -48,12 +57,20 @@ pub(crate) struct Crossings {
 
 impl Crossings {
     pub(crate) fn of(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Self {
+        Self::watched(positions, faces, &|_, _| ())
+    }
+
+    fn watched(
+        positions: &[[f32; 3]],
+        faces: &[[u32; 3]],
+        progress: &(dyn Fn(usize, usize) + Sync),
+    ) -> Self {
         let scale = Scale::of(positions);
         let mut placed = Faces::default();
         placed.place(scale, positions, faces);
         let tree = Tree::new(&placed);
         let mut crossings = Self { pairs: Vec::new(), scale, faces: placed, tree };
-        crossings.compare(&vec![true; faces.len()]);
+        crossings.compare(&vec![true; faces.len()], progress);
         crossings
     }
 
@@ -73,13 +90,14 @@ impl Crossings {
         }
         self.tree.refit(&self.faces);
         self.pairs.retain(|pair| !pair.iter().any(|&face| has_moved[face as usize]));
-        self.compare(&has_moved);
+        self.compare(&has_moved, &|_, _| ());
     }
 
     /// Adds the pairs of faces that have moved and all others; of two that have moved the one with the smaller index looks.
-    fn compare(&mut self, has_moved: &[bool]) {
+    fn compare(&mut self, has_moved: &[bool], progress: &(dyn Fn(usize, usize) + Sync)) {
         let (faces, tree) = (&self.faces, &self.tree);
-        let chunks = threads::map(tree.leaves.len().div_ceil(CHUNK), |chunk| {
+        let (count, done) = (tree.leaves.len().div_ceil(CHUNK), AtomicUsize::new(0));
+        let chunks = threads::map(count, |chunk| {
             let last = (chunk * CHUNK + CHUNK).min(tree.leaves.len());
             let (mut found, mut near, mut open) = (Vec::new(), Vec::new(), Vec::new());
             for leaf in &tree.leaves[chunk * CHUNK..last] {
@@ -108,6 +126,7 @@ impl Crossings {
                     }
                 }
             }
+            progress(done.fetch_add(1, Ordering::Relaxed) + 1, count);
             found
         });
         self.pairs.extend(chunks.into_iter().flatten());

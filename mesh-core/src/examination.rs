@@ -35,7 +35,13 @@ impl TriMesh {
     /// # Cost
     /// That of [`self_intersections`](Self::self_intersections), some 20 ms for 20,000 faces.
     pub fn examined(&self) -> Examination {
-        let self_intersections = self.self_intersections().len();
+        self.examined_with(&|_, _| ())
+    }
+
+    /// [`examined`](Self::examined), telling how many parts of how many are done: a fan of 100,000 faces, whose boxes all
+    /// meet, takes minutes.
+    pub fn examined_with(&self, progress: &(dyn Fn(usize, usize) + Sync)) -> Examination {
+        let self_intersections = self.self_intersections_with(progress).len();
         Examination { health: self.health(), self_intersections }
     }
 }

@@ -46,6 +46,8 @@ pub(crate) struct Facet {
     /// The normal, and the sizes of what its coordinates are the differences of.
     normal: [f64; 3],
     size: [f64; 3],
+    /// As [`flat_axes`] has them.
+    axes: [usize; 2],
 }
 
 impl Facet {
@@ -58,19 +60,23 @@ impl Facet {
         });
         let normal = products.map(|[p, q]| p - q);
         let size = products.map(|[p, q]| p.abs() + q.abs());
-        Self { corners, normal, size }
+        Self { corners, normal, size, axes: flat_axes(&corners) }
     }
 
     /// As [`orient`] of the corners and a point.
     #[inline]
     fn side(&self, p: Point) -> i32 {
-        let Self { corners: [a, b, c], normal, size } = self;
+        let Self { corners: [a, b, c], normal, size, .. } = self;
         let way = sub(p, *a).map(|x| x as f64);
         let value = way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2];
         let size = way[0].abs() * size[0] + way[1].abs() * size[1] + way[2].abs() * size[2];
         // The error is bounded as there.
         if value.abs() > 16.0 * f64::EPSILON * size {
             return if value > 0.0 { 1 } else { -1 };
+        }
+        // Each product is of a number that is 0: in a plane along two axes, where many faces of what people draw lie.
+        if size == 0.0 {
+            return 0;
         }
         orient(*a, *b, *c, p)
     }
@@ -88,7 +94,7 @@ pub(crate) fn cross(facet: &Facet, b: &[Point; 3]) -> bool {
         return false;
     }
     if sides_b == [0; 3] {
-        return overlap(a, b);
+        return overlap(a, b, facet.axes);
     }
     let sides_a = a.map(|p| orient(b[0], b[1], b[2], p));
     if sides_a.iter().all(|&s| s > 0) || sides_a.iter().all(|&s| s < 0) {
@@ -118,7 +124,7 @@ fn holds(triangle: &[Point; 3], p: Point) -> bool {
     let axes = flat_axes(triangle);
     let corners = triangle.map(|p| flatten(p, axes));
     let p = flatten(p, axes);
-    let sides = [0, 1, 2].map(|i| side(corners[i], corners[(i + 1) % 3], p).signum());
+    let sides = [0, 1, 2].map(|i| side(corners[i], corners[(i + 1) % 3], p));
     sides.iter().all(|&s| s >= 0) || sides.iter().all(|&s| s <= 0)
 }
 
@@ -129,8 +135,8 @@ fn flat_axes(triangle: &[Point; 3]) -> [usize; 2] {
     [(drop + 1) % 3, (drop + 2) % 3]
 }
 
-fn flatten(p: Point, [x, y]: [usize; 2]) -> [i128; 2] {
-    [i128::from(p[x]), i128::from(p[y])]
+fn flatten(p: Point, [x, y]: [usize; 2]) -> [i64; 2] {
+    [p[x], p[y]]
 }
 
 /// Whether a side of `a` runs through `b` from one side of its plane to the other.
@@ -144,9 +150,8 @@ fn pierces(a: &[Point; 3], sides: &[i32; 3], b: &[Point; 3]) -> bool {
     })
 }
 
-/// Whether two triangles in one plane have an area in common.
-fn overlap(a: &[Point; 3], b: &[Point; 3]) -> bool {
-    let axes = flat_axes(a);
+/// Whether two triangles in one plane, which is seen well along these axes, have an area in common.
+fn overlap(a: &[Point; 3], b: &[Point; 3], axes: [usize; 2]) -> bool {
     let flat = |t: &[Point; 3]| {
         let mut t = t.map(|p| flatten(p, axes));
         if side(t[0], t[1], t[2]) < 0 {
@@ -156,14 +161,21 @@ fn overlap(a: &[Point; 3], b: &[Point; 3]) -> bool {
     };
     let (a, b) = (flat(a), flat(b));
     // Convex shapes have no area in common just when a side of one keeps the other out.
-    let keeps_out = |a: &[[i128; 2]; 3], b: &[[i128; 2]; 3]| {
+    let keeps_out = |a: &[[i64; 2]; 3], b: &[[i64; 2]; 3]| {
         (0..3).any(|i| b.iter().all(|&p| side(a[i], a[(i + 1) % 3], p) <= 0))
     };
     !keeps_out(&a, &b) && !keeps_out(&b, &a)
 }
 
-fn side(a: [i128; 2], b: [i128; 2], c: [i128; 2]) -> i128 {
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+/// On which side of the line from `a` to `b` a third point is, exactly; `f64` is asked first, as in [`orient`].
+fn side(a: [i64; 2], b: [i64; 2], c: [i64; 2]) -> i32 {
+    let (u, v) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+    let [p, q] = [[u[0], v[1]], [u[1], v[0]]].map(|[x, y]| x as f64 * y as f64);
+    if (p - q).abs() > 4.0 * f64::EPSILON * (p.abs() + q.abs()) {
+        return if p > q { 1 } else { -1 };
+    }
+    let [u, v] = [u, v].map(|w| w.map(i128::from));
+    (u[0] * v[1] - u[1] * v[0]).signum() as i32
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::mesh_file::read_mesh;
 use crate::options::{self, ListedOption};
+use crate::progress::Progress;
 use crate::system::Systems;
 use crate::views::read_views;
 
@@ -110,7 +111,7 @@ pub(crate) fn run(
     }
     if let Some(path) = &arguments.mesh {
         let mesh = read_mesh(console, path)?;
-        checked.mesh = Some(check_mesh(path, &mesh));
+        checked.mesh = Some(check_mesh(console, path, &mesh));
     }
     if let Some(path) = &arguments.views {
         checked.views = Some(check_views(console, path, arguments)?);
@@ -123,8 +124,10 @@ pub(crate) fn run(
     Ok(())
 }
 
-fn check_mesh<'a>(path: &'a Path, mesh: &TriMesh) -> MeshReport<'a> {
-    let found = mesh.examined();
+fn check_mesh<'a>(console: Console, path: &'a Path, mesh: &TriMesh) -> MeshReport<'a> {
+    let progress = Progress::in_shares(console, "examine");
+    let found = mesh.examined_with(&|done, all| progress.set(done, all));
+    progress.finish();
     let problems = found.problems();
     let Examination { health, self_intersections } = found;
     let watertight = health.is_watertight();
