@@ -92,12 +92,16 @@ pub(crate) fn picture() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| Picture::of(&path).map(|_| path))
 }
 
-/// The ending of a file's name in small letters; none for what can only be meant as a folder: `runs/lr0.001`, `v1/`,
+/// Endings by which a file is meant and no folder: those of meshes, images, films, tables, texts, arrays, networks and archives.
+const FILES: &str = "3ds 3mf abc blend dae fbx glb gltf obj off ply stl usd usda usdz \
+    avif bmp exr gif heic jpeg jpg pfm png svg tif tiff webp avi mov mp4 webm \
+    csv htm html json jsonl log md pdf toml txt npy npz onnx pth safetensors gz tar zip";
+
+/// The ending of a file's name in small letters; none for what can only be meant as a folder: `runs/lr0.001`, `run.v2`, `v1/`,
 /// or one that is there.
 fn ending(path: &Path) -> Option<String> {
     let ending = path.extension()?.to_string_lossy().to_lowercase();
-    let kind = ending.chars().all(|c| c.is_ascii_alphanumeric())
-        && ending.chars().any(|c| c.is_ascii_alphabetic());
+    let kind = FILES.split(' ').any(|known| known == ending);
     let slash = path
         .as_os_str()
         .as_encoded_bytes()
@@ -114,7 +118,17 @@ mod tests {
     fn endings_say_what_is_written() {
         let of = |name: &str| Picture::of(Path::new(name)).map_err(|error| error.contains(".gif"));
         assert_eq!([of("a.gif"), of("b/A.PNG")], [Ok(Picture::Gif), Ok(Picture::Png)]);
-        for folder in ["a", "a.stl/", "runs/lr0.001", ".hidden", "v1.2-beta", "..", "."] {
+        for folder in [
+            "a",
+            "a.stl/",
+            "runs/lr0.001",
+            ".hidden",
+            "v1.2-beta",
+            "run.v2",
+            "a.b/c.final",
+            "..",
+            ".",
+        ] {
             assert_eq!(of(folder), Ok(Picture::Folder), "{folder}");
         }
         for file in ["a.stl", "a.mp4", "a.3mf", "b/a.JPG", "a.exr"] {
