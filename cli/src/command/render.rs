@@ -12,6 +12,7 @@ use train::output::OutputFolder;
 use crate::args::{Picture, Render};
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::interrupt::Interrupt;
 use crate::mesh_file::read_mesh;
 use crate::progress::Progress;
 use crate::views::read_views;
@@ -39,6 +40,8 @@ pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
     let folder = (kind == Picture::Folder)
         .then(|| OutputFolder::create(output, arguments.force))
         .transpose()?;
+    // Nothing is kept of what is not finished.
+    let _interrupt = Interrupt::listen(folder.as_ref().map(OutputFolder::unfinished))?;
     let depth = arguments.depth.then(|| output.with_extension("exr"));
     let mut files = std::iter::once(output).chain(&depth).filter(|_| folder.is_none());
     if let Some(file) = files.find(|file| file.exists() && !arguments.force) {

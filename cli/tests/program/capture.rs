@@ -194,6 +194,34 @@ fn ctrl_c_stops_colmap_and_leaves_nothing() {
     nothing_else_than_photos(place.path());
 }
 
+#[test]
+#[cfg(unix)]
+fn ctrl_c_while_masks_are_made_leaves_nothing() {
+    let place = tempfile::tempdir().unwrap();
+    // Enough to be busy with.
+    let views = photographed(12, [480, 360]);
+    write_photos(&views, &place.path().join("photos")).unwrap();
+    let names = || -> Vec<_> {
+        std::fs::read_dir(place.path()).unwrap().map(|e| e.unwrap().file_name()).collect()
+    };
+    let mut run = Command::new(env!("CARGO_BIN_EXE_unsphere"))
+        .args(["data", "mask", "photos", "-o", "found", "-q"])
+        .current_dir(place.path())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while names().len() == 1 {
+        assert!(start.elapsed() < Duration::from_secs(60), "it did not start");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    // It listens as soon as the folder is there, or nearly so.
+    std::thread::sleep(Duration::from_millis(50));
+    let kill = Command::new("kill").args(["-INT", &run.id().to_string()]).status().unwrap();
+    assert!(kill.success());
+    assert_eq!(run.wait().unwrap().code(), Some(130));
+    assert_eq!(names(), ["photos"]);
+}
+
 /// What a lens of this kind makes of a pinhole's image, of colours and of the mask.
 fn bent(view: &View, lens: &Distortion, [width, height]: [usize; 2]) -> [ByteImage; 2] {
     let Lens::Perspective { fx, fy, cx, cy } = view.camera.lens else { panic!("a pinhole") };

@@ -12,6 +12,7 @@ use train::output::OutputFolder;
 use crate::args::{Convert, WrittenLayout};
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 
 /// What is printed with `--json`.
@@ -28,6 +29,8 @@ struct Converted<'a> {
 pub(crate) fn run(console: Console, arguments: &Convert) -> Result<(), Failure> {
     // Refusals come before the work.
     let folder = OutputFolder::create(&arguments.to, arguments.force)?;
+    // Nothing is kept of what is not finished.
+    let _interrupt = Interrupt::listen(Some(folder.unfinished()))?;
     let options = ReadOptions { depth: true, ..arguments.reading.options() };
     let dataset = datasets::open_with(&arguments.from, &options)?;
     let entries = dataset.entries();

@@ -31,6 +31,7 @@ mod estimate {
 
     use super::{Console, Depth, Failure};
     use crate::args::DepthModelKind;
+    use crate::interrupt::Interrupt;
     use crate::progress::Progress;
 
     /// What is printed with `--json`.
@@ -55,6 +56,8 @@ mod estimate {
     pub(crate) fn run(console: Console, arguments: &Depth) -> Result<(), Failure> {
         // Refusals come before the work.
         let folder = OutputFolder::create(&arguments.output, arguments.force)?;
+        // Nothing is kept of what is not finished.
+        let _interrupt = Interrupt::listen(Some(folder.unfinished()))?;
         let names = names(&arguments.pictures)?;
         let input = match arguments.kind {
             DepthModelKind::MidasSmall => DepthInput::midas_small(),

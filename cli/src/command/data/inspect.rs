@@ -10,6 +10,7 @@ use train::output::OutputFolder;
 use crate::args::Inspect;
 use crate::console::{Console, table};
 use crate::failure::Failure;
+use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 use crate::provenance::typed_command;
 
@@ -31,6 +32,8 @@ pub(crate) fn run(console: Console, arguments: &Inspect) -> Result<(), Failure> 
     }
     let folder =
         wanted.map(|path| OutputFolder::create(path, arguments.output.force)).transpose()?;
+    // Nothing is kept of what is not finished.
+    let _interrupt = Interrupt::listen(folder.as_ref().map(OutputFolder::unfinished))?;
     let options = arguments.reading.options();
     let dataset = datasets::open_with(&arguments.path, &options)?;
     let progress = Progress::new(console, "inspect");

@@ -11,6 +11,7 @@ use train::output::{OutputFolder, disk};
 use crate::args::Mask;
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::interrupt::Interrupt;
 use crate::masks::{self, Made};
 
 /// What is printed with `--json`.
@@ -47,6 +48,8 @@ pub(crate) fn run(console: Console, arguments: &Mask) -> Result<(), Failure> {
     };
     // Refusals come before the work.
     let folder = OutputFolder::create(&target, arguments.force)?;
+    // Nothing is kept of what is not finished.
+    let _interrupt = Interrupt::listen(Some(folder.unfinished()))?;
     let (mut views, named) = views(console, arguments)?;
     let made = masks::make(console, &arguments.source, &mut views, named.is_some())?;
     let mut shares = Vec::new();
