@@ -291,10 +291,16 @@ impl Job<'_> {
             FitError::NotFinite { .. } => Failure::other(error),
             error => {
                 let mut reasons = vec![error.to_string()];
-                if matches!(error, FitError::Placement { .. }) {
-                    reasons.extend(diagnosis(&self.views, self.reading));
-                }
                 let source = self.views.source.display();
+                match error {
+                    FitError::Placement { .. } => {
+                        reasons.extend(diagnosis(&self.views, self.reading));
+                    }
+                    FitError::TooFewViews { .. } => reasons.push(format!(
+                        "one view is enough for a trained system: `unsphere predict img2mesh {source} -o mesh`"
+                    )),
+                    _ => {}
+                }
                 Failure::Input(format!("{source}: {}", reasons.join("; ")))
             }
         })

@@ -1,6 +1,6 @@
 //! What the systems promise that make a mesh from one image.
 
-use crate::common::unsphere_with;
+use crate::common::{clock_views, unsphere, unsphere_with};
 
 /// A network that was trained with depth asks for it, takes it, and makes a coloured mesh; what is given wrong is named,
 /// and nothing is written then.
@@ -32,4 +32,16 @@ fn a_picture_and_its_depth_become_a_colored_mesh() {
     predict("x", &format!("--depth no.pfm {lens}")).fails(3, &["no.pfm", "Pf"]);
     predict("x", "--depth no.pfm --intrinsics 60,60").fails(2, &["--intrinsics", "four"]);
     assert!(!place.path().join("x").exists());
+}
+
+/// A shape needs two outlines at least, but a trained system does not.
+#[test]
+fn a_fit_of_one_view_names_what_takes_one() {
+    let place = tempfile::tempdir().unwrap();
+    clock_views(place.path());
+    std::fs::write(place.path().join("one.txt"), "3\n").unwrap();
+    unsphere(place.path(), ["fit", "made/views", "--only", "one.txt", "-o", "x"]).fails(
+        3,
+        &["made/views: ", "at least 2", "`unsphere predict img2mesh made/views -o mesh`"],
+    );
 }
