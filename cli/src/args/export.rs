@@ -29,7 +29,7 @@ pub(crate) struct Export {
     #[arg(index = 1)]
     pub(crate) system: String,
     /// What it is scored on; without it, what the run was trained on.
-    #[arg(index = 2)]
+    #[arg(index = 2, requires = "output")]
     pub(crate) data: Option<PathBuf>,
     /// A run's folder, of which the best checkpoint is taken, or a checkpoint's file.
     #[arg(long, short, value_name = "RUN|FILE")]
@@ -37,11 +37,11 @@ pub(crate) struct Export {
     /// The last checkpoint of the run instead of the best.
     #[arg(long)]
     pub(crate) last: bool,
-    /// Where the weights go.
+    /// Where the weights go, and their model card beside them; needed where no --onnx is there.
     #[arg(long, short, value_name = "FILE.safetensors", value_parser = weights())]
     #[arg(required_unless_present = "onnx")]
     pub(crate) output: Option<PathBuf>,
-    /// Where its networks go, in ONNX's form.
+    /// Where its networks go, in ONNX's form; without -o nothing else is written, and nothing is scored.
     #[arg(long, value_name = "FILE.onnx", value_parser = onnx())]
     pub(crate) onnx: Option<PathBuf>,
     /// Replace files that are there.

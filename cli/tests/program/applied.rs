@@ -294,4 +294,8 @@ fn networks_are_exported_and_described() {
     run(&arguments).fails(1, &["given/net.onnx", "--force"]);
     run(&["export", "img2mesh", "-c", "run", "--onnx", "given/net.bin"]).fails(2, &[".onnx"]);
     run(&["export", "img2mesh", "-c", "run"]).fails(2, &["--output"]);
+    // What would be scored is not, without the weights.
+    let scored = ["export", "img2mesh", "views", "-c", "run", "--onnx", "given/other.onnx"];
+    run(&scored).fails(2, &["--output"]);
+    assert!(!place().join("given/other.onnx").exists());
 }
