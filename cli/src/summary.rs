@@ -7,7 +7,7 @@ use losses::metrics::Preset;
 use mesh_core::Examination;
 use serde::Serialize;
 use serde_json::Value;
-use train::report::{escape, page};
+use train::report::{counted, escape, page};
 
 use crate::object_list::ListedObject;
 
@@ -121,8 +121,8 @@ impl Summary {
         let [done, failed, waiting] =
             [State::Done, State::Failed, State::Waiting].map(|state| self.count(state));
         let mut body = format!(
-            "<h1>{} objects</h1><p class=\"lead\">{done} done, {failed} failed, {waiting} waiting.</p><table><tr><th></th><th>object</th><th>verdict</th>",
-            self.objects.len()
+            "<h1>{}</h1><p class=\"lead\">{done} done, {failed} failed, {waiting} waiting.</p><table><tr><th></th><th>object</th><th>verdict</th>",
+            counted(self.objects.len(), "object")
         );
         for (name, _) in FIGURES {
             let _ = write!(body, "<th>{name}</th>");

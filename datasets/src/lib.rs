@@ -78,6 +78,7 @@ mod backdrop;
 mod consistency;
 mod content;
 mod convention;
+mod counted;
 mod dataset;
 mod depth;
 #[cfg(feature = "onnx")]

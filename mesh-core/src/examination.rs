@@ -64,12 +64,12 @@ impl Examination {
         note(health.faces == 0, "no faces".into());
         note(!health.finite, "coordinates that are not finite".into());
         note(!health.indices_in_range, "faces that name vertices that are not there".into());
-        for (count, what) in [
-            (health.boundary_edges, "edges with one face (holes)"),
-            (health.non_manifold_edges, "edges with more than two faces"),
-            (health.non_manifold_vertices, "vertices where surfaces only touch"),
+        for (count, one, more, what) in [
+            (health.boundary_edges, "edge", "edges", "with one face (holes)"),
+            (health.non_manifold_edges, "edge", "edges", "with more than two faces"),
+            (health.non_manifold_vertices, "vertex", "vertices", "where surfaces only touch"),
         ] {
-            note(count > 0, format!("{count} {what}"));
+            note(count > 0, format!("{count} {} {what}", if count == 1 { one } else { more }));
         }
         note(!health.oriented, "neighbouring faces of opposite orientation".into());
         let inward = health.oriented && !health.outward && health.faces > 0;

@@ -8,6 +8,7 @@ use serde::Serialize;
 use train::output::{
     LockError, OutputError, OutputFolder, disk, lock_folder, remove_within, write_within,
 };
+use train::report::counted;
 use train::{Shard, settings};
 
 use crate::args::{Fit, Global};
@@ -98,7 +99,7 @@ pub(crate) fn run(
 }
 
 fn objects(count: usize) -> String {
-    if count == 1 { "1 object".to_owned() } else { format!("{count} objects") }
+    counted(count, "object")
 }
 
 impl Batch<'_> {
@@ -275,8 +276,8 @@ fn describe(outcome: &Outcome<'_>) -> String {
     let mut rows = summary.means();
     rows.push(("output", outcome.output.display().to_string()));
     format!(
-        "{} objects: {done} done, {failed} failed, {waiting} waiting; the figures are means over what is done\n{}",
-        summary.objects.len(),
+        "{}: {done} done, {failed} failed, {waiting} waiting; the figures are means over what is done\n{}",
+        objects(summary.objects.len()),
         table(rows)
     )
 }

@@ -9,6 +9,7 @@ use mesh_core::{encode_png, read_image};
 use recon::inspect::{ObjectInspection, inspect, write_report};
 use serde::Serialize;
 use train::output::{OutputFolder, disk};
+use train::report::counted;
 
 use crate::args::{Capture, Global};
 use crate::colmap::{Asked, Colmap};
@@ -48,7 +49,8 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Capture) -> Resu
     if paths.len() < LEAST {
         let (place, found) = (arguments.photographs.display(), paths.len());
         return Err(Failure::Input(format!(
-            "{place}: found {found} photographs (.png, .jpg), expected {LEAST} at least, and 20 or more to make a mesh of"
+            "{place}: found {} (.png, .jpg), expected {LEAST} at least, and 20 or more to make a mesh of",
+            counted(found, "photograph")
         )));
     }
     let folder = OutputFolder::create(&arguments.output, arguments.force)?;
@@ -174,7 +176,12 @@ fn inspected(folder: &OutputFolder, target: &Path) -> Result<ObjectInspection, F
 
 fn describe(captured: &Captured) -> String {
     let Captured { output, photographs, views, lost, agreement, problems, .. } = captured;
-    let mut text = format!("{}: {views} views of {photographs} photographs\n", output.display());
+    let mut text = format!(
+        "{}: {} of {}\n",
+        output.display(),
+        counted(*views, "view"),
+        counted(*photographs, "photograph")
+    );
     if !lost.is_empty() {
         let _ = writeln!(text, "  no camera found for {}", lost.join(", "));
     }

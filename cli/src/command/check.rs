@@ -6,6 +6,7 @@ use mesh_core::{Examination, Health, TriMesh};
 use models::predict::Predictor;
 use recon::fit::FitConfig;
 use serde::Serialize;
+use train::report::counted;
 use train::{Summary, settings};
 
 use crate::args::{Check, Global, SystemSettings};
@@ -183,7 +184,7 @@ fn describe(checked: &Checked<'_>) -> String {
         };
         let [least, mean, greatest] = views.coverage.map(|share| 100.0 * share);
         let (path, count) = (views.path.display(), views.views);
-        parts.push(format!("{path}: {count} views, {}\n", views.layout));
+        parts.push(format!("{path}: {}, {}\n", counted(count, "view"), views.layout));
         parts.push(table([
             ("  width", range(views.width)),
             ("  height", range(views.height)),

@@ -7,6 +7,7 @@ use models::OnnxValue;
 use models::predict::{Familiarity, Predictor};
 use serde::Serialize;
 use train::output::write_within;
+use train::report::counted;
 use train::{Checkpoint, CheckpointPath, Configuration, RunFolder, RunMetadata, Subset};
 
 use crate::args::{Export, Global, refuse_existing};
@@ -172,7 +173,8 @@ fn describe(exported: &Exported<'_>) -> String {
 /// A line for the file, and one for each input and output.
 fn listed(networks: &Networks) -> String {
     let (path, size) = (networks.path.display(), networks.bytes as f64 / 1e6);
-    let file = format!("{path}, {size:.1} MB, {} operators", networks.operators);
+    let operators = counted(networks.operators, "operator");
+    let file = format!("{path}, {size:.1} MB, {operators}");
     let all = networks.inputs.iter().map(|value| ("in", value));
     let all = all.chain(networks.outputs.iter().map(|value| ("out", value)));
     let rows = all.map(|(way, (name, shape))| {

@@ -15,6 +15,7 @@ use recon::progress::Event;
 use recon::verdict::{Grade, assess};
 use serde::Serialize;
 use train::output::OutputFolder;
+use train::report::counted;
 use train::settings;
 
 use crate::args::{Configuration, Fit, Global};
@@ -263,7 +264,11 @@ impl Job<'_> {
                 let [views, held_out] =
                     ["views", "held_out"].map(|name| facts.get(name).unwrap_or(0.0));
                 if held_out > 0.0 {
-                    shown.remark(format_args!("fitting to {views} views, {held_out} are held out"));
+                    shown.remark(format_args!(
+                        "fitting to {}, {} held out",
+                        counted(views as usize, "view"),
+                        if held_out == 1.0 { "1 is".to_owned() } else { format!("{held_out} are") }
+                    ));
                 } else {
                     shown.remark(format_args!(
                         "fitting to all {views} views; none is held out, so scores are on the given views"
@@ -373,11 +378,14 @@ fn describe(outcome: &Outcome<'_>, [fitted, views]: [usize; 2]) -> String {
         rows.push(("", text));
     }
     rows.push(("mesh", mesh));
-    rows.push(("time", format!("{:.1} s, {} steps", outcome.seconds, metrics.steps)));
+    let steps = counted(metrics.steps, "step");
+    rows.push(("time", format!("{:.1} s, {steps}", outcome.seconds)));
     rows.push(("output", outcome.output.display().to_string()));
+    let (was, count) = (if count == 1 { "was" } else { "were" }, counted(count, "view"));
     let scored = if metrics.scored_on == "fitted" { "fitted" } else { "held out" };
     let mut text = format!(
-        "{fitted} of {views} views fitted; the scores are means over {count} views that were {scored}\n{}",
+        "{fitted} of {} fitted; the scores are means over {count} that {was} {scored}\n{}",
+        counted(views, "view"),
         table(rows)
     );
     if !metrics.truth.is_empty() {

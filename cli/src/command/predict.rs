@@ -8,6 +8,7 @@ use models::predict::{
 use recon::delivery::holes;
 use serde::Serialize;
 use train::Checkpoint;
+use train::report::counted;
 
 use crate::args::Predict;
 use crate::checkpoint::checkpoint_path;
@@ -91,7 +92,10 @@ fn intrinsics(numbers: &[f64]) -> Result<Option<[f64; 4]>, Failure> {
         [fx, fy, cx, cy] => Ok(Some([fx, fy, cx, cy])),
         _ => {
             let found = numbers.len();
-            Err(Failure::Usage(format!("--intrinsics: found {found} numbers, expected four")))
+            Err(Failure::Usage(format!(
+                "--intrinsics: found {}, expected four",
+                counted(found, "number")
+            )))
         }
     }
 }
@@ -120,9 +124,9 @@ fn describe(outcome: &Outcome<'_>) -> String {
     rows.extend(metrics.one_pass.as_ref().map(|before| {
         let scores = before.held_out.as_ref().unwrap_or(&before.given);
         let psnr = scores.psnr.map_or_else(String::new, |psnr| format!(", {psnr:.2} dB"));
-        let crossings = before.self_intersections;
+        let crossings = counted(before.self_intersections, "self-intersection");
         let iou = scores.mask_iou;
-        let text = format!("mask IoU {iou:.4}{psnr}, {crossings} self-intersections");
+        let text = format!("mask IoU {iou:.4}{psnr}, {crossings}");
         ("unrefined", text)
     }));
     rows.push(("mesh", mesh));
@@ -137,6 +141,6 @@ fn describe(outcome: &Outcome<'_>) -> String {
     } else {
         judged.to_owned()
     };
-    let views = if given == 1 { "view" } else { "views" };
-    format!("{given} {views} given; the scores are means over {count} {judged}\n{rows}")
+    let given = counted(given, "view");
+    format!("{given} given; the scores are means over {count} {judged}\n{rows}")
 }

@@ -8,6 +8,7 @@ use recon::turntable::{BACKDROP, encode_gif, orbit};
 use serde::Serialize;
 use synth::{Lighting, RenderOptions, render_views};
 use train::output::OutputFolder;
+use train::report::counted;
 
 use crate::args::{Picture, Render};
 use crate::console::Console;
@@ -82,8 +83,7 @@ pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
     }
     let rendered = Rendered { output, pictures: views.len() };
     console.result(&rendered, |r| {
-        let plural = if r.pictures == 1 { "" } else { "s" };
-        format!("{} image{plural} in {}", r.pictures, r.output.display())
+        format!("{} in {}", counted(r.pictures, "image"), r.output.display())
     })
 }
 

@@ -10,6 +10,7 @@ use studies::{
     measured, merge, remake, reproduce, studies,
 };
 use train::TrainError;
+use train::report::counted;
 
 use crate::args::{Global, Reproduce};
 use crate::console::{Console, table};
@@ -173,8 +174,7 @@ fn planned(plans: &[Planned]) -> String {
     let (mut total, mut unknown) = (0.0, 0);
     for Planned { study, rows } in plans {
         for row in rows {
-            let seeds =
-                if row.seeds == 1 { "1 seed".to_owned() } else { format!("{} seeds", row.seeds) };
+            let seeds = counted(row.seeds, "seed");
             let time = row.seconds.map_or_else(|| "not known".to_owned(), hours);
             lines.push((format!("{study} {}", row.job), format!("{seeds:8} {time}")));
         }

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use models::predict::Predictor;
 use serde::Serialize;
 use train::progress::{Communication, Event, Step};
+use train::report::counted;
 use train::{
     CHANGEABLE, Checkpoint, CheckpointError, Communicator, Configuration, Job, Outcome, RunError,
     RunFolder, RunMetadata, Subset, System, TrainError, settings, train_among,
@@ -132,8 +133,8 @@ impl Command<'_> {
         if trained.interrupted {
             let (name, run) = (S::NAME, run.path().display());
             let text = format!(
-                "after {} steps; `unsphere train {name} --resume {run}` goes on",
-                trained.steps
+                "after {}; `unsphere train {name} --resume {run}` goes on",
+                counted(trained.steps as usize, "step")
             );
             return Err(Failure::Interrupted(text));
         }
@@ -247,7 +248,10 @@ impl Command<'_> {
                 scores = format!(";{}", named(metrics.iter().map(|m| (&*m.name, m.value))));
             }
             Event::Inherited(inherited) => {
-                shown.remark(format_args!("{} arrays are from there", inherited.taken));
+                shown.remark(format_args!(
+                    "taken from there: {}",
+                    counted(inherited.taken, "array")
+                ));
                 inherited.remarks().into_iter().for_each(|text| shown.warn(text));
             }
             Event::Skipped { step, loss, average } => {

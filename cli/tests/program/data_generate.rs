@@ -73,7 +73,7 @@ fn a_folder_of_meshes_becomes_a_dataset() {
     let said = run.ok();
     assert_eq!(said.json()["objects"], 3);
     let told = said.stderr();
-    assert!(told.contains("damaged.glb") && told.contains("1 meshes are left out"), "{told}");
+    assert!(told.contains("damaged.glb") && told.contains("1 mesh is left out"), "{told}");
     let text = std::fs::read_to_string(place.path().join("set/splits.json")).unwrap();
     let splits: serde_json::Value = serde_json::from_str(&text).unwrap();
     let chair = synth::shapes::Family::Chair.synset();

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use mesh_core::{Camera, DepthMap, decode_depth_png_with};
 
 use crate::assemble::{PICTURE_BYTES, Picture, assemble, read_picture};
+use crate::counted::counted_are;
 use crate::dataset::{Catalog, Dataset, Entry, Subset, Truth};
 use crate::error::ReadViewsError;
 use crate::formats::json::{Node, parse};
@@ -189,11 +190,8 @@ fn read_scene(
         let camera = cameras.need(key)?;
         let intrinsics = camera.need("cam_K")?.numbers::<9>()?;
         let depth_scale = camera.get("depth_scale").map_or(Ok(1.0), |node| node.positive())?;
-        let info = match &info {
-            Some((path, info)) => Node::root(info, path).get(key).map(|n| n.elements()),
-            None => None,
-        };
-        let info = info.transpose()?;
+        let info = info.as_ref().and_then(|(path, info)| Node::root(info, path).get(key));
+        let info = info.map(|list| list.elements()).transpose()?;
         let instances = list.elements()?;
         let mut ids = Vec::with_capacity(instances.len());
         for node in &instances {
@@ -222,7 +220,8 @@ fn read_scene(
     }
     if hidden > 0 {
         warnings.push(format!(
-            "{hidden} instances in {} are left out: less than a tenth of each is seen",
+            "{} left out in {}: less than a tenth of each is seen",
+            counted_are(hidden, "instance"),
             source.locate(scene).display()
         ));
     }

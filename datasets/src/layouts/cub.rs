@@ -10,6 +10,7 @@ use mesh_core::nalgebra::Matrix3;
 use mesh_core::{ByteImage, Camera, TriMesh};
 
 use crate::assemble::{assemble, read_picture};
+use crate::counted::counted_are;
 use crate::dataset::{Catalog, Dataset, Entry, Subset};
 use crate::error::ReadViewsError;
 use crate::formats::mat::{Mat, Node};
@@ -287,7 +288,7 @@ impl Cub {
             let file = images.file().display();
             self.catalog
                 .warnings
-                .push(format!("{empty} birds of {file} are left out: empty masks"));
+                .push(format!("{} left out of {file}: empty masks", counted_are(empty, "bird")));
         }
         Ok(())
     }

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use crate::assemble::{assemble, read_picture};
 use crate::content::numbered;
+use crate::counted::counted_are;
 use crate::dataset::{Catalog, Dataset, Entry, Subset};
 use crate::error::ReadViewsError;
 use crate::formats::json::Node;
@@ -255,11 +256,12 @@ impl Mcmr {
         }
         let mut warnings = Vec::new();
         if unmasked > 0 {
-            warnings.push(format!("{unmasked} objects are left out: they have no mask"));
+            warnings.push(format!("{} left out: no mask", counted_are(unmasked, "object")));
         }
         if unposed > 0 {
             warnings.push(format!(
-                "{unposed} objects are left out because no model is aligned with them (distance 0)"
+                "{} left out: no model is aligned (distance 0)",
+                counted_are(unposed, "object")
             ));
         }
         if annotations.is_empty() {

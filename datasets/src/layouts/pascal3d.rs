@@ -11,6 +11,7 @@ use mesh_core::{ByteImage, Camera, Lens, TriMesh};
 use rayon::prelude::*;
 
 use crate::assemble::{Picture, assemble, read_picture};
+use crate::counted::counted_are;
 use crate::dataset::{Catalog, Dataset, Entry, Truth};
 use crate::error::ReadViewsError;
 use crate::formats::mat::{Mat, Node};
@@ -333,8 +334,8 @@ impl Pascal3d {
         if let [(first, _), ..] = without.as_slice() {
             let count: usize = without.iter().map(|(_, count)| count).sum();
             warnings.push(format!(
-                "{count} objects are left out because no model is aligned with them (distance 0), \
-                 the first is in {first}"
+                "{} left out: no model is aligned (distance 0), the first is in {first}",
+                counted_are(count, "object")
             ));
         }
         if annotations.is_empty() {

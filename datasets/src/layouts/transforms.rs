@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::assemble::{Picture, assemble, camera_of_size, put, put_images, read_picture};
+use crate::counted::counted_are;
 use crate::dataset::Subset;
 use crate::depth;
 use crate::error::{ReadViewsError, WriteViewsError};
@@ -73,9 +74,8 @@ pub(crate) fn list<'a>(
     }
     reading.warnings.extend(lenses.sentence());
     if left_out > 0 {
-        let text =
-            format!("{left_out} views for validation are left out: others are kept for tests");
-        reading.warnings.push(text);
+        let count = counted_are(left_out, "validation view");
+        reading.warnings.push(format!("{count} left out: others are kept for tests"));
     }
     Ok(reading)
 }

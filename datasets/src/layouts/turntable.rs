@@ -3,6 +3,7 @@
 use mesh_core::Camera;
 
 use crate::assemble::{assemble, pictures_in, read_picture, without_extension};
+use crate::counted::counted;
 use crate::error::ReadViewsError;
 use crate::mask_file::{mask_file, mask_names};
 use crate::options::{ReadOptions, Turntable};
@@ -32,7 +33,7 @@ pub(crate) fn list<'a>(
             table.count,
             if names.len() < table.count { " (or allow missing views at its end)" } else { "" }
         );
-        let found = format!("{} photographs", names.len());
+        let found = counted(names.len(), "photograph");
         return Err(ReadViewsError::field(&source.path, "turntable count", found, expected));
     }
     let mut warnings = Vec::new();

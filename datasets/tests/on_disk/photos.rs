@@ -209,7 +209,7 @@ mod pascal3d {
         let pascal = open();
         let names: Vec<_> = pascal.entries().iter().map(|e| e.name.as_str()).collect();
         assert_eq!(names, ["n02690373_16", "2008_000021"]);
-        assert!(pascal.warnings()[0].contains("1 objects are left out"), "{:?}", pascal.warnings());
+        assert!(pascal.warnings()[0].contains("1 object is left out"), "{:?}", pascal.warnings());
         assert!(pascal.warnings()[0].contains("aeroplane_imagenet/n02690373_16.mat"));
         let whole = ReadOptions { mask: MaskSource::Whole, ..ReadOptions::default() };
         for (object, entry) in pascal.entries().iter().enumerate() {

@@ -176,7 +176,7 @@ fn lists_are_a_split_too() {
     let dataset = R2n2::open(root.path()).unwrap();
     let subsets: Vec<_> = dataset.entries().iter().map(|e| e.subset).collect();
     assert_eq!(subsets, [Some(Subset::Validation), Some(Subset::Train), None]);
-    assert!(dataset.warnings()[0].contains("1 objects are in several"), "{dataset:?}");
+    assert!(dataset.warnings()[0].contains("1 object is in several"), "{dataset:?}");
     std::fs::write(root.path().join("val.lst"), "c\n").unwrap();
     let error = R2n2::open(root.path()).unwrap_err().to_string();
     assert!(error.contains("val.lst") && error.contains("line 1"), "{error}");

@@ -181,7 +181,7 @@ impl PredictInput {
             Choice::First(count) => {
                 if count > views.len() {
                     let there = views.len();
-                    warnings.push(format!("{count} views were asked for, and {there} are there"));
+                    warnings.push(format!("asked for the first {count} views, found {there}"));
                 }
                 (0..count.min(views.len())).collect()
             }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use losses::metrics::{Preset, Report as Comparison};
 use mesh_core::{Examination, Health};
-use train::report::{Chart, Figure, Report, Series, Table, ViewPair};
+use train::report::{Chart, Figure, Report, Series, Table, ViewPair, counted};
 
 use super::Delivery;
 use super::metrics::Metrics;
@@ -33,11 +33,10 @@ pub(super) fn report(delivery: &Delivery<'_>, metrics: &Metrics, views: Vec<View
     Report {
         title: delivery.title.into(),
         summary: format!(
-            "Verdict: {}. A mesh deformed to agree with {} views of {source}; the figures are means over the {} {} views.",
+            "Verdict: {}. A mesh deformed to agree with {} of {source}; the figures are means over {}.",
             verdict.grade,
-            fitted.train_views.len(),
-            metrics.views.views.len(),
-            metrics.scored_on,
+            counted(fitted.train_views.len(), "view"),
+            counted(metrics.views.views.len(), &format!("{} view", metrics.scored_on)),
         ),
         command: delivery.command.into(),
         scene: scene_of(&fitted.mesh.clone().upright(delivery.up)),

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use mesh_core::encode_png;
 use train::output::{OutputError, OutputFolder};
-use train::report::{Chart, Series, Table, escape, page, png_uri, write_table};
+use train::report::{Chart, Series, Table, counted, escape, page, png_uri, write_table};
 
 use super::{Count, Inspection, ObjectInspection};
 
@@ -40,7 +40,9 @@ fn html(inspection: &Inspection, command: &str) -> String {
     for warning in &inspection.warnings {
         let _ = write!(body, "<p class=\"warn\">{}</p>", escape(warning));
     }
-    let row = |c: &Count| (c.name.clone(), format!("{} objects, {} views", c.objects, c.views));
+    let row = |c: &Count| {
+        (c.name.clone(), format!("{}, {}", counted(c.objects, "object"), counted(c.views, "view")))
+    };
     if inspection.categories.len() > 1 {
         write_table(&Table::new("Categories", inspection.categories.iter().map(row)), &mut body);
     }
@@ -100,13 +102,12 @@ impl Inspection {
             1 => "1 thing looks wrong".to_owned(),
             n => format!("{n} things look wrong"),
         };
-        let count = |n: usize, noun: &str| format!("{n} {noun}{}", if n == 1 { "" } else { "s" });
         format!(
             "{}: {}, {}; {} looked at, {verdict}",
             self.layout,
-            count(self.objects, "object"),
-            count(self.views, "view"),
-            count(self.looked_at.len(), "object"),
+            counted(self.objects, "object"),
+            counted(self.views, "view"),
+            counted(self.looked_at.len(), "object"),
         )
     }
 }

@@ -1,5 +1,7 @@
 //! From evidence to a verdict.
 
+use mesh_core::Examination;
+
 use super::{Disagreement, Evidence, Grade, Verdict};
 use crate::inspect::Coherence;
 
@@ -52,8 +54,7 @@ pub fn judge(evidence: &Evidence) -> Verdict {
     disagreements(evidence, &mut say);
     masks(evidence, &mut say);
     views(evidence, &mut say);
-    if evidence.self_intersections > 0 {
-        let text = format!("{} pairs of faces run through each other", evidence.self_intersections);
+    if let Some(text) = Examination::crossings_of(evidence.self_intersections) {
         say(Grade::Doubtful, text);
     }
     let grade = reasons.iter().map(|(grade, _)| *grade).max().unwrap_or(Grade::Good);

@@ -8,6 +8,7 @@ use datasets::{ColmapForm, Entry, ReadOptions, Truth, View, WriteViewsError};
 use datasets::{write_colmap, write_kaolin, write_photos, write_transforms};
 use serde::Serialize;
 use train::output::OutputFolder;
+use train::report::counted;
 
 use crate::args::{Convert, WrittenLayout};
 use crate::console::Console;
@@ -75,9 +76,9 @@ pub(crate) fn run(console: Console, arguments: &Convert) -> Result<(), Failure> 
     let converted = Converted { output: &output, objects: chosen.len(), views: views_count, lost };
     console.result(&converted, |converted| {
         let mut text = format!(
-            "{} objects, {} views in {}\n",
-            converted.objects,
-            converted.views,
+            "{}, {} in {}\n",
+            counted(converted.objects, "object"),
+            counted(converted.views, "view"),
             converted.output.display()
         );
         for lost in &converted.lost {

@@ -10,6 +10,7 @@ use synth::generate::{
 };
 use synth::progress::Event;
 use synth::shapes::Family;
+use train::report::counted;
 
 use crate::args::{DepthKind, Generate, Global};
 use crate::console::{Console, table};
@@ -56,8 +57,9 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Generate) -> Res
     if generated.ended.is_cancelled() {
         let Generated { objects, total, .. } = &generated;
         return Err(Failure::Interrupted(format!(
-            "{} of {total} objects are complete in {}; the same command again goes on from there",
+            "{} of {} complete in {}; the same command again goes on from there",
             objects.len(),
+            counted(*total, "object"),
             output.display()
         )));
     }
@@ -110,8 +112,8 @@ fn models(console: Console, arguments: &Generate) -> Result<Vec<Model>, Failure>
     found.refused.iter().for_each(|error| console.warn(format_args!("{error}; left out")));
     if found.unlisted > 0 {
         let count = found.unlisted;
-        console
-            .remark(format_args!("{count} meshes are left out, which the list has for no subset"));
+        let meshes = if count == 1 { "1 mesh is" } else { &format!("{count} meshes are") };
+        console.remark(format_args!("{meshes} left out, without a subset in the list"));
     }
     Ok(found.models)
 }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use recon::inspect::{Inspection, inspect, write_report};
 use serde::Serialize;
 use train::output::OutputFolder;
+use train::report::counted;
 
 use crate::args::Inspect;
 use crate::console::{Console, table};
@@ -55,7 +56,7 @@ fn describe(inspected: &Inspected<'_>) -> String {
     let Inspected { output, inspection } = inspected;
     let mut text = format!("{}: {}\n", inspection.path.display(), inspection.summary());
     let count = |c: &recon::inspect::Count| {
-        format!("  {}: {} objects, {} views\n", c.name, c.objects, c.views)
+        format!("  {}: {}, {}\n", c.name, counted(c.objects, "object"), counted(c.views, "view"))
     };
     if inspection.categories.len() > 1 {
         text.extend(inspection.categories.iter().map(count));

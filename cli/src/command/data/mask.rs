@@ -7,6 +7,7 @@ use datasets::{Layout, MaskSource, OnInconsistent, ReadOptions, View, ViewsProbl
 use mesh_core::{ByteImage, Camera, encode_png, read_image};
 use serde::Serialize;
 use train::output::{OutputFolder, disk};
+use train::report::counted;
 
 use crate::args::Mask;
 use crate::console::Console;
@@ -74,8 +75,8 @@ fn describe(masked: &Masked) -> String {
     shares.sort_by(f64::total_cmp);
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let mut text = format!(
-        "{} masks in {}; the object covers {} to {} of an image\n",
-        masked.views.len(),
+        "{} in {}; the object covers {} to {} of an image\n",
+        counted(masked.views.len(), "mask"),
         masked.output.display(),
         percent(shares.first().copied().unwrap_or(0.0)),
         percent(shares.last().copied().unwrap_or(0.0)),
@@ -84,7 +85,8 @@ fn describe(masked: &Masked) -> String {
         let Made { dropped, filled } = masked.made;
         let _ = writeln!(
             text,
-            "the views put each other right: {dropped} pixels dropped, {filled} filled"
+            "the views put each other right: {} dropped, {filled} filled",
+            counted(dropped, "pixel")
         );
     }
     text

@@ -10,6 +10,7 @@ use crate::args::Validate;
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::progress::Progress;
+use train::report::counted;
 
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
@@ -48,19 +49,18 @@ pub(crate) fn run(console: Console, arguments: &Validate) -> Result<(), Failure>
     console.result(&validated, describe)?;
     match validated.faults.len() {
         0 => Ok(()),
-        1 => Err(Failure::Input(format!("{}: 1 fault", path.display()))),
-        n => Err(Failure::Input(format!("{}: {n} faults", path.display()))),
+        n => Err(Failure::Input(format!("{}: {}", path.display(), counted(n, "fault")))),
     }
 }
 
 fn describe(validated: &Validated<'_>) -> String {
     let layout = validated.layout.as_deref().unwrap_or("unknown layout");
     let mut text = format!(
-        "{}: {layout}, {} objects, {} views read, {} faults\n",
+        "{}: {layout}, {}, {} read, {}\n",
         validated.path.display(),
-        validated.objects,
-        validated.views,
-        validated.faults.len()
+        counted(validated.objects, "object"),
+        counted(validated.views, "view"),
+        counted(validated.faults.len(), "fault")
     );
     for (word, list) in [("fault", &validated.faults), ("warning", &validated.warnings)] {
         for fault in list {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::assemble::put;
 use crate::content::{cut, numbered, over};
+use crate::counted::counted_are;
 use crate::dataset::Subset;
 use crate::error::{ReadViewsError, WriteViewsError};
 use crate::formats::json::{Node, parse};
@@ -90,7 +91,8 @@ impl Splits {
         }
         let several = splits.objects.values().filter(|parts| parts.len() > 1).count();
         if several > 0 {
-            warnings.push(format!("{several} objects are in several lists of the split"));
+            warnings
+                .push(format!("{} in several lists of the split", counted_are(several, "object")));
         }
         Ok(splits)
     }
