@@ -15,6 +15,7 @@
 mod cameras;
 mod collection;
 mod dataset;
+mod doubled;
 pub mod generate;
 mod monocular;
 mod noise;

@@ -9,6 +9,7 @@ use mesh_core::{ByteImage, Camera, DepthMap, Image, TriMesh, srgb_to_linear};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::doubled::Doubled;
 use super::rendering::{NormalSpace, Rendering};
 use super::shade::{Albedo, Lighting, blend, corner_normals, encode, unit};
 use super::sketch::Sketch;
@@ -67,7 +68,8 @@ pub fn render_views(
 ///
 /// Colours are averaged over `supersample²` samples, in linear light where there is shading.
 /// Masks and depth are those of the pixel's centre, which is the rule by which masks are compared
-/// everywhere. `progress` is told how many views are done, of how many, from any thread.
+/// everywhere. Of faces with the same corners the first that faces the camera is seen, or else
+/// the first. `progress` is told how many views are done, of how many, from any thread.
 ///
 /// # Errors
 /// If a face names a vertex that is not there.
@@ -94,6 +96,7 @@ pub fn render(
     let scene = Scene {
         mesh,
         faces,
+        doubled: Doubled::of(mesh),
         albedo: Albedo::of(mesh, linear, options.plain),
         light: linear.then(|| options.lighting.on(mesh)),
         normals: options.normals.map(|_| corner_normals(mesh, options.lighting.crease)),
@@ -115,6 +118,7 @@ pub fn render(
 struct Scene<'a> {
     mesh: &'a TriMesh,
     faces: Arc<Faces>,
+    doubled: Option<Doubled>,
     albedo: Albedo,
     /// Light on each corner; `None` where colours are shown as they are, in sRGB.
     light: Option<Vec<[f32; 3]>>,
@@ -127,9 +131,13 @@ struct Scene<'a> {
 impl Scene<'_> {
     fn draw(&self, camera: &Camera, name: String, sketch: &mut Sketch) -> Rendering {
         let mut rendering = self.empty(camera, name);
-        if let Some(part) =
-            sketch.draw(camera, &self.mesh.positions, &self.faces, self.options.supersample)
-        {
+        let positions = &self.mesh.positions;
+        let shown = self.doubled.as_ref().map(|doubled| {
+            let faces = Faces::new(positions.len(), &doubled.shown(self.mesh, camera));
+            Arc::new(faces.expect("corners of faces that are sound"))
+        });
+        let faces = shown.as_ref().unwrap_or(&self.faces);
+        if let Some(part) = sketch.draw(camera, positions, faces, self.options.supersample) {
             self.resolve(&sketch.fragments, part, &mut rendering);
         }
         rendering
