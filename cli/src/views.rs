@@ -40,8 +40,14 @@ fn explained(path: &Path, options: &ReadOptions, error: ReadViewsError) -> Failu
 
 /// What looks wrong with cameras and masks that were read with options, a sentence each; about a second for a hundred views.
 pub(crate) fn diagnosis(views: &Views, options: &ReadOptions) -> Vec<String> {
+    diagnosis_beside(views, options, &[])
+}
+
+/// [`diagnosis`] without the problems of these names, of which something is said already.
+pub(crate) fn diagnosis_beside(views: &Views, options: &ReadOptions, said: &[&str]) -> Vec<String> {
     let found = inspect_views_with(views, &Truth::default(), options);
-    found.problems.into_iter().map(|problem| problem.message).collect()
+    let new = found.problems.into_iter().filter(|problem| !said.contains(&problem.kind));
+    new.map(|problem| problem.message).collect()
 }
 
 /// Opens what a system learns from or is scored on; without a path it makes its own.

@@ -27,7 +27,7 @@ use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 use crate::provenance::{facts, typed_command};
 use crate::truth::{Truth, is_fixed};
-use crate::views::{diagnosis, read_views};
+use crate::views::{diagnosis, diagnosis_beside, read_views};
 
 /// Where the results go when nothing is said.
 pub(crate) const FOLDER: &str = "unsphere-fit";
@@ -194,7 +194,7 @@ impl Job<'_> {
         let assessment = assess(&self.views, &fitted).map_err(Failure::other)?;
         // Something may be wrong with the input, and then it is looked at whole.
         if assessment.verdict.grade != Grade::Good && !assessment.evidence.is_coherent() {
-            for reason in diagnosis(&self.views, self.reading) {
+            for reason in diagnosis_beside(&self.views, self.reading, &assessment.said) {
                 console.warn(&reason);
                 fitted.warnings.push(reason);
             }

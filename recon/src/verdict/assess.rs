@@ -22,6 +22,9 @@ pub struct Assessment {
     pub verdict: Verdict,
     /// What it is made of; of the views the eight that disagree most.
     pub evidence: Evidence,
+    /// The names of those [problems](crate::inspect::Problem) that an inspection of the views may find and the verdict says
+    /// already.
+    pub said: Vec<&'static str>,
     /// The worst of these as pictures.
     pub pictures: Vec<WorstView>,
 }
@@ -46,7 +49,7 @@ pub struct WorstView {
 /// If a face names a vertex that is not there.
 pub fn assess(views: &Views, fitted: &Fitted) -> Result<Assessment, FacesError> {
     let mut evidence = Evidence::of(views, fitted)?;
-    let verdict = judge(&evidence);
+    let (verdict, said) = (judge(&evidence), evidence.said());
     let differ = evidence.views.iter().filter(|view| view.missing + view.excess > DIFFERS);
     let pictures = differ
         .take(SHOWN)
@@ -69,5 +72,5 @@ pub fn assess(views: &Views, fitted: &Fitted) -> Result<Assessment, FacesError> 
         })
         .collect::<Result<_, FacesError>>()?;
     evidence.views.truncate(LISTED);
-    Ok(Assessment { verdict, evidence, pictures })
+    Ok(Assessment { verdict, evidence, said, pictures })
 }

@@ -77,18 +77,48 @@ impl Evidence {
     }
 }
 
-/// Where mesh and masks differ.
-fn disagreements(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
-    let named = |wanted: &dyn Fn(&Disagreement) -> bool| -> Option<String> {
+impl Evidence {
+    /// What of that which [`inspect_views`](crate::inspect::inspect_views) may find the verdict says already, by the names of its
+    /// problems: with figures of the views that were fitted, under the cameras that the mesh agrees with, so that they differ.
+    pub(super) fn said(&self) -> Vec<&'static str> {
+        let gap = self.coherence.is_some_and(|coherence| coherence.gap > GAP);
+        let edge = self.mask_edge.is_some_and(|edge| edge.abs() > EDGE);
+        [
+            (self.lens.is_some(), &["focal_length", "principal_point"][..]),
+            (edge, &["large_masks", "small_masks"]),
+            (gap, &["loose_cameras"]),
+            (self.unseen.0 > UNSEEN, &["one_sided"]),
+            (self.cut().is_some(), &["out_of_frame"]),
+        ]
+        .into_iter()
+        .filter(|(is_said, _)| *is_said)
+        .flat_map(|(_, kinds)| kinds.iter().copied())
+        .collect()
+    }
+
+    /// The views that have what is asked for, in words; none where there is none.
+    fn named(&self, wanted: &dyn Fn(&Disagreement) -> bool) -> Option<String> {
         let names: Vec<&str> =
-            evidence.views.iter().filter(|v| wanted(v)).map(|v| v.name.as_str()).collect();
+            self.views.iter().filter(|v| wanted(v)).map(|v| v.name.as_str()).collect();
         match names.len() {
             0 => None,
             1 => Some(format!("view {}", names[0])),
             2..=4 => Some(format!("views {}", names.join(", "))),
             n => Some(format!("{n} views ({}, ..)", names[..3].join(", "))),
         }
-    };
+    }
+
+    /// The views in which the border cuts the object, where those are too many.
+    fn cut(&self) -> Option<String> {
+        let cut = self.count(|view| view.cut);
+        let too_many = cut as f64 > CUT * self.views.len() as f64;
+        self.named(&|view| view.cut).filter(|_| too_many)
+    }
+}
+
+/// Where mesh and masks differ.
+fn disagreements(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
+    let named = |wanted: &dyn Fn(&Disagreement) -> bool| evidence.named(wanted);
     if let Some(names) = named(&|view| view.mask_iou < VIEW_IOU) {
         let verb = if evidence.count(|view| view.mask_iou < VIEW_IOU) == 1 {
             "disagrees"
@@ -176,9 +206,8 @@ fn views(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
         );
         say(Grade::Doubtful, text);
     }
-    let cut = evidence.count(|view| view.cut);
-    if cut as f64 > CUT * evidence.views.len() as f64 {
-        let text = format!("the object is out of frame in {cut} of {} views", evidence.views.len());
+    if let Some(cut) = evidence.cut() {
+        let text = format!("the object is out of frame in {cut}, of {}", evidence.views.len());
         say(Grade::Doubtful, text);
     }
 }

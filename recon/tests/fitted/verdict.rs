@@ -1,8 +1,9 @@
 //! Verdicts: a good fit is good, and each thing that is wrong has its word.
 
-use datasets::Views;
+use datasets::{Truth, Views};
 use mesh_core::{TriMesh, primitives};
 use recon::fit::{Fitted, Quality, fit};
+use recon::inspect::inspect_views;
 use recon::progress::Watch;
 use recon::verdict::{Assessment, Evidence, Grade, assess, judge};
 use synth::{Orbit, Planted, RenderOptions, render_views};
@@ -104,7 +105,7 @@ fn holes_are_seen_and_shown() {
     let mesh = mesh_core::subdivide(&plate);
     let filled =
         Fitted { health: mesh.health(), mesh, self_intersections: 0, ..fitted(&views_of(&egg())) };
-    let Assessment { verdict, evidence, pictures } = assess(&views, &filled).unwrap();
+    let Assessment { verdict, evidence, pictures, .. } = assess(&views, &filled).unwrap();
     assert_ne!(verdict.grade, Grade::Good);
     assert!(verdict.reasons.iter().any(|reason| reason.contains("holes")), "{verdict:?}");
     assert!(evidence.views.len() == 8 && evidence.views[0].mask_iou <= evidence.views[7].mask_iou);
@@ -115,6 +116,20 @@ fn holes_are_seen_and_shown() {
     let count = worst.difference.data.chunks_exact(3).filter(blue).count() as f64;
     let area = views.views[evidence.views[0].index].mask_pixels() as f64;
     assert!((count / area - evidence.views[0].excess).abs() < 0.05, "{count} of {area}");
+}
+
+#[test]
+fn what_a_verdict_says_an_inspection_need_not_say_again() {
+    let good = views_of(&egg());
+    assert_eq!(assess(&good, &fitted(&good)).unwrap().said, [""; 0]);
+    let views = Planted::OneSided(50.0).plant(good.views, [0.0; 3], 4);
+    let views = Views::in_memory(views);
+    let found = assess(&views, &fitted(&views)).unwrap();
+    let says = |reason: &String| reason.contains("no view shows the side");
+    assert!(found.verdict.reasons.iter().any(says), "{:?}", found.verdict);
+    let inspected = inspect_views(&views, &Truth::default()).problems;
+    assert!(inspected.iter().any(|problem| problem.kind == "one_sided"), "{inspected:?}");
+    assert!(found.said.contains(&"one_sided"), "{:?}", found.said);
 }
 
 #[test]
