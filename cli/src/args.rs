@@ -46,14 +46,14 @@ use values::{LIGHTS, Light, UpOrAuto, degrees, hex_color, one_of, up_axis};
 #[derive(Debug, Parser)]
 #[command(name = "unsphere", version, arg_required_else_help = true, max_term_width = 100)]
 #[command(after_help = "Examples:
-  unsphere demo                                  see it work, in some fifteen seconds
-  unsphere fit rendered_clock.zip -o clock       a mesh from views with masks and cameras
+  unsphere demo                                  see it work, in seconds
+  unsphere fit rendered_clock.zip -o clock       a mesh from views
   unsphere render clock/mesh.glb -o turn.gif     look at it from all around
-  unsphere train img2mesh clock.zip -o run       learn to predict meshes from views
-  unsphere predict img2mesh few/ -c run -o mesh  a mesh of a few views, without fitting
+  unsphere train img2mesh clock.zip -o run       learn to predict meshes
+  unsphere predict img2mesh few/ -c run -o mesh  a mesh of a few views
   unsphere metrics clock/mesh.ply truth.obj      compare two meshes
   unsphere check clock/mesh.ply                  is it closed, is it printable?
-  unsphere convert clock/mesh.glb -o clock.stl   another format, another size, fewer triangles
+  unsphere convert clock/mesh.glb -o clock.stl   another format or size
   unsphere data inspect scan/                    do its cameras and masks agree?
 
 Exit codes: 0 done, 1 failure, 2 wrong usage, 3 bad input data, 130 stopped by Ctrl-C.")]
@@ -128,10 +128,10 @@ pub(crate) enum Command {
 
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
-  unsphere demo                        the standard clock, into the folder unsphere-demo
+  unsphere demo                        the standard clock, into unsphere-demo
   unsphere demo --seed 7 -o seven      another clock
   unsphere demo --views 40 --size 128  fewer and smaller pictures
-  unsphere demo --set color=texture    colours in a texture instead of the vertices")]
+  unsphere demo --set color=texture    colours in a texture")]
 pub(crate) struct Demo {
     #[command(flatten)]
     pub(crate) output: Output,
@@ -150,10 +150,12 @@ pub(crate) struct Demo {
 
 #[derive(Args, Debug)]
 #[command(after_help = "VIEWS is one of
-  a folder or zip of kaolin's synthetic views (0_rgb.png, 0_semantic.npy, 0_metadata.json, ..)
-  a transforms.json of NeRF, instant-ngp or nerfstudio, or a folder that holds one
-  a COLMAP project (sparse/0, images), or photographs with a cameras.json or projection matrices
-  photographs from a turntable (--turntable), a BOP scene, or a dataset of many (--object)
+  a folder or zip of kaolin's synthetic views (0_rgb.png, 0_metadata.json, ..)
+  a transforms.json of NeRF, instant-ngp or nerfstudio, or its folder
+  a COLMAP project (sparse/0, images)
+  photographs with a cameras.json or projection matrices
+  photographs from a turntable (--turntable)
+  a BOP scene, or a dataset of many (--object)
 
 Every fifth view (4, 9, 14, ..) is kept out of the fit and scores the result, or those that the
 source keeps for tests (transforms_test.json, test_filenames); --set hold-out=none uses all. The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html, metrics.json
@@ -213,10 +215,10 @@ stopped or killed goes on with --resume, and its result is that of a run that wa
 `unsphere check --system img2mesh` says what a configuration amounts to, with --options what can be set.
 
 Examples:
-  unsphere train img2mesh -o runs/look --preset tiny       a procedural clock, in seconds
+  unsphere train img2mesh -o runs/look --preset tiny  a made clock, in seconds
   unsphere train img2mesh rendered_clock.zip -o runs/clock --max-size 256
   unsphere train img2mesh --resume runs/clock --set epochs=80
-  unsphere train img2mesh mugs/ --from runs/clock -o runs/mugs --set max-steps=500
+  unsphere train img2mesh mugs/ --from runs/clock -o runs/mugs
   unsphere eval img2mesh --checkpoint runs/clock
   tensorboard --logdir runs
 Several processes, of a build with feature mpi, share the shards of each batch:
@@ -253,7 +255,7 @@ pub(crate) struct Train {
 #[command(after_help = "What is written follows from the name after -o:
   turn.gif     the turntable, animated
   front.png    one image: the first camera, or the one that --view names
-  folder       one PNG per camera; with --depth also NAME_depth.exr (planar depth, channel Z)
+  folder       one PNG per camera; with --depth also NAME_depth.exr
 
 Examples:
   unsphere render mesh.glb -o turn.gif --frames 72 --elevation 30
@@ -334,9 +336,9 @@ through another one. Otherwise the exit code is 1 and the failures are named.
 Examples:
   unsphere check mesh.ply
   unsphere check --config fit.toml --set level=6
-  unsphere check --config -                        print every setting with its default
-  unsphere check --system img2mesh --preset paper  shapes, parameters and settings of a system
-  unsphere check --system img2mesh --options       what each setting means, its range and published value
+  unsphere check --config -                        all settings, by default
+  unsphere check --system img2mesh --preset paper  what a system amounts to
+  unsphere check --system img2mesh --options       what its settings mean
   unsphere check --views rendered_clock.zip"
 )]
 #[command(arg_required_else_help = true)]
@@ -363,7 +365,8 @@ pub(crate) struct Check {
 
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
-  unsphere completions bash > ~/.local/share/bash-completion/completions/unsphere
+  unsphere completions bash \\
+    > ~/.local/share/bash-completion/completions/unsphere
   unsphere completions fish > ~/.config/fish/completions/unsphere.fish")]
 pub(crate) struct Completions {
     /// The shell.

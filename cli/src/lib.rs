@@ -24,6 +24,7 @@ mod configuration;
 mod console;
 mod event_log;
 mod failure;
+mod help;
 mod interrupt;
 mod job_array;
 mod masks;

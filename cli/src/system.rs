@@ -10,6 +10,7 @@ use crate::command::check::SystemReport;
 use crate::command::{check, eval, export, predict, train as training};
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::help::flowing;
 use crate::options::{self, ListedOption};
 
 /// The commands that every system has.
@@ -57,7 +58,7 @@ impl Systems {
         let values: Vec<_> = self.0.iter().map(value).collect();
         let names = || PossibleValuesParser::new(values.clone());
         ["train", "eval", "predict", "export", "check"].into_iter().fold(
-            command,
+            flowing(command),
             |command, verb| {
                 command.mut_subcommand(verb, |verb| {
                     verb.mut_arg("system", |argument| argument.value_parser(names()))

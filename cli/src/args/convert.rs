@@ -18,11 +18,11 @@ is otherwise needs --input-up.
 A textured mesh becomes two more files beside an .obj: the .mtl and the .png of its name.
 
 Examples:
-  unsphere convert clock/mesh.glb -o clock.stl --height 80mm   for a printer
-  unsphere convert clock/mesh.glb -o clock.3mf --height 80mm   the same, with colours
-  unsphere convert part.stl -o part.glb --scale 0.001          millimetres to metres, upright again
-  unsphere convert scan.ply -o small.glb --faces 5000          fewer triangles, closed as before
-  unsphere convert cad.obj -o cad.glb --input-up z             from a program whose +Z is up"
+  unsphere convert clock/mesh.glb -o clock.stl --height 80mm  for a printer
+  unsphere convert clock/mesh.glb -o clock.3mf --height 80mm  in colours
+  unsphere convert part.stl -o part.glb --scale 0.001         metres, upright
+  unsphere convert scan.ply -o small.glb --faces 5000         fewer triangles
+  unsphere convert cad.obj -o cad.glb --input-up z            +Z was up"
 )]
 pub(crate) struct ConvertMesh {
     /// The mesh: .obj, .ply, .glb, .off or .stl.

@@ -48,17 +48,17 @@ number of threads. Ctrl-C keeps the objects that are complete; the same command 
 there.
 
 --set reaches what has no option of its own, for example
-  --set 'split=[0.8,0.1,0.1]'                          shares of training, validation, test
-  --set 'noise={rotation=20,scale=0.2}'                how rough the poses of a collection are
-  --set 'monocular={blur=[0,0],ground=[0,0]}'          sharp guesses of depth without a floor
+  --set 'split=[0.8,0.1,0.1]'                  training, validation, test
+  --set 'noise={rotation=20,scale=0.2}'        how rough the poses are
+  --set 'monocular={blur=[0,0],ground=[0,0]}'  sharp depth without a floor
 
 Examples:
-  unsphere data generate --families plane,car --objects 200 --layout r2n2 --seed 7 -o shapes
+  unsphere data generate --families plane,car --objects 200 --layout r2n2 -o a
   unsphere data generate --cameras sphere --size 256 --depth true -o all
-  unsphere data generate --cameras collection --layout transforms --size 320x240 -o photos
-  unsphere data generate --from furniture/ --splits furniture/list.csv --layout r2n2 -o views
+  unsphere data generate --cameras collection --layout transforms -o photos
+  unsphere data generate --from furniture/ --layout r2n2 -o views
   unsphere data generate --objects 5000 --shard 2/8 -o shapes
-  unsphere data generate --from chair.obj --cameras sphere --views 100 --size 512 -o chair"
+  unsphere data generate --from chair.obj --cameras sphere --views 99 -o chair"
 )]
 pub(crate) struct Generate {
     /// Folder of the dataset; new, empty, or begun with the same options.

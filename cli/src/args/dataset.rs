@@ -18,7 +18,7 @@ sheet with the masks outlined and a drawing of the cameras around the visual hul
 is written.
 
 Examples:
-  unsphere data inspect scan/                        a COLMAP project, transforms.json, photographs
+  unsphere data inspect scan/
   unsphere data inspect ShapeNet/ --objects 12 -o look
   unsphere data inspect photos/ --turntable 36 --elevation 20 --fov 40
   unsphere data inspect scan/ --json"
@@ -60,7 +60,7 @@ place for true shapes.
 Examples:
   unsphere data convert scan/ scan-nerf --layout transforms
   unsphere data convert rendered_clock.zip clock --layout colmap
-  unsphere data convert photos/ posed --layout photos --turntable 36 --elevation 20 --fov 40"
+  unsphere data convert turn/ posed --layout photos --turntable 36 --fov 40"
 )]
 pub(crate) struct Convert {
     /// A dataset of any layout, or the views of one object.

@@ -19,7 +19,7 @@ Needs a binary with the feature onnx: cargo install --path cli --features onnx
 
 Examples:
   unsphere data depth chair.png --model midas_v21_small_256.onnx -o depth
-  unsphere data depth views/*.png --model depth_anything_v2_vits.onnx --kind depth-anything -o depth"
+  unsphere data depth *.png --model vits.onnx --kind depth-anything -o depth"
 )]
 #[cfg_attr(not(feature = "onnx"), allow(dead_code, reason = "said, and refused"))]
 pub(crate) struct Depth {

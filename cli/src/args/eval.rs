@@ -21,7 +21,7 @@ Examples:
   unsphere eval img2mesh --checkpoint runs/clock
   unsphere eval img2mesh --checkpoint runs/clock --set views=1 --json
   unsphere eval img2mesh --checkpoint runs/clock --split test
-  unsphere eval img2mesh --checkpoint runs/clock/checkpoints/last.safetensors other_clock.zip"
+  unsphere eval img2mesh --checkpoint runs/clock other_clock.zip"
 )]
 pub(crate) struct Eval {
     /// What was trained.

@@ -20,7 +20,7 @@ that are plain networks (opset 17, images [batch, channels, height, width] of th
 trained for, colours in [0, 1]). Nothing is scored then, unless -o is there too.
 
 Examples:
-  unsphere export img2mesh --checkpoint runs/clock -o weights/img2mesh.safetensors
+  unsphere export img2mesh -c runs/clock -o weights/img2mesh.safetensors
   unsphere export mcmr -c runs/cars -o cars.safetensors --test
   unsphere export mcmr -c runs/cars --onnx cars.onnx"
 )]

@@ -21,12 +21,12 @@ share/unsphere/weights where it is installed, unsphere/weights among the user's 
 (XDG_DATA_HOME), weights where it was built.
 
 Examples:
-  unsphere predict img2mesh views/ -o out                          with the weights that come along
-  unsphere predict pixel2mesh image.png -o out                     from one image, of any of nine families
-  unsphere predict img2mesh views/ --checkpoint runs/clock -o out  with weights that you trained
-  unsphere predict img2mesh views/ -c runs/clock --views 4,9,14    from three, judged by the others
-  unsphere predict img2mesh three/ -c runs/clock --score views/    from all of three/
-  unsphere predict mesh-rcnn chair.png -c runs/chairs --depth chair.pfm    with depth"
+  unsphere predict img2mesh views/ -o out                with its own weights
+  unsphere predict pixel2mesh image.png -o out           from one image
+  unsphere predict img2mesh views/ -c run -o out         with your weights
+  unsphere predict img2mesh views/ -c run --views 4,9    from two of them
+  unsphere predict img2mesh two/ -c run --score views/   scored by others
+  unsphere predict mesh-rcnn a.png -c run --depth a.pfm  with depth"
 )]
 pub(crate) struct Predict {
     /// What was trained.

@@ -26,12 +26,12 @@ can stand in CI.
 
 Examples:
   unsphere reproduce --list                            what there is
-  unsphere reproduce --plan                            what all of it would take, in hours
+  unsphere reproduce --plan                            how long all of it takes
   unsphere reproduce img2mesh --quick                  a minute's worth
-  unsphere reproduce img2mesh -o table                 three seeds where a claim rests on a row
+  unsphere reproduce img2mesh -o table                 three seeds for claims
   unsphere reproduce img2mesh -o table --seeds 5       five, after that
-  unsphere reproduce all --scale tenth -o tables       every table in a tenth of the steps
-  unsphere reproduce img2mesh -o b --only cnn-2        one row, for another process
+  unsphere reproduce all --scale tenth -o tables       with a tenth of the steps
+  unsphere reproduce img2mesh -o b --only cnn-2        one row
   unsphere reproduce img2mesh -o b --shard 2/8         an eighth of the jobs
   unsphere reproduce img2mesh --merge a b -o table     the tables of both
   unsphere reproduce img2mesh --report docs/results/img2mesh.json -o page"
