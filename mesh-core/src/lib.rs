@@ -39,7 +39,7 @@
 //!   camera sees, [`CameraVolume`]
 //! - **see**: [`Camera`] with every convention that data comes in, [`Distortion`], [`UpAxis`]; [`Image`], [`ByteImage`], [`DepthMap`],
 //!   [`DisparityMap`] and the [`GroundPlane`] that estimators make up
-//! - **compute** with three numbers: [`vector`]; on a tape, with the feature `ndarray`: `TriMesh::vertices`, `Camera::matrices`
+//! - **compute** with three numbers: [`vector`]; with many, [`fn@median`]; on a tape, with the feature `ndarray`: `TriMesh::vertices`, `Camera::matrices`
 //! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB, STL; 3MF with the feature `3mf`), [`read_image`], [`write_png`], EXR depth, PFM;
 //!   module [`io`]; how much memory reading may take and what else it may open, [`Limits`]
 //!
@@ -95,6 +95,7 @@ pub mod kernels;
 mod limits;
 mod marching_cubes;
 mod mask;
+mod median;
 mod mesh;
 mod normal_diffusion;
 mod normal_filter;
@@ -154,6 +155,7 @@ pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_both_into, 
 pub use limits::{Budget, Limits, OverLimit};
 pub use marching_cubes::marching_cubes;
 pub use mask::{Components, Mask};
+pub use median::{MedianOfEven, median};
 pub use mesh::{MeshError, Texture, TriMesh};
 #[cfg(feature = "camera")]
 pub use nalgebra;

@@ -5,7 +5,7 @@ use losses::metrics::{
     self, MaskRule, McmrAlignment, frechet, mask_iou_by, mcmr_iou, rotation_angle, ssim,
     symmetric_rotation_angle, voxel_iou,
 };
-use mesh_core::{Image, TriMesh};
+use mesh_core::{Image, MedianOfEven, TriMesh, median};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 use train::{Better, DataError, Metric, Subset};
@@ -76,11 +76,9 @@ impl Scored {
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     }
 
-    /// The median of a figure over the objects that have one.
+    /// The lower median of a figure over the objects that have one.
     pub fn median(&self, of: impl Fn(&ScoredObject) -> Option<f64>) -> Option<f64> {
-        let mut values: Vec<f64> = self.each.iter().filter_map(of).collect();
-        values.sort_unstable_by(f64::total_cmp);
-        values.get(values.len().saturating_sub(1) / 2).copied()
+        median(self.each.iter().filter_map(of), MedianOfEven::Lower)
     }
 
     /// The objects of one category.

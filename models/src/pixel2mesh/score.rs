@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use mesh_core::TriMesh;
+use mesh_core::{MedianOfEven, TriMesh, median};
 use ode_deform::solve::Stats;
 use rayon::prelude::*;
 use train::report::ViewPair;
@@ -58,14 +58,8 @@ impl Scored {
 
     /// The median error of the azimuth in degrees; not a number where none is guessed.
     pub fn azimuth_error(&self) -> f64 {
-        let mut errors = self.azimuths.clone();
-        errors.sort_by(f64::total_cmp);
-        let middle = errors.len() / 2;
-        match errors.as_slice() {
-            [] => f64::NAN,
-            all if all.len() % 2 == 1 => all[middle],
-            all => 0.5 * (all[middle - 1] + all[middle]),
-        }
+        let errors = self.azimuths.iter().copied();
+        median(errors, MedianOfEven::Mean).unwrap_or(f64::NAN)
     }
 
     /// The share of the images whose azimuth is wrong by more than 120 degrees; not a number where none is guessed.

@@ -1,7 +1,7 @@
 //! What only measures between pixels find: a view that stands apart, a lens that is a little off, masks that are too large.
 
 use datasets::View;
-use mesh_core::{ByteImage, Camera};
+use mesh_core::{ByteImage, Camera, MedianOfEven};
 use rayon::prelude::*;
 
 use super::coherence::{Coherence, Outlines};
@@ -109,10 +109,9 @@ fn odd_views(outlines: &Outlines<'_>, by_view: &[Option<Coherence>]) -> Vec<usiz
     (0..count).filter(is_odd).collect()
 }
 
+/// The upper median; 0 of nothing.
 fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+    mesh_core::median(values.iter().copied(), MedianOfEven::Upper).unwrap_or(0.0)
 }
 
 /// Whether a lens other than the one given is what is wrong.
