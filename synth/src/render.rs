@@ -89,7 +89,7 @@ pub fn render(
         "render: supersample {}, expected an odd number",
         options.supersample
     );
-    let faces = Arc::new(Faces::new(mesh.positions.len(), &mesh.faces)?);
+    let faces = Arc::new(Faces::of(mesh)?);
     let linear = !options.lighting.is_flat();
     let scene = Scene {
         mesh,

@@ -133,8 +133,7 @@ fn follow(
     cancelled: &dyn Fn() -> bool,
 ) -> Result<(), FitError> {
     let all: Vec<usize> = (0..seen.targets.len()).collect();
-    let faces = Faces::new(shape.positions.len(), &shape.faces);
-    let drawn = Arc::new(faces.expect("the faces of a fitted mesh name its vertices"));
+    let drawn = Faces::of_valid(shape.positions.len(), &shape.faces);
     let mut distances = Vec::with_capacity(stage.steps);
     for k in 0..stage.steps {
         let (pulls, distance) = seen.pulls(&shape.positions, &shape.faces, &drawn, stage.sure);
@@ -243,7 +242,7 @@ mod tests {
             .collect();
         let pictures: Vec<Picture> =
             targets.iter().zip(&views).map(|(t, view)| Picture::new(t, view, 256)).collect();
-        let faces = Arc::new(Faces::new(ball.positions.len(), &ball.faces).unwrap());
+        let faces = Faces::of_valid(ball.positions.len(), &ball.faces);
         let depths = |radius: f32| -> Vec<DepthMap> {
             let positions: Vec<[f32; 3]> =
                 ball.positions.iter().map(|p| p.map(|v| radius * v)).collect();

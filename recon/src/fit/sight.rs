@@ -61,8 +61,7 @@ impl<'a> Photographed<'a> {
         positions: &'a [[f32; 3]],
         faces: &'a [[u32; 3]],
     ) -> Self {
-        let drawn = Faces::new(positions.len(), faces);
-        let drawn = Arc::new(drawn.expect("the faces of a fitted mesh name its vertices"));
+        let drawn = Faces::of_valid(positions.len(), faces);
         let mut seen = Self { views, targets, positions, faces, drawn, kept: Vec::new() };
         if targets.iter().map(Target::mask_area).sum::<usize>() <= KEPT {
             let kept = |sight: &mut Sight, view: usize| {

@@ -14,7 +14,6 @@
 //! (confirmation and contradiction by other views).
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use diff_raster::Faces;
 use mesh_core::vector::dot;
@@ -56,9 +55,7 @@ pub(super) fn sweep(
     positions: &[[f32; 3]],
     faces: &[[u32; 3]],
 ) -> Vec<DepthMap> {
-    let over = |faces: &[[u32; 3]]| {
-        Arc::new(Faces::new(positions.len(), faces).expect("the faces of a fitted mesh"))
-    };
+    let over = |faces: &[[u32; 3]]| Faces::of_valid(positions.len(), faces);
     let backs: Vec<[u32; 3]> = faces.iter().map(|&[a, b, c]| [a, c, b]).collect();
     let (fronts, backs) = (over(faces), over(&backs));
     of_each(pictures, |picture, neighbors| {
@@ -90,7 +87,7 @@ pub(super) fn around(
     positions: &[[f32; 3]],
     faces: &[[u32; 3]],
 ) -> Vec<DepthMap> {
-    let faces = Arc::new(Faces::new(positions.len(), faces).expect("the faces of a fitted mesh"));
+    let faces = Faces::of_valid(positions.len(), faces);
     of_each(pictures, |picture, neighbors| {
         let mut drawn = Drawn::default();
         picture.draw(positions, &faces, &mut drawn);
@@ -111,7 +108,7 @@ pub(super) fn around(
 /// How well views agree about the mesh: the mean, over pixels that show something, of the correlation with the neighbours that agree
 /// best.
 pub(super) fn agreement(pictures: &[Picture], positions: &[[f32; 3]], faces: &[[u32; 3]]) -> f64 {
-    let faces = Arc::new(Faces::new(positions.len(), faces).expect("the faces of a fitted mesh"));
+    let faces = Faces::of_valid(positions.len(), faces);
     let one = |view: usize| {
         let (picture, neighbors) = (&pictures[view], neighbors(pictures, view));
         let kept = NEIGHBORS.1.min(neighbors.len());
