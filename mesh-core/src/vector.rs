@@ -82,6 +82,20 @@ pub fn triangle<T: Scalar>(positions: &[[T; 3]], face: [u32; 3]) -> [Vec3; 3] {
     face.map(|v| positions[v as usize].map(T::widened))
 }
 
+/// `u a + v b + w c`: a value known at the corners of a triangle, at barycentric coordinates.
+///
+/// ```
+/// use mesh_core::vector::interpolate;
+/// assert_eq!(interpolate([0.5, 0.25, 0.25], &[[0.0, 1.0], [4.0, 1.0], [8.0, 1.0]]), [3.0, 1.0]);
+/// ```
+#[inline]
+pub fn interpolate<T: Scalar, const K: usize>(
+    [u, v, w]: [T; 3],
+    [a, b, c]: &[[T; K]; 3],
+) -> [T; K] {
+    std::array::from_fn(|k| u * a[k] + v * b[k] + w * c[k])
+}
+
 /// `(b - a) × (c - a)`: twice the area long, along the outward normal.
 #[inline]
 pub fn area_vector([a, b, c]: [Vec3; 3]) -> Vec3 {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use datasets::View;
 use diff_raster::{Faces, Fragments, NONE, Scratch, Settings, rasterize_into};
-use mesh_core::vector::{cross, sub};
+use mesh_core::vector::{cross, interpolate, sub};
 use ndarray::ArrayView3;
 use rayon::prelude::*;
 
@@ -35,11 +35,9 @@ pub(super) struct Sample {
 
 impl Sample {
     /// What vertex colours are at the pixel.
-    pub(super) fn mix(&self, faces: &[[u32; 3]], colors: &[[f32; 3]]) -> [f32; 3] {
-        let [a, b, c] = faces[self.face as usize].map(|v| colors[v as usize]);
-        std::array::from_fn(|k| {
-            self.barycentric[0] * a[k] + self.barycentric[1] * b[k] + self.barycentric[2] * c[k]
-        })
+    pub(super) fn interpolate(&self, faces: &[[u32; 3]], colors: &[[f32; 3]]) -> [f32; 3] {
+        let corners = faces[self.face as usize].map(|v| colors[v as usize]);
+        interpolate(self.barycentric, &corners)
     }
 }
 
