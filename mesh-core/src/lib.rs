@@ -23,7 +23,7 @@
 //! # By task
 //!
 //! - **a mesh**: [`TriMesh`], [`Texture`]; [`TriMesh::validate`], [`TriMesh::health`],
-//!   [`TriMesh::self_intersections`], both as [`TriMesh::examined`] says them, bounds, area, volume, transforms, [`TriMesh::append`],
+//!   [`TriMesh::self_intersections`], both as [`TriMesh::examined`] says them, [`mod@bounds`], area, volume, transforms, [`TriMesh::append`],
 //!   [`TriMesh::vertex_colors`]
 //! - **make one**: [`primitives`]; finer by [`subdivide`], with anything that lives on the vertices by
 //!   [`Subdivision`]; better triangles by [`improve`], of one size by [`fn@remesh`], fewer by [`simplify`], fewer and graded by [`coarsen`];
@@ -75,6 +75,7 @@
 
 #[cfg(feature = "ndarray")]
 mod arrays;
+pub mod bounds;
 #[cfg(feature = "camera")]
 mod camera;
 mod closest;
@@ -115,6 +116,7 @@ mod up_axis;
 pub mod vector;
 mod voxel;
 
+pub use bounds::Bounds;
 #[cfg(feature = "camera")]
 pub use camera::{
     Camera, CameraError, CameraVolume, ColmapCamera, Distortion, KaolinCamera, Lens, OpenCvCamera,
@@ -175,6 +177,4 @@ pub use topology::{FacePair, Topology};
 pub use untangle::{untangle, untangle_towards};
 #[cfg(feature = "camera")]
 pub use up_axis::{UpAxis, UpAxisError};
-pub use voxel::{
-    Bounds, VoxelGrid, voxelize_enclosed, voxelize_parity, voxelize_solid, voxelize_surface,
-};
+pub use voxel::{VoxelGrid, voxelize_enclosed, voxelize_parity, voxelize_solid, voxelize_surface};

@@ -13,7 +13,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use datasets::{Dataset, ReadOptions, Subsets, View};
-use mesh_core::{ByteImage, Camera, TriMesh, encode_png};
+use mesh_core::vector::widen;
+use mesh_core::{ByteImage, Camera, TriMesh, bounds, encode_png};
 use models::predict::{Choice, PredictInput, Predictor, refined};
 use models::{Registry, register};
 use rand::SeedableRng;
@@ -148,9 +149,9 @@ fn predictions<S: Predictor>(order: &Order) -> Result<Vec<Shown>, Failure> {
 
 /// A mesh from its sides, one beside the other.
 fn sides(mesh: &TriMesh) -> Result<Vec<ByteImage>, Failure> {
-    let (low, high) = mesh.bounds().ok_or("an empty mesh")?;
-    let middle: [f64; 3] = std::array::from_fn(|k| 0.5 * f64::from(low[k] + high[k]));
-    let radius = 0.5 * (0..3).map(|k| f64::from(high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
+    let around = mesh.bounds().ok_or("an empty mesh")?;
+    let middle = widen(bounds::center(around));
+    let radius = 0.5 * bounds::diagonal::<f64>(around);
     let options = over_white();
     let side = |degrees: &f64| {
         let (sin, cos) = degrees.to_radians().sin_cos();

@@ -1,7 +1,7 @@
 //! Where in the world the object may be.
 
 use mesh_core::nalgebra::Vector3;
-use mesh_core::{Camera, Ray};
+use mesh_core::{Camera, Ray, bounds};
 
 /// How many in a hundred cameras may show less of the ball than all of it.
 const CUT: usize = 20;
@@ -20,7 +20,7 @@ pub struct Region {
 impl Region {
     /// The box between two corners.
     pub fn cuboid(low: [f64; 3], high: [f64; 3]) -> Self {
-        let center = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
+        let center = bounds::center((low, high));
         let half = std::array::from_fn(|k| 0.5 * (high[k] - low[k]));
         Self { center, half, round: false }
     }

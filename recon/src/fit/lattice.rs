@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use mesh_core::bounds::longest_side;
 use rayon::prelude::*;
 
 use super::{kuhn::STEPS, placement::Placement, target::Target};
@@ -71,7 +72,7 @@ impl Lattice {
                 high[k] = high[k].max(p[k] + step);
             }
         }
-        let side = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
+        let side = longest_side((low, high));
         if !(side.is_finite() && side > 0.0) {
             return None;
         }

@@ -1,5 +1,6 @@
 //! The visual hull: the largest body that all masks allow.
 
+use mesh_core::bounds::longest_side;
 use mesh_core::{Ray, VoxelGrid};
 use rayon::prelude::*;
 
@@ -128,7 +129,7 @@ pub(crate) fn carve(eyes: &[Eye], ball: Ball, side: usize) -> Option<VoxelGrid> 
 }
 
 fn carved(eyes: &[&Eye], low: [f32; 3], high: [f32; 3], side: usize) -> VoxelGrid {
-    let longest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
+    let longest = longest_side((low, high));
     let dims = std::array::from_fn(|k| {
         (((high[k] - low[k]) / longest * side as f32).ceil() as usize).clamp(1, side)
     });

@@ -3,7 +3,8 @@
 use datasets::{Subset, SurfacePoints};
 use diff_raster::FacesError;
 use mesh_core::nalgebra::{Rotation3, Vector3};
-use mesh_core::{Camera, Image, Lens, TriMesh, sample_points};
+use mesh_core::vector::widen;
+use mesh_core::{Camera, Image, Lens, TriMesh, bounds, sample_points};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -203,9 +204,8 @@ impl Job<'_> {
 /// The true cameras, and rough ones in photo collections.
 fn cameras(config: &GenerateConfig, mesh: &TriMesh, seed: u64) -> (Vec<Camera>, Vec<Camera>) {
     let (width, height, count) = (config.width, config.height, config.views);
-    let (low, high) = mesh.bounds().unwrap_or_default();
-    let middle: [f64; 3] = std::array::from_fn(|k| 0.5 * f64::from(low[k] + high[k]));
-    let diagonal = (0..3).map(|k| f64::from(high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
+    let around = mesh.bounds().unwrap_or_default();
+    let (middle, diagonal) = (widen(bounds::center(around)), bounds::diagonal::<f64>(around));
     let diagonal = if diagonal > 0.0 { diagonal } else { 1.0 };
     let fov_y = fov_y(config);
     let near = nearest(config, fov_y) * diagonal;

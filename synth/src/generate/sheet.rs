@@ -1,7 +1,8 @@
 //! The contact sheet: what was made, at a glance.
 
 use diff_raster::FacesError;
-use mesh_core::{ByteImage, Camera};
+use mesh_core::vector::widen;
+use mesh_core::{ByteImage, Camera, bounds};
 use rayon::prelude::*;
 
 use super::config::GenerateConfig;
@@ -47,9 +48,8 @@ pub(super) fn draw(config: &GenerateConfig, jobs: &[Job<'_>]) -> Result<ByteImag
 fn picture(config: &GenerateConfig, job: &Job<'_>) -> Result<ByteImage, FacesError> {
     const FOV: f64 = 0.5;
     let (mesh, _) = job.mesh();
-    let (low, high) = mesh.bounds().unwrap_or_default();
-    let middle: [f64; 3] = std::array::from_fn(|k| 0.5 * f64::from(low[k] + high[k]));
-    let diagonal = (0..3).map(|k| f64::from(high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
+    let around = mesh.bounds().unwrap_or_default();
+    let (middle, diagonal) = (widen(bounds::center(around)), bounds::diagonal::<f64>(around));
     let distance = 0.5 * diagonal.max(1e-9) / (0.5 * FOV).sin();
     // From the front, its left, and above: what tells most things apart.
     let (azimuth, elevation) = (0.7_f64, 0.4_f64);
