@@ -83,6 +83,8 @@ const REPLACED: &[(&str, &str, &str)] = &[
     ("models", "Shelf", "ViewCache"),
     ("autodiff-lite", "Shelf", "FreeList"),
     ("models", "Judge", "PerceptualMetrics"),
+    ("models", "Eye", "ViewSampler"),
+    ("recon", "Eye", "MaskView"),
     ("models/src/img2mesh", "Stage", "Renderer"),
     ("models/src/mcmr", "Stage", "Renderer"),
     ("models/src/predict", "Material", "PredictInput"),

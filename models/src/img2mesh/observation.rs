@@ -67,13 +67,13 @@ pub(super) fn observe<'t>(
     rows.enumerate().for_each(|(i, ((points, signals), colors))| {
         let pixels = i * pixels..(i + 1) * pixels;
         let surface = (&fragments.depth[pixels.clone()], &fragments.face[pixels]);
-        let eye = Eye::new(views[i], &cameras[i], surface);
+        let sampler = ViewSampler::new(views[i], &cameras[i], surface);
         let rows = points.as_chunks_mut::<2>().0.iter_mut();
         let rows = rows.zip(signals.as_chunks_mut::<SIGNALS>().0);
         let rows = rows.zip(colors.as_chunks_mut::<3>().0);
         let vertices = positions[i / k].iter().zip(&normals[i / k]);
         for (((point, signals), color), (&p, &normal)) in rows.zip(vertices) {
-            (*point, *signals, *color) = eye.sees(p, normal);
+            (*point, *signals, *color) = sampler.sample(p, normal);
         }
     });
     let mut places = tape.array(&[n, v, 6]);
@@ -89,8 +89,8 @@ pub(super) fn observe<'t>(
     Observations { points, signals, colors, places }
 }
 
-/// A view, and the depth of the mesh in it.
-struct Eye<'a> {
+/// Samples a view where vertices are projected into it, knowing the depth of the mesh there.
+struct ViewSampler<'a> {
     view: &'a Prepared,
     rows: [[f32; 4]; 3],
     center: [f32; 3],
@@ -101,7 +101,7 @@ struct Eye<'a> {
     side: usize,
 }
 
-impl<'a> Eye<'a> {
+impl<'a> ViewSampler<'a> {
     fn new(view: &'a Prepared, camera: &[f32; 12], surface: (&'a [f32], &'a [u32])) -> Self {
         let rows: [[f32; 4]; 3] =
             std::array::from_fn(|i| std::array::from_fn(|j| camera[4 * i + j]));
@@ -110,7 +110,7 @@ impl<'a> Eye<'a> {
     }
 
     /// Point, signals and colour.
-    fn sees(&self, p: [f32; 3], normal: [f32; 3]) -> ([f32; 2], [f32; SIGNALS], [f32; 3]) {
+    fn sample(&self, p: [f32; 3], normal: [f32; 3]) -> ([f32; 2], [f32; SIGNALS], [f32; 3]) {
         let [a, b, w] = self.rows.map(|m| m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]);
         let w = w.max(1e-3);
         let (x, y) = ((a / w).clamp(-4.0, 4.0), (b / w).clamp(-4.0, 4.0));
@@ -123,10 +123,10 @@ impl<'a> Eye<'a> {
         let steep = length(along).max(1e-6);
         let uphill = along.map(|g| g / steep);
         let step = (-distance / steep).clamp(-LONGEST, LONGEST);
-        let to_eye: [f32; 3] = std::array::from_fn(|j| self.center[j] - p[j]);
-        let far = length(to_eye).max(1e-6);
-        let to_eye = to_eye.map(|d| d / far);
-        let facing: f32 = (0..3).map(|j| to_eye[j] * normal[j]).sum();
+        let to_camera: [f32; 3] = std::array::from_fn(|j| self.center[j] - p[j]);
+        let far = length(to_camera).max(1e-6);
+        let to_camera = to_camera.map(|d| d / far);
+        let facing: f32 = (0..3).map(|j| to_camera[j] * normal[j]).sum();
         let color = self.color(x, y);
         let mut signals = [0.0; SIGNALS];
         let seen = f32::from(self.visible(x, y, w));
@@ -134,7 +134,7 @@ impl<'a> Eye<'a> {
         signals[..5].copy_from_slice(&[x, -y, w - self.middle, bounded, distance]);
         signals[5..8].copy_from_slice(&uphill);
         signals[8..11].copy_from_slice(&uphill.map(|u| u * step));
-        signals[11..14].copy_from_slice(&to_eye);
+        signals[11..14].copy_from_slice(&to_camera);
         (signals[FACING], signals[VISIBLE]) = (facing, seen);
         signals[16..].copy_from_slice(&color);
         ([x, -y], signals, color)
