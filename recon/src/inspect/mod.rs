@@ -28,8 +28,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod camera_plan;
 mod coherence;
 mod consistency;
+mod contact_sheet;
 mod coverage;
 mod diagnosis;
 mod error;
@@ -39,7 +41,6 @@ mod lens;
 mod mask_edge;
 mod mask_view;
 mod page;
-mod picture;
 mod poses_read;
 mod reading;
 mod silhouette;
@@ -286,8 +287,8 @@ pub fn inspect_views_with(views: &Views, truth: &Truth, reading: &ReadOptions) -
         problems,
         warnings: views.warnings.clone(),
         names: list.iter().map(|view| view.name.clone()).collect(),
-        sheet: picture::contact_sheet(list),
-        cameras: picture::cameras_svg(&cameras, ball, hull.as_ref()),
+        sheet: contact_sheet::contact_sheet(list),
+        cameras: camera_plan::cameras_svg(&cameras, ball, hull.as_ref()),
         ..ObjectInspection::default()
     }
 }

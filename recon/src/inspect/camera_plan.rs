@@ -1,46 +1,15 @@
-//! What is drawn of a set of views: a contact sheet, and the cameras around the hull.
+//! The cameras around the hull, drawn from above and from the side.
 
 use std::fmt::Write as _;
 
-use datasets::View;
-use mesh_core::{ByteImage, Camera, Mask, VoxelGrid};
+use mesh_core::{Camera, VoxelGrid};
 
 use super::hull::Ball;
 
-/// Longest side of an image on the sheet.
-const TILE: usize = 144;
-/// Images on the sheet; of more, evenly chosen ones.
-const MOST_TILES: usize = 48;
 /// Side of one drawing of the cameras.
 const PANEL: f64 = 420.0;
 /// Cameras that are drawn; of more, evenly chosen ones.
 const MOST_CAMERAS: usize = 120;
-
-/// The views in rows, each with the border of its mask in green.
-pub(crate) fn contact_sheet(views: &[View]) -> ByteImage {
-    let step = views.len().div_ceil(MOST_TILES).max(1);
-    let shown: Vec<View> = views.iter().step_by(step).map(|v| v.clone().at_most(TILE)).collect();
-    let columns = (shown.len() as f64).sqrt().ceil() as usize;
-    let rows = shown.len().div_ceil(columns.max(1));
-    let mut sheet = ByteImage::new((rows * TILE).max(1), (columns * TILE).max(1), 3);
-    sheet.data.fill(40);
-    for (k, view) in shown.iter().enumerate() {
-        let top = k / columns * TILE + (TILE - view.color.height) / 2;
-        let left = k % columns * TILE + (TILE - view.color.width) / 2;
-        sheet.paste(&outlined(view), [top, left]);
-    }
-    sheet
-}
-
-/// The view with the outline of its mask.
-fn outlined(view: &View) -> ByteImage {
-    let mut color = view.color.to_rgb();
-    let outline = Mask::at_least(&view.mask, 1).outline();
-    for (pixel, _) in color.data.chunks_exact_mut(3).zip(outline.data).filter(|(_, on)| *on) {
-        pixel.copy_from_slice(&[40, 220, 90]);
-    }
-    color
-}
 
 /// Which two axes of the world a drawing shows: right and up.
 struct Panel {
