@@ -364,8 +364,8 @@ mod tests {
             checked += 1;
         }
         assert!(checked > 500);
-        let picture = seen.normal_picture().unwrap();
-        assert!(picture.pixel(30, 40)[2] > 250 && picture.pixel(0, 0) == [0, 0, 0]);
+        let normals = seen.normal_image().unwrap();
+        assert!(normals.pixel(30, 40)[2] > 250 && normals.pixel(0, 0) == [0, 0, 0]);
     }
 
     #[test]

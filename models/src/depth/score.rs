@@ -10,7 +10,7 @@ use super::depth_targets::rendered;
 use super::mesh_init::MeshInit;
 use super::refined::Refined;
 use super::scenes::{Scene, Scenes, overlap};
-use crate::paired::picture_above;
+use crate::paired::mesh_above_image;
 use crate::parts::mean_metric;
 use crate::quality::Quality;
 
@@ -201,8 +201,8 @@ impl<B: MeshInit> Refined<B> {
             let frame = &scene.depth_targets.frame;
             let (mesh, _) = self.mesh_of(&scene);
             let scores = distances(&mesh, &frame.mesh_placed(truth), frame.scale());
-            let caption = format!("{}: Chamfer {:.3}", scene.picture.name, scores.chamfer);
-            Ok(picture_above(&scene.picture, &frame.mesh_in_world(mesh), caption))
+            let caption = format!("{}: Chamfer {:.3}", scene.image.name, scores.chamfer);
+            Ok(mesh_above_image(&scene.image, &frame.mesh_in_world(mesh), caption))
         };
         (0..shown).map(one).collect()
     }
@@ -228,11 +228,11 @@ pub(super) fn distances(mesh: &TriMesh, truth: &TriMesh, scale: f64) -> Score {
 
 /// At the image's camera, over the pixels of its mask.
 pub(super) fn depth_of(mesh: &TriMesh, scene: &Scene) -> Option<DepthError> {
-    let side = scene.picture.camera.width;
+    let side = scene.image.camera.width;
     let map = |data: Vec<f32>| DepthMap { height: side, width: side, data };
-    let data = scene.picture.mask.iter().map(|&m| f32::from(m) / 255.0).collect();
+    let data = scene.image.mask.iter().map(|&m| f32::from(m) / 255.0).collect();
     let mask = Image { height: side, width: side, channels: 1, data };
-    let found = map(rendered(mesh, &scene.picture));
+    let found = map(rendered(mesh, &scene.image));
     let known = map(scene.depth_targets.depth.clone());
     depth_error(&found, &known, &mask, PENALTY)
 }

@@ -161,7 +161,7 @@ impl Img2Mesh {
         let (color, mask) = self.draw_view(tape, meshes, view);
         let iou = score(&color, &mask, view).iou;
         let caption = format!("{}: IoU {iou:.3}", view.name);
-        ViewPair { caption, model: picture(&color, side), truth: bytes(&view.target, side) }
+        ViewPair { caption, model: byte_image(&color, side), truth: bytes(&view.target, side) }
     }
 
     /// The mesh in the world of the cameras.
@@ -180,7 +180,7 @@ impl Img2Mesh {
     }
 }
 
-fn picture(color: &[f32], side: usize) -> ByteImage {
+fn byte_image(color: &[f32], side: usize) -> ByteImage {
     let data: Vec<u8> = color.iter().map(|x| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect();
     bytes(&data, side)
 }

@@ -36,11 +36,11 @@ impl Mcmr {
                     .iter()
                     .map(|x| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
                     .collect();
-                let picture = |data: Vec<u8>| self.bytes(data).resized(SIDE, SIDE);
+                let bytes_of = |data: Vec<u8>| self.bytes(data).resized(SIDE, SIDE);
                 let shape = largest(&row(&weights, i)) + 1;
                 let caption = format!("{}: mean shape {shape}", sample.name);
-                let truth = picture(sample.target.clone());
-                ViewPair { caption, model: picture(bytes), truth }
+                let truth = bytes_of(sample.target.clone());
+                ViewPair { caption, model: bytes_of(bytes), truth }
             };
             samples.iter().enumerate().map(pair).collect::<Vec<_>>()
         });

@@ -28,7 +28,7 @@ pub(super) fn write(
                 rgba: rendering.rgba.clone().expect("drawn with alpha for this layout"),
                 camera: rendering.view.camera.to_r2n2()?,
                 depth: rendering.view.depth.clone().filter(|_| config.depth),
-                normals: rendering.normal_picture(),
+                normals: rendering.normal_image(),
             })
         })
         .collect::<Result<_, _>>()?;

@@ -34,18 +34,18 @@ pub(super) fn draw(config: &GenerateConfig, jobs: &[Job<'_>]) -> Result<ByteImag
         .enumerate()
         .flat_map(|(i, row)| row.iter().enumerate().map(move |(j, &job)| (i, j, job)))
         .collect();
-    let pictures: Vec<ByteImage> =
-        shown.par_iter().map(|(_, _, job)| picture(config, job)).collect::<Result<_, _>>()?;
+    let tiles: Vec<ByteImage> =
+        shown.par_iter().map(|(_, _, job)| tile(config, job)).collect::<Result<_, _>>()?;
     let extent = |count: usize| count * SIDE + (count + 1) * GAP;
     let mut sheet = ByteImage::new(extent(rows.len()), extent(columns), 3);
     sheet.data.fill((BACKDROP[0] * 255.0 + 0.5) as u8);
-    for ((i, j, _), picture) in shown.iter().zip(&pictures) {
-        sheet.paste(picture, [extent(*i), extent(*j)]);
+    for ((i, j, _), tile) in shown.iter().zip(&tiles) {
+        sheet.paste(tile, [extent(*i), extent(*j)]);
     }
     Ok(sheet)
 }
 
-fn picture(config: &GenerateConfig, job: &Job<'_>) -> Result<ByteImage, FacesError> {
+fn tile(config: &GenerateConfig, job: &Job<'_>) -> Result<ByteImage, FacesError> {
     const FOV: f64 = 0.5;
     let (mesh, _) = job.mesh();
     let around = mesh.bounds().unwrap_or_default();

@@ -204,8 +204,8 @@ fn write_folder(
         put(&folder.join((names.monocular)(i)), &encode_exr(image))?;
     }
     for (i, rendering) in renderings.iter().enumerate() {
-        if let Some(picture) = rendering.normal_picture() {
-            put(&folder.join((names.normals)(i)), &encode_png(&picture))?;
+        if let Some(normals) = rendering.normal_image() {
+            put(&folder.join((names.normals)(i)), &encode_png(&normals))?;
         }
     }
     let views: Vec<View> = renderings
