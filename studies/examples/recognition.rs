@@ -111,7 +111,7 @@ fn drawn(
 struct Shown {
     family: String,
     name: String,
-    pictures: Vec<ByteImage>,
+    images: Vec<ByteImage>,
     /// At cameras whose images were not given, where there are some.
     mask_iou: Option<f64>,
 }
@@ -131,7 +131,7 @@ fn predictions<S: Predictor>(order: &Order) -> Result<Vec<Shown>, Failure> {
             let given = Choice::First(order.views.min(views.len()));
             let input = PredictInput::part(views, given)?;
             let mesh = refined(system.apply(&input)?, &input, &S::refinement(steps))?.mesh;
-            let pictures =
+            let images =
                 if order.beside { beside(&mesh, &input, &mut rng)? } else { sides(&mesh)? };
             let others: Vec<&View> = input.others.iter().collect();
             let mask_iou = if others.is_empty() {
@@ -140,7 +140,7 @@ fn predictions<S: Predictor>(order: &Order) -> Result<Vec<Shown>, Failure> {
                 Some(score_views(&mesh, &others, &|_, _| ())?.mask_iou)
             };
             let (family, name) = (entry.category.clone(), entry.object_name());
-            shown.push(Shown { family, name, pictures, mask_iou });
+            shown.push(Shown { family, name, images, mask_iou });
         }
     }
     shown.shuffle(&mut rng);
@@ -181,16 +181,16 @@ fn over_white() -> RenderOptions {
 }
 
 fn sheet(shown: &[Shown]) -> Result<ByteImage, Failure> {
-    let first = &shown.first().ok_or("no object to show")?.pictures;
+    let first = &shown.first().ok_or("no object to show")?.images;
     let [height, width] = [first[0].height, first[0].width];
     let cell = [height + GAP, first.len() * width + GAP];
     let rows = shown.len().div_ceil(ACROSS);
     let mut sheet = ByteImage::new(rows * cell[0], ACROSS * cell[1], 3);
     sheet.data.fill(255);
     for (i, one) in shown.iter().enumerate() {
-        for (k, picture) in one.pictures.iter().enumerate() {
+        for (k, image) in one.images.iter().enumerate() {
             let corner = [i / ACROSS * cell[0], i % ACROSS * cell[1] + k * width];
-            sheet.paste(picture, corner);
+            sheet.paste(image, corner);
         }
     }
     Ok(sheet)
