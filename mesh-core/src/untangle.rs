@@ -197,8 +197,8 @@ fn tangled(
             let corners = faces[f as usize].map(|v| positions[v as usize]);
             std::array::from_fn(|k| corners.iter().map(|p| p[k]).sum())
         };
-        let (way, normal) = (sub(middle(g), middle(f)), normals[f as usize]);
-        let behind = (0..3).map(|k| way[k] * normal[k]).sum::<f32>() < 0.0;
+        let (offset, normal) = (sub(middle(g), middle(f)), normals[f as usize]);
+        let behind = (0..3).map(|k| offset[k] * normal[k]).sum::<f32>() < 0.0;
         tangled.mark([f, g], faces, behind);
     }
     tangled

@@ -48,7 +48,7 @@ impl Region {
     }
 
     /// The ball around the point where the masks' middles meet, as wide as the widest of them.
-    pub(super) fn of_masks(seen: &[(&Camera, [usize; 4])]) -> Option<Self> {
+    pub(super) fn around_masks(seen: &[(&Camera, [usize; 4])]) -> Option<Self> {
         let middle = |[top, left, height, width]: [usize; 4]| {
             [left as f64 + 0.5 * width as f64, top as f64 + 0.5 * height as f64]
         };
@@ -139,7 +139,7 @@ mod tests {
         let cameras = ring(6);
         let seen: Vec<(&Camera, [usize; 4])> =
             cameras.iter().map(|c| (c, [18, 26, 12, 12])).collect();
-        let ball = Region::of_masks(&seen).unwrap();
+        let ball = Region::around_masks(&seen).unwrap();
         // A box of 12 pixels, as wide as its diagonal.
         let pixel = 5.0 * 2.0 * 0.3_f64.tan() / 48.0;
         let wanted = 1.15 * 6.0 * 2.0_f64.sqrt() * pixel;

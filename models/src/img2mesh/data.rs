@@ -8,7 +8,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use recon::fit::cones;
+use recon::fit::bounding_sphere;
 use synth::shapes::AlarmClock;
 use synth::{Orbit, Procedural, RenderOptions, families_named, render_views};
 use train::{DataError, DataSummary, Fingerprint, Subset};
@@ -314,7 +314,7 @@ fn tried(cache: &ViewCache<Prepared>, object: usize, draw: usize, views: usize) 
 fn frame_of(objects: &[Vec<&View>]) -> Result<[f64; 4], String> {
     let mut frame = [0.0; 4];
     for views in objects {
-        let (center, radius) = cones(views).map_err(|error| error.to_string())?;
+        let (center, radius) = bounding_sphere(views).map_err(|error| error.to_string())?;
         for k in 0..3 {
             frame[k] += center[k] / objects.len() as f64;
         }

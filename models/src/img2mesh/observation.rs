@@ -114,11 +114,11 @@ impl<'a> ViewSampler<'a> {
         let [a, b, w] = self.rows.map(|m| m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]);
         let w = w.max(1e-3);
         let (x, y) = ((a / w).clamp(-4.0, 4.0), (b / w).clamp(-4.0, 4.0));
-        let (distance, slope) = self.outline(x, y);
-        // How the distance changes with the vertex: by the slope in the image, through the projection.
+        let (distance, gradient) = self.outline(x, y);
+        // How the distance changes with the vertex: by the gradient in the image, through the projection.
         let along: [f32; 3] = std::array::from_fn(|j| {
             let [m, n, o] = [self.rows[0][j], self.rows[1][j], self.rows[2][j]];
-            (slope[0] * (m - x * o) + slope[1] * (n - y * o)) / w
+            (gradient[0] * (m - x * o) + gradient[1] * (n - y * o)) / w
         });
         let steep = length(along).max(1e-6);
         let uphill = along.map(|g| g / steep);
@@ -140,7 +140,7 @@ impl<'a> ViewSampler<'a> {
         ([x, -y], signals, color)
     }
 
-    /// Distance to the mask's outline in halves of the image's side, and its slope in x (right) and y (up).
+    /// Distance to the mask's outline in halves of the image's side, and its gradient in x (right) and y (up).
     fn outline(&self, x: f32, y: f32) -> (f32, [f32; 2]) {
         let side = self.view.mask.len().isqrt();
         let unit = 2.0 / side as f32;
@@ -148,10 +148,10 @@ impl<'a> ViewSampler<'a> {
             bilinear(side, x, y, |i| f32::from(self.view.outline[i])) * unit
                 / Prepared::OUTLINE_STEPS
         };
-        let slope = [at(x + unit, y) - at(x - unit, y), at(x, y + unit) - at(x, y - unit)];
+        let gradient = [at(x + unit, y) - at(x - unit, y), at(x, y + unit) - at(x, y - unit)];
         // Beyond the image it is as far again as to its border.
         let beyond = (x.abs() - 1.0).max(0.0).hypot((y.abs() - 1.0).max(0.0));
-        (at(x, y) + beyond, slope.map(|d| d / (2.0 * unit)))
+        (at(x, y) + beyond, gradient.map(|d| d / (2.0 * unit)))
     }
 
     fn color(&self, x: f32, y: f32) -> [f32; 3] {

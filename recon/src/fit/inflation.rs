@@ -48,12 +48,12 @@ pub(super) fn inflate(
     Ok(())
 }
 
-/// Where the vertices are after one round's way outward.
+/// Where the vertices are after one round outward.
 fn blown(shape: &Shape, targets: &[Target]) -> Vec<[f32; 3]> {
     let normals = vertex_normals(&shape.positions, &shape.faces);
     let moved = |(&p, n): (&[f32; 3], &[f32; 3])| {
-        let way = SHARE * room(p, targets).max(0.0);
-        std::array::from_fn(|k| p[k] + way * n[k])
+        let distance = SHARE * room(p, targets).max(0.0);
+        std::array::from_fn(|k| p[k] + distance * n[k])
     };
     shape.positions.par_iter().zip(&normals).map(moved).collect()
 }

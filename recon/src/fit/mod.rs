@@ -95,7 +95,7 @@ pub use alignment::RefinedCameras;
 pub use config::{ColorKind, FitConfig, TopologyKind};
 pub use error::FitError;
 pub use photometric::PhotoConsistency;
-pub use placement::{Placement, cones};
+pub use placement::{Placement, bounding_sphere};
 pub use quality::{Quality, unused_detail};
 pub use refine::{RefineConfig, refine};
 pub use stepper::Stepper;

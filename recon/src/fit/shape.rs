@@ -64,7 +64,7 @@ struct Optimizer {
     first: Vec<[f32; 3]>,
     second: Vec<[f32; 3]>,
     /// The first moment, smoothed.
-    way: Vec<[f32; 3]>,
+    direction: Vec<[f32; 3]>,
     steps: i32,
 }
 
@@ -96,7 +96,7 @@ impl Shape {
             smooth_gradient: zeros(),
             first: zeros(),
             second: zeros(),
-            way: zeros(),
+            direction: zeros(),
             steps: 0,
         };
         Self {
@@ -384,10 +384,10 @@ impl Optimizer {
         }
         let (c1, c2) = (1.0 - b1.powi(self.steps), 1.0 - b2.powi(self.steps));
         let length = rate / c1 / ((largest / c2).sqrt() + 1e-20);
-        self.diffusion.solve(&self.first, &mut self.way, TOLERANCE, ITERATIONS);
-        for (x, way) in positions.iter_mut().zip(&self.way) {
+        self.diffusion.solve(&self.first, &mut self.direction, TOLERANCE, ITERATIONS);
+        for (x, direction) in positions.iter_mut().zip(&self.direction) {
             for k in 0..3 {
-                x[k] -= length * way[k];
+                x[k] -= length * direction[k];
             }
         }
     }

@@ -279,7 +279,7 @@ fn warp(
         // Along a row, points at one depth are linear before the other camera's division.
         let place = |x: f32, depth: f32| other.homogeneous(image.point(x, row as f32 + 0.5, depth));
         let mut known = f32::NAN;
-        let (mut start, mut slope) = ([0.0; 3], [0.0; 3]);
+        let (mut start, mut increment) = ([0.0; 3], [0.0; 3]);
         for column in 0..w {
             let pixel = row * w + column;
             if !image.mask[pixel] {
@@ -291,7 +291,7 @@ fn warp(
                 continue;
             }
             let q: [f32; 3] = if depth == known {
-                std::array::from_fn(|k| start[k] + column as f32 * slope[k])
+                std::array::from_fn(|k| start[k] + column as f32 * increment[k])
             } else {
                 let next = pixel + 1;
                 let q = place(column as f32 + 0.5, depth);
@@ -300,7 +300,7 @@ fn warp(
                     known = depth;
                     let [a, b] = [0.5, 1.5].map(|x| place(x, depth));
                     start = a;
-                    slope = std::array::from_fn(|k| b[k] - a[k]);
+                    increment = std::array::from_fn(|k| b[k] - a[k]);
                 }
                 q
             };

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use mesh_core::{Camera, VoxelGrid};
 
-use super::hull::Ball;
+use super::hull::Sphere;
 
 /// Side of one drawing of the cameras.
 const PANEL: f64 = 420.0;
@@ -30,16 +30,16 @@ const PANELS: [Panel; 2] = [
 /// Each is the pyramid of what it sees, the first one in orange; the hull is grey.
 pub(crate) fn cameras_svg(
     cameras: &[&Camera],
-    ball: Option<Ball>,
+    sphere: Option<Sphere>,
     hull: Option<&VoxelGrid>,
 ) -> String {
     let step = cameras.len().div_ceil(MOST_CAMERAS).max(1);
     let cameras: Vec<&Camera> = cameras.iter().step_by(step).copied().collect();
-    let middle = ball.map_or_else(|| mean_center(&cameras), |ball| ball.center);
+    let middle = sphere.map_or_else(|| mean_center(&cameras), |sphere| sphere.center);
     let reach = cameras
         .iter()
         .map(|camera| distance(camera.center().into(), middle))
-        .chain(ball.map(|ball| ball.radius))
+        .chain(sphere.map(|sphere| sphere.radius))
         .filter(|d| d.is_finite())
         .fold(0.0, f64::max)
         .max(1e-9);

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::coherence::Outlines;
 use super::finer::roomy;
-use super::hull::{Ball, ball};
+use super::hull::{Sphere, bounding_sphere};
 use super::mask_view::MaskView;
 use super::silhouette::Silhouette;
 
@@ -21,7 +21,7 @@ pub(crate) struct Consistency {
     silhouettes: Vec<Silhouette>,
     /// Which of the views they are.
     chosen: Vec<usize>,
-    ball: Ball,
+    sphere: Sphere,
 }
 
 impl Consistency {
@@ -32,7 +32,7 @@ impl Consistency {
         let mask_views: Vec<MaskView> =
             chosen.par_iter().map(|&i| MaskView::new(views[i])).collect();
         let silhouettes = chosen.par_iter().map(|&i| Silhouette::new(views[i])).collect();
-        Some(Self { silhouettes, chosen, ball: roomy(ball(&mask_views)?) })
+        Some(Self { silhouettes, chosen, sphere: roomy(bounding_sphere(&mask_views)?) })
     }
 
     /// The mean gap in pixels of an image of at most 320 under these cameras, one for each of the views.
@@ -42,6 +42,6 @@ impl Consistency {
             silhouette.with(cameras[i].resized(width, height))
         };
         let views: Vec<Silhouette> = self.silhouettes.iter().zip(&self.chosen).map(with).collect();
-        Outlines { views: &views, ball: self.ball }.mean_gap(PLACES, f64::INFINITY)
+        Outlines { views: &views, sphere: self.sphere }.mean_gap(PLACES, f64::INFINITY)
     }
 }

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::coherence::Coherence;
 use super::finer;
-use super::hull::{Ball, agreement, ball, coincide};
+use super::hull::{Sphere, agreement, bounding_sphere, coincide};
 use super::lens::LensFit;
 use super::mask_view::MaskView;
 use super::poses_read::{self, PosesRead};
@@ -115,8 +115,8 @@ impl Judge<'_> {
             let seen = points_in(&mask_views, points);
             return mean(seen.iter().map(|s| s.inside * s.box_iou)).unwrap_or(0.0);
         }
-        ball(&mask_views).map_or(0.0, |ball| {
-            mean(agreement(&mask_views, ball, FEW_SAMPLES).into_iter().flatten()).unwrap_or(0.0)
+        bounding_sphere(&mask_views).map_or(0.0, |sphere| {
+            mean(agreement(&mask_views, sphere, FEW_SAMPLES).into_iter().flatten()).unwrap_or(0.0)
         })
     }
 }
@@ -181,7 +181,7 @@ pub(crate) fn diagnose(
     mask_views: &[MaskView],
     truth: &Truth,
     (layout, reading): (Layout, &ReadOptions),
-) -> (Agreement, Vec<Problem>, Option<Ball>) {
+) -> (Agreement, Vec<Problem>, Option<Sphere>) {
     let mut problems = Vec::new();
     let mut found = Agreement::default();
     masks(views, mask_views, reading, &mut problems);
@@ -192,9 +192,9 @@ pub(crate) fn diagnose(
                        poses world-to-camera where camera-to-world is meant?";
         problems.push(Problem::new("coincident_cameras", message));
     }
-    let ball = ball(mask_views);
-    if let Some(ball) = ball.filter(|_| !inverted) {
-        found.hull_iou_by_view = agreement(mask_views, ball, SAMPLES);
+    let sphere = bounding_sphere(mask_views);
+    if let Some(sphere) = sphere.filter(|_| !inverted) {
+        found.hull_iou_by_view = agreement(mask_views, sphere, SAMPLES);
         found.hull_iou = mean(found.hull_iou_by_view.iter().flatten().copied());
     }
     if let Some(points) = points.as_deref().filter(|_| !inverted) {
@@ -204,16 +204,16 @@ pub(crate) fn diagnose(
     }
     // One view without the truth agrees with itself whatever its camera is.
     if inverted || (points.is_none() && mask_views.len() < 3) {
-        return (found, problems, ball);
+        return (found, problems, sphere);
     }
     let step = mask_views.len().div_ceil(SEARCHED);
     let searched: Vec<MaskView> = mask_views.iter().step_by(step).cloned().collect();
     let judge = Judge { mask_views: &searched, points: points.as_deref() };
     cameras(&judge, PosesRead::of(layout, reading), &mut found, &mut problems);
-    if let Some(ball) = ball {
-        finer::look(views, ball, &mut found, &mut problems);
+    if let Some(sphere) = sphere {
+        finer::look(views, sphere, &mut found, &mut problems);
     }
-    (found, problems, ball)
+    (found, problems, sphere)
 }
 
 /// What the masks alone show.

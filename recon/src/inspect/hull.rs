@@ -11,7 +11,7 @@ const STEPS: usize = 160;
 
 /// A sphere that holds what the masks show, if the cameras are right.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Ball {
+pub(crate) struct Sphere {
     pub(crate) center: [f64; 3],
     pub(crate) radius: f64,
 }
@@ -31,7 +31,7 @@ pub(crate) fn coincide(views: &[MaskView]) -> bool {
 /// The sphere around the point where the masks' axes meet, as wide as the widest of their cones.
 ///
 /// `None` where the axes do not fix a point, all cameras stand there, or most look away from it.
-pub(crate) fn ball(views: &[MaskView]) -> Option<Ball> {
+pub(crate) fn bounding_sphere(views: &[MaskView]) -> Option<Sphere> {
     if coincide(views) {
         return None;
     }
@@ -56,7 +56,7 @@ pub(crate) fn ball(views: &[MaskView]) -> Option<Ball> {
     // A single camera that looks elsewhere must not blow the sphere up.
     radii.sort_by(f64::total_cmp);
     let radius = radii[(radii.len() - 1) * 9 / 10];
-    (radius.is_finite() && radius > 0.0).then_some(Ball { center, radius: 1.1 * radius })
+    (radius.is_finite() && radius > 0.0).then_some(Sphere { center, radius: 1.1 * radius })
 }
 
 /// For each view the share of its mask that the hull of all masks covers.
@@ -65,7 +65,7 @@ pub(crate) fn ball(views: &[MaskView]) -> Option<Ball> {
 /// the mask. It is found exactly along the rays of at most `samples` pixels of each mask: a pixel
 /// counts where some point on its ray is allowed by every other view. Views with an empty mask
 /// have no share.
-pub(crate) fn agreement(views: &[MaskView], ball: Ball, samples: usize) -> Vec<Option<f64>> {
+pub(crate) fn agreement(views: &[MaskView], sphere: Sphere, samples: usize) -> Vec<Option<f64>> {
     views
         .par_iter()
         .enumerate()
@@ -75,7 +75,7 @@ pub(crate) fn agreement(views: &[MaskView], ball: Ball, samples: usize) -> Vec<O
                 return None;
             }
             let others = Others::of(views, k);
-            let covered = pixels.iter().filter(|p| others.allow_some(view, **p, ball)).count();
+            let covered = pixels.iter().filter(|p| others.allow_some(view, **p, sphere)).count();
             Some(covered as f64 / pixels.len() as f64)
         })
         .collect()
@@ -99,12 +99,12 @@ impl<'a> Others<'a> {
         Self { order: order.into_iter().map(|(_, view)| view).collect() }
     }
 
-    fn allow_some(&self, view: &MaskView, [column, row]: [f64; 2], ball: Ball) -> bool {
+    fn allow_some(&self, view: &MaskView, [column, row]: [f64; 2], sphere: Sphere) -> bool {
         let ray = view.camera.ray(column, row);
-        let to: [f64; 3] = std::array::from_fn(|a| ball.center[a] - ray.origin[a]);
+        let to: [f64; 3] = std::array::from_fn(|a| sphere.center[a] - ray.origin[a]);
         let middle: f64 = (0..3).map(|a| to[a] * ray.direction[a]).sum();
         (0..STEPS).any(|step| {
-            let t = middle + ball.radius * ((2 * step + 1) as f64 / STEPS as f64 - 1.0);
+            let t = middle + sphere.radius * ((2 * step + 1) as f64 / STEPS as f64 - 1.0);
             let p = std::array::from_fn(|a| ray.origin[a] + t * ray.direction[a]);
             (t > 0.0 || !view.camera.is_perspective()) && self.order.iter().all(|o| o.allows(p))
         })
@@ -113,12 +113,12 @@ impl<'a> Others<'a> {
 
 /// The hull on a grid of `side` cells along the longest side of its box, in two passes.
 ///
-/// A cell is in it where its centre is allowed by every view. `None` where nothing is left, or the ball is too small for
+/// A cell is in it where its centre is allowed by every view. `None` where nothing is left, or the sphere is too small for
 /// its place.
-pub(crate) fn carve(views: &[MaskView], ball: Ball, side: usize) -> Option<VoxelGrid> {
+pub(crate) fn carve(views: &[MaskView], sphere: Sphere, side: usize) -> Option<VoxelGrid> {
     let seen: Vec<&MaskView> = views.iter().filter(|view| view.bounds().is_some()).collect();
-    let low = ball.center.map(|c| (c - ball.radius) as f32);
-    let high = ball.center.map(|c| (c + ball.radius) as f32);
+    let low = sphere.center.map(|c| (c - sphere.radius) as f32);
+    let high = sphere.center.map(|c| (c + sphere.radius) as f32);
     // Cells smaller than the steps of numbers there cannot be told apart.
     let fine = |k: usize| low[k].abs().max(high[k].abs()) * f32::EPSILON;
     if !(0..3).all(|k| (high[k] - low[k]) / side.max(32) as f32 > fine(k)) {

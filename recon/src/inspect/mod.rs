@@ -202,7 +202,7 @@ pub fn inspect(
 pub(crate) fn fitness_of(views: &[(&View, &Camera)]) -> Option<Fitness> {
     let mask_views: Vec<MaskView> =
         views.par_iter().map(|&(view, camera)| MaskView::seen_by(view, camera)).collect();
-    finer::fitness(views, hull::ball(&mask_views)?)
+    finer::fitness(views, hull::bounding_sphere(&mask_views)?)
 }
 
 /// Share of the directions that a surface can face in which no camera sees it, and the axis nearest to their middle.
@@ -251,12 +251,12 @@ pub fn inspect_views_with(views: &Views, truth: &Truth, reading: &ReadOptions) -
     assert!(!views.is_empty(), "inspect_views: no views");
     let list = &views.views;
     let mask_views: Vec<MaskView> = list.par_iter().map(MaskView::new).collect();
-    let (agreement, problems, ball) =
+    let (agreement, problems, sphere) =
         diagnosis::diagnose(list, &mask_views, truth, (views.layout, reading));
-    let hull = ball.and_then(|ball| hull::carve(&mask_views, ball, GRID));
+    let hull = sphere.and_then(|sphere| hull::carve(&mask_views, sphere, GRID));
     let fovs: Option<Vec<f64>> =
         list.iter().map(|view| view.camera.fov().map(|fov| fov[0].to_degrees())).collect();
-    let middle = ball.map(|ball| Vector3::from(ball.center));
+    let middle = sphere.map(|sphere| Vector3::from(sphere.center));
     let from_middle = |f: &dyn Fn(Vector3<f64>) -> f64| {
         middle.and_then(|m| range(list.iter().map(|view| f(view.camera.center() - m))))
     };
@@ -288,7 +288,7 @@ pub fn inspect_views_with(views: &Views, truth: &Truth, reading: &ReadOptions) -
         warnings: views.warnings.clone(),
         names: list.iter().map(|view| view.name.clone()).collect(),
         sheet: contact_sheet::contact_sheet(list),
-        cameras: camera_plan::cameras_svg(&cameras, ball, hull.as_ref()),
+        cameras: camera_plan::cameras_svg(&cameras, sphere, hull.as_ref()),
         ..ObjectInspection::default()
     }
 }
