@@ -1,5 +1,7 @@
 //! One object of a dataset: its mesh, its cameras, its images.
 
+use std::borrow::Cow;
+
 use datasets::{Subset, SurfacePoints};
 use diff_raster::FacesError;
 use mesh_core::nalgebra::{Rotation3, Vector3};
@@ -59,9 +61,9 @@ pub(super) enum Kind<'a> {
 }
 
 /// An object in memory, ready to be written.
-pub(super) struct Made {
+pub(super) struct Made<'a> {
     pub(super) info: ObjectInfo,
-    pub(super) mesh: TriMesh,
+    pub(super) mesh: Cow<'a, TriMesh>,
     /// Points of its surface, where the layout has a place for them.
     pub(super) points: Option<SurfacePoints>,
     pub(super) renderings: Vec<Rendering>,
@@ -133,17 +135,17 @@ impl Kind<'_> {
     }
 }
 
-impl Job<'_> {
+impl<'a> Job<'a> {
     /// The mesh, and what was drawn for it in words.
-    pub(super) fn mesh(&self) -> (TriMesh, Vec<(String, String)>) {
+    pub(super) fn mesh(&self) -> (Cow<'a, TriMesh>, Vec<(String, String)>) {
         match self.of {
             Kind::Family(family) => {
                 let shape = family.draw(self.seed);
                 let mesh = shape.mesh();
                 let traits = shape.traits.into_iter().map(|(name, v)| (name.to_owned(), v));
-                (mesh, traits.collect())
+                (Cow::Owned(mesh), traits.collect())
             }
-            Kind::Model(model) => (model.mesh.clone(), Vec::new()),
+            Kind::Model(model) => (Cow::Borrowed(&model.mesh), Vec::new()),
         }
     }
 
@@ -152,7 +154,7 @@ impl Job<'_> {
         &self,
         config: &GenerateConfig,
         progress: &(dyn Fn(usize, usize) + Sync),
-    ) -> Result<Made, FacesError> {
+    ) -> Result<Made<'a>, FacesError> {
         let (mesh, traits) = self.mesh();
         let (cameras, rough) = cameras(config, &mesh, self.view_seed);
         let renderings = render(&mesh, &cameras, &config.render_options(), progress)?;

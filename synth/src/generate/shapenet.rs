@@ -15,7 +15,7 @@ pub(super) const PARTS: [&str; 3] = ["ShapeNetVox32", "ShapeNetCore.v1", "ShapeN
 
 /// Writes an object below a root; `pictures` is the folder of its renderings there.
 pub(super) fn write(
-    made: Made,
+    made: Made<'_>,
     config: &GenerateConfig,
     root: &Path,
     object: &Path,
@@ -39,7 +39,7 @@ pub(super) fn write(
     }
     let cameras: Vec<_> = renderings.iter().map(|rendering| &rendering.view.camera).collect();
     put_rough(&pictures, &cameras, &rough)?;
-    let truth = Truth { mesh: Some(mesh), points, voxels };
+    let truth = Truth { mesh: Some(mesh.into_owned()), points, voxels };
     r2n2::write_object(root, &info.synset, &info.name, &views, &truth)?;
     Ok(info)
 }

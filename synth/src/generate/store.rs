@@ -109,7 +109,7 @@ impl Store {
     /// Writes an object.
     pub(super) fn put(
         &self,
-        made: Made,
+        made: Made<'_>,
         config: &GenerateConfig,
     ) -> Result<ObjectInfo, GenerateError> {
         let ObjectInfo { category, synset, name, .. } = &made.info;
@@ -194,7 +194,7 @@ const TRANSFORMS: Names = Names {
 
 /// Views, truth and extras in one folder.
 fn write_folder(
-    made: Made,
+    made: Made<'_>,
     config: &GenerateConfig,
     folder: &Path,
     names: &Names,
