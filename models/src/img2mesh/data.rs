@@ -7,7 +7,6 @@ use mesh_core::TriMesh;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use recon::fit::bounding_sphere;
 use synth::shapes::AlarmClock;
 use synth::{Orbit, Procedural, RenderOptions, families_named, render_views};
@@ -89,9 +88,8 @@ impl Data {
         let parts = Subsets::of_views(views.len(), &views.test, config.hold_out);
         let fitted: Vec<&View> = parts.train.iter().map(|&i| &views.views[i]).collect();
         let frame = frame_of(&[fitted]);
-        let prepared: Vec<Result<Prepared, DataError>> =
-            views.views.par_iter().map(|view| Prepared::new(view, config)).collect();
-        let prepared = prepared.into_iter().map(|p| p.map(Arc::new)).collect::<Result<_, _>>()?;
+        let prepared =
+            parts::of_all(views.len(), |i| Ok(Arc::new(Prepared::new(&views.views[i], config)?)))?;
         let hash = hashed(Fingerprint::new(), &views.views).value();
         let name = views.source.file_name().unwrap_or(views.source.as_os_str());
         let objects = Objects::One(name.to_string_lossy().into_owned(), prepared);

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use mesh_core::{MedianOfEven, TriMesh, median};
 use ode_deform::solve::Stats;
-use rayon::prelude::*;
 use train::report::ViewPair;
 use train::{Better, DataError, Metric, Subset};
 
@@ -12,7 +11,7 @@ use super::camera::{Estimate, Seen};
 use super::deformer::Deformer;
 use super::single_view::SingleView;
 use crate::paired::{Pair, Pairs, PointScores, mesh_above_image, point_scores};
-use crate::parts::mean_metric;
+use crate::parts::{mean_metric, of_all};
 use crate::viewpoint::Viewpoint;
 
 /// Objects shown together.
@@ -123,10 +122,8 @@ impl Scored {
             Ok((object, of(&pair)?))
         };
         let count = data.trials(subset, views)?;
-        let all: Vec<Result<_, DataError>> = (0..count).into_par_iter().map(one).collect();
         let mut scored = Self::default();
-        for found in all {
-            let (object, (scores, stats, azimuth)) = found?;
+        for (object, (scores, stats, azimuth)) in of_all(count, one)? {
             scored.each.push((object, scores, stats));
             scored.names.push(data.object_name(object));
             scored.azimuths.extend(azimuth);
