@@ -63,6 +63,7 @@ mod inflation;
 mod kuhn;
 mod lattice;
 mod mirror;
+mod optimizer;
 mod order;
 mod outline;
 mod photometric;
