@@ -11,7 +11,7 @@
 //! ```
 
 use crate::Scalar;
-use crate::vector::sub;
+use crate::vector::{norm, sub};
 
 /// The lower and the upper corner of a box.
 pub type Bounds = ([f32; 3], [f32; 3]);
@@ -37,8 +37,7 @@ pub fn longest_side<T: Scalar>(bounds: ([T; 3], [T; 3])) -> T {
 /// The length of a box's diagonal. Its sides are rounded to `f32`, as its corners are, and squared and added in the
 /// precision that is asked for.
 pub fn diagonal<T: Scalar>(bounds: Bounds) -> T {
-    let [x, y, z] = sides(bounds).map(|side| T::narrowed(f64::from(side)));
-    T::narrowed((x * x + y * y + z * z).widened().sqrt())
+    norm(sides(bounds).map(|side| T::narrowed(f64::from(side))))
 }
 
 #[cfg(test)]

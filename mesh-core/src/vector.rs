@@ -54,10 +54,11 @@ pub fn cross<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// The length.
+/// The length, computed in the precision of the vector.
 #[inline]
-pub fn norm(a: Vec3) -> f64 {
-    dot(a, a).sqrt()
+pub fn norm<T: Scalar>(a: [T; 3]) -> T {
+    // The root of an `f32`, taken in `f64`, rounds to the same `f32`.
+    T::narrowed(dot(a, a).widened().sqrt())
 }
 
 /// The unit vector along `a`, or zero where `a` is zero or not finite.

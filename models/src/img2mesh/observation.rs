@@ -3,6 +3,7 @@
 use autodiff_lite::{Tape, Var};
 use diff_raster::NONE;
 use mesh_core::nalgebra::{Matrix3, Vector3};
+use mesh_core::vector::norm;
 use mesh_core::vertex_normals;
 use rayon::prelude::*;
 
@@ -120,11 +121,11 @@ impl<'a> ViewSampler<'a> {
             let [m, n, o] = [self.rows[0][j], self.rows[1][j], self.rows[2][j]];
             (gradient[0] * (m - x * o) + gradient[1] * (n - y * o)) / w
         });
-        let steep = length(along).max(1e-6);
+        let steep = norm(along).max(1e-6);
         let uphill = along.map(|g| g / steep);
         let step = (-distance / steep).clamp(-LONGEST, LONGEST);
         let to_camera: [f32; 3] = std::array::from_fn(|j| self.center[j] - p[j]);
-        let far = length(to_camera).max(1e-6);
+        let far = norm(to_camera).max(1e-6);
         let to_camera = to_camera.map(|d| d / far);
         let facing: f32 = (0..3).map(|j| to_camera[j] * normal[j]).sum();
         let color = self.color(x, y);
@@ -194,10 +195,6 @@ fn center(rows: &[[f32; 4]; 3]) -> [f32; 3] {
     // A pinhole's matrix has an inverse; of one that has none, nowhere is as good as anywhere.
     let inverse = part.try_inverse().unwrap_or_default();
     (-(inverse * shift)).map(|x| x as f32).into()
-}
-
-fn length(v: [f32; 3]) -> f32 {
-    v.iter().map(|x| x * x).sum::<f32>().sqrt()
 }
 
 #[cfg(test)]

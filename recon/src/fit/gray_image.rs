@@ -5,7 +5,7 @@ use std::sync::Arc;
 use datasets::View;
 use diff_raster::{Faces, Fragments, NONE, Scratch, Settings, rasterize_into};
 use mesh_core::bilinear;
-use mesh_core::vector::dot;
+use mesh_core::vector::{dot, norm, sub};
 use ndarray::ArrayView3;
 
 use super::target::Target;
@@ -135,7 +135,7 @@ impl GrayImage {
     pub(super) fn width_at(&self, depth: f32) -> f32 {
         let [x, y] = self.size.map(|s| 0.5 * s as f32);
         let [a, b] = [x, x + 1.0].map(|x| self.point(x, y, depth));
-        (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt()
+        norm(sub(a, b))
     }
 
     /// Depth along the optical axis to a unit length of the fitted frame.

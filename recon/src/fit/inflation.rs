@@ -70,11 +70,11 @@ fn room(p: [f32; 3], targets: &[Target]) -> f32 {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
+    use mesh_core::vector::norm;
     use synth::{Orbit, RenderOptions, render_views};
 
     use super::*;
     use crate::fit::distance::Blur;
-    use crate::fit::shape::norm;
 
     /// A ball with a dent that no outline shows, in views of the whole ball.
     #[test]

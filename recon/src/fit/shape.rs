@@ -1,6 +1,6 @@
 //! The mesh that is fitted, and what pulls at it.
 
-use mesh_core::vector::{cross, sub};
+use mesh_core::vector::{cross, norm, sub};
 use mesh_core::{Subdivision, Topology, primitives};
 use rayon::prelude::*;
 
@@ -333,7 +333,7 @@ impl Shape {
             .iter()
             .map(|e| {
                 let d = sub(self.positions[e[0] as usize], self.positions[e[1] as usize]);
-                f64::from(d.iter().map(|v| v * v).sum::<f32>().sqrt())
+                f64::from(norm(d))
             })
             .sum();
         (total / self.topology.edges.len().max(1) as f64) as f32
@@ -353,9 +353,4 @@ fn ring_offset(rings: &mesh_core::Csr, x: &[[f32; 3]], out: &mut [[f32; 3]]) {
         let share = 1.0 / ring.len().max(1) as f32;
         *out = std::array::from_fn(|k| x[i][k] - share * sum[k]);
     }
-}
-
-#[inline]
-pub(super) fn norm(v: [f32; 3]) -> f32 {
-    v.iter().map(|x| x * x).sum::<f32>().sqrt()
 }

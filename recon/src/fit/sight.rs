@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use datasets::View;
 use diff_raster::{Faces, Fragments, NONE, Scratch, Settings, rasterize_into};
-use mesh_core::vector::{cross, interpolate, sub};
+use mesh_core::vector::{cross, interpolate, norm, sub};
 use ndarray::ArrayView3;
 use rayon::prelude::*;
 
@@ -110,7 +110,7 @@ impl Sight {
         let seen = (b[1] - a[1]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[1] - a[1]);
         let [p, q, r] = face.map(|v| positions[v as usize]);
         let normal = cross(sub(q, p), sub(r, p));
-        let area = normal.iter().map(|n| n * n).sum::<f32>().sqrt();
+        let area = norm(normal);
         let scale = target.pixels_per_unit((a[2] + b[2] + c[2]) / 3.0);
         (seen / (area * scale * scale).max(1e-20)).clamp(0.0, 1.0)
     }

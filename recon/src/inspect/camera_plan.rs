@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use mesh_core::vector::{norm, sub};
 use mesh_core::{Camera, VoxelGrid};
 
 use super::hull::Sphere;
@@ -38,7 +39,7 @@ pub(crate) fn cameras_svg(
     let middle = sphere.map_or_else(|| mean_center(&cameras), |sphere| sphere.center);
     let reach = cameras
         .iter()
-        .map(|camera| distance(camera.center().into(), middle))
+        .map(|camera| norm(sub(camera.center().into(), middle)))
         .chain(sphere.map(|sphere| sphere.radius))
         .filter(|d| d.is_finite())
         .fold(0.0, f64::max)
@@ -79,10 +80,6 @@ pub(crate) fn cameras_svg(
 fn mean_center(cameras: &[&Camera]) -> [f64; 3] {
     let n = cameras.len().max(1) as f64;
     std::array::from_fn(|k| cameras.iter().map(|c| c.center()[k]).sum::<f64>() / n)
-}
-
-fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
 }
 
 /// The shadow of the hull on the panel, one rectangle for each run of cells.
