@@ -2,7 +2,7 @@
 
 use crate::Image;
 use crate::bounds::{self, Bounds};
-use crate::vector::{area_vector, cross, dot, narrow, norm, scale, sub, triangle, widen};
+use crate::vector::{affine, area_vector, cross, dot, narrow, norm, scale, sub, triangle, widen};
 
 /// A triangle mesh with optional colours or texture.
 ///
@@ -267,12 +267,7 @@ impl TriMesh {
     #[must_use]
     pub fn transformed(self, rows: &[[f64; 4]; 3]) -> Self {
         let [x, y, z] = rows.map(|row| [row[0], row[1], row[2]]);
-        let mesh = self.map_positions(|p| {
-            let p = widen(p);
-            std::array::from_fn(|k| {
-                (rows[k][0] * p[0] + rows[k][1] * p[1] + rows[k][2] * p[2] + rows[k][3]) as f32
-            })
-        });
+        let mesh = self.map_positions(|p| narrow(affine(rows, widen(p))));
         if dot(x, cross(y, z)) < 0.0 { mesh.flipped() } else { mesh }
     }
 

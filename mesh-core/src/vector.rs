@@ -83,6 +83,17 @@ pub fn triangle<T: Scalar>(positions: &[[T; 3]], face: [u32; 3]) -> [Vec3; 3] {
     face.map(|v| positions[v as usize].map(T::widened))
 }
 
+/// `A p + t`, the rows of a matrix being `[A | t]`: a point moved, or projected before the division by its last number.
+///
+/// ```
+/// use mesh_core::vector::affine;
+/// assert_eq!(affine(&[[1.0, 0.0, 0.0, 5.0], [0.0, 2.0, 0.0, 0.0]], [1.0, 2.0, 3.0]), [6.0, 4.0]);
+/// ```
+#[inline]
+pub fn affine<T: Scalar, const N: usize>(rows: &[[T; 4]; N], p: [T; 3]) -> [T; N] {
+    rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3])
+}
+
 /// `u a + v b + w c`: a value known at the corners of a triangle, at barycentric coordinates.
 ///
 /// ```

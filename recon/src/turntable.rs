@@ -113,6 +113,8 @@ pub fn encode_gif(frames: &[ByteImage], delay: u16) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
+    use mesh_core::vector::affine;
+
     use super::*;
 
     #[test]
@@ -145,9 +147,7 @@ mod tests {
                 let p: [f64; 3] = std::array::from_fn(|k| {
                     f64::from(if corner >> k & 1 == 0 { bounds.0[k] } else { bounds.1[k] })
                 });
-                let rows = camera.projection();
-                let row = |r: [f64; 4]| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3];
-                let (x, y, w) = (row(rows[0]), row(rows[1]), row(rows[2]));
+                let [x, y, w] = affine(&camera.projection(), p);
                 assert!(w > 0.0 && (x / w).abs() < 1.0 && (y / w).abs() < 1.0);
             }
         }

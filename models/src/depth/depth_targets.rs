@@ -5,6 +5,7 @@ use std::sync::Arc;
 use datasets::View;
 use diff_raster::{Faces, Settings, rasterize};
 use mesh_core::nalgebra::{Matrix3, Vector3};
+use mesh_core::vector::affine;
 use mesh_core::{
     ByteImage, Camera, CameraVolume, DepthMap, DisparityMap, GroundPlane, Lens, Mask, TriMesh,
     voxelize_surface,
@@ -207,13 +208,11 @@ fn inverse(z: f32) -> f32 {
 /// Planar depth of a mesh of the frame at the image's pixels.
 pub(super) fn rendered(mesh: &TriMesh, image: &InputImage) -> Vec<f32> {
     let side = image.camera.width;
+    let rows: [[f32; 4]; 3] =
+        std::array::from_fn(|i| std::array::from_fn(|j| image.lens[4 * i + j]));
     let seen = |p: &[f32; 3]| -> [f32; 3] {
-        let row = |k: usize| {
-            let m = &image.lens[4 * k..4 * k + 4];
-            m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]
-        };
-        let w = row(2);
-        [row(0) / w, row(1) / w, w]
+        let [x, y, w] = affine(&rows, *p);
+        [x / w, y / w, w]
     };
     let projected: Vec<f32> = mesh.positions.iter().flat_map(seen).collect();
     let shape = (1, mesh.positions.len(), 3);

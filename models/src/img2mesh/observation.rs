@@ -3,7 +3,7 @@
 use autodiff_lite::{Tape, Var};
 use diff_raster::NONE;
 use mesh_core::nalgebra::{Matrix3, Vector3};
-use mesh_core::vector::norm;
+use mesh_core::vector::{affine, norm};
 use mesh_core::vertex_normals;
 use rayon::prelude::*;
 
@@ -112,7 +112,7 @@ impl<'a> ViewSampler<'a> {
 
     /// Point, signals and colour.
     fn sample(&self, p: [f32; 3], normal: [f32; 3]) -> ([f32; 2], [f32; SIGNALS], [f32; 3]) {
-        let [a, b, w] = self.rows.map(|m| m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]);
+        let [a, b, w] = affine(&self.rows, p);
         let w = w.max(1e-3);
         let (x, y) = ((a / w).clamp(-4.0, 4.0), (b / w).clamp(-4.0, 4.0));
         let (distance, gradient) = self.outline(x, y);
@@ -299,8 +299,7 @@ mod tests {
             let rows: [[f32; 4]; 3] =
                 std::array::from_fn(|i| std::array::from_fn(|j| camera[4 * i + j]));
             let c = center(&rows);
-            for m in rows {
-                let zero = m[0] * c[0] + m[1] * c[1] + m[2] * c[2] + m[3];
+            for zero in affine(&rows, c) {
                 assert!(zero.abs() < 1e-4, "{zero}");
             }
         }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use datasets::View;
 use diff_raster::{Faces, Fragments, NONE, Scratch, Settings, rasterize_into};
 use mesh_core::bilinear;
-use mesh_core::vector::{dot, norm, sub};
+use mesh_core::vector::{affine, dot, norm, sub};
 use ndarray::ArrayView3;
 
 use super::target::Target;
@@ -105,7 +105,7 @@ impl GrayImage {
     /// Before the division by depth.
     #[inline]
     pub(super) fn homogeneous(&self, p: [f32; 3]) -> [f32; 3] {
-        self.rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3])
+        affine(&self.rows, p)
     }
 
     /// The place on the grid of a point, and its depth.

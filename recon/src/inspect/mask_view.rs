@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use datasets::View;
 use mesh_core::nalgebra::{Matrix3, Vector3};
+use mesh_core::vector::affine;
 use mesh_core::{Camera, Lens, Mask};
 
 use super::reading::Reading;
@@ -91,7 +92,7 @@ impl MaskView {
 
     /// Whether a point may be of the object, for all that this image says.
     pub(crate) fn allows(&self, p: [f64; 3]) -> bool {
-        let [x, y, depth] = self.rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3]);
+        let [x, y, depth] = affine(&self.rows, p);
         let over = if self.camera.is_perspective() {
             if depth <= 0.0 {
                 return false;
